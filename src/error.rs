@@ -1,0 +1,54 @@
+//! Bad input, said once and clearly.
+
+use std::fmt;
+
+/// Something a user gave that cannot be used: what could not be done, where, what is wrong, what to try.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct InputError {
+    /// What could not be done, such as ``cannot use mission `a.toml` ``.
+    pub refused: String,
+    /// Where, such as `line 17: detector.temperature_k = -120.0`.
+    pub place: Option<String>,
+    /// What is wrong there and what is allowed, with units.
+    pub problem: String,
+    /// What to try.
+    pub help: Option<String>,
+}
+
+impl InputError {
+    /// A refusal without a place in a file.
+    pub fn new(refused: impl Into<String>, problem: impl Into<String>) -> InputError {
+        InputError { refused: refused.into(), place: None, problem: problem.into(), help: None }
+    }
+
+    /// The same with advice.
+    pub fn with_help(self, help: impl Into<String>) -> InputError {
+        InputError { help: Some(help.into()), ..self }
+    }
+}
+
+impl fmt::Display for InputError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "{}", self.refused)?;
+        if let Some(place) = &self.place {
+            write!(out, "\n  {place}")?;
+        }
+        write!(out, "\n  {}", self.problem)?;
+        if let Some(help) = &self.help {
+            write!(out, "\n  help: {help}")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for InputError {}
+
+/// The nearest of the known names, where one is near enough to be meant.
+pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    known
+        .into_iter()
+        .map(|candidate| (strsim::normalized_damerau_levenshtein(name, candidate), candidate))
+        .filter(|(likeness, _)| *likeness > 0.5)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, candidate)| candidate)
+}

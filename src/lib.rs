@@ -1,0 +1,12 @@
+pub mod calendar;
+pub mod damage;
+pub mod environment;
+pub mod error;
+pub mod evaluate;
+pub mod galaxy;
+pub mod mission;
+pub mod readout;
+pub mod requirement;
+pub mod scene;
+pub mod shape;
+pub mod warning;

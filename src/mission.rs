@@ -1,0 +1,310 @@
+//! The mission file (TOML) → a mission that is known to make sense.
+//!
+//! [`keys`] is the one list of all keys: unit, allowed values, default, what people get wrong. Reading a file checks it
+//! against that list, fills in the defaults, and then looks at what keys say together; every refusal names file, line,
+//! key and value. A [`Mission`] that exists is valid, and serialises to the file it came from, as resolved.
+
+pub mod keys;
+mod read;
+
+use std::fmt;
+
+use chrono::NaiveDate;
+use serde::{Deserialize, Serialize};
+
+use crate::environment::shielding::Geometry;
+
+/// Everything a mission file says, defaults filled in. Keys carry their units; see [`keys::KEYS`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Mission {
+    /// Name, launch, duration, orbit.
+    pub mission: Header,
+    /// Dose model.
+    pub environment: Environment,
+    /// Aluminium around the detector; needed where the dose is derived.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shielding: Option<Shielding>,
+    /// Wells and traps.
+    pub detector: Detector,
+    /// Clocking.
+    pub readout: Clocking,
+    /// Background.
+    pub sky: Sky,
+    /// Point spread function.
+    pub psf: Psf,
+    /// Galaxies whose shapes are followed.
+    pub galaxies: Vec<Galaxy>,
+    /// What is judged.
+    pub requirement: Requirement,
+    /// How accurate the numbers are to be; no physics.
+    pub accuracy: Accuracy,
+    /// What may be adjusted to measurements.
+    pub fit: Fit,
+}
+
+/// `[mission]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Header {
+    /// Name in reports.
+    pub name: String,
+    /// Day of launch.
+    pub launch: Date,
+    /// Length of the mission, years of 365.25 days.
+    pub duration_yr: f64,
+    /// Where it flies.
+    pub orbit: Orbit,
+}
+
+/// Where a mission flies: what decides whether solar protons reach it unhindered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Orbit {
+    /// Sun-Earth Lagrange point 1.
+    L1,
+    /// Sun-Earth Lagrange point 2.
+    L2,
+    /// Around the Sun at 1 AU.
+    Interplanetary,
+    /// Geostationary: solar protons arrive, trapped ones are not modelled.
+    Geo,
+    /// Low Earth orbit: shielded by the magnetic field, dosed by trapped protons. No dose model; the mission gives it.
+    Leo,
+}
+
+/// `[environment]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Environment {
+    /// How the dose is spread over the years.
+    pub model: DoseModel,
+    /// Dose rate behind the shielding in an active year, MeV/g/yr; derived where it is not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub active_dose_rate_mev_g_yr: Option<f64>,
+    /// Probability that the solar proton fluence is not exceeded.
+    pub confidence: f64,
+    /// How quantiles of years add up.
+    pub accumulate: Accumulate,
+    /// Dose rate of cosmic rays in every year, on top, MeV/g/yr.
+    pub cosmic_ray_floor_mev_g_yr: f64,
+    /// Solar maxima, decimal years.
+    pub solar_maximum: Vec<f64>,
+    /// Damage curve of protons in silicon.
+    pub niel: Niel,
+}
+
+/// How the dose is spread over the years.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DoseModel {
+    /// 7/11 of the active rate, always.
+    Constant,
+    /// The active rate in active years, nothing in quiet ones.
+    SolarCycle,
+}
+
+/// How quantiles of years add up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Accumulate {
+    /// The quantile of one active year, times active years (the paper's way; pessimistic).
+    Yearly,
+    /// The quantile of the sum over the mission, spread evenly over its active years.
+    Mission,
+}
+
+/// Damage curve of protons in silicon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Niel {
+    /// SR-NIEL, displacement threshold 21 eV.
+    Sr,
+    /// RD50 compilation.
+    Rd50,
+}
+
+/// `[shielding]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Shielding {
+    /// Sphere or slab.
+    pub geometry: Geometry,
+    /// Aluminium.
+    pub material: Material,
+    /// Thickness, mm.
+    pub thickness_mm: f64,
+}
+
+/// What a shield is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Material {
+    /// 2.699 g/cm³.
+    Aluminium,
+}
+
+/// `[detector]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Detector {
+    /// Charge that fills a pixel, e-.
+    pub full_well_e: f64,
+    /// Charge that a notch keeps away from the traps, e-.
+    pub notch_e: f64,
+    /// Exponent α of the cloud's height.
+    pub well_fill_power: f64,
+    /// Operating temperature, K.
+    pub temperature_k: f64,
+    /// Temperature at which the release times are quoted, K.
+    pub reference_temperature_k: f64,
+    /// Dose at which the densities are quoted, MeV/g.
+    pub reference_dose_mev_g: f64,
+    /// Trap species.
+    pub traps: Vec<Species>,
+}
+
+/// `[[detector.traps]]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Species {
+    /// Name.
+    pub name: String,
+    /// Traps per pixel at the reference dose.
+    pub density_per_px: f64,
+    /// Release time at the reference temperature, ms.
+    pub release_ms: f64,
+    /// Energy level below the band, eV.
+    pub energy_ev: f64,
+}
+
+/// `[readout]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Clocking {
+    /// Time between two parallel transfers, ms.
+    pub line_time_ms: f64,
+    /// Parallel transfers of the object evaluated.
+    pub transfers: u32,
+}
+
+/// `[sky]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Sky {
+    /// Background, e- per pixel.
+    pub background_e: f64,
+}
+
+/// `[psf]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Psf {
+    /// Full width at half maximum, px.
+    pub fwhm_px: f64,
+    /// Moffat's β.
+    pub moffat_beta: f64,
+}
+
+/// `[[galaxies]]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Galaxy {
+    /// Name.
+    pub name: String,
+    /// Sersic index: 4 de Vaucouleurs, 1 exponential.
+    pub sersic_index: f64,
+    /// Circularised half-light radius before the PSF, px.
+    pub half_light_px: f64,
+    /// Flux, e-.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flux_e: Option<f64>,
+    /// Signal-to-noise ratio within the aperture, instead of the flux.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub snr: Option<f64>,
+    /// Radius of the aperture in which `snr` holds, px.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub aperture_px: Option<f64>,
+    /// Read noise that `snr` counts and `--monte-carlo` adds, e- per pixel.
+    pub read_noise_e: f64,
+    /// Ellipticity before the PSF, (a² − b²)/(a² + b²), positive along the rows' direction x.
+    pub e1: f64,
+    /// σ of the round Gaussian weight of the moments, px.
+    pub weight_px: f64,
+}
+
+/// `[requirement]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Requirement {
+    /// Largest change of ellipticity.
+    pub delta_e: f64,
+    /// Factor by which software correction reduces it.
+    pub correction_factor: f64,
+    /// The galaxy that is judged.
+    pub galaxy: String,
+}
+
+/// `[accuracy]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Accuracy {
+    /// How transfers are computed.
+    pub readout: ReadoutMethod,
+    /// Accuracy of `fast`, relative to the largest displacement of charge.
+    pub relative: f64,
+    /// Heights of `fractional`.
+    pub levels: u32,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Sub-pixel positions in x and in y over which shapes are averaged.
+    pub subpixel_grid: u32,
+}
+
+/// How transfers are computed; see [`crate::readout::Method`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ReadoutMethod {
+    /// To the accuracy asked for.
+    Fast,
+    /// Every transfer.
+    Exact,
+    /// The paper's fractional traps.
+    Fractional,
+    /// The paper's random traps.
+    MonteCarlo,
+}
+
+/// `[fit]`
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Fit {
+    /// Dotted keys.
+    pub free: Vec<String>,
+}
+
+/// A day; TOML's local date.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(try_from = "toml::value::Datetime", into = "toml::value::Datetime")]
+pub struct Date(pub NaiveDate);
+
+impl TryFrom<toml::value::Datetime> for Date {
+    type Error = String;
+
+    fn try_from(datetime: toml::value::Datetime) -> Result<Date, String> {
+        let date = datetime.date.ok_or("a date is needed, such as 2030-01-01")?;
+        NaiveDate::from_ymd_opt(date.year.into(), date.month.into(), date.day.into())
+            .map(Date)
+            .ok_or_else(|| format!("{date} is not in the calendar"))
+    }
+}
+
+impl From<Date> for toml::value::Datetime {
+    fn from(date: Date) -> toml::value::Datetime {
+        // A NaiveDate between the years 0 and 9999 prints as TOML's local date.
+        date.to_string().parse().expect("a date")
+    }
+}
+
+impl fmt::Display for Date {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(out)
+    }
+}
+
+impl Mission {
+    /// The galaxy that the requirement judges.
+    pub fn judged_galaxy(&self) -> &Galaxy {
+        self.galaxies
+            .iter()
+            .find(|galaxy| galaxy.name == self.requirement.galaxy)
+            .expect("a mission that was read has its judged galaxy")
+    }
+}

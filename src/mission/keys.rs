@@ -1,0 +1,274 @@
+//! All keys of a mission file: unit, allowed values, default, and the mistakes that people make with them.
+
+use Kind::{Choice, Date, Integer, Number, Numbers, Text, Texts};
+use Need::{Default, Optional, Required};
+
+/// One key of the mission file.
+pub struct Key {
+    /// Dotted path; `[]` stands for any member of an array of tables.
+    pub path: &'static str,
+    /// What it is, in words.
+    pub what: &'static str,
+    /// Unit of the value, empty for pure numbers and words.
+    pub unit: &'static str,
+    /// What values are allowed.
+    pub kind: Kind,
+    /// Whether it must be there.
+    pub need: Need,
+    /// Advice on a number that is out of range: recognises other units and other notations.
+    pub help: fn(f64) -> Option<String>,
+}
+
+/// What a key's value may be.
+#[derive(Clone, Copy)]
+pub enum Kind {
+    /// A number from the first to the second, ends included.
+    Number(f64, f64),
+    /// A number above the first, up to the second.
+    Positive(f64, f64),
+    /// A whole number from the first to the second, ends included.
+    Integer(i64, i64),
+    /// A list of numbers in that range.
+    Numbers(f64, f64),
+    /// One of these words.
+    Choice(&'static [&'static str]),
+    /// Words that are not empty.
+    Text,
+    /// A list of words.
+    Texts,
+    /// A day.
+    Date,
+}
+
+/// Whether a key must be there.
+#[derive(Clone, Copy)]
+pub enum Need {
+    /// Nothing sensible can be assumed.
+    Required,
+    /// This is assumed (TOML).
+    Default(&'static str),
+    /// Its absence means something.
+    Optional,
+}
+
+/// Tables that may be absent as a whole; their required keys are required only where the table is there.
+pub const OPTIONAL_TABLES: [&str; 1] = ["shielding"];
+
+/// Arrays of tables, each with what one member is called.
+pub const ARRAYS: [(&str, &str); 2] = [("detector.traps", "trap species"), ("galaxies", "galaxy")];
+
+/// All keys, in the order of the file.
+pub const KEYS: &[Key] = &[
+    key("mission.name", "name of the mission", "", Text, Required),
+    key("mission.launch", "day of launch", "", Date, Required),
+    Key {
+        help: |value| (value > 100.0).then(|| format!("in days? {value} days are {:.2} years", value / 365.25)),
+        ..key("mission.duration_yr", "duration", "yr", Kind::Positive(0.0, 100.0), Required)
+    },
+    key(
+        "mission.orbit",
+        "orbit",
+        "",
+        Choice(&["l1", "l2", "interplanetary", "geo", "leo"]),
+        Default("\"l2\""),
+    ),
+    key("environment.model", "dose model", "", Choice(&["constant", "solar-cycle"]), Required),
+    Key {
+        help: |value| (value > 0.0).then(|| "displacement damage dose, not ionising dose: 1 krad is no such dose".into()),
+        ..key(
+            "environment.active_dose_rate_mev_g_yr",
+            "dose rate behind the shielding in an active year",
+            "MeV/g/yr",
+            Number(0.0, 1e12),
+            Optional,
+        )
+    },
+    Key {
+        help: |value| {
+            (value >= 1.0 && value <= 100.0).then(|| format!("a probability, not a percentage: {value} % is {}", value / 100.0))
+        },
+        ..key(
+            "environment.confidence",
+            "confidence that the fluence is not exceeded",
+            "",
+            Number(0.01, 0.9999),
+            Default("0.95"),
+        )
+    },
+    key(
+        "environment.accumulate",
+        "way in which quantiles of years add up",
+        "",
+        Choice(&["yearly", "mission"]),
+        Default("\"yearly\""),
+    ),
+    key(
+        "environment.cosmic_ray_floor_mev_g_yr",
+        "dose rate of cosmic rays",
+        "MeV/g/yr",
+        Number(0.0, 1e12),
+        Default("0.0"),
+    ),
+    key(
+        "environment.solar_maximum",
+        "solar maximum",
+        "(decimal year)",
+        Numbers(1700.0, 2300.0),
+        Optional,
+    ),
+    key("environment.niel", "damage curve of protons in silicon", "", Choice(&["sr", "rd50"]), Default("\"sr\"")),
+    key("shielding.geometry", "shape of the shield", "", Choice(&["sphere", "slab"]), Required),
+    key("shielding.material", "material of the shield", "", Choice(&["aluminium"]), Default("\"aluminium\"")),
+    Key {
+        help: |value| {
+            (value == 0.0).then(|| {
+                "the proton model begins at 1 MeV, which 0.01 mm stop: there is no dose behind nothing".into()
+            })
+        },
+        ..key("shielding.thickness_mm", "thickness of the shield", "mm", Kind::Positive(0.0, 300.0), Required)
+    },
+    key("detector.full_well_e", "full well", "e-", Kind::Positive(0.0, 1e9), Required),
+    key("detector.notch_e", "notch", "e-", Number(0.0, 1e9), Default("0.0")),
+    key("detector.well_fill_power", "well fill power", "", Kind::Positive(0.0, 5.0), Required),
+    Key { help: celsius, ..key("detector.temperature_k", "operating temperature", "K", Number(40.0, 400.0), Required) },
+    Key {
+        help: celsius,
+        ..key(
+            "detector.reference_temperature_k",
+            "temperature of the quoted release times",
+            "K",
+            Number(40.0, 400.0),
+            Required,
+        )
+    },
+    key(
+        "detector.reference_dose_mev_g",
+        "dose of the quoted trap densities",
+        "MeV/g",
+        Kind::Positive(0.0, 1e15),
+        Required,
+    ),
+    key("detector.traps[].name", "name of the species", "", Text, Required),
+    Key {
+        help: |value| {
+            (value > 1e4).then(|| "traps per pixel, not per cm3: multiply by the volume of a pixel".into())
+        },
+        ..key("detector.traps[].density_per_px", "trap density", "per pixel", Number(0.0, 1e4), Required)
+    },
+    key("detector.traps[].release_ms", "release time", "ms", Kind::Positive(0.0, 1e12), Required),
+    Key {
+        help: |value| (value > 1.2).then(|| format!("in meV? {value} meV are {} eV", value / 1000.0)),
+        ..key("detector.traps[].energy_ev", "energy level below the band", "eV", Number(0.0, 1.2), Required)
+    },
+    key("readout.line_time_ms", "time between two parallel transfers", "ms", Kind::Positive(0.0, 1e7), Required),
+    Key {
+        help: |value| (value > 1e5).then(|| "counted in rows to the register: 4096 for a large detector".into()),
+        ..key("readout.transfers", "number of parallel transfers", "", Integer(1, 100_000), Required)
+    },
+    key("sky.background_e", "background", "e- per pixel", Number(0.0, 1e7), Required),
+    Key {
+        help: |value| (value > 0.0).then(|| "in pixels, not in arcseconds".into()),
+        ..key("psf.fwhm_px", "width of the PSF", "px", Number(0.5, 50.0), Required)
+    },
+    key("psf.moffat_beta", "Moffat's beta", "", Number(1.1, 100.0), Required),
+    key("galaxies[].name", "name of the galaxy", "", Text, Required),
+    key("galaxies[].sersic_index", "Sersic index", "", Number(0.5, 8.0), Required),
+    Key {
+        help: |value| (value == 0.0).then(|| "a star is a galaxy of 0.001 px".into()),
+        ..key("galaxies[].half_light_px", "half-light radius", "px", Number(0.001, 100.0), Required)
+    },
+    key("galaxies[].flux_e", "flux", "e-", Kind::Positive(0.0, 1e9), Optional),
+    key("galaxies[].snr", "signal-to-noise ratio", "", Kind::Positive(0.0, 1e5), Optional),
+    key("galaxies[].aperture_px", "radius of the aperture", "px", Kind::Positive(0.0, 1000.0), Optional),
+    key("galaxies[].read_noise_e", "read noise", "e- per pixel", Number(0.0, 1e4), Default("0.0")),
+    key("galaxies[].e1", "ellipticity", "", Number(-0.9, 0.9), Default("0.0")),
+    key("galaxies[].weight_px", "width (sigma) of the weight", "px", Number(0.5, 50.0), Required),
+    Key {
+        help: |value| (value >= 1.0).then(|| "a change of ellipticity: 1 % is 0.01".into()),
+        ..key("requirement.delta_e", "largest change of ellipticity", "", Kind::Positive(0.0, 0.999), Required)
+    },
+    Key {
+        help: |value| {
+            (value > 0.0 && value < 1.0)
+                .then(|| format!("by how much it is divided: to leave {value} of it, say {}", 1.0 / value))
+        },
+        ..key("requirement.correction_factor", "factor of the software correction", "", Number(1.0, 1e6), Default("10.0"))
+    },
+    key("requirement.galaxy", "galaxy that is judged", "", Text, Required),
+    key(
+        "accuracy.readout",
+        "way to compute transfers",
+        "",
+        Choice(&["fast", "exact", "fractional", "monte-carlo"]),
+        Default("\"fast\""),
+    ),
+    key("accuracy.relative", "relative accuracy of the readout", "", Number(1e-12, 0.1), Default("1e-6")),
+    key("accuracy.levels", "heights of the fractional traps", "", Integer(10, 1_000_000), Default("10000")),
+    key("accuracy.seed", "seed of everything random", "", Integer(0, i64::MAX), Default("1")),
+    key("accuracy.subpixel_grid", "sub-pixel positions in x and in y", "", Integer(1, 64), Default("4")),
+    key("fit.free", "key that a fit may change", "", Texts, Default("[]")),
+];
+
+const fn key(path: &'static str, what: &'static str, unit: &'static str, kind: Kind, need: Need) -> Key {
+    Key { path, what, unit, kind, need, help: |_| None }
+}
+
+/// Temperatures below 0 are degrees Celsius.
+fn celsius(value: f64) -> Option<String> {
+    (value < 0.0 && value > -273.15).then(|| format!("this key is in kelvin: {value} °C are {:.2} K", value + 273.15))
+}
+
+impl Kind {
+    /// Why a number is not allowed, or None.
+    pub fn refuses(&self, value: f64) -> bool {
+        match *self {
+            Number(low, high) | Numbers(low, high) => !(low..=high).contains(&value),
+            Kind::Positive(low, high) => !(value > low && value <= high),
+            Integer(low, high) => value.fract() != 0.0 || !(low as f64..=high as f64).contains(&value),
+            _ => false,
+        }
+    }
+
+    /// What is allowed, in words.
+    pub fn allowed(&self, unit: &str) -> String {
+        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+        match *self {
+            Number(low, high) | Numbers(low, high) => format!("{} to {}{unit}", plain(low), plain(high)),
+            Kind::Positive(low, high) => format!("above {} and up to {}{unit}", plain(low), plain(high)),
+            Integer(low, i64::MAX) => format!("whole numbers from {low}"),
+            Integer(low, high) => format!("whole numbers from {low} to {high}"),
+            Choice(words) => words.iter().map(|word| format!("\"{word}\"")).collect::<Vec<_>>().join(", "),
+            Text => "words in quotes".into(),
+            Texts => "a list of words in quotes".into(),
+            Date => "a date without quotes, such as 2030-01-01".into(),
+        }
+    }
+}
+
+/// A number as people write it: 0.001 or 1e9, not 1000000000.
+pub fn plain(value: f64) -> String {
+    let magnitude = value.abs();
+    if value != 0.0 && !(1e-4..1e6).contains(&magnitude) { format!("{value:e}") } else { format!("{value}") }
+}
+
+/// The key of a path in which `[3]` may stand for `[]`.
+pub fn find(path: &str) -> Option<&'static Key> {
+    let pattern = pattern_of(path);
+    KEYS.iter().find(|key| key.path == pattern)
+}
+
+/// `detector.traps[3].name` → `detector.traps[].name`.
+pub fn pattern_of(path: &str) -> String {
+    let mut pattern = String::new();
+    let mut inside = false;
+    for letter in path.chars() {
+        match letter {
+            '[' => inside = true,
+            ']' => inside = false,
+            _ if inside => continue,
+            _ => {}
+        }
+        pattern.push(letter);
+    }
+    pattern
+}

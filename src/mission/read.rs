@@ -1,0 +1,479 @@
+//! Text → checked mission.
+
+use std::fs;
+use std::ops::Range;
+use std::path::Path;
+
+use toml::Value;
+use toml::de::{DeTable, DeValue};
+
+use super::keys::{self, ARRAYS, KEYS, Kind, Need, OPTIONAL_TABLES};
+use super::{DoseModel, Mission, Orbit};
+use crate::calendar;
+use crate::environment::solar_cycle::{self, ACTIVE_BEFORE_YR, CYCLE_YR};
+use crate::error::{InputError, nearest};
+use crate::readout::MAX_SPECIES;
+
+impl Mission {
+    /// Reads a mission file.
+    ///
+    /// # Errors
+    /// Where the file cannot be read, or what it says makes no sense: one message with line, key, value and what is
+    /// allowed.
+    pub fn read(path: impl AsRef<Path>) -> Result<Mission, InputError> {
+        let name = path.as_ref().display().to_string();
+        let refused = format!("cannot use mission `{name}`");
+        let text = fs::read_to_string(&path).map_err(|error| {
+            let problem = match error.kind() {
+                std::io::ErrorKind::NotFound => "there is no such file".to_string(),
+                std::io::ErrorKind::InvalidData => "the file is not text in UTF-8".to_string(),
+                _ => error.to_string(),
+            };
+            InputError::new(&refused, problem)
+        })?;
+        Source::parse(refused, &text, true)?.mission()
+    }
+
+    /// Reads a mission from text.
+    ///
+    /// # Errors
+    /// As [`Mission::read`].
+    pub fn parse(text: &str) -> Result<Mission, InputError> {
+        Source::parse("cannot use mission".into(), text, true)?.mission()
+    }
+
+    /// The mission as resolved: a file that can be run again.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("a mission is a TOML table")
+    }
+
+    /// The same mission with other values of some keys, such as `detector.temperature_k` or
+    /// `detector.traps.VV.release_ms`; members of an array are called by their names.
+    ///
+    /// # Errors
+    /// Where there is no such key, or the value is not allowed for it.
+    pub fn with(&self, settings: &[(String, Value)]) -> Result<Mission, InputError> {
+        let said: Vec<String> = settings.iter().map(|(key, value)| format!("{key} = {value}")).collect();
+        let refused = format!("cannot use mission \"{}\" with {}", self.mission.name, said.join(", "));
+        let mut table = toml::Table::try_from(self).expect("a mission is a TOML table");
+        for (key, value) in settings {
+            let path = resolve(&table, key).map_err(|(problem, help)| InputError {
+                refused: format!("cannot set {key} = {value}"),
+                place: None,
+                problem,
+                help,
+            })?;
+            set(&mut table, &path, value.clone());
+        }
+        let text = toml::to_string(&table).expect("a table");
+        Source::parse(refused, &text, false)?.mission()
+    }
+
+    /// The value of a numeric key by its dotted path. None where there is no such key or no number.
+    pub fn number(&self, key: &str) -> Option<f64> {
+        let table = toml::Table::try_from(self).ok()?;
+        let path = resolve(&table, key).ok()?;
+        match get(&table, &path)? {
+            Value::Float(number) => Some(*number),
+            Value::Integer(number) => Some(*number as f64),
+            _ => None,
+        }
+    }
+}
+
+/// A mission text, parsed, with the places of its values.
+struct Source<'a> {
+    refused: String,
+    text: &'a str,
+    document: DeTable<'a>,
+    /// Whether lines of the text mean something to the user.
+    lines: bool,
+}
+
+impl<'a> Source<'a> {
+    fn parse(refused: String, text: &'a str, lines: bool) -> Result<Source<'a>, InputError> {
+        let document = DeTable::parse(text).map_err(|error| {
+            let line = error.span().map(|span| line_at(text, span.start));
+            InputError {
+                refused: refused.clone(),
+                place: line.map(|line| format!("line {line}: {}", text.lines().nth(line - 1).unwrap_or("").trim())),
+                problem: error.message().replace('\n', " "),
+                help: Some("the file must be TOML: [section] lines and key = value lines, words in quotes".into()),
+            }
+        })?;
+        Ok(Source { refused, text, document: document.into_inner(), lines })
+    }
+
+    fn mission(&self) -> Result<Mission, InputError> {
+        self.check_table(&self.document, "")?;
+        let mut table: toml::Table = toml::from_str(self.text).map_err(|error| self.fault("", error.message()))?;
+        for key in KEYS {
+            self.complete(&mut table, key)?;
+        }
+        if get(&table, "environment.solar_maximum").is_none() {
+            let maxima = solar_cycle::MAXIMA.iter().map(|&year| Value::Float(year)).collect();
+            set(&mut table, "environment.solar_maximum", Value::Array(maxima));
+        }
+        let mission: Mission =
+            table.clone().try_into().map_err(|error: toml::de::Error| self.fault("", error.message()))?;
+        self.check_together(&mission, &table)?;
+        Ok(mission)
+    }
+
+    /// Every key of a table is known and has an allowed value.
+    fn check_table(&self, table: &DeTable, path: &str) -> Result<(), InputError> {
+        for (name, value) in table {
+            let name = name.get_ref().as_ref();
+            let below = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
+            let array = ARRAYS.iter().find(|(array, _)| *array == below);
+            let is_table = KEYS.iter().any(|key| key.path.starts_with(&format!("{}.", keys::pattern_of(&below))));
+            match value.get_ref() {
+                DeValue::Table(inner) if is_table && array.is_none() => self.check_table(inner, &below)?,
+                DeValue::Array(members) if array.is_some() => {
+                    for (index, member) in members.iter().enumerate() {
+                        let DeValue::Table(inner) = member.get_ref() else {
+                            return Err(self.fault(&below, format!("must be tables: write [[{below}]]")));
+                        };
+                        self.check_table(inner, &format!("{below}[{index}]"))?;
+                    }
+                }
+                _ if array.is_some() => return Err(self.fault(&below, format!("must be tables: write [[{below}]]"))),
+                _ if is_table => return Err(self.fault(&below, format!("must be a table: write [{below}]"))),
+                value => match keys::find(&below) {
+                    Some(key) => self.check_value(value, &below, key)?,
+                    None => return Err(self.unknown(&below)),
+                },
+            }
+        }
+        Ok(())
+    }
+
+    fn check_value(&self, value: &DeValue, path: &str, key: &keys::Key) -> Result<(), InputError> {
+        let allowed = key.kind.allowed(key.unit);
+        let wrong_kind = || self.fault(path, format!("the {} must be {allowed}", key.what));
+        let check_number = |value: &DeValue| {
+            let number = match value {
+                DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
+                DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|i| i as f64),
+                _ => None,
+            };
+            let number = number.ok_or_else(wrong_kind)?;
+            if key.kind.refuses(number) {
+                let unit = if key.unit.is_empty() { String::new() } else { format!(" {}", key.unit) };
+                let problem = format!("the {} is {}{unit}; allowed: {allowed}", key.what, keys::plain(number));
+                return Err(InputError { help: (key.help)(number), ..self.fault(path, problem) });
+            }
+            Ok(())
+        };
+        match (key.kind, value) {
+            (Kind::Number(..) | Kind::Positive(..), value) => check_number(value),
+            (Kind::Integer(..), value @ DeValue::Integer(_)) => check_number(value),
+            (Kind::Numbers(..), DeValue::Array(members)) if !members.is_empty() => {
+                members.iter().try_for_each(|member| check_number(member.get_ref()))
+            }
+            (Kind::Choice(words), DeValue::String(word)) if !words.contains(&word.as_ref()) => {
+                let help = nearest(word, words.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
+                let problem = format!("the {} is \"{word}\"; allowed: {allowed}", key.what);
+                Err(InputError { help, ..self.fault(path, problem) })
+            }
+            (Kind::Choice(_), DeValue::String(_)) => Ok(()),
+            (Kind::Text, DeValue::String(word)) if !word.trim().is_empty() => Ok(()),
+            (Kind::Texts, DeValue::Array(members))
+                if members.iter().all(|member| matches!(member.get_ref(), DeValue::String(_))) =>
+            {
+                Ok(())
+            }
+            (Kind::Date, DeValue::Datetime(datetime)) => super::Date::try_from(*datetime)
+                .map(|_| ())
+                .map_err(|problem| self.fault(path, format!("the {}: {problem}", key.what))),
+            (Kind::Date, DeValue::String(word)) => {
+                let help = word.parse::<chrono::NaiveDate>().ok().map(|date| format!("without quotes: {date}"));
+                Err(InputError { help, ..wrong_kind() })
+            }
+            _ => Err(wrong_kind()),
+        }
+    }
+
+    fn unknown(&self, path: &str) -> InputError {
+        let pattern = keys::pattern_of(path);
+        let (parent, name) = pattern.rsplit_once('.').unwrap_or(("", &pattern));
+        let children = |parent: &str| -> Vec<&str> {
+            let mut names: Vec<&str> = KEYS
+                .iter()
+                .filter_map(|key| if parent.is_empty() { Some(key.path) } else { key.path.strip_prefix(parent)?.strip_prefix('.') })
+                .map(|rest| rest.split(['.', '[']).next().expect("a first part"))
+                .collect();
+            names.dedup();
+            names
+        };
+        let siblings = children(parent);
+        let elsewhere = KEYS.iter().find(|key| key.path.rsplit('.').next() == Some(name)).map(|key| key.path);
+        let help = if let Some(elsewhere) = elsewhere {
+            let table = elsewhere.rsplit_once('.').expect("keys stand in tables").0;
+            let table = if table.ends_with("[]") { format!("[[{}]]", table.trim_end_matches("[]")) } else { format!("[{table}]") };
+            format!("it belongs in {table}")
+        } else if let Some(near) = nearest(name, siblings.iter().copied()) {
+            format!("did you mean `{near}`?")
+        } else {
+            format!("known here: {}", siblings.join(", "))
+        };
+        let problem = if parent.is_empty() { format!("no section is called `{name}`") } else { format!("no key is called `{name}` in {parent}") };
+        InputError { help: Some(help), ..self.fault(path, problem) }
+    }
+
+    /// Fills in a default, or refuses a mission in which a required key is missing.
+    fn complete(&self, table: &mut toml::Table, key: &keys::Key) -> Result<(), InputError> {
+        let paths = match ARRAYS.iter().find(|(array, _)| key.path.starts_with(&format!("{array}[]"))) {
+            Some((array, called)) => {
+                let members = get(table, array).and_then(Value::as_array).map_or(0, Vec::len);
+                if members == 0 {
+                    let problem = format!("there is no {called}: at least one [[{array}]] is needed");
+                    return Err(InputError::new(&self.refused, problem));
+                }
+                (0..members).map(|index| key.path.replacen("[]", &format!("[{index}]"), 1)).collect()
+            }
+            None => vec![key.path.to_string()],
+        };
+        for path in paths {
+            let parent = path.rsplit_once('.').expect("keys stand in tables").0;
+            let absent = OPTIONAL_TABLES.contains(&parent) && get(table, parent).is_none();
+            if get(table, &path).is_some() || absent {
+                continue;
+            }
+            match key.need {
+                Need::Optional => {}
+                Need::Default(value) => {
+                    let value: toml::Table = format!("value = {value}").parse().expect("defaults are TOML");
+                    set(table, &path, value["value"].clone());
+                }
+                Need::Required => {
+                    let shown = self.shown(&path);
+                    let problem = format!("`{shown}` is missing: the {} ({})", key.what, key.kind.allowed(key.unit));
+                    return Err(InputError { place: self.place(parent), ..InputError::new(&self.refused, problem) });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// What keys say together.
+    fn check_together(&self, mission: &Mission, table: &toml::Table) -> Result<(), InputError> {
+        let detector = &mission.detector;
+        if detector.notch_e >= detector.full_well_e {
+            let problem = format!(
+                "the notch ({} e-) must be below the full well ({} e-)",
+                keys::plain(detector.notch_e),
+                keys::plain(detector.full_well_e)
+            );
+            return Err(self.fault("detector.notch_e", problem));
+        }
+        if detector.traps.len() > MAX_SPECIES {
+            let problem = format!("{} trap species; allowed: up to {MAX_SPECIES}", detector.traps.len());
+            return Err(self.fault("detector.traps", problem));
+        }
+        let names = |array: &str, names: Vec<&str>| {
+            (1..names.len()).find(|&index| names[..index].contains(&names[index])).map_or(Ok(()), |index| {
+                let problem = format!("the name \"{}\" stands twice; names must differ", names[index]);
+                Err(self.fault(&format!("{array}[{index}].name"), problem))
+            })
+        };
+        names("detector.traps", detector.traps.iter().map(|species| species.name.as_str()).collect())?;
+        let galaxies: Vec<&str> = mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect();
+        names("galaxies", galaxies.clone())?;
+        for (index, galaxy) in mission.galaxies.iter().enumerate() {
+            let at = |key: &str| format!("galaxies[{index}].{key}");
+            match (galaxy.flux_e, galaxy.snr, galaxy.aperture_px) {
+                (Some(_), Some(_), _) => {
+                    return Err(self.fault(&at("snr"), "give flux_e or snr, not both: one follows from the other"));
+                }
+                (None, None, _) => {
+                    let problem = format!("galaxy \"{}\" needs flux_e (e-), or snr with aperture_px (px)", galaxy.name);
+                    return Err(InputError { place: self.place(&format!("galaxies[{index}]")), ..self.fault("", problem) });
+                }
+                (None, Some(_), None) => {
+                    return Err(self.fault(&at("snr"), "a signal-to-noise ratio needs aperture_px, the radius in which it holds"));
+                }
+                _ => {}
+            }
+        }
+        let judged = &mission.requirement.galaxy;
+        if !galaxies.contains(&judged.as_str()) {
+            let help = nearest(judged, galaxies.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
+            let problem = format!("there is no galaxy \"{judged}\"; there are: {}", galaxies.join(", "));
+            return Err(InputError { help, ..self.fault("requirement.galaxy", problem) });
+        }
+        for (index, key) in mission.fit.free.iter().enumerate() {
+            if let Err((problem, help)) = resolve(table, key) {
+                return Err(InputError { help, ..self.fault(&format!("fit.free[{index}]"), problem) });
+            }
+        }
+        self.check_dose(mission)
+    }
+
+    fn check_dose(&self, mission: &Mission) -> Result<(), InputError> {
+        let environment = &mission.environment;
+        if environment.active_dose_rate_mev_g_yr.is_none() {
+            if mission.mission.orbit == Orbit::Leo {
+                let problem = "a low Earth orbit is dosed by trapped protons, for which there is no model here: the dose \
+                               cannot be derived";
+                return Err(self
+                    .fault("mission.orbit", problem)
+                    .with_help("give environment.active_dose_rate_mev_g_yr, from SPENVIS or from CTI measured in flight"));
+            }
+            if mission.shielding.is_none() {
+                let problem = "no dose: neither environment.active_dose_rate_mev_g_yr nor [shielding] to derive it from";
+                return Err(InputError { place: self.place("environment"), ..self.fault("", problem) }.with_help(
+                    "add [shielding] with geometry = \"sphere\" or \"slab\" and thickness_mm, in mm of aluminium",
+                ));
+            }
+        }
+        if environment.model == DoseModel::SolarCycle {
+            let first = environment.solar_maximum.iter().copied().fold(f64::INFINITY, f64::min);
+            let start = first - ACTIVE_BEFORE_YR - (1.0 - solar_cycle::ACTIVE_SHARE) * CYCLE_YR;
+            if calendar::decimal_year(mission.mission.launch.0) < start {
+                let problem = format!(
+                    "launch is before the list of solar maxima, which says nothing before {start:.1} (first maximum \
+                     {first:.1})"
+                );
+                return Err(self
+                    .fault("mission.launch", problem)
+                    .with_help("add the earlier maximum to environment.solar_maximum, or check the year"));
+            }
+        }
+        Ok(())
+    }
+
+    /// A refusal at a key (none where `path` is empty).
+    fn fault(&self, path: &str, problem: impl Into<String>) -> InputError {
+        InputError { place: self.place(path), ..InputError::new(&self.refused, problem) }
+    }
+
+    /// `line 17: detector.temperature_k = -120.0`
+    fn place(&self, path: &str) -> Option<String> {
+        let span = self.span(path)?;
+        let line = if self.lines { format!("line {}: ", line_at(self.text, span.start)) } else { String::new() };
+        let value = &self.text[span];
+        let shown = self.shown(path);
+        if value.starts_with('[') && !value.contains('=') && keys::find(path).is_none() {
+            // A table's place is its header.
+            return Some(format!("{line}{value}"));
+        }
+        let value: String = if value.chars().count() > 60 { value.chars().take(57).chain("...".chars()).collect() } else { value.into() };
+        Some(format!("{line}{shown} = {value}"))
+    }
+
+    /// Place of the value of a key in the text.
+    fn span(&self, path: &str) -> Option<Range<usize>> {
+        if path.is_empty() {
+            return None;
+        }
+        let mut table = &self.document;
+        let mut found = None;
+        for part in path.split('.') {
+            let (name, index) = match part.split_once('[') {
+                Some((name, index)) => (name, index.trim_end_matches(']').parse::<usize>().ok()),
+                None => (part, None),
+            };
+            let (_, mut value) = table.iter().find(|(key, _)| key.get_ref() == name)?;
+            if let (Some(index), DeValue::Array(members)) = (index, value.get_ref()) {
+                value = members.get(index)?;
+            }
+            found = Some(value.span());
+            if let DeValue::Table(inner) = value.get_ref() {
+                table = inner;
+            }
+        }
+        found
+    }
+
+    /// The path as users write it: members of arrays by their names.
+    fn shown(&self, path: &str) -> String {
+        let mut shown = String::new();
+        let mut so_far = String::new();
+        for part in path.split('.') {
+            for text in [&mut shown, &mut so_far] {
+                if !text.is_empty() {
+                    text.push('.');
+                }
+            }
+            so_far.push_str(part);
+            match part.split_once('[') {
+                Some((name, index)) => {
+                    let member = self.span(&format!("{so_far}.name")).map(|span| self.text[span].trim_matches(['"', '\'']));
+                    let number = index.trim_end_matches(']').parse::<usize>().map_or(0, |index| index + 1);
+                    shown.push_str(name);
+                    shown.push('.');
+                    shown.push_str(&member.map_or_else(|| number.to_string(), str::to_string));
+                }
+                None => shown.push_str(part),
+            }
+        }
+        shown
+    }
+}
+
+/// Line of a place in a text, from 1.
+fn line_at(text: &str, place: usize) -> usize {
+    text[..place.min(text.len())].matches('\n').count() + 1
+}
+
+/// `detector.traps.VV.release_ms` → `detector.traps[1].release_ms`, or what is wrong with it and what to try.
+fn resolve(table: &toml::Table, key: &str) -> Result<String, (String, Option<String>)> {
+    for (array, called) in ARRAYS {
+        let Some(rest) = key.strip_prefix(array).and_then(|rest| rest.strip_prefix('.')) else { continue };
+        let members = get(table, array).and_then(Value::as_array).cloned().unwrap_or_default();
+        let names: Vec<&str> = members.iter().filter_map(|member| member.get("name")?.as_str()).collect();
+        for (index, name) in names.iter().enumerate() {
+            if let Some(field) = rest.strip_prefix(name).and_then(|rest| rest.strip_prefix('.')) {
+                return known(format!("{array}[{index}].{field}"), key);
+            }
+        }
+        let name = rest.rsplit_once('.').map_or(rest, |(name, _)| name);
+        let near = nearest(name, names.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
+        return Err((format!("there is no {called} \"{name}\"; there are: {}", names.join(", ")), near));
+    }
+    known(key.to_string(), key)
+}
+
+/// The path, where it is that of a key.
+fn known(path: String, key: &str) -> Result<String, (String, Option<String>)> {
+    if keys::find(&path).is_some() {
+        return Ok(path);
+    }
+    let pattern = keys::pattern_of(&path);
+    let near = nearest(&pattern, KEYS.iter().map(|key| key.path));
+    Err((format!("no key is called `{key}`"), near.map(|near| format!("did you mean `{}`?", near.replace("[]", ".NAME")))))
+}
+
+/// The value at `a.b[2].c`.
+fn get<'a>(table: &'a toml::Table, path: &str) -> Option<&'a Value> {
+    let mut parts = path.split('.');
+    let mut value = member(|name| table.get(name), parts.next()?)?;
+    for part in parts {
+        value = member(|name| value.get(name), part)?;
+    }
+    Some(value)
+}
+
+fn member<'a>(get: impl Fn(&str) -> Option<&'a Value>, part: &str) -> Option<&'a Value> {
+    match part.split_once('[') {
+        Some((name, index)) => get(name)?.get(index.trim_end_matches(']').parse::<usize>().ok()?),
+        None => get(part),
+    }
+}
+
+/// Sets the value at `a.b[2].c`, making the tables on the way; members of arrays must be there.
+fn set(table: &mut toml::Table, path: &str, value: Value) {
+    let Some((first, rest)) = path.split_once('.') else {
+        table.insert(path.to_string(), value);
+        return;
+    };
+    let inner = match first.split_once('[') {
+        Some((name, index)) => {
+            let index: usize = index.trim_end_matches(']').parse().expect("an index that was resolved");
+            table.get_mut(name).and_then(|array| array.get_mut(index)).and_then(Value::as_table_mut)
+        }
+        None => table.entry(first).or_insert_with(|| Value::Table(toml::Table::new())).as_table_mut(),
+    };
+    set(inner.expect("a table that was checked"), rest, value);
+}

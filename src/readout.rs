@@ -1,0 +1,223 @@
+//! Image and traps → image with trails.
+//!
+//! One transfer is the contract of the whole crate. In each physical pixel, for each packet that passes, in order:
+//! a filled trap releases its electron with probability 1 − exp(−1/τ); what is released joins the packet; then
+//! every empty trap below the height h(n) of the charge cloud captures one electron at once.
+//!
+//! ```text
+//! row r of the image starts r + 1 + rows-downstream pixels from the register and passes through all of them:
+//!
+//!   register │ pixel 0 │ pixel 1 │ … downstream … │ row 0 │ row 1 │ … image … │
+//!            ◀───────────────────────── charge moves
+//! ```
+//!
+//! Four ways to do that stand behind one interface, [`Readout`]: [`Method::Fast`] (what everything else uses),
+//! [`Method::Exact`], [`Method::Fractional`] and [`Method::MonteCarlo`].
+//!
+//! Sources: Rhodes et al. 2010 (PASP 122, 439), section 3; Massey et al. 2010 (MNRAS 401, 371) for the cloud that
+//! captures at once. Holds where capture is instantaneous and one transfer is one step (no clock phases).
+
+mod cloud;
+mod exact;
+mod fast;
+mod fractional;
+mod monte_carlo;
+mod pixel;
+
+pub use cloud::Cloud;
+
+use ndarray::{Array2, ArrayView1, Axis};
+use rayon::prelude::*;
+
+use pixel::{Pixel, Workspace};
+
+/// One trap species as the readout meets it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trap {
+    /// Traps per pixel, ρ.
+    pub density_per_px: f64,
+    /// Release time constant τ, in units of one transfer.
+    pub release_transfers: f64,
+}
+
+/// How the transfers are computed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Method {
+    /// A fourth-order Runge-Kutta method for the *difference* equation of the transfers, with error control.
+    /// `relative` is the error allowed in the charge of any packet, in units of the largest displacement of charge
+    /// in the image.
+    Fast {
+        /// Largest error of a packet over the largest change of a packet.
+        relative: f64,
+    },
+    /// Every transfer of every packet, one by one.
+    Exact,
+    /// The paper's fractional traps: each species is cut into `levels` traps at fixed heights, whose filling is a
+    /// fraction. Every transfer is done. (Rhodes et al. 2010, section 3: 10 000 levels.)
+    Fractional {
+        /// Number of heights between 0 and 1.
+        levels: usize,
+    },
+    /// The paper's real traps: whole numbers of them at random places and heights that catch and release whole
+    /// electrons at random. One realisation per seed.
+    MonteCarlo {
+        /// The same seed gives the same bits, whatever the number of threads.
+        seed: u64,
+    },
+}
+
+/// What lies between row 0 of an image and the register.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Downstream {
+    /// Number of rows; row r of the image makes r + 1 + rows transfers. Negative where the image reaches past the
+    /// register: those rows make no transfer.
+    pub rows: i64,
+    /// Charge of the packets in those rows before readout, e-. They have passed before row 0 does and have left the
+    /// traps that they reach full: with instantaneous capture this is the steady state of any number of equal packets.
+    /// 0: the traps are empty when row 0 arrives.
+    pub charge_e: f64,
+}
+
+impl Downstream {
+    /// The image touches the register: row r makes r + 1 transfers and meets empty traps.
+    pub const NONE: Downstream = Downstream { rows: 0, charge_e: 0.0 };
+}
+
+/// A detector's traps and wells, and the way its transfers are computed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Readout {
+    /// Trap species.
+    pub traps: Vec<Trap>,
+    /// How high a charge cloud reaches.
+    pub cloud: Cloud,
+    /// The way to compute.
+    pub method: Method,
+}
+
+/// Calls `$body` with `$pixel` bound to the traps as a [`Pixel`] of the smallest width that holds them.
+macro_rules! with_pixel {
+    ($readout:expr, $rows:expr, |$pixel:ident| $body:expr) => {
+        match $readout.traps.len() {
+            0..=1 => with_pixel!(@ 1, $readout, $rows, $pixel, $body),
+            2 => with_pixel!(@ 2, $readout, $rows, $pixel, $body),
+            3..=4 => with_pixel!(@ 4, $readout, $rows, $pixel, $body),
+            5..=8 => with_pixel!(@ 8, $readout, $rows, $pixel, $body),
+            9..=16 => with_pixel!(@ 16, $readout, $rows, $pixel, $body),
+            17..=32 => with_pixel!(@ 32, $readout, $rows, $pixel, $body),
+            33..=64 => with_pixel!(@ 64, $readout, $rows, $pixel, $body),
+            _ => with_pixel!(@ { MAX_SPECIES }, $readout, $rows, $pixel, $body),
+        }
+    };
+    (@ $width:expr, $readout:expr, $rows:expr, $pixel:ident, $body:expr) => {{
+        let $pixel = Pixel::<$width>::new(&$readout.traps, $readout.cloud, $rows);
+        $body
+    }};
+}
+
+/// Most species that one readout takes.
+pub const MAX_SPECIES: usize = 128;
+
+impl Readout {
+    /// Clocks an image out along its rows.
+    ///
+    /// `image[[row, column]]`, electrons, row 0 nearest the register; the same shape comes back. Columns are
+    /// independent of one another and are computed in parallel; the result does not depend on the number of threads.
+    ///
+    /// # Panics
+    /// With more than [`MAX_SPECIES`] species.
+    pub fn parallel(&self, image: &Array2<f64>, downstream: Downstream) -> Array2<f64> {
+        self.along(image, downstream, Axis(0))
+    }
+
+    /// Clocks an image out along its columns, column 0 nearest the amplifier: the same code, the axis swapped.
+    ///
+    /// # Panics
+    /// With more than [`MAX_SPECIES`] species.
+    pub fn serial(&self, image: &Array2<f64>, downstream: Downstream) -> Array2<f64> {
+        self.along(image, downstream, Axis(1))
+    }
+
+    /// Clocks out one column of packets (e-), packet 0 nearest the register.
+    ///
+    /// # Panics
+    /// With more than [`MAX_SPECIES`] species.
+    pub fn column(&self, charge_e: &[f64], downstream: Downstream) -> Vec<f64> {
+        let image = Array2::from_shape_vec((charge_e.len(), 1), charge_e.to_vec()).expect("one column");
+        self.parallel(&image, downstream).into_raw_vec_and_offset().0
+    }
+
+    /// Packets downstream as they are when they pass: each has filled the empty traps of the pixel it started in, and
+    /// has then met traps that an equal packet had just filled.
+    fn settled(&self, downstream: Downstream) -> Downstream {
+        let traps: f64 = self.traps.iter().map(|trap| trap.density_per_px).sum();
+        let spent_e = traps * self.cloud.height(downstream.charge_e);
+        Downstream { charge_e: (downstream.charge_e - spent_e).max(0.0), ..downstream }
+    }
+
+    fn along(&self, image: &Array2<f64>, downstream: Downstream, transfer: Axis) -> Array2<f64> {
+        assert!(self.traps.len() <= MAX_SPECIES, "at most {MAX_SPECIES} trap species");
+        let across = Axis(1 - transfer.index());
+        let rows = image.len_of(transfer);
+        if rows == 0 || self.traps.is_empty() {
+            return image.clone();
+        }
+        let downstream = self.settled(downstream);
+        let lanes: Vec<Vec<f64>> = with_pixel!(self, rows, |pixel| {
+            let scale_e = match self.method {
+                Method::Fast { .. } => largest_displacement(&pixel, image, downstream, across),
+                _ => 0.0,
+            };
+            (0..image.len_of(across))
+                .into_par_iter()
+                .with_min_len(LANES_PER_TASK)
+                .map_init(Workspace::default, |work, lane| {
+                    let mut charge_e = image.index_axis(across, lane).to_vec();
+                    match self.method {
+                        Method::Fast { relative } => {
+                            fast::column(&pixel, &mut charge_e, downstream, relative * scale_e, work);
+                        }
+                        Method::Exact => exact::column(&pixel, &mut charge_e, downstream, work),
+                        Method::Fractional { levels } => {
+                            fractional::column(&self.traps, self.cloud, &mut charge_e, downstream, levels);
+                        }
+                        Method::MonteCarlo { seed } => {
+                            monte_carlo::column(&self.traps, self.cloud, &mut charge_e, downstream, seed, lane as u64);
+                        }
+                    }
+                    charge_e
+                })
+                .collect()
+        });
+        let mut trailed = image.clone();
+        for (lane, charge_e) in lanes.into_iter().enumerate() {
+            trailed.index_axis_mut(across, lane).assign(&ArrayView1::from(&charge_e));
+        }
+        trailed
+    }
+}
+
+/// Columns that one thread takes at a time: a stamp's columns are done sooner than a thread is woken.
+const LANES_PER_TASK: usize = 64;
+
+/// Largest change of a packet in the lane that holds the brightest pixel, to first order, e-: what errors are
+/// measured against. From one lane, so that the accuracy of a lane does not depend on the order of the work.
+fn largest_displacement<const S: usize>(
+    pixel: &Pixel<S>,
+    image: &Array2<f64>,
+    downstream: Downstream,
+    across: Axis,
+) -> f64 {
+    let brightest = image
+        .axis_iter(across)
+        .map(|lane| lane.iter().copied().fold(f64::NEG_INFINITY, f64::max))
+        .enumerate()
+        .fold((0, f64::NEG_INFINITY), |best, (lane, peak)| if peak > best.1 { (lane, peak) } else { best })
+        .0;
+    let charge_e = image.index_axis(across, brightest).to_vec();
+    let mut work = Workspace::default();
+    let journey = pixel::Block { nearest: 0, pixels: charge_e.len() as i64 + downstream.rows };
+    let found = &mut work.stages[0];
+    found.resize(charge_e.len());
+    pixel.pass(&charge_e, None, journey, downstream, &mut work.levels, found);
+    found.change_e.iter().fold(0.0, |most, change| change.abs().max(most))
+}

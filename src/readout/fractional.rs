@@ -1,0 +1,55 @@
+//! The paper's fractional traps: every species cut into levels at fixed heights, each filled to a fraction.
+//!
+//! Rhodes et al. 2010, section 3, which found 10 000 levels to reproduce the mean over many real traps. Here as a
+//! reference for the other methods, written for likeness to the text and not for speed: its result is as coarse as
+//! 1/levels of the well.
+
+use super::{Cloud, Downstream, Trap};
+
+/// Clocks one column out through traps at the heights (i + ½)/levels.
+///
+/// The levels stand in the middle of their slices: multiples of 1/levels, as in the paper, would shift every cloud by
+/// half a level to one side.
+pub(super) fn column(traps: &[Trap], cloud: Cloud, charge_e: &mut [f64], downstream: Downstream, levels: usize) {
+    let below = |height: f64| ((height * levels as f64 + 0.5).floor() as usize).min(levels);
+    let rows = charge_e.len() as i64;
+    let mut filling = vec![vec![0.0; levels]; traps.len()];
+    for pixel in (0..rows + downstream.rows).rev() {
+        // What passed before row 0 has filled the traps that it reached.
+        let filled_before = if pixel < downstream.rows { below(cloud.height(downstream.charge_e)) } else { 0 };
+        for species in &mut filling {
+            species.fill(0.0);
+            species[..filled_before].fill(1.0);
+        }
+        let first = (pixel - downstream.rows).max(0) as usize;
+        for charge in &mut charge_e[first..] {
+            for (trap, filling) in traps.iter().zip(&mut filling) {
+                let release = -(-1.0 / trap.release_transfers).exp_m1();
+                let per_level = trap.density_per_px / levels as f64;
+                for fill in filling.iter_mut() {
+                    *charge += per_level * *fill * release;
+                    *fill -= *fill * release;
+                }
+            }
+            let reached = below(cloud.height(*charge));
+            let mut available = *charge;
+            'capture: for level in 0..reached {
+                for (trap, filling) in traps.iter().zip(&mut filling) {
+                    let per_level = trap.density_per_px / levels as f64;
+                    let captured = (per_level * (1.0 - filling[level])).min(available);
+                    if captured <= 0.0 {
+                        continue;
+                    }
+                    filling[level] += captured / per_level;
+                    available -= captured;
+                    if available <= 0.0 {
+                        break 'capture;
+                    }
+                }
+            }
+            if reached > 0 {
+                *charge = available;
+            }
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! The paper's real traps: whole numbers of them, at random places and heights, that hold one electron each.
+//!
+//! Rhodes et al. 2010, section 3. (Its step 6 empties a trap when the decay probability is *less* than the random
+//! number; that is inverted, and put right here.)
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Poisson};
+
+use super::{Cloud, Downstream, Trap};
+
+/// One trap of a pixel.
+struct Site {
+    height: f64,
+    release: f64,
+    filled: bool,
+}
+
+/// Clocks one column out through one random set of traps; `lane` tells the columns of an image apart, so that each
+/// has its own traps and its own stream of random numbers.
+pub(super) fn column(
+    traps: &[Trap],
+    cloud: Cloud,
+    charge_e: &mut [f64],
+    downstream: Downstream,
+    seed: u64,
+    lane: u64,
+) {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    random.set_stream(lane);
+    let numbers: Vec<Option<Poisson<f64>>> =
+        traps.iter().map(|trap| Poisson::new(trap.density_per_px).ok()).collect();
+    let mut sites = Vec::new();
+    for pixel in (0..charge_e.len() as i64 + downstream.rows).rev() {
+        let filled_before = if pixel < downstream.rows { cloud.height(downstream.charge_e) } else { 0.0 };
+        sites.clear();
+        for (trap, number) in traps.iter().zip(&numbers) {
+            // No Poisson distribution has mean 0: a species of no density has no traps.
+            let count = number.map_or(0.0, |number| number.sample(&mut random)) as usize;
+            let release = -(-1.0 / trap.release_transfers).exp_m1();
+            for _ in 0..count {
+                let height = random.random::<f64>();
+                sites.push(Site { height, release, filled: height < filled_before });
+            }
+        }
+        let first = (pixel - downstream.rows).max(0) as usize;
+        for charge in &mut charge_e[first..] {
+            for site in &mut sites {
+                if site.filled && random.random::<f64>() < site.release {
+                    site.filled = false;
+                    *charge += 1.0;
+                }
+            }
+            let height = cloud.height(*charge);
+            for site in &mut sites {
+                // A whole electron must be there to be caught.
+                if !site.filled && site.height < height && *charge >= 1.0 {
+                    site.filled = true;
+                    *charge -= 1.0;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! Image → flux, position, size and ellipticity.
+//!
+//! ```text
+//! I_ij = Σ I w x_i x_j / Σ I w     e1 = (Ixx − Iyy)/(Ixx + Iyy)     e2 = 2 Ixy/(Ixx + Iyy)     d = √((Ixx + Iyy)/2)
+//! ```
+//!
+//! with a round Gaussian weight w on the weighted centroid, which is iterated until it stops moving (Rhodes, Refregier &
+//! Groth 2000, ApJ 536, 79; Rhodes et al. 2010, section 5). The PSF is not deconvolved: only changes are of interest.
+
+use ndarray::Array2;
+
+/// Weighted moments of an image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moments {
+    /// Σ I w, e-.
+    pub flux_e: f64,
+    /// Centroid along the columns' index, px from the middle of the image.
+    pub x_px: f64,
+    /// Centroid along the rows' index (away from the register), px from the middle of the image.
+    pub y_px: f64,
+    /// d, px.
+    pub size_px: f64,
+    /// Elongation along x (positive) or y (negative).
+    pub e1: f64,
+    /// Elongation along the diagonals.
+    pub e2: f64,
+}
+
+/// Most steps of the centroid before an image counts as having none.
+const PATIENCE: usize = 500;
+
+impl Moments {
+    /// Moments of `image[[y, x]]` with a weight of `weight_px` (σ), starting in the middle of the image.
+    ///
+    /// None where the image has no centroid: no flux, or noise that carries the weight away.
+    pub fn of(image: &Array2<f64>, weight_px: f64) -> Option<Moments> {
+        let (rows, columns) = image.dim();
+        let middle = ((rows as f64 - 1.0) / 2.0, (columns as f64 - 1.0) / 2.0);
+        let (mut y, mut x) = (0.0, 0.0);
+        for _ in 0..PATIENCE {
+            let sums = Sums::of(image, weight_px, middle.0 + y, middle.1 + x);
+            if !(sums.flux > 0.0) {
+                return None;
+            }
+            // The weight pulls the centroid back by a constant share of the way; what is left shrinks geometrically.
+            let (step_y, step_x) = (sums.y / sums.flux, sums.x / sums.flux);
+            (y, x) = (y + step_y, x + step_x);
+            if !(y.abs() < middle.0 + 1.0 && x.abs() < middle.1 + 1.0) {
+                return None;
+            }
+            if step_y.abs().max(step_x.abs()) < 1e-10 {
+                let sums = Sums::of(image, weight_px, middle.0 + y, middle.1 + x);
+                let (xx, yy, xy) = (sums.xx / sums.flux, sums.yy / sums.flux, sums.xy / sums.flux);
+                let trace = xx + yy;
+                return (trace > 0.0).then(|| Moments {
+                    flux_e: sums.flux,
+                    x_px: x,
+                    y_px: y,
+                    size_px: (trace / 2.0).sqrt(),
+                    e1: (xx - yy) / trace,
+                    e2: 2.0 * xy / trace,
+                });
+            }
+        }
+        None
+    }
+}
+
+/// Weighted sums around a point.
+#[derive(Default)]
+struct Sums {
+    flux: f64,
+    x: f64,
+    y: f64,
+    xx: f64,
+    yy: f64,
+    xy: f64,
+}
+
+impl Sums {
+    fn of(image: &Array2<f64>, weight_px: f64, centre_y: f64, centre_x: f64) -> Sums {
+        // A round Gaussian is a product of one in x and one in y.
+        let lane = |pixels: usize, centre: f64| -> Vec<(f64, f64)> {
+            (0..pixels)
+                .map(|pixel| {
+                    let offset = pixel as f64 - centre;
+                    (offset, (-0.5 * (offset / weight_px).powi(2)).exp())
+                })
+                .collect()
+        };
+        let across = lane(image.ncols(), centre_x);
+        let mut sums = Sums::default();
+        for (row, (y, weight_y)) in image.rows().into_iter().zip(lane(image.nrows(), centre_y)) {
+            let (mut flux, mut first, mut second) = (0.0, 0.0, 0.0);
+            for (charge, (x, weight_x)) in row.iter().zip(&across) {
+                let weighted = charge * weight_x;
+                flux += weighted;
+                first += weighted * x;
+                second += weighted * x * x;
+            }
+            sums.flux += weight_y * flux;
+            sums.x += weight_y * first;
+            sums.y += weight_y * flux * y;
+            sums.xx += weight_y * second;
+            sums.yy += weight_y * flux * y * y;
+            sums.xy += weight_y * first * y;
+        }
+        sums
+    }
+}
+
+/// Change of weighted moments: trailed minus untrailed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ShapeChange {
+    /// Change of e1; negative along the transfers.
+    pub delta_e1: f64,
+    /// Change of e2.
+    pub delta_e2: f64,
+    /// Change of the centroid along x, px.
+    pub delta_x_px: f64,
+    /// Change of the centroid along y, px; positive away from the register.
+    pub delta_y_px: f64,
+    /// Change of the size, as a fraction of it.
+    pub delta_size: f64,
+    /// Change of the weighted flux, as a fraction of it.
+    pub delta_flux: f64,
+}
+
+impl ShapeChange {
+    /// From before to after.
+    pub fn between(before: &Moments, after: &Moments) -> ShapeChange {
+        ShapeChange {
+            delta_e1: after.e1 - before.e1,
+            delta_e2: after.e2 - before.e2,
+            delta_x_px: after.x_px - before.x_px,
+            delta_y_px: after.y_px - before.y_px,
+            delta_size: after.size_px / before.size_px - 1.0,
+            delta_flux: after.flux_e / before.flux_e - 1.0,
+        }
+    }
+
+    /// |Δe|, the length of (Δe1, Δe2).
+    pub fn magnitude(&self) -> f64 {
+        self.delta_e1.hypot(self.delta_e2)
+    }
+
+    /// Applies an operation to every member of two changes.
+    fn combine(self, other: ShapeChange, operation: impl Fn(f64, f64) -> f64) -> ShapeChange {
+        ShapeChange {
+            delta_e1: operation(self.delta_e1, other.delta_e1),
+            delta_e2: operation(self.delta_e2, other.delta_e2),
+            delta_x_px: operation(self.delta_x_px, other.delta_x_px),
+            delta_y_px: operation(self.delta_y_px, other.delta_y_px),
+            delta_size: operation(self.delta_size, other.delta_size),
+            delta_flux: operation(self.delta_flux, other.delta_flux),
+        }
+    }
+
+    /// Mean of changes, and its standard error member by member (not a number for fewer than two).
+    pub fn mean_and_error(changes: &[ShapeChange]) -> (ShapeChange, ShapeChange) {
+        let n = changes.len() as f64;
+        let sum = |values: &mut dyn Iterator<Item = ShapeChange>| {
+            values.fold(ShapeChange::default(), |sum, change| sum.combine(change, |a, b| a + b))
+        };
+        let scaled = |change: ShapeChange, factor: f64| change.combine(change, |value, _| value * factor);
+        let mean = scaled(sum(&mut changes.iter().copied()), 1.0 / n);
+        let squares =
+            sum(&mut changes.iter().map(|change| change.combine(mean, |value, mean| (value - mean) * (value - mean))));
+        let error = squares.combine(squares, |square, _| (square / (n - 1.0) / n).sqrt());
+        (mean, error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gaussian(sigma_x: f64, sigma_y: f64, dx: f64, dy: f64) -> Array2<f64> {
+        Array2::from_shape_fn((81, 81), |(y, x)| {
+            let (y, x) = (y as f64 - 40.0 - dy, x as f64 - 40.0 - dx);
+            (-0.5 * ((x / sigma_x).powi(2) + (y / sigma_y).powi(2))).exp()
+        })
+    }
+
+    #[test]
+    fn a_gaussian_has_the_moments_known_on_paper() {
+        let moments = Moments::of(&gaussian(2.0, 3.0, 0.3, -0.4), 5.0).unwrap();
+        // Product of Gaussians: 1/σ² = 1/σ_image² + 1/σ_weight².
+        let (xx, yy) = (1.0 / (1.0 / 4.0 + 1.0 / 25.0), 1.0 / (1.0 / 9.0 + 1.0 / 25.0));
+        assert!((moments.e1 - (xx - yy) / (xx + yy)).abs() < 1e-9);
+        assert!((moments.size_px - f64::sqrt((xx + yy) / 2.0)).abs() < 1e-9);
+        assert!(moments.e2.abs() < 1e-12);
+        assert!((moments.x_px - 0.3).abs() < 1e-9 && (moments.y_px + 0.4).abs() < 1e-9);
+        let flux = std::f64::consts::TAU * (xx * yy).sqrt();
+        assert!((moments.flux_e / flux - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn e2_sees_the_diagonal() {
+        let image = Array2::from_shape_fn((81, 81), |(y, x)| {
+            let (y, x) = (y as f64 - 40.0, x as f64 - 40.0);
+            let (along, across) = ((x + y) / 2_f64.sqrt(), (x - y) / 2_f64.sqrt());
+            (-0.5 * ((along / 3.0).powi(2) + (across / 2.0).powi(2))).exp()
+        });
+        let moments = Moments::of(&image, 5.0).unwrap();
+        assert!(moments.e1.abs() < 1e-12 && moments.e2 > 0.1);
+    }
+
+    #[test]
+    fn nothing_has_no_moments() {
+        assert_eq!(Moments::of(&Array2::zeros((21, 21)), 3.0), None);
+        assert_eq!(Moments::of(&Array2::from_elem((21, 21), -1.0), 3.0), None);
+        assert_eq!(Moments::of(&Array2::from_elem((21, 21), f64::NAN), 3.0), None);
+    }
+}

@@ -1,0 +1,57 @@
+//! Changes of shape against ArCTIc with every transfer computed, on galaxies drawn by GalSim (`tests/golden/shapes.py`).
+
+use ctiplan::galaxy::Profile;
+use ctiplan::readout::{Cloud, Method, Readout, Trap};
+use ctiplan::scene::Scene;
+use serde_json::Value;
+
+#[test]
+fn changes_of_shape_are_those_of_arctic() {
+    let golden: Value = serde_json::from_str(include_str!("golden/shapes.json")).unwrap();
+    let cases = golden["cases"].as_array().unwrap();
+    assert!(cases.len() >= 5);
+    for case in cases {
+        let name = case["name"].as_str().unwrap();
+        let (detector, galaxy, psf) = (&case["detector"], &case["galaxy"], &case["psf"]);
+        let number = |value: &Value| value.as_f64().unwrap();
+        let traps = case["traps"].as_array().unwrap().iter().map(|trap| Trap {
+            density_per_px: number(&trap["density_per_px"]),
+            release_transfers: number(&trap["release_transfers"]),
+        });
+        let readout = Readout {
+            traps: traps.collect(),
+            cloud: Cloud::new(
+                number(&detector["full_well_e"]),
+                number(&detector["notch_e"]),
+                number(&detector["well_fill_power"]),
+            ),
+            method: Method::Fast { relative: 1e-6 },
+        };
+        let profile = Profile::new(
+            number(&galaxy["sersic_index"]),
+            number(&galaxy["half_light_px"]),
+            number(&galaxy["e1"]),
+            number(&psf["fwhm_px"]),
+            number(&psf["moffat_beta"]),
+        );
+        let scene = Scene::new(
+            &profile,
+            number(&galaxy["flux_e"]),
+            number(&case["background_e"]),
+            number(&galaxy["weight_px"]),
+            4,
+        );
+        let transfers = case["transfers"].as_u64().unwrap() as u32;
+        let change = scene.unwrap().change(&readout, transfers).unwrap();
+        for (what, value) in [
+            ("delta_e1", change.delta_e1),
+            ("delta_y_px", change.delta_y_px),
+            ("delta_size", change.delta_size),
+            ("delta_flux", change.delta_flux),
+        ] {
+            let expected = number(&case["mean"][what]);
+            println!("{name} {what}: {value:.6e}, ArCTIc {expected:.6e}, {:+.1e}", value / expected - 1.0);
+            assert!((value / expected - 1.0).abs() < 2e-3, "{name}: {what} is {value}, ArCTIc has {expected}");
+        }
+    }
+}
