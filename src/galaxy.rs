@@ -60,20 +60,30 @@ impl Profile {
     /// Share of the flux in every pixel of a square stamp of 2 `half_px` + 1 pixels, `image[[y, x]]`, with the galaxy
     /// `dx_px`, `dy_px` from the centre of the central pixel. Integrated over the pixels.
     pub fn stamp(&self, half_px: usize, dx_px: f64, dy_px: f64) -> Array2<f64> {
+        self.stamps(half_px, &[dx_px], &[dy_px]).remove(0)
+    }
+
+    /// The same at every combination of positions, those in y fastest.
+    pub fn stamps(&self, half_px: usize, dx_px: &[f64], dy_px: &[f64]) -> Vec<Array2<f64>> {
         let pixels = 2 * half_px + 1;
-        let lanes = |offset_px: f64, weighted: bool| {
+        let lanes = |offset_px: &f64, weight: fn(&Component) -> f64, variance: fn(&Component) -> f64| {
             let mut lanes = Array2::zeros((self.components.len(), pixels));
             for (component, mut lane) in self.components.iter().zip(lanes.rows_mut()) {
-                let variance = if weighted { component.variance_y } else { component.variance_x };
-                let weight = if weighted { component.weight } else { 1.0 };
-                for (share, pixel) in lane.iter_mut().zip(pixel_shares(pixels, half_px as f64 + offset_px, variance)) {
-                    *share = weight * pixel;
+                let shares = pixel_shares(pixels, half_px as f64 + offset_px, variance(component));
+                for (share, pixel) in lane.iter_mut().zip(shares) {
+                    *share = weight(component) * pixel;
                 }
             }
             lanes
         };
+        let across: Vec<Array2<f64>> =
+            dx_px.iter().map(|dx_px| lanes(dx_px, |_| 1.0, |component| component.variance_x)).collect();
+        let along: Vec<Array2<f64>> = dy_px
+            .iter()
+            .map(|dy_px| lanes(dy_px, |component| component.weight, |component| component.variance_y))
+            .collect();
         // Σ over components of y-share × x-share: one product of matrices.
-        lanes(dy_px, true).t().dot(&lanes(dx_px, false))
+        across.iter().flat_map(|across| along.iter().map(|along| along.t().dot(across))).collect()
     }
 
     /// Share of the flux within a circle (px) around the centre.

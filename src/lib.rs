@@ -1,12 +1,18 @@
 pub mod calendar;
+pub mod cli;
 pub mod damage;
+pub mod dose;
 pub mod environment;
 pub mod error;
 pub mod evaluate;
 pub mod galaxy;
 pub mod mission;
+pub mod noise;
 pub mod readout;
 pub mod requirement;
+pub mod report;
+mod root;
+pub mod scenario;
 pub mod scene;
 pub mod shape;
 pub mod warning;

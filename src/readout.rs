@@ -158,7 +158,7 @@ impl Readout {
         assert!(self.traps.len() <= MAX_SPECIES, "at most {MAX_SPECIES} trap species");
         let across = Axis(1 - transfer.index());
         let rows = image.len_of(transfer);
-        if rows == 0 || self.traps.is_empty() {
+        if rows == 0 || self.traps.iter().all(|trap| trap.density_per_px == 0.0) {
             return image.clone();
         }
         let downstream = self.settled(downstream);

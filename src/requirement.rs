@@ -1,7 +1,6 @@
 //! Change of shape over time → when the budget is exceeded.
 
-use argmin::core::{CostFunction, Error, Executor, State};
-use argmin::solver::brent::BrentRoot;
+use crate::root;
 
 /// When, and by how much.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,26 +31,9 @@ pub fn first_crossing(
     let t_yr = match reached {
         None => None,
         Some(0) => Some(known[0].0),
-        Some(after) => Some(root(known[after - 1].0, known[after].0, |t_yr| excess(function(t_yr)))),
+        Some(after) => Some(root::between(known[after - 1].0, known[after].0, 1e-9, |t_yr| excess(function(t_yr)))),
     };
     Crossing { t_yr, limit, margin }
-}
-
-/// Brent's method between two times at which `excess` has different signs.
-fn root(low: f64, high: f64, excess: impl Fn(f64) -> f64) -> f64 {
-    struct Problem<F>(F);
-    impl<F: Fn(f64) -> f64> CostFunction for Problem<F> {
-        type Param = f64;
-        type Output = f64;
-        fn cost(&self, t_yr: &f64) -> Result<f64, Error> {
-            Ok((self.0)(*t_yr))
-        }
-    }
-    let solved = Executor::new(Problem(excess), BrentRoot::new(low, high, 2e-9))
-        .configure(|state| state.max_iters(100))
-        .run()
-        .expect("a bracket with a change of sign");
-    *solved.state().get_best_param().expect("a root between two times")
 }
 
 #[cfg(test)]

@@ -4,6 +4,9 @@
 //! positions. Galaxy plus background are trailed, the trailed background alone is subtracted, and the weighted moments
 //! of the difference are compared with those before.
 
+use std::num::NonZeroUsize;
+
+use gauss_quad::GaussLegendre;
 use ndarray::Array2;
 use rayon::prelude::*;
 
@@ -30,8 +33,7 @@ struct Position {
     /// Charge above the background, e-.
     charge_e: Array2<f64>,
     before: Moments,
-    /// How many positions of the grid this one stands for.
-    stands_for: f64,
+    weight: f64,
 }
 
 impl Scene {
@@ -51,16 +53,30 @@ impl Scene {
     ///
     /// None where the weight finds no centroid, which needs a galaxy far larger than its weight.
     pub fn new(profile: &Profile, flux_e: f64, background_e: f64, weight_px: f64, grid: u32) -> Option<Scene> {
+        Scene::at(profile, flux_e, background_e, weight_px, &across(grid), &along(grid))
+    }
+
+    /// The same at given positions (px from the centre of the central pixel) in x and in y with their weights. Mirror
+    /// images in x count as present: the galaxy is symmetric, and columns do not know of one another.
+    pub fn at(
+        profile: &Profile,
+        flux_e: f64,
+        background_e: f64,
+        weight_px: f64,
+        across: &[(f64, f64)],
+        along: &[(f64, f64)],
+    ) -> Option<Scene> {
         let half_px = half_px(weight_px);
-        // The galaxy is symmetric in x, and columns do not know of one another: the position −dx is the mirror image of
-        // dx, with the same change of everything but e2 and x, which cancel.
-        let positions = (0..grid)
-            .flat_map(|i| (0..grid).map(move |j| (offset_px(i, grid), offset_px(j, grid))))
-            .filter(|(dx_px, _)| *dx_px >= 0.0)
-            .map(|(dx_px, dy_px)| {
-                let charge_e = flux_e * profile.stamp(half_px, dx_px, dy_px);
+        let places = |nodes: &[(f64, f64)]| -> Vec<f64> { nodes.iter().map(|(place, _)| *place).collect() };
+        let stamps = profile.stamps(half_px, &places(across), &places(along));
+        let weights = across.iter().flat_map(|(_, in_x)| along.iter().map(move |(_, in_y)| in_x * in_y));
+        let positions = stamps
+            .into_iter()
+            .zip(weights)
+            .map(|(stamp, weight)| {
+                let charge_e = flux_e * stamp;
                 let before = Moments::of(&charge_e, weight_px)?;
-                Some(Position { charge_e, before, stands_for: if dx_px > 0.0 { 2.0 } else { 1.0 } })
+                Some(Position { charge_e, before, weight })
             })
             .collect::<Option<Vec<_>>>()?;
         Some(Scene { background_e, weight_px, half_px, positions })
@@ -82,13 +98,14 @@ impl Scene {
                 Some(ShapeChange::between(&position.before, &after))
             })
             .collect::<Option<_>>()?;
-        let weights = self.positions.iter().map(|position| position.stands_for);
+        let weights = self.positions.iter().map(|position| position.weight);
         let total: f64 = weights.clone().sum();
         let mean = |value: fn(&ShapeChange) -> f64| -> f64 {
             weights.clone().zip(&changes).map(|(weight, change)| weight * value(change)).sum::<f64>() / total
         };
         Some(ShapeChange {
             delta_e1: mean(|change| change.delta_e1),
+            // Mirror images in x cancel.
             delta_e2: 0.0,
             delta_x_px: 0.0,
             delta_y_px: mean(|change| change.delta_y_px),
@@ -118,7 +135,37 @@ pub(crate) fn half_px(weight_px: f64) -> usize {
     (STAMP_WEIGHTS * weight_px).ceil() as usize
 }
 
-/// Position `index` of `grid` evenly spaced ones within a pixel, from its centre, px.
-fn offset_px(index: u32, grid: u32) -> f64 {
-    (f64::from(index) + 0.5) / f64::from(grid) - 0.5
+/// Positions in x and their weights: evenly spaced, the best rule for a smooth periodic function; one of each pair of
+/// mirror images.
+fn across(grid: u32) -> Vec<(f64, f64)> {
+    let weight = 1.0 / f64::from(grid);
+    (0..grid)
+        .map(|index| (f64::from(index) + 0.5) * weight - 0.5)
+        .filter(|x_px| *x_px > -1e-9)
+        .map(|x_px| (x_px, if x_px > 1e-9 { 2.0 * weight } else { weight }))
+        .collect()
+}
+
+/// Positions in y and their weights: Gauss and Legendre's. The change of shape has a cusp where two rows are equally
+/// bright, at the edges of the pixel, and is smooth in between; evenly spaced positions would converge as 1/grid² only.
+fn along(grid: u32) -> Vec<(f64, f64)> {
+    match NonZeroUsize::new(grid as usize) {
+        Some(nodes) if grid > 1 => GaussLegendre::new(nodes).iter().map(|(y, weight)| (y / 2.0, weight / 2.0)).collect(),
+        _ => vec![(0.0, 1.0)],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn positions_fill_the_pixel() {
+        for grid in 1..=9 {
+            for nodes in [across(grid), along(grid)] {
+                assert!((nodes.iter().map(|(_, weight)| weight).sum::<f64>() - 1.0).abs() < 1e-12);
+                assert!(nodes.iter().all(|(place, _)| place.abs() < 0.5));
+            }
+        }
+    }
 }

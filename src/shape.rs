@@ -42,8 +42,12 @@ impl Moments {
             if !(sums.flux > 0.0) {
                 return None;
             }
-            // The weight pulls the centroid back by a constant share of the way; what is left shrinks geometrically.
-            let (step_y, step_x) = (sums.y / sums.flux, sums.x / sums.flux);
+            // Newton's method: where the weight moves by c, the centroid moves by I/σ² c.
+            let newton = |first: f64, second: f64| {
+                let gain = (1.0 - second / sums.flux / (weight_px * weight_px)).clamp(0.1, 1.0);
+                first / sums.flux / gain
+            };
+            let (step_y, step_x) = (newton(sums.y, sums.yy), newton(sums.x, sums.xx));
             (y, x) = (y + step_y, x + step_x);
             if !(y.abs() < middle.0 + 1.0 && x.abs() < middle.1 + 1.0) {
                 return None;

@@ -34,13 +34,11 @@ fn changes_of_shape_are_those_of_arctic() {
             number(&psf["fwhm_px"]),
             number(&psf["moffat_beta"]),
         );
-        let scene = Scene::new(
-            &profile,
-            number(&galaxy["flux_e"]),
-            number(&case["background_e"]),
-            number(&galaxy["weight_px"]),
-            4,
-        );
+        // The positions of the script: evenly spaced in x and y; the mirror images in x are left out.
+        let across = [(0.125, 0.5), (0.375, 0.5)];
+        let along = [-0.375, -0.125, 0.125, 0.375].map(|y| (y, 0.25));
+        let (flux_e, weight_px) = (number(&galaxy["flux_e"]), number(&galaxy["weight_px"]));
+        let scene = Scene::at(&profile, flux_e, number(&case["background_e"]), weight_px, &across, &along);
         let transfers = case["transfers"].as_u64().unwrap() as u32;
         let change = scene.unwrap().change(&readout, transfers).unwrap();
         for (what, value) in [

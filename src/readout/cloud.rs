@@ -39,6 +39,19 @@ impl Cloud {
             0.0
         }
     }
+
+    /// Steepest slope dh/dn (per electron) of packets between two charges (e-); infinite where it has no limit.
+    pub(super) fn steepest(&self, low_e: f64, high_e: f64) -> f64 {
+        let slope = |charge_e: f64| {
+            let filled = (charge_e - self.notch_e) * self.per_full_well;
+            if filled <= 0.0 {
+                if self.power < 1.0 && high_e > self.notch_e { f64::INFINITY } else { 0.0 }
+            } else {
+                self.power * filled.powf(self.power - 1.0) * self.per_full_well
+            }
+        };
+        slope(low_e).max(slope(high_e))
+    }
 }
 
 #[cfg(test)]

@@ -108,6 +108,11 @@ impl<const S: usize> Step<'_, S> {
         };
 
         pass(charge_e, k1);
+        let first = self.judge_first(charge_e, k1);
+        if first.ratio <= 1.0 {
+            advance(charge_e, &[(1.0, k1)]);
+            return first;
+        }
         if self.staggered {
             let drift_e = &mut k3.change_e;
             for row in 0..charge_e.len() {
@@ -146,6 +151,16 @@ impl<const S: usize> Step<'_, S> {
             }
         }
         fourth
+    }
+
+    /// Error of the first-order result k1: at most how far it moves the charges times the steepest change of the captured
+    /// charge with them.
+    fn judge_first(&self, charge_e: &[f64], k1: &Stage) -> Attempt {
+        let moved = k1.change_e.iter().fold(0.0_f64, |most, change| most.max(change.abs()));
+        let (low, high) =
+            charge_e.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), charge| (low.min(*charge), high.max(*charge)));
+        let steepest = self.pixel.steepest(low - moved, high + moved);
+        self.ratio(moved * steepest * self.block.pixels as f64, 2.0, 0.0, 0.0)
     }
 
     /// Error of the second-order result, which is k2 alone. e1, its distance from the first-order result k1, bounds it
@@ -190,7 +205,11 @@ impl<const S: usize> Step<'_, S> {
     fn ratio(&self, smooth_e: f64, order: f64, kinked_e: f64, e1: f64) -> Attempt {
         let out_of_step = if self.staggered { OUT_OF_STEP * e1 } else { 0.0 };
         [(smooth_e, order), (kinked_e, 2.0), (out_of_step, 2.0)]
-            .map(|(error_e, order)| Attempt { ratio: error_e / self.allowed_e, order })
+            .map(|(error_e, order)| {
+                // Nothing is too much of nothing.
+                let ratio = if error_e > 0.0 { error_e / self.allowed_e } else { 0.0 };
+                Attempt { ratio, order }
+            })
             .into_iter()
             .reduce(|worst, other| if other.ratio > worst.ratio { other } else { worst })
             .expect("three of them")

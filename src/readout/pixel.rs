@@ -81,6 +81,12 @@ impl Stage {
 }
 
 impl<const S: usize> Pixel<S> {
+    /// Largest change of the charges captured in a pixel with the charges of packets between two (e-): a Lipschitz
+    /// constant of the pass, per pixel.
+    pub fn steepest(&self, low_e: f64, high_e: f64) -> f64 {
+        self.density_all * self.cloud.steepest(low_e, high_e)
+    }
+
     /// Tables for columns of `rows` packets.
     pub fn new(traps: &[Trap], cloud: Cloud, rows: usize) -> Pixel<S> {
         let mut density = [0.0; S];
@@ -139,15 +145,21 @@ impl<const S: usize> Pixel<S> {
         let first = (block.nearest - downstream.rows).clamp(0, charge_e.len() as i64) as usize;
         change_e[..first].fill(0.0);
         meets[..first].fill(0);
+        let mut per_visit = f64::NAN;
+        let mut visits = 0.0;
         for row in first..charge_e.len() {
-            let visits = block.visits(row as i64, downstream) as f64;
+            // The same for all rows beyond the block.
+            if visits < block.pixels as f64 {
+                visits = block.visits(row as i64, downstream) as f64;
+                per_visit = 1.0 / visits;
+            }
             let mut released = 0.0;
             for s in 0..S {
                 let out = stored[s] * self.release[s];
                 stored[s] -= out;
                 released += out;
             }
-            let present = charge_e[row] + released / visits;
+            let present = charge_e[row] + released * per_visit;
             let mut height = self.cloud.height(present);
             let mut met = 0_u64;
             if height <= 0.0 {

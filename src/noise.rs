@@ -1,0 +1,90 @@
+//! Galaxies one by one, with noise: what `--monte-carlo` adds to the noise-free mean.
+//!
+//! Each realisation has a sub-pixel position of its own, photon noise of galaxy and sky before the readout, and read noise
+//! after it. Its shape is compared with that of the same noisy image read out without traps, so that the noise itself
+//! cancels as far as it can.
+
+use ndarray::Array2;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal, Poisson};
+use rayon::prelude::*;
+
+use crate::galaxy::{Profile, snr};
+use crate::mission::{Galaxy, Mission};
+use crate::readout::{Method, Readout};
+use crate::scene::{downstream, half_px};
+use crate::shape::{Moments, ShapeChange};
+
+/// Change of shape over noisy realisations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoisyChange {
+    /// Mean over the realisations.
+    pub mean: ShapeChange,
+    /// Its standard error, member by member.
+    pub error: ShapeChange,
+    /// Realisations that had a shape before and after.
+    pub measured: usize,
+    /// Realisations in which noise carried the weight away.
+    pub lost: usize,
+}
+
+/// Accuracy beyond which a readout of noise need not go, relative to the largest displacement: noise puts packets out of
+/// order at every step, and its own error is far larger.
+const ACCURACY: f64 = 1e-4;
+
+/// Reads out `realisations` of a galaxy with noise. The same seed gives the same bits, whatever the number of threads.
+///
+/// None where fewer than two of them can be measured.
+pub fn realise(
+    mission: &Mission,
+    galaxy: &Galaxy,
+    readout: &Readout,
+    realisations: usize,
+    seed: u64,
+    progress: impl Fn() + Sync,
+) -> Option<NoisyChange> {
+    let profile = Profile::of(galaxy, &mission.psf);
+    let flux_e = snr::flux_e(mission, galaxy);
+    let background_e = mission.sky.background_e;
+    let half_px = half_px(galaxy.weight_px);
+    let downstream = downstream(mission.readout.transfers, half_px, background_e);
+    let method = match readout.method {
+        Method::Fast { relative } => Method::Fast { relative: relative.max(ACCURACY) },
+        other => other,
+    };
+    let readout = Readout { method, ..readout.clone() };
+    let flat = Array2::from_elem((2 * half_px + 1, 1), background_e);
+    let trailed_background = readout.parallel(&flat, downstream);
+    let changes: Vec<Option<ShapeChange>> = (0..realisations as u64)
+        .into_par_iter()
+        .map(|realisation| {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            random.set_stream(realisation);
+            let offset_px = [random.random::<f64>() - 0.5, random.random::<f64>() - 0.5];
+            let expected = flux_e * profile.stamp(half_px, offset_px[0], offset_px[1]) + background_e;
+            // Above 0 everywhere but far out in the wings without background, where nothing is what is drawn.
+            let photons = expected.mapv(|mean| Poisson::new(mean).map_or(0.0, |law| law.sample(&mut random)));
+            let read_noise = Normal::new(0.0, galaxy.read_noise_e).expect("a read noise is not negative");
+            let noise = Array2::from_shape_simple_fn(photons.dim(), || read_noise.sample(&mut random));
+            let readout = match readout.method {
+                // Traps of its own for each realisation.
+                Method::MonteCarlo { seed } => {
+                    Readout { method: Method::MonteCarlo { seed: seed.wrapping_add(realisation) }, ..readout.clone() }
+                }
+                _ => readout.clone(),
+            };
+            let trailed = readout.parallel(&photons, downstream) + &noise - &trailed_background;
+            let untrailed = photons + noise - background_e;
+            progress();
+            let before = Moments::of(&untrailed, galaxy.weight_px)?;
+            let after = Moments::of(&trailed, galaxy.weight_px)?;
+            Some(ShapeChange::between(&before, &after))
+        })
+        .collect();
+    let measured: Vec<ShapeChange> = changes.into_iter().flatten().collect();
+    (measured.len() > 1).then(|| {
+        let (mean, error) = ShapeChange::mean_and_error(&measured);
+        NoisyChange { mean, error, measured: measured.len(), lost: realisations - measured.len() }
+    })
+}
