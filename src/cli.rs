@@ -1,0 +1,273 @@
+//! The command line: arguments → results → standard output, and the exit status.
+//!
+//! 0: done. 2: a bad command line or bad input, one message on standard error. 1: anything else, and a requirement that is
+//! not met where `--check` asks for it.
+
+use std::ffi::OsString;
+use std::io::{ErrorKind, Write, stdout};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::dose;
+use crate::error::InputError;
+use crate::evaluate::{evaluate, readout_with};
+use crate::mission::Mission;
+use crate::noise;
+use crate::report::{EvaluateReport, Format, Report};
+use crate::scenario::{Axis, compare};
+
+/// When will radiation damage to the CCDs have spoiled the shapes of galaxies?
+///
+/// A mission file (launch, orbit, shielding, detector, clocking) goes in; solar-cycle and displacement-damage models give
+/// trap densities year by year; the readout trails galaxies through those traps; the change of their shape is held against
+/// the budget.
+#[derive(Debug, Parser)]
+#[command(name = "ctiplan", version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Dose and traps per year, shape error against time, and when the budget is exceeded
+    Evaluate(Evaluate),
+    /// A mission side by side over launch epochs, clock speeds, register distances, or any other key
+    Compare(Compare),
+    /// Proton spectrum, shielding and displacement damage dose of a mission
+    Dose(Dose),
+}
+
+#[derive(Debug, Args)]
+struct Output {
+    /// Print one JSON document
+    #[arg(long, conflicts_with = "csv")]
+    json: bool,
+    /// Print one table of comma-separated values
+    #[arg(long)]
+    csv: bool,
+}
+
+impl Output {
+    fn format(&self) -> Format {
+        match (self.json, self.csv) {
+            (true, _) => Format::Json,
+            (_, true) => Format::Csv,
+            _ => Format::Text,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+struct Evaluate {
+    /// Mission file (TOML)
+    mission: PathBuf,
+    /// Another value of a key, such as detector.temperature_k=150; may be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Also read out so many galaxies with photon and read noise at the end of the mission
+    #[arg(long, value_name = "REALISATIONS", value_parser = clap::value_parser!(u32).range(2..=10_000_000))]
+    monte_carlo: Option<u32>,
+    /// Seed of the realisations, in place of the mission's
+    #[arg(long, value_name = "SEED")]
+    seed: Option<u64>,
+    /// Exit with status 1 where the corrected requirement is not met to the end of the mission
+    #[arg(long)]
+    check: bool,
+    #[command(flatten)]
+    output: Output,
+}
+
+#[derive(Debug, Args)]
+struct Compare {
+    /// Mission files (TOML)
+    #[arg(required = true)]
+    missions: Vec<PathBuf>,
+    /// Launch dates: 2009-01-01,2012-01-01 or 2009-01-01..2020-01-01:1 (step in years)
+    #[arg(long, value_name = "DATES")]
+    launch: Option<String>,
+    /// Times between two parallel transfers, ms: 5,10,25 or 5..100:log:8
+    #[arg(long, value_name = "MS")]
+    line_time_ms: Option<String>,
+    /// Distances to the register, in transfers: 825,1650 or 100..1700:100
+    #[arg(long, value_name = "TRANSFERS")]
+    transfers: Option<String>,
+    /// Values of any key, such as detector.temperature_k=150,153,156; may be given several times
+    #[arg(long, value_name = "KEY=VALUES")]
+    set: Vec<String>,
+    #[command(flatten)]
+    output: Output,
+}
+
+#[derive(Debug, Args)]
+struct Dose {
+    /// Mission file (TOML)
+    mission: PathBuf,
+    /// Another value of a key, such as shielding.thickness_mm=20; may be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Energies of the spectrum, MeV
+    #[arg(long, value_name = "MEV", value_delimiter = ',', value_parser = energy)]
+    energies_mev: Vec<f64>,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// What a command comes to.
+enum Outcome {
+    Done,
+    NotMet,
+}
+
+/// Runs the program with these arguments (the first is its name) and gives its exit status.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version are no errors. Where nothing can be printed there is no one to tell.
+            let _ = error.print();
+            return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
+        }
+    };
+    let result = match cli.command {
+        Command::Evaluate(command) => command.run(),
+        Command::Compare(command) => command.run(),
+        Command::Dose(command) => command.run(),
+    };
+    match result {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::NotMet) => ExitCode::from(1),
+        Err(Failure::Input(error)) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+        // The reader has seen enough (`ctiplan ... | head`).
+        Err(Failure::Output(error)) if error.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(Failure::Output(error)) => {
+            eprintln!("error: cannot write the result\n  {error}");
+            ExitCode::from(1)
+        }
+    }
+}
+
+/// Why a command has no result.
+enum Failure {
+    Input(InputError),
+    Output(std::io::Error),
+}
+
+impl From<InputError> for Failure {
+    fn from(error: InputError) -> Failure {
+        Failure::Input(error)
+    }
+}
+
+impl Evaluate {
+    fn run(&self) -> Result<Outcome, Failure> {
+        let mission = mission_with(&self.mission, &self.set)?;
+        let evaluation = evaluate(&mission)?;
+        let noisy = match self.monte_carlo {
+            None => Vec::new(),
+            Some(realisations) => {
+                let seed = self.seed.unwrap_or(mission.accuracy.seed);
+                let end = evaluation.years.last().expect("a mission has an end");
+                let readout = readout_with(&mission, &end.traps);
+                let bar = progress(u64::from(realisations) * mission.galaxies.len() as u64, "galaxies");
+                let realise = |galaxy| {
+                    noise::realise(&mission, galaxy, &readout, realisations as usize, seed, || bar.inc(1))
+                };
+                let noisy = mission.galaxies.iter().map(realise).collect();
+                bar.finish_and_clear();
+                noisy
+            }
+        };
+        let met = evaluation.verdict.met();
+        print(&EvaluateReport { evaluation, noisy }, &self.output)?;
+        Ok(if self.check && !met { Outcome::NotMet } else { Outcome::Done })
+    }
+}
+
+impl Compare {
+    fn run(&self) -> Result<Outcome, Failure> {
+        let missions = self.missions.iter().map(Mission::read).collect::<Result<Vec<_>, _>>()?;
+        let named = [
+            ("mission.launch", &self.launch),
+            ("readout.line_time_ms", &self.line_time_ms),
+            ("readout.transfers", &self.transfers),
+        ];
+        let mut axes = Vec::new();
+        for (key, values) in named {
+            if let Some(values) = values {
+                axes.push(Axis::parse(key, values)?);
+            }
+        }
+        for setting in &self.set {
+            let (key, values) = key_and_value(setting)?;
+            axes.push(Axis::parse(key, values)?);
+        }
+        if missions.len() == 1 && axes.is_empty() {
+            return Err(InputError::new("cannot compare", "there is one mission and nothing that differs")
+                .with_help("give --launch, --line-time-ms, --transfers or --set KEY=VALUES, or several missions")
+                .into());
+        }
+        print(&compare(&missions, &axes)?, &self.output)?;
+        Ok(Outcome::Done)
+    }
+}
+
+impl Dose {
+    fn run(&self) -> Result<Outcome, Failure> {
+        let mission = mission_with(&self.mission, &self.set)?;
+        let energies_mev: &[f64] =
+            if self.energies_mev.is_empty() { &dose::ENERGIES_MEV } else { &self.energies_mev };
+        print(&dose::survey(&mission, energies_mev), &self.output)?;
+        Ok(Outcome::Done)
+    }
+}
+
+/// Reads a mission and sets single values.
+fn mission_with(path: &PathBuf, settings: &[String]) -> Result<Mission, InputError> {
+    let mission = Mission::read(path)?;
+    if settings.is_empty() {
+        return Ok(mission);
+    }
+    let mut values = Vec::new();
+    for setting in settings {
+        let (key, value) = key_and_value(setting)?;
+        let axis = Axis::parse(key, value)?;
+        let [value] = &axis.values[..] else {
+            return Err(InputError::new(format!("cannot set {setting}"), "one value is needed here")
+                .with_help("`ctiplan compare` takes lists and ranges"));
+        };
+        values.push((axis.key, value.clone()));
+    }
+    mission.with(&values)
+}
+
+fn key_and_value(setting: &str) -> Result<(&str, &str), InputError> {
+    setting.split_once('=').map(|(key, value)| (key.trim(), value.trim())).ok_or_else(|| {
+        InputError::new(format!("cannot set `{setting}`"), "a setting is a key, =, and a value")
+            .with_help("such as --set detector.temperature_k=150")
+    })
+}
+
+fn energy(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(energy_mev) if energy_mev > 0.0 && energy_mev.is_finite() => Ok(energy_mev),
+        _ => Err("an energy above 0 MeV is needed".into()),
+    }
+}
+
+fn print(report: &impl Report, output: &Output) -> Result<(), Failure> {
+    let mut out = stdout().lock();
+    out.write_all(report.render(output.format()).as_bytes()).and_then(|()| out.flush()).map_err(Failure::Output)
+}
+
+/// A bar on standard error where that is a terminal, and nothing where it is not.
+fn progress(length: u64, unit: &str) -> ProgressBar {
+    let style = ProgressStyle::with_template(&format!("{{bar:30}} {{pos}}/{{len}} {unit}, {{eta}} left"));
+    ProgressBar::new(length).with_style(style.expect("a template that a test has drawn"))
+}

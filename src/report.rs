@@ -1,0 +1,112 @@
+//! Results → tables, JSON, CSV. Nothing is computed here that is not already in a result.
+
+mod compare;
+mod dose;
+mod evaluate;
+
+pub use evaluate::EvaluateReport;
+
+use std::io::{IsTerminal, stdout};
+
+use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use serde_json::Value;
+
+use crate::requirement::Crossing;
+
+/// How a result is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Tables for people.
+    Text,
+    /// One JSON document.
+    Json,
+    /// One table of comma-separated values.
+    Csv,
+}
+
+/// A result that can be shown.
+pub trait Report {
+    /// For people, at most 80 columns wide.
+    fn text(&self) -> String;
+    /// For programs.
+    fn json(&self) -> Value;
+    /// For spreadsheets: header first; units in the headers.
+    fn csv(&self) -> Vec<Vec<String>>;
+
+    /// The result in a format, with a line end.
+    fn render(&self, format: Format) -> String {
+        match format {
+            Format::Text => self.text(),
+            Format::Json => format!("{:#}\n", self.json()),
+            Format::Csv => {
+                let mut writer = csv::Writer::from_writer(Vec::new());
+                for record in self.csv() {
+                    writer.write_record(record).expect("records of equal length");
+                }
+                String::from_utf8(writer.into_inner().expect("a buffer takes all")).expect("text in, text out")
+            }
+        }
+    }
+}
+
+/// Columns of a terminal that tables must fit.
+const WIDTH: u16 = 80;
+
+/// A table with a header whose columns but the first are numbers; lines around it only on a terminal.
+fn table(header: &[&str]) -> Table {
+    let mut table = Table::new();
+    table
+        .load_style(if stdout().is_terminal() { presets::UTF8_FULL_CONDENSED } else { presets::NOTHING })
+        .set_content_arrangement(ContentArrangement::Dynamic)
+        .set_width(WIDTH)
+        .set_header(header.to_vec());
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+/// The table as lines without trailing blanks.
+fn lines(table: &Table) -> String {
+    table.lines().map(|line| format!("{}\n", line.trim_end())).collect()
+}
+
+/// Text broken into lines of at most 80 columns, the later ones indented.
+fn wrapped(text: &str, indent: usize) -> String {
+    let mut out = String::new();
+    let mut column = 0;
+    for word in text.split(' ') {
+        let length = word.chars().count();
+        if column > 0 && column + 1 + length > WIDTH as usize {
+            out.push('\n');
+            out.push_str(&" ".repeat(indent));
+            column = indent;
+        } else if column > 0 {
+            out.push(' ');
+            column += 1;
+        }
+        out.push_str(word);
+        column += length;
+    }
+    out.push('\n');
+    out
+}
+
+/// A number or a dash.
+fn or_dash(value: Option<String>) -> String {
+    value.unwrap_or_else(|| "-".into())
+}
+
+/// When a limit is exceeded, for JSON.
+fn crossing_json(crossing: &Crossing, factor: Option<f64>, date: Option<chrono::NaiveDate>) -> Value {
+    let mut json = serde_json::Map::new();
+    if let Some(factor) = factor {
+        json.insert("factor".into(), factor.into());
+    }
+    json.insert("exceeded".into(), crossing.t_yr.is_some().into());
+    json.insert("t_yr".into(), crossing.t_yr.into());
+    json.insert("date".into(), date.map(|date| date.to_string()).into());
+    json.insert("limit_delta_e".into(), crossing.limit.into());
+    json.insert("margin_delta_e".into(), crossing.margin.into());
+    Value::Object(json)
+}

@@ -1,0 +1,323 @@
+//! `ctiplan evaluate`.
+
+use serde_json::{Value, json};
+
+use super::{Report, crossing_json, lines, or_dash, table, wrapped};
+use crate::calendar::date_after;
+use crate::environment::RateOrigin;
+use crate::evaluate::{Evaluation, Year};
+use crate::mission::DoseModel;
+use crate::noise::NoisyChange;
+use crate::requirement::Crossing;
+use crate::shape::ShapeChange;
+
+/// An evaluation, with the noisy realisations of each galaxy at the end of the mission where they were asked for.
+pub struct EvaluateReport {
+    /// The evaluation.
+    pub evaluation: Evaluation,
+    /// In the mission's order; empty where none were asked for; None where fewer than two could be measured.
+    pub noisy: Vec<Option<NoisyChange>>,
+}
+
+impl Report for EvaluateReport {
+    fn text(&self) -> String {
+        let Evaluation { mission, dose, years, verdict, warnings } = &self.evaluation;
+        let header = &mission.mission;
+        let mut out = wrapped(
+            &format!(
+                "{}: {} yr from {} in orbit {}, {} transfers every {} ms at {} K",
+                header.name,
+                header.duration_yr,
+                header.launch,
+                format!("{:?}", header.orbit).to_uppercase(),
+                mission.readout.transfers,
+                mission.readout.line_time_ms,
+                mission.detector.temperature_k
+            ),
+            2,
+        );
+        out.push('\n');
+
+        let mut dose_table = table(&["year", "date", "active", "dose", "traps"]);
+        dose_table.set_header(vec!["t [yr]", "date", "active [yr]", "dose [MeV/g]", "traps [1/px]", "by species [1/px]"]);
+        for year in years {
+            dose_table.add_row(vec![
+                format!("{}", year.t_yr),
+                date(year),
+                match mission.environment.model {
+                    DoseModel::SolarCycle => format!("{:.2}", dose.active_years(year.t_yr)),
+                    DoseModel::Constant => "mean".into(),
+                },
+                format!("{:.3e}", year.dose_mev_g),
+                format!("{:.4}", year.traps.iter().map(|species| species.density_per_px).sum::<f64>()),
+                species(year),
+            ]);
+        }
+        out.push_str(&lines(&dose_table));
+
+        out.push_str("\nChange of ellipticity, delta e1\n");
+        out.push_str(&changes(years, mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect()));
+
+        out.push_str(&format!("\nAt the end of the mission, after {} yr\n", header.duration_yr));
+        let mut end_table =
+            table(&["galaxy", "delta e1", "delta y [px]", "delta size [%]", "delta flux [%]"]);
+        let end = years.last().expect("a mission has an end");
+        for (galaxy, change) in mission.galaxies.iter().zip(&end.galaxies) {
+            let cell = |value: fn(&ShapeChange) -> String| change.as_ref().map_or("lost".into(), value);
+            end_table.add_row(vec![
+                galaxy.name.clone(),
+                cell(|change| format!("{:+.3e}", change.delta_e1)),
+                cell(|change| format!("{:+.4}", change.delta_y_px)),
+                cell(|change| format!("{:+.4}", 100.0 * change.delta_size)),
+                cell(|change| format!("{:+.4}", 100.0 * change.delta_flux)),
+            ]);
+        }
+        out.push_str(&lines(&end_table));
+        if !self.noisy.is_empty() {
+            out.push_str(&self.noisy_text());
+        }
+
+        let requirement = &mission.requirement;
+        out.push_str(&format!(
+            "\nBudget: |delta e| of \"{}\" below {}\n",
+            requirement.galaxy,
+            crate::mission::keys::plain(requirement.delta_e)
+        ));
+        let corrected = format!("corrected by a factor {}", requirement.correction_factor);
+        let width = corrected.len();
+        for (name, crossing) in [("uncorrected", &verdict.uncorrected), (corrected.as_str(), &verdict.corrected)] {
+            out.push_str(&wrapped(&format!("  {name:width$}  {}", self.outcome(crossing)), 4));
+        }
+        let rate = |rate: Option<f64>| or_dash(rate.map(|rate| format!("{rate:.3e}")));
+        out.push_str(&wrapped(
+            &format!(
+                "  rate of |delta e|: {} per yr at launch, {} per yr on average",
+                rate(verdict.rate_at_launch_per_yr),
+                rate(verdict.mean_rate_per_yr)
+            ),
+            4,
+        ));
+        out.push('\n');
+        out.push_str(&wrapped(&format!("Dose: {}", self.dose_origin()), 2));
+        for warning in warnings {
+            out.push_str(&wrapped(&format!("Warning: {warning}"), 2));
+        }
+        out
+    }
+
+    fn json(&self) -> Value {
+        let Evaluation { mission, dose, years, verdict, warnings } = &self.evaluation;
+        let years: Vec<Value> = years
+            .iter()
+            .map(|year| {
+                let traps: Vec<Value> = year
+                    .traps
+                    .iter()
+                    .map(|species| {
+                        json!({"name": species.name, "density_per_px": species.density_per_px,
+                               "release_ms": species.release_ms})
+                    })
+                    .collect();
+                let galaxies: Vec<Value> = mission
+                    .galaxies
+                    .iter()
+                    .zip(&year.galaxies)
+                    .map(|(galaxy, change)| change_json(&galaxy.name, change.as_ref()))
+                    .collect();
+                json!({"t_yr": year.t_yr, "date": year.date.map(|date| date.to_string()),
+                       "dose_mev_g": year.dose_mev_g, "traps": traps, "galaxies": galaxies})
+            })
+            .collect();
+        let requirement = &mission.requirement;
+        let mut json = json!({
+            "mission": mission.mission.name,
+            "launch": mission.mission.launch.to_string(),
+            "duration_yr": mission.mission.duration_yr,
+            "active_dose_rate_mev_g_yr": self.active_rate(),
+            "active_years": dose.active_years(mission.mission.duration_yr),
+            "years": years,
+            "budget": {
+                "delta_e": requirement.delta_e,
+                "galaxy": requirement.galaxy,
+                "uncorrected": crossing_json(&verdict.uncorrected, None, self.date(&verdict.uncorrected)),
+                "corrected": crossing_json(
+                    &verdict.corrected, Some(requirement.correction_factor), self.date(&verdict.corrected)),
+                "rate_at_launch_per_yr": verdict.rate_at_launch_per_yr,
+                "mean_rate_per_yr": verdict.mean_rate_per_yr,
+            },
+            "warnings": warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
+            "version": env!("CARGO_PKG_VERSION"),
+            "resolved_mission": mission,
+        });
+        if !self.noisy.is_empty() {
+            json["monte_carlo"] = mission
+                .galaxies
+                .iter()
+                .zip(&self.noisy)
+                .map(|(galaxy, noisy)| match noisy {
+                    Some(noisy) => json!({
+                        "name": galaxy.name, "measured": noisy.measured, "lost": noisy.lost,
+                        "mean": change_json(&galaxy.name, Some(&noisy.mean)),
+                        "standard_error": change_json(&galaxy.name, Some(&noisy.error)),
+                    }),
+                    None => json!({"name": galaxy.name, "measured": 0, "mean": null, "standard_error": null}),
+                })
+                .collect();
+        }
+        json
+    }
+
+    fn csv(&self) -> Vec<Vec<String>> {
+        let Evaluation { mission, years, .. } = &self.evaluation;
+        let mut header: Vec<String> =
+            ["t_yr", "date", "dose_mev_g", "traps_per_px"].map(str::to_string).to_vec();
+        header.extend(mission.detector.traps.iter().map(|species| format!("{}_per_px", species.name)));
+        header.extend(
+            ["galaxy", "delta_e1", "delta_e2", "delta_y_px", "delta_size", "delta_flux"].map(str::to_string),
+        );
+        let mut rows = vec![header];
+        for year in years {
+            for (galaxy, change) in mission.galaxies.iter().zip(&year.galaxies) {
+                let mut row = vec![
+                    year.t_yr.to_string(),
+                    date(year),
+                    year.dose_mev_g.to_string(),
+                    year.traps.iter().map(|species| species.density_per_px).sum::<f64>().to_string(),
+                ];
+                row.extend(year.traps.iter().map(|species| species.density_per_px.to_string()));
+                row.push(galaxy.name.clone());
+                row.extend(match change {
+                    Some(change) => {
+                        [change.delta_e1, change.delta_e2, change.delta_y_px, change.delta_size, change.delta_flux]
+                            .map(|value| value.to_string())
+                    }
+                    None => [const { String::new() }; 5],
+                });
+                rows.push(row);
+            }
+        }
+        rows
+    }
+}
+
+impl EvaluateReport {
+    fn date(&self, crossing: &Crossing) -> Option<chrono::NaiveDate> {
+        date_after(self.evaluation.mission.mission.launch.0, crossing.t_yr?)
+    }
+
+    /// "exceeded after 3.80 yr, on 2012-10-19", or how much is left.
+    fn outcome(&self, crossing: &Crossing) -> String {
+        match (crossing.t_yr, crossing.margin) {
+            (Some(t_yr), _) => {
+                let date = self.date(crossing).map_or(String::new(), |date| format!(", on {date}"));
+                format!("exceeded after {t_yr:.3} yr{date}")
+            }
+            (None, Some(margin)) => format!(
+                "not within the mission: {:.1} % of it used at the end",
+                100.0 * (1.0 - margin / crossing.limit)
+            ),
+            (None, None) => "not within the mission".into(),
+        }
+    }
+
+    fn noisy_text(&self) -> String {
+        let mission = &self.evaluation.mission;
+        let mut noisy_table = table(&["galaxy", "delta e1", "+-", "delta y [px]", "+-", "measured", "lost"]);
+        for (galaxy, noisy) in mission.galaxies.iter().zip(&self.noisy) {
+            let cell = |value: fn(&NoisyChange) -> String| or_dash(noisy.as_ref().map(value));
+            noisy_table.add_row(vec![
+                galaxy.name.clone(),
+                cell(|noisy| format!("{:+.3e}", noisy.mean.delta_e1)),
+                cell(|noisy| format!("{:.1e}", noisy.error.delta_e1)),
+                cell(|noisy| format!("{:+.4}", noisy.mean.delta_y_px)),
+                cell(|noisy| format!("{:.1e}", noisy.error.delta_y_px)),
+                cell(|noisy| noisy.measured.to_string()),
+                cell(|noisy| noisy.lost.to_string()),
+            ]);
+        }
+        format!("\nThe same from realisations with photon and read noise, +- standard error\n{}", lines(&noisy_table))
+    }
+
+    fn active_rate(&self) -> f64 {
+        let share = match self.evaluation.mission.environment.model {
+            DoseModel::SolarCycle => 1.0,
+            DoseModel::Constant => crate::environment::solar_cycle::ACTIVE_SHARE,
+        };
+        self.evaluation.dose.active_rate_mev_g_yr / share
+    }
+
+    fn dose_origin(&self) -> String {
+        let mission = &self.evaluation.mission;
+        let environment = &mission.environment;
+        let origin = match (self.evaluation.dose.origin, &mission.shielding) {
+            (RateOrigin::Esp { active_years }, Some(shield)) => format!(
+                "ESP solar protons at {} % confidence for {:.2} active years behind {} mm of aluminium ({:?}), NIEL {:?}",
+                100.0 * environment.confidence,
+                active_years,
+                shield.thickness_mm,
+                shield.geometry,
+                environment.niel
+            ),
+            _ => "given by the mission file".into(),
+        };
+        let floor = match environment.cosmic_ray_floor_mev_g_yr {
+            0.0 => String::new(),
+            floor => format!(", and {floor:.3e} MeV/g/yr of cosmic rays in every year"),
+        };
+        let spread = match environment.model {
+            DoseModel::SolarCycle => "in active years, nothing in quiet ones",
+            DoseModel::Constant => "in active years, 7/11 of it taken for every year",
+        };
+        format!("{:.3e} MeV/g/yr {spread}; {origin}{floor}", self.active_rate())
+    }
+}
+
+fn date(year: &Year) -> String {
+    or_dash(year.date.map(|date| date.to_string()))
+}
+
+/// Densities in the order of the mission, few enough to fit.
+fn species(year: &Year) -> String {
+    let shown = 3;
+    let mut text: Vec<String> = year
+        .traps
+        .iter()
+        .take(shown)
+        .map(|species| format!("{} {:.4}", species.name, species.density_per_px))
+        .collect();
+    if year.traps.len() > shown {
+        text.push(format!("{} more", year.traps.len() - shown));
+    }
+    text.join(", ")
+}
+
+/// Years against galaxies, as many side by side as fit.
+fn changes(years: &[Year], names: Vec<&str>) -> String {
+    let side_by_side = 5;
+    let mut out = String::new();
+    for (block, names) in names.chunks(side_by_side).enumerate() {
+        let mut header = vec!["t [yr]"];
+        header.extend(names);
+        let mut galaxy_table = table(&header);
+        for year in years {
+            let mut row = vec![format!("{}", year.t_yr)];
+            row.extend(year.galaxies.iter().skip(block * side_by_side).take(names.len()).map(|change| {
+                change.map_or("lost".into(), |change| format!("{:+.3e}", change.delta_e1))
+            }));
+            galaxy_table.add_row(row);
+        }
+        out.push_str(&lines(&galaxy_table));
+    }
+    out
+}
+
+fn change_json(name: &str, change: Option<&ShapeChange>) -> Value {
+    json!({
+        "name": name,
+        "delta_e1": change.map(|change| change.delta_e1),
+        "delta_e2": change.map(|change| change.delta_e2),
+        "delta_y": change.map(|change| change.delta_y_px),
+        "delta_size": change.map(|change| change.delta_size),
+        "delta_flux": change.map(|change| change.delta_flux),
+    })
+}
