@@ -1,0 +1,174 @@
+//! The figures of Rhodes et al. 2010, computed.
+
+use ctiplan::damage;
+use ctiplan::evaluate::{Model, evaluate, readout_with};
+use ctiplan::mission::Mission;
+use ctiplan::readout::{Downstream, Method, Readout, Trap};
+use ctiplan::shape::ShapeChange;
+use ndarray::Array2;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Charge of a Mn K-alpha event at 133 K, e- (section 4.2).
+pub const XRAY_E: f64 = 1580.0;
+/// Transfers from the centre of the galaxies to the register (section 5).
+pub const TRANSFERS: u32 = 1650;
+/// Years at L2 to which the laboratory irradiation corresponds (section 4.1).
+pub const LABORATORY_YR: f64 = 110.0;
+
+/// The mission of the paper.
+pub fn snap() -> Mission {
+    Mission::parse(include_str!("../../missions/snap_l2.toml")).expect("a valid mission")
+}
+
+/// Rate of |Δe| per year, a straight line through the origin fitted to 1, 2, … 10 years (equation 2).
+pub fn rate_per_yr(mission: &Mission) -> f64 {
+    let model = Model::new(mission).unwrap();
+    let (mut products, mut squares) = (0.0, 0.0);
+    for year in 1..=10 {
+        let t_yr = f64::from(year);
+        products += t_yr * model.change(model.judged(), t_yr).unwrap().magnitude();
+        squares += t_yr * t_yr;
+    }
+    products / squares
+}
+
+/// Years until the budget is exceeded, and |Δe| after 5 years over the factor of the correction.
+pub fn budget(mission: &Mission) -> (f64, f64) {
+    let evaluation = evaluate(mission).unwrap();
+    let end = evaluation.years.last().unwrap().galaxies[0].unwrap().magnitude();
+    (evaluation.verdict.uncorrected.t_yr.unwrap(), end / mission.requirement.correction_factor)
+}
+
+/// One row of table 2.
+pub struct Row {
+    pub name: &'static str,
+    pub paper_delta_e: f64,
+    pub paper_delta_y_px: f64,
+    pub paper_size_px: f64,
+    pub change: ShapeChange,
+    pub size_px: f64,
+}
+
+/// Table 2: seven galaxies after the laboratory irradiation.
+pub fn table2() -> Vec<Row> {
+    let mission = Mission::parse(include_str!("../../missions/rhodes2010_galaxies.toml")).expect("a valid mission");
+    let model = Model::new(&mission).unwrap();
+    let readout = laboratory(&mission);
+    let paper = [
+        ("de Vaucouleurs, S/N 13, e = 0", -0.028, 0.19, 1.8),
+        ("de Vaucouleurs, S/N 13, e = -0.17", -0.024, 0.19, 1.8),
+        ("de Vaucouleurs, S/N 13, e = +0.17", -0.031, 0.19, 1.8),
+        ("de Vaucouleurs, S/N 50, e = 0", -0.024, 0.17, 1.9),
+        ("de Vaucouleurs, S/N 20, large", -0.010, 0.20, 3.1),
+        ("de Vaucouleurs, S/N 50, large", -0.010, 0.20, 3.6),
+        ("exponential, S/N 49", -0.022, 0.18, 1.9),
+    ];
+    let row = |(index, (name, paper_delta_e, paper_delta_y_px, paper_size_px))| Row {
+        name,
+        paper_delta_e,
+        paper_delta_y_px,
+        paper_size_px,
+        change: model.scene(index).change(&readout, TRANSFERS).unwrap(),
+        size_px: model.scene(index).before().size_px,
+    };
+    paper.into_iter().enumerate().map(row).collect()
+}
+
+/// Release times (transfers) and the change they make, for one species of one trap per pixel (section 5.1).
+pub fn release_scan(mission: &Mission) -> Vec<(f64, ShapeChange)> {
+    let model = Model::new(mission).unwrap();
+    let times = (0..=60).map(|step| 10_f64.powf(-1.0 + f64::from(step) / 15.0));
+    times
+        .map(|release_transfers| {
+            let traps = vec![Trap { density_per_px: 1.0, release_transfers }];
+            let readout = Readout { traps, ..laboratory(mission) };
+            (release_transfers, model.scene(model.judged()).change(&readout, TRANSFERS).unwrap())
+        })
+        .collect()
+}
+
+/// Release time (transfers) that changes shapes most.
+pub fn worst_release(scan: &[(f64, ShapeChange)]) -> f64 {
+    scan.iter().max_by(|a, b| a.1.magnitude().total_cmp(&b.1.magnitude())).unwrap().0
+}
+
+/// |Δe| after some years of mean dose (section 5.3).
+pub fn density_scan(mission: &Mission, years: &[f64]) -> Vec<f64> {
+    let model = Model::new(mission).unwrap();
+    years.iter().map(|&t_yr| model.change(model.judged(), t_yr).unwrap().magnitude()).collect()
+}
+
+/// |Δe| at half the distance over that at the whole one, after the laboratory irradiation (section 7).
+pub fn half_the_distance(mission: &Mission) -> f64 {
+    let model = Model::new(mission).unwrap();
+    let scene = model.scene(model.judged());
+    let change = |transfers| scene.change(&laboratory(mission), transfers).unwrap().magnitude();
+    change(TRANSFERS / 2) / change(TRANSFERS)
+}
+
+/// Charge transfer efficiency by the stacking method: charge of single-pixel X-ray events against transfers, a straight
+/// line's slope over its value at the register (section 4.2). 64 columns of 1756 rows; events in a pixel with probability
+/// `events_per_px`. 0: one event in a column at a time.
+pub fn stacking_cte(mission: &Mission, events_per_px: f64, seed: u64) -> f64 {
+    let (rows, columns) = (1756, 64);
+    let readout = Readout { method: Method::Exact, ..laboratory(mission) };
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let image = if events_per_px > 0.0 {
+        Array2::from_shape_simple_fn(
+            (rows, columns),
+            || if random.random::<f64>() < events_per_px { XRAY_E } else { 0.0 },
+        )
+    } else {
+        Array2::from_shape_fn(
+            (rows, columns),
+            |(row, column)| if row == (27 * column + 13) % rows { XRAY_E } else { 0.0 },
+        )
+    };
+    let trailed = readout.parallel(&image, Downstream::NONE);
+    // Single-pixel events: no other within two pixels along the column.
+    let alone = |row: usize, column: usize| {
+        image[[row, column]] > 0.0
+            && (row.saturating_sub(2)..=(row + 2).min(rows - 1)).all(|near| near == row || image[[near, column]] == 0.0)
+    };
+    let (mut n, mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for ((row, column), charge) in trailed.indexed_iter() {
+        if alone(row, column) {
+            let transfers = row as f64 + 1.0;
+            n += 1.0;
+            x += transfers;
+            y += charge;
+            xx += transfers * transfers;
+            xy += transfers * charge;
+        }
+    }
+    let slope = (n * xy - x * y) / (n * xx - x * x);
+    let at_register = (y - slope * x) / n;
+    1.0 + slope / at_register
+}
+
+/// Charge in the pixels behind a lone X-ray event after 1650 transfers, over the event's charge (section 4.2).
+pub fn trail(mission: &Mission, pixels: usize) -> Vec<f64> {
+    let readout = Readout { method: Method::Exact, ..laboratory(mission) };
+    let mut column = vec![0.0; pixels + 1];
+    column[0] = XRAY_E;
+    let downstream = Downstream { rows: i64::from(TRANSFERS) - 1, charge_e: 0.0 };
+    readout.column(&column, downstream)[1..].iter().map(|charge| charge / XRAY_E).collect()
+}
+
+/// Share of the charge missing from a lone X-ray event after 1650 transfers that two of the paper's species account for:
+/// its loss with those two alone over that with all three (section 4.2: about 2/3).
+pub fn share_of_two_species(mission: &Mission) -> f64 {
+    let loss = |readout: Readout| {
+        let downstream = Downstream { rows: i64::from(TRANSFERS) - 1, charge_e: 0.0 };
+        XRAY_E - readout.column(&[XRAY_E], downstream)[0]
+    };
+    let three = laboratory(mission);
+    let two = Readout { traps: three.traps[..2].to_vec(), ..three.clone() };
+    loss(two) / loss(three)
+}
+
+/// The detector as irradiated in the laboratory.
+pub fn laboratory(mission: &Mission) -> Readout {
+    readout_with(mission, &damage::after(&mission.detector, mission.detector.reference_dose_mev_g))
+}
