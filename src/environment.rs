@@ -23,7 +23,9 @@ pub struct DoseHistory {
     /// Launch, decimal year.
     launch: f64,
     /// Years since launch between which solar protons come.
-    active: Vec<(f64, f64)>,
+    windows: Vec<(f64, f64)>,
+    /// Active share of those windows: 1, or 7/11 where the windows stand for all years.
+    active_share: f64,
     /// Dose rate in active years, MeV/g/yr.
     pub active_rate_mev_g_yr: f64,
     /// Dose rate in every year, MeV/g/yr.
@@ -62,16 +64,16 @@ impl DoseHistory {
         let environment = &mission.environment;
         let launch = decimal_year(mission.mission.launch.0);
         let duration_yr = mission.mission.duration_yr;
-        let (active, share) = match environment.model {
+        let (windows, active_share) = match environment.model {
             // One endless stretch at 7/11 of the rate.
             DoseModel::Constant => (vec![(0.0, f64::INFINITY)], solar_cycle::ACTIVE_SHARE),
             DoseModel::SolarCycle => {
-                let windows = solar_cycle::active_windows(&environment.solar_maximum);
-                let since_launch = windows.iter().map(|(start, end)| ((start - launch).max(0.0), end - launch));
+                let maxima = solar_cycle::active_windows(&environment.solar_maximum);
+                let since_launch = maxima.iter().map(|(start, end)| ((start - launch).max(0.0), end - launch));
                 (since_launch.filter(|(_, end)| *end > 0.0).collect(), 1.0)
             }
         };
-        let active_years = share * years_within(&active, duration_yr);
+        let active_years = active_share * years_within(&windows, duration_yr);
         let (rate, origin) = match environment.active_dose_rate_mev_g_yr {
             Some(rate) => (rate, RateOrigin::Given),
             None => derived_rate(mission, active_years),
@@ -86,8 +88,9 @@ impl DoseHistory {
         }
         DoseHistory {
             launch,
-            active,
-            active_rate_mev_g_yr: share * rate,
+            windows,
+            active_share,
+            active_rate_mev_g_yr: rate,
             floor_mev_g_yr: environment.cosmic_ray_floor_mev_g_yr,
             origin,
             warnings,
@@ -96,17 +99,17 @@ impl DoseHistory {
 
     /// Dose since launch, MeV/g, at a time in years since launch.
     pub fn dose_mev_g(&self, t_yr: f64) -> f64 {
-        self.active_rate_mev_g_yr * years_within(&self.active, t_yr) + self.floor_mev_g_yr * t_yr
+        self.active_rate_mev_g_yr * self.active_years(t_yr) + self.floor_mev_g_yr * t_yr
     }
 
     /// Times (years since launch) up to `t_yr` at which the dose rate changes, in order.
     pub fn changes_yr(&self, t_yr: f64) -> Vec<f64> {
-        self.active.iter().flat_map(|(start, end)| [*start, *end]).filter(|t| *t > 0.0 && *t < t_yr).collect()
+        self.windows.iter().flat_map(|(start, end)| [*start, *end]).filter(|t| *t > 0.0 && *t < t_yr).collect()
     }
 
-    /// Active years among the first `t_yr` since launch. With a constant dose rate every year is active.
+    /// Active years among the first `t_yr` since launch; 7/11 of them with a constant dose rate.
     pub fn active_years(&self, t_yr: f64) -> f64 {
-        years_within(&self.active, t_yr)
+        self.active_share * years_within(&self.windows, t_yr)
     }
 
     /// Launch as a decimal year.

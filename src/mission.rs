@@ -105,7 +105,8 @@ pub enum DoseModel {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Accumulate {
-    /// The quantile of one active year, times active years (the paper's way; pessimistic).
+    /// The quantile of one active year, times active years: the paper's way. Above the quantile of the sum for common
+    /// particles at high confidence, below it for rare ones (behind much shielding) and at low confidence.
     Yearly,
     /// The quantile of the sum over the mission, spread evenly over its active years.
     Mission,
@@ -119,6 +120,15 @@ pub enum Niel {
     Sr,
     /// RD50 compilation.
     Rd50,
+}
+
+impl fmt::Display for Niel {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Niel::Sr => "SR-NIEL",
+            Niel::Rd50 => "RD50",
+        })
+    }
 }
 
 /// `[shielding]`

@@ -43,7 +43,7 @@ pub const RANGE_ALUMINIUM: Curve = Curve {
 pub const NIEL_SR: Curve = Curve {
     low_mev: 0.01,
     high_mev: 1000.0,
-    exponent_below: -0.35,
+    exponent_below: -0.34,
     coefficients: [
         -3.2415256,
         -3.9882593,

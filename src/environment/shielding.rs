@@ -8,6 +8,7 @@
 //! D = ∫ NIEL(E_out) f(E_in) dE_in        slab: D = ½ ∫₀¹ D_sphere(t/μ) dμ
 //! ```
 
+use std::fmt;
 use std::num::NonZeroUsize;
 
 use gauss_quad::GaussLegendre;
@@ -24,6 +25,15 @@ pub enum Geometry {
     Sphere,
     /// Isotropic protons through one slab, the other side opaque.
     Slab,
+}
+
+impl fmt::Display for Geometry {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Geometry::Sphere => "sphere",
+            Geometry::Slab => "slab",
+        })
+    }
 }
 
 /// Emerging energies (MeV) over which a dose is integrated. Slower protons, of less than 1 keV, displace next to nothing

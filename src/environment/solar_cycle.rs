@@ -14,8 +14,8 @@ pub const CYCLE_YR: f64 = 11.0;
 
 /// Maxima of solar cycles 19 to 26, decimal years.
 ///
-/// Cycles 19 to 22, 24 and 25: maximum of the 13-month smoothed international sunspot number v2.0 (NOAA/SWPC), rounded
-/// to 0.1 yr. Cycle 23: 2000.3, its first peak, as in ECSS table B-1 (the second, slightly higher one in v2.0 is
+/// Cycles 19, 20, 22, 24 and 25: maximum of the 13-month smoothed international sunspot number v2.0 (NOAA/SWPC), rounded
+/// to 0.1 yr. Cycle 21: 1979.9, as in ECSS table B-1 (v2.0: 1979.96). Cycle 23: 2000.3, its first peak, as in ECSS table B-1 (the second, slightly higher one in v2.0 is
 /// 2001.9). Cycle 26: 2035.8 is an assumption, cycle 25 plus 11 years.
 pub const MAXIMA: [f64; 8] = [1958.2, 1968.9, 1979.9, 1989.9, 2000.3, 2014.3, 2024.8, 2035.8];
 

@@ -65,16 +65,12 @@ pub const KEYS: &[Key] = &[
         help: |value| (value > 100.0).then(|| format!("in days? {value} days are {:.2} years", value / 365.25)),
         ..key("mission.duration_yr", "duration", "yr", Kind::Positive(0.0, 100.0), Required)
     },
-    key(
-        "mission.orbit",
-        "orbit",
-        "",
-        Choice(&["l1", "l2", "interplanetary", "geo", "leo"]),
-        Default("\"l2\""),
-    ),
+    key("mission.orbit", "orbit", "", Choice(&["l1", "l2", "interplanetary", "geo", "leo"]), Default("\"l2\"")),
     key("environment.model", "dose model", "", Choice(&["constant", "solar-cycle"]), Required),
     Key {
-        help: |value| (value > 0.0).then(|| "displacement damage dose, not ionising dose: 1 krad is no such dose".into()),
+        help: |value| {
+            (value > 0.0).then(|| "displacement damage dose, not ionising dose: 1 krad is no such dose".into())
+        },
         ..key(
             "environment.active_dose_rate_mev_g_yr",
             "dose rate behind the shielding in an active year",
@@ -85,7 +81,9 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         help: |value| {
-            (value >= 1.0 && value <= 100.0).then(|| format!("a probability, not a percentage: {value} % is {}", value / 100.0))
+            (1.0..=100.0)
+                .contains(&value)
+                .then(|| format!("a probability, not a percentage: {value} % is {}", value / 100.0))
         },
         ..key(
             "environment.confidence",
@@ -109,20 +107,14 @@ pub const KEYS: &[Key] = &[
         Number(0.0, 1e12),
         Default("0.0"),
     ),
-    key(
-        "environment.solar_maximum",
-        "solar maximum",
-        "(decimal year)",
-        Numbers(1700.0, 2300.0),
-        Optional,
-    ),
+    key("environment.solar_maximum", "solar maximum", "(decimal year)", Numbers(1700.0, 2300.0), Optional),
     key("environment.niel", "damage curve of protons in silicon", "", Choice(&["sr", "rd50"]), Default("\"sr\"")),
     key("shielding.geometry", "shape of the shield", "", Choice(&["sphere", "slab"]), Required),
     key("shielding.material", "material of the shield", "", Choice(&["aluminium"]), Default("\"aluminium\"")),
     Key {
         help: |value| {
             (value == 0.0).then(|| {
-                "the proton model begins at 1 MeV, which 0.01 mm stop: there is no dose behind nothing".into()
+                "the proton model begins at 1 MeV, which 0.015 mm stop: there is no dose behind nothing".into()
             })
         },
         ..key("shielding.thickness_mm", "thickness of the shield", "mm", Kind::Positive(0.0, 300.0), Required)
@@ -150,9 +142,7 @@ pub const KEYS: &[Key] = &[
     ),
     key("detector.traps[].name", "name of the species", "", Text, Required),
     Key {
-        help: |value| {
-            (value > 1e4).then(|| "traps per pixel, not per cm3: multiply by the volume of a pixel".into())
-        },
+        help: |value| (value > 1e4).then(|| "traps per pixel, not per cm3: multiply by the volume of a pixel".into()),
         ..key("detector.traps[].density_per_px", "trap density", "per pixel", Number(0.0, 1e4), Required)
     },
     key("detector.traps[].release_ms", "release time", "ms", Kind::Positive(0.0, 1e12), Required),
@@ -192,7 +182,13 @@ pub const KEYS: &[Key] = &[
             (value > 0.0 && value < 1.0)
                 .then(|| format!("by how much it is divided: to leave {value} of it, say {}", 1.0 / value))
         },
-        ..key("requirement.correction_factor", "factor of the software correction", "", Number(1.0, 1e6), Default("10.0"))
+        ..key(
+            "requirement.correction_factor",
+            "factor of the software correction",
+            "",
+            Number(1.0, 1e6),
+            Default("10.0"),
+        )
     },
     key("requirement.galaxy", "galaxy that is judged", "", Text, Required),
     key(
@@ -215,7 +211,7 @@ const fn key(path: &'static str, what: &'static str, unit: &'static str, kind: K
 
 /// Temperatures below 0 are degrees Celsius.
 fn celsius(value: f64) -> Option<String> {
-    (value < 0.0 && value > -273.15).then(|| format!("this key is in kelvin: {value} °C are {:.2} K", value + 273.15))
+    (value < 0.0 && value > -273.15).then(|| format!("this key is in kelvin: {value} °C is {:.2} K", value + 273.15))
 }
 
 impl Kind {

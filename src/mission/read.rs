@@ -55,7 +55,7 @@ impl Mission {
     pub fn with(&self, settings: &[(String, Value)]) -> Result<Mission, InputError> {
         let said: Vec<String> = settings.iter().map(|(key, value)| format!("{key} = {value}")).collect();
         let refused = format!("cannot use mission \"{}\" with {}", self.mission.name, said.join(", "));
-        let mut table = toml::Table::try_from(self).expect("a mission is a TOML table");
+        let mut table = self.table();
         for (key, value) in settings {
             let path = resolve(&table, key).map_err(|(problem, help)| InputError {
                 refused: format!("cannot set {key} = {value}"),
@@ -69,9 +69,14 @@ impl Mission {
         Source::parse(refused, &text, false)?.mission()
     }
 
+    /// The mission as a TOML table, by way of its text: dates only stay dates that way.
+    fn table(&self) -> toml::Table {
+        self.to_toml().parse().expect("a mission is a TOML table")
+    }
+
     /// The value of a numeric key by its dotted path. None where there is no such key or no number.
     pub fn number(&self, key: &str) -> Option<f64> {
-        let table = toml::Table::try_from(self).ok()?;
+        let table = self.table();
         let path = resolve(&table, key).ok()?;
         match get(&table, &path)? {
             Value::Float(number) => Some(*number),
@@ -150,11 +155,13 @@ impl<'a> Source<'a> {
 
     fn check_value(&self, value: &DeValue, path: &str, key: &keys::Key) -> Result<(), InputError> {
         let allowed = key.kind.allowed(key.unit);
-        let wrong_kind = || self.fault(path, format!("the {} must be {allowed}", key.what));
+        let wrong_kind = || self.fault(path, format!("the {} is of the wrong kind; allowed: {allowed}", key.what));
         let check_number = |value: &DeValue| {
             let number = match value {
                 DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
-                DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|i| i as f64),
+                DeValue::Integer(integer) => {
+                    i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|i| i as f64)
+                }
                 _ => None,
             };
             let number = number.ok_or_else(wrong_kind)?;
@@ -200,7 +207,9 @@ impl<'a> Source<'a> {
         let children = |parent: &str| -> Vec<&str> {
             let mut names: Vec<&str> = KEYS
                 .iter()
-                .filter_map(|key| if parent.is_empty() { Some(key.path) } else { key.path.strip_prefix(parent)?.strip_prefix('.') })
+                .filter_map(|key| {
+                    if parent.is_empty() { Some(key.path) } else { key.path.strip_prefix(parent)?.strip_prefix('.') }
+                })
                 .map(|rest| rest.split(['.', '[']).next().expect("a first part"))
                 .collect();
             names.dedup();
@@ -208,16 +217,26 @@ impl<'a> Source<'a> {
         };
         let siblings = children(parent);
         let elsewhere = KEYS.iter().find(|key| key.path.rsplit('.').next() == Some(name)).map(|key| key.path);
-        let help = if let Some(elsewhere) = elsewhere {
+        let help = if pattern == "effects" || pattern.starts_with("effects.") {
+            "effects come with a later version; this one evaluates the plain model".to_string()
+        } else if let Some(elsewhere) = elsewhere {
             let table = elsewhere.rsplit_once('.').expect("keys stand in tables").0;
-            let table = if table.ends_with("[]") { format!("[[{}]]", table.trim_end_matches("[]")) } else { format!("[{table}]") };
+            let table = if table.ends_with("[]") {
+                format!("[[{}]]", table.trim_end_matches("[]"))
+            } else {
+                format!("[{table}]")
+            };
             format!("it belongs in {table}")
         } else if let Some(near) = nearest(name, siblings.iter().copied()) {
             format!("did you mean `{near}`?")
         } else {
             format!("known here: {}", siblings.join(", "))
         };
-        let problem = if parent.is_empty() { format!("no section is called `{name}`") } else { format!("no key is called `{name}` in {parent}") };
+        let problem = if parent.is_empty() {
+            format!("no section is called `{name}`")
+        } else {
+            format!("no key is called `{name}` in {parent}")
+        };
         InputError { help: Some(help), ..self.fault(path, problem) }
     }
 
@@ -288,10 +307,14 @@ impl<'a> Source<'a> {
                 }
                 (None, None, _) => {
                     let problem = format!("galaxy \"{}\" needs flux_e (e-), or snr with aperture_px (px)", galaxy.name);
-                    return Err(InputError { place: self.place(&format!("galaxies[{index}]")), ..self.fault("", problem) });
+                    return Err(InputError {
+                        place: self.place(&format!("galaxies[{index}]")),
+                        ..self.fault("", problem)
+                    });
                 }
                 (None, Some(_), None) => {
-                    return Err(self.fault(&at("snr"), "a signal-to-noise ratio needs aperture_px, the radius in which it holds"));
+                    return Err(self
+                        .fault(&at("snr"), "a signal-to-noise ratio needs aperture_px, the radius in which it holds"));
                 }
                 _ => {}
             }
@@ -316,12 +339,13 @@ impl<'a> Source<'a> {
             if mission.mission.orbit == Orbit::Leo {
                 let problem = "a low Earth orbit is dosed by trapped protons, for which there is no model here: the dose \
                                cannot be derived";
-                return Err(self
-                    .fault("mission.orbit", problem)
-                    .with_help("give environment.active_dose_rate_mev_g_yr, from SPENVIS or from CTI measured in flight"));
+                return Err(self.fault("mission.orbit", problem).with_help(
+                    "give environment.active_dose_rate_mev_g_yr, from SPENVIS or from CTI measured in flight",
+                ));
             }
             if mission.shielding.is_none() {
-                let problem = "no dose: neither environment.active_dose_rate_mev_g_yr nor [shielding] to derive it from";
+                let problem =
+                    "no dose: neither environment.active_dose_rate_mev_g_yr nor [shielding] to derive it from";
                 return Err(InputError { place: self.place("environment"), ..self.fault("", problem) }.with_help(
                     "add [shielding] with geometry = \"sphere\" or \"slab\" and thickness_mm, in mm of aluminium",
                 ));
@@ -358,7 +382,11 @@ impl<'a> Source<'a> {
             // A table's place is its header.
             return Some(format!("{line}{value}"));
         }
-        let value: String = if value.chars().count() > 60 { value.chars().take(57).chain("...".chars()).collect() } else { value.into() };
+        let value: String = if value.chars().count() > 60 {
+            value.chars().take(57).chain("...".chars()).collect()
+        } else {
+            value.into()
+        };
         Some(format!("{line}{shown} = {value}"))
     }
 
@@ -399,7 +427,8 @@ impl<'a> Source<'a> {
             so_far.push_str(part);
             match part.split_once('[') {
                 Some((name, index)) => {
-                    let member = self.span(&format!("{so_far}.name")).map(|span| self.text[span].trim_matches(['"', '\'']));
+                    let member =
+                        self.span(&format!("{so_far}.name")).map(|span| self.text[span].trim_matches(['"', '\'']));
                     let number = index.trim_end_matches(']').parse::<usize>().map_or(0, |index| index + 1);
                     shown.push_str(name);
                     shown.push('.');
@@ -442,7 +471,10 @@ fn known(path: String, key: &str) -> Result<String, (String, Option<String>)> {
     }
     let pattern = keys::pattern_of(&path);
     let near = nearest(&pattern, KEYS.iter().map(|key| key.path));
-    Err((format!("no key is called `{key}`"), near.map(|near| format!("did you mean `{}`?", near.replace("[]", ".NAME")))))
+    Err((
+        format!("no key is called `{key}`"),
+        near.map(|near| format!("did you mean `{}`?", near.replace("[]", ".NAME"))),
+    ))
 }
 
 /// The value at `a.b[2].c`.
