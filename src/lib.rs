@@ -1,18 +1,26 @@
+#![doc = include_str!("../README.md")]
+#![warn(missing_docs)]
+
+// In the order of the chain: left does not know right.
 pub mod calendar;
-pub mod cli;
 pub mod damage;
-pub mod dose;
 pub mod environment;
 pub mod error;
 pub mod evaluate;
 pub mod galaxy;
 pub mod mission;
-pub mod noise;
 pub mod readout;
 pub mod requirement;
-pub mod report;
-mod root;
-pub mod scenario;
 pub mod scene;
 pub mod shape;
 pub mod warning;
+// What stands on the chain.
+pub mod cli;
+pub mod dose;
+pub mod noise;
+pub mod report;
+pub mod scenario;
+
+mod root;
+
+pub use evaluate::evaluate;
