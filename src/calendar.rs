@@ -1,7 +1,7 @@
 //! Dates, decimal years and years since launch.
 //!
 //! A year since launch is 365.25 days, everywhere. Solar maxima are quoted in decimal calendar years, which are as long
-//! on average; the difference (half a day) is far below what a maximum is known to.
+//! on average; the difference, a day or so, is far below what a maximum is known to.
 
 use chrono::{Datelike, NaiveDate, TimeDelta};
 

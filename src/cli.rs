@@ -176,9 +176,8 @@ impl Evaluate {
                 let end = evaluation.years.last().expect("a mission has an end");
                 let readout = readout_with(&mission, &end.traps);
                 let bar = progress(u64::from(realisations) * mission.galaxies.len() as u64, "galaxies");
-                let realise = |galaxy| {
-                    noise::realise(&mission, galaxy, &readout, realisations as usize, seed, || bar.inc(1))
-                };
+                let realise =
+                    |galaxy| noise::realise(&mission, galaxy, &readout, realisations as usize, seed, || bar.inc(1));
                 let noisy = mission.galaxies.iter().map(realise).collect();
                 bar.finish_and_clear();
                 noisy
@@ -221,8 +220,7 @@ impl Compare {
 impl Dose {
     fn run(&self) -> Result<Outcome, Failure> {
         let mission = mission_with(&self.mission, &self.set)?;
-        let energies_mev: &[f64] =
-            if self.energies_mev.is_empty() { &dose::ENERGIES_MEV } else { &self.energies_mev };
+        let energies_mev: &[f64] = if self.energies_mev.is_empty() { &dose::ENERGIES_MEV } else { &self.energies_mev };
         print(&dose::survey(&mission, energies_mev), &self.output)?;
         Ok(Outcome::Done)
     }

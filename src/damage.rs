@@ -10,7 +10,7 @@
 use crate::mission::{Clocking, Detector};
 use crate::readout::Trap;
 
-/// Boltzmann's constant, eV/K (CODATA 2018, exact).
+/// Boltzmann's constant, eV/K (CODATA 2018).
 pub const BOLTZMANN_EV_K: f64 = 8.617_333_262e-5;
 
 /// One species at one time.

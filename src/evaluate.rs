@@ -203,8 +203,7 @@ fn unmeasurable(mission: &Mission, galaxy: &Galaxy) -> InputError {
 fn warnings(mission: &Mission, dose: &DoseHistory) -> Vec<Warning> {
     let mut warnings = dose.warnings.clone();
     for species in damage::after(&mission.detector, mission.detector.reference_dose_mev_g) {
-        let over_readout =
-            species.release_ms / (mission.readout.line_time_ms * f64::from(mission.readout.transfers));
+        let over_readout = species.release_ms / (mission.readout.line_time_ms * f64::from(mission.readout.transfers));
         if over_readout > 1.0 && species.density_per_px > 0.0 {
             warnings.push(Warning::NeverReleases { species: species.name, over_readout });
         }

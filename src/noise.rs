@@ -2,7 +2,8 @@
 //!
 //! Each realisation has a sub-pixel position of its own, photon noise of galaxy and sky before the readout, and read noise
 //! after it. Its shape is compared with that of the same noisy image read out without traps, so that the noise itself
-//! cancels as far as it can.
+//! cancels as far as it can. What remains is real: photon noise is there before the transfers, decides which of two rows
+//! is the brighter one, and fills traps that a faint galaxy would otherwise meet.
 
 use ndarray::Array2;
 use rand::{RngExt, SeedableRng};
@@ -55,7 +56,7 @@ pub fn realise(
     };
     let readout = Readout { method, ..readout.clone() };
     let flat = Array2::from_elem((2 * half_px + 1, 1), background_e);
-    let trailed_background = readout.parallel(&flat, downstream);
+    let trailed_background = readout.expected().parallel(&flat, downstream);
     let changes: Vec<Option<ShapeChange>> = (0..realisations as u64)
         .into_par_iter()
         .map(|realisation| {

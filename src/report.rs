@@ -73,18 +73,21 @@ fn lines(table: &Table) -> String {
 
 /// Text broken into lines of at most 80 columns, the later ones indented.
 fn wrapped(text: &str, indent: usize) -> String {
-    let mut out = String::new();
-    let mut column = 0;
-    for word in text.split(' ') {
+    let first = text.len() - text.trim_start_matches(' ').len();
+    let mut out = " ".repeat(first);
+    let mut column = first;
+    let mut at_start = true;
+    for word in text[first..].split(' ') {
         let length = word.chars().count();
-        if column > 0 && column + 1 + length > WIDTH as usize {
+        if !at_start && column + 1 + length > WIDTH as usize {
             out.push('\n');
             out.push_str(&" ".repeat(indent));
             column = indent;
-        } else if column > 0 {
+        } else if !at_start {
             out.push(' ');
             column += 1;
         }
+        at_start = false;
         out.push_str(word);
         column += length;
     }

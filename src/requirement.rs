@@ -19,11 +19,7 @@ pub struct Crossing {
 /// `known` are times (years since launch, rising) with the function there: they must be close enough together that the
 /// function crosses a limit at most once in between. None stands for "beyond any limit". The root is that of `function`
 /// itself, to 1e-9 yr, not of a line between the known times.
-pub fn first_crossing(
-    limit: f64,
-    known: &[(f64, Option<f64>)],
-    function: impl Fn(f64) -> Option<f64>,
-) -> Crossing {
+pub fn first_crossing(limit: f64, known: &[(f64, Option<f64>)], function: impl Fn(f64) -> Option<f64>) -> Crossing {
     let excess = |value: Option<f64>| value.map_or(limit, |value| value - limit);
     let end = known.last().expect("at least one time");
     let margin = end.1.map(|value| limit - value);

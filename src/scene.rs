@@ -88,7 +88,7 @@ impl Scene {
     pub fn change(&self, readout: &Readout, transfers: u32) -> Option<ShapeChange> {
         let downstream = self.downstream(transfers);
         let background = Array2::from_elem((2 * self.half_px + 1, 1), self.background_e);
-        let background = readout.parallel(&background, downstream);
+        let background = readout.expected().parallel(&background, downstream);
         let changes: Vec<ShapeChange> = self
             .positions
             .par_iter()
@@ -150,7 +150,9 @@ fn across(grid: u32) -> Vec<(f64, f64)> {
 /// bright, at the edges of the pixel, and is smooth in between; evenly spaced positions would converge as 1/grid² only.
 fn along(grid: u32) -> Vec<(f64, f64)> {
     match NonZeroUsize::new(grid as usize) {
-        Some(nodes) if grid > 1 => GaussLegendre::new(nodes).iter().map(|(y, weight)| (y / 2.0, weight / 2.0)).collect(),
+        Some(nodes) if grid > 1 => {
+            GaussLegendre::new(nodes).iter().map(|(y, weight)| (y / 2.0, weight / 2.0)).collect()
+        }
         _ => vec![(0.0, 1.0)],
     }
 }

@@ -39,7 +39,7 @@ impl Moments {
         let (mut y, mut x) = (0.0, 0.0);
         for _ in 0..PATIENCE {
             let sums = Sums::of(image, weight_px, middle.0 + y, middle.1 + x);
-            if !(sums.flux > 0.0) {
+            if sums.flux.is_nan() || sums.flux <= 0.0 {
                 return None;
             }
             // Newton's method: where the weight moves by c, the centroid moves by I/σ² c.

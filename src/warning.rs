@@ -39,10 +39,9 @@ impl fmt::Display for Warning {
                 "{species} releases after {over_readout:.1} readouts: its traps stay filled from one exposure to the \
                  next, which is not modelled (traps start empty)"
             ),
-            Warning::CoarseAccuracy { relative } => write!(
-                out,
-                "accuracy.relative = {relative} may show in the shapes: 1e-6 costs little more"
-            ),
+            Warning::CoarseAccuracy { relative } => {
+                write!(out, "accuracy.relative = {relative} may show in the shapes: 1e-6 costs little more")
+            }
         }
     }
 }

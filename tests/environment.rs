@@ -41,7 +41,11 @@ fn the_dose_behind_aluminium_agrees_with_the_independent_table_to_2_percent() {
             };
             let dose = sides * dose_behind(&Spectrum::esp(confidence, 1.0), geometry, row[0], niel);
             worst = worst.max((dose / expected - 1.0).abs());
-            assert!((dose / expected - 1.0).abs() < 0.02, "{} mm {column}: {dose:.4e}, expected {expected:.4e}", row[0]);
+            assert!(
+                (dose / expected - 1.0).abs() < 0.02,
+                "{} mm {column}: {dose:.4e}, expected {expected:.4e}",
+                row[0]
+            );
         }
     }
     assert!(worst > 0.0);

@@ -46,7 +46,10 @@ pub(super) fn moffat(fwhm_px: f64, beta: f64) -> Vec<(f64, f64)> {
     let density = |log_s: f64| ((beta - 1.0) * log_s - log_s.exp() - ln_gamma(beta - 1.0)).exp();
     // For large β the law is narrow in ln s: as 1/√(β−1).
     let step = LOG_STEP / (1.0 + (beta - 1.0) / 4.0).sqrt();
-    sum(step, (beta - 1.0).ln(), density).into_iter().map(|(weight, log_s)| (weight, a2 / (2.0 * log_s.exp()))).collect()
+    sum(step, (beta - 1.0).ln(), density)
+        .into_iter()
+        .map(|(weight, log_s)| (weight, a2 / (2.0 * log_s.exp())))
+        .collect()
 }
 
 /// Sersic profile of unit flux: weights and variances (px²). Index from 0.5.
@@ -131,7 +134,10 @@ mod tests {
     #[test]
     fn sums_of_gaussians_are_the_profiles() {
         let surface = |mixture: &[(f64, f64)], r2: f64| -> f64 {
-            mixture.iter().map(|(weight, variance)| weight / (2.0 * PI * variance) * (-r2 / (2.0 * variance)).exp()).sum()
+            mixture
+                .iter()
+                .map(|(weight, variance)| weight / (2.0 * PI * variance) * (-r2 / (2.0 * variance)).exp())
+                .sum()
         };
         for beta in [1.5, 2.5, 3.5, 10.0, 60.0] {
             let mixture = moffat(2.0, beta);
@@ -139,7 +145,11 @@ mod tests {
             let peak = (beta - 1.0) / (PI * a2);
             for r in [0.0, 0.3, 1.0, 2.0, 5.0] {
                 let exact = peak * (1.0 + r * r / a2).powf(-beta);
-                assert!((surface(&mixture, r * r) - exact).abs() < 2e-5 * peak, "beta {beta}, r {r}: {} {exact}", surface(&mixture, r * r));
+                assert!(
+                    (surface(&mixture, r * r) - exact).abs() < 2e-5 * peak,
+                    "beta {beta}, r {r}: {} {exact}",
+                    surface(&mixture, r * r)
+                );
             }
         }
         for n in [0.5, 0.55, 0.7, 1.0, 2.0, 4.0, 6.0, 8.0] {

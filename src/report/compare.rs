@@ -9,7 +9,10 @@ use crate::scenario::{Comparison, Scenario};
 
 impl Report for Comparison {
     fn text(&self) -> String {
-        let several = self.scenarios.iter().any(|scenario| scenario.mission.mission.name != self.scenarios[0].mission.mission.name);
+        let several = self
+            .scenarios
+            .iter()
+            .any(|scenario| scenario.mission.mission.name != self.scenarios[0].mission.mission.name);
         let mut header: Vec<String> = if several { vec!["mission".into()] } else { Vec::new() };
         header.extend(self.scenarios[0].settings.iter().map(|(key, _)| short(key).to_string()));
         if header.is_empty() {
@@ -27,7 +30,16 @@ impl Report for Comparison {
             row.push(scenario.delta_e.map_or("lost".into(), |delta_e| format!("{delta_e:.3e}")));
             row.push(when(scenario, &scenario.verdict.uncorrected));
             row.push(when(scenario, &scenario.verdict.corrected));
-            row.push(if index == self.best { "best" } else if index == self.worst { "worst" } else { "" }.into());
+            row.push(
+                if index == self.best {
+                    "best"
+                } else if index == self.worst {
+                    "worst"
+                } else {
+                    ""
+                }
+                .into(),
+            );
             comparison.add_row(row);
         }
         let first = &self.scenarios[0].mission;
@@ -61,11 +73,8 @@ impl Report for Comparison {
             .scenarios
             .iter()
             .map(|scenario| {
-                let settings: serde_json::Map<String, Value> = scenario
-                    .settings
-                    .iter()
-                    .map(|(key, value)| (key.clone(), setting_json(value)))
-                    .collect();
+                let settings: serde_json::Map<String, Value> =
+                    scenario.settings.iter().map(|(key, value)| (key.clone(), setting_json(value))).collect();
                 let verdict = &scenario.verdict;
                 let requirement = &scenario.mission.requirement;
                 json!({
@@ -89,19 +98,23 @@ impl Report for Comparison {
         let mut header = vec!["mission".to_string()];
         header.extend(self.scenarios[0].settings.iter().map(|(key, _)| key.clone()));
         header.extend(
-            ["dose_mev_g", "active_yr", "delta_e", "exceeded_t_yr", "exceeded_date", "corrected_t_yr", "corrected_date"]
-                .map(str::to_string),
+            [
+                "dose_mev_g",
+                "active_yr",
+                "delta_e",
+                "exceeded_t_yr",
+                "exceeded_date",
+                "corrected_t_yr",
+                "corrected_date",
+            ]
+            .map(str::to_string),
         );
         let mut rows = vec![header];
         for scenario in &self.scenarios {
             let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
             let mut row = vec![scenario.mission.mission.name.clone()];
             row.extend(scenario.settings.iter().map(|(_, value)| setting(value)));
-            row.extend([
-                scenario.dose_mev_g.to_string(),
-                scenario.active_yr.to_string(),
-                number(scenario.delta_e),
-            ]);
+            row.extend([scenario.dose_mev_g.to_string(), scenario.active_yr.to_string(), number(scenario.delta_e)]);
             for crossing in [&scenario.verdict.uncorrected, &scenario.verdict.corrected] {
                 row.push(number(crossing.t_yr));
                 row.push(date(scenario, crossing).map_or(String::new(), |date| date.to_string()));
@@ -117,8 +130,12 @@ impl Comparison {
         let (best, worst) = (&self.scenarios[self.best], &self.scenarios[self.worst]);
         match (best.delta_e, worst.delta_e) {
             (Some(least), Some(most)) if least >= most => "All are alike.".into(),
-            (Some(least), Some(most)) if least == 0.0 => {
-                format!("Best: {}, without any change of shape, against {most:.3e} of the worst, {}, because", name(best), name(worst))
+            (Some(0.0), Some(most)) => {
+                format!(
+                    "Best: {}, without any change of shape, against {most:.3e} of the worst, {}, because",
+                    name(best),
+                    name(worst)
+                )
             }
             (Some(least), Some(most)) => format!(
                 "Best: {}, with {:.3} of the change of the worst, {}, because",

@@ -163,9 +163,8 @@ impl Report for Survey {
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
-        let mut rows = vec![
-            ["year", "flown_yr", "active_yr", "dose_mev_g", "cumulative_mev_g"].map(str::to_string).to_vec(),
-        ];
+        let mut rows =
+            vec![["year", "flown_yr", "active_yr", "dose_mev_g", "cumulative_mev_g"].map(str::to_string).to_vec()];
         rows.extend(self.years.iter().map(|year| {
             vec![
                 year.year.to_string(),

@@ -25,7 +25,7 @@ impl Report for EvaluateReport {
         let header = &mission.mission;
         let mut out = wrapped(
             &format!(
-                "{}: {} yr from {} in orbit {}, {} transfers every {} ms at {} K",
+                "{}: {} yr from {}, orbit {}; {} transfers of {} ms, {} K",
                 header.name,
                 header.duration_yr,
                 header.launch,
@@ -39,7 +39,14 @@ impl Report for EvaluateReport {
         out.push('\n');
 
         let mut dose_table = table(&["year", "date", "active", "dose", "traps"]);
-        dose_table.set_header(vec!["t [yr]", "date", "active [yr]", "dose [MeV/g]", "traps [1/px]", "by species [1/px]"]);
+        dose_table.set_header(vec![
+            "t [yr]",
+            "date",
+            "active [yr]",
+            "dose [MeV/g]",
+            "traps [1/px]",
+            "by species [1/px]",
+        ]);
         for year in years {
             dose_table.add_row(vec![
                 format!("{}", year.t_yr),
@@ -59,8 +66,7 @@ impl Report for EvaluateReport {
         out.push_str(&changes(years, mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect()));
 
         out.push_str(&format!("\nAt the end of the mission, after {} yr\n", header.duration_yr));
-        let mut end_table =
-            table(&["galaxy", "delta e1", "delta y [px]", "delta size [%]", "delta flux [%]"]);
+        let mut end_table = table(&["galaxy", "delta e1", "delta y [px]", "delta size [%]", "delta flux [%]"]);
         let end = years.last().expect("a mission has an end");
         for (galaxy, change) in mission.galaxies.iter().zip(&end.galaxies) {
             let cell = |value: fn(&ShapeChange) -> String| change.as_ref().map_or("lost".into(), value);
@@ -133,7 +139,7 @@ impl Report for EvaluateReport {
             "mission": mission.mission.name,
             "launch": mission.mission.launch.to_string(),
             "duration_yr": mission.mission.duration_yr,
-            "active_dose_rate_mev_g_yr": self.active_rate(),
+            "active_dose_rate_mev_g_yr": dose.active_rate_mev_g_yr,
             "active_years": dose.active_years(mission.mission.duration_yr),
             "years": years,
             "budget": {
@@ -169,12 +175,9 @@ impl Report for EvaluateReport {
 
     fn csv(&self) -> Vec<Vec<String>> {
         let Evaluation { mission, years, .. } = &self.evaluation;
-        let mut header: Vec<String> =
-            ["t_yr", "date", "dose_mev_g", "traps_per_px"].map(str::to_string).to_vec();
+        let mut header: Vec<String> = ["t_yr", "date", "dose_mev_g", "traps_per_px"].map(str::to_string).to_vec();
         header.extend(mission.detector.traps.iter().map(|species| format!("{}_per_px", species.name)));
-        header.extend(
-            ["galaxy", "delta_e1", "delta_e2", "delta_y_px", "delta_size", "delta_flux"].map(str::to_string),
-        );
+        header.extend(["galaxy", "delta_e1", "delta_e2", "delta_y_px", "delta_size", "delta_flux"].map(str::to_string));
         let mut rows = vec![header];
         for year in years {
             for (galaxy, change) in mission.galaxies.iter().zip(&year.galaxies) {
@@ -238,20 +241,12 @@ impl EvaluateReport {
         format!("\nThe same from realisations with photon and read noise, +- standard error\n{}", lines(&noisy_table))
     }
 
-    fn active_rate(&self) -> f64 {
-        let share = match self.evaluation.mission.environment.model {
-            DoseModel::SolarCycle => 1.0,
-            DoseModel::Constant => crate::environment::solar_cycle::ACTIVE_SHARE,
-        };
-        self.evaluation.dose.active_rate_mev_g_yr / share
-    }
-
     fn dose_origin(&self) -> String {
         let mission = &self.evaluation.mission;
         let environment = &mission.environment;
         let origin = match (self.evaluation.dose.origin, &mission.shielding) {
             (RateOrigin::Esp { active_years }, Some(shield)) => format!(
-                "ESP solar protons at {} % confidence for {:.2} active years behind {} mm of aluminium ({:?}), NIEL {:?}",
+                "ESP solar protons at {} % confidence for {:.2} active years behind {} mm of aluminium ({}), damage curve {}",
                 100.0 * environment.confidence,
                 active_years,
                 shield.thickness_mm,
@@ -268,7 +263,7 @@ impl EvaluateReport {
             DoseModel::SolarCycle => "in active years, nothing in quiet ones",
             DoseModel::Constant => "in active years, 7/11 of it taken for every year",
         };
-        format!("{:.3e} MeV/g/yr {spread}; {origin}{floor}", self.active_rate())
+        format!("{:.3e} MeV/g/yr {spread}; {origin}{floor}", self.evaluation.dose.active_rate_mev_g_yr)
     }
 }
 
@@ -301,9 +296,13 @@ fn changes(years: &[Year], names: Vec<&str>) -> String {
         let mut galaxy_table = table(&header);
         for year in years {
             let mut row = vec![format!("{}", year.t_yr)];
-            row.extend(year.galaxies.iter().skip(block * side_by_side).take(names.len()).map(|change| {
-                change.map_or("lost".into(), |change| format!("{:+.3e}", change.delta_e1))
-            }));
+            row.extend(
+                year.galaxies
+                    .iter()
+                    .skip(block * side_by_side)
+                    .take(names.len())
+                    .map(|change| change.map_or("lost".into(), |change| format!("{:+.3e}", change.delta_e1))),
+            );
             galaxy_table.add_row(row);
         }
         out.push_str(&lines(&galaxy_table));

@@ -53,7 +53,8 @@ fn kind_of(key: &str) -> Option<Kind> {
     let known = keys::find(key).or_else(|| {
         KEYS.iter().find(|known| {
             known.path.split_once("[].").is_some_and(|(array, field)| {
-                key.strip_prefix(array).is_some_and(|rest| rest.starts_with('.') && rest.ends_with(&format!(".{field}")))
+                key.strip_prefix(array)
+                    .is_some_and(|rest| rest.starts_with('.') && rest.ends_with(&format!(".{field}")))
             })
         })
     })?;
@@ -61,7 +62,8 @@ fn kind_of(key: &str) -> Option<Kind> {
 }
 
 fn value(kind: Kind, item: &str) -> Result<Value, String> {
-    let number = || item.parse::<f64>().ok().filter(|number| number.is_finite()).ok_or(format!("`{item}` is no number"));
+    let number =
+        || item.parse::<f64>().ok().filter(|number| number.is_finite()).ok_or(format!("`{item}` is no number"));
     match kind {
         Kind::Integer(..) => match item.parse::<i64>() {
             Ok(integer) => Ok(Value::Integer(integer)),
@@ -110,7 +112,7 @@ fn range(kind: Kind, from: &str, rest: &str) -> Result<Vec<Value>, String> {
         [step] => {
             let step = number(step)?;
             let steps = (high - low) / step;
-            if !(steps >= 0.0) || steps >= MOST_VALUES as f64 {
+            if !(0.0..MOST_VALUES as f64).contains(&steps) {
                 return Err(format!("{step} does not lead from {low} to {high} in up to {MOST_VALUES} steps"));
             }
             // The least fraction of a step keeps the end, in spite of rounding.
