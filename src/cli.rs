@@ -212,7 +212,11 @@ impl Compare {
                 .with_help("give --launch, --line-time-ms, --transfers or --set KEY=VALUES, or several missions")
                 .into());
         }
-        print(&compare(&missions, &axes)?, &self.output)?;
+        let scenarios = missions.len() * axes.iter().map(|axis| axis.values.len()).product::<usize>();
+        let bar = progress(scenarios as u64, "scenarios");
+        let comparison = compare(&missions, &axes, || bar.inc(1));
+        bar.finish_and_clear();
+        print(&comparison?, &self.output)?;
         Ok(Outcome::Done)
     }
 }

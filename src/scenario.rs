@@ -45,9 +45,11 @@ pub struct Comparison {
 
 /// Evaluates missions at every combination of the axes' values.
 ///
+/// `progress` is called once for every scenario that is done.
+///
 /// # Errors
 /// Where a key or a value is not one of a mission's, or a galaxy has no measurable shape. The first one in order.
-pub fn compare(missions: &[Mission], axes: &[Axis]) -> Result<Comparison, InputError> {
+pub fn compare(missions: &[Mission], axes: &[Axis], progress: impl Fn() + Sync) -> Result<Comparison, InputError> {
     let mut combinations: Vec<Vec<(String, toml::Value)>> = vec![Vec::new()];
     for axis in axes {
         combinations = combinations
@@ -66,7 +68,7 @@ pub fn compare(missions: &[Mission], axes: &[Axis]) -> Result<Comparison, InputE
         .flat_map(|mission| combinations.iter().map(move |settings| (mission, settings)))
         .collect::<Vec<_>>()
         .into_par_iter()
-        .map(|(mission, settings)| scenario(mission, settings))
+        .map(|(mission, settings)| scenario(mission, settings).inspect(|_| progress()))
         .collect::<Result<Vec<_>, _>>()?;
     // A lost shape is worse than any other.
     let change = |index: &usize| scenarios[*index].delta_e.unwrap_or(f64::INFINITY);

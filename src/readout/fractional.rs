@@ -21,17 +21,20 @@ pub(super) fn column(traps: &[Trap], cloud: Cloud, charge_e: &mut [f64], downstr
             species.fill(0.0);
             species[..filled_before].fill(1.0);
         }
+        // No trap above the highest cloud so far holds anything.
+        let mut occupied = filled_before;
         let first = (pixel - downstream.rows).max(0) as usize;
         for charge in &mut charge_e[first..] {
             for (trap, filling) in traps.iter().zip(&mut filling) {
                 let release = -(-1.0 / trap.release_transfers).exp_m1();
                 let per_level = trap.density_per_px / levels as f64;
-                for fill in filling.iter_mut() {
+                for fill in &mut filling[..occupied] {
                     *charge += per_level * *fill * release;
                     *fill -= *fill * release;
                 }
             }
             let reached = below(cloud.height(*charge));
+            occupied = occupied.max(reached);
             let mut available = *charge;
             'capture: for level in 0..reached {
                 for (trap, filling) in traps.iter().zip(&mut filling) {
