@@ -14,11 +14,11 @@ pub fn decimal_year(date: NaiveDate) -> f64 {
     f64::from(date.year()) + f64::from(date.ordinal0()) / days
 }
 
-/// The date (the day that has begun) `t_yr` years after launch. None outside the calendar.
+/// The date (the day that has begun) `t_yr` years after launch. None after the year 9999.
 pub fn date_after(launch: NaiveDate, t_yr: f64) -> Option<NaiveDate> {
     // The least fraction of a day keeps whole numbers of days whole in spite of rounding.
     let days = (t_yr * DAYS_PER_YEAR + 1e-6).floor();
-    launch.checked_add_signed(TimeDelta::try_days(days as i64)?)
+    launch.checked_add_signed(TimeDelta::try_days(days as i64)?).filter(|date| date.year() <= 9999)
 }
 
 /// Years from launch to a date.

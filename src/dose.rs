@@ -8,8 +8,9 @@ use crate::environment::esp::Spectrum;
 use crate::environment::proton::NIEL_NEUTRON_1MEV;
 use crate::environment::shielding::{Geometry, dose_behind, fluence_behind};
 use crate::environment::{DoseHistory, RateOrigin};
-use crate::mission::{Accumulate, DoseModel, Mission};
+use crate::mission::{Accumulate, DoseModel, Mission, Orbit};
 use crate::root;
+use crate::warning::Warning;
 
 /// Confidence levels of the table.
 const CONFIDENCES: [f64; 5] = [0.50, 0.75, 0.90, 0.95, 0.99];
@@ -120,7 +121,10 @@ pub struct AtEnergy {
 
 /// Surveys a mission's dose, with the spectrum at these energies (MeV, above 0).
 pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Survey {
-    let history = DoseHistory::of(mission);
+    let mut history = DoseHistory::of(mission);
+    if mission.mission.orbit == Orbit::Leo {
+        history.warnings.push(Warning::ShieldedByField);
+    }
     let environment = &mission.environment;
     let niel = environment.niel.curve();
     let duration_yr = mission.mission.duration_yr;

@@ -164,7 +164,7 @@ pub fn evaluate(mission: &Mission) -> Result<Evaluation, InputError> {
     let years: Vec<Year> =
         year_ends(mission.mission.duration_yr).into_par_iter().map(|t_yr| model.year(t_yr)).collect();
     let verdict = model.verdict(&years);
-    let warnings = warnings(mission, &model.dose);
+    let warnings = warnings(&model);
     Ok(Evaluation { mission: mission.clone(), dose: model.dose, years, verdict, warnings })
 }
 
@@ -200,8 +200,17 @@ fn unmeasurable(mission: &Mission, galaxy: &Galaxy) -> InputError {
     .with_help("choose weight_px closer to the size of the galaxy")
 }
 
-fn warnings(mission: &Mission, dose: &DoseHistory) -> Vec<Warning> {
-    let mut warnings = dose.warnings.clone();
+fn warnings(model: &Model) -> Vec<Warning> {
+    let mission = model.mission;
+    let mut warnings = model.dose.warnings.clone();
+    for (galaxy, scene) in mission.galaxies.iter().zip(&model.scenes) {
+        if scene.peak_e() > mission.detector.full_well_e {
+            warnings.push(Warning::Saturated { name: format!("galaxy \"{}\"", galaxy.name), peak_e: scene.peak_e() });
+        }
+    }
+    if mission.accuracy.readout == ReadoutMethod::MonteCarlo {
+        warnings.push(Warning::OneSetOfTraps);
+    }
     for species in damage::after(&mission.detector, mission.detector.reference_dose_mev_g) {
         let over_readout = species.release_ms / (mission.readout.line_time_ms * f64::from(mission.readout.transfers));
         if over_readout > 1.0 && species.density_per_px > 0.0 {

@@ -80,6 +80,12 @@ pub fn realise(
             progress();
             let before = Moments::of(&untrailed, galaxy.weight_px)?;
             let after = Moments::of(&trailed, galaxy.weight_px)?;
+            // A centroid farther away than the weight is wide is that of a peak of the noise.
+            let at_home =
+                |moments: &Moments| (moments.x_px - offset_px[0]).hypot(moments.y_px - offset_px[1]) < galaxy.weight_px;
+            if !at_home(&before) || !at_home(&after) {
+                return None;
+            }
             Some(ShapeChange::between(&before, &after))
         })
         .collect();

@@ -113,3 +113,15 @@ fn crossing_json(crossing: &Crossing, factor: Option<f64>, date: Option<chrono::
     json.insert("margin_delta_e".into(), crossing.margin.into());
     Value::Object(json)
 }
+
+/// TOML as JSON; dates as text.
+fn toml_json(value: &toml::Value) -> Value {
+    match value {
+        toml::Value::Datetime(date) => date.to_string().into(),
+        toml::Value::Array(members) => members.iter().map(toml_json).collect(),
+        toml::Value::Table(members) => {
+            Value::Object(members.iter().map(|(key, value)| (key.clone(), toml_json(value))).collect())
+        }
+        plain => serde_json::to_value(plain).expect("a number, a word or a truth"),
+    }
+}

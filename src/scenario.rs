@@ -106,15 +106,17 @@ fn why(best: &Scenario, worst: &Scenario) -> Result<Vec<String>, InputError> {
     let mut reasons = Vec::new();
     let alike = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
     if !alike(best.dose_mev_g, worst.dose_mev_g) {
+        let although = if best.dose_mev_g > worst.dose_mev_g { "although the " } else { "" };
         reasons.push(format!(
-            "dose {:.3e} against {:.3e} MeV/g ({:.2} against {:.2} active years)",
+            "{although}dose {:.3e} against {:.3e} MeV/g ({:.2} against {:.2} active years)",
             best.dose_mev_g, worst.dose_mev_g, best.active_yr, worst.active_yr
         ));
     }
     if best.dose_mev_g > 0.0 && worst.dose_mev_g > 0.0 {
         let (best_per, worst_per) = (best_e / best.dose_mev_g, worst_e / worst.dose_mev_g);
         if !alike(best_per, worst_per) && (best_per / worst_per - 1.0).abs() > 0.01 {
-            reasons.push(format!("the same dose does {:.3} of the change of shape", best_per / worst_per));
+            let although = if best_per > worst_per { "although " } else { "" };
+            reasons.push(format!("{although}the same dose does {:.3} of the change of shape", best_per / worst_per));
         }
         let (from, to) = (shares(worst)?, shares(best)?);
         for ((name, worst_share, worst_transfers), (_, best_share, best_transfers)) in

@@ -86,6 +86,9 @@ impl Scene {
     ///
     /// None where the trailed galaxy has no centroid any more.
     pub fn change(&self, readout: &Readout, transfers: u32) -> Option<ShapeChange> {
+        if readout.traps.iter().all(|trap| trap.density_per_px == 0.0) {
+            return Some(ShapeChange::default());
+        }
         let downstream = self.downstream(transfers);
         let background = Array2::from_elem((2 * self.half_px + 1, 1), self.background_e);
         let background = readout.expected().parallel(&background, downstream);
@@ -117,6 +120,12 @@ impl Scene {
     /// Size, ellipticity and weighted flux before the readout, at the first position of the grid.
     pub fn before(&self) -> &Moments {
         &self.positions[0].before
+    }
+
+    /// Charge of the brightest pixel with its background, e-.
+    pub fn peak_e(&self) -> f64 {
+        let brightest = self.positions.iter().flat_map(|position| &position.charge_e).copied().fold(0.0, f64::max);
+        self.background_e + brightest
     }
 
     /// The central row makes `transfers` transfers; what lies downstream of the stamp is background.

@@ -19,6 +19,17 @@ pub enum Warning {
         /// Its release time over the time of all transfers.
         over_readout: f64,
     },
+    /// A pixel holds more than the full well.
+    Saturated {
+        /// What it is a pixel of.
+        name: String,
+        /// Its charge, e-.
+        peak_e: f64,
+    },
+    /// The dose of solar protons is shown for an orbit that they do not reach unhindered.
+    ShieldedByField,
+    /// The readout has random traps, and this is one set of them.
+    OneSetOfTraps,
     /// The accuracy of the readout is coarser than the requirement can bear.
     CoarseAccuracy {
         /// `[accuracy] relative`.
@@ -34,9 +45,23 @@ impl fmt::Display for Warning {
                 "the last solar maximum in the list is {last:.1}: years after {known_until:.1} count as quiet; add later \
                  maxima to environment.solar_maximum"
             ),
+            Warning::Saturated { name, peak_e } => write!(
+                out,
+                "{name} puts {peak_e:.3e} e- into a pixel, more than the full well: a cloud is then as high as it gets, and \
+                 what overflows is not modelled"
+            ),
+            Warning::ShieldedByField => write!(
+                out,
+                "solar protons do not reach a low Earth orbit unhindered: the ESP figures hold outside the magnetosphere"
+            ),
+            Warning::OneSetOfTraps => write!(
+                out,
+                "accuracy.readout = \"monte-carlo\" reads out through one set of random traps: its scatter is in every \
+                 figure, the verdict's too; compare several values of accuracy.seed"
+            ),
             Warning::NeverReleases { species, over_readout } => write!(
                 out,
-                "{species} releases after {over_readout:.1} readouts: its traps stay filled from one exposure to the \
+                "{species} releases after {over_readout:.3e} readouts: its traps stay filled from one exposure to the \
                  next, which is not modelled (traps start empty)"
             ),
             Warning::CoarseAccuracy { relative } => {

@@ -26,6 +26,7 @@ impl Mission {
         let text = fs::read_to_string(&path).map_err(|error| {
             let problem = match error.kind() {
                 std::io::ErrorKind::NotFound => "there is no such file".to_string(),
+                std::io::ErrorKind::IsADirectory => "this is a folder, not a file".to_string(),
                 std::io::ErrorKind::InvalidData => "the file is not text in UTF-8".to_string(),
                 _ => error.to_string(),
             };
@@ -55,7 +56,7 @@ impl Mission {
     pub fn with(&self, settings: &[(String, Value)]) -> Result<Mission, InputError> {
         let said: Vec<String> = settings.iter().map(|(key, value)| format!("{key} = {value}")).collect();
         let refused = format!("cannot use mission \"{}\" with {}", self.mission.name, said.join(", "));
-        let mut table = self.table();
+        let mut table = self.to_table();
         for (key, value) in settings {
             let path = resolve(&table, key).map_err(|(problem, help)| InputError {
                 refused: format!("cannot set {key} = {value}"),
@@ -70,13 +71,13 @@ impl Mission {
     }
 
     /// The mission as a TOML table, by way of its text: dates only stay dates that way.
-    fn table(&self) -> toml::Table {
+    pub fn to_table(&self) -> toml::Table {
         self.to_toml().parse().expect("a mission is a TOML table")
     }
 
     /// The value of a numeric key by its dotted path. None where there is no such key or no number.
     pub fn number(&self, key: &str) -> Option<f64> {
-        let table = self.table();
+        let table = self.to_table();
         let path = resolve(&table, key).ok()?;
         match get(&table, &path)? {
             Value::Float(number) => Some(*number),

@@ -2,17 +2,14 @@
 
 use serde_json::{Value, json};
 
-use super::{Report, crossing_json, lines, or_dash, table, wrapped};
+use super::{Report, crossing_json, lines, or_dash, table, toml_json, wrapped};
 use crate::calendar::date_after;
 use crate::requirement::Crossing;
 use crate::scenario::{Comparison, Scenario};
 
 impl Report for Comparison {
     fn text(&self) -> String {
-        let several = self
-            .scenarios
-            .iter()
-            .any(|scenario| scenario.mission.mission.name != self.scenarios[0].mission.mission.name);
+        let several = self.several_missions();
         let mut header: Vec<String> = if several { vec!["mission".into()] } else { Vec::new() };
         header.extend(self.scenarios[0].settings.iter().map(|(key, _)| short(key).to_string()));
         if header.is_empty() {
@@ -48,14 +45,28 @@ impl Report for Comparison {
         } else {
             first.mission.name.clone()
         };
+        let alike = |value: fn(&Scenario) -> String| {
+            self.scenarios.iter().all(|scenario| value(scenario) == value(&self.scenarios[0]))
+        };
+        let requirement = &first.requirement;
+        let galaxy = if alike(|scenario| scenario.mission.requirement.galaxy.clone()) {
+            format!("\"{}\"", requirement.galaxy)
+        } else {
+            "the judged galaxy".into()
+        };
+        let budget = if alike(|scenario| {
+            format!("{} {}", scenario.mission.requirement.delta_e, scenario.mission.requirement.correction_factor)
+        }) {
+            format!(
+                "{}, uncorrected and corrected by a factor {}",
+                crate::mission::keys::plain(requirement.delta_e),
+                requirement.correction_factor
+            )
+        } else {
+            "the mission's budget, uncorrected and corrected".into()
+        };
         let mut out = wrapped(
-            &format!(
-                "{title}: |delta e| of \"{}\" at the end of the mission, and when it exceeds {}, uncorrected and \
-                 corrected by a factor {}",
-                first.requirement.galaxy,
-                crate::mission::keys::plain(first.requirement.delta_e),
-                first.requirement.correction_factor
-            ),
+            &format!("{title}: |delta e| of {galaxy} at the end of the mission, and when it exceeds {budget}"),
             2,
         );
         out.push('\n');
@@ -74,7 +85,7 @@ impl Report for Comparison {
             .iter()
             .map(|scenario| {
                 let settings: serde_json::Map<String, Value> =
-                    scenario.settings.iter().map(|(key, value)| (key.clone(), setting_json(value))).collect();
+                    scenario.settings.iter().map(|(key, value)| (key.clone(), toml_json(value))).collect();
                 let verdict = &scenario.verdict;
                 let requirement = &scenario.mission.requirement;
                 json!({
@@ -126,36 +137,43 @@ impl Report for Comparison {
 }
 
 impl Comparison {
+    fn several_missions(&self) -> bool {
+        self.scenarios.iter().any(|scenario| scenario.mission.mission.name != self.scenarios[0].mission.mission.name)
+    }
+
     fn conclusion(&self) -> String {
         let (best, worst) = (&self.scenarios[self.best], &self.scenarios[self.worst]);
+        let several = self.several_missions();
         match (best.delta_e, worst.delta_e) {
             (Some(least), Some(most)) if least >= most => "All are alike.".into(),
             (Some(0.0), Some(most)) => {
                 format!(
                     "Best: {}, without any change of shape, against {most:.3e} of the worst, {}, because",
-                    name(best),
-                    name(worst)
+                    name(best, several),
+                    name(worst, several)
                 )
             }
             (Some(least), Some(most)) => format!(
                 "Best: {}, with {:.3} of the change of the worst, {}, because",
-                name(best),
+                name(best, several),
                 least / most,
-                name(worst)
+                name(worst, several)
             ),
-            _ => format!("Best: {}; worst: {}, because", name(best), name(worst)),
+            _ => format!("Best: {}; worst: {}, because", name(best, several), name(worst, several)),
         }
     }
 }
 
 /// What tells a scenario apart, in words.
-fn name(scenario: &Scenario) -> String {
+fn name(scenario: &Scenario, several_missions: bool) -> String {
+    let mission = format!("\"{}\"", scenario.mission.mission.name);
     if scenario.settings.is_empty() {
-        return format!("\"{}\"", scenario.mission.mission.name);
+        return mission;
     }
     let settings: Vec<String> =
         scenario.settings.iter().map(|(key, value)| format!("{} = {}", short(key), setting(value))).collect();
-    settings.join(", ")
+    let settings = settings.join(", ");
+    if several_missions { format!("{mission} with {settings}") } else { settings }
 }
 
 /// The key without the section that holds it.
@@ -172,13 +190,6 @@ fn setting(value: &toml::Value) -> String {
         }
         toml::Value::String(word) => word.clone(),
         other => other.to_string(),
-    }
-}
-
-fn setting_json(value: &toml::Value) -> Value {
-    match value {
-        toml::Value::Datetime(date) => date.to_string().into(),
-        other => serde_json::to_value(other).expect("a number or a word"),
     }
 }
 

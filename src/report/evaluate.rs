@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{Report, crossing_json, lines, or_dash, table, wrapped};
+use super::{Report, crossing_json, lines, or_dash, table, toml_json, wrapped};
 use crate::calendar::date_after;
 use crate::environment::RateOrigin;
 use crate::evaluate::{Evaluation, Year};
@@ -153,7 +153,7 @@ impl Report for EvaluateReport {
             },
             "warnings": warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
             "version": env!("CARGO_PKG_VERSION"),
-            "resolved_mission": mission,
+            "resolved_mission": toml_json(&toml::Value::Table(mission.to_table())),
         });
         if !self.noisy.is_empty() {
             json["monte_carlo"] = mission
@@ -238,7 +238,11 @@ impl EvaluateReport {
                 cell(|noisy| noisy.lost.to_string()),
             ]);
         }
-        format!("\nThe same from realisations with photon and read noise, +- standard error\n{}", lines(&noisy_table))
+        format!(
+            "\nThe same from realisations with photon and read noise, +- standard error. Noise\n\
+             changes which traps are filled; the verdict below is that without noise.\n{}",
+            lines(&noisy_table)
+        )
     }
 
     fn dose_origin(&self) -> String {

@@ -34,7 +34,7 @@ impl Axis {
         };
         let Some(kind) = kind_of(key) else {
             let near = nearest(key, KEYS.iter().map(|key| key.path));
-            let error = InputError::new("cannot compare", format!("a mission has no key `{key}`"));
+            let error = InputError::new(format!("cannot set {key}"), format!("a mission has no key `{key}`"));
             return Err(match near {
                 Some(near) => error.with_help(format!("did you mean `{}`?", near.replace("[]", ".NAME"))),
                 None => error,
@@ -89,6 +89,9 @@ fn range(kind: Kind, from: &str, rest: &str) -> Result<Vec<Value>, String> {
         let months = Months::new(months.ok_or(format!("`{step}` is no step in years (at least a month)"))? as u32);
         let last = day(to)?;
         let mut dates = vec![day(from)?];
+        if last < dates[0] {
+            return Err(format!("{to} is before {from}"));
+        }
         while let Some(next) = dates[dates.len() - 1].checked_add_months(months).filter(|next| *next <= last) {
             dates.push(next);
         }
