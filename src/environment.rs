@@ -20,8 +20,6 @@ use proton::Curve;
 /// Dose rate over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DoseHistory {
-    /// Launch, decimal year.
-    launch: f64,
     /// Years since launch between which solar protons come.
     windows: Vec<(f64, f64)>,
     /// Active share of those windows: 1, or 7/11 where the windows stand for all years.
@@ -87,7 +85,6 @@ impl DoseHistory {
             }
         }
         DoseHistory {
-            launch,
             windows,
             active_share,
             active_rate_mev_g_yr: rate,
@@ -110,11 +107,6 @@ impl DoseHistory {
     /// Active years among the first `t_yr` since launch; 7/11 of them with a constant dose rate.
     pub fn active_years(&self, t_yr: f64) -> f64 {
         self.active_share * years_within(&self.windows, t_yr)
-    }
-
-    /// Launch as a decimal year.
-    pub fn launch(&self) -> f64 {
-        self.launch
     }
 }
 

@@ -30,12 +30,12 @@ use super::pixel::{Block, Path, Pixel, Stage, Workspace};
 const SINGLY: i64 = 4;
 
 /// Share of e1 (the change of a block's second-order result from its first-order one) that remains as error because
-/// packets which start within the block are not quite in step. Measured against `Exact` on columns of noise, sparse
-/// events and galaxies: below 0.01.
+/// packets which start within the block are not quite in step. Chosen with [`SHARE`], so that the random columns of
+/// `tests/readout.rs` keep to their tolerances.
 const OUT_OF_STEP: f64 = 0.02;
 
 /// Part of the tolerance that the estimated errors of each region may add up to. They are estimates: on random columns
-/// the largest error found was 0.9 of the tolerance (`tests/readout.rs`).
+/// the largest error is 0.9 of the tolerance, but for rounding (`cargo test --test readout -- --nocapture` prints them).
 const SHARE: f64 = 0.1;
 
 /// Clocks one column out with an error of at most about `tolerance_e` (e-) in any packet.
