@@ -27,7 +27,7 @@ pub struct SpeciesState {
 impl SpeciesState {
     /// As the readout meets it.
     pub fn trap(&self, clocking: &Clocking) -> Trap {
-        Trap { density_per_px: self.density_per_px, release_transfers: self.release_ms / clocking.line_time_ms }
+        Trap::new(self.density_per_px, self.release_ms / clocking.line_time_ms)
     }
 }
 

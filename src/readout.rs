@@ -14,30 +14,61 @@
 //! Four ways to do that stand behind one interface, [`Readout`]: [`Method::Fast`] (what everything else uses),
 //! [`Method::Exact`], [`Method::Fractional`] and [`Method::MonteCarlo`].
 //!
+//! Traps that need time to capture follow another law, inside the cloud as the packet arrives: see `readout/slow.rs`. Release
+//! times that are spread are resolved into many species of one release time each: see `readout/continuum.rs`.
+//!
 //! Sources: Rhodes et al. 2010 (PASP 122, 439), section 3; Massey et al. 2010 (MNRAS 401, 371) for the cloud that
-//! captures at once. Holds where capture is instantaneous and one transfer is one step (no clock phases).
+//! captures at once. Holds where one transfer is one step (no clock phases).
 
 mod cloud;
+mod continuum;
 mod exact;
 mod fast;
 mod fractional;
 mod monte_carlo;
 mod pixel;
+mod slow;
 
 pub use cloud::Cloud;
 
 use ndarray::{Array2, ArrayView1, Axis};
 use rayon::prelude::*;
 
-use pixel::{Pixel, Workspace};
+use pixel::{Passage, Pixel, Workspace};
+use slow::SlowPixel;
 
 /// One trap species as the readout meets it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trap {
     /// Traps per pixel, ρ.
     pub density_per_px: f64,
-    /// Release time constant τ, in units of one transfer.
+    /// Release time constant τ, in units of one transfer; the median where it is spread.
     pub release_transfers: f64,
+    /// Standard deviation of ln τ; 0 where all traps have the same.
+    pub release_sigma: f64,
+    /// Capture time constant τc inside the cloud, in units of one transfer; 0 where capture is instantaneous.
+    pub capture_transfers: f64,
+}
+
+impl Trap {
+    /// Traps of one release time (in units of one transfer) that capture at once.
+    pub const fn new(density_per_px: f64, release_transfers: f64) -> Trap {
+        Trap { density_per_px, release_transfers, release_sigma: 0.0, capture_transfers: 0.0 }
+    }
+
+    /// Fraction filled inside the clouds of so many packets of background.
+    fn filled_by(&self, packets: i64) -> f64 {
+        let (_, full, approach) = self.passage();
+        full * (1.0 - approach.powf(packets as f64))
+    }
+
+    /// Where capture takes time: exp(−1/τ), f∞ and exp(−1/τc − 1/τ).
+    fn passage(&self) -> (f64, f64, f64) {
+        let (release, capture) = (self.release_transfers, self.capture_transfers);
+        // A release time of 0 and a capture time of 0 at once: the trap captures.
+        let full = if capture == 0.0 { 1.0 } else { release / (release + capture) };
+        ((-1.0 / release).exp(), full, (-1.0 / capture - 1.0 / release).exp())
+    }
 }
 
 /// How the transfers are computed.
@@ -72,8 +103,8 @@ pub struct Downstream {
     /// register: those rows make no transfer.
     pub rows: i64,
     /// Charge of the packets in those rows before readout, e-. They have passed before row 0 does and have left the
-    /// traps that they reach full: with instantaneous capture this is the steady state of any number of equal packets.
-    /// 0: the traps are empty when row 0 arrives.
+    /// traps that they reach full (with instantaneous capture this is the steady state of any number of equal packets), or
+    /// as full as they could get. 0: the traps are empty when row 0 arrives.
     pub charge_e: f64,
 }
 
@@ -93,25 +124,29 @@ pub struct Readout {
     pub method: Method,
 }
 
-/// Calls `$body` with `$pixel` bound to the traps as a [`Pixel`] of the smallest width that holds them.
-macro_rules! with_pixel {
-    ($readout:expr, $rows:expr, |$pixel:ident| $body:expr) => {
-        match $readout.traps.len() {
-            0..=1 => with_pixel!(@ 1, $readout, $rows, $pixel, $body),
-            2 => with_pixel!(@ 2, $readout, $rows, $pixel, $body),
-            3..=4 => with_pixel!(@ 4, $readout, $rows, $pixel, $body),
-            5..=8 => with_pixel!(@ 8, $readout, $rows, $pixel, $body),
-            9..=16 => with_pixel!(@ 16, $readout, $rows, $pixel, $body),
-            17..=32 => with_pixel!(@ 32, $readout, $rows, $pixel, $body),
-            33..=64 => with_pixel!(@ 64, $readout, $rows, $pixel, $body),
-            _ => with_pixel!(@ { MAX_SPECIES }, $readout, $rows, $pixel, $body),
+/// Calls `$body` with `$width` bound to the smallest width that holds a number of species.
+macro_rules! with_width {
+    ($species:expr, |$width:ident| $body:expr) => {
+        match $species {
+            0..=1 => with_width!(@ 1, $width, $body),
+            2 => with_width!(@ 2, $width, $body),
+            3..=4 => with_width!(@ 4, $width, $body),
+            5..=8 => with_width!(@ 8, $width, $body),
+            9..=16 => with_width!(@ 16, $width, $body),
+            17..=32 => with_width!(@ 32, $width, $body),
+            33..=64 => with_width!(@ 64, $width, $body),
+            65..=128 => with_width!(@ 128, $width, $body),
+            _ => with_width!(@ { WIDEST }, $width, $body),
         }
     };
-    (@ $width:expr, $readout:expr, $rows:expr, $pixel:ident, $body:expr) => {{
-        let $pixel = Pixel::<$width>::new(&$readout.traps, $readout.cloud, $rows);
+    (@ $value:expr, $width:ident, $body:expr) => {{
+        const $width: usize = $value;
         $body
     }};
 }
+
+/// Release times that species may be resolved into, all together.
+const WIDEST: usize = 256;
 
 /// Most species that one readout takes.
 pub const MAX_SPECIES: usize = 128;
@@ -156,51 +191,95 @@ impl Readout {
     /// Packets downstream as they are when they pass: each has filled the empty traps of the pixel it started in, and
     /// has then met traps that an equal packet had just filled.
     fn settled(&self, downstream: Downstream) -> Downstream {
-        let traps: f64 = self.traps.iter().map(|trap| trap.density_per_px).sum();
-        let spent_e = traps * self.cloud.height(downstream.charge_e);
+        let held = |trap: &Trap| trap.density_per_px * trap.passage().1;
+        let spent_e = self.traps.iter().map(held).sum::<f64>() * self.cloud.height(downstream.charge_e);
         Downstream { charge_e: (downstream.charge_e - spent_e).max(0.0), ..downstream }
     }
 
     fn along(&self, image: &Array2<f64>, downstream: Downstream, transfer: Axis) -> Array2<f64> {
         assert!(self.traps.len() <= MAX_SPECIES, "at most {MAX_SPECIES} trap species");
+        // Without traps, or with traps that hold nothing, there is nothing to do.
+        let traps: Vec<Trap> = self.traps.iter().filter(|trap| trap.density_per_px > 0.0).copied().collect();
         let across = Axis(1 - transfer.index());
         let rows = image.len_of(transfer);
-        if rows == 0 || self.traps.iter().all(|trap| trap.density_per_px == 0.0) {
+        if rows == 0 || traps.is_empty() {
             return image.clone();
         }
-        let downstream = self.settled(downstream);
-        let lanes: Vec<Vec<f64>> = with_pixel!(self, rows, |pixel| {
-            let scale_e = match self.method {
-                Method::Fast { .. } => largest_displacement(&pixel, image, downstream, across),
-                _ => 0.0,
-            };
-            (0..image.len_of(across))
-                .into_par_iter()
-                .with_min_len(LANES_PER_TASK)
-                .map_init(Workspace::default, |work, lane| {
-                    let mut charge_e = image.index_axis(across, lane).to_vec();
-                    match self.method {
-                        Method::Fast { relative } => {
-                            fast::column(&pixel, &mut charge_e, downstream, relative * scale_e, work);
-                        }
-                        Method::Exact => exact::column(&pixel, &mut charge_e, downstream, work),
-                        Method::Fractional { levels } => {
-                            fractional::column(&self.traps, self.cloud, &mut charge_e, downstream, levels);
-                        }
-                        Method::MonteCarlo { seed } => {
-                            monte_carlo::column(&self.traps, self.cloud, &mut charge_e, downstream, seed, lane as u64);
-                        }
+        let traps = continuum::resolved(&traps, WIDEST);
+        let slow = traps.iter().any(|trap| trap.capture_transfers > 0.0);
+        let lanes = match self.method {
+            Method::Fractional { levels } => lanes(image, across, |charge_e, _| {
+                fractional::column(&traps, &self.cloud, charge_e, self.settled(downstream), levels);
+            }),
+            Method::MonteCarlo { seed } => lanes(image, across, |charge_e, lane| {
+                let before = self.settled(downstream);
+                monte_carlo::column(&traps, &self.cloud, charge_e, before, seed, lane as u64);
+            }),
+            _ if slow => {
+                let merge_e = match self.method {
+                    Method::Fast { relative } => {
+                        let brightest = image.iter().copied().fold(0.0, f64::max);
+                        let density: f64 = traps.iter().map(|trap| trap.density_per_px).sum();
+                        MERGED * relative * density * self.cloud.height(brightest)
                     }
-                    charge_e
+                    _ => 0.0,
+                };
+                with_width!(traps.len(), |WIDTH| {
+                    let pixel = SlowPixel::<WIDTH>::new(&traps, self.cloud.clone(), downstream, merge_e);
+                    self.through(&pixel, image, downstream, across)
                 })
-                .collect()
-        });
+            }
+            _ => with_width!(traps.len(), |WIDTH| {
+                let pixel = Pixel::<WIDTH>::new(&traps, self.cloud.clone(), rows);
+                self.through(&pixel, image, self.settled(downstream), across)
+            }),
+        };
         let mut trailed = image.clone();
         for (lane, charge_e) in lanes.into_iter().enumerate() {
             trailed.index_axis_mut(across, lane).assign(&ArrayView1::from(&charge_e));
         }
         trailed
     }
+
+    /// Passes the lanes of an image over pixels of one kind.
+    fn through<P: Passage>(
+        &self,
+        pixel: &P,
+        image: &Array2<f64>,
+        downstream: Downstream,
+        across: Axis,
+    ) -> Vec<Vec<f64>> {
+        let tolerance_e = match self.method {
+            Method::Fast { relative } => Some(relative * largest_displacement(pixel, image, downstream, across)),
+            _ => None,
+        };
+        (0..image.len_of(across))
+            .into_par_iter()
+            .with_min_len(LANES_PER_TASK)
+            .map_init(Workspace::default, |work, lane| {
+                let mut charge_e = image.index_axis(across, lane).to_vec();
+                match tolerance_e {
+                    Some(tolerance_e) => fast::column(pixel, &mut charge_e, downstream, tolerance_e, work),
+                    None => exact::column(pixel, &mut charge_e, downstream, work),
+                }
+                charge_e
+            })
+            .collect()
+    }
+}
+
+/// Share of the accuracy asked for, of all the charge that the traps of a pixel can hold, that one merger of levels of
+/// slowly capturing traps may misplace: there may be one for every packet and pixel.
+const MERGED: f64 = 1e-5;
+
+/// The lanes of an image after something was done to each, with its number.
+fn lanes(image: &Array2<f64>, across: Axis, column: impl Fn(&mut [f64], usize) + Sync) -> Vec<Vec<f64>> {
+    let lane = |lane: usize| {
+        let mut charge_e = image.index_axis(across, lane).to_vec();
+        column(&mut charge_e, lane);
+        charge_e
+    };
+    (0..image.len_of(across)).into_par_iter().map(lane).collect()
 }
 
 /// Columns that one thread takes at a time: a stamp's columns are done sooner than a thread is woken.
@@ -208,12 +287,7 @@ const LANES_PER_TASK: usize = 64;
 
 /// Largest change of a packet in the lane that holds the brightest pixel, to first order, e-: what errors are
 /// measured against. One lane is enough, and costs one pass.
-fn largest_displacement<const S: usize>(
-    pixel: &Pixel<S>,
-    image: &Array2<f64>,
-    downstream: Downstream,
-    across: Axis,
-) -> f64 {
+fn largest_displacement<P: Passage>(pixel: &P, image: &Array2<f64>, downstream: Downstream, across: Axis) -> f64 {
     let brightest = image
         .axis_iter(across)
         .map(|lane| lane.iter().copied().fold(f64::NEG_INFINITY, f64::max))
@@ -221,7 +295,7 @@ fn largest_displacement<const S: usize>(
         .fold((0, f64::NEG_INFINITY), |best, (lane, peak)| if peak > best.1 { (lane, peak) } else { best })
         .0;
     let charge_e = image.index_axis(across, brightest).to_vec();
-    let mut work = Workspace::default();
+    let mut work = Workspace::<P::Levels>::default();
     let journey = pixel::Block { nearest: 0, pixels: charge_e.len() as i64 + downstream.rows };
     let found = &mut work.stages[0];
     found.resize(charge_e.len());

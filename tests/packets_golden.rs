@@ -24,10 +24,7 @@ fn packets_and_blocks_are_those_of_arctic() {
                 .as_array()
                 .unwrap()
                 .iter()
-                .map(|trap| Trap {
-                    density_per_px: number(&trap["density_per_px"]),
-                    release_transfers: number(&trap["release_transfers"]),
-                })
+                .map(|trap| Trap::new(number(&trap["density_per_px"]), number(&trap["release_transfers"])))
                 .collect(),
             cloud: Cloud::new(
                 number(&detector["full_well_e"]),

@@ -14,10 +14,11 @@ fn changes_of_shape_are_those_of_arctic() {
         let name = case["name"].as_str().unwrap();
         let (detector, galaxy, psf) = (&case["detector"], &case["galaxy"], &case["psf"]);
         let number = |value: &Value| value.as_f64().unwrap();
-        let traps = case["traps"].as_array().unwrap().iter().map(|trap| Trap {
-            density_per_px: number(&trap["density_per_px"]),
-            release_transfers: number(&trap["release_transfers"]),
-        });
+        let traps = case["traps"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|trap| Trap::new(number(&trap["density_per_px"]), number(&trap["release_transfers"])));
         let readout = Readout {
             traps: traps.collect(),
             cloud: Cloud::new(

@@ -7,7 +7,7 @@ use ndarray::{Array2, s};
 
 #[test]
 fn starting_upstream_in_the_steady_state_changes_nothing() {
-    let trap = |density_per_px, release_transfers| Trap { density_per_px, release_transfers };
+    let trap = |density_per_px, release_transfers| Trap::new(density_per_px, release_transfers);
     let half = 27;
     let profile = Profile::new(4.0, 0.45, 0.0, 2.91, 3.5);
     let galaxy = 1150.0 * profile.stamp(half, 0.125, -0.375);

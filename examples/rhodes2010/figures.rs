@@ -81,7 +81,7 @@ pub fn release_scan(mission: &Mission) -> Vec<(f64, ShapeChange)> {
     let times = (0..=60).map(|step| 10_f64.powf(-1.0 + f64::from(step) / 15.0));
     times
         .map(|release_transfers| {
-            let traps = vec![Trap { density_per_px: 1.0, release_transfers }];
+            let traps = vec![Trap::new(1.0, release_transfers)];
             let readout = Readout { traps, ..laboratory(mission) };
             (release_transfers, model.scene(model.judged()).change(&readout, TRANSFERS).unwrap())
         })

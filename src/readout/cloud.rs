@@ -1,5 +1,7 @@
 //! How high a packet's charge cloud reaches among the traps.
 
+use std::sync::Arc;
+
 /// The volume-driven model of a pixel's potential well: a cloud of n electrons fills the well up to a height h(n), in
 /// units of the full well's height, and meets every trap below it.
 ///
@@ -8,12 +10,20 @@
 /// ```
 ///
 /// Rhodes et al. 2010, equation 1. A notch (supplementary buried channel) is taken to be free of traps.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Cloud {
     notch_e: f64,
     per_full_well: f64,
     power: f64,
-    square_root: bool,
+    law: Law,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Law {
+    /// α = ½: sqrt is several times cheaper than powf, and ½ is what most detectors are described by.
+    SquareRoot,
+    Power,
+    Table(Arc<Table>),
 }
 
 impl Cloud {
@@ -23,25 +33,41 @@ impl Cloud {
     /// Where the full well is not above the notch.
     pub fn new(full_well_e: f64, notch_e: f64, power: f64) -> Cloud {
         assert!(full_well_e > notch_e, "full well {full_well_e} e- must be above the notch {notch_e} e-");
-        Cloud { notch_e, per_full_well: 1.0 / (full_well_e - notch_e), power, square_root: power == 0.5 }
+        let law = if power == 0.5 { Law::SquareRoot } else { Law::Power };
+        Cloud { notch_e, per_full_well: 1.0 / (full_well_e - notch_e), power, law }
     }
 
-    /// Height of a cloud of `charge_e` electrons, 0 to 1.
+    /// A cloud of another law, given as height against charge (e-) and kept as a table (see [`Cloud::height`]). The
+    /// height is 0 where there is no charge, and is cut to 0 to 1.
+    pub fn tabulated(height: impl Fn(f64) -> f64) -> Cloud {
+        let law = Law::Table(Arc::new(Table::of(height)));
+        Cloud { notch_e: 0.0, per_full_well: 1.0, power: 1.0, law }
+    }
+
+    /// Height of a cloud of `charge_e` electrons, 0 to 1. A tabulated one is right to 1e-6 of itself where the law is as
+    /// smooth as a power (a kink is rounded over 0.2 % of its charge), and is held constant beyond 1e9 e-.
     #[inline]
     pub fn height(&self, charge_e: f64) -> f64 {
         let filled = (charge_e - self.notch_e) * self.per_full_well;
         // Written so that NaN has no height.
         if filled > 0.0 {
-            // sqrt is several times cheaper than powf, and 0.5 is what most detectors are described by.
-            let height = if self.square_root { filled.sqrt() } else { filled.powf(self.power) };
+            let height = match &self.law {
+                Law::SquareRoot => filled.sqrt(),
+                Law::Power => filled.powf(self.power),
+                Law::Table(table) => table.height(charge_e),
+            };
             height.min(1.0)
         } else {
             0.0
         }
     }
 
-    /// Steepest slope dh/dn (per electron) of packets between two charges (e-); infinite where it has no limit.
+    /// Steepest slope dh/dn (per electron) of packets between two charges (e-); infinite where it has no limit that is
+    /// known.
     pub(super) fn steepest(&self, low_e: f64, high_e: f64) -> f64 {
+        if matches!(self.law, Law::Table(_)) {
+            return f64::INFINITY;
+        }
         let slope = |charge_e: f64| {
             let filled = (charge_e - self.notch_e) * self.per_full_well;
             if filled <= 0.0 {
@@ -51,6 +77,36 @@ impl Cloud {
             }
         };
         slope(low_e).max(slope(high_e))
+    }
+}
+
+/// Heights at charges that are spaced evenly in their logarithm.
+#[derive(Debug, PartialEq)]
+struct Table(Vec<f64>);
+
+/// Logarithm of the least and of the largest charge of a table, and knots per unit of it.
+const LN_LEAST: f64 = -14.0;
+const LN_LARGEST: f64 = 20.75;
+const KNOTS_PER_E: f64 = 512.0;
+
+impl Table {
+    fn of(height: impl Fn(f64) -> f64) -> Table {
+        let knots = ((LN_LARGEST - LN_LEAST) * KNOTS_PER_E) as usize;
+        let at = |knot: usize| height((LN_LEAST + knot as f64 / KNOTS_PER_E).exp());
+        // max and min so that NaN becomes 0.
+        Table((0..=knots).map(|knot| at(knot).max(0.0).min(1.0)).collect())
+    }
+
+    fn height(&self, charge_e: f64) -> f64 {
+        let Table(heights) = self;
+        let place = (charge_e.ln() - LN_LEAST) * KNOTS_PER_E;
+        if place <= 0.0 {
+            // Below a millionth of an electron: in proportion.
+            return heights[0] * charge_e / LN_LEAST.exp();
+        }
+        let knot = (place as usize).min(heights.len() - 2);
+        let share = (place - knot as f64).min(1.0);
+        heights[knot] + share * (heights[knot + 1] - heights[knot])
     }
 }
 
@@ -68,5 +124,17 @@ mod tests {
         assert_eq!(cloud.height(1e9), 1.0);
         assert!((cloud.height(550.0) - 0.5_f64.powf(0.7)).abs() < 1e-15);
         assert!((Cloud::new(1000.0, 0.0, 0.5).height(250.0) - 0.5).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_table_of_a_power_law_is_that_law() {
+        for power in [0.3, 0.5, 1.0, 2.0] {
+            let law = Cloud::new(1e5, 0.0, power);
+            let table = Cloud::tabulated(|charge_e| (charge_e / 1e5).powf(power));
+            for charge_e in [-1.0, 0.0, 1e-3, 0.77, 1.0, 123.4, 5e4, 9.9e4, 1e7, 1e12] {
+                let (table, law) = (table.height(charge_e), law.height(charge_e));
+                assert!((table - law).abs() <= 2e-6 * law, "{power}, {charge_e} e-: {table}, {law}");
+            }
+        }
     }
 }

@@ -1,14 +1,14 @@
 //! Every transfer, one by one: the meaning of all the other methods.
 
 use super::Downstream;
-use super::pixel::{Block, Pixel, Workspace};
+use super::pixel::{Block, Passage, Workspace};
 
 /// Clocks one column out, from the pixel farthest from the register to the nearest.
-pub(super) fn column<const S: usize>(
-    pixel: &Pixel<S>,
+pub(super) fn column<P: Passage>(
+    pixel: &P,
     charge_e: &mut [f64],
     downstream: Downstream,
-    work: &mut Workspace,
+    work: &mut Workspace<P::Levels>,
 ) {
     let found = &mut work.stages[0];
     found.resize(charge_e.len());

@@ -10,24 +10,37 @@ use super::{Cloud, Downstream, Trap};
 ///
 /// The levels stand in the middle of their slices: multiples of 1/levels, as in the paper, would shift every cloud by
 /// half a level to one side.
-pub(super) fn column(traps: &[Trap], cloud: Cloud, charge_e: &mut [f64], downstream: Downstream, levels: usize) {
+pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downstream: Downstream, levels: usize) {
     let below = |height: f64| ((height * levels as f64 + 0.5).floor() as usize).min(levels);
     let rows = charge_e.len() as i64;
     let mut filling = vec![vec![0.0; levels]; traps.len()];
     for pixel in (0..rows + downstream.rows).rev() {
         // What passed before row 0 has filled the traps that it reached.
         let filled_before = if pixel < downstream.rows { below(cloud.height(downstream.charge_e)) } else { 0 };
-        for species in &mut filling {
+        for (trap, species) in traps.iter().zip(&mut filling) {
             species.fill(0.0);
-            species[..filled_before].fill(1.0);
+            species[..filled_before].fill(trap.filled_by(downstream.rows - pixel));
         }
         // No trap above the highest cloud so far holds anything.
         let mut occupied = filled_before;
         let first = (pixel - downstream.rows).max(0) as usize;
         for charge in &mut charge_e[first..] {
+            let arrived = below(cloud.height(*charge));
             for (trap, filling) in traps.iter().zip(&mut filling) {
-                let release = -(-1.0 / trap.release_transfers).exp_m1();
                 let per_level = trap.density_per_px / levels as f64;
+                if trap.capture_transfers > 0.0 {
+                    occupied = occupied.max(arrived);
+                    let (keep, full, approach) = trap.passage();
+                    for (level, fill) in filling[..occupied].iter_mut().enumerate() {
+                        let after = if level < arrived { full + (*fill - full) * approach } else { *fill * keep };
+                        // No more than the packet has.
+                        let captured = (per_level * (after - *fill)).min((*charge).max(0.0));
+                        *charge -= captured;
+                        *fill += captured / per_level;
+                    }
+                    continue;
+                }
+                let release = -(-1.0 / trap.release_transfers).exp_m1();
                 for fill in &mut filling[..occupied] {
                     *charge += per_level * *fill * release;
                     *fill -= *fill * release;
@@ -37,7 +50,8 @@ pub(super) fn column(traps: &[Trap], cloud: Cloud, charge_e: &mut [f64], downstr
             occupied = occupied.max(reached);
             let mut available = *charge;
             'capture: for level in 0..reached {
-                for (trap, filling) in traps.iter().zip(&mut filling) {
+                for (trap, filling) in traps.iter().zip(&mut filling).filter(|(trap, _)| trap.capture_transfers == 0.0)
+                {
                     let per_level = trap.density_per_px / levels as f64;
                     let captured = (per_level * (1.0 - filling[level])).min(available);
                     if captured <= 0.0 {

@@ -13,12 +13,21 @@ use super::{Cloud, Downstream, Trap};
 struct Site {
     height: f64,
     release: f64,
+    /// Chances to be filled after a transfer inside the cloud, if empty and if filled before; where capture takes time.
+    inside: Option<[f64; 2]>,
     filled: bool,
 }
 
 /// Clocks one column out through one random set of traps; `lane` tells the columns of an image apart, so that each
 /// has its own traps and its own stream of random numbers.
-pub(super) fn column(traps: &[Trap], cloud: Cloud, charge_e: &mut [f64], downstream: Downstream, seed: u64, lane: u64) {
+pub(super) fn column(
+    traps: &[Trap],
+    cloud: &Cloud,
+    charge_e: &mut [f64],
+    downstream: Downstream,
+    seed: u64,
+    lane: u64,
+) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(lane);
     let numbers: Vec<Option<Poisson<f64>>> = traps.iter().map(|trap| Poisson::new(trap.density_per_px).ok()).collect();
@@ -30,15 +39,30 @@ pub(super) fn column(traps: &[Trap], cloud: Cloud, charge_e: &mut [f64], downstr
             // No Poisson distribution has mean 0: a species of no density has no traps.
             let count = number.map_or(0.0, |number| number.sample(&mut random)) as usize;
             let release = -(-1.0 / trap.release_transfers).exp_m1();
+            let (_, full, approach) = trap.passage();
+            let slow = trap.capture_transfers > 0.0;
+            let inside = slow.then_some([full * (1.0 - approach), full + (1.0 - full) * approach]);
+            let filled = trap.filled_by(downstream.rows - pixel);
             for _ in 0..count {
                 let height = random.random::<f64>();
-                sites.push(Site { height, release, filled: height < filled_before });
+                let filled = height < filled_before && (!slow || random.random::<f64>() < filled);
+                sites.push(Site { height, release, inside, filled });
             }
         }
         let first = (pixel - downstream.rows).max(0) as usize;
         for charge in &mut charge_e[first..] {
+            let arrived = cloud.height(*charge);
             for site in &mut sites {
-                if site.filled && random.random::<f64>() < site.release {
+                if let Some(inside) = site.inside.filter(|_| site.height < arrived) {
+                    let fills = random.random::<f64>() < inside[usize::from(site.filled)];
+                    if fills && !site.filled && *charge >= 1.0 {
+                        site.filled = true;
+                        *charge -= 1.0;
+                    } else if !fills && site.filled {
+                        site.filled = false;
+                        *charge += 1.0;
+                    }
+                } else if site.filled && random.random::<f64>() < site.release {
                     site.filled = false;
                     *charge += 1.0;
                 }
@@ -46,7 +70,7 @@ pub(super) fn column(traps: &[Trap], cloud: Cloud, charge_e: &mut [f64], downstr
             let height = cloud.height(*charge);
             for site in &mut sites {
                 // A whole electron must be there to be caught.
-                if !site.filled && site.height < height && *charge >= 1.0 {
+                if site.inside.is_none() && !site.filled && site.height < height && *charge >= 1.0 {
                     site.filled = true;
                     *charge -= 1.0;
                 }

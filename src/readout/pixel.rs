@@ -64,10 +64,46 @@ pub(super) struct Level {
     visits: f64,
 }
 
+/// What a pixel does to the packets that pass it.
+pub(super) trait Passage: Sync {
+    /// State of the traps, to be reused from pass to pass.
+    type Levels: Default + Send;
+
+    /// Change of every packet's charge (e-) by a passage through the block, all charges held at `charge_e`.
+    ///
+    /// Exact for one pixel, and for a block to first order in the change. What packets lose, the traps hold.
+    ///
+    /// Packets that start within the block are in different pixels at the same share of their ways. Where `charge_e` are
+    /// the charges' means over their ways, `path` tells how each differs from that in the pixels of an earlier packet, and
+    /// makes the pass right to second order.
+    ///
+    /// `found` has the length of `charge_e` and is overwritten.
+    fn pass(
+        &self,
+        charge_e: &[f64],
+        path: Option<Path>,
+        block: Block,
+        downstream: Downstream,
+        levels: &mut Self::Levels,
+        found: &mut Stage,
+    );
+
+    /// What a packet fills into a pixel whose traps are all empty, at most, e-.
+    fn fill(&self, charge_e: f64) -> f64;
+
+    /// Largest change of the charges captured in a pixel with the charges of packets between two (e-): a Lipschitz
+    /// constant of the pass, per pixel.
+    fn steepest(&self, low_e: f64, high_e: f64) -> f64;
+
+    /// Distance from the register (pixels) below which blocks may be passed in one step; beyond it pixels are too unlike
+    /// one another.
+    fn alike_below(&self, downstream: Downstream) -> i64;
+}
+
 /// Buffers that passes and steps reuse.
 #[derive(Default)]
-pub(super) struct Workspace {
-    pub levels: Vec<Level>,
+pub(super) struct Workspace<L> {
+    pub levels: L,
     pub stages: [Stage; 4],
     pub stage_e: Vec<f64>,
 }
@@ -90,17 +126,6 @@ impl Stage {
 }
 
 impl<const S: usize> Pixel<S> {
-    /// Largest change of the charges captured in a pixel with the charges of packets between two (e-): a Lipschitz
-    /// constant of the pass, per pixel.
-    pub fn steepest(&self, low_e: f64, high_e: f64) -> f64 {
-        self.density_all * self.cloud.steepest(low_e, high_e)
-    }
-
-    /// What a packet fills into a pixel whose traps are all empty, e-.
-    pub fn fill(&self, charge_e: f64) -> f64 {
-        (self.density_all * self.cloud.height(charge_e)).min(charge_e.max(0.0))
-    }
-
     /// Tables for columns of `rows` packets.
     pub fn new(traps: &[Trap], cloud: Cloud, rows: usize) -> Pixel<S> {
         let mut density = [0.0; S];
@@ -123,18 +148,26 @@ impl<const S: usize> Pixel<S> {
         let left_all = left.iter().map(|left| left.iter().sum()).collect();
         Pixel { cloud, density, density_all: density.iter().sum(), release, left, left_all }
     }
+}
 
-    /// Change of every packet's charge (e-) by a passage through the block, all charges held at `charge_e`.
-    ///
-    /// Exact for one pixel, and for a block to first order in the change. What packets lose, the traps hold.
-    ///
-    /// Packets that start within the block are in different pixels at the same share of their ways. Where `charge_e` are
-    /// the charges' means over their ways, `path` tells how each differs from that in the pixels of an earlier packet, and
-    /// makes the pass right to second order.
-    ///
-    /// `found` has the length of `charge_e` and is overwritten.
+impl<const S: usize> Passage for Pixel<S> {
+    type Levels = Vec<Level>;
+
+    fn fill(&self, charge_e: f64) -> f64 {
+        (self.density_all * self.cloud.height(charge_e)).min(charge_e.max(0.0))
+    }
+
+    fn steepest(&self, low_e: f64, high_e: f64) -> f64 {
+        self.density_all * self.cloud.steepest(low_e, high_e)
+    }
+
+    fn alike_below(&self, _: Downstream) -> i64 {
+        // Pixels differ in known ways: see the module.
+        i64::MAX
+    }
+
     #[allow(clippy::needless_range_loop)] // species index several arrays at once
-    pub fn pass(
+    fn pass(
         &self,
         charge_e: &[f64],
         path: Option<Path>,
