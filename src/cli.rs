@@ -13,8 +13,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::dose;
 use crate::error::InputError;
-use crate::evaluate::{evaluate, readout_with};
+use crate::evaluate::evaluate;
 use crate::mission::Mission;
+use crate::model::Model;
 use crate::noise;
 use crate::report::{EvaluateReport, Format, Report};
 use crate::scenario::{Axis, compare};
@@ -173,11 +174,10 @@ impl Evaluate {
             None => Vec::new(),
             Some(realisations) => {
                 let seed = self.seed.unwrap_or(mission.accuracy.seed);
-                let end = evaluation.years.last().expect("a mission has an end");
-                let readout = readout_with(&mission, &end.traps);
+                let device = Model::new(&mission).device_at(mission.mission.duration_yr);
                 let bar = progress(u64::from(realisations) * mission.galaxies.len() as u64, "galaxies");
                 let realise =
-                    |galaxy| noise::realise(&mission, galaxy, &readout, realisations as usize, seed, || bar.inc(1));
+                    |galaxy| noise::realise(&mission, galaxy, &device, realisations as usize, seed, || bar.inc(1));
                 let noisy = mission.galaxies.iter().map(realise).collect();
                 bar.finish_and_clear();
                 noisy

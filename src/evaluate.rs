@@ -4,11 +4,12 @@ use chrono::NaiveDate;
 use rayon::prelude::*;
 
 use crate::calendar::date_after;
-use crate::damage::{self, SpeciesState};
+use crate::damage::SpeciesState;
 use crate::environment::DoseHistory;
 use crate::error::InputError;
 use crate::mission::{Galaxy, Mission, ReadoutMethod};
-use crate::readout::{Cloud, Method, Readout};
+use crate::model::Model;
+use crate::observable::Observable;
 use crate::requirement::{Crossing, first_crossing};
 use crate::scene::Scene;
 use crate::shape::ShapeChange;
@@ -64,90 +65,40 @@ impl Verdict {
     }
 }
 
-/// A mission made ready: its dose history and the images of its galaxies.
-#[derive(Clone, Debug)]
-pub struct Model<'a> {
-    /// The mission.
-    pub mission: &'a Mission,
-    /// Dose over time.
-    pub dose: DoseHistory,
-    scenes: Vec<Scene>,
+/// State at a time (years since launch).
+fn year(model: &Model, t_yr: f64) -> Year {
+    let device = model.device_at(t_yr);
+    let galaxies = 0..model.mission.galaxies.len();
+    Year {
+        t_yr,
+        date: date_after(model.mission.mission.launch.0, t_yr),
+        dose_mev_g: device.observed(model.dose.dose_mev_g(t_yr), Observable::Dose, &device.at),
+        traps: device.traps,
+        galaxies: galaxies.into_par_iter().map(|galaxy| model.change(galaxy, t_yr)).collect(),
+    }
 }
 
-impl<'a> Model<'a> {
-    /// Prepares a mission.
-    ///
-    /// # Errors
-    /// Where a galaxy has no measurable shape even before the readout.
-    pub fn new(mission: &'a Mission) -> Result<Model<'a>, InputError> {
-        let scenes = mission
-            .galaxies
-            .par_iter()
-            .map(|galaxy| Scene::of(mission, galaxy).ok_or_else(|| unmeasurable(mission, galaxy)))
-            .collect::<Result<_, _>>()?;
-        Ok(Model { mission, dose: DoseHistory::of(mission), scenes })
-    }
+/// Judges the requirement; `years` (rising) are reused.
+fn verdict(model: &Model, years: &[Year]) -> Verdict {
+    let judged = model.judged();
+    let magnitude = |t_yr: f64| model.change(judged, t_yr).map(|change| change.magnitude());
+    let duration_yr = model.mission.mission.duration_yr;
+    let mut extra: Vec<f64> = model.dose.changes_yr(duration_yr);
+    extra.insert(0, 0.0);
+    extra.retain(|t_yr| years.iter().all(|year| year.t_yr != *t_yr));
+    let mut known: Vec<(f64, Option<f64>)> = extra.into_par_iter().map(|t_yr| (t_yr, magnitude(t_yr))).collect();
+    known.extend(years.iter().map(|year| (year.t_yr, year.galaxies[judged].map(|change| change.magnitude()))));
+    known.sort_by(|a, b| a.0.total_cmp(&b.0));
 
-    /// Traps at a time (years since launch).
-    pub fn traps(&self, t_yr: f64) -> Vec<SpeciesState> {
-        damage::after(&self.mission.detector, self.dose.dose_mev_g(t_yr))
-    }
-
-    /// The parallel readout as it is at a time (years since launch).
-    pub fn readout(&self, t_yr: f64) -> Readout {
-        readout_with(self.mission, &self.traps(t_yr))
-    }
-
-    /// Mean change of a galaxy's shape (by its place in the mission) at a time (years since launch). None where no shape
-    /// is left.
-    pub fn change(&self, galaxy: usize, t_yr: f64) -> Option<ShapeChange> {
-        self.scenes[galaxy].change(&self.readout(t_yr), self.mission.readout.transfers)
-    }
-
-    /// A galaxy's image, ready to be trailed, by its place in the mission.
-    pub fn scene(&self, galaxy: usize) -> &Scene {
-        &self.scenes[galaxy]
-    }
-
-    /// Place of the judged galaxy in the mission.
-    pub fn judged(&self) -> usize {
-        let judged = &self.mission.requirement.galaxy;
-        self.mission.galaxies.iter().position(|galaxy| galaxy.name == *judged).expect("a mission has its judged galaxy")
-    }
-
-    /// State at a time (years since launch).
-    fn year(&self, t_yr: f64) -> Year {
-        Year {
-            t_yr,
-            date: date_after(self.mission.mission.launch.0, t_yr),
-            dose_mev_g: self.dose.dose_mev_g(t_yr),
-            traps: self.traps(t_yr),
-            galaxies: (0..self.scenes.len()).into_par_iter().map(|galaxy| self.change(galaxy, t_yr)).collect(),
-        }
-    }
-
-    /// Judges the requirement; `years` (rising) are reused.
-    fn verdict(&self, years: &[Year]) -> Verdict {
-        let judged = self.judged();
-        let magnitude = |t_yr: f64| self.change(judged, t_yr).map(|change| change.magnitude());
-        let duration_yr = self.mission.mission.duration_yr;
-        let mut extra: Vec<f64> = self.dose.changes_yr(duration_yr);
-        extra.insert(0, 0.0);
-        extra.retain(|t_yr| years.iter().all(|year| year.t_yr != *t_yr));
-        let mut known: Vec<(f64, Option<f64>)> = extra.into_par_iter().map(|t_yr| (t_yr, magnitude(t_yr))).collect();
-        known.extend(years.iter().map(|year| (year.t_yr, year.galaxies[judged].map(|change| change.magnitude()))));
-        known.sort_by(|a, b| a.0.total_cmp(&b.0));
-
-        let requirement = &self.mission.requirement;
-        let just_after_yr = JUST_AFTER * duration_yr;
-        let rate_at_launch_per_yr =
-            magnitude(just_after_yr).zip(known[0].1).map(|(later, launch)| (later - launch) / just_after_yr);
-        Verdict {
-            uncorrected: first_crossing(requirement.delta_e, &known, magnitude),
-            corrected: first_crossing(requirement.delta_e * requirement.correction_factor, &known, magnitude),
-            rate_at_launch_per_yr,
-            mean_rate_per_yr: known.last().and_then(|end| end.1).map(|end| end / duration_yr),
-        }
+    let requirement = &model.mission.requirement;
+    let just_after_yr = JUST_AFTER * duration_yr;
+    let rate_at_launch_per_yr =
+        magnitude(just_after_yr).zip(known[0].1).map(|(later, launch)| (later - launch) / just_after_yr);
+    Verdict {
+        uncorrected: first_crossing(requirement.delta_e, &known, magnitude),
+        corrected: first_crossing(requirement.delta_e * requirement.correction_factor, &known, magnitude),
+        rate_at_launch_per_yr,
+        mean_rate_per_yr: known.last().and_then(|end| end.1).map(|end| end / duration_yr),
     }
 }
 
@@ -158,29 +109,20 @@ const JUST_AFTER: f64 = 1e-3;
 /// Evaluates a mission.
 ///
 /// # Errors
-/// Where a galaxy of the mission has no measurable shape even before the readout.
+/// Where a galaxy of the mission has no measurable shape even before the readout, or a formula has no value.
 pub fn evaluate(mission: &Mission) -> Result<Evaluation, InputError> {
-    let model = Model::new(mission)?;
+    let model = Model::new(mission);
+    let measurable: Vec<bool> =
+        (0..mission.galaxies.len()).into_par_iter().map(|galaxy| model.scene(galaxy).is_some()).collect();
+    if let Some(galaxy) = measurable.iter().position(|measurable| !measurable) {
+        return Err(unmeasurable(mission, &mission.galaxies[galaxy]));
+    }
     let years: Vec<Year> =
-        year_ends(mission.mission.duration_yr).into_par_iter().map(|t_yr| model.year(t_yr)).collect();
-    let verdict = model.verdict(&years);
+        year_ends(mission.mission.duration_yr).into_par_iter().map(|t_yr| year(&model, t_yr)).collect();
+    let verdict = verdict(&model, &years);
+    model.check()?;
     let warnings = warnings(&model);
     Ok(Evaluation { mission: mission.clone(), dose: model.dose, years, verdict, warnings })
-}
-
-/// Readout of a mission's detector with these traps.
-pub fn readout_with(mission: &Mission, traps: &[SpeciesState]) -> Readout {
-    let (detector, accuracy) = (&mission.detector, &mission.accuracy);
-    Readout {
-        traps: traps.iter().map(|species| species.trap(&mission.readout)).collect(),
-        cloud: Cloud::new(detector.full_well_e, detector.notch_e, detector.well_fill_power),
-        method: match accuracy.readout {
-            ReadoutMethod::Fast => Method::Fast { relative: accuracy.relative },
-            ReadoutMethod::Exact => Method::Exact,
-            ReadoutMethod::Fractional => Method::Fractional { levels: accuracy.levels as usize },
-            ReadoutMethod::MonteCarlo => Method::MonteCarlo { seed: accuracy.seed },
-        },
-    }
 }
 
 /// Ends of the years of a mission, and its end.
@@ -201,17 +143,18 @@ fn unmeasurable(mission: &Mission, galaxy: &Galaxy) -> InputError {
 }
 
 fn warnings(model: &Model) -> Vec<Warning> {
-    let mission = model.mission;
+    let mission = &model.mission;
     let mut warnings = model.dose.warnings.clone();
-    for (galaxy, scene) in mission.galaxies.iter().zip(&model.scenes) {
-        if scene.peak_e() > mission.detector.full_well_e {
-            warnings.push(Warning::Saturated { name: format!("galaxy \"{}\"", galaxy.name), peak_e: scene.peak_e() });
+    for (index, galaxy) in mission.galaxies.iter().enumerate() {
+        let peak_e = model.scene(index).map_or(0.0, Scene::peak_e);
+        if peak_e > mission.detector.full_well_e {
+            warnings.push(Warning::Saturated { name: format!("galaxy \"{}\"", galaxy.name), peak_e });
         }
     }
     if mission.accuracy.readout == ReadoutMethod::MonteCarlo {
         warnings.push(Warning::OneSetOfTraps);
     }
-    for species in damage::after(&mission.detector, mission.detector.reference_dose_mev_g) {
+    for species in model.traps(mission.mission.duration_yr) {
         let over_readout = species.release_ms / (mission.readout.line_time_ms * f64::from(mission.readout.transfers));
         if over_readout > 1.0 && species.density_per_px > 0.0 {
             warnings.push(Warning::NeverReleases { species: species.name, over_readout });

@@ -3,12 +3,18 @@
 
 // In the order of the chain: left does not know right.
 pub mod calendar;
+pub mod conditions;
 pub mod damage;
+pub mod device;
+pub mod effect;
 pub mod environment;
 pub mod error;
 pub mod evaluate;
+pub mod expression;
 pub mod galaxy;
 pub mod mission;
+pub mod model;
+pub mod observable;
 pub mod readout;
 pub mod requirement;
 pub mod scene;

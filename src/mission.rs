@@ -38,6 +38,9 @@ pub struct Mission {
     pub requirement: Requirement,
     /// How accurate the numbers are to be; no physics.
     pub accuracy: Accuracy,
+    /// What is added to the model, by kind: a table, or an array of tables; see [`crate::effect`].
+    #[serde(default, skip_serializing_if = "toml::Table::is_empty")]
+    pub effects: toml::Table,
     /// What may be adjusted to measurements.
     pub fit: Fit,
 }

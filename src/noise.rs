@@ -11,9 +11,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal, Poisson};
 use rayon::prelude::*;
 
+use crate::device::{Beside, Device};
 use crate::galaxy::{Profile, snr};
 use crate::mission::{Galaxy, Mission};
-use crate::readout::{Method, Readout};
+use crate::readout::Method;
 use crate::scene::{downstream, half_px};
 use crate::shape::{Moments, ShapeChange};
 
@@ -40,23 +41,25 @@ const ACCURACY: f64 = 1e-4;
 pub fn realise(
     mission: &Mission,
     galaxy: &Galaxy,
-    readout: &Readout,
+    device: &Device,
     realisations: usize,
     seed: u64,
     progress: impl Fn() + Sync,
 ) -> Option<NoisyChange> {
     let profile = Profile::of(galaxy, &mission.psf);
     let flux_e = snr::flux_e(mission, galaxy);
-    let background_e = mission.sky.background_e;
+    let background_e = device.at.background_e;
     let half_px = half_px(galaxy.weight_px);
-    let downstream = downstream(mission.readout.transfers, half_px, background_e);
-    let method = match readout.method {
+    let downstream = downstream(device.at.transfers, half_px, background_e);
+    let method = match device.readout.method {
         Method::Fast { relative } => Method::Fast { relative: relative.max(ACCURACY) },
         other => other,
     };
-    let readout = Readout { method, ..readout.clone() };
-    let flat = Array2::from_elem((2 * half_px + 1, 1), background_e);
-    let trailed_background = readout.expected().parallel(&flat, downstream);
+    let device = device.by(method);
+    let beside = Beside::Stamp(half_px);
+    let flat =
+        Array2::from_elem((2 * half_px + 1, if device.serial.is_empty() { 1 } else { 2 * half_px + 1 }), background_e);
+    let trailed_background = device.expected().read(&flat, downstream, beside);
     let changes: Vec<Option<ShapeChange>> = (0..realisations as u64)
         .into_par_iter()
         .map(|realisation| {
@@ -68,14 +71,12 @@ pub fn realise(
             let photons = expected.mapv(|mean| Poisson::new(mean).map_or(0.0, |law| law.sample(&mut random)));
             let read_noise = Normal::new(0.0, galaxy.read_noise_e).expect("a read noise is not negative");
             let noise = Array2::from_shape_simple_fn(photons.dim(), || read_noise.sample(&mut random));
-            let readout = match readout.method {
+            let device = match device.readout.method {
                 // Traps of its own for each realisation.
-                Method::MonteCarlo { seed } => {
-                    Readout { method: Method::MonteCarlo { seed: seed.wrapping_add(realisation) }, ..readout.clone() }
-                }
-                _ => readout.clone(),
+                Method::MonteCarlo { seed } => device.by(Method::MonteCarlo { seed: seed.wrapping_add(realisation) }),
+                _ => device.clone(),
             };
-            let trailed = readout.parallel(&photons, downstream) + &noise - &trailed_background;
+            let trailed = device.read(&photons, downstream, beside) + &noise - &trailed_background;
             let untrailed = photons + noise - background_e;
             progress();
             let before = Moments::of(&untrailed, galaxy.weight_px)?;

@@ -8,8 +8,9 @@ pub use axis::Axis;
 
 use crate::damage::SpeciesState;
 use crate::error::InputError;
-use crate::evaluate::{Model, Verdict, evaluate, readout_with};
+use crate::evaluate::{Verdict, evaluate};
 use crate::mission::Mission;
+use crate::model::Model;
 
 /// One mission under one set of circumstances, and what becomes of it.
 #[derive(Clone, Debug)]
@@ -75,7 +76,7 @@ pub fn compare(missions: &[Mission], axes: &[Axis], progress: impl Fn() + Sync) 
     let all = || 0..scenarios.len();
     let best = all().min_by(|a, b| change(a).total_cmp(&change(b))).expect("at least one scenario");
     let worst = all().rev().max_by(|a, b| change(a).total_cmp(&change(b))).expect("at least one scenario");
-    let why = why(&scenarios[best], &scenarios[worst])?;
+    let why = why(&scenarios[best], &scenarios[worst]);
     Ok(Comparison { scenarios, best, worst, why })
 }
 
@@ -96,12 +97,12 @@ fn scenario(mission: &Mission, settings: &[(String, toml::Value)]) -> Result<Sce
 }
 
 /// What makes the best scenario better than the worst: dose, and what the same dose does; species by species.
-fn why(best: &Scenario, worst: &Scenario) -> Result<Vec<String>, InputError> {
+fn why(best: &Scenario, worst: &Scenario) -> Vec<String> {
     let (Some(best_e), Some(worst_e)) = (best.delta_e, worst.delta_e) else {
-        return Ok(vec!["in the worst the galaxy has no measurable shape left".into()]);
+        return vec!["in the worst the galaxy has no measurable shape left".into()];
     };
     if best_e >= worst_e {
-        return Ok(Vec::new());
+        return Vec::new();
     }
     let mut reasons = Vec::new();
     let alike = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
@@ -118,7 +119,7 @@ fn why(best: &Scenario, worst: &Scenario) -> Result<Vec<String>, InputError> {
             let although = if best_per > worst_per { "although " } else { "" };
             reasons.push(format!("{although}the same dose does {:.3} of the change of shape", best_per / worst_per));
         }
-        let (from, to) = (shares(worst)?, shares(best)?);
+        let (from, to) = (shares(worst), shares(best));
         for ((name, worst_share, worst_transfers), (_, best_share, best_transfers)) in
             from.iter().zip(&to).filter(|(from, to)| from.0 == to.0 && (from.1 - to.1).abs() > 0.02)
         {
@@ -130,25 +131,25 @@ fn why(best: &Scenario, worst: &Scenario) -> Result<Vec<String>, InputError> {
             ));
         }
     }
-    Ok(reasons)
+    reasons
 }
 
 /// For each species its share of |Δe| were it alone, and its release time in transfers.
-fn shares(scenario: &Scenario) -> Result<Vec<(String, f64, f64)>, InputError> {
+fn shares(scenario: &Scenario) -> Vec<(String, f64, f64)> {
     let judged = Mission { galaxies: vec![scenario.mission.judged_galaxy().clone()], ..scenario.mission.clone() };
-    let model = Model::new(&judged)?;
+    let model = Model::new(&judged);
     let alone: Vec<f64> = scenario
         .traps
         .iter()
         .map(|species| {
-            let readout = readout_with(&judged, std::slice::from_ref(species));
-            let change = model.scene(0).change(&readout, judged.readout.transfers);
+            let readout = model.readout_with(std::slice::from_ref(species));
+            let change = model.scene(0).and_then(|scene| scene.change(&readout, judged.readout.transfers));
             change.map_or(0.0, |change| change.magnitude())
         })
         .collect();
     let total: f64 = alone.iter().sum();
     let line_time_ms = judged.readout.line_time_ms;
-    Ok(scenario
+    scenario
         .traps
         .iter()
         .zip(&alone)
@@ -156,5 +157,5 @@ fn shares(scenario: &Scenario) -> Result<Vec<(String, f64, f64)>, InputError> {
             let share = if total > 0.0 { alone / total } else { 0.0 };
             (species.name.clone(), share, species.release_ms / line_time_ms)
         })
-        .collect())
+        .collect()
 }

@@ -10,6 +10,7 @@ use gauss_quad::GaussLegendre;
 use ndarray::Array2;
 use rayon::prelude::*;
 
+use crate::device::{Beside, Device};
 use crate::galaxy::{Profile, snr};
 use crate::mission::{Galaxy, Mission};
 use crate::readout::{Downstream, Readout};
@@ -82,22 +83,50 @@ impl Scene {
         Some(Scene { background_e, weight_px, half_px, positions })
     }
 
-    /// Mean change of shape over the sub-pixel positions, read out from `transfers` away.
+    /// Mean change of shape over the sub-pixel positions, read out from `transfers` away on the scene's own background.
     ///
     /// None where the trailed galaxy has no centroid any more.
     pub fn change(&self, readout: &Readout, transfers: u32) -> Option<ShapeChange> {
-        if readout.traps.iter().all(|trap| trap.density_per_px == 0.0) {
-            return Some(ShapeChange::default());
-        }
-        let downstream = self.downstream(transfers);
-        let background = Array2::from_elem((2 * self.half_px + 1, 1), self.background_e);
-        let background = readout.expected().parallel(&background, downstream);
+        let read = |charge_e: &Array2<f64>, downstream| readout.parallel(charge_e, downstream);
+        let alone = |charge_e: &Array2<f64>, downstream| readout.expected().parallel(charge_e, downstream);
+        self.change_with(self.background_e, transfers, 1, read, alone)
+    }
+
+    /// The same through a whole device, under its conditions.
+    pub fn change_by(&self, device: &Device) -> Option<ShapeChange> {
+        let width_px = 2 * self.half_px + 1;
+        // Columns know of one another in a serial register only.
+        let columns = if device.serial.is_empty() { 1 } else { width_px };
+        let expected = device.expected();
+        let beside = Beside::Stamp(self.half_px);
+        let read = |charge_e: &Array2<f64>, downstream| device.read(charge_e, downstream, beside);
+        let alone = |charge_e: &Array2<f64>, downstream| expected.read(charge_e, downstream, beside);
+        self.change_with(device.at.background_e, device.at.transfers, columns, read, alone)
+    }
+
+    /// `read` reads galaxy and background, `alone` so many columns of background alone.
+    fn change_with(
+        &self,
+        background_e: f64,
+        transfers: u32,
+        columns: usize,
+        read: impl Fn(&Array2<f64>, Downstream) -> Array2<f64> + Sync,
+        alone: impl Fn(&Array2<f64>, Downstream) -> Array2<f64>,
+    ) -> Option<ShapeChange> {
+        let downstream = downstream(transfers, self.half_px, background_e);
+        let background = Array2::from_elem((2 * self.half_px + 1, columns), background_e);
+        let background = alone(&background, downstream);
         let changes: Vec<ShapeChange> = self
             .positions
             .par_iter()
             .map(|position| {
-                let trailed = readout.parallel(&(&position.charge_e + self.background_e), downstream) - &background;
-                let after = Moments::of(&trailed, self.weight_px)?;
+                let image = &position.charge_e + background_e;
+                let trailed = read(&image, downstream);
+                if trailed == image && background.iter().all(|charge_e| *charge_e == background_e) {
+                    // Nothing happened; differences would tell of rounding.
+                    return Some(ShapeChange::default());
+                }
+                let after = Moments::of(&(trailed - &background), self.weight_px)?;
                 Some(ShapeChange::between(&position.before, &after))
             })
             .collect::<Option<_>>()?;
@@ -126,11 +155,6 @@ impl Scene {
     pub fn peak_e(&self) -> f64 {
         let brightest = self.positions.iter().flat_map(|position| &position.charge_e).copied().fold(0.0, f64::max);
         self.background_e + brightest
-    }
-
-    /// The central row makes `transfers` transfers; what lies downstream of the stamp is background.
-    fn downstream(&self, transfers: u32) -> Downstream {
-        downstream(transfers, self.half_px, self.background_e)
     }
 }
 

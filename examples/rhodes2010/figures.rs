@@ -1,8 +1,9 @@
 //! The figures of Rhodes et al. 2010, computed.
 
 use ctiplan::damage;
-use ctiplan::evaluate::{Model, evaluate, readout_with};
+use ctiplan::evaluate::evaluate;
 use ctiplan::mission::Mission;
+use ctiplan::model::Model;
 use ctiplan::readout::{Downstream, Method, Readout, Trap};
 use ctiplan::shape::ShapeChange;
 use ndarray::Array2;
@@ -23,7 +24,7 @@ pub fn snap() -> Mission {
 
 /// Rate of |Δe| per year, a straight line through the origin fitted to 1, 2, … 10 years (equation 2).
 pub fn rate_per_yr(mission: &Mission) -> f64 {
-    let model = Model::new(mission).unwrap();
+    let model = Model::new(mission);
     let (mut products, mut squares) = (0.0, 0.0);
     for year in 1..=10 {
         let t_yr = f64::from(year);
@@ -53,7 +54,7 @@ pub struct Row {
 /// Table 2: seven galaxies after the laboratory irradiation.
 pub fn table2() -> Vec<Row> {
     let mission = Mission::parse(include_str!("../../missions/rhodes2010_galaxies.toml")).expect("a valid mission");
-    let model = Model::new(&mission).unwrap();
+    let model = Model::new(&mission);
     let readout = laboratory(&mission);
     let paper = [
         ("de Vaucouleurs, S/N 13, e = 0", -0.028, 0.19, 1.8),
@@ -69,21 +70,21 @@ pub fn table2() -> Vec<Row> {
         paper_delta_e,
         paper_delta_y_px,
         paper_size_px,
-        change: model.scene(index).change(&readout, TRANSFERS).unwrap(),
-        size_px: model.scene(index).before().size_px,
+        change: model.scene(index).unwrap().change(&readout, TRANSFERS).unwrap(),
+        size_px: model.scene(index).unwrap().before().size_px,
     };
     paper.into_iter().enumerate().map(row).collect()
 }
 
 /// Release times (transfers) and the change they make, for one species of one trap per pixel (section 5.1).
 pub fn release_scan(mission: &Mission) -> Vec<(f64, ShapeChange)> {
-    let model = Model::new(mission).unwrap();
+    let model = Model::new(mission);
     let times = (0..=60).map(|step| 10_f64.powf(-1.0 + f64::from(step) / 15.0));
     times
         .map(|release_transfers| {
             let traps = vec![Trap::new(1.0, release_transfers)];
             let readout = Readout { traps, ..laboratory(mission) };
-            (release_transfers, model.scene(model.judged()).change(&readout, TRANSFERS).unwrap())
+            (release_transfers, model.scene(model.judged()).unwrap().change(&readout, TRANSFERS).unwrap())
         })
         .collect()
 }
@@ -95,14 +96,14 @@ pub fn worst_release(scan: &[(f64, ShapeChange)]) -> f64 {
 
 /// |Δe| after some years of mean dose (section 5.3).
 pub fn density_scan(mission: &Mission, years: &[f64]) -> Vec<f64> {
-    let model = Model::new(mission).unwrap();
+    let model = Model::new(mission);
     years.iter().map(|&t_yr| model.change(model.judged(), t_yr).unwrap().magnitude()).collect()
 }
 
 /// |Δe| at half the distance over that at the whole one, after the laboratory irradiation (section 7).
 pub fn half_the_distance(mission: &Mission) -> f64 {
-    let model = Model::new(mission).unwrap();
-    let scene = model.scene(model.judged());
+    let model = Model::new(mission);
+    let scene = model.scene(model.judged()).unwrap();
     let change = |transfers| scene.change(&laboratory(mission), transfers).unwrap().magnitude();
     change(TRANSFERS / 2) / change(TRANSFERS)
 }
@@ -170,5 +171,9 @@ pub fn share_of_two_species(mission: &Mission) -> f64 {
 
 /// The detector as irradiated in the laboratory.
 pub fn laboratory(mission: &Mission) -> Readout {
-    readout_with(mission, &damage::after(&mission.detector, mission.detector.reference_dose_mev_g))
+    Model::new(mission).readout_with(&damage::after(
+        &mission.detector,
+        mission.detector.reference_dose_mev_g,
+        mission.detector.temperature_k,
+    ))
 }

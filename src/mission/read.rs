@@ -10,6 +10,7 @@ use toml::de::{DeTable, DeValue};
 use super::keys::{self, ARRAYS, KEYS, Kind, Need, OPTIONAL_TABLES};
 use super::{DoseModel, Mission, Orbit};
 use crate::calendar;
+use crate::effect;
 use crate::environment::solar_cycle::{self, ACTIVE_BEFORE_YR, CYCLE_YR};
 use crate::error::{InputError, nearest};
 use crate::readout::MAX_SPECIES;
@@ -114,7 +115,14 @@ impl<'a> Source<'a> {
         self.check_table(&self.document, "")?;
         let mut table: toml::Table = toml::from_str(self.text).map_err(|error| self.fault("", error.message()))?;
         for key in KEYS {
-            self.complete(&mut table, key)?;
+            self.complete(&mut table, "", key)?;
+        }
+        for entry in &effect::CATALOGUE {
+            for place in effect_places(&table, entry.card.kind) {
+                for key in entry.card.keys.iter().filter(|key| key.path != "*") {
+                    self.complete(&mut table, &format!("{place}."), key)?;
+                }
+            }
         }
         if get(&table, "environment.solar_maximum").is_none() {
             let maxima = solar_cycle::MAXIMA.iter().map(|&year| Value::Float(year)).collect();
@@ -131,11 +139,13 @@ impl<'a> Source<'a> {
         for (name, value) in table {
             let name = name.get_ref().as_ref();
             let below = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
-            let array = ARRAYS.iter().find(|(array, _)| *array == below);
-            let is_table = KEYS.iter().any(|key| key.path.starts_with(&format!("{}.", keys::pattern_of(&below))));
+            let is_table = keys::is_table(&below);
+            let is_array = keys::is_table(&format!("{below}[]"));
+            // One effect is a table, several of a kind are an array of tables.
+            let either = path == "effects" && is_table;
             match value.get_ref() {
-                DeValue::Table(inner) if is_table && array.is_none() => self.check_table(inner, &below)?,
-                DeValue::Array(members) if array.is_some() => {
+                DeValue::Table(inner) if is_table && (either || !is_array) => self.check_table(inner, &below)?,
+                DeValue::Array(members) if is_array => {
                     for (index, member) in members.iter().enumerate() {
                         let DeValue::Table(inner) = member.get_ref() else {
                             return Err(self.fault(&below, format!("must be tables: write [[{below}]]")));
@@ -143,7 +153,9 @@ impl<'a> Source<'a> {
                         self.check_table(inner, &format!("{below}[{index}]"))?;
                     }
                 }
-                _ if array.is_some() => return Err(self.fault(&below, format!("must be tables: write [[{below}]]"))),
+                _ if is_array && !either => {
+                    return Err(self.fault(&below, format!("must be tables: write [[{}]]", keys::pattern_of(&below))));
+                }
                 _ if is_table => return Err(self.fault(&below, format!("must be a table: write [{below}]"))),
                 value => match keys::find(&below) {
                     Some(key) => self.check_value(value, &below, key)?,
@@ -205,22 +217,12 @@ impl<'a> Source<'a> {
     fn unknown(&self, path: &str) -> InputError {
         let pattern = keys::pattern_of(path);
         let (parent, name) = pattern.rsplit_once('.').unwrap_or(("", &pattern));
-        let children = |parent: &str| -> Vec<&str> {
-            let mut names: Vec<&str> = KEYS
-                .iter()
-                .filter_map(|key| {
-                    if parent.is_empty() { Some(key.path) } else { key.path.strip_prefix(parent)?.strip_prefix('.') }
-                })
-                .map(|rest| rest.split(['.', '[']).next().expect("a first part"))
-                .collect();
-            names.dedup();
-            names
-        };
-        let siblings = children(parent);
+        let siblings = keys::members(parent);
         let elsewhere = KEYS.iter().find(|key| key.path.rsplit('.').next() == Some(name)).map(|key| key.path);
-        let help = if pattern == "effects" || pattern.starts_with("effects.") {
-            "effects come with a later version; this one evaluates the plain model".to_string()
-        } else if let Some(elsewhere) = elsewhere {
+        let help = if parent == "effects" || (parent.starts_with("effects.") && siblings.contains(&"*")) {
+            let near = nearest(name, siblings.iter().copied()).map(|near| format!("did you mean `{near}`? "));
+            format!("{}`ctiplan effects` lists them all", near.unwrap_or_default())
+        } else if let Some(elsewhere) = elsewhere.filter(|_| !parent.starts_with("effects")) {
             let table = elsewhere.rsplit_once('.').expect("keys stand in tables").0;
             let table = if table.ends_with("[]") {
                 format!("[[{}]]", table.trim_end_matches("[]"))
@@ -230,10 +232,16 @@ impl<'a> Source<'a> {
             format!("it belongs in {table}")
         } else if let Some(near) = nearest(name, siblings.iter().copied()) {
             format!("did you mean `{near}`?")
+        } else if siblings.is_empty() {
+            "leave the table empty".to_string()
         } else {
             format!("known here: {}", siblings.join(", "))
         };
-        let problem = if parent.is_empty() {
+        let problem = if parent == "effects" {
+            format!("no effect is called `{name}`")
+        } else if siblings.is_empty() {
+            format!("{parent} has no keys, and `{name}` is none")
+        } else if parent.is_empty() {
             format!("no section is called `{name}`")
         } else {
             format!("no key is called `{name}` in {parent}")
@@ -241,18 +249,23 @@ impl<'a> Source<'a> {
         InputError { help: Some(help), ..self.fault(path, problem) }
     }
 
-    /// Fills in a default, or refuses a mission in which a required key is missing.
-    fn complete(&self, table: &mut toml::Table, key: &keys::Key) -> Result<(), InputError> {
-        let paths = match ARRAYS.iter().find(|(array, _)| key.path.starts_with(&format!("{array}[]"))) {
-            Some((array, called)) => {
+    /// Fills in a default, or refuses a mission in which a required key is missing. `prefix` goes before the key's path.
+    fn complete(&self, table: &mut toml::Table, prefix: &str, key: &keys::Key) -> Result<(), InputError> {
+        let path = format!("{prefix}{}", key.path);
+        let paths = match path.split_once("[]") {
+            Some((array, field)) => {
                 let members = get(table, array).and_then(Value::as_array).map_or(0, Vec::len);
                 if members == 0 {
-                    let problem = format!("there is no {called}: at least one [[{array}]] is needed");
-                    return Err(InputError::new(&self.refused, problem));
+                    let called = if array == "galaxies" { "galaxy" } else { "trap species" };
+                    let written = keys::pattern_of(array).replace("[]", "");
+                    let problem = format!("there is no {called}: at least one [[{written}]] is needed");
+                    let place = self.place(array.rsplit_once('.').map_or("", |(parent, _)| parent));
+                    let place = place.filter(|_| !prefix.is_empty());
+                    return Err(InputError { place, ..InputError::new(&self.refused, problem) });
                 }
-                (0..members).map(|index| key.path.replacen("[]", &format!("[{index}]"), 1)).collect()
+                (0..members).map(|index| format!("{array}[{index}]{field}")).collect()
             }
-            None => vec![key.path.to_string()],
+            None => vec![path],
         };
         for path in paths {
             let parent = path.rsplit_once('.').expect("keys stand in tables").0;
@@ -325,6 +338,13 @@ impl<'a> Source<'a> {
             let help = nearest(judged, galaxies.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
             let problem = format!("there is no galaxy \"{judged}\"; there are: {}", galaxies.join(", "));
             return Err(InputError { help, ..self.fault("requirement.galaxy", problem) });
+        }
+        for entry in &effect::CATALOGUE {
+            entry.check(mission).map_err(|(index, refusal)| {
+                let place = &effect_places(table, entry.card.kind)[index];
+                let path = if refusal.key.is_empty() { place.clone() } else { format!("{place}.{}", refusal.key) };
+                InputError { help: refusal.help, ..self.fault(&path, refusal.problem) }
+            })?;
         }
         for (index, key) in mission.fit.free.iter().enumerate() {
             if let Err((problem, help)) = resolve(table, key) {
@@ -447,11 +467,56 @@ fn line_at(text: &str, place: usize) -> usize {
     text[..place.min(text.len())].matches('\n').count() + 1
 }
 
+/// Paths of the tables of an effect: `effects.KIND`, or `effects.KIND[0]` and so on where there are several.
+fn effect_places(table: &toml::Table, kind: &str) -> Vec<String> {
+    match table.get("effects").and_then(|effects| effects.get(kind)) {
+        Some(Value::Array(members)) => (0..members.len()).map(|index| format!("effects.{kind}[{index}]")).collect(),
+        Some(_) => vec![format!("effects.{kind}")],
+        None => Vec::new(),
+    }
+}
+
 /// `detector.traps.VV.release_ms` → `detector.traps[1].release_ms`, or what is wrong with it and what to try.
+///
+/// Effects are called by their kind, several of one kind by their number, from 1: `effects.solar-flare.2.t_yr`.
 fn resolve(table: &toml::Table, key: &str) -> Result<String, (String, Option<String>)> {
+    let mut path = key.to_string();
+    if let Some(below) = key.strip_prefix("effects.") {
+        let (kind, rest) = below.split_once('.').unwrap_or((below, ""));
+        if effect::find(kind).is_none() {
+            let kinds = effect::CATALOGUE.iter().map(|entry| entry.card.kind);
+            let near = nearest(kind, kinds).map(|near| format!("did you mean `{near}`?"));
+            return Err((format!("no effect is called `{kind}`"), near));
+        }
+        let places = effect_places(table, kind);
+        let several = get(table, &format!("effects.{kind}")).is_some_and(Value::is_array);
+        if places.is_empty() {
+            let help = format!("add [effects.{kind}] with values to start from; `ctiplan effects {kind}` tells which");
+            return Err((format!("the mission has no [effects.{kind}]"), Some(help)));
+        }
+        path = match rest.split_once('.').and_then(|(number, rest)| Some((number.parse::<usize>().ok()?, rest))) {
+            Some((number, rest)) if several && (1..=places.len()).contains(&number) => {
+                format!("{}.{rest}", places[number - 1])
+            }
+            _ if several => {
+                let help =
+                    format!("say which: effects.{kind}.1.PARAMETER to effects.{kind}.{}.PARAMETER", places.len());
+                return Err((format!("the mission has {} [[effects.{kind}]]", places.len()), Some(help)));
+            }
+            _ => path,
+        };
+    }
     for (array, called) in ARRAYS {
-        let Some(rest) = key.strip_prefix(array).and_then(|rest| rest.strip_prefix('.')) else { continue };
-        let members = get(table, array).and_then(Value::as_array).cloned().unwrap_or_default();
+        let array = match path.find(array) {
+            Some(0) => array.to_string(),
+            // The species of an effect.
+            _ if called == "trap species" && path.starts_with("effects.") && path.contains(".traps.") => {
+                format!("{}.traps", path.split(".traps.").next().expect("a first part"))
+            }
+            _ => continue,
+        };
+        let Some(rest) = path.strip_prefix(&array).and_then(|rest| rest.strip_prefix('.')) else { continue };
+        let members = get(table, &array).and_then(Value::as_array).cloned().unwrap_or_default();
         let names: Vec<&str> = members.iter().filter_map(|member| member.get("name")?.as_str()).collect();
         for (index, name) in names.iter().enumerate() {
             if let Some(field) = rest.strip_prefix(name).and_then(|rest| rest.strip_prefix('.')) {
@@ -462,7 +527,17 @@ fn resolve(table: &toml::Table, key: &str) -> Result<String, (String, Option<Str
         let near = nearest(name, names.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
         return Err((format!("there is no {called} \"{name}\"; there are: {}", names.join(", ")), near));
     }
-    known(key.to_string(), key)
+    // Parameters of any name must be there.
+    let any_name = effect::find_key(&path).is_some_and(|key| key.path == "*");
+    if any_name && get(table, &path).is_none() {
+        let (parent, name) = path.rsplit_once('.').expect("a table and a key");
+        let there = get(table, parent).and_then(Value::as_table).map(|table| table.keys().cloned().collect::<Vec<_>>());
+        return Err((
+            format!("there is no `{name}` in {parent}; there are: {}", there.unwrap_or_default().join(", ")),
+            None,
+        ));
+    }
+    known(path, key)
 }
 
 /// The path, where it is that of a key.
@@ -471,6 +546,12 @@ fn known(path: String, key: &str) -> Result<String, (String, Option<String>)> {
         return Ok(path);
     }
     let pattern = keys::pattern_of(&path);
+    if let Some((parent, _)) = pattern.rsplit_once('.').filter(|(parent, _)| parent.starts_with("effects.")) {
+        return Err((
+            format!("no key is called `{key}`"),
+            Some(format!("known here: {}", keys::members(parent).join(", "))),
+        ));
+    }
     let near = nearest(&pattern, KEYS.iter().map(|key| key.path));
     Err((
         format!("no key is called `{key}`"),

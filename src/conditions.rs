@@ -1,0 +1,75 @@
+//! Under which circumstances something is measured, or predicted.
+
+use crate::mission::Mission;
+
+/// Circumstances of one value: what a row of a measurement file says, and the mission where it is silent.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Conditions {
+    /// Years since launch; since the irradiation where a dose was given in a laboratory.
+    pub t_yr: f64,
+    /// Dose given at once at t = 0 (MeV/g), in place of the mission's D(t).
+    pub dose_mev_g: Option<f64>,
+    /// Temperature of the detector, K.
+    pub temperature_k: f64,
+    /// Time between two parallel transfers, ms.
+    pub line_time_ms: f64,
+    /// Background, e- per pixel.
+    pub background_e: f64,
+    /// Parallel transfers of the packet, of the last row of a block, or of the galaxy's central row.
+    pub transfers: u32,
+    /// Charge of the packet, or of each row of a block, above the background before transfer, e-.
+    pub signal_e: Option<f64>,
+    /// Pixel behind the packet or block; 1 is next to it.
+    pub trail_px: Option<u32>,
+    /// Rows of a block.
+    pub block_px: Option<u32>,
+    /// Numeric columns that the model does not know, by name: formulas may.
+    pub covariates: Vec<(String, f64)>,
+}
+
+/// Names of the conditions that are numbers.
+pub const NAMES: [&str; 9] = [
+    "t_yr",
+    "dose_mev_g",
+    "temperature_k",
+    "line_time_ms",
+    "background_e",
+    "transfers",
+    "signal_e",
+    "trail_px",
+    "block_px",
+];
+
+impl Conditions {
+    /// Those of a mission's own exposures at a time (years since launch).
+    pub fn of(mission: &Mission, t_yr: f64) -> Conditions {
+        Conditions {
+            t_yr,
+            dose_mev_g: None,
+            temperature_k: mission.detector.temperature_k,
+            line_time_ms: mission.readout.line_time_ms,
+            background_e: mission.sky.background_e,
+            transfers: mission.readout.transfers,
+            signal_e: None,
+            trail_px: None,
+            block_px: None,
+            covariates: Vec::new(),
+        }
+    }
+
+    /// A condition or a covariate by its name.
+    pub fn get(&self, name: &str) -> Option<f64> {
+        match name {
+            "t_yr" => Some(self.t_yr),
+            "dose_mev_g" => self.dose_mev_g,
+            "temperature_k" => Some(self.temperature_k),
+            "line_time_ms" => Some(self.line_time_ms),
+            "background_e" => Some(self.background_e),
+            "transfers" => Some(f64::from(self.transfers)),
+            "signal_e" => self.signal_e,
+            "trail_px" => self.trail_px.map(f64::from),
+            "block_px" => self.block_px.map(f64::from),
+            _ => self.covariates.iter().find(|(known, _)| known == name).map(|(_, value)| *value),
+        }
+    }
+}

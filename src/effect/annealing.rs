@@ -1,0 +1,48 @@
+//! Traps that disappear with time.
+
+use std::sync::Arc;
+
+use serde::Deserialize;
+
+use super::{Card, Effect, Kind, numbers};
+use crate::damage::{Damage, Loss};
+use crate::mission::Mission;
+use crate::mission::keys::{self, Need::Required, key};
+
+/// `[effects.annealing]`
+#[derive(Debug, Deserialize)]
+pub struct Annealing {
+    time_yr: f64,
+}
+
+impl Kind for Annealing {
+    const CARD: Card = Card {
+        kind: "annealing",
+        adds: "traps disappear with a first-order time constant, each counted from when it was made",
+        physics: "ρ(t) = (ρ_ref/D_ref) ∫ D'(s) exp(−(t − s)/time_yr) ds; traps at launch count from launch, those of a \
+                  laboratory dose from the irradiation (t_yr = 0).",
+        source: "first-order kinetics: Srour et al. 2003 (IEEE TNS 50, 653), section II",
+        holds: "At the temperature of operation, all species alike. time_yr = inf is no annealing.",
+        residuals: "Trails and losses that fall behind the model as the mission goes on, most in quiet years; the dose \
+                    itself right.",
+        keys: &[key("time_yr", "time constant", "yr", keys::Kind::Positive(0.0, f64::INFINITY), Required)],
+    };
+
+    fn nothing(_: &Mission) -> toml::Table {
+        numbers(&[("time_yr", f64::INFINITY)])
+    }
+
+    fn example(_: &Mission) -> toml::Table {
+        numbers(&[("time_yr", 4.0)])
+    }
+}
+
+impl Effect for Annealing {
+    fn damage(&self, damage: &mut Damage) {
+        if self.time_yr.is_finite() {
+            let rate_per_yr = 1.0 / self.time_yr;
+            let survives = move |made_yr: f64, now_yr: f64| (-(now_yr - made_yr) * rate_per_yr).exp();
+            damage.losses.push(Loss { on_yr: None, survives: Arc::new(survives) });
+        }
+    }
+}

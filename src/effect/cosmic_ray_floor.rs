@@ -1,0 +1,40 @@
+//! Dose of cosmic rays, in every year.
+
+use serde::Deserialize;
+
+use super::{Card, Effect, Kind, numbers};
+use crate::environment::DoseHistory;
+use crate::mission::Mission;
+use crate::mission::keys::{Kind::Number, Need::Required, key};
+
+/// `[effects.cosmic-ray-floor]`
+#[derive(Debug, Deserialize)]
+pub struct CosmicRayFloor {
+    rate_mev_g_yr: f64,
+}
+
+impl Kind for CosmicRayFloor {
+    const CARD: Card = Card {
+        kind: "cosmic-ray-floor",
+        adds: "a constant dose rate in every year, quiet ones too, which the dose monitor sees",
+        physics: "D(t) grows by rate_mev_g_yr t.",
+        source: "galactic cosmic rays: ISO 15390 (2004); their slow change against the solar cycle is left out",
+        holds: "On top of environment.cosmic_ray_floor_mev_g_yr, where the mission has one.",
+        residuals: "Dose and traps too small by an amount that grows with t_yr, in quiet years as in active ones.",
+        keys: &[key("rate_mev_g_yr", "dose rate of cosmic rays", "MeV/g/yr", Number(0.0, 1e12), Required)],
+    };
+
+    fn nothing(_: &Mission) -> toml::Table {
+        numbers(&[("rate_mev_g_yr", 0.0)])
+    }
+
+    fn example(_: &Mission) -> toml::Table {
+        numbers(&[("rate_mev_g_yr", 3e5)])
+    }
+}
+
+impl Effect for CosmicRayFloor {
+    fn dose(&self, dose: &mut DoseHistory) {
+        dose.floor_mev_g_yr += self.rate_mev_g_yr;
+    }
+}

@@ -1,0 +1,45 @@
+//! More or fewer traps per unit of dose.
+
+use serde::Deserialize;
+
+use super::{Card, Effect, Kind, numbers};
+use crate::damage::Damage;
+use crate::mission::Mission;
+use crate::mission::keys::{self, Key, Need::Required, key};
+
+/// `[effects.dose-scale]`
+#[derive(Debug, Deserialize)]
+pub struct DoseScale {
+    factor: f64,
+}
+
+impl Kind for DoseScale {
+    const CARD: Card = Card {
+        kind: "dose-scale",
+        adds: "traps per unit of dose times a factor, which the dose monitor does not see",
+        physics: "ρ = factor ρ_ref D/D_ref, for all species alike: secondaries from the shield, shielding that differs from \
+                  the model's, damage of another particle than the one the densities were measured with.",
+        source: "Dale et al. 1994 (IEEE TNS 41, 1974) on secondaries; Rhodes et al. 2010, section 4.1",
+        holds: "Traps at launch are not scaled. With one epoch alone it cannot be told from other ways to have more traps.",
+        residuals: "Everything that traps do too small (or large) by the same factor at every time, distance and signal; the \
+                    dose itself right.",
+        keys: &[Key {
+            help: |value| (value == 0.0).then(|| "no traps at all: take the species out instead".into()),
+            ..key("factor", "traps per unit of dose over the model's", "", keys::Kind::Positive(0.0, 1000.0), Required)
+        }],
+    };
+
+    fn nothing(_: &Mission) -> toml::Table {
+        numbers(&[("factor", 1.0)])
+    }
+
+    fn example(_: &Mission) -> toml::Table {
+        numbers(&[("factor", 1.4)])
+    }
+}
+
+impl Effect for DoseScale {
+    fn damage(&self, damage: &mut Damage) {
+        damage.traps_per_dose *= self.factor;
+    }
+}

@@ -1,0 +1,46 @@
+//! Capture that takes time.
+
+use serde::Deserialize;
+
+use super::{Card, Effect, Kind, numbers};
+use crate::conditions::Conditions;
+use crate::damage::SpeciesState;
+use crate::mission::Mission;
+use crate::mission::keys::{Kind::Number, Need::Required, key};
+
+/// `[effects.finite-capture]`
+#[derive(Debug, Deserialize)]
+pub struct FiniteCapture {
+    capture_ms: f64,
+}
+
+impl Kind for FiniteCapture {
+    const CARD: Card = Card {
+        kind: "finite-capture",
+        adds: "capture takes time: traps inside the cloud fill with a time constant",
+        physics: "Inside the cloud, whose height is that of the charge on arrival, d(fill)/dt = (1 − fill)/capture_ms − fill/τ \
+                  during one line time; above it there is release alone.",
+        source: "Massey et al. 2014 (MNRAS 439, 887), appendix A; Short et al. 2013 (MNRAS 430, 3078)",
+        holds: "The same time for all species, at any depth of the cloud. capture_ms = 0 is instantaneous capture. Traps \
+                slower than the line time make readouts some ten times slower to compute.",
+        residuals: "Losses that are too large where clocks are fast or release times short, and trails too bright next to \
+                    the packet; more of it at a shorter line_time_ms.",
+        keys: &[key("capture_ms", "capture time", "ms", Number(0.0, 1e7), Required)],
+    };
+
+    fn nothing(_: &Mission) -> toml::Table {
+        numbers(&[("capture_ms", 0.0)])
+    }
+
+    fn example(mission: &Mission) -> toml::Table {
+        numbers(&[("capture_ms", 0.3 * mission.readout.line_time_ms)])
+    }
+}
+
+impl Effect for FiniteCapture {
+    fn traps(&self, traps: &mut [SpeciesState], _: &Conditions) {
+        for species in traps {
+            species.capture_ms = self.capture_ms;
+        }
+    }
+}

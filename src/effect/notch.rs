@@ -1,0 +1,49 @@
+//! A supplementary buried channel.
+
+use serde::Deserialize;
+
+use super::{Card, Effect, Kind, Refusal, numbers};
+use crate::mission::keys::{self, Kind::Number, Need::Required, key};
+use crate::mission::{Detector, Mission};
+
+/// `[effects.notch]`
+#[derive(Debug, Deserialize)]
+pub struct Notch {
+    notch_e: f64,
+}
+
+impl Kind for Notch {
+    const CARD: Card = Card {
+        kind: "notch",
+        adds: "a supplementary buried channel, in which small packets meet no traps",
+        physics: "h(n) = ((n − notch_e)/(w − notch_e))^α, 0 at and below notch_e: in place of detector.notch_e.",
+        source: "Rhodes et al. 2010, equation 1; Seabroke et al. 2013 (MNRAS 430, 3155): Gaia's supplementary buried channels",
+        holds: "The channel itself is free of traps.",
+        residuals: "Losses and trails too large at small signal_e and small background_e, and right for large packets.",
+        keys: &[key("notch_e", "charge that the channel holds", "e-", Number(0.0, 1e9), Required)],
+    };
+
+    fn nothing(mission: &Mission) -> toml::Table {
+        numbers(&[("notch_e", mission.detector.notch_e)])
+    }
+
+    fn example(mission: &Mission) -> toml::Table {
+        numbers(&[("notch_e", mission.detector.notch_e + 60.0)])
+    }
+
+    fn check(&self, mission: &Mission) -> Result<(), Refusal> {
+        let full_well_e = mission.detector.full_well_e;
+        if self.notch_e < full_well_e {
+            return Ok(());
+        }
+        let [notch, well] = [self.notch_e, full_well_e].map(keys::plain);
+        let problem = format!("the notch ({notch} e-) must be below the full well ({well} e-)");
+        Err(Refusal { key: "notch_e".into(), problem, help: None })
+    }
+}
+
+impl Effect for Notch {
+    fn detector(&self, detector: &mut Detector) {
+        detector.notch_e = self.notch_e;
+    }
+}

@@ -1,0 +1,41 @@
+//! Background that the mission file does not know of.
+
+use serde::Deserialize;
+
+use super::{Card, Effect, Kind, numbers};
+use crate::conditions::Conditions;
+use crate::mission::Mission;
+use crate::mission::keys::{Kind::Number, Need::Required, key};
+
+/// `[effects.preflash]`
+#[derive(Debug, Deserialize)]
+pub struct Preflash {
+    electrons: f64,
+}
+
+impl Kind for Preflash {
+    const CARD: Card = Card {
+        kind: "preflash",
+        adds: "background that the mission file does not know of: a flash, stray light, dark current",
+        physics: "Every pixel holds so many electrons more before transfer; they keep the lowest traps full.",
+        source: "Rhodes et al. 2010, section 6; Massey et al. 2010 on the background's effect",
+        holds: "On top of background_e, in every row of every file.",
+        residuals: "Losses and trails too large where the background is small, most of all for faint packets and far behind \
+                    them; right where background_e is large.",
+        keys: &[key("electrons", "charge in every pixel", "e-", Number(0.0, 1e7), Required)],
+    };
+
+    fn nothing(_: &Mission) -> toml::Table {
+        numbers(&[("electrons", 0.0)])
+    }
+
+    fn example(_: &Mission) -> toml::Table {
+        numbers(&[("electrons", 40.0)])
+    }
+}
+
+impl Effect for Preflash {
+    fn conditions(&self, at: &mut Conditions) {
+        at.background_e += self.electrons;
+    }
+}

@@ -1,0 +1,62 @@
+//! Traps that were there at launch.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use super::{Card, Effect, Kind, Refusal};
+use crate::damage::Damage;
+use crate::error::nearest;
+use crate::mission::Mission;
+use crate::mission::keys::{Kind::Number, Need::Optional, key};
+
+/// `[effects.prelaunch-traps]`
+#[derive(Debug, Deserialize)]
+pub struct PrelaunchTraps {
+    #[serde(flatten)]
+    per_px: BTreeMap<String, f64>,
+}
+
+impl Kind for PrelaunchTraps {
+    const CARD: Card = Card {
+        kind: "prelaunch-traps",
+        adds: "traps at launch, a density for each species",
+        physics: "ρ(t) = ρ_0 + ρ_ref D(t)/D_ref. Traps of the manufacturing, or of tests before launch; they anneal and are \
+                  baked out like any others.",
+        source: "Rhodes et al. 2010, section 2.3; Massey et al. 2014 (MNRAS 439, 887), table 1: ACS at launch",
+        holds: "Traps measured after a laboratory dose have them too. Species that are not named have none.",
+        residuals: "Trails and losses too small by the same amount at every time, launch included; the dose itself right.",
+        keys: &[key("*", "density at launch of that species", "per pixel", Number(0.0, 1e4), Optional)],
+    };
+
+    fn nothing(mission: &Mission) -> toml::Table {
+        mission.detector.traps.iter().map(|species| (species.name.clone(), 0.0.into())).collect()
+    }
+
+    fn example(mission: &Mission) -> toml::Table {
+        mission.detector.traps.iter().map(|species| (species.name.clone(), 0.01.into())).collect()
+    }
+
+    fn check(&self, mission: &Mission) -> Result<(), Refusal> {
+        let known = || mission.detector.traps.iter().map(|species| species.name.as_str());
+        let extra = super::extra_species::names(mission);
+        let known = || known().chain(extra.iter().map(String::as_str));
+        match self.per_px.keys().find(|name| !known().any(|known| known == *name)) {
+            None => Ok(()),
+            Some(name) => Err(Refusal {
+                key: name.clone(),
+                problem: format!(
+                    "there is no trap species \"{name}\"; there are: {}",
+                    known().collect::<Vec<_>>().join(", ")
+                ),
+                help: nearest(name, known()).map(|near| format!("did you mean \"{near}\"?")),
+            }),
+        }
+    }
+}
+
+impl Effect for PrelaunchTraps {
+    fn damage(&self, damage: &mut Damage) {
+        damage.at_launch_per_px.extend(self.per_px.iter().map(|(name, density)| (name.clone(), *density)));
+    }
+}

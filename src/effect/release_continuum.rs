@@ -1,0 +1,52 @@
+//! Release times that are spread.
+
+use serde::Deserialize;
+
+use super::{Card, Effect, Kind, numbers};
+use crate::conditions::Conditions;
+use crate::damage::SpeciesState;
+use crate::mission::Mission;
+use crate::mission::keys::{Kind::Number, Need::Required, key};
+
+/// `[effects.release-continuum]`
+#[derive(Debug, Deserialize)]
+pub struct ReleaseContinuum {
+    sigma: f64,
+}
+
+impl Kind for ReleaseContinuum {
+    const CARD: Card = Card {
+        kind: "release-continuum",
+        adds: "release times of each species spread log-normally about their median",
+        physics: "ln τ is normal about ln τ_i with standard deviation sigma; each trap keeps its release time.",
+        source: "Hall et al. 2014 (IEEE TNS 61, 1826): spread of the divacancy's release time from pocket pumping; Nightingale et \
+                 al. 2024 (ArCTIc's continuum species)",
+        holds: "The same sigma for all species. Spread by fields and stress, not by temperature.",
+        residuals: "Trails too faint both next to the packet and far behind it, and too bright around the release time: \
+                    rounder in log-log than a sum of exponentials.",
+        keys: &[key(
+            "sigma",
+            "standard deviation of the logarithm of the release time",
+            "",
+            Number(0.0, 4.0),
+            Required,
+        )],
+    };
+
+    fn nothing(_: &Mission) -> toml::Table {
+        numbers(&[("sigma", 0.0)])
+    }
+
+    fn example(_: &Mission) -> toml::Table {
+        numbers(&[("sigma", 0.5)])
+    }
+}
+
+impl Effect for ReleaseContinuum {
+    fn traps(&self, traps: &mut [SpeciesState], _: &Conditions) {
+        for species in traps {
+            // Independent spreads add in quadrature.
+            species.release_sigma = species.release_sigma.hypot(self.sigma);
+        }
+    }
+}

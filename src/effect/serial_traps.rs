@@ -1,0 +1,69 @@
+//! Trailing along the serial register.
+
+use serde::Deserialize;
+
+use super::{Card, Effect, Kind, SerialRegister, numbers};
+use crate::mission::keys::{self, Kind::Integer, Kind::Number, Need::Required, key};
+use crate::mission::{Mission, Species};
+
+/// `[effects.serial-traps]`
+#[derive(Debug, Deserialize)]
+pub struct SerialTraps {
+    traps: Vec<Species>,
+    pixel_time_ms: f64,
+    transfers: u32,
+}
+
+impl Kind for SerialTraps {
+    const CARD: Card = Card {
+        kind: "serial-traps",
+        adds: "trailing along the serial register as well, by the same physics with the axes swapped",
+        physics: "After the parallel transfers each row makes `transfers` transfers of pixel_time_ms through the species of \
+                  [[effects.serial-traps.traps]], whose densities grow with dose like those of the pixels. Packets are \
+                  alone in their rows, blocks fill theirs evenly, galaxies are read as they are.",
+        source: "Rhodes et al. 2010, section 3 (rotate and repeat); Massey et al. 2014 on serial CTI in ACS",
+        holds: "Wells of the serial register are as deep as the pixels'. Charge trailed across columns is lost to a packet \
+                and to its parallel trail.",
+        residuals: "packet_charge too small whatever the (parallel) transfers; shapes stretched along x, which makes \
+                    delta_e1 more positive.",
+        keys: &[
+            key("pixel_time_ms", "time between two serial transfers", "ms", keys::Kind::Positive(0.0, 1e7), Required),
+            key("transfers", "number of serial transfers", "", Integer(1, 100_000), Required),
+            key("traps[].name", "name of the species", "", keys::Kind::Text, Required),
+            key(
+                "traps[].density_per_px",
+                "trap density at the reference dose",
+                "per pixel",
+                Number(0.0, 1e4),
+                Required,
+            ),
+            key("traps[].release_ms", "release time", "ms", keys::Kind::Positive(0.0, 1e12), Required),
+            key("traps[].energy_ev", "energy level below the band", "eV", Number(0.0, 1.2), Required),
+        ],
+    };
+
+    fn nothing(mission: &Mission) -> toml::Table {
+        with_density(mission, 0.0)
+    }
+
+    fn example(mission: &Mission) -> toml::Table {
+        with_density(mission, 0.5)
+    }
+}
+
+fn with_density(mission: &Mission, density_per_px: f64) -> toml::Table {
+    let pixel_time_ms = mission.readout.line_time_ms / 1000.0;
+    let mut table = numbers(&[("pixel_time_ms", pixel_time_ms)]);
+    table.insert("transfers".into(), 1000.into());
+    let mut species =
+        numbers(&[("density_per_px", density_per_px), ("release_ms", 3.0 * pixel_time_ms), ("energy_ev", 0.2)]);
+    species.insert("name".into(), "serial".into());
+    table.insert("traps".into(), vec![toml::Value::Table(species)].into());
+    table
+}
+
+impl Effect for SerialTraps {
+    fn serial(&self) -> Option<SerialRegister> {
+        Some(SerialRegister { traps: self.traps.clone(), pixel_time_ms: self.pixel_time_ms, transfers: self.transfers })
+    }
+}

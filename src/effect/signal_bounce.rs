@@ -1,0 +1,56 @@
+//! The amplifier's own trail.
+
+use ndarray::{Array2, Axis};
+use serde::Deserialize;
+
+use super::{Card, Effect, Kind, numbers};
+use crate::conditions::Conditions;
+use crate::mission::Mission;
+use crate::mission::keys::{self, Kind::Number, Need::Required, key};
+
+/// `[effects.signal-bounce]`
+#[derive(Debug, Deserialize)]
+pub struct SignalBounce {
+    fraction: f64,
+    length_px: f64,
+}
+
+impl Kind for SignalBounce {
+    const CARD: Card = Card {
+        kind: "signal-bounce",
+        adds: "the amplifier's own trail, the same whatever the transfers",
+        physics: "Pixel k behind a packet shows fraction exp(−(k − 1)/length_px) of the packet on top; blocks and images are \
+                  sums of packets. The packet's charge is that before transfer.",
+        source: "Toyozumi & Ashley 2005 (PASA 22, 257) on the slow response of output stages",
+        holds: "Linear in the signal, along the direction of the parallel trail, without loss of the packet's own charge; a \
+                negative fraction is an undershoot. That packets arrive a little smaller than they left is of second order.",
+        residuals: "A trail that is too bright in the first pixels by a fraction that does not depend on transfers, signal, \
+                    time or temperature.",
+        keys: &[
+            key("fraction", "share of the packet in the next pixel", "", Number(-1.0, 1.0), Required),
+            key("length_px", "length of the trail", "px", keys::Kind::Positive(0.0, 1e4), Required),
+        ],
+    };
+
+    fn nothing(_: &Mission) -> toml::Table {
+        numbers(&[("fraction", 0.0), ("length_px", 2.0)])
+    }
+
+    fn example(_: &Mission) -> toml::Table {
+        numbers(&[("fraction", 0.005), ("length_px", 2.0)])
+    }
+}
+
+impl Effect for SignalBounce {
+    fn read(&self, before_e: &Array2<f64>, read_e: &mut Array2<f64>, _: &Conditions) {
+        let keep = (-1.0 / self.length_px).exp();
+        for (before_e, mut read_e) in before_e.axis_iter(Axis(1)).zip(read_e.axis_iter_mut(Axis(1))) {
+            // Σ_j exp(−(k − j − 1)/length) n_j over the packets j in front of pixel k
+            let mut behind_e = 0.0;
+            for (before, read) in before_e.iter().zip(&mut read_e) {
+                *read += self.fraction * behind_e;
+                behind_e = behind_e * keep + before;
+            }
+        }
+    }
+}

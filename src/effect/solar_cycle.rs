@@ -1,0 +1,40 @@
+//! Dose in the active years of the solar cycle, and none in the others.
+
+use serde::Deserialize;
+
+use super::{Card, Effect, Kind};
+use crate::environment::DoseHistory;
+use crate::mission::Mission;
+
+/// `[effects.solar-cycle]`
+#[derive(Debug, Deserialize)]
+pub struct SolarCycle {}
+
+impl Kind for SolarCycle {
+    const CARD: Card = Card {
+        kind: "solar-cycle",
+        adds: "dose in 7 years of 11 instead of a constant average, for missions on the `constant` model",
+        physics: "The dose rate is the active one from 2.5 years before to 4.5 years after each solar maximum, and 0 in \
+                  between.",
+        source: "ECSS-E-ST-10-04C (2008), annex B.1; solar maxima from environment.solar_maximum",
+        holds: "Changes nothing in a mission whose model is `solar-cycle`. Single events are another effect, solar-flare.",
+        residuals: "Dose and everything made by it too large in quiet years and too small in active ones: a staircase \
+                    against t_yr, with steps where the cycle turns.",
+        keys: &[],
+    };
+
+    fn nothing(_: &Mission) -> toml::Table {
+        // At zero strength only where the mission follows the cycle already: there is nothing to turn down.
+        toml::Table::new()
+    }
+
+    fn example(_: &Mission) -> toml::Table {
+        toml::Table::new()
+    }
+}
+
+impl Effect for SolarCycle {
+    fn dose(&self, dose: &mut DoseHistory) {
+        dose.follow_solar_cycle();
+    }
+}

@@ -1,0 +1,47 @@
+//! One solar event: a step of dose.
+
+use serde::Deserialize;
+
+use super::{Card, Effect, Kind, numbers};
+use crate::environment::DoseHistory;
+use crate::mission::Mission;
+use crate::mission::keys::{Key, Kind::Number, Need::Required, key};
+
+/// `[effects.solar-flare]`
+#[derive(Debug, Deserialize)]
+pub struct SolarFlare {
+    t_yr: f64,
+    dose_mev_g: f64,
+}
+
+impl Kind for SolarFlare {
+    const CARD: Card = Card {
+        kind: "solar-flare",
+        adds: "a step of dose on one day, which the dose monitor sees",
+        physics: "D(t) grows by dose_mev_g at t_yr. The traps it makes are those of any other dose.",
+        source: "Feynman et al. 2002 (JGR 107, 1303): most of a cycle's fluence comes in a few events",
+        holds: "An event of days counts as one moment. Several events are several [[effects.solar-flare]].",
+        residuals: "Dose, trails and shapes right before one day and too small, by a constant, after it.",
+        keys: &[
+            key("t_yr", "time of the event since launch", "yr", Number(0.0, 100.0), Required),
+            Key {
+                help: |value| (value < 0.0).then(|| "an event adds dose; for the loss of traps see `bakeout`".into()),
+                ..key("dose_mev_g", "dose of the event", "MeV/g", Number(0.0, 1e12), Required)
+            },
+        ],
+    };
+
+    fn nothing(mission: &Mission) -> toml::Table {
+        numbers(&[("t_yr", 0.5 * mission.mission.duration_yr), ("dose_mev_g", 0.0)])
+    }
+
+    fn example(mission: &Mission) -> toml::Table {
+        numbers(&[("t_yr", 0.5 * mission.mission.duration_yr), ("dose_mev_g", 2e6)])
+    }
+}
+
+impl Effect for SolarFlare {
+    fn dose(&self, dose: &mut DoseHistory) {
+        dose.steps.push((self.t_yr, self.dose_mev_g));
+    }
+}

@@ -1,0 +1,53 @@
+//! A thermometer that is wrong.
+
+use serde::Deserialize;
+
+use super::{Card, Effect, Kind, Refusal, numbers};
+use crate::conditions::Conditions;
+use crate::mission::Mission;
+use crate::mission::keys::{Key, Kind::Number, Need::Required, key};
+
+/// `[effects.temperature-offset]`
+#[derive(Debug, Deserialize)]
+pub struct TemperatureOffset {
+    kelvin: f64,
+}
+
+impl Kind for TemperatureOffset {
+    const CARD: Card = Card {
+        kind: "temperature-offset",
+        adds: "the detector is warmer (or colder, below 0) than its thermometer says",
+        physics: "Release times are those at temperature_k + kelvin; the reference temperature is not touched.",
+        source: "release times: Shockley & Read 1952 (Phys. Rev. 87, 835) and Hall 1952 (Phys. Rev. 87, 387)",
+        holds: "The same offset at every time and temperature.",
+        residuals: "Trails of all species too steep (too flat), as if each clock were slower (faster); deep levels more than \
+                    shallow ones. Looks like other release times where the temperature does not vary.",
+        keys: &[Key {
+            help: |value| (value > 100.0).then(|| "a difference in kelvin, not a temperature".into()),
+            ..key("kelvin", "temperature above what the thermometer says", "K", Number(-100.0, 100.0), Required)
+        }],
+    };
+
+    fn nothing(_: &Mission) -> toml::Table {
+        numbers(&[("kelvin", 0.0)])
+    }
+
+    fn example(_: &Mission) -> toml::Table {
+        numbers(&[("kelvin", 4.0)])
+    }
+
+    fn check(&self, mission: &Mission) -> Result<(), Refusal> {
+        let real_k = mission.detector.temperature_k + self.kelvin;
+        if real_k > 0.0 {
+            return Ok(());
+        }
+        let problem = format!("the detector would be at {real_k} K");
+        Err(Refusal { key: "kelvin".into(), problem, help: None })
+    }
+}
+
+impl Effect for TemperatureOffset {
+    fn conditions(&self, at: &mut Conditions) {
+        at.temperature_k += self.kelvin;
+    }
+}

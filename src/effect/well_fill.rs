@@ -1,0 +1,40 @@
+//! Another exponent of the charge cloud.
+
+use serde::Deserialize;
+
+use super::{Card, Effect, Kind, numbers};
+use crate::mission::keys::{self, Need::Required, key};
+use crate::mission::{Detector, Mission};
+
+/// `[effects.well-fill]`
+#[derive(Debug, Deserialize)]
+pub struct WellFill {
+    well_fill_power: f64,
+}
+
+impl Kind for WellFill {
+    const CARD: Card = Card {
+        kind: "well-fill",
+        adds: "another exponent of the charge cloud",
+        physics: "h(n) = ((n − d)/(w − d))^well_fill_power: in place of detector.well_fill_power.",
+        source: "Rhodes et al. 2010, equation 1; Massey et al. 2010 (MNRAS 401, 371), equation 1",
+        holds: "All species alike. An incomplete base fakes it: exponents of one's own for each species look decisive where \
+                recapture is left out.",
+        residuals: "Losses and trails that lean on signal_e at every trail_px: too small at one end, too large at the other.",
+        keys: &[key("well_fill_power", "well fill power", "", keys::Kind::Positive(0.0, 5.0), Required)],
+    };
+
+    fn nothing(mission: &Mission) -> toml::Table {
+        numbers(&[("well_fill_power", mission.detector.well_fill_power)])
+    }
+
+    fn example(mission: &Mission) -> toml::Table {
+        numbers(&[("well_fill_power", 1.3 * mission.detector.well_fill_power)])
+    }
+}
+
+impl Effect for WellFill {
+    fn detector(&self, detector: &mut Detector) {
+        detector.well_fill_power = self.well_fill_power;
+    }
+}

@@ -1,0 +1,171 @@
+//! What every effect of the catalogue promises, asked of each.
+
+use ctiplan::conditions::Conditions;
+use ctiplan::device::Beside;
+use ctiplan::effect::{CATALOGUE, Entry};
+use ctiplan::evaluate;
+use ctiplan::mission::Mission;
+use ctiplan::model::Model;
+use ctiplan::readout::Downstream;
+use ctiplan::shape::ShapeChange;
+use ndarray::Array2;
+use toml::Value;
+
+/// A constant dose, so that `solar-cycle` has something to change, and 16 years, so that it turns; one galaxy, coarsely.
+fn mission(settings: &str) -> Mission {
+    let text = format!(
+        "{}{settings}",
+        include_str!("../missions/snap_l2.toml")
+            .replace("duration_yr = 5.0", "duration_yr = 16.0")
+            .replace("[requirement]", "[accuracy]\nsubpixel_grid = 1\n[requirement]")
+    );
+    let mut mission = Mission::parse(&text).unwrap();
+    mission.galaxies.truncate(1);
+    mission
+}
+
+fn with(entry: &Entry, table: toml::Table) -> Mission {
+    let effects = toml::Table::from_iter([(entry.card.kind.to_string(), Value::Table(table))]);
+    mission(&toml::to_string(&toml::Table::from_iter([("effects".to_string(), Value::Table(effects))])).unwrap())
+}
+
+/// Dose, traps, packets and shapes at several times and under several conditions.
+fn all(mission: &Mission) -> Vec<f64> {
+    let model = Model::new(mission);
+    let mut found = Vec::new();
+    for t_yr in [0.0, 0.4, 3.0, 7.9, 8.1, 15.0] {
+        found.push(model.dose.dose_mev_g(t_yr));
+        for (temperature_k, background_e) in [(133.0, 120.0), (150.0, 2.0)] {
+            let at = Conditions { temperature_k, background_e, signal_e: Some(800.0), ..model.conditions(t_yr) };
+            let device = model.device(&at);
+            found.extend(device.traps.iter().map(|species| species.density_per_px));
+            let background_e = device.at.background_e;
+            let column = Array2::from_shape_fn((30, 1), |(row, _)| background_e + if row == 9 { 800.0 } else { 0.0 });
+            let downstream = Downstream { rows: 500, charge_e: background_e };
+            found.extend(device.read(&column, downstream, Beside::Background));
+        }
+    }
+    for t_yr in [3.0, 15.0] {
+        let change = model.change(0, t_yr).unwrap_or_default();
+        found.extend([change.delta_e1, change.delta_y_px, change.delta_flux, change.delta_size]);
+    }
+    model.check().unwrap();
+    assert!(found.iter().all(|value| value.is_finite()));
+    found
+}
+
+#[test]
+fn an_effect_at_zero_strength_changes_no_bit() {
+    let plain = all(&mission(""));
+    for entry in &CATALOGUE {
+        let nothing = (entry.nothing)(&mission(""));
+        if entry.card.kind == "solar-cycle" {
+            // Has no strength: changes nothing where the mission follows the cycle already.
+            let follows = mission("").with(&[("environment.model".into(), "solar-cycle".into())]).unwrap();
+            let mut twice = follows.clone();
+            twice.effects.insert("solar-cycle".into(), Value::Table(nothing));
+            assert_eq!(all(&follows), all(&twice));
+            continue;
+        }
+        let extra = entry.card.kind == "extra-species";
+        let mut found = all(&with(entry, nothing));
+        let mut expected = plain.clone();
+        if extra {
+            // One more species is listed, with no traps.
+            found.retain(|value| *value != 0.0);
+            expected.retain(|value| *value != 0.0);
+        }
+        assert!(found == expected, "{}", entry.card.kind);
+    }
+}
+
+#[test]
+fn every_effect_changes_something_and_no_two_do_the_same() {
+    let plain = all(&mission(""));
+    let mut seen: Vec<(&str, Vec<f64>)> = vec![("none", plain)];
+    for entry in &CATALOGUE {
+        let mut table = (entry.example)(&mission(""));
+        if entry.card.kind == "formula" {
+            table = toml::from_str("target = \"read_e\"\nexpression = \"read_e * (1 + 0.01 * t_yr)\"").unwrap();
+        }
+        let found = all(&with(entry, table));
+        for (other, values) in &seen {
+            assert!(*values != found, "{} does the same as {other}", entry.card.kind);
+        }
+        seen.push((entry.card.kind, found));
+    }
+}
+
+#[test]
+fn charge_is_conserved_where_it_should_be() {
+    // A linear cloud, so that no trail lasts for ever; traps that release soon, and rows enough behind.
+    for entry in
+        CATALOGUE.iter().filter(|entry| !["serial-traps", "signal-bounce", "formula"].contains(&entry.card.kind))
+    {
+        let mut table = (entry.example)(&mission(""));
+        if entry.card.kind == "extra-species" {
+            table.insert("release_ms".into(), 50.0.into());
+        }
+        if entry.card.kind == "well-fill" {
+            table.insert("well_fill_power".into(), 1.5.into());
+        }
+        let mut mission = with(entry, table);
+        mission.detector.well_fill_power = 1.0;
+        for species in &mut mission.detector.traps {
+            species.release_ms = species.release_ms.min(100.0);
+        }
+        let model = Model::new(&mission);
+        let device = model.device(&Conditions { background_e: 0.0, ..model.conditions(12.0) });
+        let column = Array2::from_shape_fn((900, 1), |(row, _)| if row < 20 { 3000.0 } else { 0.0 });
+        let read = device.read(&column, Downstream { rows: 300, charge_e: 0.0 }, Beside::Background);
+        let (before, after) = (column.sum(), read.sum());
+        assert!((after / before - 1.0).abs() < 1e-7, "{}: {after} of {before}", entry.card.kind);
+        assert!(read != column, "{}", entry.card.kind);
+    }
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit() {
+    for entry in &CATALOGUE {
+        let mission = with(entry, (entry.example)(&mission("")));
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| all(&mission))
+        };
+        assert!(on(1) == on(7), "{}", entry.card.kind);
+    }
+}
+
+#[test]
+fn the_whole_chain_feels_every_effect() {
+    let changes = |mission: &Mission| -> Vec<ShapeChange> {
+        let years = evaluate(mission).unwrap().years;
+        years.iter().map(|year| year.galaxies[0].unwrap()).collect()
+    };
+    let plain = changes(&mission(""));
+    for entry in &CATALOGUE {
+        let found = changes(&with(entry, (entry.example)(&mission(""))));
+        assert!(found != plain, "{} does not reach `evaluate`", entry.card.kind);
+    }
+}
+
+#[test]
+fn cards_say_what_a_reader_needs_and_names_differ() {
+    for (index, entry) in CATALOGUE.iter().enumerate() {
+        let card = &entry.card;
+        for said in [card.adds, card.physics, card.source, card.holds, card.residuals] {
+            assert!(!said.trim().is_empty() && !said.contains("  "), "{}: {said}", card.kind);
+        }
+        assert!(CATALOGUE[..index].iter().all(|other| other.card.kind != card.kind && other.card.adds != card.adds));
+    }
+}
+
+#[test]
+fn examples_and_nothings_are_read_back_as_they_are() {
+    for entry in &CATALOGUE {
+        for table in [(entry.example)(&mission("")), (entry.nothing)(&mission(""))] {
+            let read = with(entry, table);
+            assert_eq!(Mission::parse(&read.to_toml()).unwrap(), read);
+        }
+    }
+}
