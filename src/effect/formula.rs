@@ -1,10 +1,10 @@
 //! The user's own effect: an expression that changes a named quantity of the model.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 
 use ndarray::Array2;
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
 
 use super::{Card, Effect, Kind, Refusal};
 use crate::conditions::{self, Conditions};
@@ -21,16 +21,13 @@ use crate::readout::Cloud;
 #[derive(Debug, Deserialize)]
 pub struct Formula {
     target: String,
-    #[serde(deserialize_with = "expression")]
-    expression: Expression,
+    expression: String,
+    #[serde(skip)]
+    read: OnceLock<Expression>,
     #[serde(flatten)]
     parameters: BTreeMap<String, f64>,
     #[serde(skip)]
     fault: Arc<Mutex<Option<ExpressionError>>>,
-}
-
-fn expression<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Expression, D::Error> {
-    Expression::parse(&String::deserialize(deserializer)?).map_err(serde::de::Error::custom)
 }
 
 /// Targets, each the name of the quantity in its expression too.
@@ -98,16 +95,22 @@ impl Kind for Formula {
             let problem = format!("`{name}` is a condition or a quantity already: parameters need names of their own");
             return refusal(name, problem, None);
         }
-        // What does not depend on data can be tried.
+        let expression = match Expression::parse(&self.expression) {
+            Ok(expression) => expression,
+            Err(ExpressionError { place, problem, help, .. }) => {
+                let place = place.map_or(String::new(), |place| format!("at letter {}: ", place + 1));
+                return refusal("expression", format!("{place}{problem}"), help);
+            }
+        };
         let knows_all = |name: &str| self.parameters.contains_key(name) || name == target || name == "t_yr";
         let doses = ["dose_rate_mev_g_yr", "dose_mev_g"].contains(&target);
-        if let Some(other) = self.expression.variables().find(|name| doses && !knows_all(name)) {
+        if let Some(other) = expression.variables().find(|name| doses && !knows_all(name)) {
             let problem = format!("`{other}` is not known here: a dose depends on t_yr and on parameters alone");
             return refusal("expression", problem, None);
         }
-        let unused = self.parameters.keys().find(|name| !self.expression.variables().any(|used| used == *name));
+        let unused = self.parameters.keys().find(|name| !expression.variables().any(|used| used == *name));
         if let Some(name) = unused {
-            let near = nearest(name, self.expression.variables()).map(|near| format!("did you mean `{near}`?"));
+            let near = nearest(name, expression.variables()).map(|near| format!("did you mean `{near}`?"));
             return refusal(name, format!("the expression does not use `{name}`"), near);
         }
         Ok(())
@@ -124,6 +127,10 @@ impl Formula {
         self.target.split_once('.').map_or((&self.target, None), |(target, member)| (target, Some(member)))
     }
 
+    fn expression(&self) -> &Expression {
+        self.read.get_or_init(|| Expression::parse(&self.expression).expect("checked when the mission was read"))
+    }
+
     /// What becomes of a quantity; NaN where there is no such value, which is then remembered.
     fn becomes(&self, quantity: f64, at: &Conditions, also: Option<(&str, f64)>) -> f64 {
         // What is not known is not made worse: the first fault is the one that counts.
@@ -131,7 +138,7 @@ impl Formula {
             return quantity;
         }
         let (target, _) = self.parts();
-        let value = self.expression.value(|name| {
+        let value = self.expression().value(|name| {
             let also = also.filter(|(known, _)| *known == name).map(|(_, value)| value);
             let parameter = || self.parameters.get(name).copied();
             if name == target { Some(quantity) } else { parameter().or(also).or_else(|| at.get(name)) }
@@ -142,7 +149,7 @@ impl Formula {
     /// The same expression as a law over time.
     fn law(&self) -> Law {
         let (target, _) = self.parts();
-        let (target, expression, parameters) = (target.to_string(), self.expression.clone(), self.parameters.clone());
+        let (target, expression, parameters) = (target.to_string(), self.expression().clone(), self.parameters.clone());
         let fault = Arc::clone(&self.fault);
         Law::new(move |t_yr, quantity| {
             let known = |name: &str| match name {
@@ -216,7 +223,7 @@ impl Effect for Formula {
     }
 
     fn depends_on(&self) -> Vec<String> {
-        self.expression.variables().filter(|name| !self.parameters.contains_key(*name)).map(str::to_string).collect()
+        self.expression().variables().filter(|name| !self.parameters.contains_key(*name)).map(str::to_string).collect()
     }
 
     fn fault(&self) -> Option<ExpressionError> {
