@@ -4,21 +4,25 @@
 //! not met where `--check` asks for it.
 
 use std::ffi::OsString;
+use std::fs;
 use std::io::{ErrorKind, Write, stdout};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Mutex;
 
 use clap::{Args, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::dose;
-use crate::error::InputError;
+use crate::error::{InputError, nearest};
 use crate::evaluate::evaluate;
-use crate::mission::Mission;
+use crate::measurement::DataSet;
+use crate::mission::{self, Mission};
 use crate::model::Model;
-use crate::noise;
-use crate::report::{EvaluateReport, Format, Report};
+use crate::report::{self, EvaluateReport, FitReport, Format, Report};
 use crate::scenario::{Axis, compare};
+use crate::validate::validate;
+use crate::{effect, fit, noise, output};
 
 /// When will radiation damage to the CCDs have spoiled the shapes of galaxies?
 ///
@@ -40,6 +44,12 @@ enum Command {
     Compare(Compare),
     /// Proton spectrum, shielding and displacement damage dose of a mission
     Dose(Dose),
+    /// Model against measurements: how far off, and against which condition the residuals lean
+    Validate(Validate),
+    /// Adjust what [fit] or --free names to measurements: values with errors and correlations
+    Fit(Fit),
+    /// The catalogue of effects, or one of them: its physics, its parameters, and what it looks like in residuals
+    Effects(Effects),
 }
 
 #[derive(Debug, Args)]
@@ -117,6 +127,72 @@ struct Dose {
     output: Output,
 }
 
+#[derive(Debug, Args)]
+struct Validate {
+    /// Mission file (TOML)
+    mission: PathBuf,
+    /// Measurement files (ECSV or CSV)
+    #[arg(required = true)]
+    data: Vec<PathBuf>,
+    /// Another value of a key, such as detector.temperature_k=150; may be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Draw data, model and residuals as SVG into this folder
+    #[arg(long, value_name = "DIR")]
+    plots: Option<PathBuf>,
+    /// Write each measurement file with columns `model` and `residual_sigma` into this folder, as ECSV
+    #[arg(long, value_name = "DIR")]
+    residuals: Option<PathBuf>,
+    /// Seed of the simulated noise that leanings are compared with, in place of the mission's
+    #[arg(long, value_name = "SEED")]
+    seed: Option<u64>,
+    #[command(flatten)]
+    output: Output,
+}
+
+#[derive(Debug, Args)]
+struct Fit {
+    /// Mission file (TOML)
+    mission: PathBuf,
+    /// Measurement files (ECSV or CSV)
+    #[arg(required = true)]
+    data: Vec<PathBuf>,
+    /// A key to adjust, such as detector.traps.VV.release_ms, in addition to [fit] free; may be given several times
+    #[arg(long, value_name = "KEY")]
+    free: Vec<String>,
+    /// Adjust only the keys given with --free, and not those of [fit] free
+    #[arg(long, requires = "free")]
+    only: bool,
+    /// Another value of a key to start from; may be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Starting points: the mission's values, and random ones around them
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    starts: u32,
+    /// Seed of the random starting points, in place of the mission's
+    #[arg(long, value_name = "SEED")]
+    seed: Option<u64>,
+    /// Also fit without each value of this column in turn, and predict it
+    #[arg(long, value_name = "COLUMN")]
+    holdout: Option<String>,
+    /// Write the mission with the fitted values; comments and order are kept
+    #[arg(long, value_name = "NEW.toml")]
+    write: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
+}
+
+#[derive(Debug, Args)]
+struct Effects {
+    /// The effect of which more is to be told
+    kind: Option<String>,
+    /// Print the whole catalogue as a page of documentation
+    #[arg(long, conflicts_with_all = ["kind", "json", "csv"])]
+    markdown: bool,
+    #[command(flatten)]
+    output: Output,
+}
+
 /// What a command comes to.
 enum Outcome {
     Done,
@@ -137,6 +213,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Evaluate(command) => command.run(),
         Command::Compare(command) => command.run(),
         Command::Dose(command) => command.run(),
+        Command::Validate(command) => command.run(),
+        Command::Fit(command) => command.run(),
+        Command::Effects(command) => command.run(),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
@@ -230,12 +309,103 @@ impl Dose {
     }
 }
 
+impl Validate {
+    fn run(&self) -> Result<Outcome, Failure> {
+        let mission = mission_with(&self.mission, &self.set)?;
+        let data = self.data.iter().map(|path| DataSet::read(path, &mission)).collect::<Result<Vec<_>, _>>()?;
+        let validation = validate(&mission, &data, self.seed.unwrap_or(mission.accuracy.seed))?;
+        if let Some(folder) = &self.plots {
+            output::folder(folder)?;
+            for (name, figure) in validation.figures() {
+                output::write(folder.join(name), &figure.svg())?;
+            }
+        }
+        if let Some(folder) = &self.residuals {
+            output::folder(folder)?;
+            for (name, table) in validation.tables() {
+                output::write(folder.join(name), &table.to_ecsv())?;
+            }
+        }
+        print(&validation, &self.output)?;
+        Ok(Outcome::Done)
+    }
+}
+
+impl Fit {
+    fn run(&self) -> Result<Outcome, Failure> {
+        let mission = mission_with(&self.mission, &self.set)?;
+        let data = self.data.iter().map(|path| DataSet::read(path, &mission)).collect::<Result<Vec<_>, _>>()?;
+        let mut keys = if self.only { Vec::new() } else { mission.fit.free.clone() };
+        keys.extend(self.free.iter().filter(|key| !mission.fit.free.contains(key) || self.only).cloned());
+        if keys.is_empty() {
+            return Err(InputError::new("cannot fit", "no key is free")
+                .with_help("name some with --free, such as --free detector.traps.VV.density_per_px, or in [fit] free")
+                .into());
+        }
+        let options = fit::Options { starts: self.starts as usize, seed: self.seed.unwrap_or(mission.accuracy.seed) };
+        let bar = searching("chi2");
+        let best = Mutex::new(f64::INFINITY);
+        let progress = |chi2: f64| {
+            let mut best = best.lock().expect("nobody panics while holding it");
+            *best = best.min(chi2);
+            bar.set_message(format!("{best:.2}"));
+            bar.inc(1);
+        };
+        let fitted = fit::fit(&mission, &data, &keys, &options, &progress)?;
+        let holdout = match &self.holdout {
+            Some(column) => {
+                *best.lock().expect("nobody panics while holding it") = f64::INFINITY;
+                let model = Model::new(&fitted.mission);
+                Some(fit::holdout::holdout(&model, &data, &keys, column, &options, &progress)?)
+            }
+            None => None,
+        };
+        bar.finish_and_clear();
+        if let Some(path) = &self.write {
+            let text = fs::read_to_string(&self.mission).map_err(Failure::Output)?;
+            let mut settings = settings(&self.set)?;
+            settings.extend(fitted.parameters.iter().map(|fitted| (fitted.key.clone(), fitted.value.into())));
+            output::write(path, &mission::edit(&text, &mission, &settings))?;
+        }
+        print(&FitReport { fit: fitted, holdout }, &self.output)?;
+        Ok(Outcome::Done)
+    }
+}
+
+impl Effects {
+    fn run(&self) -> Result<Outcome, Failure> {
+        if self.markdown {
+            let mut out = stdout().lock();
+            let page = report::effects::page();
+            out.write_all(page.as_bytes()).and_then(|()| out.flush()).map_err(Failure::Output)?;
+            return Ok(Outcome::Done);
+        }
+        let Some(kind) = &self.kind else {
+            print(&report::effects::Catalogue, &self.output)?;
+            return Ok(Outcome::Done);
+        };
+        let kinds = || effect::CATALOGUE.iter().map(|entry| entry.card.kind);
+        let entry = effect::find(kind).ok_or_else(|| {
+            let problem = format!("no effect is called `{kind}`");
+            let refusal = InputError::new("cannot tell of an effect", problem);
+            match nearest(kind, kinds()) {
+                Some(near) => refusal.with_help(format!("did you mean `{near}`?")),
+                None => refusal.with_help(format!("there are: {}", kinds().collect::<Vec<_>>().join(", "))),
+            }
+        })?;
+        print(&report::effects::OneEffect(entry), &self.output)?;
+        Ok(Outcome::Done)
+    }
+}
+
 /// Reads a mission and sets single values.
 fn mission_with(path: &PathBuf, settings: &[String]) -> Result<Mission, InputError> {
     let mission = Mission::read(path)?;
-    if settings.is_empty() {
-        return Ok(mission);
-    }
+    if settings.is_empty() { Ok(mission) } else { mission.with(&self::settings(settings)?) }
+}
+
+/// Keys with one value each.
+fn settings(settings: &[String]) -> Result<Vec<(String, toml::Value)>, InputError> {
     let mut values = Vec::new();
     for setting in settings {
         let (key, value) = key_and_value(setting)?;
@@ -246,7 +416,7 @@ fn mission_with(path: &PathBuf, settings: &[String]) -> Result<Mission, InputErr
         };
         values.push((axis.key, value.clone()));
     }
-    mission.with(&values)
+    Ok(values)
 }
 
 fn key_and_value(setting: &str) -> Result<(&str, &str), InputError> {
@@ -272,4 +442,10 @@ fn print(report: &impl Report, output: &Output) -> Result<(), Failure> {
 fn progress(length: u64, unit: &str) -> ProgressBar {
     let style = ProgressStyle::with_template(&format!("{{bar:30}} {{pos}}/{{len}} {unit}, {{eta}} left"));
     ProgressBar::new(length).with_style(style.expect("a template that a test has drawn"))
+}
+
+/// A sign of life on standard error for work of unknown length, where that is a terminal.
+fn searching(what: &str) -> ProgressBar {
+    let style = ProgressStyle::with_template(&format!("{{spinner}} {{pos}} evaluations, {{elapsed}}, {what} {{msg}}"));
+    ProgressBar::new_spinner().with_style(style.expect("a template that a test has drawn"))
 }

@@ -15,6 +15,7 @@ pub mod galaxy;
 pub mod mission;
 pub mod model;
 pub mod observable;
+pub mod predict;
 pub mod readout;
 pub mod requirement;
 pub mod scene;
@@ -23,9 +24,15 @@ pub mod warning;
 // What stands on the chain.
 pub mod cli;
 pub mod dose;
+pub mod fit;
+pub mod measurement;
 pub mod noise;
+pub mod output;
+pub mod plot;
 pub mod report;
 pub mod scenario;
+pub mod table;
+pub mod validate;
 
 mod root;
 

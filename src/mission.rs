@@ -4,8 +4,11 @@
 //! against that list, fills in the defaults, and then looks at what keys say together; every refusal names file, line,
 //! key and value. A [`Mission`] that exists is valid, and serialises to the file it came from, as resolved.
 
+mod edit;
 pub mod keys;
 mod read;
+
+pub use edit::edit;
 
 use std::fmt;
 

@@ -2,9 +2,13 @@
 
 mod compare;
 mod dose;
+pub mod effects;
 mod evaluate;
+mod fit;
+mod validate;
 
 pub use evaluate::EvaluateReport;
+pub use fit::FitReport;
 
 use std::io::{IsTerminal, stdout};
 

@@ -76,6 +76,12 @@ impl Mission {
         self.to_toml().parse().expect("a mission is a TOML table")
     }
 
+    /// The path of a dotted key, in which members of arrays have their places instead of their names; or what is wrong with
+    /// it and what to try.
+    pub(crate) fn path(&self, key: &str) -> Result<String, (String, Option<String>)> {
+        resolve(&self.to_table(), key)
+    }
+
     /// The value of a numeric key by its dotted path. None where there is no such key or no number.
     pub fn number(&self, key: &str) -> Option<f64> {
         let table = self.to_table();

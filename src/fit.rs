@@ -1,0 +1,492 @@
+//! Mission, measurements and free keys → values with errors.
+//!
+//! Weighted least squares by Levenberg and Marquardt's method (the crate's port of MINPACK), in coordinates in which bounds
+//! are out of reach (see [`parameter`]). Errors are those of the linear theory at the optimum, from derivatives with respect
+//! to the parameters themselves. The moment of an event (a flare, a bakeout) has no derivative: data only tell between which
+//! two of their epochs it lies, so that these are tried one after another.
+
+mod advice;
+pub mod holdout;
+pub mod parameter;
+
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use nalgebra::{DMatrix, DVector, Dyn, Owned};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::error::InputError;
+use crate::measurement::{DataSet, questions};
+use crate::mission::Mission;
+use crate::model::Model;
+use crate::predict::{Question, predict};
+pub use advice::Advice;
+use parameter::{Parameter, Setter};
+
+/// What a fit found.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The mission with the fitted values.
+    pub mission: Mission,
+    /// Free parameters, in the order asked for.
+    pub parameters: Vec<Fitted>,
+    /// Correlation of two parameters, `[[i, j]]`; 0 with one that the data do not move.
+    pub correlation: Vec<Vec<f64>>,
+    /// chi2 of the mission as it was.
+    pub chi2_before: f64,
+    /// chi2 at the optimum.
+    pub chi2: f64,
+    /// Rows.
+    pub n: usize,
+    /// Model at the optimum, for each row of each data set, in order.
+    pub values: Vec<f64>,
+    /// What the data do not determine, in words.
+    pub advice: Vec<Advice>,
+    /// chi2 that each start came to, best first.
+    pub starts: Vec<f64>,
+}
+
+/// One fitted parameter.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// Dotted key.
+    pub key: String,
+    /// Unit of the value; empty for pure numbers.
+    pub unit: &'static str,
+    /// Value in the mission as it was.
+    pub before: f64,
+    /// Value at the optimum.
+    pub value: f64,
+    /// 1-sigma error; None where the data do not tell.
+    pub sigma: Option<f64>,
+}
+
+impl Fit {
+    /// Degrees of freedom.
+    pub fn degrees_of_freedom(&self) -> usize {
+        self.n.saturating_sub(self.parameters.len())
+    }
+
+    /// rms of (value − model)/sigma.
+    pub fn rms_sigma(&self) -> f64 {
+        (self.chi2 / self.n as f64).sqrt()
+    }
+}
+
+/// How to fit.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Starting points: the mission's values, and random ones around them.
+    pub starts: usize,
+    /// Seed of the random starting points.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options { starts: 1, seed: 1 }
+    }
+}
+
+/// A least-squares problem: all that stays the same while parameters change.
+pub(crate) struct Problem<'a> {
+    base: &'a Model,
+    setter: Setter,
+    parameters: Vec<Parameter>,
+    questions: Vec<Question<'a>>,
+    values: Vec<f64>,
+    sigmas: Vec<f64>,
+    progress: &'a (dyn Fn(f64) + Sync),
+}
+
+/// A point in a problem's parameters.
+#[derive(Clone, Debug)]
+pub(crate) struct Optimum {
+    pub at: Vec<f64>,
+    pub chi2: f64,
+}
+
+/// Adjusts the values of `keys` in a mission to data. `progress` is called with chi2 after every evaluation of the model.
+///
+/// # Errors
+/// Where a key is none of the mission's or no number, stands twice, there are fewer rows than keys, or the model has no
+/// value for a row.
+pub fn fit(
+    mission: &Mission,
+    data: &[DataSet],
+    keys: &[String],
+    options: &Options,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Fit, InputError> {
+    let model = Model::new(mission);
+    fit_rows(&model, data, keys, options, progress, |_| true)
+}
+
+/// The same with those rows alone (by their place among all) that are wanted; predictions are made for all of them.
+pub(crate) fn fit_rows(
+    model: &Model,
+    data: &[DataSet],
+    keys: &[String],
+    options: &Options,
+    progress: &(dyn Fn(f64) + Sync),
+    wanted: impl Fn(usize) -> bool,
+) -> Result<Fit, InputError> {
+    let mission = &model.mission;
+    let parameters = keys.iter().map(|key| Parameter::of(mission, key)).collect::<Result<Vec<_>, _>>()?;
+    for (index, key) in keys.iter().enumerate() {
+        if keys[..index].contains(key) {
+            return Err(InputError::new("cannot fit", format!("the key `{key}` stands twice")));
+        }
+    }
+    let all = questions(data);
+    let rows = || data.iter().flat_map(|set| &set.rows).enumerate().filter(|(index, _)| wanted(*index));
+    let problem = Problem {
+        base: model,
+        setter: Setter::new(mission, keys)?,
+        questions: all.iter().enumerate().filter(|(index, _)| wanted(*index)).map(|(_, question)| *question).collect(),
+        values: rows().map(|(_, row)| row.value).collect(),
+        sigmas: rows().map(|(_, row)| row.sigma).collect(),
+        parameters,
+        progress,
+    };
+    let n = problem.values.len();
+    if n < keys.len() {
+        let refusal = InputError::new("cannot fit", format!("{} keys are free, and there are {n} rows", keys.len()));
+        return Err(refusal.with_help("free fewer keys, or give more data"));
+    }
+    let here: Vec<f64> = problem.parameters.iter().map(|parameter| parameter.start).collect();
+    let before = problem.residuals(&here)?;
+    let chi2_before = chi2(&before);
+    if keys.is_empty() {
+        let values = predict(model, &all);
+        return Ok(Fit {
+            mission: mission.clone(),
+            parameters: Vec::new(),
+            correlation: Vec::new(),
+            chi2_before,
+            chi2: chi2_before,
+            n,
+            values,
+            advice: Vec::new(),
+            starts: vec![chi2_before],
+        });
+    }
+    let mut optima = problem.from_starts(&here, options);
+    optima.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
+    let best = optima[0].clone();
+    let fitted = problem.setter.mission(&best.at)?;
+    let jacobian = problem.jacobian(&best.at, Step::Both)?;
+    let errors = Errors::of(&jacobian);
+    let sigmas: Vec<Option<f64>> = (0..keys.len())
+        .map(|index| match problem.parameters[index].is_moment {
+            true => problem.moment_sigma(&best, index),
+            false => errors.sigmas[index],
+        })
+        .collect();
+    let parameters: Vec<Fitted> = problem
+        .parameters
+        .iter()
+        .zip(&best.at)
+        .zip(&sigmas)
+        .map(|((parameter, value), sigma)| Fitted {
+            key: parameter.key.clone(),
+            unit: parameter.unit,
+            before: parameter.start,
+            value: *value,
+            sigma: *sigma,
+        })
+        .collect();
+    let advice = advice::on(&problem.parameters, &parameters, &errors.correlation, &errors.flat);
+    Ok(Fit {
+        values: predict(&problem.base.like(&fitted), &all),
+        mission: fitted,
+        parameters,
+        correlation: errors.correlation,
+        chi2_before,
+        chi2: best.chi2,
+        n,
+        advice,
+        starts: optima.iter().map(|optimum| optimum.chi2).collect(),
+    })
+}
+
+/// Sum of squares.
+pub(crate) fn chi2(residuals: &[f64]) -> f64 {
+    residuals.iter().map(|residual| residual * residual).sum()
+}
+
+/// How derivatives are taken.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Step {
+    /// One step forward: cheap, good enough to find the way.
+    Forward,
+    /// One step to either side.
+    Both,
+}
+
+impl Problem<'_> {
+    /// (value − model)/sigma of every row.
+    ///
+    /// # Errors
+    /// Where the model has no value.
+    fn residuals(&self, at: &[f64]) -> Result<Vec<f64>, InputError> {
+        let mission = self.setter.mission(at)?;
+        let model = self.base.like(&mission);
+        let found = predict(&model, &self.questions);
+        model.check()?;
+        if let Some(row) = found.iter().position(|value| !value.is_finite()) {
+            let said: Vec<String> = self
+                .parameters
+                .iter()
+                .zip(at)
+                .map(|(parameter, value)| format!("{} = {value}", parameter.key))
+                .collect();
+            let problem = format!(
+                "the model has no {} for row {} of the data ({})",
+                self.questions[row].observable,
+                row + 1,
+                said.join(", ")
+            );
+            return Err(InputError::new("cannot fit", problem).with_help("the galaxy may have lost its shape"));
+        }
+        let residuals: Vec<f64> = self
+            .values
+            .iter()
+            .zip(&found)
+            .zip(&self.sigmas)
+            .map(|((value, model), sigma)| (value - model) / sigma)
+            .collect();
+        (self.progress)(chi2(&residuals));
+        Ok(residuals)
+    }
+
+    /// Derivatives of the residuals with respect to the parameters, `[(row, parameter)]`.
+    fn jacobian(&self, at: &[f64], step: Step) -> Result<DMatrix<f64>, InputError> {
+        let centre = if step == Step::Forward { Some(self.residuals(at)?) } else { None };
+        let mut jacobian = DMatrix::zeros(self.values.len(), at.len());
+        for (index, parameter) in self.parameters.iter().enumerate() {
+            let (low, high) = parameter.around(at[index], step == Step::Both);
+            let moved = |value: f64| {
+                let mut at = at.to_vec();
+                at[index] = value;
+                self.residuals(&at)
+            };
+            let above = moved(high)?;
+            let (below, width) = match &centre {
+                Some(centre) => (centre.clone(), high - at[index]),
+                None => (moved(low)?, high - low),
+            };
+            for (row, (above, below)) in above.iter().zip(&below).enumerate() {
+                jacobian[(row, index)] = (above - below) / width;
+            }
+        }
+        Ok(jacobian)
+    }
+
+    /// The optima that all starts come to.
+    fn from_starts(&self, here: &[f64], options: &Options) -> Vec<Optimum> {
+        let mut random = ChaCha8Rng::seed_from_u64(options.seed);
+        let mut optima = Vec::new();
+        for start in 0..options.starts.max(1) {
+            let at: Vec<f64> = self
+                .parameters
+                .iter()
+                .zip(here)
+                .map(|(parameter, value)| if start == 0 { *value } else { parameter.elsewhere(random.random()) })
+                .collect();
+            optima.push(self.with_moments(&at));
+        }
+        optima
+    }
+
+    /// Minimises from a start, trying every interval between epochs for each moment.
+    fn with_moments(&self, start: &[f64]) -> Optimum {
+        let moments: Vec<usize> = (0..start.len()).filter(|&index| self.parameters[index].is_moment).collect();
+        let mut best = self.minimise(start);
+        if moments.is_empty() {
+            return best;
+        }
+        let candidates = self.between_epochs();
+        // Moments may depend on one another: once more after all have been tried.
+        for _ in 0..if moments.len() > 1 { 2 } else { 1 } {
+            for &index in &moments {
+                let from = best.at.clone();
+                for &t_yr in &candidates {
+                    let mut at = from.clone();
+                    at[index] = t_yr;
+                    let found = self.minimise(&at);
+                    if found.chi2 < best.chi2 - 1e-9 * best.chi2.abs() {
+                        best = found;
+                    }
+                }
+            }
+        }
+        best
+    }
+
+    /// Middles between the epochs of the data, years since launch.
+    fn between_epochs(&self) -> Vec<f64> {
+        let mut epochs: Vec<f64> = self.questions.iter().map(|question| question.at.t_yr).collect();
+        epochs.push(0.0);
+        epochs.sort_by(f64::total_cmp);
+        epochs.dedup();
+        epochs.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect()
+    }
+
+    /// Half of the interval of a moment in which chi2 stays within 1 of the best, over √3: a uniform chance in it.
+    fn moment_sigma(&self, best: &Optimum, index: usize) -> Option<f64> {
+        let mut epochs: Vec<f64> = self.questions.iter().map(|question| question.at.t_yr).collect();
+        epochs.push(0.0);
+        epochs.sort_by(f64::total_cmp);
+        epochs.dedup();
+        let centre = best.at[index];
+        let near = |t_yr: f64| {
+            let mut at = best.at.clone();
+            at[index] = t_yr;
+            self.residuals(&at).is_ok_and(|residuals| chi2(&residuals) < best.chi2 + 1.0)
+        };
+        let (mut low, mut high) = (centre, centre);
+        for pair in epochs.windows(2) {
+            if near(0.5 * (pair[0] + pair[1])) {
+                low = low.min(pair[0]);
+                high = high.max(pair[1]);
+            }
+        }
+        (high > low).then(|| 0.5 * (high - low) / 3.0_f64.sqrt())
+    }
+
+    /// Minimises from a start with moments held where they are.
+    fn minimise(&self, start: &[f64]) -> Optimum {
+        let moving: Vec<usize> = (0..start.len()).filter(|&index| !self.parameters[index].is_moment).collect();
+        let state = |at: &[f64]| -> Optimum {
+            let chi2 = self.residuals(at).map_or(f64::INFINITY, |residuals| chi2(&residuals));
+            Optimum { at: at.to_vec(), chi2 }
+        };
+        if moving.is_empty() {
+            return state(start);
+        }
+        let mut run = Run { problem: self, moving, at: start.to_vec(), residuals: None };
+        let inner = run.inner();
+        run.set_params(&inner);
+        if run.residuals.is_none() {
+            return Optimum { at: start.to_vec(), chi2: f64::INFINITY };
+        }
+        // Residuals are good to the accuracy of the readout: no use in asking for more.
+        let solver = LevenbergMarquardt::new().with_ftol(1e-8).with_xtol(1e-7).with_gtol(0.0).with_patience(25);
+        let (run, _) = solver.minimize(run);
+        match &run.residuals {
+            Some(residuals) => Optimum { chi2: chi2(residuals), at: run.at },
+            None => state(start),
+        }
+    }
+}
+
+/// A minimisation under way, in inner coordinates.
+struct Run<'a> {
+    problem: &'a Problem<'a>,
+    /// Parameters that move, by their places.
+    moving: Vec<usize>,
+    at: Vec<f64>,
+    residuals: Option<Vec<f64>>,
+}
+
+impl Run<'_> {
+    fn inner(&self) -> DVector<f64> {
+        let inner = |&index: &usize| self.problem.parameters[index].inner(self.at[index]);
+        DVector::from_iterator(self.moving.len(), self.moving.iter().map(inner))
+    }
+}
+
+impl LeastSquaresProblem<f64, Dyn, Dyn> for Run<'_> {
+    type ResidualStorage = Owned<f64, Dyn>;
+    type JacobianStorage = Owned<f64, Dyn, Dyn>;
+    type ParameterStorage = Owned<f64, Dyn>;
+
+    fn set_params(&mut self, inner: &DVector<f64>) {
+        for (&index, inner) in self.moving.iter().zip(inner.iter()) {
+            self.at[index] = self.problem.parameters[index].outer(*inner);
+        }
+        self.residuals = self.problem.residuals(&self.at).ok();
+    }
+
+    fn params(&self) -> DVector<f64> {
+        self.inner()
+    }
+
+    fn residuals(&self) -> Option<DVector<f64>> {
+        self.residuals.clone().map(DVector::from_vec)
+    }
+
+    fn jacobian(&self) -> Option<DMatrix<f64>> {
+        let centre = self.residuals.as_ref()?;
+        let mut jacobian = DMatrix::zeros(centre.len(), self.moving.len());
+        for (column, &index) in self.moving.iter().enumerate() {
+            let parameter = &self.problem.parameters[index];
+            let inner = parameter.inner(self.at[index]);
+            let step = parameter.inner_step(inner);
+            let mut at = self.at.clone();
+            at[index] = parameter.outer(inner + step);
+            for (row, (moved, centre)) in self.problem.residuals(&at).ok()?.iter().zip(centre).enumerate() {
+                jacobian[(row, column)] = (moved - centre) / step;
+            }
+        }
+        Some(jacobian)
+    }
+}
+
+/// Errors of the linear theory.
+struct Errors {
+    sigmas: Vec<Option<f64>>,
+    correlation: Vec<Vec<f64>>,
+    /// Directions (in units of each parameter's own error were it alone) along which chi2 does not change.
+    flat: Vec<Vec<f64>>,
+}
+
+/// Eigenvalue of the scaled normal matrix, of trace n, below which a direction counts as flat: a combination known ten
+/// thousand times worse than its members would be alone.
+const FLAT: f64 = 1e-8;
+
+impl Errors {
+    fn of(jacobian: &DMatrix<f64>) -> Errors {
+        let n = jacobian.ncols();
+        let norms: Vec<f64> = jacobian.column_iter().map(|column| column.norm()).collect();
+        let alive: Vec<usize> = (0..n).filter(|&index| norms[index] > 0.0).collect();
+        let mut sigmas = vec![None; n];
+        let mut correlation = vec![vec![0.0; n]; n];
+        for (index, row) in correlation.iter_mut().enumerate() {
+            row[index] = 1.0;
+        }
+        if alive.is_empty() {
+            return Errors { sigmas, correlation, flat: Vec::new() };
+        }
+        let scaled = DMatrix::from_fn(jacobian.nrows(), alive.len(), |row, column| {
+            jacobian[(row, alive[column])] / norms[alive[column]]
+        });
+        let eigen = (scaled.transpose() * &scaled).symmetric_eigen();
+        let mut covariance = DMatrix::zeros(alive.len(), alive.len());
+        let mut flat = Vec::new();
+        let mut loose = vec![false; alive.len()];
+        for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+            if *value > FLAT {
+                covariance += vector * vector.transpose() / *value;
+                continue;
+            }
+            let mut direction = vec![0.0; n];
+            for (place, &index) in alive.iter().enumerate() {
+                direction[index] = vector[place];
+                loose[place] |= vector[place].abs() > 0.01;
+            }
+            flat.push(direction);
+        }
+        for (a, &index) in alive.iter().enumerate() {
+            let sigma = covariance[(a, a)].sqrt();
+            sigmas[index] = (!loose[a] && sigma > 0.0).then(|| sigma / norms[index]);
+            for (b, &other) in alive.iter().enumerate() {
+                let both = (covariance[(a, a)] * covariance[(b, b)]).sqrt();
+                if both > 0.0 {
+                    correlation[index][other] = (covariance[(a, b)] / both).clamp(-1.0, 1.0);
+                }
+            }
+        }
+        Errors { sigmas, correlation, flat }
+    }
+}

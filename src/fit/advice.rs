@@ -1,0 +1,107 @@
+//! What data do not determine, in words.
+
+use std::fmt;
+
+use super::Fitted;
+use super::parameter::Parameter;
+use crate::mission::keys::plain;
+
+/// A doubt about fitted parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Advice {
+    /// The data do not change with it.
+    Dead {
+        /// The key.
+        key: String,
+    },
+    /// It is less well known than it is large.
+    Loose {
+        /// The key.
+        key: String,
+        /// Error over value.
+        relative: f64,
+    },
+    /// Several keys can be changed together without a change of chi2.
+    Flat {
+        /// The keys, those that matter most first.
+        keys: Vec<String>,
+    },
+    /// Two keys are known together but not each for itself.
+    TradedOff {
+        /// The keys.
+        keys: [String; 2],
+        /// Their correlation.
+        correlation: f64,
+    },
+    /// It would go further if it could.
+    AtBound {
+        /// The key.
+        key: String,
+        /// The bound.
+        bound: f64,
+    },
+}
+
+impl fmt::Display for Advice {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Advice::Dead { key } => write!(out, "{key}: dead, the data do not change with it; hold it fixed"),
+            Advice::Loose { key, relative } => {
+                write!(out, "{key}: not pinned down, its error is {relative:.1} times its value")
+            }
+            Advice::Flat { keys } => write!(
+                out,
+                "{}: a flat direction, they can be changed together and chi2 stays; hold one of them fixed",
+                keys.join(", ")
+            ),
+            Advice::TradedOff { keys, correlation } => write!(
+                out,
+                "{} and {}: traded off against one another (correlation {correlation:+.3}); known together better than each \
+                 for itself",
+                keys[0], keys[1]
+            ),
+            Advice::AtBound { key, bound } => write!(out, "{key}: at its bound, {}", plain(*bound)),
+        }
+    }
+}
+
+/// Correlation beyond which two parameters count as traded off.
+const TRADED_OFF: f64 = 0.95;
+
+/// Doubts about all parameters, the worst first.
+pub(super) fn on(
+    parameters: &[Parameter],
+    fitted: &[Fitted],
+    correlation: &[Vec<f64>],
+    flat: &[Vec<f64>],
+) -> Vec<Advice> {
+    let mut advice = Vec::new();
+    let key = |index: usize| parameters[index].key.clone();
+    for direction in flat {
+        let mut members: Vec<usize> = (0..direction.len()).filter(|&index| direction[index].abs() > 0.1).collect();
+        members.sort_by(|a, b| direction[*b].abs().total_cmp(&direction[*a].abs()));
+        advice.push(Advice::Flat { keys: members.into_iter().map(key).collect() });
+    }
+    let in_flat = |index: usize| flat.iter().any(|direction| direction[index].abs() > 0.01);
+    for (index, fitted) in fitted.iter().enumerate() {
+        let bound = parameters[index].at_bound(fitted.value);
+        if let Some(bound) = bound {
+            advice.push(Advice::AtBound { key: key(index), bound });
+        }
+        match fitted.sigma {
+            None if !in_flat(index) && bound.is_none() => advice.push(Advice::Dead { key: key(index) }),
+            Some(sigma) if sigma > fitted.value.abs() && bound.is_none() => {
+                advice.push(Advice::Loose { key: key(index), relative: sigma / fitted.value.abs() });
+            }
+            _ => {}
+        }
+    }
+    for a in 0..parameters.len() {
+        for b in a + 1..parameters.len() {
+            if correlation[a][b].abs() > TRADED_OFF && !(in_flat(a) && in_flat(b)) {
+                advice.push(Advice::TradedOff { keys: [key(a), key(b)], correlation: correlation[a][b] });
+            }
+        }
+    }
+    advice
+}

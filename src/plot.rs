@@ -1,0 +1,371 @@
+//! Numbers → figures as SVG. Nothing here knows what the numbers mean.
+//!
+//! Values that cannot be shown (not finite, beyond 1e±250, not positive on a logarithmic axis) are left out: a point is
+//! missing, a line or a band has a gap, an error bar is absent or ends at the frame.
+
+mod axis;
+mod legend;
+mod pen;
+
+use plotters::coord::cartesian::Cartesian2d;
+use plotters::prelude::*;
+
+use axis::Axis;
+use legend::Legend;
+use pen::{Canvas, LARGE, NORMAL, Pen, Pixel, SMALL, clean, fitted, px, style, write};
+
+/// Panels below one another under a title.
+#[derive(Clone, Debug, Default)]
+pub struct Figure {
+    /// Above the panels; may be empty.
+    pub title: String,
+    /// From top to bottom. Those of the same `x_label` and `x_log` show the same range of x; of neighbours among them,
+    /// only the lowest carries its numbers.
+    pub panels: Vec<Panel>,
+}
+
+/// A frame with its axes.
+#[derive(Clone, Debug, Default)]
+pub struct Panel {
+    /// What x is, with its unit.
+    pub x_label: String,
+    /// What y is, with its unit.
+    pub y_label: String,
+    /// Whether x is logarithmic.
+    pub x_log: bool,
+    /// Whether y is logarithmic.
+    pub y_log: bool,
+    /// What is shown; shades lie lowest, then bands, points, levels and lines.
+    pub series: Vec<Series>,
+    /// Height relative to the other panels; one that is not positive counts as 1.
+    pub height_share: f64,
+}
+
+/// Numbers that belong together.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// Its name in the legend; series of the same name share an entry.
+    pub label: Option<String>,
+    /// Colour and marker: 0 black circle, 1 blue square, 2 vermilion triangle, 3 green diamond, 4 purple inverted
+    /// triangle, 5 orange star, 6 sky-blue cross, 7 yellow plus, 8 as 0.
+    pub color: usize,
+    /// What is drawn.
+    pub kind: Kind,
+}
+
+/// What is drawn; of vectors of unequal length, as much as all have.
+#[derive(Clone, Debug)]
+#[allow(missing_docs)]
+pub enum Kind {
+    /// Markers, with bars of one `sigma` up and down.
+    Points { x: Vec<f64>, y: Vec<f64>, sigma: Option<Vec<f64>> },
+    /// Points joined in their order.
+    Line { x: Vec<f64>, y: Vec<f64>, dashed: bool },
+    /// The area between two lines.
+    Band { x: Vec<f64>, low: Vec<f64>, high: Vec<f64> },
+    /// A horizontal line across the frame.
+    Level { y: f64, dashed: bool },
+    /// A stretch of x; an infinite end means the edge of the frame.
+    Shade { from: f64, to: f64 },
+}
+
+/// Width of a figure, px; as all lengths below.
+const WIDTH: f64 = 900.0;
+/// Mean and least height of a frame.
+const FRAME: f64 = 256.0;
+const FRAME_LEAST: f64 = 60.0;
+/// Heights of the title, and of numbers and label of an x axis.
+const HEAD: f64 = 28.0;
+const FOOT: f64 = 42.0;
+/// Room around frames, and between labels and the left edge of the figure.
+const GAP: f64 = 14.0;
+const EDGE: f64 = 6.0;
+/// More points than this are drawn smaller.
+const MANY: usize = 200;
+/// Opacity of bands and of shades.
+const BAND: f64 = 0.25;
+const SHADE: f64 = 0.12;
+/// Drawing fails only where a file cannot be written.
+const TAKES_ALL: &str = "a buffer takes all";
+
+impl Figure {
+    /// The figure as an SVG document, 900 px wide and about 320 px high for each panel.
+    pub fn svg(&self) -> String {
+        let layouts = self.layouts();
+        let head = if self.title.is_empty() { 0.0 } else { HEAD };
+        let height = head + layouts.iter().map(Layout::height).sum::<f64>() + GAP;
+        let size = (px(WIDTH) as u32, px(height) as u32);
+        let mut svg = String::new();
+        let canvas = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+        canvas.fill(&WHITE).expect(TAKES_ALL);
+        let left = layouts.first().map_or(GAP, |layout| layout.left);
+        write(&canvas, &self.title, LARGE, (left, head / 2.0 + 3.0), WIDTH - left - GAP);
+        let mut top = head;
+        for layout in &layouts {
+            layout.draw(&canvas, top);
+            top += layout.height();
+        }
+        drop(canvas);
+        let drawn = format!("width=\"{}\" height=\"{}\"", size.0, size.1);
+        svg.replacen(&drawn, &format!("width=\"{WIDTH}\" height=\"{height}\" stroke-linejoin=\"round\""), 1)
+    }
+
+    fn layouts(&self) -> Vec<Layout<'_>> {
+        let total: f64 = self.panels.iter().map(Panel::share).sum();
+        let room = FRAME * self.panels.len() as f64;
+        let frame = |panel: &Panel| (room * panel.share() / total).max(FRAME_LEAST).round();
+        let y: Vec<Axis> = self.panels.iter().map(|panel| panel.y_axis(frame(panel))).collect();
+        // Frames stand exactly below one another.
+        let left = y.iter().map(Axis::width).fold(0.0, f64::max) + EDGE + 2.4 * NORMAL;
+        let width = WIDTH - left - GAP;
+        let layout = |(index, (panel, y)): (usize, (_, Axis))| {
+            let panel: &Panel = panel;
+            let peers = self.panels.iter().filter(|other| panel.shares_x(other));
+            let values = peers.flat_map(|peer| &peer.series).flat_map(|series| series.kind.extent().0);
+            let x = Axis::new(values, panel.x_log, |count, widest| count * (widest + 2.0 * SMALL) <= width);
+            let shared = self.panels.get(index + 1).is_some_and(|next| panel.shares_x(next));
+            let foot = if shared { 0.0 } else { FOOT };
+            Layout { panel, x, y, left, frame: frame(panel), foot, legend: Legend::new(&panel.series, width) }
+        };
+        self.panels.iter().zip(y).enumerate().map(layout).collect()
+    }
+}
+
+impl Panel {
+    fn share(&self) -> f64 {
+        if self.height_share > 0.0 { self.height_share.clamp(0.01, 100.0) } else { 1.0 }
+    }
+
+    /// The y axis of a frame of a height.
+    fn y_axis(&self, frame: f64) -> Axis {
+        let values = self.series.iter().flat_map(|series| series.kind.extent().1);
+        Axis::new(values, self.y_log, |count, _| count * 2.8 * SMALL <= frame)
+    }
+
+    fn shares_x(&self, other: &Panel) -> bool {
+        self.x_label == other.x_label && self.x_log == other.x_log
+    }
+}
+
+/// A panel with all that decides where it is drawn.
+struct Layout<'a> {
+    panel: &'a Panel,
+    x: Axis,
+    y: Axis,
+    /// Left edge and height of the frame.
+    left: f64,
+    frame: f64,
+    /// Room for numbers and label of the x axis, if it carries any.
+    foot: f64,
+    legend: Legend<'a>,
+}
+
+impl Layout<'_> {
+    /// From the legend to the labels below.
+    fn height(&self) -> f64 {
+        self.above() + self.frame + self.foot
+    }
+
+    /// Room above the frame. The legend stands there because it can cover no data there.
+    fn above(&self) -> f64 {
+        GAP + self.legend.height()
+    }
+
+    fn draw(&self, canvas: &Canvas, top: f64) {
+        self.legend.draw(canvas, self.left, top + GAP);
+        let size = (px(WIDTH - GAP - EDGE), px(self.frame + self.foot));
+        let area = canvas.clone().shrink((px(EDGE), px(top + self.above())), size);
+        let mut chart = ChartBuilder::on(&area)
+            .y_label_area_size(px(self.left - EDGE))
+            .x_label_area_size(px(self.foot))
+            .build_cartesian_2d(self.x.clone(), self.y.clone())
+            .expect(TAKES_ALL);
+        self.mesh(&mut chart);
+        let plot = chart.plotting_area();
+        let at = |x, y| plot.map_coordinate(&(x, y));
+        let mut series: Vec<&Series> = self.panel.series.iter().collect();
+        series.sort_by_key(|series| series.kind.layer());
+        for series in series {
+            self.series(&Pen { canvas, color: series.color }, &series.kind, at);
+        }
+        Pen { canvas, color: 0 }.frame(at(-f64::INFINITY, -f64::INFINITY), at(f64::INFINITY, f64::INFINITY));
+    }
+
+    /// Grid, ticks, numbers and labels.
+    fn mesh(&self, chart: &mut ChartContext<SVGBackend, Cartesian2d<Axis, Axis>>) {
+        // Plotters knows one size for both labels.
+        let wide = fitted(&self.panel.x_label, NORMAL, WIDTH - GAP - self.left);
+        let high = fitted(&self.panel.y_label, NORMAL, self.frame);
+        chart
+            .configure_mesh()
+            .bold_line_style(BLACK.mix(0.16).stroke_width(6))
+            .light_line_style(BLACK.mix(0.07).stroke_width(5))
+            .axis_style(BLACK.stroke_width(10))
+            .set_all_tick_mark_size(px(4.0))
+            .label_style(style(SMALL))
+            .axis_desc_style(style(wide.min(high)))
+            .x_desc(clean(&self.panel.x_label))
+            .y_desc(clean(&self.panel.y_label))
+            .draw()
+            .expect(TAKES_ALL);
+    }
+
+    /// What a series shows; `at` says where a point of the plane lies on the canvas.
+    fn series(&self, pen: &Pen, kind: &Kind, at: impl Fn(f64, f64) -> Pixel) {
+        let shows = |x: &f64, y: &f64| self.x.shows(*x) && self.y.shows(*y);
+        match kind {
+            Kind::Points { x, y, sigma } => {
+                let many = x.len() > MANY;
+                for (index, (x, y)) in x.iter().zip(y).enumerate().filter(|(_, (x, y))| shows(x, y)) {
+                    if let Some(bar) = sigma.as_ref().and_then(|sigma| sigma.get(index)).filter(|bar| bar.is_finite()) {
+                        pen.whisker(at(*x, y - bar), at(*x, y + bar));
+                    }
+                    pen.marker(at(*x, *y), if many { 0.55 } else { 1.0 });
+                }
+            }
+            Kind::Line { x, y, dashed } => {
+                let points = x.iter().zip(y).map(|(x, y)| shows(x, y).then(|| at(*x, *y)));
+                runs(points).into_iter().for_each(|run| pen.line(run, *dashed));
+            }
+            Kind::Band { x, low, high } => {
+                let ends = x.iter().zip(low.iter().zip(high));
+                let pairs = ends
+                    .map(|(x, (low, high))| (shows(x, high) && low.is_finite()).then(|| (at(*x, *low), at(*x, *high))));
+                runs(pairs).into_iter().for_each(|run| pen.band(run, BAND));
+            }
+            Kind::Level { y, dashed } if self.y.shows(*y) => {
+                pen.line(vec![at(-f64::INFINITY, *y), at(f64::INFINITY, *y)], *dashed);
+            }
+            Kind::Shade { from, to } if !from.is_nan() && !to.is_nan() => {
+                pen.rectangle(at(*from, -f64::INFINITY), at(*to, f64::INFINITY), SHADE);
+            }
+            Kind::Level { .. } | Kind::Shade { .. } => {}
+        }
+    }
+}
+
+impl Kind {
+    /// Low layers are covered by higher ones. Lines lie above points, where many points would bury a model.
+    fn layer(&self) -> usize {
+        match self {
+            Kind::Shade { .. } => 0,
+            Kind::Band { .. } => 1,
+            Kind::Points { .. } => 2,
+            Kind::Level { .. } => 3,
+            Kind::Line { .. } => 4,
+        }
+    }
+
+    /// The values of x and of y that axes should reach.
+    fn extent(&self) -> (Vec<f64>, Vec<f64>) {
+        match self {
+            Kind::Points { x, y, sigma: None } | Kind::Line { x, y, .. } => (x.clone(), y.clone()),
+            Kind::Points { x, y, sigma: Some(sigma) } => {
+                let ends = y.iter().zip(sigma).flat_map(|(y, bar)| [y - bar, y + bar]);
+                (x.clone(), y.iter().copied().chain(ends).collect())
+            }
+            Kind::Band { x, low, high } => (x.clone(), [low.as_slice(), high].concat()),
+            Kind::Level { y, .. } => (vec![], vec![*y]),
+            Kind::Shade { from, to } => (vec![*from, *to], vec![]),
+        }
+    }
+}
+
+/// Stretches without a gap.
+fn runs<T>(items: impl Iterator<Item = Option<T>>) -> Vec<Vec<T>> {
+    let mut runs = vec![vec![]];
+    for item in items {
+        match (item, runs.last_mut()) {
+            (Some(item), Some(run)) => run.push(item),
+            _ => runs.push(vec![]),
+        }
+    }
+    runs.retain(|run| !run.is_empty());
+    runs
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{Rng, RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    fn points(x: Vec<f64>, y: Vec<f64>) -> Figure {
+        let series = Series { label: None, color: 1, kind: Kind::Points { x, y, sigma: None } };
+        Figure { panels: vec![Panel { series: vec![series], ..Panel::default() }], ..Figure::default() }
+    }
+
+    /// Any bits as a number, or one of those that most often break things.
+    fn number(random: &mut ChaCha8Rng) -> f64 {
+        let odd =
+            [0.0, -0.0, 1.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX, f64::MIN_POSITIVE, 5e-324, 1e250];
+        let pick = random.random_range(0..3 * odd.len());
+        odd.get(pick)
+            .copied()
+            .unwrap_or_else(|| if pick % 2 == 0 { f64::from_bits(random.next_u64()) } else { random.random() })
+    }
+
+    fn numbers(random: &mut ChaCha8Rng) -> Vec<f64> {
+        (0..random.random_range(0..6)).map(|_| number(random)).collect()
+    }
+
+    fn text(random: &mut ChaCha8Rng) -> String {
+        (0..random.random_range(0..60)).map(|_| random.random::<char>()).collect()
+    }
+
+    fn panel(random: &mut ChaCha8Rng) -> Panel {
+        let series = |random: &mut ChaCha8Rng| {
+            let (x, y, last, dashed) = (numbers(random), numbers(random), numbers(random), random.random::<bool>());
+            let kind = match random.random_range(0..5) {
+                0 => Kind::Points { x, y, sigma: dashed.then_some(last) },
+                1 => Kind::Line { x, y, dashed },
+                2 => Kind::Band { x, low: y, high: last },
+                3 => Kind::Level { y: number(random), dashed },
+                _ => Kind::Shade { from: number(random), to: number(random) },
+            };
+            Series { label: dashed.then(|| text(random)), color: random.random::<u64>() as usize, kind }
+        };
+        Panel {
+            x_label: if random.random() { String::new() } else { text(random) },
+            y_label: text(random),
+            x_log: random.random(),
+            y_log: random.random(),
+            series: (0..random.random_range(0..5)).map(|_| series(random)).collect(),
+            height_share: number(random),
+        }
+    }
+
+    #[test]
+    fn nothing_breaks_it() {
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        for _ in 0..100 {
+            let panels = (0..random.random_range(0..4)).map(|_| panel(&mut random)).collect();
+            let figure = Figure { title: text(&mut random), panels };
+            let svg = figure.svg();
+            assert_eq!(svg, figure.svg());
+            assert!(svg.starts_with("<svg width=\"900\"") && svg.ends_with("</svg>\n"));
+            assert!(!svg.contains("NaN"), "{figure:?}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_shown_is_left_out() {
+        let count = |figure: &Figure| figure.svg().matches("<polygon").count();
+        let mut figure = points(vec![0.0, 1.0, f64::NAN, 3.0, 4.0], vec![1.0, f64::INFINITY, 2.0, -3.0, 5.0]);
+        assert_eq!(count(&figure), 3);
+        figure.panels[0].y_log = true;
+        assert_eq!(count(&figure), 2);
+    }
+
+    #[test]
+    fn text_is_escaped_and_named_only_where_it_has_a_name() {
+        let mut figure = points(vec![1.0], vec![1.0]);
+        figure.title = "a < b & \u{1}c".into();
+        assert_eq!(figure.svg().matches("<polygon").count(), 1);
+        figure.panels[0].series[0].label = Some("data".into());
+        let svg = figure.svg();
+        assert!(svg.contains("a &lt; b &amp;  c") && svg.contains("data"));
+        assert_eq!(svg.matches("<polygon").count(), 2);
+    }
+}

@@ -1,0 +1,79 @@
+//! Names of series with samples of what they look like, in rows.
+
+use super::pen::{Canvas, Pen, SMALL, length, px, write};
+use super::{BAND, Kind, SHADE, Series};
+
+/// Height of a row, px.
+const ROW: f64 = 20.0;
+/// Width of a sample, px.
+const SAMPLE: f64 = 28.0;
+
+/// The legend of a panel.
+pub struct Legend<'a> {
+    entries: Vec<Entry<'a>>,
+    width: f64,
+}
+
+/// One name.
+struct Entry<'a> {
+    label: &'a str,
+    samples: Vec<&'a Series>,
+    row: usize,
+    /// Left edge of the sample within the legend, px.
+    left: f64,
+}
+
+impl<'a> Legend<'a> {
+    /// Entries from left to right in rows of a width, px.
+    pub fn new(series: &'a [Series], width: f64) -> Legend<'a> {
+        let mut entries: Vec<Entry> = Vec::new();
+        let (mut row, mut left) = (0, 0.0);
+        for series in series {
+            let Some(label) = series.label.as_deref().filter(|label| !label.is_empty()) else { continue };
+            if let Some(entry) = entries.iter_mut().find(|entry| entry.label == label) {
+                entry.samples.push(series);
+                continue;
+            }
+            let advance = SAMPLE + 3.0 * SMALL + length(label, SMALL);
+            if left > 0.0 && left + advance > width {
+                (row, left) = (row + 1, 0.0);
+            }
+            entries.push(Entry { label, samples: vec![series], row, left });
+            left += advance;
+        }
+        Legend { entries, width }
+    }
+
+    /// Height of all rows, px.
+    pub fn height(&self) -> f64 {
+        self.entries.last().map_or(0.0, |last| ROW * (last.row + 1) as f64)
+    }
+
+    /// Draws it from an upper left corner, px.
+    pub fn draw(&self, canvas: &Canvas, left: f64, top: f64) {
+        for entry in &self.entries {
+            let middle = top + ROW * (entry.row as f64 + 0.3);
+            for series in &entry.samples {
+                sample(&Pen { canvas, color: series.color }, &series.kind, left + entry.left, middle);
+            }
+            let indent = entry.left + SAMPLE + 0.6 * SMALL;
+            write(canvas, entry.label, SMALL, (left + indent, middle), self.width - indent);
+        }
+    }
+}
+
+/// What stands for a series.
+fn sample(pen: &Pen, kind: &Kind, left: f64, middle: f64) {
+    let at = |x: f64, y: f64| (px(left + x * SAMPLE), px(middle + y));
+    match kind {
+        Kind::Points { sigma, .. } => {
+            if sigma.is_some() {
+                pen.whisker(at(0.5, 8.0), at(0.5, -8.0));
+            }
+            pen.marker(at(0.5, 0.0), 1.0);
+        }
+        Kind::Line { dashed, .. } | Kind::Level { dashed, .. } => pen.line(vec![at(0.0, 0.0), at(1.0, 0.0)], *dashed),
+        Kind::Band { .. } => pen.rectangle(at(0.0, 6.0), at(1.0, -6.0), BAND),
+        Kind::Shade { .. } => pen.rectangle(at(0.0, 6.0), at(1.0, -6.0), SHADE),
+    }
+}

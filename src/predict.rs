@@ -1,0 +1,177 @@
+//! Model and conditions → what a measurement would give.
+//!
+//! Rows that share a readout (a packet and its trail, a block and its trail, all moments of a galaxy) are computed from one
+//! readout, and readouts in parallel. The order of the rows, and the number of threads, change no bit.
+
+use std::collections::HashMap;
+
+use ndarray::{Array2, s};
+use rayon::prelude::*;
+
+use crate::conditions::Conditions;
+use crate::device::{Beside, Device};
+use crate::model::Model;
+use crate::observable::Observable;
+use crate::readout::Downstream;
+use crate::shape::ShapeChange;
+
+/// What is to be predicted: an observable under conditions, and of which galaxy (by its place in the mission) if it is a
+/// change of shape.
+#[derive(Clone, Copy, Debug)]
+pub struct Question<'a> {
+    /// The quantity.
+    pub observable: Observable,
+    /// The conditions that are believed in; effects may know better.
+    pub at: &'a Conditions,
+    /// The galaxy of a change of shape.
+    pub galaxy: Option<usize>,
+}
+
+/// Predicted values, in the observables' units and in the order of the questions. NaN where there is no value: a galaxy
+/// that has lost its shape, a formula that fails (see [`Model::check`]).
+///
+/// # Panics
+/// Where a question lacks a condition that its observable requires.
+pub fn predict(model: &Model, questions: &[Question]) -> Vec<f64> {
+    let depends_on = model.depends_on();
+    let mut readings: Vec<Reading> = Vec::new();
+    let mut known: HashMap<Vec<u64>, usize> = HashMap::new();
+    let mut of_question = Vec::with_capacity(questions.len());
+    for question in questions {
+        let index = *known.entry(identity(question, &depends_on)).or_insert_with(|| {
+            readings.push(Reading::of(question));
+            readings.len() - 1
+        });
+        let rows = question.at.trail_px.unwrap_or(0) as usize;
+        readings[index].trail_px = readings[index].trail_px.max(rows);
+        of_question.push(index);
+    }
+    let read: Vec<(Device, Read)> = readings.par_iter().map(|reading| reading.read(model)).collect();
+    let answer = |(question, index): (&Question, &usize)| {
+        let (device, read) = &read[*index];
+        let at = Conditions {
+            trail_px: question.at.trail_px,
+            covariates: question.at.covariates.clone(),
+            ..device.at.clone()
+        };
+        device.observed(read.value(question), question.observable, &at)
+    };
+    questions.iter().zip(&of_question).map(answer).collect()
+}
+
+/// What one readout gives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Dose,
+    /// A lone packet.
+    Packet,
+    /// A flat block.
+    Block,
+    /// A galaxy, by its place in the mission.
+    Galaxy(usize),
+}
+
+/// One readout, to be shared.
+struct Reading<'a> {
+    kind: Kind,
+    at: &'a Conditions,
+    /// Pixels behind the packet that are asked for.
+    trail_px: usize,
+}
+
+/// What was read.
+enum Read {
+    Dose(f64),
+    /// Charge less the trailed background, e-: of the packet or the block's last row, and of the pixels behind it.
+    Charges(Vec<f64>),
+    Shape(Option<ShapeChange>),
+}
+
+fn kind(question: &Question) -> Kind {
+    match question.observable {
+        Observable::Dose => Kind::Dose,
+        Observable::Trail | Observable::PacketCharge => Kind::Packet,
+        Observable::Eper => Kind::Block,
+        _ => Kind::Galaxy(question.galaxy.expect("a change of shape is that of a galaxy")),
+    }
+}
+
+/// Equal for questions that share a readout.
+fn identity(question: &Question, depends_on: &[String]) -> Vec<u64> {
+    let at = question.at;
+    let (kind, galaxy) = match kind(question) {
+        Kind::Dose => (0, 0),
+        Kind::Packet => (1, 0),
+        Kind::Block => (2, 0),
+        Kind::Galaxy(galaxy) => (3, galaxy as u64),
+    };
+    let bits = |value: Option<f64>| value.map_or(u64::MAX, f64::to_bits);
+    let mut identity = vec![kind, galaxy, u64::from(at.transfers), u64::from(at.block_px.unwrap_or(0))];
+    identity.extend(
+        [
+            Some(at.t_yr),
+            at.dose_mev_g,
+            Some(at.temperature_k),
+            Some(at.line_time_ms),
+            Some(at.background_e),
+            at.signal_e,
+        ]
+        .map(bits),
+    );
+    identity.extend(depends_on.iter().map(|name| bits(at.get(name))));
+    identity
+}
+
+impl<'a> Reading<'a> {
+    fn of(question: &Question<'a>) -> Reading<'a> {
+        Reading { kind: kind(question), at: question.at, trail_px: 0 }
+    }
+
+    fn read(&self, model: &Model) -> (Device, Read) {
+        let device = model.device(self.at);
+        let read = match self.kind {
+            Kind::Dose => Read::Dose(model.dose.dose_mev_g(device.at.t_yr)),
+            Kind::Packet => Read::Charges(self.column(&device, 1, Beside::Background)),
+            Kind::Block => {
+                let block_px = device.at.block_px.expect("a block has rows") as usize;
+                Read::Charges(self.column(&device, block_px, Beside::Same))
+            }
+            Kind::Galaxy(galaxy) => Read::Shape(model.scene(galaxy).and_then(|scene| scene.change_by(&device))),
+        };
+        (device, read)
+    }
+
+    /// Charges of the last of `block_px` rows and of the rows behind it, less the trailed background, e-. That row makes the
+    /// device's transfers; background lies downstream and behind.
+    fn column(&self, device: &Device, block_px: usize, beside: Beside) -> Vec<f64> {
+        let device = device.expected();
+        let background_e = device.at.background_e;
+        let signal_e = device.at.signal_e.expect("a packet has a charge");
+        let downstream = Downstream { rows: i64::from(device.at.transfers) - block_px as i64, charge_e: background_e };
+        let flat = Array2::from_elem((block_px + self.trail_px, 1), background_e);
+        let mut image = flat.clone();
+        image.slice_mut(s![..block_px, ..]).fill(background_e + signal_e);
+        let read = device.read(&image, downstream, beside) - device.read(&flat, downstream, beside);
+        read.slice(s![block_px - 1.., 0]).to_vec()
+    }
+}
+
+impl Read {
+    fn value(&self, question: &Question) -> f64 {
+        let behind = question.at.trail_px.unwrap_or(0) as usize;
+        match (self, question.observable) {
+            (Read::Dose(dose_mev_g), _) => *dose_mev_g,
+            (Read::Charges(charge_e), Observable::Trail) => {
+                charge_e[behind] / question.at.signal_e.expect("a packet has a charge")
+            }
+            (Read::Charges(charge_e), Observable::PacketCharge) => charge_e[0],
+            (Read::Charges(charge_e), _) => charge_e[behind],
+            (Read::Shape(change), observable) => change.map_or(f64::NAN, |change| match observable {
+                Observable::DeltaE1 => change.delta_e1,
+                Observable::DeltaY => change.delta_y_px,
+                Observable::DeltaFlux => change.delta_flux,
+                _ => change.delta_size,
+            }),
+        }
+    }
+}

@@ -1,0 +1,205 @@
+//! `ctiplan fit`.
+
+use serde_json::{Value, json};
+
+use super::{Report, lines, table, wrapped};
+use crate::fit::holdout::Holdout;
+use crate::fit::{Fit, Fitted};
+use crate::mission::keys::plain;
+
+/// A fit, with the error on rows it has not seen where that was asked for.
+pub struct FitReport {
+    /// The fit.
+    pub fit: Fit,
+    /// Held-out errors.
+    pub holdout: Option<Holdout>,
+}
+
+impl Report for FitReport {
+    fn text(&self) -> String {
+        let fit = &self.fit;
+        let mut out = wrapped(&format!("{}: fitted to {} rows", fit.mission.mission.name, fit.n), 2);
+        out.push('\n');
+        if !fit.parameters.is_empty() {
+            let mut values = table(&["key", "before", "fitted", "error", "unit"]);
+            for parameter in &fit.parameters {
+                let (value, error) = value_and_error(parameter);
+                values.add_row(vec![
+                    parameter.key.clone(),
+                    plain(parameter.before),
+                    value,
+                    error,
+                    parameter.unit.into(),
+                ]);
+            }
+            out.push_str(&lines(&values));
+        }
+        let freedom = fit.degrees_of_freedom().max(1);
+        out.push('\n');
+        out.push_str(&wrapped(
+            &format!(
+                "chi2 {:.1} before, {:.1} after, {:.2} per degree of freedom; rms of residuals {:.2} sigma",
+                fit.chi2_before,
+                fit.chi2,
+                fit.chi2 / freedom as f64,
+                fit.rms_sigma()
+            ),
+            2,
+        ));
+        let excess = (fit.chi2 - freedom as f64) / (2.0 * freedom as f64).sqrt();
+        if excess > 3.0 {
+            out.push_str(&wrapped(
+                "The model does not explain the data within their errors: the errors above are then too small, and \
+                 parameters may stand in for an effect that is missing. `ctiplan validate` shows where.",
+                2,
+            ));
+        }
+        if fit.starts.len() > 1 {
+            let best = fit.starts[0];
+            let same = fit.starts.iter().filter(|chi2| **chi2 < best + 0.01 * (1.0 + best)).count();
+            out.push_str(&wrapped(
+                &format!(
+                    "{same} of {} starts came to this optimum; the others to chi2 {}",
+                    fit.starts.len(),
+                    others(&fit.starts, same)
+                ),
+                2,
+            ));
+        }
+        let n = fit.parameters.len();
+        if n > 1 {
+            out.push_str("\nCorrelations\n");
+            let numbers: Vec<String> = (1..=n).map(|number| number.to_string()).collect();
+            let mut header = vec!["key"];
+            header.extend(numbers.iter().map(String::as_str));
+            let mut correlations = table(&header);
+            for (index, parameter) in fit.parameters.iter().enumerate() {
+                let mut row = vec![format!("{} {}", index + 1, parameter.key)];
+                row.extend((0..n).map(|other| {
+                    if other <= index { format!("{:+.2}", fit.correlation[index][other]) } else { String::new() }
+                }));
+                correlations.add_row(row);
+            }
+            out.push_str(&lines(&correlations));
+        }
+        if let Some(holdout) = &self.holdout {
+            out.push_str(&held_out(holdout, fit));
+        }
+        if !fit.advice.is_empty() {
+            out.push_str("\nWhat these data do not determine\n");
+            for advice in &fit.advice {
+                out.push_str(&wrapped(&format!("  - {advice}"), 4));
+            }
+        }
+        out
+    }
+
+    fn json(&self) -> Value {
+        let fit = &self.fit;
+        let parameters: Vec<Value> = fit
+            .parameters
+            .iter()
+            .map(|parameter| {
+                json!({
+                    "key": parameter.key,
+                    "unit": parameter.unit,
+                    "before": parameter.before,
+                    "value": parameter.value,
+                    "sigma": parameter.sigma,
+                })
+            })
+            .collect();
+        let holdout = self.holdout.as_ref().map(|holdout| {
+            let groups: Vec<Value> = holdout
+                .groups
+                .iter()
+                .map(|group| {
+                    json!({"name": group.name, "n": group.n, "rms_sigma": group.rms_sigma, "at_end": group.at_end})
+                })
+                .collect();
+            json!({
+                "column": holdout.column,
+                "rms_sigma": holdout.rms_sigma,
+                "interpolated_rms_sigma": holdout.interpolated_rms_sigma,
+                "extrapolated_rms_sigma": holdout.extrapolated_rms_sigma,
+                "groups": groups,
+            })
+        });
+        json!({
+            "mission": fit.mission.mission.name,
+            "n": fit.n,
+            "free": fit.parameters.len(),
+            "chi2_before": fit.chi2_before,
+            "chi2": fit.chi2,
+            "rms_sigma": fit.rms_sigma(),
+            "parameters": parameters,
+            "correlation": fit.correlation,
+            "starts_chi2": fit.starts,
+            "holdout": holdout,
+            "advice": fit.advice.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        })
+    }
+
+    fn csv(&self) -> Vec<Vec<String>> {
+        let mut records = vec![["key", "unit", "before", "value", "sigma"].map(str::to_string).to_vec()];
+        for parameter in &self.fit.parameters {
+            records.push(vec![
+                parameter.key.clone(),
+                parameter.unit.into(),
+                parameter.before.to_string(),
+                parameter.value.to_string(),
+                parameter.sigma.map_or(String::new(), |sigma| sigma.to_string()),
+            ]);
+        }
+        records
+    }
+}
+
+fn others(starts: &[f64], same: usize) -> String {
+    let rest: Vec<String> = starts[same..].iter().map(|chi2| format!("{chi2:.1}")).collect();
+    if rest.is_empty() { "none".into() } else { rest.join(", ") }
+}
+
+/// Value and error to the same decimal, the error to two digits.
+fn value_and_error(parameter: &Fitted) -> (String, String) {
+    let value = parameter.value;
+    match parameter.sigma {
+        Some(sigma) if sigma > 0.0 && sigma.is_finite() => {
+            let decimals = 1 - sigma.log10().floor() as i32;
+            if (0..=8).contains(&decimals) && value.abs() < 1e6 {
+                let decimals = decimals as usize;
+                (format!("{value:.decimals$}"), format!("{sigma:.decimals$}"))
+            } else {
+                let digits = ((value.abs().max(sigma) / sigma).log10().floor() as usize + 1).min(12);
+                (format!("{value:.digits$e}"), format!("{sigma:.1e}"))
+            }
+        }
+        _ => (format!("{value:.6}"), "not known".into()),
+    }
+}
+
+fn held_out(holdout: &Holdout, fit: &Fit) -> String {
+    let mut out = format!("\nHeld out: fitted without each {} in turn, and predicted\n", holdout.column);
+    let mut groups = table(&[&holdout.column, "rows", "rms [sigma]", ""]);
+    for group in &holdout.groups {
+        groups.add_row(vec![
+            group.name.clone(),
+            group.n.to_string(),
+            format!("{:.2}", group.rms_sigma),
+            if group.at_end { "extrapolated".into() } else { String::new() },
+        ]);
+    }
+    out.push_str(&lines(&groups));
+    let rms = |rms: Option<f64>| rms.map_or("-".into(), |rms| format!("{rms:.2}"));
+    out.push_str(&wrapped(
+        &format!(
+            "  rms {:.2} sigma ({} interpolated, {} extrapolated), against {:.2} of the rows fitted",
+            holdout.rms_sigma,
+            rms(holdout.interpolated_rms_sigma),
+            rms(holdout.extrapolated_rms_sigma),
+            fit.rms_sigma()
+        ),
+        4,
+    ));
+    out
+}

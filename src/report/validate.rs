@@ -1,0 +1,217 @@
+//! `ctiplan validate`.
+
+use serde_json::{Value, json};
+
+use super::{Report, lines, table, wrapped};
+use crate::mission::keys::plain;
+use crate::validate::{SetResult, Validation};
+
+/// Rows listed as the worst.
+const WORST: usize = 5;
+
+impl Report for Validation {
+    fn text(&self) -> String {
+        let mut out = wrapped(&format!("{}: model against data", self.mission.mission.name), 2);
+        out.push('\n');
+        let mut sets = table(&["data", "observable", "rows", "chi2", "chi2/row", "rms", "bias", "scatter"]);
+        for set in &self.sets {
+            let n = set.data.rows.len();
+            sets.add_row(vec![
+                set.name().to_string(),
+                set.data.observable.to_string(),
+                n.to_string(),
+                format!("{:.1}", set.chi2),
+                format!("{:.2}", set.chi2 / n as f64),
+                with_unit(set.rms, set),
+                format!("{:+.2}", set.bias_sigma),
+                format!("{:.2}", set.scatter_sigma),
+            ]);
+        }
+        if self.sets.len() > 1 {
+            let all = ["all", "", &self.n.to_string(), &format!("{:.1}", self.chi2)].map(str::to_string);
+            let mut row = all.to_vec();
+            row.extend([format!("{:.2}", self.chi2 / self.n as f64), String::new(), String::new(), String::new()]);
+            sets.add_row(row);
+        }
+        out.push_str(&lines(&sets));
+        out.push_str(&wrapped(
+            &format!(
+                "  rms of residuals {:.2} sigma; bias (mean residual, error 1/sqrt(rows)) and scatter from row to row in sigma",
+                self.rms_sigma()
+            ),
+            4,
+        ));
+        if !self.leans.is_empty() {
+            out.push_str("\nWhat the residuals lean on\n");
+            let mut leans =
+                table(&["data", "condition", "first to last bin [sigma]", "bin means [sigma]", "false alarm"]);
+            for lean in &self.leans {
+                let extremes = lean.bins.iter().map(|bin| bin.mean_sigma);
+                let low = extremes.clone().fold(f64::INFINITY, f64::min);
+                let high = extremes.fold(f64::NEG_INFINITY, f64::max);
+                leans.add_row(vec![
+                    self.sets[lean.set].name().to_string(),
+                    lean.name.clone(),
+                    format!("{:+.2} +- {:.2}", lean.slope_sigma, lean.slope_error_sigma),
+                    format!("{low:+.1} to {high:+.1}"),
+                    chance(lean.false_alarm),
+                ]);
+            }
+            out.push_str(&lines(&leans));
+            out.push_str(&wrapped(
+                &format!(
+                    "  false alarm: chance that noise alone leans as much on any of the {} looked at",
+                    self.leans.len()
+                ),
+                4,
+            ));
+        }
+        out.push_str("\nFarthest off\n");
+        let mut worst = table(&["data", "line", "value", "model", "off by [sigma]"]);
+        for (set, row, residual) in self.worst(WORST) {
+            let result = &self.sets[set];
+            worst.add_row(vec![
+                result.name().to_string(),
+                result.data.table.lines.get(row).map_or_else(|| format!("row {}", row + 1), usize::to_string),
+                significant(result.data.rows[row].value),
+                significant(result.model[row]),
+                format!("{residual:+.1}"),
+            ]);
+        }
+        out.push_str(&lines(&worst));
+        out.push('\n');
+        for word in &self.words {
+            out.push_str(&wrapped(word, 2));
+        }
+        out.push_str(&wrapped(&self.conclusion(), 2));
+        out
+    }
+
+    fn json(&self) -> Value {
+        let sets: Vec<Value> = self
+            .sets
+            .iter()
+            .map(|set| {
+                let rows: Vec<Value> = set
+                    .data
+                    .rows
+                    .iter()
+                    .zip(&set.model)
+                    .map(|(row, model)| json!({"value": row.value, "sigma": row.sigma, "model": model}))
+                    .collect();
+                json!({
+                    "file": set.data.file,
+                    "observable": set.data.observable.name(),
+                    "n": set.data.rows.len(),
+                    "chi2": set.chi2,
+                    "rms": set.rms,
+                    "rms_sigma": (set.chi2 / set.data.rows.len() as f64).sqrt(),
+                    "bias_sigma": set.bias_sigma,
+                    "scatter_sigma": set.scatter_sigma,
+                    "rows": rows,
+                })
+            })
+            .collect();
+        let leans: Vec<Value> = self
+            .leans
+            .iter()
+            .map(|lean| {
+                let bins: Vec<Value> = lean
+                    .bins
+                    .iter()
+                    .map(|bin| {
+                        json!({
+                            "low": bin.low,
+                            "high": bin.high,
+                            "word": bin.word,
+                            "n": bin.rows.len(),
+                            "mean_sigma": bin.mean_sigma,
+                            "error_sigma": bin.error_sigma,
+                        })
+                    })
+                    .collect();
+                json!({
+                    "file": self.sets[lean.set].data.file,
+                    "name": lean.name,
+                    "slope_sigma": lean.slope_sigma,
+                    "slope_error_sigma": lean.slope_error_sigma,
+                    "chance": lean.chance,
+                    "false_alarm": lean.false_alarm,
+                    "bins": bins,
+                })
+            })
+            .collect();
+        json!({
+            "mission": self.mission.mission.name,
+            "chi2": self.chi2,
+            "n": self.n,
+            "rms": self.rms_sigma(),
+            "rms_sigma": self.rms_sigma(),
+            "datasets": sets,
+            "covariates": leans,
+            "words": self.words,
+        })
+    }
+
+    fn csv(&self) -> Vec<Vec<String>> {
+        let header = ["file", "observable", "line", "value", "sigma", "model", "residual_sigma"];
+        let mut records = vec![header.map(str::to_string).to_vec()];
+        for set in &self.sets {
+            for (index, residual) in set.residuals().into_iter().enumerate() {
+                let row = &set.data.rows[index];
+                records.push(vec![
+                    set.data.file.clone(),
+                    set.data.observable.to_string(),
+                    set.data.table.lines.get(index).map_or(String::new(), usize::to_string),
+                    row.value.to_string(),
+                    row.sigma.to_string(),
+                    set.model[index].to_string(),
+                    residual.to_string(),
+                ]);
+            }
+        }
+        records
+    }
+}
+
+impl Validation {
+    fn conclusion(&self) -> String {
+        // chi2 of n independent rows is n ± √(2n).
+        let excess = (self.chi2 - self.n as f64) / (2.0 * self.n as f64).sqrt();
+        let all = format!("chi2 is {:.1} for {} rows", self.chi2, self.n);
+        if excess.abs() < 3.0 && self.words.is_empty() {
+            format!("{all}: the model is within the noise")
+        } else if excess > 3.0 {
+            format!("{all}, {excess:.0} standard deviations more than noise makes: the model does not explain the data")
+        } else if excess < -3.0 {
+            format!("{all}, {:.0} standard deviations less than noise makes: the quoted errors are too large", -excess)
+        } else {
+            format!("{all}, as much as noise makes, and yet the residuals lean")
+        }
+    }
+}
+
+fn with_unit(value: f64, set: &SetResult) -> String {
+    let unit = set.data.observable.unit();
+    if unit.is_empty() { significant(value) } else { format!("{} {unit}", significant(value)) }
+}
+
+/// Four digits.
+fn significant(value: f64) -> String {
+    if value != 0.0 && !(1e-2..1e5).contains(&value.abs()) {
+        return format!("{value:.3e}");
+    }
+    let digits = (3 - value.abs().max(1e-3).log10().floor() as i32).max(0) as usize;
+    format!("{value:.digits$}")
+}
+
+/// A chance as people read it.
+pub(super) fn chance(chance: f64) -> String {
+    if chance < 1e-12 {
+        "below 1e-12".into()
+    } else if chance < 1e-3 {
+        format!("{chance:.0e}")
+    } else {
+        plain((chance * 1000.0).round() / 1000.0)
+    }
+}

@@ -1,0 +1,495 @@
+//! The header of ECSV, the datatypes of its cells, and columns that astropy keeps in parts.
+
+use chrono::DateTime;
+use saphyr::{LoadableYamlNode, MarkedYaml, Scalar, YamlData};
+use serde_json::{Map, Value};
+
+use super::{Cell, Column, Datatype, Meta, Table, Time, csv, write};
+use crate::error::{InputError, nearest};
+
+/// Where astropy says which columns are parts of what.
+pub(super) const PARTS: &str = "__serialized_columns__";
+
+/// Lists and mappings within each other beyond which a header is refused, since the YAML parser recurses into them. (Of
+/// those in brackets, the parser itself allows 255.)
+const MAX_DEPTH: usize = 64;
+
+/// What a file says its version is, where its first line is that of ECSV.
+pub(super) fn version(line: &str) -> Option<&str> {
+    line.trim().strip_prefix('#')?.trim_start().strip_prefix("%ECSV").map(str::trim)
+}
+
+impl Table {
+    pub(super) fn read_ecsv(&mut self, text: &str) -> Result<(), InputError> {
+        let yaml = self.header(text)?;
+        let skip = yaml.lines().count();
+        let documents = MarkedYaml::load_from_str(&yaml).map_err(|error| {
+            let line = error.marker().line().min(skip);
+            self.refuse_line(text, line, format!("the header is not YAML: {}", error.info()))
+                .with_help("braces and quotes must be closed; words that hold a colon or # must be in quotes")
+        })?;
+        let source = Source { table: self, text, yaml: &yaml };
+        let [document] = documents.as_slice() else {
+            return Err(self.refuse("the header must be one document of YAML, begun by `# ---`"));
+        };
+        let delimiter = source.delimiter(document)?;
+        let columns = source.columns(document)?;
+        let meta = source.meta(document)?;
+        (self.columns, self.meta) = (columns, meta);
+
+        let mut rows = csv::rows(text, skip, delimiter);
+        let names = self.names(rows.next(), text)?;
+        self.check_columns(&names, text)?;
+        self.check_names()?;
+        // Where the mask is a column of its own, an empty cell is an empty text, not a missing one.
+        let parts = self.meta(PARTS).cloned();
+        let masked = |column: &Column| match &parts {
+            Some(Cell::Other(parts)) => {
+                parts[&column.name]["__class__"].as_str().is_some_and(|class| class.ends_with("MaskedColumn"))
+            }
+            _ => false,
+        };
+        let empties: Vec<bool> =
+            self.columns.iter().map(|column| column.datatype == Datatype::Text && masked(column)).collect();
+        let records = self.records(rows, text)?;
+        for (row, record) in records.into_iter().enumerate() {
+            for ((column, text), empty) in self.columns.iter_mut().zip(record).zip(&empties) {
+                let value = if text.is_empty() && !empty { Ok(Cell::Missing) } else { cell(&text, column) };
+                match value {
+                    Ok(value) => column.cells.push(value),
+                    Err(problem) => {
+                        let place =
+                            Some(format!("line {}: {} = {}", self.lines[row], column.name, Cell::Text(text.clone())));
+                        let point = text.replace(',', ".");
+                        let help = (text.contains(',') && point.parse::<f64>().is_ok())
+                            .then(|| format!("with a decimal point: {point}"));
+                        return Err(InputError { place, help, ..self.refuse(problem) });
+                    }
+                }
+            }
+        }
+        self.assemble()?;
+        self.check_names()
+    }
+
+    /// The header as YAML, in which each line has the number that it has in the file.
+    fn header(&self, text: &str) -> Result<String, InputError> {
+        let lines: Vec<&str> =
+            text.lines().take_while(|line| line.trim().is_empty() || csv::is_comment(line)).collect();
+        let first = lines.iter().position(|line| !line.trim().is_empty()).unwrap_or(0);
+        let said = version(lines.get(first).unwrap_or(&"")).unwrap_or("");
+        let mut parts = said.split('.');
+        if !matches!((parts.next(), parts.next()), (Some("0"), Some("9")) | (Some("1"), Some("0"))) {
+            let problem = format!("`{said}` is no version of ECSV known here; known are 0.9 and 1.0");
+            return Err(self.refuse_line(text, first + 1, problem));
+        }
+        let bodies: Vec<&str> = lines
+            .iter()
+            .enumerate()
+            .map(|(index, line)| if index > first { line.trim().strip_prefix('#').unwrap_or("") } else { "" })
+            .collect();
+        let blanks = |line: &str| line.len() - line.trim_start_matches(' ').len();
+        let indent = bodies.iter().filter(|line| !line.is_empty()).map(|line| blanks(line)).min().unwrap_or(0);
+        let mut yaml = String::new();
+        let mut depths = Vec::new();
+        for (index, line) in bodies.iter().enumerate() {
+            // Deeper is what begins further to the right, behind blanks or behind marks of lists and keys.
+            for (column, mark) in line.char_indices().filter(|(_, mark)| !mark.is_whitespace()) {
+                depths.truncate(depths.partition_point(|depth| *depth < column));
+                depths.push(column);
+                if !"-?:".contains(mark) || !line[column + 1..].starts_with([' ', '\t']) {
+                    break;
+                }
+            }
+            if depths.len() > MAX_DEPTH {
+                return Err(self.refuse_line(text, index + 1, "the header is nested too deeply"));
+            }
+            yaml.push_str(line.get(indent..).unwrap_or(""));
+            yaml.push('\n');
+        }
+        Ok(yaml)
+    }
+
+    /// The names over the rows are those of the header.
+    fn check_columns(&self, names: &[String], text: &str) -> Result<(), InputError> {
+        let differs = self.columns.iter().zip(names).position(|(column, name)| column.name != *name);
+        let problem = match differs {
+            _ if names.len() != self.columns.len() => {
+                format!("the header describes {} columns, this line names {}", self.columns.len(), names.len())
+            }
+            Some(index) => {
+                let (here, there) = (&names[index], &self.columns[index].name);
+                format!("column {} is called `{here}` here and `{there}` in the header", index + 1)
+            }
+            None => return Ok(()),
+        };
+        let error = self.refuse_line(text, self.header_line, problem);
+        match names {
+            [only] => Err(match [',', ';', '\t', ' ', '|'].into_iter().find(|&mark| only.contains(mark)) {
+                Some(mark) => {
+                    error.with_help(format!("where `{mark}` delimits, the header must say so: # delimiter: '{mark}'"))
+                }
+                None => error,
+            }),
+            _ => Err(error),
+        }
+    }
+
+    /// Puts columns together that are parts of a `Quantity`, a `Time` or a masked column.
+    fn assemble(&mut self) -> Result<(), InputError> {
+        let Some(index) = self.meta.iter().position(|meta| meta.name == PARTS) else { return Ok(()) };
+        let Cell::Other(Value::Object(wholes)) = self.meta[index].value.clone() else {
+            return Err(self.fault(None, Some(PARTS), "this must be a mapping"));
+        };
+        for (name, parts) in &wholes {
+            if let Value::Object(parts) = parts {
+                self.join(name, parts).map_err(|part| {
+                    self.fault(None, Some(PARTS), format!("there is no column `{part}` for `{name}`"))
+                })?;
+            }
+        }
+        self.meta.remove(index);
+        Ok(())
+    }
+
+    /// Makes one column of the parts of one, where that is possible; an error is the name of a part that is not there.
+    fn join(&mut self, name: &str, parts: &Map<String, Value>) -> Result<(), String> {
+        let (mut mask, mut data) = (None, Vec::new());
+        for (attribute, part) in parts {
+            let Value::Object(part) = part else { continue };
+            let column = match part.get("name") {
+                Some(Value::String(column)) => {
+                    self.column(column).ok_or_else(|| column.clone())?;
+                    column.clone()
+                }
+                _ if part.contains_key("__class__") => {
+                    let inner = format!("{name}.{attribute}");
+                    self.join(&inner, part)?;
+                    inner
+                }
+                _ => continue,
+            };
+            if self.column(&column).is_some() {
+                if attribute == "mask" { mask = Some(column) } else { data.push((attribute.as_str(), column)) }
+            }
+        }
+        let words = |key: &str| parts.get(key).and_then(Value::as_str).unwrap_or("").to_string();
+        let is_time = words("__class__").ends_with(".Time");
+        data.sort();
+        match data.as_slice() {
+            [(_, column)] => {
+                let mask = mask.and_then(|mask| self.take(&mask));
+                let Some(column) = self.columns.iter_mut().find(|other| other.name == *column) else { return Ok(()) };
+                column.name = name.to_string();
+                column.unit = column.unit.take().or(Some(words("unit")).filter(|unit| !unit.is_empty()));
+                column.time = is_time.then(|| Time { format: words("format"), scale: words("scale") });
+                for (cell, mask) in column.cells.iter_mut().zip(mask.iter().flat_map(|mask| &mask.cells)) {
+                    match (cell, mask) {
+                        (cell, Cell::Truth(true)) => *cell = Cell::Missing,
+                        (Cell::Other(value), Cell::Other(mask)) => hide(value, mask),
+                        _ => {}
+                    }
+                }
+            }
+            [("jd1", first), ("jd2", second)] if is_time => {
+                let Some(second) = self.take(second) else { return Ok(()) };
+                let Some(first) = self.columns.iter_mut().find(|other| other.name == *first) else { return Ok(()) };
+                first.name = name.to_string();
+                first.datatype = Datatype::Text;
+                first.time = Some(Time { format: "iso".to_string(), scale: words("scale") });
+                for (first, second) in first.cells.iter_mut().zip(second.cells) {
+                    let date = first.number().zip(second.number()).and_then(|(jd1, jd2)| date(jd1, jd2));
+                    *first = date.map_or(Cell::Missing, Cell::Text);
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Takes a column out of the table.
+    fn take(&mut self, name: &str) -> Option<Column> {
+        let index = self.columns.iter().position(|column| column.name == name)?;
+        Some(self.columns.remove(index))
+    }
+}
+
+/// A header, for messages about it.
+#[derive(Clone, Copy)]
+struct Source<'a> {
+    table: &'a Table,
+    text: &'a str,
+    yaml: &'a str,
+}
+
+impl Source<'_> {
+    /// A refusal of what stands at a node.
+    fn fault(self, node: &MarkedYaml, problem: impl Into<String>) -> InputError {
+        self.table.refuse_line(self.text, node.span.start.line(), problem)
+    }
+
+    fn delimiter(self, document: &MarkedYaml) -> Result<char, InputError> {
+        let Some(node) = document.data.as_mapping_get("delimiter") else { return Ok(' ') };
+        let mut written = node.data.as_str().unwrap_or("").chars();
+        match (written.next(), written.next()) {
+            (Some(mark), None) if !mark.is_alphanumeric() && !"\"#+-._\r\n".contains(mark) => Ok(mark),
+            _ => Err(self.fault(node, "the delimiter must be one mark in quotes, such as ',' or ' '")),
+        }
+    }
+
+    fn columns(self, document: &MarkedYaml) -> Result<Vec<Column>, InputError> {
+        let node = document.data.as_mapping_get("datatype").ok_or_else(|| {
+            self.table
+                .refuse("the header does not describe the columns: `datatype` is missing")
+                .with_help("# datatype:\n  # - {name: value, datatype: float64}")
+        })?;
+        let columns = node.data.as_sequence().filter(|columns| !columns.is_empty());
+        columns
+            .ok_or_else(|| self.fault(node, "`datatype` must be a list of columns"))?
+            .iter()
+            .map(|node| {
+                let said = |key| match node.data.as_mapping_get(key).map(|node| (node, self.value(node))) {
+                    None | Some((_, Ok(Value::Null))) => Ok(None),
+                    Some((_, Ok(Value::String(words)))) => Ok(Some(words)),
+                    Some((node, Ok(Value::Number(_) | Value::Bool(_)))) => Ok(Some(self.written(node))),
+                    Some((_, Err(error))) => Err(error),
+                    Some((node, _)) => Err(self.fault(node, format!("the `{key}` of a column must be a word"))),
+                };
+                let missing = |key| {
+                    self.fault(node, format!("a column needs a `{key}`, such as {{name: value, datatype: float64}}"))
+                };
+                let column = Column {
+                    name: said("name")?.ok_or_else(|| missing("name"))?,
+                    unit: said("unit")?.filter(|unit| !unit.is_empty()),
+                    datatype: self.datatype(node, &said("datatype")?.ok_or_else(|| missing("datatype"))?)?,
+                    subtype: said("subtype")?,
+                    description: said("description")?,
+                    format: said("format")?,
+                    time: None,
+                    cells: Vec::new(),
+                    line: Some(node.span.start.line()),
+                };
+                match (column.is_nested(), column.datatype) {
+                    (true, datatype) if datatype != Datatype::Text => {
+                        Err(self.fault(node, "a column with this subtype must have the datatype string"))
+                    }
+                    _ => Ok(column),
+                }
+            })
+            .collect()
+    }
+
+    fn datatype(self, node: &MarkedYaml, name: &str) -> Result<Datatype, InputError> {
+        const KNOWN: [(&str, Datatype); 14] = [
+            ("bool", Datatype::Bool),
+            ("int8", Datatype::Int(8)),
+            ("int16", Datatype::Int(16)),
+            ("int32", Datatype::Int(32)),
+            ("int64", Datatype::Int(64)),
+            ("uint8", Datatype::Uint(8)),
+            ("uint16", Datatype::Uint(16)),
+            ("uint32", Datatype::Uint(32)),
+            ("uint64", Datatype::Uint(64)),
+            ("float16", Datatype::Float(16)),
+            ("float32", Datatype::Float(32)),
+            ("float64", Datatype::Float(64)),
+            ("float128", Datatype::Float(128)),
+            ("string", Datatype::Text),
+        ];
+        // Names of numpy that astropy also writes, or wrote.
+        const WORDS: [&str; 6] = ["datetime64", "str", "unicode", "bytes", "object", "complex"];
+        if let Some((_, datatype)) = KNOWN.iter().find(|(known, _)| *known == name) {
+            return Ok(*datatype);
+        }
+        if WORDS.iter().any(|word| name.starts_with(word)) {
+            return Ok(Datatype::Text);
+        }
+        let known = KNOWN.map(|(known, _)| known);
+        let problem = format!("there is no datatype `{name}`; there are: {}", known.join(", "));
+        let near = nearest(name, known)
+            .map_or("measured values are float64".to_string(), |near| format!("did you mean {near}?"));
+        Err(self.fault(node, problem).with_help(near))
+    }
+
+    fn meta(self, document: &MarkedYaml) -> Result<Vec<Meta>, InputError> {
+        let Some(node) = document.data.as_mapping_get("meta").filter(|node| !node.data.is_null()) else {
+            return Ok(Vec::new());
+        };
+        let entries = self.entries(node, true)?.ok_or_else(|| self.fault(node, "`meta` must be keys with values"))?;
+        entries
+            .into_iter()
+            .map(|(name, line, node)| {
+                let value = match &node.data {
+                    YamlData::Value(value) => scalar(value),
+                    _ => Cell::from(self.value(node)?),
+                };
+                Ok(Meta { name, value, line: Some(line) })
+            })
+            .collect()
+    }
+
+    /// Keys, their lines and values, of a mapping or of a list of mappings of one key each, which is how YAML writes an
+    /// ordered mapping. None where the node is neither.
+    fn entries<'n, 'y>(
+        self,
+        node: &'n MarkedYaml<'y>,
+        ordered: bool,
+    ) -> Result<Option<Vec<(String, usize, &'n MarkedYaml<'y>)>>, InputError> {
+        let pairs = match &node.data {
+            YamlData::Mapping(pairs) => pairs.iter().collect(),
+            YamlData::Sequence(members) if ordered => {
+                let pair = |member: &'n MarkedYaml<'y>| match member.data.as_mapping() {
+                    Some(pair) if pair.len() == 1 => pair.iter().next(),
+                    _ => None,
+                };
+                match members.iter().map(pair).collect::<Option<Vec<_>>>() {
+                    Some(pairs) => pairs,
+                    None => return Ok(None),
+                }
+            }
+            _ => return Ok(None),
+        };
+        let entry = |(key, value): (&'n MarkedYaml<'y>, &'n MarkedYaml<'y>)| {
+            let name = match self.value(key)? {
+                Value::String(name) => name,
+                Value::Number(_) | Value::Bool(_) | Value::Null => self.written(key),
+                _ => return Err(self.fault(key, "a key must be a word")),
+            };
+            Ok((name, key.span.start.line(), value))
+        };
+        pairs.into_iter().map(entry).collect::<Result<_, _>>().map(Some)
+    }
+
+    /// A node as JSON. Of astropy's own objects, a unit is its name and a time its date.
+    fn value(self, node: &MarkedYaml) -> Result<Value, InputError> {
+        Ok(match &node.data {
+            YamlData::Value(value) => match scalar(value) {
+                Cell::Missing => Value::Null,
+                Cell::Truth(truth) => truth.into(),
+                Cell::Integer(integer) => integer.into(),
+                Cell::Number(number) if number.is_finite() => number.into(),
+                Cell::Number(number) => write::float(number).into(),
+                Cell::Text(text) => text.into(),
+                Cell::Other(value) => value,
+            },
+            YamlData::Tagged(tag, inner) => match (tag.suffix.as_ref(), self.value(inner)?) {
+                ("astropy.units.Unit", Value::Object(mut unit)) if unit.contains_key("unit") => unit["unit"].take(),
+                ("astropy.time.Time", Value::Object(time)) => {
+                    let days = |key| time.get(key).and_then(Value::as_f64);
+                    match days("jd1").zip(days("jd2")).and_then(|(jd1, jd2)| date(jd1, jd2)) {
+                        Some(date) => date.into(),
+                        None => Value::Object(time),
+                    }
+                }
+                (_, value) => value,
+            },
+            data => match (self.entries(node, self.is_ordered(node))?, data) {
+                (Some(entries), _) => Value::Object(
+                    entries
+                        .into_iter()
+                        .map(|(name, _, node)| Ok((name, self.value(node)?)))
+                        .collect::<Result<_, InputError>>()?,
+                ),
+                (None, YamlData::Sequence(members)) => {
+                    Value::Array(members.iter().map(|member| self.value(member)).collect::<Result<_, _>>()?)
+                }
+                _ => self.written(node).into(),
+            },
+        })
+    }
+
+    /// Whether a list is tagged as an ordered mapping. The parser drops tags of YAML itself.
+    fn is_ordered(self, node: &MarkedYaml) -> bool {
+        let written = self.written(node);
+        written.split_whitespace().take_while(|word| word.starts_with(['!', '&'])).any(|word| word == "!!omap")
+    }
+
+    /// What is written in the first line of a node.
+    fn written(self, node: &MarkedYaml) -> String {
+        let (start, end) = (node.span.start, node.span.end);
+        let line = self.yaml.lines().nth(start.line().saturating_sub(1)).unwrap_or("");
+        let length = if end.line() == start.line() { end.col().saturating_sub(start.col()) } else { usize::MAX };
+        line.chars().skip(start.col()).take(length).collect()
+    }
+}
+
+/// The value of a scalar of YAML.
+pub(super) fn scalar(value: &Scalar) -> Cell {
+    match value {
+        Scalar::Null => Cell::Missing,
+        Scalar::Boolean(truth) => Cell::Truth(*truth),
+        Scalar::Integer(integer) => Cell::Integer(*integer),
+        Scalar::FloatingPoint(number) => Cell::Number(number.0),
+        Scalar::String(text) => Cell::Text(text.to_string()),
+    }
+}
+
+/// The value of a cell that is not empty, or what is wrong with it.
+fn cell(text: &str, column: &Column) -> Result<Cell, String> {
+    let wrong = |what: &str| format!("the header says {}, and this is no {what}", column.datatype.name());
+    match column.datatype {
+        Datatype::Text if column.is_nested() => {
+            let subtype = column.subtype.as_deref().unwrap_or("");
+            let value = json(text).filter(|value| subtype == "json" || value.is_array());
+            value.map(Cell::Other).ok_or_else(|| format!("the header says {subtype}, and this is no such JSON"))
+        }
+        Datatype::Text => Ok(Cell::Text(text.to_string())),
+        Datatype::Float(_) => text.parse().map(Cell::Number).map_err(|_| wrong("number")),
+        Datatype::Bool => match text {
+            "True" | "true" | "1" => Ok(Cell::Truth(true)),
+            "False" | "false" | "0" => Ok(Cell::Truth(false)),
+            _ => Err(wrong("True or False")),
+        },
+        Datatype::Int(bits) | Datatype::Uint(bits) => {
+            let integer: i128 = text.parse().map_err(|_| wrong("whole number"))?;
+            let (least, beyond) = match column.datatype {
+                Datatype::Uint(_) => (0, 1_i128 << bits),
+                _ => (-(1_i128 << (bits - 1)), 1_i128 << (bits - 1)),
+            };
+            if !(least..beyond).contains(&integer) {
+                return Err(wrong(&format!("whole number from {least} to {}", beyond - 1)));
+            }
+            Ok(i64::try_from(integer).map_or_else(|_| Cell::Other((integer as u64).into()), Cell::Integer))
+        }
+    }
+}
+
+/// JSON as Python writes it: NaN and Infinity, which JSON has not, become words.
+fn json(text: &str) -> Option<Value> {
+    const CONSTANTS: [(&str, &str); 3] = [("NaN", "\"nan\""), ("-Infinity", "\"-inf\""), ("Infinity", "\"inf\"")];
+    if let Ok(value) = serde_json::from_str(text) {
+        return Some(value);
+    }
+    let mut out = String::new();
+    let mut rest = text;
+    let (mut quoted, mut escaped) = (false, false);
+    while let Some(c) = rest.chars().next() {
+        let constant = CONSTANTS.iter().find(|(constant, _)| !quoted && rest.starts_with(constant));
+        let (read, written) = constant.copied().unwrap_or((&rest[..c.len_utf8()], &rest[..c.len_utf8()]));
+        quoted ^= c == '"' && !escaped;
+        escaped = c == '\\' && !escaped;
+        out.push_str(written);
+        rest = &rest[read.len()..];
+    }
+    serde_json::from_str(&out).ok()
+}
+
+/// Puts null where the mask says true.
+fn hide(value: &mut Value, mask: &Value) {
+    match (value, mask) {
+        (value, Value::Bool(true)) => *value = Value::Null,
+        (Value::Array(values), Value::Array(masks)) => {
+            values.iter_mut().zip(masks).for_each(|(value, mask)| hide(value, mask));
+        }
+        _ => {}
+    }
+}
+
+/// The date and time of a Julian date in two parts, as astropy writes it. Leap seconds, below what matters here, are not
+/// counted.
+fn date(jd1: f64, jd2: f64) -> Option<String> {
+    const UNIX_EPOCH: f64 = 2_440_587.5;
+    let milliseconds = (((jd1 - UNIX_EPOCH) + jd2) * 86_400e3).round();
+    let time = DateTime::from_timestamp_millis(milliseconds.is_finite().then_some(milliseconds as i64)?)?;
+    Some(time.format("%Y-%m-%d %H:%M:%S%.3f").to_string())
+}

@@ -1,0 +1,159 @@
+//! Where a model fails, in words.
+
+use super::SetResult;
+use super::lean::Lean;
+use crate::mission::keys::plain;
+use crate::observable::Observable;
+
+/// False alarms below which a leaning is spoken of.
+const SPOKEN: f64 = 0.01;
+
+/// Errors by which a mean must differ from 0 to be spoken of.
+const CLEAR: f64 = 3.0;
+
+/// Sentences about all that is significant: for each data set its strongest leaning, or its bias.
+pub(super) fn of(sets: &[SetResult], leans: &[Lean]) -> Vec<String> {
+    let mut words = Vec::new();
+    for (index, set) in sets.iter().enumerate() {
+        let n = set.data.rows.len() as f64;
+        let strongest = leans.iter().find(|lean| lean.set == index && lean.false_alarm < SPOKEN);
+        if let Some(lean) = strongest {
+            words.push(leaning(set, lean));
+        } else if set.bias_sigma.abs() * n.sqrt() > CLEAR * set.scatter_sigma.max(1.0) {
+            let residuals = set.residuals();
+            let all: Vec<usize> = (0..residuals.len()).collect();
+            words.push(format!("{}: {} everywhere alike", set.name(), fault(set, &all)));
+        }
+        let scatter_sigma = set.scatter_sigma;
+        if scatter_sigma > 2.0 {
+            words.push(format!(
+                "{}: residuals scatter by {scatter_sigma:.1} sigma from row to row; the quoted errors look too small, and \
+                 leanings are judged by that scatter",
+                set.name()
+            ));
+        } else if scatter_sigma < 0.6 && set.data.rows.len() > 20 {
+            words.push(format!(
+                "{}: residuals scatter by only {scatter_sigma:.2} sigma from row to row; the quoted errors look too large, and \
+                 may hide what is missing",
+                set.name()
+            ));
+        }
+    }
+    words
+}
+
+/// What is wrong with the model in some rows: `trail too faint`.
+fn fault(set: &SetResult, rows: &[usize]) -> &'static str {
+    let sum = |value: &dyn Fn(usize) -> f64| rows.iter().map(|&row| value(row) / set.data.rows[row].sigma).sum::<f64>();
+    let data = sum(&|row| set.data.rows[row].value);
+    let excess = data - sum(&|row| set.model[row]);
+    // Of a change with a sign: more or less of it.
+    let weaker = excess * data > 0.0;
+    match set.data.observable {
+        Observable::Dose if excess > 0.0 => "model's dose too small",
+        Observable::Dose => "model's dose too large",
+        Observable::Trail | Observable::Eper if excess > 0.0 => "model's trail too faint",
+        Observable::Trail | Observable::Eper => "model's trail too bright",
+        Observable::PacketCharge if excess > 0.0 => "model loses too much charge",
+        Observable::PacketCharge => "model loses too little charge",
+        _ if weaker => "model's change of shape too small",
+        _ => "model's change of shape too large",
+    }
+}
+
+fn leaning(set: &SetResult, lean: &Lean) -> String {
+    let clear = |sign: f64| -> Vec<usize> {
+        let beyond = |bin: &super::lean::Bin| sign * bin.mean_sigma > CLEAR * bin.error_sigma;
+        (0..lean.bins.len()).filter(|&bin| beyond(&lean.bins[bin])).collect()
+    };
+    let mut parts = Vec::new();
+    for sign in [1.0, -1.0] {
+        let bins = clear(sign);
+        if bins.is_empty() {
+            continue;
+        }
+        let rows: Vec<usize> = bins.iter().flat_map(|&bin| lean.bins[bin].rows.clone()).collect();
+        let most = bins.iter().map(|&bin| lean.bins[bin].mean_sigma.abs()).fold(0.0, f64::max);
+        parts.push((most, format!("{} {}{}", fault(set, &rows), place(lean, &bins), alike(set, lean, &rows))));
+    }
+    parts.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let said: Vec<String> = parts.into_iter().map(|(_, said)| said).collect();
+    if said.is_empty() {
+        let way = if lean.slope_sigma > 0.0 { "rise" } else { "fall" };
+        return format!("{}: residuals {way} with {}, no part of it clear by itself", set.name(), lean.name);
+    }
+    format!("{}: {}", set.name(), said.join("; "))
+}
+
+/// Where some bins of a condition lie: `beyond trail_px 20`.
+fn place(lean: &Lean, bins: &[usize]) -> String {
+    let name = &lean.name;
+    let last = lean.bins.len() - 1;
+    let (first_bin, last_bin) = (bins[0], bins[bins.len() - 1]);
+    if lean.bins[0].word.is_some() {
+        let words: Vec<&str> = bins.iter().filter_map(|&bin| lean.bins[bin].word.as_deref()).collect();
+        return format!("for {name} {}", words.join(", "));
+    }
+    if bins.len() == lean.bins.len() {
+        let worst = bins.iter().max_by(|a, b| {
+            let size = |bin: usize| lean.bins[bin].mean_sigma.abs();
+            size(**a).total_cmp(&size(**b))
+        });
+        let bin = &lean.bins[*worst.expect("bins")];
+        return format!("at all {name}, most at {}", range(bin.low, bin.high));
+    }
+    let contiguous = last_bin - first_bin + 1 == bins.len();
+    if !contiguous {
+        let each: Vec<String> = bins.iter().map(|&bin| range(lean.bins[bin].low, lean.bins[bin].high)).collect();
+        return format!("at {name} {}", each.join(", "));
+    }
+    match (first_bin, last_bin) {
+        (first, end) if end == last && first > 0 => format!("from {name} {} on", number(lean.bins[first].low)),
+        (0, end) => format!("up to {name} {}", number(lean.bins[end].high)),
+        (first, end) => format!("between {name} {} and {}", number(lean.bins[first].low), number(lean.bins[end].high)),
+    }
+}
+
+/// Whether that is so at all values of the other conditions: `, whatever the signal_e`.
+fn alike(set: &SetResult, lean: &Lean, rows: &[usize]) -> String {
+    let residuals = set.residuals();
+    let mut said = String::new();
+    for name in set.data.varying.iter().filter(|name| **name != lean.name) {
+        let at = set.data.against(name);
+        let mut values: Vec<f64> = rows.iter().map(|&row| at[row]).filter(|at| at.is_finite()).collect();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        if values.len() < 2 || values.len() > rows.len() / 2 {
+            continue;
+        }
+        let mean = |value: f64| {
+            let here: Vec<f64> = rows.iter().filter(|&&row| at[row] == value).map(|&row| residuals[row]).collect();
+            (here.iter().sum::<f64>() / here.len() as f64, 1.0 / (here.len() as f64).sqrt())
+        };
+        let sign = rows.iter().map(|&row| residuals[row]).sum::<f64>().signum();
+        let seen: Vec<f64> =
+            values.iter().copied().filter(|&value| mean(value).0 * sign > CLEAR * mean(value).1).collect();
+        if seen.len() == values.len() {
+            said.push_str(&format!(", whatever the {name}"));
+        } else if !seen.is_empty() && !set.data.is_words(name) {
+            let listed: Vec<String> = seen.iter().map(|value| number(*value)).collect();
+            if listed.len() <= 3 {
+                said.push_str(&format!(", clear at {name} {} only", listed.join(", ")));
+            }
+        }
+    }
+    said
+}
+
+fn range(low: f64, high: f64) -> String {
+    if high > low { format!("{} to {}", number(low), number(high)) } else { number(low) }
+}
+
+/// At most four digits.
+fn number(value: f64) -> String {
+    if value == 0.0 || value.fract() == 0.0 {
+        return plain(value);
+    }
+    let digits = (3 - value.abs().log10().floor() as i32).max(0);
+    plain((value * 10_f64.powi(digits)).round() / 10_f64.powi(digits))
+}
