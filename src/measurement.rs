@@ -211,16 +211,13 @@ impl Reader<'_> {
     fn measured(&self, row: usize, name: &str) -> Result<f64, InputError> {
         let unit = Unit::of(self.observable);
         let Some((number, place)) = self.number(row, name, unit)? else {
-            let problem = if self.table.column(name).is_some() {
-                format!("the {name} is missing")
+            return Err(if self.table.column(name).is_some() {
+                let fault = self.table.fault(Some(row), Some(name), format!("the {name} is missing"));
+                fault.with_help("leave out rows without measurements")
             } else {
-                format!("there is no column `{name}`; columns: {}", self.names())
-            };
-            let row = self.table.column(name).map(|_| row);
-            return Err(self
-                .table
-                .fault(row, row.map(|_| name), problem)
-                .with_help("leave out rows without measurements"));
+                let problem = format!("there is no column `{name}`; columns: {}", self.names());
+                self.table.fault(None, None, problem).with_help("every row needs a value and its 1-sigma error")
+            });
         };
         if number.is_finite() {
             return Ok(number);

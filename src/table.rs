@@ -1,13 +1,13 @@
 //! Tables of measurements: ECSV, the Enhanced CSV of astropy.table, and plain CSV.
 //!
-//! [ECSV](https://github.com/astropy/astropy-APEs/blob/main/APE6.rst) is CSV under a header in YAML, in comment lines, that
-//! says the datatype and unit of each column and what holds for all rows (`meta`). Read is what astropy reads, with
-//! the same values: an empty cell is missing whatever its datatype, blanks around a cell mean nothing, and the columns
-//! in which astropy keeps parts of a `Quantity`, `Time` or masked column become one column again. Where YAML 1.1 takes
-//! `1.78e8` for a word, here it is the number that was meant.
+//! [ECSV](https://github.com/astropy/astropy-APEs/blob/main/APE6.rst) is CSV under a header in YAML, in comment lines,
+//! that says the datatype and unit of each column and what holds for all rows (`meta`). Read is what astropy reads,
+//! with the same values: an empty cell is missing whatever its datatype, blanks around a cell mean nothing, and the
+//! columns in which astropy keeps parts of a `Quantity`, `Time` or masked column become one column again. The header is
+//! read as YAML 1.2, to which `1.78e8` is the number that was meant, and not, as to astropy's YAML 1.1, a word.
 //!
-//! Plain CSV is any file that does not begin with `# %ECSV`: leading lines `# key: value` are its `meta`, a unit may stand
-//! behind a name in brackets, and datatypes are taken from the cells.
+//! Plain CSV is any file that does not begin with `# %ECSV`: leading lines `# key: value` are its `meta`, a unit may
+//! stand behind a name in brackets, and datatypes are taken from the cells.
 
 mod csv;
 mod ecsv;
@@ -73,8 +73,8 @@ pub struct Column {
 /// How cells name points in time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Time {
-    /// astropy's name of the format: `iso`, `isot` and others are texts, `mjd`, `jd` (days), `decimalyear` and others are
-    /// numbers.
+    /// astropy's name of the format: `iso`, `isot` and others are texts, `mjd`, `jd` (days), `decimalyear` and others
+    /// are numbers.
     pub format: String,
     /// The time scale, such as `utc` or `tt`.
     pub scale: String,
@@ -110,8 +110,8 @@ pub enum Cell {
     Truth(bool),
     /// Words.
     Text(String),
-    /// Anything else: lists, mappings, whole numbers beyond 64 bits with sign. NaN and infinities in there are the words
-    /// `nan`, `inf` and `-inf`.
+    /// Anything else: lists, mappings, whole numbers beyond 64 bits with sign. NaN and infinities in there are the
+    /// words `nan`, `inf` and `-inf`.
     Other(Value),
 }
 
@@ -169,8 +169,8 @@ impl Table {
         self.meta.iter().find(|meta| meta.name == name).map(|meta| &meta.value)
     }
 
-    /// A refusal of this table for what stands in a row (from 0) and column, in a row, in a column, or, where there is no
-    /// such column or it is called `meta.KEY`, under a key of `meta`.
+    /// A refusal of this table for what stands in a row (from 0) and column, in one of them, or under a key of `meta`,
+    /// which is called `meta.KEY` where a column has its name: `line 17: sigma = -0.1`, `line 9: meta.transfers = 0`.
     pub fn fault(&self, row: Option<usize>, column: Option<&str>, problem: impl Into<String>) -> InputError {
         InputError { place: self.place(row, column), ..self.refuse(problem) }
     }
@@ -341,7 +341,8 @@ mod tests {
 
     #[test]
     fn plain_csv_has_meta_units_and_guessed_datatypes() {
-        let text = "# observable: trail\r\n# 25 px\r\n# signal_e: 1e3,,\r\nk,value [e-],note\r\n1, \"2\",\r\n2,nan,a\r\n,,\r\n";
+        let text = "# observable: trail\r\n# 25 px\r\n# signal_e: 1e3,,\r\nk,value [e-],note\r\n\
+            1, \"2\",\r\n2,nan,a\r\n,,\r\n";
         let table = Table::parse("plain", text).unwrap();
         assert_eq!(table.meta("observable"), Some(&Cell::Text("trail".into())));
         assert_eq!(table.meta("signal_e"), Some(&Cell::Number(1000.0)));

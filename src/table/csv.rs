@@ -15,8 +15,8 @@ pub(super) struct Row {
 /// The rows of a text after its first `skip` lines, without blank lines and comments. An error is the line of a cell
 /// whose quotes are never closed.
 ///
-/// Cells are split as astropy splits them (Python's `csv` with `skipinitialspace`): blanks before a cell are skipped, so
-/// several blanks are one delimiter, and a cell that begins with a quote may go on over the next line.
+/// Cells are split as astropy splits them (Python's `csv` with `skipinitialspace`): blanks before a cell are skipped,
+/// so several blanks are one delimiter, and a cell that begins with a quote may go on over the next line.
 pub(super) fn rows(text: &str, skip: usize, delimiter: char) -> impl Iterator<Item = Result<Row, usize>> {
     // A tab at the end of a line is an empty cell where tabs delimit.
     let trimmed =

@@ -28,7 +28,8 @@ impl Table {
             self.refuse_line(text, line, format!("the header is not YAML: {}", error.info()))
                 .with_help("braces and quotes must be closed; words that hold a colon or # must be in quotes")
         })?;
-        let source = Source { table: self, text, yaml: &yaml };
+        let lines: Vec<&str> = yaml.lines().collect();
+        let source = Source { table: self, text, yaml: &lines };
         let [document] = documents.as_slice() else {
             return Err(self.refuse("the header must be one document of YAML, begun by `# ---`"));
         };
@@ -214,12 +215,16 @@ impl Table {
     }
 }
 
+/// A key, its line and its value.
+type Entry<'n, 'y> = (String, usize, &'n MarkedYaml<'y>);
+
 /// A header, for messages about it.
 #[derive(Clone, Copy)]
 struct Source<'a> {
     table: &'a Table,
     text: &'a str,
-    yaml: &'a str,
+    /// The lines of the header as YAML.
+    yaml: &'a [&'a str],
 }
 
 impl Source<'_> {
@@ -238,45 +243,49 @@ impl Source<'_> {
     }
 
     fn columns(self, document: &MarkedYaml) -> Result<Vec<Column>, InputError> {
-        let node = document.data.as_mapping_get("datatype").ok_or_else(|| {
-            self.table
+        let Some(node) = document.data.as_mapping_get("datatype") else {
+            return Err(self
+                .table
                 .refuse("the header does not describe the columns: `datatype` is missing")
-                .with_help("# datatype:\n  # - {name: value, datatype: float64}")
-        })?;
-        let columns = node.data.as_sequence().filter(|columns| !columns.is_empty());
-        columns
-            .ok_or_else(|| self.fault(node, "`datatype` must be a list of columns"))?
-            .iter()
-            .map(|node| {
-                let said = |key| match node.data.as_mapping_get(key).map(|node| (node, self.value(node))) {
-                    None | Some((_, Ok(Value::Null))) => Ok(None),
-                    Some((_, Ok(Value::String(words)))) => Ok(Some(words)),
-                    Some((node, Ok(Value::Number(_) | Value::Bool(_)))) => Ok(Some(self.written(node))),
-                    Some((_, Err(error))) => Err(error),
-                    Some((node, _)) => Err(self.fault(node, format!("the `{key}` of a column must be a word"))),
-                };
-                let missing = |key| {
-                    self.fault(node, format!("a column needs a `{key}`, such as {{name: value, datatype: float64}}"))
-                };
-                let column = Column {
-                    name: said("name")?.ok_or_else(|| missing("name"))?,
-                    unit: said("unit")?.filter(|unit| !unit.is_empty()),
-                    datatype: self.datatype(node, &said("datatype")?.ok_or_else(|| missing("datatype"))?)?,
-                    subtype: said("subtype")?,
-                    description: said("description")?,
-                    format: said("format")?,
-                    time: None,
-                    cells: Vec::new(),
-                    line: Some(node.span.start.line()),
-                };
-                match (column.is_nested(), column.datatype) {
-                    (true, datatype) if datatype != Datatype::Text => {
-                        Err(self.fault(node, "a column with this subtype must have the datatype string"))
-                    }
-                    _ => Ok(column),
-                }
-            })
-            .collect()
+                .with_help("below a line `# datatype:`, one for each column: # - {name: value, datatype: float64}"));
+        };
+        match node.data.as_sequence() {
+            Some(columns) if !columns.is_empty() => columns.iter().map(|node| self.column(node)).collect(),
+            _ => Err(self.fault(node, "`datatype` must be a list of columns")),
+        }
+    }
+
+    fn column(self, node: &MarkedYaml) -> Result<Column, InputError> {
+        let needed = |key| {
+            let missing = format!("a column needs a `{key}`, such as {{name: value, datatype: float64}}");
+            self.word(node, key)?.ok_or_else(|| self.fault(node, missing))
+        };
+        let column = Column {
+            name: needed("name")?,
+            unit: self.word(node, "unit")?.filter(|unit| !unit.is_empty()),
+            datatype: self.datatype(node, &needed("datatype")?)?,
+            subtype: self.word(node, "subtype")?,
+            description: self.word(node, "description")?,
+            format: self.word(node, "format")?,
+            time: None,
+            cells: Vec::new(),
+            line: Some(node.span.start.line()),
+        };
+        if column.is_nested() && column.datatype != Datatype::Text {
+            return Err(self.fault(node, "a column with this subtype must have the datatype string"));
+        }
+        Ok(column)
+    }
+
+    /// What a column says under a key. What YAML takes for a number may be a word here.
+    fn word(self, node: &MarkedYaml, key: &str) -> Result<Option<String>, InputError> {
+        let Some(node) = node.data.as_mapping_get(key) else { return Ok(None) };
+        match self.value(node)? {
+            Value::Null => Ok(None),
+            Value::String(word) => Ok(Some(word)),
+            Value::Number(_) | Value::Bool(_) => Ok(Some(self.written(node))),
+            _ => Err(self.fault(node, format!("the `{key}` of a column must be a word"))),
+        }
     }
 
     fn datatype(self, node: &MarkedYaml, name: &str) -> Result<Datatype, InputError> {
@@ -328,23 +337,23 @@ impl Source<'_> {
             .collect()
     }
 
-    /// Keys, their lines and values, of a mapping or of a list of mappings of one key each, which is how YAML writes an
-    /// ordered mapping. None where the node is neither.
+    /// Keys, their lines and values, of a mapping or of an ordered one, which YAML writes as a list of mappings of one
+    /// key each. None where the node is neither; where an ordered mapping is expected, its tag may be missing.
     fn entries<'n, 'y>(
         self,
         node: &'n MarkedYaml<'y>,
-        ordered: bool,
-    ) -> Result<Option<Vec<(String, usize, &'n MarkedYaml<'y>)>>, InputError> {
-        let pairs = match &node.data {
+        expected: bool,
+    ) -> Result<Option<Vec<Entry<'n, 'y>>>, InputError> {
+        let pairs: Vec<_> = match &node.data {
             YamlData::Mapping(pairs) => pairs.iter().collect(),
-            YamlData::Sequence(members) if ordered => {
+            YamlData::Sequence(members) => {
                 let pair = |member: &'n MarkedYaml<'y>| match member.data.as_mapping() {
                     Some(pair) if pair.len() == 1 => pair.iter().next(),
                     _ => None,
                 };
-                match members.iter().map(pair).collect::<Option<Vec<_>>>() {
-                    Some(pairs) => pairs,
-                    None => return Ok(None),
+                match members.iter().map(pair).collect() {
+                    Some(pairs) if expected || self.is_ordered(node) => pairs,
+                    _ => return Ok(None),
                 }
             }
             _ => return Ok(None),
@@ -383,7 +392,7 @@ impl Source<'_> {
                 }
                 (_, value) => value,
             },
-            data => match (self.entries(node, self.is_ordered(node))?, data) {
+            data => match (self.entries(node, false)?, data) {
                 (Some(entries), _) => Value::Object(
                     entries
                         .into_iter()
@@ -407,7 +416,7 @@ impl Source<'_> {
     /// What is written in the first line of a node.
     fn written(self, node: &MarkedYaml) -> String {
         let (start, end) = (node.span.start, node.span.end);
-        let line = self.yaml.lines().nth(start.line().saturating_sub(1)).unwrap_or("");
+        let line = self.yaml.get(start.line().saturating_sub(1)).copied().unwrap_or("");
         let length = if end.line() == start.line() { end.col().saturating_sub(start.col()) } else { usize::MAX };
         line.chars().skip(start.col()).take(length).collect()
     }
@@ -485,8 +494,8 @@ fn hide(value: &mut Value, mask: &Value) {
     }
 }
 
-/// The date and time of a Julian date in two parts, as astropy writes it. Leap seconds, below what matters here, are not
-/// counted.
+/// The date and time of a Julian date in two parts, as astropy writes it. Leap seconds, below what matters here, are
+/// not counted.
 fn date(jd1: f64, jd2: f64) -> Option<String> {
     const UNIX_EPOCH: f64 = 2_440_587.5;
     let milliseconds = (((jd1 - UNIX_EPOCH) + jd2) * 86_400e3).round();

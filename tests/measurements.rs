@@ -1,0 +1,106 @@
+//! Measurement files as users' astropy, spreadsheets and hands write them (`tests/measurements/make.py`).
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use ctiplan::measurement::DataSet;
+use ctiplan::mission::Mission;
+use ctiplan::table::{Cell, Table};
+
+fn mission() -> Mission {
+    Mission::read("missions/snap_l2.toml").unwrap()
+}
+
+fn files(folder: &str) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.retain(|file| file.extension().is_some_and(|ending| ending == "ecsv" || ending == "csv"));
+    files.sort();
+    files
+}
+
+fn read(name: &str) -> DataSet {
+    DataSet::read(format!("tests/measurements/{name}"), &mission()).unwrap()
+}
+
+#[test]
+fn what_makes_sense_is_read() {
+    let files = files("tests/measurements");
+    assert!(files.len() >= 35);
+    for file in files {
+        let set = DataSet::read(&file, &mission()).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(set.rows.len(), set.table.rows(), "{}", file.display());
+    }
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_with_line_and_reason() {
+    let files = files("tests/measurements/broken");
+    assert!(files.len() >= 50);
+    for file in files {
+        let error = DataSet::read(&file, &mission()).expect_err(&format!("{} was accepted", file.display()));
+        let expected = fs::read_to_string(format!("{}.stderr", file.display())).unwrap();
+        assert_eq!(format!("error: {error}\n"), expected, "{}", file.display());
+    }
+}
+
+#[test]
+fn units_of_the_header_are_converted() {
+    let set = read("packets_other_units.ecsv");
+    let column = |name: &str| set.table.column(name).unwrap();
+    for (row, measured) in set.rows.iter().enumerate() {
+        let given = |name: &str| column(name).cells[row].number().unwrap();
+        assert!((measured.at.t_yr - given("t_yr") / 365.25).abs() < 1e-12);
+        assert!((measured.at.line_time_ms - 1000.0 * given("line_time_ms")).abs() < 1e-9);
+        assert!((measured.at.temperature_k - (given("temperature_k") + 273.15)).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn dates_of_all_kinds_are_years_since_launch() {
+    // The same three days, as iso and as two Julian days each.
+    for name in
+        ["dose_time_iso.ecsv", "dose_time_jd1_jd2.ecsv", "packets_time_mjd.ecsv", "packets_time_decimalyear.ecsv"]
+    {
+        let set = read(name);
+        assert!(set.rows.windows(2).all(|pair| pair[0].at.t_yr <= pair[1].at.t_yr), "{name}");
+        assert!(set.rows.iter().all(|row| (0.0..20.0).contains(&row.at.t_yr)), "{name}");
+    }
+    let iso = read("dose_time_iso.ecsv");
+    // 2009-07-02 12:00, launched on 2009-01-01.
+    assert!((iso.rows[0].at.t_yr - 182.5 / 365.25).abs() < 1e-9);
+}
+
+#[test]
+fn conditions_come_from_columns_from_meta_and_from_the_mission_in_this_order() {
+    let text = "# observable: trail\n# t_yr: 2.0\n# transfers: 800\n# ccd: 7\n\
+                signal_e,trail_px,temperature_k,chip,value,sigma\n1000,1,140,left,0.01,0.001\n1000,2,141,right,0.008,0.001\n";
+    let set = DataSet::of(Table::parse("rows.csv", text).unwrap(), &mission()).unwrap();
+    let at = &set.rows[1].at;
+    assert_eq!((at.temperature_k, at.transfers, at.background_e, at.line_time_ms), (141.0, 800, 120.0, 25.0));
+    assert_eq!(at.get("ccd"), Some(7.0));
+    assert_eq!(set.rows[1].word("chip"), Some("right"));
+    assert_eq!(set.varying, ["trail_px", "temperature_k", "chip"]);
+    assert_eq!(set.against("chip"), [0.0, 1.0]);
+}
+
+#[test]
+fn what_is_written_is_what_was_read() {
+    for file in files("tests/measurements") {
+        let table = Table::read(&file).unwrap();
+        let again = Table::parse("again", &table.to_ecsv()).unwrap();
+        assert_eq!(again.columns.len(), table.columns.len(), "{}", file.display());
+        for (one, other) in table.columns.iter().zip(&again.columns) {
+            assert_eq!((&one.name, &one.unit), (&other.name, &other.unit), "{}", file.display());
+            for (one, other) in one.cells.iter().zip(&other.cells) {
+                let alike = match (one, other) {
+                    (Cell::Number(one), Cell::Number(other)) => one.to_bits() == other.to_bits(),
+                    // ECSV has no empty words, only missing ones.
+                    (Cell::Text(one), Cell::Missing) => one.is_empty(),
+                    _ => one == other,
+                };
+                assert!(alike, "{}: {one:?}, {other:?}", file.display());
+            }
+        }
+    }
+    assert!(Path::new("tests/measurements/make.py").exists());
+}
