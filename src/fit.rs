@@ -214,6 +214,9 @@ pub(crate) fn chi2(residuals: &[f64]) -> f64 {
     residuals.iter().map(|residual| residual * residual).sum()
 }
 
+/// Intervals between epochs of which one is tried first for a moment.
+const EVERY: usize = 4;
+
 /// How derivatives are taken.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Step {
@@ -310,10 +313,18 @@ impl Problem<'_> {
         for _ in 0..if moments.len() > 1 { 2 } else { 1 } {
             for &index in &moments {
                 let from = best.at.clone();
-                for &t_yr in &candidates {
+                let attempt = |place: usize| {
                     let mut at = from.clone();
-                    at[index] = t_yr;
-                    let found = self.minimise(&at);
+                    at[index] = candidates[place];
+                    self.minimise(&at)
+                };
+                // Every few intervals first, then all around the best of them.
+                let coarse: Vec<(usize, Optimum)> =
+                    (0..candidates.len()).step_by(EVERY).map(|place| (place, attempt(place))).collect();
+                let least = coarse.iter().min_by(|a, b| a.1.chi2.total_cmp(&b.1.chi2)).map_or(0, |(place, _)| *place);
+                let around = least.saturating_sub(EVERY - 1)..(least + EVERY).min(candidates.len());
+                let fine = around.filter(|place| place % EVERY != 0).map(attempt);
+                for found in coarse.iter().map(|(_, found)| found.clone()).chain(fine.collect::<Vec<_>>()) {
                     if found.chi2 < best.chi2 - 1e-9 * best.chi2.abs() {
                         best = found;
                     }

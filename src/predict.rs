@@ -1,7 +1,10 @@
 //! Model and conditions → what a measurement would give.
 //!
 //! Rows that share a readout (a packet and its trail, a block and its trail, all moments of a galaxy) are computed from one
-//! readout, and readouts in parallel. The order of the rows, and the number of threads, change no bit.
+//! readout, and readouts in parallel; changes of shape of one galaxy at many doses are interpolated between a few (see
+//! `predict/shapes.rs`). The order of the rows, and the number of threads, change no bit.
+
+mod shapes;
 
 use std::collections::HashMap;
 
@@ -46,9 +49,16 @@ pub fn predict(model: &Model, questions: &[Question]) -> Vec<f64> {
         readings[index].trail_px = readings[index].trail_px.max(rows);
         of_question.push(index);
     }
-    let read: Vec<(Device, Read)> = readings.par_iter().map(|reading| reading.read(model)).collect();
+    let devices: Vec<Device> = readings.par_iter().map(|reading| model.device(reading.at)).collect();
+    let interpolated = shapes::interpolated(model, &readings, &devices);
+    let read: Vec<Read> = (&readings, &devices, interpolated)
+        .into_par_iter()
+        .map(|(reading, device, shape)| {
+            shape.map_or_else(|| reading.read(model, device), |shape| Read::Shape(Some(shape)))
+        })
+        .collect();
     let answer = |(question, index): (&Question, &usize)| {
-        let (device, read) = &read[*index];
+        let (device, read) = (&devices[*index], &read[*index]);
         let at = Conditions {
             trail_px: question.at.trail_px,
             covariates: question.at.covariates.clone(),
@@ -127,18 +137,16 @@ impl<'a> Reading<'a> {
         Reading { kind: kind(question), at: question.at, trail_px: 0 }
     }
 
-    fn read(&self, model: &Model) -> (Device, Read) {
-        let device = model.device(self.at);
-        let read = match self.kind {
+    fn read(&self, model: &Model, device: &Device) -> Read {
+        match self.kind {
             Kind::Dose => Read::Dose(model.dose.dose_mev_g(device.at.t_yr)),
-            Kind::Packet => Read::Charges(self.column(&device, 1, Beside::Background)),
+            Kind::Packet => Read::Charges(self.column(device, 1, Beside::Background)),
             Kind::Block => {
                 let block_px = device.at.block_px.expect("a block has rows") as usize;
-                Read::Charges(self.column(&device, block_px, Beside::Same))
+                Read::Charges(self.column(device, block_px, Beside::Same))
             }
-            Kind::Galaxy(galaxy) => Read::Shape(model.scene(galaxy).and_then(|scene| scene.change_by(&device))),
-        };
-        (device, read)
+            Kind::Galaxy(galaxy) => Read::Shape(model.scene(galaxy).and_then(|scene| scene.change_by(device))),
+        }
     }
 
     /// Charges of the last of `block_px` rows and of the rows behind it, less the trailed background, e-. That row makes the

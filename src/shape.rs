@@ -148,6 +148,11 @@ impl ShapeChange {
         self.delta_e1.hypot(self.delta_e2)
     }
 
+    /// This change and `factor` times another.
+    pub(crate) fn plus(self, other: &ShapeChange, factor: f64) -> ShapeChange {
+        self.combine(*other, |a, b| a + factor * b)
+    }
+
     /// Applies an operation to every member of two changes.
     fn combine(self, other: ShapeChange, operation: impl Fn(f64, f64) -> f64) -> ShapeChange {
         ShapeChange {

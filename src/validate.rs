@@ -66,6 +66,13 @@ impl SetResult {
         }
     }
 
+    /// The noise that leanings are judged by: 1, the quoted errors, unless the scatter is clearly larger.
+    pub fn noise_sigma(&self) -> f64 {
+        // A scatter estimated from n rows is good to 1.6/√n (simulated).
+        let clearly = 1.0 + 2.0 * 1.6 / (self.data.rows.len() as f64).sqrt();
+        if self.scatter_sigma > clearly { self.scatter_sigma } else { 1.0 }
+    }
+
     /// The name of the file without its folder.
     pub fn name(&self) -> &str {
         self.data.file.rsplit(['/', '\\']).next().expect("a last part")
@@ -148,8 +155,7 @@ pub fn validate(mission: &Mission, data: &[DataSet], seed: u64) -> Result<Valida
         .flat_map(|(index, set)| set.data.varying.par_iter().filter_map(move |name| Trial::of(index, &set.data, name)))
         .collect();
     let residuals: Vec<Vec<f64>> = sets.iter().map(SetResult::residuals).collect();
-    // Noise is never taken to be less than quoted.
-    let scatter: Vec<f64> = sets.iter().map(|set| set.scatter_sigma.max(1.0)).collect();
+    let scatter: Vec<f64> = sets.iter().map(SetResult::noise_sigma).collect();
     let leans = lean::all(&trials, &residuals, &scatter, seed);
     let words = words::of(&sets, &leans);
     Ok(Validation { mission: mission.clone(), sets, chi2, n, leans, words })

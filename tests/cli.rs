@@ -231,3 +231,134 @@ fn the_readme_shows_what_the_program_prints() {
     let output = stdout(&["evaluate", SNAP]);
     assert!(readme.contains(&output), "README.md is to show:\n{output}");
 }
+
+#[test]
+fn the_page_of_effects_is_up_to_date() {
+    // To renew it: cargo run -- effects --markdown > docs/effects.md
+    assert_eq!(stdout(&["effects", "--markdown"]), include_str!("../docs/effects.md"));
+}
+
+#[test]
+fn effects_lists_the_catalogue_and_tells_of_one() {
+    let listed = stdout(&["effects"]);
+    let catalogue = json(&["effects", "--json"]);
+    let catalogue = catalogue.as_array().unwrap();
+    assert!(catalogue.len() >= 17);
+    for effect in catalogue {
+        let kind = effect["effect"].as_str().unwrap();
+        assert!(listed.contains(kind), "{kind}");
+        let one = stdout(&["effects", kind]);
+        assert!(one.contains("Physics") && one.contains(&format!("effects.{kind}")), "{kind}");
+        for line in one.lines().chain(listed.lines()) {
+            assert!(line.chars().count() <= 80, "{kind}: {line}");
+        }
+    }
+    let unknown = ctiplan(&["effects", "anealing"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(String::from_utf8(unknown.stderr).unwrap().contains("did you mean `annealing`?"));
+}
+
+#[test]
+fn validate_prints_the_json_of_the_contract() {
+    let folder = "tests/practice/slow-trap";
+    let mission = format!("{folder}/mission.toml");
+    let (trails, packets) = (format!("{folder}/trails.ecsv"), format!("{folder}/packets.ecsv"));
+    let json = json(&["validate", &mission, &trails, &packets, "--json"]);
+    assert_eq!(json["n"], 35);
+    assert!(json["chi2"].as_f64().unwrap() > 1e5 && json["rms"].as_f64().unwrap() > 50.0);
+    let sets = json["datasets"].as_array().unwrap();
+    assert_eq!(
+        (&sets[0]["file"], &sets[0]["observable"], &sets[0]["n"]),
+        (&trails.into(), &"trail".into(), &18.into())
+    );
+    let rows = sets[1]["rows"].as_array().unwrap();
+    assert_eq!((rows.len(), &rows[0]["value"], &rows[0]["sigma"]), (17, &1564.6274.into(), &0.6.into()));
+    let chi2: f64 = sets.iter().map(|set| set["chi2"].as_f64().unwrap()).sum();
+    assert!((chi2 / json["chi2"].as_f64().unwrap() - 1.0).abs() < 1e-12);
+    let off = |row: &Value| {
+        let number = |key: &str| row[key].as_f64().unwrap();
+        ((number("value") - number("model")) / number("sigma")).powi(2)
+    };
+    let by_hand: f64 = rows.iter().map(off).sum();
+    assert!((by_hand / sets[1]["chi2"].as_f64().unwrap() - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn validate_draws_and_writes_what_it_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let [plots, tables] = ["plots", "tables"].map(|name| folder.path().join(name).display().to_string());
+    let case = "tests/practice/notch";
+    stdout(&[
+        "validate",
+        &format!("{case}/mission.toml"),
+        &format!("{case}/trails.ecsv"),
+        "--plots",
+        &plots,
+        "--residuals",
+        &tables,
+    ]);
+    let drawn: Vec<_> = std::fs::read_dir(&plots).unwrap().map(|entry| entry.unwrap().path()).collect();
+    // The data, and residuals against each of three conditions.
+    assert_eq!(drawn.len(), 4);
+    for figure in drawn {
+        let svg = std::fs::read_to_string(figure).unwrap();
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+    }
+    let table = ctiplan::table::Table::read(format!("{tables}/1-trails.ecsv")).unwrap();
+    let column =
+        |name: &str| table.column(name).unwrap().cells.iter().map(|cell| cell.number().unwrap()).collect::<Vec<_>>();
+    let (value, sigma, model, residual) = (column("value"), column("sigma"), column("model"), column("residual_sigma"));
+    for row in 0..value.len() {
+        assert!(((value[row] - model[row]) / sigma[row] - residual[row]).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn fit_writes_a_mission_that_validate_confirms() {
+    let folder = tempfile::tempdir().unwrap();
+    let new = folder.path().join("new.toml").display().to_string();
+    let case = "tests/practice/prelaunch";
+    let (mission, trails) = (format!("{case}/mission.toml"), format!("{case}/trails.ecsv"));
+    let text = format!(
+        "{}\n[effects.prelaunch-traps]  # added\nfast = 0.01\nmid = 0.01 # also\nslow = 0.01\n",
+        std::fs::read_to_string(mission).unwrap()
+    );
+    let start = folder.path().join("start.toml").display().to_string();
+    std::fs::write(&start, &text).unwrap();
+    let free = ["fast", "mid", "slow"].map(|name| format!("effects.prelaunch-traps.{name}"));
+    let fit = json(&[
+        "fit", &start, &trails, "--json", "--write", &new, "--only", "--free", &free[0], "--free", &free[1], "--free", &free[2],
+    ]);
+    assert_eq!(fit["parameters"][1]["key"], "effects.prelaunch-traps.mid");
+    let chi2 = fit["chi2"].as_f64().unwrap();
+    assert!(chi2 < fit["chi2_before"].as_f64().unwrap() / 20.0);
+    let confirmed = json(&["validate", &new, &trails, "--json"]);
+    assert!((confirmed["chi2"].as_f64().unwrap() / chi2 - 1.0).abs() < 1e-9);
+    let written = std::fs::read_to_string(&new).unwrap();
+    let changed = text.lines().zip(written.lines()).filter(|(old, new)| old != new).count();
+    assert_eq!((changed, text.lines().count()), (3, written.lines().count()));
+    assert!(written.contains("# also"));
+}
+
+#[test]
+fn what_cannot_be_fitted_is_refused() {
+    let case = "tests/practice/notch";
+    let (mission, trails) = (format!("{case}/mission.toml"), format!("{case}/trails.ecsv"));
+    for (arguments, said) in [
+        (&["--free", "detector.traps.Z.density_per_px"][..], "there is no trap species \"Z\""),
+        (&["--free", "readout.transfers"], "only keys with real numbers can be fitted"),
+        (&["--free", "mission.name"], "it has no number to start from"),
+        (&["--free", "effects.annealing.time_yr"], "the mission has no [effects.annealing]"),
+        (&["--holdout", "temperature_k"], "no data set varies in `temperature_k`"),
+        (&["--write", "no/such/folder/new.toml"], "cannot write `no/such/folder/new.toml`"),
+    ] {
+        let mut all = vec!["fit", &mission, &trails];
+        all.extend(arguments);
+        let output = ctiplan(&all);
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+        assert!(stderr.contains(said), "{arguments:?}: {stderr}");
+    }
+    let output = ctiplan(&["fit", "missions/snap_l2.toml", &trails]);
+    assert!(String::from_utf8(output.stderr).unwrap().contains("no key is free"));
+}

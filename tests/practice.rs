@@ -94,9 +94,10 @@ fn the_story_of_the_paper() {
     let two = fitted(&mission, &data, &free);
     assert!(two.chi2 / two.n as f64 > 20.0);
     let left = validate(&two.mission, &data, 1).unwrap();
-    for condition in ["trail_px", "transfers"] {
+    // What free densities could not absorb: nearly all of it in the trail.
+    for (condition, alarm) in [("trail_px", 1e-6), ("transfers", 0.05)] {
         let lean = left.leans.iter().find(|lean| lean.name == condition).unwrap();
-        assert!(lean.false_alarm < 1e-6, "{condition}: {}", lean.false_alarm);
+        assert!(lean.false_alarm < alarm, "{condition}: {}", lean.false_alarm);
     }
     let (mission, data) = read("slow-trap", "[effects.extra-species]\ndensity_per_px = 0.2\nrelease_ms = 1000.0\n");
     let mut keys = free.to_vec();

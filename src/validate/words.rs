@@ -1,12 +1,14 @@
 //! Where a model fails, in words.
 
+use statrs::function::erf::erfc;
+
 use super::SetResult;
 use super::lean::Lean;
 use crate::mission::keys::plain;
 use crate::observable::Observable;
 
 /// False alarms below which a leaning is spoken of.
-const SPOKEN: f64 = 0.01;
+const SPOKEN: f64 = 1e-3;
 
 /// Errors by which a mean must differ from 0 to be spoken of.
 const CLEAR: f64 = 3.0;
@@ -15,17 +17,16 @@ const CLEAR: f64 = 3.0;
 pub(super) fn of(sets: &[SetResult], leans: &[Lean]) -> Vec<String> {
     let mut words = Vec::new();
     for (index, set) in sets.iter().enumerate() {
-        let n = set.data.rows.len() as f64;
         let strongest = leans.iter().find(|lean| lean.set == index && lean.false_alarm < SPOKEN);
         if let Some(lean) = strongest {
             words.push(leaning(set, lean));
-        } else if set.bias_sigma.abs() * n.sqrt() > CLEAR * set.scatter_sigma.max(1.0) {
+        } else if bias_alarm(set, sets.len() + leans.len()) < SPOKEN {
             let residuals = set.residuals();
             let all: Vec<usize> = (0..residuals.len()).collect();
             words.push(format!("{}: {} everywhere alike", set.name(), fault(set, &all)));
         }
         let scatter_sigma = set.scatter_sigma;
-        if scatter_sigma > 2.0 {
+        if set.noise_sigma() > 1.0 && scatter_sigma > 2.0 {
             words.push(format!(
                 "{}: residuals scatter by {scatter_sigma:.1} sigma from row to row; the quoted errors look too small, and \
                  leanings are judged by that scatter",
@@ -40,6 +41,12 @@ pub(super) fn of(sets: &[SetResult], leans: &[Lean]) -> Vec<String> {
         }
     }
     words
+}
+
+/// Chance that noise alone makes a mean residual as large in any of so many trials.
+fn bias_alarm(set: &SetResult, trials: usize) -> f64 {
+    let errors = set.bias_sigma.abs() * (set.data.rows.len() as f64).sqrt() / set.noise_sigma();
+    trials as f64 * erfc(errors / std::f64::consts::SQRT_2)
 }
 
 /// What is wrong with the model in some rows: `trail too faint`.

@@ -1,0 +1,69 @@
+//! Predictions of many rows at once, against one by one.
+
+use ctiplan::conditions::Conditions;
+use ctiplan::mission::Mission;
+use ctiplan::model::Model;
+use ctiplan::observable::Observable;
+use ctiplan::predict::{Question, predict};
+
+/// Shapes at many doses are interpolated between a few; alone, each is computed.
+#[test]
+fn shapes_at_many_doses_are_those_computed_one_by_one() {
+    let base = include_str!("../missions/snap_l2.toml");
+    for (effects, largest_mev_g) in [
+        ("", 8e6),
+        (
+            "[effects.prelaunch-traps]\nVV = 0.02\nCO = 0.01\n[effects.signal-bounce]\nfraction = 0.004\nlength_px = 2.0\n",
+            8e6,
+        ),
+        // The dose of 110 years, where the change is far from linear.
+        ("", 1.78e8),
+    ] {
+        let mission = Mission::parse(&format!("{base}\n{effects}")).unwrap();
+        let model = Model::new(&mission);
+        let ats: Vec<Conditions> = (0..40)
+            .map(|row| Conditions {
+                dose_mev_g: Some(largest_mev_g * (f64::from(row) / 39.0).powf(1.3)),
+                background_e: if row % 4 == 0 { 60.0 } else { 120.0 },
+                ..model.conditions(0.0)
+            })
+            .collect();
+        for observable in [Observable::DeltaE1, Observable::DeltaY, Observable::DeltaFlux, Observable::DeltaSize] {
+            let questions: Vec<Question> = ats.iter().map(|at| Question { observable, at, galaxy: Some(0) }).collect();
+            let together = predict(&model, &questions);
+            let largest = together.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+            for (question, together) in questions.iter().zip(&together).step_by(9) {
+                let alone = predict(&model, std::slice::from_ref(question))[0];
+                // Ten times the error that interpolation and readout allow themselves.
+                assert!((together - alone).abs() < 1e-5 * largest, "{observable}: {together}, alone {alone}");
+            }
+        }
+    }
+}
+
+#[test]
+fn order_and_threads_change_no_bit() {
+    let mission = Mission::parse(include_str!("../missions/snap_l2.toml")).unwrap();
+    let model = Model::new(&mission);
+    let ats: Vec<Conditions> = (0..30)
+        .map(|row| Conditions {
+            signal_e: Some(500.0 + 100.0 * f64::from(row % 5)),
+            trail_px: Some(1 + row / 5),
+            block_px: Some(40),
+            ..model.conditions(4.0)
+        })
+        .collect();
+    let observables = [Observable::Trail, Observable::PacketCharge, Observable::Eper, Observable::DeltaE1];
+    let questions: Vec<Question> = ats
+        .iter()
+        .enumerate()
+        .map(|(row, at)| Question { observable: observables[row % 4], at, galaxy: Some(row % 4) })
+        .collect();
+    let here = predict(&model, &questions);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(5).build().unwrap();
+    assert_eq!(pool.install(|| predict(&model, &questions)), here);
+    let backwards: Vec<Question> = questions.iter().rev().copied().collect();
+    let mut found = predict(&model, &backwards);
+    found.reverse();
+    assert_eq!(found, here);
+}
