@@ -145,7 +145,9 @@ impl<'a> Reading<'a> {
                 let block_px = device.at.block_px.expect("a block has rows") as usize;
                 Read::Charges(self.column(device, block_px, Beside::Same))
             }
-            Kind::Galaxy(galaxy) => Read::Shape(model.scene(galaxy).and_then(|scene| scene.change_by(device))),
+            Kind::Galaxy(galaxy) => {
+                Read::Shape(model.scene(galaxy).and_then(|scene| scene.change_by(&shapes::coarse(device))))
+            }
         }
     }
 

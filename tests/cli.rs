@@ -327,7 +327,8 @@ fn fit_writes_a_mission_that_validate_confirms() {
     std::fs::write(&start, &text).unwrap();
     let free = ["fast", "mid", "slow"].map(|name| format!("effects.prelaunch-traps.{name}"));
     let fit = json(&[
-        "fit", &start, &trails, "--json", "--write", &new, "--only", "--free", &free[0], "--free", &free[1], "--free", &free[2],
+        "fit", &start, &trails, "--json", "--write", &new, "--only", "--free", &free[0], "--free", &free[1], "--free",
+        &free[2],
     ]);
     assert_eq!(fit["parameters"][1]["key"], "effects.prelaunch-traps.mid");
     let chi2 = fit["chi2"].as_f64().unwrap();

@@ -12,6 +12,7 @@ use crate::conditions::Conditions;
 use crate::device::Device;
 use crate::mission::ReadoutMethod;
 use crate::model::Model;
+use crate::readout::Method;
 use crate::shape::ShapeChange;
 
 /// Intervals between Chebyshev's points to start with, and at most.
@@ -21,10 +22,21 @@ const LAST: usize = 32;
 /// Galaxies fewer than this are computed one by one.
 const FEW: usize = 7;
 
-/// Error allowed in units of the largest change on the line, and in units of change. The readout itself is right to 1e-7
-/// of it by default.
-const RELATIVE: f64 = 1e-6;
-const ABSOLUTE: f64 = 1e-12;
+/// How far the polynomial may be from a new point, in units of the largest change on the line. Twice as many points are
+/// some four times closer: the curve has small kinks, where packets begin to meet one another's levels.
+const FORETOLD: f64 = 2e-4;
+
+/// Accuracy of the readout for a shape that is measured: that of the packets, which in a change of shape average out to a
+/// few millionths of it, far below what any shape is measured to.
+const READOUT: f64 = 1e-4;
+
+/// The device as it is read out for shapes.
+pub(super) fn coarse(device: &Device) -> Device {
+    match device.readout.method {
+        Method::Fast { relative } => device.by(Method::Fast { relative: relative.max(READOUT) }),
+        _ => device.clone(),
+    }
+}
 
 /// Changes of shape of those readings that lie on a line with enough others; None for all else.
 pub(super) fn interpolated(model: &Model, readings: &[Reading], devices: &[Device]) -> Vec<Option<ShapeChange>> {
@@ -54,7 +66,8 @@ pub(super) fn interpolated(model: &Model, readings: &[Reading], devices: &[Devic
         let Some(scene) = model.scene(galaxy) else { continue };
         let Some(places) = places(devices, &members) else { continue };
         let ends = [0.0, 1.0].map(|end| members[places.iter().position(|place| *place == end).expect("both ends")]);
-        let change = |place: f64| scene.change_by(&between(&devices[ends[0]], &devices[ends[1]], place));
+        let (low, high) = (coarse(&devices[ends[0]]), coarse(&devices[ends[1]]));
+        let change = |place: f64| scene.change_by(&between(&low, &high, place));
         if let Some(curve) = Curve::of(change) {
             for (&member, &place) in members.iter().zip(&places) {
                 found[member] = Some(curve.at(place));
@@ -163,7 +176,7 @@ impl Curve {
         ];
         members.iter().all(|member| {
             let largest = self.values.iter().map(|value| member(value).abs()).fold(0.0, f64::max);
-            (member(&found) - member(value)).abs() <= 10.0 * (RELATIVE * largest + ABSOLUTE)
+            (member(&found) - member(value)).abs() <= FORETOLD * largest
         })
     }
 

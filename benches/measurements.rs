@@ -1,0 +1,91 @@
+//! Model against measurements: 500 rows of each kind validated, and a fit of 5 parameters to 200 rows.
+//!
+//! `cargo bench --bench measurements`. On files that are made here, without noise; the accuracy is the default one.
+
+use ctiplan::fit::{Options, fit};
+use ctiplan::measurement::DataSet;
+use ctiplan::mission::Mission;
+use ctiplan::table::Table;
+use ctiplan::validate::validate;
+use divan::Bencher;
+
+fn main() {
+    divan::main();
+}
+
+fn mission() -> Mission {
+    Mission::parse(include_str!("../tests/practice/prelaunch/mission.toml")).expect("a valid mission")
+}
+
+/// Rows of a measurement file: header lines, names, and what is written for each row.
+fn data(meta: &str, names: &str, rows: usize, row: impl Fn(usize) -> String) -> DataSet {
+    let mut text = format!("{meta}{names},value,sigma\n");
+    for index in 0..rows {
+        text.push_str(&format!("{},0.001,0.001\n", row(index)));
+    }
+    DataSet::of(Table::parse("bench.csv", &text).expect("a table"), &mission()).expect("measurements")
+}
+
+fn packets(rows: usize) -> DataSet {
+    data("# observable: packet_charge\n# background_e: 50\n", "t_yr,signal_e,transfers", rows, |row| {
+        format!("{},{},{}", 0.5 + (row % 10) as f64 / 2.0, 500 + 700 * (row / 10 % 5), 200 + 17 * (row / 50))
+    })
+}
+
+fn trails(rows: usize) -> DataSet {
+    data("# observable: trail\n# background_e: 50\n", "t_yr,signal_e,trail_px", rows, |row| {
+        format!("{},{},{}", 0.5 + (row / 100) as f64, 500 + 700 * (row / 20 % 5), 1 + row % 20)
+    })
+}
+
+#[divan::bench(sample_count = 10)]
+fn validate_500_packets(bencher: Bencher) {
+    let (mission, data) = (mission(), [packets(500)]);
+    bencher.bench(|| validate(&mission, &data, 1).expect("values"));
+}
+
+#[divan::bench(sample_count = 10)]
+fn validate_500_rows_of_eper(bencher: Bencher) {
+    let meta = "# observable: eper\n# background_e: 100\n# block_px: 500\n# t_yr: 4\n";
+    let data = [data(meta, "signal_e,trail_px", 500, |row| format!("{},{}", 300 * (1 + row / 50), 1 + row % 50))];
+    let mission = mission();
+    bencher.bench(|| validate(&mission, &data, 1).expect("values"));
+}
+
+#[divan::bench(sample_count = 10)]
+fn validate_500_shapes(bencher: Bencher) {
+    let galaxies = ["faint", "bright", "large", "disc"];
+    let meta = "# observable: delta_e1\n";
+    let data = [data(meta, "t_yr,galaxy", 500, |row| format!("{},{}", (1 + row / 4) as f64 / 16.0, galaxies[row % 4]))];
+    let mission = mission();
+    bencher.bench(|| validate(&mission, &data, 1).expect("values"));
+}
+
+#[divan::bench(sample_count = 5)]
+fn fit_5_parameters_to_200_rows(bencher: Bencher) {
+    // The mission's own values, from others: the way there is what takes time.
+    let mission = mission();
+    let mut sets = [trails(100), packets(100)];
+    for set in &mut sets {
+        let values = validate(&mission, std::slice::from_ref(set), 1).expect("values").sets[0].model.clone();
+        for (row, value) in set.rows.iter_mut().zip(values) {
+            row.value = value;
+            row.sigma = 1e-3 * value.abs().max(1e-3);
+        }
+    }
+    let keys = [
+        "detector.traps.fast.density_per_px",
+        "detector.traps.mid.density_per_px",
+        "detector.traps.slow.density_per_px",
+        "detector.traps.mid.release_ms",
+        "detector.well_fill_power",
+    ]
+    .map(String::from);
+    let away: Vec<(String, toml::Value)> =
+        keys.iter().map(|key| (key.clone(), (1.5 * mission.number(key).expect("a number")).into())).collect();
+    let start = mission.with(&away).expect("values that are allowed");
+    bencher.bench(|| {
+        let found = fit(&start, &sets, &keys, &Options::default(), &|_| {}).expect("a fit");
+        assert!(found.chi2 < 1.0, "{}", found.chi2);
+    });
+}
