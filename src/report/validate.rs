@@ -3,8 +3,7 @@
 use serde_json::{Value, json};
 
 use super::{Report, lines, table, wrapped};
-use crate::mission::keys::plain;
-use crate::validate::{SetResult, Validation};
+use crate::validate::{SetResult, Validation, lean};
 
 /// Rows listed as the worst.
 const WORST: usize = 5;
@@ -54,7 +53,7 @@ impl Report for Validation {
                     lean.name.clone(),
                     format!("{:+.2} +- {:.2}", lean.slope_sigma, lean.slope_error_sigma),
                     format!("{low:+.1} to {high:+.1}"),
-                    chance(lean.false_alarm),
+                    lean::said(lean.false_alarm),
                 ]);
             }
             out.push_str(&lines(&leans));
@@ -203,15 +202,4 @@ fn significant(value: f64) -> String {
     }
     let digits = (3 - value.abs().max(1e-3).log10().floor() as i32).max(0) as usize;
     format!("{value:.digits$}")
-}
-
-/// A chance as people read it.
-pub(super) fn chance(chance: f64) -> String {
-    if chance < 1e-12 {
-        "below 1e-12".into()
-    } else if chance < 1e-3 {
-        format!("{chance:.0e}")
-    } else {
-        plain((chance * 1000.0).round() / 1000.0)
-    }
 }

@@ -1,6 +1,6 @@
 //! Data, model and residuals as figures.
 
-use super::lean::Lean;
+use super::lean::{Lean, said};
 use super::{SetResult, Validation};
 use crate::measurement::DataSet;
 use crate::plot::{Figure, Kind, Panel, Series};
@@ -44,7 +44,9 @@ fn data_and_model(set: &SetResult, along: &str) -> Figure {
     let residuals = set.residuals();
     let unit = set.data.observable.unit();
     let label = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
-    let groups = groups(&set.data, along);
+    let (groups, left_out) = groups(&set.data, along);
+    let not_drawn =
+        if left_out > 0 { format!(" ({left_out} rows are left to the other figures)") } else { String::new() };
     let log = is_log(&at);
     let all_positive = set.data.rows.iter().all(|row| row.value > 0.0);
     let wide = {
@@ -72,7 +74,7 @@ fn data_and_model(set: &SetResult, along: &str) -> Figure {
         below.push(Series { label: None, color, kind: Kind::Points { x, y, sigma: None } });
     }
     Figure {
-        title: format!("{}: points are data, lines the model", set.data.file),
+        title: format!("{}: points are data, lines the model{not_drawn}", set.name()),
         panels: vec![
             Panel {
                 x_label: along.to_string(),
@@ -117,7 +119,7 @@ fn residuals(set: &SetResult, lean: &Lean) -> Figure {
         Series { label: None, color: 0, kind: Kind::Level { y: 0.0, dashed: false } },
     ];
     Figure {
-        title: format!("{}: residuals against {} (false alarm {:.2e})", set.data.file, lean.name, lean.false_alarm),
+        title: format!("{}: residuals against {} (false alarm {})", set.name(), lean.name, said(lean.false_alarm)),
         panels: vec![Panel {
             x_label: lean.name.clone(),
             y_label: "(data - model)/sigma".into(),
@@ -129,11 +131,12 @@ fn residuals(set: &SetResult, lean: &Lean) -> Figure {
     }
 }
 
-/// Rows by what else varies, in order of appearance, as many groups as there are colours.
-fn groups(data: &DataSet, along: &str) -> Vec<(String, Vec<usize>)> {
+/// Rows by what else varies, in order of appearance, as many groups as there are colours; and how many rows are in none.
+fn groups(data: &DataSet, along: &str) -> (Vec<(String, Vec<usize>)>, usize) {
     let others: Vec<(&String, Vec<f64>)> =
         data.varying.iter().filter(|name| *name != along).map(|name| (name, data.against(name))).collect();
     let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
+    let mut left_out = 0;
     for (row, measured) in data.rows.iter().enumerate() {
         let said: Vec<String> = others
             .iter()
@@ -146,11 +149,10 @@ fn groups(data: &DataSet, along: &str) -> Vec<(String, Vec<usize>)> {
         match groups.iter().position(|(known, _)| *known == name) {
             Some(group) => groups[group].1.push(row),
             None if groups.len() < COLOURS => groups.push((name, vec![row])),
-            // More lines than can be told apart are left to the figures of the residuals.
-            None => {}
+            None => left_out += 1,
         }
     }
-    groups
+    (groups, left_out)
 }
 
 /// Whether a condition is better seen on a logarithmic axis.

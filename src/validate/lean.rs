@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::measurement::DataSet;
+use crate::mission::keys::plain;
 
 /// How the residuals of one data set lean on one condition or covariate.
 #[derive(Clone, Debug)]
@@ -175,4 +176,15 @@ pub fn all(trials: &[Trial], residuals: &[Vec<f64>], scatter: &[f64], seed: u64)
         .collect();
     leans.sort_by(|a, b| a.chance.total_cmp(&b.chance));
     leans
+}
+
+/// A chance as people read it.
+pub fn said(chance: f64) -> String {
+    if chance < 1e-12 {
+        "below 1e-12".into()
+    } else if chance < 1e-3 {
+        format!("{chance:.0e}")
+    } else {
+        plain((chance * 1000.0).round() / 1000.0)
+    }
 }
