@@ -170,7 +170,7 @@ pub(crate) fn fit_rows(
             starts: vec![chi2_before],
         });
     }
-    let mut optima = problem.from_starts(&here, options);
+    let mut optima = problem.optima(&here, options);
     optima.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
     let best = optima[0].clone();
     let fitted = problem.setter.mission(&best.at)?;
@@ -286,7 +286,7 @@ impl Problem<'_> {
     }
 
     /// The optima that all starts come to.
-    fn from_starts(&self, here: &[f64], options: &Options) -> Vec<Optimum> {
+    fn optima(&self, here: &[f64], options: &Options) -> Vec<Optimum> {
         let mut random = ChaCha8Rng::seed_from_u64(options.seed);
         let mut optima = Vec::new();
         for start in 0..options.starts.max(1) {

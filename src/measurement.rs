@@ -194,7 +194,9 @@ impl Reader<'_> {
             let help = "leave the row out, or give the error that the scatter of the data tells";
             return Err(self.table.fault(Some(row), Some("sigma"), problem).with_help(help));
         }
-        let (galaxy, mut words) = self.galaxy(row)?;
+        let galaxy = self.galaxy(row)?;
+        let name = |galaxy: usize| ("galaxy".to_string(), self.mission.galaxies[galaxy].name.clone());
+        let mut words: Vec<(String, String)> = galaxy.map(name).into_iter().collect();
         let at = self.conditions(row)?;
         for column in &self.table.columns {
             if OTHERS.contains(&column.name.as_str()) || known(&column.name).is_some() {
@@ -226,9 +228,10 @@ impl Reader<'_> {
         Err(self.table.fault(Some(row), Some(&place), problem).with_help("leave out rows without measurements"))
     }
 
-    fn galaxy(&self, row: usize) -> Result<(Option<usize>, Vec<(String, String)>), InputError> {
+    /// The galaxy of a change of shape, by its place in the mission.
+    fn galaxy(&self, row: usize) -> Result<Option<usize>, InputError> {
         if !self.observable.is_shape() {
-            return Ok((None, Vec::new()));
+            return Ok(None);
         }
         let column = self.table.column("galaxy");
         let said = column.map(|column| &column.cells[row]).or_else(|| self.table.meta("galaxy"));
@@ -238,7 +241,7 @@ impl Reader<'_> {
         };
         let galaxies = || self.mission.galaxies.iter().map(|galaxy| galaxy.name.as_str());
         match galaxies().position(|galaxy| galaxy == name) {
-            Some(galaxy) => Ok((Some(galaxy), vec![("galaxy".to_string(), name.to_string())])),
+            Some(galaxy) => Ok(Some(galaxy)),
             None => {
                 let there = galaxies().collect::<Vec<_>>().join(", ");
                 let problem = format!("the mission has no galaxy \"{name}\"; it has: {there}");
@@ -254,13 +257,13 @@ impl Reader<'_> {
     fn conditions(&self, row: usize) -> Result<Conditions, InputError> {
         let dose_mev_g = self.condition(row, "dose_mev_g")?;
         let (since_launch, date) = (self.condition(row, "t_yr")?, self.date(row)?);
-        if let (Some(t_yr), Some(date)) = (since_launch, date) {
-            if (t_yr - date).abs() * DAYS_PER_YEAR > 2.0 {
-                let launch = self.mission.mission.launch;
-                let problem =
-                    format!("date and t_yr contradict one another: launched {launch}, {t_yr} yr are not {date:.3} yr");
-                return Err(self.table.fault(Some(row), Some("date"), problem).with_help("give one of them"));
-            }
+        if let (Some(t_yr), Some(date)) = (since_launch, date)
+            && (t_yr - date).abs() * DAYS_PER_YEAR > 2.0
+        {
+            let launch = self.mission.mission.launch;
+            let problem =
+                format!("date and t_yr contradict one another: launched {launch}, {t_yr} yr are not {date:.3} yr");
+            return Err(self.table.fault(Some(row), Some("date"), problem).with_help("give one of them"));
         }
         let t_yr = since_launch.or(date);
         let needs_time = self.observable == Observable::Dose || dose_mev_g.is_none();

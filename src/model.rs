@@ -76,14 +76,15 @@ impl Model {
             effect.conditions(&mut at);
         }
         let mut traps = self.damage.traps(&self.detector, &self.dose, &at);
+        let given = at.clone();
+        at.dose_mev_g = Some(at.dose_mev_g.unwrap_or_else(|| self.dose.dose_mev_g(at.t_yr)));
         let registers: Vec<_> = self.effects.iter().filter_map(|effect| effect.serial()).collect();
         let serial = registers.into_iter().map(|register| {
             let detector = Detector { traps: register.traps, ..self.detector.clone() };
-            let traps = self.damage.traps(&detector, &self.dose, &at);
+            let traps = self.damage.traps(&detector, &self.dose, &given);
             (self.readout(&traps, register.pixel_time_ms, self.cloud(&at)), register.transfers)
         });
         let serial = serial.collect();
-        at.dose_mev_g = Some(at.dose_mev_g.unwrap_or_else(|| self.dose.dose_mev_g(at.t_yr)));
         for effect in &self.effects {
             effect.traps(&mut traps, &at);
         }

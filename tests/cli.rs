@@ -67,6 +67,8 @@ fn tables_fit_80_columns_and_have_no_lines_when_piped() {
 fn csv_has_one_header_and_rows_of_its_length() {
     for (arguments, rows) in [
         (&["evaluate", SNAP, "--csv"][..], 5 * 4),
+        // One species more than the file lists.
+        (&["evaluate", "docs/tutorial/three_species.toml", "--csv"], 8 * 4),
         (&["dose", SNAP, "--csv"], 6),
         (&["compare", SNAP, "--transfers", "100..1700:400", "--csv"], 5),
     ] {

@@ -169,3 +169,52 @@ fn examples_and_nothings_are_read_back_as_they_are() {
         }
     }
 }
+
+/// A formula can stand in for the effects that change a condition.
+#[test]
+fn formulas_on_conditions_are_the_effects_they_say() {
+    let effect = |text: &str| all(&mission(&format!("\n[effects.{text}\n")));
+    let formula = |text: &str| effect(&format!("formula]\n{text}"));
+    assert_eq!(
+        formula("target = \"background_e\"\nexpression = \"background_e + 40\""),
+        effect("preflash]\nelectrons = 40.0")
+    );
+    assert_eq!(
+        formula("target = \"temperature_k\"\nexpression = \"temperature_k + dt\"\ndt = 4.0"),
+        effect("temperature-offset]\nkelvin = 4.0")
+    );
+    assert_eq!(
+        formula("target = \"density_per_px\"\nexpression = \"density_per_px * 1.5\""),
+        effect("dose-scale]\nfactor = 1.5")
+    );
+}
+
+/// Two flares are the sum of both; a laboratory dose knows of none.
+#[test]
+fn several_of_a_kind_add_up() {
+    let two = "\n[[effects.solar-flare]]\nt_yr = 1.0\ndose_mev_g = 1.0e6\n[[effects.solar-flare]]\nt_yr = 2.0\ndose_mev_g = 2.0e6\n";
+    let (plain, two) = (Model::new(&mission("")), Model::new(&mission(two)));
+    for (t_yr, more) in [(0.5, 0.0), (1.0, 1e6), (1.5, 1e6), (2.5, 3e6)] {
+        let difference = two.dose.dose_mev_g(t_yr) - plain.dose.dose_mev_g(t_yr);
+        assert!((difference - more).abs() < 1e-3, "{t_yr}: {difference}");
+    }
+    let at = Conditions { dose_mev_g: Some(1e7), ..plain.conditions(3.0) };
+    assert_eq!(plain.device(&at).traps, two.device(&at).traps);
+}
+
+/// First-order annealing of a constant dose rate has a closed form.
+#[test]
+fn annealing_and_bakeouts_are_those_known_on_paper() {
+    let density = |effects: &str, t_yr: f64| Model::new(&mission(effects)).traps(t_yr)[1].density_per_px;
+    for (time_yr, t_yr) in [(4.0, 3.0), (0.01, 3.0), (300.0, 15.0), (1e-4, 0.4)] {
+        let annealed = density(&format!("\n[effects.annealing]\ntime_yr = {time_yr:?}\n"), t_yr);
+        let expected = density("", 1.0) * time_yr * -(-t_yr / time_yr).exp_m1();
+        assert!((annealed / expected - 1.0).abs() < 1e-9, "{time_yr}, {t_yr}: {annealed}, {expected}");
+    }
+    let bakeout = "\n[effects.bakeout]\nt_yr = 2.0\nfraction = 0.4\n";
+    let per_year = density("", 1.0);
+    for (t_yr, years) in [(1.9, 1.9), (2.0, 1.2), (3.0, 0.6 * 2.0 + 1.0)] {
+        let found = density(bakeout, t_yr);
+        assert!((found / (per_year * years) - 1.0).abs() < 1e-9, "{t_yr}: {found}");
+    }
+}

@@ -31,14 +31,24 @@ pub struct Formula {
 }
 
 /// Targets, each the name of the quantity in its expression too.
-const TARGETS: [&str; 8] =
-    ["dose_rate_mev_g_yr", "dose_mev_g", "density_per_px", "release_ms", "cloud_height", "charge_e", "read_e", "value"];
+const TARGETS: [&str; 10] = [
+    "background_e",
+    "temperature_k",
+    "dose_rate_mev_g_yr",
+    "dose_mev_g",
+    "density_per_px",
+    "release_ms",
+    "cloud_height",
+    "charge_e",
+    "read_e",
+    "value",
+];
 
 impl Kind for Formula {
     const CARD: Card = Card {
         kind: "formula",
         adds: "the user's own: an expression that changes a named quantity of the model, without compiling",
-        physics: "`target` names the quantity: dose_rate_mev_g_yr, dose_mev_g (as a dose monitor sees it), density_per_px and \
+        physics: "`target` names the quantity: background_e and temperature_k (the row's, as they really were), dose_rate_mev_g_yr, dose_mev_g (as a dose monitor sees it), density_per_px and \
                   release_ms (of all species, or density_per_px.NAME of one), cloud_height (0 to 1), charge_e (of every \
                   pixel before transfer), read_e (of every pixel as read), value (of all observables, or value.trail of \
                   one). `expression` is what becomes of it, in terms of the quantity itself (by the target's name), of \
@@ -108,6 +118,11 @@ impl Kind for Formula {
             let problem = format!("`{other}` is not known here: a dose depends on t_yr and on parameters alone");
             return refusal("expression", problem, None);
         }
+        let conditions = ["background_e", "temperature_k"].contains(&target);
+        if conditions && expression.variables().any(|name| name == "dose_mev_g") {
+            let problem = "`dose_mev_g` is not known here: conditions come before the dose".to_string();
+            return refusal("expression", problem, Some("say it in terms of t_yr".into()));
+        }
         let unused = self.parameters.keys().find(|name| !expression.variables().any(|used| used == *name));
         if let Some(name) = unused {
             let near = nearest(name, expression.variables()).map(|near| format!("did you mean `{near}`?"));
@@ -172,6 +187,14 @@ fn remember(faults: &Mutex<Option<ExpressionError>>, fault: ExpressionError) -> 
 }
 
 impl Effect for Formula {
+    fn conditions(&self, at: &mut Conditions) {
+        match self.target.as_str() {
+            "background_e" => at.background_e = self.becomes(at.background_e, at, None).max(0.0),
+            "temperature_k" => at.temperature_k = self.becomes(at.temperature_k, at, None).max(1.0),
+            _ => {}
+        }
+    }
+
     fn dose(&self, dose: &mut DoseHistory) {
         match self.target.as_str() {
             "dose_rate_mev_g_yr" => dose.rate_laws.push(self.law()),

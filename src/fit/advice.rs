@@ -96,10 +96,10 @@ pub(super) fn on(
             _ => {}
         }
     }
-    for a in 0..parameters.len() {
-        for b in a + 1..parameters.len() {
-            if correlation[a][b].abs() > TRADED_OFF && !(in_flat(a) && in_flat(b)) {
-                advice.push(Advice::TradedOff { keys: [key(a), key(b)], correlation: correlation[a][b] });
+    for (a, row) in correlation.iter().enumerate() {
+        for (b, &correlation) in row.iter().enumerate().skip(a + 1) {
+            if correlation.abs() > TRADED_OFF && !(in_flat(a) && in_flat(b)) {
+                advice.push(Advice::TradedOff { keys: [key(a), key(b)], correlation });
             }
         }
     }

@@ -90,7 +90,10 @@ fn groups(data: &[DataSet], column: &str) -> Result<Vec<(String, Vec<usize>, boo
             None => refusal,
         });
     }
-    let rows = data.iter().flat_map(|set| &set.rows).enumerate();
+    // Data sets that do not vary in the column are never left out.
+    let varies = data.iter().map(|set| (set, set.varying.iter().any(|name| name == column)));
+    let rows = varies.flat_map(|(set, varies)| set.rows.iter().map(move |row| (row, varies)));
+    let rows = rows.enumerate().filter(|(_, (_, varies))| *varies).map(|(index, (row, _))| (index, row));
     if data.iter().any(|set| set.is_words(column)) {
         let mut groups: Vec<(String, Vec<usize>, bool)> = Vec::new();
         for (index, row) in rows {

@@ -93,8 +93,9 @@ impl Table {
     fn of(height: impl Fn(f64) -> f64) -> Table {
         let knots = ((LN_LARGEST - LN_LEAST) * KNOTS_PER_E) as usize;
         let at = |knot: usize| height((LN_LEAST + knot as f64 / KNOTS_PER_E).exp());
-        // max and min so that NaN becomes 0.
-        Table((0..=knots).map(|knot| at(knot).max(0.0).min(1.0)).collect())
+        // A law that has no value has no height.
+        let cut = |height: f64| if height.is_nan() { 0.0 } else { height.clamp(0.0, 1.0) };
+        Table((0..=knots).map(|knot| cut(at(knot))).collect())
     }
 
     fn height(&self, charge_e: f64) -> f64 {

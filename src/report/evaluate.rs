@@ -176,7 +176,8 @@ impl Report for EvaluateReport {
     fn csv(&self) -> Vec<Vec<String>> {
         let Evaluation { mission, years, .. } = &self.evaluation;
         let mut header: Vec<String> = ["t_yr", "date", "dose_mev_g", "traps_per_px"].map(str::to_string).to_vec();
-        header.extend(mission.detector.traps.iter().map(|species| format!("{}_per_px", species.name)));
+        let species = &years.last().expect("a mission has an end").traps;
+        header.extend(species.iter().map(|species| format!("{}_per_px", species.name)));
         header.extend(["galaxy", "delta_e1", "delta_e2", "delta_y_px", "delta_size", "delta_flux"].map(str::to_string));
         let mut rows = vec![header];
         for year in years {

@@ -57,14 +57,9 @@ impl Report for FitReport {
         if fit.starts.len() > 1 {
             let best = fit.starts[0];
             let same = fit.starts.iter().filter(|chi2| **chi2 < best + 0.01 * (1.0 + best)).count();
-            out.push_str(&wrapped(
-                &format!(
-                    "{same} of {} starts came to this optimum; the others to chi2 {}",
-                    fit.starts.len(),
-                    others(&fit.starts, same)
-                ),
-                2,
-            ));
+            let rest = others(&fit.starts, same);
+            let said = format!("{same} of {} starts came to this optimum{rest}", fit.starts.len());
+            out.push_str(&wrapped(&said, 2));
         }
         let n = fit.parameters.len();
         if n > 1 {
@@ -157,7 +152,7 @@ impl Report for FitReport {
 
 fn others(starts: &[f64], same: usize) -> String {
     let rest: Vec<String> = starts[same..].iter().map(|chi2| format!("{chi2:.1}")).collect();
-    if rest.is_empty() { "none".into() } else { rest.join(", ") }
+    if rest.is_empty() { String::new() } else { format!("; the others to chi2 {}", rest.join(", ")) }
 }
 
 /// Value and error to the same decimal, the error to two digits.
@@ -179,7 +174,7 @@ fn value_and_error(parameter: &Fitted) -> (String, String) {
 }
 
 fn held_out(holdout: &Holdout, fit: &Fit) -> String {
-    let mut out = format!("\nHeld out: fitted without each {} in turn, and predicted\n", holdout.column);
+    let mut out = format!("\nHeld out: fitted without each group of {} in turn, and predicted\n", holdout.column);
     let mut groups = table(&[&holdout.column, "rows", "rms [sigma]", ""]);
     for group in &holdout.groups {
         groups.add_row(vec![
@@ -193,7 +188,7 @@ fn held_out(holdout: &Holdout, fit: &Fit) -> String {
     let rms = |rms: Option<f64>| rms.map_or("-".into(), |rms| format!("{rms:.2}"));
     out.push_str(&wrapped(
         &format!(
-            "  rms {:.2} sigma ({} interpolated, {} extrapolated), against {:.2} of the rows fitted",
+            "  rms {:.2} sigma ({} interpolated, {} extrapolated), against {:.2} of all rows when all are fitted",
             holdout.rms_sigma,
             rms(holdout.interpolated_rms_sigma),
             rms(holdout.extrapolated_rms_sigma),

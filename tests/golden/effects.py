@@ -4,7 +4,7 @@
 Made by   arcticpy 2.6 (public add_cti, express = 0: every transfer is followed), GalSim 2.8.5, numpy 1.26.4
           (Python 3.11); seven minutes on one core. effects.json is rewritten after every case.
 Command   python tests/golden/effects.py            writes effects.json
-          python tests/golden/effects.py --check    second programs, arcticpy's own continuum, its oddities (CHECKTIME)
+          python tests/golden/effects.py --check    second programs, arcticpy's own continuum, its oddities (20 min)
 
 What is in it
     `cases`: 29 lone packets and 6 flat blocks, trailed and stored as in packets.py. `shapes`: 6 changes of shape of the
@@ -28,8 +28,8 @@ Release continuum
     p-channel. With dwell 0.001 and times in proportion it is good to 5e-7 of the filled fraction, and then agrees with what is
     stored here to 7e-5 e- and 2e-6 of the trail's first pixel, packets to 1e-9 e-; except for single slips of its
     tables: 1e-3 e- in one row of the shape continuum-0.6, where dwell 0.01 and 0.0001 agree to 3e-7 e-.
-    TrapSlowCaptureContinuum is not used: it keeps one filled fraction per level for all release times, though capture
-    that takes time leaves those with different fractions. With dwell 0.001 the trail is wrong by 0.03 % (capture 0.03, sigma 1.2),
+    TrapSlowCaptureContinuum is not used: it behaves as if one filled fraction per level served all release times, though
+    capture that takes time leaves those with different fractions. With dwell 0.001 the trail is wrong by 0.03 % (capture 0.03, sigma 1.2),
     1 % (0.3, 0.6), 2 % (3, 0.2), nearly half (3, 1.2, no case here); with dwell 1.0 the packet too.
 
 Finite capture: two sets of values
@@ -56,17 +56,17 @@ Where arcticpy goes wrong with finite capture (nothing of this is in the stored 
     roundings) until two agree to 1e-9 e-. Of what is stored here it strikes 1 unit of 30 (packet of 200 e- of hst-like) and
     1 or 2 of 10 (two of the blocks), never the two that agree (second program).
     Below the notch. With a notch above 0, a packet that is not lifted above it gets nothing of what the traps release, though they
-    do lose it: that charge vanishes. So there is no case here with finite capture and a background below the notch; the contract's law
-    has charge released into such packets.
+    do lose it: that charge vanishes. So there is no case here with finite capture and a background below the notch; by the
+    contract's law such packets receive it.
     Too few electrons: where the cloud's traps would capture more than the packet has (below 1e-5 e- for these
-    densities), they capture what is there and the packet is left empty. No stored case comes to that (`contract` refuses it).
+    densities at power 0.5), they capture what is there and the packet is left empty. No stored case comes to that (`contract` refuses it).
 
 How good it is, and the tolerance to ask for
-    --check: all instant-capture columns agree with packets.py's second program to 7e-11 e-, finite-capture columns with the one here
-    to 5e-13 e-, shapes' central columns to 1e-12 e-; deltas are as good as those of shapes.json. A consumer that follows every
+    --check: all instant-capture columns agree with packets.py's second program to 7e-11 e-, finite-capture columns with
+    the one here to 5e-13 e-, shapes' central columns to 1e-12 e-; deltas are as good as those of shapes.json. A consumer that follows every
     transfer with exact levels should ask for 1e-7 relative + 1e-6 e- of the values without capture and of `contract`
-    with it, if it sums over release times as above (20 Gauss-Hermite nodes are good to 1e-8 of a trail's first pixel at sigma 0.6, to
-    2e-5 at 1.2), and compare with arcticpy's finite-capture
+    with it, if it sums over release times as above (20 Gauss-Hermite nodes are good to 1e-8 of a trail's first pixel at
+    sigma 0.6, to 2e-5 at 1.2), and compare with arcticpy's finite-capture
     values to 1e-3 of a pixel's excess over the background's + 1e-5 e-; of deltas 1e-3 relative + 1e-6, as for shapes.json.
 """
 import sys
