@@ -127,15 +127,10 @@ impl DataSet {
     /// in order of appearance.
     pub fn against(&self, name: &str) -> Vec<f64> {
         let mut words: Vec<&str> = Vec::new();
-        let number = |row: &'_ Row| -> f64 {
-            if name == "dose_mev_g" || row.word(name).is_none() {
-                return row.at.get(name).unwrap_or(f64::NAN);
-            }
-            f64::NAN
-        };
-        self.rows
-            .iter()
-            .map(|row| match row.word(name) {
+        let mut values = Vec::with_capacity(self.rows.len());
+        for row in &self.rows {
+            values.push(match row.word(name) {
+                None => row.at.get(name).unwrap_or(f64::NAN),
                 Some(word) => {
                     let place = words.iter().position(|known| *known == word).unwrap_or(words.len());
                     if place == words.len() {
@@ -143,9 +138,9 @@ impl DataSet {
                     }
                     place as f64
                 }
-                None => number(row),
-            })
-            .collect()
+            });
+        }
+        values
     }
 
     /// Whether a varying column holds words.
