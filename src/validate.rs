@@ -98,8 +98,13 @@ impl Validation {
     pub fn tables(&self) -> Vec<(String, Table)> {
         let with_model = |(index, set): (usize, &SetResult)| {
             let mut table = set.data.table.clone();
-            let unit = set.data.observable.unit();
-            let unit = (!unit.is_empty()).then(|| unit.to_string());
+            // As astropy spells them.
+            let unit = match set.data.observable.unit() {
+                "" => None,
+                "e-" => Some("electron".to_string()),
+                "px" => Some("pix".to_string()),
+                unit => Some(unit.to_string()),
+            };
             for (name, unit, values) in [("model", unit, set.model.clone()), ("residual_sigma", None, set.residuals())]
             {
                 table.columns.retain(|column| column.name != name);
