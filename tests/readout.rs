@@ -37,10 +37,11 @@ fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |most, (a, b)| (a - b).abs().max(most))
 }
 
-#[test]
-fn fast_agrees_with_exact_to_the_accuracy_asked_for() {
+/// Largest difference of fast from exact, over what was asked for, for random columns and four accuracies.
+fn misses(trials: usize) -> Vec<(usize, f64, f64)> {
     let mut random = ChaCha8Rng::seed_from_u64(7);
-    for trial in 0..60 {
+    let mut found = Vec::new();
+    for trial in 0..trials {
         let (traps, cloud) = detector(&mut random);
         let background_e = [0.0, 3.0, 100.0][trial % 3];
         let rows = random.random_range(1..200);
@@ -56,23 +57,28 @@ fn fast_agrees_with_exact_to_the_accuracy_asked_for() {
             let fast = Readout { traps: traps.clone(), cloud: cloud.clone(), method: Method::Fast { relative } };
             let difference = largest_difference(&fast.column(&column, downstream), &exact);
             // Rounding adds up over thousands of packets and transfers.
-            let allowed = relative * displaced + 1e-8;
-            println!("{trial} {relative:e} {:.2}", difference / (relative * displaced));
-            if difference > allowed {
-                println!(
-                    "EXC {trial} {relative:e} {:.2} {displaced} {background_e} {downstream:?} {traps:?} {cloud:?} {:?}",
-                    difference / (relative * displaced),
-                    fast.column(&column, downstream)
-                        .iter()
-                        .zip(&exact)
-                        .map(|(a, b)| (a - b).abs() / (relative * displaced))
-                        .enumerate()
-                        .filter(|x| x.1 > 0.5)
-                        .collect::<Vec<_>>()
-                );
-            }
+            found.push((trial, relative, difference / (relative * displaced + 1e-8)));
         }
     }
+    found
+}
+
+#[test]
+fn fast_agrees_with_exact_to_the_accuracy_asked_for() {
+    for (trial, relative, miss) in misses(60) {
+        assert!(miss <= 1.0, "trial {trial}, {relative:e}: {miss:.2} of what is allowed");
+    }
+}
+
+/// `cargo test --release --test readout -- --ignored --nocapture`
+#[test]
+#[ignore = "minutes"]
+fn fast_misses_the_accuracy_asked_for_in_few_of_many_columns() {
+    let all = misses(3000);
+    let missed = all.iter().filter(|(_, _, miss)| *miss > 1.0).count();
+    let worst = all.iter().map(|(_, _, miss)| *miss).fold(0.0, f64::max);
+    println!("{missed} of {} missed, the worst at {worst:.1} of what is allowed", all.len());
+    assert!(missed * 333 < all.len(), "{missed} of {}", all.len());
 }
 
 /// The same traps, but slow to capture, with spread release times, or both.

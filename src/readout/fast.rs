@@ -23,7 +23,7 @@
 //! are advanced by the midpoint rule, all packets half-way at once, with a correction for their being half-way in different
 //! pixels.
 
-use super::Downstream;
+use super::{Downstream, exact};
 use super::pixel::{Block, Passage, Path, Stage, Workspace};
 
 /// Transfers up to which a step is done one by one: it would need as many passes anyway.
@@ -37,7 +37,7 @@ const OUT_OF_STEP: f64 = 0.02;
 /// Part of the tolerance that the estimated errors of each region may add up to. They are estimates, and a kink that lies
 /// between two passes is not seen by either: of 3000 random columns read out to four accuracies, 98 of 12 000 missed their
 /// tolerance with a share of 0.1, 17 with 0.03 and 8 with 0.01; nearly all without background, or with all of it in a
-/// notch (`tests/readout.rs` with more trials).
+/// notch (`cargo test --release --test readout -- --ignored --nocapture`).
 const SHARE: f64 = 0.03;
 
 /// Clocks one column out with an error of at most about `tolerance_e` (e-) in any packet.
@@ -55,11 +55,7 @@ pub(super) fn column<P: Passage>(
     }
     let start = rows as i64 + downstream.rows;
     let alike = pixel.alike_below(downstream).min(start).max(0);
-    for nearest in (alike..start).rev() {
-        let Workspace { levels, stages: [found, ..], .. } = work;
-        pixel.pass(charge_e, None, Block { nearest, pixels: 1 }, downstream, levels, found);
-        advance(charge_e, &[(1.0, found)]);
-    }
+    exact::through(pixel, charge_e, alike..start, downstream, work);
     let image = downstream.rows.clamp(0, alike)..alike;
     let shared = 0..downstream.rows.min(alike);
     for region in [image, shared] {
@@ -105,15 +101,12 @@ struct Attempt {
 impl<P: Passage> Step<'_, P> {
     /// Advances the charges if that can be done with the error allowed.
     fn attempt(&self, charge_e: &mut [f64], work: &mut Workspace<P::Levels>) -> Attempt {
-        let Workspace { levels, stages: [k1, k2, k3, k4], stage_e } = work;
         if self.block.pixels <= SINGLY {
-            let last = self.block.nearest + self.block.pixels;
-            for nearest in (self.block.nearest..last).rev() {
-                self.pixel.pass(charge_e, None, Block { nearest, pixels: 1 }, self.downstream, levels, k1);
-                advance(charge_e, &[(1.0, k1)]);
-            }
+            let pixels = self.block.nearest..self.block.nearest + self.block.pixels;
+            exact::through(self.pixel, charge_e, pixels, self.downstream, work);
             return Attempt { ratio: 0.0, order: 5.0 };
         }
+        let Workspace { levels, stages: [k1, k2, k3, k4], stage_e } = work;
         let tableau = Tableau::of(self.block.pixels as f64);
         let mut pass = |charge_e: &[f64], found: &mut Stage| {
             self.pixel.pass(charge_e, None, self.block, self.downstream, levels, found);
