@@ -55,6 +55,12 @@ impl Device {
         read_e
     }
 
+    /// Columns of background that tell how those of an image so wide are read: one, unless they know of one another, in a
+    /// serial register.
+    pub fn columns_of_background(&self, width_px: usize) -> usize {
+        if self.serial.is_empty() { 1 } else { width_px }
+    }
+
     /// The same device without chance.
     pub fn expected(&self) -> Device {
         let serial = self.serial.iter().map(|(readout, transfers)| (readout.expected(), *transfers)).collect();

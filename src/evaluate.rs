@@ -73,8 +73,8 @@ fn year(model: &Model, t_yr: f64) -> Year {
         t_yr,
         date: date_after(model.mission.mission.launch.0, t_yr),
         dose_mev_g: device.observed(model.dose.dose_mev_g(t_yr), Observable::Dose, &device.at),
+        galaxies: galaxies.into_par_iter().map(|galaxy| model.change_by(galaxy, &device)).collect(),
         traps: device.traps,
-        galaxies: galaxies.into_par_iter().map(|galaxy| model.change(galaxy, t_yr)).collect(),
     }
 }
 

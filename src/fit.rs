@@ -13,6 +13,7 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use toml::Value;
 
 use crate::error::InputError;
 use crate::measurement::{DataSet, questions};
@@ -20,7 +21,7 @@ use crate::mission::Mission;
 use crate::model::Model;
 use crate::predict::{Question, predict};
 pub use advice::Advice;
-use parameter::{Parameter, Setter};
+use parameter::Parameter;
 
 /// What a fit found.
 #[derive(Clone, Debug)]
@@ -90,7 +91,6 @@ impl Default for Options {
 /// A least-squares problem: all that stays the same while parameters change.
 pub(crate) struct Problem<'a> {
     base: &'a Model,
-    setter: Setter,
     parameters: Vec<Parameter>,
     questions: Vec<Question<'a>>,
     values: Vec<f64>,
@@ -141,7 +141,6 @@ pub(crate) fn fit_rows(
     let rows = || data.iter().flat_map(|set| &set.rows).enumerate().filter(|(index, _)| wanted(*index));
     let problem = Problem {
         base: model,
-        setter: Setter::new(mission, keys)?,
         questions: all.iter().enumerate().filter(|(index, _)| wanted(*index)).map(|(_, question)| *question).collect(),
         values: rows().map(|(_, row)| row.value).collect(),
         sigmas: rows().map(|(_, row)| row.sigma).collect(),
@@ -173,8 +172,8 @@ pub(crate) fn fit_rows(
     let mut optima = problem.optima(&here, options);
     optima.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
     let best = optima[0].clone();
-    let fitted = problem.setter.mission(&best.at)?;
-    let jacobian = problem.jacobian(&best.at, Step::Both)?;
+    let fitted = problem.mission(&best.at)?;
+    let jacobian = problem.jacobian(&best.at)?;
     let errors = Errors::of(&jacobian);
     let sigmas: Vec<Option<f64>> = (0..keys.len())
         .map(|index| match problem.parameters[index].is_moment {
@@ -220,22 +219,22 @@ const AGAIN: usize = 20;
 /// Intervals between epochs of which one is tried first for a moment.
 const EVERY: usize = 4;
 
-/// How derivatives are taken.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Step {
-    /// One step forward: cheap, good enough to find the way.
-    Forward,
-    /// One step to either side.
-    Both,
-}
-
 impl Problem<'_> {
+    /// The mission with other values.
+    ///
+    /// # Errors
+    /// Where the values make no sense together.
+    fn mission(&self, at: &[f64]) -> Result<Mission, InputError> {
+        let setting = |(parameter, value): (&Parameter, &f64)| (parameter.key.clone(), Value::Float(*value));
+        self.base.mission.with(&self.parameters.iter().zip(at).map(setting).collect::<Vec<_>>())
+    }
+
     /// (value − model)/sigma of every row.
     ///
     /// # Errors
     /// Where the model has no value.
     fn residuals(&self, at: &[f64]) -> Result<Vec<f64>, InputError> {
-        let mission = self.setter.mission(at)?;
+        let mission = self.mission(at)?;
         let model = self.base.like(&mission);
         let found = predict(&model, &self.questions);
         model.check()?;
@@ -265,24 +264,18 @@ impl Problem<'_> {
         Ok(residuals)
     }
 
-    /// Derivatives of the residuals with respect to the parameters, `[(row, parameter)]`.
-    fn jacobian(&self, at: &[f64], step: Step) -> Result<DMatrix<f64>, InputError> {
-        let centre = if step == Step::Forward { Some(self.residuals(at)?) } else { None };
+    /// Derivatives of the residuals with respect to the parameters, `[(row, parameter)]`, from one step to either side.
+    fn jacobian(&self, at: &[f64]) -> Result<DMatrix<f64>, InputError> {
         let mut jacobian = DMatrix::zeros(self.values.len(), at.len());
         for (index, parameter) in self.parameters.iter().enumerate() {
-            let (low, high) = parameter.around(at[index], step == Step::Both);
+            let (low, high) = parameter.around(at[index]);
             let moved = |value: f64| {
                 let mut at = at.to_vec();
                 at[index] = value;
                 self.residuals(&at)
             };
-            let above = moved(high)?;
-            let (below, width) = match &centre {
-                Some(centre) => (centre.clone(), high - at[index]),
-                None => (moved(low)?, high - low),
-            };
-            for (row, (above, below)) in above.iter().zip(&below).enumerate() {
-                jacobian[(row, index)] = (above - below) / width;
+            for (row, (above, below)) in moved(high)?.iter().zip(&moved(low)?).enumerate() {
+                jacobian[(row, index)] = (above - below) / (high - low);
             }
         }
         Ok(jacobian)
@@ -311,7 +304,7 @@ impl Problem<'_> {
         if moments.is_empty() {
             return best;
         }
-        let candidates = self.between_epochs();
+        let candidates: Vec<f64> = self.epochs().windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
         // Moments may depend on one another: once more after all have been tried.
         for _ in 0..if moments.len() > 1 { 2 } else { 1 } {
             for &index in &moments {
@@ -337,21 +330,17 @@ impl Problem<'_> {
         best
     }
 
-    /// Middles between the epochs of the data, years since launch.
-    fn between_epochs(&self) -> Vec<f64> {
+    /// Launch and the epochs of the data, years since launch, rising.
+    fn epochs(&self) -> Vec<f64> {
         let mut epochs: Vec<f64> = self.questions.iter().map(|question| question.at.t_yr).collect();
         epochs.push(0.0);
         epochs.sort_by(f64::total_cmp);
         epochs.dedup();
-        epochs.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect()
+        epochs
     }
 
     /// Half of the interval of a moment in which chi2 stays within 1 of the best, over √3: a uniform chance in it.
     fn moment_sigma(&self, best: &Optimum, index: usize) -> Option<f64> {
-        let mut epochs: Vec<f64> = self.questions.iter().map(|question| question.at.t_yr).collect();
-        epochs.push(0.0);
-        epochs.sort_by(f64::total_cmp);
-        epochs.dedup();
         let centre = best.at[index];
         let near = |t_yr: f64| {
             let mut at = best.at.clone();
@@ -359,7 +348,7 @@ impl Problem<'_> {
             self.residuals(&at).is_ok_and(|residuals| chi2(&residuals) < best.chi2 + 1.0)
         };
         let (mut low, mut high) = (centre, centre);
-        for pair in epochs.windows(2) {
+        for pair in self.epochs().windows(2) {
             if near(0.5 * (pair[0] + pair[1])) {
                 low = low.min(pair[0]);
                 high = high.max(pair[1]);

@@ -75,28 +75,37 @@ impl Model {
         for effect in &self.effects {
             effect.conditions(&mut at);
         }
-        let mut traps = self.damage.traps(&self.detector, &self.dose, &at);
-        let given = at.clone();
+        let damaged = |detector: &Detector| self.damage.traps(detector, &self.dose, &at);
+        let mut traps = damaged(&self.detector);
+        let registers = self.effects.iter().filter_map(|effect| effect.serial());
+        let registers: Vec<_> = registers
+            .map(|register| {
+                let traps = damaged(&Detector { traps: register.traps, ..self.detector.clone() });
+                (traps, register.pixel_time_ms, register.transfers)
+            })
+            .collect();
         at.dose_mev_g = Some(at.dose_mev_g.unwrap_or_else(|| self.dose.dose_mev_g(at.t_yr)));
-        let registers: Vec<_> = self.effects.iter().filter_map(|effect| effect.serial()).collect();
-        let serial = registers.into_iter().map(|register| {
-            let detector = Detector { traps: register.traps, ..self.detector.clone() };
-            let traps = self.damage.traps(&detector, &self.dose, &given);
-            (self.readout(&traps, register.pixel_time_ms, self.cloud(&at)), register.transfers)
-        });
-        let serial = serial.collect();
+        let cloud = self.cloud(&at);
+        let serial = registers
+            .into_iter()
+            .map(|(traps, pixel_time_ms, transfers)| (self.readout(&traps, pixel_time_ms, cloud.clone()), transfers))
+            .collect();
         for effect in &self.effects {
             effect.traps(&mut traps, &at);
         }
-        let readout = self.readout(&traps, at.line_time_ms, self.cloud(&at));
+        let readout = self.readout(&traps, at.line_time_ms, cloud);
         Device { at, traps, readout, serial, effects: self.effects.clone() }
     }
 
     /// Mean change of a galaxy's shape (by its place in the mission) at a time (years since launch). None where no shape
     /// is left, or there was none.
     pub fn change(&self, galaxy: usize, t_yr: f64) -> Option<ShapeChange> {
-        let device = self.device_at(t_yr);
-        Some(device.observed_change(self.scene(galaxy)?.change_by(&device)?))
+        self.change_by(galaxy, &self.device_at(t_yr))
+    }
+
+    /// The same with a device that is at hand.
+    pub fn change_by(&self, galaxy: usize, device: &Device) -> Option<ShapeChange> {
+        Some(device.observed_change(self.scene(galaxy)?.change_by(device)?))
     }
 
     /// A galaxy's image, ready to be trailed, by its place in the mission. None where it has no measurable shape.

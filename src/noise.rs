@@ -57,8 +57,8 @@ pub fn realise(
     };
     let device = device.by(method);
     let beside = Beside::Stamp(half_px);
-    let flat =
-        Array2::from_elem((2 * half_px + 1, if device.serial.is_empty() { 1 } else { 2 * half_px + 1 }), background_e);
+    let stamp_px = 2 * half_px + 1;
+    let flat = Array2::from_elem((stamp_px, device.columns_of_background(stamp_px)), background_e);
     let trailed_background = device.expected().read(&flat, downstream, beside);
     let changes: Vec<Option<ShapeChange>> = (0..realisations as u64)
         .into_par_iter()

@@ -94,13 +94,11 @@ impl Scene {
 
     /// The same through a whole device, under its conditions.
     pub fn change_by(&self, device: &Device) -> Option<ShapeChange> {
-        let width_px = 2 * self.half_px + 1;
-        // Columns know of one another in a serial register only.
-        let columns = if device.serial.is_empty() { 1 } else { width_px };
         let expected = device.expected();
         let beside = Beside::Stamp(self.half_px);
         let read = |charge_e: &Array2<f64>, downstream| device.read(charge_e, downstream, beside);
         let alone = |charge_e: &Array2<f64>, downstream| expected.read(charge_e, downstream, beside);
+        let columns = device.columns_of_background(2 * self.half_px + 1);
         self.change_with(device.at.background_e, device.at.transfers, columns, read, alone)
     }
 

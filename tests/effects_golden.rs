@@ -48,7 +48,7 @@ fn packets_and_blocks_with_every_effect_are_those_of_other_programs() {
         let last = block_px as usize - 1;
         let found: Vec<f64> = read[last..].iter().zip(&flat[last..]).map(|(read, flat)| read - flat).collect();
         // ArCTIc; and the contract's own law where ArCTIc has another, by up to 2e-4 of the trail.
-        for (whose, truth) in [("ArCTIc", case), ("the contract", &case["contract"])] {
+        for (whose, truth, allowed) in [("ArCTIc", case, 1e-3), ("the contract", &case["contract"], 2e-5)] {
             if truth.is_null() {
                 continue;
             }
@@ -61,7 +61,10 @@ fn packets_and_blocks_with_every_effect_are_those_of_other_programs() {
             let largest = expected[1..].iter().fold(0.0_f64, |most, value| most.max(value.abs()));
             let trail = (1..found.len()).map(off).fold(0.0, f64::max) / largest;
             println!("{name}, {whose}: {lost:.1e} of the loss, {trail:.1e} of the trail");
-            assert!(lost < 2e-3 && trail < 2e-3, "{name}, {whose}: {lost:.1e} of the loss, {trail:.1e} of the trail");
+            assert!(
+                lost < allowed && trail < allowed,
+                "{name}, {whose}: {lost:.1e} of the loss, {trail:.1e} of the trail"
+            );
         }
     }
 }

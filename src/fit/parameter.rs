@@ -9,8 +9,6 @@
 //!
 //! The second and third are MINUIT's (James & Roos 1975, Comp. Phys. Comm. 10, 343).
 
-use toml::Value;
-
 use crate::error::InputError;
 use crate::mission::{Mission, keys};
 
@@ -100,7 +98,7 @@ impl Parameter {
             Scale::Between => self.low + 0.5 * (self.high - self.low) * (1.0 + inner.sin()),
             Scale::Linear => inner,
         };
-        let least = if self.scale == Scale::Log { f64::MIN_POSITIVE.max(1e-12 * self.high.min(1.0)) } else { self.low };
+        let least = if self.scale == Scale::Log { 1e-12 * self.high.min(1.0) } else { self.low };
         value.max(least).min(self.high)
     }
 
@@ -119,7 +117,7 @@ impl Parameter {
     }
 
     /// Values around one for derivatives with respect to the parameter itself, within bounds.
-    pub fn around(&self, value: f64, both: bool) -> (f64, f64) {
+    pub fn around(&self, value: f64) -> (f64, f64) {
         let size = match self.scale {
             Scale::Log => value.abs(),
             _ => 0.3 * self.size() + value.abs().min(self.size()),
@@ -127,8 +125,7 @@ impl Parameter {
         let step = 1e-3 * size;
         let least = if self.scale == Scale::Log { 0.5 * value } else { self.low };
         let high = (value + step).min(self.high);
-        let low = if both { (value - step).max(least) } else { value };
-        if high > low { (low, high) } else { (value - step, value) }
+        ((value - step).max(least), high)
     }
 
     /// A value elsewhere, from a random number between 0 and 1: within a factor of 10 to either side, or over the bounds.
@@ -154,35 +151,6 @@ impl Parameter {
         } else {
             None
         }
-    }
-}
-
-/// Sets some keys of a mission again and again.
-pub struct Setter {
-    mission: Mission,
-    keys: Vec<String>,
-}
-
-impl Setter {
-    /// For these keys.
-    ///
-    /// # Errors
-    /// Where one is none of the mission's.
-    pub fn new(mission: &Mission, keys: &[String]) -> Result<Setter, InputError> {
-        for key in keys {
-            Parameter::of(mission, key)?;
-        }
-        Ok(Setter { mission: mission.clone(), keys: keys.to_vec() })
-    }
-
-    /// The mission with other values.
-    ///
-    /// # Errors
-    /// Where the values make no sense together.
-    pub fn mission(&self, values: &[f64]) -> Result<Mission, InputError> {
-        let settings: Vec<(String, Value)> =
-            self.keys.iter().zip(values).map(|(key, value)| (key.clone(), Value::Float(*value))).collect();
-        self.mission.with(&settings)
     }
 }
 

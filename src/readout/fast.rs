@@ -23,8 +23,8 @@
 //! are advanced by the midpoint rule, all packets half-way at once, with a correction for their being half-way in different
 //! pixels.
 
-use super::{Downstream, exact};
 use super::pixel::{Block, Passage, Path, Stage, Workspace};
+use super::{Downstream, exact};
 
 /// Transfers up to which a step is done one by one: it would need as many passes anyway.
 const SINGLY: i64 = 4;

@@ -63,8 +63,8 @@ const SIMULATIONS: u64 = 2000;
 pub struct Trial {
     set: usize,
     name: String,
-    /// Least and largest value, word, and rows of each bin.
-    bins: Vec<(f64, f64, Option<String>, Vec<usize>)>,
+    /// Without means: those are the residuals'.
+    bins: Vec<Bin>,
 }
 
 impl Trial {
@@ -84,13 +84,13 @@ impl Trial {
             edges.dedup();
             edges
         };
-        let mut bins: Vec<(f64, f64, Option<String>, Vec<usize>)> = Vec::new();
+        let mut bins = Vec::new();
         for (index, &low) in edges.iter().enumerate() {
             let next = edges.get(index + 1).copied().unwrap_or(f64::INFINITY);
-            let members: Vec<usize> = rows.iter().copied().filter(|&row| at[row] >= low && at[row] < next).collect();
-            let high = members.iter().map(|&row| at[row]).fold(low, f64::max);
-            let word = data.rows[members[0]].word(name).filter(|_| words).map(str::to_string);
-            bins.push((low, high, word, members));
+            let rows: Vec<usize> = rows.iter().copied().filter(|&row| at[row] >= low && at[row] < next).collect();
+            let high = rows.iter().map(|&row| at[row]).fold(low, f64::max);
+            let word = data.rows[rows[0]].word(name).filter(|_| words).map(str::to_string);
+            bins.push(Bin { low, high, word, rows, mean_sigma: 0.0, error_sigma: 0.0 });
         }
         (bins.len() > 1).then(|| Trial { set, name: name.to_string(), bins })
     }
@@ -101,9 +101,9 @@ impl Trial {
         let (mut order, mut order2, mut product) = (0.0, 0.0, 0.0);
         let last = (self.bins.len() - 1) as f64;
         let mut means = Vec::with_capacity(self.bins.len());
-        for (index, (.., rows)) in self.bins.iter().enumerate() {
-            let n = rows.len() as f64;
-            let total: f64 = rows.iter().map(|&row| residuals[row]).sum();
+        for (index, bin) in self.bins.iter().enumerate() {
+            let n = bin.rows.len() as f64;
+            let total: f64 = bin.rows.iter().map(|&row| residuals[row]).sum();
             let place = index as f64 / last;
             weight += n;
             sum += total;
@@ -152,16 +152,10 @@ pub fn all(trials: &[Trial], residuals: &[Vec<f64>], scatter: &[f64], seed: u64)
             let bound = 1.0 - (1.0 - chance).powi(trials.len() as i32);
             let bound = if chance < 1e-12 { chance * trials.len() as f64 } else { bound };
             let false_alarm = if as_small < 10 { bound } else { as_small as f64 / SIMULATIONS as f64 };
-            let bins = trial.bins.iter().map(|(low, high, word, rows)| {
-                let n = rows.len() as f64;
-                Bin {
-                    low: *low,
-                    high: *high,
-                    word: word.clone(),
-                    rows: rows.clone(),
-                    mean_sigma: rows.iter().map(|&row| residuals[trial.set][row]).sum::<f64>() / n,
-                    error_sigma: scatter / n.sqrt(),
-                }
+            let bins = trial.bins.iter().map(|bin| {
+                let n = bin.rows.len() as f64;
+                let mean_sigma = bin.rows.iter().map(|&row| residuals[trial.set][row]).sum::<f64>() / n;
+                Bin { mean_sigma, error_sigma: scatter / n.sqrt(), ..bin.clone() }
             });
             Lean {
                 set: trial.set,
