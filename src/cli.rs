@@ -342,7 +342,8 @@ impl Fit {
                 .with_help("name some with --free, such as --free detector.traps.VV.density_per_px, or in [fit] free")
                 .into());
         }
-        let options = fit::Options { starts: self.starts as usize, seed: self.seed.unwrap_or(mission.accuracy.seed) };
+        let seed = self.seed.unwrap_or(mission.accuracy.seed);
+        let options = fit::Options { starts: self.starts as usize, seed, moments: true };
         let bar = searching("chi2");
         let best = Mutex::new(f64::INFINITY);
         let progress = |chi2: f64| {

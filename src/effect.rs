@@ -18,6 +18,7 @@ mod formula;
 mod notch;
 mod preflash;
 mod prelaunch_traps;
+mod reach;
 mod release_continuum;
 mod serial_traps;
 mod signal_bounce;
@@ -35,11 +36,13 @@ use serde::de::DeserializeOwned;
 use crate::conditions::Conditions;
 use crate::damage::{Damage, SpeciesState};
 use crate::environment::DoseHistory;
+use crate::error::InputError;
 use crate::expression::ExpressionError;
 use crate::mission::keys::{Key, pattern_of};
 use crate::mission::{Detector, Mission, Species};
 use crate::observable::Observable;
 use crate::readout::Cloud;
+pub use reach::Reach;
 
 /// All effects there are, in the order in which the physics happens.
 pub static CATALOGUE: [Entry; 17] = [
@@ -147,6 +150,17 @@ pub trait Kind: Effect + DeserializeOwned + 'static {
     /// Its table at a strength that can be seen, as an example.
     fn example(mission: &Mission) -> toml::Table;
 
+    /// Where a search for it starts in some data: ways in which it could be there, each as tables whose changes of the
+    /// predictions add up, with any weights. Nothing else is known of the strength than that it is not below zero.
+    fn trials(mission: &Mission, _reach: &Reach) -> Vec<Vec<toml::Table>> {
+        vec![vec![Self::example(mission)]]
+    }
+
+    /// Parameters that a search holds at the values of its trials: data do not tell them.
+    fn held(_reach: &Reach) -> &'static [&'static str] {
+        &[]
+    }
+
     /// Whether it makes sense in a mission.
     ///
     /// # Errors
@@ -175,6 +189,10 @@ pub struct Entry {
     pub nothing: fn(&Mission) -> toml::Table,
     /// The table of an example.
     pub example: fn(&Mission) -> toml::Table,
+    /// Where a search starts.
+    pub trials: fn(&Mission, &Reach) -> Vec<Vec<toml::Table>>,
+    /// Parameters that a search holds.
+    pub held: fn(&Reach) -> &'static [&'static str],
     read: fn(&toml::Table) -> Result<Arc<dyn Effect>, String>,
     check: fn(&toml::Table, &Mission) -> Result<(), Refusal>,
 }
@@ -187,6 +205,8 @@ const fn entry<K: Kind>() -> Entry {
         card: K::CARD,
         nothing: K::nothing,
         example: K::example,
+        trials: K::trials,
+        held: K::held,
         read: |table| Ok(Arc::new(typed::<K>(table)?)),
         check: |table, mission| {
             let effect = typed::<K>(table).map_err(|problem| Refusal { key: String::new(), problem, help: None })?;
@@ -230,6 +250,32 @@ fn tables<'a>(mission: &'a Mission, kind: &str) -> Vec<&'a toml::Table> {
     }
 }
 
+/// A mission with one more effect, and the dotted key of the new table, such as `effects.notch` or `effects.bakeout.2`.
+///
+/// # Errors
+/// Where it makes no sense there.
+pub fn add(mission: &Mission, kind: &str, table: toml::Table) -> Result<(Mission, String), InputError> {
+    let mut added = mission.clone();
+    let there = tables(mission, kind).len();
+    let key = match added.effects.remove(kind) {
+        None => {
+            added.effects.insert(kind.into(), table.into());
+            format!("effects.{kind}")
+        }
+        Some(one) => {
+            let mut several = match one {
+                toml::Value::Array(several) => several,
+                one => vec![one],
+            };
+            several.push(table.into());
+            added.effects.insert(kind.into(), several.into());
+            format!("effects.{kind}.{}", there + 1)
+        }
+    };
+    // Checked, and with defaults filled in.
+    Ok((Mission::parse(&added.to_toml())?, key))
+}
+
 /// The effects of a mission, in the order of the catalogue.
 pub fn of(mission: &Mission) -> Vec<Arc<dyn Effect>> {
     let read = |entry: &'static Entry| {
@@ -239,6 +285,9 @@ pub fn of(mission: &Mission) -> Vec<Arc<dyn Effect>> {
     };
     CATALOGUE.iter().flat_map(read).collect()
 }
+
+/// Most moments at which a search looks for an event.
+const MOMENTS: usize = 48;
 
 /// A table of numbers.
 fn numbers(values: &[(&str, f64)]) -> toml::Table {

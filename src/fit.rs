@@ -44,6 +44,8 @@ pub struct Fit {
     pub advice: Vec<Advice>,
     /// chi2 that each start came to, best first.
     pub starts: Vec<f64>,
+    /// Derivatives of (value − model)/sigma with respect to the parameters at the optimum, `[(row, parameter)]`.
+    pub(crate) jacobian: DMatrix<f64>,
 }
 
 /// One fitted parameter.
@@ -80,11 +82,13 @@ pub struct Options {
     pub starts: usize,
     /// Seed of the random starting points.
     pub seed: u64,
+    /// Whether every interval between epochs is tried for the moment of an event; only that of the start otherwise.
+    pub moments: bool,
 }
 
 impl Default for Options {
     fn default() -> Options {
-        Options { starts: 1, seed: 1 }
+        Options { starts: 1, seed: 1, moments: true }
     }
 }
 
@@ -130,28 +134,8 @@ pub(crate) fn fit_rows(
     progress: &(dyn Fn(f64) + Sync),
     wanted: impl Fn(usize) -> bool,
 ) -> Result<Fit, InputError> {
-    let mission = &model.mission;
-    let parameters = keys.iter().map(|key| Parameter::of(mission, key)).collect::<Result<Vec<_>, _>>()?;
-    for (index, key) in keys.iter().enumerate() {
-        if keys[..index].contains(key) {
-            return Err(InputError::new("cannot fit", format!("the key `{key}` stands twice")));
-        }
-    }
-    let all = questions(data);
-    let rows = || data.iter().flat_map(|set| &set.rows).enumerate().filter(|(index, _)| wanted(*index));
-    let problem = Problem {
-        base: model,
-        questions: all.iter().enumerate().filter(|(index, _)| wanted(*index)).map(|(_, question)| *question).collect(),
-        values: rows().map(|(_, row)| row.value).collect(),
-        sigmas: rows().map(|(_, row)| row.sigma).collect(),
-        parameters,
-        progress,
-    };
-    let n = problem.values.len();
-    if n < keys.len() {
-        let refusal = InputError::new("cannot fit", format!("{} keys are free, and there are {n} rows", keys.len()));
-        return Err(refusal.with_help("free fewer keys, or give more data"));
-    }
+    let problem = Problem::new(model, data, keys, progress, wanted)?;
+    let (mission, n, all) = (&model.mission, problem.values.len(), questions(data));
     let here: Vec<f64> = problem.parameters.iter().map(|parameter| parameter.start).collect();
     let before = problem.residuals(&here)?;
     let chi2_before = chi2(&before);
@@ -167,6 +151,7 @@ pub(crate) fn fit_rows(
             values,
             advice: Vec::new(),
             starts: vec![chi2_before],
+            jacobian: DMatrix::zeros(n, 0),
         });
     }
     let mut optima = problem.optima(&here, options);
@@ -205,6 +190,7 @@ pub(crate) fn fit_rows(
         n,
         advice,
         starts: optima.iter().map(|optimum| optimum.chi2).collect(),
+        jacobian,
     })
 }
 
@@ -216,10 +202,56 @@ pub(crate) fn chi2(residuals: &[f64]) -> f64 {
 /// Times that a minimisation is taken up again at most.
 const AGAIN: usize = 20;
 
+/// Relative change of chi2 and of parameters at which a sketch of an optimum is good enough.
+const SKETCHED: f64 = 1e-3;
+
 /// Intervals between epochs of which one is tried first for a moment.
 const EVERY: usize = 4;
 
-impl Problem<'_> {
+impl<'a> Problem<'a> {
+    /// The problem of some rows (by their place among all).
+    ///
+    /// # Errors
+    /// As [`fit`].
+    pub(crate) fn new(
+        model: &'a Model,
+        data: &'a [DataSet],
+        keys: &[String],
+        progress: &'a (dyn Fn(f64) + Sync),
+        wanted: impl Fn(usize) -> bool,
+    ) -> Result<Problem<'a>, InputError> {
+        let parameters = keys.iter().map(|key| Parameter::of(&model.mission, key)).collect::<Result<Vec<_>, _>>()?;
+        for (index, key) in keys.iter().enumerate() {
+            if keys[..index].contains(key) {
+                return Err(InputError::new("cannot fit", format!("the key `{key}` stands twice")));
+            }
+        }
+        let rows = || data.iter().flat_map(|set| &set.rows).enumerate().filter(|(index, _)| wanted(*index));
+        let questions = questions(data).into_iter().enumerate();
+        let problem = Problem {
+            base: model,
+            questions: questions.filter(|(index, _)| wanted(*index)).map(|(_, question)| question).collect(),
+            values: rows().map(|(_, row)| row.value).collect(),
+            sigmas: rows().map(|(_, row)| row.sigma).collect(),
+            parameters,
+            progress,
+        };
+        let n = problem.values.len();
+        if n < keys.len() {
+            let refusal =
+                InputError::new("cannot fit", format!("{} keys are free, and there are {n} rows", keys.len()));
+            return Err(refusal.with_help("free fewer keys, or give more data"));
+        }
+        Ok(problem)
+    }
+
+    /// A mission near the optimum, and its chi2: one short minimisation from the mission's own values, moments held.
+    pub(crate) fn sketch(&self) -> Result<(Mission, f64), InputError> {
+        let here: Vec<f64> = self.parameters.iter().map(|parameter| parameter.start).collect();
+        let found = self.minimise_once(&here, LevenbergMarquardt::new().with_ftol(SKETCHED).with_xtol(SKETCHED));
+        Ok((self.mission(&found.at)?, found.chi2))
+    }
+
     /// The mission with other values.
     ///
     /// # Errors
@@ -292,7 +324,7 @@ impl Problem<'_> {
                 .zip(here)
                 .map(|(parameter, value)| if start == 0 { *value } else { parameter.elsewhere(random.random()) })
                 .collect();
-            optima.push(self.with_moments(&at));
+            optima.push(if options.moments { self.with_moments(&at) } else { self.minimise(&at) });
         }
         optima
     }
@@ -360,9 +392,11 @@ impl Problem<'_> {
     /// Minimises from a start with moments held where they are, again and again until that helps no more: where the model
     /// has a kink (a packet that sinks into a notch) the solver stops early.
     fn minimise(&self, start: &[f64]) -> Optimum {
-        let mut best = self.minimise_once(start);
+        // Residuals are good to the accuracy of the readout: no use in asking for more.
+        let solver = || LevenbergMarquardt::new().with_ftol(1e-8).with_xtol(1e-7);
+        let mut best = self.minimise_once(start, solver());
         for _ in 0..AGAIN {
-            let found = self.minimise_once(&best.at);
+            let found = self.minimise_once(&best.at, solver());
             let settled = found.chi2 > best.chi2 - 1e-3 - 1e-5 * best.chi2;
             if found.chi2 < best.chi2 {
                 best = found;
@@ -374,7 +408,7 @@ impl Problem<'_> {
         best
     }
 
-    fn minimise_once(&self, start: &[f64]) -> Optimum {
+    fn minimise_once(&self, start: &[f64], solver: LevenbergMarquardt<f64>) -> Optimum {
         let moving: Vec<usize> = (0..start.len()).filter(|&index| !self.parameters[index].is_moment).collect();
         let state = |at: &[f64]| -> Optimum {
             let chi2 = self.residuals(at).map_or(f64::INFINITY, |residuals| chi2(&residuals));
@@ -389,9 +423,7 @@ impl Problem<'_> {
         if run.residuals.is_none() {
             return Optimum { at: start.to_vec(), chi2: f64::INFINITY };
         }
-        // Residuals are good to the accuracy of the readout: no use in asking for more.
-        let solver = LevenbergMarquardt::new().with_ftol(1e-8).with_xtol(1e-7).with_gtol(0.0).with_patience(25);
-        let (run, _) = solver.minimize(run);
+        let (run, _) = solver.with_gtol(0.0).with_patience(25).minimize(run);
         match &run.residuals {
             Some(residuals) => Optimum { chi2: chi2(residuals), at: run.at },
             None => state(start),

@@ -23,6 +23,7 @@ pub mod shape;
 pub mod warning;
 // What stands on the chain.
 pub mod cli;
+pub mod diagnose;
 pub mod dose;
 pub mod fit;
 pub mod measurement;

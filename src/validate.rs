@@ -168,7 +168,7 @@ pub fn validate(mission: &Mission, data: &[DataSet], seed: u64) -> Result<Valida
 
 /// Scatter about what is smooth: the median second difference of neighbouring residuals, as the standard deviation of
 /// normal noise that has it. Neighbours are those in the condition along which that is least.
-fn scatter(data: &DataSet, residuals: &[f64]) -> f64 {
+pub(crate) fn scatter(data: &DataSet, residuals: &[f64]) -> f64 {
     let along = |first: &String| {
         // Sorted by all other conditions, then by this one.
         let others = data.varying.iter().filter(|name| *name != first).chain([first]);

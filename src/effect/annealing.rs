@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, numbers};
+use super::reach::ratios;
+use super::{Card, Effect, Kind, Reach, numbers};
 use crate::damage::{Damage, Loss};
 use crate::mission::Mission;
 use crate::mission::keys::{self, Need::Required, key};
@@ -34,6 +35,12 @@ impl Kind for Annealing {
 
     fn example(_: &Mission) -> toml::Table {
         numbers(&[("time_yr", 4.0)])
+    }
+
+    fn trials(_: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
+        // From much faster than the mission to hardly within it.
+        let span_yr = reach.last_yr().max(0.1);
+        ratios(0.1 * span_yr, 5.0 * span_yr, 6).map(|time_yr| vec![numbers(&[("time_yr", time_yr)])]).collect()
     }
 }
 

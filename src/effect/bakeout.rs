@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, numbers};
+use super::{Card, Effect, Kind, MOMENTS, Reach, numbers};
 use crate::damage::{Damage, Loss};
 use crate::mission::Mission;
 use crate::mission::keys::{Key, Kind::Number, Need::Required, key};
@@ -43,6 +43,11 @@ impl Kind for Bakeout {
 
     fn example(mission: &Mission) -> toml::Table {
         numbers(&[("t_yr", 0.5 * mission.mission.duration_yr), ("fraction", 0.4)])
+    }
+
+    fn trials(_: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
+        let on = |t_yr: f64| vec![numbers(&[("t_yr", t_yr), ("fraction", 0.3)])];
+        reach.between_epochs(MOMENTS).into_iter().map(on).collect()
     }
 }
 

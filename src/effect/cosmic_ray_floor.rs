@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, numbers};
+use super::{Card, Effect, Kind, Reach, numbers};
 use crate::environment::DoseHistory;
 use crate::mission::Mission;
 use crate::mission::keys::{Kind::Number, Need::Required, key};
@@ -30,6 +30,12 @@ impl Kind for CosmicRayFloor {
 
     fn example(_: &Mission) -> toml::Table {
         numbers(&[("rate_mev_g_yr", 3e5)])
+    }
+
+    fn trials(mission: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
+        let last_yr = reach.last_yr().max(1.0);
+        let rate_mev_g_yr = (0.1 * DoseHistory::of(mission).dose_mev_g(last_yr) / last_yr).max(1e4);
+        vec![vec![numbers(&[("rate_mev_g_yr", rate_mev_g_yr)])]]
     }
 }
 

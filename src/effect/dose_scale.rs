@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, numbers};
+use super::{Card, Effect, Kind, Reach, numbers};
 use crate::damage::Damage;
 use crate::mission::Mission;
 use crate::mission::keys::{self, Key, Need::Required, key};
@@ -35,6 +35,10 @@ impl Kind for DoseScale {
 
     fn example(_: &Mission) -> toml::Table {
         numbers(&[("factor", 1.4)])
+    }
+
+    fn trials(_: &Mission, _: &Reach) -> Vec<Vec<toml::Table>> {
+        [0.8, 1.25].map(|factor| vec![numbers(&[("factor", factor)])]).into()
     }
 }
 

@@ -2,7 +2,9 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, Refusal, numbers, tables};
+use super::reach::ratios;
+use super::{Card, Effect, Kind, Reach, Refusal, numbers, tables};
+use crate::environment::DoseHistory;
 use crate::mission::keys::{self, Kind::Number, Need::Default, Need::Required, key};
 use crate::mission::{Detector, Mission, Species};
 
@@ -40,6 +42,34 @@ impl Kind for ExtraSpecies {
 
     fn example(mission: &Mission) -> toml::Table {
         numbers(&[("density_per_px", 0.7), ("release_ms", 40.0 * mission.readout.line_time_ms), ("energy_ev", 0.4)])
+    }
+
+    fn trials(mission: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
+        // From release within a fraction of a transfer to release long after the last pixel of any trail.
+        let [shortest_ms, longest_ms] = reach.line_time_ms;
+        let last_ms = 30.0 * longest_ms * f64::from(reach.trail_px.max(10));
+        let dose_mev_g = DoseHistory::of(mission).dose_mev_g(reach.last_yr().max(1.0));
+        let density_per_px = (0.03 * mission.detector.reference_dose_mev_g / dose_mev_g.max(1.0)).clamp(0.01, 10.0);
+        let energies: &[f64] = if reach.varies_in_temperature() { &[0.21, 0.34, 0.45] } else { &[0.4] };
+        let taken: Vec<String> =
+            mission.detector.traps.iter().map(|species| species.name.clone()).chain(names(mission)).collect();
+        let name = (1..).map(|number| if number == 1 { "extra".into() } else { format!("extra {number}") });
+        let name = name.into_iter().find(|name| !taken.contains(name)).expect("numbers do not end");
+        let releases = ratios(0.3 * shortest_ms, last_ms, 12);
+        let trial = |(release_ms, energy_ev): (f64, f64)| {
+            let mut table =
+                numbers(&[("density_per_px", density_per_px), ("release_ms", release_ms), ("energy_ev", energy_ev)]);
+            table.insert("name".into(), name.clone().into());
+            vec![table]
+        };
+        releases
+            .flat_map(|release_ms| energies.iter().map(move |energy_ev| (release_ms, *energy_ev)))
+            .map(trial)
+            .collect()
+    }
+
+    fn held(reach: &Reach) -> &'static [&'static str] {
+        if reach.varies_in_temperature() { &[] } else { &["energy_ev"] }
     }
 
     fn check(&self, mission: &Mission) -> Result<(), Refusal> {

@@ -2,7 +2,8 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, numbers};
+use super::reach::ratios;
+use super::{Card, Effect, Kind, Reach, numbers};
 use crate::conditions::Conditions;
 use crate::damage::SpeciesState;
 use crate::mission::Mission;
@@ -34,6 +35,12 @@ impl Kind for FiniteCapture {
 
     fn example(mission: &Mission) -> toml::Table {
         numbers(&[("capture_ms", 0.3 * mission.readout.line_time_ms)])
+    }
+
+    fn trials(_: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
+        let [shortest_ms, longest_ms] = reach.line_time_ms;
+        let times = ratios(0.03 * shortest_ms, 2.0 * longest_ms, 4);
+        times.map(|capture_ms| vec![numbers(&[("capture_ms", capture_ms)])]).collect()
     }
 }
 

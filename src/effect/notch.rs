@@ -2,7 +2,8 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, Refusal, numbers};
+use super::reach::ratios;
+use super::{Card, Effect, Kind, Reach, Refusal, numbers};
 use crate::mission::keys::{self, Kind::Number, Need::Required, key};
 use crate::mission::{Detector, Mission};
 
@@ -29,6 +30,15 @@ impl Kind for Notch {
 
     fn example(mission: &Mission) -> toml::Table {
         numbers(&[("notch_e", mission.detector.notch_e + 60.0)])
+    }
+
+    fn trials(mission: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
+        // From below the faintest charge to beyond the brightest.
+        let [faintest_e, brightest_e] = reach.charge_e.unwrap_or([mission.sky.background_e.max(1.0), 1e4]);
+        let highest_e = (0.5 * brightest_e).min(0.5 * mission.detector.full_well_e);
+        let lowest_e = (0.1 * faintest_e).clamp(1.0, 0.5 * highest_e);
+        let deeper = |notch_e: f64| vec![numbers(&[("notch_e", mission.detector.notch_e + notch_e)])];
+        ratios(lowest_e, highest_e, 6).map(deeper).collect()
     }
 
     fn check(&self, mission: &Mission) -> Result<(), Refusal> {

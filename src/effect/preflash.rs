@@ -2,7 +2,8 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, numbers};
+use super::reach::ratios;
+use super::{Card, Effect, Kind, Reach, numbers};
 use crate::conditions::Conditions;
 use crate::mission::Mission;
 use crate::mission::keys::{Kind::Number, Need::Required, key};
@@ -31,6 +32,12 @@ impl Kind for Preflash {
 
     fn example(_: &Mission) -> toml::Table {
         numbers(&[("electrons", 40.0)])
+    }
+
+    fn trials(mission: &Mission, _: &Reach) -> Vec<Vec<toml::Table>> {
+        // Nothing is known of it: from hardly anything to much more than the sky.
+        let largest_e = (10.0 * mission.sky.background_e).clamp(100.0, 0.1 * mission.detector.full_well_e);
+        ratios(1.0, largest_e, 4).map(|electrons| vec![numbers(&[("electrons", electrons)])]).collect()
     }
 }
 

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, Refusal};
+use super::{Card, Effect, Kind, Reach, Refusal};
 use crate::damage::Damage;
+use crate::environment::DoseHistory;
 use crate::error::nearest;
 use crate::mission::Mission;
 use crate::mission::keys::{Kind::Number, Need::Optional, key};
@@ -35,6 +36,19 @@ impl Kind for PrelaunchTraps {
 
     fn example(mission: &Mission) -> toml::Table {
         mission.detector.traps.iter().map(|species| (species.name.clone(), 0.01.into())).collect()
+    }
+
+    fn trials(mission: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
+        // A fifth of what the mission makes, species by species.
+        let dose_mev_g = DoseHistory::of(mission).dose_mev_g(reach.last_yr().max(1.0));
+        let share = 0.2 * dose_mev_g / mission.detector.reference_dose_mev_g;
+        let species = mission.detector.traps.iter();
+        let alone = |alone: &str| {
+            let density = |per_px: f64, name: &str| if name == alone { (share * per_px).clamp(1e-4, 1e4) } else { 0.0 };
+            let all = mission.detector.traps.iter();
+            all.map(|trap| (trap.name.clone(), density(trap.density_per_px, &trap.name).into())).collect()
+        };
+        vec![species.map(|trap| alone(&trap.name)).collect()]
     }
 
     fn check(&self, mission: &Mission) -> Result<(), Refusal> {

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, numbers};
+use super::{Card, Effect, Kind, Reach, numbers};
 use crate::conditions::Conditions;
 use crate::damage::SpeciesState;
 use crate::mission::Mission;
@@ -39,6 +39,10 @@ impl Kind for ReleaseContinuum {
 
     fn example(_: &Mission) -> toml::Table {
         numbers(&[("sigma", 0.5)])
+    }
+
+    fn trials(_: &Mission, _: &Reach) -> Vec<Vec<toml::Table>> {
+        [0.3, 1.0].map(|sigma| vec![numbers(&[("sigma", sigma)])]).into()
     }
 }
 

@@ -2,7 +2,8 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, SerialRegister, numbers};
+use super::reach::ratios;
+use super::{Card, Effect, Kind, Reach, SerialRegister, numbers};
 use crate::mission::keys::{self, Kind::Integer, Kind::Number, Need::Required, key};
 use crate::mission::{Mission, Species};
 
@@ -43,20 +44,29 @@ impl Kind for SerialTraps {
     };
 
     fn nothing(mission: &Mission) -> toml::Table {
-        with_density(mission, 0.0)
+        with(mission, 0.0, 0.003 * mission.readout.line_time_ms)
     }
 
     fn example(mission: &Mission) -> toml::Table {
-        with_density(mission, 0.5)
+        with(mission, 0.5, 0.003 * mission.readout.line_time_ms)
+    }
+
+    fn trials(mission: &Mission, _: &Reach) -> Vec<Vec<toml::Table>> {
+        let pixel_time_ms = mission.readout.line_time_ms / 1000.0;
+        let slow = ratios(0.3, 3000.0, 6).map(|transfers| transfers * pixel_time_ms);
+        slow.map(|release_ms| vec![with(mission, 0.5, release_ms)]).collect()
+    }
+
+    fn held(_: &Reach) -> &'static [&'static str] {
+        &["pixel_time_ms", "energy_ev"]
     }
 }
 
-fn with_density(mission: &Mission, density_per_px: f64) -> toml::Table {
+fn with(mission: &Mission, density_per_px: f64, release_ms: f64) -> toml::Table {
     let pixel_time_ms = mission.readout.line_time_ms / 1000.0;
     let mut table = numbers(&[("pixel_time_ms", pixel_time_ms)]);
     table.insert("transfers".into(), 1000.into());
-    let mut species =
-        numbers(&[("density_per_px", density_per_px), ("release_ms", 3.0 * pixel_time_ms), ("energy_ev", 0.2)]);
+    let mut species = numbers(&[("density_per_px", density_per_px), ("release_ms", release_ms), ("energy_ev", 0.2)]);
     species.insert("name".into(), "serial".into());
     table.insert("traps".into(), vec![toml::Value::Table(species)].into());
     table

@@ -3,7 +3,8 @@
 use ndarray::{Array2, Axis};
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, numbers};
+use super::reach::ratios;
+use super::{Card, Effect, Kind, Reach, numbers};
 use crate::conditions::Conditions;
 use crate::mission::Mission;
 use crate::mission::keys::{self, Kind::Number, Need::Required, key};
@@ -38,6 +39,14 @@ impl Kind for SignalBounce {
 
     fn example(_: &Mission) -> toml::Table {
         numbers(&[("fraction", 0.005), ("length_px", 2.0)])
+    }
+
+    fn trials(_: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
+        let longest_px = f64::from(reach.trail_px.max(3));
+        let way =
+            |(length_px, fraction): (f64, f64)| vec![numbers(&[("fraction", fraction), ("length_px", length_px)])];
+        let lengths = ratios(0.4, longest_px, 5);
+        lengths.flat_map(|length_px| [(length_px, 1e-3), (length_px, -1e-3)]).map(way).collect()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, numbers};
+use super::{Card, Effect, Kind, MOMENTS, Reach, numbers};
 use crate::environment::DoseHistory;
 use crate::mission::Mission;
 use crate::mission::keys::{Key, Kind::Number, Need::Required, key};
@@ -37,6 +37,14 @@ impl Kind for SolarFlare {
 
     fn example(mission: &Mission) -> toml::Table {
         numbers(&[("t_yr", 0.5 * mission.mission.duration_yr), ("dose_mev_g", 2e6)])
+    }
+
+    fn trials(mission: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
+        // A third of a mean year's dose, on a day between any two epochs.
+        let dose_mev_g =
+            (DoseHistory::of(mission).dose_mev_g(reach.last_yr()) / reach.last_yr().max(1.0) / 3.0).max(1e4);
+        let on = |t_yr: f64| vec![numbers(&[("t_yr", t_yr), ("dose_mev_g", dose_mev_g)])];
+        reach.between_epochs(MOMENTS).into_iter().map(on).collect()
     }
 }
 

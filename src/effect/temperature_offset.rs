@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, Refusal, numbers};
+use super::{Card, Effect, Kind, Reach, Refusal, numbers};
 use crate::conditions::Conditions;
 use crate::mission::Mission;
 use crate::mission::keys::{Key, Kind::Number, Need::Required, key};
@@ -34,6 +34,10 @@ impl Kind for TemperatureOffset {
 
     fn example(_: &Mission) -> toml::Table {
         numbers(&[("kelvin", 4.0)])
+    }
+
+    fn trials(_: &Mission, _: &Reach) -> Vec<Vec<toml::Table>> {
+        [-3.0, 3.0].map(|kelvin| vec![numbers(&[("kelvin", kelvin)])]).into()
     }
 
     fn check(&self, mission: &Mission) -> Result<(), Refusal> {

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, numbers};
+use super::{Card, Effect, Kind, Reach, numbers};
 use crate::mission::keys::{self, Need::Required, key};
 use crate::mission::{Detector, Mission};
 
@@ -30,6 +30,11 @@ impl Kind for WellFill {
 
     fn example(mission: &Mission) -> toml::Table {
         numbers(&[("well_fill_power", 1.3 * mission.detector.well_fill_power)])
+    }
+
+    fn trials(mission: &Mission, _: &Reach) -> Vec<Vec<toml::Table>> {
+        let power = mission.detector.well_fill_power;
+        [0.8, 1.25].map(|factor| vec![numbers(&[("well_fill_power", (factor * power).min(5.0))])]).into()
     }
 }
 

@@ -77,7 +77,7 @@ pub fn holdout(
 }
 
 /// Groups of rows (by their place among all): name, members, whether at an end.
-fn groups(data: &[DataSet], column: &str) -> Result<Vec<(String, Vec<usize>, bool)>, InputError> {
+pub(crate) fn groups(data: &[DataSet], column: &str) -> Result<Vec<(String, Vec<usize>, bool)>, InputError> {
     if !data.iter().any(|set| set.varying.iter().any(|name| name == column)) {
         let varying: Vec<&str> = data.iter().flat_map(|set| &set.varying).map(String::as_str).collect();
         let mut listed = varying.clone();

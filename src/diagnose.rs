@@ -1,0 +1,605 @@
+//! Mission and measurements → which physical effect the model lacks.
+//!
+//! In the order in which mistakes are avoided: whether the data can carry a verdict ([`audit`]), whether the readout is
+//! computed finely enough ([`numerics`]), the fit of what is free, every effect on top of it ([`hypothesis`], [`search`]),
+//! how often noise does as well ([`chance`]), groups of rows left out ([`holdout`]), rivals ([`rivals`]), and the measurement
+//! that would tell them apart ([`next`]). Nothing is called missing that noise could have made, and nothing is called certain
+//! that has a rival.
+
+mod audit;
+mod case;
+pub mod chance;
+mod figures;
+mod formula;
+mod holdout;
+pub mod hypothesis;
+mod limits;
+pub mod next;
+mod numerics;
+mod rivals;
+mod search;
+
+use std::sync::Arc;
+
+use crate::error::InputError;
+use crate::evaluate::{self, evaluate};
+use crate::fit::{self, Fitted};
+use crate::measurement::DataSet;
+use crate::mission::Mission;
+use crate::model::Model;
+use crate::observable::Observable;
+use crate::validate::{Validation, validate};
+use case::{Case, Node};
+use chance::Noise;
+pub use formula::Suggestion;
+pub use hypothesis::Hypothesis;
+pub use limits::Limit;
+pub use next::Next;
+use search::{LINES, Search, Sketch};
+
+/// How to search.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// False alarms allowed among complete models.
+    pub level: f64,
+    /// Seed of all simulations.
+    pub seed: u64,
+    /// Keys to adjust, as dotted keys.
+    pub free: Vec<String>,
+    /// The user's own effects, by kind, as in a mission's `[effects]`.
+    pub candidates: Option<toml::Table>,
+    /// What could be measured next; all observables where empty.
+    pub can: Vec<Observable>,
+}
+
+/// Signs of life.
+pub struct Progress<'a> {
+    /// Called at the start of a stage, with its name and how many steps it has.
+    pub stage: &'a (dyn Fn(&str, u64) + Sync),
+    /// Called after each step.
+    pub advance: &'a (dyn Fn() + Sync),
+}
+
+impl Progress<'_> {
+    fn step(&self) {
+        (self.advance)();
+    }
+}
+
+/// What came of a diagnosis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The model explains the data.
+    Complete,
+    /// Effects were missing; with them it does.
+    Missing,
+    /// The same, but some effect has rivals that these data cannot tell from it.
+    Ambiguous,
+    /// No combination of effects explains the data.
+    Unexplained,
+    /// The data cannot carry a verdict.
+    Unfit,
+}
+
+impl Verdict {
+    /// As in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Verdict::Complete => "complete",
+            Verdict::Missing => "missing",
+            Verdict::Ambiguous => "ambiguous",
+            Verdict::Unexplained => "unexplained",
+            Verdict::Unfit => "unfit",
+        }
+    }
+}
+
+/// One rung of the ladder: a model fitted to all rows.
+#[derive(Clone, Debug)]
+pub struct Rung {
+    /// chi2.
+    pub chi2: f64,
+    /// Rows.
+    pub n: usize,
+    /// Free parameters.
+    pub free: usize,
+    /// rms of (value − model)/sigma over groups left out in turn; None where nothing can be left out.
+    pub holdout_rms_sigma: Option<f64>,
+    /// When the budget is exceeded with this model; None where the mission's galaxies lose their shapes.
+    pub budget: Option<evaluate::Verdict>,
+}
+
+impl Rung {
+    /// rms of (value − model)/sigma.
+    pub fn rms_sigma(&self) -> f64 {
+        (self.chi2 / self.n as f64).sqrt()
+    }
+}
+
+/// An effect that was added.
+#[derive(Clone, Debug)]
+pub struct Step {
+    /// Its name: the kind, for a user's own with its number.
+    pub effect: String,
+    /// Its parameters with all effects added.
+    pub parameters: Vec<Fitted>,
+    /// Dotted key of its table in the improved mission.
+    pub key: String,
+    /// The model with it and those before it.
+    pub rung: Rung,
+    /// Chance that noise alone looks as good, over everything that was tried.
+    pub false_alarm: f64,
+}
+
+/// An effect that was tried on top of the mission's own model.
+#[derive(Clone, Debug)]
+pub struct Tried {
+    /// Its name.
+    pub effect: String,
+    /// chi2 with it alone; None where it changes nothing that the free parameters do not absorb.
+    pub chi2: Option<f64>,
+}
+
+/// A condition or covariate that residuals lean on.
+#[derive(Clone, Debug)]
+pub struct Leaning {
+    /// Its name.
+    pub name: String,
+    /// Chance that noise alone leans as much on anything.
+    pub false_alarm: f64,
+}
+
+/// Everything that a diagnosis found.
+#[derive(Clone, Debug)]
+pub struct Diagnosis {
+    /// The mission as given.
+    pub mission: Mission,
+    /// The mission with fitted values and added effects.
+    pub improved: Mission,
+    /// Keys that were free from the start, with their values in the improved mission.
+    pub parameters: Vec<Fitted>,
+    /// What came of it.
+    pub verdict: Verdict,
+    /// Why the data cannot carry a verdict, or what is the matter with the model, in a sentence.
+    pub reason: String,
+    /// The mission's own model, fitted.
+    pub baseline: Rung,
+    /// Effects added, best first.
+    pub steps: Vec<Step>,
+    /// Everything that was tried on top of the mission's own model, least chi2 first.
+    pub tried: Vec<Tried>,
+    /// Sets of effects that explain the data as well, the adopted one first.
+    pub alternatives: Vec<Vec<String>>,
+    /// What residuals lean on, the most significant first.
+    pub covariates: Vec<Leaning>,
+    /// A formula that describes what is left, where something is.
+    pub suggestion: Option<Suggestion>,
+    /// The measurement that would tell rivals apart.
+    pub next: Option<Next>,
+    /// What the data would have shown, where nothing is missing.
+    pub limits: Vec<Limit>,
+    /// The column whose groups were left out.
+    pub held_out: Option<String>,
+    /// Noise as the residuals of the final model show it.
+    pub noise: Noise,
+    /// Things seen on the way: numerics, the data.
+    pub notes: Vec<String>,
+    /// The mission as given against the data, after the fit of what is free.
+    pub before: Validation,
+    /// The improved mission against the data.
+    pub after: Validation,
+}
+
+/// Effects added at most.
+const MOST: usize = 3;
+
+/// Share of what chi2 has in excess that an effect must explain to be named although the data remain unexplained.
+const MOST_OF_IT: f64 = 0.8;
+
+/// Parts of the level: of the search, of leanings, and of chi2.
+const SEARCH: f64 = 0.5;
+const LEAN: f64 = 0.25;
+const CHI2: f64 = 0.1;
+
+/// Finds out what a mission's model lacks.
+///
+/// # Errors
+/// Where keys cannot be fitted, candidates make no sense, or the model has no value for a row.
+pub fn diagnose(
+    mission: &Mission,
+    data: &[DataSet],
+    options: &Options,
+    progress: &Progress,
+) -> Result<Diagnosis, InputError> {
+    let case = Case::of(data);
+    let hypotheses = hypothesis::all(mission, options.candidates.as_ref())?;
+    for key in &options.free {
+        fit::parameter::Parameter::of(mission, key)?;
+    }
+    let refusal = audit::refusal(&case, options.free.len());
+    let free = if refusal.is_some() { Vec::new() } else { options.free.clone() };
+    (progress.stage)("numerics and base fit", 0);
+    let (accurate, mut notes) = numerics::accurate(&case, mission)?;
+    let base = Arc::new(base_fit(&case, &Model::new(&accurate), &free, options.seed)?);
+    let search = Search::new(&case, &hypotheses, free, options.seed, progress);
+    let split = holdout::split(&case);
+    let told = Told { search: &search, options, base: &base, groups: split.as_ref().map(|(_, groups)| &groups[..]) };
+    let mut found = match refusal.or_else(|| audit::sigma_too_large(&case, &base)) {
+        Some(reason) => Found::of(Verdict::Unfit, reason, base.clone()),
+        None => told.hunt()?,
+    };
+    notes.append(&mut found.notes);
+    told.diagnosis(mission, found, split.as_ref().map(|(column, _)| column.to_string()), notes)
+}
+
+/// The fit of what is free: from elsewhere too where it does not explain the data.
+fn base_fit(case: &Case, model: &Model, free: &[String], seed: u64) -> Result<Node, InputError> {
+    let fit = |starts| {
+        let options = fit::Options { starts, seed, moments: true };
+        Node::fit(case, model, Vec::new(), free, &options, &|_| ())
+    };
+    let once = fit(1)?;
+    let clear = once.chi2() > once.freedom() + 4.0 * (2.0 * once.freedom()).sqrt();
+    if free.is_empty() || !clear { Ok(once) } else { fit(3) }
+}
+
+/// What a search came to.
+struct Found {
+    verdict: Verdict,
+    reason: String,
+    /// The model at the end.
+    node: Arc<Node>,
+    /// Models on the way to it, from the base on.
+    ladder: Vec<Arc<Node>>,
+    alternatives: Vec<Vec<String>>,
+    next: Option<Next>,
+    limits: Vec<Limit>,
+    notes: Vec<String>,
+}
+
+impl Found {
+    fn of(verdict: Verdict, reason: String, node: Arc<Node>) -> Found {
+        let ladder = vec![node.clone()];
+        Found {
+            verdict,
+            reason,
+            node,
+            ladder,
+            alternatives: Vec::new(),
+            next: None,
+            limits: Vec::new(),
+            notes: Vec::new(),
+        }
+    }
+}
+
+/// What a fitted model still calls for.
+struct Calls {
+    chi2: bool,
+    search: bool,
+    leans: bool,
+}
+
+impl Calls {
+    fn nothing(&self) -> bool {
+        !self.chi2 && !self.search && !self.leans
+    }
+}
+
+/// All that a verdict is made from.
+struct Told<'a> {
+    search: &'a Search<'a>,
+    options: &'a Options,
+    base: &'a Arc<Node>,
+    groups: Option<&'a [Vec<usize>]>,
+}
+
+impl Told<'_> {
+    fn case(&self) -> &Case<'_> {
+        self.search.case
+    }
+
+    fn name(&self, hypothesis: usize) -> String {
+        self.search.hypotheses[hypothesis].name.clone()
+    }
+
+    /// A penalty for freedom beside chi2, when models compete.
+    fn score(&self, node: &Node) -> f64 {
+        node.chi2() + 2.0 * node.fit.parameters.len() as f64
+    }
+
+    /// Whether a model calls for more.
+    fn calls(&self, node: &Arc<Node>) -> Result<Calls, InputError> {
+        let level = self.options.level;
+        let noise = Noise::left_at(self.case(), node);
+        let white = Noise { scale: vec![1.0; self.case().data.len()], correlation: noise.correlation };
+        // By the textbook first: far beyond it nothing need be simulated.
+        if noise.correlation == 0.0 && node.chi2() > node.freedom() + 8.0 * (2.0 * node.freedom()).sqrt() {
+            return Ok(Calls { chi2: true, search: false, leans: false });
+        }
+        let null = self.search.null(node, &white);
+        let chi2 = null.chi2_above(node.chi2()) < CHI2 * level;
+        let validation = validate(node.mission(), self.case().data, self.options.seed)?;
+        let leans = validation.leans.iter().any(|lean| lean.false_alarm < LEAN * level);
+        let expansion = self.search.expand(node, node.added.is_empty());
+        let mut search = false;
+        for sketch in &expansion.sketches {
+            let alarm = null.false_alarm(sketch.last(), node.chi2() - sketch.chi2);
+            search |= alarm < SEARCH * level;
+        }
+        Ok(Calls { chi2, search, leans })
+    }
+
+    /// Searches until a model calls for nothing more, or nothing more helps.
+    fn hunt(&self) -> Result<Found, InputError> {
+        let hypotheses = self.search.hypotheses.len() as u64;
+        (self.search.progress.stage)("every effect", 2 * hypotheses);
+        self.search.expand(self.base, true);
+        let calls = self.calls(self.base)?;
+        if calls.nothing() {
+            let mut found = Found::of(Verdict::Complete, "the model explains the data".into(), self.base.clone());
+            found.limits = limits::all(self.search, self.base, self.options.level)?;
+            return Ok(found);
+        }
+        let mut lines = vec![self.base.clone()];
+        let mut polished: Vec<Arc<Node>> = Vec::new();
+        for depth in 1..=MOST {
+            if depth > 1 {
+                (self.search.progress.stage)("pairs of effects", lines.len() as u64 * (hypotheses + 6));
+            }
+            let mut sketches: Vec<(Sketch, usize)> = Vec::new();
+            for (index, line) in lines.iter().enumerate() {
+                let expansion = self.search.expand(line, depth == 1);
+                sketches.extend(expansion.sketches.iter().map(|sketch| (sketch.clone(), index)));
+            }
+            let mut nodes = self.polish(sketches, &lines)?;
+            nodes.sort_by(|a, b| self.score(a).total_cmp(&self.score(b)).then(a.set().cmp(&b.set())));
+            let Some(best) = nodes.first().cloned() else { break };
+            for node in nodes.iter().take(LINES) {
+                if self.score(node) < self.score(&best) + rivals::margin(self.options.level)
+                    && self.calls(node)?.nothing()
+                {
+                    if let Some(found) = self.adopt(node)? {
+                        return Ok(found);
+                    }
+                    break;
+                }
+            }
+            polished.extend(nodes.iter().cloned());
+            // More effects are of no use where this one was of none.
+            if best.chi2() > lines[0].chi2() - 2.0 {
+                break;
+            }
+            nodes.truncate(LINES);
+            lines = nodes;
+        }
+        self.unexplained(&polished)
+    }
+
+    /// Full fits of the best sketches of different effects.
+    fn polish(&self, mut sketches: Vec<(Sketch, usize)>, lines: &[Arc<Node>]) -> Result<Vec<Arc<Node>>, InputError> {
+        sketches.sort_by(|a, b| a.0.chi2.total_cmp(&b.0.chi2).then(a.1.cmp(&b.1)));
+        let mut seen: Vec<Vec<usize>> = Vec::new();
+        let mut nodes = Vec::new();
+        for (sketch, line) in sketches {
+            let mut set: Vec<usize> = sketch.added.iter().map(|added| added.hypothesis).collect();
+            set.sort_unstable();
+            if seen.contains(&set) {
+                continue;
+            }
+            seen.push(set);
+            nodes.push(self.search.node(&sketch, &lines[line])?);
+            if nodes.len() >= LINES + 2 {
+                break;
+            }
+        }
+        Ok(nodes)
+    }
+
+    /// The models from the base to one with several effects, that with the larger gain first.
+    fn ladder(&self, node: &Arc<Node>) -> Result<Vec<Arc<Node>>, InputError> {
+        let mut rest: Vec<usize> = node.added.iter().map(|added| added.hypothesis).collect();
+        let mut ladder = vec![self.base.clone()];
+        let mut chosen: Vec<usize> = Vec::new();
+        while !rest.is_empty() {
+            let mut best: Option<(usize, Arc<Node>)> = None;
+            for (place, &next) in rest.iter().enumerate() {
+                let with: Vec<usize> = chosen.iter().copied().chain([next]).collect();
+                let candidate = if rest.len() == 1 { node.clone() } else { self.search.with(self.base, &with)? };
+                if best.as_ref().is_none_or(|(_, best)| candidate.chi2() < best.chi2()) {
+                    best = Some((place, candidate));
+                }
+            }
+            let (place, next) = best.expect("something is left");
+            chosen.push(rest.remove(place));
+            ladder.push(next);
+        }
+        Ok(ladder)
+    }
+
+    /// False alarm of each step of a ladder, with the noise that the last model leaves.
+    fn alarms(&self, ladder: &[Arc<Node>]) -> Vec<f64> {
+        let noise = Noise::left_at(self.case(), ladder.last().expect("the base"));
+        let alarm = |pair: &[Arc<Node>]| {
+            let last = *pair[1].set().iter().find(|place| !pair[0].set().contains(place)).unwrap_or(&pair[1].set()[0]);
+            self.search.null(&pair[0], &noise).false_alarm(last, pair[0].chi2() - pair[1].chi2())
+        };
+        ladder.windows(2).map(alarm).collect()
+    }
+
+    /// Whether the last step of a ladder also foretells rows that were left out better.
+    fn confirmed(&self, parent: &Node, child: &Node) -> bool {
+        let held_out = self.groups.and_then(|groups| holdout::compare(groups, parent, child));
+        held_out.is_none_or(|(before, after, _)| after < before)
+    }
+
+    /// Adopts a model that explains the data, if noise or a few rows alone did not make it.
+    fn adopt(&self, node: &Arc<Node>) -> Result<Option<Found>, InputError> {
+        let (node, rivals) = rivals::of(self, node)?;
+        let ladder = self.ladder(&node)?;
+        let alarms = self.alarms(&ladder);
+        let confirmed = ladder.windows(2).all(|pair| self.confirmed(&pair[0], &pair[1]));
+        if !confirmed || alarms.iter().any(|alarm| *alarm > self.options.level) {
+            return Ok(None);
+        }
+        let names: Vec<String> =
+            ladder.last().expect("the base").added.iter().map(|added| self.name(added.hypothesis)).collect();
+        let mut found = Found::of(Verdict::Missing, format!("the model lacks {}", names.join(" and ")), node.clone());
+        found.ladder = ladder;
+        if !rivals.is_empty() {
+            found.verdict = Verdict::Ambiguous;
+            found.reason =
+                format!("the model lacks {}, or an effect that these data cannot tell from it", names.join(" and "));
+            found.next = next::best(self.search, &node, &rivals[0].node, &rivals, &self.options.can)?;
+            for (place, _) in node.added.iter().enumerate() {
+                let adopted = node.added[place].hypothesis;
+                let others: Vec<String> = rivals
+                    .iter()
+                    .filter(|rival| rival.instead_of == adopted)
+                    .map(|rival| self.name(rival.hypothesis))
+                    .collect();
+                if !others.is_empty() {
+                    found.alternatives.push([vec![self.name(adopted)], others].concat());
+                }
+            }
+        }
+        Ok(Some(found))
+    }
+
+    /// No combination explains the data: what helps most, if it helps much, and what residuals lean on; or errors that are
+    /// too small, where they lean on nothing.
+    fn unexplained(&self, polished: &[Arc<Node>]) -> Result<Found, InputError> {
+        let validation = validate(self.base.mission(), self.case().data, self.options.seed)?;
+        let leans = validation.leans.iter().any(|lean| lean.false_alarm < LEAN * self.options.level);
+        let white = !leans && Noise::left_at(self.case(), self.base).correlation == 0.0;
+        if white {
+            let best = polished.iter().min_by(|a, b| a.chi2().total_cmp(&b.chi2())).unwrap_or(self.base);
+            return Ok(Found::of(Verdict::Unfit, audit::sigma_too_small(self.case(), best), self.base.clone()));
+        }
+        let mut ladder = vec![self.base.clone()];
+        loop {
+            let here = ladder.last().expect("the base").clone();
+            let further = polished.iter().filter(|node| {
+                node.added.len() == here.added.len() + 1 && here.set().iter().all(|place| node.set().contains(place))
+            });
+            let Some(next) = further.min_by(|a, b| self.score(a).total_cmp(&self.score(b))) else { break };
+            let excess = here.chi2() - here.freedom();
+            let helps = here.chi2() - next.chi2() > MOST_OF_IT * excess && self.confirmed(&here, next);
+            let pair = [here.clone(), next.clone()];
+            if !helps || self.alarms(&pair)[0] > self.options.level {
+                break;
+            }
+            ladder.push(next.clone());
+        }
+        let node = ladder.last().expect("the base").clone();
+        let reason = "no combination of the catalogue's effects brings the data down to their noise";
+        let mut found = Found::of(Verdict::Unexplained, reason.into(), node);
+        found.ladder = ladder;
+        Ok(found)
+    }
+
+    /// Everything that is told of what was found.
+    fn diagnosis(
+        &self,
+        mission: &Mission,
+        found: Found,
+        held_out: Option<String>,
+        notes: Vec<String>,
+    ) -> Result<Diagnosis, InputError> {
+        let Found { verdict, reason, node, ladder, alternatives, next, limits, .. } = found;
+        (self.search.progress.stage)("budget", ladder.len() as u64);
+        let improved = Mission { accuracy: mission.accuracy.clone(), ..node.mission().clone() };
+        let before = validate(
+            &Mission { accuracy: mission.accuracy.clone(), ..self.base.mission().clone() },
+            self.case().data,
+            self.options.seed,
+        )?;
+        let after = validate(&improved, self.case().data, self.options.seed)?;
+        let rungs: Vec<Rung> = ladder
+            .iter()
+            .map(|node| {
+                self.search.progress.step();
+                Rung {
+                    chi2: node.chi2(),
+                    n: self.case().n(),
+                    free: node.fit.parameters.len(),
+                    holdout_rms_sigma: self.groups.and_then(|groups| holdout::rms_sigma(groups, node)),
+                    budget: budget(node.mission()),
+                }
+            })
+            .collect();
+        let alarms = if ladder.len() > 1 { self.alarms(&ladder) } else { Vec::new() };
+        let mut steps = Vec::new();
+        for (index, pair) in ladder.windows(2).enumerate() {
+            let place = *pair[1].set().iter().find(|place| !pair[0].set().contains(place)).unwrap_or(&pair[1].set()[0]);
+            let added = node.added.iter().find(|added| added.hypothesis == place).expect("it was added");
+            let parameters = node.fit.parameters.iter().filter(|fitted| added.free.contains(&fitted.key)).cloned();
+            steps.push(Step {
+                effect: self.name(place),
+                parameters: parameters.collect(),
+                key: added.key.clone(),
+                rung: rungs[index + 1].clone(),
+                false_alarm: alarms[index],
+            });
+        }
+        let tried = if verdict == Verdict::Unfit { Vec::new() } else { self.tried() };
+        let mut covariates: Vec<Leaning> = Vec::new();
+        let mut suggestion = None;
+        if verdict == Verdict::Unexplained {
+            for lean in after.leans.iter().filter(|lean| lean.false_alarm < self.options.level) {
+                if covariates.iter().all(|known| known.name != lean.name) {
+                    covariates.push(Leaning { name: lean.name.clone(), false_alarm: lean.false_alarm });
+                }
+            }
+            suggestion = formula::suggest(&after, &covariates);
+        }
+        let parameters = node.fit.parameters.iter().filter(|fitted| self.search.base.contains(&fitted.key)).cloned();
+        Ok(Diagnosis {
+            mission: mission.clone(),
+            improved,
+            parameters: parameters.collect(),
+            verdict,
+            reason,
+            baseline: rungs[0].clone(),
+            steps,
+            tried,
+            alternatives,
+            covariates,
+            suggestion,
+            next,
+            limits,
+            held_out,
+            noise: Noise::left_at(self.case(), &node),
+            notes,
+            before,
+            after,
+        })
+    }
+
+    /// chi2 of every effect alone.
+    fn tried(&self) -> Vec<Tried> {
+        let expansion = self.search.expand(self.base, true);
+        let mut tried: Vec<Tried> = (0..self.search.hypotheses.len())
+            .map(|place| Tried {
+                effect: self.name(place),
+                chi2: expansion
+                    .sketches
+                    .iter()
+                    .find(|sketch| sketch.last() == place)
+                    .map(|sketch| sketch.chi2.min(self.base.chi2())),
+            })
+            .collect();
+        tried.sort_by(|a, b| a.chi2.unwrap_or(f64::INFINITY).total_cmp(&b.chi2.unwrap_or(f64::INFINITY)));
+        tried
+    }
+}
+
+/// Accuracy of the readout that a date needs.
+const FOR_DATES: f64 = 1e-4;
+
+/// When the budget is exceeded.
+fn budget(mission: &Mission) -> Option<evaluate::Verdict> {
+    let mut coarse = mission.clone();
+    coarse.accuracy.relative = coarse.accuracy.relative.max(FOR_DATES);
+    evaluate(&coarse).ok().map(|evaluation| evaluation.verdict)
+}

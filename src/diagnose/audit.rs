@@ -1,0 +1,183 @@
+//! Whether data can carry a verdict at all.
+//!
+//! Before anything is fitted: enough rows, none twice, none that contradict one another, and errors that are not far larger
+//! than what neighbouring rows scatter by. (Errors that are too small can only be told from a missing effect once effects
+//! have been tried: see [`sigma_too_small`].)
+
+use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF};
+
+use super::case::{Case, Node};
+use crate::mission::keys::plain;
+use crate::validate::scatter;
+
+/// Chance below which something is no accident.
+const NO_ACCIDENT: f64 = 1e-5;
+
+/// Rows of a data set below which its scatter is not judged.
+const FEW: usize = 15;
+
+/// Scatter of neighbouring rows, over the quoted error, below which the error is far too large.
+const FAR_TOO_LARGE: f64 = 0.4;
+
+/// Why the data cannot carry a verdict, as a sentence; None where they can.
+pub(super) fn refusal(case: &Case, free: usize) -> Option<String> {
+    too_few(case, free).or_else(|| repeated(case)).or_else(|| contradictory(case))
+}
+
+fn too_few(case: &Case, free: usize) -> Option<String> {
+    let n = case.n();
+    (n < free + 3).then(|| {
+        format!("{n} rows cannot carry {free} free parameters and a question besides: free fewer, or give more data")
+    })
+}
+
+/// Rows of the same observable under the same circumstances, more than one each, as places among all rows.
+fn alike(case: &Case) -> Vec<Vec<usize>> {
+    let mut groups: Vec<(Vec<u64>, Vec<usize>)> = Vec::new();
+    let mut place: std::collections::HashMap<Vec<u64>, usize> = std::collections::HashMap::new();
+    let mut first = 0;
+    for set in case.data {
+        let columns: Vec<Vec<f64>> = set.varying.iter().map(|name| set.against(name)).collect();
+        for (row, measured) in set.rows.iter().enumerate() {
+            let at = &measured.at;
+            let mut key: Vec<u64> =
+                vec![set.observable as u64, measured.galaxy.map_or(u64::MAX, |galaxy| galaxy as u64)];
+            let known = crate::conditions::NAMES.iter().map(|name| at.get(name).map_or(u64::MAX, f64::to_bits));
+            key.extend(known);
+            key.extend(columns.iter().map(|column| column[row].to_bits()));
+            let index = *place.entry(key.clone()).or_insert_with(|| {
+                groups.push((key, Vec::new()));
+                groups.len() - 1
+            });
+            groups[index].1.push(first + row);
+        }
+        first += set.rows.len();
+    }
+    groups.into_iter().map(|(_, members)| members).filter(|members| members.len() > 1).collect()
+}
+
+/// Rows that are there twice: equal in every digit, more often than rounding makes them.
+fn repeated(case: &Case) -> Option<String> {
+    let groups = alike(case);
+    let (mut pairs, mut equal, mut step_sigma) = (0u64, Vec::new(), 0.0_f64);
+    for members in &groups {
+        for (index, &a) in members.iter().enumerate() {
+            for &b in &members[index + 1..] {
+                pairs += 1;
+                step_sigma = step_sigma
+                    .max(10_f64.powi(-decimals(case.values[a]).max(decimals(case.values[b]))) / case.sigmas[a]);
+                if case.values[a] == case.values[b] && case.sigmas[a] == case.sigmas[b] {
+                    equal.push((a, b));
+                }
+            }
+        }
+    }
+    // Two normal numbers rounded to a step are equal with a chance of step/(2 √π sigma).
+    let chance = (step_sigma / (2.0 * std::f64::consts::PI.sqrt())).clamp(1e-12, 1.0);
+    let accident = match equal.len() as u64 {
+        0 => 1.0,
+        count => Binomial::new(chance, pairs).map_or(1.0, |law| law.sf(count - 1)),
+    };
+    (accident < NO_ACCIDENT).then(|| {
+        let (a, b) = equal[0];
+        format!(
+            "{} rows repeat another in every digit, such as {} and {}: counted twice, they make noise look like an effect; \
+             give each measurement once",
+            equal.len(),
+            said(case, a),
+            said(case, b)
+        )
+    })
+}
+
+/// Decimals of a number as it is written shortest.
+fn decimals(value: f64) -> i32 {
+    let text = format!("{value:e}");
+    let (digits, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+    let behind = digits.split_once('.').map_or(0, |(_, behind)| behind.len() as i32);
+    behind - exponent.parse::<i32>().unwrap_or(0)
+}
+
+/// Rows under the same circumstances that differ by far more than their errors.
+fn contradictory(case: &Case) -> Option<String> {
+    let (mut chi2, mut freedom, mut worst) = (0.0, 0usize, (0.0, 0, 0));
+    for members in alike(case) {
+        let weight = |row: usize| case.sigmas[row].powi(-2);
+        let total: f64 = members.iter().map(|&row| weight(row)).sum();
+        let mean = members.iter().map(|&row| weight(row) * case.values[row]).sum::<f64>() / total;
+        chi2 += members.iter().map(|&row| weight(row) * (case.values[row] - mean).powi(2)).sum::<f64>();
+        freedom += members.len() - 1;
+        for (index, &a) in members.iter().enumerate() {
+            for &b in &members[index + 1..] {
+                let apart = (case.values[a] - case.values[b]).abs() / case.sigmas[a].hypot(case.sigmas[b]);
+                if apart > worst.0 {
+                    worst = (apart, a, b);
+                }
+            }
+        }
+    }
+    let chance = if freedom == 0 { 1.0 } else { ChiSquared::new(freedom as f64).map_or(1.0, |law| law.sf(chi2)) };
+    (chance < NO_ACCIDENT).then(|| {
+        format!(
+            "rows contradict one another: {} and {} were taken under the same conditions and differ by {:.1} of their \
+             errors; one of them is wrong, or a condition that differs has no column",
+            said(case, worst.1),
+            said(case, worst.2),
+            worst.0
+        )
+    })
+}
+
+/// A row as `file, line N`.
+fn said(case: &Case, row: usize) -> String {
+    let set = case.set_of[row];
+    let first: usize = case.data[..set].iter().map(|set| set.rows.len()).sum();
+    format!("row {} of {}", row - first + 1, case.data[set].file)
+}
+
+/// Errors that are far larger than the scatter.
+pub(super) fn sigma_too_large(case: &Case, node: &Node) -> Option<String> {
+    let mut first = 0;
+    for set in case.data {
+        let rows = first..first + set.rows.len();
+        first = rows.end;
+        if set.rows.len() < FEW {
+            continue;
+        }
+        let residuals: Vec<f64> = rows.clone().map(|row| node.residuals[row]).collect();
+        let between = scatter(set, &residuals);
+        let freedom = (set.rows.len() as f64 * node.freedom() / case.n() as f64).max(1.0);
+        let chi2: f64 = residuals.iter().map(|residual| residual * residual).sum();
+        let chance = ChiSquared::new(freedom).map_or(1.0, |law| law.cdf(chi2));
+        let all = (chi2 / freedom).sqrt();
+        if between < FAR_TOO_LARGE || (chance < NO_ACCIDENT && all < 0.75) {
+            return Some(format!(
+                "{}: the quoted sigma is {} times what rows scatter by; with it hardly any effect could be seen, and \
+                 nothing that is found would mean anything: quote the scatter",
+                set.file,
+                plain((10.0 / between.min(all)).round() / 10.0)
+            ));
+        }
+    }
+    None
+}
+
+/// Errors that are smaller than a scatter which leans on nothing.
+pub(super) fn sigma_too_small(case: &Case, node: &Node) -> String {
+    let (mut said, mut worst, mut first) = (String::new(), 0.0, 0);
+    for set in case.data {
+        let rows = first..first + set.rows.len();
+        first = rows.end;
+        let chi2: f64 = rows.clone().map(|row| node.residuals[row].powi(2)).sum();
+        let factor = (chi2 / (rows.len() as f64 * node.freedom() / case.n() as f64).max(1.0)).sqrt();
+        if factor > worst {
+            worst = factor;
+            said = format!(
+                "{}: rows scatter by {factor:.1} times their quoted sigma, and what is left leans on no condition: the errors \
+                 are too small, or something that no column tells disturbs the data",
+                set.file
+            );
+        }
+    }
+    said
+}

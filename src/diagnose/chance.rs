@@ -1,0 +1,179 @@
+//! How often noise alone does as well, over everything that was tried.
+//!
+//! Noise as measured (its scale in each data set, its correlation along trails) is drawn many times, what the free
+//! parameters absorb of it is taken out, and the whole search is repeated on it: every effect, every trial, to first order in
+//! the strength (a fit to pure noise finds weak effects only, for which the first order is all there is; see
+//! `docs/diagnosis.md` for how well that holds). Each effect's largest gain in chi2 is put on the scale of its own chance,
+//! because effects differ in freedom; how often the least chance of all effects is as small is the false alarm.
+
+use nalgebra::DVector;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+use statrs::distribution::{ChiSquared, ContinuousCDF, Gamma};
+
+use super::case::{Case, Node};
+use super::hypothesis::Trial;
+
+/// Simulations of noise.
+const SIMULATIONS: u64 = 4000;
+
+/// Simulations that must be beyond a value for their number to tell its chance.
+const ENOUGH: usize = 20;
+
+/// The noise of the data, as residuals show it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Noise {
+    /// Standard deviation in each data set, in units of the quoted sigma; 1 unless it is clearly larger.
+    pub scale: Vec<f64>,
+    /// Correlation of neighbouring pixels of a trail; 0 unless it is clear.
+    pub correlation: f64,
+}
+
+/// Errors by which a scale or a correlation must differ to be clear.
+const CLEAR: f64 = 3.5;
+
+impl Noise {
+    /// The noise that is left at a fitted model.
+    pub(super) fn left_at(case: &Case, node: &Node) -> Noise {
+        let taken = node.freedom() / case.n() as f64;
+        let scale = (0..case.data.len()).map(|set| {
+            let rows = || (0..case.n()).filter(|&row| case.set_of[row] == set);
+            let freedom = (rows().count() as f64 * taken).max(1.0);
+            let chi2: f64 = rows().map(|row| node.residuals[row].powi(2)).sum();
+            if chi2 > freedom + CLEAR * (2.0 * freedom).sqrt() { (chi2 / freedom).sqrt() } else { 1.0 }
+        });
+        Noise { scale: scale.collect(), correlation: correlation(case, &node.residuals) }
+    }
+
+    fn sample(&self, case: &Case, random: &mut ChaCha8Rng) -> DVector<f64> {
+        let mut noise = DVector::zeros(case.n());
+        for &row in &case.order {
+            let fresh: f64 = StandardNormal.sample(random);
+            noise[row] = match case.before[row] {
+                Some((before, apart)) if self.correlation != 0.0 => {
+                    let shared = self.correlation.powi(apart);
+                    shared * noise[before] + (1.0 - shared * shared).sqrt() * fresh
+                }
+                _ => fresh,
+            };
+        }
+        for row in 0..case.n() {
+            noise[row] *= self.scale[case.set_of[row]];
+        }
+        noise
+    }
+}
+
+/// Correlation of residuals of neighbouring pixels, where it is clearly above 0.
+fn correlation(case: &Case, residuals: &DVector<f64>) -> f64 {
+    let pairs = (0..case.n())
+        .filter_map(|row| case.before[row].filter(|(_, apart)| *apart == 1).map(|(before, _)| (before, row)));
+    let (mut product, mut squares, mut count) = (0.0, 0.0, 0.0);
+    for (a, b) in pairs {
+        product += residuals[a] * residuals[b];
+        squares += 0.5 * (residuals[a].powi(2) + residuals[b].powi(2));
+        count += 1.0;
+    }
+    let correlation = if squares > 0.0 { product / squares } else { 0.0 };
+    if correlation * f64::sqrt(count) > CLEAR { correlation.min(0.95) } else { 0.0 }
+}
+
+/// What the whole search finds in noise.
+pub(super) struct Null {
+    /// For each hypothesis the gains of its best trial, rising.
+    gains: Vec<Vec<f64>>,
+    /// Power of the chi2 distribution that the tail of each follows.
+    freedom: Vec<f64>,
+    /// Least chance of all hypotheses in each simulation, rising.
+    least: Vec<f64>,
+    /// Mean and variance of chi2.
+    chi2: (f64, f64),
+}
+
+impl Null {
+    /// Repeats the search on noise at a fitted model.
+    pub fn simulate(case: &Case, node: &Node, trials: &[Vec<Trial>], noise: &Noise, seed: u64) -> Null {
+        let simulated: Vec<(Vec<f64>, f64)> = (0..SIMULATIONS)
+            .into_par_iter()
+            .map(|simulation| {
+                let mut random = ChaCha8Rng::seed_from_u64(seed);
+                random.set_stream(simulation);
+                let residuals = node.beyond(&noise.sample(case, &mut random));
+                let best = |trials: &Vec<Trial>| trials.iter().map(|trial| trial.gain(&residuals)).fold(0.0, f64::max);
+                (trials.iter().map(best).collect(), residuals.norm_squared())
+            })
+            .collect();
+        let mut gains: Vec<Vec<f64>> = Vec::new();
+        for hypothesis in 0..trials.len() {
+            let mut all: Vec<f64> = simulated.iter().map(|(gains, _)| gains[hypothesis]).collect();
+            all.sort_by(f64::total_cmp);
+            gains.push(all);
+        }
+        let share = |hypothesis: usize, gain: f64| {
+            let beyond = SIMULATIONS as usize - gains[hypothesis].partition_point(|known| *known < gain);
+            beyond as f64 / SIMULATIONS as f64
+        };
+        let mut least: Vec<f64> = simulated
+            .iter()
+            .map(|(gains, _)| {
+                let chances = gains.iter().enumerate().filter(|(_, gain)| **gain > 0.0);
+                chances.map(|(hypothesis, gain)| share(hypothesis, *gain)).fold(1.0, f64::min)
+            })
+            .collect();
+        least.sort_by(f64::total_cmp);
+        let freedom = trials.iter().map(|trials| {
+            let dimensions = trials.iter().map(Trial::dimensions).max().unwrap_or(1);
+            (dimensions + usize::from(trials.len() > 2)) as f64
+        });
+        let n = SIMULATIONS as f64;
+        let mean = simulated.iter().map(|(_, chi2)| chi2).sum::<f64>() / n;
+        let variance = simulated.iter().map(|(_, chi2)| (chi2 - mean).powi(2)).sum::<f64>() / n;
+        Null { freedom: freedom.collect(), gains, least, chi2: (mean, variance) }
+    }
+
+    /// Chance that noise alone gains as much for one hypothesis, whatever its trial.
+    pub fn chance(&self, hypothesis: usize, gain: f64) -> f64 {
+        let known = &self.gains[hypothesis];
+        let beyond = known.len() - known.partition_point(|known| *known < gain);
+        if beyond >= ENOUGH {
+            return beyond as f64 / known.len() as f64;
+        }
+        // Beyond the simulations, as a chi2 distribution falls from the last that is well known.
+        let last = known[known.len() - ENOUGH];
+        let law = ChiSquared::new(self.freedom[hypothesis]).expect("above 0");
+        let at_last = ENOUGH as f64 / known.len() as f64;
+        if last <= 0.0 { at_last * law.sf(gain) } else { at_last * (law.sf(gain) / law.sf(last)).min(1.0) }
+    }
+
+    /// Chance that noise alone makes any hypothesis look as good.
+    pub fn false_alarm(&self, hypothesis: usize, gain: f64) -> f64 {
+        let chance = self.chance(hypothesis, gain);
+        let below = |chance: f64| self.least.partition_point(|least| *least <= chance);
+        let seen = below(chance);
+        if seen >= 4 * ENOUGH {
+            return seen as f64 / self.least.len() as f64;
+        }
+        // As many trials as the least chances show there to be.
+        let at = 4.0 * ENOUGH as f64 / self.least.len() as f64;
+        let trials = (below(at) as f64 / (at * self.least.len() as f64)).max(1.0);
+        (chance * trials).min(1.0)
+    }
+
+    /// The gain of a hypothesis whose false alarm is a level.
+    pub fn threshold(&self, hypothesis: usize, level: f64) -> f64 {
+        let (mut low, mut high) = (0.0, 1000.0);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if self.false_alarm(hypothesis, middle) > level { low = middle } else { high = middle }
+        }
+        high
+    }
+
+    /// Chance that noise alone has so large a chi2.
+    pub fn chi2_above(&self, chi2: f64) -> f64 {
+        let (mean, variance) = self.chi2;
+        Gamma::new(mean * mean / variance, mean / variance).map_or(1.0, |law| law.sf(chi2))
+    }
+}

@@ -1,0 +1,70 @@
+//! How well a fitted model predicts groups of rows that it has not seen.
+//!
+//! For a model that is linear in its parameters, the residuals of rows g left out of the fit are (1 − H_gg)⁻¹ r_g, with the
+//! residuals r and the hat matrix H of the fit to all rows (Cook & Weisberg 1982, Residuals and Influence in Regression,
+//! section 3.2). Near its optimum a model is that; a test holds this against fits without the rows.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::case::{Case, Node};
+use crate::fit::holdout::groups;
+
+/// Eigenvalue of 1 − H_gg below which a group cannot be predicted from the others: a parameter hangs on it alone.
+const UNSEEN: f64 = 1e-3;
+
+/// Columns by whose values groups are left out, the first that varies in three or more values; pixels of a trail share their
+/// errors and come last.
+const COLUMNS: [&str; 9] = [
+    "t_yr",
+    "signal_e",
+    "transfers",
+    "temperature_k",
+    "dose_mev_g",
+    "background_e",
+    "line_time_ms",
+    "galaxy",
+    "trail_px",
+];
+
+/// Rows that are left out together, and the column whose values they share. None where nothing varies.
+pub(super) fn split(case: &Case) -> Option<(&'static str, Vec<Vec<usize>>)> {
+    let split = |column: &&'static str| {
+        let groups: Vec<Vec<usize>> =
+            groups(case.data, column).ok()?.into_iter().map(|(_, members, _)| members).collect();
+        (groups.len() > 2).then_some((*column, groups))
+    };
+    let most =
+        COLUMNS[..8].iter().filter_map(split).max_by_key(|(_, groups)| groups.iter().map(Vec::len).sum::<usize>());
+    most.or_else(|| COLUMNS[8..].iter().find_map(split))
+}
+
+/// Residuals of a group's rows if they had been left out; None where the others do not foretell them.
+pub(super) fn left_out(node: &Node, members: &[usize]) -> Option<DVector<f64>> {
+    let basis = DMatrix::from_fn(members.len(), node.basis.ncols(), |row, column| node.basis[(members[row], column)]);
+    let seen = DMatrix::identity(members.len(), members.len()) - &basis * basis.transpose();
+    let residuals = DVector::from_iterator(members.len(), members.iter().map(|&row| node.residuals[row]));
+    let eigen = seen.symmetric_eigen();
+    if eigen.eigenvalues.iter().any(|value| *value < UNSEEN) {
+        return None;
+    }
+    let along = eigen.eigenvectors.transpose() * residuals;
+    Some(&eigen.eigenvectors * along.component_div(&eigen.eigenvalues))
+}
+
+/// Sum of squares, and rows, of all groups that two models both foretell: for each of the two.
+pub(super) fn compare(groups: &[Vec<usize>], one: &Node, other: &Node) -> Option<(f64, f64, usize)> {
+    let (mut first, mut second, mut rows) = (0.0, 0.0, 0);
+    for members in groups {
+        if let (Some(a), Some(b)) = (left_out(one, members), left_out(other, members)) {
+            first += a.norm_squared();
+            second += b.norm_squared();
+            rows += members.len();
+        }
+    }
+    (rows > 0).then_some((first, second, rows))
+}
+
+/// rms of (value − model)/sigma over groups left out in turn.
+pub(super) fn rms_sigma(groups: &[Vec<usize>], node: &Node) -> Option<f64> {
+    compare(groups, node, node).map(|(squares, _, rows)| (squares / rows as f64).sqrt())
+}

@@ -1,0 +1,193 @@
+//! What might be missing: the catalogue, and the user's own formulas.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use toml::{Table, Value};
+
+use super::case::{Case, Node, orthonormal};
+use crate::effect::{self, CATALOGUE, Reach};
+use crate::error::InputError;
+use crate::mission::Mission;
+
+/// An effect that may be missing.
+#[derive(Clone, Debug)]
+pub struct Hypothesis {
+    /// Its name in reports: the kind, and for a user's own its number.
+    pub name: String,
+    /// Its kind in the catalogue.
+    pub kind: &'static str,
+    /// The user's table; None for the catalogue's own trials.
+    own: Option<Table>,
+}
+
+/// Effects of which a mission may have several.
+const SEVERAL: [&str; 4] = ["solar-flare", "bakeout", "extra-species", "formula"];
+
+/// All hypotheses about a mission: every effect of the catalogue but formulas, and those of a user's file.
+///
+/// # Errors
+/// Where one of the user's makes no sense in the mission.
+pub fn all(mission: &Mission, candidates: Option<&Table>) -> Result<Vec<Hypothesis>, InputError> {
+    let kinds = CATALOGUE.iter().map(|entry| entry.card.kind).filter(|kind| *kind != "formula");
+    let mut all: Vec<Hypothesis> = kinds.map(|kind| Hypothesis { name: kind.into(), kind, own: None }).collect();
+    let refused = "cannot use the candidates";
+    for (kind, tables) in candidates.into_iter().flatten() {
+        let entry =
+            effect::find(kind).ok_or_else(|| InputError::new(refused, format!("no effect is called `{kind}`")))?;
+        let tables = match tables {
+            Value::Table(table) => vec![table.clone()],
+            Value::Array(tables) => tables.iter().filter_map(Value::as_table).cloned().collect(),
+            _ => return Err(InputError::new(refused, format!("effects.{kind} is no table"))),
+        };
+        let several = tables.len() > 1;
+        for (index, table) in tables.into_iter().enumerate() {
+            effect::add(mission, kind, table.clone())
+                .map_err(|error| InputError { refused: refused.into(), ..error })?;
+            let name = if several { format!("{kind} {}", index + 1) } else { kind.clone() };
+            all.retain(|known| known.name != name);
+            all.push(Hypothesis { name, kind: entry.card.kind, own: Some(table) });
+        }
+    }
+    Ok(all)
+}
+
+/// One way in which an effect could be there, at a fitted model.
+pub(super) struct Trial {
+    /// The hypothesis, by its place among all.
+    pub hypothesis: usize,
+    /// The effect's table.
+    pub table: Table,
+    /// Orthonormal directions in which it moves the predictions, beyond what the free parameters absorb.
+    pub basis: DMatrix<f64>,
+    /// How far it moves them there, in sigma; of the sum, where it has several strengths.
+    pub moved_sigma: f64,
+    /// Whether its strength is free, and not below zero.
+    strength: Strength,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Strength {
+    /// It has nothing to adjust.
+    Fixed,
+    /// One, not below zero.
+    Positive,
+    /// Several, of any sign.
+    Any,
+}
+
+impl Trial {
+    /// By how much chi2 of these residuals (free parameters' share already taken out) falls with it, to first order.
+    pub fn gain(&self, residuals: &DVector<f64>) -> f64 {
+        let along = self.basis.transpose() * residuals;
+        match self.strength {
+            Strength::Fixed => (2.0 * along[0] * self.moved_sigma - self.moved_sigma.powi(2)).max(0.0),
+            Strength::Positive => along[0].max(0.0).powi(2),
+            Strength::Any => along.norm_squared(),
+        }
+    }
+
+    /// Ways in which its strength alone can move the predictions.
+    pub fn dimensions(&self) -> usize {
+        self.basis.ncols()
+    }
+}
+
+/// Share of an effect's signature below which the free parameters are said to absorb it.
+const ABSORBED: f64 = 2e-3;
+
+impl Hypothesis {
+    /// Whether it can be added to a mission: not if the mission allows for it already.
+    pub fn is_new_to(&self, mission: &Mission) -> bool {
+        SEVERAL.contains(&self.kind) || !mission.effects.contains_key(self.kind)
+    }
+
+    /// Whether it may be added twice.
+    pub fn may_repeat(&self) -> bool {
+        SEVERAL.contains(&self.kind) && self.own.is_none()
+    }
+
+    /// Parameters of a table of this effect that are to be fitted, as dotted keys below that of the table.
+    pub fn free(&self, key: &str, table: &Table, reach: &Reach) -> Vec<String> {
+        let held = effect::find(self.kind).map_or(&[] as &[&str], |entry| (entry.held)(reach));
+        let held = if self.own.is_some() { &[] } else { held };
+        let mut keys = Vec::new();
+        for (name, value) in table {
+            match value {
+                Value::Float(_) if !held.contains(&name.as_str()) => keys.push(format!("{key}.{name}")),
+                Value::Array(members) => {
+                    for member in members.iter().filter_map(Value::as_table) {
+                        let called = member.get("name").and_then(Value::as_str).unwrap_or_default();
+                        keys.extend(self.free(&format!("{key}.{name}.{called}"), member, reach));
+                    }
+                }
+                _ => {}
+            }
+        }
+        keys
+    }
+
+    /// Ways in which it could be there, as tables whose signatures add up.
+    fn ways(&self, mission: &Mission, reach: &Reach) -> Vec<Vec<Table>> {
+        let Some(own) = &self.own else {
+            return effect::find(self.kind).map_or_else(Vec::new, |entry| (entry.trials)(mission, reach));
+        };
+        // Any of its parameters may be what is not zero.
+        let moved = |name: &String, factor: f64| {
+            let mut table = own.clone();
+            let value = own[name].as_float().unwrap_or(0.0);
+            table.insert(name.clone(), (if value == 0.0 { 1e-3 * factor.signum() } else { factor * value }).into());
+            table
+        };
+        let numbers = || own.iter().filter(|(_, value)| value.is_float()).map(|(name, _)| name);
+        let mut ways: Vec<Vec<Table>> =
+            numbers().flat_map(|name| [vec![moved(name, 2.0)], vec![moved(name, -2.0)]]).collect();
+        ways.push(vec![own.clone()]);
+        ways
+    }
+
+    /// Its trials at a fitted model; none where the free parameters absorb it, or it changes nothing.
+    pub(super) fn trials(&self, place: usize, case: &Case, node: &Node) -> Vec<Trial> {
+        let here = case.over_sigma(&node.fit.values);
+        let ways = self.ways(node.mission(), &case.reach);
+        let signature = |table: &Table| -> Option<DVector<f64>> {
+            let (mission, _) = effect::add(node.mission(), self.kind, table.clone()).ok()?;
+            Some(case.predict_sigma(&node.model.like(&mission)).ok()? - &here)
+        };
+        let trial = |tables: &Vec<Table>| -> Option<Trial> {
+            let signatures = tables.iter().map(signature).collect::<Option<Vec<_>>>()?;
+            let beyond: Vec<DVector<f64>> = signatures
+                .iter()
+                .map(|all| (all, node.beyond(all)))
+                .filter(|(all, beyond)| beyond.norm() > (ABSORBED * all.norm()).max(1e-6))
+                .map(|(_, beyond)| beyond)
+                .collect();
+            let first = beyond.first()?;
+            let table = tables.iter().skip(1).fold(tables[0].clone(), |sum, table| larger(&sum, table));
+            let strength = match (self.free("", &table, &case.reach).len(), tables.len()) {
+                (0, _) => Strength::Fixed,
+                (_, 1) => Strength::Positive,
+                _ => Strength::Any,
+            };
+            let moved_sigma = beyond.iter().skip(1).fold(first.clone(), |sum, other| sum + other).norm();
+            // One signature is its own direction, with its sign.
+            let basis = match &beyond[..] {
+                [one] => DMatrix::from_columns(&[one / one.norm()]),
+                several => orthonormal(&DMatrix::from_columns(several)),
+            };
+            Some(Trial { hypothesis: place, table, basis, moved_sigma, strength })
+        };
+        ways.par_iter().filter_map(trial).collect()
+    }
+}
+
+/// The larger of two numbers for every key.
+fn larger(a: &Table, b: &Table) -> Table {
+    let mut larger = a.clone();
+    for (key, value) in b {
+        let known = a.get(key).and_then(Value::as_float).unwrap_or(f64::NEG_INFINITY);
+        if value.as_float().is_some_and(|value| value > known) {
+            larger.insert(key.clone(), value.clone());
+        }
+    }
+    larger
+}

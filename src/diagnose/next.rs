@@ -1,0 +1,209 @@
+//! The measurement that tells two models apart.
+//!
+//! Both were fitted to the same data; a measurement is worth most where their predictions lie farthest apart in units of its
+//! own error and of what the fits leave open (T-optimality: Atkinson & Fedorov 1975, Biometrika 62, 57).
+
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+use super::case::{Case, Node};
+use super::rivals::Rival;
+use super::search::Search;
+use crate::conditions::Conditions;
+use crate::error::InputError;
+use crate::observable::Observable;
+use crate::predict::{Question, predict};
+
+/// A measurement that separates rivals.
+#[derive(Clone, Debug)]
+pub struct Next {
+    /// What to measure.
+    pub observable: Observable,
+    /// Under which conditions, by name; those that the observable uses.
+    pub conditions: Vec<(String, f64)>,
+    /// The galaxy, of a change of shape.
+    pub galaxy: Option<String>,
+    /// The effects that it separates.
+    pub separates: [String; 2],
+    /// How far apart their predictions are, in units of the error of the measurement and of the fits.
+    pub apart_sigma: f64,
+    /// The error assumed, in the observable's unit.
+    pub sigma: f64,
+}
+
+/// The best measurement to tell a model from a rival. None where nothing that can be measured would.
+pub(super) fn best(
+    search: &Search,
+    node: &Node,
+    rival: &Node,
+    rivals: &[Rival],
+    can: &[Observable],
+) -> Result<Option<Next>, InputError> {
+    let observables: Vec<Observable> =
+        Observable::ALL.into_iter().filter(|observable| can.is_empty() || can.contains(observable)).collect();
+    let wanted: Vec<(Observable, Conditions, Option<usize>)> =
+        observables.into_iter().flat_map(|observable| possible(search.case, node, observable)).collect();
+    let questions: Vec<Question> = wanted
+        .iter()
+        .map(|(observable, at, galaxy)| Question { observable: *observable, at, galaxy: *galaxy })
+        .collect();
+    if questions.is_empty() {
+        return Ok(None);
+    }
+    let [(one, open_one), (other, open_other)] = [node, rival].map(|node| foretold(node, &questions));
+    let apart = |index: usize| {
+        let sigma = error(search.case, wanted[index].0, one[index]);
+        let open = open_one[index] + open_other[index];
+        let apart = (one[index] - other[index]).abs() / (sigma * sigma + open).sqrt();
+        (if apart.is_finite() { apart } else { 0.0 }, sigma)
+    };
+    let best = (0..wanted.len()).max_by(|a, b| apart(*a).0.total_cmp(&apart(*b).0).then(b.cmp(a))).expect("not empty");
+    let (observable, at, galaxy) = &wanted[best];
+    let (apart_sigma, sigma) = apart(best);
+    let names = uses(*observable);
+    let name = |place: usize| search.hypotheses[place].name.clone();
+    Ok((apart_sigma > 0.5).then(|| Next {
+        observable: *observable,
+        conditions: names.iter().filter_map(|name| Some((name.to_string(), at.get(name)?))).collect(),
+        galaxy: galaxy.map(|place| node.mission().galaxies[place].name.clone()),
+        separates: [name(rivals[0].instead_of), name(rivals[0].hypothesis)],
+        apart_sigma,
+        sigma,
+    }))
+}
+
+/// Conditions that an observable uses.
+fn uses(observable: Observable) -> &'static [&'static str] {
+    match observable {
+        Observable::Dose => &["t_yr"],
+        Observable::Trail => &[
+            "trail_px",
+            "signal_e",
+            "background_e",
+            "transfers",
+            "t_yr",
+            "dose_mev_g",
+            "temperature_k",
+            "line_time_ms",
+        ],
+        Observable::PacketCharge => {
+            &["signal_e", "background_e", "transfers", "t_yr", "dose_mev_g", "temperature_k", "line_time_ms"]
+        }
+        Observable::Eper => &[
+            "trail_px",
+            "signal_e",
+            "background_e",
+            "block_px",
+            "transfers",
+            "t_yr",
+            "dose_mev_g",
+            "temperature_k",
+            "line_time_ms",
+        ],
+        _ => &["transfers", "background_e", "t_yr", "dose_mev_g", "temperature_k", "line_time_ms"],
+    }
+}
+
+/// Pixels behind a packet that are worth measuring.
+const PIXELS: [u32; 6] = [1, 2, 4, 10, 30, 100];
+
+/// What could be measured: around the data's and the mission's own conditions, one condition changed at a time.
+fn possible(case: &Case, node: &Node, observable: Observable) -> Vec<(Observable, Conditions, Option<usize>)> {
+    let mission = node.mission();
+    let like = case.questions.iter().find(|question| question.observable == observable).or(case.questions.first());
+    let Some(like) = like else { return Vec::new() };
+    let mut here = like.at.clone();
+    here.t_yr = case.reach.last_yr().max(here.t_yr);
+    here.signal_e = here.signal_e.or(Some(10.0 * here.background_e.max(100.0)));
+    here.block_px = match observable {
+        Observable::Eper => Some(here.block_px.unwrap_or(200).min(here.transfers)),
+        _ => None,
+    };
+    let in_lab = here.dose_mev_g.is_some() && observable != Observable::Dose;
+    let mut around = vec![here.clone()];
+    let signal_e = here.signal_e.expect("set above");
+    let deepest_e = 0.5 * mission.detector.full_well_e;
+    for factor in [0.03, 0.1, 0.3, 3.0, 10.0] {
+        around.push(Conditions { signal_e: Some((factor * signal_e).clamp(10.0, deepest_e)), ..here.clone() });
+        around.push(Conditions { line_time_ms: factor * here.line_time_ms, ..here.clone() });
+        let background_e = (factor * here.background_e).min(0.1 * deepest_e);
+        around.push(Conditions { background_e, ..here.clone() });
+    }
+    for kelvin in [-20.0, -10.0, 10.0, 20.0] {
+        around.push(Conditions { temperature_k: (here.temperature_k + kelvin).max(60.0), ..here.clone() });
+    }
+    for share in [0.05, 0.3, 0.6] {
+        let transfers = ((share * f64::from(here.transfers.max(mission.readout.transfers))) as u32).max(10);
+        let block_px = here.block_px.map(|block_px| block_px.min(transfers));
+        around.push(Conditions { transfers, block_px, ..here.clone() });
+    }
+    for share in [0.0, 0.1, 0.25, 0.5, 0.75, 1.0] {
+        let t_yr = share * mission.mission.duration_yr;
+        if !in_lab {
+            around.push(Conditions { t_yr, dose_mev_g: None, ..here.clone() });
+        }
+    }
+    let mut all = Vec::new();
+    for at in around {
+        match observable {
+            Observable::Dose => all.push((observable, Conditions { dose_mev_g: None, ..at }, None)),
+            Observable::Trail | Observable::Eper => {
+                all.extend(PIXELS.map(|px| (observable, Conditions { trail_px: Some(px), ..at.clone() }, None)));
+            }
+            Observable::PacketCharge => all.push((observable, Conditions { trail_px: None, ..at }, None)),
+            _ => {
+                let galaxy = mission.galaxies.iter().position(|galaxy| galaxy.name == mission.requirement.galaxy);
+                all.push((observable, Conditions { trail_px: None, signal_e: None, ..at }, galaxy));
+            }
+        }
+    }
+    all
+}
+
+/// The error that a measurement of an observable would have: that of the data where they have it, or a hundredth of the
+/// value.
+fn error(case: &Case, observable: Observable, value: f64) -> f64 {
+    let mut sigmas: Vec<f64> = case
+        .questions
+        .iter()
+        .zip(&case.sigmas)
+        .filter(|(question, _)| question.observable == observable)
+        .map(|(_, sigma)| *sigma)
+        .collect();
+    sigmas.sort_by(f64::total_cmp);
+    let least = match observable {
+        Observable::Dose => 2e4,
+        Observable::Trail => 3e-4,
+        Observable::PacketCharge | Observable::Eper => 2.0,
+        Observable::DeltaY => 1e-3,
+        _ => 3e-5,
+    };
+    sigmas.get(sigmas.len() / 2).copied().unwrap_or((0.01 * value.abs()).max(least))
+}
+
+/// Predictions, and the variance that the fit leaves open in them.
+fn foretold(node: &Node, questions: &[Question]) -> (Vec<f64>, Vec<f64>) {
+    let here = predict(&node.model, questions);
+    let keys: Vec<_> = node.fit.parameters.iter().collect();
+    let normal = node.fit.jacobian.transpose() * &node.fit.jacobian;
+    let derivatives: Vec<DVector<f64>> = keys
+        .par_iter()
+        .map(|fitted| {
+            let step = 1e-2 * fitted.sigma.unwrap_or(0.0);
+            let moved = node.mission().with(&[(fitted.key.clone(), (fitted.value + step).into())]);
+            match moved {
+                Ok(mission) if step > 0.0 => {
+                    let there = predict(&node.model.like(&mission), questions);
+                    DVector::from_iterator(here.len(), there.iter().zip(&here).map(|(a, b)| (a - b) / step))
+                }
+                _ => DVector::zeros(here.len()),
+            }
+        })
+        .collect();
+    let covariance = normal.pseudo_inverse(1e-12).unwrap_or_else(|_| nalgebra::DMatrix::zeros(keys.len(), keys.len()));
+    let open = (0..here.len()).map(|row| {
+        let gradient = DVector::from_iterator(keys.len(), derivatives.iter().map(|derivative| derivative[row]));
+        (gradient.transpose() * &covariance * &gradient)[(0, 0)].max(0.0)
+    });
+    (here.clone(), open.collect())
+}

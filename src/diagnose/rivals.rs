@@ -1,0 +1,70 @@
+//! Effects that explain the data as well as the adopted one.
+//!
+//! For each adopted effect every other one is put in its place and fitted. If a rival were the truth, the adopted one could
+//! lie below it by chance by d in chi2 with a probability of at most Φ(−√d): both fits differ by λ in the mean with a
+//! standard deviation of 2√λ, and λ = d is the worst case. A rival is ruled out where that is below half the level; each
+//! parameter that the adopted one has more costs another 2.
+
+use std::sync::Arc;
+
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use super::Told;
+use super::case::Node;
+use crate::error::InputError;
+
+/// An effect in the place of an adopted one.
+pub struct Rival {
+    /// The adopted effect, by its place among the hypotheses.
+    pub(super) instead_of: usize,
+    /// The rival, likewise.
+    pub(super) hypothesis: usize,
+    pub(super) node: Arc<Node>,
+}
+
+/// How much larger chi2 may be for a rival not to be ruled out.
+pub(super) fn margin(level: f64) -> f64 {
+    Normal::standard().inverse_cdf(level / 2.0).powi(2)
+}
+
+/// Sketches are rough: those within so many margins are fitted in full.
+const ROUGH: f64 = 3.0;
+
+/// A model's rivals, least chi2 first; and the model itself, or a rival with so much less freedom that it is to be preferred.
+pub(super) fn of(told: &Told, node: &Arc<Node>) -> Result<(Arc<Node>, Vec<Rival>), InputError> {
+    let mut adopted = node.clone();
+    // A preferred rival has rivals of its own.
+    for _ in 0..3 {
+        let rivals = around(told, &adopted)?;
+        let best = rivals.iter().min_by(|a, b| told.score(&a.node).total_cmp(&told.score(&b.node)));
+        match best {
+            Some(best) if told.score(&best.node) < told.score(&adopted) - 1e-6 => adopted = best.node.clone(),
+            _ => return Ok((adopted, rivals)),
+        }
+    }
+    let rivals = around(told, &adopted)?;
+    Ok((adopted, rivals))
+}
+
+fn around(told: &Told, node: &Arc<Node>) -> Result<Vec<Rival>, InputError> {
+    let margin = margin(told.options.level);
+    let mut rivals: Vec<Rival> = Vec::new();
+    for added in &node.added {
+        let others: Vec<usize> =
+            node.added.iter().map(|added| added.hypothesis).filter(|place| *place != added.hypothesis).collect();
+        let parent = told.search.with(told.base, &others)?;
+        let expansion = told.search.expand(&parent, true);
+        for sketch in expansion.sketches.iter().filter(|sketch| sketch.last() != added.hypothesis) {
+            if sketch.chi2 > node.chi2() + ROUGH * margin + 20.0 || node.set().contains(&sketch.last()) {
+                continue;
+            }
+            let rival = told.search.node(sketch, &parent)?;
+            let freedom = node.fit.parameters.len() as f64 - rival.fit.parameters.len() as f64;
+            if rival.chi2() < node.chi2() + margin + 2.0 * freedom.max(0.0) {
+                rivals.push(Rival { instead_of: added.hypothesis, hypothesis: sketch.last(), node: rival });
+            }
+        }
+    }
+    rivals.sort_by(|a, b| a.node.chi2().total_cmp(&b.node.chi2()).then(a.hypothesis.cmp(&b.hypothesis)));
+    Ok(rivals)
+}

@@ -1,0 +1,66 @@
+//! What data reach: where a search for an effect has to look.
+
+use crate::conditions::Conditions;
+
+/// Least and largest conditions of some data.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reach {
+    /// Launch and the epochs of the data, years since launch, rising.
+    pub epochs_yr: Vec<f64>,
+    /// Shortest and longest time between two parallel transfers, ms.
+    pub line_time_ms: [f64; 2],
+    /// Largest distance behind a packet, px; 1 where there are no trails.
+    pub trail_px: u32,
+    /// Faintest and brightest packet or block with its background, e-; None where there are only galaxies.
+    pub charge_e: Option<[f64; 2]>,
+    /// Coldest and warmest detector, K.
+    pub temperature_k: [f64; 2],
+}
+
+impl Reach {
+    /// That of some rows' conditions.
+    ///
+    /// # Panics
+    /// Where there are none.
+    pub fn of<'a>(rows: impl Iterator<Item = &'a Conditions> + Clone) -> Reach {
+        let ends = |value: &dyn Fn(&Conditions) -> Option<f64>| {
+            rows.clone().filter_map(value).fold(None, |ends: Option<[f64; 2]>, value| match ends {
+                None => Some([value, value]),
+                Some([low, high]) => Some([low.min(value), high.max(value)]),
+            })
+        };
+        let mut epochs_yr: Vec<f64> = rows.clone().map(|at| at.t_yr).chain([0.0]).collect();
+        epochs_yr.sort_by(f64::total_cmp);
+        epochs_yr.dedup();
+        Reach {
+            epochs_yr,
+            line_time_ms: ends(&|at| Some(at.line_time_ms)).expect("at least one row"),
+            trail_px: rows.clone().filter_map(|at| at.trail_px).max().unwrap_or(1),
+            charge_e: ends(&|at| at.signal_e.map(|signal_e| signal_e + at.background_e)),
+            temperature_k: ends(&|at| Some(at.temperature_k)).expect("at least one row"),
+        }
+    }
+
+    /// Middles between two epochs, so many at most, evenly chosen.
+    pub fn between_epochs(&self, most: usize) -> Vec<f64> {
+        let middles: Vec<f64> = self.epochs_yr.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
+        let step = middles.len().div_ceil(most).max(1);
+        middles.into_iter().step_by(step).collect()
+    }
+
+    /// Last epoch, years since launch.
+    pub fn last_yr(&self) -> f64 {
+        self.epochs_yr.last().copied().unwrap_or(0.0)
+    }
+
+    /// Whether rows differ in temperature.
+    pub fn varies_in_temperature(&self) -> bool {
+        self.temperature_k[1] > self.temperature_k[0]
+    }
+}
+
+/// Numbers from one to another whose ratios are equal, both included.
+pub fn ratios(low: f64, high: f64, count: usize) -> impl Iterator<Item = f64> {
+    let step = (high / low).powf(1.0 / (count.max(2) - 1) as f64);
+    (0..count).map(move |index| low * step.powi(index as i32))
+}
