@@ -83,7 +83,9 @@ fn run(case: &Path, truth: &Value) -> Result<Diagnosis, InputError> {
     let data = files.map(|file| DataSet::read(file, &mission)).collect::<Result<Vec<_>, _>>()?;
     let free = mission.fit.free.clone();
     let options = Options { level: 0.01, seed: 1, free, candidates: None, can: Vec::new() };
-    diagnose(&mission, &data, &options, &Progress { stage: &|_, _| (), advance: &|| () })
+    let start = Instant::now();
+    let stage = |name: &str, _| eprintln!("{:6.1} {name}", start.elapsed().as_secs_f64());
+    diagnose(&mission, &data, &options, &Progress { stage: &stage, advance: &|| () })
 }
 
 fn names(list: &Value) -> Vec<String> {

@@ -35,7 +35,7 @@ pub use formula::Suggestion;
 pub use hypothesis::Hypothesis;
 pub use limits::Limit;
 pub use next::Next;
-use search::{LINES, Search, Sketch};
+use search::{BREADTH, LINES, Search, Sketch};
 
 /// How to search.
 #[derive(Clone, Debug)]
@@ -193,8 +193,14 @@ pub struct Diagnosis {
 /// Effects added at most.
 const MOST: usize = 3;
 
+/// Sketches that are fitted in full.
+const POLISHED: usize = LINES + 2;
+
 /// Share of what chi2 has in excess that an effect must explain to be named although the data remain unexplained.
 const MOST_OF_IT: f64 = 0.8;
+
+/// False alarm to first order below which an effect is fitted to see.
+const NEAR: f64 = 0.3;
 
 /// Parts of the level: of the search, of leanings, and of chi2.
 const SEARCH: f64 = 0.5;
@@ -321,12 +327,12 @@ impl Told<'_> {
         let chi2 = null.chi2_above(node.chi2()) < CHI2 * level;
         let validation = validate(node.mission(), self.case().data, self.options.seed)?;
         let leans = validation.leans.iter().any(|lean| lean.false_alarm < LEAN * level);
-        let expansion = self.search.expand(node, node.added.is_empty());
-        let mut search = false;
-        for sketch in &expansion.sketches {
-            let alarm = null.false_alarm(sketch.last(), node.chi2() - sketch.chi2);
-            search |= alarm < SEARCH * level;
-        }
+        let expansion = self.search.expand(node);
+        let alarm = |place: usize, gain: f64| null.false_alarm(place, gain);
+        let near: Vec<usize> =
+            expansion.promising().into_iter().filter(|&place| alarm(place, expansion.gain(place)) < NEAR).collect();
+        let sketches = self.search.sketches(&expansion, &near);
+        let search = sketches.iter().any(|sketch| alarm(sketch.last(), node.chi2() - sketch.chi2) < SEARCH * level);
         Ok(Calls { chi2, search, leans })
     }
 
@@ -334,9 +340,8 @@ impl Told<'_> {
     fn hunt(&self) -> Result<Found, InputError> {
         let hypotheses = self.search.hypotheses.len() as u64;
         (self.search.progress.stage)("every effect", 2 * hypotheses);
-        self.search.expand(self.base, true);
-        let calls = self.calls(self.base)?;
-        if calls.nothing() {
+        self.search.expand(self.base);
+        if self.calls(self.base)?.nothing() {
             let mut found = Found::of(Verdict::Complete, "the model explains the data".into(), self.base.clone());
             found.limits = limits::all(self.search, self.base, self.options.level)?;
             return Ok(found);
@@ -344,30 +349,24 @@ impl Told<'_> {
         let mut lines = vec![self.base.clone()];
         let mut polished: Vec<Arc<Node>> = Vec::new();
         for depth in 1..=MOST {
-            if depth > 1 {
-                (self.search.progress.stage)("pairs of effects", lines.len() as u64 * (hypotheses + 6));
-            }
-            let mut sketches: Vec<(Sketch, usize)> = Vec::new();
-            for (index, line) in lines.iter().enumerate() {
-                let expansion = self.search.expand(line, depth == 1);
-                sketches.extend(expansion.sketches.iter().map(|sketch| (sketch.clone(), index)));
-            }
-            let mut nodes = self.polish(sketches, &lines)?;
-            nodes.sort_by(|a, b| self.score(a).total_cmp(&self.score(b)).then(a.set().cmp(&b.set())));
-            let Some(best) = nodes.first().cloned() else { break };
-            for node in nodes.iter().take(LINES) {
-                if self.score(node) < self.score(&best) + rivals::margin(self.options.level)
-                    && self.calls(node)?.nothing()
-                {
-                    if let Some(found) = self.adopt(node)? {
-                        return Ok(found);
-                    }
-                    break;
+            let mut nodes: Vec<Arc<Node>> = Vec::new();
+            for line in &lines {
+                if depth > 1 {
+                    (self.search.progress.stage)("several effects", hypotheses + BREADTH as u64);
                 }
+                let further = self.further(line, if depth == 1 { usize::MAX } else { BREADTH })?;
+                if let Some(found) = self.success(&further)? {
+                    return Ok(found);
+                }
+                nodes.extend(further);
             }
+            self.sort(&mut nodes);
+            nodes.dedup_by(|a, b| a.set() == b.set());
+            let Some(best) = nodes.first() else { break };
+            let helped = best.chi2() < lines[0].chi2() - 2.0;
             polished.extend(nodes.iter().cloned());
             // More effects are of no use where this one was of none.
-            if best.chi2() > lines[0].chi2() - 2.0 {
+            if !helped {
                 break;
             }
             nodes.truncate(LINES);
@@ -376,24 +375,32 @@ impl Told<'_> {
         self.unexplained(&polished)
     }
 
-    /// Full fits of the best sketches of different effects.
-    fn polish(&self, mut sketches: Vec<(Sketch, usize)>, lines: &[Arc<Node>]) -> Result<Vec<Arc<Node>>, InputError> {
-        sketches.sort_by(|a, b| a.0.chi2.total_cmp(&b.0.chi2).then(a.1.cmp(&b.1)));
-        let mut seen: Vec<Vec<usize>> = Vec::new();
-        let mut nodes = Vec::new();
-        for (sketch, line) in sketches {
-            let mut set: Vec<usize> = sketch.added.iter().map(|added| added.hypothesis).collect();
-            set.sort_unstable();
-            if seen.contains(&set) {
-                continue;
-            }
-            seen.push(set);
-            nodes.push(self.search.node(&sketch, &lines[line])?);
-            if nodes.len() >= LINES + 2 {
-                break;
+    /// The best models with one effect more, in full.
+    fn further(&self, line: &Arc<Node>, breadth: usize) -> Result<Vec<Arc<Node>>, InputError> {
+        let expansion = self.search.expand(line);
+        let mut wanted = expansion.promising();
+        wanted.truncate(breadth);
+        let sketches = self.search.sketches(&expansion, &wanted);
+        let polish = |sketch: &Sketch| self.search.node(sketch, line);
+        let mut nodes = sketches.iter().take(POLISHED).map(polish).collect::<Result<Vec<_>, _>>()?;
+        self.sort(&mut nodes);
+        Ok(nodes)
+    }
+
+    fn sort(&self, nodes: &mut [Arc<Node>]) {
+        nodes.sort_by(|a, b| self.score(a).total_cmp(&self.score(b)).then(a.set().cmp(&b.set())));
+    }
+
+    /// The first of the best of some models that calls for nothing more, adopted.
+    fn success(&self, nodes: &[Arc<Node>]) -> Result<Option<Found>, InputError> {
+        let Some(best) = nodes.first() else { return Ok(None) };
+        let near = self.score(best) + rivals::margin(self.options.level);
+        for node in nodes.iter().filter(|node| self.score(node) < near).take(LINES) {
+            if self.calls(node)?.nothing() {
+                return self.adopt(node);
             }
         }
-        Ok(nodes)
+        Ok(None)
     }
 
     /// The models from the base to one with several effects, that with the larger gain first.
@@ -578,17 +585,9 @@ impl Told<'_> {
 
     /// chi2 of every effect alone.
     fn tried(&self) -> Vec<Tried> {
-        let expansion = self.search.expand(self.base, true);
-        let mut tried: Vec<Tried> = (0..self.search.hypotheses.len())
-            .map(|place| Tried {
-                effect: self.name(place),
-                chi2: expansion
-                    .sketches
-                    .iter()
-                    .find(|sketch| sketch.last() == place)
-                    .map(|sketch| sketch.chi2.min(self.base.chi2())),
-            })
-            .collect();
+        let expansion = self.search.expand(self.base);
+        let tried = |place| Tried { effect: self.name(place), chi2: expansion.chi2(place) };
+        let mut tried: Vec<Tried> = (0..self.search.hypotheses.len()).map(tried).collect();
         tried.sort_by(|a, b| a.chi2.unwrap_or(f64::INFINITY).total_cmp(&b.chi2.unwrap_or(f64::INFINITY)));
         tried
     }

@@ -1,5 +1,7 @@
 //! What complete data would have shown: for each effect the strength that they reveal with 95 % power.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 use toml::{Table, Value};
 
@@ -28,11 +30,11 @@ const POWER: f64 = 1.645;
 const FARTHEST: f64 = 1e4;
 
 /// Limits of all effects.
-pub(super) fn all(search: &Search, base: &Node, level: f64) -> Result<Vec<Limit>, InputError> {
+pub(super) fn all(search: &Search, base: &Arc<Node>, level: f64) -> Result<Vec<Limit>, InputError> {
     (search.progress.stage)("detection limits", search.hypotheses.len() as u64);
     let noise = Noise::left_at(search.case, base);
     let null = search.null(base, &noise);
-    let expansion = search.expand(base, true);
+    let expansion = search.expand(base);
     let here = search.case.over_sigma(&base.fit.values);
     let limit = |(place, trials): (usize, &Vec<Trial>)| {
         let hypothesis = &search.hypotheses[place];

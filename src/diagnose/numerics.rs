@@ -1,6 +1,6 @@
 //! Whether the readout is computed finely enough to judge by.
 //!
-//! Coarse numerics fake an effect. The predictions are compared with those of a readout a hundred times finer; a shift of a
+//! Coarse numerics fake an effect. The predictions are compared with those of a much finer readout; a shift of a
 //! twentieth of a sigma in any row is too much.
 
 use super::case::Case;
@@ -9,22 +9,26 @@ use crate::mission::{Mission, ReadoutMethod};
 use crate::model::Model;
 
 /// Largest shift allowed, sigma.
-const SHIFT_SIGMA: f64 = 0.05;
+const SHIFT_SIGMA: f64 = 0.03;
 
-/// Accuracies that are tried, the cheapest first.
-const ACCURACIES: [f64; 3] = [1e-5, 1e-6, 1e-7];
+/// What they are compared with.
+const FINE: (f64, u32) = (1e-8, 12);
+
+/// Accuracies and grids of sub-pixel positions that are tried, the cheapest first.
+const ACCURACIES: [(f64, u32); 6] = [(1e-4, 2), (1e-4, 3), (1e-5, 4), (1e-5, 6), (1e-6, 8), (1e-7, 12)];
 
 /// The mission with the cheapest readout that is fine enough, and what is to be said of its own.
 pub(super) fn accurate(case: &Case, mission: &Mission) -> Result<(Mission, Vec<String>), InputError> {
-    let with = |relative: f64| {
+    let with = |(relative, subpixel_grid): (f64, u32)| {
         let mut other = mission.clone();
         other.accuracy.readout = ReadoutMethod::Fast;
         other.accuracy.relative = relative;
+        other.accuracy.subpixel_grid = subpixel_grid;
         other
     };
     let model = Model::new(mission);
     let predicted = |mission: &Mission| case.predict_sigma(&model.like(mission));
-    let fine = predicted(&with(1e-8))?;
+    let fine = predicted(&with(FINE))?;
     let mut notes = Vec::new();
     let shift = (predicted(mission)? - &fine).amax();
     if shift > SHIFT_SIGMA {
@@ -32,11 +36,11 @@ pub(super) fn accurate(case: &Case, mission: &Mission) -> Result<(Mission, Vec<S
             "the mission's own readout ([accuracy]) is off by up to {shift:.1} sigma from a finer one, which is used here"
         ));
     }
-    for relative in ACCURACIES {
-        let candidate = with(relative);
+    for accuracy in ACCURACIES {
+        let candidate = with(accuracy);
         if (predicted(&candidate)? - &fine).amax() < SHIFT_SIGMA {
             return Ok((candidate, notes));
         }
     }
-    Ok((with(1e-8), notes))
+    Ok((with(FINE), notes))
 }

@@ -53,8 +53,9 @@ fn around(told: &Told, node: &Arc<Node>) -> Result<Vec<Rival>, InputError> {
         let others: Vec<usize> =
             node.added.iter().map(|added| added.hypothesis).filter(|place| *place != added.hypothesis).collect();
         let parent = told.search.with(told.base, &others)?;
-        let expansion = told.search.expand(&parent, true);
-        for sketch in expansion.sketches.iter().filter(|sketch| sketch.last() != added.hypothesis) {
+        let expansion = told.search.expand(&parent);
+        let sketches = told.search.sketches(&expansion, &expansion.promising());
+        for sketch in sketches.iter().filter(|sketch| sketch.last() != added.hypothesis) {
             if sketch.chi2 > node.chi2() + ROUGH * margin + 20.0 || node.set().contains(&sketch.last()) {
                 continue;
             }

@@ -5,7 +5,8 @@
 //! roughly, then the best in full. Where no single effect is enough, the best few are carried on together: the first of two
 //! missing effects need not be the one that explains most by itself.
 
-use std::sync::Mutex;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
 
 use rayon::prelude::*;
 
@@ -21,8 +22,8 @@ use crate::mission::Mission;
 /// Trials of one effect that are fitted.
 const FITTED: usize = 2;
 
-/// Effects tried on top of a model that has some already: those that promise most.
-const BREADTH: usize = 6;
+/// Effects fitted on top of a model that has some already: those that promise most.
+pub(super) const BREADTH: usize = 6;
 
 /// Models that are carried on together.
 pub(super) const LINES: usize = 4;
@@ -43,10 +44,33 @@ impl Sketch {
 
 /// What can be added to a fitted model.
 pub(super) struct Expansion {
+    pub node: Arc<Node>,
     /// By hypothesis.
     pub trials: Vec<Vec<Trial>>,
-    /// Best sketch of each hypothesis that was fitted, least chi2 first.
-    pub sketches: Vec<Sketch>,
+    /// Rough fits made so far, by hypothesis; None where an effect cannot be fitted.
+    sketches: Mutex<BTreeMap<usize, Option<Sketch>>>,
+}
+
+impl Expansion {
+    /// How far chi2 falls with an effect, to first order.
+    pub fn gain(&self, hypothesis: usize) -> f64 {
+        self.trials[hypothesis].iter().map(|trial| trial.gain(&self.node.residuals)).fold(0.0, f64::max)
+    }
+
+    /// Effects that can be added, those that promise most first.
+    pub fn promising(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.trials.len()).filter(|&place| !self.trials[place].is_empty()).collect();
+        order.sort_by(|a, b| self.gain(*b).total_cmp(&self.gain(*a)).then(a.cmp(b)));
+        order
+    }
+
+    /// chi2 with an effect: of its rough fit where there is one, to first order elsewhere; None where it changes nothing.
+    pub fn chi2(&self, hypothesis: usize) -> Option<f64> {
+        let sketches = self.sketches.lock().expect("nobody panics");
+        let fitted = sketches.get(&hypothesis).and_then(|sketch| sketch.as_ref().map(|sketch| sketch.chi2));
+        let first_order = || (!self.trials[hypothesis].is_empty()).then(|| self.node.chi2() - self.gain(hypothesis));
+        fitted.map(|chi2| chi2.min(self.node.chi2())).or_else(first_order)
+    }
 }
 
 /// All that stays the same during a search.
@@ -58,8 +82,8 @@ pub(super) struct Search<'a> {
     pub seed: u64,
     pub progress: &'a Progress<'a>,
     /// Models fitted in full, by their hypotheses.
-    nodes: Mutex<Vec<std::sync::Arc<Node>>>,
-    expansions: Mutex<Vec<(Vec<usize>, bool, std::sync::Arc<Expansion>)>>,
+    nodes: Mutex<Vec<Arc<Node>>>,
+    expansions: Mutex<Vec<Arc<Expansion>>>,
 }
 
 impl<'a> Search<'a> {
@@ -74,7 +98,7 @@ impl<'a> Search<'a> {
     }
 
     /// Fits a sketch in full; the same effects are fitted once.
-    pub fn node(&self, sketch: &Sketch, like: &Node) -> Result<std::sync::Arc<Node>, InputError> {
+    pub fn node(&self, sketch: &Sketch, like: &Node) -> Result<Arc<Node>, InputError> {
         let mut set: Vec<usize> = sketch.added.iter().map(|added| added.hypothesis).collect();
         set.sort_unstable();
         let known = self.nodes.lock().expect("nobody panics").iter().find(|node| node.set() == set).cloned();
@@ -85,7 +109,7 @@ impl<'a> Search<'a> {
         let options = fit::Options { starts: 1, seed: self.seed, moments: many };
         let model = like.model.like(&sketch.mission);
         let node = Node::fit(self.case, &model, sketch.added.clone(), &self.base, &options, &|_| ())?;
-        let node = std::sync::Arc::new(node);
+        let node = Arc::new(node);
         let mut nodes = self.nodes.lock().expect("nobody panics");
         nodes.retain(|known| known.set() != set);
         nodes.push(node.clone());
@@ -93,7 +117,7 @@ impl<'a> Search<'a> {
     }
 
     /// The fitted model with some hypotheses, added one by one to another.
-    pub fn with(&self, base: &std::sync::Arc<Node>, hypotheses: &[usize]) -> Result<std::sync::Arc<Node>, InputError> {
+    pub fn with(&self, base: &Arc<Node>, hypotheses: &[usize]) -> Result<Arc<Node>, InputError> {
         let mut set = hypotheses.to_vec();
         set.sort_unstable();
         if set.is_empty() {
@@ -112,47 +136,40 @@ impl<'a> Search<'a> {
         self.node(&sketch, &parent)
     }
 
-    /// Tries every effect on top of a model. Thorough: all of them are fitted; otherwise those that promise most.
-    pub fn expand(&self, node: &Node, thorough: bool) -> std::sync::Arc<Expansion> {
+    /// Every trial of every effect on top of a model.
+    pub fn expand(&self, node: &Arc<Node>) -> Arc<Expansion> {
         let set = node.set();
-        let known = self.expansions.lock().expect("nobody panics");
-        if let Some((.., expansion)) = known.iter().find(|(known, all, _)| *known == set && (*all || !thorough)) {
-            return expansion.clone();
+        let known =
+            self.expansions.lock().expect("nobody panics").iter().find(|known| known.node.set() == set).cloned();
+        if let Some(expansion) = known.filter(|known| known.node.chi2() == node.chi2()) {
+            return expansion;
         }
-        drop(known);
-        let trials: Vec<Vec<Trial>> = self
-            .hypotheses
-            .par_iter()
-            .enumerate()
-            .map(|(place, hypothesis)| {
-                let again = set.contains(&place) && !hypothesis.may_repeat();
-                let trials = if again || !hypothesis.is_new_to(node.mission()) && !set.contains(&place) {
-                    Vec::new()
-                } else {
-                    hypothesis.trials(place, self.case, node)
-                };
-                self.progress.step();
-                trials
-            })
-            .collect();
-        let best = |trials: &Vec<Trial>| trials.iter().map(|trial| trial.gain(&node.residuals)).fold(0.0, f64::max);
-        let mut order: Vec<usize> = (0..trials.len()).filter(|&place| !trials[place].is_empty()).collect();
-        order.sort_by(|a, b| best(&trials[*b]).total_cmp(&best(&trials[*a])));
-        if !thorough {
-            order.truncate(BREADTH);
-        }
-        let mut sketches: Vec<Sketch> = order
-            .par_iter()
-            .filter_map(|&place| {
-                let sketch = self.sketch(node, &trials[place]);
-                self.progress.step();
-                sketch
-            })
-            .collect();
-        sketches.sort_by(|a, b| a.chi2.total_cmp(&b.chi2).then(a.last().cmp(&b.last())));
-        let expansion = std::sync::Arc::new(Expansion { trials, sketches });
-        self.expansions.lock().expect("nobody panics").push((set, thorough, expansion.clone()));
+        let trials = |(place, hypothesis): (usize, &Hypothesis)| {
+            let new = if set.contains(&place) { hypothesis.may_repeat() } else { hypothesis.is_new_to(node.mission()) };
+            let trials = if new { hypothesis.trials(place, self.case, node) } else { Vec::new() };
+            self.progress.step();
+            trials
+        };
+        let trials = self.hypotheses.par_iter().enumerate().map(trials).collect();
+        let expansion = Arc::new(Expansion { node: node.clone(), trials, sketches: Mutex::default() });
+        let mut expansions = self.expansions.lock().expect("nobody panics");
+        expansions.retain(|known| known.node.set() != set);
+        expansions.push(expansion.clone());
         expansion
+    }
+
+    /// Rough fits of some effects on top of a model, least chi2 first.
+    pub fn sketches(&self, expansion: &Expansion, wanted: &[usize]) -> Vec<Sketch> {
+        let known = |place: &usize| expansion.sketches.lock().expect("nobody panics").get(place).cloned();
+        let sketch = |place: &usize| {
+            let sketch = known(place).unwrap_or_else(|| self.sketch(&expansion.node, &expansion.trials[*place]));
+            expansion.sketches.lock().expect("nobody panics").insert(*place, sketch.clone());
+            self.progress.step();
+            sketch
+        };
+        let mut sketches: Vec<Sketch> = wanted.par_iter().filter_map(sketch).collect();
+        sketches.sort_by(|a, b| a.chi2.total_cmp(&b.chi2).then(a.last().cmp(&b.last())));
+        sketches
     }
 
     /// The best rough fit of an effect from its most promising trials.
@@ -190,8 +207,7 @@ impl<'a> Search<'a> {
     }
 
     /// How often the search finds as much in noise, at a model whose noise is given.
-    pub fn null(&self, node: &Node, noise: &Noise) -> Null {
-        let expansion = self.expand(node, node.added.is_empty());
-        Null::simulate(self.case, node, &expansion.trials, noise, self.seed)
+    pub fn null(&self, node: &Arc<Node>, noise: &Noise) -> Null {
+        Null::simulate(self.case, node, &self.expand(node).trials, noise, self.seed)
     }
 }

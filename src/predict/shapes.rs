@@ -26,14 +26,20 @@ const FEW: usize = 7;
 /// some four times closer: the curve has small kinks, where packets begin to meet one another's levels.
 const FORETOLD: f64 = 2e-4;
 
-/// Accuracy of the readout for a shape that is measured: that of the packets, which in a change of shape average out to a
-/// few millionths of it, far below what any shape is measured to.
-const READOUT: f64 = 1e-4;
+/// Accuracy of the readout for a shape that is measured, over the mission's: errors of single packets average out in a change
+/// of shape, to a few millionths of it at the usual 1e-4 of the packets, far below what any shape is measured to.
+const READOUT: f64 = 100.0;
+
+/// The coarsest readout of shapes.
+const COARSEST: f64 = 1e-2;
 
 /// The device as it is read out for shapes.
 pub(super) fn coarse(device: &Device) -> Device {
     match device.readout.method {
-        Method::Fast { relative } => device.by(Method::Fast { relative: relative.max(READOUT) }),
+        Method::Fast { relative } => {
+            let coarser = (READOUT * relative).min(COARSEST);
+            device.by(Method::Fast { relative: relative.max(coarser) })
+        }
         _ => device.clone(),
     }
 }
