@@ -13,12 +13,14 @@ use std::sync::Mutex;
 use clap::{Args, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::diagnose::{self, diagnose};
 use crate::dose;
 use crate::error::{InputError, nearest};
 use crate::evaluate::evaluate;
 use crate::measurement::DataSet;
 use crate::mission::{self, Mission};
 use crate::model::Model;
+use crate::observable::Observable;
 use crate::report::{self, EvaluateReport, FitReport, Format, Report};
 use crate::scenario::{Axis, compare};
 use crate::validate::validate;
@@ -48,6 +50,8 @@ enum Command {
     Validate(Validate),
     /// Adjust what [fit] or --free names to measurements: values with errors and correlations
     Fit(Fit),
+    /// Which physical effect the model is missing: found, calibrated against noise, confirmed on rows left out, and added
+    Diagnose(Diagnose),
     /// The catalogue of effects, or one of them: its physics, its parameters, and what it looks like in residuals
     Effects(Effects),
 }
@@ -183,6 +187,44 @@ struct Fit {
 }
 
 #[derive(Debug, Args)]
+struct Diagnose {
+    /// Mission file (TOML)
+    mission: PathBuf,
+    /// Measurement files (ECSV or CSV)
+    #[arg(required = true)]
+    data: Vec<PathBuf>,
+    /// A key to adjust, such as detector.traps.VV.release_ms, in addition to [fit] free; may be given several times
+    #[arg(long, value_name = "KEY")]
+    free: Vec<String>,
+    /// Adjust only the keys given with --free, and not those of [fit] free
+    #[arg(long, requires = "free")]
+    only: bool,
+    /// Another value of a key to start from; may be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// False alarms allowed, as a share of complete models
+    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = level)]
+    level: f64,
+    /// Seed of all simulations, in place of the mission's
+    #[arg(long, value_name = "SEED")]
+    seed: Option<u64>,
+    /// Effects of your own, as [effects.formula] or [[effects.formula]] in a file of their own; they compete on equal terms
+    #[arg(long, value_name = "FILE.toml")]
+    candidates: Option<PathBuf>,
+    /// What could be measured next, such as trail,packet_charge; anything by default
+    #[arg(long, value_name = "OBSERVABLES", value_delimiter = ',', value_parser = observable)]
+    can: Vec<Observable>,
+    /// Write the mission with the fitted values and the effects found; comments and order are kept
+    #[arg(long, value_name = "NEW.toml")]
+    write: Option<PathBuf>,
+    /// Draw data and model before and after, residuals, and the falling error as SVG into this folder
+    #[arg(long, value_name = "DIR")]
+    plots: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
+}
+
+#[derive(Debug, Args)]
 struct Effects {
     /// The effect of which more is to be told
     kind: Option<String>,
@@ -215,6 +257,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Dose(command) => command.run(),
         Command::Validate(command) => command.run(),
         Command::Fit(command) => command.run(),
+        Command::Diagnose(command) => command.run(),
         Command::Effects(command) => command.run(),
     };
     match result {
@@ -312,7 +355,7 @@ impl Dose {
 impl Validate {
     fn run(&self) -> Result<Outcome, Failure> {
         let mission = mission_with(&self.mission, &self.set)?;
-        let data = self.data.iter().map(|path| DataSet::read(path, &mission)).collect::<Result<Vec<_>, _>>()?;
+        let data = data_sets(&self.data, &mission)?;
         let validation = validate(&mission, &data, self.seed.unwrap_or(mission.accuracy.seed))?;
         if let Some(folder) = &self.plots {
             output::folder(folder)?;
@@ -334,9 +377,8 @@ impl Validate {
 impl Fit {
     fn run(&self) -> Result<Outcome, Failure> {
         let mission = mission_with(&self.mission, &self.set)?;
-        let data = self.data.iter().map(|path| DataSet::read(path, &mission)).collect::<Result<Vec<_>, _>>()?;
-        let mut keys = if self.only { Vec::new() } else { mission.fit.free.clone() };
-        keys.extend(self.free.iter().filter(|key| !mission.fit.free.contains(key) || self.only).cloned());
+        let data = data_sets(&self.data, &mission)?;
+        let keys = free_keys(&mission, &self.free, self.only);
         if keys.is_empty() {
             return Err(InputError::new("cannot fit", "no key is free")
                 .with_help("name some with --free, such as --free detector.traps.VV.density_per_px, or in [fit] free")
@@ -373,6 +415,42 @@ impl Fit {
     }
 }
 
+impl Diagnose {
+    fn run(&self) -> Result<Outcome, Failure> {
+        let mission = mission_with(&self.mission, &self.set)?;
+        let data = data_sets(&self.data, &mission)?;
+        let options = diagnose::Options {
+            level: self.level,
+            seed: self.seed.unwrap_or(mission.accuracy.seed),
+            free: free_keys(&mission, &self.free, self.only),
+            candidates: self.candidates.as_ref().map(candidates).transpose()?,
+            can: self.can.clone(),
+        };
+        let bar = progress(0, "steps");
+        let stage = |name: &str, steps| {
+            bar.reset();
+            bar.set_length(steps);
+            bar.set_message(name.to_string());
+        };
+        let found = diagnose(&mission, &data, &options, &diagnose::Progress { stage: &stage, advance: &|| bar.inc(1) });
+        bar.finish_and_clear();
+        let found = found?;
+        if let Some(folder) = &self.plots {
+            output::folder(folder)?;
+            for (name, figure) in found.figures() {
+                output::write(folder.join(name), &figure.svg())?;
+            }
+        }
+        if let Some(path) = &self.write {
+            let text = fs::read_to_string(&self.mission).map_err(Failure::Output)?;
+            let text = mission::edit(&text, &Mission::read(&self.mission)?, &settings(&self.set)?);
+            output::write(path, &found.improved_text(&text))?;
+        }
+        print(&found, &self.output)?;
+        Ok(Outcome::Done)
+    }
+}
+
 impl Effects {
     fn run(&self) -> Result<Outcome, Failure> {
         if self.markdown {
@@ -405,6 +483,38 @@ fn mission_with(path: &PathBuf, settings: &[String]) -> Result<Mission, InputErr
     if settings.is_empty() { Ok(mission) } else { mission.with(&self::settings(settings)?) }
 }
 
+/// Reads measurement files for a mission.
+fn data_sets(paths: &[PathBuf], mission: &Mission) -> Result<Vec<DataSet>, InputError> {
+    paths.iter().map(|path| DataSet::read(path, mission)).collect()
+}
+
+/// Keys to adjust: those of the mission's `[fit] free`, unless only others are wanted.
+fn free_keys(mission: &Mission, free: &[String], only: bool) -> Vec<String> {
+    let mut keys = if only { Vec::new() } else { mission.fit.free.clone() };
+    keys.extend(free.iter().filter(|key| only || !mission.fit.free.contains(key)).cloned());
+    keys
+}
+
+/// The effects of a file of candidates.
+fn candidates(path: &PathBuf) -> Result<toml::Table, InputError> {
+    let refused = || format!("cannot use the candidates in `{}`", path.display());
+    let text = fs::read_to_string(path).map_err(|error| InputError::new(refused(), error.to_string()))?;
+    let table: toml::Table = toml::from_str(&text).map_err(|error| {
+        let line = error.span().map_or(1, |span| text[..span.start.min(text.len())].lines().count().max(1));
+        InputError { place: Some(format!("line {line}")), ..InputError::new(refused(), error.message().to_string()) }
+    })?;
+    let help = "write [effects.formula] with target, expression and parameters, as in a mission file";
+    if let Some(other) = table.keys().find(|key| *key != "effects") {
+        return Err(
+            InputError::new(refused(), format!("`{other}` is not known here; only [effects.KIND] is")).with_help(help)
+        );
+    }
+    match table.get("effects") {
+        Some(toml::Value::Table(effects)) if !effects.is_empty() => Ok(effects.clone()),
+        _ => Err(InputError::new(refused(), "there are no effects in it").with_help(help)),
+    }
+}
+
 /// Keys with one value each.
 fn settings(settings: &[String]) -> Result<Vec<(String, toml::Value)>, InputError> {
     let mut values = Vec::new();
@@ -427,6 +537,20 @@ fn key_and_value(setting: &str) -> Result<(&str, &str), InputError> {
     })
 }
 
+fn level(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(level) if level > 0.0 && level <= 0.5 => Ok(level),
+        _ => Err("a share between 0 and 0.5 is needed, such as 0.01".into()),
+    }
+}
+
+fn observable(text: &str) -> Result<Observable, String> {
+    let names = || Observable::ALL.iter().map(|observable| observable.name());
+    Observable::ALL.into_iter().find(|observable| observable.name() == text.trim()).ok_or_else(|| {
+        format!("no observable is called \"{text}\"; there are: {}", names().collect::<Vec<_>>().join(", "))
+    })
+}
+
 fn energy(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(energy_mev) if energy_mev > 0.0 && energy_mev.is_finite() => Ok(energy_mev),
@@ -441,7 +565,7 @@ fn print(report: &impl Report, output: &Output) -> Result<(), Failure> {
 
 /// A bar on standard error where that is a terminal, and nothing where it is not.
 fn progress(length: u64, unit: &str) -> ProgressBar {
-    let style = ProgressStyle::with_template(&format!("{{bar:30}} {{pos}}/{{len}} {unit}, {{eta}} left"));
+    let style = ProgressStyle::with_template(&format!("{{msg}} {{bar:30}} {{pos}}/{{len}} {unit}, {{eta}} left"));
     ProgressBar::new(length).with_style(style.expect("a template that a test has drawn"))
 }
 

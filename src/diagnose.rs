@@ -190,6 +190,36 @@ pub struct Diagnosis {
     pub after: Validation,
 }
 
+impl Diagnosis {
+    /// The tables of effects that differ from those of the mission as given, by kind.
+    pub fn added_effects(&self) -> toml::Table {
+        let known = &self.mission.effects;
+        let new = self.steps.iter().map(|step| step.key.split('.').nth(1).expect("effects.KIND"));
+        let mut added = toml::Table::new();
+        for kind in new.chain(known.keys().map(String::as_str)) {
+            if self.improved.effects.get(kind) != known.get(kind) {
+                added.insert(kind.into(), self.improved.effects[kind].clone());
+            }
+        }
+        added
+    }
+
+    /// The same as TOML.
+    pub fn toml(&self) -> String {
+        let effects = toml::Table::from_iter([("effects".to_string(), self.added_effects().into())]);
+        toml::to_string(&effects).expect("tables of numbers and words")
+    }
+
+    /// The text of the mission's file with what was found.
+    pub fn improved_text(&self, text: &str) -> String {
+        let settings: Vec<(String, toml::Value)> =
+            self.parameters.iter().map(|fitted| (fitted.key.clone(), fitted.value.into())).collect();
+        let own = settings.into_iter().filter(|(key, _)| !key.starts_with("effects.")).collect::<Vec<_>>();
+        let text = crate::mission::edit(text, &self.mission, &own);
+        crate::mission::with_effects(&text, &self.added_effects(), "found by `ctiplan diagnose`")
+    }
+}
+
 /// Effects added at most.
 const MOST: usize = 3;
 

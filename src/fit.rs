@@ -160,12 +160,8 @@ pub(crate) fn fit_rows(
     let fitted = problem.mission(&best.at)?;
     let jacobian = problem.jacobian(&best.at)?;
     let errors = Errors::of(&jacobian);
-    let sigmas: Vec<Option<f64>> = (0..keys.len())
-        .map(|index| match problem.parameters[index].is_moment {
-            true => problem.moment_sigma(&best, index),
-            false => errors.sigmas[index],
-        })
-        .collect();
+    let mut sigmas = errors.sigmas.clone();
+    problem.add_moments(&best, &jacobian, &mut sigmas);
     let parameters: Vec<Fitted> = problem
         .parameters
         .iter()
@@ -296,10 +292,11 @@ impl<'a> Problem<'a> {
         Ok(residuals)
     }
 
-    /// Derivatives of the residuals with respect to the parameters, `[(row, parameter)]`, from one step to either side.
+    /// Derivatives of the residuals with respect to the parameters, `[(row, parameter)]`, from one step to either side; 0 for
+    /// moments, which have none.
     fn jacobian(&self, at: &[f64]) -> Result<DMatrix<f64>, InputError> {
         let mut jacobian = DMatrix::zeros(self.values.len(), at.len());
-        for (index, parameter) in self.parameters.iter().enumerate() {
+        for (index, parameter) in self.parameters.iter().enumerate().filter(|(_, parameter)| !parameter.is_moment) {
             let (low, high) = parameter.around(at[index]);
             let moved = |value: f64| {
                 let mut at = at.to_vec();
@@ -371,22 +368,37 @@ impl<'a> Problem<'a> {
         epochs
     }
 
-    /// Half of the interval of a moment in which chi2 stays within 1 of the best, over √3: a uniform chance in it.
-    fn moment_sigma(&self, best: &Optimum, index: usize) -> Option<f64> {
-        let centre = best.at[index];
-        let near = |t_yr: f64| {
-            let mut at = best.at.clone();
-            at[index] = t_yr;
-            self.residuals(&at).is_ok_and(|residuals| chi2(&residuals) < best.chi2 + 1.0)
-        };
-        let (mut low, mut high) = (centre, centre);
-        for pair in self.epochs().windows(2) {
-            if near(0.5 * (pair[0] + pair[1])) {
-                low = low.min(pair[0]);
-                high = high.max(pair[1]);
+    /// Errors of moments, and what they add to those of all others. For each interval between epochs the other parameters
+    /// follow to first order; where chi2 then stays within 1 of the best, the moment may lie, with a uniform chance.
+    fn add_moments(&self, best: &Optimum, jacobian: &DMatrix<f64>, sigmas: &mut [Option<f64>]) {
+        for index in (0..best.at.len()).filter(|&index| self.parameters[index].is_moment) {
+            let inverse = jacobian.clone().pseudo_inverse(1e-9 * jacobian.norm()).ok();
+            let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+            let mut ends = vec![[0.0_f64, 0.0]; best.at.len()];
+            for pair in self.epochs().windows(2) {
+                let mut at = best.at.clone();
+                at[index] = 0.5 * (pair[0] + pair[1]);
+                let Ok(residuals) = self.residuals(&at) else { continue };
+                let residuals = DVector::from_vec(residuals);
+                let follow = inverse.as_ref().map(|inverse| -(inverse * &residuals));
+                let left = follow.as_ref().map_or(residuals.clone(), |follow| &residuals + jacobian * follow);
+                if left.norm_squared() < best.chi2 + 1.0 || (pair[0]..pair[1]).contains(&best.at[index]) {
+                    low = low.min(pair[0]);
+                    high = high.max(pair[1]);
+                    for (ends, follow) in ends.iter_mut().zip(follow.iter().flatten()) {
+                        *ends = [ends[0].min(*follow), ends[1].max(*follow)];
+                    }
+                }
+            }
+            let uniform = |width: f64| width / 12.0_f64.sqrt();
+            for (other, sigma) in sigmas.iter_mut().enumerate() {
+                *sigma = match sigma {
+                    _ if other == index => (high > low).then(|| uniform(high - low)),
+                    Some(sigma) => Some(sigma.hypot(uniform(ends[other][1] - ends[other][0]))),
+                    None => None,
+                };
             }
         }
-        (high > low).then(|| 0.5 * (high - low) / 3.0_f64.sqrt())
     }
 
     /// Minimises from a start with moments held where they are, again and again until that helps no more: where the model

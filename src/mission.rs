@@ -8,7 +8,7 @@ mod edit;
 pub mod keys;
 mod read;
 
-pub use edit::edit;
+pub use edit::{edit, with_effects};
 
 use std::fmt;
 

@@ -1,6 +1,7 @@
 //! Results → tables, JSON, CSV. Nothing is computed here that is not already in a result.
 
 mod compare;
+mod diagnose;
 mod dose;
 pub mod effects;
 mod evaluate;

@@ -18,6 +18,39 @@ pub fn edit(text: &str, mission: &Mission, settings: &[(String, toml::Value)]) -
     document.to_string()
 }
 
+/// The text of a mission file with other tables of some kinds of effects, each with a comment above it.
+///
+/// # Panics
+/// Where the text is not that of a mission.
+pub fn with_effects(text: &str, effects: &toml::Table, comment: &str) -> String {
+    let mut document: DocumentMut = text.parse().expect("the text of a mission that was read");
+    if effects.is_empty() {
+        return text.to_string();
+    }
+    let place = document.entry("effects").or_insert_with(|| {
+        let mut table = Table::new();
+        table.set_implicit(true);
+        Item::Table(table)
+    });
+    for (kind, tables) in effects {
+        let alone = toml::Table::from_iter([(kind.clone(), tables.clone())]);
+        let written = toml::to_string(&alone).expect("tables of numbers and words");
+        let mut item = written.parse::<DocumentMut>().expect("TOML that was written").as_table_mut().remove(kind);
+        let above = format!("\n# {comment}\n");
+        match item.as_mut() {
+            Some(Item::Table(table)) => table.decor_mut().set_prefix(above),
+            Some(Item::ArrayOfTables(tables)) => {
+                if let Some(first) = tables.iter_mut().next() {
+                    first.decor_mut().set_prefix(above);
+                }
+            }
+            _ => {}
+        }
+        place[kind.as_str()] = item.expect("what was just written");
+    }
+    document.to_string()
+}
+
 /// Sets the value at `a.b[2].c`.
 fn set(item: &mut Item, path: &str, value: &toml::Value) {
     let (first, rest) = path.split_once('.').map_or((path, None), |(first, rest)| (first, Some(rest)));

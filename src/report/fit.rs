@@ -156,7 +156,7 @@ fn others(starts: &[f64], same: usize) -> String {
 }
 
 /// Value and error to the same decimal, the error to two digits.
-fn value_and_error(parameter: &Fitted) -> (String, String) {
+pub(super) fn value_and_error(parameter: &Fitted) -> (String, String) {
     let value = parameter.value;
     match parameter.sigma {
         Some(sigma) if sigma > 0.0 && sigma.is_finite() => {

@@ -1,0 +1,397 @@
+//! `ctiplan diagnose`.
+
+use serde_json::{Map, Value, json};
+
+use super::fit::value_and_error;
+use super::{Report, lines, or_dash, table, toml_json, wrapped};
+use crate::calendar::date_after;
+use crate::diagnose::{Diagnosis, Next, Rung, Verdict};
+use crate::effect::CATALOGUE;
+use crate::fit::Fitted;
+use crate::mission::keys::plain;
+use crate::validate::lean::said;
+
+/// Effects listed among those that were tried.
+const LISTED: usize = 8;
+
+impl Report for Diagnosis {
+    fn text(&self) -> String {
+        let mut out = wrapped(&format!("{}: which effect is missing?", self.mission.mission.name), 2);
+        out.push_str(&wrapped(&format!("\nVerdict: {}. {}.", self.verdict.name(), sentence(&self.reason)), 2));
+        out.push_str(&self.ladder());
+        if !self.steps.is_empty() {
+            out.push_str(&self.added());
+        }
+        if !self.alternatives.is_empty() {
+            out.push_str("\nWhat these data cannot tell apart\n");
+            for set in &self.alternatives {
+                out.push_str(&wrapped(&format!("  {}", set.join(" or ")), 4));
+            }
+            match &self.next {
+                Some(next) => out.push_str(&wrapped(&self.measure(next), 2)),
+                None => out.push_str("Nothing that could be measured would tell the first two apart.\n"),
+            }
+        }
+        if self.verdict == Verdict::Unexplained {
+            out.push_str(&self.left_over());
+        }
+        if !self.limits.is_empty() {
+            out.push_str(&self.detection_limits());
+        }
+        if !self.tried.is_empty() {
+            out.push_str(&self.what_was_tried());
+        }
+        if self.noise.correlation > 0.0 {
+            out.push_str(&wrapped(
+                &format!(
+                    "Note: errors of neighbouring pixels are correlated ({:.2}); chances are simulated with that.",
+                    self.noise.correlation
+                ),
+                2,
+            ));
+        }
+        for note in &self.notes {
+            out.push_str(&wrapped(&format!("Note: {note}."), 2));
+        }
+        out
+    }
+
+    fn json(&self) -> Value {
+        let steps: Vec<Value> = self
+            .steps
+            .iter()
+            .map(|step| {
+                let mut json = rung_json(&step.rung);
+                let parameters: Map<String, Value> = step
+                    .parameters
+                    .iter()
+                    .map(|fitted| {
+                        let name = fitted.key.strip_prefix(&format!("{}.", step.key)).unwrap_or(&fitted.key);
+                        let value = json!({"value": fitted.value, "sigma": fitted.sigma, "unit": fitted.unit});
+                        (name.to_string(), value)
+                    })
+                    .collect();
+                json["effect"] = step.effect.clone().into();
+                json["parameters"] = parameters.into();
+                json["false_alarm"] = step.false_alarm.into();
+                json
+            })
+            .collect();
+        let covariates: Vec<Value> = self
+            .covariates
+            .iter()
+            .map(|leaning| json!({"name": leaning.name, "false_alarm": leaning.false_alarm}))
+            .collect();
+        let next = self.next.as_ref().map(|next| {
+            let mut conditions: Map<String, Value> =
+                next.conditions.iter().map(|(name, value)| (name.clone(), (*value).into())).collect();
+            if let Some(galaxy) = &next.galaxy {
+                conditions.insert("galaxy".into(), galaxy.clone().into());
+            }
+            json!({
+                "observable": next.observable.name(),
+                "conditions": conditions,
+                "separates": next.separates,
+                "apart_sigma": next.apart_sigma,
+                "sigma": next.sigma,
+            })
+        });
+        let parameters: Vec<Value> = self.parameters.iter().map(fitted_json).collect();
+        let tried: Vec<Value> =
+            self.tried.iter().map(|tried| json!({"effect": tried.effect, "chi2": tried.chi2})).collect();
+        let mut json = json!({
+            "mission": self.mission.mission.name,
+            "verdict": self.verdict.name(),
+            "reason": self.reason,
+            "baseline": rung_json(&self.baseline),
+            "steps": steps,
+            "alternatives": self.alternatives,
+            "covariates": covariates,
+            "next_measurement": next,
+            "parameters": parameters,
+            "tried": tried,
+            "held_out": self.held_out,
+            "noise": {"scale": self.noise.scale, "correlation": self.noise.correlation},
+            "leaning": self.after.words,
+            "formula": self.suggestion.as_ref().map(|suggestion| suggestion.toml.clone()),
+            "notes": self.notes,
+        });
+        if self.verdict == Verdict::Complete {
+            let limits: Map<String, Value> = CATALOGUE
+                .iter()
+                .map(|entry| {
+                    let kind = entry.card.kind;
+                    let limit = self.limits.iter().find(|limit| limit.effect == kind);
+                    let table = limit.and_then(|limit| limit.table.clone());
+                    (kind.to_string(), table.map_or(Value::Null, |table| toml_json(&table.into())))
+                })
+                .collect();
+            json["detection_limits"] = limits.into();
+        }
+        json
+    }
+
+    fn csv(&self) -> Vec<Vec<String>> {
+        let header = [
+            "model",
+            "parameter",
+            "unit",
+            "value",
+            "sigma",
+            "chi2",
+            "n",
+            "free",
+            "rms_sigma",
+            "holdout_rms_sigma",
+            "false_alarm",
+            "uncorrected_t_yr",
+            "corrected_t_yr",
+        ];
+        let mut records = vec![header.map(str::to_string).to_vec()];
+        let mut record = |model: &str, parameters: &[Fitted], rung: &Rung, alarm: Option<f64>| {
+            let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+            let none = [None];
+            let each: Vec<Option<&Fitted>> =
+                if parameters.is_empty() { none.to_vec() } else { parameters.iter().map(Some).collect() };
+            for fitted in each {
+                let budget = rung.budget.as_ref();
+                records.push(vec![
+                    model.to_string(),
+                    fitted.map_or(String::new(), |fitted| fitted.key.clone()),
+                    fitted.map_or(String::new(), |fitted| fitted.unit.to_string()),
+                    number(fitted.map(|fitted| fitted.value)),
+                    number(fitted.and_then(|fitted| fitted.sigma)),
+                    rung.chi2.to_string(),
+                    rung.n.to_string(),
+                    rung.free.to_string(),
+                    rung.rms_sigma().to_string(),
+                    number(rung.holdout_rms_sigma),
+                    number(alarm),
+                    number(budget.and_then(|budget| budget.uncorrected.t_yr)),
+                    number(budget.and_then(|budget| budget.corrected.t_yr)),
+                ]);
+            }
+        };
+        record("as given", &self.parameters, &self.baseline, None);
+        for step in &self.steps {
+            record(&step.effect, &step.parameters, &step.rung, Some(step.false_alarm));
+        }
+        records
+    }
+}
+
+/// With a capital letter, if it is no name of a file.
+fn sentence(text: &str) -> String {
+    let mut letters = text.chars();
+    match letters.next() {
+        Some(first) if !text.contains(".ecsv:") && !text.contains(".csv:") => {
+            first.to_uppercase().chain(letters).collect()
+        }
+        _ => text.to_string(),
+    }
+}
+
+fn fitted_json(fitted: &Fitted) -> Value {
+    json!({"key": fitted.key, "unit": fitted.unit, "value": fitted.value, "sigma": fitted.sigma})
+}
+
+fn rung_json(rung: &Rung) -> Value {
+    let year = |crossing: fn(&crate::evaluate::Verdict) -> Option<f64>| rung.budget.as_ref().and_then(crossing);
+    json!({
+        "chi2": rung.chi2,
+        "n": rung.n,
+        "free": rung.free,
+        "rms_sigma": rung.rms_sigma(),
+        "holdout_rms_sigma": rung.holdout_rms_sigma,
+        "budget_exceeded_t_yr": {
+            "uncorrected": year(|budget| budget.uncorrected.t_yr),
+            "corrected": year(|budget| budget.corrected.t_yr),
+        },
+    })
+}
+
+impl Diagnosis {
+    fn ladder(&self) -> String {
+        let mut out = String::from("\n");
+        let header = ["model", "chi2", "rows", "free", "rms [sigma]", "held out", "budget exceeded", "false alarm"];
+        let mut ladder = table(&header);
+        let mut rung = |name: String, rung: &Rung, alarm: String| {
+            ladder.add_row(vec![
+                name,
+                format!("{:.1}", rung.chi2),
+                rung.n.to_string(),
+                rung.free.to_string(),
+                format!("{:.2}", rung.rms_sigma()),
+                or_dash(rung.holdout_rms_sigma.map(|rms| format!("{rms:.2}"))),
+                self.exceeded(rung),
+                alarm,
+            ]);
+        };
+        rung("as given, fitted".into(), &self.baseline, String::new());
+        for step in &self.steps {
+            rung(format!("+ {}", step.effect), &step.rung, said(step.false_alarm));
+        }
+        out.push_str(&lines(&ladder));
+        let held_out = self.held_out.as_ref().map_or(String::new(), |column| {
+            format!("; held out: rms of rows left out of the fit, group by group of {column}")
+        });
+        out.push_str(&wrapped(
+            &format!("  false alarm: chance that noise alone looks as good, over everything that was tried{held_out}"),
+            4,
+        ));
+        out
+    }
+
+    /// The day on which the budget is exceeded.
+    fn exceeded(&self, rung: &Rung) -> String {
+        match rung.budget.as_ref().map(|budget| budget.uncorrected.t_yr) {
+            None => "-".into(),
+            Some(None) => "never".into(),
+            Some(Some(t_yr)) => {
+                let date = date_after(self.mission.mission.launch.0, t_yr);
+                date.map_or_else(|| format!("{t_yr:.2} yr"), |date| date.to_string())
+            }
+        }
+    }
+
+    fn added(&self) -> String {
+        let mut out = String::from("\nWhat to add to the mission file\n\n");
+        for line in self.toml().lines() {
+            out.push_str(&format!("  {line}\n"));
+        }
+        let fitted: Vec<&Fitted> =
+            self.steps.iter().flat_map(|step| &step.parameters).chain(&self.parameters).collect();
+        if !fitted.is_empty() {
+            out.push('\n');
+            let mut values = table(&["fitted", "value", "error", "unit"]);
+            for fitted in fitted {
+                let (value, error) = value_and_error(fitted);
+                values.add_row(vec![fitted.key.clone(), value, error, fitted.unit.into()]);
+            }
+            out.push_str(&lines(&values));
+        }
+        out
+    }
+
+    fn measure(&self, next: &Next) -> String {
+        let mut conditions: Vec<String> =
+            next.conditions.iter().map(|(name, value)| format!("{name} {}", short(*value))).collect();
+        conditions.extend(next.galaxy.iter().map(|galaxy| format!("galaxy {galaxy}")));
+        format!(
+            "Measure next: {} at {}. There {} and {} differ by {:.1} errors, with an error of {:.2e}{}.",
+            next.observable,
+            conditions.join(", "),
+            next.separates[0],
+            next.separates[1],
+            next.apart_sigma,
+            next.sigma,
+            match next.observable.unit() {
+                "" => String::new(),
+                unit => format!(" {unit}"),
+            }
+        )
+    }
+
+    fn left_over(&self) -> String {
+        let mut out = String::from("\nWhat the residuals still lean on\n");
+        let mut leaning = table(&["condition", "false alarm"]);
+        for covariate in &self.covariates {
+            leaning.add_row(vec![covariate.name.clone(), said(covariate.false_alarm)]);
+        }
+        out.push_str(&lines(&leaning));
+        for word in &self.after.words {
+            out.push_str(&wrapped(word, 2));
+        }
+        if let Some(suggestion) = &self.suggestion {
+            out.push_str(&wrapped(
+                &format!(
+                    "\nA hypothesis to start from (a description, no cause): with it chi2 falls from {:.1} to {:.1}. Refine it, \
+                     and let it compete: --candidates FILE.toml",
+                    suggestion.chi2[0], suggestion.chi2[1]
+                ),
+                2,
+            ));
+            out.push('\n');
+            for line in suggestion.toml.lines() {
+                out.push_str(&format!("  {line}\n"));
+            }
+        }
+        out
+    }
+
+    fn detection_limits(&self) -> String {
+        let mut out = String::from("\nWhat these data would have shown, with 95 % power\n");
+        let mut limits = table(&["effect", "from this strength on"]);
+        for limit in &self.limits {
+            let said = match &limit.table {
+                None => "not at all".to_string(),
+                Some(_) if limit.parameter.is_empty() => "yes".to_string(),
+                Some(table) => {
+                    let inner = || table.get("traps")?.as_array()?.first()?.as_table();
+                    let table = if table.contains_key(&limit.parameter) { Some(table) } else { inner() };
+                    let number = |value: &toml::Value| value.as_float().map(short);
+                    let strength = table.and_then(|table| table.get(&limit.parameter)).and_then(number);
+                    let others: Vec<String> = table
+                        .into_iter()
+                        .flatten()
+                        .filter(|(name, _)| **name != limit.parameter)
+                        .filter_map(|(name, value)| Some(format!("{name} {}", number(value)?)))
+                        .collect();
+                    let at = if others.is_empty() { String::new() } else { format!(" (at {})", others.join(", ")) };
+                    format!("{} {}{at}", limit.parameter, or_dash(strength))
+                }
+            };
+            limits.add_row(vec![limit.effect.clone(), said]);
+        }
+        if let Some(column) = limits.column_mut(1) {
+            column.set_cell_alignment(comfy_table::CellAlignment::Left);
+        }
+        out.push_str(&lines(&limits));
+        out
+    }
+
+    fn what_was_tried(&self) -> String {
+        let mut out = String::from("\nWhat was tried alone\n");
+        let mut tried = table(&["effect", "chi2", "of the fit as given"]);
+        for attempt in self.tried.iter().filter(|tried| tried.chi2.is_some()).take(LISTED) {
+            let chi2 = attempt.chi2.expect("filtered");
+            tried.add_row(vec![
+                attempt.effect.clone(),
+                format!("{chi2:.1}"),
+                format!("{:+.1}", chi2 - self.baseline.chi2),
+            ]);
+        }
+        out.push_str(&lines(&tried));
+        let rest = self.tried.iter().filter(|tried| tried.chi2.is_some()).count().saturating_sub(LISTED);
+        if rest > 0 {
+            out.push_str(&format!("  and {rest} more that do worse\n"));
+        }
+        let absorbed: Vec<&str> =
+            self.tried.iter().filter(|tried| tried.chi2.is_none()).map(|tried| tried.effect.as_str()).collect();
+        if !absorbed.is_empty() {
+            out.push_str(&wrapped(
+                &format!(
+                    "  not to be told here (without effect on these data, absorbed by what is free, or in the mission \
+                     already): {}",
+                    absorbed.join(", ")
+                ),
+                4,
+            ));
+        }
+        out
+    }
+}
+
+/// Four digits.
+fn short(value: f64) -> String {
+    if value == 0.0 || (value.fract() == 0.0 && value.abs() < 1e6) {
+        return plain(value);
+    }
+    let exponent = value.abs().log10().floor() as i32;
+    if (-3..6).contains(&exponent) {
+        let scale = 10_f64.powi(3 - exponent);
+        plain((value * scale).round() / scale)
+    } else {
+        format!("{value:.3e}")
+    }
+}
