@@ -226,6 +226,9 @@ const MOST: usize = 3;
 /// Sketches that are fitted in full.
 const POLISHED: usize = LINES + 2;
 
+/// Share of the excess of chi2 that may be left after another effect, for one more to be tried.
+const WORTH_GOING_ON: f64 = 0.5;
+
 /// Share of what chi2 has in excess that an effect must explain to be named although the data remain unexplained.
 const MOST_OF_IT: f64 = 0.8;
 
@@ -393,10 +396,11 @@ impl Told<'_> {
             self.sort(&mut nodes);
             nodes.dedup_by(|a, b| a.set() == b.set());
             let Some(best) = nodes.first() else { break };
-            let helped = best.chi2() < lines[0].chi2() - 2.0;
+            let excess = |node: &Node| (node.chi2() - node.freedom()).max(0.0);
+            let helped = excess(best) < WORTH_GOING_ON * excess(&lines[0]);
             polished.extend(nodes.iter().cloned());
-            // More effects are of no use where this one was of none.
-            if !helped {
+            // Two effects can be needed where one is of little use; three are not looked for where the second was.
+            if depth > 1 && !helped {
                 break;
             }
             nodes.truncate(LINES);
@@ -454,31 +458,36 @@ impl Told<'_> {
         Ok(ladder)
     }
 
-    /// False alarm of each step of a ladder, with the noise that the last model leaves.
-    fn alarms(&self, ladder: &[Arc<Node>]) -> Vec<f64> {
-        let noise = Noise::left_at(self.case(), ladder.last().expect("the base"));
-        let alarm = |pair: &[Arc<Node>]| {
-            let last = *pair[1].set().iter().find(|place| !pair[0].set().contains(place)).unwrap_or(&pair[1].set()[0]);
-            self.search.null(&pair[0], &noise).false_alarm(last, pair[0].chi2() - pair[1].chi2())
-        };
-        ladder.windows(2).map(alarm).collect()
+    /// The model without one of its effects, fitted.
+    fn without(&self, node: &Node, hypothesis: usize) -> Result<Arc<Node>, InputError> {
+        let others = node.added.iter().map(|added| added.hypothesis).filter(|place| *place != hypothesis);
+        self.search.with(self.base, &others.collect::<Vec<_>>())
     }
 
-    /// Whether the last step of a ladder also foretells rows that were left out better.
-    fn confirmed(&self, parent: &Node, child: &Node) -> bool {
-        let held_out = self.groups.and_then(|groups| holdout::compare(groups, parent, child));
-        held_out.is_none_or(|(before, after, _)| after < before)
+    /// Chance that noise alone makes an effect of a model look as good, given its other effects and the noise it leaves.
+    fn false_alarm(&self, node: &Node, hypothesis: usize) -> Result<f64, InputError> {
+        let parent = self.without(node, hypothesis)?;
+        let noise = Noise::left_at(self.case(), node);
+        Ok(self.search.null(&parent, &noise).false_alarm(hypothesis, parent.chi2() - node.chi2()))
+    }
+
+    /// Whether a model also foretells rows that were left out better than without one of its effects.
+    fn confirmed(&self, node: &Node, hypothesis: usize) -> Result<bool, InputError> {
+        let parent = self.without(node, hypothesis)?;
+        let held_out = self.groups.and_then(|groups| holdout::compare(groups, &parent, node));
+        Ok(held_out.is_none_or(|(before, after, _)| after < before))
     }
 
     /// Adopts a model that explains the data, if noise or a few rows alone did not make it.
     fn adopt(&self, node: &Arc<Node>) -> Result<Option<Found>, InputError> {
         let (node, rivals) = rivals::of(self, node)?;
-        let ladder = self.ladder(&node)?;
-        let alarms = self.alarms(&ladder);
-        let confirmed = ladder.windows(2).all(|pair| self.confirmed(&pair[0], &pair[1]));
-        if !confirmed || alarms.iter().any(|alarm| *alarm > self.options.level) {
-            return Ok(None);
+        for added in &node.added {
+            let likely = self.false_alarm(&node, added.hypothesis)? > self.options.level;
+            if likely || !self.confirmed(&node, added.hypothesis)? {
+                return Ok(None);
+            }
         }
+        let ladder = self.ladder(&node)?;
         let names: Vec<String> =
             ladder.last().expect("the base").added.iter().map(|added| self.name(added.hypothesis)).collect();
         let mut found = Found::of(Verdict::Missing, format!("the model lacks {}", names.join(" and ")), node.clone());
@@ -521,9 +530,9 @@ impl Told<'_> {
             });
             let Some(next) = further.min_by(|a, b| self.score(a).total_cmp(&self.score(b))) else { break };
             let excess = here.chi2() - here.freedom();
-            let helps = here.chi2() - next.chi2() > MOST_OF_IT * excess && self.confirmed(&here, next);
-            let pair = [here.clone(), next.clone()];
-            if !helps || self.alarms(&pair)[0] > self.options.level {
+            let new = newest(&here, next);
+            let helps = here.chi2() - next.chi2() > MOST_OF_IT * excess;
+            if !helps || !self.confirmed(next, new)? || self.false_alarm(next, new)? > self.options.level {
                 break;
             }
             ladder.push(next.clone());
@@ -565,10 +574,9 @@ impl Told<'_> {
                 }
             })
             .collect();
-        let alarms = if ladder.len() > 1 { self.alarms(&ladder) } else { Vec::new() };
         let mut steps = Vec::new();
         for (index, pair) in ladder.windows(2).enumerate() {
-            let place = *pair[1].set().iter().find(|place| !pair[0].set().contains(place)).unwrap_or(&pair[1].set()[0]);
+            let place = newest(&pair[0], &pair[1]);
             let added = node.added.iter().find(|added| added.hypothesis == place).expect("it was added");
             let parameters = node.fit.parameters.iter().filter(|fitted| added.free.contains(&fitted.key)).cloned();
             steps.push(Step {
@@ -576,7 +584,7 @@ impl Told<'_> {
                 parameters: parameters.collect(),
                 key: added.key.clone(),
                 rung: rungs[index + 1].clone(),
-                false_alarm: alarms[index],
+                false_alarm: self.false_alarm(&node, place)?,
             });
         }
         let tried = if verdict == Verdict::Unfit { Vec::new() } else { self.tried() };
@@ -621,6 +629,15 @@ impl Told<'_> {
         tried.sort_by(|a, b| a.chi2.unwrap_or(f64::INFINITY).total_cmp(&b.chi2.unwrap_or(f64::INFINITY)));
         tried
     }
+}
+
+/// The effect that one model has more than another.
+fn newest(before: &Node, after: &Node) -> usize {
+    let (known, mut set) = (before.set(), after.set());
+    for place in known {
+        set.iter().position(|other| *other == place).map(|index| set.remove(index));
+    }
+    set[0]
 }
 
 /// Accuracy of the readout that a date needs.

@@ -86,6 +86,11 @@ impl Trial {
         }
     }
 
+    /// How many times as strong as its table it fits residuals best, to first order.
+    pub fn strength(&self, residuals: &DVector<f64>) -> f64 {
+        (self.basis.transpose() * residuals).norm() / self.moved_sigma
+    }
+
     /// Ways in which its strength alone can move the predictions.
     pub fn dimensions(&self) -> usize {
         self.basis.ncols()
@@ -145,6 +150,17 @@ impl Hypothesis {
         ways
     }
 
+    /// A table of it so many times as strong, and the parameters that make it so: those that are 0, or infinite, where it
+    /// does nothing, or the only one there is. None where it has no strength.
+    pub fn scaled(&self, mission: &Mission, table: &Table, factor: f64) -> Option<(Table, Vec<String>)> {
+        let nothing = (effect::find(self.kind)?.nothing)(mission);
+        if self.own.is_some() {
+            return None;
+        }
+        let (table, names) = scaled(table, &nothing, factor);
+        (!names.is_empty()).then_some((table, names))
+    }
+
     /// Its trials at a fitted model; none where the free parameters absorb it, or it changes nothing.
     pub(super) fn trials(&self, place: usize, case: &Case, node: &Node) -> Vec<Trial> {
         let here = case.over_sigma(&node.fit.values);
@@ -178,6 +194,30 @@ impl Hypothesis {
         };
         ways.par_iter().filter_map(trial).collect()
     }
+}
+
+fn scaled(table: &Table, nothing: &Table, factor: f64) -> (Table, Vec<String>) {
+    let (mut changed, mut names) = (table.clone(), Vec::new());
+    let alone = table.values().filter(|value| value.is_float()).count() == 1;
+    for (name, value) in table {
+        match (value, nothing.get(name)) {
+            (Value::Float(value), Some(Value::Float(nothing))) if alone || *nothing == 0.0 || nothing.is_infinite() => {
+                let new = if nothing.is_infinite() { value / factor } else { nothing + factor * (value - nothing) };
+                changed.insert(name.clone(), new.into());
+                names.push(name.clone());
+            }
+            (Value::Array(members), Some(Value::Array(nothings))) => {
+                let each = members.iter().zip(nothings).filter_map(|(member, nothing)| {
+                    let (member, inner) = scaled(member.as_table()?, nothing.as_table()?, factor);
+                    names.extend(inner);
+                    Some(Value::Table(member))
+                });
+                changed.insert(name.clone(), each.collect::<Vec<_>>().into());
+            }
+            _ => {}
+        }
+    }
+    (changed, names)
 }
 
 /// The larger of two numbers for every key.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use rayon::prelude::*;
-use toml::{Table, Value};
+use toml::Table;
 
 use super::case::Node;
 use super::chance::Noise;
@@ -50,12 +50,16 @@ pub(super) fn all(search: &Search, base: &Arc<Node>, level: f64) -> Result<Vec<L
             let signature = search.case.predict_sigma(&base.model.like(&mission)).ok()? - &here;
             Some(base.beyond(&signature).norm())
         };
-        let Some(strength) = strength(hypothesis.kind, base, &trial.table) else {
+        let Some((_, names)) = hypothesis.scaled(base.mission(), &trial.table, 1.0) else {
             let seen = trial.moved_sigma > 2.0 * needed;
             return Limit { table: seen.then(|| trial.table.clone()), ..none() };
         };
         // Along the straight line from nothing to the trial, in the logarithm of the place on it.
-        let at = |place: f64| strength.at(&trial.table, place);
+        let at = |place: f64| {
+            hypothesis
+                .scaled(base.mission(), &trial.table, place)
+                .map_or_else(|| trial.table.clone(), |(table, _)| table)
+        };
         let seen = |log: f64| moved(&at(log.exp())).is_some_and(|moved| moved > needed);
         let mut bounds = [0.0_f64, 0.0];
         let step = if seen(0.0) { -1.0 } else { 1.0 };
@@ -70,53 +74,7 @@ pub(super) fn all(search: &Search, base: &Arc<Node>, level: f64) -> Result<Vec<L
             if seen(middle) == (step < 0.0) { bounds[0] = middle } else { bounds[1] = middle }
         }
         let table = at(bounds[if step < 0.0 { 0 } else { 1 }].exp());
-        Limit { effect: hypothesis.name.clone(), table: Some(table), parameter: strength.name }
+        Limit { effect: hypothesis.name.clone(), table: Some(table), parameter: names[0].clone() }
     };
     Ok(expansion.trials.par_iter().enumerate().map(limit).collect())
-}
-
-/// The parameter that turns an effect up from nothing.
-struct Strength {
-    name: String,
-    nothing: f64,
-    trial: f64,
-}
-
-fn strength(kind: &str, base: &Node, trial: &Table) -> Option<Strength> {
-    let nothing = (effect::find(kind)?.nothing)(base.mission());
-    let number = |table: &Table, name: &str| table.get(name).and_then(Value::as_float);
-    let differing = trial.iter().find_map(|(name, value)| {
-        let (nothing, trial) = (number(&nothing, name)?, value.as_float()?);
-        let turned_up =
-            nothing == 0.0 || nothing.is_infinite() || ["factor", "well_fill_power", "notch_e"].contains(&&name[..]);
-        (turned_up && nothing != trial).then(|| Strength { name: name.clone(), nothing, trial })
-    });
-    let inner = || {
-        let species = trial.get("traps")?.as_array()?.first()?;
-        let trial = species.get("density_per_px")?.as_float()?;
-        Some(Strength { name: "density_per_px".into(), nothing: 0.0, trial })
-    };
-    differing.or_else(inner)
-}
-
-impl Strength {
-    /// The trial's table, so much stronger.
-    fn at(&self, trial: &Table, place: f64) -> Table {
-        let mut table = trial.clone();
-        // Nothing may lie at infinity.
-        let value = if self.nothing.is_infinite() {
-            self.trial / place
-        } else {
-            self.nothing + place * (self.trial - self.nothing)
-        };
-        match table.get_mut("traps").and_then(Value::as_array_mut).and_then(|traps| traps.first_mut()) {
-            Some(species) if !trial.contains_key(&self.name) => {
-                species.as_table_mut().expect("a species").insert(self.name.clone(), value.into());
-            }
-            _ => {
-                table.insert(self.name.clone(), value.into());
-            }
-        }
-        table
-    }
 }

@@ -164,6 +164,16 @@ impl<'a> Search<'a> {
         let sketch = |place: &usize| {
             let sketch = known(place).unwrap_or_else(|| self.sketch(&expansion.node, &expansion.trials[*place]));
             expansion.sketches.lock().expect("nobody panics").insert(*place, sketch.clone());
+            if std::env::var("TALK").is_ok() {
+                eprintln!(
+                    "  {:?} + {}: chi2 {:.1} gain {:.1} of {:.1}",
+                    expansion.node.added.iter().map(|a| &self.hypotheses[a.hypothesis].name).collect::<Vec<_>>(),
+                    self.hypotheses[*place].name,
+                    sketch.as_ref().map_or(f64::NAN, |s| s.chi2),
+                    expansion.gain(*place),
+                    expansion.node.chi2()
+                );
+            }
             self.progress.step();
             sketch
         };
@@ -176,16 +186,30 @@ impl<'a> Search<'a> {
     fn sketch(&self, node: &Node, trials: &[Trial]) -> Option<Sketch> {
         let mut order: Vec<&Trial> = trials.iter().collect();
         order.sort_by(|a, b| b.gain(&node.residuals).total_cmp(&a.gain(&node.residuals)));
+        let from = |trial: &Trial, strength: f64| {
+            let scaled = self.hypotheses[trial.hypothesis].scaled(node.mission(), &trial.table, strength);
+            let start = scaled.map_or_else(|| trial.table.clone(), |(table, _)| table);
+            self.fit_roughly(node, trial.hypothesis, &start)
+                .or_else(|| self.fit_roughly(node, trial.hypothesis, &trial.table))
+        };
         let fitted = order.into_iter().take(FITTED).filter_map(|trial| {
-            let (mission, added) = self.add(node, trial.hypothesis, &trial.table)?;
-            let keys: Vec<String> =
-                self.base.iter().chain(added.iter().flat_map(|added| &added.free)).cloned().collect();
-            let model = node.model.like(&mission);
-            let problem = Problem::new(&model, self.case.data, &keys, &|_| (), |_| true).ok()?;
-            let (mission, chi2) = problem.sketch().ok()?;
-            chi2.is_finite().then_some(Sketch { added, mission, chi2 })
+            let strength = trial.strength(&node.residuals).clamp(0.1, 10.0);
+            let sketch = from(trial, strength)?;
+            // More effects cannot do worse: the start was too far away.
+            let astray = sketch.chi2 > node.chi2() + 1.0;
+            let again = astray.then(|| from(trial, 0.05 * strength)).flatten();
+            Some(again.filter(|again| again.chi2 < sketch.chi2).unwrap_or(sketch))
         });
         fitted.min_by(|a, b| a.chi2.total_cmp(&b.chi2))
+    }
+
+    fn fit_roughly(&self, node: &Node, place: usize, table: &toml::Table) -> Option<Sketch> {
+        let (mission, added) = self.add(node, place, table)?;
+        let keys: Vec<String> = self.base.iter().chain(added.iter().flat_map(|added| &added.free)).cloned().collect();
+        let model = node.model.like(&mission);
+        let problem = Problem::new(&model, self.case.data, &keys, &|_| (), |_| true).ok()?;
+        let (mission, chi2) = problem.sketch().ok()?;
+        chi2.is_finite().then_some(Sketch { added, mission, chi2 })
     }
 
     /// A model's mission with one more effect. Keys of an effect that gets company of its kind get numbers.
