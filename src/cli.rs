@@ -385,7 +385,7 @@ impl Fit {
                 .into());
         }
         let seed = self.seed.unwrap_or(mission.accuracy.seed);
-        let options = fit::Options { starts: self.starts as usize, seed, moments: true };
+        let options = fit::Options { starts: self.starts as usize, seed, ..fit::Options::default() };
         let bar = searching("chi2");
         let best = Mutex::new(f64::INFINITY);
         let progress = |chi2: f64| {

@@ -23,7 +23,7 @@ use std::sync::Arc;
 
 use crate::error::InputError;
 use crate::evaluate::{self, evaluate};
-use crate::fit::{self, Fitted};
+use crate::fit::{self, Fitted, Problem};
 use crate::measurement::DataSet;
 use crate::mission::Mission;
 use crate::model::Model;
@@ -226,6 +226,9 @@ const MOST: usize = 3;
 /// Sketches that are fitted in full.
 const POLISHED: usize = LINES + 2;
 
+/// Fall of chi2 that any effect reaches by chance.
+const NO_GAIN: f64 = 4.0;
+
 /// Share of the excess of chi2 that may be left after another effect, for one more to be tried.
 const WORTH_GOING_ON: f64 = 0.5;
 
@@ -234,6 +237,9 @@ const MOST_OF_IT: f64 = 0.8;
 
 /// False alarm to first order below which an effect is fitted to see.
 const NEAR: f64 = 0.3;
+
+/// Random starting points of the base fit.
+const ELSEWHERE: usize = 3;
 
 /// Parts of the level: of the search, of leanings, and of chi2.
 const SEARCH: f64 = 0.5;
@@ -273,13 +279,20 @@ pub fn diagnose(
 
 /// The fit of what is free: from elsewhere too where it does not explain the data.
 fn base_fit(case: &Case, model: &Model, free: &[String], seed: u64) -> Result<Node, InputError> {
-    let fit = |starts| {
-        let options = fit::Options { starts, seed, moments: true };
-        Node::fit(case, model, Vec::new(), free, &options, &|_| ())
-    };
-    let once = fit(1)?;
-    let clear = once.chi2() > once.freedom() + 4.0 * (2.0 * once.freedom()).sqrt();
-    if free.is_empty() || !clear { Ok(once) } else { fit(3) }
+    let options = fit::Options { seed, ..fit::Options::default() };
+    let fit = |model: &Model| Node::fit(case, model, Vec::new(), free, &options, &|_| ());
+    let mut best = fit(model)?;
+    let clear = best.chi2() > best.freedom() + 4.0 * (2.0 * best.freedom()).sqrt();
+    if free.is_empty() || !clear {
+        return Ok(best);
+    }
+    for mission in Problem::new(model, case.data, free, &|_| (), |_| true)?.elsewhere(ELSEWHERE, seed, best.chi2()) {
+        let other = fit(&model.like(&mission))?;
+        if other.chi2() < best.chi2() {
+            best = other;
+        }
+    }
+    Ok(best)
 }
 
 /// What a search came to.
@@ -413,10 +426,13 @@ impl Told<'_> {
     fn further(&self, line: &Arc<Node>, breadth: usize) -> Result<Vec<Arc<Node>>, InputError> {
         let expansion = self.search.expand(line);
         let mut wanted = expansion.promising();
+        // Of an effect alone the first order may be wrong, where it is far from there; on top of others it is not.
+        wanted.retain(|place| line.added.is_empty() || expansion.gain(*place) > NO_GAIN);
         wanted.truncate(breadth);
         let sketches = self.search.sketches(&expansion, &wanted);
+        let gaining = sketches.iter().filter(|sketch| sketch.chi2 < line.chi2() - NO_GAIN);
         let polish = |sketch: &Sketch| self.search.node(sketch, line);
-        let mut nodes = sketches.iter().take(POLISHED).map(polish).collect::<Result<Vec<_>, _>>()?;
+        let mut nodes = gaining.take(POLISHED).map(polish).collect::<Result<Vec<_>, _>>()?;
         self.sort(&mut nodes);
         Ok(nodes)
     }
@@ -480,7 +496,7 @@ impl Told<'_> {
 
     /// Adopts a model that explains the data, if noise or a few rows alone did not make it.
     fn adopt(&self, node: &Arc<Node>) -> Result<Option<Found>, InputError> {
-        let (node, rivals) = rivals::of(self, node)?;
+        let (node, rivals) = rivals::of(self, &self.search.settled(node)?)?;
         for added in &node.added {
             let likely = self.false_alarm(&node, added.hypothesis)? > self.options.level;
             if likely || !self.confirmed(&node, added.hypothesis)? {

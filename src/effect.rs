@@ -151,7 +151,8 @@ pub trait Kind: Effect + DeserializeOwned + 'static {
     fn example(mission: &Mission) -> toml::Table;
 
     /// Where a search for it starts in some data: ways in which it could be there, each as tables whose changes of the
-    /// predictions add up, with any weights. Nothing else is known of the strength than that it is not below zero.
+    /// predictions add up, with any weights. Nothing else is known of the strength than that it is not below zero. Weak ones
+    /// tell best what free parameters absorb.
     fn trials(mission: &Mission, _reach: &Reach) -> Vec<Vec<toml::Table>> {
         vec![vec![Self::example(mission)]]
     }
@@ -287,7 +288,7 @@ pub fn of(mission: &Mission) -> Vec<Arc<dyn Effect>> {
 }
 
 /// Most moments at which a search looks for an event.
-const MOMENTS: usize = 48;
+pub(crate) const MOMENTS: usize = 48;
 
 /// A table of numbers.
 fn numbers(values: &[(&str, f64)]) -> toml::Table {

@@ -9,6 +9,8 @@ mod advice;
 pub mod holdout;
 pub mod parameter;
 
+use std::cell::RefCell;
+
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use rand::{RngExt, SeedableRng};
@@ -84,11 +86,13 @@ pub struct Options {
     pub seed: u64,
     /// Whether every interval between epochs is tried for the moment of an event; only that of the start otherwise.
     pub moments: bool,
+    /// Whether the start is an optimum already: then only errors are computed.
+    pub settled: bool,
 }
 
 impl Default for Options {
     fn default() -> Options {
-        Options { starts: 1, seed: 1, moments: true }
+        Options { starts: 1, seed: 1, moments: true, settled: false }
     }
 }
 
@@ -154,7 +158,10 @@ pub(crate) fn fit_rows(
             jacobian: DMatrix::zeros(n, 0),
         });
     }
-    let mut optima = problem.optima(&here, options);
+    let mut optima = match options.settled {
+        true => vec![Optimum { at: here, chi2: chi2_before }],
+        false => problem.optima(&here, options),
+    };
     optima.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
     let best = optima[0].clone();
     let fitted = problem.mission(&best.at)?;
@@ -201,6 +208,10 @@ const AGAIN: usize = 20;
 /// Relative change of chi2 and of parameters at which a sketch of an optimum is good enough.
 const SKETCHED: f64 = 1e-3;
 
+/// Times that a sketch is taken up again at most, and the fall of chi2 from which on that is worth it.
+const FRESH: usize = 3;
+const HELPED: f64 = 2.0;
+
 /// Intervals between epochs of which one is tried first for a moment.
 const EVERY: usize = 4;
 
@@ -241,10 +252,38 @@ impl<'a> Problem<'a> {
         Ok(problem)
     }
 
-    /// A mission near the optimum, and its chi2: one short minimisation from the mission's own values, moments held.
-    pub(crate) fn sketch(&self) -> Result<(Mission, f64), InputError> {
+    /// Missions near optima other than one of so much chi2, from random starting points.
+    pub(crate) fn elsewhere(&self, starts: usize, seed: u64, chi2: f64) -> Vec<Mission> {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let sketches = (0..starts).filter_map(|_| {
+            let start: Vec<f64> =
+                self.parameters.iter().map(|parameter| parameter.elsewhere(random.random())).collect();
+            let none = DMatrix::zeros(self.values.len(), 0);
+            let solver = LevenbergMarquardt::new().with_ftol(SKETCHED).with_xtol(SKETCHED);
+            let found = self.minimise_once(&start, solver, Some(&none));
+            (found.chi2 < chi2 - 1.0).then(|| self.mission(&found.at).ok()).flatten()
+        });
+        sketches.collect()
+    }
+
+    /// A mission near the optimum, and its chi2: one short minimisation from the mission's own values, moments held, with
+    /// derivatives that follow from those at the start by Broyden's update (1965, Mathematics of Computation 19, 577). Those
+    /// of the first parameters may be known from a fit without the others.
+    pub(crate) fn sketch(&self, known: &DMatrix<f64>) -> Result<(Mission, f64), InputError> {
         let here: Vec<f64> = self.parameters.iter().map(|parameter| parameter.start).collect();
-        let found = self.minimise_once(&here, LevenbergMarquardt::new().with_ftol(SKETCHED).with_xtol(SKETCHED));
+        let solver = || LevenbergMarquardt::new().with_ftol(SKETCHED).with_xtol(SKETCHED);
+        let mut found = self.minimise_once(&here, solver(), Some(known));
+        // Derivatives that have followed far lead astray: once more with fresh ones, while that helps.
+        for _ in 0..FRESH {
+            let again = self.minimise_once(&found.at, solver(), Some(&DMatrix::zeros(self.values.len(), 0)));
+            let settled = again.chi2 > found.chi2 - HELPED.max(HELPED * 1e-3 * found.chi2);
+            if again.chi2 < found.chi2 {
+                found = again;
+            }
+            if settled {
+                break;
+            }
+        }
         Ok((self.mission(&found.at)?, found.chi2))
     }
 
@@ -406,9 +445,9 @@ impl<'a> Problem<'a> {
     fn minimise(&self, start: &[f64]) -> Optimum {
         // Residuals are good to the accuracy of the readout: no use in asking for more.
         let solver = || LevenbergMarquardt::new().with_ftol(1e-8).with_xtol(1e-7);
-        let mut best = self.minimise_once(start, solver());
+        let mut best = self.minimise_once(start, solver(), None);
         for _ in 0..AGAIN {
-            let found = self.minimise_once(&best.at, solver());
+            let found = self.minimise_once(&best.at, solver(), None);
             let settled = found.chi2 > best.chi2 - 1e-3 - 1e-5 * best.chi2;
             if found.chi2 < best.chi2 {
                 best = found;
@@ -420,7 +459,8 @@ impl<'a> Problem<'a> {
         best
     }
 
-    fn minimise_once(&self, start: &[f64], solver: LevenbergMarquardt<f64>) -> Optimum {
+    /// One minimisation; with derivatives by Broyden's update where some `known` ones are given.
+    fn minimise_once(&self, start: &[f64], solver: LevenbergMarquardt<f64>, known: Option<&DMatrix<f64>>) -> Optimum {
         let moving: Vec<usize> = (0..start.len()).filter(|&index| !self.parameters[index].is_moment).collect();
         let state = |at: &[f64]| -> Optimum {
             let chi2 = self.residuals(at).map_or(f64::INFINITY, |residuals| chi2(&residuals));
@@ -429,7 +469,8 @@ impl<'a> Problem<'a> {
         if moving.is_empty() {
             return state(start);
         }
-        let mut run = Run { problem: self, moving, at: start.to_vec(), residuals: None };
+        let secant = known.map(|known| Secant { known: known.clone(), last: RefCell::new(None) });
+        let mut run = Run { problem: self, moving, at: start.to_vec(), residuals: None, secant };
         let inner = run.inner();
         run.set_params(&inner);
         if run.residuals.is_none() {
@@ -450,6 +491,15 @@ struct Run<'a> {
     moving: Vec<usize>,
     at: Vec<f64>,
     residuals: Option<Vec<f64>>,
+    secant: Option<Secant>,
+}
+
+/// Derivatives that follow from those before.
+struct Secant {
+    /// Those of the first parameters at the start, with respect to the parameters themselves.
+    known: DMatrix<f64>,
+    /// Inner coordinates, residuals and derivatives of the last point.
+    last: RefCell<Option<(DVector<f64>, DVector<f64>, DMatrix<f64>)>>,
 }
 
 impl Run<'_> {
@@ -480,17 +530,45 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Run<'_> {
     }
 
     fn jacobian(&self) -> Option<DMatrix<f64>> {
-        let centre = self.residuals.as_ref()?;
+        let residuals = DVector::from_vec(self.residuals.clone()?);
+        let Some(secant) = &self.secant else { return self.derivatives(&residuals, None) };
+        let here = self.inner();
+        let mut last = secant.last.borrow_mut();
+        let jacobian = match last.take() {
+            None => self.derivatives(&residuals, Some(&secant.known))?,
+            Some((there, before, mut jacobian)) => {
+                let step = &here - there;
+                let length = step.norm_squared();
+                if length > 0.0 {
+                    let missed = &residuals - before - &jacobian * &step;
+                    jacobian += missed * step.transpose() / length;
+                }
+                jacobian
+            }
+        };
+        *last = Some((here, residuals, jacobian.clone()));
+        Some(jacobian)
+    }
+}
+
+impl Run<'_> {
+    /// Derivatives with respect to the inner coordinates, by a step forward where they are not known.
+    fn derivatives(&self, centre: &DVector<f64>, known: Option<&DMatrix<f64>>) -> Option<DMatrix<f64>> {
         let mut jacobian = DMatrix::zeros(centre.len(), self.moving.len());
         for (column, &index) in self.moving.iter().enumerate() {
             let parameter = &self.problem.parameters[index];
             let inner = parameter.inner(self.at[index]);
             let step = parameter.inner_step(inner);
-            let mut at = self.at.clone();
-            at[index] = parameter.outer(inner + step);
-            for (row, (moved, centre)) in self.problem.residuals(&at).ok()?.iter().zip(centre).enumerate() {
-                jacobian[(row, column)] = (moved - centre) / step;
-            }
+            let moved = parameter.outer(inner + step);
+            let derivative = match known.filter(|known| index < known.ncols()) {
+                Some(known) => known.column(index) * ((moved - self.at[index]) / step),
+                None => {
+                    let mut at = self.at.clone();
+                    at[index] = moved;
+                    (DVector::from_vec(self.problem.residuals(&at).ok()?) - centre) / step
+                }
+            };
+            jacobian.set_column(column, &derivative);
         }
         Some(jacobian)
     }

@@ -168,7 +168,12 @@ pub fn validate(mission: &Mission, data: &[DataSet], seed: u64) -> Result<Valida
 
 /// Scatter about what is smooth: the median second difference of neighbouring residuals, as the standard deviation of
 /// normal noise that has it. Neighbours are those in the condition along which that is least.
-pub(crate) fn scatter(data: &DataSet, residuals: &[f64]) -> f64 {
+fn scatter(data: &DataSet, residuals: &[f64]) -> f64 {
+    along_neighbours(data, residuals, second_differences)
+}
+
+/// The least that a measure of roughness comes to when rows are put in the order of one condition after another.
+pub(crate) fn along_neighbours(data: &DataSet, residuals: &[f64], roughness: fn(&[f64]) -> f64) -> f64 {
     let along = |first: &String| {
         // Sorted by all other conditions, then by this one.
         let others = data.varying.iter().filter(|name| *name != first).chain([first]);
@@ -178,9 +183,9 @@ pub(crate) fn scatter(data: &DataSet, residuals: &[f64]) -> f64 {
             let differs = columns.iter().map(|column| column[*a].total_cmp(&column[*b])).find(|order| order.is_ne());
             differs.unwrap_or(a.cmp(b))
         });
-        second_differences(&rows.into_iter().map(|row| residuals[row]).collect::<Vec<_>>())
+        roughness(&rows.into_iter().map(|row| residuals[row]).collect::<Vec<_>>())
     };
-    data.varying.iter().map(along).fold(second_differences(residuals), f64::min)
+    data.varying.iter().map(along).fold(roughness(residuals), f64::min)
 }
 
 /// Rows below which a scatter is not estimated.

@@ -4,11 +4,11 @@
 //! than what neighbouring rows scatter by. (Errors that are too small can only be told from a missing effect once effects
 //! have been tried: see [`sigma_too_small`].)
 
-use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF};
+use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Gamma};
 
 use super::case::{Case, Node};
 use crate::mission::keys::plain;
-use crate::validate::scatter;
+use crate::validate::along_neighbours;
 
 /// Chance below which something is no accident.
 const NO_ACCIDENT: f64 = 1e-5;
@@ -17,7 +17,11 @@ const NO_ACCIDENT: f64 = 1e-5;
 const FEW: usize = 15;
 
 /// Scatter of neighbouring rows, over the quoted error, below which the error is far too large.
-const FAR_TOO_LARGE: f64 = 0.4;
+const FAR_TOO_LARGE: f64 = 0.5;
+
+/// Degrees of freedom that a row is worth in the mean square of second differences, which share rows: normal noise has
+/// 2 (1 + 2 (4/6)² + 2 (1/6)²)/n for the relative variance of it.
+const WORTH: f64 = 1.0 / (1.0 + 2.0 * (16.0 + 1.0) / 36.0);
 
 /// Why the data cannot carry a verdict, as a sentence; None where they can.
 pub(super) fn refusal(case: &Case, free: usize) -> Option<String> {
@@ -145,12 +149,15 @@ pub(super) fn sigma_too_large(case: &Case, node: &Node) -> Option<String> {
             continue;
         }
         let residuals: Vec<f64> = rows.clone().map(|row| node.residuals[row]).collect();
-        let between = scatter(set, &residuals);
+        let between = along_neighbours(set, &residuals, roughness).sqrt();
+        // A mean square of k degrees of freedom.
+        let half = 0.5 * WORTH * (set.rows.len() - 2) as f64;
+        let smooth = Gamma::new(half, half).map_or(1.0, |law| law.cdf(between * between));
         let freedom = (set.rows.len() as f64 * node.freedom() / case.n() as f64).max(1.0);
         let chi2: f64 = residuals.iter().map(|residual| residual * residual).sum();
         let chance = ChiSquared::new(freedom).map_or(1.0, |law| law.cdf(chi2));
         let all = (chi2 / freedom).sqrt();
-        if between < FAR_TOO_LARGE || (chance < NO_ACCIDENT && all < 0.75) {
+        if (between < FAR_TOO_LARGE && smooth < NO_ACCIDENT) || (chance < NO_ACCIDENT && all < 0.75) {
             return Some(format!(
                 "{}: the quoted sigma is {} times what rows scatter by; with it hardly any effect could be seen, and \
                  nothing that is found would mean anything: quote the scatter",
@@ -160,6 +167,12 @@ pub(super) fn sigma_too_large(case: &Case, node: &Node) -> Option<String> {
         }
     }
     None
+}
+
+/// Mean square of second differences, 1 for normal noise of standard deviation 1.
+fn roughness(residuals: &[f64]) -> f64 {
+    let squares = residuals.windows(3).map(|three| (three[0] - 2.0 * three[1] + three[2]).powi(2) / 6.0);
+    squares.sum::<f64>() / (residuals.len() - 2) as f64
 }
 
 /// Errors that are smaller than a scatter which leans on nothing.

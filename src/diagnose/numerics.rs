@@ -15,7 +15,7 @@ const SHIFT_SIGMA: f64 = 0.03;
 const FINE: (f64, u32) = (1e-8, 12);
 
 /// Accuracies and grids of sub-pixel positions that are tried, the cheapest first.
-const ACCURACIES: [(f64, u32); 6] = [(1e-4, 2), (1e-4, 3), (1e-5, 4), (1e-5, 6), (1e-6, 8), (1e-7, 12)];
+const ACCURACIES: [(f64, u32); 7] = [(1e-3, 2), (1e-4, 2), (1e-4, 3), (1e-5, 4), (1e-5, 6), (1e-6, 8), (1e-7, 12)];
 
 /// The mission with the cheapest readout that is fine enough, and what is to be said of its own.
 pub(super) fn accurate(case: &Case, mission: &Mission) -> Result<(Mission, Vec<String>), InputError> {

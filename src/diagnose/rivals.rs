@@ -27,6 +27,9 @@ pub(super) fn margin(level: f64) -> f64 {
     Normal::standard().inverse_cdf(level / 2.0).powi(2)
 }
 
+/// Share of the gain of an effect that a rival must promise to first order, on top of others, to be fitted.
+const LITTLE: f64 = 0.2;
+
 /// Sketches are rough: those within so many margins are fitted in full.
 const ROUGH: f64 = 3.0;
 
@@ -54,12 +57,15 @@ fn around(told: &Told, node: &Arc<Node>) -> Result<Vec<Rival>, InputError> {
             node.added.iter().map(|added| added.hypothesis).filter(|place| *place != added.hypothesis).collect();
         let parent = told.search.with(told.base, &others)?;
         let expansion = told.search.expand(&parent);
-        let sketches = told.search.sketches(&expansion, &expansion.promising());
+        let needed = LITTLE * (parent.chi2() - node.chi2());
+        let mut wanted = expansion.promising();
+        wanted.retain(|place| others.is_empty() || expansion.gain(*place) > needed);
+        let sketches = told.search.sketches(&expansion, &wanted);
         for sketch in sketches.iter().filter(|sketch| sketch.last() != added.hypothesis) {
-            if sketch.chi2 > node.chi2() + ROUGH * margin + 20.0 || node.set().contains(&sketch.last()) {
+            if sketch.chi2 > node.chi2() + ROUGH * margin || node.set().contains(&sketch.last()) {
                 continue;
             }
-            let rival = told.search.node(sketch, &parent)?;
+            let rival = told.search.settled(&*told.search.node(sketch, &parent)?)?;
             let freedom = node.fit.parameters.len() as f64 - rival.fit.parameters.len() as f64;
             if rival.chi2() < node.chi2() + margin + 2.0 * freedom.max(0.0) {
                 rivals.push(Rival { instead_of: added.hypothesis, hypothesis: sketch.last(), node: rival });

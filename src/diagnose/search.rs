@@ -18,9 +18,13 @@ use crate::effect;
 use crate::error::InputError;
 use crate::fit::{self, Problem};
 use crate::mission::Mission;
+use crate::model::Model;
 
 /// Trials of one effect that are fitted.
 const FITTED: usize = 2;
+
+/// Share of the gain of its best trial that another must promise to be fitted as well.
+const ALSO: f64 = 0.3;
 
 /// Effects fitted on top of a model that has some already: those that promise most.
 pub(super) const BREADTH: usize = 6;
@@ -81,8 +85,9 @@ pub(super) struct Search<'a> {
     pub base: Vec<String>,
     pub seed: u64,
     pub progress: &'a Progress<'a>,
-    /// Models fitted in full, by their hypotheses.
+    /// Fitted models, and those at their very optimum, one for each set of hypotheses.
     nodes: Mutex<Vec<Arc<Node>>>,
+    settled: Mutex<Vec<Arc<Node>>>,
     expansions: Mutex<Vec<Arc<Expansion>>>,
 }
 
@@ -94,24 +99,51 @@ impl<'a> Search<'a> {
         seed: u64,
         progress: &'a Progress<'a>,
     ) -> Search<'a> {
-        Search { case, hypotheses, base, seed, progress, nodes: Mutex::default(), expansions: Mutex::default() }
+        Search {
+            case,
+            hypotheses,
+            base,
+            seed,
+            progress,
+            nodes: Mutex::default(),
+            settled: Mutex::default(),
+            expansions: Mutex::default(),
+        }
     }
 
-    /// Fits a sketch in full; the same effects are fitted once.
+    /// The model of a sketch, with its errors; the same effects are fitted once.
     pub fn node(&self, sketch: &Sketch, like: &Node) -> Result<Arc<Node>, InputError> {
         let mut set: Vec<usize> = sketch.added.iter().map(|added| added.hypothesis).collect();
         set.sort_unstable();
-        let known = self.nodes.lock().expect("nobody panics").iter().find(|node| node.set() == set).cloned();
-        if let Some(node) = known.filter(|node| node.chi2() <= sketch.chi2 + 1e-3) {
+        if let Some(node) = self.known(&set).filter(|node| node.chi2() <= sketch.chi2 + 1e-3) {
             return Ok(node);
         }
-        let many = self.case.reach.epochs_yr.len() > 48;
-        let options = fit::Options { starts: 1, seed: self.seed, moments: many };
-        let model = like.model.like(&sketch.mission);
-        let node = Node::fit(self.case, &model, sketch.added.clone(), &self.base, &options, &|_| ())?;
-        let node = Arc::new(node);
+        self.fit(&like.model.like(&sketch.mission), &sketch.added, true)
+    }
+
+    /// A model at its very optimum, every interval between epochs tried for moments.
+    pub fn settled(&self, node: &Node) -> Result<Arc<Node>, InputError> {
+        let settled =
+            self.settled.lock().expect("nobody panics").iter().find(|known| known.set() == node.set()).cloned();
+        if let Some(settled) = settled.filter(|settled| settled.chi2() <= node.chi2()) {
+            return Ok(settled);
+        }
+        let found = self.fit(&node.model, &node.added, false)?;
+        self.settled.lock().expect("nobody panics").push(found.clone());
+        Ok(found)
+    }
+
+    fn known(&self, set: &[usize]) -> Option<Arc<Node>> {
+        self.nodes.lock().expect("nobody panics").iter().find(|node| node.set() == set).cloned()
+    }
+
+    fn fit(&self, model: &Model, added: &[Added], settled: bool) -> Result<Arc<Node>, InputError> {
+        // A search has tried all intervals, unless they are too many.
+        let moments = self.case.reach.epochs_yr.len() > effect::MOMENTS;
+        let options = fit::Options { starts: 1, seed: self.seed, moments, settled };
+        let node = Arc::new(Node::fit(self.case, model, added.to_vec(), &self.base, &options, &|_| ())?);
         let mut nodes = self.nodes.lock().expect("nobody panics");
-        nodes.retain(|known| known.set() != set);
+        nodes.retain(|known| known.set() != node.set());
         nodes.push(node.clone());
         Ok(node)
     }
@@ -123,9 +155,8 @@ impl<'a> Search<'a> {
         if set.is_empty() {
             return Ok(base.clone());
         }
-        let known = self.nodes.lock().expect("nobody panics").iter().find(|node| node.set() == set).cloned();
-        if let Some(node) = known {
-            return Ok(node);
+        if let Some(node) = self.known(&set) {
+            return self.settled(&node);
         }
         let (last, before) = hypotheses.split_last().expect("not empty");
         let parent = self.with(base, before)?;
@@ -133,7 +164,7 @@ impl<'a> Search<'a> {
         let sketch = self
             .sketch(&parent, &trials)
             .ok_or_else(|| InputError::new("cannot diagnose", "an effect that was there has no trial any more"))?;
-        self.node(&sketch, &parent)
+        self.settled(&*self.node(&sketch, &parent)?)
     }
 
     /// Every trial of every effect on top of a model.
@@ -164,16 +195,6 @@ impl<'a> Search<'a> {
         let sketch = |place: &usize| {
             let sketch = known(place).unwrap_or_else(|| self.sketch(&expansion.node, &expansion.trials[*place]));
             expansion.sketches.lock().expect("nobody panics").insert(*place, sketch.clone());
-            if std::env::var("TALK").is_ok() {
-                eprintln!(
-                    "  {:?} + {}: chi2 {:.1} gain {:.1} of {:.1}",
-                    expansion.node.added.iter().map(|a| &self.hypotheses[a.hypothesis].name).collect::<Vec<_>>(),
-                    self.hypotheses[*place].name,
-                    sketch.as_ref().map_or(f64::NAN, |s| s.chi2),
-                    expansion.gain(*place),
-                    expansion.node.chi2()
-                );
-            }
             self.progress.step();
             sketch
         };
@@ -192,8 +213,10 @@ impl<'a> Search<'a> {
             self.fit_roughly(node, trial.hypothesis, &start)
                 .or_else(|| self.fit_roughly(node, trial.hypothesis, &trial.table))
         };
-        let fitted = order.into_iter().take(FITTED).filter_map(|trial| {
-            let strength = trial.strength(&node.residuals).clamp(0.1, 10.0);
+        let first = order.first().map_or(0.0, |trial| trial.gain(&node.residuals));
+        let also = |trial: &&Trial| trial.gain(&node.residuals) >= ALSO * first;
+        let fitted = order.into_iter().filter(also).take(FITTED).filter_map(|trial| {
+            let strength = trial.strength(&node.residuals).clamp(0.1, 30.0);
             let sketch = from(trial, strength)?;
             // More effects cannot do worse: the start was too far away.
             let astray = sketch.chi2 > node.chi2() + 1.0;
@@ -208,7 +231,7 @@ impl<'a> Search<'a> {
         let keys: Vec<String> = self.base.iter().chain(added.iter().flat_map(|added| &added.free)).cloned().collect();
         let model = node.model.like(&mission);
         let problem = Problem::new(&model, self.case.data, &keys, &|_| (), |_| true).ok()?;
-        let (mission, chi2) = problem.sketch().ok()?;
+        let (mission, chi2) = problem.sketch(&node.fit.jacobian).ok()?;
         chi2.is_finite().then_some(Sketch { added, mission, chi2 })
     }
 

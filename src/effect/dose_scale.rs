@@ -38,7 +38,7 @@ impl Kind for DoseScale {
     }
 
     fn trials(_: &Mission, _: &Reach) -> Vec<Vec<toml::Table>> {
-        [0.8, 1.25].map(|factor| vec![numbers(&[("factor", factor)])]).into()
+        [0.97, 1.03].map(|factor| vec![numbers(&[("factor", factor)])]).into()
     }
 }
 

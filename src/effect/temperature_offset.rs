@@ -37,7 +37,7 @@ impl Kind for TemperatureOffset {
     }
 
     fn trials(_: &Mission, _: &Reach) -> Vec<Vec<toml::Table>> {
-        [-3.0, 3.0].map(|kelvin| vec![numbers(&[("kelvin", kelvin)])]).into()
+        [-0.5, 0.5].map(|kelvin| vec![numbers(&[("kelvin", kelvin)])]).into()
     }
 
     fn check(&self, mission: &Mission) -> Result<(), Refusal> {

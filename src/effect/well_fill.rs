@@ -34,7 +34,7 @@ impl Kind for WellFill {
 
     fn trials(mission: &Mission, _: &Reach) -> Vec<Vec<toml::Table>> {
         let power = mission.detector.well_fill_power;
-        [0.8, 1.25].map(|factor| vec![numbers(&[("well_fill_power", (factor * power).min(5.0))])]).into()
+        [0.97, 1.03].map(|factor| vec![numbers(&[("well_fill_power", (factor * power).min(5.0))])]).into()
     }
 }
 
