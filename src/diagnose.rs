@@ -446,8 +446,9 @@ impl Told<'_> {
         let Some(best) = nodes.first() else { return Ok(None) };
         let near = self.score(best) + rivals::margin(self.options.level);
         for node in nodes.iter().filter(|node| self.score(node) < near).take(LINES) {
-            if self.calls(node)?.nothing() {
-                return self.adopt(node);
+            let node = self.search.settled(node)?;
+            if self.calls(&node)?.nothing() {
+                return self.adopt(&node);
             }
         }
         Ok(None)
@@ -474,32 +475,32 @@ impl Told<'_> {
         Ok(ladder)
     }
 
-    /// The model without one of its effects, fitted.
-    fn without(&self, node: &Node, hypothesis: usize) -> Result<Arc<Node>, InputError> {
-        let others = node.added.iter().map(|added| added.hypothesis).filter(|place| *place != hypothesis);
-        self.search.with(self.base, &others.collect::<Vec<_>>())
+    /// The model without one of its effects (by its place among those added), fitted.
+    fn without(&self, node: &Node, place: usize) -> Result<Arc<Node>, InputError> {
+        let others = node.added.iter().enumerate().filter(|(other, _)| *other != place);
+        self.search.with(self.base, &others.map(|(_, added)| added.hypothesis).collect::<Vec<_>>())
     }
 
     /// Chance that noise alone makes an effect of a model look as good, given its other effects and the noise it leaves.
-    fn false_alarm(&self, node: &Node, hypothesis: usize) -> Result<f64, InputError> {
-        let parent = self.without(node, hypothesis)?;
+    fn false_alarm(&self, node: &Node, place: usize) -> Result<f64, InputError> {
+        let parent = self.without(node, place)?;
         let noise = Noise::left_at(self.case(), node);
-        Ok(self.search.null(&parent, &noise).false_alarm(hypothesis, parent.chi2() - node.chi2()))
+        let null = self.search.null(&parent, &noise);
+        Ok(null.false_alarm(node.added[place].hypothesis, parent.chi2() - node.chi2()))
     }
 
     /// Whether a model also foretells rows that were left out better than without one of its effects.
-    fn confirmed(&self, node: &Node, hypothesis: usize) -> Result<bool, InputError> {
-        let parent = self.without(node, hypothesis)?;
+    fn confirmed(&self, node: &Node, place: usize) -> Result<bool, InputError> {
+        let parent = self.without(node, place)?;
         let held_out = self.groups.and_then(|groups| holdout::compare(groups, &parent, node));
         Ok(held_out.is_none_or(|(before, after, _)| after < before))
     }
 
     /// Adopts a model that explains the data, if noise or a few rows alone did not make it.
     fn adopt(&self, node: &Arc<Node>) -> Result<Option<Found>, InputError> {
-        let (node, rivals) = rivals::of(self, &self.search.settled(node)?)?;
-        for added in &node.added {
-            let likely = self.false_alarm(&node, added.hypothesis)? > self.options.level;
-            if likely || !self.confirmed(&node, added.hypothesis)? {
+        let (node, rivals) = rivals::of(self, node)?;
+        for place in 0..node.added.len() {
+            if self.false_alarm(&node, place)? > self.options.level || !self.confirmed(&node, place)? {
                 return Ok(None);
             }
         }
@@ -546,7 +547,8 @@ impl Told<'_> {
             });
             let Some(next) = further.min_by(|a, b| self.score(a).total_cmp(&self.score(b))) else { break };
             let excess = here.chi2() - here.freedom();
-            let new = newest(&here, next);
+            let newest = newest(&here, next);
+            let new = next.added.iter().rposition(|added| added.hypothesis == newest).expect("it was added");
             let helps = here.chi2() - next.chi2() > MOST_OF_IT * excess;
             if !helps || !self.confirmed(next, new)? || self.false_alarm(next, new)? > self.options.level {
                 break;
@@ -591,12 +593,17 @@ impl Told<'_> {
             })
             .collect();
         let mut steps = Vec::new();
+        let mut told: Vec<usize> = Vec::new();
         for (index, pair) in ladder.windows(2).enumerate() {
-            let place = newest(&pair[0], &pair[1]);
-            let added = node.added.iter().find(|added| added.hypothesis == place).expect("it was added");
+            let hypothesis = newest(&pair[0], &pair[1]);
+            // Of two of a kind the first is told first.
+            let here = |place: &usize| node.added[*place].hypothesis == hypothesis && !told.contains(place);
+            let place = (0..node.added.len()).find(here).expect("it was added");
+            told.push(place);
+            let added = &node.added[place];
             let parameters = node.fit.parameters.iter().filter(|fitted| added.free.contains(&fitted.key)).cloned();
             steps.push(Step {
-                effect: self.name(place),
+                effect: self.name(hypothesis),
                 parameters: parameters.collect(),
                 key: added.key.clone(),
                 rung: rungs[index + 1].clone(),

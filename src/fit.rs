@@ -407,32 +407,44 @@ impl<'a> Problem<'a> {
         epochs
     }
 
-    /// Errors of moments, and what they add to those of all others. For each interval between epochs the other parameters
-    /// follow to first order; where chi2 then stays within 1 of the best, the moment may lie, with a uniform chance.
+    /// Errors of moments, and what they add to those of all others: from the best interval between epochs outwards, the moment
+    /// may lie, with a uniform chance, as long as chi2 stays within 1 of the best while the other parameters follow to first
+    /// order.
     fn add_moments(&self, best: &Optimum, jacobian: &DMatrix<f64>, sigmas: &mut [Option<f64>]) {
+        let Ok(inverse) = jacobian.clone().pseudo_inverse(1e-9 * jacobian.norm()) else { return };
+        let epochs = self.epochs();
         for index in (0..best.at.len()).filter(|&index| self.parameters[index].is_moment) {
-            let inverse = jacobian.clone().pseudo_inverse(1e-9 * jacobian.norm()).ok();
-            let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-            let mut ends = vec![[0.0_f64, 0.0]; best.at.len()];
-            for pair in self.epochs().windows(2) {
+            // How the others follow, where chi2 stays.
+            let follow = |interval: &[f64]| -> Option<DVector<f64>> {
                 let mut at = best.at.clone();
-                at[index] = 0.5 * (pair[0] + pair[1]);
-                let Ok(residuals) = self.residuals(&at) else { continue };
-                let residuals = DVector::from_vec(residuals);
-                let follow = inverse.as_ref().map(|inverse| -(inverse * &residuals));
-                let left = follow.as_ref().map_or(residuals.clone(), |follow| &residuals + jacobian * follow);
-                if left.norm_squared() < best.chi2 + 1.0 || (pair[0]..pair[1]).contains(&best.at[index]) {
-                    low = low.min(pair[0]);
-                    high = high.max(pair[1]);
-                    for (ends, follow) in ends.iter_mut().zip(follow.iter().flatten()) {
-                        *ends = [ends[0].min(*follow), ends[1].max(*follow)];
-                    }
+                at[index] = 0.5 * (interval[0] + interval[1]);
+                let residuals = DVector::from_vec(self.residuals(&at).ok()?);
+                let follow = -(&inverse * &residuals);
+                ((residuals + jacobian * &follow).norm_squared() < best.chi2 + 1.0).then_some(follow)
+            };
+            let moment = best.at[index];
+            let Some(here) = epochs.windows(2).position(|pair| (pair[0]..=pair[1]).contains(&moment)) else { continue };
+            let (mut low, mut high) = (epochs[here], epochs[here + 1]);
+            let mut ends = vec![[0.0_f64, 0.0]; best.at.len()];
+            let mut widen = |follow: &DVector<f64>| {
+                for (ends, follow) in ends.iter_mut().zip(follow.iter()) {
+                    *ends = [ends[0].min(*follow), ends[1].max(*follow)];
                 }
+            };
+            for interval in epochs[..=here].windows(2).rev() {
+                let Some(follow) = follow(interval) else { break };
+                low = interval[0];
+                widen(&follow);
+            }
+            for interval in epochs[here + 1..].windows(2) {
+                let Some(follow) = follow(interval) else { break };
+                high = interval[1];
+                widen(&follow);
             }
             let uniform = |width: f64| width / 12.0_f64.sqrt();
             for (other, sigma) in sigmas.iter_mut().enumerate() {
                 *sigma = match sigma {
-                    _ if other == index => (high > low).then(|| uniform(high - low)),
+                    _ if other == index => Some(uniform(high - low)),
                     Some(sigma) => Some(sigma.hypot(uniform(ends[other][1] - ends[other][0]))),
                     None => None,
                 };
@@ -494,12 +506,19 @@ struct Run<'a> {
     secant: Option<Secant>,
 }
 
+/// A point on the way, in inner coordinates.
+struct Point {
+    at: DVector<f64>,
+    residuals: DVector<f64>,
+    jacobian: DMatrix<f64>,
+}
+
 /// Derivatives that follow from those before.
 struct Secant {
     /// Those of the first parameters at the start, with respect to the parameters themselves.
     known: DMatrix<f64>,
-    /// Inner coordinates, residuals and derivatives of the last point.
-    last: RefCell<Option<(DVector<f64>, DVector<f64>, DMatrix<f64>)>>,
+    /// The last point.
+    last: RefCell<Option<Point>>,
 }
 
 impl Run<'_> {
@@ -536,8 +555,8 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Run<'_> {
         let mut last = secant.last.borrow_mut();
         let jacobian = match last.take() {
             None => self.derivatives(&residuals, Some(&secant.known))?,
-            Some((there, before, mut jacobian)) => {
-                let step = &here - there;
+            Some(Point { at, residuals: before, mut jacobian }) => {
+                let step = &here - at;
                 let length = step.norm_squared();
                 if length > 0.0 {
                     let missed = &residuals - before - &jacobian * &step;
@@ -546,7 +565,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Run<'_> {
                 jacobian
             }
         };
-        *last = Some((here, residuals, jacobian.clone()));
+        *last = Some(Point { at: here, residuals, jacobian: jacobian.clone() });
         Some(jacobian)
     }
 }

@@ -55,6 +55,8 @@ fn tables_fit_80_columns_and_have_no_lines_when_piped() {
         &["dose", "missions/snap_l2_shielded.toml"],
         &["compare", SNAP, "--transfers", "825,1650", "--line-time-ms", "10,25"],
         &["compare", SNAP, "missions/hst_leo.toml"],
+        &["diagnose", &practice("one-epoch/mission.toml"), &practice("one-epoch/trails.ecsv")],
+        &["diagnose", &practice("slow-trap/mission.toml"), &practice("slow-trap/trails.ecsv")],
     ] {
         for line in stdout(arguments).lines() {
             assert!(line.chars().count() <= 80, "{arguments:?}: {line}");
@@ -364,4 +366,60 @@ fn what_cannot_be_fitted_is_refused() {
     }
     let output = ctiplan(&["fit", "missions/snap_l2.toml", &trails]);
     assert!(String::from_utf8(output.stderr).unwrap().contains("no key is free"));
+}
+
+fn practice(file: &str) -> String {
+    format!("tests/practice/{file}")
+}
+
+#[test]
+fn diagnose_writes_what_it_found_and_draws_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (new, plots) = (folder.path().join("new.toml"), folder.path().join("plots"));
+    let (mission, trails) = (practice("notch/mission.toml"), practice("notch/trails.ecsv"));
+    let arguments =
+        ["diagnose", &mission, &trails, "--write", new.to_str().unwrap(), "--plots", plots.to_str().unwrap()];
+    let found = json(&[&arguments[..], &["--json"]].concat());
+    assert_eq!((&found["verdict"], &found["steps"][0]["effect"]), (&"missing".into(), &"notch".into()));
+    let validated = json(&["validate", new.to_str().unwrap(), &trails, "--json"]);
+    let chi2 = |value: &Value| value["chi2"].as_f64().unwrap();
+    assert!((chi2(&validated) - chi2(&found["steps"][0])).abs() < 0.5);
+    for figure in ["error.svg", "before-1-trails.svg", "after-1-trails.svg", "after-1-trails-signal_e.svg"] {
+        assert!(std::fs::read_to_string(plots.join(figure)).unwrap().starts_with("<svg"), "{figure}");
+    }
+    let csv = stdout(&["diagnose", &mission, &trails, "--csv"]);
+    assert!(csv.starts_with("model,parameter,unit,value,sigma,chi2,n,free,rms_sigma,holdout_rms_sigma,false_alarm"));
+    assert!(csv.lines().any(|line| line.starts_with("notch,effects.notch.notch_e,e-,")));
+}
+
+#[test]
+fn a_diagnosis_that_cannot_be_asked_for_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_string()
+    };
+    let wrong =
+        file("wrong.toml", "[effects.formula]\ntarget = \"value\"\nexpression = \"value * (1 + drift * humidty\"\n");
+    let unknown = file("unknown.toml", "[effects.anealing]\ntime_yr = 2.0\n");
+    let bare = file("bare.toml", "[formula]\ntarget = \"value\"\n");
+    let torn = file("torn.toml", "[effects.formula]\ntarget = \n");
+    for (arguments, said) in [
+        (vec!["--level", "0"], "a share between 0 and 0.5"),
+        (vec!["--can", "trails"], "no observable is called"),
+        (vec!["--free", "detector.traps.A.densty_per_px"], "no key is called"),
+        (vec!["--candidates", "nowhere.toml"], "nowhere.toml"),
+        (vec!["--candidates", &wrong], "cannot use the candidates"),
+        (vec!["--candidates", &unknown], "no effect is called `anealing`"),
+        (vec!["--candidates", &bare], "only [effects.KIND]"),
+        (vec!["--candidates", &torn], "line 2"),
+    ] {
+        let (mission, trails) = (practice("notch/mission.toml"), practice("notch/trails.ecsv"));
+        let output = ctiplan(&[&["diagnose", &mission, &trails], &arguments[..]].concat());
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+        assert!(stderr.contains(said) && stderr.starts_with("error: "), "{arguments:?}: {stderr}");
+        assert!(output.stdout.is_empty());
+    }
 }

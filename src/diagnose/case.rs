@@ -166,7 +166,7 @@ const FLAT: f64 = 1e-5;
 /// Orthonormal directions that columns span.
 pub(super) fn orthonormal(columns: &DMatrix<f64>) -> DMatrix<f64> {
     let alive: Vec<DVector<f64>> =
-        columns.column_iter().filter_map(|column| (column.norm() > 0.0).then(|| column / column.norm())).collect();
+        columns.column_iter().filter(|column| column.norm() > 0.0).map(|column| column / column.norm()).collect();
     if alive.is_empty() {
         return DMatrix::zeros(columns.nrows(), 0);
     }

@@ -68,3 +68,41 @@ pub(super) fn compare(groups: &[Vec<usize>], one: &Node, other: &Node) -> Option
 pub(super) fn rms_sigma(groups: &[Vec<usize>], node: &Node) -> Option<f64> {
     compare(groups, node, node).map(|(squares, _, rows)| (squares / rows as f64).sqrt())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::{self, Options};
+    use crate::measurement::DataSet;
+    use crate::mission::Mission;
+    use crate::model::Model;
+
+    #[test]
+    fn rows_left_out_are_foretold_as_by_fits_without_them() {
+        let mission = Mission::read("tests/practice/prelaunch/mission.toml").unwrap();
+        let data = ["trails", "dose"]
+            .map(|name| DataSet::read(format!("tests/practice/prelaunch/{name}.ecsv"), &mission).unwrap());
+        let (mission, _) = crate::effect::add(
+            &mission,
+            "prelaunch-traps",
+            toml::toml! { fast = 0.05
+            mid = 0.1
+            slow = 0.1 },
+        )
+        .unwrap();
+        let keys = ["fast", "mid", "slow"].map(|name| format!("effects.prelaunch-traps.{name}"));
+        let case = Case::of(&data);
+        let node = Node::fit(&case, &Model::new(&mission), Vec::new(), &keys, &Options::default(), &|_| ()).unwrap();
+        let (column, groups) = split(&case).unwrap();
+        assert_eq!(column, "t_yr");
+        for members in &groups {
+            let without = |row: usize| !members.contains(&row);
+            let fit = fit::fit_rows(&node.model, &data, &keys, &Options::default(), &|_| (), without).unwrap();
+            let foretold = left_out(&node, members).unwrap();
+            for (place, &row) in members.iter().enumerate() {
+                let really = (case.values[row] - fit.values[row]) / case.sigmas[row];
+                assert!((foretold[place] - really).abs() < 0.02, "row {row}: {} {really}", foretold[place]);
+            }
+        }
+    }
+}

@@ -198,7 +198,8 @@ impl Hypothesis {
 
 fn scaled(table: &Table, nothing: &Table, factor: f64) -> (Table, Vec<String>) {
     let (mut changed, mut names) = (table.clone(), Vec::new());
-    let alone = table.values().filter(|value| value.is_float()).count() == 1;
+    let floats = table.values().filter(|value| value.is_float()).count();
+    let alone = floats == 1 && !table.values().any(Value::is_array);
     for (name, value) in table {
         match (value, nothing.get(name)) {
             (Value::Float(value), Some(Value::Float(nothing))) if alone || *nothing == 0.0 || nothing.is_infinite() => {

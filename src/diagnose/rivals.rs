@@ -52,14 +52,12 @@ pub(super) fn of(told: &Told, node: &Arc<Node>) -> Result<(Arc<Node>, Vec<Rival>
 fn around(told: &Told, node: &Arc<Node>) -> Result<Vec<Rival>, InputError> {
     let margin = margin(told.options.level);
     let mut rivals: Vec<Rival> = Vec::new();
-    for added in &node.added {
-        let others: Vec<usize> =
-            node.added.iter().map(|added| added.hypothesis).filter(|place| *place != added.hypothesis).collect();
-        let parent = told.search.with(told.base, &others)?;
+    for (place, added) in node.added.iter().enumerate() {
+        let parent = told.without(node, place)?;
         let expansion = told.search.expand(&parent);
         let needed = LITTLE * (parent.chi2() - node.chi2());
         let mut wanted = expansion.promising();
-        wanted.retain(|place| others.is_empty() || expansion.gain(*place) > needed);
+        wanted.retain(|place| parent.added.is_empty() || expansion.gain(*place) > needed);
         let sketches = told.search.sketches(&expansion, &wanted);
         for sketch in sketches.iter().filter(|sketch| sketch.last() != added.hypothesis) {
             if sketch.chi2 > node.chi2() + ROUGH * margin || node.set().contains(&sketch.last()) {

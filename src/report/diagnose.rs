@@ -213,13 +213,12 @@ fn rung_json(rung: &Rung) -> Value {
 impl Diagnosis {
     fn ladder(&self) -> String {
         let mut out = String::from("\n");
-        let header = ["model", "chi2", "rows", "free", "rms [sigma]", "held out", "budget exceeded", "false alarm"];
+        let header = ["model", "chi2", "free", "rms [sigma]", "held out", "budget exceeded", "false alarm"];
         let mut ladder = table(&header);
         let mut rung = |name: String, rung: &Rung, alarm: String| {
             ladder.add_row(vec![
                 name,
                 format!("{:.1}", rung.chi2),
-                rung.n.to_string(),
                 rung.free.to_string(),
                 format!("{:.2}", rung.rms_sigma()),
                 or_dash(rung.holdout_rms_sigma.map(|rms| format!("{rms:.2}"))),
@@ -227,7 +226,7 @@ impl Diagnosis {
                 alarm,
             ]);
         };
-        rung("as given, fitted".into(), &self.baseline, String::new());
+        rung("as given".into(), &self.baseline, String::new());
         for step in &self.steps {
             rung(format!("+ {}", step.effect), &step.rung, said(step.false_alarm));
         }
@@ -236,7 +235,11 @@ impl Diagnosis {
             format!("; held out: rms of rows left out of the fit, group by group of {column}")
         });
         out.push_str(&wrapped(
-            &format!("  false alarm: chance that noise alone looks as good, over everything that was tried{held_out}"),
+            &format!(
+                "  {} rows; what is free is fitted in every line; false alarm: chance that noise alone looks as good, over \
+                 everything that was tried{held_out}",
+                self.baseline.n
+            ),
             4,
         ));
         out
