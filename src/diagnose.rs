@@ -1,9 +1,9 @@
 //! Mission and measurements → which physical effect the model lacks.
 //!
-//! In the order in which mistakes are avoided: whether the data can carry a verdict ([`audit`]), whether the readout is
-//! computed finely enough ([`numerics`]), the fit of what is free, every effect on top of it ([`hypothesis`], [`search`]),
-//! how often noise does as well ([`chance`]), groups of rows left out ([`holdout`]), rivals ([`rivals`]), and the measurement
-//! that would tell them apart ([`next`]). Nothing is called missing that noise could have made, and nothing is called certain
+//! In the order in which mistakes are avoided: whether the data can carry a verdict (`audit`), whether the readout is
+//! computed finely enough (`numerics`), the fit of what is free, every effect on top of it (`hypothesis`, `search`),
+//! how often noise does as well (`chance`), groups of rows left out (`holdout`), rivals (`rivals`), and the measurement
+//! that would tell them apart (`next`). Nothing is called missing that noise could have made, and nothing is called certain
 //! that has a rival.
 
 mod audit;
@@ -204,9 +204,19 @@ impl Diagnosis {
         added
     }
 
-    /// The same as TOML.
+    /// The same as TOML, to six digits.
     pub fn toml(&self) -> String {
-        let effects = toml::Table::from_iter([("effects".to_string(), self.added_effects().into())]);
+        fn rounded(value: &mut toml::Value) {
+            match value {
+                toml::Value::Float(number) => *number = format!("{number:.5e}").parse().expect("a number"),
+                toml::Value::Array(members) => members.iter_mut().for_each(rounded),
+                toml::Value::Table(members) => members.iter_mut().for_each(|(_, member)| rounded(member)),
+                _ => {}
+            }
+        }
+        let mut effects = toml::Value::Table(self.added_effects());
+        rounded(&mut effects);
+        let effects = toml::Table::from_iter([("effects".to_string(), effects)]);
         toml::to_string(&effects).expect("tables of numbers and words")
     }
 

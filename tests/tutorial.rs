@@ -152,6 +152,12 @@ fn the_way_to_an_effect_shows_what_the_program_prints() {
     quotes_files_as_they_are("docs/adding-an-effect.md");
 }
 
+#[test]
+fn the_page_of_the_diagnosis_shows_what_the_program_prints() {
+    shows_what_is_printed("docs/diagnosis.md");
+    quotes_files_as_they_are("docs/diagnosis.md");
+}
+
 /// The table of methods is that of the trait.
 #[test]
 fn the_way_to_an_effect_names_every_method() {

@@ -184,6 +184,9 @@ fn error(case: &Case, observable: Observable, value: f64) -> f64 {
 /// Predictions, and the variance that the fit leaves open in them.
 fn foretold(node: &Node, questions: &[Question]) -> (Vec<f64>, Vec<f64>) {
     let here = predict(&node.model, questions);
+    if node.fit.parameters.is_empty() {
+        return (here.clone(), vec![0.0; here.len()]);
+    }
     let keys: Vec<_> = node.fit.parameters.iter().collect();
     let normal = node.fit.jacobian.transpose() * &node.fit.jacobian;
     let derivatives: Vec<DVector<f64>> = keys

@@ -358,10 +358,13 @@ impl Diagnosis {
         let mut tried = table(&["effect", "chi2", "of the fit as given"]);
         for attempt in self.tried.iter().filter(|tried| tried.chi2.is_some()).take(LISTED) {
             let chi2 = attempt.chi2.expect("filtered");
+            // Rough fits are good to a few in a thousand.
+            let digits = |value: f64| usize::from(value.abs() < 1000.0);
+            let fall = chi2 - self.baseline.chi2;
             tried.add_row(vec![
                 attempt.effect.clone(),
-                format!("{chi2:.1}"),
-                format!("{:+.1}", chi2 - self.baseline.chi2),
+                format!("{chi2:.*}", digits(chi2)),
+                format!("{fall:+.*}", digits(chi2)),
             ]);
         }
         out.push_str(&lines(&tried));
