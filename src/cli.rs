@@ -155,18 +155,33 @@ struct Validate {
 }
 
 #[derive(Debug, Args)]
-struct Fit {
-    /// Mission file (TOML)
-    mission: PathBuf,
-    /// Measurement files (ECSV or CSV)
-    #[arg(required = true)]
-    data: Vec<PathBuf>,
+struct Adjust {
     /// A key to adjust, such as detector.traps.VV.release_ms, in addition to [fit] free; may be given several times
     #[arg(long, value_name = "KEY")]
     free: Vec<String>,
     /// Adjust only the keys given with --free, and not those of [fit] free
     #[arg(long, requires = "free")]
     only: bool,
+}
+
+impl Adjust {
+    /// Keys to adjust: those of the mission's `[fit] free`, unless only others are wanted.
+    fn keys(&self, mission: &Mission) -> Vec<String> {
+        let mut keys = if self.only { Vec::new() } else { mission.fit.free.clone() };
+        keys.extend(self.free.iter().filter(|key| self.only || !mission.fit.free.contains(key)).cloned());
+        keys
+    }
+}
+
+#[derive(Debug, Args)]
+struct Fit {
+    /// Mission file (TOML)
+    mission: PathBuf,
+    /// Measurement files (ECSV or CSV)
+    #[arg(required = true)]
+    data: Vec<PathBuf>,
+    #[command(flatten)]
+    adjust: Adjust,
     /// Another value of a key to start from; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -193,12 +208,8 @@ struct Diagnose {
     /// Measurement files (ECSV or CSV)
     #[arg(required = true)]
     data: Vec<PathBuf>,
-    /// A key to adjust, such as detector.traps.VV.release_ms, in addition to [fit] free; may be given several times
-    #[arg(long, value_name = "KEY")]
-    free: Vec<String>,
-    /// Adjust only the keys given with --free, and not those of [fit] free
-    #[arg(long, requires = "free")]
-    only: bool,
+    #[command(flatten)]
+    adjust: Adjust,
     /// Another value of a key to start from; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -378,7 +389,7 @@ impl Fit {
     fn run(&self) -> Result<Outcome, Failure> {
         let mission = mission_with(&self.mission, &self.set)?;
         let data = data_sets(&self.data, &mission)?;
-        let keys = free_keys(&mission, &self.free, self.only);
+        let keys = self.adjust.keys(&mission);
         if keys.is_empty() {
             return Err(InputError::new("cannot fit", "no key is free")
                 .with_help("name some with --free, such as --free detector.traps.VV.density_per_px, or in [fit] free")
@@ -422,7 +433,7 @@ impl Diagnose {
         let options = diagnose::Options {
             level: self.level,
             seed: self.seed.unwrap_or(mission.accuracy.seed),
-            free: free_keys(&mission, &self.free, self.only),
+            free: self.adjust.keys(&mission),
             candidates: self.candidates.as_ref().map(candidates).transpose()?,
             can: self.can.clone(),
         };
@@ -486,13 +497,6 @@ fn mission_with(path: &PathBuf, settings: &[String]) -> Result<Mission, InputErr
 /// Reads measurement files for a mission.
 fn data_sets(paths: &[PathBuf], mission: &Mission) -> Result<Vec<DataSet>, InputError> {
     paths.iter().map(|path| DataSet::read(path, mission)).collect()
-}
-
-/// Keys to adjust: those of the mission's `[fit] free`, unless only others are wanted.
-fn free_keys(mission: &Mission, free: &[String], only: bool) -> Vec<String> {
-    let mut keys = if only { Vec::new() } else { mission.fit.free.clone() };
-    keys.extend(free.iter().filter(|key| only || !mission.fit.free.contains(key)).cloned());
-    keys
 }
 
 /// The effects of a file of candidates.
