@@ -3,7 +3,7 @@
 //! For each adopted effect every other one is put in its place and fitted. If a rival were the truth, the adopted one could
 //! lie below it by chance by d in chi2 with a probability of at most Φ(−√d): both fits differ by λ in the mean with a
 //! standard deviation of 2√λ, and λ = d is the worst case. A rival is ruled out where that is below half the level; each
-//! parameter that the adopted one has more costs another 2.
+//! parameter that the adopted one has more costs another 2, and each that it has less one less.
 
 use std::sync::Arc;
 
@@ -64,8 +64,9 @@ fn around(told: &Told, node: &Arc<Node>) -> Result<Vec<Rival>, InputError> {
                 continue;
             }
             let rival = told.search.settled(&*told.search.node(sketch, &parent)?)?;
+            // Each parameter takes 1 from chi2 in the mean, whether it is needed or not.
             let freedom = node.fit.parameters.len() as f64 - rival.fit.parameters.len() as f64;
-            if rival.chi2() < node.chi2() + margin + 2.0 * freedom.max(0.0) {
+            if rival.chi2() < node.chi2() + margin + 2.0 * freedom.max(0.0) + freedom.min(0.0) {
                 rivals.push(Rival { instead_of: added.hypothesis, hypothesis: sketch.last(), node: rival });
             }
         }
