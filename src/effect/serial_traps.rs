@@ -24,7 +24,8 @@ impl Kind for SerialTraps {
                   alone in their rows, blocks fill theirs evenly, galaxies are read as they are.",
         source: "Rhodes et al. 2010, section 3 (rotate and repeat); Massey et al. 2014 on serial CTI in ACS",
         holds: "Wells of the serial register are as deep as the pixels'. Charge trailed across columns is lost to a packet \
-                and to its parallel trail.",
+                and to its parallel trail. Data know the density times the number of transfers only: a search assumes 1000 \
+                transfers, and a thousandth of the line time for each.",
         residuals: "packet_charge too small whatever the (parallel) transfers; shapes stretched along x, which makes \
                     delta_e1 more positive.",
         keys: &[
