@@ -274,23 +274,22 @@ pub fn diagnose(
     let refusal = audit::refusal(&case, options.free.len());
     let free = if refusal.is_some() { Vec::new() } else { options.free.clone() };
     (progress.stage)("numerics and base fit", 0);
-    let (accurate, mut notes) = numerics::accurate(&case, mission)?;
+    let (accurate, notes) = numerics::accurate(&case, mission)?;
     let base = Arc::new(base_fit(&case, &Model::new(&accurate), &free, options.seed)?);
     let search = Search::new(&case, &hypotheses, free, options.seed, progress);
     let split = holdout::split(&case);
     let told = Told { search: &search, options, base: &base, groups: split.as_ref().map(|(_, groups)| &groups[..]) };
-    let mut found = match refusal.or_else(|| audit::sigma_too_large(&case, &base)) {
-        Some(reason) => Found::of(Verdict::Unfit, reason, base.clone()),
+    let found = match refusal.or_else(|| audit::sigma_too_large(&case, &base)) {
+        Some(reason) => Found::of(Verdict::Unfit, reason, vec![base.clone()]),
         None => told.hunt()?,
     };
-    notes.append(&mut found.notes);
     told.diagnosis(mission, found, split.as_ref().map(|(column, _)| column.to_string()), notes)
 }
 
 /// The fit of what is free: from elsewhere too where it does not explain the data.
 fn base_fit(case: &Case, model: &Model, free: &[String], seed: u64) -> Result<Node, InputError> {
     let options = fit::Options { seed, ..fit::Options::default() };
-    let fit = |model: &Model| Node::fit(case, model, Vec::new(), free, &options, &|_| ());
+    let fit = |model: &Model| Node::fit(case, model, Vec::new(), free, &options);
     let mut best = fit(model)?;
     let clear = best.chi2() > best.freedom() + 4.0 * (2.0 * best.freedom()).sqrt();
     if free.is_empty() || !clear {
@@ -309,29 +308,16 @@ fn base_fit(case: &Case, model: &Model, free: &[String], seed: u64) -> Result<No
 struct Found {
     verdict: Verdict,
     reason: String,
-    /// The model at the end.
-    node: Arc<Node>,
-    /// Models on the way to it, from the base on.
+    /// Models from the base to that at the end.
     ladder: Vec<Arc<Node>>,
     alternatives: Vec<Vec<String>>,
     next: Option<Next>,
     limits: Vec<Limit>,
-    notes: Vec<String>,
 }
 
 impl Found {
-    fn of(verdict: Verdict, reason: String, node: Arc<Node>) -> Found {
-        let ladder = vec![node.clone()];
-        Found {
-            verdict,
-            reason,
-            node,
-            ladder,
-            alternatives: Vec::new(),
-            next: None,
-            limits: Vec::new(),
-            notes: Vec::new(),
-        }
+    fn of(verdict: Verdict, reason: String, ladder: Vec<Arc<Node>>) -> Found {
+        Found { verdict, reason, ladder, alternatives: Vec::new(), next: None, limits: Vec::new() }
     }
 }
 
@@ -398,7 +384,7 @@ impl Told<'_> {
         (self.search.progress.stage)("every effect", 2 * hypotheses);
         self.search.expand(self.base);
         if self.calls(self.base)?.nothing() {
-            let mut found = Found::of(Verdict::Complete, "the model explains the data".into(), self.base.clone());
+            let mut found = Found::of(Verdict::Complete, "the model explains the data".into(), vec![self.base.clone()]);
             found.limits = limits::all(self.search, self.base, self.options.level)?;
             return Ok(found);
         }
@@ -514,18 +500,13 @@ impl Told<'_> {
                 return Ok(None);
             }
         }
-        let ladder = self.ladder(&node)?;
-        let names: Vec<String> =
-            ladder.last().expect("the base").added.iter().map(|added| self.name(added.hypothesis)).collect();
-        let mut found = Found::of(Verdict::Missing, format!("the model lacks {}", names.join(" and ")), node.clone());
-        found.ladder = ladder;
+        let names = node.added.iter().map(|added| self.name(added.hypothesis)).collect::<Vec<_>>().join(" and ");
+        let mut found = Found::of(Verdict::Missing, format!("the model lacks {names}"), self.ladder(&node)?);
         if !rivals.is_empty() {
             found.verdict = Verdict::Ambiguous;
-            found.reason =
-                format!("the model lacks {}, or an effect that these data cannot tell from it", names.join(" and "));
+            found.reason = format!("the model lacks {names}, or an effect that these data cannot tell from it");
             found.next = next::best(self.search, &node, &rivals[0].node, &rivals, &self.options.can)?;
-            for (place, _) in node.added.iter().enumerate() {
-                let adopted = node.added[place].hypothesis;
+            for adopted in node.added.iter().map(|added| added.hypothesis) {
                 let others: Vec<String> = rivals
                     .iter()
                     .filter(|rival| rival.instead_of == adopted)
@@ -547,7 +528,8 @@ impl Told<'_> {
         let white = !leans && Noise::left_at(self.case(), self.base).correlation == 0.0;
         if white {
             let best = polished.iter().min_by(|a, b| a.chi2().total_cmp(&b.chi2())).unwrap_or(self.base);
-            return Ok(Found::of(Verdict::Unfit, audit::sigma_too_small(self.case(), best), self.base.clone()));
+            let reason = audit::sigma_too_small(self.case(), best);
+            return Ok(Found::of(Verdict::Unfit, reason, vec![self.base.clone()]));
         }
         let mut ladder = vec![self.base.clone()];
         loop {
@@ -565,11 +547,8 @@ impl Told<'_> {
             }
             ladder.push(next.clone());
         }
-        let node = ladder.last().expect("the base").clone();
         let reason = "no combination of the catalogue's effects brings the data down to their noise";
-        let mut found = Found::of(Verdict::Unexplained, reason.into(), node);
-        found.ladder = ladder;
-        Ok(found)
+        Ok(Found::of(Verdict::Unexplained, reason.into(), ladder))
     }
 
     /// Everything that is told of what was found.
@@ -580,7 +559,8 @@ impl Told<'_> {
         held_out: Option<String>,
         notes: Vec<String>,
     ) -> Result<Diagnosis, InputError> {
-        let Found { verdict, reason, node, ladder, alternatives, next, limits, .. } = found;
+        let Found { verdict, reason, ladder, alternatives, next, limits } = found;
+        let node = ladder.last().expect("the base");
         (self.search.progress.stage)("budget", ladder.len() as u64);
         let improved = Mission { accuracy: mission.accuracy.clone(), ..node.mission().clone() };
         let before = validate(
@@ -617,7 +597,7 @@ impl Told<'_> {
                 parameters: parameters.collect(),
                 key: added.key.clone(),
                 rung: rungs[index + 1].clone(),
-                false_alarm: self.false_alarm(&node, place)?,
+                false_alarm: self.false_alarm(node, place)?,
             });
         }
         let tried = if verdict == Verdict::Unfit { Vec::new() } else { self.tried() };
@@ -647,7 +627,7 @@ impl Told<'_> {
             next,
             limits,
             held_out,
-            noise: Noise::left_at(self.case(), &node),
+            noise: Noise::left_at(self.case(), node),
             notes,
             before,
             after,

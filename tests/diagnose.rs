@@ -247,7 +247,7 @@ fn a_limit_is_where_an_effect_is_seen() {
 
 /// `cargo test --release --test diagnose -- --ignored`
 #[test]
-#[ignore = "a minute"]
+#[ignore = "minutes"]
 fn a_real_ccd_lacks_a_third_species() {
     let folder = Path::new("../shared/practice/real-ccd");
     if !folder.exists() {

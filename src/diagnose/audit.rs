@@ -132,23 +132,22 @@ fn contradictory(case: &Case) -> Option<String> {
     })
 }
 
-/// A row as `file, line N`.
+/// A row as `line N of file`.
 fn said(case: &Case, row: usize) -> String {
-    let set = case.set_of[row];
-    let first: usize = case.data[..set].iter().map(|set| set.rows.len()).sum();
-    format!("row {} of {}", row - first + 1, case.data[set].file)
+    let index = case.set_of[row];
+    let (set, row) = (&case.data[index], row - case.rows(index).start);
+    let place = set.table.lines.get(row).map_or_else(|| format!("row {}", row + 1), |line| format!("line {line}"));
+    format!("{place} of {}", set.file)
 }
 
 /// Errors that are far larger than the scatter.
 pub(super) fn sigma_too_large(case: &Case, node: &Node) -> Option<String> {
-    let mut first = 0;
-    for set in case.data {
-        let rows = first..first + set.rows.len();
-        first = rows.end;
+    for (index, set) in case.data.iter().enumerate() {
+        let rows = case.rows(index);
         if set.rows.len() < FEW {
             continue;
         }
-        let residuals: Vec<f64> = rows.clone().map(|row| node.residuals[row]).collect();
+        let residuals: Vec<f64> = rows.map(|row| node.residuals[row]).collect();
         let between = along_neighbours(set, &residuals, roughness).sqrt();
         // A mean square of k degrees of freedom.
         let half = 0.5 * WORTH * (set.rows.len() - 2) as f64;
@@ -177,10 +176,9 @@ fn roughness(residuals: &[f64]) -> f64 {
 
 /// Errors that are smaller than a scatter which leans on nothing.
 pub(super) fn sigma_too_small(case: &Case, node: &Node) -> String {
-    let (mut said, mut worst, mut first) = (String::new(), 0.0, 0);
-    for set in case.data {
-        let rows = first..first + set.rows.len();
-        first = rows.end;
+    let (mut said, mut worst) = (String::new(), 0.0);
+    for (index, set) in case.data.iter().enumerate() {
+        let rows = case.rows(index);
         let chi2: f64 = rows.clone().map(|row| node.residuals[row].powi(2)).sum();
         let factor = (chi2 / (rows.len() as f64 * node.freedom() / case.n() as f64).max(1.0)).sqrt();
         if factor > worst {

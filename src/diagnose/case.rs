@@ -1,5 +1,7 @@
 //! The data of a diagnosis, and a model fitted to them.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector};
 
 use crate::effect::Reach;
@@ -41,6 +43,12 @@ impl<'a> Case<'a> {
             reach: Reach::of(questions.iter().map(|question| question.at)),
             questions,
         }
+    }
+
+    /// Rows of a data set.
+    pub fn rows(&self, set: usize) -> Range<usize> {
+        let first = self.data[..set].iter().map(|set| set.rows.len()).sum();
+        first..first + self.data[set].rows.len()
     }
 
     pub fn n(&self) -> usize {
@@ -124,10 +132,9 @@ impl Node {
         added: Vec<Added>,
         base: &[String],
         options: &fit::Options,
-        progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Node, InputError> {
         let keys: Vec<String> = base.iter().chain(added.iter().flat_map(|added| &added.free)).cloned().collect();
-        let fit = fit::fit_rows(model, case.data, &keys, options, progress, |_| true)?;
+        let fit = fit::fit_rows(model, case.data, &keys, options, &|_| (), |_| true)?;
         let model = model.like(&fit.mission);
         let residuals = case.over_sigma(&case.values) - case.over_sigma(&fit.values);
         let basis = orthonormal(&fit.jacobian);

@@ -39,9 +39,9 @@ impl Noise {
     pub(super) fn left_at(case: &Case, node: &Node) -> Noise {
         let taken = node.freedom() / case.n() as f64;
         let scale = (0..case.data.len()).map(|set| {
-            let rows = || (0..case.n()).filter(|&row| case.set_of[row] == set);
-            let freedom = (rows().count() as f64 * taken).max(1.0);
-            let chi2: f64 = rows().map(|row| node.residuals[row].powi(2)).sum();
+            let rows = case.rows(set);
+            let freedom = (rows.len() as f64 * taken).max(1.0);
+            let chi2: f64 = rows.map(|row| node.residuals[row].powi(2)).sum();
             if chi2 > freedom + CLEAR * (2.0 * freedom).sqrt() { (chi2 / freedom).sqrt() } else { 1.0 }
         });
         Noise { scale: scale.collect(), correlation: correlation(case, &node.residuals) }

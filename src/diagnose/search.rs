@@ -141,7 +141,7 @@ impl<'a> Search<'a> {
         // A search has tried all intervals, unless they are too many.
         let moments = self.case.reach.epochs_yr.len() > effect::MOMENTS;
         let options = fit::Options { starts: 1, seed: self.seed, moments, settled };
-        let node = Arc::new(Node::fit(self.case, model, added.to_vec(), &self.base, &options, &|_| ())?);
+        let node = Arc::new(Node::fit(self.case, model, added.to_vec(), &self.base, &options)?);
         let mut nodes = self.nodes.lock().expect("nobody panics");
         nodes.retain(|known| known.set() != node.set());
         nodes.push(node.clone());
