@@ -1,0 +1,108 @@
+//! `ctiplan diagnose`.
+
+use std::fs;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::inputs::{Adjust, Measured};
+use super::{Failure, Outcome, Output, print, progress};
+use crate::diagnose::{self, diagnose};
+use crate::error::InputError;
+use crate::observable::Observable;
+use crate::output;
+
+#[derive(Debug, Args)]
+pub(super) struct Diagnose {
+    #[command(flatten)]
+    measured: Measured,
+    #[command(flatten)]
+    adjust: Adjust,
+    /// False alarms allowed, as a share of complete models
+    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = level)]
+    level: f64,
+    /// Seed of all simulations, in place of the mission's
+    #[arg(long, value_name = "SEED")]
+    seed: Option<u64>,
+    /// Effects of your own, as [effects.formula] or [[effects.formula]] in a file of their own; they compete on equal terms
+    #[arg(long, value_name = "FILE.toml")]
+    candidates: Option<PathBuf>,
+    /// What could be measured next, such as trail,packet_charge; anything by default
+    #[arg(long, value_name = "OBSERVABLES", value_delimiter = ',', value_parser = observable)]
+    can: Vec<Observable>,
+    /// Write the mission with the fitted values and the effects found; comments and order are kept
+    #[arg(long, value_name = "NEW.toml")]
+    write: Option<PathBuf>,
+    /// Draw data and model before and after, residuals, and the falling error as SVG into this folder
+    #[arg(long, value_name = "DIR")]
+    plots: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
+}
+
+impl Diagnose {
+    pub(super) fn run(&self) -> Result<Outcome, Failure> {
+        let (mission, data) = self.measured.read()?;
+        let options = diagnose::Options {
+            level: self.level,
+            seed: self.seed.unwrap_or(mission.accuracy.seed),
+            free: self.adjust.keys(&mission),
+            candidates: self.candidates.as_ref().map(candidates).transpose()?,
+            can: self.can.clone(),
+        };
+        let bar = progress(0, "steps");
+        let stage = |name: &str, steps| {
+            bar.reset();
+            bar.set_length(steps);
+            bar.set_message(name.to_string());
+        };
+        let found = diagnose(&mission, &data, &options, &diagnose::Progress { stage: &stage, advance: &|| bar.inc(1) });
+        bar.finish_and_clear();
+        let found = found?;
+        if let Some(folder) = &self.plots {
+            output::folder(folder)?;
+            for (name, figure) in found.figures() {
+                output::write(folder.join(name), &figure.svg())?;
+            }
+        }
+        if let Some(path) = &self.write {
+            output::write(path, &found.improved_text(&self.measured.mission.edited([])?))?;
+        }
+        print(&found, &self.output)?;
+        Ok(Outcome::Done)
+    }
+}
+
+/// The effects of a file of candidates.
+fn candidates(path: &PathBuf) -> Result<toml::Table, InputError> {
+    let refused = || format!("cannot use the candidates in `{}`", path.display());
+    let text = fs::read_to_string(path).map_err(|error| InputError::new(refused(), error.to_string()))?;
+    let table: toml::Table = toml::from_str(&text).map_err(|error| {
+        let line = error.span().map_or(1, |span| text[..span.start.min(text.len())].lines().count().max(1));
+        InputError { place: Some(format!("line {line}")), ..InputError::new(refused(), error.message().to_string()) }
+    })?;
+    let help = "write [effects.formula] with target, expression and parameters, as in a mission file";
+    if let Some(other) = table.keys().find(|key| *key != "effects") {
+        return Err(
+            InputError::new(refused(), format!("`{other}` is not known here; only [effects.KIND] is")).with_help(help)
+        );
+    }
+    match table.get("effects") {
+        Some(toml::Value::Table(effects)) if !effects.is_empty() => Ok(effects.clone()),
+        _ => Err(InputError::new(refused(), "there are no effects in it").with_help(help)),
+    }
+}
+
+fn level(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(level) if level > 0.0 && level <= 0.5 => Ok(level),
+        _ => Err("a share between 0 and 0.5 is needed, such as 0.01".into()),
+    }
+}
+
+fn observable(text: &str) -> Result<Observable, String> {
+    let names = || Observable::ALL.iter().map(|observable| observable.name());
+    Observable::ALL.into_iter().find(|observable| observable.name() == text.trim()).ok_or_else(|| {
+        format!("no observable is called \"{text}\"; there are: {}", names().collect::<Vec<_>>().join(", "))
+    })
+}

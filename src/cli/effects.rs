@@ -1,0 +1,47 @@
+//! `ctiplan effects`.
+
+use std::io::{Write, stdout};
+
+use clap::Args;
+
+use super::{Failure, Outcome, Output, print};
+use crate::effect;
+use crate::error::{InputError, nearest};
+use crate::report;
+
+#[derive(Debug, Args)]
+pub(super) struct Effects {
+    /// The effect of which more is to be told
+    kind: Option<String>,
+    /// Print the whole catalogue as a page of documentation
+    #[arg(long, conflicts_with_all = ["kind", "json", "csv"])]
+    markdown: bool,
+    #[command(flatten)]
+    output: Output,
+}
+
+impl Effects {
+    pub(super) fn run(&self) -> Result<Outcome, Failure> {
+        if self.markdown {
+            let mut out = stdout().lock();
+            let page = report::effects::page();
+            out.write_all(page.as_bytes()).and_then(|()| out.flush()).map_err(Failure::Output)?;
+            return Ok(Outcome::Done);
+        }
+        let Some(kind) = &self.kind else {
+            print(&report::effects::Catalogue, &self.output)?;
+            return Ok(Outcome::Done);
+        };
+        let kinds = || effect::CATALOGUE.iter().map(|entry| entry.card.kind);
+        let entry = effect::find(kind).ok_or_else(|| {
+            let problem = format!("no effect is called `{kind}`");
+            let refusal = InputError::new("cannot tell of an effect", problem);
+            match nearest(kind, kinds()) {
+                Some(near) => refusal.with_help(format!("did you mean `{near}`?")),
+                None => refusal.with_help(format!("there are: {}", kinds().collect::<Vec<_>>().join(", "))),
+            }
+        })?;
+        print(&report::effects::OneEffect(entry), &self.output)?;
+        Ok(Outcome::Done)
+    }
+}

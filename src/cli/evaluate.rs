@@ -1,0 +1,50 @@
+//! `ctiplan evaluate`.
+
+use clap::Args;
+
+use super::inputs::OneMission;
+use super::{Failure, Outcome, Output, print, progress};
+use crate::evaluate::evaluate;
+use crate::model::Model;
+use crate::noise;
+use crate::report::EvaluateReport;
+
+#[derive(Debug, Args)]
+pub(super) struct Evaluate {
+    #[command(flatten)]
+    mission: OneMission,
+    /// Also read out so many galaxies with photon and read noise at the end of the mission
+    #[arg(long, value_name = "REALISATIONS", value_parser = clap::value_parser!(u32).range(2..=10_000_000))]
+    monte_carlo: Option<u32>,
+    /// Seed of the realisations, in place of the mission's
+    #[arg(long, value_name = "SEED")]
+    seed: Option<u64>,
+    /// Exit with status 1 where the corrected requirement is not met to the end of the mission
+    #[arg(long)]
+    check: bool,
+    #[command(flatten)]
+    output: Output,
+}
+
+impl Evaluate {
+    pub(super) fn run(&self) -> Result<Outcome, Failure> {
+        let mission = self.mission.read()?;
+        let evaluation = evaluate(&mission)?;
+        let noisy = match self.monte_carlo {
+            None => Vec::new(),
+            Some(realisations) => {
+                let seed = self.seed.unwrap_or(mission.accuracy.seed);
+                let device = Model::new(&mission).device_at(mission.mission.duration_yr);
+                let bar = progress(u64::from(realisations) * mission.galaxies.len() as u64, "galaxies");
+                let realise =
+                    |galaxy| noise::realise(&mission, galaxy, &device, realisations as usize, seed, || bar.inc(1));
+                let noisy = mission.galaxies.iter().map(realise).collect();
+                bar.finish_and_clear();
+                noisy
+            }
+        };
+        let met = evaluation.verdict.met();
+        print(&EvaluateReport { evaluation, noisy }, &self.output)?;
+        Ok(if self.check && !met { Outcome::NotMet } else { Outcome::Done })
+    }
+}

@@ -1,0 +1,73 @@
+//! `ctiplan fit`.
+
+use std::path::PathBuf;
+use std::sync::Mutex;
+
+use clap::Args;
+
+use super::inputs::{Adjust, Measured};
+use super::{Failure, Outcome, Output, print, searching};
+use crate::error::InputError;
+use crate::model::Model;
+use crate::report::FitReport;
+use crate::{fit, output};
+
+#[derive(Debug, Args)]
+pub(super) struct Fit {
+    #[command(flatten)]
+    measured: Measured,
+    #[command(flatten)]
+    adjust: Adjust,
+    /// Starting points: the mission's values, and random ones around them
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    starts: u32,
+    /// Seed of the random starting points, in place of the mission's
+    #[arg(long, value_name = "SEED")]
+    seed: Option<u64>,
+    /// Also fit without each value of this column in turn, and predict it
+    #[arg(long, value_name = "COLUMN")]
+    holdout: Option<String>,
+    /// Write the mission with the fitted values; comments and order are kept
+    #[arg(long, value_name = "NEW.toml")]
+    write: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
+}
+
+impl Fit {
+    pub(super) fn run(&self) -> Result<Outcome, Failure> {
+        let (mission, data) = self.measured.read()?;
+        let keys = self.adjust.keys(&mission);
+        if keys.is_empty() {
+            return Err(InputError::new("cannot fit", "no key is free")
+                .with_help("name some with --free, such as --free detector.traps.VV.density_per_px, or in [fit] free")
+                .into());
+        }
+        let seed = self.seed.unwrap_or(mission.accuracy.seed);
+        let options = fit::Options { starts: self.starts as usize, seed, ..fit::Options::default() };
+        let bar = searching("chi2");
+        let best = Mutex::new(f64::INFINITY);
+        let progress = |chi2: f64| {
+            let mut best = best.lock().expect("nobody panics while holding it");
+            *best = best.min(chi2);
+            bar.set_message(format!("{best:.2}"));
+            bar.inc(1);
+        };
+        let fitted = fit::fit(&mission, &data, &keys, &options, &progress)?;
+        let holdout = match &self.holdout {
+            Some(column) => {
+                *best.lock().expect("nobody panics while holding it") = f64::INFINITY;
+                let model = Model::new(&fitted.mission);
+                Some(fit::holdout::holdout(&model, &data, &keys, column, &options, &progress)?)
+            }
+            None => None,
+        };
+        bar.finish_and_clear();
+        if let Some(path) = &self.write {
+            let values = fitted.parameters.iter().map(|fitted| (fitted.key.clone(), fitted.value.into()));
+            output::write(path, &self.measured.mission.edited(values)?)?;
+        }
+        print(&FitReport { fit: fitted, holdout }, &self.output)?;
+        Ok(Outcome::Done)
+    }
+}

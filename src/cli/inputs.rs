@@ -1,0 +1,99 @@
+//! What several commands read in the same way.
+
+use std::fs;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::Failure;
+use crate::error::InputError;
+use crate::measurement::DataSet;
+use crate::mission::{self, Mission};
+use crate::scenario::Axis;
+
+/// A mission, with single values set.
+#[derive(Debug, Args)]
+pub(super) struct OneMission {
+    /// Mission file (TOML)
+    #[arg(value_name = "MISSION")]
+    path: PathBuf,
+    /// Another value of a key, such as detector.temperature_k=150; may be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+impl OneMission {
+    /// The mission with what was set.
+    pub fn read(&self) -> Result<Mission, InputError> {
+        let mission = Mission::read(&self.path)?;
+        if self.set.is_empty() { Ok(mission) } else { mission.with(&settings(&self.set)?) }
+    }
+
+    /// The mission file's text with what was set, and with more values; comments and order are kept.
+    pub fn edited(&self, more: impl IntoIterator<Item = (String, toml::Value)>) -> Result<String, Failure> {
+        let text = fs::read_to_string(&self.path).map_err(Failure::Output)?;
+        let mut settings = settings(&self.set)?;
+        settings.extend(more);
+        Ok(mission::edit(&text, &Mission::read(&self.path)?, &settings))
+    }
+}
+
+/// A mission and what was measured.
+#[derive(Debug, Args)]
+pub(super) struct Measured {
+    #[command(flatten)]
+    pub mission: OneMission,
+    /// Measurement files (ECSV or CSV)
+    #[arg(required = true)]
+    data: Vec<PathBuf>,
+}
+
+impl Measured {
+    /// The mission and its measurements.
+    pub fn read(&self) -> Result<(Mission, Vec<DataSet>), InputError> {
+        let mission = self.mission.read()?;
+        let data = self.data.iter().map(|path| DataSet::read(path, &mission)).collect::<Result<_, _>>()?;
+        Ok((mission, data))
+    }
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Adjust {
+    /// A key to adjust, such as detector.traps.VV.release_ms, in addition to [fit] free; may be given several times
+    #[arg(long, value_name = "KEY")]
+    free: Vec<String>,
+    /// Adjust only the keys given with --free, and not those of [fit] free
+    #[arg(long, requires = "free")]
+    only: bool,
+}
+
+impl Adjust {
+    /// Keys to adjust: those of the mission's `[fit] free`, unless only others are wanted.
+    pub fn keys(&self, mission: &Mission) -> Vec<String> {
+        let mut keys = if self.only { Vec::new() } else { mission.fit.free.clone() };
+        keys.extend(self.free.iter().filter(|key| self.only || !mission.fit.free.contains(key)).cloned());
+        keys
+    }
+}
+
+/// Keys with one value each.
+fn settings(settings: &[String]) -> Result<Vec<(String, toml::Value)>, InputError> {
+    let mut values = Vec::new();
+    for setting in settings {
+        let (key, value) = key_and_value(setting)?;
+        let axis = Axis::parse(key, value)?;
+        let [value] = &axis.values[..] else {
+            return Err(InputError::new(format!("cannot set {setting}"), "one value is needed here")
+                .with_help("`ctiplan compare` takes lists and ranges"));
+        };
+        values.push((axis.key, value.clone()));
+    }
+    Ok(values)
+}
+
+pub(super) fn key_and_value(setting: &str) -> Result<(&str, &str), InputError> {
+    setting.split_once('=').map(|(key, value)| (key.trim(), value.trim())).ok_or_else(|| {
+        InputError::new(format!("cannot set `{setting}`"), "a setting is a key, =, and a value")
+            .with_help("such as --set detector.temperature_k=150")
+    })
+}

@@ -1,0 +1,48 @@
+//! `ctiplan validate`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::inputs::Measured;
+use super::{Failure, Outcome, Output, print};
+use crate::output;
+use crate::validate::validate;
+
+#[derive(Debug, Args)]
+pub(super) struct Validate {
+    #[command(flatten)]
+    measured: Measured,
+    /// Draw data, model and residuals as SVG into this folder
+    #[arg(long, value_name = "DIR")]
+    plots: Option<PathBuf>,
+    /// Write each measurement file with columns `model` and `residual_sigma` into this folder, as ECSV
+    #[arg(long, value_name = "DIR")]
+    residuals: Option<PathBuf>,
+    /// Seed of the simulated noise that leanings are compared with, in place of the mission's
+    #[arg(long, value_name = "SEED")]
+    seed: Option<u64>,
+    #[command(flatten)]
+    output: Output,
+}
+
+impl Validate {
+    pub(super) fn run(&self) -> Result<Outcome, Failure> {
+        let (mission, data) = self.measured.read()?;
+        let validation = validate(&mission, &data, self.seed.unwrap_or(mission.accuracy.seed))?;
+        if let Some(folder) = &self.plots {
+            output::folder(folder)?;
+            for (name, figure) in validation.figures() {
+                output::write(folder.join(name), &figure.svg())?;
+            }
+        }
+        if let Some(folder) = &self.residuals {
+            output::folder(folder)?;
+            for (name, table) in validation.tables() {
+                output::write(folder.join(name), &table.to_ecsv())?;
+            }
+        }
+        print(&validation, &self.output)?;
+        Ok(Outcome::Done)
+    }
+}
