@@ -11,6 +11,9 @@ use crate::observable::Observable;
 use crate::readout::{Downstream, Method, Readout};
 use crate::shape::ShapeChange;
 
+/// The coarsest readout that is chosen where nobody asked for it.
+const COARSEST: f64 = 1e-2;
+
 /// Traps, wells, registers and amplifier under given conditions.
 #[derive(Clone, Debug)]
 pub struct Device {
@@ -41,16 +44,26 @@ pub enum Beside {
 impl Device {
     /// The charges (e-, `[[row, column]]`, background included) as they are read.
     pub fn read(&self, charge_e: &Array2<f64>, downstream: Downstream, beside: Beside) -> Array2<f64> {
-        let mut before_e = charge_e.clone();
+        let before_e = self.before(charge_e.clone());
+        let clocked_e = self.readout.parallel(&before_e, downstream);
+        self.after(&before_e, clocked_e, beside)
+    }
+
+    /// The charges (e-) that are clocked out, given those that were collected.
+    pub fn before(&self, mut charge_e: Array2<f64>) -> Array2<f64> {
         for effect in &self.effects {
-            effect.charge(&mut before_e, &self.at);
+            effect.charge(&mut charge_e, &self.at);
         }
-        let mut read_e = self.readout.parallel(&before_e, downstream);
+        charge_e
+    }
+
+    /// What is read of charges (e-) that were clocked out, given those before.
+    pub fn after(&self, before_e: &Array2<f64>, mut read_e: Array2<f64>, beside: Beside) -> Array2<f64> {
         for (readout, transfers) in &self.serial {
             read_e = self.through_serial(readout, *transfers, &read_e, beside);
         }
         for effect in &self.effects {
-            effect.read(&before_e, &mut read_e, &self.at);
+            effect.read(before_e, &mut read_e, &self.at);
         }
         read_e
     }
@@ -72,6 +85,17 @@ impl Device {
         let with = |readout: &Readout| Readout { method, ..readout.clone() };
         let serial = self.serial.iter().map(|(readout, transfers)| (with(readout), *transfers)).collect();
         Device { readout: with(&self.readout), serial, ..self.clone() }
+    }
+
+    /// The same device, read out to a relative accuracy so many times coarser, but to 1 % at least (a coarser one is kept).
+    pub fn coarser(&self, times: f64) -> Device {
+        match self.readout.method {
+            Method::Fast { relative } => {
+                let coarser = (times * relative).min(COARSEST);
+                self.by(Method::Fast { relative: relative.max(coarser) })
+            }
+            _ => self.clone(),
+        }
     }
 
     /// What is measured of a value.

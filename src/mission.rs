@@ -255,7 +255,8 @@ pub struct Requirement {
 pub struct Accuracy {
     /// How transfers are computed.
     pub readout: ReadoutMethod,
-    /// Accuracy of `fast`, relative to the largest displacement of charge.
+    /// Accuracy of `fast`: of changes of shape, and of the charge of packets relative to its displacement, as root mean
+    /// squares.
     pub relative: f64,
     /// Heights of `fractional`.
     pub levels: u32,

@@ -1,21 +1,21 @@
 //! Model and conditions → what a measurement would give.
 //!
 //! Rows that share a readout (a packet and its trail, a block and its trail, all moments of a galaxy) are computed from one
-//! readout, and readouts in parallel; changes of shape of one galaxy at many doses are interpolated between a few (see
+//! readout; packets and blocks that share a detector are read side by side (see `predict/columns.rs`), and all else in
+//! parallel; changes of shape of one galaxy at many doses are interpolated between a few (see
 //! `predict/shapes.rs`). The order of the rows, and the number of threads, change no bit.
 
+mod columns;
 mod shapes;
 
 use std::collections::HashMap;
 
-use ndarray::{Array2, s};
 use rayon::prelude::*;
 
 use crate::conditions::Conditions;
-use crate::device::{Beside, Device};
+use crate::device::Device;
 use crate::model::Model;
 use crate::observable::Observable;
-use crate::readout::Downstream;
 use crate::shape::ShapeChange;
 
 /// What is to be predicted: an observable under conditions, and of which galaxy (by its place in the mission) if it is a
@@ -50,11 +50,18 @@ pub fn predict(model: &Model, questions: &[Question]) -> Vec<f64> {
         of_question.push(index);
     }
     let devices: Vec<Device> = readings.par_iter().map(|reading| model.device(reading.at)).collect();
+    let charges = columns::read(&readings, &devices);
     let interpolated = shapes::interpolated(model, &readings, &devices);
-    let read: Vec<Read> = (&readings, &devices, interpolated)
+    let read: Vec<Read> = (&readings, &devices, charges, interpolated)
         .into_par_iter()
-        .map(|(reading, device, shape)| {
-            shape.map_or_else(|| reading.read(model, device), |shape| Read::Shape(Some(shape)))
+        .map(|(reading, device, charges, shape)| match (reading.kind, charges, shape) {
+            (Kind::Dose, ..) => Read::Dose(model.dose.dose_mev_g(device.at.t_yr)),
+            (_, Some(charge_e), _) => Read::Charges(charge_e),
+            (_, _, Some(shape)) => Read::Shape(Some(shape)),
+            (Kind::Galaxy(galaxy), ..) => {
+                Read::Shape(model.scene(galaxy).and_then(|scene| scene.change_by(&device.coarser(shapes::READOUT))))
+            }
+            _ => unreachable!("packets and blocks have been read"),
         })
         .collect();
     let answer = |(question, index): (&Question, &usize)| {
@@ -135,34 +142,6 @@ fn identity(question: &Question, depends_on: &[String]) -> Vec<u64> {
 impl<'a> Reading<'a> {
     fn of(question: &Question<'a>) -> Reading<'a> {
         Reading { kind: kind(question), at: question.at, trail_px: 0 }
-    }
-
-    fn read(&self, model: &Model, device: &Device) -> Read {
-        match self.kind {
-            Kind::Dose => Read::Dose(model.dose.dose_mev_g(device.at.t_yr)),
-            Kind::Packet => Read::Charges(self.column(device, 1, Beside::Background)),
-            Kind::Block => {
-                let block_px = device.at.block_px.expect("a block has rows") as usize;
-                Read::Charges(self.column(device, block_px, Beside::Same))
-            }
-            Kind::Galaxy(galaxy) => {
-                Read::Shape(model.scene(galaxy).and_then(|scene| scene.change_by(&shapes::coarse(device))))
-            }
-        }
-    }
-
-    /// Charges of the last of `block_px` rows and of the rows behind it, less the trailed background, e-. That row makes the
-    /// device's transfers; background lies downstream and behind.
-    fn column(&self, device: &Device, block_px: usize, beside: Beside) -> Vec<f64> {
-        let device = device.expected();
-        let background_e = device.at.background_e;
-        let signal_e = device.at.signal_e.expect("a packet has a charge");
-        let downstream = Downstream { rows: i64::from(device.at.transfers) - block_px as i64, charge_e: background_e };
-        let flat = Array2::from_elem((block_px + self.trail_px, 1), background_e);
-        let mut image = flat.clone();
-        image.slice_mut(s![..block_px, ..]).fill(background_e + signal_e);
-        let read = device.read(&image, downstream, beside) - device.read(&flat, downstream, beside);
-        read.slice(s![block_px - 1.., 0]).to_vec()
     }
 }
 

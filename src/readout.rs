@@ -22,19 +22,24 @@
 
 mod cloud;
 mod continuum;
+mod estimate;
 mod exact;
 mod fast;
 mod fractional;
+mod lanes;
 mod monte_carlo;
 mod pixel;
+mod power;
 mod slow;
 
 pub use cloud::Cloud;
 
-use ndarray::{Array2, ArrayView1, Axis};
+use ndarray::{Array2, ArrayView1, ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
-use pixel::{Passage, Pixel, Workspace};
+use fast::Workspace;
+use lanes::{LANES, Row};
+use pixel::{Passage, Pixel};
 use slow::SlowPixel;
 
 /// One trap species as the readout meets it.
@@ -62,6 +67,11 @@ impl Trap {
         full * (1.0 - approach.powf(packets as f64))
     }
 
+    /// 1 − exp(−1/τ), the fraction released while one packet passes.
+    fn released(&self) -> f64 {
+        -(-1.0 / self.release_transfers).exp_m1()
+    }
+
     /// Where capture takes time: exp(−1/τ), f∞ and exp(−1/τc − 1/τ).
     fn passage(&self) -> (f64, f64, f64) {
         let (release, capture) = (self.release_transfers, self.capture_transfers);
@@ -75,9 +85,10 @@ impl Trap {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
     /// Runge-Kutta methods for the *difference* equation of the transfers, with error control. `relative` is the error
-    /// allowed in the charge of any packet, as estimated, in units of the largest displacement of charge in the image.
+    /// allowed in the charge of the packets, as estimated, in units of their change, both as root mean squares over the
+    /// columns around the brightest pixel.
     Fast {
-        /// Largest error of a packet over the largest change of a packet.
+        /// Error of the packets over their change.
         relative: f64,
     },
     /// Every transfer of every packet, one by one.
@@ -124,25 +135,20 @@ pub struct Readout {
     pub method: Method,
 }
 
-/// Calls `$body` with `$width` bound to the smallest width that holds a number of species.
+/// Calls `$body` with `$width` bound to the first of some widths that holds a number of species; the last must.
 macro_rules! with_width {
-    ($species:expr, |$width:ident| $body:expr) => {
-        match $species {
-            0..=1 => with_width!(@ 1, $width, $body),
-            2 => with_width!(@ 2, $width, $body),
-            3..=4 => with_width!(@ 4, $width, $body),
-            5..=8 => with_width!(@ 8, $width, $body),
-            9..=16 => with_width!(@ 16, $width, $body),
-            17..=32 => with_width!(@ 32, $width, $body),
-            33..=64 => with_width!(@ 64, $width, $body),
-            65..=128 => with_width!(@ 128, $width, $body),
-            _ => with_width!(@ { WIDEST }, $width, $body),
-        }
-    };
-    (@ $value:expr, $width:ident, $body:expr) => {{
-        const $width: usize = $value;
+    ([$last:expr], $species:expr, |$width:ident| $body:expr) => {{
+        const $width: usize = $last;
         $body
     }};
+    ([$first:expr, $($more:expr),+], $species:expr, |$width:ident| $body:expr) => {
+        if $species <= $first {
+            const $width: usize = $first;
+            $body
+        } else {
+            with_width!([$($more),+], $species, |$width| $body)
+        }
+    };
 }
 
 /// Release times that species may be resolved into, all together.
@@ -207,100 +213,107 @@ impl Readout {
         }
         let traps = continuum::resolved(&traps, WIDEST);
         let slow = traps.iter().any(|trap| trap.capture_transfers > 0.0);
-        let lanes = match self.method {
-            Method::Fractional { levels } => lanes(image, across, |charge_e, _| {
-                fractional::column(&traps, &self.cloud, charge_e, self.settled(downstream), levels);
+        let settled = self.settled(downstream);
+        let by_column = |column: &(dyn Fn(&mut [f64], u64) + Sync)| columns(image, across, column);
+        match self.method {
+            Method::Fractional { levels } => by_column(&|charge_e, _| {
+                fractional::column(&traps, &self.cloud, charge_e, settled, levels);
             }),
-            Method::MonteCarlo { seed } => lanes(image, across, |charge_e, lane| {
-                let before = self.settled(downstream);
-                monte_carlo::column(&traps, &self.cloud, charge_e, before, seed, lane as u64);
+            Method::MonteCarlo { seed } => by_column(&|charge_e, column| {
+                monte_carlo::column(&traps, &self.cloud, charge_e, settled, seed, column);
             }),
-            _ if slow => {
-                let merge_e = match self.method {
-                    Method::Fast { relative } => {
-                        let brightest = image.iter().copied().fold(0.0, f64::max);
-                        let density: f64 = traps.iter().map(|trap| trap.density_per_px).sum();
-                        MERGED * relative * density * self.cloud.height(brightest)
-                    }
-                    _ => 0.0,
-                };
-                with_width!(traps.len(), |WIDTH| {
+            Method::Exact if slow => with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
+                let pixel = SlowPixel::<WIDTH>::new(&traps, self.cloud.clone(), downstream, 0.0);
+                by_column(&|charge_e, _| exact::slow_column(&pixel, charge_e, downstream))
+            }),
+            Method::Exact => by_column(&|charge_e, _| exact::column(&traps, &self.cloud, charge_e, settled)),
+            Method::Fast { relative } if slow => {
+                let brightest = image.iter().copied().fold(0.0, f64::max);
+                let density: f64 = traps.iter().map(|trap| trap.density_per_px).sum();
+                let merge_e = MERGED * relative * density * self.cloud.height(brightest);
+                with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
                     let pixel = SlowPixel::<WIDTH>::new(&traps, self.cloud.clone(), downstream, merge_e);
-                    self.through(&pixel, image, downstream, across)
+                    side_by_side(&pixel, image, downstream, across, relative)
                 })
             }
-            _ => with_width!(traps.len(), |WIDTH| {
+            Method::Fast { relative } => with_width!([3, pixel::FEW, WIDEST], traps.len(), |WIDTH| {
                 let pixel = Pixel::<WIDTH>::new(&traps, self.cloud.clone(), rows);
-                self.through(&pixel, image, self.settled(downstream), across)
+                side_by_side(&pixel, image, settled, across, relative)
             }),
-        };
-        let mut trailed = image.clone();
-        for (lane, charge_e) in lanes.into_iter().enumerate() {
-            trailed.index_axis_mut(across, lane).assign(&ArrayView1::from(&charge_e));
         }
-        trailed
     }
+}
 
-    /// Passes the lanes of an image over pixels of one kind.
-    fn through<P: Passage>(
-        &self,
-        pixel: &P,
-        image: &Array2<f64>,
-        downstream: Downstream,
-        across: Axis,
-    ) -> Vec<Vec<f64>> {
-        let tolerance_e = match self.method {
-            Method::Fast { relative } => Some(relative * largest_displacement(pixel, image, downstream, across)),
-            _ => None,
-        };
-        (0..image.len_of(across))
+/// Reads an image out, several columns at a time, to a relative accuracy.
+fn side_by_side<P: Passage>(
+    pixel: &P,
+    image: &Array2<f64>,
+    downstream: Downstream,
+    across: Axis,
+    relative: f64,
+) -> Array2<f64> {
+    // Rows along the transfers, columns across.
+    let image = if across.index() == 1 { image.view() } else { image.t() };
+    let (rows, columns) = image.dim();
+    let lanes = |group: usize| group * LANES..(group * LANES + LANES).min(columns);
+    let groups = columns.div_ceil(LANES);
+    // Errors are measured against what happens around the brightest pixel. One group is enough, and costs one pass.
+    let brightest = brightest(image) / LANES;
+    let mut charge_e = Vec::new();
+    lanes::gather(image, lanes(brightest), &mut charge_e);
+    let mut work = Workspace::new(rows);
+    let tolerance_e = relative * fast::displacement(pixel, &charge_e, downstream, &mut work);
+
+    let mut trailed = Array2::zeros((rows, columns));
+    let read = |(charge_e, work): &mut (Vec<Row>, Workspace<P::Levels>), group, mut out: ArrayViewMut2<f64>| {
+        lanes::gather(image, lanes(group), charge_e);
+        fast::columns(pixel, charge_e, downstream, tolerance_e, work);
+        for (mut out, charge_e) in out.rows_mut().into_iter().zip(charge_e) {
+            for (out, charge_e) in out.iter_mut().zip(charge_e) {
+                *out = *charge_e;
+            }
+        }
+    };
+    let parts = trailed.axis_chunks_iter_mut(Axis(1), LANES);
+    if groups <= GROUPS_PER_TASK {
+        let mut buffers = (charge_e, work);
+        parts.into_iter().enumerate().for_each(|(group, out)| read(&mut buffers, group, out));
+    } else {
+        parts
             .into_par_iter()
-            .with_min_len(LANES_PER_TASK)
-            .map_init(Workspace::default, |work, lane| {
-                let mut charge_e = image.index_axis(across, lane).to_vec();
-                match tolerance_e {
-                    Some(tolerance_e) => fast::column(pixel, &mut charge_e, downstream, tolerance_e, work),
-                    None => exact::column(pixel, &mut charge_e, downstream, work),
-                }
-                charge_e
-            })
-            .collect()
+            .enumerate()
+            .with_min_len(GROUPS_PER_TASK)
+            .for_each_init(|| (Vec::new(), Workspace::new(rows)), |buffers, (group, out)| read(buffers, group, out));
     }
+    if across.index() == 1 { trailed } else { trailed.reversed_axes() }
+}
+
+/// Column of the brightest pixel.
+fn brightest(image: ArrayView2<f64>) -> usize {
+    let mut brightest_e = vec![f64::NEG_INFINITY; image.ncols()];
+    for row in image.rows() {
+        for (brightest_e, charge_e) in brightest_e.iter_mut().zip(row) {
+            *brightest_e = if charge_e > brightest_e { *charge_e } else { *brightest_e };
+        }
+    }
+    let brighter = |best: usize, column: usize| if brightest_e[column] > brightest_e[best] { column } else { best };
+    (0..brightest_e.len()).fold(0, brighter)
 }
 
 /// Share of the accuracy asked for, of all the charge that the traps of a pixel can hold, that one merger of levels of
 /// slowly capturing traps may misplace: there may be one for every packet and pixel.
 const MERGED: f64 = 1e-5;
 
-/// The lanes of an image after something was done to each, with its number.
-fn lanes(image: &Array2<f64>, across: Axis, column: impl Fn(&mut [f64], usize) + Sync) -> Vec<Vec<f64>> {
-    let lane = |lane: usize| {
-        let mut charge_e = image.index_axis(across, lane).to_vec();
-        column(&mut charge_e, lane);
-        charge_e
-    };
-    (0..image.len_of(across)).into_par_iter().map(lane).collect()
-}
+/// Groups of columns that one thread takes at a time: a stamp's columns are done sooner than a thread is woken.
+const GROUPS_PER_TASK: usize = 4;
 
-/// Columns that one thread takes at a time: a stamp's columns are done sooner than a thread is woken.
-const LANES_PER_TASK: usize = 64;
-
-/// Largest change of a packet in the lane that holds the brightest pixel, to first order, e-: what errors are
-/// measured against. One lane is enough, and costs one pass.
-fn largest_displacement<P: Passage>(pixel: &P, image: &Array2<f64>, downstream: Downstream, across: Axis) -> f64 {
-    let brightest = image
-        .axis_iter(across)
-        .map(|lane| lane.iter().copied().fold(f64::NEG_INFINITY, f64::max))
-        .enumerate()
-        .fold((0, f64::NEG_INFINITY), |best, (lane, peak)| if peak > best.1 { (lane, peak) } else { best })
-        .0;
-    let charge_e = image.index_axis(across, brightest).to_vec();
-    let mut work = Workspace::<P::Levels>::default();
-    let journey = pixel::Block { nearest: 0, pixels: charge_e.len() as i64 + downstream.rows };
-    let found = &mut work.stages[0];
-    found.resize(charge_e.len());
-    pixel.pass(&charge_e, None, journey, downstream, &mut work.levels, found);
-    // No packet loses more than it has, although a first-order change may.
-    let moved = found.change_e.iter().zip(&charge_e).map(|(change, charge)| change.abs().min(change.max(*charge)));
-    moved.fold(0.0, f64::max)
+/// An image after something was done to each of its columns, which are told apart by their number.
+fn columns(image: &Array2<f64>, across: Axis, column: &(dyn Fn(&mut [f64], u64) + Sync)) -> Array2<f64> {
+    let mut trailed = image.clone();
+    trailed.axis_iter_mut(across).into_par_iter().enumerate().for_each(|(number, mut lane)| {
+        let mut charge_e = lane.to_vec();
+        column(&mut charge_e, number as u64);
+        lane.assign(&ArrayView1::from(&charge_e));
+    });
+    trailed
 }

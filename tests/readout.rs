@@ -1,5 +1,7 @@
 //! The four ways to read out agree, conserve charge, and do not care about threads or axes.
 
+use ctiplan::mission::{Mission, ReadoutMethod};
+use ctiplan::model::Model;
 use ctiplan::readout::{Cloud, Downstream, Method, Readout, Trap};
 use ndarray::{Array2, Axis};
 use rand::{RngExt, SeedableRng};
@@ -37,7 +39,11 @@ fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |most, (a, b)| (a - b).abs().max(most))
 }
 
-/// Largest difference of fast from exact, over what was asked for, for random columns and four accuracies.
+fn rms_difference(a: &[f64], b: &[f64]) -> f64 {
+    (a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
+}
+
+/// Difference of fast from exact, over what was asked for, for random columns and four accuracies.
 fn misses(trials: usize) -> Vec<(usize, f64, f64)> {
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let mut found = Vec::new();
@@ -52,10 +58,10 @@ fn misses(trials: usize) -> Vec<(usize, f64, f64)> {
         };
         let exact =
             Readout { traps: traps.clone(), cloud: cloud.clone(), method: Method::Exact }.column(&column, downstream);
-        let displaced = largest_difference(&exact, &column);
+        let displaced = rms_difference(&exact, &column);
         for relative in [1e-2, 1e-4, 1e-6, 1e-8] {
             let fast = Readout { traps: traps.clone(), cloud: cloud.clone(), method: Method::Fast { relative } };
-            let difference = largest_difference(&fast.column(&column, downstream), &exact);
+            let difference = rms_difference(&fast.column(&column, downstream), &exact);
             // Rounding adds up over thousands of packets and transfers.
             found.push((trial, relative, difference / (relative * displaced + 1e-8)));
         }
@@ -78,8 +84,30 @@ fn fast_misses_the_accuracy_asked_for_in_few_of_many_columns() {
     let missed = all.iter().filter(|(_, _, miss)| *miss > 1.0).count();
     let worst = all.iter().map(|(_, _, miss)| *miss).fold(0.0, f64::max);
     println!("{missed} of {} missed, the worst at {worst:.1} of what is allowed", all.len());
-    // The known ones (see SHARE in src/readout/fast.rs) are one in seven hundred.
-    assert!(missed * 333 < all.len(), "{missed} of {}", all.len());
+    // The known ones (see SHARE in src/readout/fast.rs) are one in a thousand.
+    assert!(missed * 500 < all.len(), "{missed} of {}", all.len());
+}
+
+#[test]
+fn shapes_are_as_accurate_as_the_mission_asks() {
+    // Quite different detectors; one galaxy each, at one sub-pixel position, early and late.
+    for file in ["snap_l2", "survey_nchannel_l2", "hst_leo"] {
+        let mut mission = Mission::read(format!("missions/{file}.toml")).unwrap();
+        mission.galaxies.truncate(1);
+        mission.requirement.galaxy = mission.galaxies[0].name.clone();
+        mission.accuracy.subpixel_grid = 1;
+        for t_yr in [0.5, mission.mission.duration_yr] {
+            let change = |readout| {
+                let mut mission = mission.clone();
+                mission.accuracy.readout = readout;
+                Model::new(&mission).change(0, t_yr).unwrap()
+            };
+            let (fast, exact) = (change(ReadoutMethod::Fast), change(ReadoutMethod::Exact));
+            let off = (fast.delta_e1 / exact.delta_e1 - 1.0).abs();
+            println!("{file}, {t_yr} yr: {off:.1e}");
+            assert!(off < mission.accuracy.relative, "{file}, {t_yr} yr: {off:e}");
+        }
+    }
 }
 
 /// The same traps, but slow to capture, with spread release times, or both.
@@ -101,9 +129,9 @@ fn fast_agrees_with_exact_where_capture_takes_time_and_release_times_are_spread(
         let downstream = Downstream { rows: random.random_range(1..400), charge_e: background_e };
         let read = |method| Readout { traps: traps.clone(), cloud: cloud.clone(), method }.column(&column, downstream);
         let exact = read(Method::Exact);
-        let displaced = largest_difference(&exact, &column);
+        let displaced = rms_difference(&exact, &column);
         for relative in [1e-3, 1e-5, 1e-7] {
-            let difference = largest_difference(&read(Method::Fast { relative }), &exact);
+            let difference = rms_difference(&read(Method::Fast { relative }), &exact);
             let allowed = relative * displaced + 1e-8;
             if difference > allowed {
                 missed.push(difference / allowed);

@@ -12,7 +12,6 @@ use crate::conditions::Conditions;
 use crate::device::Device;
 use crate::mission::ReadoutMethod;
 use crate::model::Model;
-use crate::readout::Method;
 use crate::shape::ShapeChange;
 
 /// Intervals between Chebyshev's points to start with, and at most.
@@ -28,21 +27,7 @@ const FORETOLD: f64 = 2e-4;
 
 /// Accuracy of the readout for a shape that is measured, over the mission's: errors of single packets average out in a change
 /// of shape, to a few millionths of it at the usual 1e-4 of the packets, far below what any shape is measured to.
-const READOUT: f64 = 100.0;
-
-/// The coarsest readout of shapes.
-const COARSEST: f64 = 1e-2;
-
-/// The device as it is read out for shapes.
-pub(super) fn coarse(device: &Device) -> Device {
-    match device.readout.method {
-        Method::Fast { relative } => {
-            let coarser = (READOUT * relative).min(COARSEST);
-            device.by(Method::Fast { relative: relative.max(coarser) })
-        }
-        _ => device.clone(),
-    }
-}
+pub(super) const READOUT: f64 = 100.0;
 
 /// Changes of shape of those readings that lie on a line with enough others; None for all else.
 pub(super) fn interpolated(model: &Model, readings: &[Reading], devices: &[Device]) -> Vec<Option<ShapeChange>> {
@@ -72,7 +57,7 @@ pub(super) fn interpolated(model: &Model, readings: &[Reading], devices: &[Devic
         let Some(scene) = model.scene(galaxy) else { continue };
         let Some(places) = places(devices, &members) else { continue };
         let ends = [0.0, 1.0].map(|end| members[places.iter().position(|place| *place == end).expect("both ends")]);
-        let (low, high) = (coarse(&devices[ends[0]]), coarse(&devices[ends[1]]));
+        let (low, high) = (devices[ends[0]].coarser(READOUT), devices[ends[1]].coarser(READOUT));
         let change = |place: f64| scene.change_by(&between(&low, &high, place));
         if let Some(curve) = Curve::of(change) {
             for (&member, &place) in members.iter().zip(&places) {

@@ -2,6 +2,12 @@
 
 use std::sync::Arc;
 
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch};
+
+use super::lanes::{LANES, Lanes, Row};
+use super::power::power;
+
 /// The volume-driven model of a pixel's potential well: a cloud of n electrons fills the well up to a height h(n), in
 /// units of the full well's height, and meets every trap below it.
 ///
@@ -53,7 +59,7 @@ impl Cloud {
         if filled > 0.0 {
             let height = match &self.law {
                 Law::SquareRoot => filled.sqrt(),
-                Law::Power => filled.powf(self.power),
+                Law::Power => power(filled, self.power),
                 Law::Table(table) => table.height(charge_e),
             };
             height.min(1.0)
@@ -62,23 +68,59 @@ impl Cloud {
         }
     }
 
-    /// Steepest slope dh/dn (per electron) of packets between two charges (e-); infinite where it has no limit that is
-    /// known.
-    pub(super) fn steepest(&self, low_e: f64, high_e: f64) -> f64 {
-        if matches!(self.law, Law::Table(_)) {
-            return f64::INFINITY;
-        }
-        let slope = |charge_e: f64| {
-            let filled = (charge_e - self.notch_e) * self.per_full_well;
-            if filled <= 0.0 {
-                if self.power < 1.0 && high_e > self.notch_e { f64::INFINITY } else { 0.0 }
-            } else {
-                self.power * filled.powf(self.power - 1.0) * self.per_full_well
+    /// Heights of clouds side by side.
+    #[inline(always)]
+    pub(super) fn heights<S: Simd>(&self, simd: S, charge_e: Lanes<S>) -> Lanes<S> {
+        let (zero, one) = (Lanes::all(simd, 0.0), Lanes::all(simd, 1.0));
+        let filled = (charge_e + -self.notch_e) * self.per_full_well;
+        let tiny = Lanes::all(simd, TINY);
+        let heights = match self.law {
+            // The root of something small stands in for that of nothing.
+            Law::SquareRoot => filled.max(tiny).sqrt(),
+            _ => {
+                let mut heights = [0.0; LANES];
+                charge_e.store(&mut heights);
+                self.each_height(&mut heights);
+                Lanes::load(simd, &heights)
             }
         };
-        slope(low_e).max(slope(high_e))
+        tiny.below(filled).select(heights.min(one), zero)
+    }
+
+    /// Heights in place of charges (e-), one by one; what is below the notch or above the full well may have any.
+    // Not part of the caller, whose commonest case must not be burdened with this one.
+    #[inline(never)]
+    fn each_height(&self, numbers: &mut Row) {
+        match &self.law {
+            Law::Table(table) => numbers.iter_mut().for_each(|number| *number = table.height(*number)),
+            _ => dispatch!(Level::new(), _simd => {
+                for number in &mut *numbers {
+                    let filled = (*number - self.notch_e) * self.per_full_well;
+                    *number = power(if filled > TINY { filled } else { TINY }, self.power);
+                }
+            }),
+        }
+    }
+
+    /// Steepest slopes dh/dn (per electron) between two charges each (e-); infinite where there is no limit, or none that
+    /// is known.
+    #[inline(always)]
+    pub(super) fn steepest<S: Simd>(&self, simd: S, from_e: Lanes<S>, to_e: Lanes<S>) -> Lanes<S> {
+        let (zero, unlimited) = (Lanes::all(simd, 0.0), Lanes::all(simd, f64::INFINITY));
+        if matches!(self.law, Law::Table(_)) {
+            return unlimited;
+        }
+        // A power below 1 is steepest at the lower end.
+        let nearest_e = if self.power < 1.0 { from_e.min(to_e) } else { from_e.max(to_e) };
+        let above_e = nearest_e + -self.notch_e;
+        let steep = self.heights(simd, nearest_e) * self.power / above_e;
+        let steep = zero.below(above_e).select(steep, unlimited);
+        Lanes::all(simd, self.notch_e).below(from_e.max(to_e)).select(steep, zero)
     }
 }
+
+/// Share of the full well below which clouds side by side have no height: far less than an electron's share of any well.
+const TINY: f64 = 1e-30;
 
 /// Heights at charges that are spaced evenly in their logarithm.
 #[derive(Debug, PartialEq)]

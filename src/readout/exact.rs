@@ -1,34 +1,83 @@
-//! Every transfer, one by one: the meaning of all the other methods.
+//! Every transfer, one by one, as the contract says it: the meaning of all the other methods.
 
-use std::ops::Range;
+use super::slow::SlowPixel;
+use super::{Cloud, Downstream, Trap};
 
-use super::Downstream;
-use super::pixel::{Block, Passage, Workspace};
-
-/// Clocks one column out, from the pixel farthest from the register to the nearest.
-pub(super) fn column<P: Passage>(
-    pixel: &P,
-    charge_e: &mut [f64],
-    downstream: Downstream,
-    work: &mut Workspace<P::Levels>,
-) {
-    work.stages[0].resize(charge_e.len());
-    through(pixel, charge_e, 0..charge_e.len() as i64 + downstream.rows, downstream, work);
+/// Traps between the next level below and `height`, last filled by one packet.
+struct Level {
+    height: f64,
+    /// Row of that packet, plus one; 0 for the last one downstream.
+    packet: usize,
 }
 
-/// Clocks a column through some pixels (0 is nearest to the register), the farthest first.
-pub(super) fn through<P: Passage>(
-    pixel: &P,
-    charge_e: &mut [f64],
-    pixels: Range<i64>,
-    downstream: Downstream,
-    work: &mut Workspace<P::Levels>,
-) {
-    let found = &mut work.stages[0];
-    for nearest in pixels.rev() {
-        pixel.pass(charge_e, None, Block { nearest, pixels: 1 }, downstream, &mut work.levels, found);
-        for (charge, change) in charge_e.iter_mut().zip(&found.change_e) {
-            *charge += change;
+/// Clocks one column out, from the pixel farthest from the register to the nearest.
+pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downstream: Downstream) {
+    let rows = charge_e.len();
+    let all: f64 = traps.iter().map(|trap| trap.density_per_px).sum();
+    let released: Vec<f64> = traps.iter().map(Trap::released).collect();
+    // ρ exp(−m/τ), m packets later.
+    let left: Vec<Vec<f64>> = (1..=rows + 1)
+        .map(|m| traps.iter().map(|trap| trap.density_per_px * (-(m as f64) / trap.release_transfers).exp()).collect())
+        .collect();
+    let mut levels: Vec<Level> = Vec::new();
+    let mut stored_e = vec![0.0; traps.len()];
+    for pixel in (0..rows as i64 + downstream.rows).rev() {
+        levels.clear();
+        let passed_before = pixel < downstream.rows;
+        let background = if passed_before { cloud.height(downstream.charge_e) } else { 0.0 };
+        levels.push(Level { height: background, packet: 0 });
+        for (stored_e, trap) in stored_e.iter_mut().zip(traps) {
+            *stored_e = background * trap.density_per_px;
+        }
+        let first = (pixel - downstream.rows).max(0) as usize;
+        for row in first..rows {
+            for (stored_e, released) in stored_e.iter_mut().zip(&released) {
+                let out_e = *stored_e * released;
+                *stored_e -= out_e;
+                charge_e[row] += out_e;
+            }
+            let height = cloud.height(charge_e[row]);
+            // Traps between `reached` and the level's height were last filled by its packet.
+            let mut reached = 0.0;
+            while reached < height {
+                let (top, left) = match levels.last() {
+                    Some(level) => (level.height.min(height), Some(&left[row - level.packet])),
+                    None => (height, None),
+                };
+                let wanted_e =
+                    |s: usize| (top - reached) * (traps[s].density_per_px - left.map_or(0.0, |left| left[s]));
+                let all_e = match left {
+                    Some(_) => (0..traps.len()).map(wanted_e).sum(),
+                    None => all * (top - reached),
+                };
+                // A packet cannot give more than it has.
+                let share = if all_e > charge_e[row] { charge_e[row] / all_e } else { 1.0 };
+                for (s, stored_e) in stored_e.iter_mut().enumerate() {
+                    *stored_e += share * wanted_e(s);
+                }
+                charge_e[row] -= share * all_e;
+                if share < 1.0 {
+                    reached += share * (top - reached);
+                    break;
+                }
+                reached = top;
+                if levels.last().is_some_and(|level| level.height <= height) {
+                    levels.pop();
+                }
+            }
+            levels.push(Level { height: reached, packet: row + 1 });
+        }
+    }
+}
+
+/// The same where capture takes time.
+pub(super) fn slow_column<const S: usize>(pixel: &SlowPixel<S>, charge_e: &mut [f64], downstream: Downstream) {
+    let mut levels = Vec::new();
+    for place in (0..charge_e.len() as i64 + downstream.rows).rev() {
+        pixel.start(place, downstream, &mut levels);
+        let first = (place - downstream.rows).max(0) as usize;
+        for (row, charge_e) in charge_e.iter_mut().enumerate().skip(first) {
+            *charge_e += pixel.packet(&mut levels, *charge_e, row + 1).0;
         }
     }
 }

@@ -10,17 +10,27 @@
 //! packet exists in as many pixels as that packet has visited, and the visits of an earlier packet are among those of
 //! a later one. So each level carries the number of its pixels, and captures and releases are weighted with it.
 //!
+//! **Lanes.** Columns are passed side by side (see [`super::lanes`]). Every packet leaves one level, so that levels are kept
+//! in the order of the packets, each with the place of the next higher one below it on the stack, instead of being moved: what most
+//! packets do, which is to cover part or all of the level just left by their neighbour, is the same for all lanes. Only
+//! lanes that reach deeper, or whose packets are spent, are climbed one by one.
+//!
 //! | symbol | here | unit | meaning |
 //! |---|---|---|---|
 //! | ρ | `density` | per pixel | traps of a species |
-//! | exp(−1/τ) | `keep` | 1 | chance to stay filled while one packet passes |
+//! | 1 − exp(−1/τ) | `release` | 1 | chance to be emptied while one packet passes |
 //! | ρ exp(−m/τ) | `left[m]` | per pixel | still filled m packets later |
 
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch};
+
+use super::lanes::{LANES, Lanes, Row};
 use super::{Cloud, Downstream, Trap};
 
 /// The traps of one pixel, tabulated for `S` species (padded with species of no density).
 pub(super) struct Pixel<const S: usize> {
     cloud: Cloud,
+    species: usize,
     density: [f64; S],
     density_all: f64,
     /// 1 − exp(−1/τ), the fraction released while a packet passes.
@@ -47,40 +57,26 @@ impl Block {
 #[derive(Clone, Copy)]
 pub(super) struct Path<'a> {
     /// What the packet fills into the empty traps of the pixel it starts in, e-; 0 where that lies outside the block.
-    pub first_e: &'a [f64],
+    pub first_e: &'a [Row],
     /// Change per transfer otherwise, e-.
-    pub drift_e: &'a [f64],
+    pub drift_e: &'a [Row],
 }
 
-/// Traps between the next level below and `height`, last filled by one packet.
-#[derive(Clone, Copy)]
-pub(super) struct Level {
-    height: f64,
-    /// Height of the level below, in the pixels of this one.
-    floor: f64,
-    /// Row of that packet, plus one.
-    packet: usize,
-    /// Pixels of the block in which the level exists.
-    visits: f64,
-}
-
-/// What a pixel does to the packets that pass it.
+/// What a pixel does to the packets that pass it, in `L` columns.
 pub(super) trait Passage: Sync {
     /// State of the traps, to be reused from pass to pass.
     type Levels: Default + Send;
 
     /// Change of every packet's charge (e-) by a passage through the block, all charges held at `charge_e`.
     ///
-    /// Exact for one pixel, and for a block to first order in the change. What packets lose, the traps hold.
-    ///
-    /// Packets that start within the block are in different pixels at the same share of their ways. Where `charge_e` are
+    /// Exact for one pixel, and for a block to first order in the change. What packets lose, the traps hold. Where `charge_e` are
     /// the charges' means over their ways, `path` tells how each differs from that in the pixels of an earlier packet, and
     /// makes the pass right to second order.
     ///
     /// `found` has the length of `charge_e` and is overwritten.
     fn pass(
         &self,
-        charge_e: &[f64],
+        charge_e: &[Row],
         path: Option<Path>,
         block: Block,
         downstream: Downstream,
@@ -88,197 +84,357 @@ pub(super) trait Passage: Sync {
         found: &mut Stage,
     );
 
-    /// What a packet fills into a pixel whose traps are all empty, at most, e-.
-    fn fill(&self, charge_e: f64) -> f64;
+    /// Traps of the pixel.
+    fn density(&self) -> f64;
 
-    /// Largest change of the charges captured in a pixel with the charges of packets between two (e-): a Lipschitz
-    /// constant of the pass, per pixel.
-    fn steepest(&self, low_e: f64, high_e: f64) -> f64;
+    /// How high packets reach.
+    fn cloud(&self) -> &Cloud;
 
     /// Distance from the register (pixels) below which blocks may be passed in one step; beyond it pixels are too unlike
     /// one another.
     fn alike_below(&self, downstream: Downstream) -> i64;
 }
 
-/// Buffers that passes and steps reuse.
-#[derive(Default)]
-pub(super) struct Workspace<L> {
-    pub levels: L,
-    pub stages: [Stage; 4],
-    pub stage_e: Vec<f64>,
-}
-
 /// What one pass finds.
-#[derive(Default)]
 pub(super) struct Stage {
     /// Change of every packet, e-.
-    pub change_e: Vec<f64>,
-    /// Which earlier packets' levels each packet met. While these stay the same, the change is a smooth function of the
-    /// charges; where they differ from one pass to another, it has a kink in between.
-    pub meets: Vec<u64>,
+    pub change_e: Vec<Row>,
+    /// At which earlier packet's level each packet ended. While these stay the same, the change is a smooth
+    /// function of the charges; where they differ from one pass to another, it has a kink in between.
+    pub meets: Vec<Row>,
 }
 
 impl Stage {
-    pub fn resize(&mut self, rows: usize) {
-        self.change_e.resize(rows, 0.0);
-        self.meets.resize(rows, 0);
+    /// For so many rows.
+    pub fn new(rows: usize) -> Stage {
+        Stage { change_e: vec![[0.0; LANES]; rows], meets: vec![[0.0; LANES]; rows] }
     }
 }
 
+/// Levels in the order of the packets that left them: none, the background, and from there on one for each row.
+pub(super) struct Levels<const S: usize> {
+    /// Height of the packet's cloud.
+    height: Vec<Row>,
+    /// Height of what has been filled anew since, in the pixels of the level; only where packets have paths.
+    floor: Vec<Row>,
+    /// The next higher level on the stack below, by its place.
+    below: Vec<Row>,
+    /// Pixels of the block in which the level exists.
+    visits: Vec<f64>,
+    /// Electrons in the traps of all the block's pixels, by species.
+    stored: [Row; S],
+}
+
+impl<const S: usize> Default for Levels<S> {
+    fn default() -> Self {
+        Levels {
+            height: Vec::new(),
+            floor: Vec::new(),
+            below: Vec::new(),
+            visits: Vec::new(),
+            stored: [[0.0; LANES]; S],
+        }
+    }
+}
+
+/// The place of a level that is higher than all and exists nowhere; and as the number that links hold.
+const NONE: usize = 0;
+const NOWHERE: f64 = 0.0;
+/// The place of the level that the background downstream has left.
+const BACKGROUND: usize = 1;
+/// The place of the first packet's level.
+const PACKETS: usize = 2;
+
+/// What packets of a row do to the levels.
+struct Passed {
+    height: Row,
+    /// In all pixels of the block.
+    captured_e: Row,
+    /// The places of the levels that they leave above their own.
+    below: Row,
+    /// The last levels they met, with a mark for those that are spent.
+    met: Row,
+}
+
+/// One packet that may not have enough for all the traps that it reaches.
+struct Climb {
+    row: usize,
+    lane: usize,
+    /// Charge that meets the traps in each pixel, e-.
+    present_e: f64,
+    visits: f64,
+}
+
+/// Species up to which they are held in registers.
+pub(super) const FEW: usize = 5;
+
 impl<const S: usize> Pixel<S> {
+    /// Species to go through: all places where they are few and known when the program is compiled, else those there are.
+    #[inline(always)]
+    fn species(&self) -> std::ops::Range<usize> {
+        0..if S <= FEW { S } else { self.species }
+    }
+
     /// Tables for columns of `rows` packets.
     pub fn new(traps: &[Trap], cloud: Cloud, rows: usize) -> Pixel<S> {
         let mut density = [0.0; S];
         let mut release = [0.0; S];
         for (s, trap) in traps.iter().enumerate() {
             density[s] = trap.density_per_px;
-            release[s] = -(-1.0 / trap.release_transfers).exp_m1();
+            release[s] = trap.released();
         }
-        let left: Vec<[f64; S]> = (0..=rows)
-            .map(|m| {
-                let mut left = [0.0; S];
-                for (s, trap) in traps.iter().enumerate() {
-                    // ρ exp(−m/τ); 0/0 where a trap releases at once and nothing has passed yet
-                    let kept = if m == 0 { 1.0 } else { (-(m as f64) / trap.release_transfers).exp() };
-                    left[s] = trap.density_per_px * kept;
+        let kept: Vec<f64> = traps.iter().map(|trap| (-1.0 / trap.release_transfers).exp()).collect();
+        // ρ exp(−m/τ), by multiplication: exponentials of a stamp's rows would take as long as a pass.
+        let mut left = vec![density];
+        for m in 0..=rows {
+            let mut next = [0.0; S];
+            for (s, kept) in kept.iter().enumerate() {
+                next[s] = left[m][s] * kept;
+            }
+            left.push(next);
+        }
+        let left_all = left.iter().map(|left: &[f64; S]| left.iter().sum()).collect();
+        Pixel { cloud, species: traps.len(), density, density_all: density.iter().sum(), release, left, left_all }
+    }
+
+    /// Fills levels from below until the packet's height is reached, or all it has is spent.
+    fn climb(&self, climb: Climb, path: Option<Path>, levels: &mut Levels<S>, passed: &mut Passed) {
+        let Climb { row, lane, present_e, visits } = climb;
+        let mut height = passed.height[lane];
+        let packet = row + PACKETS;
+        let mut level = passed.below[lane] as usize;
+        let mut reached = 0.0;
+        let mut captured_e = 0.0;
+        let available_e = (present_e * visits).max(0.0);
+        loop {
+            let top = levels.height[level][lane];
+            let covered = top <= height;
+            let ceiling = if covered { top } else { height };
+            let mut own_ceiling = ceiling;
+            if let Some(path) = path
+                && !covered
+                && level != NONE
+                && levels.visits[level] < visits
+            {
+                let further_e = further(path, row, lane, visits, levels.visits[level]);
+                own_ceiling = self.cloud.height(present_e + further_e).min(top);
+            }
+            let floor = if path.is_some() { levels.floor[level][lane] } else { reached };
+            let mut thickness = ceiling - reached;
+            // There is no level above all others.
+            let mut filled = if level == NONE { 0.0 } else { levels.visits[level] * (own_ceiling - floor) };
+            let m = packet - level;
+            let mut more_e = visits * self.density_all * thickness - self.left_all[m] * filled;
+            let spent = captured_e + more_e > available_e;
+            if spent {
+                let share = (available_e - captured_e) / more_e;
+                thickness *= share;
+                filled *= share;
+                more_e *= share;
+                height = reached + thickness;
+            }
+            for s in self.species() {
+                levels.stored[s][lane] += visits * self.density[s] * thickness - self.left[m][s] * filled;
+            }
+            captured_e += more_e;
+            if covered && !spent {
+                reached = top;
+                level = levels.below[level][lane] as usize;
+                continue;
+            }
+            if path.is_some() {
+                levels.floor[level][lane] = if spent { height } else { own_ceiling };
+            }
+            passed.below[lane] = level as f64;
+            passed.met[lane] = level as f64 + if spent { SPENT } else { 0.0 };
+            passed.captured_e[lane] = captured_e;
+            passed.height[lane] = height;
+            return;
+        }
+    }
+
+    /// See [`Passage::pass`].
+    #[inline(always)]
+    #[allow(clippy::too_many_arguments)] // those of the trait's method, and the processor
+    #[allow(clippy::needless_range_loop)] // species and lanes index several arrays at once
+    fn pass_by<T: Simd, const ON_A_PATH: bool>(
+        &self,
+        simd: T,
+        charge_e: &[Row],
+        path: Option<Path>,
+        block: Block,
+        downstream: Downstream,
+        levels: &mut Levels<S>,
+        found: &mut Stage,
+    ) {
+        let path = if ON_A_PATH { path } else { None };
+        let rows = charge_e.len();
+        // Rows that start nearer to the register than the block never pass it.
+        let first = (block.nearest - downstream.rows).clamp(0, rows as i64) as usize;
+        found.change_e[..first].fill([0.0; LANES]);
+        found.meets[..first].fill([0.0; LANES]);
+        self.start(first, rows, block, downstream, levels);
+        let zero = Lanes::all(simd, 0.0);
+        let mut stored_e = [zero; S];
+        for s in self.species() {
+            stored_e[s] = Lanes::load(simd, &levels.stored[s]);
+        }
+        let mut per_visit = f64::NAN;
+        let mut visits = 0.0;
+        for row in first..rows {
+            let packet = row + PACKETS;
+            let before = if row == first { BACKGROUND } else { packet - 1 };
+            // The same for all rows beyond the block.
+            if visits < block.pixels as f64 {
+                visits = block.visits(row as i64, downstream) as f64;
+                per_visit = 1.0 / visits;
+            }
+            levels.visits[packet] = visits;
+            let mut released_e = zero;
+            for s in self.species() {
+                let out_e = stored_e[s] * self.release[s];
+                stored_e[s] = stored_e[s] - out_e;
+                released_e = released_e + out_e;
+            }
+            let present_e = Lanes::load(simd, &charge_e[row]) + released_e * per_visit;
+            let mut height = self.cloud.heights(simd, present_e);
+            let most_e = height * self.density_all;
+            let mut captured_e = most_e * visits;
+            let (below, met);
+            // A packet cannot give more than it has.
+            if (present_e.below(most_e) & zero.below(most_e)).any() {
+                let mut charge_e = [0.0; LANES];
+                let mut passed =
+                    Passed { height: [0.0; LANES], captured_e: [0.0; LANES], below: [0.0; LANES], met: [0.0; LANES] };
+                present_e.store(&mut charge_e);
+                height.store(&mut passed.height);
+                passed.below = [before as f64; LANES];
+                for s in self.species() {
+                    stored_e[s].store(&mut levels.stored[s]);
                 }
-                left
-            })
-            .collect();
-        let left_all = left.iter().map(|left| left.iter().sum()).collect();
-        Pixel { cloud, density, density_all: density.iter().sum(), release, left, left_all }
+                for lane in 0..LANES {
+                    self.climb(Climb { row, lane, present_e: charge_e[lane], visits }, path, levels, &mut passed);
+                }
+                for s in self.species() {
+                    stored_e[s] = Lanes::load(simd, &levels.stored[s]);
+                }
+                height = Lanes::load(simd, &passed.height);
+                captured_e = Lanes::load(simd, &passed.captured_e);
+                below = Lanes::load(simd, &passed.below);
+                met = Lanes::load(simd, &passed.met);
+            } else {
+                for s in self.species() {
+                    stored_e[s] = stored_e[s] + height * (visits * self.density[s]);
+                }
+                // Down the stack: the levels that some lane meets, one after another.
+                let mut reached = zero;
+                let mut stands_before = Lanes::all(simd, before as f64);
+                let mut level = before;
+                while level != NONE {
+                    let place = Lanes::all(simd, level as f64);
+                    let here = stands_before.equals(place);
+                    let top = Lanes::load(simd, &levels.height[level]);
+                    let under = Lanes::load(simd, &levels.below[level]);
+                    let visits_there = levels.visits[level];
+                    let mut own_ceiling = height;
+                    let mut floor = reached;
+                    if let Some(path) = path {
+                        floor = Lanes::load(simd, &levels.floor[level]);
+                        if visits_there < visits {
+                            let drift_e = Lanes::load(simd, &path.drift_e[row]) * (0.5 * (visits - visits_there));
+                            let first_e = Lanes::load(simd, &path.first_e[row]) * per_visit;
+                            own_ceiling = self.cloud.heights(simd, present_e + (drift_e - first_e));
+                        }
+                    }
+                    let covered = top.at_most(height);
+                    let ceiling = covered.select(top, own_ceiling.min(top));
+                    let filled = here.select((ceiling - floor) * visits_there, zero);
+                    captured_e = captured_e - filled * self.left_all[packet - level];
+                    for s in self.species() {
+                        stored_e[s] = stored_e[s] - filled * self.left[packet - level][s];
+                    }
+                    if ON_A_PATH {
+                        here.select(ceiling, floor).store(&mut levels.floor[level]);
+                    }
+                    reached = here.select(ceiling, reached);
+                    // Lanes that stop here keep the place with the other sign.
+                    stands_before = here.select(covered.select(under, zero - place), stands_before);
+                    let go_on = zero.below(stands_before).any();
+                    level = if go_on { stands_before.largest() as usize } else { NONE };
+                }
+                below = stands_before.abs();
+                met = below;
+            }
+            height.store(&mut levels.height[packet]);
+            below.store(&mut levels.below[packet]);
+            if ON_A_PATH {
+                levels.floor[packet] = [0.0; LANES];
+            }
+            (released_e - captured_e).store(&mut found.change_e[row]);
+            met.store(&mut found.meets[row]);
+        }
+    }
+
+    /// Levels as the background has left them.
+    fn start(&self, first: usize, rows: usize, block: Block, downstream: Downstream, levels: &mut Levels<S>) {
+        levels.height.resize(rows + PACKETS, [0.0; LANES]);
+        levels.floor.resize(rows + PACKETS, [0.0; LANES]);
+        levels.below.resize(rows + PACKETS, [NOWHERE; LANES]);
+        levels.visits.resize(rows + PACKETS, 0.0);
+        let visits = block.visits(-1, downstream) as f64;
+        let height = if visits > 0.0 { self.cloud.height(downstream.charge_e) } else { 0.0 };
+        // Where the first packets do not come by, neither does the background.
+        debug_assert!(first == 0 || visits == 0.0);
+        for (place, height, visits) in [(NONE, f64::INFINITY, 0.0), (BACKGROUND, height, visits)] {
+            levels.height[place] = [height; LANES];
+            levels.floor[place] = [0.0; LANES];
+            levels.below[place] = [NOWHERE; LANES];
+            levels.visits[place] = visits;
+        }
+        for s in self.species() {
+            levels.stored[s] = [visits * height * self.density[s]; LANES];
+        }
     }
 }
 
-impl<const S: usize> Passage for Pixel<S> {
-    type Levels = Vec<Level>;
+/// What a packet gains until it is in the pixels of a level, on average, which are further on its way than its mean, e-.
+fn further(path: Path, row: usize, lane: usize, visits: f64, visits_of_level: f64) -> f64 {
+    0.5 * (visits - visits_of_level) * path.drift_e[row][lane] - path.first_e[row][lane] / visits
+}
 
-    fn fill(&self, charge_e: f64) -> f64 {
-        (self.density_all * self.cloud.height(charge_e)).min(charge_e.max(0.0))
+/// Added to the place of the last level met by a packet that is spent.
+const SPENT: f64 = 0.25;
+
+impl<const S: usize> Passage for Pixel<S> {
+    type Levels = Levels<S>;
+
+    // Not part of the caller: this is most of the program's work, and once for each kind of processor is enough.
+    #[inline(never)]
+    fn pass(
+        &self,
+        charge_e: &[Row],
+        path: Option<Path>,
+        block: Block,
+        downstream: Downstream,
+        levels: &mut Levels<S>,
+        found: &mut Stage,
+    ) {
+        dispatch!(Level::new(), simd => match path {
+            None => self.pass_by::<_, false>(simd, charge_e, path, block, downstream, levels, found),
+            Some(_) => self.pass_by::<_, true>(simd, charge_e, path, block, downstream, levels, found),
+        });
     }
 
-    fn steepest(&self, low_e: f64, high_e: f64) -> f64 {
-        self.density_all * self.cloud.steepest(low_e, high_e)
+    fn density(&self) -> f64 {
+        self.density_all
+    }
+
+    fn cloud(&self) -> &Cloud {
+        &self.cloud
     }
 
     fn alike_below(&self, _: Downstream) -> i64 {
         // Pixels differ in known ways: see the module.
         i64::MAX
     }
-
-    #[allow(clippy::needless_range_loop)] // species index several arrays at once
-    fn pass(
-        &self,
-        charge_e: &[f64],
-        path: Option<Path>,
-        block: Block,
-        downstream: Downstream,
-        levels: &mut Vec<Level>,
-        found: &mut Stage,
-    ) {
-        let Stage { change_e, meets } = found;
-        // Electrons in the traps of all the block's pixels, by species.
-        let mut stored = [0.0; S];
-        levels.clear();
-        let visited_before = block.visits(-1, downstream) as f64;
-        let height_before = self.cloud.height(downstream.charge_e);
-        if visited_before > 0.0 && height_before > 0.0 {
-            levels.push(Level { height: height_before, floor: 0.0, packet: 0, visits: visited_before });
-            for s in 0..S {
-                stored[s] = visited_before * height_before * self.density[s];
-            }
-        }
-
-        // Rows that start nearer to the register than the block never pass it.
-        let first = (block.nearest - downstream.rows).clamp(0, charge_e.len() as i64) as usize;
-        change_e[..first].fill(0.0);
-        meets[..first].fill(0);
-        let mut per_visit = f64::NAN;
-        let mut visits = 0.0;
-        for row in first..charge_e.len() {
-            // The same for all rows beyond the block.
-            if visits < block.pixels as f64 {
-                visits = block.visits(row as i64, downstream) as f64;
-                per_visit = 1.0 / visits;
-            }
-            let mut released = 0.0;
-            for s in 0..S {
-                let out = stored[s] * self.release[s];
-                stored[s] -= out;
-                released += out;
-            }
-            let present = charge_e[row] + released * per_visit;
-            let mut height = self.cloud.height(present);
-            let mut met = 0_u64;
-            if height <= 0.0 {
-                change_e[row] = released;
-                meets[row] = met;
-                continue;
-            }
-
-            // A packet cannot give more than it has: traps are then filled from the bottom until it is spent.
-            let available = present * visits;
-            let mut captured = 0.0;
-            let mut reached = 0.0;
-            loop {
-                let Some(level) = levels.last_mut() else {
-                    // Above all levels every trap is empty.
-                    let per_height = visits * self.density_all;
-                    let spent = captured + per_height * (height - reached) > available;
-                    if spent {
-                        height = reached + (available - captured) / per_height;
-                    }
-                    for s in 0..S {
-                        stored[s] += (height - reached) * visits * self.density[s];
-                    }
-                    captured += per_height * (height - reached);
-                    met = mixed(met, 0, spent);
-                    break;
-                };
-                let m = row + 1 - level.packet;
-                let covered = level.height <= height;
-                let ceiling = if covered { level.height } else { height };
-                // In the pixels of the level the packet is further on its way than on average.
-                let level_ceiling = match path {
-                    Some(path) if !covered && level.visits < visits => {
-                        let further = 0.5 * (visits - level.visits) * path.drift_e[row] - path.first_e[row] * per_visit;
-                        self.cloud.height(present + further).min(level.height)
-                    }
-                    _ => ceiling,
-                };
-                let mut thickness = ceiling - reached;
-                let mut filled = level.visits * (level_ceiling - level.floor);
-                let mut more = visits * self.density_all * thickness - self.left_all[m] * filled;
-                let spent = captured + more > available;
-                if spent {
-                    let share = (available - captured) / more;
-                    thickness *= share;
-                    filled *= share;
-                    more *= share;
-                    height = reached + thickness;
-                }
-                for s in 0..S {
-                    stored[s] += visits * self.density[s] * thickness - self.left[m][s] * filled;
-                }
-                captured += more;
-                reached = ceiling;
-                met = mixed(met, level.packet + 1, spent);
-                if covered && !spent {
-                    levels.pop();
-                } else {
-                    level.floor = if spent { height } else { level_ceiling };
-                    break;
-                }
-            }
-            levels.push(Level { height, floor: 0.0, packet: row + 1, visits });
-            change_e[row] = released - captured;
-            meets[row] = met;
-        }
-    }
-}
-
-/// Adds a level to what a packet has met.
-fn mixed(met: u64, level: usize, spent: bool) -> u64 {
-    // Any large odd number spreads the rows over 64 bits.
-    (met.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ level as u64) << 1 | u64::from(spent)
 }

@@ -13,6 +13,7 @@
 //! are merged where that costs less charge than is asked for. Nor do packets upstream find the steady state after one
 //! packet of background: [`SlowPixel::new`] follows the background, packet by packet, until it settles.
 
+use super::lanes::{LANES, Row};
 use super::pixel::{Block, Passage, Path, Stage};
 use super::{Cloud, Downstream, Trap};
 
@@ -78,13 +79,13 @@ impl<const S: usize> SlowPixel<S> {
         pixel
     }
 
-    /// Passes one packet over the levels; its change (e-) and what levels it met.
+    /// Passes one packet over the levels; its change (e-), and what levels it met as one number.
     #[allow(clippy::needless_range_loop)] // species index several arrays at once
-    fn packet(&self, levels: &mut Vec<Level<S>>, charge_e: f64, packet: usize) -> (f64, u64) {
+    pub fn packet(&self, levels: &mut Vec<Level<S>>, charge_e: f64, packet: usize) -> (f64, f64) {
         let height = self.cloud.height(charge_e);
         let inside = self.cut(levels, height, packet);
-        let met = levels.get(inside).map_or(0, |level| level.packet as u64 + 1);
-        let met = met << 32 | if inside > 1 { levels[inside - 2].packet as u64 + 1 } else { 0 };
+        let above = levels.get(inside).map_or(0.0, |level| (level.packet + 1) as f64);
+        let met = above + 1e-7 * if inside > 1 { (levels[inside - 2].packet + 1) as f64 } else { 0.0 };
         // More than all the traps it covers cannot be captured.
         let share = if inside > 0 && charge_e < self.density_all * height {
             self.affordable(levels, inside, charge_e)
@@ -173,9 +174,10 @@ impl<const S: usize> SlowPixel<S> {
         levels.truncate(kept + 1);
     }
 
-    /// Packets of background that have passed a pixel (counted from the register) before row 0 comes.
-    fn passed_before(pixel: i64, downstream: Downstream) -> usize {
-        (downstream.rows - pixel).max(0) as usize
+    /// Levels of a pixel (counted from the register) as the background has left them before row 0 comes.
+    pub fn start(&self, pixel: i64, downstream: Downstream, levels: &mut Vec<Level<S>>) {
+        let passed = (downstream.rows - pixel).max(0) as usize;
+        levels.clone_from(&self.background[passed.min(self.background.len() - 1)]);
     }
 }
 
@@ -184,7 +186,7 @@ impl<const S: usize> Passage for SlowPixel<S> {
 
     fn pass(
         &self,
-        charge_e: &[f64],
+        charge_e: &[Row],
         _: Option<Path>,
         block: Block,
         downstream: Downstream,
@@ -192,31 +194,37 @@ impl<const S: usize> Passage for SlowPixel<S> {
         found: &mut Stage,
     ) {
         let Stage { change_e, meets } = found;
-        change_e.fill(0.0);
-        meets.fill(0);
-        let alike = self.alike_below(downstream);
-        let mut nearest = block.nearest;
-        while nearest < block.nearest + block.pixels {
-            // Pixels that all packets pass, and that the background has left alike, count as one.
-            let pixels = (alike.min(block.nearest + block.pixels) - nearest).max(1);
-            let before = Self::passed_before(nearest, downstream).min(self.background.len() - 1);
-            levels.clone_from(&self.background[before]);
-            let first = (nearest - downstream.rows).clamp(0, charge_e.len() as i64) as usize;
-            for row in first..charge_e.len() {
-                let (change, met) = self.packet(levels, charge_e[row], row + 1);
-                change_e[row] += pixels as f64 * change;
-                meets[row] = meets[row].wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ met;
+        change_e.fill([0.0; LANES]);
+        meets.fill([0.0; LANES]);
+        let alike = Passage::alike_below(self, downstream);
+        for lane in 0..LANES {
+            // Lanes without a column of their own repeat the last one.
+            if lane > 0 && charge_e.iter().all(|row| row[lane] == row[lane - 1]) {
+                change_e.iter_mut().chain(meets.iter_mut()).for_each(|row| row[lane] = row[lane - 1]);
+                continue;
             }
-            nearest += pixels;
+            let mut nearest = block.nearest;
+            while nearest < block.nearest + block.pixels {
+                // Pixels that all packets pass, and that the background has left alike, count as one.
+                let pixels = (alike.min(block.nearest + block.pixels) - nearest).max(1);
+                self.start(nearest, downstream, levels);
+                let first = (nearest - downstream.rows).clamp(0, charge_e.len() as i64) as usize;
+                for row in first..charge_e.len() {
+                    let (change, met) = self.packet(levels, charge_e[row][lane], row + 1);
+                    change_e[row][lane] += pixels as f64 * change;
+                    meets[row][lane] += met;
+                }
+                nearest += pixels;
+            }
         }
     }
 
-    fn fill(&self, charge_e: f64) -> f64 {
-        (self.density_all * self.cloud.height(charge_e)).min(charge_e.max(0.0))
+    fn density(&self) -> f64 {
+        self.density_all
     }
 
-    fn steepest(&self, low_e: f64, high_e: f64) -> f64 {
-        self.density_all * self.cloud.steepest(low_e, high_e)
+    fn cloud(&self) -> &Cloud {
+        &self.cloud
     }
 
     fn alike_below(&self, downstream: Downstream) -> i64 {

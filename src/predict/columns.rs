@@ -1,0 +1,123 @@
+//! Packets and blocks, many at a time: those that share traps, wells, transfers and background are columns of one image.
+
+use ndarray::{Array2, Axis, s};
+use rayon::prelude::*;
+
+use super::{Kind, Reading};
+use crate::device::{Beside, Device};
+use crate::readout::Downstream;
+
+/// Packets or blocks in one image; the background takes one more column of those that are read side by side. The accuracy
+/// of a readout is relative to its brightest column, so that few of about the same charge are better than many.
+const TOGETHER: usize = 15;
+
+/// Charges less the trailed background, e-: of the packet or the block's last row, and of the pixels behind it. None for
+/// readings of other kinds.
+pub(super) fn read(readings: &[Reading], devices: &[Device]) -> Vec<Option<Vec<f64>>> {
+    let devices: Vec<Option<Device>> = (readings, devices)
+        .into_par_iter()
+        .map(|(reading, device)| matches!(reading.kind, Kind::Packet | Kind::Block).then(|| device.expected()))
+        .collect();
+    let columns: Vec<Column> = readings
+        .iter()
+        .zip(&devices)
+        .enumerate()
+        .filter_map(|(index, (reading, device))| Some(Column { index, reading, device: device.as_ref()? }))
+        .collect();
+    let mut groups: Vec<Vec<Column>> = Vec::new();
+    for column in columns {
+        match groups.iter_mut().find(|group| group[0].shares_a_readout_with(&column)) {
+            Some(group) => group.push(column),
+            None => groups.push(vec![column]),
+        }
+    }
+    for group in &mut groups {
+        // The order of the rows of a table must not matter.
+        group.sort_by(|a, b| a.signal_e().total_cmp(&b.signal_e()));
+    }
+    let images: Vec<&[Column]> = groups.iter().flat_map(|group| group.chunks(TOGETHER)).collect();
+    let mut found = vec![None; readings.len()];
+    for (index, charge_e) in images.into_par_iter().flat_map_iter(together).collect::<Vec<_>>() {
+        found[index] = Some(charge_e);
+    }
+    found
+}
+
+/// A packet or a block in a column of background.
+struct Column<'a> {
+    /// Of the reading among all.
+    index: usize,
+    reading: &'a Reading<'a>,
+    device: &'a Device,
+}
+
+impl Column<'_> {
+    fn signal_e(&self) -> f64 {
+        self.device.at.signal_e.expect("a packet has a charge")
+    }
+
+    /// Rows that hold the signal.
+    fn block_px(&self) -> usize {
+        match self.reading.kind {
+            Kind::Block => self.device.at.block_px.expect("a block has rows") as usize,
+            _ => 1,
+        }
+    }
+
+    /// What stands beside it in a serial register.
+    fn beside(&self) -> Beside {
+        if self.reading.kind == Kind::Block { Beside::Same } else { Beside::Background }
+    }
+
+    /// The last row of the signal makes the device's transfers; background lies downstream.
+    fn downstream(&self) -> Downstream {
+        let rows = i64::from(self.device.at.transfers) - self.block_px() as i64;
+        Downstream { rows, charge_e: self.device.at.background_e }
+    }
+
+    fn shares_a_readout_with(&self, other: &Column) -> bool {
+        self.block_px() == other.block_px()
+            && self.downstream() == other.downstream()
+            && self.device.readout == other.device.readout
+    }
+
+    /// Charges (e-) that are clocked out, `[[row, 0]]`: with the signal, and of background alone.
+    fn before(&self, rows: usize) -> [Array2<f64>; 2] {
+        let flat = Array2::from_elem((rows, 1), self.device.at.background_e);
+        let mut image = flat.clone();
+        image.slice_mut(s![..self.block_px(), ..]).fill(self.device.at.background_e + self.signal_e());
+        [image, flat].map(|charge_e| self.device.before(charge_e))
+    }
+}
+
+/// Reads out columns that share a readout.
+fn together(columns: &[Column]) -> Vec<(usize, Vec<f64>)> {
+    let first = &columns[0];
+    // Background behind a packet changes nothing before it.
+    let behind = columns.iter().map(|column| column.reading.trail_px).max().unwrap_or(0);
+    let rows = first.block_px() + behind;
+    let mut image = Array2::zeros((rows, 0));
+    // Backgrounds are mostly the same.
+    let mut place = |charge_e: &Array2<f64>| {
+        image.axis_iter(Axis(1)).position(|known| known == charge_e.column(0)).unwrap_or_else(|| {
+            image.push_column(charge_e.column(0)).expect("columns of one length");
+            image.ncols() - 1
+        })
+    };
+    let placed: Vec<_> =
+        columns.iter().map(|column| column.before(rows).map(|before_e| (place(&before_e), before_e))).collect();
+    let clocked = first.device.readout.parallel(&image, first.downstream());
+    columns
+        .iter()
+        .zip(placed)
+        .map(|(column, placed)| {
+            let [signal, flat] = placed.map(|(place, before_e)| {
+                let clocked_e = clocked.slice(s![.., place..=place]).to_owned();
+                column.device.after(&before_e, clocked_e, column.beside())
+            });
+            let last = column.block_px() - 1;
+            let read_e = signal - flat;
+            (column.index, read_e.slice(s![last..=last + column.reading.trail_px, 0]).to_vec())
+        })
+        .collect()
+}

@@ -1,0 +1,170 @@
+//! Arithmetic of whole columns of packets between two passes: sums of changes, and errors told from their differences.
+//!
+//! Errors are root mean squares over all packets, e-.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch};
+
+use super::Cloud;
+use super::lanes::{LANES, Lanes, Row};
+use super::pixel::Stage;
+
+/// Adds multiples of changes to the charges.
+pub(super) fn add(charge_e: &mut [Row], changes: &[(f64, &Stage)]) {
+    dispatch!(Level::new(), simd => {
+        for (row, charge_e) in charge_e.iter_mut().enumerate() {
+            plus(simd, Lanes::load(simd, charge_e), row, changes).store(charge_e);
+        }
+    });
+}
+
+/// Charges with multiples of changes added.
+pub(super) fn sum(charge_e: &[Row], changes: &[(f64, &Stage)], sum_e: &mut [Row]) {
+    dispatch!(Level::new(), simd => {
+        for (row, (charge_e, sum_e)) in charge_e.iter().zip(sum_e).enumerate() {
+            plus(simd, Lanes::load(simd, charge_e), row, changes).store(sum_e);
+        }
+    });
+}
+
+#[inline(always)]
+fn plus<S: Simd>(simd: S, mut charge_e: Lanes<S>, row: usize, changes: &[(f64, &Stage)]) -> Lanes<S> {
+    for (weight, stage) in changes {
+        charge_e = charge_e + Lanes::load(simd, &stage.change_e[row]) * *weight;
+    }
+    charge_e
+}
+
+/// What packets of a row fill into empty traps (so many in a pixel), of no more than they have, e-.
+pub(super) fn filled(cloud: &Cloud, density: f64, charge_e: &Row, filled_e: &mut Row) {
+    dispatch!(Level::new(), simd => {
+        let charge_e = Lanes::load(simd, charge_e);
+        let most_e = charge_e.max(Lanes::all(simd, 0.0));
+        (cloud.heights(simd, charge_e) * density).min(most_e).store(filled_e);
+    });
+}
+
+/// Mean charge of packets of a row over their way through so many pixels: n, n − first + drift, n − first + 2 drift, …; and
+/// the drift, which is what a packet changes in each but for the first fill, e-.
+pub(super) fn mean(visits: f64, charge_e: &Row, change_e: &Row, first_e: &Row, drift_e: &mut Row, mean_e: &mut Row) {
+    dispatch!(Level::new(), simd => {
+        let (charge_e, first_e) = (Lanes::load(simd, charge_e), Lanes::load(simd, first_e));
+        let drift = (Lanes::load(simd, change_e) + first_e) * (1.0 / visits);
+        drift.store(drift_e);
+        (charge_e - first_e * ((visits - 1.0) / visits) + drift * (0.5 * (visits - 1.0))).store(mean_e);
+    });
+}
+
+/// Error of a first-order result: how far it moves a packet, times the steepest change with that of what so many traps
+/// capture, and as much again for its neighbours' moves; half of all that on average over the way.
+pub(super) fn first(cloud: &Cloud, traps: f64, charge_e: &[Row], k1: &Stage) -> f64 {
+    dispatch!(Level::new(), simd => {
+        let zero = Lanes::all(simd, 0.0);
+        let mut error = MeanSquare::new(simd);
+        for (charge_e, change_e) in charge_e.iter().zip(&k1.change_e) {
+            let (charge_e, change_e) = (Lanes::load(simd, charge_e), Lanes::load(simd, change_e));
+            let moved_e = change_e.abs();
+            let error_e = cloud.steepest(simd, charge_e, charge_e + change_e) * moved_e * traps;
+            error.add(zero.below(moved_e).select(error_e, zero));
+        }
+        error.root()
+    })
+}
+
+/// Errors of a second-order result.
+pub(super) struct Second {
+    /// Where the change is smooth.
+    pub smooth_e: f64,
+    /// Where it has a kink.
+    pub kinked_e: f64,
+    /// Distance from the first-order result.
+    pub all_e: f64,
+    /// What is foretold of a third-order result, kinks and all.
+    pub next_e: f64,
+}
+
+/// Share of the distance between results of two orders that a kink leaves as error: both rules take it for smooth, and
+/// miss what lies on one side of it by a part of the distance only.
+const KINKED: f64 = 0.3;
+
+/// Errors of the second-order result, which is k2 alone. Its distance e1 from the first-order result k1 bounds it, with room to
+/// spare, where the change has a kink; where it is smooth, the error is smaller by the ratio of e1 to the change.
+pub(super) fn second(k1: &Stage, k2: &Stage) -> Second {
+    dispatch!(Level::new(), simd => {
+        let zero = Lanes::all(simd, 0.0);
+        let [mut smooth, mut kinked, mut all, mut next] = [(); 4].map(|()| MeanSquare::new(simd));
+        let mut before = zero;
+        for row in 0..k1.change_e.len() {
+            let change_e = Lanes::load(simd, &k2.change_e[row]);
+            let e1 = (change_e - Lanes::load(simd, &k1.change_e[row])).abs();
+            // A change that passes through 0 is not small there.
+            let ratio = share(simd, e1, change_e.abs().max(before));
+            let as_before = Lanes::load(simd, &k1.meets[row]).equals(Lanes::load(simd, &k2.meets[row]));
+            smooth.add(e1 * ratio);
+            kinked.add(as_before.select(zero, e1 * KINKED));
+            all.add(e1);
+            // e2 is about e1 times the ratio.
+            next.add(e1 * ratio * as_before.select(ratio, Lanes::all(simd, 2.0 * KINKED)));
+            before = change_e.abs();
+        }
+        Second { smooth_e: smooth.root(), kinked_e: kinked.root(), all_e: all.root(), next_e: next.root() }
+    })
+}
+
+/// Errors (smooth, kinked) of a result of higher order, `after_e`. Where the change is smooth, the errors e1 and e2 of the
+/// orders one and two foretell it, so many ratios e2/e1 further down (in the manner of DOP853, which combines two embedded
+/// estimates: Hairer, Nørsett & Wanner 1993, II.10); where it has a kink, a
+/// share of e2 is the error, twice over: there may be several kinks. The stages are the first two and the last.
+pub(super) fn higher([k1, k2, last]: [&Stage; 3], charge_e: &[Row], after_e: &[Row], ratios: i32) -> (f64, f64) {
+    dispatch!(Level::new(), simd => {
+        let zero = Lanes::all(simd, 0.0);
+        let [mut smooth, mut kinked] = [(); 2].map(|()| MeanSquare::new(simd));
+        let mut before = zero;
+        for row in 0..charge_e.len() {
+            let change_e = Lanes::load(simd, &after_e[row]) - Lanes::load(simd, &charge_e[row]);
+            let e1 = (Lanes::load(simd, &k1.change_e[row]) - change_e).abs();
+            let e2 = (Lanes::load(simd, &k2.change_e[row]) - change_e).abs();
+            let ratio = share(simd, e2, e1.max(before));
+            let meets = Lanes::load(simd, &k1.meets[row]);
+            let as_before =
+                meets.equals(Lanes::load(simd, &k2.meets[row])) & meets.equals(Lanes::load(simd, &last.meets[row]));
+            smooth.add(e2 * if ratios == 1 { ratio } else { ratio * ratio });
+            kinked.add(as_before.select(zero, e2 * (2.0 * KINKED)));
+            before = e1;
+        }
+        (smooth.root(), kinked.root())
+    })
+}
+
+/// Gathers a root mean square.
+struct MeanSquare<S: Simd> {
+    squares: Lanes<S>,
+    rows: usize,
+}
+
+impl<S: Simd> MeanSquare<S> {
+    /// Of nothing so far.
+    #[inline(always)]
+    fn new(simd: S) -> MeanSquare<S> {
+        MeanSquare { squares: Lanes::all(simd, 0.0), rows: 0 }
+    }
+
+    /// Adds a row of values.
+    #[inline(always)]
+    fn add(&mut self, values: Lanes<S>) {
+        self.rows += 1;
+        self.squares = self.squares + values * values;
+    }
+
+    /// The root of the mean of the squares.
+    #[inline(always)]
+    fn root(&self) -> f64 {
+        (self.squares.sum() / (self.rows * LANES).max(1) as f64).sqrt()
+    }
+}
+
+/// The part over the whole, at most 1.
+#[inline(always)]
+fn share<S: Simd>(simd: S, part: Lanes<S>, whole: Lanes<S>) -> Lanes<S> {
+    part.below(whole).select(part / whole, Lanes::all(simd, 1.0))
+}
