@@ -61,8 +61,8 @@ pub enum Choice {
 pub struct Job {
     /// What is done.
     pub task: Task,
-    /// Name of the mission.
-    pub mission: String,
+    /// The mission with its effects.
+    pub model: Model,
     /// The detector under the conditions of the frame.
     pub device: Device,
     /// How the frames lie on the detector.
@@ -155,21 +155,14 @@ impl Job {
             _ if task != Task::Readout => device.expected(),
             _ => device,
         };
-        Ok(Job {
-            task,
-            mission: model.mission.mission.name.clone(),
-            device,
-            geometry,
-            unit: Unit::default(),
-            hdus: Vec::new(),
-        })
+        Ok(Job { task, model: model.clone(), device, geometry, unit: Unit::default(), hdus: Vec::new() })
     }
 
     /// Works on a file. `progress` is told the HDUs that are done, how many there are, and what is being done.
     ///
     /// # Errors
-    /// Where the input is no FITS file or holds nothing to work on, a unit is not known, or the output cannot be written or
-    /// is there already and must not be overwritten.
+    /// Where the input is no FITS file or holds nothing to work on, a unit is not known, a formula fails, or the output cannot
+    /// be written or is there already and must not be overwritten.
     pub fn run(
         &self,
         input: &Path,
@@ -186,7 +179,7 @@ impl Job {
             ..error
         })?;
         let mut done = Done {
-            mission: self.mission.clone(),
+            mission: self.model.mission.mission.name.clone(),
             at: self.device.at.clone(),
             method: self.device.readout.method,
             task: self.task,
@@ -203,6 +196,7 @@ impl Job {
                         let tell = |what: &str| progress(index, all, &format!("{hdu}{what}"));
                         let mut pixels = fits.pixels(index)?;
                         let frame = self.frame(&mut pixels, *scale, &tell);
+                        self.model.check()?;
                         hdu.write(&pixels, &self.history(*scale, &frame), out).map_err(output::refusal(output))?;
                         done.warnings.extend(self.warnings(&hdu, &frame));
                         Some(frame)
@@ -337,9 +331,8 @@ impl Job {
                 scale.value(*after)
             })
         });
-        let written = pixels.set(changed);
-        done.clipped_px = written.clipped_px;
-        done
+        let clipped_px = pixels.set(changed);
+        FrameDone { clipped_px, ..done }
     }
 
     /// What the header will tell of this.
@@ -358,7 +351,7 @@ impl Job {
         )];
         told.push(format!(
             "mission {}, {} yr after launch, dose {:.4e} MeV/g, {} K, {} ms per row",
-            self.mission,
+            self.model.mission.mission.name,
             at.t_yr,
             at.dose_mev_g.unwrap_or_default(),
             at.temperature_k,
@@ -462,6 +455,11 @@ impl FromStr for Choice {
         }
     }
 }
+
+/// The example of the page on images, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/images.md")]
+struct Page;
 
 #[cfg(test)]
 mod tests {

@@ -86,8 +86,8 @@ impl fmt::Display for Warning {
             Warning::NotCorrected { name, max_e, of_e } => write!(
                 out,
                 "the correction of {name} leaves up to {max_e:.3e} e- of {of_e:.3e} e- that the forward model moves: allow \
-                 more with --iterations, or ask for less with --tolerance; where no step helps any more, pixels near 0 e- \
-                 are trailed by more than they hold"
+                 more --iterations, compute finer with --relative, or ask for less with --tolerance; faint pixels without \
+                 a sky settle slowly"
             ),
             Warning::CoarseAccuracy { relative } => {
                 write!(out, "accuracy.relative = {relative} may show in the shapes: 1e-6 costs little more")

@@ -25,7 +25,7 @@ pub(super) struct Correct {
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=1000))]
     iterations: u32,
     /// Residual of the forward model at which iterations end, over the largest before the first
-    #[arg(long, value_name = "FRACTION", default_value_t = 1e-3, value_parser = fraction)]
+    #[arg(long, value_name = "FRACTION", default_value_t = 1e-4, value_parser = fraction)]
     tolerance: f64,
     /// Measure how much noise of the amplifier (e- rms) is amplified: corrects each frame again, with noise added
     #[arg(long, value_name = "E", value_parser = positive)]
@@ -139,7 +139,6 @@ impl Frames {
             bar.set_message(what.to_string());
         })?;
         bar.finish_and_clear();
-        model.check()?;
         print(&done, &self.output_format)?;
         Ok(Outcome::Done)
     }

@@ -337,13 +337,6 @@ fn ones_complement_sum(a: u32, b: u32) -> u32 {
     (sum & 0xffff_ffff) as u32 + (sum >> 32) as u32
 }
 
-/// What became of the pixels of an integer image.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Written {
-    /// Values beyond what the type of the pixels holds, cut to it.
-    pub clipped_px: usize,
-}
-
 impl Pixels {
     /// Physical values, `[[row, column]]`, BSCALE and BZERO applied; NaN where a pixel has none.
     pub fn physical(&self) -> Array2<f64> {
@@ -358,11 +351,12 @@ impl Pixels {
         Array2::from_shape_vec(self.shape, values).expect("as many pixels as the axes say")
     }
 
-    /// Puts other physical values where there are any (`Some`), rounded and cut to what integers hold.
-    pub fn set(&mut self, values: impl Iterator<Item = Option<f64>>) -> Written {
+    /// Puts other physical values where there are any (`Some`), rounded and cut to what integers hold. Gives the number of
+    /// those that were cut.
+    pub fn set(&mut self, values: impl Iterator<Item = Option<f64>>) -> usize {
         let (scale, zero, blank) = (self.scale, self.zero, self.blank);
         let stored = |value: f64| (value - zero) / scale;
-        let mut written = Written::default();
+        let mut clipped_px = 0;
         macro_rules! integers {
             ($pixels:expr, $type:ty) => {
                 for (pixel, value) in $pixels.iter_mut().zip(values) {
@@ -373,7 +367,7 @@ impl Pixels {
                     if blank == Some(value as i64) {
                         value = if value == <$type>::MIN { value + 1 } else { value - 1 };
                     }
-                    written.clipped_px += usize::from(wanted < <$type>::MIN as f64 || wanted > <$type>::MAX as f64);
+                    clipped_px += usize::from(wanted < <$type>::MIN as f64 || wanted > <$type>::MAX as f64);
                     *pixel = value;
                 }
             };
@@ -395,7 +389,7 @@ impl Pixels {
             ImageData::F32(pixels) => floats!(pixels, f32),
             ImageData::F64(pixels) => floats!(pixels, f64),
         }
-        written
+        clipped_px
     }
 
     fn holds(&self, value: i64) -> bool {

@@ -37,11 +37,14 @@ pub enum Transfers {
 
 /// Corner of a frame that is read first, as the frame is displayed: its first pixel is at the lower left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-#[allow(missing_docs)]
 pub enum Corner {
+    /// First row, first column.
     LowerLeft,
+    /// First row, last column.
     LowerRight,
+    /// Last row, first column.
     UpperLeft,
+    /// Last row, last column.
     UpperRight,
 }
 
