@@ -186,7 +186,7 @@ fn what_the_amplifier_adds_to_dark_pixels_fills_no_traps() {
 #[test]
 fn a_flipped_frame_is_read_from_the_flipped_corner() {
     let golden = golden();
-    let device = device(Method::Fast { relative: 1e-3 });
+    let device = device(Method::Exact);
     let before = within(&array(&golden["field_e"]));
     let read = |frame: &Array2<f64>, corner, split| {
         frame::read(&device, &Geometry { corner, split, ..surrounded(Transfers::Both) }, frame)
@@ -198,7 +198,8 @@ fn a_flipped_frame_is_read_from_the_flipped_corner() {
         view.to_owned()
     };
     for (corner, axes) in [(Corner::LowerRight, &[1][..]), (Corner::UpperLeft, &[0]), (Corner::UpperRight, &[0, 1])] {
-        assert_eq!(flipped(&read(&flipped(&before, axes), corner, None), axes), expected, "{corner:?}");
+        let back = flipped(&read(&flipped(&before, axes), corner, None), axes);
+        assert!(furthest(&back, &expected) < 1e-9, "{corner:?}");
         assert!(furthest(&read(&before, corner, None), &expected) > 10.0, "{corner:?} changes nothing");
     }
     // Four amplifiers: each quarter is a frame of its own.
@@ -212,7 +213,7 @@ fn a_flipped_frame_is_read_from_the_flipped_corner() {
         four.slice_mut(place).assign(&flipped(&before, &axes));
         expected_four.slice_mut(place).assign(&flipped(&expected, &axes));
     }
-    assert_eq!(read(&four, Corner::LowerLeft, Some(Split::Both)), expected_four);
+    assert!(furthest(&read(&four, Corner::LowerLeft, Some(Split::Both)), &expected_four) < 1e-9);
 }
 
 #[test]
@@ -495,8 +496,8 @@ fn noise_added_after_the_transfers_leaves_the_trails_corrected_in_the_mean() {
     let (trail, left) = (mean(&trailed, 11), mean(&corrected.image, 11));
     // The mean of 400 pixels with 5 e- each is known to 0.25 e-.
     assert!(trail > 4.0 && left.abs() < 4.0 * 0.25, "{trail} e- before, {left} e- after");
-    let loss = 3000.0 - trailed[[10, 0]];
-    assert!(loss > 30.0 && (mean(&corrected.image, 10) + 60.0 - 3000.0).abs() < 1.0);
+    let (loss, off) = (3000.0 - trailed[[10, 0]], mean(&corrected.image, 10) + 60.0 - 3000.0);
+    assert!(loss > 20.0 && off.abs() < 4.0 * 0.25, "{loss} e- lost, {off} e- off");
 }
 
 #[test]
