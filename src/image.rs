@@ -114,7 +114,7 @@ pub struct FrameDone {
     pub largest_change_e: f64,
     /// Pixels without a value, which stay so.
     pub missing_px: usize,
-    /// Pixels with a full well or more.
+    /// Pixels with a full well or more, or beyond what the converter tells.
     pub saturated_px: usize,
     /// Pixels cut to what their type holds.
     pub clipped_px: usize,
@@ -208,7 +208,8 @@ impl Job {
                 };
                 done.hdus.push(HduDone { index, name: hdu.name(), frame });
             }
-            fits.copy_rest(out).map_err(output::refusal(output))?;
+            let bytes = fits.copy_rest(out).map_err(output::refusal(output))?;
+            done.warnings.extend((bytes > 0).then_some(Warning::AfterLastHdu { bytes }));
             Ok(())
         })?;
         Ok(done)
@@ -285,7 +286,8 @@ impl Job {
         let shape = before_e.dim();
         let missing = mask::fill(&mut before_e);
         let lit = self.geometry.lit(shape);
-        let mut saturated = mask::saturated(&before_e, &self.device.readout.cloud);
+        let from_e = self.unit.saturated_dn.map_or(f64::INFINITY, |value| scale.charge_e(value));
+        let mut saturated = mask::saturated(&before_e, &self.device.readout.cloud, from_e);
         Zip::from(&mut saturated).and(&lit).and(&missing).for_each(|full, lit, missing| *full &= *lit && !*missing);
         let read = |frame_e: &Array2<f64>| frame::read(&self.device, &self.geometry, frame_e);
         let count = |mask: &Array2<bool>| mask.iter().filter(|is| **is).count();

@@ -42,6 +42,11 @@ pub enum Warning {
         /// What was done.
         task: &'static str,
     },
+    /// A FITS file goes on after its last HDU.
+    AfterLastHdu {
+        /// Bytes that were copied.
+        bytes: u64,
+    },
     /// A correction has left more than was asked for.
     NotCorrected {
         /// The frame.
@@ -83,6 +88,10 @@ impl fmt::Display for Warning {
             Warning::DoneBefore { name, task } => {
                 write!(out, "the header of {name} says that `ctiplan {task}` was done to it before: it is done again")
             }
+            Warning::AfterLastHdu { bytes } => write!(
+                out,
+                "{bytes} bytes after the last HDU do not start with XTENSION: they are copied, and no image is looked for there"
+            ),
             Warning::NotCorrected { name, max_e, of_e } => write!(
                 out,
                 "the correction of {name} leaves up to {max_e:.3e} e- of {of_e:.3e} e- that the forward model moves: allow \

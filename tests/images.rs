@@ -384,6 +384,18 @@ fn missing_pixels_stay_missing_and_are_filled_for_the_readout() {
 }
 
 #[test]
+fn what_follows_the_last_hdu_is_kept_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (folder.path().join("in.fits"), folder.path().join("out.fits"));
+    let mut bytes = fs::read(CAMERA).unwrap();
+    bytes.extend(b"more of the same");
+    fs::write(&input, bytes).unwrap();
+    let report = work("readout", &input, &output, &["--hdu", "5"]);
+    assert!(report["warnings"][0].as_str().unwrap().starts_with("16 bytes after the last HDU"), "{report}");
+    assert!(fs::read(&output).unwrap().ends_with(b"more of the same"));
+}
+
+#[test]
 fn blank_integers_stay_blank_and_no_charge_becomes_blank() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("out.fits");
@@ -438,6 +450,12 @@ fn a_saturated_pixel_is_trailed_and_not_corrected() {
     assert_eq!((&report["hdus"][0]["saturated_px"], &report["hdus"][0]["converged"]), (&1.into(), &true.into()));
     let ImageData::F64(back) = stored(&corrected, 0) else { panic!() };
     assert_eq!(back[63], trailed[63]);
+    // The converter may saturate before the well does.
+    let more = ["--transfers-before", "500", "--saturated-dn", "70", "--overwrite"];
+    let report = work("correct", &output, &corrected, &more);
+    assert_eq!(report["hdus"][0]["saturated_px"], trailed.iter().filter(|charge| **charge >= 70.0).count());
+    let ImageData::F64(held) = stored(&corrected, 0) else { panic!() };
+    assert!(held[44] == trailed[44] && held[124] == trailed[124] && held[45] != trailed[45]);
     for pixel in (0..values.len()).filter(|pixel| *pixel != 63) {
         assert!((back[pixel] - values[pixel]).abs() < 0.05, "{}, {}", back[pixel], values[pixel]);
     }

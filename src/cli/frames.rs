@@ -109,6 +109,9 @@ struct Frames {
     /// Level of no charge, in the unit of the frame
     #[arg(long, value_name = "DN", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
     bias_dn: f64,
+    /// Value from which on the converter tells no more, in the unit of the frame: such pixels count as saturated
+    #[arg(long, value_name = "DN", allow_negative_numbers = true, value_parser = finite)]
+    saturated_dn: Option<f64>,
     /// Accuracy of the readout: error of a packet over the largest displacement of charge, in place of accuracy.relative
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-3, value_parser = fraction)]
     relative: f64,
@@ -130,6 +133,7 @@ impl Frames {
             gain_e_per_dn: self.gain_e_per_dn,
             gain_keyword: self.gain_keyword.as_ref().map(|keyword| keyword.trim().to_ascii_uppercase()),
             bias_dn: self.bias_dn,
+            saturated_dn: self.saturated_dn,
         };
         let job = Job { unit, hdus: self.hdu.clone(), ..job };
         let bar = progress(0, "HDUs");

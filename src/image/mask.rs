@@ -3,8 +3,8 @@
 //! A missing pixel (NaN, infinite, or BLANK) did hold charge when it was clocked, so the readout needs a value: the median
 //! of the pixels near it in its column, along which charge moves. It stays missing in what is written.
 //!
-//! A saturated pixel holds at least a full well. Its cloud is as high as clouds get, so what it does to the traps is known,
-//! but not its own charge: a correction leaves it as it is.
+//! A saturated pixel holds at least a full well, or more than the converter can tell. What a full well does to the traps is
+//! known, whatever it holds; its own charge is not: a correction leaves it as it is.
 
 use ndarray::{Array1, Array2, ArrayView1, Axis};
 
@@ -37,9 +37,9 @@ pub fn fill(charge_e: &mut Array2<f64>) -> Array2<bool> {
     missing
 }
 
-/// Pixels whose charge clouds are as high as clouds get.
-pub fn saturated(charge_e: &Array2<f64>, cloud: &Cloud) -> Array2<bool> {
-    charge_e.mapv(|charge| cloud.height(charge) >= 1.0)
+/// Pixels whose charge clouds are as high as clouds get, and those of `from_e` (e-) and more.
+pub fn saturated(charge_e: &Array2<f64>, cloud: &Cloud, from_e: f64) -> Array2<bool> {
+    charge_e.mapv(|charge| charge >= from_e || cloud.height(charge) >= 1.0)
 }
 
 /// The middle of the finite values, the mean of the two middle ones where their number is even.
@@ -82,6 +82,8 @@ mod tests {
     #[test]
     fn a_full_well_is_saturated() {
         let cloud = Cloud::new(1000.0, 10.0, 0.5);
-        assert_eq!(saturated(&array![[999.0, 1000.0, -5.0, 2000.0]], &cloud), array![[false, true, false, true]]);
+        let charge_e = array![[899.0, 999.0, 1000.0, -5.0, 2000.0]];
+        assert_eq!(saturated(&charge_e, &cloud, f64::INFINITY), array![[false, false, true, false, true]]);
+        assert_eq!(saturated(&charge_e, &cloud, 900.0), array![[false, true, true, false, true]]);
     }
 }

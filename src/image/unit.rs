@@ -20,6 +20,8 @@ pub struct Unit {
     pub gain_keyword: Option<String>,
     /// Level of no charge, in the frame's own unit.
     pub bias_dn: f64,
+    /// Value from which on the converter tells no more, in the frame's own unit; none: only full wells are saturated.
+    pub saturated_dn: Option<f64>,
 }
 
 /// Electrons per unit of a frame, and its level of no charge.
