@@ -9,6 +9,7 @@ mod dose;
 mod effects;
 mod evaluate;
 mod fit;
+mod frames;
 mod inputs;
 mod validate;
 
@@ -48,6 +49,10 @@ enum Command {
     Fit(fit::Fit),
     /// Which physical effect the model is missing: found, calibrated against noise, confirmed on rows left out, and added
     Diagnose(diagnose::Diagnose),
+    /// Charge transfer inefficiency added to whole frames (FITS): trails as the detector would make them
+    Readout(frames::Readout),
+    /// Charge transfer inefficiency taken out of whole frames (FITS), with what is left of it
+    Correct(frames::Correct),
     /// The catalogue of effects, or one of them: its physics, its parameters, and what it looks like in residuals
     Effects(effects::Effects),
 }
@@ -95,6 +100,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Validate(command) => command.run(),
         Command::Fit(command) => command.run(),
         Command::Diagnose(command) => command.run(),
+        Command::Readout(command) => command.run(),
+        Command::Correct(command) => command.run(),
         Command::Effects(command) => command.run(),
     };
     match result {

@@ -26,6 +26,7 @@ pub mod cli;
 pub mod diagnose;
 pub mod dose;
 pub mod fit;
+pub mod image;
 pub mod measurement;
 pub mod noise;
 pub mod output;

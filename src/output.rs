@@ -1,7 +1,7 @@
 //! Files that are written whole or not at all.
 
-use std::fs;
-use std::io::Write;
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use tempfile::NamedTempFile;
@@ -14,26 +14,65 @@ use crate::error::InputError;
 /// Where the folder is not there, or cannot be written to.
 pub fn write(path: impl AsRef<Path>, text: &str) -> Result<(), InputError> {
     let path = path.as_ref();
-    let refusal = |error: std::io::Error| {
-        let problem = match error.kind() {
-            std::io::ErrorKind::NotFound => "the folder is not there".to_string(),
-            _ => error.to_string(),
-        };
-        InputError::new(format!("cannot write `{}`", path.display()), problem)
-    };
+    write_by(path, true, |file| file.write_all(text.as_bytes()).map_err(refusal(path)))
+}
+
+/// The same for a file that is written bit by bit, and perhaps must not replace another.
+///
+/// # Errors
+/// Those of `content`; where the folder is not there, or cannot be written to; where there is such a file already, and it
+/// must not be overwritten.
+pub fn write_by(
+    path: &Path,
+    overwrite: bool,
+    content: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), InputError>,
+) -> Result<(), InputError> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = NamedTempFile::new_in(folder).map_err(refusal)?;
-    file.write_all(text.as_bytes()).map_err(refusal)?;
-    file.as_file().sync_all().map_err(refusal)?;
+    let mut file = NamedTempFile::new_in(folder).map_err(refusal(path))?;
+    let mut buffered = BufWriter::new(file.as_file_mut());
+    content(&mut buffered)?;
+    buffered.flush().map_err(refusal(path))?;
+    drop(buffered);
+    file.as_file().sync_all().map_err(refusal(path))?;
     // Temporary files are private; results are as public as any new file.
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
         let mode = fs::metadata(path).map_or(0o644, |known| known.permissions().mode());
-        file.as_file().set_permissions(fs::Permissions::from_mode(mode)).map_err(refusal)?;
+        file.as_file().set_permissions(fs::Permissions::from_mode(mode)).map_err(refusal(path))?;
     }
-    file.persist(path).map_err(|error| refusal(error.error))?;
+    if overwrite {
+        file.persist(path).map_err(|error| refusal(path)(error.error))?;
+    } else {
+        // The file may have come into being meanwhile.
+        file.persist_noclobber(path).map_err(|error| refusal(path)(error.error))?;
+    }
     Ok(())
+}
+
+/// Refuses a path at which there is something already.
+///
+/// # Errors
+/// Where there is.
+pub fn refuse_existing(path: &Path) -> Result<(), InputError> {
+    match path.symlink_metadata() {
+        Ok(_) => Err(InputError::new(format!("cannot write `{}`", path.display()), "the file exists already")
+            .with_help("give another name, or --overwrite")),
+        Err(_) => Ok(()),
+    }
+}
+
+/// Why a file cannot be written.
+pub fn refusal(path: &Path) -> impl Fn(std::io::Error) -> InputError {
+    let refused = format!("cannot write `{}`", path.display());
+    move |error| {
+        let problem = match error.kind() {
+            std::io::ErrorKind::NotFound => "the folder is not there".to_string(),
+            std::io::ErrorKind::AlreadyExists => "the file exists already".to_string(),
+            _ => error.to_string(),
+        };
+        InputError::new(&refused, problem)
+    }
 }
 
 /// Makes a folder where there is none.

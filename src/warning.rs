@@ -35,6 +35,27 @@ pub enum Warning {
         /// `[accuracy] relative`.
         relative: f64,
     },
+    /// A frame's header says that the same was done to it before.
+    DoneBefore {
+        /// The frame.
+        name: String,
+        /// What was done.
+        task: &'static str,
+    },
+    /// A FITS file goes on after its last HDU.
+    AfterLastHdu {
+        /// Bytes that were copied.
+        bytes: u64,
+    },
+    /// A correction has left more than was asked for.
+    NotCorrected {
+        /// The frame.
+        name: String,
+        /// Largest residual that is left, e-.
+        max_e: f64,
+        /// Largest residual before the correction, e-.
+        of_e: f64,
+    },
 }
 
 impl fmt::Display for Warning {
@@ -63,6 +84,19 @@ impl fmt::Display for Warning {
                 out,
                 "{species} releases after {over_readout:.3e} readouts: its traps stay filled from one exposure to the \
                  next, which is not modelled (traps start empty)"
+            ),
+            Warning::DoneBefore { name, task } => {
+                write!(out, "the header of {name} says that `ctiplan {task}` was done to it before: it is done again")
+            }
+            Warning::AfterLastHdu { bytes } => write!(
+                out,
+                "{bytes} bytes after the last HDU do not start with XTENSION: they are copied, and no image is looked for there"
+            ),
+            Warning::NotCorrected { name, max_e, of_e } => write!(
+                out,
+                "the correction of {name} leaves up to {max_e:.3e} e- of {of_e:.3e} e- that the forward model moves: allow \
+                 more --iterations, compute finer with --relative, or ask for less with --tolerance; faint pixels without \
+                 a sky settle slowly"
             ),
             Warning::CoarseAccuracy { relative } => {
                 write!(out, "accuracy.relative = {relative} may show in the shapes: 1e-6 costs little more")

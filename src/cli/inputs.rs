@@ -1,7 +1,7 @@
 //! What several commands read in the same way.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -25,8 +25,7 @@ pub(super) struct OneMission {
 impl OneMission {
     /// The mission with what was set.
     pub fn read(&self) -> Result<Mission, InputError> {
-        let mission = Mission::read(&self.path)?;
-        if self.set.is_empty() { Ok(mission) } else { mission.with(&settings(&self.set)?) }
+        mission_with(&self.path, &self.set)
     }
 
     /// The mission file's text with what was set, and with more values; comments and order are kept.
@@ -36,6 +35,12 @@ impl OneMission {
         settings.extend(more);
         Ok(mission::edit(&text, &Mission::read(&self.path)?, &settings))
     }
+}
+
+/// A mission file's mission, with single values set.
+pub(super) fn mission_with(path: &Path, set: &[String]) -> Result<Mission, InputError> {
+    let mission = Mission::read(path)?;
+    if set.is_empty() { Ok(mission) } else { mission.with(&settings(set)?) }
 }
 
 /// A mission and what was measured.

@@ -1,0 +1,198 @@
+//! `ctiplan readout` and `ctiplan correct`: what they have in common, and where they differ.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::inputs::mission_with;
+use super::{Failure, Outcome, Output, print, progress};
+use crate::conditions::Conditions;
+use crate::error::InputError;
+use crate::image::{Choice, Corner, Geometry, Job, Split, Stop, Task, Transfers, Unit};
+use crate::model::Model;
+
+#[derive(Debug, Args)]
+pub(super) struct Readout {
+    #[command(flatten)]
+    frames: Frames,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Correct {
+    #[command(flatten)]
+    frames: Frames,
+    /// Most iterations
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    iterations: u32,
+    /// Residual of the forward model at which iterations end, over the largest before the first
+    #[arg(long, value_name = "FRACTION", default_value_t = 1e-4, value_parser = fraction)]
+    tolerance: f64,
+    /// Measure how much noise of the amplifier (e- rms) is amplified: corrects each frame again, with noise added
+    #[arg(long, value_name = "E", value_parser = positive)]
+    noise_e: Option<f64>,
+    /// Seed of that noise, in place of the mission's
+    #[arg(long, value_name = "SEED", requires = "noise_e")]
+    seed: Option<u64>,
+}
+
+impl Readout {
+    pub(super) fn run(&self) -> Result<Outcome, Failure> {
+        self.frames.run(|_| Task::Readout)
+    }
+}
+
+impl Correct {
+    pub(super) fn run(&self) -> Result<Outcome, Failure> {
+        let stop = Stop { relative: self.tolerance, iterations: self.iterations as usize };
+        self.frames
+            .run(|seed| Task::Correct { stop, noise: self.noise_e.map(|noise_e| (noise_e, self.seed.unwrap_or(seed))) })
+    }
+}
+
+/// What is read, how it lies on the detector, and where the result goes.
+#[derive(Debug, Args)]
+struct Frames {
+    /// FITS file
+    #[arg(value_name = "IN.fits")]
+    input: PathBuf,
+    /// FITS file to be written: all HDUs of the first, headers kept
+    #[arg(value_name = "OUT.fits")]
+    output: PathBuf,
+    /// Mission file (TOML)
+    #[arg(long, value_name = "MISSION")]
+    mission: PathBuf,
+    /// Another value of a key, such as detector.temperature_k=150; may be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Time of the exposure, years since launch
+    #[arg(long, value_name = "YEARS", value_parser = years, required_unless_present = "dose_mev_g")]
+    at: Option<f64>,
+    /// Dose behind the traps, MeV/g, in place of the mission's: of a detector irradiated in a laboratory, --at years ago
+    #[arg(long, value_name = "DOSE", value_parser = at_least_0)]
+    dose_mev_g: Option<f64>,
+    /// HDUs to work on, by number (0 is the primary one) or EXTNAME; without it all images but those called DQ, ERR, ...
+    #[arg(long, value_name = "HDU", value_delimiter = ',')]
+    hdu: Vec<Choice>,
+    /// Directions of transfer to model; serial ones need [effects.serial-traps]
+    #[arg(long, value_name = "AXIS", default_value = "parallel")]
+    axis: Transfers,
+    /// Corner that is read first, the frame's first pixel being at the lower left
+    #[arg(long, value_name = "CORNER", default_value = "lower-left")]
+    corner: Corner,
+    /// Halves that are read to both sides, each by an amplifier of its own
+    #[arg(long, value_name = "HALVES")]
+    split: Option<Split>,
+    /// Columns of prescan in the frame, of the serial register alone, nearest the amplifier
+    #[arg(long, value_name = "COLUMNS", default_value_t = 0)]
+    prescan_px: usize,
+    /// Columns of overscan in the frame, read after those of the image
+    #[arg(long, value_name = "COLUMNS", default_value_t = 0)]
+    overscan_columns: usize,
+    /// Rows of overscan in the frame, read after those of the image
+    #[arg(long, value_name = "ROWS", default_value_t = 0)]
+    overscan_rows: usize,
+    /// Rows between the frame's first row and the serial register
+    #[arg(long, value_name = "ROWS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=1_000_000))]
+    transfers_before: u32,
+    /// Charge per pixel in those rows, e-: 0 where they are dark, the sky where the frame was cut out of a larger one
+    #[arg(long, value_name = "E", default_value_t = 0.0, value_parser = at_least_0)]
+    charge_before_e: f64,
+    /// Pixels of the serial register between the frame's first column and the amplifier
+    #[arg(long, value_name = "COLUMNS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=1_000_000))]
+    serial_transfers_before: u32,
+    /// Electrons per DN; not needed where BUNIT says electrons
+    #[arg(long, value_name = "GAIN", conflicts_with = "gain_keyword", value_parser = positive)]
+    gain_e_per_dn: Option<f64>,
+    /// Header keyword that holds the electrons per DN
+    #[arg(long, value_name = "KEYWORD")]
+    gain_keyword: Option<String>,
+    /// Level of no charge, in the unit of the frame
+    #[arg(long, value_name = "DN", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
+    bias_dn: f64,
+    /// Value from which on the converter tells no more, in the unit of the frame: such pixels count as saturated
+    #[arg(long, value_name = "DN", allow_negative_numbers = true, value_parser = finite)]
+    saturated_dn: Option<f64>,
+    /// Accuracy of the readout: error of a packet over the largest displacement of charge, in place of accuracy.relative
+    #[arg(long, value_name = "FRACTION", default_value_t = 1e-3, value_parser = fraction)]
+    relative: f64,
+    /// Replace OUT.fits where it exists
+    #[arg(long, visible_alias = "force")]
+    overwrite: bool,
+    #[command(flatten)]
+    output_format: Output,
+}
+
+impl Frames {
+    fn run(&self, task: impl Fn(u64) -> Task) -> Result<Outcome, Failure> {
+        let mission = mission_with(&self.mission, &self.set)?;
+        let conditions =
+            Conditions { dose_mev_g: self.dose_mev_g, ..Conditions::of(&mission, self.at.unwrap_or_default()) };
+        let model = Model::new(&mission);
+        let job = Job::new(task(mission.accuracy.seed), &model, &conditions, self.relative, self.geometry()?)?;
+        let unit = Unit {
+            gain_e_per_dn: self.gain_e_per_dn,
+            gain_keyword: self.gain_keyword.as_ref().map(|keyword| keyword.trim().to_ascii_uppercase()),
+            bias_dn: self.bias_dn,
+            saturated_dn: self.saturated_dn,
+        };
+        let job = Job { unit, hdus: self.hdu.clone(), ..job };
+        let bar = progress(0, "HDUs");
+        let done = job.run(&self.input, &self.output, self.overwrite, &|done, all, what| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+            bar.set_message(what.to_string());
+        })?;
+        bar.finish_and_clear();
+        print(&done, &self.output_format)?;
+        Ok(Outcome::Done)
+    }
+
+    fn geometry(&self) -> Result<Geometry, InputError> {
+        if self.charge_before_e > 0.0 && self.transfers_before == 0 {
+            return Err(InputError::new(
+                format!("cannot use --charge-before-e {}", self.charge_before_e),
+                "there are no rows between the frame and the register",
+            )
+            .with_help("say how many with --transfers-before"));
+        }
+        Ok(Geometry {
+            transfers: self.axis,
+            corner: self.corner,
+            split: self.split,
+            prescan_columns: self.prescan_px,
+            overscan_columns: self.overscan_columns,
+            overscan_rows: self.overscan_rows,
+            rows_before: self.transfers_before,
+            charge_before_e: self.charge_before_e,
+            columns_before: self.serial_transfers_before,
+        })
+    }
+}
+
+fn number(text: &str, allowed: impl Fn(f64) -> bool, needed: &str) -> Result<f64, String> {
+    text.trim()
+        .parse()
+        .ok()
+        .filter(|value: &f64| value.is_finite() && allowed(*value))
+        .ok_or_else(|| needed.to_string())
+}
+
+fn years(text: &str) -> Result<f64, String> {
+    number(text, |years| (0.0..=1000.0).contains(&years), "a time of 0 to 1000 yr since launch is needed")
+}
+
+fn fraction(text: &str) -> Result<f64, String> {
+    number(text, |fraction| (1e-12..1.0).contains(&fraction), "a fraction from 1e-12 to below 1 is needed")
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    number(text, |value| value > 0.0, "a number above 0 is needed")
+}
+
+fn at_least_0(text: &str) -> Result<f64, String> {
+    number(text, |value| value >= 0.0, "a number, 0 or more, is needed")
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    number(text, |_| true, "a number is needed")
+}

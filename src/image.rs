@@ -1,0 +1,483 @@
+//! Whole images: charge transfer inefficiency added to the frames of a FITS file, or taken out of them.
+//!
+//! ```text
+//! FITS file ─▶ [fits] values ─▶ [unit] electrons ─▶ [mask] no gaps ─▶ [frame] as it is read ─▶ back to values ─▶ FITS file
+//!                                                        │                       ▲
+//!                                                        └──▶ [correct] ─────────┘   the readout, turned round
+//! ```
+//!
+//! One HDU is in memory at a time. What is done to a frame is told in `docs/images.md`.
+
+pub mod correct;
+pub mod fits;
+pub mod frame;
+pub mod mask;
+pub mod unit;
+
+pub use correct::{Corrected, Residual, Stop, correct};
+pub use frame::{Corner, Geometry, Split, Transfers};
+pub use unit::Unit;
+
+use std::cell::Cell;
+use std::fmt;
+use std::path::Path;
+use std::str::FromStr;
+
+use ndarray::{Array2, Zip};
+
+use crate::conditions::Conditions;
+use crate::device::Device;
+use crate::error::InputError;
+use crate::model::Model;
+use crate::output;
+use crate::readout::Method;
+use crate::warning::Warning;
+use fits::{Fits, Hdu, Kind};
+
+/// What is done to frames.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Task {
+    /// Trails are added.
+    Readout,
+    /// Trails are taken out.
+    Correct {
+        /// When that is done.
+        stop: Stop,
+        /// White noise of the amplifier, e- rms, whose amplification is to be measured, and the seed for it.
+        noise: Option<(f64, u64)>,
+    },
+}
+
+/// Which HDU is meant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Choice {
+    /// By its place in the file; 0 is the primary one.
+    Index(usize),
+    /// By its EXTNAME: all that are called so.
+    Name(String),
+}
+
+/// Frames to be read out or corrected.
+pub struct Job {
+    /// What is done.
+    pub task: Task,
+    /// The mission with its effects.
+    pub model: Model,
+    /// The detector under the conditions of the frame.
+    pub device: Device,
+    /// How the frames lie on the detector.
+    pub geometry: Geometry,
+    /// What their numbers mean.
+    pub unit: Unit,
+    /// Images to work on; none: all that hold charge.
+    pub hdus: Vec<Choice>,
+}
+
+/// What was done to a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Done {
+    /// Name of the mission.
+    pub mission: String,
+    /// Conditions, with the dose behind the traps.
+    pub at: Conditions,
+    /// The way transfers are computed.
+    pub method: Method,
+    /// What was done.
+    pub task: Task,
+    /// How the frames lay.
+    pub geometry: Geometry,
+    /// Each HDU, in the file's order.
+    pub hdus: Vec<HduDone>,
+    /// Things seen that are not errors.
+    pub warnings: Vec<Warning>,
+}
+
+/// What was done to an HDU.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HduDone {
+    /// Place in the file.
+    pub index: usize,
+    /// EXTNAME.
+    pub name: Option<String>,
+    /// The frame, where it was one; None where the HDU was copied.
+    pub frame: Option<FrameDone>,
+}
+
+/// What was done to a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameDone {
+    /// Rows and columns.
+    pub shape: (usize, usize),
+    /// Electrons per unit of the frame.
+    pub gain_e_per_dn: f64,
+    /// Largest change of a pixel, e-.
+    pub largest_change_e: f64,
+    /// Pixels without a value, which stay so.
+    pub missing_px: usize,
+    /// Pixels with a full well or more, or beyond what the converter tells.
+    pub saturated_px: usize,
+    /// Pixels cut to what their type holds.
+    pub clipped_px: usize,
+    /// Of a correction: the residuals of the forward model, before it and after each step.
+    pub residuals: Vec<Residual>,
+    /// Of a correction: the last residual is as small as was asked for.
+    pub converged: bool,
+    /// Of a correction: how much larger the amplifier's noise is.
+    pub noise_amplification: Option<f64>,
+}
+
+impl Job {
+    /// Makes a mission's detector ready for frames.
+    ///
+    /// `relative` is the accuracy of the readout ([`Method::Fast`]) in place of the mission's, which is meant for single
+    /// galaxies; a mission that wants another method keeps it.
+    ///
+    /// # Errors
+    /// Where serial transfers are wanted of a mission without serial traps, or a formula fails.
+    pub fn new(
+        task: Task,
+        model: &Model,
+        conditions: &Conditions,
+        relative: f64,
+        geometry: Geometry,
+    ) -> Result<Job, InputError> {
+        let device = model.device(conditions);
+        model.check()?;
+        if geometry.transfers.serial() && device.serial.is_empty() {
+            return Err(InputError::new(
+                "cannot model serial transfers",
+                format!("mission \"{}\" has no traps in the serial register", model.mission.mission.name),
+            )
+            .with_help("add [effects.serial-traps] with pixel_time_ms and traps: see `ctiplan effects serial-traps`"));
+        }
+        let device = match device.readout.method {
+            Method::Fast { .. } => device.by(Method::Fast { relative }),
+            _ if task != Task::Readout => device.expected(),
+            _ => device,
+        };
+        Ok(Job { task, model: model.clone(), device, geometry, unit: Unit::default(), hdus: Vec::new() })
+    }
+
+    /// Works on a file. `progress` is told the HDUs that are done, how many there are, and what is being done.
+    ///
+    /// # Errors
+    /// Where the input is no FITS file or holds nothing to work on, a unit is not known, a formula fails, or the output cannot
+    /// be written or is there already and must not be overwritten.
+    pub fn run(
+        &self,
+        input: &Path,
+        output: &Path,
+        overwrite: bool,
+        progress: &dyn Fn(usize, usize, &str),
+    ) -> Result<Done, InputError> {
+        if !overwrite {
+            output::refuse_existing(output)?;
+        }
+        let mut fits = Fits::open(input)?;
+        let frames = self.frames(&fits.hdus).map_err(|error| InputError {
+            refused: format!("cannot use `{}`: {}", input.display(), error.refused),
+            ..error
+        })?;
+        let mut done = Done {
+            mission: self.model.mission.mission.name.clone(),
+            at: self.device.at.clone(),
+            method: self.device.readout.method,
+            task: self.task,
+            geometry: self.geometry,
+            hdus: Vec::new(),
+            warnings: Vec::new(),
+        };
+        output::write_by(output, overwrite, |out| {
+            let all = fits.hdus.len();
+            for index in 0..all {
+                let hdu = fits.hdus[index].clone();
+                let frame = match frames.iter().find(|(frame, _)| *frame == index) {
+                    Some((_, scale)) => {
+                        let tell = |what: &str| progress(index, all, &format!("{hdu}{what}"));
+                        let mut pixels = fits.pixels(index)?;
+                        let frame = self.frame(&mut pixels, *scale, &tell);
+                        self.model.check()?;
+                        hdu.write(&pixels, &self.history(*scale, &frame), out).map_err(output::refusal(output))?;
+                        done.warnings.extend(self.warnings(&hdu, &frame));
+                        Some(frame)
+                    }
+                    None => {
+                        fits.copy(index, out).map_err(output::refusal(output))?;
+                        None
+                    }
+                };
+                done.hdus.push(HduDone { index, name: hdu.name(), frame });
+            }
+            let bytes = fits.copy_rest(out).map_err(output::refusal(output))?;
+            done.warnings.extend((bytes > 0).then_some(Warning::AfterLastHdu { bytes }));
+            Ok(())
+        })?;
+        Ok(done)
+    }
+
+    /// What is doubtful about a frame.
+    fn warnings(&self, hdu: &Hdu, frame: &FrameDone) -> Vec<Warning> {
+        let (name, task) = (hdu.to_string(), self.task.word());
+        let before = |line: &str| line.starts_with("ctiplan") && line.contains(&format!("{task}:"));
+        let mut warnings = Vec::new();
+        if hdu.history().any(before) {
+            warnings.push(Warning::DoneBefore { name: name.clone(), task });
+        }
+        if let (false, [first, .., last]) = (frame.converged, &frame.residuals[..]) {
+            warnings.push(Warning::NotCorrected { name, max_e: last.max_e, of_e: first.max_e });
+        }
+        warnings
+    }
+
+    /// Places of the HDUs to work on, and what their numbers mean.
+    fn frames(&self, hdus: &[Hdu]) -> Result<Vec<(usize, unit::Scale)>, InputError> {
+        for choice in &self.hdus {
+            if !hdus.iter().any(|hdu| choice.is(hdu)) {
+                let known: Vec<String> = hdus.iter().map(Hdu::to_string).collect();
+                return Err(InputError::new(
+                    format!("there is no HDU {choice}"),
+                    format!("it has {}", known.join(", ")),
+                ));
+            }
+        }
+        let chosen = |hdu: &&Hdu| match &self.hdus[..] {
+            [] => hdu.kind != Kind::Empty && hdu.kind != Kind::NoImage && !says_other_than_charge(hdu),
+            choices => choices.iter().any(|choice| choice.is(hdu)),
+        };
+        let mut frames = Vec::new();
+        for hdu in hdus.iter().filter(chosen) {
+            let refusal = |problem: &str, help: &str| Err(InputError::new(hdu.to_string(), problem).with_help(help));
+            match hdu.kind {
+                Kind::Image { bitpix: 64, .. } => {
+                    return refusal(
+                        "its pixels are integers of 64 bits, which are not computed with exactly",
+                        "write the image as 32-bit integers or 64-bit floats, or leave it out with --hdu",
+                    );
+                }
+                Kind::Image { rows, columns, .. } => {
+                    self.geometry
+                        .check((rows, columns))
+                        .map_err(|error| InputError { refused: format!("{hdu}, {}", error.refused), ..error })?;
+                    frames.push((hdu.index, self.unit.scale(hdu, &hdus[0])?));
+                }
+                Kind::OtherAxes(axes) => {
+                    return refusal(
+                        &format!("it has {axes} axes; a frame has two, columns and rows"),
+                        "write each plane of a cube as an image of its own, or leave it out with --hdu",
+                    );
+                }
+                Kind::Compressed => {
+                    return refusal("it is compressed by tiles", "unpack the file first, with funpack or astropy");
+                }
+                Kind::Empty => return refusal("it has no data", "choose others with --hdu"),
+                Kind::NoImage => return refusal("it is no image", "choose others with --hdu"),
+            }
+        }
+        if frames.is_empty() {
+            return Err(InputError::new("nothing to do", "it has no image of charge"));
+        }
+        Ok(frames)
+    }
+
+    /// Works on one frame.
+    fn frame(&self, pixels: &mut fits::Pixels, scale: unit::Scale, tell: &dyn Fn(&str)) -> FrameDone {
+        let mut before_e = pixels.physical();
+        before_e.mapv_inplace(|value| scale.charge_e(value));
+        let shape = before_e.dim();
+        let missing = mask::fill(&mut before_e);
+        let lit = self.geometry.lit(shape);
+        let from_e = self.unit.saturated_dn.map_or(f64::INFINITY, |value| scale.charge_e(value));
+        let mut saturated = mask::saturated(&before_e, &self.device.readout.cloud, from_e);
+        Zip::from(&mut saturated).and(&lit).and(&missing).for_each(|full, lit, missing| *full &= *lit && !*missing);
+        let read = |frame_e: &Array2<f64>| frame::read(&self.device, &self.geometry, frame_e);
+        let count = |mask: &Array2<bool>| mask.iter().filter(|is| **is).count();
+        let mut done = FrameDone {
+            shape,
+            gain_e_per_dn: scale.gain_e_per_dn,
+            largest_change_e: 0.0,
+            missing_px: count(&missing),
+            saturated_px: count(&saturated),
+            clipped_px: 0,
+            residuals: Vec::new(),
+            converged: true,
+            noise_amplification: None,
+        };
+        let mut kept = missing;
+        let after_e = match self.task {
+            Task::Readout => read(&before_e),
+            Task::Correct { stop, noise } => {
+                Zip::from(&mut kept).and(&saturated).for_each(|kept, full| *kept |= *full);
+                let solve = |observed: &Array2<f64>, what: &str| {
+                    let readouts = Cell::new(0);
+                    correct::solve(observed, Some(&kept), stop, |image| {
+                        tell(&format!(", {what}readout {}", readouts.get() + 1));
+                        readouts.set(readouts.get() + 1);
+                        read(image)
+                    })
+                };
+                let corrected = solve(&before_e, "");
+                done.noise_amplification = noise.map(|noise| {
+                    let mut counted = lit;
+                    Zip::from(&mut counted).and(&kept).for_each(|counted, kept| *counted &= !*kept);
+                    let again = |noisy: &Array2<f64>| solve(noisy, "with noise, ").image;
+                    correct::noise_amplification(&before_e, &corrected.image, &counted, noise, again)
+                });
+                (done.residuals, done.converged) = (corrected.residuals, corrected.converged);
+                corrected.image
+            }
+        };
+        // A pixel that does not change keeps its very bits.
+        let changed = before_e.iter().zip(&after_e).zip(&kept).map(|((before, after), kept)| {
+            (!kept && after != before).then(|| {
+                done.largest_change_e = done.largest_change_e.max((after - before).abs());
+                scale.value(*after)
+            })
+        });
+        let clipped_px = pixels.set(changed);
+        FrameDone { clipped_px, ..done }
+    }
+
+    /// What the header will tell of this.
+    fn history(&self, scale: unit::Scale, frame: &FrameDone) -> Vec<String> {
+        let (at, geometry) = (&self.device.at, &self.geometry);
+        let mut told = vec![format!(
+            "ctiplan {} {}: charge transfer inefficiency {}, {} transfers",
+            env!("CARGO_PKG_VERSION"),
+            self.task.word(),
+            if self.task == Task::Readout { "added" } else { "taken out" },
+            match geometry.transfers {
+                Transfers::Parallel => "parallel",
+                Transfers::Serial => "serial",
+                Transfers::Both => "parallel and serial",
+            }
+        )];
+        told.push(format!(
+            "mission {}, {} yr after launch, dose {:.4e} MeV/g, {} K, {} ms per row",
+            self.model.mission.mission.name,
+            at.t_yr,
+            at.dose_mev_g.unwrap_or_default(),
+            at.temperature_k,
+            at.line_time_ms
+        ));
+        let traps = self.device.traps.iter().map(|trap| format!("{} {:.4e}", trap.name, trap.density_per_px));
+        told.push(format!("traps per pixel: {}", traps.collect::<Vec<_>>().join(", ")));
+        told.push(format!(
+            "gain {} e-/DN, bias {} DN, {}; before the frame {} rows of {} e- and {} columns; prescan {} columns, \
+             overscan {} columns and {} rows",
+            scale.gain_e_per_dn,
+            scale.bias_dn,
+            geometry.sides(),
+            geometry.rows_before,
+            geometry.charge_before_e,
+            geometry.columns_before,
+            geometry.prescan_columns,
+            geometry.overscan_columns,
+            geometry.overscan_rows
+        ));
+        if let (Some(first), Some(last)) = (frame.residuals.first(), frame.residuals.last()) {
+            told.push(format!(
+                "{} iterations; residual of the model {:.3e} e- rms, largest {:.3e} e- (before: {:.3e} and {:.3e})",
+                frame.residuals.len() - 1,
+                last.rms_e,
+                last.max_e,
+                first.rms_e,
+                first.max_e
+            ));
+        }
+        told.iter().flat_map(|line| cards(line)).collect()
+    }
+}
+
+/// Names of extensions that go with an image and hold no charge: data quality, errors, variances, weights, masks, as the
+/// pipelines of Hubble, Euclid and others call them. What follows the last dot counts (`3-4.F.SCI`).
+const OTHER_THAN_CHARGE: [&str; 15] = [
+    "DQ", "ERR", "ERROR", "VAR", "VARIANCE", "IVAR", "RMS", "FLG", "FLAG", "MASK", "WHT", "WEIGHT", "CTX", "SAMP",
+    "TIME",
+];
+
+fn says_other_than_charge(hdu: &Hdu) -> bool {
+    let name = hdu.name().unwrap_or_default().to_ascii_uppercase();
+    OTHER_THAN_CHARGE.contains(&name.rsplit('.').next().unwrap_or_default())
+}
+
+/// A text in lines that fit HISTORY cards, later ones indented; letters that FITS does not know become `?`.
+fn cards(text: &str) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    let plain: String = text.chars().map(|letter| if (' '..='~').contains(&letter) { letter } else { '?' }).collect();
+    for word in plain.split_whitespace() {
+        let line = lines.last_mut().expect("one line at least");
+        if line.is_empty() {
+            line.push_str(word);
+        } else if line.len() + 1 + word.len() <= 71 {
+            line.push(' ');
+            line.push_str(word);
+        } else {
+            lines.push(format!("  {word}"));
+        }
+    }
+    // Column 9 is left blank, as is the custom.
+    lines.into_iter().map(|line| format!(" {line}")).collect()
+}
+
+impl Task {
+    /// The command's word for it.
+    pub fn word(self) -> &'static str {
+        match self {
+            Task::Readout => "readout",
+            Task::Correct { .. } => "correct",
+        }
+    }
+}
+
+impl Choice {
+    fn is(&self, hdu: &Hdu) -> bool {
+        match self {
+            Choice::Index(index) => hdu.index == *index,
+            Choice::Name(name) => hdu.name().is_some_and(|known| known.eq_ignore_ascii_case(name)),
+        }
+    }
+}
+
+impl fmt::Display for Choice {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Choice::Index(index) => write!(out, "{index}"),
+            Choice::Name(name) => write!(out, "{name}"),
+        }
+    }
+}
+
+impl FromStr for Choice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Choice, String> {
+        match text.trim() {
+            "" => Err("the number or the EXTNAME of an HDU is needed".into()),
+            text => Ok(text.parse().map_or_else(|_| Choice::Name(text.into()), Choice::Index)),
+        }
+    }
+}
+
+/// The example of the page on images, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/images.md")]
+struct Page;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn history_fits_its_cards() {
+        let lines = cards(&"a mission at 5 µm, twelve ".repeat(9));
+        assert!(lines.len() > 2 && lines.iter().all(|line| line.len() <= 72 && line.is_ascii()), "{lines:?}");
+        assert!(lines[0].starts_with(" a mission at 5 ?m") && lines[1].starts_with("   "));
+    }
+
+    #[test]
+    fn an_hdu_is_a_number_or_a_name() {
+        assert_eq!("3".parse(), Ok(Choice::Index(3)));
+        assert_eq!(" SCI".parse(), Ok(Choice::Name("SCI".into())));
+        assert!("".parse::<Choice>().is_err());
+    }
+}

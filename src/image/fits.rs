@@ -1,0 +1,404 @@
+//! FITS files: headers kept card by card, pixels of images decoded and encoded, all else copied.
+//!
+//! Cards, values and pixels are read and written by the crate fitsio-pure; this module keeps the bytes of the headers as they
+//! are in the file, so that what ctiplan does not change comes out as it went in.
+//!
+//! Source: Pence et al. 2010, FITS standard 3.0 (A&A 524, A42), and version 4.0 for CHECKSUM and DATASUM.
+
+use std::fmt;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::Path;
+
+use fitsio_pure::block::{BLOCK_SIZE, CARD_SIZE};
+use fitsio_pure::checksum::{checksum_blocks, encode_checksum};
+use fitsio_pure::header::{Card, format_card, header_byte_len, parse_header_blocks};
+use fitsio_pure::image::{self, ImageData};
+use fitsio_pure::value::Value;
+use ndarray::Array2;
+
+use crate::error::InputError;
+
+/// A FITS file with its headers read.
+pub struct Fits {
+    file: File,
+    name: String,
+    /// Header and data units in the file's order.
+    pub hdus: Vec<Hdu>,
+    /// Length of the file, bytes.
+    length: u64,
+}
+
+/// One header and data unit.
+#[derive(Clone, Debug)]
+pub struct Hdu {
+    /// Place in the file; 0 is the primary one.
+    pub index: usize,
+    /// What its data are.
+    pub kind: Kind,
+    header: Vec<u8>,
+    cards: Vec<Card>,
+    start: u64,
+    data_len: u64,
+}
+
+/// What an HDU holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// An image of two axes.
+    Image {
+        /// NAXIS2.
+        rows: usize,
+        /// NAXIS1.
+        columns: usize,
+        /// BITPIX.
+        bitpix: i64,
+    },
+    /// An image of another number of axes.
+    OtherAxes(usize),
+    /// A header without data.
+    Empty,
+    /// An image compressed by tiles, in a table.
+    Compressed,
+    /// A table, or something else that is no image.
+    NoImage,
+}
+
+/// Pixels as they are stored, and how to understand them.
+pub struct Pixels {
+    stored: ImageData,
+    scale: f64,
+    zero: f64,
+    blank: Option<i64>,
+    shape: (usize, usize),
+}
+
+impl Fits {
+    /// Opens a file and reads its headers.
+    ///
+    /// # Errors
+    /// Where it is not there, no FITS file, truncated, or its headers are malformed.
+    pub fn open(path: &Path) -> Result<Fits, InputError> {
+        let name = path.display().to_string();
+        let refusal = |problem: String| InputError::new(format!("cannot read `{name}`"), problem);
+        let mut file = File::open(path).map_err(|error| refusal(error.to_string()))?;
+        let length = file.metadata().map_err(|error| refusal(error.to_string()))?.len();
+        let mut begin = Vec::new();
+        (&mut file).take(6).read_to_end(&mut begin).map_err(|error| refusal(error.to_string()))?;
+        if begin.starts_with(&[0x1f, 0x8b]) {
+            return Err(refusal("the file is compressed with gzip".into()).with_help("gunzip it first"));
+        }
+        if begin != b"SIMPLE" {
+            return Err(refusal("this is no FITS file: its first card is not SIMPLE".into()));
+        }
+        let mut fits = Fits { file, name, hdus: Vec::new(), length };
+        let mut start = 0;
+        while let Some(hdu) = fits.next(start)? {
+            start = hdu.end();
+            fits.hdus.push(hdu);
+        }
+        Ok(fits)
+    }
+
+    /// The HDU that starts here. None where there is none: at the end, or where what follows is no extension.
+    fn next(&mut self, start: u64) -> Result<Option<Hdu>, InputError> {
+        let index = self.hdus.len();
+        let mut header = Vec::new();
+        loop {
+            let block = self.bytes(start + header.len() as u64, BLOCK_SIZE as u64)?;
+            if header.is_empty() && index > 0 && !block.starts_with(b"XTENSION") {
+                return Ok(None);
+            }
+            if block.len() < BLOCK_SIZE {
+                return Err(self.broken(index, "the file ends before the header does").with_help(TRUNCATED));
+            }
+            let last = header_byte_len(&block).is_ok();
+            header.extend(block);
+            if last {
+                break;
+            }
+            if header.len() > MOST_HEADER {
+                return Err(self.broken(index, "its header has no END"));
+            }
+        }
+        let hdu = Hdu::new(index, header, start).map_err(|problem| self.broken(index, &problem))?;
+        let there = self.length - hdu.data_start();
+        if hdu.data_len > there {
+            let problem = format!("its data take {} bytes, of which {there} are there", hdu.data_len);
+            return Err(self.broken(index, &problem).with_help(TRUNCATED));
+        }
+        Ok(Some(hdu))
+    }
+
+    /// Reads the pixels of a two-dimensional image.
+    ///
+    /// # Errors
+    /// Where the file cannot be read, or its scaling cannot be undone.
+    pub fn pixels(&mut self, index: usize) -> Result<Pixels, InputError> {
+        let hdu = self.hdus[index].clone();
+        let Kind::Image { rows, columns, .. } = hdu.kind else { panic!("HDU {index} holds an image") };
+        let data = self.bytes(hdu.data_start(), hdu.data_len)?;
+        let decoded = fitsio_pure::hdu::Hdu::from_cards(hdu.cards.clone(), 0, 0)
+            .and_then(|known| image::read_image_data(&data, &known));
+        let stored = decoded.map_err(|error| self.broken(index, &error.to_string()))?;
+        let (scale, zero) = image::extract_bscale_bzero(&hdu.cards);
+        if scale == 0.0 || !scale.is_finite() || !zero.is_finite() {
+            return Err(self.broken(index, &format!("BSCALE = {scale}, BZERO = {zero} say nothing about the pixels")));
+        }
+        let integers = !matches!(stored, ImageData::F32(_) | ImageData::F64(_));
+        let blank = image::extract_blank(&hdu.cards).filter(|_| integers);
+        Ok(Pixels { stored, scale, zero, blank, shape: (rows, columns) })
+    }
+
+    /// Copies an HDU as it is.
+    ///
+    /// # Errors
+    /// Where reading or writing fails.
+    pub fn copy(&mut self, index: usize, out: &mut impl Write) -> std::io::Result<()> {
+        let (start, end) = (self.hdus[index].start, self.hdus[index].end());
+        self.copy_from(start, end.min(self.length) - start, out)
+    }
+
+    /// Copies what follows the last HDU, and says how many bytes that are.
+    ///
+    /// # Errors
+    /// Where reading or writing fails.
+    pub fn copy_rest(&mut self, out: &mut impl Write) -> std::io::Result<u64> {
+        let end = self.hdus.last().map_or(0, Hdu::end).min(self.length);
+        self.copy_from(end, self.length - end, out)?;
+        Ok(self.length - end)
+    }
+
+    fn copy_from(&mut self, start: u64, length: u64, out: &mut impl Write) -> std::io::Result<()> {
+        self.file.seek(SeekFrom::Start(start))?;
+        std::io::copy(&mut (&mut self.file).take(length), out)?;
+        Ok(())
+    }
+
+    /// So many bytes, or as many as there are.
+    fn bytes(&mut self, start: u64, length: u64) -> Result<Vec<u8>, InputError> {
+        let mut bytes = Vec::new();
+        let read = self.file.seek(SeekFrom::Start(start));
+        read.and_then(|_| (&mut self.file).take(length).read_to_end(&mut bytes))
+            .map_err(|error| InputError::new(format!("cannot read `{}`", self.name), error.to_string()))?;
+        Ok(bytes)
+    }
+
+    fn broken(&self, index: usize, problem: &str) -> InputError {
+        InputError {
+            place: Some(format!("HDU {index}")),
+            ..InputError::new(format!("cannot read `{}`", self.name), problem)
+        }
+    }
+}
+
+/// Longest header that is read, bytes: a thousand times longer than most.
+const MOST_HEADER: usize = 10_000 * BLOCK_SIZE;
+
+const TRUNCATED: &str = "the file is truncated: copy it again";
+
+impl Hdu {
+    fn new(index: usize, header: Vec<u8>, start: u64) -> Result<Hdu, String> {
+        // Letters beyond ASCII, which the standard forbids, are met in comments. They are kept in the file.
+        let plain: Vec<u8> =
+            header.iter().map(|byte| if (b' '..=b'~').contains(byte) { *byte } else { b'?' }).collect();
+        let cards = parse_header_blocks(&plain).map_err(|error| error.to_string())?;
+        let mut hdu = Hdu { index, kind: Kind::Empty, header, cards, start, data_len: 0 };
+        let bitpix = hdu.integer("BITPIX")?;
+        if ![8, 16, 32, 64, -32, -64].contains(&bitpix) {
+            return Err(format!("BITPIX = {bitpix}: 8, 16, 32, 64, -32 or -64 is needed"));
+        }
+        let axes = hdu.natural("NAXIS", 999)?;
+        let lengths = (1..=axes).map(|axis| hdu.natural(&format!("NAXIS{axis}"), 1 << 40));
+        let lengths = lengths.collect::<Result<Vec<u64>, String>>()?;
+        let or_else = |keyword: &str, default| match hdu.value(keyword) {
+            None => Ok(default),
+            Some(_) => hdu.natural(keyword, 1 << 40),
+        };
+        let (parameters, groups) = (or_else("PCOUNT", 0)?, or_else("GCOUNT", 1)?);
+        let random_groups = lengths.first() == Some(&0) && hdu.value("GROUPS") == Some(&Value::Logical(true));
+        let counted = if random_groups { &lengths[1..] } else { &lengths[..] };
+        let pixels = counted.iter().try_fold(1_u64, |product, length| product.checked_mul(*length));
+        let bytes = pixels
+            .filter(|_| axes > 0)
+            .or((axes == 0).then_some(0))
+            .and_then(|pixels| pixels.checked_add(parameters))
+            .and_then(|values| values.checked_mul(groups))
+            .and_then(|values| values.checked_mul(bitpix.unsigned_abs() / 8))
+            // Offsets in the file are added to it.
+            .filter(|bytes| *bytes < 1 << 60);
+        hdu.data_len = bytes.ok_or("its axes make more pixels than a file can hold")?;
+        let image = index == 0 || hdu.text("XTENSION").is_some_and(|kind| kind.trim() == "IMAGE");
+        hdu.kind = match lengths[..] {
+            _ if hdu.value("ZIMAGE") == Some(&Value::Logical(true)) => Kind::Compressed,
+            _ if random_groups || !image => Kind::NoImage,
+            _ if hdu.data_len == 0 => Kind::Empty,
+            // Groups and parameters are for other kinds of HDU.
+            _ if (parameters, groups) != (0, 1) => Kind::NoImage,
+            [columns, rows] => Kind::Image { rows: rows as usize, columns: columns as usize, bitpix },
+            _ => Kind::OtherAxes(lengths.len()),
+        };
+        Ok(hdu)
+    }
+
+    /// A value of the header.
+    pub fn value(&self, keyword: &str) -> Option<&Value> {
+        self.cards.iter().find(|card| card.keyword_str() == keyword)?.value.as_ref()
+    }
+
+    /// A text of the header.
+    pub fn text(&self, keyword: &str) -> Option<String> {
+        match self.value(keyword) {
+            Some(Value::String(text)) => Some(text.trim().to_string()),
+            _ => None,
+        }
+    }
+
+    /// Lines of HISTORY.
+    pub fn history(&self) -> impl Iterator<Item = &str> {
+        let cards = self.cards.iter().filter(|card| card.keyword_str() == "HISTORY");
+        cards.filter_map(|card| card.comment.as_deref()).map(str::trim)
+    }
+
+    /// EXTNAME, where there is one.
+    pub fn name(&self) -> Option<String> {
+        self.text("EXTNAME").filter(|name| !name.is_empty())
+    }
+
+    fn integer(&self, keyword: &str) -> Result<i64, String> {
+        match self.value(keyword) {
+            Some(Value::Integer(value)) => Ok(*value),
+            Some(_) => Err(format!("{keyword} is no whole number")),
+            None => Err(format!("its header has no {keyword}")),
+        }
+    }
+
+    fn natural(&self, keyword: &str, most: u64) -> Result<u64, String> {
+        let value = self.integer(keyword)?;
+        let natural = u64::try_from(value).ok().filter(|value| *value <= most);
+        natural.ok_or_else(|| format!("{keyword} = {value}: 0 to {most} is allowed"))
+    }
+
+    fn data_start(&self) -> u64 {
+        self.start + self.header.len() as u64
+    }
+
+    fn end(&self) -> u64 {
+        self.data_start() + self.data_len.next_multiple_of(BLOCK_SIZE as u64)
+    }
+
+    /// Writes the HDU with other pixels and lines of HISTORY before END; checksums are brought up to date where there are
+    /// any, and all other cards are as they were.
+    ///
+    /// # Errors
+    /// Where writing fails.
+    pub fn write(&self, pixels: &Pixels, history: &[String], out: &mut impl Write) -> std::io::Result<()> {
+        let data = image::serialize_image(&pixels.stored);
+        let end = self.header.chunks_exact(CARD_SIZE).position(|card| card.starts_with(b"END     "));
+        let end = end.expect("a header that was read has an END");
+        let mut header = self.header[..end * CARD_SIZE].to_vec();
+        for line in history {
+            header.extend(format_card(&Card { keyword: *b"HISTORY ", value: None, comment: Some(line.clone()) }));
+        }
+        header.extend(fitsio_pure::header::format_end_card());
+        header.resize(header.len().next_multiple_of(BLOCK_SIZE), b' ');
+        let data_sum = checksum_blocks(&data);
+        set_text(&mut header, b"DATASUM ", &data_sum.to_string());
+        if set_text(&mut header, b"CHECKSUM", &"0".repeat(16)) {
+            let sum = ones_complement_sum(checksum_blocks(&header), data_sum);
+            let encoded = encode_checksum(sum, true);
+            set_text(&mut header, b"CHECKSUM", std::str::from_utf8(&encoded).expect("letters and digits"));
+        }
+        out.write_all(&header)?;
+        out.write_all(&data)
+    }
+}
+
+impl fmt::Display for Hdu {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "HDU {}", self.index)?;
+        self.name().map_or(Ok(()), |name| write!(out, " ({name})"))
+    }
+}
+
+/// Gives a card another text and keeps its comment. False where there is no such card.
+fn set_text(header: &mut [u8], keyword: &[u8; 8], text: &str) -> bool {
+    let Some(bytes) = header.chunks_exact_mut(CARD_SIZE).find(|card| card.starts_with(keyword)) else {
+        return false;
+    };
+    let known: &[u8; CARD_SIZE] = (&*bytes).try_into().expect("a card");
+    let comment = fitsio_pure::header::parse_card(known).ok().and_then(|card| card.comment);
+    bytes.copy_from_slice(&format_card(&Card { keyword: *keyword, value: Some(Value::String(text.into())), comment }));
+    true
+}
+
+fn ones_complement_sum(a: u32, b: u32) -> u32 {
+    let sum = u64::from(a) + u64::from(b);
+    (sum & 0xffff_ffff) as u32 + (sum >> 32) as u32
+}
+
+impl Pixels {
+    /// Physical values, `[[row, column]]`, BSCALE and BZERO applied; NaN where a pixel has none.
+    pub fn physical(&self) -> Array2<f64> {
+        let mut values = image::apply_bscale_bzero(&self.stored, self.scale, self.zero);
+        // blank_mask narrows BLANK to the type of the pixels; one that does not fit there marks none.
+        if let Some(blank) = self.blank.filter(|blank| self.holds(*blank)) {
+            let blanks = image::blank_mask(&self.stored, Some(blank)).unwrap_or_default();
+            for (value, _) in values.iter_mut().zip(blanks).filter(|(_, blank)| *blank) {
+                *value = f64::NAN;
+            }
+        }
+        Array2::from_shape_vec(self.shape, values).expect("as many pixels as the axes say")
+    }
+
+    /// Puts other physical values where there are any (`Some`), rounded and cut to what integers hold. Gives the number of
+    /// those that were cut.
+    pub fn set(&mut self, values: impl Iterator<Item = Option<f64>>) -> usize {
+        let (scale, zero, blank) = (self.scale, self.zero, self.blank);
+        let stored = |value: f64| (value - zero) / scale;
+        let mut clipped_px = 0;
+        macro_rules! integers {
+            ($pixels:expr, $type:ty) => {
+                for (pixel, value) in $pixels.iter_mut().zip(values) {
+                    let Some(value) = value else { continue };
+                    let wanted = stored(value).round();
+                    let mut value = wanted as $type;
+                    // A charge must not become a missing pixel.
+                    if blank == Some(value as i64) {
+                        value = if value == <$type>::MIN { value + 1 } else { value - 1 };
+                    }
+                    clipped_px += usize::from(wanted < <$type>::MIN as f64 || wanted > <$type>::MAX as f64);
+                    *pixel = value;
+                }
+            };
+        }
+        macro_rules! floats {
+            ($pixels:expr, $type:ty) => {
+                for (pixel, value) in $pixels.iter_mut().zip(values) {
+                    if let Some(value) = value {
+                        *pixel = stored(value) as $type;
+                    }
+                }
+            };
+        }
+        match &mut self.stored {
+            ImageData::U8(pixels) => integers!(pixels, u8),
+            ImageData::I16(pixels) => integers!(pixels, i16),
+            ImageData::I32(pixels) => integers!(pixels, i32),
+            ImageData::I64(pixels) => integers!(pixels, i64),
+            ImageData::F32(pixels) => floats!(pixels, f32),
+            ImageData::F64(pixels) => floats!(pixels, f64),
+        }
+        clipped_px
+    }
+
+    fn holds(&self, value: i64) -> bool {
+        match self.stored {
+            ImageData::U8(_) => u8::try_from(value).is_ok(),
+            ImageData::I16(_) => i16::try_from(value).is_ok(),
+            ImageData::I32(_) => i32::try_from(value).is_ok(),
+            ImageData::I64(_) => true,
+            ImageData::F32(_) | ImageData::F64(_) => false,
+        }
+    }
+}

@@ -1,0 +1,301 @@
+//! Where the amplifier is, and which pixels of a frame hold light.
+//!
+//! ```text
+//!         columns as they are read, the first nearest the amplifier
+//!         ◀──────────────────────────────────────────────
+//!        ┌─────────┬───────────────────────┬─────────────┐
+//!    ▲   │         │     overscan rows     │             │  read after the image: no light, but all transfers
+//!   rows │         ├───────────────────────┤             │
+//!        │ prescan │                       │  overscan   │
+//!        │         │         image         │   columns   │
+//!    │   │         │                       │             │
+//!        └─────────┴───────────────────────┴─────────────┘
+//!                         rows before                       between row 0 and the register, not in the frame
+//!   amplifier ◀ columns before ◀ ═══ serial register ═══
+//! ```
+//!
+//! Charge is clocked down through all rows to the register and then along it to the amplifier. Pixels of the prescan and the
+//! overscan hold no charge before they are read: what is in them of the frame (bias, noise) was added by the amplifier and
+//! stays as it is, and trails of the image are added.
+
+use ndarray::{Array2, ArrayView2, ArrayViewMut2, Axis, Zip, s};
+
+use crate::device::Device;
+use crate::error::InputError;
+use crate::readout::Downstream;
+
+/// Directions in which charge is moved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Transfers {
+    /// Along the columns, to the serial register.
+    Parallel,
+    /// Along the serial register, to the amplifier.
+    Serial,
+    /// Along the columns, then along the register.
+    Both,
+}
+
+/// Corner of a frame that is read first, as the frame is displayed: its first pixel is at the lower left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Corner {
+    /// First row, first column.
+    LowerLeft,
+    /// First row, last column.
+    LowerRight,
+    /// Last row, first column.
+    UpperLeft,
+    /// Last row, last column.
+    UpperRight,
+}
+
+/// Frames that are read by several amplifiers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Split {
+    /// The left half is read to the left, the right half to the right.
+    Columns,
+    /// The lower half is read downwards, the upper half upwards.
+    Rows,
+    /// Each quarter is read to its corner.
+    Both,
+}
+
+/// How a frame lies on the detector.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Geometry {
+    /// Directions of transfer that are modelled.
+    pub transfers: Transfers,
+    /// The corner that is read first; where halves are read to both sides, their own sides hold.
+    pub corner: Corner,
+    /// Amplifiers on both sides.
+    pub split: Option<Split>,
+    /// First columns that are read, of the serial register alone.
+    pub prescan_columns: usize,
+    /// Last columns that are read, behind those of the image.
+    pub overscan_columns: usize,
+    /// Last rows that are read, behind those of the image.
+    pub overscan_rows: usize,
+    /// Rows between the frame's first row and the serial register.
+    pub rows_before: u32,
+    /// Charge in those rows before readout, e- per pixel.
+    pub charge_before_e: f64,
+    /// Pixels of the serial register between the frame's first column and the amplifier. They are dark.
+    pub columns_before: u32,
+}
+
+impl Default for Geometry {
+    /// A frame of light alone, at the register and the amplifier, read through its lower left corner along its columns.
+    fn default() -> Geometry {
+        Geometry {
+            transfers: Transfers::Parallel,
+            corner: Corner::LowerLeft,
+            split: None,
+            prescan_columns: 0,
+            overscan_columns: 0,
+            overscan_rows: 0,
+            rows_before: 0,
+            charge_before_e: 0.0,
+            columns_before: 0,
+        }
+    }
+}
+
+impl Transfers {
+    /// Charge moves along columns.
+    pub fn parallel(self) -> bool {
+        self != Transfers::Serial
+    }
+
+    /// Charge moves along the serial register.
+    pub fn serial(self) -> bool {
+        self != Transfers::Parallel
+    }
+}
+
+impl Geometry {
+    /// Says whether a frame of so many rows and columns can be read like this.
+    ///
+    /// # Errors
+    /// Where prescan and overscan leave no image, or halves are not halves.
+    pub fn check(&self, (rows, columns): (usize, usize)) -> Result<(), InputError> {
+        let refusal = |problem: String| Err(InputError::new(format!("a frame of {columns} x {rows} px"), problem));
+        let (across, along) = (self.splits_columns(), self.splits_rows());
+        for (split, length, what) in [(across, columns, "columns"), (along, rows, "rows")] {
+            if split && length % 2 == 1 {
+                return refusal(format!("{length} {what} do not make two halves"));
+            }
+        }
+        let columns = if across { columns / 2 } else { columns };
+        let rows = if along { rows / 2 } else { rows };
+        let dark = self.prescan_columns.saturating_add(self.overscan_columns);
+        let half = |split: bool| if split { " of each half" } else { "" };
+        if dark >= columns {
+            return refusal(format!(
+                "{} columns of prescan and {} of overscan leave none{} for the image",
+                self.prescan_columns,
+                self.overscan_columns,
+                half(across)
+            ));
+        }
+        if self.overscan_rows >= rows {
+            return refusal(format!("{} rows of overscan leave none{} for the image", self.overscan_rows, half(along)));
+        }
+        Ok(())
+    }
+
+    /// Pixels that hold light, in a frame of so many rows and columns.
+    pub fn lit(&self, shape: (usize, usize)) -> Array2<bool> {
+        let mut lit = Array2::from_elem(shape, false);
+        for part in self.parts() {
+            let mut part = part.of_mut(&mut lit);
+            let (rows, columns) = self.image(part.dim());
+            part.slice_mut(s![rows, columns]).fill(true);
+        }
+        lit
+    }
+
+    /// Where the amplifiers are, in words.
+    pub fn sides(&self) -> String {
+        let corner = match self.corner {
+            Corner::LowerLeft => "lower left",
+            Corner::LowerRight => "lower right",
+            Corner::UpperLeft => "upper left",
+            Corner::UpperRight => "upper right",
+        };
+        match self.split {
+            None => format!("read at the {corner}"),
+            Some(Split::Columns) => format!("halves read to the left and to the right, {corner} first"),
+            Some(Split::Rows) => format!("halves read downwards and upwards, {corner} first"),
+            Some(Split::Both) => "quarters read to their corners".into(),
+        }
+    }
+
+    /// Rows and columns of the image, in the order of readout.
+    fn image(&self, (rows, columns): (usize, usize)) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
+        (0..rows - self.overscan_rows, self.prescan_columns..columns - self.overscan_columns)
+    }
+
+    fn splits_columns(&self) -> bool {
+        matches!(self.split, Some(Split::Columns | Split::Both))
+    }
+
+    fn splits_rows(&self) -> bool {
+        matches!(self.split, Some(Split::Rows | Split::Both))
+    }
+
+    /// What each amplifier reads.
+    fn parts(&self) -> Vec<Part> {
+        let corner = self.corner;
+        let sides = |split: bool, mirrored: bool| match split {
+            false => vec![(Side::Whole, mirrored)],
+            true => vec![(Side::First, false), (Side::Second, true)],
+        };
+        let right = matches!(corner, Corner::LowerRight | Corner::UpperRight);
+        let upper = matches!(corner, Corner::UpperLeft | Corner::UpperRight);
+        let mut parts = Vec::new();
+        for (vertical, upside_down) in sides(self.splits_rows(), upper) {
+            for (horizontal, mirrored) in sides(self.splits_columns(), right) {
+                parts.push(Part { rows: (vertical, upside_down), columns: (horizontal, mirrored) });
+            }
+        }
+        parts
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Side {
+    Whole,
+    First,
+    Second,
+}
+
+/// What one amplifier reads: which half of the rows and of the columns, and whether they are read from the far end.
+#[derive(Clone, Copy)]
+struct Part {
+    rows: (Side, bool),
+    columns: (Side, bool),
+}
+
+impl Part {
+    fn of<'a, T>(self, frame: &'a Array2<T>) -> ArrayView2<'a, T> {
+        let mut view = frame.view();
+        for (axis, (side, reversed)) in [(Axis(0), self.rows), (Axis(1), self.columns)] {
+            view.slice_axis_inplace(axis, side.range(view.len_of(axis)));
+            if reversed {
+                view.invert_axis(axis);
+            }
+        }
+        view
+    }
+
+    fn of_mut<'a, T>(self, frame: &'a mut Array2<T>) -> ArrayViewMut2<'a, T> {
+        let mut view = frame.view_mut();
+        for (axis, (side, reversed)) in [(Axis(0), self.rows), (Axis(1), self.columns)] {
+            view.slice_axis_inplace(axis, side.range(view.len_of(axis)));
+            if reversed {
+                view.invert_axis(axis);
+            }
+        }
+        view
+    }
+}
+
+impl Side {
+    fn range(self, length: usize) -> ndarray::Slice {
+        match self {
+            Side::Whole => (0..length).into(),
+            Side::First => (0..length / 2).into(),
+            Side::Second => (length / 2..length).into(),
+        }
+    }
+}
+
+/// A frame (e-, `[[row, column]]`, row 0 the lowest) as it is read: light and what the amplifier adds go in, the same with
+/// trails comes out.
+///
+/// Serial registers are the device's; that their effect names a number of transfers does not matter here, where every
+/// column makes its own.
+pub fn read(device: &Device, geometry: &Geometry, frame_e: &Array2<f64>) -> Array2<f64> {
+    let mut read_e = frame_e.clone();
+    for part in geometry.parts() {
+        let clocked = clocked(device, geometry, part.of(frame_e));
+        part.of_mut(&mut read_e).assign(&clocked);
+    }
+    read_e
+}
+
+/// One amplifier's part, in the order of readout.
+fn clocked(device: &Device, geometry: &Geometry, part_e: ArrayView2<f64>) -> Array2<f64> {
+    let (rows, columns) = geometry.image(part_e.dim());
+    let image = s![rows, columns.clone()];
+    let mut light_e = part_e.slice(image).to_owned();
+    // What else happens to charges belongs to the pixels, and is done with them.
+    let effects = if geometry.transfers.parallel() { &device.effects[..] } else { &[] };
+    for effect in effects {
+        effect.charge(&mut light_e, &device.at);
+    }
+    let mut before_e = Array2::zeros(part_e.raw_dim());
+    before_e.slice_mut(image).assign(&light_e);
+    let mut read_e = before_e.clone();
+    if geometry.transfers.parallel() {
+        // Overscan rows are rows of nothing above the image. Nothing is caught and nothing is let go above the topmost row
+        // that exists, so they may be clocked as if there were pixels for them: the transfers that count are those below.
+        let downstream = Downstream { rows: geometry.rows_before.into(), charge_e: geometry.charge_before_e };
+        let mut lit = read_e.slice_mut(s![.., columns]);
+        let trailed = device.readout.parallel(&lit.to_owned(), downstream);
+        lit.assign(&trailed);
+    }
+    if geometry.transfers.serial() {
+        let downstream = Downstream { rows: geometry.columns_before.into(), charge_e: 0.0 };
+        for (register, _) in &device.serial {
+            read_e = register.serial(&read_e, downstream);
+        }
+    }
+    for effect in effects {
+        effect.read(&before_e, &mut read_e, &device.at);
+    }
+    // What the amplifier added where there was no light.
+    let mut added_e = part_e.to_owned();
+    added_e.slice_mut(image).fill(0.0);
+    Zip::from(&mut read_e).and(&added_e).for_each(|read, added| *read += added);
+    read_e
+}

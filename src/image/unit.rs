@@ -1,0 +1,138 @@
+//! From numbers in a frame to electrons and back.
+//!
+//! ```text
+//! charge [e-] = (value − bias) · gain
+//! ```
+//!
+//! Values are in electrons where BUNIT says so; otherwise the gain must be given, or the keyword that holds it.
+
+use fitsio_pure::value::Value;
+
+use super::fits::Hdu;
+use crate::error::InputError;
+
+/// How the numbers of a frame are to be understood.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Unit {
+    /// Electrons per DN.
+    pub gain_e_per_dn: Option<f64>,
+    /// Header keyword that holds the gain.
+    pub gain_keyword: Option<String>,
+    /// Level of no charge, in the frame's own unit.
+    pub bias_dn: f64,
+    /// Value from which on the converter tells no more, in the frame's own unit; none: only full wells are saturated.
+    pub saturated_dn: Option<f64>,
+}
+
+/// Electrons per unit of a frame, and its level of no charge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// Electrons per unit of the frame.
+    pub gain_e_per_dn: f64,
+    /// Level of no charge, in the frame's unit.
+    pub bias_dn: f64,
+}
+
+impl Scale {
+    /// Charge of a value, e-.
+    pub fn charge_e(self, value: f64) -> f64 {
+        (value - self.bias_dn) * self.gain_e_per_dn
+    }
+
+    /// Value of a charge (e-).
+    pub fn value(self, charge_e: f64) -> f64 {
+        charge_e / self.gain_e_per_dn + self.bias_dn
+    }
+}
+
+/// What BUNIT says.
+enum Written {
+    Electrons,
+    Counts,
+    Rate,
+    Nothing,
+    Other,
+}
+
+impl Unit {
+    /// The scale of an HDU. The gain's keyword is looked for in its header, and then in the primary one.
+    ///
+    /// # Errors
+    /// Where neither header nor options tell the gain, or they contradict one another.
+    pub fn scale(&self, hdu: &Hdu, primary: &Hdu) -> Result<Scale, InputError> {
+        let refusal = |problem: String, help: &str| Err(InputError::new(hdu.to_string(), problem).with_help(help));
+        let bunit = hdu.text("BUNIT").unwrap_or_default();
+        let written = written(&bunit);
+        if let Written::Rate = written {
+            return refusal(
+                format!("BUNIT = '{bunit}' is a rate; traps meet charges"),
+                "multiply the image by its exposure time, and set BUNIT",
+            );
+        }
+        let gain = match (&self.gain_keyword, self.gain_e_per_dn) {
+            (Some(keyword), _) => Some(gain_of(keyword, hdu, primary)?),
+            (None, given) => given,
+        };
+        let gain_e_per_dn = match (written, gain) {
+            (Written::Electrons, Some(gain)) if gain != 1.0 => {
+                return refusal(
+                    format!("BUNIT = '{bunit}', and a gain of {gain} e-/DN was given"),
+                    "leave out the gain, or correct BUNIT",
+                );
+            }
+            (Written::Electrons, _) => 1.0,
+            (_, Some(gain)) => gain,
+            (Written::Counts, None) => {
+                return refusal(
+                    format!("BUNIT = '{bunit}', and no gain was given"),
+                    "give --gain-e-per-dn, or --gain-keyword with the keyword of the header that holds it",
+                );
+            }
+            (Written::Nothing, None) => {
+                return refusal(
+                    "the header has no BUNIT, and no gain was given".into(),
+                    "give --gain-e-per-dn (1 where the values are electrons), or --gain-keyword",
+                );
+            }
+            (Written::Other | Written::Rate, None) => {
+                return refusal(
+                    format!("BUNIT = '{bunit}' is no number of electrons, and no gain was given"),
+                    "give --gain-e-per-dn, electrons per unit of the image",
+                );
+            }
+        };
+        Ok(Scale { gain_e_per_dn, bias_dn: self.bias_dn })
+    }
+}
+
+fn gain_of(keyword: &str, hdu: &Hdu, primary: &Hdu) -> Result<f64, InputError> {
+    let refused = || hdu.to_string();
+    let value = hdu.value(keyword).or_else(|| primary.value(keyword));
+    let gain = match value {
+        Some(Value::Float(gain)) => *gain,
+        Some(Value::Integer(gain)) => *gain as f64,
+        Some(_) => return Err(InputError::new(refused(), format!("{keyword} is no number"))),
+        None => {
+            return Err(InputError::new(refused(), format!("neither its header nor the primary one has {keyword}"))
+                .with_help("give --gain-e-per-dn instead"));
+        }
+    };
+    if gain > 0.0 && gain.is_finite() {
+        Ok(gain)
+    } else {
+        Err(InputError::new(refused(), format!("{keyword} = {gain}: a gain above 0 e-/DN is needed")))
+    }
+}
+
+/// BUNIT as pipelines write it: ELECTRONS, electron, e-, COUNTS, DN, ADU, ELECTRONS/S, ...
+fn written(bunit: &str) -> Written {
+    let unit = bunit.trim().to_ascii_lowercase();
+    let rate = unit.contains('/') || unit.contains("s-1") || unit.contains("s^-1") || unit.contains("s**-1");
+    match unit.as_str() {
+        "" => Written::Nothing,
+        _ if rate => Written::Rate,
+        "electrons" | "electron" | "e-" | "e" => Written::Electrons,
+        "counts" | "count" | "ct" | "dn" | "adu" => Written::Counts,
+        _ => Written::Other,
+    }
+}
