@@ -1,7 +1,7 @@
 //! Files that are written whole or not at all.
 
-use std::fs;
-use std::io::Write;
+use std::fs::{self, File};
+use std::io::{self, Write};
 use std::path::Path;
 
 use tempfile::NamedTempFile;
@@ -14,16 +14,30 @@ use crate::error::InputError;
 /// Where the folder is not there, or cannot be written to.
 pub fn write(path: impl AsRef<Path>, text: &str) -> Result<(), InputError> {
     let path = path.as_ref();
-    let refusal = |error: std::io::Error| {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    write_by_way_of(folder, path, |file| file.write_all(text.as_bytes()))
+}
+
+/// Writes a file by way of a temporary one in a folder of the same file system, in which what a kill leaves is in nobody's
+/// way.
+///
+/// # Errors
+/// Where a folder is not there, or cannot be written to; what `write` says.
+pub(crate) fn write_by_way_of(
+    folder: &Path,
+    path: &Path,
+    write: impl FnOnce(&mut File) -> io::Result<()>,
+) -> Result<(), InputError> {
+    let refusal = |error: io::Error| {
         let problem = match error.kind() {
-            std::io::ErrorKind::NotFound => "the folder is not there".to_string(),
+            io::ErrorKind::NotFound => "the folder is not there".to_string(),
             _ => error.to_string(),
         };
         InputError::new(format!("cannot write `{}`", path.display()), problem)
     };
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = NamedTempFile::new_in(folder).map_err(refusal)?;
-    file.write_all(text.as_bytes()).map_err(refusal)?;
+    let mut file = NamedTempFile::with_suffix_in(".part", folder).map_err(refusal)?;
+    // Not the temporary file's own path in the message: it is gone by then.
+    write(file.as_file_mut()).map_err(refusal)?;
     file.as_file().sync_all().map_err(refusal)?;
     // Temporary files are private; results are as public as any new file.
     #[cfg(unix)]

@@ -6,10 +6,12 @@ mod dose;
 pub mod effects;
 mod evaluate;
 mod fit;
+mod sweep;
 mod validate;
 
 pub use evaluate::EvaluateReport;
 pub use fit::FitReport;
+pub use sweep::SweepReport;
 
 use std::io::{IsTerminal, stdout};
 
