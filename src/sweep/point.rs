@@ -4,15 +4,18 @@
 //! errors of single packets average out. The budget is judged with as few readouts as that takes: while a mission has no
 //! effects its traps only ever increase, and |Δe| with them, so that its end tells whether a limit is reached.
 
+use std::cell::OnceCell;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
 use super::grid::Grid;
 use super::output::Output;
+use crate::device::Device;
 use crate::error::InputError;
 use crate::evaluate::{JUST_AFTER, unmeasurable, warnings, year_ends};
-use crate::mission::Mission;
+use crate::mission::{Galaxy, Mission};
 use crate::model::Model;
+use crate::observable::Observable;
 use crate::requirement::{Crossing, first_crossing};
 use crate::shape::ShapeChange;
 use crate::table::Cell;
@@ -115,17 +118,17 @@ struct EndOfLife<'a> {
     model: &'a Model,
     duration_yr: f64,
     dose_mev_g: f64,
-    galaxies: Vec<Option<ShapeChange>>,
+    device: Device,
+    /// Changes of the galaxies' shapes, once they are asked for.
+    galaxies: OnceCell<Vec<Option<ShapeChange>>>,
 }
 
 impl EndOfLife<'_> {
     fn of(model: &Model) -> EndOfLife<'_> {
         let duration_yr = model.mission.mission.duration_yr;
         let device = model.device_at(duration_yr);
-        let dose_mev_g =
-            device.observed(model.dose.dose_mev_g(duration_yr), crate::observable::Observable::Dose, &device.at);
-        let galaxies = (0..model.mission.galaxies.len()).map(|galaxy| model.change_by(galaxy, &device)).collect();
-        EndOfLife { model, duration_yr, dose_mev_g, galaxies }
+        let dose_mev_g = device.observed(model.dose.dose_mev_g(duration_yr), Observable::Dose, &device.at);
+        EndOfLife { model, duration_yr, dose_mev_g, device, galaxies: OnceCell::new() }
     }
 
     fn value(&self, output: Output, galaxy: Option<&str>) -> Option<f64> {
@@ -151,14 +154,19 @@ impl EndOfLife<'_> {
         }
     }
 
+    fn galaxies(&self) -> &[Option<ShapeChange>] {
+        let galaxies = 0..self.model.mission.galaxies.len();
+        self.galaxies.get_or_init(|| galaxies.map(|galaxy| self.model.change_by(galaxy, &self.device)).collect())
+    }
+
     /// Change of a galaxy's shape, by its name; None where the mission has no such galaxy.
     fn change(&self, galaxy: Option<&str>) -> Option<ShapeChange> {
-        let of_that_name = |known: &crate::mission::Galaxy| Some(known.name.as_str()) == galaxy;
-        self.galaxies[self.model.mission.galaxies.iter().position(of_that_name)?]
+        let of_that_name = |known: &Galaxy| Some(known.name.as_str()) == galaxy;
+        self.galaxies()[self.model.mission.galaxies.iter().position(of_that_name)?]
     }
 
     fn delta_e(&self) -> Option<f64> {
-        self.galaxies[self.model.judged()].map(|change| change.magnitude())
+        self.galaxies()[self.model.judged()].map(|change| change.magnitude())
     }
 
     fn delta_e_at(&self, t_yr: f64) -> Option<f64> {

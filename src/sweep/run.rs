@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::parts::Parts;
 use super::point::Points;
-use super::slurm::Shard;
+use super::slurm::{self, Shard};
 use crate::error::InputError;
 use crate::table::Cell;
 
@@ -34,6 +34,9 @@ pub fn run(
     progress: impl Fn() + Sync,
 ) -> Result<Done, InputError> {
     let grid = parts.grid;
+    if let Some(shard) = shard {
+        slurm::check(grid, shard.of)?;
+    }
     let chunks: Vec<u64> = (0..grid.chunks()).filter(|chunk| shard.is_none_or(|shard| shard.has(*chunk))).collect();
     let size = |chunks: &[u64]| -> u64 {
         chunks.iter().map(|&chunk| grid.chunk(chunk)).map(|range| range.end - range.start).sum()

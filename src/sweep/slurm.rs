@@ -42,7 +42,7 @@ impl FromStr for Shard {
 ///
 /// # Errors
 /// Where that is so.
-fn check(grid: &Grid, shards: u64) -> Result<(), InputError> {
+pub(super) fn check(grid: &Grid, shards: u64) -> Result<(), InputError> {
     if shards <= grid.chunks() {
         return Ok(());
     }

@@ -271,6 +271,8 @@ impl Source<'_> {
     fn axes<'a>(&self, table: &'a DeTable<'a>, missions: &[(String, Mission)]) -> Result<Vec<Placed<'a>>, InputError> {
         let mut leaves = Vec::new();
         self.leaves(table, "", &missions[0].1, &mut leaves);
+        // Dotted keys of one section need not stand together.
+        leaves.sort_by_key(|entry| (entry.line, entry.span.start));
         let mut axes: Vec<Placed> = Vec::new();
         for mut entry in leaves {
             let mut found = None;
