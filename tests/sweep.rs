@@ -124,6 +124,11 @@ fn a_sweep_that_is_killed_goes_on_where_it_was() {
     assert_eq!(place.names(), ["all.csv", "grid.toml", "snap_l2.toml"]);
     let again = place.json("all.csv", &[]);
     assert_eq!((&again["computed_points"], &again["complete"]), (&0.into(), &true.into()));
+    // Nor after a kill between the result and the removal of its parts.
+    fs::create_dir(&folder).unwrap();
+    fs::write(folder.join("part-000000.0123456789abcdef.csv"), "").unwrap();
+    place.stdout("all.csv", &[]);
+    assert_eq!(place.names(), ["all.csv", "grid.toml", "snap_l2.toml"]);
 }
 
 #[test]

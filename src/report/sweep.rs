@@ -70,10 +70,12 @@ impl Report for SweepReport<'_> {
             spreads.add_row(row);
         }
         out.push_str(&lines(&spreads));
-        out.push_str(&wrapped(
-            "  none: points without a value; a budget that is not exceeded within the mission has no time",
-            4,
-        ));
+        if merged.spreads.iter().any(|(.., without)| *without > 0) {
+            out.push_str(&wrapped(
+                "  none: points without a value; a budget that is not exceeded within the mission has no time",
+                4,
+            ));
+        }
         if let (count, Some((point, problem))) = &merged.problems {
             out.push_str(&wrapped(
                 &format!(

@@ -196,7 +196,7 @@ impl Grid {
         }
         // Numbers are written so that no two are alike.
         said.push_str(&format!("{:?} {:?} {}\n", self.axes, self.sampling, self.draws));
-        said.push_str(&format!("{} {:?} {}\n", self.seed, self.records, self.chunk_points));
+        said.push_str(&format!("{} {:?} {}\n", self.seed, self.columns(), self.chunk_points));
         Sha256::digest(said.as_bytes()).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
     }
 }
