@@ -472,8 +472,8 @@ fn a_grid_that_makes_no_sense_is_refused_with_line_key_value_and_what_to_try() {
             &["line 5", "did you mean \"uniform\"?"],
         ),
         (
-            drawn("sky.background_e = { distribution = \"uniform\", from = 1, tp = 2 }"),
-            &["has no `tp`", "did you mean `to`?"],
+            drawn("sky.background_e = { distribution = \"uniform\", form = 1, to = 2 }"),
+            &["has no `form`", "did you mean `from`?"],
         ),
         (drawn("sky.background_e = { distribution = \"uniform\", from = 1 }"), &["`to` is missing"]),
         (
