@@ -11,6 +11,7 @@ mod evaluate;
 mod fit;
 mod frames;
 mod inputs;
+mod sweep;
 mod validate;
 
 use std::ffi::OsString;
@@ -41,6 +42,8 @@ enum Command {
     Evaluate(evaluate::Evaluate),
     /// A mission side by side over launch epochs, clock speeds, register distances, or any other key
     Compare(compare::Compare),
+    /// Any keys over lists, ranges and distributions: resumable, on one machine or a Slurm cluster; Parquet or CSV
+    Sweep(sweep::Sweep),
     /// Proton spectrum, shielding and displacement damage dose of a mission
     Dose(dose::Dose),
     /// Model against measurements: how far off, and against which condition the residuals lean
@@ -96,6 +99,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let result = match cli.command {
         Command::Evaluate(command) => command.run(),
         Command::Compare(command) => command.run(),
+        Command::Sweep(command) => command.run(),
         Command::Dose(command) => command.run(),
         Command::Validate(command) => command.run(),
         Command::Fit(command) => command.run(),

@@ -104,7 +104,7 @@ fn verdict(model: &Model, years: &[Year]) -> Verdict {
 
 /// Share of the mission over which the rate at launch is taken: long enough for the accuracy of shapes, too short for
 /// the curve to bend.
-const JUST_AFTER: f64 = 1e-3;
+pub(crate) const JUST_AFTER: f64 = 1e-3;
 
 /// Evaluates a mission.
 ///
@@ -126,7 +126,7 @@ pub fn evaluate(mission: &Mission) -> Result<Evaluation, InputError> {
 }
 
 /// Ends of the years of a mission, and its end.
-fn year_ends(duration_yr: f64) -> Vec<f64> {
+pub(crate) fn year_ends(duration_yr: f64) -> Vec<f64> {
     let mut ends: Vec<f64> = (1..=duration_yr.floor() as usize).map(|year| year as f64).collect();
     if duration_yr.fract() > 0.0 {
         ends.push(duration_yr);
@@ -134,7 +134,7 @@ fn year_ends(duration_yr: f64) -> Vec<f64> {
     ends
 }
 
-fn unmeasurable(mission: &Mission, galaxy: &Galaxy) -> InputError {
+pub(crate) fn unmeasurable(mission: &Mission, galaxy: &Galaxy) -> InputError {
     InputError::new(
         format!("cannot evaluate mission \"{}\"", mission.mission.name),
         format!("galaxy \"{}\" has no weighted moments: its weight finds no centroid", galaxy.name),
@@ -142,7 +142,7 @@ fn unmeasurable(mission: &Mission, galaxy: &Galaxy) -> InputError {
     .with_help("choose weight_px closer to the size of the galaxy")
 }
 
-fn warnings(model: &Model) -> Vec<Warning> {
+pub(crate) fn warnings(model: &Model) -> Vec<Warning> {
     let mission = &model.mission;
     let mut warnings = model.dose.warnings.clone();
     for (index, galaxy) in mission.galaxies.iter().enumerate() {

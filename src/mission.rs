@@ -9,6 +9,7 @@ pub mod keys;
 mod read;
 
 pub use edit::{edit, with_effects};
+pub(crate) use read::{check_value, line_at};
 
 use std::fmt;
 

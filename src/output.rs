@@ -14,7 +14,7 @@ use crate::error::InputError;
 /// Where the folder is not there, or cannot be written to.
 pub fn write(path: impl AsRef<Path>, text: &str) -> Result<(), InputError> {
     let path = path.as_ref();
-    write_by(path, true, |file| file.write_all(text.as_bytes()).map_err(refusal(path)))
+    write_by_way_of(folder_of(path), path, |file| file.write_all(text.as_bytes()))
 }
 
 /// The same for a file that is written bit by bit, and perhaps must not replace another.
@@ -27,12 +27,36 @@ pub fn write_by(
     overwrite: bool,
     content: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), InputError>,
 ) -> Result<(), InputError> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = NamedTempFile::new_in(folder).map_err(refusal(path))?;
+    let mut file = NamedTempFile::new_in(folder_of(path)).map_err(refusal(path))?;
     let mut buffered = BufWriter::new(file.as_file_mut());
     content(&mut buffered)?;
     buffered.flush().map_err(refusal(path))?;
     drop(buffered);
+    keep(file, path, overwrite)
+}
+
+/// Writes a file by way of a temporary one in a folder of the same file system, in which what a kill leaves is in nobody's
+/// way.
+///
+/// # Errors
+/// Where a folder is not there, or cannot be written to; what `content` says.
+pub(crate) fn write_by_way_of(
+    folder: &Path,
+    path: &Path,
+    content: impl FnOnce(&mut File) -> std::io::Result<()>,
+) -> Result<(), InputError> {
+    let mut file = NamedTempFile::with_suffix_in(".part", folder).map_err(refusal(path))?;
+    // Not the temporary file's own path in the message: it is gone by then.
+    content(file.as_file_mut()).map_err(refusal(path))?;
+    keep(file, path, true)
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Gives a temporary file its name, once it is safe on the disk.
+fn keep(file: NamedTempFile, path: &Path, overwrite: bool) -> Result<(), InputError> {
     file.as_file().sync_all().map_err(refusal(path))?;
     // Temporary files are private; results are as public as any new file.
     #[cfg(unix)]

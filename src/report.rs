@@ -7,10 +7,12 @@ pub mod effects;
 mod evaluate;
 mod fit;
 mod image;
+mod sweep;
 mod validate;
 
 pub use evaluate::EvaluateReport;
 pub use fit::FitReport;
+pub use sweep::SweepReport;
 
 use std::io::{IsTerminal, stdout};
 

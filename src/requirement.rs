@@ -27,7 +27,13 @@ pub fn first_crossing(limit: f64, known: &[(f64, Option<f64>)], function: impl F
     let t_yr = match reached {
         None => None,
         Some(0) => Some(known[0].0),
-        Some(after) => Some(root::between(known[after - 1].0, known[after].0, 1e-9, |t_yr| excess(function(t_yr)))),
+        Some(after) => {
+            let ends = [known[after - 1], known[after]];
+            // A readout is dear, and the ends are known.
+            let known = |t_yr: f64| ends.iter().find(|end| end.0 == t_yr).map(|end| end.1);
+            let value = |t_yr: f64| excess(known(t_yr).unwrap_or_else(|| function(t_yr)));
+            Some(root::between(ends[0].0, ends[1].0, 1e-9, value))
+        }
     };
     Crossing { t_yr, limit, margin }
 }

@@ -173,51 +173,7 @@ impl<'a> Source<'a> {
     }
 
     fn check_value(&self, value: &DeValue, path: &str, key: &keys::Key) -> Result<(), InputError> {
-        let allowed = key.kind.allowed(key.unit);
-        let wrong_kind = || self.fault(path, format!("the {} is of the wrong kind; allowed: {allowed}", key.what));
-        let check_number = |value: &DeValue| {
-            let number = match value {
-                DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
-                DeValue::Integer(integer) => {
-                    i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|i| i as f64)
-                }
-                _ => None,
-            };
-            let number = number.ok_or_else(wrong_kind)?;
-            if key.kind.refuses(number) {
-                let unit = if key.unit.is_empty() { String::new() } else { format!(" {}", key.unit) };
-                let problem = format!("the {} is {}{unit}; allowed: {allowed}", key.what, keys::plain(number));
-                return Err(InputError { help: (key.help)(number), ..self.fault(path, problem) });
-            }
-            Ok(())
-        };
-        match (key.kind, value) {
-            (Kind::Number(..) | Kind::Positive(..), value) => check_number(value),
-            (Kind::Integer(..), value @ DeValue::Integer(_)) => check_number(value),
-            (Kind::Numbers(..), DeValue::Array(members)) if !members.is_empty() => {
-                members.iter().try_for_each(|member| check_number(member.get_ref()))
-            }
-            (Kind::Choice(words), DeValue::String(word)) if !words.contains(&word.as_ref()) => {
-                let help = nearest(word, words.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
-                let problem = format!("the {} is \"{word}\"; allowed: {allowed}", key.what);
-                Err(InputError { help, ..self.fault(path, problem) })
-            }
-            (Kind::Choice(_), DeValue::String(_)) => Ok(()),
-            (Kind::Text, DeValue::String(word)) if !word.trim().is_empty() => Ok(()),
-            (Kind::Texts, DeValue::Array(members))
-                if members.iter().all(|member| matches!(member.get_ref(), DeValue::String(_))) =>
-            {
-                Ok(())
-            }
-            (Kind::Date, DeValue::Datetime(datetime)) => super::Date::try_from(*datetime)
-                .map(|_| ())
-                .map_err(|problem| self.fault(path, format!("the {}: {problem}", key.what))),
-            (Kind::Date, DeValue::String(word)) => {
-                let help = word.parse::<chrono::NaiveDate>().ok().map(|date| format!("without quotes: {date}"));
-                Err(InputError { help, ..wrong_kind() })
-            }
-            _ => Err(wrong_kind()),
-        }
+        check_value(value, key, |problem| self.fault(path, problem))
     }
 
     fn unknown(&self, path: &str) -> InputError {
@@ -468,8 +424,59 @@ impl<'a> Source<'a> {
     }
 }
 
+/// Whether a value is allowed for a key; `fault` makes the refusal of what is wrong with it.
+pub(crate) fn check_value(
+    value: &DeValue,
+    key: &keys::Key,
+    fault: impl Fn(String) -> InputError,
+) -> Result<(), InputError> {
+    let allowed = key.kind.allowed(key.unit);
+    let wrong_kind = || fault(format!("the {} is of the wrong kind; allowed: {allowed}", key.what));
+    let check_number = |value: &DeValue| {
+        let number = match value {
+            DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
+            DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|i| i as f64),
+            _ => None,
+        };
+        let number = number.ok_or_else(wrong_kind)?;
+        if key.kind.refuses(number) {
+            let unit = if key.unit.is_empty() { String::new() } else { format!(" {}", key.unit) };
+            let problem = format!("the {} is {}{unit}; allowed: {allowed}", key.what, keys::plain(number));
+            return Err(InputError { help: (key.help)(number), ..fault(problem) });
+        }
+        Ok(())
+    };
+    match (key.kind, value) {
+        (Kind::Number(..) | Kind::Positive(..), value) => check_number(value),
+        (Kind::Integer(..), value @ DeValue::Integer(_)) => check_number(value),
+        (Kind::Numbers(..), DeValue::Array(members)) if !members.is_empty() => {
+            members.iter().try_for_each(|member| check_number(member.get_ref()))
+        }
+        (Kind::Choice(words), DeValue::String(word)) if !words.contains(&word.as_ref()) => {
+            let help = nearest(word, words.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
+            let problem = format!("the {} is \"{word}\"; allowed: {allowed}", key.what);
+            Err(InputError { help, ..fault(problem) })
+        }
+        (Kind::Choice(_), DeValue::String(_)) => Ok(()),
+        (Kind::Text, DeValue::String(word)) if !word.trim().is_empty() => Ok(()),
+        (Kind::Texts, DeValue::Array(members))
+            if members.iter().all(|member| matches!(member.get_ref(), DeValue::String(_))) =>
+        {
+            Ok(())
+        }
+        (Kind::Date, DeValue::Datetime(datetime)) => super::Date::try_from(*datetime)
+            .map(|_| ())
+            .map_err(|problem| fault(format!("the {}: {problem}", key.what))),
+        (Kind::Date, DeValue::String(word)) => {
+            let help = word.parse::<chrono::NaiveDate>().ok().map(|date| format!("without quotes: {date}"));
+            Err(InputError { help, ..wrong_kind() })
+        }
+        _ => Err(wrong_kind()),
+    }
+}
+
 /// Line of a place in a text, from 1.
-fn line_at(text: &str, place: usize) -> usize {
+pub(crate) fn line_at(text: &str, place: usize) -> usize {
     text[..place.min(text.len())].matches('\n').count() + 1
 }
 

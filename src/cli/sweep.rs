@@ -1,0 +1,78 @@
+//! `ctiplan sweep`.
+
+use std::env;
+use std::io::{Write, stdout};
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{Failure, Outcome, Output, print, progress};
+use crate::report::SweepReport;
+use crate::sweep::{self, Grid, Parts, Shard};
+
+#[derive(Debug, Args)]
+pub(super) struct Sweep {
+    /// Grid file (TOML): missions, keys with lists, ranges and distributions, and what to record
+    grid: PathBuf,
+    /// The result; its parts are in FILE.parts until all are there
+    #[arg(long, value_name = "FILE.parquet|FILE.csv")]
+    output: PathBuf,
+    /// Compute one of N equal parts of the sweep, for a job array; --collect makes one file of them
+    #[arg(long, value_name = "K/N", group = "what")]
+    shard: Option<Shard>,
+    /// Make the result of the parts; refused where some are missing
+    #[arg(long, group = "what")]
+    collect: bool,
+    /// Print which of N shards lack points, as `sbatch --array` takes them: 3,7-9
+    #[arg(long, value_name = "N", group = "what", value_parser = clap::value_parser!(u64).range(1..))]
+    missing: Option<u64>,
+    /// Print a script for sbatch: the sweep as a job array of N tasks
+    #[arg(long, value_name = "N", group = "what", value_parser = clap::value_parser!(u64).range(1..))]
+    slurm: Option<u64>,
+    #[command(flatten)]
+    report: Output,
+}
+
+impl Sweep {
+    pub(super) fn run(&self) -> Result<Outcome, Failure> {
+        let grid = Grid::read(&self.grid)?;
+        let parts = Parts::of(&grid, &self.output)?;
+        if let Some(tasks) = self.slurm {
+            let program = env::current_exe().map_err(Failure::Output)?;
+            return say(&sweep::script(&parts, &program, tasks)?);
+        }
+        if let Some(shards) = self.missing {
+            let missing = sweep::indices(&sweep::missing(&parts, shards)?);
+            return if missing.is_empty() { Ok(Outcome::Done) } else { say(&format!("{missing}\n")) };
+        }
+        let done = if self.collect { None } else { Some(self.compute(&parts)?) };
+        let merged = match self.shard {
+            None if !parts.merged() => match sweep::collect(&parts) {
+                Ok(merged) => Some(merged),
+                // Another process was first, and has removed the parts.
+                Err(_) if parts.merged() => None,
+                Err(error) => return Err(error.into()),
+            },
+            _ => None,
+        };
+        print(&SweepReport { grid: &grid, parts: &parts, shard: self.shard, done, merged }, &self.report)?;
+        Ok(Outcome::Done)
+    }
+
+    fn compute(&self, parts: &Parts) -> Result<sweep::Done, Failure> {
+        let bar = progress(0, "points");
+        let plan = |points| {
+            bar.set_length(points);
+            bar.reset_eta();
+        };
+        let done = sweep::run(parts, self.shard, plan, || bar.inc(1));
+        bar.finish_and_clear();
+        Ok(done?)
+    }
+}
+
+fn say(text: &str) -> Result<Outcome, Failure> {
+    let mut out = stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::Output)?;
+    Ok(Outcome::Done)
+}

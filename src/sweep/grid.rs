@@ -1,0 +1,251 @@
+//! The grid file (TOML) → missions, axes and what is recorded; the number of a point → its settings.
+//!
+//! Lists and ranges are combined in full, the last one fastest; distributions are drawn from, `draws` times at every
+//! combination, with the same draws at each: designs are compared under the same circumstances. Missions vary slowest,
+//! draws fastest. A [`Grid`] that was read is valid, but for what its keys say together at single points.
+
+use std::fs;
+use std::path::Path;
+
+use sha2::{Digest, Sha256};
+use toml::Value;
+
+use super::distribution::Distribution;
+use super::output::Output;
+use super::sample::{Sample, Sampling};
+use crate::error::InputError;
+use crate::mission::keys::Kind;
+use crate::mission::{Date, Mission};
+
+mod read;
+
+/// Most points of a sweep.
+pub const MOST_POINTS: u64 = 100_000_000;
+
+/// A key, and what it is to be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// Dotted key of the mission.
+    pub key: String,
+    /// Its values.
+    pub values: Values,
+}
+
+/// Values of an axis.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Values {
+    /// All of these, in this order.
+    Listed(Vec<Value>),
+    /// One of these for each draw, with the same probability.
+    Chosen(Vec<Value>),
+    /// A number for each draw.
+    Drawn(Distribution),
+    /// The nearest whole number for each draw.
+    DrawnWhole(Distribution),
+    /// A day for each draw, between two of them, both included.
+    DrawnDays(chrono::NaiveDate, chrono::NaiveDate),
+}
+
+/// A grid file.
+#[derive(Clone, Debug)]
+pub struct Grid {
+    /// The path as given, for messages.
+    pub name: String,
+    /// Missions, each with its path as the grid file writes it.
+    pub missions: Vec<(String, Mission)>,
+    /// Keys that vary, in the order of the file.
+    pub axes: Vec<Axis>,
+    /// How distributions are drawn from; None where there are none.
+    pub sampling: Option<Sampling>,
+    /// Draws at every combination of the lists; 1 where there are no distributions.
+    pub draws: u64,
+    /// Seed of the draws.
+    pub seed: u64,
+    /// What is recorded, in the order of the file.
+    pub records: Vec<Output>,
+    /// Points that are computed and written together.
+    pub chunk_points: u64,
+    /// Tells this sweep from others: a hash of missions, axes, draws, what is recorded, and ctiplan's version. Comments
+    /// and the order of words in the files do not matter to it.
+    pub fingerprint: String,
+    sample: Sample,
+}
+
+/// What a column of the result holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Holds {
+    /// Numbers.
+    Numbers,
+    /// Whole numbers.
+    Integers,
+    /// Words.
+    Words,
+    /// Days.
+    Days,
+}
+
+impl Grid {
+    /// Reads a grid file and its missions.
+    ///
+    /// # Errors
+    /// Where a file cannot be read, or what it says makes no sense: one message with line, key, value and what is allowed.
+    pub fn read(path: impl AsRef<Path>) -> Result<Grid, InputError> {
+        let path = path.as_ref();
+        let refused = format!("cannot use grid `{}`", path.display());
+        let text = fs::read_to_string(path).map_err(|error| {
+            let problem = match error.kind() {
+                std::io::ErrorKind::NotFound => "there is no such file".to_string(),
+                std::io::ErrorKind::IsADirectory => "this is a folder, not a file".to_string(),
+                std::io::ErrorKind::InvalidData => "the file is not text in UTF-8".to_string(),
+                _ => error.to_string(),
+            };
+            InputError::new(&refused, problem)
+        })?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        read::grid(&refused, path.display().to_string(), &text, folder)
+    }
+
+    /// Number of points.
+    pub fn points(&self) -> u64 {
+        self.missions.len() as u64 * self.combinations() * self.draws
+    }
+
+    /// Combinations of listed values.
+    pub fn combinations(&self) -> u64 {
+        self.axes.iter().map(|axis| axis.values.listed() as u64).product()
+    }
+
+    /// Number of chunks of points.
+    pub fn chunks(&self) -> u64 {
+        self.points().div_ceil(self.chunk_points)
+    }
+
+    /// The points of a chunk.
+    pub fn chunk(&self, chunk: u64) -> std::ops::Range<u64> {
+        let start = chunk * self.chunk_points;
+        start..(start + self.chunk_points).min(self.points())
+    }
+
+    /// The mission of a point, by its place, and the value of each axis there.
+    pub fn point(&self, point: u64) -> (usize, Vec<(String, Value)>) {
+        let mut places = self.sample.places(point % self.draws).into_iter();
+        let mut rest = point / self.draws;
+        let mut settings: Vec<(String, Value)> = Vec::with_capacity(self.axes.len());
+        // The last list is the fastest.
+        for axis in self.axes.iter().rev() {
+            let listed = axis.values.listed() as u64;
+            if let Values::Listed(values) = &axis.values {
+                settings.push((axis.key.clone(), values[(rest % listed) as usize].clone()));
+            } else {
+                // Filled in below, in the order of the file.
+                settings.push((axis.key.clone(), Value::Boolean(false)));
+            }
+            rest /= listed;
+        }
+        settings.reverse();
+        for (axis, setting) in self.axes.iter().zip(&mut settings) {
+            if !matches!(axis.values, Values::Listed(_)) {
+                setting.1 = axis.values.at(places.next().expect("a place in every distribution"));
+            }
+        }
+        (rest as usize, settings)
+    }
+
+    /// What is recorded, a column each: the quantity, and of which galaxy.
+    pub fn outputs(&self) -> Vec<(Output, Option<&str>)> {
+        let mut galaxies: Vec<&str> = Vec::new();
+        for (_, mission) in &self.missions {
+            for galaxy in &mission.galaxies {
+                if !galaxies.contains(&galaxy.name.as_str()) {
+                    galaxies.push(&galaxy.name);
+                }
+            }
+        }
+        let columns = |output: &Output| -> Vec<(Output, Option<&str>)> {
+            match output.of_galaxies() {
+                true => galaxies.iter().map(|galaxy| (*output, Some(*galaxy))).collect(),
+                false => vec![(*output, None)],
+            }
+        };
+        self.records.iter().flat_map(columns).collect()
+    }
+
+    /// Names of the columns of a result, and what they hold.
+    pub fn columns(&self) -> Vec<(String, Holds)> {
+        let mut columns = vec![
+            ("sweep".to_string(), Holds::Words),
+            ("point".to_string(), Holds::Integers),
+            ("mission_file".to_string(), Holds::Words),
+        ];
+        columns.extend(self.axes.iter().map(|axis| (axis.key.clone(), axis.values.holds())));
+        columns.extend(self.outputs().into_iter().map(|(output, galaxy)| {
+            let name = match galaxy {
+                Some(galaxy) => format!("{}.{galaxy}", output.name()),
+                None => output.name().to_string(),
+            };
+            (name, Holds::Numbers)
+        }));
+        columns.extend([("warnings".to_string(), Holds::Words), ("problem".to_string(), Holds::Words)]);
+        columns
+    }
+
+    fn hash(&self) -> String {
+        let mut said = format!("ctiplan {}\n", env!("CARGO_PKG_VERSION"));
+        for (name, mission) in &self.missions {
+            said.push_str(&format!("{name:?}\n{}\n", mission.to_toml()));
+        }
+        // Numbers are written so that no two are alike.
+        said.push_str(&format!("{:?} {:?} {}\n", self.axes, self.sampling, self.draws));
+        said.push_str(&format!("{} {:?} {}\n", self.seed, self.columns(), self.chunk_points));
+        Sha256::digest(said.as_bytes()).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+impl Values {
+    /// Values that are combined with those of other axes: 1 where they are drawn.
+    fn listed(&self) -> usize {
+        match self {
+            Values::Listed(values) => values.len(),
+            _ => 1,
+        }
+    }
+
+    /// The value that a share `u` of all is below.
+    fn at(&self, u: f64) -> Value {
+        match self {
+            Values::Listed(values) | Values::Chosen(values) => {
+                values[((u * values.len() as f64) as usize).min(values.len() - 1)].clone()
+            }
+            Values::Drawn(distribution) => Value::Float(distribution.quantile(u)),
+            Values::DrawnWhole(distribution) => Value::Integer(distribution.quantile(u).round() as i64),
+            Values::DrawnDays(from, to) => {
+                let days = (*to - *from).num_days();
+                let day = ((u * (days + 1) as f64) as i64).min(days);
+                Value::Datetime(Date(*from + chrono::TimeDelta::days(day)).into())
+            }
+        }
+    }
+
+    fn holds(&self) -> Holds {
+        match self {
+            Values::Listed(values) | Values::Chosen(values) => match values[0] {
+                Value::Float(_) => Holds::Numbers,
+                Value::Integer(_) => Holds::Integers,
+                Value::Datetime(_) => Holds::Days,
+                _ => Holds::Words,
+            },
+            Values::Drawn(_) => Holds::Numbers,
+            Values::DrawnWhole(_) => Holds::Integers,
+            Values::DrawnDays(..) => Holds::Days,
+        }
+    }
+}
+
+/// Whether a key takes numbers, and whether whole ones.
+fn whole(kind: Kind) -> Option<bool> {
+    match kind {
+        Kind::Number(..) | Kind::Positive(..) => Some(false),
+        Kind::Integer(..) => Some(true),
+        _ => None,
+    }
+}

@@ -1,0 +1,611 @@
+//! Text → checked grid.
+
+use std::ops::Range;
+use std::path::Path;
+
+use chrono::NaiveDate;
+use toml::Value;
+use toml::de::{DeTable, DeValue};
+
+use super::{Axis, Grid, MOST_POINTS, Values, whole};
+use crate::error::{InputError, nearest};
+use crate::mission::keys::{self, Kind, plain};
+use crate::mission::{Date, Mission, check_value, line_at};
+use crate::scenario;
+use crate::sweep::distribution::Distribution;
+use crate::sweep::output::Output;
+use crate::sweep::sample::{Sample, Sampling};
+
+/// What stands at the top of a grid file.
+const KNOWN: [&str; 7] = ["mission", "outputs", "sampling", "draws", "seed", "chunk_points", "axes"];
+
+/// Distributions, each with what it must say and what it may.
+const DISTRIBUTIONS: [(&str, &[&str], &[&str]); 5] = [
+    ("uniform", &["from", "to"], &[]),
+    ("log-uniform", &["from", "to"], &[]),
+    ("normal", &["mean", "sigma"], &["min", "max"]),
+    ("log-normal", &["median", "sigma"], &["min", "max"]),
+    ("choice", &["values"], &[]),
+];
+
+const SAMPLINGS: [&str; 3] = ["grid", "latin-hypercube", "monte-carlo"];
+
+/// Least share of a distribution that may be left when it is cut: below that, quantiles lose their digits.
+const LEAST_KEPT: f64 = 1e-6;
+
+/// So many chunks where the file does not say how large they are.
+const CHUNKS: u64 = 256;
+
+/// Largest chunk where the file does not say.
+const MOST_CHUNK_POINTS: u64 = 1000;
+
+pub(super) fn grid(refused: &str, name: String, text: &str, folder: &Path) -> Result<Grid, InputError> {
+    let document = DeTable::parse(text).map_err(|error| {
+        let line = error.span().map(|span| line_at(text, span.start));
+        InputError {
+            place: line.map(|line| format!("line {line}: {}", text.lines().nth(line - 1).unwrap_or("").trim())),
+            ..InputError::new(refused, error.message().replace('\n', " "))
+        }
+        .with_help("the file must be TOML: key = value lines and an [axes] section, words in quotes")
+    })?;
+    let source = Source { refused, text };
+    source.read(document.get_ref(), name, folder)
+}
+
+struct Source<'a> {
+    refused: &'a str,
+    text: &'a str,
+}
+
+/// An axis, where it stands, and what its key takes.
+struct Placed<'a> {
+    axis: Axis,
+    entry: Entry<'a>,
+    key: &'static keys::Key,
+}
+
+/// A key as users write it, its value, and where the two stand in the text.
+struct Entry<'a> {
+    key: String,
+    value: &'a DeValue<'a>,
+    line: usize,
+    span: Range<usize>,
+}
+
+impl Source<'_> {
+    fn read(&self, document: &DeTable, name: String, folder: &Path) -> Result<Grid, InputError> {
+        let entries = self.entries(document, "");
+        for entry in &entries {
+            if !KNOWN.contains(&entry.key.as_str()) {
+                let help = match nearest(&entry.key, KNOWN) {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None if keys::is_table(&entry.key) => {
+                        format!("keys of the mission stand under [axes]: [axes.{}]", entry.key)
+                    }
+                    None => format!("known here: {}", KNOWN.join(", ")),
+                };
+                return Err(self
+                    .fault(entry, format!("no key of a grid file is called `{}`", entry.key))
+                    .with_help(help));
+            }
+        }
+        let find = |key: &str| entries.iter().find(|entry| entry.key == key);
+        let missions = self.missions(find("mission"), folder)?;
+        let axes = match find("axes") {
+            None => Vec::new(),
+            Some(entry) => match entry.value {
+                DeValue::Table(table) => self.axes(table, &missions)?,
+                _ => {
+                    return Err(self
+                        .fault(entry, "must be a table: write [axes]")
+                        .with_help("such as readout.transfers = [825, 1650]"));
+                }
+            },
+        };
+        if missions.len() == 1 && axes.is_empty() {
+            return Err(InputError::new(self.refused, "there is one mission and nothing that varies")
+                .with_help("add [axes] with a line such as readout.transfers = [825, 1650]"));
+        }
+        let drawn: Vec<&Placed> =
+            axes.iter().filter(|placed| !matches!(placed.axis.values, Values::Listed(_))).collect();
+        let sampling = self.sampling(find("sampling"), drawn.first().map(|placed| placed.axis.key.as_str()))?;
+        let draws = match (find("draws"), sampling) {
+            (Some(entry), None) => {
+                return Err(self
+                    .fault(entry, "there is no distribution to draw from: lists and ranges are combined in full")
+                    .with_help(
+                        "leave draws away, or write { distribution = \"uniform\", from = ..., to = ... } for a key",
+                    ));
+            }
+            (Some(entry), Some(_)) => {
+                self.whole_number(entry, "number of draws at every combination of the lists", 1, MOST_POINTS)?
+            }
+            (None, None) => 1,
+            (None, Some(_)) => {
+                return Err(InputError::new(
+                    self.refused,
+                    format!(
+                        "`draws` is missing: the number of draws at every combination of the lists (whole numbers from 1 to {MOST_POINTS})"
+                    ),
+                ));
+            }
+        };
+        let seed =
+            find("seed").map_or(Ok(1), |entry| self.whole_number(entry, "seed of the draws", 0, i64::MAX as u64))?;
+        let records = self.records(find("outputs"))?;
+        let listed = axes.iter().try_fold(missions.len() as u64 * draws, |product, placed| {
+            product.checked_mul(placed.axis.values.listed() as u64)
+        });
+        let Some(points) = listed.filter(|points| *points <= MOST_POINTS) else {
+            return Err(InputError::new(
+                self.refused,
+                format!("more than {MOST_POINTS} points: missions, listed values and draws are multiplied"),
+            )
+            .with_help(
+                "give distributions instead of lists: { distribution = \"choice\", values = [...] } draws from a list",
+            ));
+        };
+        let usual = points.div_ceil(CHUNKS).clamp(1, MOST_CHUNK_POINTS);
+        let chunk_points = find("chunk_points").map_or(Ok(usual), |entry| {
+            self.whole_number(entry, "number of points that are written together", 1, 1_000_000)
+        })?;
+        let sample = Sample::new(sampling.unwrap_or(Sampling::MonteCarlo), seed, draws, drawn.len());
+        self.check_draws(&drawn, &sample, draws)?;
+        let axes = axes.into_iter().map(|placed| placed.axis).collect();
+        let mut grid = Grid {
+            name,
+            missions,
+            axes,
+            sampling,
+            draws,
+            seed,
+            records,
+            chunk_points,
+            fingerprint: String::new(),
+            sample,
+        };
+        grid.fingerprint = grid.hash();
+        Ok(grid)
+    }
+
+    fn missions(&self, entry: Option<&Entry>, folder: &Path) -> Result<Vec<(String, Mission)>, InputError> {
+        let Some(entry) = entry else {
+            return Err(InputError::new(
+                self.refused,
+                "`mission` is missing: the path of a mission file, relative to the grid file",
+            )
+            .with_help("such as mission = \"snap_l2.toml\", or a list of several"));
+        };
+        let paths: Option<Vec<String>> = match entry.value {
+            DeValue::String(path) => Some(vec![path.to_string()]),
+            DeValue::Array(paths) => paths
+                .iter()
+                .map(|path| match path.get_ref() {
+                    DeValue::String(path) => Some(path.to_string()),
+                    _ => None,
+                })
+                .collect(),
+            _ => None,
+        };
+        let paths = paths
+            .filter(|paths| !paths.is_empty())
+            .ok_or_else(|| self.fault(entry, "allowed: the path of a mission file in quotes, or a list of several"))?;
+        if let Some(twice) = (1..paths.len()).find(|&index| paths[..index].contains(&paths[index])) {
+            return Err(self.fault(entry, format!("the mission \"{}\" stands twice", paths[twice])));
+        }
+        paths
+            .into_iter()
+            .map(|path| {
+                let mission = Mission::read(folder.join(&path)).map_err(|error| match error.problem.as_str() {
+                    "there is no such file" => {
+                        let problem = format!("there is no file `{}`", folder.join(&path).display());
+                        self.fault(entry, problem).with_help("paths are relative to the grid file")
+                    }
+                    _ => error,
+                })?;
+                Ok((path, mission))
+            })
+            .collect()
+    }
+
+    fn sampling(&self, entry: Option<&Entry>, first_drawn: Option<&str>) -> Result<Option<Sampling>, InputError> {
+        let allowed =
+            "allowed: \"latin-hypercube\", \"monte-carlo\", or \"grid\" where there are lists and ranges alone";
+        let Some(entry) = entry else {
+            return match first_drawn {
+                None => Ok(None),
+                Some(key) => Err(InputError::new(
+                    self.refused,
+                    format!("`sampling` is missing: how distributions are drawn from, such as that of {key}"),
+                )
+                .with_help("sampling = \"latin-hypercube\" or \"monte-carlo\"")),
+            };
+        };
+        let DeValue::String(word) = entry.value else {
+            return Err(self.fault(entry, format!("the sampling is of the wrong kind; {allowed}")));
+        };
+        match (word.as_ref(), first_drawn) {
+            ("grid", None) => Ok(None),
+            ("grid", Some(key)) => Err(self
+                .fault(entry, format!("{key} has a distribution, which cannot be combined in full"))
+                .with_help("sampling = \"latin-hypercube\" or \"monte-carlo\", or a list or range for the key")),
+            ("latin-hypercube" | "monte-carlo", None) => Err(self
+                .fault(entry, "there is no distribution to draw from: lists and ranges are combined in full")
+                .with_help("{ distribution = \"choice\", values = [...] } draws from a list")),
+            ("latin-hypercube", Some(_)) => Ok(Some(Sampling::LatinHypercube)),
+            ("monte-carlo", Some(_)) => Ok(Some(Sampling::MonteCarlo)),
+            (word, _) => {
+                let help = nearest(word, SAMPLINGS).map(|near| format!("did you mean \"{near}\"?"));
+                Err(InputError { help, ..self.fault(entry, format!("the sampling is \"{word}\"; {allowed}")) })
+            }
+        }
+    }
+
+    fn records(&self, entry: Option<&Entry>) -> Result<Vec<Output>, InputError> {
+        let Some(entry) = entry else { return Ok(Output::USUAL.to_vec()) };
+        let names = || Output::ALL.iter().map(|output| output.name());
+        let wrong = || self.fault(entry, format!("allowed: a list of {}", names().collect::<Vec<_>>().join(", ")));
+        let DeValue::Array(members) = entry.value else { return Err(wrong()) };
+        if members.is_empty() {
+            return Err(wrong());
+        }
+        let mut records = Vec::new();
+        for member in members {
+            let DeValue::String(name) = member.get_ref() else { return Err(wrong()) };
+            let Some(output) = Output::ALL.into_iter().find(|output| output.name() == name.as_ref()) else {
+                let help = match nearest(name, names()) {
+                    Some(near) => format!("did you mean \"{near}\"?"),
+                    None => format!("known: {}", names().collect::<Vec<_>>().join(", ")),
+                };
+                return Err(self.fault(entry, format!("no output is called \"{name}\"")).with_help(help));
+            };
+            if records.contains(&output) {
+                return Err(self.fault(entry, format!("\"{name}\" stands twice")));
+            }
+            records.push(output);
+        }
+        Ok(records)
+    }
+
+    /// Axes in the order of the file.
+    fn axes<'a>(&self, table: &'a DeTable<'a>, missions: &[(String, Mission)]) -> Result<Vec<Placed<'a>>, InputError> {
+        let mut leaves = Vec::new();
+        self.leaves(table, "", &missions[0].1, &mut leaves);
+        // Dotted keys of one section need not stand together.
+        leaves.sort_by_key(|entry| (entry.line, entry.span.start));
+        let mut axes: Vec<Placed> = Vec::new();
+        for mut entry in leaves {
+            let mut found = None;
+            for (path, mission) in missions {
+                let place = mission.path(&entry.key).map_err(|(problem, help)| {
+                    let problem = if missions.len() > 1 { format!("{problem} (in {path})") } else { problem };
+                    InputError { help, ..self.fault_at(&entry, problem) }
+                })?;
+                found = keys::find(&place);
+            }
+            let Some(key) = found else {
+                return Err(self.fault_at(&entry, format!("no key is called `{}`", entry.key)));
+            };
+            if axes.iter().any(|placed| placed.axis.key == entry.key) {
+                return Err(self.fault_at(&entry, "the key stands twice under [axes]"));
+            }
+            let values = self.values(&entry, key)?;
+            let axis_key = entry.key.clone();
+            entry.key = format!("axes.{}", entry.key);
+            axes.push(Placed { axis: Axis { key: axis_key, values }, entry, key });
+        }
+        Ok(axes)
+    }
+
+    /// `detector.temperature_k = ...` may be a key in quotes, a dotted key, or a key in [axes.detector].
+    fn leaves<'a>(&self, table: &'a DeTable<'a>, prefix: &str, mission: &Mission, leaves: &mut Vec<Entry<'a>>) {
+        for entry in self.entries(table, prefix) {
+            match entry.value {
+                DeValue::Table(inner)
+                    if !inner.iter().any(|(name, _)| name.get_ref() == "distribution")
+                        && mission.path(&entry.key).is_err()
+                        && !inner.is_empty() =>
+                {
+                    self.leaves(inner, &format!("{}.", entry.key), mission, leaves);
+                }
+                _ => leaves.push(entry),
+            }
+        }
+    }
+
+    fn values(&self, entry: &Entry, key: &'static keys::Key) -> Result<Values, InputError> {
+        match entry.value {
+            DeValue::Array(members) if !members.is_empty() => self.list(entry, key, members).map(Values::Listed),
+            DeValue::Array(_) => Err(self
+                .fault_at(entry, "the list is empty")
+                .with_help("leave the line away to keep the mission's value")),
+            DeValue::String(text) => {
+                let axis = scenario::Axis::parse(&entry.key, text)
+                    .map_err(|error| InputError { help: error.help, ..self.fault_at(entry, error.problem) })?;
+                for value in &axis.values {
+                    self.check(entry, key, value)?;
+                }
+                Ok(Values::Listed(axis.values))
+            }
+            DeValue::Table(table) => self.distribution(entry, key, table),
+            value => {
+                check_value(value, key, |problem| self.fault_at(entry, problem))?;
+                Ok(Values::Listed(vec![self.number_as_wanted(key, self.value(entry.span.clone()))]))
+            }
+        }
+    }
+
+    fn list(
+        &self,
+        entry: &Entry,
+        key: &'static keys::Key,
+        members: &toml::de::DeArray,
+    ) -> Result<Vec<Value>, InputError> {
+        members
+            .iter()
+            .map(|member| {
+                check_value(member.get_ref(), key, |problem| self.fault_at(entry, problem))?;
+                Ok(self.number_as_wanted(key, self.value(member.span())))
+            })
+            .collect()
+    }
+
+    fn distribution(&self, entry: &Entry, key: &'static keys::Key, table: &DeTable) -> Result<Values, InputError> {
+        let kinds = || DISTRIBUTIONS.iter().map(|(kind, ..)| *kind);
+        let known = kinds().map(|kind| format!("\"{kind}\"")).collect::<Vec<_>>().join(", ");
+        let members = self.entries(table, "");
+        let find = |name: &str| members.iter().find(|member| member.key == name);
+        let Some(kind) = find("distribution") else {
+            return Err(self.fault_at(
+                entry,
+                format!("a table says how values are drawn, and `distribution` is missing: {known}"),
+            ));
+        };
+        let DeValue::String(kind) = kind.value else {
+            return Err(self.fault_at(entry, format!("the distribution is of the wrong kind; allowed: {known}")));
+        };
+        let Some((kind, required, optional)) = DISTRIBUTIONS.into_iter().find(|(known, ..)| *known == kind.as_ref())
+        else {
+            let help = nearest(kind, kinds()).map(|near| format!("did you mean \"{near}\"?"));
+            return Err(InputError {
+                help,
+                ..self.fault_at(entry, format!("the distribution is \"{kind}\"; allowed: {known}"))
+            });
+        };
+        let allowed: Vec<&str> = ["distribution"].iter().chain(required).chain(optional).copied().collect();
+        if let Some(unknown) = members.iter().find(|member| !allowed.contains(&member.key.as_str())) {
+            let help = match nearest(&unknown.key, allowed.iter().copied()) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("known here: {}", allowed.join(", ")),
+            };
+            return Err(self
+                .fault_at(entry, format!("a {kind} distribution has no `{}`", unknown.key))
+                .with_help(help));
+        }
+        if let Some(missing) = required.iter().find(|name| find(name).is_none()) {
+            return Err(self.fault_at(
+                entry,
+                format!("`{missing}` is missing: a {kind} distribution needs {}", required.join(" and ")),
+            ));
+        }
+        if kind == "choice" {
+            let DeValue::Array(values) = find("values").expect("required").value else {
+                return Err(self.fault_at(entry, "values must be a list"));
+            };
+            if values.is_empty() {
+                return Err(self.fault_at(entry, "the list of values is empty"));
+            }
+            return self.list(entry, key, values).map(Values::Chosen);
+        }
+        if matches!(key.kind, Kind::Date) {
+            return self.days(entry, kind, find("from"), find("to"));
+        }
+        let Some(whole) = whole(key.kind) else {
+            return Err(self
+                .fault_at(entry, format!("the {} is no number: a {kind} distribution has none of it", key.what))
+                .with_help("{ distribution = \"choice\", values = [...] } draws from a list"));
+        };
+        let number = |name: &str, otherwise: f64| find(name).map_or(Ok(otherwise), |member| self.number(entry, member));
+        let distribution = match kind {
+            "uniform" => Distribution::Uniform { from: number("from", 0.0)?, to: number("to", 0.0)? },
+            "log-uniform" => Distribution::LogUniform { from: number("from", 0.0)?, to: number("to", 0.0)? },
+            "normal" => Distribution::Normal {
+                mean: number("mean", 0.0)?,
+                sigma: number("sigma", 0.0)?,
+                ends: (number("min", f64::NEG_INFINITY)?, number("max", f64::INFINITY)?),
+            },
+            _ => Distribution::LogNormal {
+                median: number("median", 0.0)?,
+                sigma: number("sigma", 0.0)?,
+                ends: (number("min", 0.0)?, number("max", f64::INFINITY)?),
+            },
+        };
+        self.sensible(entry, distribution)?;
+        Ok(if whole { Values::DrawnWhole(distribution) } else { Values::Drawn(distribution) })
+    }
+
+    fn sensible(&self, entry: &Entry, distribution: Distribution) -> Result<(), InputError> {
+        let problem = match distribution {
+            Distribution::Uniform { from, to } | Distribution::LogUniform { from, to } if from >= to => {
+                Some(format!("from ({}) must be below to ({})", plain(from), plain(to)))
+            }
+            Distribution::LogUniform { from, .. } if from <= 0.0 => {
+                Some(format!("from is {}; allowed: above 0, for its logarithm", plain(from)))
+            }
+            Distribution::LogNormal { median, .. } if median <= 0.0 => {
+                Some(format!("the median is {}; allowed: above 0, for its logarithm", plain(median)))
+            }
+            Distribution::Normal { sigma, .. } | Distribution::LogNormal { sigma, .. } if sigma <= 0.0 => {
+                Some(format!("sigma is {}; allowed: above 0", plain(sigma)))
+            }
+            Distribution::Normal { ends, .. } | Distribution::LogNormal { ends, .. } if ends.0 >= ends.1 => {
+                Some(format!("min ({}) must be below max ({})", plain(ends.0), plain(ends.1)))
+            }
+            _ if distribution.kept() < LEAST_KEPT => {
+                Some(format!("less than {LEAST_KEPT:e} of the distribution lies between min and max"))
+            }
+            _ => None,
+        };
+        problem.map_or(Ok(()), |problem| Err(self.fault_at(entry, problem)))
+    }
+
+    fn days(&self, entry: &Entry, kind: &str, from: Option<&Entry>, to: Option<&Entry>) -> Result<Values, InputError> {
+        if kind != "uniform" {
+            return Err(
+                self.fault_at(entry, format!("days have no {kind} distribution; allowed: \"uniform\", \"choice\""))
+            );
+        }
+        let day = |member: &Entry| -> Result<NaiveDate, InputError> {
+            let wrong = |why: &str| {
+                self.fault_at(entry, format!("{} {why}: a date without quotes, such as 2030-01-01", member.key))
+            };
+            match member.value {
+                DeValue::Datetime(datetime) => {
+                    Date::try_from(*datetime).map(|date| date.0).map_err(|problem| self.fault_at(entry, problem))
+                }
+                _ => Err(wrong("must be a day")),
+            }
+        };
+        let (Some(from), Some(to)) = (from, to) else { unreachable!("both are required") };
+        let (from, to) = (day(from)?, day(to)?);
+        if from >= to {
+            return Err(self.fault_at(entry, format!("from ({from}) must be before to ({to})")));
+        }
+        Ok(Values::DrawnDays(from, to))
+    }
+
+    /// Every number that will be drawn is allowed for its key.
+    fn check_draws(&self, drawn: &[&Placed], sample: &Sample, draws: u64) -> Result<(), InputError> {
+        // Quantiles rise: the least and the largest place tell.
+        let mut ends = vec![((f64::INFINITY, 0), (0.0, 0)); drawn.len()];
+        for draw in 0..draws {
+            for (place, (least, most)) in sample.places(draw).into_iter().zip(&mut ends) {
+                if place < least.0 {
+                    *least = (place, draw);
+                }
+                if place > most.0 {
+                    *most = (place, draw);
+                }
+            }
+        }
+        for (placed, (least, most)) in drawn.iter().zip(ends) {
+            let Placed { axis, entry, key } = placed;
+            for (place, draw) in [least, most] {
+                let number = match axis.values.at(place) {
+                    Value::Float(number) => number,
+                    Value::Integer(integer) => integer as f64,
+                    _ => continue,
+                };
+                if key.kind.refuses(number) {
+                    let unit = if key.unit.is_empty() { String::new() } else { format!(" {}", key.unit) };
+                    let problem = format!(
+                        "in draw {draw} the {} is {}{unit}; allowed: {}",
+                        key.what,
+                        plain(number),
+                        key.kind.allowed(key.unit)
+                    );
+                    return Err(self
+                        .fault(entry, problem)
+                        .with_help("cut the distribution with min and max, or make it narrower"));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn check(&self, entry: &Entry, key: &keys::Key, value: &Value) -> Result<(), InputError> {
+        let text = format!("value = {value}");
+        let table = DeTable::parse(&text).expect("a value that was read");
+        let value = table.get_ref().iter().next().expect("one value").1;
+        check_value(value.get_ref(), key, |problem| self.fault_at(entry, problem))
+    }
+
+    fn number(&self, entry: &Entry, member: &Entry) -> Result<f64, InputError> {
+        let number = match self.value(member.span.clone()) {
+            Value::Float(number) => Some(number),
+            Value::Integer(integer) => Some(integer as f64),
+            _ => None,
+        };
+        number
+            .filter(|number| number.is_finite())
+            .ok_or_else(|| self.fault_at(entry, format!("{} must be a number", member.key)))
+    }
+
+    fn whole_number(&self, entry: &Entry, what: &str, least: u64, most: u64) -> Result<u64, InputError> {
+        let allowed = if most == i64::MAX as u64 {
+            format!("whole numbers from {least}")
+        } else {
+            format!("whole numbers from {least} to {most}")
+        };
+        match entry.value {
+            DeValue::Integer(_) => {
+                match self.value(entry.span.clone()) {
+                    Value::Integer(integer)
+                        if u64::try_from(integer).is_ok_and(|integer| (least..=most).contains(&integer)) =>
+                    {
+                        Ok(integer as u64)
+                    }
+                    _ => Err(self
+                        .fault(entry, format!("the {what} is {}; allowed: {allowed}", &self.text[entry.span.clone()]))),
+                }
+            }
+            _ => Err(self.fault(entry, format!("the {what} is of the wrong kind; allowed: {allowed}"))),
+        }
+    }
+
+    /// The value that is written at a place of the text.
+    fn value(&self, span: Range<usize>) -> Value {
+        let table: toml::Table = format!("value = {}", &self.text[span]).parse().expect("a value that was parsed");
+        table["value"].clone()
+    }
+
+    /// 5 stands for 5.0 where a key takes any number: a column holds one kind.
+    fn number_as_wanted(&self, key: &keys::Key, value: Value) -> Value {
+        match (key.kind, value) {
+            (Kind::Number(..) | Kind::Positive(..), Value::Integer(integer)) => Value::Float(integer as f64),
+            (_, value) => value,
+        }
+    }
+
+    fn entries<'a>(&self, table: &'a DeTable<'a>, prefix: &str) -> Vec<Entry<'a>> {
+        let mut entries: Vec<Entry> = table
+            .iter()
+            .map(|(name, value)| Entry {
+                key: format!("{prefix}{}", name.get_ref()),
+                value: value.get_ref(),
+                line: line_at(self.text, name.span().start),
+                span: value.span(),
+            })
+            .collect();
+        entries.sort_by_key(|entry| (entry.line, entry.span.start));
+        entries
+    }
+
+    /// A refusal at a key of the grid file itself.
+    fn fault(&self, entry: &Entry, problem: impl Into<String>) -> InputError {
+        let value = &self.text[entry.span.clone()];
+        let place = if value.starts_with('[') && !value.contains('=') && !matches!(entry.value, DeValue::Array(_)) {
+            value.to_string()
+        } else {
+            let mut value: String = value.split_whitespace().collect::<Vec<_>>().join(" ");
+            if value.chars().count() > 60 {
+                value = value.chars().take(57).chain("...".chars()).collect();
+            }
+            format!("{} = {value}", entry.key)
+        };
+        InputError { place: Some(format!("line {}: {place}", entry.line)), ..InputError::new(self.refused, problem) }
+    }
+
+    /// A refusal at an axis.
+    fn fault_at(&self, entry: &Entry, problem: impl Into<String>) -> InputError {
+        self.fault(
+            &Entry {
+                key: format!("axes.{}", entry.key),
+                value: entry.value,
+                line: entry.line,
+                span: entry.span.clone(),
+            },
+            problem,
+        )
+    }
+}

@@ -1,0 +1,83 @@
+//! What a sweep records of each point.
+
+/// A quantity of one point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// Dose since launch at the end of the mission, MeV/g.
+    Dose,
+    /// Active time of the mission, yr.
+    ActiveYears,
+    /// |Δe| of the judged galaxy at the end of the mission.
+    DeltaE,
+    /// When the budget is exceeded without correction, years since launch.
+    ExceededUncorrected,
+    /// When the budget is exceeded with correction, years since launch.
+    ExceededCorrected,
+    /// Limit less |Δe| at the end of the mission, without correction.
+    MarginUncorrected,
+    /// Limit times the correction factor less |Δe| at the end of the mission.
+    MarginCorrected,
+    /// d|Δe|/dt just after launch, per yr.
+    RateAtLaunch,
+    /// |Δe| at the end of the mission over its duration, per yr.
+    MeanRate,
+    /// Change of e1 of every galaxy at the end of the mission.
+    DeltaE1,
+    /// Change of the centroid of every galaxy along y, px.
+    DeltaY,
+    /// Change of the size of every galaxy, as a fraction.
+    DeltaSize,
+    /// Change of the flux of every galaxy, as a fraction.
+    DeltaFlux,
+}
+
+use Output::{
+    ActiveYears, DeltaE, DeltaE1, DeltaFlux, DeltaSize, DeltaY, Dose, ExceededCorrected, ExceededUncorrected,
+    MarginCorrected, MarginUncorrected, MeanRate, RateAtLaunch,
+};
+
+impl Output {
+    /// All of them.
+    pub const ALL: [Output; 13] = [
+        Dose,
+        ActiveYears,
+        DeltaE,
+        ExceededUncorrected,
+        ExceededCorrected,
+        MarginUncorrected,
+        MarginCorrected,
+        RateAtLaunch,
+        MeanRate,
+        DeltaE1,
+        DeltaY,
+        DeltaSize,
+        DeltaFlux,
+    ];
+
+    /// What is recorded where the grid file does not say.
+    pub const USUAL: [Output; 4] = [Dose, DeltaE, ExceededUncorrected, ExceededCorrected];
+
+    /// Name in grid files and of the column.
+    pub fn name(self) -> &'static str {
+        match self {
+            Dose => "dose_mev_g",
+            ActiveYears => "active_yr",
+            DeltaE => "delta_e",
+            ExceededUncorrected => "exceeded_yr",
+            ExceededCorrected => "exceeded_corrected_yr",
+            MarginUncorrected => "margin_delta_e",
+            MarginCorrected => "margin_corrected_delta_e",
+            RateAtLaunch => "rate_at_launch_per_yr",
+            MeanRate => "mean_rate_per_yr",
+            DeltaE1 => "delta_e1",
+            DeltaY => "delta_y_px",
+            DeltaSize => "delta_size",
+            DeltaFlux => "delta_flux",
+        }
+    }
+
+    /// Whether there is a column of it for every galaxy.
+    pub fn of_galaxies(self) -> bool {
+        matches!(self, DeltaE1 | DeltaY | DeltaSize | DeltaFlux)
+    }
+}

@@ -1,0 +1,77 @@
+//! Computes the points that are missing.
+
+use rayon::prelude::*;
+
+use super::parts::Parts;
+use super::point::Points;
+use super::slurm::{self, Shard};
+use crate::error::InputError;
+use crate::table::Cell;
+
+/// What a run came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Done {
+    /// Points that it was about: those of its shard.
+    pub points: u64,
+    /// Those that were there already.
+    pub found: u64,
+    /// Those that were computed.
+    pub computed: u64,
+    /// Computed points that have no result; their rows say why.
+    pub problems: u64,
+}
+
+/// Computes the missing points of a sweep, or of one shard of it, and writes them as parts.
+///
+/// `plan` is called once with the number of points to compute, `progress` with every point that is done.
+///
+/// # Errors
+/// Where parts cannot be read or written, or are those of another sweep, or another process is at the whole sweep already.
+pub fn run(
+    parts: &Parts,
+    shard: Option<Shard>,
+    plan: impl FnOnce(u64),
+    progress: impl Fn() + Sync,
+) -> Result<Done, InputError> {
+    let grid = parts.grid;
+    if let Some(shard) = shard {
+        slurm::check(grid, shard.of)?;
+    }
+    let chunks: Vec<u64> = (0..grid.chunks()).filter(|chunk| shard.is_none_or(|shard| shard.has(*chunk))).collect();
+    let size = |chunks: &[u64]| -> u64 {
+        chunks.iter().map(|&chunk| grid.chunk(chunk)).map(|range| range.end - range.start).sum()
+    };
+    let points = size(&chunks);
+    let complete = Done { points, found: points, computed: 0, problems: 0 };
+    if parts.merged() {
+        parts.remove();
+        return Ok(complete);
+    }
+    parts.prepare()?;
+    // Shards may run twice, and one that hangs must not stop another: they need no lock, only parts.
+    let _lock = if shard.is_none() { parts.lock()? } else { None };
+    if parts.merged() {
+        parts.remove();
+        return Ok(complete);
+    }
+    let present = parts.present()?;
+    let to_do: Vec<u64> = chunks.into_iter().filter(|&chunk| !present[chunk as usize]).collect();
+    let computed = size(&to_do);
+    plan(computed);
+    let all = Points::of(grid);
+    let problems = to_do
+        .into_par_iter()
+        .map(|chunk| {
+            let row = |point| {
+                let row = all.row(point);
+                progress();
+                row
+            };
+            let rows: Vec<Vec<Cell>> = grid.chunk(chunk).into_par_iter().map(row).collect();
+            // Another process may have computed the same, and have made the result of it meanwhile.
+            parts.write(chunk, &rows).or_else(|error| if parts.merged() { Ok(()) } else { Err(error) })?;
+            Ok(rows.iter().filter(|row| *row.last().expect("a column of problems") != Cell::Missing).count() as u64)
+        })
+        .collect::<Result<Vec<u64>, InputError>>()?;
+    Ok(Done { points, found: points - computed, computed, problems: problems.iter().sum() })
+}

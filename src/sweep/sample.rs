@@ -1,0 +1,98 @@
+//! Number of a draw → its place in every distribution, between 0 and 1.
+//!
+//! A draw knows of no other: which process computes it, and what it computed before, change nothing. Each has a stream of
+//! random numbers of its own, chosen by its number. In a Latin hypercube (McKay, Beckman & Conover 1979, Technometrics 21,
+//! 239) each distribution is cut into as many strata of equal probability as there are draws, and one permutation per
+//! distribution, from the seed alone, says which draw falls into which: every stratum is met once.
+
+use rand::seq::SliceRandom;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// How distributions are drawn from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampling {
+    /// One draw in each of so many strata of equal probability, for each distribution.
+    LatinHypercube,
+    /// Independent draws.
+    MonteCarlo,
+}
+
+/// The draws of a sweep.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    seed: u64,
+    draws: u64,
+    dimensions: usize,
+    /// For each distribution the stratum of each draw; empty where draws are independent.
+    strata: Vec<Vec<u32>>,
+}
+
+impl Sample {
+    /// So many draws from so many distributions.
+    pub fn new(sampling: Sampling, seed: u64, draws: u64, dimensions: usize) -> Sample {
+        let permutation = |dimension: usize| {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            // Streams of draws are counted from below.
+            random.set_stream(u64::MAX - dimension as u64);
+            let mut strata: Vec<u32> = (0..draws as u32).collect();
+            strata.shuffle(&mut random);
+            strata
+        };
+        let strata = match sampling {
+            Sampling::LatinHypercube => (0..dimensions).map(permutation).collect(),
+            Sampling::MonteCarlo => Vec::new(),
+        };
+        Sample { seed, draws, dimensions, strata }
+    }
+
+    /// Where a draw is in each distribution: above 0 and below 1.
+    pub fn places(&self, draw: u64) -> Vec<f64> {
+        let mut random = ChaCha8Rng::seed_from_u64(self.seed);
+        random.set_stream(draw);
+        (0..self.dimensions)
+            .map(|dimension| {
+                // The middle of one of 2^53 equal parts: never 0; in the last stratum rounding may make it 1.
+                let within = ((random.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64;
+                let place = match self.strata.get(dimension) {
+                    Some(strata) => (f64::from(strata[draw as usize]) + within) / self.draws as f64,
+                    None => within,
+                };
+                place.min(1.0 - f64::EPSILON / 2.0)
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_latin_hypercube_meets_every_stratum_once() {
+        let sample = Sample::new(Sampling::LatinHypercube, 7, 1000, 3);
+        let places: Vec<Vec<f64>> = (0..1000).map(|draw| sample.places(draw)).collect();
+        for dimension in 0..3 {
+            let mut strata: Vec<usize> = places.iter().map(|place| (place[dimension] * 1000.0) as usize).collect();
+            assert_ne!(strata, (0..1000).collect::<Vec<_>>());
+            strata.sort();
+            assert_eq!(strata, (0..1000).collect::<Vec<_>>());
+        }
+        // Distributions know nothing of one another: 1/√1000 is a standard deviation.
+        let mean = places.iter().map(|place| (place[0] - 0.5) * (place[1] - 0.5) * 12.0).sum::<f64>() / 1000.0;
+        assert!(mean.abs() < 4.0 / 1000_f64.sqrt(), "{mean}");
+    }
+
+    #[test]
+    fn independent_draws_stay_when_there_are_more() {
+        let few = Sample::new(Sampling::MonteCarlo, 7, 10, 2);
+        let many = Sample::new(Sampling::MonteCarlo, 7, 10_000, 2);
+        assert!((0..10).all(|draw| few.places(draw) == many.places(draw)));
+        assert_ne!(few.places(0), Sample::new(Sampling::MonteCarlo, 8, 10, 2).places(0));
+        let values: Vec<f64> = (0..10_000).map(|draw| many.places(draw)[1]).collect();
+        let mean = values.iter().sum::<f64>() / 1e4;
+        let variance = values.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / 1e4;
+        // Four standard errors: 1/√12 / 100 of the mean, 1/√180 / 100 of the variance.
+        assert!((mean - 0.5).abs() < 4.0 * 0.00289 && (variance - 1.0 / 12.0).abs() < 4.0 * 0.000745);
+    }
+}
