@@ -10,6 +10,7 @@ mod effects;
 mod evaluate;
 mod fit;
 mod inputs;
+mod study;
 mod validate;
 
 use std::ffi::OsString;
@@ -48,6 +49,8 @@ enum Command {
     Fit(fit::Fit),
     /// Which physical effect the model is missing: found, calibrated against noise, confirmed on rows left out, and added
     Diagnose(diagnose::Diagnose),
+    /// Trade studies: clock, distance, correction, preflash, pumping, launch, shielding, and what the date hangs on
+    Study(study::Study),
     /// The catalogue of effects, or one of them: its physics, its parameters, and what it looks like in residuals
     Effects(effects::Effects),
 }
@@ -95,6 +98,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Validate(command) => command.run(),
         Command::Fit(command) => command.run(),
         Command::Diagnose(command) => command.run(),
+        Command::Study(command) => command.run(),
         Command::Effects(command) => command.run(),
     };
     match result {

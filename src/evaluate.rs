@@ -134,7 +134,7 @@ fn year_ends(duration_yr: f64) -> Vec<f64> {
     ends
 }
 
-fn unmeasurable(mission: &Mission, galaxy: &Galaxy) -> InputError {
+pub(crate) fn unmeasurable(mission: &Mission, galaxy: &Galaxy) -> InputError {
     InputError::new(
         format!("cannot evaluate mission \"{}\"", mission.mission.name),
         format!("galaxy \"{}\" has no weighted moments: its weight finds no centroid", galaxy.name),

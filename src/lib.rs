@@ -32,6 +32,7 @@ pub mod output;
 pub mod plot;
 pub mod report;
 pub mod scenario;
+pub mod study;
 pub mod table;
 pub mod validate;
 

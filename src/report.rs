@@ -6,6 +6,7 @@ mod dose;
 pub mod effects;
 mod evaluate;
 mod fit;
+mod study;
 mod validate;
 
 pub use evaluate::EvaluateReport;
