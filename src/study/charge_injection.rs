@@ -123,7 +123,7 @@ impl Kind for ChargeInjection {
         let mut tried: Vec<Tried> = spacings.into_iter().map(with_lines).collect();
         tried.push(plain);
         model.check()?;
-        Ok(report(mission, &tried, charge_e))
+        Ok(report(mission, &tried, charge_e, &device))
     }
 }
 
@@ -164,7 +164,7 @@ fn behind_a_line(device: &Device, stamps: &Stamps, line_e: f64, distance: u32) -
     (observed, alone[[centre, 0]] - background_e)
 }
 
-fn report(mission: &Mission, tried: &[Tried], charge_e: f64) -> Study {
+fn report(mission: &Mission, tried: &[Tried], charge_e: f64, device: &Device) -> Study {
     let requirement = &mission.requirement;
     let (limit, corrected) = (requirement.delta_e, requirement.delta_e * requirement.correction_factor);
     let mut study = Study::of(
@@ -259,10 +259,18 @@ fn report(mission: &Mission, tried: &[Tried], charge_e: f64) -> Study {
             best.area
         ));
         if change(best) >= without {
-            study.find(
-                "Lines do not help here: what they release behind them is a galaxy's size away, or is gone by then.",
-            );
+            study.find("Lines do not help here.");
         }
+        let middle = 0.5 * f64::from(spacing) * device.at.line_time_ms;
+        let kept: Vec<String> = device
+            .traps
+            .iter()
+            .map(|species| format!("{} {:.0} %", species.name, 100.0 * (-middle / species.release_ms).exp()))
+            .collect();
+        study.find(format!(
+            "Half way between such lines the traps that a line filled are still full to: {}. Only slow traps are kept so.",
+            kept.join(", ")
+        ));
     }
     for (name, limit) in [("uncorrected", limit), ("corrected", corrected)] {
         let best = tried.iter().filter(|tried| change(tried) < limit).max_by(|a, b| a.area.total_cmp(&b.area));

@@ -131,18 +131,18 @@ fn table(tried: &[Tried]) -> Table {
     let priced = tried.iter().any(|tried| tried.cost.is_some());
     let surveyed = tried.iter().any(|tried| tried.cost.as_ref().is_some_and(|cost| cost.area.is_some()));
     let mut columns = vec![
-        column("line_time_ms", "line time [ms]", Digits::Significant(4)),
+        column("line_time_ms", "line [ms]", Digits::Significant(4)),
         column("delta_e", "|delta e|", Digits::Scientific(3)),
         column("flux_loss_percent", "flux lost [%]", Digits::Fixed(4)),
     ];
     if priced {
-        columns.push(column("read_noise_e", "read noise [e-]", Digits::Fixed(2)));
+        columns.push(column("read_noise_e", "noise [e-]", Digits::Fixed(2)));
         columns.push(column("snr", "S/N", Digits::Fixed(2)));
         columns.push(column("readout_s", "readout [s]", Digits::Significant(3)));
     }
     if surveyed {
         columns.push(column("area", "area", Digits::Fixed(3)));
-        columns.push(column("area_equal_depth", "at equal depth", Digits::Fixed(3)));
+        columns.push(column("area_equal_depth", "equal depth", Digits::Fixed(3)));
     }
     let rows = tried.iter().map(|tried| {
         let mut row: Vec<Cell> =
@@ -165,7 +165,7 @@ fn table(tried: &[Tried]) -> Table {
 }
 
 fn by_species(tried: &[Tried], species: &[String]) -> Table {
-    let mut columns = vec![column("line_time_ms", "line time [ms]", Digits::Significant(4))];
+    let mut columns = vec![column("line_time_ms", "line [ms]", Digits::Significant(4))];
     let of =
         |name: &String| Column { key: format!("delta_e_{name}"), head: name.clone(), digits: Digits::Scientific(2) };
     columns.extend(species.iter().map(of));
@@ -240,6 +240,8 @@ fn conclude(study: &mut Study, mission: &Mission, model: &Model, tried: &[Tried]
         study.find("No clock changes any shape: the mission has no traps at its end.");
         return;
     }
+    let last =
+        |one: &Tried| [&tried[0], &tried[tried.len() - 1]].iter().any(|end| end.line_time_ms == one.line_time_ms);
     let shown = |line_time_ms: f64| super::short(line_time_ms);
     let mut words =
         format!("The worst clock of those tried is {} ms, with |delta e| {most:.3e}", shown(worst.line_time_ms));
@@ -254,13 +256,11 @@ fn conclude(study: &mut Study, mission: &Mission, model: &Model, tried: &[Tried]
             100.0 * worst.alone[index].unwrap_or(0.0) / total
         );
     }
+    if last(worst) {
+        words += "; it is the last that was tried";
+    }
     study.find(words + ".");
-    let end = if best.line_time_ms == tried[0].line_time_ms || best.line_time_ms == tried[tried.len() - 1].line_time_ms
-    {
-        " It is the last that was tried: beyond it shapes get better still."
-    } else {
-        ""
-    };
+    let end = if last(best) { " It is the last that was tried: beyond it shapes may get better still." } else { "" };
     study.find(format!(
         "The best for shapes is {} ms: {:.2} of the worst; it takes {:.3} % of the flux, against {:.3} %.{end}",
         shown(best.line_time_ms),
@@ -271,6 +271,21 @@ fn conclude(study: &mut Study, mission: &Mission, model: &Model, tried: &[Tried]
     if let Some(own) = model.change(0, mission.mission.duration_yr).map(|change| change.magnitude()) {
         study.result("own_delta_e", own);
         study.find(format!("The mission's own {} ms has {:.2} of the worst.", shown(own_ms), own / most));
+    }
+    for (index, name) in species.iter().enumerate() {
+        let alone = |tried: &Tried| tried.alone[index].unwrap_or(0.0);
+        let inside = (1..tried.len().saturating_sub(1)).filter(|place| {
+            alone(&tried[*place]) > alone(&tried[place - 1]) && alone(&tried[*place]) > alone(&tried[place + 1])
+        });
+        if let Some(place) = inside.max_by(|a, b| alone(&tried[*a]).total_cmp(&alone(&tried[*b]))) {
+            let release_ms = model.device_at(mission.mission.duration_yr).traps[index].release_ms;
+            let line_time_ms = tried[place].line_time_ms;
+            study.find(format!(
+                "{name} alone is worst around {} ms, where it is released after {:.2} transfers.",
+                shown(line_time_ms),
+                release_ms / line_time_ms
+            ));
+        }
     }
     compare_dates(study, mission, model, worst.line_time_ms, best.line_time_ms);
     price(study, mission, tried);

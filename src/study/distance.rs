@@ -84,9 +84,9 @@ impl Distance {
                 pattern(name.into(), shares.iter().map(|share| (share * farthest).round().max(1.0)).collect())
             };
             return Ok(vec![
-                share("4 steps of 1 %", &[1.0, 0.99, 0.98, 0.97]),
+                share("steps of 1 %", &[1.0, 0.99, 0.98, 0.97]),
                 share("half a register", &[1.0, 0.5]),
-                share("whole register in 4", &[1.0, 0.75, 0.5, 0.25]),
+                share("whole register", &[1.0, 0.75, 0.5, 0.25]),
             ]);
         }
         let read = |text: &String| Ok(pattern(text.clone(), numbers("readout.transfers", text)?));
@@ -99,7 +99,7 @@ fn over_detector(farthest: f64) -> Place {
     let rule = GaussLegendre::new(NODES);
     let node = |(place, weight): (&f64, &f64)| (0.5 * farthest * (1.0 + place), 0.5 * weight);
     let distances = rule.iter().map(|pair| node((&pair.0, &pair.1))).collect();
-    Place { name: "mean of detector".into(), distances }
+    Place { name: "detector mean".into(), distances }
 }
 
 fn report(mission: &Mission, places: &[Place], found: &[Timeline], curve: &[(f64, Option<f64>)]) -> Study {

@@ -309,12 +309,10 @@ impl Kind for ErrorBudget {
             ),
         );
         study.tables = vec![inputs_table(&own)];
-        let mut dates = dates_table();
-        rows_of_dates(&mut dates, &own, "");
+        study.tables.push(dates_table("dates", String::new(), &own));
         if let Some((name, budget)) = &other {
-            rows_of_dates(&mut dates, budget, &format!(", detector of \"{name}\""));
+            study.tables.push(dates_table("other_dates", format!("The same with the detector of \"{name}\""), budget));
         }
-        study.tables.push(dates);
         study.figures = vec![("error-budget.svg".into(), figure(mission, &own))];
         conclude(&mut study, mission, &own, horizon_yr);
         if let Some((name, other)) = &other {
@@ -366,34 +364,26 @@ fn inputs_table(budget: &Budget) -> Table {
     }
 }
 
-fn dates_table() -> Table {
+fn dates_table(name: &'static str, title: String, budget: &Budget) -> Table {
     let mut columns = vec![column("budget", "budget", Digits::Fixed(0))];
-    columns.extend(
-        PERCENTILES
-            .iter()
-            .map(|percent| column(format!("p{percent:02}_date"), format!("{percent} %"), Digits::Fixed(0))),
-    );
-    columns.push(column("exceeded_within_percent", "in mission [%]", Digits::Fixed(0)));
-    Table {
-        name: "dates",
-        title: "Percentiles of the date on which the budget is exceeded (-: later than the years that were followed), and share \
-                of draws in which that is within the mission"
-            .into(),
-        columns,
-        ..Table::default()
-    }
-}
-
-fn rows_of_dates(table: &mut Table, budget: &Budget, whose: &str) {
-    for (limit, name) in ["uncorrected", "corrected"].into_iter().enumerate() {
-        let mut row: Vec<Cell> = vec![format!("{name}{whose}").into()];
-        row.extend(
-            PERCENTILES
-                .iter()
-                .map(|percent| budget.date(budget.percentile(limit, *percent)).map_or(Cell::None, Cell::from)),
-        );
+    let percentile = |percent: &f64| column(format!("p{percent:02}_date"), format!("{percent} %"), Digits::Fixed(0));
+    columns.extend(PERCENTILES.iter().map(percentile));
+    columns.push(column("exceeded_within_percent", "flown", Digits::Fixed(0)));
+    let row = |(limit, name): (usize, &str)| {
+        let date = |percent: &f64| budget.date(budget.percentile(limit, *percent)).map_or(Cell::None, Cell::from);
+        let mut row: Vec<Cell> = vec![name.into()];
+        row.extend(PERCENTILES.iter().map(date));
         row.push((100.0 * budget.exceeded(limit)).into());
-        table.rows.push(row);
+        row
+    };
+    let own = "Percentiles of the date on which the budget is exceeded (-: later than the years that were followed); flown: % of \
+               draws in which that is within the mission";
+    Table {
+        name,
+        title: if title.is_empty() { own.into() } else { title },
+        columns,
+        rows: ["uncorrected", "corrected"].into_iter().enumerate().map(row).collect(),
+        ..Table::default()
     }
 }
 

@@ -173,6 +173,14 @@ fn conclude(study: &mut Study, mission: &Mission, tried: &[Tried], assumed: &[f6
     study.result("best_launch", name(best));
     study.result("worst_launch", name(worst));
     let alike = end(worst) - end(best) <= 1e-6 * end(best);
+    // Many rows of the same are nothing to read.
+    study.tables[0].programs_only = alike && tried.len() > 2;
+    if alike {
+        let end = best.timeline.end().map_or("no shape left".into(), |end| format!("|delta e| {end:.3e} at the end"));
+        let after = best.timeline.crossing(mission.requirement.delta_e).t_yr;
+        let after = after.map_or("never within the mission".into(), |t_yr| format!("after {t_yr:.2} yr"));
+        study.find(format!("{} launches were tried: {end}, the uncorrected budget exceeded {after}.", tried.len()));
+    }
     if alike && mission.environment.model == DoseModel::Constant && mission.effects.get("solar-cycle").is_none() {
         study.find(
             "Every launch date is alike: the mission's dose is a constant average over the solar cycle. \

@@ -45,6 +45,9 @@ const STEPS_K: [f64; 6] = [-20.0, 0.0, 20.0, 40.0, 60.0, 80.0];
 const STARTS: usize = 240;
 const SECTIONS: usize = 40;
 
+/// Share of a species' dipoles that must be found for it to count as found.
+const MOST: f64 = 0.5;
+
 /// Draws of believed parameters, before and after.
 const DRAWS: u32 = 16;
 const ITERATIONS: u32 = 4;
@@ -273,13 +276,29 @@ fn shape(phases: &[Phase], release_ms: f64) -> Vec<f64> {
     phases.iter().map(|phase| dipole_e(phase.cycles, 1.0, phase.phase_ms, release_ms)).collect()
 }
 
+/// Variance of ln τ at a temperature (K) on the straight line of ln τT² against 1/T through measurements at others (K, with
+/// errors of ln τ): the slope is the energy level. None where there is but one measurement, at another temperature.
+fn extrapolated(measured: &[(f64, f64)], temperature_k: f64) -> Option<f64> {
+    let weight = |sigma: f64| 1.0 / (sigma * sigma);
+    let sum: f64 = measured.iter().map(|(_, sigma)| weight(*sigma)).sum();
+    let mean = measured.iter().map(|(kelvin, sigma)| weight(*sigma) / kelvin).sum::<f64>() / sum;
+    let spread: f64 = measured.iter().map(|(kelvin, sigma)| weight(*sigma) * (1.0 / kelvin - mean).powi(2)).sum();
+    let away = 1.0 / temperature_k - mean;
+    if away.abs() < 1e-12 {
+        return Some(1.0 / sum);
+    }
+    // A spread of rounding is none.
+    (spread > 1e-20 * sum).then(|| 1.0 / sum + away * away / spread)
+}
+
 /// What pumping makes known of one species.
 struct Known {
     name: String,
     /// Traps found on the detector.
     traps: f64,
     density_error: f64,
-    release_error: f64,
+    /// At the operating temperature; None where the energy level that leads there is not measured.
+    release_error: Option<f64>,
     temperature_k: f64,
     phase_ms: f64,
 }
@@ -338,29 +357,41 @@ impl PocketPumping {
         let noise = mission.readout.noise.as_ref();
         let pixels = transfers * noise.map_or(transfers, |noise| f64::from(noise.columns));
         let reached = own.readout.cloud.height(setup.flat_e);
-        let warmer = model
-            .device(&Conditions { temperature_k: own.at.temperature_k + self.temperature_error_k, ..own.at.clone() });
+        let scatter = |found: &Found| found.scatter.unwrap_or(f64::INFINITY);
         let mut known = Vec::new();
         for (index, species) in own.traps.iter().enumerate() {
-            let scatter = |found: &&Found| found.scatter.unwrap_or(f64::INFINITY);
-            let half = found.iter().filter(|found| found.species == index && found.share > 0.5);
-            let Some(best) = half.min_by(|a, b| scatter(a).total_cmp(&scatter(b))) else { continue };
-            let traps = species.density_per_px * reached * pixels * best.share;
-            if traps < 1.0 {
-                continue;
-            }
-            let thermometer = (warmer.traps[index].release_ms / species.release_ms).ln();
+            let in_reach = species.density_per_px * reached * pixels;
+            let counts = |found: &&Found| found.species == index && found.share > MOST && in_reach * found.share >= 2.0;
+            let seen: Vec<&Found> = found.iter().filter(counts).collect();
+            let Some(best) = seen.iter().min_by(|a, b| scatter(a).total_cmp(&scatter(b))) else { continue };
+            // Release times at all temperatures where it is seen, each as good as its traps and its thermometer.
+            let thermometer = |temperature_k: f64| self.thermometer(model, own, index, temperature_k);
+            let sigma = |found: &&Found| {
+                let fitted = scatter(found).powi(2) / (in_reach * found.share);
+                (found.temperature_k, (fitted + thermometer(found.temperature_k)).sqrt())
+            };
+            let measured: Vec<(f64, f64)> = seen.iter().map(sigma).collect();
+            let operating_k = own.at.temperature_k;
             known.push(Known {
                 name: species.name.clone(),
-                traps,
+                traps: in_reach * best.share,
                 // Counted, one by one.
-                density_error: 1.0 / traps.sqrt(),
-                release_error: (scatter(&best) / traps.sqrt()).hypot(thermometer),
+                density_error: 1.0 / (in_reach * best.share).sqrt(),
+                release_error: extrapolated(&measured, operating_k)
+                    .map(|variance| (variance + thermometer(operating_k)).sqrt()),
                 temperature_k: best.temperature_k,
                 phase_ms: best.best.phase_ms,
             });
         }
         known
+    }
+
+    /// Variance of ln τ at a temperature (K) from the error of the thermometer.
+    fn thermometer(&self, model: &Model, own: &Device, species: usize, temperature_k: f64) -> f64 {
+        let release_ms = |temperature_k: f64| {
+            model.device(&Conditions { temperature_k, ..own.at.clone() }).traps[species].release_ms
+        };
+        (release_ms(temperature_k + self.temperature_error_k) / release_ms(temperature_k)).ln().powi(2)
     }
 
     fn conclude(
@@ -374,15 +405,17 @@ impl PocketPumping {
     ) {
         for known in known {
             study.find(format!(
-                "{} is found at {} K with phases of {} ms: {} traps in reach of the flat; density known to {:.2} %, release time \
-                 to {:.2} % (thermometer {} K).",
+                "{} is found best at {} K with phases of {} ms: {} traps in reach of the flat; density known to {:.2} %, release \
+                 time at {} K {}.",
                 known.name,
                 short(known.temperature_k),
                 short(known.phase_ms),
                 short(known.traps),
                 100.0 * known.density_error,
-                100.0 * known.release_error,
-                self.temperature_error_k
+                short(own.at.temperature_k),
+                known.release_error.map_or("not: its energy level needs a second temperature".into(), |error| {
+                    format!("to {:.2} % (thermometer {} K)", 100.0 * error, self.temperature_error_k)
+                })
             ));
         }
         for (index, species) in
@@ -441,7 +474,7 @@ impl PocketPumping {
         let after = Knowledge::relative(
             mission,
             &|name| of(name).map_or(self.known_to, |known| known.density_error),
-            &|name| of(name).map_or(self.known_to, |known| known.release_error),
+            &|name| of(name).and_then(|known| known.release_error).unwrap_or(self.known_to),
             0.0,
         );
         let factor = |knowledge: &Knowledge| -> Result<Option<f64>, InputError> {
@@ -526,12 +559,12 @@ fn known_table(known: &[Known]) -> Table {
             known.phase_ms.into(),
             known.traps.into(),
             (100.0 * known.density_error).into(),
-            (100.0 * known.release_error).into(),
+            known.release_error.map(|error| 100.0 * error).into(),
         ]
     });
     Table {
         name: "known",
-        title: "What becomes known of all traps in reach".into(),
+        title: "What becomes known of all traps in reach; release times at the operating temperature".into(),
         columns: vec![
             column("species", "species", Digits::Fixed(0)),
             column("temperature_k", "T [K]", Digits::Significant(4)),
