@@ -40,7 +40,7 @@ struct Tried {
     line_time_ms: f64,
     delta_e: Option<f64>,
     flux_loss: Option<f64>,
-    /// |Δe| of each species alone.
+    /// Δe1 of each species alone.
     alone: Vec<Option<f64>>,
     cost: Option<Cost>,
 }
@@ -90,7 +90,7 @@ fn tried(model: &Model, line_time_ms: f64) -> Tried {
     let device = model.device(&at);
     let change = model.change_by(0, &device);
     let alone = (0..device.traps.len())
-        .map(|index| model.change_by(0, &alone(&device, index)).map(|change| change.magnitude()))
+        .map(|index| model.change_by(0, &alone(&device, index)).map(|change| change.delta_e1))
         .collect();
     Tried {
         line_time_ms,
@@ -167,7 +167,7 @@ fn table(tried: &[Tried]) -> Table {
 fn by_species(tried: &[Tried], species: &[String]) -> Table {
     let mut columns = vec![column("line_time_ms", "line [ms]", Digits::Significant(4))];
     let of =
-        |name: &String| Column { key: format!("delta_e_{name}"), head: name.clone(), digits: Digits::Scientific(2) };
+        |name: &String| Column { key: format!("delta_e1_{name}"), head: name.clone(), digits: Digits::Scientific(2) };
     columns.extend(species.iter().map(of));
     let row = |tried: &Tried| {
         let mut row = vec![Cell::from(tried.line_time_ms)];
@@ -176,7 +176,7 @@ fn by_species(tried: &[Tried], species: &[String]) -> Table {
     };
     Table {
         name: "species",
-        title: "|delta e| of each species alone".into(),
+        title: "delta e1 of each species alone".into(),
         columns,
         rows: tried.iter().map(row).collect(),
         ..Table::default()
@@ -190,7 +190,7 @@ fn figure(mission: &Mission, tried: &[Tried], species: &[String]) -> Figure {
     };
     let mut shapes = vec![line("all species", 0, &x, of(&|tried| tried.delta_e))];
     for (index, name) in species.iter().enumerate() {
-        let y = of(&|tried| tried.alone[index]);
+        let y = of(&|tried| tried.alone[index].map(f64::abs));
         shapes.push(Series {
             label: Some(name.clone()),
             color: index + 1,
@@ -245,15 +245,16 @@ fn conclude(study: &mut Study, mission: &Mission, model: &Model, tried: &[Tried]
     let shown = |line_time_ms: f64| super::short(line_time_ms);
     let mut words =
         format!("The worst clock of those tried is {} ms, with |delta e| {most:.3e}", shown(worst.line_time_ms));
-    let total: f64 = worst.alone.iter().flatten().sum();
-    let index = (0..species.len()).max_by(|a, b| worst.alone[*a].partial_cmp(&worst.alone[*b]).expect("numbers"));
+    let size = |tried: &Tried, index: usize| tried.alone[index].map_or(0.0, f64::abs);
+    let total: f64 = (0..species.len()).map(|index| size(worst, index)).sum();
+    let index = (0..species.len()).max_by(|a, b| size(worst, *a).total_cmp(&size(worst, *b)));
     if let (Some(index), true) = (index, total > 0.0) {
         let release_ms = model.device_at(mission.mission.duration_yr).traps[index].release_ms;
         words += &format!(
-            ", because there {}, released after {:.3} transfers, makes {:.0} % of it",
+            ", because there {}, released after {} transfers, makes {:.0} % of it",
             species[index],
-            release_ms / worst.line_time_ms,
-            100.0 * worst.alone[index].unwrap_or(0.0) / total
+            super::short(release_ms / worst.line_time_ms),
+            100.0 * size(worst, index) / total
         );
     }
     if last(worst) {
@@ -273,7 +274,7 @@ fn conclude(study: &mut Study, mission: &Mission, model: &Model, tried: &[Tried]
         study.find(format!("The mission's own {} ms has {:.2} of the worst.", shown(own_ms), own / most));
     }
     for (index, name) in species.iter().enumerate() {
-        let alone = |tried: &Tried| tried.alone[index].unwrap_or(0.0);
+        let alone = |tried: &Tried| size(tried, index);
         let inside = (1..tried.len().saturating_sub(1)).filter(|place| {
             alone(&tried[*place]) > alone(&tried[place - 1]) && alone(&tried[*place]) > alone(&tried[place + 1])
         });

@@ -36,6 +36,10 @@ use crate::plot::{Figure, Kind as Drawn, Panel, Series};
 const HORIZON: f64 = 3.0;
 const HORIZON_YR: f64 = 100.0;
 
+/// Sub-pixel grid and accuracy of the readout beyond which draws need not go.
+const GRID: u32 = 2;
+const ACCURACY: f64 = 1e-3;
+
 /// Percentiles of dates.
 const PERCENTILES: [f64; 5] = [5.0, 16.0, 50.0, 84.0, 95.0];
 
@@ -45,7 +49,8 @@ pub struct ErrorBudget {
     /// Missions that are drawn
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
     pub draws: u32,
-    /// Years since launch up to which dates are followed [default: three times the mission, at most 100]
+    /// Years since launch up to which dates are followed [default: three times the mission, at most 100; the mission alone where
+    /// its corrected budget is exceeded within half of it]
     #[arg(long, value_name = "YEARS")]
     pub horizon_yr: Option<f64>,
     /// Also fly this mission's detector, such as an n-channel one beside a p-channel one, all else the same
@@ -167,6 +172,9 @@ impl Bench {
         let flux_e = snr::flux_e(&base, galaxy);
         base.galaxies[0].flux_e = Some(flux_e);
         base.galaxies[0].snr = None;
+        // Uncertainties are per cents: a quarter of the sub-pixel positions, 4e-4 off, tells them as well (docs/why.md).
+        base.accuracy.subpixel_grid = base.accuracy.subpixel_grid.min(GRID);
+        base.accuracy.relative = base.accuracy.relative.max(ACCURACY);
         let inputs = inputs(&base, Shield::of(mission));
         let (mut base, _) = until(&base, decimal_year(base.mission.launch.0) + horizon_yr);
         base.mission.duration_yr = horizon_yr;
@@ -282,7 +290,10 @@ impl Budget {
 impl Kind for ErrorBudget {
     fn study(&self, mission: &Mission, advance: &(dyn Fn() + Sync)) -> Result<Study, InputError> {
         let duration_yr = mission.mission.duration_yr;
-        let horizon_yr = self.horizon_yr.unwrap_or((HORIZON * duration_yr).min(HORIZON_YR).max(duration_yr));
+        let corrected = mission.requirement.delta_e * mission.requirement.correction_factor;
+        let soon = Timeline::of(&ready(mission)?).crossing(corrected).t_yr.is_some_and(|t_yr| t_yr < 0.5 * duration_yr);
+        let long_yr = (HORIZON * duration_yr).min(HORIZON_YR).max(duration_yr);
+        let horizon_yr = self.horizon_yr.unwrap_or(if soon { duration_yr } else { long_yr });
         if !(horizon_yr >= duration_yr && horizon_yr <= HORIZON_YR.max(duration_yr)) {
             let problem =
                 format!("a horizon of {horizon_yr} yr; allowed: {duration_yr} (the mission) to {HORIZON_YR} yr");
