@@ -242,7 +242,7 @@ impl ReadNoise {
     /// rate between the values of the table. None beyond the ends of the table.
     ///
     /// White noise of an amplifier grows with the root of its bandwidth, 1/f noise after correlated double sampling does not
-    /// (Janesick 2001, Scientific Charge-Coupled Devices, section 6.3).
+    /// (Janesick 2001, Scientific Charge-Coupled Devices).
     pub fn read_noise_e(&self, rate_khz: f64) -> Option<f64> {
         if let (Some(rates), Some(noise)) = (&self.pixel_rate_khz, &self.read_noise_e) {
             let after = rates.iter().position(|rate| *rate >= rate_khz)?;

@@ -6,8 +6,7 @@
 //! background alone give is subtracted.
 //!
 //! The line nearest to the galaxy is read out before it, through the same pixels: with instantaneous capture it leaves them as
-//! full as any number of lines would. (Rhodes et al. 2010, section 6; Smith et al. 2006 for lines on ACS, Massey et al. 2010 for
-//! capture.)
+//! full as any number of lines would. (Rhodes et al. 2010, section 6; Massey et al. 2010 for capture at once.)
 
 use std::num::NonZeroUsize;
 
@@ -44,6 +43,9 @@ pub struct ChargeInjection {
     #[arg(long, value_name = "ROWS")]
     pub guard_rows: Option<u32>,
 }
+
+/// Δe1 of a galaxy behind a line, and the charge of the line's trail there, e-.
+type Seen = (Option<f64>, f64);
 
 /// One spacing of lines; none for no lines.
 struct Tried {
@@ -102,18 +104,18 @@ impl Kind for ChargeInjection {
                 .iter()
                 .map(|(place, weight)| ((low + 0.5 * (1.0 + place) * (high - low)).round() as u32, 0.5 * weight))
                 .collect();
-            let seen: Vec<(Option<f64>, f64)> =
+            let seen: Vec<Seen> =
                 nodes.par_iter().map(|(distance, _)| behind_a_line(&device, &stamps, charge_e, *distance)).collect();
             advance();
-            let mean = |value: &dyn Fn(&(Option<f64>, f64)) -> Option<f64>| -> Option<f64> {
+            let mean = |value: fn(&Seen) -> Option<f64>| -> Option<f64> {
                 nodes.iter().zip(&seen).map(|((_, weight), seen)| value(seen).map(|value| weight * value)).sum()
             };
-            let trail_e = mean(&|seen| Some(seen.1)).unwrap_or(0.0).max(0.0);
+            let trail_e = mean(|seen| Some(seen.1)).unwrap_or(0.0).max(0.0);
             let lost_rows = f64::from(2 * guard + 1) / f64::from(spacing);
             Tried {
                 spacing: Some(spacing),
                 // Signed: the mean over galaxies is what biases a survey.
-                delta_e: mean(&|seen| seen.0).map(f64::abs),
+                delta_e: mean(|seen| seen.0).map(f64::abs),
                 trail_e,
                 lost_rows,
                 snr: aperture.snr(trail_e, galaxy.read_noise_e),
@@ -137,7 +139,7 @@ fn finer(device: &Device) -> Device {
 }
 
 /// Δe1 of a galaxy so many rows behind a line, and the charge of the line's trail there, e-.
-fn behind_a_line(device: &Device, stamps: &Stamps, line_e: f64, distance: u32) -> (Option<f64>, f64) {
+fn behind_a_line(device: &Device, stamps: &Stamps, line_e: f64, distance: u32) -> Seen {
     let device = device.expected();
     let background_e = device.at.background_e;
     let (half_px, distance) = (stamps.half_px, distance as usize);

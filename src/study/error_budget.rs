@@ -7,7 +7,7 @@
 //! ln |Δe| = β₀ + Σ βᵢ zᵢ + rest        share i = βᵢ²/(Σ β² + var(rest))
 //! ```
 //!
-//! (Saltelli et al. 2008, Global Sensitivity Analysis, section 1.2.5: squared standardised regression coefficients of independent
+//! (Saltelli et al. 2008, Global Sensitivity Analysis: squared standardised regression coefficients of independent
 //! inputs.) Confidence of the fluence is no such input: it is chosen, see `study shielding`.
 
 use std::path::PathBuf;
@@ -61,11 +61,14 @@ pub struct ErrorBudget {
     pub seed: Option<u64>,
 }
 
+/// Multiplies an input of a mission by a factor.
+type Apply = dyn Fn(&mut Mission, f64) + Send + Sync;
+
 /// An uncertain input.
 struct Input {
     name: String,
     sigma: f64,
-    apply: Box<dyn Fn(&mut Mission, f64) + Send + Sync>,
+    apply: Box<Apply>,
 }
 
 fn input(name: impl Into<String>, sigma: f64, apply: impl Fn(&mut Mission, f64) + Send + Sync + 'static) -> Input {
@@ -508,7 +511,7 @@ fn side_by_side(study: &mut Study, own: &Budget, name: &str, other: &Budget) {
     };
     study.result("other_over_own_delta_e", theirs / mine);
     let dominant = |budget: &Budget| {
-        budget.shares.is_some().then(|| budget.bench.inputs[ranked(budget)[0]].name.clone()).unwrap_or("nothing".into())
+        if budget.shares.is_some() { budget.bench.inputs[ranked(budget)[0]].name.clone() } else { "nothing".into() }
     };
     study.find(format!(
         "The detector of \"{name}\" has {:.2} times the shape error under the same dose, clock, sky and galaxy; its date hangs on \

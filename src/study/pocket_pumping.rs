@@ -9,7 +9,7 @@
 //! ```
 //!
 //! (Mostek et al. 2010, Proc. SPIE 7742; Murray et al. 2012, Proc. SPIE 8453; Hall et al. 2014, IEEE Trans. Nucl. Sci. 61, 1826;
-//! Skottfelt et al. 2017, J. Instrum. 12, C12033), with the probability P of a capture. Measured at several phase times it gives
+//! Skottfelt et al. 2017), with the probability P of a capture. Measured at several phase times it gives
 //! the release time of a single trap; at several temperatures, its energy level.
 //!
 //! Dipoles are simulated with the shot noise of the flat, read noise, and the chance of every single pump, and fitted. A three-phase
