@@ -11,6 +11,7 @@ mod evaluate;
 mod fit;
 mod frames;
 mod inputs;
+mod study;
 mod sweep;
 mod validate;
 
@@ -56,6 +57,8 @@ enum Command {
     Readout(frames::Readout),
     /// Charge transfer inefficiency taken out of whole frames (FITS), with what is left of it
     Correct(frames::Correct),
+    /// Trade studies: clock, distance, correction, preflash, pumping, launch, shielding, and what the date hangs on
+    Study(study::Study),
     /// The catalogue of effects, or one of them: its physics, its parameters, and what it looks like in residuals
     Effects(effects::Effects),
 }
@@ -106,6 +109,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Diagnose(command) => command.run(),
         Command::Readout(command) => command.run(),
         Command::Correct(command) => command.run(),
+        Command::Study(command) => command.run(),
         Command::Effects(command) => command.run(),
     };
     match result {

@@ -33,6 +33,7 @@ pub mod output;
 pub mod plot;
 pub mod report;
 pub mod scenario;
+pub mod study;
 pub mod sweep;
 pub mod table;
 pub mod validate;

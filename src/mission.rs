@@ -45,6 +45,11 @@ pub struct Mission {
     /// What is added to the model, by kind: a table, or an array of tables; see [`crate::effect`].
     #[serde(default, skip_serializing_if = "toml::Table::is_empty")]
     pub effects: toml::Table,
+    /// What a survey does with its time; needed where areas are compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub survey: Option<Survey>,
+    /// How well the inputs are known.
+    pub uncertainty: Uncertainty,
     /// What may be adjusted to measurements.
     pub fit: Fit,
 }
@@ -196,6 +201,102 @@ pub struct Clocking {
     pub line_time_ms: f64,
     /// Parallel transfers of the object evaluated.
     pub transfers: u32,
+    /// What the clock costs in read noise; needed where clocks are compared for more than shapes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise: Option<ReadNoise>,
+}
+
+/// `[readout.noise]`: read noise against pixel rate, as a law or as a table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReadNoise {
+    /// Pixels of a row that one amplifier reads.
+    pub columns: u32,
+    /// Rows that one amplifier reads.
+    pub rows: u32,
+    /// Part of the line time in which no pixel is read, ms.
+    pub parallel_ms: f64,
+    /// Read noise of a slow amplifier, e-.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub floor_e: Option<f64>,
+    /// White part of the read noise at the reference rate, e-; it grows with the root of the rate.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub white_e: Option<f64>,
+    /// Pixel rate of `white_e`, kHz.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference_rate_khz: Option<f64>,
+    /// Pixel rates of a table, kHz, rising.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pixel_rate_khz: Option<Vec<f64>>,
+    /// Read noise at those rates, e-.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub read_noise_e: Option<Vec<f64>>,
+}
+
+impl ReadNoise {
+    /// Pixel rate (kHz) that a line time (ms) asks for: `columns` pixels in what is left of it. None where nothing is left.
+    pub fn pixel_rate_khz(&self, line_time_ms: f64) -> Option<f64> {
+        let left_ms = line_time_ms - self.parallel_ms;
+        (left_ms > 0.0).then(|| f64::from(self.columns) / left_ms)
+    }
+
+    /// Read noise (e-) at a pixel rate (kHz): √(floor² + white² rate/reference), or a straight line in the logarithm of the
+    /// rate between the values of the table. None beyond the ends of the table.
+    ///
+    /// White noise of an amplifier grows with the root of its bandwidth, 1/f noise after correlated double sampling does not
+    /// (Janesick 2001, Scientific Charge-Coupled Devices).
+    pub fn read_noise_e(&self, rate_khz: f64) -> Option<f64> {
+        if let (Some(rates), Some(noise)) = (&self.pixel_rate_khz, &self.read_noise_e) {
+            let after = rates.iter().position(|rate| *rate >= rate_khz)?;
+            if rates[after] == rate_khz {
+                return Some(noise[after]);
+            }
+            let before = after.checked_sub(1)?;
+            let place = (rate_khz / rates[before]).ln() / (rates[after] / rates[before]).ln();
+            return Some(noise[before] + place * (noise[after] - noise[before]));
+        }
+        let (floor_e, white_e, reference_khz) = (self.floor_e?, self.white_e?, self.reference_rate_khz?);
+        Some((floor_e * floor_e + white_e * white_e * rate_khz / reference_khz).sqrt())
+    }
+}
+
+/// `[survey]`
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Survey {
+    /// Length of one exposure, s.
+    pub exposure_s: f64,
+    /// Time from one exposure to the next that reading out may fill, s.
+    pub slew_s: f64,
+}
+
+impl Survey {
+    /// Time from one exposure of so many seconds to the next (s), where reading out takes so many: reading out and slewing go
+    /// on at once.
+    pub fn cycle_s(&self, exposure_s: f64, readout_s: f64) -> f64 {
+        exposure_s + readout_s.max(self.slew_s)
+    }
+}
+
+/// `[uncertainty]`: relative uncertainties (1 σ of the logarithm).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Uncertainty {
+    /// Dose model: spectrum and damage curve at a given confidence; not the luck of the Sun.
+    pub dose_model: f64,
+    /// Thickness of the shield.
+    pub shielding: f64,
+    /// Density of each species.
+    pub density: f64,
+    /// Release time of each species.
+    pub release: f64,
+    /// Full well above the notch.
+    pub full_well: f64,
+    /// Exponent of the cloud's height.
+    pub well_fill_power: f64,
+    /// Background.
+    pub background: f64,
+    /// Flux of the judged galaxy.
+    pub galaxy_flux: f64,
+    /// Half-light radius of the judged galaxy.
+    pub galaxy_size: f64,
 }
 
 /// `[sky]`

@@ -7,6 +7,7 @@ pub mod effects;
 mod evaluate;
 mod fit;
 mod image;
+mod study;
 mod sweep;
 mod validate;
 

@@ -158,6 +158,11 @@ fn the_page_of_the_diagnosis_shows_what_the_program_prints() {
     quotes_files_as_they_are("docs/diagnosis.md");
 }
 
+#[test]
+fn the_page_of_the_studies_shows_what_the_program_prints() {
+    shows_what_is_printed("docs/studies.md");
+}
+
 /// The table of methods is that of the trait.
 #[test]
 fn the_way_to_an_effect_names_every_method() {

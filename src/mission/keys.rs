@@ -54,10 +54,13 @@ pub enum Need {
 }
 
 /// Tables that may be absent as a whole; their required keys are required only where the table is there.
-pub const OPTIONAL_TABLES: [&str; 1] = ["shielding"];
+pub const OPTIONAL_TABLES: [&str; 3] = ["shielding", "readout.noise", "survey"];
 
 /// Arrays of tables, each with what one member is called.
 pub const ARRAYS: [(&str, &str); 2] = [("detector.traps", "trap species"), ("galaxies", "galaxy")];
+
+/// Relative uncertainties: beyond a factor e, a number is not known.
+const SIGMA: Kind = Number(0.0, 1.0);
 
 /// All keys, in the order of the file.
 pub const KEYS: &[Key] = &[
@@ -157,6 +160,43 @@ pub const KEYS: &[Key] = &[
         help: |value| (value > 1e5).then(|| "counted in rows to the register: 4096 for a large detector".into()),
         ..key("readout.transfers", "number of parallel transfers", "", Integer(1, 100_000), Required)
     },
+    key(
+        "readout.noise.columns",
+        "number of pixels that one amplifier reads of a row",
+        "",
+        Integer(1, 100_000),
+        Required,
+    ),
+    key("readout.noise.rows", "number of rows that one amplifier reads", "", Integer(1, 100_000), Required),
+    key(
+        "readout.noise.parallel_ms",
+        "part of the line time in which no pixel is read",
+        "ms",
+        Number(0.0, 1e7),
+        Default("0.0"),
+    ),
+    key("readout.noise.floor_e", "read noise of a slow amplifier", "e-", Number(0.0, 1e4), Optional),
+    key(
+        "readout.noise.white_e",
+        "white part of the read noise at the reference rate",
+        "e-",
+        Number(0.0, 1e4),
+        Optional,
+    ),
+    Key {
+        help: |value| (value > 1e5).then(|| format!("in Hz? {value} Hz are {} kHz", value / 1000.0)),
+        ..key("readout.noise.reference_rate_khz", "pixel rate of white_e", "kHz", Kind::Positive(0.0, 1e5), Optional)
+    },
+    key("readout.noise.pixel_rate_khz", "pixel rate", "kHz", Numbers(1e-6, 1e5), Optional),
+    key("readout.noise.read_noise_e", "read noise at a pixel rate", "e-", Numbers(0.0, 1e4), Optional),
+    key("survey.exposure_s", "length of one exposure", "s", Kind::Positive(0.0, 1e7), Required),
+    key(
+        "survey.slew_s",
+        "time from one exposure to the next that reading out may fill",
+        "s",
+        Number(0.0, 1e7),
+        Default("0.0"),
+    ),
     key("sky.background_e", "background", "e- per pixel", Number(0.0, 1e7), Required),
     Key {
         help: |value| (value > 0.0).then(|| "in pixels, not in arcseconds".into()),
@@ -204,6 +244,27 @@ pub const KEYS: &[Key] = &[
     key("accuracy.levels", "heights of the fractional traps", "", Integer(10, 1_000_000), Default("10000")),
     key("accuracy.seed", "seed of everything random", "", Integer(0, i64::MAX), Default("1")),
     key("accuracy.subpixel_grid", "sub-pixel positions in x and in y", "", Integer(1, 64), Default("4")),
+    key("uncertainty.dose_model", "relative uncertainty (1 sigma) of the dose", "", SIGMA, Default("0.2")),
+    key("uncertainty.shielding", "relative uncertainty (1 sigma) of the shield's thickness", "", SIGMA, Default("0.1")),
+    key("uncertainty.density", "relative uncertainty (1 sigma) of each species' density", "", SIGMA, Default("0.1")),
+    key("uncertainty.release", "relative uncertainty (1 sigma) of each release time", "", SIGMA, Default("0.1")),
+    key("uncertainty.full_well", "relative uncertainty (1 sigma) of the full well", "", SIGMA, Default("0.1")),
+    key(
+        "uncertainty.well_fill_power",
+        "relative uncertainty (1 sigma) of the well fill power",
+        "",
+        SIGMA,
+        Default("0.05"),
+    ),
+    key("uncertainty.background", "relative uncertainty (1 sigma) of the background", "", SIGMA, Default("0.1")),
+    key("uncertainty.galaxy_flux", "relative uncertainty (1 sigma) of the galaxy's flux", "", SIGMA, Default("0.1")),
+    key(
+        "uncertainty.galaxy_size",
+        "relative uncertainty (1 sigma) of the galaxy's half-light radius",
+        "",
+        SIGMA,
+        Default("0.1"),
+    ),
     key("fit.free", "key that a fit may change", "", Texts, Default("[]")),
 ];
 

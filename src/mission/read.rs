@@ -313,7 +313,34 @@ impl<'a> Source<'a> {
                 return Err(InputError { help, ..self.fault(&format!("fit.free[{index}]"), problem) });
             }
         }
+        self.check_noise(mission)?;
         self.check_dose(mission)
+    }
+
+    /// Read noise is a law or a table, and a table has as many noises as rates.
+    fn check_noise(&self, mission: &Mission) -> Result<(), InputError> {
+        let Some(noise) = &mission.readout.noise else { return Ok(()) };
+        let law = [noise.floor_e, noise.white_e, noise.reference_rate_khz];
+        let help = "a law: floor_e, white_e (e-) and reference_rate_khz; or a table: pixel_rate_khz and read_noise_e";
+        let refuse =
+            |key: &str, problem: String| Err(self.fault(&format!("readout.noise.{key}"), problem).with_help(help));
+        match (&noise.pixel_rate_khz, &noise.read_noise_e) {
+            (None, None) if law.iter().all(Option::is_some) => Ok(()),
+            (Some(rates), Some(noises)) if law.iter().all(Option::is_none) => {
+                if rates.len() != noises.len() {
+                    let problem = format!("{} pixel rates (kHz), but {} read noises (e-)", rates.len(), noises.len());
+                    return refuse("pixel_rate_khz", problem);
+                }
+                if rates.windows(2).any(|pair| pair[0] >= pair[1]) {
+                    return refuse("pixel_rate_khz", "pixel rates (kHz) must rise".into());
+                }
+                Ok(())
+            }
+            _ => {
+                let problem = "the read noise must be a law or a table, whole, and not both";
+                Err(InputError { place: self.place("readout.noise"), ..self.fault("", problem) }.with_help(help))
+            }
+        }
     }
 
     fn check_dose(&self, mission: &Mission) -> Result<(), InputError> {
