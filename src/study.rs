@@ -161,17 +161,11 @@ impl Study {
     }
 }
 
-/// Accuracy of the readout for studies over the mission's, and the coarsest: as for shapes that are measured (`predict`), far
-/// below what any choice turns on.
-const READOUT: f64 = 100.0;
-const COARSEST: f64 = 1e-2;
-
 /// The mission as studies look at it: its judged galaxy alone, read out as accurately as differences between choices need.
 fn judged(mission: &Mission) -> Mission {
     let mut judged =
         Mission { galaxies: vec![mission.judged_galaxy().clone()], fit: Fit::default(), ..mission.clone() };
-    let relative = mission.accuracy.relative;
-    judged.accuracy.relative = relative.max((READOUT * relative).min(COARSEST));
+    judged.accuracy.relative = mission.accuracy.of_many_shapes();
     judged
 }
 

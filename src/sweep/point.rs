@@ -1,7 +1,6 @@
 //! Number of a point → what is recorded of it.
 //!
-//! Shapes are read out a hundred times coarser than `accuracy.relative` asks for packets, as `validate` and `fit` do:
-//! errors of single packets average out. The budget is judged with as few readouts as that takes: while a mission has no
+//! Shapes are read out coarser than `accuracy.relative` asks (see [`crate::mission::Accuracy::of_many_shapes`]). The budget is judged with as few readouts as that takes: while a mission has no
 //! effects its traps only ever increase, and |Δe| with them, so that its end tells whether a limit is reached.
 
 use std::cell::OnceCell;
@@ -19,12 +18,6 @@ use crate::observable::Observable;
 use crate::requirement::{Crossing, first_crossing};
 use crate::shape::ShapeChange;
 use crate::table::Cell;
-
-/// Accuracy of the readout for shapes, over the mission's.
-const READOUT: f64 = 100.0;
-
-/// The coarsest readout that is taken on its own account.
-const COARSEST: f64 = 1e-3;
 
 /// Models whose images are kept for others with the same galaxies.
 const KEPT: usize = 32;
@@ -67,8 +60,7 @@ impl<'a> Points<'a> {
         settings: &[(String, toml::Value)],
     ) -> Result<(Vec<Option<f64>>, String), InputError> {
         let mut mission = if settings.is_empty() { mission.clone() } else { mission.with(settings)? };
-        let relative = mission.accuracy.relative;
-        mission.accuracy.relative = relative.max((READOUT * relative).min(COARSEST));
+        mission.accuracy.relative = mission.accuracy.of_many_shapes();
         if !self.grid.records.iter().any(|output| output.of_galaxies()) {
             mission.galaxies = vec![mission.judged_galaxy().clone()];
         }
