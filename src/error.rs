@@ -1,6 +1,7 @@
 //! Bad input, said once and clearly.
 
 use std::fmt;
+use std::io;
 
 /// Something a user gave that cannot be used: what could not be done, where, what is wrong, what to try.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -42,6 +43,19 @@ impl fmt::Display for InputError {
 }
 
 impl std::error::Error for InputError {}
+
+/// What is said of a file that is not there.
+pub(crate) const NO_SUCH_FILE: &str = "there is no such file";
+
+/// Why a text file cannot be read, in words.
+pub(crate) fn unreadable(error: &io::Error) -> String {
+    match error.kind() {
+        io::ErrorKind::NotFound => NO_SUCH_FILE.to_string(),
+        io::ErrorKind::IsADirectory => "this is a folder, not a file".to_string(),
+        io::ErrorKind::InvalidData => "the file is not text in UTF-8".to_string(),
+        _ => error.to_string(),
+    }
+}
 
 /// The nearest of the known names, where one is near enough to be meant.
 pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {

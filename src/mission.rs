@@ -369,7 +369,8 @@ pub struct Accuracy {
 }
 
 impl Accuracy {
-    /// Accuracy of the readout where very many shapes are wanted and each must be known far better than to a thousandth only.
+    /// Accuracy where very many shapes are wanted: thirty times coarser than asked for, but not coarser than 1e-3 on that
+    /// account.
     pub fn of_many_shapes(&self) -> f64 {
         self.relative.max((MANY_SHAPES * self.relative).min(COARSEST_OF_MANY))
     }

@@ -19,7 +19,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::error::InputError;
+use crate::error::{InputError, unreadable};
 
 /// A table of measurements: columns of equal length, and what holds for all rows.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -122,13 +122,7 @@ impl Table {
     /// Where the file cannot be read, or is no such table: one message with line, column and value.
     pub fn read(path: impl AsRef<Path>) -> Result<Table, InputError> {
         let table = Table { name: path.as_ref().display().to_string(), ..Table::default() };
-        let bytes = fs::read(&path).map_err(|error| {
-            table.refuse(match error.kind() {
-                std::io::ErrorKind::NotFound => "there is no such file".to_string(),
-                std::io::ErrorKind::IsADirectory => "this is a folder, not a file".to_string(),
-                _ => error.to_string(),
-            })
-        })?;
+        let bytes = fs::read(&path).map_err(|error| table.refuse(unreadable(&error)))?;
         let text = str::from_utf8(&bytes).map_err(|error| {
             let line = bytes[..error.valid_up_to()].iter().filter(|&&byte| byte == b'\n').count() + 1;
             let wide = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);

@@ -12,7 +12,7 @@ use super::{DoseModel, Mission, Orbit};
 use crate::calendar;
 use crate::effect;
 use crate::environment::solar_cycle::{self, ACTIVE_BEFORE_YR, CYCLE_YR};
-use crate::error::{InputError, nearest};
+use crate::error::{InputError, nearest, unreadable};
 use crate::readout::MAX_SPECIES;
 
 impl Mission {
@@ -24,15 +24,7 @@ impl Mission {
     pub fn read(path: impl AsRef<Path>) -> Result<Mission, InputError> {
         let name = path.as_ref().display().to_string();
         let refused = format!("cannot use mission `{name}`");
-        let text = fs::read_to_string(&path).map_err(|error| {
-            let problem = match error.kind() {
-                std::io::ErrorKind::NotFound => "there is no such file".to_string(),
-                std::io::ErrorKind::IsADirectory => "this is a folder, not a file".to_string(),
-                std::io::ErrorKind::InvalidData => "the file is not text in UTF-8".to_string(),
-                _ => error.to_string(),
-            };
-            InputError::new(&refused, problem)
-        })?;
+        let text = fs::read_to_string(&path).map_err(|error| InputError::new(&refused, unreadable(&error)))?;
         Source::parse(refused, &text, true)?.mission()
     }
 

@@ -170,6 +170,30 @@ mod tests {
     }
 
     #[test]
+    fn clouds_side_by_side_are_as_high_as_alone_and_the_same_by_all_instructions() {
+        let laws = [
+            Cloud::new(1e5, 0.0, 0.5),
+            Cloud::new(1e5, 90.0, 0.5),
+            Cloud::new(1e5, 90.0, 0.31),
+            Cloud::tabulated(|charge_e| (charge_e / 1e5).powf(0.4)),
+        ];
+        let charge_e: Row = std::array::from_fn(|lane| [-3.0, 0.0, 1e-9, 0.7, 90.0, 90.1, 4e4, 3e5][lane % 8]);
+        for cloud in laws {
+            let heights = |level| {
+                let mut heights = [0.0; LANES];
+                dispatch!(level, simd => cloud.heights(simd, Lanes::load(simd, &charge_e)).store(&mut heights));
+                heights
+            };
+            let found = heights(Level::new());
+            assert_eq!(found, heights(Level::baseline()));
+            for (height, charge_e) in found.into_iter().zip(charge_e) {
+                let alone = cloud.height(charge_e);
+                assert!((height - alone).abs() <= 1e-13 * alone, "{charge_e} e-: {height}, {alone}");
+            }
+        }
+    }
+
+    #[test]
     fn a_table_of_a_power_law_is_that_law() {
         for power in [0.3, 0.5, 1.0, 2.0] {
             let law = Cloud::new(1e5, 0.0, power);

@@ -35,23 +35,32 @@ fn plus<S: Simd>(simd: S, mut charge_e: Lanes<S>, row: usize, changes: &[(f64, &
     charge_e
 }
 
-/// What packets of a row fill into empty traps (so many in a pixel), of no more than they have, e-.
-pub(super) fn filled(cloud: &Cloud, density: f64, charge_e: &Row, filled_e: &mut Row) {
+/// Mean charge of every packet over its way through a block, and the way itself, to first order: n − first after the pixel in
+/// which it starts, where that lies in the block, and a drift in each. `visits` counts the pixels of a row's way; rows before
+/// `end` start in the block, which has so many traps per pixel.
+pub(super) fn mean_path(
+    (cloud, density): (&Cloud, f64),
+    (visits, end): (impl Fn(usize) -> f64, usize),
+    charge_e: &[Row],
+    k1: &Stage,
+    mean_e: &mut [Row],
+    [first_e, drift_e]: [&mut [Row]; 2],
+) {
     dispatch!(Level::new(), simd => {
-        let charge_e = Lanes::load(simd, charge_e);
-        let most_e = charge_e.max(Lanes::all(simd, 0.0));
-        (cloud.heights(simd, charge_e) * density).min(most_e).store(filled_e);
-    });
-}
-
-/// Mean charge of packets of a row over their way through so many pixels: n, n − first + drift, n − first + 2 drift, …; and
-/// the drift, which is what a packet changes in each but for the first fill, e-.
-pub(super) fn mean(visits: f64, charge_e: &Row, change_e: &Row, first_e: &Row, drift_e: &mut Row, mean_e: &mut Row) {
-    dispatch!(Level::new(), simd => {
-        let (charge_e, first_e) = (Lanes::load(simd, charge_e), Lanes::load(simd, first_e));
-        let drift = (Lanes::load(simd, change_e) + first_e) * (1.0 / visits);
-        drift.store(drift_e);
-        (charge_e - first_e * ((visits - 1.0) / visits) + drift * (0.5 * (visits - 1.0))).store(mean_e);
+        let zero = Lanes::all(simd, 0.0);
+        for row in 0..charge_e.len() {
+            let visits = visits(row);
+            let charge_e = Lanes::load(simd, &charge_e[row]);
+            // Into empty traps, of no more than it has.
+            let fill_e = (cloud.heights(simd, charge_e) * density).min(charge_e.max(zero));
+            let first = if row < end { fill_e } else { zero };
+            let drift = (Lanes::load(simd, &k1.change_e[row]) + first) * (1.0 / visits);
+            // Mean of n, n − first + drift, n − first + 2 drift, …
+            let mean = charge_e - first * ((visits - 1.0) / visits) + drift * (0.5 * (visits - 1.0));
+            first.store(&mut first_e[row]);
+            drift.store(&mut drift_e[row]);
+            mean.store(&mut mean_e[row]);
+        }
     });
 }
 

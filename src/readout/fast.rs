@@ -164,7 +164,11 @@ impl<P: Passage> Step<'_, P> {
             return first;
         }
         if self.staggered {
-            self.mean_path(charge_e, k1, stage_e, &mut k3.change_e, &mut k4.change_e);
+            let well = (pixel.cloud(), pixel.density());
+            let visits = |row: usize| block.visits(row as i64, downstream).max(1) as f64;
+            let end = (block.nearest + block.pixels - downstream.rows).max(0) as usize;
+            let way = [&mut k3.change_e[..], &mut k4.change_e];
+            estimate::mean_path(well, (visits, end), charge_e, k1, stage_e, way);
             let path = Path { first_e: &k3.change_e, drift_e: &k4.change_e };
             pixel.pass(stage_e, Some(path), block, downstream, levels, k2);
             let errors = estimate::second(k1, k2);
@@ -204,26 +208,6 @@ impl<P: Passage> Step<'_, P> {
             charge_e.copy_from_slice(stage_e);
         }
         attempt
-    }
-
-    /// Mean charge of every packet over its way through the block, and the way itself, to first order.
-    fn mean_path(&self, charge_e: &[Row], k1: &Stage, mean_e: &mut [Row], first_e: &mut [Row], drift_e: &mut [Row]) {
-        for row in 0..charge_e.len() {
-            let visits = self.block.visits(row as i64, self.downstream).max(1) as f64;
-            let starts_here = row as i64 + self.downstream.rows < self.block.nearest + self.block.pixels;
-            first_e[row] = [0.0; LANES];
-            if starts_here {
-                estimate::filled(self.pixel.cloud(), self.pixel.density(), &charge_e[row], &mut first_e[row]);
-            }
-            estimate::mean(
-                visits,
-                &charge_e[row],
-                &k1.change_e[row],
-                &first_e[row],
-                &mut drift_e[row],
-                &mut mean_e[row],
-            );
-        }
     }
 
     /// The worse of two errors over what is allowed: that of a smooth change, which grows with a power of the step's

@@ -11,9 +11,10 @@
 //! a later one. So each level carries the number of its pixels, and captures and releases are weighted with it.
 //!
 //! **Lanes.** Columns are passed side by side (see [`super::lanes`]). Every packet leaves one level, so that levels are kept
-//! in the order of the packets, each with the place of the next higher one below it on the stack, instead of being moved: what most
-//! packets do, which is to cover part or all of the level just left by their neighbour, is the same for all lanes. Only
-//! lanes that reach deeper, or whose packets are spent, are climbed one by one.
+//! in the order of the packets, each with the place of the next higher one below it on the stack, instead of being moved. The
+//! packets of a row go through the levels that any of them meets, one after another, the newest first: mostly the one just left
+//! by their neighbours, and few more. Only packets that have less than the traps in their reach would take are followed
+//! one by one.
 //!
 //! | symbol | here | unit | meaning |
 //! |---|---|---|---|
@@ -62,7 +63,7 @@ pub(super) struct Path<'a> {
     pub drift_e: &'a [Row],
 }
 
-/// What a pixel does to the packets that pass it, in `L` columns.
+/// What a pixel does to the packets that pass it, in columns side by side.
 pub(super) trait Passage: Sync {
     /// State of the traps, to be reused from pass to pass.
     type Levels: Default + Send;
@@ -99,7 +100,7 @@ pub(super) trait Passage: Sync {
 pub(super) struct Stage {
     /// Change of every packet, e-.
     pub change_e: Vec<Row>,
-    /// At which earlier packet's level each packet ended. While these stay the same, the change is a smooth
+    /// At which earlier packet's level each packet ended, as a number. While these stay the same, the change is a smooth
     /// function of the charges; where they differ from one pass to another, it has a kink in between.
     pub meets: Vec<Row>,
 }

@@ -13,7 +13,7 @@ use toml::Value;
 use super::distribution::Distribution;
 use super::output::Output;
 use super::sample::{Sample, Sampling};
-use crate::error::InputError;
+use crate::error::{InputError, unreadable};
 use crate::mission::keys::Kind;
 use crate::mission::{Date, Mission};
 
@@ -92,15 +92,7 @@ impl Grid {
     pub fn read(path: impl AsRef<Path>) -> Result<Grid, InputError> {
         let path = path.as_ref();
         let refused = format!("cannot use grid `{}`", path.display());
-        let text = fs::read_to_string(path).map_err(|error| {
-            let problem = match error.kind() {
-                std::io::ErrorKind::NotFound => "there is no such file".to_string(),
-                std::io::ErrorKind::IsADirectory => "this is a folder, not a file".to_string(),
-                std::io::ErrorKind::InvalidData => "the file is not text in UTF-8".to_string(),
-                _ => error.to_string(),
-            };
-            InputError::new(&refused, problem)
-        })?;
+        let text = fs::read_to_string(path).map_err(|error| InputError::new(&refused, unreadable(&error)))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         read::grid(&refused, path.display().to_string(), &text, folder)
     }

@@ -8,7 +8,7 @@ use toml::Value;
 use toml::de::{DeTable, DeValue};
 
 use super::{Axis, Grid, MOST_POINTS, Values, whole};
-use crate::error::{InputError, nearest};
+use crate::error::{InputError, NO_SUCH_FILE, nearest};
 use crate::mission::keys::{self, Kind, plain};
 use crate::mission::{Date, Mission, check_value, line_at};
 use crate::scenario;
@@ -197,7 +197,7 @@ impl Source<'_> {
             .into_iter()
             .map(|path| {
                 let mission = Mission::read(folder.join(&path)).map_err(|error| match error.problem.as_str() {
-                    "there is no such file" => {
+                    NO_SUCH_FILE => {
                         let problem = format!("there is no file `{}`", folder.join(&path).display());
                         self.fault(entry, problem).with_help("paths are relative to the grid file")
                     }
