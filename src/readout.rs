@@ -223,7 +223,7 @@ impl Readout {
                 monte_carlo::column(&traps, &self.cloud, charge_e, settled, seed, column);
             }),
             Method::Exact if slow => with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
-                let pixel = SlowPixel::<WIDTH>::new(&traps, self.cloud.clone(), downstream, 0.0);
+                let pixel = SlowPixel::<WIDTH>::new(&traps, self.cloud.clone(), downstream, rows, 0.0);
                 by_column(&|charge_e, _| exact::slow_column(&pixel, charge_e, downstream))
             }),
             Method::Exact => by_column(&|charge_e, _| exact::column(&traps, &self.cloud, charge_e, settled)),
@@ -232,7 +232,7 @@ impl Readout {
                 let density: f64 = traps.iter().map(|trap| trap.density_per_px).sum();
                 let merge_e = MERGED * relative * density * self.cloud.height(brightest);
                 with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
-                    let pixel = SlowPixel::<WIDTH>::new(&traps, self.cloud.clone(), downstream, merge_e);
+                    let pixel = SlowPixel::<WIDTH>::new(&traps, self.cloud.clone(), downstream, rows, merge_e);
                     side_by_side(&pixel, image, downstream, across, relative)
                 })
             }

@@ -13,7 +13,6 @@ struct Level {
 /// Clocks one column out, from the pixel farthest from the register to the nearest.
 pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downstream: Downstream) {
     let rows = charge_e.len();
-    let all: f64 = traps.iter().map(|trap| trap.density_per_px).sum();
     let released: Vec<f64> = traps.iter().map(Trap::released).collect();
     // ρ exp(−m/τ), m packets later.
     let left: Vec<Vec<f64>> = (1..=rows + 1)
@@ -46,10 +45,7 @@ pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downst
                 };
                 let wanted_e =
                     |s: usize| (top - reached) * (traps[s].density_per_px - left.map_or(0.0, |left| left[s]));
-                let all_e = match left {
-                    Some(_) => (0..traps.len()).map(wanted_e).sum(),
-                    None => all * (top - reached),
-                };
+                let all_e: f64 = (0..traps.len()).map(wanted_e).sum();
                 // A packet cannot give more than it has.
                 let share = if all_e > charge_e[row] { charge_e[row] / all_e } else { 1.0 };
                 for (s, stored_e) in stored_e.iter_mut().enumerate() {
@@ -72,7 +68,7 @@ pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downst
 
 /// The same where capture takes time.
 pub(super) fn slow_column<const S: usize>(pixel: &SlowPixel<S>, charge_e: &mut [f64], downstream: Downstream) {
-    let mut levels = Vec::new();
+    let mut levels = Default::default();
     for place in (0..charge_e.len() as i64 + downstream.rows).rev() {
         pixel.start(place, downstream, &mut levels);
         let first = (place - downstream.rows).max(0) as usize;

@@ -9,9 +9,16 @@
 //! ```
 //!
 //! Massey et al. 2014 (MNRAS 439, 887), appendix A. A packet no longer fills what it covers, so that a level remembers all
-//! packets that ever reached it: levels are kept from the bottom up, each with the fraction filled of every species, and
-//! are merged where that costs less charge than is asked for. Nor do packets upstream find the steady state after one
-//! packet of background: [`SlowPixel::new`] follows the background, packet by packet, until it settles.
+//! packets that ever reached it, each with the fraction filled of every species; levels are merged where that costs less
+//! charge than is asked for. Nor do packets upstream find the steady state after one packet of background:
+//! [`SlowPixel::new`] follows the background, packet by packet, until it settles.
+//!
+//! Both laws are the same for all levels on one side of the cloud's top. So what a packet exchanges with the traps follows
+//! from two sums, of the traps filled inside and above; and a level keeps the fraction that it had when it came to its
+//! side, and since when, until a cloud ends on its other side. A packet costs as much as the levels between its own height
+//! and the one before.
+
+use std::mem::take;
 
 use super::lanes::{LANES, Row};
 use super::pixel::{Block, Passage, Path, Stage};
@@ -22,46 +29,78 @@ pub(super) struct SlowPixel<const S: usize> {
     cloud: Cloud,
     density: [f64; S],
     density_all: f64,
-    /// exp(−1/τ), chance to stay filled above the cloud.
-    keep: [f64; S],
     /// f∞, fraction filled in the end inside the cloud.
     full: [f64; S],
-    /// exp(−1/τc − 1/τ), what is left inside the cloud of the distance from it.
-    approach: [f64; S],
+    /// exp(−m/τ), chance to stay filled above m clouds.
+    keep: Vec<[f64; S]>,
+    /// exp(−m/τc − m/τ), what is left inside m clouds of the distance from f∞.
+    approach: Vec<[f64; S]>,
     /// Charge that may be misplaced in a pixel: by a merger of levels, or by a background that has not quite settled, e-.
     merge_e: f64,
     /// What the background has left in a pixel that it passed 0, 1, 2, … times; the last holds for more.
-    background: Vec<Vec<Level<S>>>,
+    background: Vec<Levels<S>>,
+}
+
+/// The traps of a pixel, cut where clouds have ended.
+#[derive(Clone)]
+pub(super) struct Levels<const S: usize> {
+    /// Those inside the latest cloud, from the bottom up.
+    inside: Vec<Level<S>>,
+    /// Those above it, from the top down.
+    above: Vec<Level<S>>,
+    /// Sums of thickness times fraction filled.
+    filled_inside: [f64; S],
+    filled_above: [f64; S],
+    /// Packets that came by.
+    packets: usize,
 }
 
 /// Traps between the next level below and `top`.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) struct Level<const S: usize> {
+#[derive(Clone, Copy)]
+struct Level<const S: usize> {
     top: f64,
+    /// Fractions filled after so many packets.
     fill: [f64; S],
+    since: usize,
     /// Which packet's cloud ended at the top: its row plus one.
     packet: usize,
+}
+
+impl<const S: usize> Default for Levels<S> {
+    fn default() -> Self {
+        Levels { inside: Vec::new(), above: Vec::new(), filled_inside: [0.0; S], filled_above: [0.0; S], packets: 0 }
+    }
+}
+
+/// Top of the uppermost of some levels.
+fn top<const S: usize>(levels: &[Level<S>]) -> f64 {
+    levels.last().map_or(0.0, |level| level.top)
+}
+
+/// Which packet's cloud ended at the top of a level, as a number.
+fn mark<const S: usize>(level: Option<&Level<S>>) -> f64 {
+    level.map_or(0.0, |level| (level.packet + 1) as f64)
 }
 
 /// Change of a packet of background in one pixel, e-, below which the background counts as settled in any case.
 const SETTLED_E: f64 = 1e-13;
 
 impl<const S: usize> SlowPixel<S> {
-    /// Follows the background (e-) of the rows downstream of an image until one more packet of it changes nothing.
-    pub fn new(traps: &[Trap], cloud: Cloud, downstream: Downstream, merge_e: f64) -> SlowPixel<S> {
+    /// Follows the background (e-) of the rows downstream of an image of `rows` until one more packet of it changes nothing.
+    pub fn new(traps: &[Trap], cloud: Cloud, downstream: Downstream, rows: usize, merge_e: f64) -> SlowPixel<S> {
         let mut pixel = SlowPixel {
             cloud,
             density: [0.0; S],
             density_all: traps.iter().map(|trap| trap.density_per_px).sum(),
-            keep: [0.0; S],
             full: [0.0; S],
-            approach: [0.0; S],
+            keep: vec![[1.0; S], [0.0; S]],
+            approach: vec![[1.0; S], [0.0; S]],
             merge_e,
-            background: vec![Vec::new()],
+            background: vec![Levels::default()],
         };
         for (s, trap) in traps.iter().enumerate() {
             pixel.density[s] = trap.density_per_px;
-            (pixel.keep[s], pixel.full[s], pixel.approach[s]) = trap.passage();
+            (pixel.keep[1][s], pixel.full[s], pixel.approach[1][s]) = trap.passage();
         }
         let mut charge_e = downstream.charge_e;
         let mut quiet = 0;
@@ -74,115 +113,174 @@ impl<const S: usize> SlowPixel<S> {
                 break;
             }
             charge_e += change_e;
+            pixel.settle(&mut after);
             pixel.background.push(after);
+        }
+        for packets in 2..=rows {
+            for powers in [&mut pixel.keep, &mut pixel.approach] {
+                powers.push(std::array::from_fn(|s| powers[packets - 1][s] * powers[1][s]));
+            }
         }
         pixel
     }
 
     /// Passes one packet over the levels; its change (e-), and what levels it met as one number.
-    #[allow(clippy::needless_range_loop)] // species index several arrays at once
-    pub fn packet(&self, levels: &mut Vec<Level<S>>, charge_e: f64, packet: usize) -> (f64, f64) {
+    pub fn packet(&self, levels: &mut Levels<S>, charge_e: f64, packet: usize) -> (f64, f64) {
         let height = self.cloud.height(charge_e);
-        let inside = self.cut(levels, height, packet);
-        let above = levels.get(inside).map_or(0.0, |level| (level.packet + 1) as f64);
-        let met = above + 1e-7 * if inside > 1 { (levels[inside - 2].packet + 1) as f64 } else { 0.0 };
-        // More than all the traps it covers cannot be captured.
-        let share = if inside > 0 && charge_e < self.density_all * height {
-            self.affordable(levels, inside, charge_e)
-        } else {
-            1.0
-        };
-        let mut change_e = 0.0;
-        let mut floor = 0.0;
-        for (index, level) in levels.iter_mut().enumerate() {
-            let thickness = level.top - floor;
-            floor = level.top;
-            for s in 0..S {
-                let before = level.fill[s];
-                let after = if index < inside {
-                    let after = self.full[s] + (before - self.full[s]) * self.approach[s];
-                    before + share * (after - before)
-                } else {
-                    before * self.keep[s]
-                };
-                level.fill[s] = after;
-                change_e += self.density[s] * thickness * (before - after);
-            }
-        }
-        self.merge(levels);
-        (change_e, met)
+        self.reach(levels, height, packet);
+        let below = levels.inside.iter().rev().nth(1);
+        let met = mark(levels.above.last()) + 1e-7 * mark(below);
+        (self.exchange(levels, charge_e, height), met)
     }
 
-    /// Makes `height` the top of a level; the number of levels up to there.
-    fn cut(&self, levels: &mut Vec<Level<S>>, height: f64, packet: usize) -> usize {
-        if height <= 0.0 {
-            return 0;
+    /// Capture inside and release everywhere for one transfer; the packet's change, e-.
+    fn exchange(&self, levels: &mut Levels<S>, charge_e: f64, height: f64) -> f64 {
+        let (mut captured, mut released) = ([0.0; S], [0.0; S]);
+        let (mut captured_e, mut released_e) = (0.0, 0.0);
+        for s in 0..S {
+            captured[s] = (height * self.full[s] - levels.filled_inside[s]) * (1.0 - self.approach[1][s]);
+            released[s] = levels.filled_above[s] * (1.0 - self.keep[1][s]);
+            captured_e += self.density[s] * captured[s];
+            released_e += self.density[s] * released[s];
         }
-        let at = levels.iter().position(|level| level.top >= height).unwrap_or(levels.len());
-        match levels.get(at) {
-            Some(level) if level.top == height => {}
-            Some(level) => {
-                let fill = level.fill;
-                levels.insert(at, Level { top: height, fill, packet });
+        // More than there is cannot be captured.
+        let available_e = (charge_e + released_e).max(0.0);
+        let short = charge_e < self.density_all * height && captured_e > available_e;
+        let share = if short { available_e / captured_e } else { 1.0 };
+        if short {
+            for level in &mut levels.inside {
+                let before = self.filled_inside(level, levels.packets);
+                let after = self.filled_inside(level, levels.packets + 1);
+                level.fill = std::array::from_fn(|s| before[s] + share * (after[s] - before[s]));
+                level.since = levels.packets + 1;
             }
-            None => levels.push(Level { top: height, fill: [0.0; S], packet }),
         }
-        at + 1
+        for s in 0..S {
+            levels.filled_inside[s] += share * captured[s];
+            levels.filled_above[s] -= released[s];
+        }
+        levels.packets += 1;
+        released_e - share * captured_e
     }
 
-    /// Share of the capture inside the cloud that the packet, with what is released above it, can pay for.
-    fn affordable(&self, levels: &[Level<S>], inside: usize, charge_e: f64) -> f64 {
-        let (mut captured, mut released) = (0.0, 0.0);
-        let mut floor = 0.0;
-        for (index, level) in levels.iter().enumerate() {
-            let thickness = level.top - floor;
-            floor = level.top;
+    /// Fractions of a level inside the cloud after so many packets.
+    fn filled_inside(&self, level: &Level<S>, packets: usize) -> [f64; S] {
+        let approach = &self.approach[packets - level.since];
+        std::array::from_fn(|s| self.full[s] + (level.fill[s] - self.full[s]) * approach[s])
+    }
+
+    /// Fractions of a level above the cloud after so many packets.
+    fn filled_above(&self, level: &Level<S>, packets: usize) -> [f64; S] {
+        let keep = &self.keep[packets - level.since];
+        std::array::from_fn(|s| level.fill[s] * keep[s])
+    }
+
+    /// Makes `height` the top of the uppermost level inside.
+    fn reach(&self, levels: &mut Levels<S>, height: f64, packet: usize) {
+        let since = levels.packets;
+        // Down: what lies above the height leaves the cloud.
+        while let Some(level) = levels.inside.last().copied()
+            && level.top > height
+        {
+            levels.inside.pop();
+            let fill = self.filled_inside(&level, since);
+            let floor = top(&levels.inside);
+            if floor < height {
+                levels.inside.push(Level { top: height, packet, ..level });
+            }
+            let thickness = level.top - floor.max(height);
             for s in 0..S {
-                let traps = self.density[s] * thickness;
-                if index < inside {
-                    captured += traps * (self.full[s] - level.fill[s]) * (1.0 - self.approach[s]);
-                } else {
-                    released += traps * level.fill[s] * (1.0 - self.keep[s]);
+                levels.filled_inside[s] -= thickness * fill[s];
+                levels.filled_above[s] += thickness * fill[s];
+            }
+            self.put_above(levels, Level { fill, since, ..level }, floor.max(height));
+        }
+        // Up: what lies below it is covered.
+        while top(&levels.inside) < height {
+            let floor = top(&levels.inside);
+            let covered = match levels.above.pop() {
+                Some(level) => {
+                    let fill = self.filled_above(&level, since);
+                    if level.top > height {
+                        levels.above.push(level);
+                        Level { top: height, fill, since, packet }
+                    } else {
+                        Level { fill, since, ..level }
+                    }
                 }
+                None => Level { top: height, fill: [0.0; S], since, packet },
+            };
+            let thickness = covered.top - floor;
+            for s in 0..S {
+                levels.filled_above[s] -= thickness * covered.fill[s];
+                levels.filled_inside[s] += thickness * covered.fill[s];
             }
+            self.put_inside(levels, covered);
         }
-        let available = (charge_e + released).max(0.0);
-        if captured > available { available / captured } else { 1.0 }
     }
 
-    /// Joins neighbours that are almost equally filled, without loss of charge.
-    fn merge(&self, levels: &mut Vec<Level<S>>) {
-        let mut kept = 0;
-        let mut floor = 0.0;
-        for next in 1..levels.len() {
-            let (lower, upper) = (levels[kept], levels[next]);
+    /// Adds a level on top of those inside; one that is filled almost as its neighbour joins it, without loss of charge.
+    fn put_inside(&self, levels: &mut Levels<S>, upper: Level<S>) {
+        if let Some(lower) = levels.inside.pop() {
+            let fill = self.filled_inside(&lower, upper.since);
+            let (below, above) = (lower.top - top(&levels.inside), upper.top - lower.top);
+            if self.alike(&fill, &upper.fill, below.min(above)) {
+                levels.inside.push(Level { fill: joined(&fill, below, &upper.fill, above), ..upper });
+                return;
+            }
+            levels.inside.push(lower);
+        }
+        levels.inside.push(upper);
+    }
+
+    /// Adds a level, which starts at `floor`, below those above; as [`SlowPixel::put_inside`].
+    fn put_above(&self, levels: &mut Levels<S>, lower: Level<S>, floor: f64) {
+        if let Some(upper) = levels.above.last_mut() {
+            let fill = self.filled_above(upper, lower.since);
             let (below, above) = (lower.top - floor, upper.top - lower.top);
-            let apart: f64 = (0..S).map(|s| self.density[s] * (upper.fill[s] - lower.fill[s]).abs()).sum();
-            if apart * below.min(above) < self.merge_e {
-                let share = above / (above + below);
-                let mut joined = upper;
-                for s in 0..S {
-                    joined.fill[s] = lower.fill[s] + share * (upper.fill[s] - lower.fill[s]);
-                }
-                levels[kept] = joined;
-            } else {
-                floor = lower.top;
-                kept += 1;
-                levels[kept] = upper;
+            if self.alike(&fill, &lower.fill, below.min(above)) {
+                *upper = Level { fill: joined(&lower.fill, below, &fill, above), since: lower.since, ..*upper };
+                return;
             }
         }
-        levels.truncate(kept + 1);
+        levels.above.push(lower);
+    }
+
+    /// Whether two neighbours, the thinner one so thick, may be taken for one.
+    fn alike(&self, one: &[f64; S], other: &[f64; S], thickness: f64) -> bool {
+        let apart: f64 = (0..S).map(|s| self.density[s] * (one[s] - other[s]).abs()).sum();
+        apart * thickness < self.merge_e
+    }
+
+    /// Counts packets from now on.
+    fn settle(&self, levels: &mut Levels<S>) {
+        let packets = take(&mut levels.packets);
+        for level in &mut levels.inside {
+            *level = Level { fill: self.filled_inside(level, packets), since: 0, ..*level };
+        }
+        for level in &mut levels.above {
+            *level = Level { fill: self.filled_above(level, packets), since: 0, ..*level };
+        }
     }
 
     /// Levels of a pixel (counted from the register) as the background has left them before row 0 comes.
-    pub fn start(&self, pixel: i64, downstream: Downstream, levels: &mut Vec<Level<S>>) {
+    pub fn start(&self, pixel: i64, downstream: Downstream, levels: &mut Levels<S>) {
         let passed = (downstream.rows - pixel).max(0) as usize;
-        levels.clone_from(&self.background[passed.min(self.background.len() - 1)]);
+        let left = &self.background[passed.min(self.background.len() - 1)];
+        levels.inside.clone_from(&left.inside);
+        levels.above.clone_from(&left.above);
+        *levels = Levels { inside: take(&mut levels.inside), above: take(&mut levels.above), ..*left };
     }
 }
 
+/// Fractions filled of two levels together, by their thicknesses.
+fn joined<const S: usize>(lower: &[f64; S], below: f64, upper: &[f64; S], above: f64) -> [f64; S] {
+    let share = above / (above + below);
+    std::array::from_fn(|s| lower[s] + share * (upper[s] - lower[s]))
+}
+
 impl<const S: usize> Passage for SlowPixel<S> {
-    type Levels = Vec<Level<S>>;
+    type Levels = Levels<S>;
 
     fn pass(
         &self,
@@ -190,7 +288,7 @@ impl<const S: usize> Passage for SlowPixel<S> {
         _: Option<Path>,
         block: Block,
         downstream: Downstream,
-        levels: &mut Vec<Level<S>>,
+        levels: &mut Levels<S>,
         found: &mut Stage,
     ) {
         let Stage { change_e, meets } = found;
@@ -243,15 +341,65 @@ mod tests {
         ]
     }
 
+    /// The same levels kept from the bottom up, each of which is brought up to date by every packet.
+    fn one_by_one(pixel: &SlowPixel<2>, levels: &mut Vec<(f64, [f64; 2])>, charge_e: f64) -> (f64, bool) {
+        let height = pixel.cloud.height(charge_e);
+        let at = levels.iter().position(|(top, _)| *top >= height).unwrap_or(levels.len());
+        let fill = levels.get(at).map_or([0.0; 2], |(_, fill)| *fill);
+        levels.insert(at, (height, fill));
+        let exchange = |share: f64, levels: &mut Vec<(f64, [f64; 2])>| {
+            let (mut captured_e, mut released_e, mut floor) = (0.0, 0.0, 0.0);
+            for (index, (top, fill)) in levels.iter_mut().enumerate() {
+                for s in 0..2 {
+                    let traps = pixel.density[s] * (*top - floor);
+                    let before = fill[s];
+                    if index <= at {
+                        fill[s] += share * (pixel.full[s] - fill[s]) * (1.0 - pixel.approach[1][s]);
+                        captured_e += traps * (fill[s] - before);
+                    } else {
+                        fill[s] *= pixel.keep[1][s];
+                        released_e += traps * (before - fill[s]);
+                    }
+                }
+                floor = *top;
+            }
+            (captured_e, released_e)
+        };
+        let (captured_e, released_e) = exchange(1.0, &mut levels.clone());
+        let share = if captured_e > charge_e + released_e { (charge_e + released_e) / captured_e } else { 1.0 };
+        exchange(share, levels);
+        (released_e - share * captured_e, share < 1.0)
+    }
+
+    #[test]
+    fn levels_on_either_side_of_a_cloud_are_as_if_each_were_followed() {
+        // Rising and tiny, then of all sizes.
+        let packets: Vec<f64> = (0..300_u32)
+            .map(|row| if row < 40 { 1e-6 * f64::from(row) } else { f64::from(row * row * 37 % 1001) })
+            .collect();
+        let pixel = SlowPixel::<2>::new(&traps(), Cloud::new(1e4, 0.0, 0.5), Downstream::NONE, packets.len(), 0.0);
+        let (mut levels, mut followed) = (Levels::default(), Vec::new());
+        let mut short = 0;
+        for charge_e in packets {
+            let (expected_e, spent) = one_by_one(&pixel, &mut followed, charge_e);
+            let (change_e, _) = pixel.packet(&mut levels, charge_e, 1);
+            assert!((change_e - expected_e).abs() < 1e-12, "{charge_e} e-: {change_e}, {expected_e}");
+            short += usize::from(spent);
+        }
+        assert!(short > 0, "some packet has less than its traps would take");
+    }
+
     #[test]
     fn what_a_packet_loses_the_traps_hold() {
         let downstream = Downstream::NONE;
-        let pixel = SlowPixel::<2>::new(&traps(), Cloud::new(1e4, 0.0, 0.5), downstream, 0.0);
-        let mut levels = Vec::new();
-        let held = |levels: &[Level<2>]| -> f64 {
+        let pixel = SlowPixel::<2>::new(&traps(), Cloud::new(1e4, 0.0, 0.5), downstream, 7, 0.0);
+        let mut levels = Levels::default();
+        let held = |levels: &Levels<2>| -> f64 {
+            let mut levels = levels.clone();
+            pixel.settle(&mut levels);
             let mut floor = 0.0;
             let mut held = 0.0;
-            for level in levels {
+            for level in levels.inside.iter().chain(levels.above.iter().rev()) {
                 held += (level.top - floor) * (0..2).map(|s| pixel.density[s] * level.fill[s]).sum::<f64>();
                 floor = level.top;
             }
@@ -269,12 +417,12 @@ mod tests {
     #[test]
     fn a_background_settles_in_the_balance_of_capture_and_release() {
         let downstream = Downstream { rows: 1000, charge_e: 100.0 };
-        let pixel = SlowPixel::<2>::new(&traps(), Cloud::new(1e4, 0.0, 0.5), downstream, 1e-9);
+        let pixel = SlowPixel::<2>::new(&traps(), Cloud::new(1e4, 0.0, 0.5), downstream, 1, 1e-9);
         let packets = pixel.background.len();
         assert!(packets < 500, "{packets} packets until the background settles");
         let settled = pixel.background.last().unwrap();
-        assert!((settled[0].fill[0] - 3.0 / 3.3).abs() < 1e-6);
-        assert!((settled[0].fill[1] - 40.0 / 42.0).abs() < 1e-6);
+        assert!((settled.inside[0].fill[0] - 3.0 / 3.3).abs() < 1e-6);
+        assert!((settled.inside[0].fill[1] - 40.0 / 42.0).abs() < 1e-6);
         let mut levels = settled.clone();
         // The packets have paid for the traps they filled.
         let charge_e = 100.0 - 0.1 * (0.8 * 3.0 / 3.3 + 0.5 * 40.0 / 42.0);
