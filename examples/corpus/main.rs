@@ -1,133 +1,196 @@
 //! Diagnoses a folder of cases with known truth, and counts how often it is right.
 //!
-//! `cargo run --release --example corpus -- FOLDER [NAME-PART]`, on cases of `tests/corpus/make.py`.
+//! `cargo run --release --example corpus -- FOLDER [--only NAME-PART] [--truth exact] [--seed N]`, on cases of
+//! `tests/corpus/make.py`.
 
+mod judge;
+
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use clap::Parser;
 use ctiplan::diagnose::{Diagnosis, Options, Progress, Verdict, diagnose};
 use ctiplan::error::InputError;
-use ctiplan::measurement::DataSet;
-use ctiplan::mission::Mission;
+use ctiplan::measurement::{DataSet, questions};
+use ctiplan::mission::{Mission, ReadoutMethod};
+use ctiplan::model::Model;
+use ctiplan::predict::predict;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use serde_json::Value;
 
+#[derive(Parser)]
+struct Arguments {
+    /// Folder of cases
+    #[arg(default_value = "tests/practice")]
+    folder: PathBuf,
+    /// Only cases whose name contains this
+    #[arg(long, default_value = "")]
+    only: String,
+    /// Replace the values of the cases by this readout's, with all that is true (true.toml) and fresh noise
+    #[arg(long)]
+    truth: Option<Truth>,
+    /// Seed of that noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Truth {
+    /// Every transfer of every packet
+    Exact,
+    /// The paper's whole traps, as the device's own: one set of them for each detector and dose
+    MonteCarlo,
+}
+
 fn main() -> Result<(), InputError> {
-    let mut arguments = std::env::args().skip(1);
-    let folder = arguments.next().unwrap_or_else(|| "tests/practice".into());
-    let part = arguments.next().unwrap_or_default();
-    let mut cases: Vec<PathBuf> = fs::read_dir(&folder)
-        .map_err(|error| InputError::new(format!("cannot read `{folder}`"), error.to_string()))?
+    let arguments = Arguments::parse();
+    let unreadable = |error: std::io::Error| {
+        InputError::new(format!("cannot read `{}`", arguments.folder.display()), error.to_string())
+    };
+    let mut cases: Vec<PathBuf> = fs::read_dir(&arguments.folder)
+        .map_err(unreadable)?
         .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| path.join("truth.json").exists() && path.to_string_lossy().contains(&part))
+        .filter(|path| path.join("truth.json").exists() && name(path).contains(&arguments.only))
+        .filter(|path| arguments.truth.is_none() || path.join("true.toml").exists())
         .collect();
     cases.sort();
-    let mut counts: Vec<(String, usize, usize)> = Vec::new();
-    let (mut inside, mut all, mut slowest) = (0, 0, 0.0_f64);
+    let mut counts = Counts::default();
     for case in cases {
         let truth: Value = serde_json::from_str(&fs::read_to_string(case.join("truth.json")).unwrap()).unwrap();
-        let start = Instant::now();
-        let found = run(&case, &truth)?;
-        let seconds = start.elapsed().as_secs_f64();
-        slowest = slowest.max(seconds);
-        let right = is_right(&truth, &found);
-        let (near, of) = pulls(&truth, &found);
-        inside += near;
-        all += of;
-        let group = truth["group"].as_str().unwrap_or("practice").to_string();
-        match counts.iter_mut().find(|(known, ..)| *known == group) {
-            Some((_, good, total)) => {
-                *good += usize::from(right);
-                *total += 1;
-            }
-            None => counts.push((group, usize::from(right), 1)),
+        let (mission, mut data) = read(&case, &truth)?;
+        if let Some(readout) = arguments.truth {
+            replace(&mut data, &case, readout, arguments.seed)?;
         }
-        let steps: Vec<String> = found
-            .steps
-            .iter()
-            .map(|step| {
-                let values: Vec<String> = step
-                    .parameters
-                    .iter()
-                    .map(|fitted| format!("{:.3e}±{:.0e}", fitted.value, fitted.sigma.unwrap_or(f64::NAN)))
-                    .collect();
-                format!("{}({}) fa {:.0e}", step.effect, values.join(" "), step.false_alarm)
-            })
-            .collect();
-        let last = found.steps.last().map_or(&found.baseline, |step| &step.rung);
-        println!(
-            "{} {:38} {:11} {:5.1} s  chi2/n {:.2} -> {:.2}  [{}] alt {:?} cov {:?} {} {}",
-            if right { "  ok " } else { "WRONG" },
-            case.file_name().unwrap().to_string_lossy(),
-            found.verdict.name(),
-            seconds,
-            found.baseline.chi2 / found.baseline.n as f64,
-            last.chi2 / last.n as f64,
-            steps.join("; "),
-            found.alternatives,
-            found.covariates.iter().take(3).map(|leaning| leaning.name.as_str()).collect::<Vec<_>>(),
-            if found.verdict == Verdict::Unfit { &found.reason } else { "" },
-            if of > near { format!("PULL {}", truth["parameters"]) } else { String::new() },
-        );
+        let start = Instant::now();
+        let options =
+            Options { level: 0.01, seed: 1, free: mission.fit.free.clone(), candidates: None, can: Vec::new() };
+        let stage = |name: &str, _| eprintln!("{:6.1} {name}", start.elapsed().as_secs_f64());
+        let found = diagnose(&mission, &data, &options, &Progress { stage: &stage, advance: &|| () })?;
+        let seconds = start.elapsed().as_secs_f64();
+        print_case(&name(&case), &truth, &found, seconds);
+        counts.add(&truth, &found, seconds);
     }
-    for (group, good, total) in counts {
-        println!("{group}: {good} of {total} right");
-    }
-    println!("true parameters within three errors: {inside} of {all}; slowest case {slowest:.0} s");
+    counts.print();
     Ok(())
 }
 
-fn run(case: &Path, truth: &Value) -> Result<Diagnosis, InputError> {
+fn name(case: &Path) -> String {
+    case.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn read(case: &Path, truth: &Value) -> Result<(Mission, Vec<DataSet>), InputError> {
     let mission = Mission::read(case.join("mission.toml"))?;
     let files = truth["files"].as_array().unwrap().iter().map(|file| case.join(file.as_str().unwrap()));
     let data = files.map(|file| DataSet::read(file, &mission)).collect::<Result<Vec<_>, _>>()?;
-    let free = mission.fit.free.clone();
-    let options = Options { level: 0.01, seed: 1, free, candidates: None, can: Vec::new() };
-    let start = Instant::now();
-    let stage = |name: &str, _| eprintln!("{:6.1} {name}", start.elapsed().as_secs_f64());
-    diagnose(&mission, &data, &options, &Progress { stage: &stage, advance: &|| () })
+    Ok((mission, data))
 }
 
-fn names(list: &Value) -> Vec<String> {
-    let mut names: Vec<String> =
-        list.as_array().into_iter().flatten().filter_map(|name| Some(name.as_str()?.to_string())).collect();
-    names.sort();
-    names
+/// Values as the true mission gives them by another readout, with noise of the quoted sigma.
+fn replace(data: &mut [DataSet], case: &Path, readout: Truth, seed: u64) -> Result<(), InputError> {
+    let mut mission = Mission::read(case.join("true.toml"))?;
+    mission.accuracy.readout = match readout {
+        Truth::Exact => ReadoutMethod::Exact,
+        Truth::MonteCarlo => ReadoutMethod::MonteCarlo,
+    };
+    let values = predict(&Model::new(&mission), &questions(data));
+    // Each case its own noise.
+    let stream = name(case).bytes().fold(0_u64, |sum, byte| sum.wrapping_mul(31).wrapping_add(byte.into()));
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    random.set_stream(stream);
+    for (row, value) in data.iter_mut().flat_map(|set| &mut set.rows).zip(values) {
+        let noise: f64 = StandardNormal.sample(&mut random);
+        row.value = value + row.sigma * noise;
+    }
+    Ok(())
 }
 
-fn is_right(truth: &Value, found: &Diagnosis) -> bool {
-    let mut steps: Vec<String> = found.steps.iter().map(|step| step.effect.clone()).collect();
-    steps.sort();
-    let accepted = truth["accept"].as_array().unwrap().iter().any(|accept| names(accept) == steps);
-    let verdict = found.verdict.name();
-    if truth["group"] == "edge" {
-        // Any answer but a wrong one.
-        let among = found.alternatives.iter().flatten().any(|name| names(&truth["effects"]).contains(name));
-        return accepted || among || !matches!(found.verdict, Verdict::Missing | Verdict::Ambiguous);
-    }
-    match truth["verdict"].as_str().unwrap() {
-        "ambiguous" => {
-            let known = names(&truth["effects"]);
-            verdict == "ambiguous" && (accepted || found.alternatives.iter().flatten().any(|name| known.contains(name)))
-        }
-        "unexplained" => {
-            let covariates = names(&truth["covariates"]);
-            let told = found.covariates.iter().any(|leaning| covariates.contains(&leaning.name));
-            verdict == "unexplained" && accepted && (told || covariates.is_empty())
-        }
-        other => verdict == other && accepted,
-    }
+fn print_case(name: &str, truth: &Value, found: &Diagnosis, seconds: f64) {
+    let steps: Vec<String> = found
+        .steps
+        .iter()
+        .map(|step| {
+            let values: Vec<String> = step
+                .parameters
+                .iter()
+                .map(|fitted| format!("{:.3e}±{:.0e}", fitted.value, fitted.sigma.unwrap_or(f64::NAN)))
+                .collect();
+            format!("{}({}) fa {:.0e}", step.effect, values.join(" "), step.false_alarm)
+        })
+        .collect();
+    let last = found.steps.last().map_or(&found.baseline, |step| &step.rung);
+    let (near, of) = judge::pulls(truth, found);
+    println!(
+        "{} {name:38} {:11} {seconds:5.1} s  chi2/n {:.2} -> {:.2}  [{}] alt {:?} cov {:?} {} {}",
+        if judge::is_right(truth, found) { "  ok " } else { "WRONG" },
+        found.verdict.name(),
+        found.baseline.chi2 / found.baseline.n as f64,
+        last.chi2 / last.n as f64,
+        steps.join("; "),
+        found.alternatives,
+        found.covariates.iter().take(3).map(|leaning| leaning.name.as_str()).collect::<Vec<_>>(),
+        if found.verdict == Verdict::Unfit { &found.reason } else { "" },
+        if of > near { format!("PULL {}", truth["parameters"]) } else { String::new() },
+    );
 }
 
-/// Parameters whose true value is known: how many are within three errors, and how many there are.
-fn pulls(truth: &Value, found: &Diagnosis) -> (usize, usize) {
-    let (mut near, mut all) = (0, 0);
-    for fitted in found.steps.iter().flat_map(|step| &step.parameters) {
-        let name = fitted.key.rsplit('.').next().unwrap();
-        if let (Some(value), Some(sigma)) = (truth["parameters"][name].as_f64(), fitted.sigma) {
-            all += 1;
-            near += usize::from((fitted.value - value).abs() < 3.0 * sigma);
+/// How often what was answered.
+#[derive(Default)]
+struct Counts {
+    /// By group: right answers, and cases.
+    groups: BTreeMap<String, (usize, usize)>,
+    /// Of one hidden effect, by the chi2 aimed at: answers.
+    power: BTreeMap<u64, BTreeMap<&'static str, usize>>,
+    /// By what is hidden and what is added.
+    confusion: BTreeMap<(String, String), usize>,
+    inside: usize,
+    parameters: usize,
+    seconds: Vec<f64>,
+}
+
+impl Counts {
+    fn add(&mut self, truth: &Value, found: &Diagnosis, seconds: f64) {
+        let (good, total) = self.groups.entry(truth["group"].as_str().unwrap_or("practice").to_string()).or_default();
+        *good += usize::from(judge::is_right(truth, found));
+        *total += 1;
+        if let Some(target) = truth["target"].as_u64() {
+            *self.power.entry(target).or_default().entry(judge::answer(truth, found)).or_default() += 1;
+        }
+        let words = |effects: Vec<String>| if effects.is_empty() { "nothing".into() } else { effects.join(" + ") };
+        let (hidden, added) = (words(judge::names(&truth["effects"])), words(judge::added(found)));
+        if hidden != added {
+            let added = if found.verdict == Verdict::Ambiguous { format!("{added} (ambiguous)") } else { added };
+            *self.confusion.entry((hidden, added)).or_default() += 1;
+        }
+        let (near, of) = judge::pulls(truth, found);
+        self.inside += near;
+        self.parameters += of;
+        self.seconds.push(seconds);
+    }
+
+    fn print(mut self) {
+        for (group, (good, total)) in &self.groups {
+            println!("{group}: {good} of {total} right");
+        }
+        for (target, answers) in &self.power {
+            let answers: Vec<String> = answers.iter().map(|(answer, count)| format!("{answer} {count}")).collect();
+            println!("chi2 falls by {target}: {}", answers.join(", "));
+        }
+        for ((hidden, added), count) in &self.confusion {
+            println!("{hidden} taken for {added}: {count}");
+        }
+        println!("true parameters within three errors: {} of {}", self.inside, self.parameters);
+        self.seconds.sort_by(f64::total_cmp);
+        if let Some(slowest) = self.seconds.last() {
+            let of = |share: f64| self.seconds[((self.seconds.len() - 1) as f64 * share) as usize];
+            println!(
+                "seconds: half within {:.1}, nine of ten within {:.1}, the slowest {slowest:.1}",
+                of(0.5),
+                of(0.9)
+            );
         }
     }
-    (near, all)
 }

@@ -18,6 +18,7 @@ Groups
     unfit       data that carry no verdict
     pair        two effects at once
     edge        one effect, so weak that it is hard to see
+    power       one effect at four strengths, from hard to see to plain
 
 truth.json
     case, verdict, effects, accept (lists of effects that are right answers), parameters, files, note; covariates where
@@ -27,6 +28,8 @@ truth.json
                          parameters have adjusted to them (in linear approximation)
         delta_chi2_each  for pairs: the same against the mission that lacks one of them but has the other
         free             true values of what the mission leaves free; the mission file has others
+        target           for power: the delta_chi2 that was aimed at
+    true.toml            the mission as it really is, where the catalogue has all of it
 
 Readout
     A lone packet stands in a column whose every row, from row 0 up, holds the background; without background the rows in
@@ -54,7 +57,9 @@ import numpy as np
 
 BOLTZMANN_EV_K = 8.617333262e-5
 SOLAR_MAXIMA = [1968.9, 1979.9, 1989.9, 2000.3, 2014.3, 2024.8, 2035.8]
-GROUPS = ["strong", "complete", "outside", "ambiguous", "unfit", "pair", "edge"]
+GROUPS = ["strong", "complete", "outside", "ambiguous", "unfit", "pair", "edge", "power"]
+# chi2 by which the truth of a case of group power is ahead of the mission.
+POWER = [15, 30, 60, 120]
 
 
 # ---------------------------------------------------------------- dose and traps
@@ -1027,21 +1032,33 @@ def edge():
         yield c
 
 
+def power():
+    """The same at several strengths: how strong must an effect be to be named?"""
+    for edge_case in edge():
+        kind, _ = edge_case["tune"]
+        for target in POWER:
+            yield dict(edge_case, name="power-%s-%d" % (kind, target), group="power", target=target, note="")
+
+
 def tune(c):
-    """Strength (or, for an effect without parameters, sigma) at which delta_chi2 is between 9 and 16."""
+    """Strength (or, for an effect without parameters, sigma) at which delta_chi2 is within a fifth of what is wanted."""
     kind, parameters = c["tune"]
-    strength = 0.2
-    for _ in range(12):
+    target = c.get("target", 12.0)
+    strength, weak, plain = 0.2, 0.0, math.inf
+    for _ in range(30):
         if parameters:
             c["effects"] = [(kind, weaker(kind, parameters, strength, c["mission"]))]
         elif strength != 0.2:
-            factor = math.sqrt(now / 12.0)
+            factor = math.sqrt(now / target)
             c["files"] = [dict(file, sigma=tuple(np.array(file["sigma"]) * factor) if isinstance(file["sigma"], tuple)
                                else file["sigma"] * factor) for file in c["files"]]
         now = simulate(c)["delta_chi2"]
-        if 10.0 < now < 15.0:
+        if 0.83 * target < now < 1.25 * target:
             return
-        strength *= min(5.0, max(0.1, math.sqrt(12.0 / now)))
+        weak, plain = (max(weak, strength), plain) if now < target else (weak, min(plain, strength))
+        strength *= min(5.0, max(0.1, math.sqrt(target / now))) if now > 0.0 else 5.0
+        if not weak < strength < plain:
+            strength = math.sqrt(weak * plain)
     raise RuntimeError(c["name"] + ": cannot be tuned")
 
 
@@ -1150,18 +1167,24 @@ def toml_value(value):
     return value.isoformat() if isinstance(value, datetime.date) else repr(value)
 
 
-def write_mission(c, path):
+def write_mission(mission_, path, free=(), effects=()):
+    def lines_of(table):
+        return ["%s = %s" % (key, toml_value(value)) for key, value in table.items() if key != "traps"] + [""]
     lines = []
-    for section, content in c["mission"].items():
+    for section, content in mission_.items():
         if section == "galaxies":
             for galaxy in content:
-                lines += ["[[galaxies]]"] + ["%s = %s" % (k, toml_value(v)) for k, v in galaxy.items()] + [""]
+                lines += ["[[galaxies]]"] + lines_of(galaxy)
             continue
-        lines += ["[%s]" % section] + ["%s = %s" % (k, toml_value(v)) for k, v in content.items() if k != "traps"] + [""]
+        lines += ["[%s]" % section] + lines_of(content)
         for trap in content.get("traps", []):
-            lines += ["[[%s.traps]]" % section] + ["%s = %s" % (k, toml_value(v)) for k, v in trap.items()] + [""]
-    if c["free"]:
-        lines += ["[fit]", "free = " + toml_value(c["free"]), ""]
+            lines += ["[[%s.traps]]" % section] + lines_of(trap)
+    if free:
+        lines += ["[fit]", "free = " + toml_value(list(free)), ""]
+    for kind, parameters in effects:
+        lines += ["[effects.%s]" % kind] + lines_of(parameters)
+        for trap in parameters.get("traps", []):
+            lines += ["[[effects.%s.traps]]" % kind] + lines_of(trap)
     with open(path, "w") as out:
         out.write("\n".join(lines))
 
@@ -1211,12 +1234,16 @@ def write_case(c, out, seed):
         file, noisy, sigmas = with_noise(c, file, values, sigmas, rng)
         write_measurements(file, noisy, sigmas, os.path.join(folder, file["name"]))
         rows += len(noisy)
-    write_mission(c, os.path.join(folder, "mission.toml"))
+    write_mission(c["mission"], os.path.join(folder, "mission.toml"), c["free"])
+    if c["group"] != "unfit" and all(kind in c["kinds"] for kind, _ in c["effects"]) and not c.get("change"):
+        write_mission(true_mission(c)[0], os.path.join(folder, "true.toml"), (), c["effects"])
     truth = {"case": c["name"], "verdict": c["verdict"], "effects": c["kinds"], "accept": c["accept"],
              "parameters": parameters_of(c), "files": [file["name"] for file in c["files"]], "note": c["note"]}
     if "covariates" in c:
         truth["covariates"] = c["covariates"]
     truth.update(group=c["group"], delta_chi2=result["delta_chi2"], free=result["free"])
+    if "target" in c:
+        truth["target"] = c["target"]
     if "delta_chi2_each" in result:
         truth["delta_chi2_each"] = result["delta_chi2_each"]
     with open(os.path.join(folder, "truth.json"), "w") as file:
