@@ -183,6 +183,23 @@ impl Curve {
             total += weight;
             sum = sum.plus(value, weight);
         }
-        sum.plus(&sum, 1.0 / total - 1.0)
+        ShapeChange::default().plus(&sum, 1.0 / total)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_polynomial_is_the_same_right_beside_its_points() {
+        let change = |place: f64| Some(ShapeChange { delta_e1: 1.0 + place * place, ..ShapeChange::default() });
+        let curve = Curve::of(change).unwrap();
+        for &known in &curve.places {
+            for place in [known.next_down(), known, known.next_up()] {
+                let expected = 1.0 + place * place;
+                assert!((curve.at(place).delta_e1 - expected).abs() < 1e-12, "{place}: {:?}", curve.at(place));
+            }
+        }
     }
 }
