@@ -2,6 +2,7 @@
 
 use super::{setting, short};
 use crate::calendar::decimal_year;
+use crate::evaluate::Verdict;
 use crate::mission::Date;
 use crate::mission::keys::plain;
 use crate::plot::{Figure, Panel, Series, level, line, points};
@@ -10,6 +11,9 @@ use crate::scenario::{Comparison, Scenario};
 
 /// Groups of scenarios that colours tell apart; more are not drawn.
 const COLOURS: usize = 6;
+
+/// One of the limits of a verdict.
+type Limit = fn(&Verdict) -> &Crossing;
 
 /// Scenarios that differ in what is along x, and their places there.
 struct Group<'a> {
@@ -49,14 +53,13 @@ impl Comparison {
             at_the_end.push(level(&format!("budget {}", plain(first)), first));
         }
         let mut panels = vec![panel("|delta e| at the end", wide(&delta_e), at_the_end)];
-        let crossings: [(&str, fn(&Scenario) -> &Crossing); 2] = [
-            ("exceeded after [yr]", |scenario| &scenario.verdict.uncorrected),
-            ("after correction [yr]", |scenario| &scenario.verdict.corrected),
+        let limits: [(&str, Limit); 2] = [
+            ("exceeded after [yr]", |verdict| &verdict.uncorrected),
+            ("after correction [yr]", |verdict| &verdict.corrected),
         ];
-        for (y_label, crossing) in crossings {
-            if self.scenarios.iter().any(|scenario| crossing(scenario).t_yr.is_some()) {
-                let series = draw(&|scenario| crossing(scenario).t_yr);
-                panels.push(panel(y_label, false, series));
+        for (y_label, limit) in limits {
+            if self.scenarios.iter().any(|scenario| limit(&scenario.verdict).t_yr.is_some()) {
+                panels.push(panel(y_label, false, draw(&|scenario| limit(&scenario.verdict).t_yr)));
             }
         }
         let left_out = groups.len().saturating_sub(COLOURS);
