@@ -6,6 +6,7 @@
 mod compare;
 mod diagnose;
 mod dose;
+mod drawn;
 mod effects;
 mod evaluate;
 mod fit;

@@ -3,7 +3,7 @@
 use chrono::{Datelike, NaiveDate};
 use rayon::prelude::*;
 
-use crate::calendar::{date_after, years_between};
+use crate::calendar::{date_after, decimal_year, years_between};
 use crate::environment::esp::Spectrum;
 use crate::environment::proton::NIEL_NEUTRON_1MEV;
 use crate::environment::shielding::{Geometry, dose_behind, fluence_behind};
@@ -25,6 +25,8 @@ pub const ENERGIES_MEV: [f64; 17] =
 /// A mission's dose from all sides.
 #[derive(Clone, Debug)]
 pub struct Survey {
+    /// Launch, decimal calendar year.
+    pub launch: f64,
     /// Dose over time.
     pub history: DoseHistory,
     /// Years with a dose model of active and quiet years are marked.
@@ -172,6 +174,7 @@ pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Survey {
         })
     };
     Survey {
+        launch: decimal_year(mission.mission.launch.0),
         years: calendar_years(mission, &history),
         total_mev_g,
         equivalents: Equivalents {

@@ -229,6 +229,11 @@ impl DoseHistory {
         changes
     }
 
+    /// Years since launch between which the Sun is active, whether the dose follows it or not.
+    pub fn active_windows(&self) -> &[(f64, f64)] {
+        &self.cycle
+    }
+
     /// Active years among the first `t_yr` since launch; 7/11 of them with a constant dose rate.
     pub fn active_years(&self, t_yr: f64) -> f64 {
         self.active_share * years_within(&self.windows, t_yr)

@@ -23,6 +23,7 @@ pub mod shape;
 pub mod warning;
 // What stands on the chain.
 pub mod cli;
+pub mod course;
 pub mod diagnose;
 pub mod dose;
 pub mod fit;
@@ -33,6 +34,7 @@ pub mod output;
 pub mod plot;
 pub mod report;
 pub mod scenario;
+pub mod sources;
 pub mod study;
 pub mod sweep;
 pub mod table;

@@ -86,6 +86,17 @@ pub fn refuse_existing(path: &Path) -> Result<(), InputError> {
     }
 }
 
+/// Refuses a path at which no file can be written, before work that takes long.
+///
+/// # Errors
+/// Where the folder is not there, or cannot be written to; where the path is a folder.
+pub fn refuse_unwritable(path: &Path) -> Result<(), InputError> {
+    if path.is_dir() {
+        return Err(InputError::new(format!("cannot write `{}`", path.display()), "it is a folder"));
+    }
+    NamedTempFile::new_in(folder_of(path)).map(drop).map_err(refusal(path))
+}
+
 /// Why a file cannot be written.
 pub fn refusal(path: &Path) -> impl Fn(std::io::Error) -> InputError {
     let refused = format!("cannot write `{}`", path.display());

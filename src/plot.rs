@@ -69,6 +69,26 @@ pub enum Kind {
     Shade { from: f64, to: f64 },
 }
 
+/// A line through points.
+pub fn line(label: &str, color: usize, x: &[f64], y: Vec<f64>) -> Series {
+    Series { label: Some(label.into()), color, kind: Kind::Line { x: x.to_vec(), y, dashed: false } }
+}
+
+/// A line that is to be told from another of its colour.
+pub fn dashed(label: &str, color: usize, x: &[f64], y: Vec<f64>) -> Series {
+    Series { label: Some(label.into()), color, kind: Kind::Line { x: x.to_vec(), y, dashed: true } }
+}
+
+/// Markers.
+pub fn points(label: &str, color: usize, x: &[f64], y: Vec<f64>) -> Series {
+    Series { label: Some(label.into()), color, kind: Kind::Points { x: x.to_vec(), y, sigma: None } }
+}
+
+/// A limit: dashed, in black, from edge to edge.
+pub fn level(label: &str, y: f64) -> Series {
+    Series { label: Some(label.into()), color: 0, kind: Kind::Level { y, dashed: true } }
+}
+
 /// Width of a figure, px; as all lengths below.
 const WIDTH: f64 = 900.0;
 /// Mean and least height of a frame.
@@ -291,7 +311,7 @@ mod tests {
 
     use super::*;
 
-    fn points(x: Vec<f64>, y: Vec<f64>) -> Figure {
+    fn scatter(x: Vec<f64>, y: Vec<f64>) -> Figure {
         let series = Series { label: None, color: 1, kind: Kind::Points { x, y, sigma: None } };
         Figure { panels: vec![Panel { series: vec![series], ..Panel::default() }], ..Figure::default() }
     }
@@ -352,7 +372,7 @@ mod tests {
     #[test]
     fn what_cannot_be_shown_is_left_out() {
         let count = |figure: &Figure| figure.svg().matches("<polygon").count();
-        let mut figure = points(vec![0.0, 1.0, f64::NAN, 3.0, 4.0], vec![1.0, f64::INFINITY, 2.0, -3.0, 5.0]);
+        let mut figure = scatter(vec![0.0, 1.0, f64::NAN, 3.0, 4.0], vec![1.0, f64::INFINITY, 2.0, -3.0, 5.0]);
         assert_eq!(count(&figure), 3);
         figure.panels[0].y_log = true;
         assert_eq!(count(&figure), 2);
@@ -360,7 +380,7 @@ mod tests {
 
     #[test]
     fn text_is_escaped_and_named_only_where_it_has_a_name() {
-        let mut figure = points(vec![1.0], vec![1.0]);
+        let mut figure = scatter(vec![1.0], vec![1.0]);
         figure.title = "a < b & \u{1}c".into();
         assert_eq!(figure.svg().matches("<polygon").count(), 1);
         figure.panels[0].series[0].label = Some("data".into());

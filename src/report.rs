@@ -1,5 +1,6 @@
-//! Results → tables, JSON, CSV. Nothing is computed here that is not already in a result.
+//! Results → tables, JSON, CSV, pages. Nothing is computed here that is not already in a result.
 
+mod active;
 mod compare;
 mod diagnose;
 mod dose;
@@ -7,12 +8,16 @@ pub mod effects;
 mod evaluate;
 mod fit;
 mod image;
+mod page;
+mod parts;
 mod study;
 mod sweep;
 mod validate;
 
 pub use evaluate::EvaluateReport;
 pub use fit::FitReport;
+pub use page::{Page, page};
+pub use parts::Parts;
 pub use sweep::SweepReport;
 
 use std::io::{IsTerminal, stdout};

@@ -26,8 +26,9 @@ use crate::evaluate::unmeasurable;
 use crate::mission::keys::plain;
 use crate::mission::{Fit, Mission};
 use crate::model::Model;
-use crate::plot::{Figure, Kind as Drawn, Series};
+use crate::plot::{Figure, level, line};
 use crate::scenario::Axis;
+use crate::sources::Source;
 
 pub use signal::Aperture;
 pub use timeline::Timeline;
@@ -65,6 +66,8 @@ pub struct Study {
     pub findings: Vec<String>,
     /// Figures with the names of their files.
     pub figures: Vec<(String, Figure)>,
+    /// Where the models are from that are the study's own.
+    pub sources: Vec<Source>,
 }
 
 /// Rows of one kind.
@@ -155,6 +158,11 @@ impl Study {
         self.results.insert(key.into(), value.into());
     }
 
+    /// Says where a model is from.
+    fn cite(&mut self, model: &str, from: &str) {
+        self.sources.push(Source::new(model, from));
+    }
+
     /// Adds a sentence to the findings.
     fn find(&mut self, words: impl Into<String>) {
         self.findings.push(words.into());
@@ -215,12 +223,4 @@ fn short(number: f64) -> String {
 /// When the budget is exceeded, in words.
 fn when(date: Option<chrono::NaiveDate>) -> String {
     date.map_or("not within the mission".into(), |date| date.to_string())
-}
-
-fn line(label: &str, color: usize, x: &[f64], y: Vec<f64>) -> Series {
-    Series { label: Some(label.into()), color, kind: Drawn::Line { x: x.to_vec(), y, dashed: false } }
-}
-
-fn level(label: &str, y: f64) -> Series {
-    Series { label: Some(label.into()), color: 0, kind: Drawn::Level { y, dashed: true } }
 }

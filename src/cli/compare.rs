@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::drawn::Drawn;
 use super::inputs::key_and_value;
 use super::{Failure, Outcome, Output, print, progress};
 use crate::error::InputError;
@@ -27,6 +28,8 @@ pub(super) struct Compare {
     /// Values of any key, such as detector.temperature_k=150,153,156; may be given several times
     #[arg(long, value_name = "KEY=VALUES")]
     set: Vec<String>,
+    #[command(flatten)]
+    drawn: Drawn,
     #[command(flatten)]
     output: Output,
 }
@@ -54,11 +57,14 @@ impl Compare {
                 .with_help("give --launch, --line-time-ms, --transfers or --set KEY=VALUES, or several missions")
                 .into());
         }
+        self.drawn.check()?;
         let scenarios = missions.len() * axes.iter().map(|axis| axis.values.len()).product::<usize>();
         let bar = progress(scenarios as u64, "scenarios");
         let comparison = compare(&missions, &axes, || bar.inc(1));
         bar.finish_and_clear();
-        print(&comparison?, &self.output)?;
+        let comparison = comparison?;
+        self.drawn.write(&comparison, &missions)?;
+        print(&comparison, &self.output)?;
         Ok(Outcome::Done)
     }
 }

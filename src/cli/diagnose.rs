@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::drawn::Drawn;
 use super::inputs::{Adjust, Measured};
 use super::{Failure, Outcome, Output, print, progress};
 use crate::diagnose::{self, diagnose};
@@ -33,9 +34,8 @@ pub(super) struct Diagnose {
     /// Write the mission with the fitted values and the effects found; comments and order are kept
     #[arg(long, value_name = "NEW.toml")]
     write: Option<PathBuf>,
-    /// Draw data and model before and after, residuals, and the falling error as SVG into this folder
-    #[arg(long, value_name = "DIR")]
-    plots: Option<PathBuf>,
+    #[command(flatten)]
+    drawn: Drawn,
     #[command(flatten)]
     output: Output,
 }
@@ -43,6 +43,7 @@ pub(super) struct Diagnose {
 impl Diagnose {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
         let (mission, data) = self.measured.read()?;
+        self.drawn.check()?;
         let options = diagnose::Options {
             level: self.level,
             seed: self.seed.unwrap_or(mission.accuracy.seed),
@@ -59,12 +60,7 @@ impl Diagnose {
         let found = diagnose(&mission, &data, &options, &diagnose::Progress { stage: &stage, advance: &|| bar.inc(1) });
         bar.finish_and_clear();
         let found = found?;
-        if let Some(folder) = &self.plots {
-            output::folder(folder)?;
-            for (name, figure) in found.figures() {
-                output::write(folder.join(name), &figure.svg())?;
-            }
-        }
+        self.drawn.write(&found, &[mission])?;
         if let Some(path) = &self.write {
             output::write(path, &found.improved_text(&self.measured.mission.edited([])?))?;
         }

@@ -2,6 +2,7 @@
 
 use clap::Args;
 
+use super::drawn::Drawn;
 use super::inputs::OneMission;
 use super::{Failure, Outcome, Output, print};
 use crate::dose;
@@ -14,14 +15,19 @@ pub(super) struct Dose {
     #[arg(long, value_name = "MEV", value_delimiter = ',', value_parser = energy)]
     energies_mev: Vec<f64>,
     #[command(flatten)]
+    drawn: Drawn,
+    #[command(flatten)]
     output: Output,
 }
 
 impl Dose {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
         let mission = self.mission.read()?;
+        self.drawn.check()?;
         let energies_mev: &[f64] = if self.energies_mev.is_empty() { &dose::ENERGIES_MEV } else { &self.energies_mev };
-        print(&dose::survey(&mission, energies_mev), &self.output)?;
+        let survey = dose::survey(&mission, energies_mev);
+        self.drawn.write(&survey, &[mission])?;
+        print(&survey, &self.output)?;
         Ok(Outcome::Done)
     }
 }

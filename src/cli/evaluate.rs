@@ -2,8 +2,10 @@
 
 use clap::Args;
 
+use super::drawn::Drawn;
 use super::inputs::OneMission;
 use super::{Failure, Outcome, Output, print, progress};
+use crate::course::Course;
 use crate::evaluate::evaluate;
 use crate::model::Model;
 use crate::noise;
@@ -23,12 +25,15 @@ pub(super) struct Evaluate {
     #[arg(long)]
     check: bool,
     #[command(flatten)]
+    drawn: Drawn,
+    #[command(flatten)]
     output: Output,
 }
 
 impl Evaluate {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
         let mission = self.mission.read()?;
+        self.drawn.check()?;
         let evaluation = evaluate(&mission)?;
         let noisy = match self.monte_carlo {
             None => Vec::new(),
@@ -44,7 +49,10 @@ impl Evaluate {
             }
         };
         let met = evaluation.verdict.met();
-        print(&EvaluateReport { evaluation, noisy }, &self.output)?;
+        let course = self.drawn.wanted().then(|| Course::of(&Model::new(&mission)));
+        let report = EvaluateReport { evaluation, noisy, course };
+        self.drawn.write(&report, &[mission])?;
+        print(&report, &self.output)?;
         Ok(if self.check && !met { Outcome::NotMet } else { Outcome::Done })
     }
 }

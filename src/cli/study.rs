@@ -1,12 +1,11 @@
 //! `ctiplan study`.
 
-use std::path::PathBuf;
-
 use clap::{Args, Subcommand};
 
+use super::drawn::Drawn;
 use super::inputs::OneMission;
 use super::{Failure, Outcome, Output, print, searching};
-use crate::{output, study};
+use crate::study;
 
 #[derive(Debug, Args)]
 pub(super) struct Study {
@@ -21,9 +20,8 @@ struct Asked<K: Args> {
     mission: OneMission,
     #[command(flatten)]
     options: K,
-    /// Draw the figures as SVG into this folder
-    #[arg(long, value_name = "DIR")]
-    plots: Option<PathBuf>,
+    #[command(flatten)]
+    drawn: Drawn,
     #[command(flatten)]
     output: Output,
 }
@@ -70,16 +68,12 @@ studies! {
 impl<K: study::Kind> Asked<K> {
     fn run(&self) -> Result<Outcome, Failure> {
         let mission = self.mission.read()?;
+        self.drawn.check()?;
         let bar = searching("study");
         let found = self.options.study(&mission, &|| bar.inc(1));
         bar.finish_and_clear();
         let found = found?;
-        if let Some(folder) = &self.plots {
-            output::folder(folder)?;
-            for (name, figure) in &found.figures {
-                output::write(folder.join(name), &figure.svg())?;
-            }
-        }
+        self.drawn.write(&found, &[mission])?;
         print(&found, &self.output)?;
         Ok(Outcome::Done)
     }

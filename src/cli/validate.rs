@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::drawn::Drawn;
 use super::inputs::Measured;
 use super::{Failure, Outcome, Output, print};
 use crate::output;
@@ -13,9 +14,8 @@ use crate::validate::validate;
 pub(super) struct Validate {
     #[command(flatten)]
     measured: Measured,
-    /// Draw data, model and residuals as SVG into this folder
-    #[arg(long, value_name = "DIR")]
-    plots: Option<PathBuf>,
+    #[command(flatten)]
+    drawn: Drawn,
     /// Write each measurement file with columns `model` and `residual_sigma` into this folder, as ECSV
     #[arg(long, value_name = "DIR")]
     residuals: Option<PathBuf>,
@@ -29,13 +29,9 @@ pub(super) struct Validate {
 impl Validate {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
         let (mission, data) = self.measured.read()?;
+        self.drawn.check()?;
         let validation = validate(&mission, &data, self.seed.unwrap_or(mission.accuracy.seed))?;
-        if let Some(folder) = &self.plots {
-            output::folder(folder)?;
-            for (name, figure) in validation.figures() {
-                output::write(folder.join(name), &figure.svg())?;
-            }
-        }
+        self.drawn.write(&validation, &[mission])?;
         if let Some(folder) = &self.residuals {
             output::folder(folder)?;
             for (name, table) in validation.tables() {

@@ -4,10 +4,13 @@ use super::{Diagnosis, Rung};
 use crate::plot::{Figure, Kind, Panel, Series};
 
 impl Diagnosis {
-    /// Figures with the names of their files: the falling error, and all of `validate` for the model as given (fitted) and
+    /// Figures with the names of their files: the falling error, where anything was added, and all of `validate` for the model as given (fitted) and
     /// for the improved one. Those of residuals against a condition have the band of noise alone.
     pub fn figures(&self) -> Vec<(String, Figure)> {
-        let mut figures = vec![("error.svg".to_string(), self.falling_error())];
+        let mut figures = Vec::new();
+        if !self.steps.is_empty() {
+            figures.push(("error.svg".to_string(), self.falling_error()));
+        }
         let sides = [("before", &self.before), ("after", &self.after)];
         for (when, validation) in sides.into_iter().take(if self.steps.is_empty() { 1 } else { 2 }) {
             figures.extend(validation.figures().into_iter().map(|(name, figure)| {
@@ -36,11 +39,7 @@ impl Diagnosis {
         let names: Vec<&str> = self.steps.iter().map(|step| step.effect.as_str()).collect();
         let wide = rungs[0].rms_sigma() > 5.0;
         Figure {
-            title: format!(
-                "{}: {}",
-                self.verdict.name(),
-                if names.is_empty() { "nothing added".into() } else { format!("added {}", names.join(", then ")) }
-            ),
+            title: format!("{}: added {}", self.verdict.name(), names.join(", then ")),
             panels: vec![Panel {
                 x_label: "effects added".into(),
                 y_label: "rms of (data - model)/sigma".into(),

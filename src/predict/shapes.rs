@@ -21,6 +21,9 @@ const LAST: usize = 32;
 /// Galaxies fewer than this are computed one by one.
 const FEW: usize = 7;
 
+/// A place so close to a point is that point: what rounding makes of 0 or of a half.
+const BESIDE: f64 = 1e-14;
+
 /// How far the polynomial may be from a new point, in units of the largest change on the line. Twice as many points are
 /// some four times closer: the curve has small kinks, where packets begin to meet one another's levels.
 const FORETOLD: f64 = 2e-4;
@@ -175,7 +178,7 @@ impl Curve {
         let last = self.places.len() - 1;
         let (mut sum, mut total) = (ShapeChange::default(), 0.0);
         for (index, (known, value)) in self.places.iter().zip(&self.values).enumerate() {
-            if place == *known {
+            if (place - known).abs() < BESIDE {
                 return *value;
             }
             let sign = if index % 2 == 0 { 1.0 } else { -1.0 };
@@ -183,6 +186,23 @@ impl Curve {
             total += weight;
             sum = sum.plus(value, weight);
         }
-        sum.plus(&sum, 1.0 / total - 1.0)
+        ShapeChange::default().plus(&sum, 1.0 / total)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_polynomial_is_the_same_right_beside_its_points() {
+        let change = |place: f64| Some(ShapeChange { delta_e1: 1.0 + place * place, ..ShapeChange::default() });
+        let curve = Curve::of(change).unwrap();
+        for &known in &curve.places {
+            for place in [known.next_down(), known, known.next_up()] {
+                let expected = 1.0 + place * place;
+                assert!((curve.at(place).delta_e1 - expected).abs() < 1e-12, "{place}: {:?}", curve.at(place));
+            }
+        }
     }
 }

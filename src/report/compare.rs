@@ -1,82 +1,20 @@
 //! `ctiplan compare`.
 
+mod figures;
+
 use serde_json::{Value, json};
 
-use super::{Report, crossing_json, lines, or_dash, table, toml_json, wrapped};
+use super::{Page, Parts, Report, crossing_json, or_dash, table, toml_json};
 use crate::calendar::date_after;
+use crate::mission::Mission;
+use crate::plot::Figure;
 use crate::requirement::Crossing;
 use crate::scenario::{Comparison, Scenario};
+use crate::sources::{self, Source};
 
 impl Report for Comparison {
     fn text(&self) -> String {
-        let several = self.several_missions();
-        let mut header: Vec<String> = if several { vec!["mission".into()] } else { Vec::new() };
-        header.extend(self.scenarios[0].settings.iter().map(|(key, _)| short(key).to_string()));
-        if header.is_empty() {
-            header.push("mission".into());
-        }
-        header.extend(["dose [MeV/g]", "|delta e|", "exceeded", "corrected", ""].map(str::to_string));
-        let mut comparison = table(&header.iter().map(String::as_str).collect::<Vec<_>>());
-        for (index, scenario) in self.scenarios.iter().enumerate() {
-            let mut row = Vec::new();
-            if several || scenario.settings.is_empty() {
-                row.push(scenario.mission.mission.name.clone());
-            }
-            row.extend(scenario.settings.iter().map(|(_, value)| setting(value)));
-            row.push(format!("{:.3e}", scenario.dose_mev_g));
-            row.push(scenario.delta_e.map_or("lost".into(), |delta_e| format!("{delta_e:.3e}")));
-            row.push(when(scenario, &scenario.verdict.uncorrected));
-            row.push(when(scenario, &scenario.verdict.corrected));
-            row.push(
-                if index == self.best {
-                    "best"
-                } else if index == self.worst {
-                    "worst"
-                } else {
-                    ""
-                }
-                .into(),
-            );
-            comparison.add_row(row);
-        }
-        let first = &self.scenarios[0].mission;
-        let title = if several || self.scenarios[0].settings.is_empty() {
-            "Missions side by side".to_string()
-        } else {
-            first.mission.name.clone()
-        };
-        let alike = |value: fn(&Scenario) -> String| {
-            self.scenarios.iter().all(|scenario| value(scenario) == value(&self.scenarios[0]))
-        };
-        let requirement = &first.requirement;
-        let galaxy = if alike(|scenario| scenario.mission.requirement.galaxy.clone()) {
-            format!("\"{}\"", requirement.galaxy)
-        } else {
-            "the judged galaxy".into()
-        };
-        let budget = if alike(|scenario| {
-            format!("{} {}", scenario.mission.requirement.delta_e, scenario.mission.requirement.correction_factor)
-        }) {
-            format!(
-                "{}, uncorrected and corrected by a factor {}",
-                crate::mission::keys::plain(requirement.delta_e),
-                requirement.correction_factor
-            )
-        } else {
-            "the mission's budget, uncorrected and corrected".into()
-        };
-        let mut out = wrapped(
-            &format!("{title}: |delta e| of {galaxy} at the end of the mission, and when it exceeds {budget}"),
-            2,
-        );
-        out.push('\n');
-        out.push_str(&lines(&comparison));
-        out.push('\n');
-        out.push_str(&wrapped(&self.conclusion(), 2));
-        for reason in &self.why {
-            out.push_str(&wrapped(&format!("  - {reason}"), 4));
-        }
-        out
+        self.parts().text()
     }
 
     fn json(&self) -> Value {
@@ -133,6 +71,89 @@ impl Report for Comparison {
             rows.push(row);
         }
         rows
+    }
+}
+
+impl Page for Comparison {
+    fn command(&self) -> String {
+        "compare".into()
+    }
+
+    fn parts(&self) -> Parts {
+        let several = self.several_missions();
+        let mut header: Vec<String> = if several { vec!["mission".into()] } else { Vec::new() };
+        header.extend(self.scenarios[0].settings.iter().map(|(key, _)| short(key).to_string()));
+        if header.is_empty() {
+            header.push("mission".into());
+        }
+        header.extend(["dose [MeV/g]", "|delta e|", "exceeded", "corrected", ""].map(str::to_string));
+        let mut comparison = table(&header.iter().map(String::as_str).collect::<Vec<_>>());
+        for (index, scenario) in self.scenarios.iter().enumerate() {
+            let mut row = Vec::new();
+            if several || scenario.settings.is_empty() {
+                row.push(scenario.mission.mission.name.clone());
+            }
+            row.extend(scenario.settings.iter().map(|(_, value)| setting(value)));
+            row.push(format!("{:.3e}", scenario.dose_mev_g));
+            row.push(scenario.delta_e.map_or("lost".into(), |delta_e| format!("{delta_e:.3e}")));
+            row.push(when(scenario, &scenario.verdict.uncorrected));
+            row.push(when(scenario, &scenario.verdict.corrected));
+            row.push(
+                if index == self.best {
+                    "best"
+                } else if index == self.worst {
+                    "worst"
+                } else {
+                    ""
+                }
+                .into(),
+            );
+            comparison.add_row(row);
+        }
+        let first = &self.scenarios[0].mission;
+        let title = if several || self.scenarios[0].settings.is_empty() {
+            "Missions side by side".to_string()
+        } else {
+            first.mission.name.clone()
+        };
+        let alike = |value: fn(&Scenario) -> String| {
+            self.scenarios.iter().all(|scenario| value(scenario) == value(&self.scenarios[0]))
+        };
+        let requirement = &first.requirement;
+        let galaxy = if alike(|scenario| scenario.mission.requirement.galaxy.clone()) {
+            format!("\"{}\"", requirement.galaxy)
+        } else {
+            "the judged galaxy".into()
+        };
+        let budget = if alike(|scenario| {
+            format!("{} {}", scenario.mission.requirement.delta_e, scenario.mission.requirement.correction_factor)
+        }) {
+            format!(
+                "{}, uncorrected and corrected by a factor {}",
+                crate::mission::keys::plain(requirement.delta_e),
+                requirement.correction_factor
+            )
+        } else {
+            "the mission's budget, uncorrected and corrected".into()
+        };
+        let mut out = Parts::default();
+        out.title(title, format!("|delta e| of {galaxy} at the end of the mission, and when it exceeds {budget}"));
+        out.gap();
+        out.table(comparison);
+        out.gap();
+        out.verdict(self.conclusion(), 2);
+        for reason in &self.why {
+            out.verdict(format!("  - {reason}"), 4);
+        }
+        out
+    }
+
+    fn figures(&self) -> Vec<(String, Figure)> {
+        self.drawn()
+    }
+
+    fn sources(&self, _: &[Mission]) -> Vec<Source> {
+        sources::once(self.scenarios.iter().flat_map(|scenario| sources::of(&scenario.mission)))
     }
 }
 

@@ -3,12 +3,15 @@
 use serde_json::{Map, Value, json};
 
 use super::fit::value_and_error;
-use super::{Report, lines, or_dash, table, toml_json, wrapped};
+use super::{Page, Parts, Report, or_dash, table, toml_json};
 use crate::calendar::date_after;
 use crate::diagnose::{Diagnosis, Next, Rung, Verdict};
 use crate::effect::CATALOGUE;
 use crate::fit::Fitted;
+use crate::mission::Mission;
 use crate::mission::keys::plain;
+use crate::plot::Figure;
+use crate::sources::{self, Source};
 use crate::validate::lean::said;
 
 /// Effects listed among those that were tried.
@@ -16,44 +19,7 @@ const LISTED: usize = 8;
 
 impl Report for Diagnosis {
     fn text(&self) -> String {
-        let mut out = wrapped(&format!("{}: which effect is missing?", self.mission.mission.name), 2);
-        out.push_str(&wrapped(&format!("\nVerdict: {}. {}.", self.verdict.name(), sentence(&self.reason)), 2));
-        out.push_str(&self.ladder());
-        if !self.steps.is_empty() {
-            out.push_str(&self.added());
-        }
-        if !self.alternatives.is_empty() {
-            out.push_str("\nWhat these data cannot tell apart\n");
-            for set in &self.alternatives {
-                out.push_str(&wrapped(&format!("  {}", set.join(" or ")), 4));
-            }
-            match &self.next {
-                Some(next) => out.push_str(&wrapped(&self.measure(next), 2)),
-                None => out.push_str("Nothing that could be measured would tell the first two apart.\n"),
-            }
-        }
-        if self.verdict == Verdict::Unexplained {
-            out.push_str(&self.left_over());
-        }
-        if !self.limits.is_empty() {
-            out.push_str(&self.detection_limits());
-        }
-        if !self.tried.is_empty() {
-            out.push_str(&self.what_was_tried());
-        }
-        if self.noise.correlation > 0.0 {
-            out.push_str(&wrapped(
-                &format!(
-                    "Note: errors of neighbouring pixels are correlated ({:.2}); chances are simulated with that.",
-                    self.noise.correlation
-                ),
-                2,
-            ));
-        }
-        for note in &self.notes {
-            out.push_str(&wrapped(&format!("Note: {note}."), 2));
-        }
-        out
+        self.parts().text()
     }
 
     fn json(&self) -> Value {
@@ -180,6 +146,64 @@ impl Report for Diagnosis {
     }
 }
 
+impl Page for Diagnosis {
+    fn command(&self) -> String {
+        "diagnose".into()
+    }
+
+    fn parts(&self) -> Parts {
+        let mut out = Parts::default();
+        out.title(&self.mission.mission.name, "which effect is missing?");
+        out.gap();
+        out.verdict(format!("Verdict: {}. {}.", self.verdict.name(), sentence(&self.reason)), 2);
+        self.ladder(&mut out);
+        if !self.steps.is_empty() {
+            self.added(&mut out);
+        }
+        if !self.alternatives.is_empty() {
+            out.heading("What these data cannot tell apart");
+            for set in &self.alternatives {
+                out.words(format!("  {}", set.join(" or ")), 4);
+            }
+            match &self.next {
+                Some(next) => out.words(self.measure(next), 2),
+                None => out.words("Nothing that could be measured would tell the first two apart.", 2),
+            }
+        }
+        if self.verdict == Verdict::Unexplained {
+            self.left_over(&mut out);
+        }
+        if !self.limits.is_empty() {
+            self.detection_limits(&mut out);
+        }
+        if !self.tried.is_empty() {
+            self.what_was_tried(&mut out);
+        }
+        if self.noise.correlation > 0.0 {
+            out.words(
+                format!(
+                    "Note: errors of neighbouring pixels are correlated ({:.2}); chances are simulated with that.",
+                    self.noise.correlation
+                ),
+                2,
+            );
+        }
+        for note in &self.notes {
+            out.words(format!("Note: {note}."), 2);
+        }
+        out
+    }
+
+    fn figures(&self) -> Vec<(String, Figure)> {
+        Diagnosis::figures(self)
+    }
+
+    /// Those of the effects that were added, too.
+    fn sources(&self, _: &[Mission]) -> Vec<Source> {
+        sources::of(&self.improved)
+    }
+}
+
 /// With a capital letter, if it is no name of a file.
 fn sentence(text: &str) -> String {
     let mut letters = text.chars();
@@ -211,8 +235,8 @@ fn rung_json(rung: &Rung) -> Value {
 }
 
 impl Diagnosis {
-    fn ladder(&self) -> String {
-        let mut out = String::from("\n");
+    fn ladder(&self, out: &mut Parts) {
+        out.gap();
         let header = ["model", "chi2", "free", "rms [sigma]", "held out", "budget exceeded", "false alarm"];
         let mut ladder = table(&header);
         let mut rung = |name: String, rung: &Rung, alarm: String| {
@@ -230,19 +254,18 @@ impl Diagnosis {
         for step in &self.steps {
             rung(format!("+ {}", step.effect), &step.rung, said(step.false_alarm));
         }
-        out.push_str(&lines(&ladder));
+        out.table(ladder);
         let held_out = self.held_out.as_ref().map_or(String::new(), |column| {
             format!("; held out: rms of rows left out of the fit, group by group of {column}")
         });
-        out.push_str(&wrapped(
-            &format!(
+        out.words(
+            format!(
                 "  {} rows; what is free is fitted in every line; false alarm: chance that noise alone looks as good, over \
                  everything that was tried{held_out}",
                 self.baseline.n
             ),
             4,
-        ));
-        out
+        );
     }
 
     /// The day on which the budget is exceeded.
@@ -257,23 +280,21 @@ impl Diagnosis {
         }
     }
 
-    fn added(&self) -> String {
-        let mut out = String::from("\nWhat to add to the mission file\n\n");
-        for line in self.toml().lines() {
-            out.push_str(&format!("  {line}\n"));
-        }
+    fn added(&self, out: &mut Parts) {
+        out.heading("What to add to the mission file");
+        out.gap();
+        out.code(self.toml());
         let fitted: Vec<&Fitted> =
             self.steps.iter().flat_map(|step| &step.parameters).chain(&self.parameters).collect();
         if !fitted.is_empty() {
-            out.push('\n');
+            out.gap();
             let mut values = table(&["fitted", "value", "error", "unit"]);
             for fitted in fitted {
                 let (value, error) = value_and_error(fitted);
                 values.add_row(vec![fitted.key.clone(), value, error, fitted.unit.into()]);
             }
-            out.push_str(&lines(&values));
+            out.table(values);
         }
-        out
     }
 
     fn measure(&self, next: &Next) -> String {
@@ -295,35 +316,33 @@ impl Diagnosis {
         )
     }
 
-    fn left_over(&self) -> String {
-        let mut out = String::from("\nWhat the residuals still lean on\n");
+    fn left_over(&self, out: &mut Parts) {
+        out.heading("What the residuals still lean on");
         let mut leaning = table(&["condition", "false alarm"]);
         for covariate in &self.covariates {
             leaning.add_row(vec![covariate.name.clone(), said(covariate.false_alarm)]);
         }
-        out.push_str(&lines(&leaning));
+        out.table(leaning);
         for word in &self.after.words {
-            out.push_str(&wrapped(word, 2));
+            out.words(word, 2);
         }
         if let Some(suggestion) = &self.suggestion {
-            out.push_str(&wrapped(
-                &format!(
-                    "\nA hypothesis to start from (a description, no cause): with it chi2 falls from {:.1} to {:.1}. Refine it, \
+            out.gap();
+            out.words(
+                format!(
+                    "A hypothesis to start from (a description, no cause): with it chi2 falls from {:.1} to {:.1}. Refine it, \
                      and let it compete: --candidates FILE.toml",
                     suggestion.chi2[0], suggestion.chi2[1]
                 ),
                 2,
-            ));
-            out.push('\n');
-            for line in suggestion.toml.lines() {
-                out.push_str(&format!("  {line}\n"));
-            }
+            );
+            out.gap();
+            out.code(&suggestion.toml);
         }
-        out
     }
 
-    fn detection_limits(&self) -> String {
-        let mut out = String::from("\nWhat these data would have shown, with 95 % power\n");
+    fn detection_limits(&self, out: &mut Parts) {
+        out.heading("What these data would have shown, with 95 % power");
         let mut limits = table(&["effect", "from this strength on"]);
         for limit in &self.limits {
             let said = match &limit.table {
@@ -349,12 +368,11 @@ impl Diagnosis {
         if let Some(column) = limits.column_mut(1) {
             column.set_cell_alignment(comfy_table::CellAlignment::Left);
         }
-        out.push_str(&lines(&limits));
-        out
+        out.table(limits);
     }
 
-    fn what_was_tried(&self) -> String {
-        let mut out = String::from("\nWhat was tried alone\n");
+    fn what_was_tried(&self, out: &mut Parts) {
+        out.heading("What was tried alone");
         let mut tried = table(&["effect", "chi2", "of the fit as given"]);
         for attempt in self.tried.iter().filter(|tried| tried.chi2.is_some()).take(LISTED) {
             let chi2 = attempt.chi2.expect("filtered");
@@ -367,24 +385,23 @@ impl Diagnosis {
                 format!("{fall:+.*}", digits(chi2)),
             ]);
         }
-        out.push_str(&lines(&tried));
+        out.table(tried);
         let rest = self.tried.iter().filter(|tried| tried.chi2.is_some()).count().saturating_sub(LISTED);
         if rest > 0 {
-            out.push_str(&format!("  and {rest} more that do worse\n"));
+            out.words(format!("  and {rest} more that do worse"), 4);
         }
         let absorbed: Vec<&str> =
             self.tried.iter().filter(|tried| tried.chi2.is_none()).map(|tried| tried.effect.as_str()).collect();
         if !absorbed.is_empty() {
-            out.push_str(&wrapped(
-                &format!(
+            out.words(
+                format!(
                     "  not to be told here (without effect on these data, absorbed by what is free, or in the mission \
                      already): {}",
                     absorbed.join(", ")
                 ),
                 4,
-            ));
+            );
         }
-        out
     }
 }
 

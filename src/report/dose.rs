@@ -1,114 +1,19 @@
 //! `ctiplan dose`.
 
+mod figures;
+
 use serde_json::{Value, json};
 
-use super::{Report, lines, or_dash, table, wrapped};
+use super::{Page, Parts, Report, or_dash, table};
 use crate::dose::Survey;
 use crate::environment::RateOrigin;
-use crate::mission::{Accumulate, DoseModel};
+use crate::mission::{Accumulate, DoseModel, Mission};
+use crate::plot::Figure;
+use crate::sources::{self, Source};
 
 impl Report for Survey {
     fn text(&self) -> String {
-        let percent = 100.0 * self.confidence;
-        let mut out = wrapped(
-            &format!(
-                "Displacement damage dose in silicon: {:.4e} MeV/g at the end of the mission, as {:.3e} protons of 10 MeV \
-                 or {:.3e} neutrons of 1 MeV per cm2",
-                self.total_mev_g, self.equivalents.protons_10mev_cm2, self.equivalents.neutrons_1mev_cm2
-            ),
-            2,
-        );
-        out.push('\n');
-        let mut years = table(&["year", "Sun", "active [yr]", "flown [yr]", "dose [MeV/g]", "since launch [MeV/g]"]);
-        for year in &self.years {
-            years.add_row(vec![
-                year.year.to_string(),
-                match (self.model, year.active_yr) {
-                    (DoseModel::Constant, _) => "mean",
-                    (_, 0.0) => "quiet",
-                    (_, active) if active < year.flown_yr - 1e-9 => "partly",
-                    _ => "active",
-                }
-                .into(),
-                if self.model == DoseModel::Constant { "-".into() } else { format!("{:.2}", year.active_yr) },
-                format!("{:.2}", year.flown_yr),
-                format!("{:.3e}", year.dose_mev_g),
-                format!("{:.3e}", year.cumulative_mev_g),
-            ]);
-        }
-        out.push_str(&lines(&years));
-
-        if !self.confidences.is_empty() {
-            out.push_str(&wrapped(
-                &format!(
-                    "\nDose behind the shield against confidence, for the mission's {:.2} active years: the quantile of \
-                     one year times years, and the quantile of the sum{}",
-                    self.active_years,
-                    match (self.origin(), self.accumulate) {
-                        (RateOrigin::Given, _) => " (neither is used: the mission file gives its dose rate)",
-                        (_, Accumulate::Yearly) => " (the mission uses the first)",
-                        (_, Accumulate::Mission) => " (the mission uses the second)",
-                    }
-                ),
-                2,
-            ));
-            let mut confidences =
-                table(&["confidence [%]", "one active year [MeV/g]", "year x years [MeV/g]", "sum [MeV/g]"]);
-            for at in &self.confidences {
-                confidences.add_row(vec![
-                    format!("{:.0}", 100.0 * at.confidence),
-                    format!("{:.3e}", at.active_year_mev_g),
-                    format!("{:.3e}", at.yearly_mev_g),
-                    format!("{:.3e}", at.mission_mev_g),
-                ]);
-            }
-            out.push_str(&lines(&confidences));
-        }
-
-        out.push_str(&format!("\nDose of one active year at {percent} % behind aluminium\n"));
-        let mut depths = table(&["mm Al", "sphere [MeV/g]", "slab [MeV/g]"]);
-        for at in &self.depths {
-            depths.add_row(vec![
-                format!("{}", at.thickness_mm),
-                format!("{:.3e}", at.sphere_mev_g),
-                format!("{:.3e}", at.slab_mev_g),
-            ]);
-        }
-        out.push_str(&lines(&depths));
-        if let (Some(sphere_mm), Some(slab_mm)) = self.equivalent_mm {
-            out.push_str(&wrapped(
-                &format!(
-                    "The mission's dose rate of an active year is that behind {sphere_mm:.1} mm (sphere) or {slab_mm:.1} mm \
-                     (slab)."
-                ),
-                2,
-            ));
-        }
-
-        out.push_str(&wrapped(
-            &format!(
-                "\nSolar protons above an energy at {percent} %, per cm2: in one active year, and in the mission's {:.2} \
-                 active years together",
-                self.active_years
-            ),
-            2,
-        ));
-        let mut spectrum = table(&["E [MeV]", "1 yr", "1 yr, shielded", "mission", "mission, shielded"]);
-        let cell = |value: Option<f64>| or_dash(value.map(|value| format!("{value:.3e}")));
-        for at in &self.spectrum {
-            spectrum.add_row(vec![
-                format!("{}", at.energy_mev),
-                format!("{:.3e}", at.year_cm2),
-                cell(at.year_behind_cm2),
-                format!("{:.3e}", at.mission_cm2),
-                cell(at.mission_behind_cm2),
-            ]);
-        }
-        out.push_str(&lines(&spectrum));
-        for warning in &self.history.warnings {
-            out.push_str(&wrapped(&format!("Warning: {warning}"), 2));
-        }
-        out
+        self.parts().text()
     }
 
     fn json(&self) -> Value {
@@ -175,5 +80,125 @@ impl Report for Survey {
             ]
         }));
         rows
+    }
+}
+
+impl Page for Survey {
+    fn command(&self) -> String {
+        "dose".into()
+    }
+
+    fn parts(&self) -> Parts {
+        let percent = 100.0 * self.confidence;
+        let mut out = Parts::default();
+        out.verdict(
+            format!(
+                "Displacement damage dose in silicon: {:.4e} MeV/g at the end of the mission, as {:.3e} protons of 10 MeV \
+                 or {:.3e} neutrons of 1 MeV per cm2",
+                self.total_mev_g, self.equivalents.protons_10mev_cm2, self.equivalents.neutrons_1mev_cm2
+            ),
+            2,
+        );
+        out.gap();
+        let mut years = table(&["year", "Sun", "active [yr]", "flown [yr]", "dose [MeV/g]", "since launch [MeV/g]"]);
+        for year in &self.years {
+            years.add_row(vec![
+                year.year.to_string(),
+                match (self.model, year.active_yr) {
+                    (DoseModel::Constant, _) => "mean",
+                    (_, 0.0) => "quiet",
+                    (_, active) if active < year.flown_yr - 1e-9 => "partly",
+                    _ => "active",
+                }
+                .into(),
+                if self.model == DoseModel::Constant { "-".into() } else { format!("{:.2}", year.active_yr) },
+                format!("{:.2}", year.flown_yr),
+                format!("{:.3e}", year.dose_mev_g),
+                format!("{:.3e}", year.cumulative_mev_g),
+            ]);
+        }
+        out.table(years);
+
+        if !self.confidences.is_empty() {
+            out.gap();
+            out.words(
+                format!(
+                    "Dose behind the shield against confidence, for the mission's {:.2} active years: the quantile of \
+                     one year times years, and the quantile of the sum{}",
+                    self.active_years,
+                    match (self.origin(), self.accumulate) {
+                        (RateOrigin::Given, _) => " (neither is used: the mission file gives its dose rate)",
+                        (_, Accumulate::Yearly) => " (the mission uses the first)",
+                        (_, Accumulate::Mission) => " (the mission uses the second)",
+                    }
+                ),
+                2,
+            );
+            let mut confidences =
+                table(&["confidence [%]", "one active year [MeV/g]", "year x years [MeV/g]", "sum [MeV/g]"]);
+            for at in &self.confidences {
+                confidences.add_row(vec![
+                    format!("{:.0}", 100.0 * at.confidence),
+                    format!("{:.3e}", at.active_year_mev_g),
+                    format!("{:.3e}", at.yearly_mev_g),
+                    format!("{:.3e}", at.mission_mev_g),
+                ]);
+            }
+            out.table(confidences);
+        }
+
+        out.heading(format!("Dose of one active year at {percent} % behind aluminium"));
+        let mut depths = table(&["mm Al", "sphere [MeV/g]", "slab [MeV/g]"]);
+        for at in &self.depths {
+            depths.add_row(vec![
+                format!("{}", at.thickness_mm),
+                format!("{:.3e}", at.sphere_mev_g),
+                format!("{:.3e}", at.slab_mev_g),
+            ]);
+        }
+        out.table(depths);
+        if let (Some(sphere_mm), Some(slab_mm)) = self.equivalent_mm {
+            out.words(
+                format!(
+                    "The mission's dose rate of an active year is that behind {sphere_mm:.1} mm (sphere) or {slab_mm:.1} mm \
+                     (slab)."
+                ),
+                2,
+            );
+        }
+
+        out.gap();
+        out.words(
+            format!(
+                "Solar protons above an energy at {percent} %, per cm2: in one active year, and in the mission's {:.2} \
+                 active years together",
+                self.active_years
+            ),
+            2,
+        );
+        let mut spectrum = table(&["E [MeV]", "1 yr", "1 yr, shielded", "mission", "mission, shielded"]);
+        let cell = |value: Option<f64>| or_dash(value.map(|value| format!("{value:.3e}")));
+        for at in &self.spectrum {
+            spectrum.add_row(vec![
+                format!("{}", at.energy_mev),
+                format!("{:.3e}", at.year_cm2),
+                cell(at.year_behind_cm2),
+                format!("{:.3e}", at.mission_cm2),
+                cell(at.mission_behind_cm2),
+            ]);
+        }
+        out.table(spectrum);
+        for warning in &self.history.warnings {
+            out.verdict(format!("Warning: {warning}"), 2);
+        }
+        out
+    }
+
+    fn figures(&self) -> Vec<(String, Figure)> {
+        self.drawn()
+    }
+
+    fn sources(&self, missions: &[Mission]) -> Vec<Source> {
+        sources::once(missions.iter().flat_map(sources::of_dose))
     }
 }

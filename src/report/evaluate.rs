@@ -1,13 +1,19 @@
 //! `ctiplan evaluate`.
 
+mod figures;
+
+use comfy_table::Table;
 use serde_json::{Value, json};
 
-use super::{Report, crossing_json, lines, or_dash, table, toml_json, wrapped};
+use super::{Page, Parts, Report, crossing_json, or_dash, table, toml_json};
 use crate::calendar::date_after;
+use crate::course::Course;
 use crate::environment::RateOrigin;
 use crate::evaluate::{Evaluation, Year};
 use crate::mission::DoseModel;
+use crate::mission::keys::plain;
 use crate::noise::NoisyChange;
+use crate::plot::Figure;
 use crate::requirement::Crossing;
 use crate::shape::ShapeChange;
 
@@ -17,98 +23,13 @@ pub struct EvaluateReport {
     pub evaluation: Evaluation,
     /// In the mission's order; empty where none were asked for; None where fewer than two could be measured.
     pub noisy: Vec<Option<NoisyChange>>,
+    /// What happens between the years, for figures; there are none without it.
+    pub course: Option<Course>,
 }
 
 impl Report for EvaluateReport {
     fn text(&self) -> String {
-        let Evaluation { mission, dose, years, verdict, warnings } = &self.evaluation;
-        let header = &mission.mission;
-        let mut out = wrapped(
-            &format!(
-                "{}: {} yr from {}, orbit {}; {} transfers of {} ms, {} K",
-                header.name,
-                header.duration_yr,
-                header.launch,
-                format!("{:?}", header.orbit).to_uppercase(),
-                mission.readout.transfers,
-                mission.readout.line_time_ms,
-                mission.detector.temperature_k
-            ),
-            2,
-        );
-        out.push('\n');
-
-        let mut dose_table = table(&["year", "date", "active", "dose", "traps"]);
-        dose_table.set_header(vec![
-            "t [yr]",
-            "date",
-            "active [yr]",
-            "dose [MeV/g]",
-            "traps [1/px]",
-            "by species [1/px]",
-        ]);
-        for year in years {
-            dose_table.add_row(vec![
-                format!("{}", year.t_yr),
-                date(year),
-                match mission.environment.model {
-                    DoseModel::SolarCycle => format!("{:.2}", dose.active_years(year.t_yr)),
-                    DoseModel::Constant => "mean".into(),
-                },
-                format!("{:.3e}", year.dose_mev_g),
-                format!("{:.4}", year.traps.iter().map(|species| species.density_per_px).sum::<f64>()),
-                species(year),
-            ]);
-        }
-        out.push_str(&lines(&dose_table));
-
-        out.push_str("\nChange of ellipticity, delta e1\n");
-        out.push_str(&changes(years, mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect()));
-
-        out.push_str(&format!("\nAt the end of the mission, after {} yr\n", header.duration_yr));
-        let mut end_table = table(&["galaxy", "delta e1", "delta y [px]", "delta size [%]", "delta flux [%]"]);
-        let end = years.last().expect("a mission has an end");
-        for (galaxy, change) in mission.galaxies.iter().zip(&end.galaxies) {
-            let cell = |value: fn(&ShapeChange) -> String| change.as_ref().map_or("lost".into(), value);
-            end_table.add_row(vec![
-                galaxy.name.clone(),
-                cell(|change| format!("{:+.3e}", change.delta_e1)),
-                cell(|change| format!("{:+.4}", change.delta_y_px)),
-                cell(|change| format!("{:+.4}", 100.0 * change.delta_size)),
-                cell(|change| format!("{:+.4}", 100.0 * change.delta_flux)),
-            ]);
-        }
-        out.push_str(&lines(&end_table));
-        if !self.noisy.is_empty() {
-            out.push_str(&self.noisy_text());
-        }
-
-        let requirement = &mission.requirement;
-        out.push_str(&format!(
-            "\nBudget: |delta e| of \"{}\" below {}\n",
-            requirement.galaxy,
-            crate::mission::keys::plain(requirement.delta_e)
-        ));
-        let corrected = format!("corrected by a factor {}", requirement.correction_factor);
-        let width = corrected.len();
-        for (name, crossing) in [("uncorrected", &verdict.uncorrected), (corrected.as_str(), &verdict.corrected)] {
-            out.push_str(&wrapped(&format!("  {name:width$}  {}", self.outcome(crossing)), 4));
-        }
-        let rate = |rate: Option<f64>| or_dash(rate.map(|rate| format!("{rate:.3e}")));
-        out.push_str(&wrapped(
-            &format!(
-                "  rate of |delta e|: {} per yr at launch, {} per yr on average",
-                rate(verdict.rate_at_launch_per_yr),
-                rate(verdict.mean_rate_per_yr)
-            ),
-            4,
-        ));
-        out.push('\n');
-        out.push_str(&wrapped(&format!("Dose: {}", self.dose_origin()), 2));
-        for warning in warnings {
-            out.push_str(&wrapped(&format!("Warning: {warning}"), 2));
-        }
-        out
+        self.parts().text()
     }
 
     fn json(&self) -> Value {
@@ -204,6 +125,106 @@ impl Report for EvaluateReport {
     }
 }
 
+impl Page for EvaluateReport {
+    fn command(&self) -> String {
+        "evaluate".into()
+    }
+
+    fn parts(&self) -> Parts {
+        let Evaluation { mission, dose, years, verdict, warnings } = &self.evaluation;
+        let header = &mission.mission;
+        let mut out = Parts::default();
+        out.title(
+            &header.name,
+            format!(
+                "{} yr from {}, orbit {}; {} transfers of {} ms, {} K",
+                header.duration_yr,
+                header.launch,
+                format!("{:?}", header.orbit).to_uppercase(),
+                mission.readout.transfers,
+                mission.readout.line_time_ms,
+                mission.detector.temperature_k
+            ),
+        );
+        out.gap();
+
+        let mut dose_table = table(&["year", "date", "active", "dose", "traps"]);
+        dose_table.set_header(vec![
+            "t [yr]",
+            "date",
+            "active [yr]",
+            "dose [MeV/g]",
+            "traps [1/px]",
+            "by species [1/px]",
+        ]);
+        for year in years {
+            dose_table.add_row(vec![
+                format!("{}", year.t_yr),
+                date(year),
+                match mission.environment.model {
+                    DoseModel::SolarCycle => format!("{:.2}", dose.active_years(year.t_yr)),
+                    DoseModel::Constant => "mean".into(),
+                },
+                format!("{:.3e}", year.dose_mev_g),
+                format!("{:.4}", year.traps.iter().map(|species| species.density_per_px).sum::<f64>()),
+                species(year),
+            ]);
+        }
+        out.table(dose_table);
+
+        out.heading("Change of ellipticity, delta e1");
+        for changes in changes(years, mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect()) {
+            out.table(changes);
+        }
+
+        out.heading(format!("At the end of the mission, after {} yr", header.duration_yr));
+        let mut end_table = table(&["galaxy", "delta e1", "delta y [px]", "delta size [%]", "delta flux [%]"]);
+        let end = years.last().expect("a mission has an end");
+        for (galaxy, change) in mission.galaxies.iter().zip(&end.galaxies) {
+            let cell = |value: fn(&ShapeChange) -> String| change.as_ref().map_or("lost".into(), value);
+            end_table.add_row(vec![
+                galaxy.name.clone(),
+                cell(|change| format!("{:+.3e}", change.delta_e1)),
+                cell(|change| format!("{:+.4}", change.delta_y_px)),
+                cell(|change| format!("{:+.4}", 100.0 * change.delta_size)),
+                cell(|change| format!("{:+.4}", 100.0 * change.delta_flux)),
+            ]);
+        }
+        out.table(end_table);
+        if !self.noisy.is_empty() {
+            self.realisations(&mut out);
+        }
+
+        let requirement = &mission.requirement;
+        out.gap();
+        out.verdict(format!("Budget: |delta e| of \"{}\" below {}", requirement.galaxy, plain(requirement.delta_e)), 2);
+        let corrected = format!("corrected by a factor {}", requirement.correction_factor);
+        let width = corrected.len();
+        for (name, crossing) in [("uncorrected", &verdict.uncorrected), (corrected.as_str(), &verdict.corrected)] {
+            out.outcome(name, width, self.outcome(crossing));
+        }
+        let rate = |rate: Option<f64>| or_dash(rate.map(|rate| format!("{rate:.3e}")));
+        out.verdict(
+            format!(
+                "  rate of |delta e|: {} per yr at launch, {} per yr on average",
+                rate(verdict.rate_at_launch_per_yr),
+                rate(verdict.mean_rate_per_yr)
+            ),
+            4,
+        );
+        out.gap();
+        out.words(format!("Dose: {}", self.dose_origin()), 2);
+        for warning in warnings {
+            out.verdict(format!("Warning: {warning}"), 2);
+        }
+        out
+    }
+
+    fn figures(&self) -> Vec<(String, Figure)> {
+        self.drawn()
+    }
+}
+
 impl EvaluateReport {
     fn date(&self, crossing: &Crossing) -> Option<chrono::NaiveDate> {
         date_after(self.evaluation.mission.mission.launch.0, crossing.t_yr?)
@@ -224,7 +245,7 @@ impl EvaluateReport {
         }
     }
 
-    fn noisy_text(&self) -> String {
+    fn realisations(&self, out: &mut Parts) {
         let mission = &self.evaluation.mission;
         let mut noisy_table = table(&["galaxy", "delta e1", "+-", "delta y [px]", "+-", "measured", "lost"]);
         for (galaxy, noisy) in mission.galaxies.iter().zip(&self.noisy) {
@@ -239,11 +260,13 @@ impl EvaluateReport {
                 cell(|noisy| noisy.lost.to_string()),
             ]);
         }
-        format!(
-            "\nThe same from realisations with photon and read noise, +- standard error. Noise\n\
-             changes which traps are filled; the verdict below is that without noise.\n{}",
-            lines(&noisy_table)
-        )
+        out.gap();
+        out.words(
+            "The same from realisations with photon and read noise, +- standard error. Noise changes which traps are filled; \
+             the budget is judged without noise.",
+            0,
+        );
+        out.table(noisy_table);
     }
 
     fn dose_origin(&self) -> String {
@@ -292,9 +315,9 @@ fn species(year: &Year) -> String {
 }
 
 /// Years against galaxies, as many side by side as fit.
-fn changes(years: &[Year], names: Vec<&str>) -> String {
+fn changes(years: &[Year], names: Vec<&str>) -> Vec<Table> {
     let side_by_side = 5;
-    let mut out = String::new();
+    let mut out = Vec::new();
     for (block, names) in names.chunks(side_by_side).enumerate() {
         let mut header = vec!["t [yr]"];
         header.extend(names);
@@ -310,7 +333,7 @@ fn changes(years: &[Year], names: Vec<&str>) -> String {
             );
             galaxy_table.add_row(row);
         }
-        out.push_str(&lines(&galaxy_table));
+        out.push(galaxy_table);
     }
     out
 }

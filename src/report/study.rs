@@ -2,30 +2,16 @@
 
 use serde_json::{Map, Value, json};
 
-use super::{Report, lines, or_dash, table, wrapped};
+use super::{Page, Parts, Report, or_dash, table};
+use crate::mission::Mission;
 use crate::mission::keys::plain;
+use crate::plot::Figure;
+use crate::sources::{self, Source};
 use crate::study::{Cell, Digits, Study, Table};
 
 impl Report for Study {
     fn text(&self) -> String {
-        let mut out = wrapped(&format!("{}: {}", self.mission, self.title), 2);
-        for part in self.tables.iter().filter(|part| !part.rows.is_empty() && !part.programs_only) {
-            out.push('\n');
-            if !part.title.is_empty() {
-                out.push_str(&wrapped(&part.title, 2));
-            }
-            let heads: Vec<&str> = part.columns.iter().map(|column| column.head.as_str()).collect();
-            let mut shown = table(&heads);
-            for row in &part.rows {
-                shown.add_row(row.iter().zip(&part.columns).map(|(cell, column)| person(cell, column.digits)));
-            }
-            out.push_str(&lines(&shown));
-        }
-        out.push('\n');
-        for finding in &self.findings {
-            out.push_str(&wrapped(&format!("- {finding}"), 2));
-        }
-        out
+        self.parts().text()
     }
 
     fn json(&self) -> Value {
@@ -50,6 +36,42 @@ impl Report for Study {
         };
         records.extend(first.rows.iter().map(|row| row.iter().map(program).collect()));
         records
+    }
+}
+
+impl Page for Study {
+    fn command(&self) -> String {
+        format!("study {}", self.name)
+    }
+
+    fn parts(&self) -> Parts {
+        let mut out = Parts::default();
+        out.title(&self.mission, &self.title);
+        for part in self.tables.iter().filter(|part| !part.rows.is_empty() && !part.programs_only) {
+            out.gap();
+            if !part.title.is_empty() {
+                out.words(&part.title, 2);
+            }
+            let heads: Vec<&str> = part.columns.iter().map(|column| column.head.as_str()).collect();
+            let mut shown = table(&heads);
+            for row in &part.rows {
+                shown.add_row(row.iter().zip(&part.columns).map(|(cell, column)| person(cell, column.digits)));
+            }
+            out.table(shown);
+        }
+        out.gap();
+        for finding in &self.findings {
+            out.verdict(format!("- {finding}"), 2);
+        }
+        out
+    }
+
+    fn figures(&self) -> Vec<(String, Figure)> {
+        self.figures.clone()
+    }
+
+    fn sources(&self, missions: &[Mission]) -> Vec<Source> {
+        sources::once(missions.iter().flat_map(sources::of).chain(self.sources.iter().cloned()))
     }
 }
 

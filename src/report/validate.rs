@@ -2,7 +2,8 @@
 
 use serde_json::{Value, json};
 
-use super::{Report, lines, table, wrapped};
+use super::{Page, Parts, Report, table};
+use crate::plot::Figure;
 use crate::validate::{SetResult, Validation, lean};
 
 /// Rows listed as the worst.
@@ -10,80 +11,7 @@ const WORST: usize = 5;
 
 impl Report for Validation {
     fn text(&self) -> String {
-        let mut out = wrapped(&format!("{}: model against data", self.mission.mission.name), 2);
-        out.push('\n');
-        let mut sets = table(&["data", "observable", "rows", "chi2", "chi2/row", "rms", "bias", "scatter"]);
-        for set in &self.sets {
-            let n = set.data.rows.len();
-            sets.add_row(vec![
-                set.name().to_string(),
-                set.data.observable.to_string(),
-                n.to_string(),
-                format!("{:.1}", set.chi2),
-                format!("{:.2}", set.chi2 / n as f64),
-                with_unit(set.rms, set),
-                format!("{:+.2}", set.bias_sigma),
-                format!("{:.2}", set.scatter_sigma),
-            ]);
-        }
-        if self.sets.len() > 1 {
-            let all = ["all", "", &self.n.to_string(), &format!("{:.1}", self.chi2)].map(str::to_string);
-            let mut row = all.to_vec();
-            row.extend([format!("{:.2}", self.chi2 / self.n as f64), String::new(), String::new(), String::new()]);
-            sets.add_row(row);
-        }
-        out.push_str(&lines(&sets));
-        out.push_str(&wrapped(
-            &format!(
-                "  rms of residuals {:.2} sigma; bias (mean residual, error 1/sqrt(rows)) and scatter from row to row in sigma",
-                self.rms_sigma()
-            ),
-            4,
-        ));
-        if !self.leans.is_empty() {
-            out.push_str("\nWhat the residuals lean on\n");
-            let mut leans =
-                table(&["data", "condition", "first to last bin [sigma]", "bin means [sigma]", "false alarm"]);
-            for lean in &self.leans {
-                let extremes = lean.bins.iter().map(|bin| bin.mean_sigma);
-                let low = extremes.clone().fold(f64::INFINITY, f64::min);
-                let high = extremes.fold(f64::NEG_INFINITY, f64::max);
-                leans.add_row(vec![
-                    self.sets[lean.set].name().to_string(),
-                    lean.name.clone(),
-                    format!("{:+.2} +- {:.2}", lean.slope_sigma, lean.slope_error_sigma),
-                    format!("{low:+.1} to {high:+.1}"),
-                    lean::said(lean.false_alarm),
-                ]);
-            }
-            out.push_str(&lines(&leans));
-            out.push_str(&wrapped(
-                &format!(
-                    "  false alarm: chance that noise alone leans as much on any of the {} looked at",
-                    self.leans.len()
-                ),
-                4,
-            ));
-        }
-        out.push_str("\nFarthest off\n");
-        let mut worst = table(&["data", "line", "value", "model", "off by [sigma]"]);
-        for (set, row, residual) in self.worst(WORST) {
-            let result = &self.sets[set];
-            worst.add_row(vec![
-                result.name().to_string(),
-                result.data.table.lines.get(row).map_or_else(|| format!("row {}", row + 1), usize::to_string),
-                significant(result.data.rows[row].value),
-                significant(result.model[row]),
-                format!("{residual:+.1}"),
-            ]);
-        }
-        out.push_str(&lines(&worst));
-        out.push('\n');
-        for word in &self.words {
-            out.push_str(&wrapped(word, 2));
-        }
-        out.push_str(&wrapped(&self.conclusion(), 2));
-        out
+        self.parts().text()
     }
 
     fn json(&self) -> Value {
@@ -170,6 +98,94 @@ impl Report for Validation {
             }
         }
         records
+    }
+}
+
+impl Page for Validation {
+    fn command(&self) -> String {
+        "validate".into()
+    }
+
+    fn parts(&self) -> Parts {
+        let mut out = Parts::default();
+        out.title(&self.mission.mission.name, "model against data");
+        out.gap();
+        let mut sets = table(&["data", "observable", "rows", "chi2", "chi2/row", "rms", "bias", "scatter"]);
+        for set in &self.sets {
+            let n = set.data.rows.len();
+            sets.add_row(vec![
+                set.name().to_string(),
+                set.data.observable.to_string(),
+                n.to_string(),
+                format!("{:.1}", set.chi2),
+                format!("{:.2}", set.chi2 / n as f64),
+                with_unit(set.rms, set),
+                format!("{:+.2}", set.bias_sigma),
+                format!("{:.2}", set.scatter_sigma),
+            ]);
+        }
+        if self.sets.len() > 1 {
+            let all = ["all", "", &self.n.to_string(), &format!("{:.1}", self.chi2)].map(str::to_string);
+            let mut row = all.to_vec();
+            row.extend([format!("{:.2}", self.chi2 / self.n as f64), String::new(), String::new(), String::new()]);
+            sets.add_row(row);
+        }
+        out.table(sets);
+        out.words(
+            format!(
+                "  rms of residuals {:.2} sigma; bias (mean residual, error 1/sqrt(rows)) and scatter from row to row in sigma",
+                self.rms_sigma()
+            ),
+            4,
+        );
+        if !self.leans.is_empty() {
+            out.heading("What the residuals lean on");
+            let mut leans =
+                table(&["data", "condition", "first to last bin [sigma]", "bin means [sigma]", "false alarm"]);
+            for lean in &self.leans {
+                let extremes = lean.bins.iter().map(|bin| bin.mean_sigma);
+                let low = extremes.clone().fold(f64::INFINITY, f64::min);
+                let high = extremes.fold(f64::NEG_INFINITY, f64::max);
+                leans.add_row(vec![
+                    self.sets[lean.set].name().to_string(),
+                    lean.name.clone(),
+                    format!("{:+.2} +- {:.2}", lean.slope_sigma, lean.slope_error_sigma),
+                    format!("{low:+.1} to {high:+.1}"),
+                    lean::said(lean.false_alarm),
+                ]);
+            }
+            out.table(leans);
+            out.words(
+                format!(
+                    "  false alarm: chance that noise alone leans as much on any of the {} looked at",
+                    self.leans.len()
+                ),
+                4,
+            );
+        }
+        out.heading("Farthest off");
+        let mut worst = table(&["data", "line", "value", "model", "off by [sigma]"]);
+        for (set, row, residual) in self.worst(WORST) {
+            let result = &self.sets[set];
+            worst.add_row(vec![
+                result.name().to_string(),
+                result.data.table.lines.get(row).map_or_else(|| format!("row {}", row + 1), usize::to_string),
+                significant(result.data.rows[row].value),
+                significant(result.model[row]),
+                format!("{residual:+.1}"),
+            ]);
+        }
+        out.table(worst);
+        out.gap();
+        for word in &self.words {
+            out.verdict(word, 2);
+        }
+        out.verdict(self.conclusion(), 2);
+        out
+    }
+
+    fn figures(&self) -> Vec<(String, Figure)> {
+        Validation::figures(self)
     }
 }
 

@@ -21,7 +21,7 @@ use super::{column, level, line, numbers, ready, short};
 use crate::device::{Beside, Device};
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::plot::{Figure, Panel};
+use crate::plot::{Figure, Kind as Drawn, Panel, Series};
 use crate::readout::Downstream;
 
 /// Nodes of the mean between two lines.
@@ -178,6 +178,10 @@ fn report(mission: &Mission, tried: &[Tried], charge_e: f64, device: &Device) ->
             requirement.galaxy
         ),
     );
+    study.cite(
+        "Injected lines of charge",
+        "Rhodes et al. 2010 (PASP 122, 439), section 6; Massey et al. 2010 (MNRAS 401, 371) on capture at once",
+    );
     let plain = tried.last().expect("no lines are always among them");
     let rows = tried.iter().map(|tried| {
         vec![
@@ -216,10 +220,10 @@ fn report(mission: &Mission, tried: &[Tried], charge_e: f64, device: &Device) ->
         vec![line("with lines", 1, &x, lined.iter().map(|tried| tried.delta_e.unwrap_or(f64::NAN)).collect())];
     shapes.push(level("budget", limit));
     if let Some(without) = plain.delta_e {
-        shapes.push(super::Series {
+        shapes.push(Series {
             label: Some("without".into()),
             color: 2,
-            kind: super::Drawn::Level { y: without, dashed: false },
+            kind: Drawn::Level { y: without, dashed: false },
         });
     }
     let panel = |y_label: &str, series| Panel {

@@ -77,6 +77,7 @@ impl Kind for Clock {
             mission,
             format!("line time against shape error of \"{}\" at the end of the mission", mission.requirement.galaxy),
         );
+        study.cite("Line time against shape error", "Rhodes et al. 2010 (PASP 122, 439), sections 5.1 and 6");
         study.tables = vec![table(&tried), by_species(&tried, &species)];
         study.figures = vec![("clock.svg".into(), figure(mission, &tried, &species))];
         conclude(&mut study, mission, &model, &tried, &species);

@@ -330,6 +330,10 @@ impl Kind for Correction {
                 mission.requirement.galaxy
             ),
         );
+        study.cite(
+            "Correction by iterating the readout",
+            "Bristow 2003; Massey et al. 2010 (MNRAS 401, 371); Massey et al. 2014 (MNRAS 439, 887)",
+        );
         let bench = Bench::new(&model, mission.mission.duration_yr, self.iterations);
         let Some(bench) = bench.filter(|bench| bench.uncorrected.magnitude() > 0.0) else {
             study.tables = vec![table(&[], 1.0)];

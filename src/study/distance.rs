@@ -110,6 +110,7 @@ fn report(mission: &Mission, places: &[Place], found: &[Timeline], curve: &[(f64
         mission,
         format!("distance to the register against shape error of \"{}\" at the end of the mission", requirement.galaxy),
     );
+    study.cite("Distance to the register, and dithers", "Rhodes et al. 2010 (PASP 122, 439), sections 5.1 and 6");
     let farthest = found[0].end();
     let over =
         |end: Option<f64>| end.zip(farthest).and_then(|(end, farthest)| (farthest > 0.0).then(|| end / farthest));

@@ -322,6 +322,10 @@ impl Kind for ErrorBudget {
                 short(horizon_yr)
             ),
         );
+        study.cite(
+            "Shares of the variance: squared regression coefficients",
+            "Saltelli et al. 2008, Global Sensitivity Analysis",
+        );
         study.tables = vec![inputs_table(&own)];
         study.tables.push(dates_table("dates", String::new(), &own));
         if let Some((name, budget)) = &other {

@@ -341,6 +341,10 @@ impl Kind for PocketPumping {
                 self.images
             ),
         );
+        study.cite(
+            "Pocket pumping: dipoles of single traps",
+            "Mostek et al. 2010 (Proc. SPIE 7742); Murray et al. 2012 (Proc. SPIE 8453); Hall et al. 2014 (IEEE Trans. Nucl. Sci. 61, 1826); Skottfelt et al. 2017",
+        );
         let known = self.known(mission, &model, &setup, &own, &found);
         study.tables = vec![table(&found, &names), known_table(&known)];
         study.figures = vec![("pocket-pumping.svg".into(), self.figure(mission, &setup, &own))];

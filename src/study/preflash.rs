@@ -78,6 +78,7 @@ fn report(mission: &Mission, tried: &[Tried], radius_px: f64) -> Study {
             requirement.galaxy
         ),
     );
+    study.cite("A flash before each exposure", "Rhodes et al. 2010 (PASP 122, 439), section 6");
     let dark = &tried[0];
     let day = |date: Option<chrono::NaiveDate>| date.map_or(Cell::None, |date| date.to_string().into());
     let rows = tried.iter().map(|tried| {

@@ -18,6 +18,7 @@ use crate::environment::shielding::Geometry;
 use crate::error::InputError;
 use crate::mission::{Material, Mission, Orbit, Shielding as Shield};
 use crate::plot::{Figure, Panel};
+use crate::sources;
 
 /// Options of the study.
 #[derive(Clone, Debug, Args)]
@@ -56,6 +57,7 @@ impl Kind for Shielding {
                 requirement.galaxy
             ),
         );
+        study.sources = sources::of_dose(mission);
         if mission.mission.orbit == Orbit::Leo {
             study.tables = vec![margins(&[], &confidences, 1.0)];
             study.find(

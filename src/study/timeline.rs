@@ -13,7 +13,7 @@ use crate::requirement::{Crossing, first_crossing};
 /// as the dose is: a date is right to a fraction of a day in a year.
 const TIMES: usize = 60;
 
-/// |Δe| of the judged galaxy over time.
+/// |Δe| of a galaxy over time, of the judged one where nothing else is said.
 #[derive(Clone, Debug)]
 pub struct Timeline {
     launch: NaiveDate,
@@ -29,6 +29,11 @@ impl Timeline {
 
     /// Over a mission under other conditions.
     pub fn under(model: &Model, change: impl Fn(&mut Conditions)) -> Timeline {
+        Timeline::of_galaxy(model, model.judged(), change)
+    }
+
+    /// The same of any galaxy, by its place in the mission.
+    pub fn of_galaxy(model: &Model, galaxy: usize, change: impl Fn(&mut Conditions)) -> Timeline {
         let duration_yr = model.mission.mission.duration_yr;
         let mut times: Vec<f64> = (0..=TIMES).map(|index| duration_yr * index as f64 / TIMES as f64).collect();
         times.extend((1..).map(f64::from).take_while(|t_yr| *t_yr < duration_yr));
@@ -41,9 +46,8 @@ impl Timeline {
             at
         };
         let conditions: Vec<Conditions> = times.iter().map(under).collect();
-        let galaxy = Some(model.judged());
-        let questions: Vec<Question> =
-            conditions.iter().map(|at| Question { observable: Observable::DeltaE1, at, galaxy }).collect();
+        let question = |at| Question { observable: Observable::DeltaE1, at, galaxy: Some(galaxy) };
+        let questions: Vec<Question> = conditions.iter().map(question).collect();
         // Mirror images cancel in e2: |Δe| = |Δe1|.
         let magnitude = |delta_e1: f64| delta_e1.is_finite().then(|| delta_e1.abs());
         let points = times.iter().copied().zip(predict(model, &questions).into_iter().map(magnitude)).collect();

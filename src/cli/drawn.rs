@@ -1,0 +1,48 @@
+//! Figures and pages of a result, beside what is printed.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::error::InputError;
+use crate::mission::Mission;
+use crate::output;
+use crate::report::{Page, page};
+
+#[derive(Debug, Args)]
+pub(super) struct Drawn {
+    /// Draw the figures as SVG into this folder
+    #[arg(long, value_name = "DIR")]
+    plots: Option<PathBuf>,
+    /// Write verdict, figures, tables, mission and sources as one page, for screen and paper, that needs no other file
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+}
+
+impl Drawn {
+    /// Whether anything is to be drawn.
+    pub fn wanted(&self) -> bool {
+        self.plots.is_some() || self.html.is_some()
+    }
+
+    /// Makes sure, before the work, that its result can be written.
+    pub fn check(&self) -> Result<(), InputError> {
+        if let Some(folder) = &self.plots {
+            output::folder(folder)?;
+        }
+        self.html.as_ref().map_or(Ok(()), |path| output::refuse_unwritable(path))
+    }
+
+    /// Draws what was asked for of a result that was made of these missions.
+    pub fn write(&self, result: &impl Page, missions: &[Mission]) -> Result<(), InputError> {
+        if let Some(folder) = &self.plots {
+            for (name, figure) in result.figures() {
+                output::write(folder.join(name), &figure.svg())?;
+            }
+        }
+        match &self.html {
+            Some(path) => output::write(path, &page(result, missions)),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! What happens between the ends of the years: dose, traps and shapes over a mission, densely enough for figures.
+
+use crate::calendar::decimal_year;
+use crate::model::Model;
+use crate::observable::Observable;
+use crate::study::Timeline;
+
+/// A mission's dose, traps and shapes over time. All lists are as long as that of the times.
+#[derive(Clone, Debug)]
+pub struct Course {
+    /// Decimal calendar years, rising, from launch to the end of the mission.
+    pub year: Vec<f64>,
+    /// Dose since launch, MeV/g.
+    pub dose_mev_g: Vec<f64>,
+    /// Each species with its traps per pixel.
+    pub traps_per_px: Vec<(String, Vec<f64>)>,
+    /// |Δe| of each galaxy, in the mission's order; NaN where it has no shape left.
+    pub delta_e: Vec<Vec<f64>>,
+}
+
+impl Course {
+    /// Of a mission whose galaxies have shapes.
+    pub fn of(model: &Model) -> Course {
+        let galaxies = 0..model.mission.galaxies.len();
+        let timelines: Vec<Timeline> = galaxies.map(|galaxy| Timeline::of_galaxy(model, galaxy, |_| {})).collect();
+        let times: Vec<f64> = timelines[0].points.iter().map(|point| point.0).collect();
+        let devices: Vec<_> = times.iter().map(|t_yr| model.device_at(*t_yr)).collect();
+        let species = devices[0].traps.iter().enumerate().map(|(index, species)| {
+            let density = devices.iter().map(|device| device.traps[index].density_per_px);
+            (species.name.clone(), density.collect())
+        });
+        let launch = decimal_year(model.mission.mission.launch.0);
+        Course {
+            year: times.iter().map(|t_yr| launch + t_yr).collect(),
+            dose_mev_g: (times.iter().zip(&devices))
+                .map(|(t_yr, device)| device.observed(model.dose.dose_mev_g(*t_yr), Observable::Dose, &device.at))
+                .collect(),
+            traps_per_px: species.collect(),
+            delta_e: timelines
+                .iter()
+                .map(|timeline| timeline.points.iter().map(|point| point.1.unwrap_or(f64::NAN)).collect())
+                .collect(),
+        }
+    }
+}

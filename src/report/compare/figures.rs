@@ -1,0 +1,143 @@
+//! |Δe| at the end of the mission, and when the budget is exceeded, along what differs most often.
+
+use super::{setting, short};
+use crate::calendar::decimal_year;
+use crate::evaluate::Verdict;
+use crate::mission::Date;
+use crate::mission::keys::plain;
+use crate::plot::{Figure, Panel, Series, level, line, points};
+use crate::requirement::Crossing;
+use crate::scenario::{Comparison, Scenario};
+
+/// Groups of scenarios that colours tell apart; more are not drawn.
+const COLOURS: usize = 6;
+
+/// One of the limits of a verdict.
+type Limit = fn(&Verdict) -> &Crossing;
+
+/// Scenarios that differ in what is along x, and their places there.
+struct Group<'a> {
+    name: String,
+    x: Vec<f64>,
+    scenarios: Vec<&'a Scenario>,
+}
+
+impl Comparison {
+    /// Figures with the names of their files.
+    pub(super) fn drawn(&self) -> Vec<(String, Figure)> {
+        let along = self.along();
+        let groups = self.groups(along);
+        let x_label = along.map_or("row of the table", |index| short(&self.scenarios[0].settings[index].0));
+        let x_log = wide(groups.iter().flat_map(|group| &group.x));
+        let panel = |y_label: &str, y_log, series| Panel {
+            x_label: x_label.into(),
+            y_label: y_label.into(),
+            x_log,
+            y_log,
+            series,
+            height_share: 1.0,
+        };
+        let draw = |value: &dyn Fn(&Scenario) -> Option<f64>| -> Vec<Series> {
+            groups
+                .iter()
+                .enumerate()
+                .take(COLOURS)
+                .flat_map(|(index, group)| group.drawn(index + 1, along, value))
+                .collect()
+        };
+        let delta_e: Vec<f64> = self.scenarios.iter().filter_map(|scenario| scenario.delta_e).collect();
+        let mut at_the_end = draw(&|scenario| scenario.delta_e);
+        let budget = |scenario: &Scenario| scenario.mission.requirement.delta_e;
+        let first = budget(&self.scenarios[0]);
+        if self.scenarios.iter().all(|scenario| budget(scenario) == first) {
+            at_the_end.push(level(&format!("budget {}", plain(first)), first));
+        }
+        let mut panels = vec![panel("|delta e| at the end", wide(&delta_e), at_the_end)];
+        let limits: [(&str, Limit); 2] = [
+            ("exceeded after [yr]", |verdict| &verdict.uncorrected),
+            ("after correction [yr]", |verdict| &verdict.corrected),
+        ];
+        for (y_label, limit) in limits {
+            if self.scenarios.iter().any(|scenario| limit(&scenario.verdict).t_yr.is_some()) {
+                panels.push(panel(y_label, false, draw(&|scenario| limit(&scenario.verdict).t_yr)));
+            }
+        }
+        let left_out = groups.len().saturating_sub(COLOURS);
+        let not_drawn = if left_out > 0 { format!(" ({left_out} groups more are not drawn)") } else { String::new() };
+        let title = format!("Change of ellipticity, and when it exceeds the budget, against {x_label}{not_drawn}");
+        vec![("compare.svg".into(), Figure { title, panels })]
+    }
+
+    /// The setting with most values, if it is a number or a date.
+    fn along(&self) -> Option<usize> {
+        let settings = 0..self.scenarios[0].settings.len();
+        let values = |index: usize| -> Option<usize> {
+            let mut values: Vec<f64> =
+                self.scenarios.iter().map(|scenario| number(&scenario.settings[index].1)).collect::<Option<_>>()?;
+            values.sort_by(f64::total_cmp);
+            values.dedup();
+            (values.len() > 1).then_some(values.len())
+        };
+        settings
+            .filter_map(|index| Some((values(index)?, index)))
+            .max_by_key(|(values, _)| *values)
+            .map(|(_, index)| index)
+    }
+
+    /// Scenarios alike in all but what is along x, from left to right; all of them in their order where nothing is.
+    fn groups(&self, along: Option<usize>) -> Vec<Group<'_>> {
+        let several = self.several_missions();
+        let mut groups: Vec<Group> = Vec::new();
+        for (row, scenario) in self.scenarios.iter().enumerate() {
+            let (x, name) = match along {
+                None => ((row + 1) as f64, String::new()),
+                Some(along) => {
+                    let mut said = if several { vec![scenario.mission.mission.name.clone()] } else { Vec::new() };
+                    let others = scenario.settings.iter().enumerate().filter(|(index, _)| *index != along);
+                    said.extend(others.map(|(_, (key, value))| format!("{} = {}", short(key), setting(value))));
+                    (number(&scenario.settings[along].1).expect("a number, as those of all scenarios"), said.join(", "))
+                }
+            };
+            let group = match groups.iter().position(|group| group.name == name) {
+                Some(known) => &mut groups[known],
+                None => {
+                    groups.push(Group { name, x: Vec::new(), scenarios: Vec::new() });
+                    groups.last_mut().expect("just made")
+                }
+            };
+            let place = group.x.partition_point(|other| *other <= x);
+            group.x.insert(place, x);
+            group.scenarios.insert(place, scenario);
+        }
+        groups
+    }
+}
+
+impl Group<'_> {
+    /// A value of the scenarios as points, joined where something is along x.
+    fn drawn(&self, color: usize, along: Option<usize>, value: &dyn Fn(&Scenario) -> Option<f64>) -> Vec<Series> {
+        let y: Vec<f64> = self.scenarios.iter().map(|scenario| value(scenario).unwrap_or(f64::NAN)).collect();
+        let mut series = vec![points(&self.name, color, &self.x, y.clone())];
+        if along.is_some() {
+            series.push(line(&self.name, color, &self.x, y));
+        }
+        series
+    }
+}
+
+/// Whether values are better seen on a logarithmic axis.
+fn wide<'a>(values: impl IntoIterator<Item = &'a f64>) -> bool {
+    let ends = |(low, high): (f64, f64), value: &f64| (low.min(*value), high.max(*value));
+    let (low, high) = values.into_iter().fold((f64::INFINITY, 0.0), ends);
+    low > 0.0 && high > 15.0 * low
+}
+
+/// A number, or a date as a decimal year.
+fn number(value: &toml::Value) -> Option<f64> {
+    match value {
+        toml::Value::Float(number) => Some(*number),
+        toml::Value::Integer(number) => Some(*number as f64),
+        toml::Value::Datetime(date) => Date::try_from(*date).ok().map(|date| decimal_year(date.0)),
+        _ => None,
+    }
+}

@@ -1,0 +1,107 @@
+//! Dose year by year, behind aluminium, and the spectrum it comes from.
+
+use crate::dose::{AtEnergy, CalendarYear, Survey};
+use crate::environment::RateOrigin;
+use crate::plot::{Figure, Kind, Panel, Series, dashed, level, line};
+use crate::report::active::shades;
+
+/// Room on both sides of the column of a year, as a share of what is flown of it.
+const BESIDE: f64 = 0.08;
+
+impl Survey {
+    /// Figures with the names of their files.
+    pub(super) fn drawn(&self) -> Vec<(String, Figure)> {
+        vec![
+            ("years.svg".into(), self.by_year()),
+            ("depth.svg".into(), self.by_depth()),
+            ("spectrum.svg".into(), self.by_energy()),
+        ]
+    }
+
+    /// The dose of each calendar year as a column, and that since launch.
+    fn by_year(&self) -> Figure {
+        let starts = self.years.iter().scan(self.launch, |start, year| {
+            *start += year.flown_yr;
+            Some(*start - year.flown_yr)
+        });
+        let column = |(index, (start, year)): (usize, (f64, &CalendarYear))| Series {
+            label: (index == 0).then(|| "dose within the year".into()),
+            color: 1,
+            kind: Kind::Band {
+                x: vec![start + BESIDE * year.flown_yr, start + (1.0 - BESIDE) * year.flown_yr],
+                low: vec![0.0; 2],
+                high: vec![year.dose_mev_g; 2],
+            },
+        };
+        let flown_yr = self.years.iter().map(|year| year.flown_yr).sum();
+        let active = || shades(&self.history, self.launch, self.launch + flown_yr);
+        let mut columns = active();
+        columns.extend(starts.zip(&self.years).enumerate().map(column));
+        let mut times: Vec<f64> = self.history.changes_yr(flown_yr);
+        times.insert(0, 0.0);
+        times.push(flown_yr);
+        let years: Vec<f64> = times.iter().map(|t_yr| self.launch + t_yr).collect();
+        let mut sum = active();
+        sum.push(line(
+            "dose since launch",
+            1,
+            &years,
+            times.iter().map(|t_yr| self.history.dose_mev_g(*t_yr)).collect(),
+        ));
+        let panel = |y_label: &str, series| Panel {
+            x_label: "year".into(),
+            y_label: y_label.into(),
+            series,
+            height_share: 1.0,
+            ..Panel::default()
+        };
+        Figure {
+            title: "Displacement damage dose year by year".into(),
+            panels: vec![panel("dose [MeV/g]", columns), panel("dose since launch [MeV/g]", sum)],
+        }
+    }
+
+    /// The dose of an active year against thickness.
+    fn by_depth(&self) -> Figure {
+        let thickness: Vec<f64> = self.depths.iter().map(|at| at.thickness_mm).collect();
+        let rate = match self.origin() {
+            RateOrigin::Given => "rate of the mission file",
+            RateOrigin::Esp { .. } => "rate of the mission",
+        };
+        let series = vec![
+            line("sphere", 1, &thickness, self.depths.iter().map(|at| at.sphere_mev_g).collect()),
+            line("slab", 2, &thickness, self.depths.iter().map(|at| at.slab_mev_g).collect()),
+            level(rate, self.history.active_rate_mev_g_yr),
+        ];
+        Figure {
+            title: format!("Dose of one active year behind aluminium, at {} % confidence", 100.0 * self.confidence),
+            panels: vec![logarithmic("thickness [mm Al]", "dose [MeV/g]", series)],
+        }
+    }
+
+    /// Protons above an energy, before and behind the shield.
+    fn by_energy(&self) -> Figure {
+        let mut spectrum = self.spectrum.clone();
+        spectrum.sort_by(|a, b| a.energy_mev.total_cmp(&b.energy_mev));
+        let energy: Vec<f64> = spectrum.iter().map(|at| at.energy_mev).collect();
+        let above = |fluence: fn(&AtEnergy) -> Option<f64>| {
+            spectrum.iter().map(|at| fluence(at).unwrap_or(f64::NAN)).collect::<Vec<f64>>()
+        };
+        let mut series = vec![
+            line("mission", 1, &energy, above(|at| Some(at.mission_cm2))),
+            line("one active year", 2, &energy, above(|at| Some(at.year_cm2))),
+        ];
+        if self.spectrum.iter().any(|at| at.year_behind_cm2.is_some()) {
+            series.push(dashed("mission, shielded", 1, &energy, above(|at| at.mission_behind_cm2)));
+            series.push(dashed("one active year, shielded", 2, &energy, above(|at| at.year_behind_cm2)));
+        }
+        Figure {
+            title: format!("Solar protons above an energy, at {} % confidence", 100.0 * self.confidence),
+            panels: vec![logarithmic("energy [MeV]", "protons above it [1/cm2]", series)],
+        }
+    }
+}
+
+fn logarithmic(x_label: &str, y_label: &str, series: Vec<Series>) -> Panel {
+    Panel { x_label: x_label.into(), y_label: y_label.into(), x_log: true, y_log: true, series, height_share: 1.0 }
+}

@@ -1,0 +1,85 @@
+//! A result as one page of HTML that needs no other file, no network and no script; for screens and for paper.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::{Parts, Report};
+use crate::mission::Mission;
+use crate::plot::Figure;
+use crate::sources::{self, Source};
+
+/// A result that makes a page.
+pub trait Page: Report {
+    /// The command that made it, such as `study clock`.
+    fn command(&self) -> String;
+    /// What its text says.
+    fn parts(&self) -> Parts;
+    /// Figures with the names of their files.
+    fn figures(&self) -> Vec<(String, Figure)>;
+    /// Where the models are from that made it of these missions.
+    fn sources(&self, missions: &[Mission]) -> Vec<Source> {
+        sources::once(missions.iter().flat_map(sources::of))
+    }
+}
+
+/// The look of a page: one column of the width of a figure, black on white, without fonts of its own.
+const STYLE: &str = include_str!("page.css");
+
+/// The page of a result, which was made of these missions.
+pub fn page(result: &impl Page, missions: &[Mission]) -> String {
+    let parts = result.parts();
+    let names: Vec<&str> = missions.iter().map(|mission| mission.mission.name.as_str()).collect();
+    let names = names.join(", ");
+    let (of, what) = parts.title_html().unwrap_or((&names, ""));
+    let (figures, numbers) = (result.figures(), parts.rest_html());
+    let version = env!("CARGO_PKG_VERSION");
+    let markup = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="generator" content=(format!("ctiplan {version}"));
+                title { (of) " - ctiplan " (result.command()) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                header {
+                    p.command { "ctiplan " (result.command()) }
+                    h1 { (of) }
+                    @if !what.is_empty() { p { (what) } }
+                }
+                main {
+                    section.verdict { h2 { "In short" } (parts.verdict_html()) }
+                    @if !figures.is_empty() {
+                        section { h2 { "Figures" } @for (_, figure) in &figures { (drawn(figure)) } }
+                    }
+                    @if !numbers.0.is_empty() { section { h2 { "Numbers" } (numbers) } }
+                    section {
+                        h2 { "Mission as resolved" }
+                        p { "With all defaults. It is a mission file itself: what is on this page can be computed from it again." }
+                        @for mission in missions {
+                            @if missions.len() > 1 { h3 { (mission.mission.name) } }
+                            pre.mission { (mission.to_toml()) }
+                        }
+                    }
+                    section { h2 { "Models and their sources" } (listed(&result.sources(missions))) }
+                }
+                footer { p { "Made by ctiplan " (version) "." } }
+            }
+        }
+    };
+    markup.into_string() + "\n"
+}
+
+/// A figure; a reader who does not see it is told its title and axes.
+fn drawn(figure: &Figure) -> Markup {
+    let axes = figure.panels.iter().map(|panel| format!("{} against {}", panel.y_label, panel.x_label));
+    let said = format!("{}: {}", figure.title, axes.collect::<Vec<_>>().join("; "));
+    html! { figure role="img" aria-label=(said) { (PreEscaped(figure.svg())) } }
+}
+
+fn listed(sources: &[Source]) -> Markup {
+    html! {
+        dl { @for source in sources { dt { (source.model) } dd { (source.from) } } }
+    }
+}

@@ -1,0 +1,158 @@
+//! What a report says, part by part: the same parts make the text of a terminal and the page of a browser.
+
+use comfy_table::Table;
+use maud::{Markup, html};
+
+use super::{lines, wrapped};
+
+/// A report in its order.
+#[derive(Default)]
+pub struct Parts(Vec<Part>);
+
+/// A part of a report.
+enum Part {
+    /// The first line: of what it is, and what it is.
+    Title(String, String),
+    /// A line over what follows.
+    Heading(String),
+    /// A paragraph; its later lines are indented by so many columns.
+    Words { text: String, indent: usize, verdict: bool },
+    /// One of several outcomes, whose names have so many columns.
+    Outcome { name: String, width: usize, text: String },
+    /// Rows of cells.
+    Table(Table),
+    /// TOML, as it is to be copied.
+    Code(String),
+    /// An empty line; pages have room of their own.
+    Gap,
+}
+
+impl Parts {
+    /// The first line.
+    pub fn title(&mut self, of: impl Into<String>, what: impl Into<String>) {
+        self.0.push(Part::Title(of.into(), what.into()));
+    }
+
+    /// A heading, below an empty line.
+    pub fn heading(&mut self, text: impl Into<String>) {
+        self.0.push(Part::Heading(text.into()));
+    }
+
+    /// A paragraph, whose later lines are indented by so many columns.
+    pub fn words(&mut self, text: impl Into<String>, indent: usize) {
+        self.0.push(Part::Words { text: text.into(), indent, verdict: false });
+    }
+
+    /// The same for what a reader wants to know first: a page begins with it.
+    pub fn verdict(&mut self, text: impl Into<String>, indent: usize) {
+        self.0.push(Part::Words { text: text.into(), indent, verdict: true });
+    }
+
+    /// One of several outcomes, which stand below one another in text, their names in so many columns.
+    pub fn outcome(&mut self, name: &str, width: usize, text: impl Into<String>) {
+        self.0.push(Part::Outcome { name: name.into(), width, text: text.into() });
+    }
+
+    /// A table.
+    pub fn table(&mut self, table: Table) {
+        self.0.push(Part::Table(table));
+    }
+
+    /// TOML, indented.
+    pub fn code(&mut self, text: impl Into<String>) {
+        self.0.push(Part::Code(text.into()));
+    }
+
+    /// An empty line.
+    pub fn gap(&mut self) {
+        self.0.push(Part::Gap);
+    }
+
+    /// As text.
+    pub fn text(&self) -> String {
+        let text = |part: &Part| match part {
+            Part::Title(of, what) => wrapped(&format!("{of}: {what}"), 2),
+            Part::Heading(text) => format!("\n{text}\n"),
+            Part::Words { text, indent, .. } => wrapped(text, *indent),
+            Part::Outcome { name, width, text } => wrapped(&format!("  {name:width$}  {text}"), 4),
+            Part::Table(table) => lines(table),
+            Part::Code(text) => text.lines().map(|line| format!("  {line}\n")).collect(),
+            Part::Gap => "\n".into(),
+        };
+        self.0.iter().map(text).collect()
+    }
+
+    /// Of what the report is, and what it is, where it says so.
+    pub(super) fn title_html(&self) -> Option<(&str, &str)> {
+        self.0.iter().find_map(|part| match part {
+            Part::Title(of, what) => Some((of.as_str(), what.as_str())),
+            _ => None,
+        })
+    }
+
+    /// What a reader wants to know first.
+    pub(super) fn verdict_html(&self) -> Markup {
+        markup(self.0.iter().filter(|part| part.is_verdict()))
+    }
+
+    /// All the rest.
+    pub(super) fn rest_html(&self) -> Markup {
+        markup(self.0.iter().filter(|part| !part.is_verdict()))
+    }
+}
+
+impl Part {
+    fn is_verdict(&self) -> bool {
+        matches!(self, Part::Words { verdict: true, .. } | Part::Outcome { .. })
+    }
+}
+
+fn markup<'a>(parts: impl Iterator<Item = &'a Part>) -> Markup {
+    html! {
+        @for part in parts {
+            @match part {
+                Part::Title(..) | Part::Gap => {}
+                Part::Heading(text) => h3 { (text) }
+                Part::Words { text, .. } => @match text.trim().strip_prefix("- ") {
+                    Some(item) => p.item { (item) },
+                    None => p { (text.trim()) },
+                },
+                Part::Outcome { name, text, .. } => p { (name) ": " (text) },
+                Part::Table(table) => (cells(table)),
+                Part::Code(text) => pre { (text) },
+            }
+        }
+    }
+}
+
+/// The cells of a table of the terminal. Columns in which nothing but numbers stand have them at the right.
+fn cells(table: &Table) -> Markup {
+    let rows: Vec<Vec<String>> =
+        table.row_iter().map(|row| row.cell_iter().map(|cell| cell.content()).collect()).collect();
+    let head: Vec<String> =
+        table.header().into_iter().flat_map(|header| header.cell_iter()).map(|cell| cell.content()).collect();
+    let at_right: Vec<bool> = (0..head.len())
+        .map(|column| rows.iter().all(|row| row.get(column).is_none_or(|cell| is_number(cell))))
+        .collect();
+    let class = |column: usize| at_right.get(column).is_some_and(|right| *right).then_some("number");
+    html! {
+        div.table {
+            table {
+                thead { tr { @for (column, cell) in head.iter().enumerate() { th scope="col" class=[class(column)] { (cell) } } } }
+                tbody {
+                    @for row in &rows {
+                        tr { @for (column, cell) in row.iter().enumerate() { td class=[class(column)] { (cell) } } }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Whether a cell holds a number or a date, or a word in place of one.
+fn is_number(cell: &str) -> bool {
+    let digits = cell.trim_start_matches(['+', '-', '<', '>', '~', ' ']);
+    ["", "lost", "mean", "never"].contains(&digits)
+        || digits.starts_with("below ")
+        || digits.starts_with(|letter: char| letter.is_ascii_digit())
+}
