@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::inputs::OneMission;
-use super::{Failure, Outcome, Output, print, progress};
+use super::{Failure, Outcome, Output, print_and_suggest, progress};
 use crate::evaluate::evaluate;
 use crate::model::Model;
 use crate::noise;
@@ -44,7 +44,9 @@ impl Evaluate {
             }
         };
         let met = evaluation.verdict.met();
-        print(&EvaluateReport { evaluation, noisy }, &self.output)?;
+        // What the date hangs on is worth knowing where it comes too early.
+        let next = (!met).then(|| format!("ctiplan study error-budget {}", self.mission.words()));
+        print_and_suggest(&EvaluateReport { evaluation, noisy }, &self.output, next)?;
         Ok(if self.check && !met { Outcome::NotMet } else { Outcome::Done })
     }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::inputs::Measured;
-use super::{Failure, Outcome, Output, print};
+use super::{Failure, Outcome, Output, print_and_suggest};
 use crate::output;
 use crate::validate::validate;
 
@@ -42,7 +42,9 @@ impl Validate {
                 output::write(folder.join(name), &table.to_ecsv())?;
             }
         }
-        print(&validation, &self.output)?;
+        let fails = !validation.within_noise() && validation.excess() > -3.0;
+        let next = fails.then(|| self.measured.command("diagnose"));
+        print_and_suggest(&validation, &self.output, next)?;
         Ok(Outcome::Done)
     }
 }

@@ -22,18 +22,7 @@ impl Mission {
     /// Where the file cannot be read, or what it says makes no sense: one message with line, key, value and what is
     /// allowed.
     pub fn read(path: impl AsRef<Path>) -> Result<Mission, InputError> {
-        let name = path.as_ref().display().to_string();
-        let refused = format!("cannot use mission `{name}`");
-        let text = fs::read_to_string(&path).map_err(|error| {
-            let problem = match error.kind() {
-                std::io::ErrorKind::NotFound => "there is no such file".to_string(),
-                std::io::ErrorKind::IsADirectory => "this is a folder, not a file".to_string(),
-                std::io::ErrorKind::InvalidData => "the file is not text in UTF-8".to_string(),
-                _ => error.to_string(),
-            };
-            InputError::new(&refused, problem)
-        })?;
-        Source::parse(refused, &text, true)?.mission()
+        Source::parse(refused(path.as_ref()), &read_text(path.as_ref())?, true)?.mission()
     }
 
     /// Reads a mission from text.
@@ -92,6 +81,23 @@ impl Mission {
             _ => None,
         }
     }
+}
+
+fn refused(path: &Path) -> String {
+    format!("cannot use mission `{}`", path.display())
+}
+
+/// The text of a mission file.
+pub(crate) fn read_text(path: &Path) -> Result<String, InputError> {
+    fs::read_to_string(path).map_err(|error| {
+        let problem = match error.kind() {
+            std::io::ErrorKind::NotFound => "there is no such file".to_string(),
+            std::io::ErrorKind::IsADirectory => "this is a folder, not a file".to_string(),
+            std::io::ErrorKind::InvalidData => "the file is not text in UTF-8".to_string(),
+            _ => error.to_string(),
+        };
+        InputError::new(refused(path), problem)
+    })
 }
 
 /// A mission text, parsed, with the places of its values.
