@@ -12,7 +12,7 @@ use super::{DoseModel, Mission, Orbit};
 use crate::calendar;
 use crate::effect;
 use crate::environment::solar_cycle::{self, ACTIVE_BEFORE_YR, CYCLE_YR};
-use crate::error::{InputError, nearest};
+use crate::error::{InputError, nearest, shortened};
 use crate::readout::MAX_SPECIES;
 
 impl Mission {
@@ -115,7 +115,8 @@ impl<'a> Source<'a> {
             let line = error.span().map(|span| line_at(text, span.start));
             InputError {
                 refused: refused.clone(),
-                place: line.map(|line| format!("line {line}: {}", text.lines().nth(line - 1).unwrap_or("").trim())),
+                place: line
+                    .map(|line| format!("line {line}: {}", shortened(text.lines().nth(line - 1).unwrap_or("").trim()))),
                 problem: error.message().replace('\n', " "),
                 help: Some("the file must be TOML: [section] lines and key = value lines, words in quotes".into()),
             }
@@ -398,12 +399,7 @@ impl<'a> Source<'a> {
             // A table's place is its header.
             return Some(format!("{line}{value}"));
         }
-        let value: String = if value.chars().count() > 60 {
-            value.chars().take(57).chain("...".chars()).collect()
-        } else {
-            value.into()
-        };
-        Some(format!("{line}{shown} = {value}"))
+        Some(format!("{line}{shown} = {}", shortened(value)))
     }
 
     /// Place of the value of a key in the text.
