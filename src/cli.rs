@@ -11,7 +11,10 @@ mod effects;
 mod evaluate;
 mod fit;
 mod frames;
+mod init;
 mod inputs;
+mod schema;
+mod shell;
 mod study;
 mod sweep;
 mod validate;
@@ -62,6 +65,14 @@ enum Command {
     Study(study::Study),
     /// The catalogue of effects, or one of them: its physics, its parameters, and what it looks like in residuals
     Effects(effects::Effects),
+    /// Write a mission file to start from, with every key, its unit and what is allowed in comments
+    Init(init::Init),
+    /// Print the JSON Schema of mission files, with which editors complete and check keys
+    Schema(schema::Schema),
+    /// Print completions for a shell
+    Completions(shell::Completions),
+    /// Write manual pages into a folder, one for each command
+    Man(shell::ManPages),
 }
 
 #[derive(Debug, Args)]
@@ -112,6 +123,10 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Correct(command) => command.run(),
         Command::Study(command) => command.run(),
         Command::Effects(command) => command.run(),
+        Command::Init(command) => command.run(),
+        Command::Schema(command) => command.run(),
+        Command::Completions(command) => command.run(),
+        Command::Man(command) => command.run(),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
@@ -142,8 +157,22 @@ impl From<InputError> for Failure {
 }
 
 fn print(report: &impl Report, output: &Output) -> Result<(), Failure> {
+    print_and_suggest(report, output, None)
+}
+
+/// The same, and for people the command that is called for now.
+fn print_and_suggest(report: &impl Report, output: &Output, next: Option<String>) -> Result<(), Failure> {
+    let mut text = report.render(output.format());
+    if let Some(command) = next.filter(|_| output.format() == Format::Text) {
+        text += &format!("\nnext: {command}\n");
+    }
+    say(&text)
+}
+
+/// Text on standard output.
+fn say(text: &str) -> Result<(), Failure> {
     let mut out = stdout().lock();
-    out.write_all(report.render(output.format()).as_bytes()).and_then(|()| out.flush()).map_err(Failure::Output)
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::Output)
 }
 
 /// A bar on standard error where that is a terminal, and nothing where it is not.

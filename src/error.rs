@@ -57,6 +57,11 @@ pub(crate) fn unreadable(error: &io::Error) -> String {
     }
 }
 
+/// The text, or its beginning where it is long.
+pub(crate) fn shortened(text: &str) -> String {
+    if text.chars().count() > 60 { text.chars().take(57).chain("...".chars()).collect() } else { text.to_string() }
+}
+
 /// The nearest of the known names, where one is near enough to be meant.
 pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     known

@@ -101,6 +101,15 @@ impl Expression {
             let help = "write -(x ^ 2) or (-x) ^ 2";
             return Err(fault(Some(place), "a sign in front of a power can mean two things".into(), Some(help)));
         }
+        if let Some(place) = ["//", "/*"].iter().filter_map(|mark| text.find(mark)).min() {
+            let help = "a division is one /, a product one *";
+            let place = text[..place].chars().count();
+            return Err(fault(
+                Some(place),
+                "what follows would be a comment, and a formula has none".into(),
+                Some(help),
+            ));
+        }
         let tree = ENGINE.compile_expression(text).map_err(|error| {
             let help = match error.err_type() {
                 ParseErrorType::UnexpectedEOF => Some("something is missing at the end"),
@@ -278,6 +287,8 @@ mod tests {
             ("-x^2", 0, "a sign in front of a power can mean two things"),
             ("2 * erf(x)", 4, "no function is called `erf`"),
             ("let y = 3", 0, "unexpected 'let'"),
+            ("2 // x", 2, "what follows would be a comment, and a formula has none"),
+            ("2 /* x", 2, "what follows would be a comment, and a formula has none"),
         ] {
             let error = Expression::parse(text).unwrap_err();
             assert_eq!((error.place, error.problem.as_str()), (Some(place), problem), "{text}");

@@ -71,6 +71,12 @@ impl Fit {
         self.n.saturating_sub(self.parameters.len())
     }
 
+    /// By how many of its standard deviations chi2 is more than noise makes.
+    pub fn excess(&self) -> f64 {
+        let freedom = self.degrees_of_freedom().max(1) as f64;
+        (self.chi2 - freedom) / (2.0 * freedom).sqrt()
+    }
+
     /// rms of (value − model)/sigma.
     pub fn rms_sigma(&self) -> f64 {
         (self.chi2 / self.n as f64).sqrt()

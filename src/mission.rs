@@ -1,15 +1,19 @@
 //! The mission file (TOML) → a mission that is known to make sense.
 //!
-//! [`keys`] is the one list of all keys: unit, allowed values, default, what people get wrong. Reading a file checks it
-//! against that list, fills in the defaults, and then looks at what keys say together; every refusal names file, line,
+//! [`keys`] is the one list of all keys: unit, allowed values, default, what people get wrong. A [`template()`] to start from
+//! and a JSON [`schema()`] for editors are made of it. Reading a file checks it against that list, fills in the defaults, and then looks at what keys say together; every refusal names file, line,
 //! key and value. A [`Mission`] that exists is valid, and serialises to the file it came from, as resolved.
 
 mod edit;
 pub mod keys;
 mod read;
+mod schema;
+mod template;
 
 pub use edit::{edit, with_effects};
-pub(crate) use read::{check_value, line_at};
+pub(crate) use read::{check_value, line_at, read_text};
+pub use schema::schema;
+pub use template::template;
 
 use std::fmt;
 

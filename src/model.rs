@@ -7,7 +7,7 @@ use crate::damage::{Damage, SpeciesState};
 use crate::device::Device;
 use crate::effect::{self, Effect};
 use crate::environment::DoseHistory;
-use crate::error::InputError;
+use crate::error::{InputError, shortened};
 use crate::mission::{Detector, Mission, ReadoutMethod};
 use crate::readout::{Cloud, Method, Readout};
 use crate::scene::Scene;
@@ -143,7 +143,7 @@ impl Model {
             None => Ok(()),
             Some(fault) => Err(InputError {
                 refused: format!("cannot apply a formula of mission \"{}\"", self.mission.mission.name),
-                place: Some(format!("effects.formula.expression = \"{}\"", fault.text)),
+                place: Some(format!("effects.formula.expression = \"{}\"", shortened(&fault.text))),
                 problem: match fault.place {
                     Some(place) => format!("at letter {}: {}", place + 1, fault.problem),
                     None => fault.problem,

@@ -55,8 +55,29 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
+/// Refuses a path that could not be written to, before there is anything to write: work of hours is not to be lost at its end.
+///
+/// # Errors
+/// Where the folder is not there or cannot be written to, or the path is that of something that is no file.
+pub fn refuse_unwritable(path: &Path) -> Result<(), InputError> {
+    refuse_other_than_file(path)?;
+    NamedTempFile::new_in(folder_of(path)).map_err(refusal(path))?;
+    Ok(())
+}
+
+/// Refuses folders and devices: a file that takes their place would be the last that is seen of them.
+fn refuse_other_than_file(path: &Path) -> Result<(), InputError> {
+    let problem = match fs::metadata(path) {
+        Ok(there) if there.is_dir() => "this is a folder, not a file",
+        Ok(there) if !there.is_file() => "this is a device or a pipe, not a file",
+        _ => return Ok(()),
+    };
+    Err(InputError::new(format!("cannot write `{}`", path.display()), problem))
+}
+
 /// Gives a temporary file its name, once it is safe on the disk.
 fn keep(file: NamedTempFile, path: &Path, overwrite: bool) -> Result<(), InputError> {
+    refuse_other_than_file(path)?;
     file.as_file().sync_all().map_err(refusal(path))?;
     // Temporary files are private; results are as public as any new file.
     #[cfg(unix)]
@@ -84,17 +105,6 @@ pub fn refuse_existing(path: &Path) -> Result<(), InputError> {
             .with_help("give another name, or --overwrite")),
         Err(_) => Ok(()),
     }
-}
-
-/// Refuses a path at which no file can be written, before work that takes long.
-///
-/// # Errors
-/// Where the folder is not there, or cannot be written to; where the path is a folder.
-pub fn refuse_unwritable(path: &Path) -> Result<(), InputError> {
-    if path.is_dir() {
-        return Err(InputError::new(format!("cannot write `{}`", path.display()), "it is a folder"));
-    }
-    NamedTempFile::new_in(folder_of(path)).map(drop).map_err(refusal(path))
 }
 
 /// Why a file cannot be written.

@@ -24,4 +24,5 @@ pub use output::Output;
 pub use parts::Parts;
 pub use run::{Done, run};
 pub use sample::{Sample, Sampling};
+pub(crate) use slurm::quoted;
 pub use slurm::{Shard, indices, missing, script};

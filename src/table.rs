@@ -13,13 +13,14 @@ mod csv;
 mod ecsv;
 mod write;
 
+use std::collections::HashSet;
 use std::fmt;
 use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
 
-use crate::error::{InputError, unreadable};
+use crate::error::{InputError, shortened, unreadable};
 
 /// A table of measurements: columns of equal length, and what holds for all rows.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -201,19 +202,28 @@ impl Table {
 
     /// No column and no key stands twice, and all columns have names.
     fn check_names(&self) -> Result<(), InputError> {
+        let mut known = HashSet::new();
         for (index, column) in self.columns.iter().enumerate() {
             if column.name.is_empty() {
                 let problem = format!("column {} of {} has no name", index + 1, self.columns.len());
                 return Err(InputError { place: Some(format!("line {}", self.header_line)), ..self.refuse(problem) });
             }
-            if self.columns[..index].iter().any(|other| other.name == column.name) {
+            if column.name.contains(char::is_control) {
+                let problem = format!("the name of column {} holds an end of a line, a tab or the like", index + 1);
+                let place = Some(format!("{}column {:?}", line_before(column.line), shortened(&column.name)));
+                return Err(
+                    InputError { place, ..self.refuse(problem) }.with_help("look for a quote that is not closed")
+                );
+            }
+            if !known.insert(column.name.as_str()) {
                 let problem = format!("the name `{}` stands twice; names must differ", column.name);
                 let place = Some(format!("{}column {}", line_before(column.line), column.name));
                 return Err(InputError { place, ..self.refuse(problem) });
             }
         }
-        for (index, meta) in self.meta.iter().enumerate() {
-            if self.meta[..index].iter().any(|other| other.name == meta.name) {
+        known.clear();
+        for meta in &self.meta {
+            if !known.insert(meta.name.as_str()) {
                 let place = Some(format!("{}meta.{} = {}", line_before(meta.line), meta.name, meta.value));
                 let problem = format!("the key `{}` stands twice in meta", meta.name);
                 return Err(InputError { place, ..self.refuse(problem) });
@@ -301,11 +311,6 @@ impl fmt::Display for Cell {
             Cell::Other(value) => write!(out, "{}", shortened(&value.to_string())),
         }
     }
-}
-
-/// The text, or its beginning where it is long.
-fn shortened(text: &str) -> String {
-    if text.chars().count() > 60 { text.chars().take(57).chain("...".chars()).collect() } else { text.to_string() }
 }
 
 /// `line 9: ` where the line is known.

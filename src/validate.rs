@@ -121,6 +121,16 @@ impl Validation {
         self.sets.iter().enumerate().map(with_model).collect()
     }
 
+    /// By how many of its standard deviations chi2 is more than noise makes: that of n independent rows is n ± √(2n).
+    pub fn excess(&self) -> f64 {
+        (self.chi2 - self.n as f64) / (2.0 * self.n as f64).sqrt()
+    }
+
+    /// Whether the model explains the data: chi2 is what noise makes, and there is nothing to say of the residuals.
+    pub fn within_noise(&self) -> bool {
+        self.excess().abs() < 3.0 && self.words.is_empty()
+    }
+
     /// Rows that are farthest off: data set, row, residual.
     pub fn worst(&self, count: usize) -> Vec<(usize, usize, f64)> {
         let rows = self.sets.iter().enumerate().flat_map(|(set, result)| {

@@ -225,7 +225,7 @@ fn what_users_write_is_text() {
 fn a_file_that_cannot_be_written_is_refused_before_the_work() {
     let folder = tempfile::tempdir().unwrap();
     let (missing, taken) = (folder.path().join("missing/page.html"), folder.path().to_path_buf());
-    for (path, problem) in [(missing, "the folder is not there"), (taken, "it is a folder")] {
+    for (path, problem) in [(missing, "the folder is not there"), (taken, "this is a folder, not a file")] {
         for arguments in [&["evaluate", SNAP][..], &["study", "launch", SNAP], &["diagnose", NOTCH[0], NOTCH[1]]] {
             let output = ctiplan(&[arguments, &["--html", path.to_str().unwrap()]].concat());
             assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0), "{arguments:?}");

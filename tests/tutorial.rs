@@ -2,7 +2,8 @@
 //!
 //! Every `sh` block whose lines start with `ctiplan ` is run from the top of the repository, in the order of the
 //! document, and must be followed by a `text` block with what it prints. A block of another language that starts with
-//! `# PATH` is a piece of that file. To renew the `text` blocks: `RENEW=1 cargo test --test tutorial`; then read the
+//! `# PATH` is a piece of that file. Commands that are not run (because they take long, or need what is not there) stand in
+//! other blocks. To renew the `text` blocks: `RENEW=1 cargo test --test tutorial`; then read the
 //! sentences around them again.
 
 use std::fs;
@@ -161,6 +162,16 @@ fn the_page_of_the_diagnosis_shows_what_the_program_prints() {
 #[test]
 fn the_page_of_the_studies_shows_what_the_program_prints() {
     shows_what_is_printed("docs/studies.md");
+}
+
+#[test]
+fn the_first_steps_show_what_the_program_prints() {
+    shows_what_is_printed("docs/start.md");
+}
+
+#[test]
+fn the_page_of_images_shows_what_the_program_prints() {
+    shows_what_is_printed("docs/images.md");
 }
 
 /// The table of methods is that of the trait.

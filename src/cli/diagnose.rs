@@ -6,12 +6,12 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::drawn::Drawn;
-use super::inputs::{Adjust, Measured};
-use super::{Failure, Outcome, Output, print, progress};
-use crate::diagnose::{self, diagnose};
+use super::inputs::{Adjust, Measured, NewMission};
+use super::{Failure, Outcome, Output, print_and_suggest, progress};
+use crate::diagnose::{self, Verdict, diagnose};
 use crate::error::InputError;
 use crate::observable::Observable;
-use crate::output;
+use crate::sweep::quoted;
 
 #[derive(Debug, Args)]
 pub(super) struct Diagnose {
@@ -42,6 +42,7 @@ pub(super) struct Diagnose {
 
 impl Diagnose {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
+        let new = self.write.as_ref().map(|path| NewMission::from(&self.measured.mission, path)).transpose()?;
         let (mission, data) = self.measured.read()?;
         self.drawn.check()?;
         let options = diagnose::Options {
@@ -61,10 +62,17 @@ impl Diagnose {
         bar.finish_and_clear();
         let found = found?;
         self.drawn.write(&found, &[mission])?;
-        if let Some(path) = &self.write {
-            output::write(path, &found.improved_text(&self.measured.mission.edited([])?))?;
+        if let Some(new) = new {
+            new.write(|text| found.improved_text(text))?;
         }
-        print(&found, &self.output)?;
+        let next = match &self.write {
+            Some(new) if !found.steps.is_empty() => Some(self.measured.command_with("validate", &quoted(new))),
+            None if found.verdict == Verdict::Missing => {
+                Some(format!("{}{} --write NEW.toml", self.measured.command("diagnose"), self.adjust))
+            }
+            _ => None,
+        };
+        print_and_suggest(&found, &self.output, next)?;
         Ok(Outcome::Done)
     }
 }

@@ -1,10 +1,8 @@
 //! `ctiplan effects`.
 
-use std::io::{Write, stdout};
-
 use clap::Args;
 
-use super::{Failure, Outcome, Output, print};
+use super::{Failure, Outcome, Output, print, say};
 use crate::effect;
 use crate::error::{InputError, nearest};
 use crate::report;
@@ -23,9 +21,7 @@ pub(super) struct Effects {
 impl Effects {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
         if self.markdown {
-            let mut out = stdout().lock();
-            let page = report::effects::page();
-            out.write_all(page.as_bytes()).and_then(|()| out.flush()).map_err(Failure::Output)?;
+            say(&report::effects::page())?;
             return Ok(Outcome::Done);
         }
         let Some(kind) = &self.kind else {

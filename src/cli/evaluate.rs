@@ -4,7 +4,7 @@ use clap::Args;
 
 use super::drawn::Drawn;
 use super::inputs::OneMission;
-use super::{Failure, Outcome, Output, print, progress};
+use super::{Failure, Outcome, Output, print_and_suggest, progress};
 use crate::course::Course;
 use crate::evaluate::evaluate;
 use crate::model::Model;
@@ -52,7 +52,9 @@ impl Evaluate {
         let course = self.drawn.wanted().then(|| Course::of(&Model::new(&mission)));
         let report = EvaluateReport { evaluation, noisy, course };
         self.drawn.write(&report, &[mission])?;
-        print(&report, &self.output)?;
+        // What the date hangs on is worth knowing where it comes too early.
+        let next = (!met).then(|| format!("ctiplan study error-budget {}", self.mission.words()));
+        print_and_suggest(&report, &self.output, next)?;
         Ok(if self.check && !met { Outcome::NotMet } else { Outcome::Done })
     }
 }

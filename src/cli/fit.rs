@@ -5,12 +5,13 @@ use std::sync::Mutex;
 
 use clap::Args;
 
-use super::inputs::{Adjust, Measured};
-use super::{Failure, Outcome, Output, print, searching};
+use super::inputs::{Adjust, Measured, NewMission};
+use super::{Failure, Outcome, Output, print_and_suggest, searching};
 use crate::error::InputError;
 use crate::model::Model;
 use crate::report::FitReport;
-use crate::{fit, output};
+use crate::sweep::quoted;
+use crate::{fit, mission};
 
 #[derive(Debug, Args)]
 pub(super) struct Fit {
@@ -36,6 +37,7 @@ pub(super) struct Fit {
 
 impl Fit {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
+        let new = self.write.as_ref().map(|path| NewMission::from(&self.measured.mission, path)).transpose()?;
         let (mission, data) = self.measured.read()?;
         let keys = self.adjust.keys(&mission);
         if keys.is_empty() {
@@ -63,11 +65,17 @@ impl Fit {
             None => None,
         };
         bar.finish_and_clear();
-        if let Some(path) = &self.write {
-            let values = fitted.parameters.iter().map(|fitted| (fitted.key.clone(), fitted.value.into()));
-            output::write(path, &self.measured.mission.edited(values)?)?;
+        if let Some(new) = new {
+            let values: Vec<_> =
+                fitted.parameters.iter().map(|fitted| (fitted.key.clone(), fitted.value.into())).collect();
+            new.write(|text| mission::edit(text, &mission, &values))?;
         }
-        print(&FitReport { fit: fitted, holdout }, &self.output)?;
+        let next = match &self.write {
+            _ if fitted.excess() > 3.0 => Some(format!("{}{}", self.measured.command("diagnose"), self.adjust)),
+            Some(new) => Some(self.measured.command_with("validate", &quoted(new))),
+            None => None,
+        };
+        print_and_suggest(&FitReport { fit: fitted, holdout }, &self.output, next)?;
         Ok(Outcome::Done)
     }
 }

@@ -1,15 +1,16 @@
 //! What several commands read in the same way.
 
-use std::fs;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::Failure;
 use crate::error::InputError;
 use crate::measurement::DataSet;
 use crate::mission::{self, Mission};
+use crate::output;
 use crate::scenario::Axis;
+use crate::sweep::quoted;
 
 /// A mission, with single values set.
 #[derive(Debug, Args)]
@@ -28,12 +29,16 @@ impl OneMission {
         mission_with(&self.path, &self.set)
     }
 
-    /// The mission file's text with what was set, and with more values; comments and order are kept.
-    pub fn edited(&self, more: impl IntoIterator<Item = (String, toml::Value)>) -> Result<String, Failure> {
-        let text = fs::read_to_string(&self.path).map_err(Failure::Output)?;
-        let mut settings = settings(&self.set)?;
-        settings.extend(more);
-        Ok(mission::edit(&text, &Mission::read(&self.path)?, &settings))
+    /// The mission as it was named, as words of a shell.
+    pub fn words(&self) -> String {
+        let set = self.set.iter().map(|setting| format!(" --set {}", quoted(Path::new(setting))));
+        format!("{}{}", quoted(&self.path), set.collect::<String>())
+    }
+
+    /// The mission file's text with what was set; comments and order are kept.
+    pub fn text(&self) -> Result<String, InputError> {
+        let mission = Mission::read(&self.path)?;
+        Ok(mission::edit(&mission::read_text(&self.path)?, &mission, &settings(&self.set)?))
     }
 }
 
@@ -41,6 +46,25 @@ impl OneMission {
 pub(super) fn mission_with(path: &Path, set: &[String]) -> Result<Mission, InputError> {
     let mission = Mission::read(path)?;
     if set.is_empty() { Ok(mission) } else { mission.with(&settings(set)?) }
+}
+
+/// A file to be written at the end of the work, with the mission's text as it was at its beginning.
+pub(super) struct NewMission<'a> {
+    path: &'a Path,
+    text: String,
+}
+
+impl<'a> NewMission<'a> {
+    /// Refused where the path cannot be written to.
+    pub fn from(mission: &OneMission, path: &'a Path) -> Result<NewMission<'a>, InputError> {
+        output::refuse_unwritable(path)?;
+        Ok(NewMission { path, text: mission.text()? })
+    }
+
+    /// Writes what becomes of the text.
+    pub fn write(&self, edited: impl FnOnce(&str) -> String) -> Result<(), InputError> {
+        output::write(self.path, &edited(&self.text))
+    }
 }
 
 /// A mission and what was measured.
@@ -60,6 +84,17 @@ impl Measured {
         let data = self.data.iter().map(|path| DataSet::read(path, &mission)).collect::<Result<_, _>>()?;
         Ok((mission, data))
     }
+
+    /// A command with this mission and its measurements.
+    pub fn command(&self, verb: &str) -> String {
+        self.command_with(verb, &self.mission.words())
+    }
+
+    /// A command with another mission file and the same measurements.
+    pub fn command_with(&self, verb: &str, mission: &str) -> String {
+        let data = self.data.iter().map(|path| format!(" {}", quoted(path)));
+        format!("ctiplan {verb} {mission}{}", data.collect::<String>())
+    }
 }
 
 #[derive(Debug, Args)]
@@ -78,6 +113,14 @@ impl Adjust {
         let mut keys = if self.only { Vec::new() } else { mission.fit.free.clone() };
         keys.extend(self.free.iter().filter(|key| self.only || !mission.fit.free.contains(key)).cloned());
         keys
+    }
+}
+
+impl fmt::Display for Adjust {
+    /// As options of a command, each with a blank before it.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.free.iter().try_for_each(|key| write!(out, " --free {}", quoted(Path::new(key))))?;
+        out.write_str(if self.only { " --only" } else { "" })
     }
 }
 

@@ -1,12 +1,11 @@
 //! `ctiplan sweep`.
 
 use std::env;
-use std::io::{Write, stdout};
 use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{Failure, Outcome, Output, print, progress};
+use super::{Failure, Outcome, Output, print, progress, say};
 use crate::report::SweepReport;
 use crate::sweep::{self, Grid, Parts, Shard};
 
@@ -39,11 +38,15 @@ impl Sweep {
         let parts = Parts::of(&grid, &self.output)?;
         if let Some(tasks) = self.slurm {
             let program = env::current_exe().map_err(Failure::Output)?;
-            return say(&sweep::script(&parts, &program, tasks)?);
+            say(&sweep::script(&parts, &program, tasks)?)?;
+            return Ok(Outcome::Done);
         }
         if let Some(shards) = self.missing {
             let missing = sweep::indices(&sweep::missing(&parts, shards)?);
-            return if missing.is_empty() { Ok(Outcome::Done) } else { say(&format!("{missing}\n")) };
+            if !missing.is_empty() {
+                say(&format!("{missing}\n"))?;
+            }
+            return Ok(Outcome::Done);
         }
         let done = if self.collect { None } else { Some(self.compute(&parts)?) };
         let merged = match self.shard {
@@ -69,10 +72,4 @@ impl Sweep {
         bar.finish_and_clear();
         Ok(done?)
     }
-}
-
-fn say(text: &str) -> Result<Outcome, Failure> {
-    let mut out = stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::Output)?;
-    Ok(Outcome::Done)
 }

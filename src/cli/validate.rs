@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::drawn::Drawn;
 use super::inputs::Measured;
-use super::{Failure, Outcome, Output, print};
+use super::{Failure, Outcome, Output, print_and_suggest};
 use crate::output;
 use crate::validate::validate;
 
@@ -38,7 +38,9 @@ impl Validate {
                 output::write(folder.join(name), &table.to_ecsv())?;
             }
         }
-        print(&validation, &self.output)?;
+        let fails = !validation.within_noise() && validation.excess() > -3.0;
+        let next = fails.then(|| self.measured.command("diagnose"));
+        print_and_suggest(&validation, &self.output, next)?;
         Ok(Outcome::Done)
     }
 }

@@ -53,6 +53,26 @@ pub enum Need {
     Optional,
 }
 
+/// All tables, in the order of the file, and what each says; `[]` is a member of an array of tables. Effects have tables of
+/// their own: see [`effect::CATALOGUE`].
+pub const TABLES: [(&str, &str); 15] = [
+    ("mission", "name, launch, duration, orbit"),
+    ("environment", "displacement damage dose: given, or derived from ESP solar protons behind [shielding]"),
+    ("shielding", "aluminium around the detector; needed where the dose is derived"),
+    ("detector", "wells, and the conditions for which trap densities and release times are quoted"),
+    ("detector.traps[]", "one trap species"),
+    ("readout", "clocking"),
+    ("readout.noise", "read noise against pixel rate, as a law or as a table; for trade studies"),
+    ("survey", "what a survey does with its time; for trade studies"),
+    ("sky", "background"),
+    ("psf", "point spread function: a Moffat profile"),
+    ("galaxies[]", "one galaxy whose shape is followed; its brightness is flux_e, or snr within aperture_px"),
+    ("requirement", "what is judged: the change of ellipticity of one galaxy"),
+    ("accuracy", "how accurate the numbers are to be; no physics"),
+    ("uncertainty", "how well the inputs are known, for trade studies"),
+    ("fit", "what may be adjusted to measurements"),
+];
+
 /// Tables that may be absent as a whole; their required keys are required only where the table is there.
 pub const OPTIONAL_TABLES: [&str; 3] = ["shielding", "readout.noise", "survey"];
 

@@ -12,7 +12,7 @@ use super::{DoseModel, Mission, Orbit};
 use crate::calendar;
 use crate::effect;
 use crate::environment::solar_cycle::{self, ACTIVE_BEFORE_YR, CYCLE_YR};
-use crate::error::{InputError, nearest, unreadable};
+use crate::error::{InputError, nearest, shortened, unreadable};
 use crate::readout::MAX_SPECIES;
 
 impl Mission {
@@ -22,10 +22,7 @@ impl Mission {
     /// Where the file cannot be read, or what it says makes no sense: one message with line, key, value and what is
     /// allowed.
     pub fn read(path: impl AsRef<Path>) -> Result<Mission, InputError> {
-        let name = path.as_ref().display().to_string();
-        let refused = format!("cannot use mission `{name}`");
-        let text = fs::read_to_string(&path).map_err(|error| InputError::new(&refused, unreadable(&error)))?;
-        Source::parse(refused, &text, true)?.mission()
+        Source::parse(refused(path.as_ref()), &read_text(path.as_ref())?, true)?.mission()
     }
 
     /// Reads a mission from text.
@@ -86,6 +83,15 @@ impl Mission {
     }
 }
 
+fn refused(path: &Path) -> String {
+    format!("cannot use mission `{}`", path.display())
+}
+
+/// The text of a mission file.
+pub(crate) fn read_text(path: &Path) -> Result<String, InputError> {
+    fs::read_to_string(path).map_err(|error| InputError::new(refused(path), unreadable(&error)))
+}
+
 /// A mission text, parsed, with the places of its values.
 struct Source<'a> {
     refused: String,
@@ -101,7 +107,8 @@ impl<'a> Source<'a> {
             let line = error.span().map(|span| line_at(text, span.start));
             InputError {
                 refused: refused.clone(),
-                place: line.map(|line| format!("line {line}: {}", text.lines().nth(line - 1).unwrap_or("").trim())),
+                place: line
+                    .map(|line| format!("line {line}: {}", shortened(text.lines().nth(line - 1).unwrap_or("").trim()))),
                 problem: error.message().replace('\n', " "),
                 help: Some("the file must be TOML: [section] lines and key = value lines, words in quotes".into()),
             }
@@ -384,12 +391,7 @@ impl<'a> Source<'a> {
             // A table's place is its header.
             return Some(format!("{line}{value}"));
         }
-        let value: String = if value.chars().count() > 60 {
-            value.chars().take(57).chain("...".chars()).collect()
-        } else {
-            value.into()
-        };
-        Some(format!("{line}{shown} = {value}"))
+        Some(format!("{line}{shown} = {}", shortened(value)))
     }
 
     /// Place of the value of a key in the text.

@@ -46,8 +46,7 @@ impl Report for FitReport {
             ),
             2,
         ));
-        let excess = (fit.chi2 - freedom as f64) / (2.0 * freedom as f64).sqrt();
-        if excess > 3.0 {
+        if fit.excess() > 3.0 {
             out.push_str(&wrapped(
                 "The model does not explain the data within their errors: the errors above are then too small, and \
                  parameters may stand in for an effect that is missing. `ctiplan validate` shows where.",

@@ -191,10 +191,9 @@ impl Page for Validation {
 
 impl Validation {
     fn conclusion(&self) -> String {
-        // chi2 of n independent rows is n ± √(2n).
-        let excess = (self.chi2 - self.n as f64) / (2.0 * self.n as f64).sqrt();
+        let excess = self.excess();
         let all = format!("chi2 is {:.1} for {} rows", self.chi2, self.n);
-        if excess.abs() < 3.0 && self.words.is_empty() {
+        if self.within_noise() {
             format!("{all}: the model is within the noise")
         } else if excess > 3.0 {
             format!("{all}, {excess:.0} standard deviations more than noise makes: the model does not explain the data")

@@ -130,6 +130,10 @@ impl Table {
                     && (value.is_empty() || value.starts_with([' ', '\t']))
                     && !key.trim().is_empty()
                 {
+                    if key.trim() == ecsv::PARTS {
+                        let problem = format!("`{}` is a key of ECSV, whose first line is `# %ECSV 1.0`", ecsv::PARTS);
+                        return Err(self.refuse_line(text, index + 1, problem));
+                    }
                     self.meta.push(Meta { name: key.trim().to_string(), value: meta(value), line: Some(index + 1) });
                 }
             } else if !line.is_empty() {

@@ -1,0 +1,16 @@
+//! `ctiplan schema`.
+
+use clap::Args;
+
+use super::{Failure, Outcome, say};
+use crate::mission;
+
+#[derive(Debug, Args)]
+pub(super) struct Schema {}
+
+impl Schema {
+    pub(super) fn run(&self) -> Result<Outcome, Failure> {
+        say(&format!("{:#}\n", mission::schema()))?;
+        Ok(Outcome::Done)
+    }
+}

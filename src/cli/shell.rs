@@ -1,0 +1,56 @@
+//! `ctiplan completions` and `ctiplan man`: what the definitions of the command line give besides.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Command, CommandFactory};
+use clap_complete::{Shell, generate};
+use clap_mangen::Man;
+
+use super::{Cli, Failure, Outcome, say};
+use crate::output;
+
+#[derive(Debug, Args)]
+pub(super) struct Completions {
+    /// The shell that is to complete commands and options
+    shell: Shell,
+}
+
+impl Completions {
+    pub(super) fn run(&self) -> Result<Outcome, Failure> {
+        let mut script = Vec::new();
+        generate(self.shell, &mut Cli::command(), "ctiplan", &mut script);
+        say(str::from_utf8(&script).expect("clap's completions are text"))?;
+        Ok(Outcome::Done)
+    }
+}
+
+#[derive(Debug, Args)]
+pub(super) struct ManPages {
+    /// The folder, such as ~/.local/share/man/man1
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+}
+
+impl ManPages {
+    pub(super) fn run(&self) -> Result<Outcome, Failure> {
+        output::folder(&self.folder)?;
+        let mut program = Cli::command().disable_help_subcommand(true);
+        program.build();
+        pages(program, &self.folder)?;
+        Ok(Outcome::Done)
+    }
+}
+
+/// A page for a command, and one for each command below it.
+fn pages(command: Command, folder: &Path) -> Result<(), Failure> {
+    for below in command.get_subcommands().cloned() {
+        pages(below, folder)?;
+    }
+    let source = format!("ctiplan {}", env!("CARGO_PKG_VERSION"));
+    let page = Man::new(command).source(source);
+    let mut text = Vec::new();
+    page.render(&mut text).map_err(Failure::Output)?;
+    let text = String::from_utf8(text).expect("clap's help is text");
+    output::write(folder.join(page.get_filename()), &text)?;
+    Ok(())
+}
