@@ -189,9 +189,9 @@ impl<const S: usize> SlowPixel<S> {
                 levels.inside.push(Level { top: height, packet, ..level });
             }
             let thickness = level.top - floor.max(height);
-            for s in 0..S {
-                levels.filled_inside[s] -= thickness * fill[s];
-                levels.filled_above[s] += thickness * fill[s];
+            for (s, fill) in fill.iter().enumerate() {
+                levels.filled_inside[s] -= thickness * fill;
+                levels.filled_above[s] += thickness * fill;
             }
             self.put_above(levels, Level { fill, since, ..level }, floor.max(height));
         }
@@ -211,9 +211,9 @@ impl<const S: usize> SlowPixel<S> {
                 None => Level { top: height, fill: [0.0; S], since, packet },
             };
             let thickness = covered.top - floor;
-            for s in 0..S {
-                levels.filled_above[s] -= thickness * covered.fill[s];
-                levels.filled_inside[s] += thickness * covered.fill[s];
+            for (s, fill) in covered.fill.iter().enumerate() {
+                levels.filled_above[s] -= thickness * fill;
+                levels.filled_inside[s] += thickness * fill;
             }
             self.put_inside(levels, covered);
         }
@@ -350,15 +350,15 @@ mod tests {
         let exchange = |share: f64, levels: &mut Vec<(f64, [f64; 2])>| {
             let (mut captured_e, mut released_e, mut floor) = (0.0, 0.0, 0.0);
             for (index, (top, fill)) in levels.iter_mut().enumerate() {
-                for s in 0..2 {
+                for (s, fill) in fill.iter_mut().enumerate() {
                     let traps = pixel.density[s] * (*top - floor);
-                    let before = fill[s];
+                    let before = *fill;
                     if index <= at {
-                        fill[s] += share * (pixel.full[s] - fill[s]) * (1.0 - pixel.approach[1][s]);
-                        captured_e += traps * (fill[s] - before);
+                        *fill += share * (pixel.full[s] - before) * (1.0 - pixel.approach[1][s]);
+                        captured_e += traps * (*fill - before);
                     } else {
-                        fill[s] *= pixel.keep[1][s];
-                        released_e += traps * (before - fill[s]);
+                        *fill *= pixel.keep[1][s];
+                        released_e += traps * (before - *fill);
                     }
                 }
                 floor = *top;
