@@ -71,7 +71,8 @@ impl Device {
     /// Columns of background that tell how those of an image so wide are read: one, unless they know of one another, in a
     /// serial register.
     pub fn columns_of_background(&self, width_px: usize) -> usize {
-        if self.serial.is_empty() { 1 } else { width_px }
+        let empty = |readout: &Readout| readout.traps.iter().all(|trap| trap.density_per_px == 0.0);
+        if self.serial.iter().all(|(readout, _)| empty(readout)) { 1 } else { width_px }
     }
 
     /// The same device without chance.

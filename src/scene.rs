@@ -7,7 +7,7 @@
 use std::num::NonZeroUsize;
 
 use gauss_quad::GaussLegendre;
-use ndarray::Array2;
+use ndarray::{Array2, s};
 use rayon::prelude::*;
 
 use crate::device::{Beside, Device};
@@ -112,8 +112,7 @@ impl Scene {
         alone: impl Fn(&Array2<f64>, Downstream) -> Array2<f64>,
     ) -> Option<ShapeChange> {
         let downstream = downstream(transfers, self.half_px, background_e);
-        let background = Array2::from_elem((2 * self.half_px + 1, columns), background_e);
-        let background = alone(&background, downstream);
+        let background = self.background(background_e, columns, |charge_e| alone(charge_e, downstream));
         let changes: Vec<ShapeChange> = self
             .positions
             .par_iter()
@@ -142,6 +141,18 @@ impl Scene {
             delta_size: mean(|change| change.delta_size),
             delta_flux: mean(|change| change.delta_flux),
         })
+    }
+
+    /// So many columns of the trailed background. Where one stands for all, a column of the galaxy stands beside it while it
+    /// is read out: what error matters is told by how far the brightest column moves, and a background hardly does.
+    fn background(&self, charge_e: f64, columns: usize, read: impl Fn(&Array2<f64>) -> Array2<f64>) -> Array2<f64> {
+        let mut image = Array2::from_elem((2 * self.half_px + 1, columns), charge_e);
+        if columns > 1 {
+            return read(&image);
+        }
+        let galaxy = &self.positions[0].charge_e.column(self.half_px) + charge_e;
+        image.push_column(galaxy.view()).expect("columns of one length");
+        read(&image).slice_move(s![.., ..1])
     }
 
     /// Size, ellipticity and weighted flux before the readout, at the first position of the grid.
