@@ -16,8 +16,10 @@ species = [[float(number) for number in trap.split(":")] for trap in traps.split
 arguments = dict(
     parallel_traps=[arcticpy.TrapInstantCapture(density=density, release_timescale=time) for density, time in species],
     parallel_ccd=arcticpy.CCD(full_well_depth=float(full_well), well_notch_depth=0.0, well_fill_power=float(power)),
-    parallel_roe=arcticpy.ROE(dwell_times=[1.0], prescan_offset=int(offset), empty_traps_between_columns=True),
+    parallel_roe=arcticpy.ROE(dwell_times=[1.0], prescan_offset=int(offset), empty_traps_between_columns=True,
+                              empty_traps_for_first_transfers=int(express) == 0),
     parallel_express=int(express),
+    parallel_prune_n_electrons=0,
     verbosity=0,
 )
 seconds = []

@@ -62,14 +62,15 @@ struct Case {
 }
 
 impl Case {
-    /// The mission's first galaxy on its background, in the middle of a pixel.
+    /// The mission's first galaxy on its background, in the middle of a pixel; nothing in the rows downstream, which ArCTIc
+    /// takes to be empty.
     fn stamp(name: &str, mission: &Mission, readout: Readout) -> Case {
         let galaxy = &mission.galaxies[0];
         let stamp = Profile::of(galaxy, &mission.psf).stamp(HALF_PX, 0.0, 0.0);
         let background_e = mission.sky.background_e;
         let image = stamp * snr::flux_e(mission, galaxy) + background_e;
         let rows = i64::from(mission.readout.transfers) - 1 - HALF_PX as i64;
-        let downstream = Downstream { rows, charge_e: background_e };
+        let downstream = Downstream { rows, charge_e: 0.0 };
         Case { name: name.into(), readout, image, downstream, background_e, weight_px: Some(galaxy.weight_px) }
     }
 
