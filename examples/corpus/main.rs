@@ -1,6 +1,6 @@
 //! Diagnoses a folder of cases with known truth, and counts how often it is right.
 //!
-//! `cargo run --release --example corpus -- FOLDER [--only NAME-PART] [--truth exact] [--seed N]`, on cases of
+//! `cargo run --release --example corpus -- FOLDER [--only NAME-PART] [--exact] [--seed N]`, on cases of
 //! `tests/corpus/make.py`.
 
 mod judge;
@@ -30,20 +30,12 @@ struct Arguments {
     /// Only cases whose name contains this
     #[arg(long, default_value = "")]
     only: String,
-    /// Replace the values of the cases by this readout's, with all that is true (true.toml) and fresh noise
+    /// Replace the values of the cases by those with every transfer done, all that is true (true.toml) and fresh noise
     #[arg(long)]
-    truth: Option<Truth>,
+    exact: bool,
     /// Seed of that noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
-}
-
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum Truth {
-    /// Every transfer of every packet
-    Exact,
-    /// The paper's whole traps, as the device's own: one set of them for each detector and dose
-    MonteCarlo,
 }
 
 fn main() -> Result<(), InputError> {
@@ -55,15 +47,15 @@ fn main() -> Result<(), InputError> {
         .map_err(unreadable)?
         .filter_map(|entry| Some(entry.ok()?.path()))
         .filter(|path| path.join("truth.json").exists() && name(path).contains(&arguments.only))
-        .filter(|path| arguments.truth.is_none() || path.join("true.toml").exists())
+        .filter(|path| !arguments.exact || path.join("true.toml").exists())
         .collect();
     cases.sort();
     let mut counts = Counts::default();
     for case in cases {
         let truth: Value = serde_json::from_str(&fs::read_to_string(case.join("truth.json")).unwrap()).unwrap();
         let (mission, mut data) = read(&case, &truth)?;
-        if let Some(readout) = arguments.truth {
-            replace(&mut data, &case, readout, arguments.seed)?;
+        if arguments.exact {
+            replace(&mut data, &case, arguments.seed)?;
         }
         let start = Instant::now();
         let options =
@@ -89,13 +81,10 @@ fn read(case: &Path, truth: &Value) -> Result<(Mission, Vec<DataSet>), InputErro
     Ok((mission, data))
 }
 
-/// Values as the true mission gives them by another readout, with noise of the quoted sigma.
-fn replace(data: &mut [DataSet], case: &Path, readout: Truth, seed: u64) -> Result<(), InputError> {
+/// Values as the true mission gives them with every transfer done, with noise of the quoted sigma.
+fn replace(data: &mut [DataSet], case: &Path, seed: u64) -> Result<(), InputError> {
     let mut mission = Mission::read(case.join("true.toml"))?;
-    mission.accuracy.readout = match readout {
-        Truth::Exact => ReadoutMethod::Exact,
-        Truth::MonteCarlo => ReadoutMethod::MonteCarlo,
-    };
+    mission.accuracy.readout = ReadoutMethod::Exact;
     let values = predict(&Model::new(&mission), &questions(data));
     // Each case its own noise.
     let stream = name(case).bytes().fold(0_u64, |sum, byte| sum.wrapping_mul(31).wrapping_add(byte.into()));

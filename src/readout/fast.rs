@@ -41,7 +41,7 @@ const OUT_OF_STEP: f64 = 0.06;
 
 /// Part of the tolerance that the estimated errors of each region may add up to. They are estimates, and a kink that lies
 /// between two passes is not seen by either (`cargo test --release --test readout -- --ignored --nocapture` counts the
-/// misses among 12 000; nearly all are without background, or with all of it in a notch).
+/// misses; nearly all are without background, or with all of it in a notch).
 const SHARE: f64 = 0.03;
 
 /// Buffers that steps reuse.
