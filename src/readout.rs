@@ -22,6 +22,7 @@
 
 mod cloud;
 mod continuum;
+mod crests;
 mod estimate;
 mod exact;
 mod fast;
@@ -31,6 +32,7 @@ mod monte_carlo;
 mod pixel;
 mod power;
 mod slow;
+mod way;
 
 pub use cloud::Cloud;
 

@@ -35,46 +35,18 @@ fn plus<S: Simd>(simd: S, mut charge_e: Lanes<S>, row: usize, changes: &[(f64, &
     charge_e
 }
 
-/// Mean charge of every packet over its way through a block, and the way itself, to first order: n − first after the pixel in
-/// which it starts, where that lies in the block, and a drift in each. `visits` counts the pixels of a row's way; rows before
-/// `end` start in the block, which has so many traps per pixel.
-pub(super) fn mean_path(
-    (cloud, density): (&Cloud, f64),
-    (visits, end): (impl Fn(usize) -> f64, usize),
-    charge_e: &[Row],
-    k1: &Stage,
-    mean_e: &mut [Row],
-    [first_e, drift_e]: [&mut [Row]; 2],
-) {
-    dispatch!(Level::new(), simd => {
-        let zero = Lanes::all(simd, 0.0);
-        for row in 0..charge_e.len() {
-            let visits = visits(row);
-            let charge_e = Lanes::load(simd, &charge_e[row]);
-            // Into empty traps, of no more than it has.
-            let fill_e = (cloud.heights(simd, charge_e) * density).min(charge_e.max(zero));
-            let first = if row < end { fill_e } else { zero };
-            let drift = (Lanes::load(simd, &k1.change_e[row]) + first) * (1.0 / visits);
-            // Mean of n, n − first + drift, n − first + 2 drift, …
-            let mean = charge_e - first * ((visits - 1.0) / visits) + drift * (0.5 * (visits - 1.0));
-            first.store(&mut first_e[row]);
-            drift.store(&mut drift_e[row]);
-            mean.store(&mut mean_e[row]);
-        }
-    });
-}
-
 /// Error of a first-order result: how far it moves a packet, times the steepest change with that of what so many traps
 /// capture, and as much again for its neighbours' moves; half of all that on average over the way.
 pub(super) fn first(cloud: &Cloud, traps: f64, charge_e: &[Row], k1: &Stage) -> f64 {
     dispatch!(Level::new(), simd => {
         let zero = Lanes::all(simd, 0.0);
         let mut error = MeanSquare::new(simd);
-        for (charge_e, change_e) in charge_e.iter().zip(&k1.change_e) {
-            let (charge_e, change_e) = (Lanes::load(simd, charge_e), Lanes::load(simd, change_e));
-            let moved_e = change_e.abs();
+        for (row, charge_e) in charge_e.iter().enumerate() {
+            let (charge_e, change_e) = (Lanes::load(simd, charge_e), Lanes::load(simd, &k1.change_e[row]));
+            let moved_e = Lanes::load(simd, &k1.drift_e[row]).abs();
             let error_e = cloud.steepest(simd, charge_e, charge_e + change_e) * moved_e * traps;
-            error.add(zero.below(moved_e).select(error_e, zero));
+            let doubtful_e = Lanes::load(simd, &k1.doubtful_e[row]).abs() * DOUBTFUL;
+            error.add(zero.below(moved_e).select(error_e, zero) + doubtful_e);
         }
         error.root()
     })
@@ -89,34 +61,42 @@ pub(super) struct Second {
     /// Distance from the first-order result.
     pub all_e: f64,
     /// What is foretold of a third-order result, kinks and all.
-    pub next_e: f64,
+    pub third_e: f64,
+    /// What is foretold of a fourth-order result, but for kinks.
+    pub fourth_e: f64,
 }
 
 /// Share of the distance between results of two orders that a kink leaves as error: both rules take it for smooth, and
 /// miss what lies on one side of it by a part of the distance only.
-const KINKED: f64 = 0.3;
+const KINKED: f64 = 0.1;
+
+/// Share of what was taken of crests, known on average only, that may be wrong.
+const DOUBTFUL: f64 = 0.1;
 
 /// Errors of the second-order result, which is k2 alone. Its distance e1 from the first-order result k1 bounds it, with room to
 /// spare, where the change has a kink; where it is smooth, the error is smaller by the ratio of e1 to the change.
 pub(super) fn second(k1: &Stage, k2: &Stage) -> Second {
     dispatch!(Level::new(), simd => {
         let zero = Lanes::all(simd, 0.0);
-        let [mut smooth, mut kinked, mut all, mut next] = [(); 4].map(|()| MeanSquare::new(simd));
+        let [mut smooth, mut kinked, mut all, mut third, mut fourth] = [(); 5].map(|()| MeanSquare::new(simd));
         let mut before = zero;
         for row in 0..k1.change_e.len() {
-            let change_e = Lanes::load(simd, &k2.change_e[row]);
-            let e1 = (change_e - Lanes::load(simd, &k1.change_e[row])).abs();
+            let change_e = Lanes::load(simd, &k2.drift_e[row]);
+            let e1 = (change_e - Lanes::load(simd, &k1.drift_e[row])).abs();
             // A change that passes through 0 is not small there.
             let ratio = share(simd, e1, change_e.abs().max(before));
             let as_before = Lanes::load(simd, &k1.meets[row]).equals(Lanes::load(simd, &k2.meets[row]));
+            // Every order is better by the ratio.
             smooth.add(e1 * ratio);
-            kinked.add(as_before.select(zero, e1 * KINKED));
+            let doubtful_e = Lanes::load(simd, &k2.doubtful_e[row]).abs() * DOUBTFUL;
+            kinked.add(as_before.select(zero, e1 * KINKED) + doubtful_e);
             all.add(e1);
-            // e2 is about e1 times the ratio.
-            next.add(e1 * ratio * as_before.select(ratio, Lanes::all(simd, 2.0 * KINKED)));
+            third.add(e1 * ratio * as_before.select(ratio, Lanes::all(simd, 2.0 * KINKED)));
+            fourth.add(e1 * ratio * ratio * ratio);
             before = change_e.abs();
         }
-        Second { smooth_e: smooth.root(), kinked_e: kinked.root(), all_e: all.root(), next_e: next.root() }
+        let [smooth_e, kinked_e, all_e, third_e, fourth_e] = [smooth, kinked, all, third, fourth].map(|error| error.root());
+        Second { smooth_e, kinked_e, all_e, third_e, fourth_e }
     })
 }
 

@@ -58,6 +58,14 @@ impl<S: Simd> Lanes<S> {
         }
     }
 
+    /// To memory of its own.
+    #[inline(always)]
+    pub fn row(self) -> Row {
+        let mut row = [0.0; LANES];
+        self.store(&mut row);
+        row
+    }
+
     /// √x, within 1e-14 of itself, for x between 1e-30 and 1e30. A root of half the digits and one step of Newton's take less
     /// than half the time of the processor's own, which would be half of all.
     #[inline(always)]

@@ -25,7 +25,9 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 
+use super::crests::Crests;
 use super::lanes::{LANES, Lanes, Row};
+use super::way::{Path, Reached, Summed, Way, ahead};
 use super::{Cloud, Downstream, Trap};
 
 /// The traps of one pixel, tabulated for `S` species (padded with species of no density).
@@ -35,9 +37,12 @@ pub(super) struct Pixel<const S: usize> {
     density: [f64; S],
     density_all: f64,
     /// 1 − exp(−1/τ), the fraction released while a packet passes.
-    release: [f64; S],
-    left: Vec<[f64; S]>,
+    pub(super) release: [f64; S],
+    /// Still filled m packets after the one that filled them, per pixel.
+    pub(super) left: Vec<[f64; S]>,
     left_all: Vec<f64>,
+    /// Released while the m-th packet after the one that filled them passes, per pixel.
+    out_all: Vec<f64>,
 }
 
 /// A run of pixels: those from `nearest` (pixels from the register) up to `nearest + pixels`.
@@ -49,18 +54,15 @@ pub(super) struct Block {
 
 impl Block {
     /// How many of the block's pixels the packet of row `row` passes; row −1 is the last one downstream.
-    pub fn visits(self, row: i64, downstream: Downstream) -> i64 {
+    fn visits(self, row: i64, downstream: Downstream) -> i64 {
         (row + 1 + downstream.rows - self.nearest).clamp(0, self.pixels)
     }
-}
 
-/// How packets change on their way through a block: n − first + i drift after i ≥ 1 transfers.
-#[derive(Clone, Copy)]
-pub(super) struct Path<'a> {
-    /// What the packet fills into the empty traps of the pixel it starts in, e-; 0 where that lies outside the block.
-    pub first_e: &'a [Row],
-    /// Change per transfer otherwise, e-.
-    pub drift_e: &'a [Row],
+    /// Whether the pixel that a row starts in is one of the block's, and how many others of them it passes.
+    fn way(self, row: i64, downstream: Downstream) -> (bool, f64) {
+        let starts = (self.nearest..self.nearest + self.pixels).contains(&(row + downstream.rows));
+        (starts, (self.visits(row, downstream) - i64::from(starts)) as f64)
+    }
 }
 
 /// What a pixel does to the packets that pass it, in columns side by side.
@@ -70,15 +72,14 @@ pub(super) trait Passage: Sync {
 
     /// Change of every packet's charge (e-) by a passage through the block, all charges held at `charge_e`.
     ///
-    /// Exact for one pixel, and for a block to first order in the change. What packets lose, the traps hold. Where `charge_e` are
-    /// the charges' means over their ways, `path` tells how each differs from that in the pixels of an earlier packet, and
-    /// makes the pass right to second order.
+    /// Exact for one pixel, and for a block to first order in the change; to second order where the way is known and
+    /// `charge_e` are means over it. What packets lose, the traps hold.
     ///
     /// `found` has the length of `charge_e` and is overwritten.
     fn pass(
         &self,
         charge_e: &[Row],
-        path: Option<Path>,
+        way: Way,
         block: Block,
         downstream: Downstream,
         levels: &mut Self::Levels,
@@ -100,6 +101,10 @@ pub(super) trait Passage: Sync {
 pub(super) struct Stage {
     /// Change of every packet, e-.
     pub change_e: Vec<Row>,
+    /// The same without what it leaves in the empty pixel that it starts in, which is known exactly, e-.
+    pub drift_e: Vec<Row>,
+    /// What it took of crests (see [`super::crests`]) that it did not cover, e-: they are known on average only.
+    pub doubtful_e: Vec<Row>,
     /// At which earlier packet's level each packet ended, as a number. While these stay the same, the change is a smooth
     /// function of the charges; where they differ from one pass to another, it has a kink in between.
     pub meets: Vec<Row>,
@@ -108,32 +113,68 @@ pub(super) struct Stage {
 impl Stage {
     /// For so many rows.
     pub fn new(rows: usize) -> Stage {
-        Stage { change_e: vec![[0.0; LANES]; rows], meets: vec![[0.0; LANES]; rows] }
+        Stage {
+            change_e: vec![[0.0; LANES]; rows],
+            drift_e: vec![[0.0; LANES]; rows],
+            doubtful_e: vec![[0.0; LANES]; rows],
+            meets: vec![[0.0; LANES]; rows],
+        }
+    }
+
+    /// Rows that do not pass the block.
+    fn absent(&mut self, rows: usize) {
+        for part in [&mut self.change_e, &mut self.drift_e, &mut self.doubtful_e, &mut self.meets] {
+            part[..rows].fill([0.0; LANES]);
+        }
     }
 }
 
 /// Levels in the order of the packets that left them: none, the background, and from there on one for each row.
 pub(super) struct Levels<const S: usize> {
-    /// Height of the packet's cloud.
+    /// Height of the packet's cloud in the pixels that it passed after its own.
     height: Vec<Row>,
-    /// Height of what has been filled anew since, in the pixels of the level; only where packets have paths.
+    /// The same in the pixel that it started in.
+    crest: Vec<Row>,
+    /// Height of what has been filled anew since, in the pixels of the level; only where the packets' way is known.
     floor: Vec<Row>,
+    /// Floors that the packets of this row have moved, with their places, should some of the packets turn out to be spent.
+    moved: Vec<(usize, Row)>,
     /// The next higher level on the stack below, by its place.
     below: Vec<Row>,
-    /// Pixels of the block in which the level exists.
+    /// Pixels of the block in which the level exists, the packet's own not among them.
     visits: Vec<f64>,
+    /// 1 where the packet's own pixel is in the block, else 0.
+    starts: Vec<f64>,
     /// Electrons in the traps of all the block's pixels, by species.
     stored: [Row; S],
+    /// The same, each counted as often as there are pixels of the block ahead of its own.
+    stored_ahead: [Row; S],
+}
+
+impl<const S: usize> Levels<S> {
+    /// Notes what the traps hold, should packets turn out to have less than they would fill.
+    #[inline(always)]
+    fn keep<T: Simd, const TWICE: bool>(&mut self, stored: &[Summed<T, TWICE>; S]) {
+        for (s, stored) in stored.iter().enumerate() {
+            stored.once.store(&mut self.stored[s]);
+            stored.twice.store(&mut self.stored_ahead[s]);
+        }
+        self.moved.clear();
+    }
 }
 
 impl<const S: usize> Default for Levels<S> {
     fn default() -> Self {
         Levels {
             height: Vec::new(),
+            crest: Vec::new(),
             floor: Vec::new(),
+            moved: Vec::new(),
             below: Vec::new(),
             visits: Vec::new(),
+            starts: Vec::new(),
             stored: [[0.0; LANES]; S],
+            stored_ahead: [[0.0; LANES]; S],
         }
     }
 }
@@ -157,13 +198,16 @@ struct Passed {
     met: Row,
 }
 
-/// One packet that may not have enough for all the traps that it reaches.
-struct Climb {
+/// Packets of a row of which some have less than the traps in their reach would take.
+struct Short {
     row: usize,
-    lane: usize,
-    /// Charge that meets the traps in each pixel, e-.
-    present_e: f64,
+    /// The level that they meet first.
+    before: usize,
     visits: f64,
+    /// Charge that meets the traps in each pixel, e-.
+    present_e: Row,
+    /// The same in all pixels together, e-.
+    has_e: Row,
 }
 
 /// Species up to which they are held in registers.
@@ -172,7 +216,7 @@ pub(super) const FEW: usize = 5;
 impl<const S: usize> Pixel<S> {
     /// Species to go through: all places where they are few and known when the program is compiled, else those there are.
     #[inline(always)]
-    fn species(&self) -> std::ops::Range<usize> {
+    pub(super) fn species(&self) -> std::ops::Range<usize> {
         0..if S <= FEW { S } else { self.species }
     }
 
@@ -195,47 +239,80 @@ impl<const S: usize> Pixel<S> {
             left.push(next);
         }
         let left_all = left.iter().map(|left: &[f64; S]| left.iter().sum()).collect();
-        Pixel { cloud, species: traps.len(), density, density_all: density.iter().sum(), release, left, left_all }
+        let mut out_all = vec![0.0];
+        out_all.extend(left.iter().map(|left| (0..S).map(|s| left[s] * release[s]).sum::<f64>()));
+        let density_all = density.iter().sum();
+        Pixel { cloud, species: traps.len(), density, density_all, release, left, left_all, out_all }
     }
 
-    /// Fills levels from below until the packet's height is reached, or all it has is spent.
-    fn climb(&self, climb: Climb, path: Option<Path>, levels: &mut Levels<S>, passed: &mut Passed) {
-        let Climb { row, lane, present_e, visits } = climb;
+    /// Follows the packets of a row that have less than they would fill. `stored` and `stored_ahead` hold what the traps hold
+    /// where they had enough, `levels` what they held before.
+    fn spend(
+        &self,
+        short: Short,
+        (stored, stored_ahead): (&mut [Row; S], &mut [Row; S]),
+        path: Option<&Path>,
+        levels: &mut Levels<S>,
+        passed: &mut Passed,
+    ) {
+        for lane in 0..LANES {
+            if short.has_e[lane] < passed.captured_e[lane] {
+                for (place, floor) in &levels.moved {
+                    levels.floor[*place][lane] = floor[lane];
+                }
+                self.climb(&short, lane, path, levels, passed);
+                for s in self.species() {
+                    stored[s][lane] = levels.stored[s][lane];
+                    stored_ahead[s][lane] = levels.stored_ahead[s][lane];
+                }
+            }
+        }
+    }
+
+    /// Fills levels from below until all that the packet has is spent, or its height is reached.
+    fn climb(&self, short: &Short, lane: usize, path: Option<&Path>, levels: &mut Levels<S>, passed: &mut Passed) {
+        let Short { row, before, visits, .. } = *short;
         let mut height = passed.height[lane];
         let packet = row + PACKETS;
-        let mut level = passed.below[lane] as usize;
+        let mut level = before;
         let mut reached = 0.0;
         let mut captured_e = 0.0;
-        let available_e = (present_e * visits).max(0.0);
+        let available_e = short.has_e[lane];
         loop {
             let top = levels.height[level][lane];
+            let visits_there = levels.visits[level];
             let covered = top <= height;
             let ceiling = if covered { top } else { height };
             let mut own_ceiling = ceiling;
-            if let Some(path) = path
-                && !covered
-                && level != NONE
-                && levels.visits[level] < visits
-            {
-                let further_e = further(path, row, lane, visits, levels.visits[level]);
-                own_ceiling = self.cloud.height(present_e + further_e).min(top);
+            let mut floor = reached;
+            if let Some(path) = path {
+                floor = levels.floor[level][lane];
+                if !covered && level != NONE && visits_there < visits {
+                    let present_e = short.present_e[lane] + path.further_e[row][lane];
+                    own_ceiling = self.cloud.height(present_e).min(top);
+                }
             }
-            let floor = if path.is_some() { levels.floor[level][lane] } else { reached };
             let mut thickness = ceiling - reached;
-            // There is no level above all others.
-            let mut filled = if level == NONE { 0.0 } else { levels.visits[level] * (own_ceiling - floor) };
+            let mut filled = if level == NONE { 0.0 } else { own_ceiling - floor };
+            let mut crested = levels.starts[level] * (levels.crest[level][lane].min(height) - floor);
             let m = packet - level;
-            let mut more_e = visits * self.density_all * thickness - self.left_all[m] * filled;
+            let still_filled = visits_there * filled + crested;
+            let mut more_e = visits * self.density_all * thickness - self.left_all[m] * still_filled;
             let spent = captured_e + more_e > available_e;
             if spent {
                 let share = (available_e - captured_e) / more_e;
                 thickness *= share;
                 filled *= share;
+                crested *= share;
                 more_e *= share;
                 height = reached + thickness;
             }
             for s in self.species() {
-                levels.stored[s][lane] += visits * self.density[s] * thickness - self.left[m][s] * filled;
+                let (thick_e, filled_e) = (self.density[s] * thickness, self.left[m][s] * filled);
+                let crested_e = self.left[m][s] * crested;
+                levels.stored[s][lane] += visits * thick_e - visits_there * filled_e - crested_e;
+                levels.stored_ahead[s][lane] +=
+                    ahead(visits) * thick_e - ahead(visits_there) * filled_e - visits_there * crested_e;
             }
             captured_e += more_e;
             if covered && !spent {
@@ -258,120 +335,203 @@ impl<const S: usize> Pixel<S> {
     #[inline(always)]
     #[allow(clippy::too_many_arguments)] // those of the trait's method, and the processor
     #[allow(clippy::needless_range_loop)] // species and lanes index several arrays at once
-    fn pass_by<T: Simd, const ON_A_PATH: bool>(
+    fn pass_by<T: Simd, const SEEK: bool, const KNOWN: bool>(
         &self,
         simd: T,
         charge_e: &[Row],
-        path: Option<Path>,
+        way: Way,
         block: Block,
         downstream: Downstream,
         levels: &mut Levels<S>,
         found: &mut Stage,
     ) {
-        let path = if ON_A_PATH { path } else { None };
+        let (mut sought, known) = match way {
+            Way::Sought(path) if SEEK => (Some(path), None),
+            Way::Known(path) if KNOWN => (None, Some(path)),
+            _ => (None, None),
+        };
         let rows = charge_e.len();
         // Rows that start nearer to the register than the block never pass it.
         let first = (block.nearest - downstream.rows).clamp(0, rows as i64) as usize;
-        found.change_e[..first].fill([0.0; LANES]);
-        found.meets[..first].fill([0.0; LANES]);
-        self.start(first, rows, block, downstream, levels);
-        let zero = Lanes::all(simd, 0.0);
-        let mut stored_e = [zero; S];
-        for s in self.species() {
-            stored_e[s] = Lanes::load(simd, &levels.stored[s]);
+        found.absent(first);
+        if let Some(path) = &mut sought {
+            path.absent(first);
         }
-        let mut per_visit = f64::NAN;
-        let mut visits = 0.0;
+        self.start(first, rows, block, downstream, levels);
+        let (zero, one) = (Lanes::all(simd, 0.0), Lanes::all(simd, 1.0));
+        let mut stored = [Summed::<T, SEEK>::none(simd); S];
+        for s in self.species() {
+            stored[s] = Summed {
+                once: Lanes::load(simd, &levels.stored[s]),
+                twice: Lanes::load(simd, &levels.stored_ahead[s]),
+            };
+        }
+        let mut crests = Crests::new(simd);
         for row in first..rows {
             let packet = row + PACKETS;
             let before = if row == first { BACKGROUND } else { packet - 1 };
-            // The same for all rows beyond the block.
-            if visits < block.pixels as f64 {
-                visits = block.visits(row as i64, downstream) as f64;
-                per_visit = 1.0 / visits;
-            }
+            let (starts, visits) = block.way(row as i64, downstream);
+            let per_visit = if visits > 0.0 { 1.0 / visits } else { 0.0 };
             levels.visits[packet] = visits;
-            let mut released_e = zero;
-            for s in self.species() {
-                let out_e = stored_e[s] * self.release[s];
-                stored_e[s] = stored_e[s] - out_e;
-                released_e = released_e + out_e;
+            levels.starts[packet] = if starts { 1.0 } else { 0.0 };
+
+            let arriving_e = Lanes::load(simd, &charge_e[row]);
+            let mut crest = zero;
+            if starts {
+                // Into empty traps, of no more than it has.
+                let most = arriving_e.max(zero) * (1.0 / self.density_all);
+                crest = self.cloud.heights(simd, arriving_e).min(most);
             }
-            let present_e = Lanes::load(simd, &charge_e[row]) + released_e * per_visit;
-            let mut height = self.cloud.heights(simd, present_e);
+            let left_e = crest * self.density_all;
+            let mut released = Summed::none(simd);
+            for s in self.species() {
+                let out = stored[s] * self.release[s];
+                stored[s] = stored[s] - out;
+                released = released + out;
+            }
+            let passing_e = match known {
+                Some(path) => arriving_e + Lanes::load(simd, &path.mean_e[row]),
+                None => arriving_e - left_e,
+            };
+            let present_e = passing_e + released.once * per_visit;
+            let mut height = if visits > 0.0 { self.cloud.heights(simd, present_e) } else { crest };
             let most_e = height * self.density_all;
-            let mut captured_e = most_e * visits;
-            let (below, met);
             // A packet cannot give more than it has.
-            if (present_e.below(most_e) & zero.below(most_e)).any() {
-                let mut charge_e = [0.0; LANES];
-                let mut passed =
-                    Passed { height: [0.0; LANES], captured_e: [0.0; LANES], below: [0.0; LANES], met: [0.0; LANES] };
-                present_e.store(&mut charge_e);
-                height.store(&mut passed.height);
-                passed.below = [before as f64; LANES];
+            let lacks = present_e.below(most_e) & zero.below(most_e);
+            let short = visits > 0.0 && lacks.any();
+            if short {
+                levels.keep(&stored);
+            }
+            let mut captured = Summed::over(most_e, visits);
+            for s in self.species() {
+                stored[s] = stored[s] + Summed::over(height * self.density[s], visits);
+            }
+            let able = lacks.select(zero, one);
+            found.doubtful_e[row] = [0.0; LANES];
+            if let Some((covered, in_part_e)) = crests.pass(simd, self, height, able) {
+                in_part_e.store(&mut found.doubtful_e[row]);
                 for s in self.species() {
-                    stored_e[s].store(&mut levels.stored[s]);
+                    captured = captured - covered[s];
+                    stored[s] = stored[s] - covered[s];
                 }
-                for lane in 0..LANES {
-                    self.climb(Climb { row, lane, present_e: charge_e[lane], visits }, path, levels, &mut passed);
+            }
+            // Down the stack: the levels that some lane meets, one after another.
+            let mut reached = zero;
+            let mut reached_into = Reached::new(simd, most_e);
+            // In the pixels of the level reached into.
+            let (mut height_there, mut height_there_is_known) = (height, false);
+            let mut stands_before = Lanes::all(simd, before as f64);
+            let mut level = before;
+            while level != NONE {
+                let place = Lanes::all(simd, level as f64);
+                let here = stands_before.equals(place);
+                let top = Lanes::load(simd, &levels.height[level]);
+                let under = Lanes::load(simd, &levels.below[level]);
+                let (visits_there, pixels_there) = (levels.visits[level], levels.visits[level] + levels.starts[level]);
+                let m = packet - level;
+                let mut own = height;
+                let mut floor = reached;
+                if let Some(path) = known {
+                    floor = Lanes::load(simd, &levels.floor[level]);
+                    if pixels_there < visits {
+                        if !height_there_is_known {
+                            let further_e = Lanes::load(simd, &path.further_e[row]);
+                            height_there = self.cloud.heights(simd, present_e + further_e);
+                            height_there_is_known = true;
+                        }
+                        own = height_there;
+                    }
                 }
+                let covered = top.at_most(height);
+                let ceiling = covered.select(top, own.min(top));
+                let filled = here.select(ceiling - floor, zero);
+                let mut filled_all = Summed::over(filled, visits_there);
+                if levels.starts[level] > 0.0 {
+                    let top = Lanes::load(simd, &levels.crest[level]);
+                    let filled = here.select(covered.select(height, own).min(top) - floor, zero);
+                    filled_all = filled_all + Summed::at(filled, visits_there);
+                    let stands = here & covered & height.below(top);
+                    if stands.any() {
+                        let thickness = stands.select(top - height, zero) * able;
+                        crests.leave(simd, self, thickness, height, (m, visits_there));
+                    }
+                }
+                captured = captured - filled_all * self.left_all[m];
                 for s in self.species() {
-                    stored_e[s] = Lanes::load(simd, &levels.stored[s]);
+                    stored[s] = stored[s] - filled_all * self.left[m][s];
+                }
+                if SEEK {
+                    let out = self.out_all[m];
+                    let out_e = here.select(covered.select(filled, zero), zero) * out;
+                    let of_all = filled_all.all() * out;
+                    let filled_e = filled * self.left_all[m];
+                    reached_into.covers(covered.select(filled_e, zero), out_e, of_all.only(simd, here & covered));
+                    reached_into.ends(simd, here & height.below(top), filled_e, pixels_there);
+                }
+                if KNOWN {
+                    if short {
+                        levels.moved.push((level, levels.floor[level]));
+                    }
+                    here.select(ceiling, floor).store(&mut levels.floor[level]);
+                }
+                reached = here.select(ceiling, reached);
+                // Lanes that stop here keep the place with the other sign.
+                stands_before = here.select(covered.select(under, zero - place), stands_before);
+                let go_on = zero.below(stands_before).any();
+                level = if go_on { stands_before.largest() as usize } else { NONE };
+            }
+            let mut below = stands_before.abs();
+            let mut met = below;
+            if let Some(path) = &mut sought {
+                let further_e = reached_into.further(simd, released.all(), captured.all(), per_visit);
+                further_e.store(&mut path.further_e[row]);
+            }
+            let has_e = (present_e * visits).max(zero);
+            let spent = has_e.below(captured.once);
+            if short && spent.any() {
+                let mut passed = Passed {
+                    height: height.row(),
+                    captured_e: captured.once.row(),
+                    below: below.row(),
+                    met: met.row(),
+                };
+                let [mut once, mut twice] = [[[0.0; LANES]; S]; 2];
+                for s in self.species() {
+                    stored[s].once.store(&mut once[s]);
+                    stored[s].twice.store(&mut twice[s]);
+                }
+                let short = Short { row, before, visits, present_e: present_e.row(), has_e: has_e.row() };
+                self.spend(short, (&mut once, &mut twice), known, levels, &mut passed);
+                for s in self.species() {
+                    stored[s] = Summed { once: Lanes::load(simd, &once[s]), twice: Lanes::load(simd, &twice[s]) };
                 }
                 height = Lanes::load(simd, &passed.height);
-                captured_e = Lanes::load(simd, &passed.captured_e);
                 below = Lanes::load(simd, &passed.below);
                 met = Lanes::load(simd, &passed.met);
-            } else {
+                captured.once = Lanes::load(simd, &passed.captured_e);
+                captured.twice = spent.select(captured.once * (ahead(visits) * per_visit), captured.twice);
+                if let Some(path) = &mut sought {
+                    let further_e = Lanes::load(simd, &path.further_e[row]);
+                    spent.select(zero, further_e).store(&mut path.further_e[row]);
+                }
+            }
+            if starts {
                 for s in self.species() {
-                    stored_e[s] = stored_e[s] + height * (visits * self.density[s]);
+                    stored[s] = stored[s] + Summed::at(crest * self.density[s], visits);
                 }
-                // Down the stack: the levels that some lane meets, one after another.
-                let mut reached = zero;
-                let mut stands_before = Lanes::all(simd, before as f64);
-                let mut level = before;
-                while level != NONE {
-                    let place = Lanes::all(simd, level as f64);
-                    let here = stands_before.equals(place);
-                    let top = Lanes::load(simd, &levels.height[level]);
-                    let under = Lanes::load(simd, &levels.below[level]);
-                    let visits_there = levels.visits[level];
-                    let mut own_ceiling = height;
-                    let mut floor = reached;
-                    if let Some(path) = path {
-                        floor = Lanes::load(simd, &levels.floor[level]);
-                        if visits_there < visits {
-                            let drift_e = Lanes::load(simd, &path.drift_e[row]) * (0.5 * (visits - visits_there));
-                            let first_e = Lanes::load(simd, &path.first_e[row]) * per_visit;
-                            own_ceiling = self.cloud.heights(simd, present_e + (drift_e - first_e));
-                        }
-                    }
-                    let covered = top.at_most(height);
-                    let ceiling = covered.select(top, own_ceiling.min(top));
-                    let filled = here.select((ceiling - floor) * visits_there, zero);
-                    captured_e = captured_e - filled * self.left_all[packet - level];
-                    for s in self.species() {
-                        stored_e[s] = stored_e[s] - filled * self.left[packet - level][s];
-                    }
-                    if ON_A_PATH {
-                        here.select(ceiling, floor).store(&mut levels.floor[level]);
-                    }
-                    reached = here.select(ceiling, reached);
-                    // Lanes that stop here keep the place with the other sign.
-                    stands_before = here.select(covered.select(under, zero - place), stands_before);
-                    let go_on = zero.below(stands_before).any();
-                    level = if go_on { stands_before.largest() as usize } else { NONE };
-                }
-                below = stands_before.abs();
-                met = below;
             }
             height.store(&mut levels.height[packet]);
+            crest.store(&mut levels.crest[packet]);
             below.store(&mut levels.below[packet]);
-            if ON_A_PATH {
+            if KNOWN {
                 levels.floor[packet] = [0.0; LANES];
             }
-            (released_e - captured_e).store(&mut found.change_e[row]);
+            let changed = released - captured;
+            if let Some(path) = &mut sought {
+                (changed.twice * per_visit - left_e).store(&mut path.mean_e[row]);
+            }
+            changed.once.store(&mut found.drift_e[row]);
+            (changed.once - left_e).store(&mut found.change_e[row]);
             met.store(&mut found.meets[row]);
         }
     }
@@ -379,28 +539,28 @@ impl<const S: usize> Pixel<S> {
     /// Levels as the background has left them.
     fn start(&self, first: usize, rows: usize, block: Block, downstream: Downstream, levels: &mut Levels<S>) {
         levels.height.resize(rows + PACKETS, [0.0; LANES]);
+        levels.crest.resize(rows + PACKETS, [0.0; LANES]);
         levels.floor.resize(rows + PACKETS, [0.0; LANES]);
         levels.below.resize(rows + PACKETS, [NOWHERE; LANES]);
         levels.visits.resize(rows + PACKETS, 0.0);
+        levels.starts.resize(rows + PACKETS, 0.0);
         let visits = block.visits(-1, downstream) as f64;
         let height = if visits > 0.0 { self.cloud.height(downstream.charge_e) } else { 0.0 };
         // Where the first packets do not come by, neither does the background.
         debug_assert!(first == 0 || visits == 0.0);
         for (place, height, visits) in [(NONE, f64::INFINITY, 0.0), (BACKGROUND, height, visits)] {
             levels.height[place] = [height; LANES];
+            levels.crest[place] = [height; LANES];
+            levels.starts[place] = 0.0;
             levels.floor[place] = [0.0; LANES];
             levels.below[place] = [NOWHERE; LANES];
             levels.visits[place] = visits;
         }
         for s in self.species() {
             levels.stored[s] = [visits * height * self.density[s]; LANES];
+            levels.stored_ahead[s] = [ahead(visits) * height * self.density[s]; LANES];
         }
     }
-}
-
-/// What a packet gains until it is in the pixels of a level, on average, which are further on its way than its mean, e-.
-fn further(path: Path, row: usize, lane: usize, visits: f64, visits_of_level: f64) -> f64 {
-    0.5 * (visits - visits_of_level) * path.drift_e[row][lane] - path.first_e[row][lane] / visits
 }
 
 /// Added to the place of the last level met by a packet that is spent.
@@ -414,15 +574,16 @@ impl<const S: usize> Passage for Pixel<S> {
     fn pass(
         &self,
         charge_e: &[Row],
-        path: Option<Path>,
+        way: Way,
         block: Block,
         downstream: Downstream,
         levels: &mut Levels<S>,
         found: &mut Stage,
     ) {
-        dispatch!(Level::new(), simd => match path {
-            None => self.pass_by::<_, false>(simd, charge_e, path, block, downstream, levels, found),
-            Some(_) => self.pass_by::<_, true>(simd, charge_e, path, block, downstream, levels, found),
+        dispatch!(Level::new(), simd => match way {
+            Way::Unknown => self.pass_by::<_, false, false>(simd, charge_e, way, block, downstream, levels, found),
+            Way::Sought(_) => self.pass_by::<_, true, false>(simd, charge_e, way, block, downstream, levels, found),
+            Way::Known(_) => self.pass_by::<_, false, true>(simd, charge_e, way, block, downstream, levels, found),
         });
     }
 

@@ -21,7 +21,8 @@
 use std::mem::take;
 
 use super::lanes::{LANES, Row};
-use super::pixel::{Block, Passage, Path, Stage};
+use super::pixel::{Block, Passage, Stage};
+use super::way::Way;
 use super::{Cloud, Downstream, Trap};
 
 /// The traps of one pixel, for `S` species (padded with species of no density).
@@ -285,13 +286,13 @@ impl<const S: usize> Passage for SlowPixel<S> {
     fn pass(
         &self,
         charge_e: &[Row],
-        _: Option<Path>,
+        _: Way,
         block: Block,
         downstream: Downstream,
         levels: &mut Levels<S>,
         found: &mut Stage,
     ) {
-        let Stage { change_e, meets } = found;
+        let Stage { change_e, drift_e, doubtful_e, meets } = found;
         change_e.fill([0.0; LANES]);
         meets.fill([0.0; LANES]);
         let alike = Passage::alike_below(self, downstream);
@@ -315,6 +316,8 @@ impl<const S: usize> Passage for SlowPixel<S> {
                 nearest += pixels;
             }
         }
+        drift_e.copy_from_slice(change_e);
+        doubtful_e.fill([0.0; LANES]);
     }
 
     fn density(&self) -> f64 {

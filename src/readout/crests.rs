@@ -1,0 +1,86 @@
+//! What is left of clouds in the pixels that their packets started in.
+//!
+//! A packet of the image meets empty traps in its own pixel and leaves more there than in all that follow: it arrives at the
+//! next one with less, and so do the packets behind it, which no longer reach the top of the level it left at home. In a flat
+//! background, where packets differ by nothing else, every packet leaves such a crest, and a galaxy that comes by covers them all.
+
+use fearless_simd::prelude::*;
+
+use super::lanes::Lanes;
+use super::pixel::Pixel;
+use super::way::Summed;
+
+/// What stands of such levels above all clouds that have passed there since, of all pixels together: they are alike where they
+/// are many.
+pub(super) struct Crests<T: Simd, const S: usize> {
+    any: bool,
+    number: Lanes<T>,
+    /// Their thickness, summed over them.
+    thickness: Lanes<T>,
+    /// The pixels ahead of theirs, summed over them.
+    ahead: Lanes<T>,
+    /// The height that they stand on, on average.
+    floor: Lanes<T>,
+    /// Electrons in their traps, by species.
+    stored_e: [Lanes<T>; S],
+}
+
+impl<T: Simd, const S: usize> Crests<T, S> {
+    /// None yet.
+    #[inline(always)]
+    pub fn new(simd: T) -> Self {
+        let zero = Lanes::all(simd, 0.0);
+        Crests { any: false, number: zero, thickness: zero, ahead: zero, floor: zero, stored_e: [zero; S] }
+    }
+
+    /// A row of packets passes, of those heights: electrons of each species that are in what they cover. `able` is 0 for packets
+    /// that may not have enough for all the traps in their reach, and are not followed here.
+    #[inline(always)]
+    pub fn pass<const TWICE: bool>(
+        &mut self,
+        simd: T,
+        pixel: &Pixel<S>,
+        height: Lanes<T>,
+        able: Lanes<T>,
+    ) -> Option<([Summed<T, TWICE>; S], Lanes<T>)> {
+        if !self.any {
+            return None;
+        }
+        let (zero, one) = (Lanes::all(simd, 0.0), Lanes::all(simd, 1.0));
+        let number = self.number.max(one);
+        let thickness = self.thickness / number;
+        let rise = (height - self.floor).max(zero).min(thickness);
+        let share = zero.below(rise).select(rise / thickness, zero) * able;
+        let ahead = self.ahead / number;
+        let mut covered = [Summed::none(simd); S];
+        let mut in_part_e = zero;
+        for s in pixel.species() {
+            let still_e = self.stored_e[s] * (1.0 - pixel.release[s]);
+            let covered_e = still_e * share;
+            self.stored_e[s] = still_e - covered_e;
+            in_part_e = in_part_e + covered_e;
+            covered[s] = Summed { once: covered_e, twice: covered_e * ahead };
+        }
+        let stay = share.below(one);
+        self.thickness = stay.select(self.thickness * (one - share), zero);
+        self.number = stay.select(self.number, zero);
+        self.ahead = stay.select(self.ahead, zero);
+        self.floor = self.floor.max(height);
+        Some((covered, stay.select(in_part_e, zero)))
+    }
+
+    /// One more where it has any thickness, on so high a floor, with so many pixels ahead; filled m packets ago.
+    #[inline(always)]
+    pub fn leave(&mut self, simd: T, pixel: &Pixel<S>, thickness: Lanes<T>, floor: Lanes<T>, (m, ahead): (usize, f64)) {
+        let (zero, one) = (Lanes::all(simd, 0.0), Lanes::all(simd, 1.0));
+        let more = zero.below(thickness).select(one, zero);
+        self.any = true;
+        self.number = self.number + more;
+        self.floor = self.floor + (floor - self.floor) * more / self.number.max(one);
+        self.thickness = self.thickness + thickness;
+        self.ahead = self.ahead + more * ahead;
+        for s in pixel.species() {
+            self.stored_e[s] = self.stored_e[s] + thickness * pixel.left[m][s];
+        }
+    }
+}
