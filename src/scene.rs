@@ -7,7 +7,7 @@
 use std::num::NonZeroUsize;
 
 use gauss_quad::GaussLegendre;
-use ndarray::{Array2, s};
+use ndarray::{Array1, Array2, Axis};
 use rayon::prelude::*;
 
 use crate::device::{Beside, Device};
@@ -87,43 +87,33 @@ impl Scene {
     ///
     /// None where the trailed galaxy has no centroid any more.
     pub fn change(&self, readout: &Readout, transfers: u32) -> Option<ShapeChange> {
-        let read = |charge_e: &Array2<f64>, downstream| readout.parallel(charge_e, downstream);
-        let alone = |charge_e: &Array2<f64>, downstream| readout.expected().parallel(charge_e, downstream);
-        self.change_with(self.background_e, transfers, 1, read, alone)
+        let downstream = downstream(transfers, self.half_px, self.background_e);
+        let alone = chance(readout).then(|| {
+            let flat = Array2::from_elem((2 * self.half_px + 1, 1), self.background_e);
+            readout.expected().parallel(&flat, downstream)
+        });
+        self.change_with(&Above::new(self.background_e, alone, |image| readout.parallel(image, downstream)))
     }
 
     /// The same through a whole device, under its conditions.
     pub fn change_by(&self, device: &Device) -> Option<ShapeChange> {
-        let expected = device.expected();
+        let downstream = downstream(device.at.transfers, self.half_px, device.at.background_e);
         let beside = Beside::Stamp(self.half_px);
-        let read = |charge_e: &Array2<f64>, downstream| device.read(charge_e, downstream, beside);
-        let alone = |charge_e: &Array2<f64>, downstream| expected.read(charge_e, downstream, beside);
-        let columns = device.columns_of_background(2 * self.half_px + 1);
-        self.change_with(device.at.background_e, device.at.transfers, columns, read, alone)
+        let width_px = 2 * self.half_px + 1;
+        let columns = device.columns_of_background(width_px);
+        let alone = (columns > 1 || chance(&device.readout)).then(|| {
+            let flat = Array2::from_elem((width_px, columns), device.at.background_e);
+            device.expected().read(&flat, downstream, beside)
+        });
+        self.change_with(&Above::new(device.at.background_e, alone, |image| device.read(image, downstream, beside)))
     }
 
-    /// `read` reads galaxy and background, `alone` so many columns of background alone.
-    fn change_with(
-        &self,
-        background_e: f64,
-        transfers: u32,
-        columns: usize,
-        read: impl Fn(&Array2<f64>, Downstream) -> Array2<f64> + Sync,
-        alone: impl Fn(&Array2<f64>, Downstream) -> Array2<f64>,
-    ) -> Option<ShapeChange> {
-        let downstream = downstream(transfers, self.half_px, background_e);
-        let background = self.background(background_e, columns, |charge_e| alone(charge_e, downstream));
+    fn change_with(&self, above: &Above<impl Fn(&Array2<f64>) -> Array2<f64> + Sync>) -> Option<ShapeChange> {
         let changes: Vec<ShapeChange> = self
             .positions
             .par_iter()
             .map(|position| {
-                let image = &position.charge_e + background_e;
-                let trailed = read(&image, downstream);
-                if trailed == image && background.iter().all(|charge_e| *charge_e == background_e) {
-                    // Nothing happened; differences would tell of rounding.
-                    return Some(ShapeChange::default());
-                }
-                let after = Moments::of(&(trailed - &background), self.weight_px)?;
+                let after = Moments::of(&above.read(&position.charge_e), self.weight_px)?;
                 Some(ShapeChange::between(&position.before, &after))
             })
             .collect::<Option<_>>()?;
@@ -143,18 +133,6 @@ impl Scene {
         })
     }
 
-    /// So many columns of the trailed background. Where one stands for all, a column of the galaxy stands beside it while it
-    /// is read out: what error matters is told by how far the brightest column moves, and a background hardly does.
-    fn background(&self, charge_e: f64, columns: usize, read: impl Fn(&Array2<f64>) -> Array2<f64>) -> Array2<f64> {
-        let mut image = Array2::from_elem((2 * self.half_px + 1, columns), charge_e);
-        if columns > 1 {
-            return read(&image);
-        }
-        let galaxy = &self.positions[0].charge_e.column(self.half_px) + charge_e;
-        image.push_column(galaxy.view()).expect("columns of one length");
-        read(&image).slice_move(s![.., ..1])
-    }
-
     /// Size, ellipticity and weighted flux before the readout, at the first position of the grid.
     pub fn before(&self) -> &Moments {
         &self.positions[0].before
@@ -164,6 +142,49 @@ impl Scene {
     pub fn peak_e(&self) -> f64 {
         let brightest = self.positions.iter().flat_map(|position| &position.charge_e).copied().fold(0.0, f64::max);
         self.background_e + brightest
+    }
+}
+
+/// Whether a readout leaves its mean to chance.
+fn chance(readout: &Readout) -> bool {
+    readout.expected() != *readout
+}
+
+/// Objects on a flat background as they are read, less the background as it is read alone.
+///
+/// One column of background stands beside each image. It hardly changes, and what error matters is told by how far the object
+/// moves: by itself it would be read out to an accuracy of its own, which takes longer than all the rest.
+pub(crate) struct Above<R> {
+    background_e: f64,
+    /// The background as it is read alone, where it cannot stand beside the images: in one column, or in all of them.
+    alone: Option<Array2<f64>>,
+    read: R,
+}
+
+impl<R: Fn(&Array2<f64>) -> Array2<f64>> Above<R> {
+    /// `read` reads images, their background included.
+    pub fn new(background_e: f64, alone: Option<Array2<f64>>, read: R) -> Above<R> {
+        Above { background_e, alone, read }
+    }
+
+    /// What is read above the background of the charge above the background, e-.
+    pub fn read(&self, charge_e: &Array2<f64>) -> Array2<f64> {
+        let mut image = charge_e + self.background_e;
+        if self.alone.is_none() {
+            image
+                .push_column(Array1::from_elem(image.nrows(), self.background_e).view())
+                .expect("columns of one length");
+        }
+        let read = (self.read)(&image);
+        let (objects, background) = match &self.alone {
+            None => read.view().split_at(Axis(1), charge_e.ncols()),
+            Some(alone) => (read.view(), alone.view()),
+        };
+        if read == image && background.iter().all(|charge_e| *charge_e == self.background_e) {
+            // Nothing happened; differences would tell of rounding.
+            return charge_e.clone();
+        }
+        &objects - &background
     }
 }
 

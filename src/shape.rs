@@ -92,22 +92,26 @@ impl Sums {
                 })
                 .collect()
         };
-        let across = lane(image.ncols(), centre_x);
-        let mut sums = Sums::default();
-        for (row, (y, weight_y)) in image.rows().into_iter().zip(lane(image.nrows(), centre_y)) {
-            let (mut flux, mut first, mut second) = (0.0, 0.0, 0.0);
-            for (charge, (x, weight_x)) in row.iter().zip(&across) {
-                let weighted = charge * weight_x;
-                flux += weighted;
-                first += weighted * x;
-                second += weighted * x * x;
+        // Down the columns first, all of them side by side.
+        let [mut flux, mut first, mut second] = [(); 3].map(|()| vec![0.0; image.ncols()]);
+        let image = image.as_standard_layout();
+        for (row, (y, weight)) in image.rows().into_iter().zip(lane(image.nrows(), centre_y)) {
+            let charge_e = row.to_slice().expect("rows of the standard layout");
+            for (((charge_e, flux), first), second) in charge_e.iter().zip(&mut flux).zip(&mut first).zip(&mut second) {
+                let weighted = weight * charge_e;
+                *flux += weighted;
+                *first += weighted * y;
+                *second += weighted * y * y;
             }
-            sums.flux += weight_y * flux;
-            sums.x += weight_y * first;
-            sums.y += weight_y * flux * y;
-            sums.xx += weight_y * second;
-            sums.yy += weight_y * flux * y * y;
-            sums.xy += weight_y * first * y;
+        }
+        let mut sums = Sums::default();
+        for (column, (x, weight)) in lane(image.ncols(), centre_x).into_iter().enumerate() {
+            sums.flux += weight * flux[column];
+            sums.x += weight * flux[column] * x;
+            sums.y += weight * first[column];
+            sums.xx += weight * flux[column] * x * x;
+            sums.yy += weight * second[column];
+            sums.xy += weight * first[column] * x;
         }
         sums
     }

@@ -34,7 +34,7 @@ use crate::mission::Mission;
 use crate::model::Model;
 use crate::plot::{Figure, Panel};
 use crate::readout::Downstream;
-use crate::scene::downstream;
+use crate::scene::{Above, downstream};
 use crate::shape::{Moments, ShapeChange};
 
 /// Options of the study.
@@ -206,9 +206,10 @@ impl<'a> Bench<'a> {
             corrected(&believed, &observed, self.downstream, beside, self.iterations)
         };
         let width_px = 2 * self.stamps.half_px + 1;
-        let flat = Array2::from_elem((width_px, truth.columns_of_background(width_px)), background_e);
-        let flat = back(&flat);
-        self.stamps.change(|charge_e| back(&(charge_e + background_e)) - &flat)
+        let columns = truth.columns_of_background(width_px);
+        let alone = (columns > 1).then(|| back(&Array2::from_elem((width_px, columns), background_e)));
+        let above = Above::new(background_e, alone, back);
+        self.stamps.change(|charge_e| above.read(charge_e))
     }
 
     /// The same with deviations (in σ) of what is known. Positive parameters stay positive: errors are taken of the logarithm.
