@@ -37,7 +37,7 @@ const SINGLY: i64 = 4;
 
 /// Share of e1 (the change of a block's second-order result from its first-order one) that may remain as error where packets
 /// start within the block: kinks that lie between its pixels, and that no pass over all of them sees.
-const OUT_OF_STEP: f64 = 0.006;
+const OUT_OF_STEP: f64 = 0.013;
 
 /// A fourth-order result foretold to be so many times worse than allowed is not computed.
 const HOPELESS: f64 = 10.0;
@@ -45,7 +45,7 @@ const HOPELESS: f64 = 10.0;
 /// Part of the tolerance that the estimated errors of each region may add up to. They are estimates, and a kink that lies
 /// between two passes is not seen by either (`cargo test --release --test readout -- --ignored --nocapture` counts the
 /// misses; nearly all are without background, or with all of it in a notch).
-const SHARE: f64 = 0.03;
+const SHARE: f64 = 0.02;
 
 /// Buffers that steps reuse.
 pub(super) struct Workspace<L> {
