@@ -8,7 +8,8 @@
 //! **Blocks.** While the packets' charges are held fixed, pixels differ only in which packets pass them: the packet in
 //! row r starts in pixel r. The sum over a block of pixels then needs one pass, not one per pixel: a level left by a
 //! packet exists in as many pixels as that packet has visited, and the visits of an earlier packet are among those of
-//! a later one. So each level carries the number of its pixels, and captures and releases are weighted with it.
+//! a later one. So each level carries the number of its pixels, and captures and releases are weighted with it. The pixel that a
+//! packet starts in is unlike all others, empty, and is done for itself (see [`super::crests`]).
 //!
 //! **Lanes.** Columns are passed side by side (see [`super::lanes`]). Every packet leaves one level, so that levels are kept
 //! in the order of the packets, each with the place of the next higher one below it on the stack, instead of being moved. The
@@ -70,10 +71,10 @@ pub(super) trait Passage: Sync {
     /// State of the traps, to be reused from pass to pass.
     type Levels: Default + Send;
 
-    /// Change of every packet's charge (e-) by a passage through the block, all charges held at `charge_e`.
+    /// Change of every packet's charge (e-) by a passage through the block, all charges held fixed.
     ///
-    /// Exact for one pixel, and for a block to first order in the change; to second order where the way is known and
-    /// `charge_e` are means over it. What packets lose, the traps hold.
+    /// `charge_e` is the charge on arrival. Exact for one pixel; for a block, to first order in the change, and to second order
+    /// where the way is known. What packets lose, the traps hold.
     ///
     /// `found` has the length of `charge_e` and is overwritten.
     fn pass(
@@ -245,8 +246,8 @@ impl<const S: usize> Pixel<S> {
         Pixel { cloud, species: traps.len(), density, density_all, release, left, left_all, out_all }
     }
 
-    /// Follows the packets of a row that have less than they would fill. `stored` and `stored_ahead` hold what the traps hold
-    /// where they had enough, `levels` what they held before.
+    /// Follows the packets of a row that have less than they would fill. `stored` and `stored_ahead` come as if all had enough,
+    /// and are mended where they had not; `levels` tells what the traps held before.
     fn spend(
         &self,
         short: Short,
@@ -287,7 +288,7 @@ impl<const S: usize> Pixel<S> {
             let mut floor = reached;
             if let Some(path) = path {
                 floor = levels.floor[level][lane];
-                if !covered && level != NONE && visits_there < visits {
+                if !covered && level != NONE && visits_there + levels.starts[level] < visits {
                     let present_e = short.present_e[lane] + path.further_e[row][lane];
                     own_ceiling = self.cloud.height(present_e).min(top);
                 }
@@ -462,11 +463,10 @@ impl<const S: usize> Pixel<S> {
                 }
                 if SEEK {
                     let out = self.out_all[m];
-                    let out_e = here.select(covered.select(filled, zero), zero) * out;
-                    let of_all = filled_all.all() * out;
-                    let filled_e = filled * self.left_all[m];
-                    reached_into.covers(covered.select(filled_e, zero), out_e, of_all.only(simd, here & covered));
-                    reached_into.ends(simd, here & height.below(top), filled_e, pixels_there);
+                    let out_e = covered.select(filled, zero) * out;
+                    reached_into.fills(filled * self.left_all[m]);
+                    reached_into.covers(out_e, (filled_all.all() * out).only(simd, covered));
+                    reached_into.ends(simd, here & height.below(top), pixels_there);
                 }
                 if KNOWN {
                     if short {

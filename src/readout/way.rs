@@ -149,18 +149,22 @@ impl<T: Simd> Reached<T> {
         Reached { pixels: zero, captured_e: most_e, released_e: zero, released: Summed::none(simd) }
     }
 
-    /// A level that is covered, of which so many traps of each pixel were filled and so many electrons released.
+    /// So many traps of each pixel are filled already.
     #[inline(always)]
-    pub fn covers(&mut self, filled_e: Lanes<T>, released_e: Lanes<T>, released: Summed<T, true>) {
+    pub fn fills(&mut self, filled_e: Lanes<T>) {
         self.captured_e = self.captured_e - filled_e;
+    }
+
+    /// A level that is covered, which released so much in each of its pixels, and so much in all of them.
+    #[inline(always)]
+    pub fn covers(&mut self, released_e: Lanes<T>, released: Summed<T, true>) {
         self.released_e = self.released_e + released_e;
         self.released = self.released + released;
     }
 
-    /// The level that lanes end at, of which so many traps of each of its pixels were filled.
+    /// The level that lanes end at exists in so many pixels.
     #[inline(always)]
-    pub fn ends(&mut self, simd: T, at: Mask<T>, filled_e: Lanes<T>, pixels: f64) {
-        self.captured_e = self.captured_e - at.select(filled_e, Lanes::all(simd, 0.0));
+    pub fn ends(&mut self, simd: T, at: Mask<T>, pixels: f64) {
         self.pixels = at.select(Lanes::all(simd, pixels), self.pixels);
     }
 
