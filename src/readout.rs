@@ -264,12 +264,12 @@ fn side_by_side<P: Passage>(
     let mut charge_e = Vec::new();
     lanes::gather(image, lanes(brightest), &mut charge_e);
     let mut work = Workspace::new(rows);
-    let tolerance_e = relative * fast::displacement(pixel, &charge_e, downstream, &mut work);
+    let aim = fast::aim(pixel, &charge_e, downstream, relative, &mut work);
 
     let mut trailed = Array2::zeros((rows, columns));
     let read = |(charge_e, work): &mut (Vec<Row>, Workspace<P::Levels>), group, mut out: ArrayViewMut2<f64>| {
         lanes::gather(image, lanes(group), charge_e);
-        fast::columns(pixel, charge_e, downstream, tolerance_e, work);
+        fast::columns(pixel, charge_e, downstream, aim, work);
         for (mut out, charge_e) in out.rows_mut().into_iter().zip(charge_e) {
             for (out, charge_e) in out.iter_mut().zip(charge_e) {
                 *out = *charge_e;

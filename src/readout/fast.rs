@@ -42,7 +42,10 @@ const OUT_OF_STEP: f64 = 0.013;
 /// A fourth-order result foretold to be so many times worse than allowed is not computed.
 const HOPELESS: f64 = 10.0;
 
-/// Part of the tolerance that the estimated errors of each region may add up to. They are estimates, and a kink that lies
+/// Part of the tolerance that first-order errors of each region may add up to: what is told of them is a bound.
+const SHARE_OF_BOUNDS: f64 = 0.5;
+
+/// Part of the tolerance that the other estimated errors of each region may add up to. They are estimates, and a kink that lies
 /// between two passes is not seen by either (`cargo test --release --test readout -- --ignored --nocapture` counts the
 /// misses; nearly all are without background, or with all of it in a notch).
 const SHARE: f64 = 0.02;
@@ -63,28 +66,41 @@ impl<L: Default> Workspace<L> {
     }
 }
 
-/// Root mean square of the change of packets (e-), to first order: what errors are measured against. Costs one pass.
-pub(super) fn displacement<P: Passage>(
+/// What is aimed at.
+#[derive(Clone, Copy)]
+pub(super) struct Aim {
+    /// Error of the packets (e-, root mean square) that is allowed.
+    tolerance_e: f64,
+    /// Whether the first order will probably do.
+    first_order: bool,
+}
+
+/// An accuracy relative to the change of these packets, both as root mean squares. Costs one pass.
+pub(super) fn aim<P: Passage>(
     pixel: &P,
     charge_e: &[Row],
     downstream: Downstream,
+    relative: f64,
     work: &mut Workspace<P::Levels>,
-) -> f64 {
+) -> Aim {
     let journey = Block { nearest: 0, pixels: charge_e.len() as i64 + downstream.rows };
     let found = &mut work.stages[0];
     pixel.pass(charge_e, Way::Unknown, journey, downstream, &mut work.levels, found);
     // No packet loses more than it has, although a first-order change may.
     let changes = found.change_e.iter().flatten().zip(charge_e.iter().flatten());
     let moved_e = changes.map(|(change, charge)| change.abs().min(change.max(*charge)));
-    (moved_e.map(|moved_e| moved_e * moved_e).sum::<f64>() / (charge_e.len() * LANES) as f64).sqrt()
+    let moved_e = (moved_e.map(|moved_e| moved_e * moved_e).sum::<f64>() / (charge_e.len() * LANES) as f64).sqrt();
+    let tolerance_e = relative * moved_e;
+    let bound_e = estimate::first(pixel.cloud(), journey.pixels as f64 * pixel.density(), charge_e, found);
+    Aim { tolerance_e, first_order: bound_e <= SHARE_OF_BOUNDS * tolerance_e }
 }
 
-/// Clocks columns out with an error of at most about `tolerance_e` (e-, root mean square over the packets).
+/// Clocks columns out with an error of at most about what is aimed at.
 pub(super) fn columns<P: Passage>(
     pixel: &P,
     charge_e: &mut [Row],
     downstream: Downstream,
-    tolerance_e: f64,
+    aim: Aim,
     work: &mut Workspace<P::Levels>,
 ) {
     let start = charge_e.len() as i64 + downstream.rows;
@@ -97,13 +113,15 @@ pub(super) fn columns<P: Passage>(
         let staggered = region.start >= downstream.rows;
         let mut position = region.end;
         let mut pixels = length;
+        let mut first_order = aim.first_order;
         while position > region.start {
             pixels = pixels.clamp(1, position - region.start);
             let block = Block { nearest: position - pixels, pixels };
             // Evenly over the region's pixels.
-            let allowed_e = SHARE * tolerance_e * pixels as f64 / length as f64;
-            let Attempt { ratio, order } =
-                Step { pixel, block, downstream, allowed_e, staggered }.attempt(charge_e, work);
+            let tolerance_e = aim.tolerance_e * pixels as f64 / length as f64;
+            let step = Step { pixel, block, downstream, tolerance_e, staggered, first_order };
+            let Attempt { ratio, order, by_first } = step.attempt(charge_e, work);
+            first_order &= by_first;
             let stretch = if ratio > 0.0 { 0.9 * ratio.powf(-1.0 / (order - 1.0)) } else { 4.0 };
             if ratio <= 1.0 {
                 position -= pixels;
@@ -135,8 +153,12 @@ struct Step<'a, P> {
     pixel: &'a P,
     block: Block,
     downstream: Downstream,
-    allowed_e: f64,
+    /// Error allowed, e-.
+    tolerance_e: f64,
+    /// Packets start within the block.
     staggered: bool,
+    /// The first order will probably do.
+    first_order: bool,
 }
 
 /// How a step went.
@@ -145,6 +167,8 @@ struct Attempt {
     ratio: f64,
     /// Power of the step's length with which the estimate grows; what is allowed grows with the length itself.
     order: f64,
+    /// The first order has done.
+    by_first: bool,
 }
 
 impl<P: Passage> Step<'_, P> {
@@ -153,19 +177,24 @@ impl<P: Passage> Step<'_, P> {
         let Step { pixel, block, downstream, .. } = *self;
         if block.pixels <= SINGLY {
             singly(pixel, charge_e, block.nearest..block.nearest + block.pixels, downstream, work);
-            return Attempt { ratio: 0.0, order: 5.0 };
+            return Attempt { ratio: 0.0, order: 5.0, by_first: false };
         }
         let Workspace { levels, stages: [k1, k2, k3, k4], stage_e, path } = work;
         let mut pass = |charge_e: &[Row], way: Way, found: &mut Stage| {
             pixel.pass(charge_e, way, block, downstream, levels, found);
         };
 
-        pass(charge_e, if self.staggered { Way::Sought(path) } else { Way::Unknown }, k1);
+        let seek = self.staggered && !self.first_order;
+        pass(charge_e, if seek { Way::Sought(path) } else { Way::Unknown }, k1);
         let traps = block.pixels as f64 * pixel.density();
-        let first = self.judge(estimate::first(pixel.cloud(), traps, charge_e, k1), 2.0, 0.0);
-        if first.ratio <= 1.0 {
+        let bound_e = estimate::first(pixel.cloud(), traps, charge_e, k1);
+        let ratio = ratio(bound_e, SHARE_OF_BOUNDS * self.tolerance_e);
+        if ratio <= 1.0 {
             estimate::add(charge_e, &[(1.0, k1)]);
-            return first;
+            return Attempt { ratio, order: 2.0, by_first: true };
+        }
+        if self.staggered && !seek {
+            pass(charge_e, Way::Sought(path), k1);
         }
         let tableau = Tableau::of(block.pixels as f64);
         if self.staggered {
@@ -187,7 +216,7 @@ impl<P: Passage> Step<'_, P> {
         if fourth.ratio > HOPELESS {
             return fourth;
         }
-        let attempt = if errors.third_e <= self.allowed_e {
+        let attempt = if errors.third_e <= SHARE * self.tolerance_e {
             let [a31, a32, b1, b2, b3] = tableau.third;
             estimate::sum(charge_e, &[(a31, k1), (a32, k2)], stage_e);
             pass(stage_e, Way::Unknown, k3);
@@ -213,14 +242,15 @@ impl<P: Passage> Step<'_, P> {
     /// The worse of two errors over what is allowed: that of a smooth change, which grows with a power of the step's
     /// length, and that of its kinks.
     fn judge(&self, smooth_e: f64, order: f64, kinked_e: f64) -> Attempt {
-        // Nothing is too much of nothing.
-        let ratio = |error_e: f64| if error_e > 0.0 { error_e / self.allowed_e } else { 0.0 };
-        if ratio(kinked_e) > ratio(smooth_e) {
-            Attempt { ratio: ratio(kinked_e), order: 2.0 }
-        } else {
-            Attempt { ratio: ratio(smooth_e), order }
-        }
+        let [smooth, kinked] = [smooth_e, kinked_e].map(|error_e| ratio(error_e, SHARE * self.tolerance_e));
+        let (ratio, order) = if kinked > smooth { (kinked, 2.0) } else { (smooth, order) };
+        Attempt { ratio, order, by_first: false }
     }
+}
+
+/// An error over the allowed one. Nothing is too much of nothing.
+fn ratio(error_e: f64, allowed_e: f64) -> f64 {
+    if error_e > 0.0 { error_e / allowed_e } else { 0.0 }
 }
 
 /// Coefficients for a step of N transfers.
