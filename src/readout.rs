@@ -41,7 +41,7 @@ use rayon::prelude::*;
 
 use fast::Workspace;
 use lanes::{LANES, Row};
-use pixel::{Passage, Pixel};
+use pixel::{Lead, Passage, Pixel};
 use slow::SlowPixel;
 
 /// One trap species as the readout meets it.
@@ -168,7 +168,15 @@ impl Readout {
     /// # Panics
     /// With more than [`MAX_SPECIES`] species.
     pub fn parallel(&self, image: &Array2<f64>, downstream: Downstream) -> Array2<f64> {
-        self.along(image, downstream, Axis(0))
+        self.along(image, downstream.rows, &vec![downstream.charge_e; image.ncols()], Axis(0))
+    }
+
+    /// The same where each column has a background of its own downstream: `charge_e[column]`, see [`Downstream`].
+    ///
+    /// # Panics
+    /// With more than [`MAX_SPECIES`] species, or another number of backgrounds than of columns.
+    pub fn parallel_after_each(&self, image: &Array2<f64>, rows: i64, charge_e: &[f64]) -> Array2<f64> {
+        self.along(image, rows, charge_e, Axis(0))
     }
 
     /// Clocks an image out along its columns, column 0 nearest the amplifier: the same code, the axis swapped.
@@ -176,7 +184,7 @@ impl Readout {
     /// # Panics
     /// With more than [`MAX_SPECIES`] species.
     pub fn serial(&self, image: &Array2<f64>, downstream: Downstream) -> Array2<f64> {
-        self.along(image, downstream, Axis(1))
+        self.along(image, downstream.rows, &vec![downstream.charge_e; image.nrows()], Axis(1))
     }
 
     /// Clocks out one column of packets (e-), packet 0 nearest the register.
@@ -198,59 +206,102 @@ impl Readout {
 
     /// Packets downstream as they are when they pass: each has filled the empty traps of the pixel it started in, and
     /// has then met traps that an equal packet had just filled.
-    fn settled(&self, downstream: Downstream) -> Downstream {
+    fn settled_e(&self, charge_e: f64) -> f64 {
         let held = |trap: &Trap| trap.density_per_px * trap.passage().1;
-        let spent_e = self.traps.iter().map(held).sum::<f64>() * self.cloud.height(downstream.charge_e);
-        Downstream { charge_e: (downstream.charge_e - spent_e).max(0.0), ..downstream }
+        let spent_e = self.traps.iter().map(held).sum::<f64>() * self.cloud.height(charge_e);
+        (charge_e - spent_e).max(0.0)
     }
 
-    fn along(&self, image: &Array2<f64>, downstream: Downstream, transfer: Axis) -> Array2<f64> {
+    /// `charge_e`: what lies downstream of each column.
+    fn along(&self, image: &Array2<f64>, rows_downstream: i64, charge_e: &[f64], transfer: Axis) -> Array2<f64> {
         assert!(self.traps.len() <= MAX_SPECIES, "at most {MAX_SPECIES} trap species");
+        let across = Axis(1 - transfer.index());
+        assert_eq!(charge_e.len(), image.len_of(across), "one background for each column");
         // Without traps, or with traps that hold nothing, there is nothing to do.
         let traps: Vec<Trap> = self.traps.iter().filter(|trap| trap.density_per_px > 0.0).copied().collect();
-        let across = Axis(1 - transfer.index());
         let rows = image.len_of(transfer);
-        if rows == 0 || traps.is_empty() {
+        if image.is_empty() || traps.is_empty() {
             return image.clone();
         }
         let traps = continuum::resolved(&traps, WIDEST);
-        let slow = traps.iter().any(|trap| trap.capture_transfers > 0.0);
-        let settled = self.settled(downstream);
+        let settled_e: Vec<f64> = charge_e.iter().map(|charge_e| self.settled_e(*charge_e)).collect();
+        let settled = |column: u64| Downstream { rows: rows_downstream, charge_e: settled_e[column as usize] };
         let by_column = |column: &(dyn Fn(&mut [f64], u64) + Sync)| columns(image, across, column);
         match self.method {
-            Method::Fractional { levels } => by_column(&|charge_e, _| {
-                fractional::column(&traps, &self.cloud, charge_e, settled, levels);
+            Method::Fractional { levels } => by_column(&|charge_e, column| {
+                fractional::column(&traps, &self.cloud, charge_e, settled(column), levels);
             }),
             Method::MonteCarlo { seed } => by_column(&|charge_e, column| {
-                monte_carlo::column(&traps, &self.cloud, charge_e, settled, seed, column);
+                monte_carlo::column(&traps, &self.cloud, charge_e, settled(column), seed, column);
             }),
-            Method::Exact if slow => with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
-                let pixel = SlowPixel::<WIDTH>::new(&traps, self.cloud.clone(), downstream, rows, 0.0);
-                by_column(&|charge_e, _| exact::slow_column(&pixel, charge_e, downstream))
-            }),
-            Method::Exact => by_column(&|charge_e, _| exact::column(&traps, &self.cloud, charge_e, settled)),
-            Method::Fast { relative } if slow => {
-                let brightest = image.iter().copied().fold(0.0, f64::max);
-                let density: f64 = traps.iter().map(|trap| trap.density_per_px).sum();
-                let merge_e = MERGED * relative * density * self.cloud.height(brightest);
-                with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
-                    let pixel = SlowPixel::<WIDTH>::new(&traps, self.cloud.clone(), downstream, rows, merge_e);
-                    side_by_side(&pixel, image, downstream, across, relative)
-                })
+            _ if traps.iter().any(|trap| trap.capture_transfers > 0.0) => {
+                self.slowly(&traps, image, rows_downstream, charge_e, across)
+            }
+            Method::Exact => {
+                by_column(&|charge_e, column| exact::column(&traps, &self.cloud, charge_e, settled(column)))
             }
             Method::Fast { relative } => with_width!([3, pixel::FEW, WIDEST], traps.len(), |WIDTH| {
                 let pixel = Pixel::<WIDTH>::new(&traps, self.cloud.clone(), rows);
-                side_by_side(&pixel, image, settled, across, relative)
+                side_by_side(&pixel, image, rows_downstream, &settled_e, across, relative)
             }),
         }
     }
+
+    /// Where capture takes time; the columns of each background by themselves, for it is followed until it settles.
+    fn slowly(
+        &self,
+        traps: &[Trap],
+        image: &Array2<f64>,
+        rows_downstream: i64,
+        charge_e: &[f64],
+        across: Axis,
+    ) -> Array2<f64> {
+        let rows = image.len_of(Axis(1 - across.index()));
+        let mut kinds: Vec<Vec<usize>> = Vec::new();
+        for (column, background_e) in charge_e.iter().enumerate() {
+            match kinds.iter_mut().find(|kind| charge_e[kind[0]].to_bits() == background_e.to_bits()) {
+                Some(kind) => kind.push(column),
+                None => kinds.push(vec![column]),
+            }
+        }
+        let read = |kind: &Vec<usize>| {
+            let image = image.select(across, kind);
+            let downstream = Downstream { rows: rows_downstream, charge_e: charge_e[kind[0]] };
+            let cloud = self.cloud.clone();
+            match self.method {
+                Method::Fast { relative } => {
+                    let brightest = image.iter().copied().fold(0.0, f64::max);
+                    let density: f64 = traps.iter().map(|trap| trap.density_per_px).sum();
+                    let merge_e = MERGED * relative * density * self.cloud.height(brightest);
+                    with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
+                        let pixel = SlowPixel::<WIDTH>::new(traps, cloud, downstream, rows, merge_e);
+                        let background_e = vec![downstream.charge_e; kind.len()];
+                        side_by_side(&pixel, &image, rows_downstream, &background_e, across, relative)
+                    })
+                }
+                _ => with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
+                    let pixel = SlowPixel::<WIDTH>::new(traps, cloud, downstream, rows, 0.0);
+                    columns(&image, across, &|charge_e, _| exact::slow_column(&pixel, charge_e, rows_downstream))
+                }),
+            }
+        };
+        let parts: Vec<Array2<f64>> = kinds.par_iter().map(read).collect();
+        let mut trailed = Array2::zeros(image.raw_dim());
+        for (kind, part) in kinds.iter().zip(parts) {
+            for (column, charge_e) in kind.iter().zip(part.axis_iter(across)) {
+                trailed.index_axis_mut(across, *column).assign(&charge_e);
+            }
+        }
+        trailed
+    }
 }
 
-/// Reads an image out, several columns at a time, to a relative accuracy.
+/// Reads an image out, several columns at a time, to a relative accuracy; `charge_e` lies downstream of each column.
 fn side_by_side<P: Passage>(
     pixel: &P,
     image: &Array2<f64>,
-    downstream: Downstream,
+    rows_downstream: i64,
+    charge_e: &[f64],
     across: Axis,
     relative: f64,
 ) -> Array2<f64> {
@@ -258,18 +309,19 @@ fn side_by_side<P: Passage>(
     let image = if across.index() == 1 { image.view() } else { image.t() };
     let (rows, columns) = image.dim();
     let lanes = |group: usize| group * LANES..(group * LANES + LANES).min(columns);
+    let lead = |group: usize| Lead { rows: rows_downstream, charge_e: lanes::side_by_side(charge_e, lanes(group)) };
     let groups = columns.div_ceil(LANES);
     // Errors are measured against what happens around the brightest pixel. One group is enough, and costs one pass.
     let brightest = brightest(image) / LANES;
     let mut charge_e = Vec::new();
     lanes::gather(image, lanes(brightest), &mut charge_e);
     let mut work = Workspace::new(rows);
-    let aim = fast::aim(pixel, &charge_e, downstream, relative, &mut work);
+    let aim = fast::aim(pixel, &charge_e, &lead(brightest), relative, &mut work);
 
     let mut trailed = Array2::zeros((rows, columns));
     let read = |(charge_e, work): &mut (Vec<Row>, Workspace<P::Levels>), group, mut out: ArrayViewMut2<f64>| {
         lanes::gather(image, lanes(group), charge_e);
-        fast::columns(pixel, charge_e, downstream, aim, work);
+        fast::columns(pixel, charge_e, &lead(group), aim, work);
         for (mut out, charge_e) in out.rows_mut().into_iter().zip(charge_e) {
             for (out, charge_e) in out.iter_mut().zip(charge_e) {
                 *out = *charge_e;

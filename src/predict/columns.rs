@@ -1,15 +1,14 @@
-//! Packets and blocks, many at a time: those that share traps, wells, transfers and background are columns of one image.
+//! Packets and blocks, many at a time: those that share traps, wells and transfers are columns of one image.
 
-use ndarray::{Array2, Axis, s};
+use ndarray::{Array2, ArrayView1, Axis, s};
 use rayon::prelude::*;
 
 use super::{Kind, Reading};
 use crate::device::{Beside, Device};
-use crate::readout::Downstream;
 
-/// Packets or blocks in one image; the background takes one more column of those that are read side by side. The accuracy
-/// of a readout is relative to its brightest column, so that few of about the same charge are better than many.
-const TOGETHER: usize = 15;
+/// Columns of an image, backgrounds among them: as many as are read side by side. The accuracy of a readout is relative to its
+/// brightest column, so that few of about the same charge are better than many.
+const TOGETHER: usize = 16;
 
 /// Charges less the trailed background, e-: of the packet or the block's last row, and of the pixels behind it. None for
 /// readings of other kinds.
@@ -35,12 +34,31 @@ pub(super) fn read(readings: &[Reading], devices: &[Device]) -> Vec<Option<Vec<f
         // The order of the rows of a table must not matter.
         group.sort_by(|a, b| a.signal_e().total_cmp(&b.signal_e()));
     }
-    let images: Vec<&[Column]> = groups.iter().flat_map(|group| group.chunks(TOGETHER)).collect();
+    let images: Vec<&[Column]> = groups.iter().flat_map(|group| images(group)).collect();
     let mut found = vec![None; readings.len()];
     for (index, charge_e) in images.into_par_iter().flat_map_iter(together).collect::<Vec<_>>() {
         found[index] = Some(charge_e);
     }
     found
+}
+
+/// Cuts a group into images: each of its columns takes one, and each background another.
+fn images<'a, 'b>(mut group: &'a [Column<'b>]) -> Vec<&'a [Column<'b>]> {
+    let mut images = Vec::new();
+    while !group.is_empty() {
+        let mut backgrounds: Vec<f64> = Vec::new();
+        let fits = |(place, column): &(usize, &Column)| {
+            let background_e = column.device.at.background_e;
+            if !backgrounds.contains(&background_e) {
+                backgrounds.push(background_e);
+            }
+            place + 1 + backgrounds.len() <= TOGETHER
+        };
+        let (image, rest) = group.split_at(group.iter().enumerate().take_while(fits).count());
+        images.push(image);
+        group = rest;
+    }
+    images
 }
 
 /// A packet or a block in a column of background.
@@ -70,14 +88,13 @@ impl Column<'_> {
     }
 
     /// The last row of the signal makes the device's transfers; background lies downstream.
-    fn downstream(&self) -> Downstream {
-        let rows = i64::from(self.device.at.transfers) - self.block_px() as i64;
-        Downstream { rows, charge_e: self.device.at.background_e }
+    fn rows_downstream(&self) -> i64 {
+        i64::from(self.device.at.transfers) - self.block_px() as i64
     }
 
     fn shares_a_readout_with(&self, other: &Column) -> bool {
         self.block_px() == other.block_px()
-            && self.downstream() == other.downstream()
+            && self.rows_downstream() == other.rows_downstream()
             && self.device.readout == other.device.readout
     }
 
@@ -97,16 +114,22 @@ fn together(columns: &[Column]) -> Vec<(usize, Vec<f64>)> {
     let behind = columns.iter().map(|column| column.reading.trail_px).max().unwrap_or(0);
     let rows = first.block_px() + behind;
     let mut image = Array2::zeros((rows, 0));
+    let mut downstream_e = Vec::new();
     // Backgrounds are mostly the same.
-    let mut place = |charge_e: &Array2<f64>| {
-        image.axis_iter(Axis(1)).position(|known| known == charge_e.column(0)).unwrap_or_else(|| {
+    let mut place = |charge_e: &Array2<f64>, background_e: f64| {
+        let known = |known: (ArrayView1<f64>, &f64)| known == (charge_e.column(0), &background_e);
+        image.axis_iter(Axis(1)).zip(&downstream_e).position(known).unwrap_or_else(|| {
             image.push_column(charge_e.column(0)).expect("columns of one length");
+            downstream_e.push(background_e);
             image.ncols() - 1
         })
     };
-    let placed: Vec<_> =
-        columns.iter().map(|column| column.before(rows).map(|before_e| (place(&before_e), before_e))).collect();
-    let clocked = first.device.readout.parallel(&image, first.downstream());
+    let mut placed = Vec::new();
+    for column in columns {
+        let background_e = column.device.at.background_e;
+        placed.push(column.before(rows).map(|before_e| (place(&before_e, background_e), before_e)));
+    }
+    let clocked = first.device.readout.parallel_after_each(&image, first.rows_downstream(), &downstream_e);
     columns
         .iter()
         .zip(placed)

@@ -33,8 +33,9 @@ impl<T: Simd, const S: usize> Crests<T, S> {
         Crests { any: false, number: zero, thickness: zero, ahead: zero, floor: zero, stored_e: [zero; S] }
     }
 
-    /// A row of packets passes, of those heights: electrons of each species that are in what they cover. `able` is 0 for packets
-    /// that may not have enough for all the traps in their reach, and are not followed here.
+    /// A row of packets passes, of those heights. What they cover is full already, and is neither captured nor stored anew. The
+    /// electrons in what they cover in part only come back. `able` is 0 for packets that may not have enough for all the traps
+    /// in their reach, and are not followed here.
     #[inline(always)]
     pub fn pass<const TWICE: bool>(
         &mut self,
@@ -42,31 +43,34 @@ impl<T: Simd, const S: usize> Crests<T, S> {
         pixel: &Pixel<S>,
         height: Lanes<T>,
         able: Lanes<T>,
-    ) -> Option<([Summed<T, TWICE>; S], Lanes<T>)> {
-        if !self.any {
-            return None;
-        }
+        stored: &mut [Summed<T, TWICE>; S],
+        captured: &mut Summed<T, TWICE>,
+    ) -> Lanes<T> {
         let (zero, one) = (Lanes::all(simd, 0.0), Lanes::all(simd, 1.0));
+        if !self.any {
+            return zero;
+        }
         let number = self.number.max(one);
         let thickness = self.thickness / number;
         let rise = (height - self.floor).max(zero).min(thickness);
         let share = zero.below(rise).select(rise / thickness, zero) * able;
         let ahead = self.ahead / number;
-        let mut covered = [Summed::none(simd); S];
         let mut in_part_e = zero;
         for s in pixel.species() {
             let still_e = self.stored_e[s] * (1.0 - pixel.release[s]);
             let covered_e = still_e * share;
             self.stored_e[s] = still_e - covered_e;
             in_part_e = in_part_e + covered_e;
-            covered[s] = Summed { once: covered_e, twice: covered_e * ahead };
+            let covered = Summed { once: covered_e, twice: covered_e * ahead };
+            *captured = *captured - covered;
+            stored[s] = stored[s] - covered;
         }
         let stay = share.below(one);
         self.thickness = stay.select(self.thickness * (one - share), zero);
         self.number = stay.select(self.number, zero);
         self.ahead = stay.select(self.ahead, zero);
         self.floor = self.floor.max(height);
-        Some((covered, stay.select(in_part_e, zero)))
+        stay.select(in_part_e, zero)
     }
 
     /// One more where it has any thickness, on so high a floor, with so many pixels ahead; filled m packets ago.

@@ -67,11 +67,11 @@ pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downst
 }
 
 /// The same where capture takes time.
-pub(super) fn slow_column<const S: usize>(pixel: &SlowPixel<S>, charge_e: &mut [f64], downstream: Downstream) {
+pub(super) fn slow_column<const S: usize>(pixel: &SlowPixel<S>, charge_e: &mut [f64], rows_downstream: i64) {
     let mut levels = Default::default();
-    for place in (0..charge_e.len() as i64 + downstream.rows).rev() {
-        pixel.start(place, downstream, &mut levels);
-        let first = (place - downstream.rows).max(0) as usize;
+    for place in (0..charge_e.len() as i64 + rows_downstream).rev() {
+        pixel.start(place, rows_downstream, &mut levels);
+        let first = (place - rows_downstream).max(0) as usize;
         for (row, charge_e) in charge_e.iter_mut().enumerate().skip(first) {
             *charge_e += pixel.packet(&mut levels, *charge_e, row + 1).0;
         }

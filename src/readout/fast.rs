@@ -26,10 +26,9 @@
 
 use std::ops::Range;
 
-use super::Downstream;
 use super::estimate;
 use super::lanes::{LANES, Row};
-use super::pixel::{Block, Passage, Stage};
+use super::pixel::{Block, Lead, Passage, Stage};
 use super::way::{Path, Way};
 
 /// Transfers up to which a step is done one by one: it would need as many passes anyway.
@@ -79,7 +78,7 @@ pub(super) struct Aim {
 pub(super) fn aim<P: Passage>(
     pixel: &P,
     charge_e: &[Row],
-    downstream: Downstream,
+    downstream: &Lead,
     relative: f64,
     work: &mut Workspace<P::Levels>,
 ) -> Aim {
@@ -99,7 +98,7 @@ pub(super) fn aim<P: Passage>(
 pub(super) fn columns<P: Passage>(
     pixel: &P,
     charge_e: &mut [Row],
-    downstream: Downstream,
+    downstream: &Lead,
     aim: Aim,
     work: &mut Workspace<P::Levels>,
 ) {
@@ -138,7 +137,7 @@ fn singly<P: Passage>(
     pixel: &P,
     charge_e: &mut [Row],
     pixels: Range<i64>,
-    downstream: Downstream,
+    downstream: &Lead,
     work: &mut Workspace<P::Levels>,
 ) {
     let found = &mut work.stages[0];
@@ -152,7 +151,7 @@ fn singly<P: Passage>(
 struct Step<'a, P> {
     pixel: &'a P,
     block: Block,
-    downstream: Downstream,
+    downstream: &'a Lead,
     /// Error allowed, e-.
     tolerance_e: f64,
     /// Packets start within the block.
@@ -293,7 +292,7 @@ impl Tableau {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::readout::pixel::Pixel;
+    use crate::readout::pixel::{Lead, Pixel};
     use crate::readout::{Cloud, Trap};
 
     /// One step of N transfers of the map n ← n + f(n), and N single ones.
@@ -379,10 +378,11 @@ mod tests {
         let block = Block { nearest: 0, pixels: charge_e.len() as i64 };
         let mut work = Workspace::new(charge_e.len());
         let mut singles_e = charge_e.clone();
-        singly(&pixel, &mut singles_e, 0..block.pixels, Downstream::NONE, &mut work);
+        let nothing = Lead { rows: 0, charge_e: [0.0; LANES] };
+        singly(&pixel, &mut singles_e, 0..block.pixels, &nothing, &mut work);
         let Workspace { levels, stages: [k1, k2, ..], path, .. } = &mut work;
-        pixel.pass(&charge_e, Way::Sought(path), block, Downstream::NONE, levels, k1);
-        pixel.pass(&charge_e, Way::Known(path), block, Downstream::NONE, levels, k2);
+        pixel.pass(&charge_e, Way::Sought(path), block, &nothing, levels, k1);
+        pixel.pass(&charge_e, Way::Known(path), block, &nothing, levels, k2);
         [&*k1, k2].map(|found| {
             let off = |row: usize| charge_e[row][0] + found.change_e[row][0] - singles_e[row][0];
             ((0..charge_e.len()).map(|row| off(row).powi(2)).sum::<f64>() / charge_e.len() as f64).sqrt()

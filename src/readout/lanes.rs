@@ -22,8 +22,14 @@ pub(super) fn gather(image: ArrayView2<f64>, columns: Range<usize>, lanes: &mut 
     lanes.clear();
     lanes.extend(image.rows().into_iter().map(|row| match row.to_slice() {
         Some(row) if columns.len() == LANES => row[columns.clone()].try_into().expect("as many as there are lanes"),
-        _ => std::array::from_fn(|lane| row[(columns.start + lane).min(columns.end - 1)]),
+        Some(row) => side_by_side(row, columns.clone()),
+        None => std::array::from_fn(|lane| row[(columns.start + lane).min(columns.end - 1)]),
     }));
+}
+
+/// Numbers of neighbouring columns; those past the last one repeat it.
+pub(super) fn side_by_side(numbers: &[f64], columns: Range<usize>) -> Row {
+    std::array::from_fn(|lane| numbers[(columns.start + lane).min(columns.end - 1)])
 }
 
 /// The numbers of a row as vectors of the processor. Comparisons with NaN are false.

@@ -29,7 +29,7 @@ use fearless_simd::{Level, dispatch};
 use super::crests::Crests;
 use super::lanes::{LANES, Lanes, Row};
 use super::way::{Path, Reached, Summed, Way, ahead};
-use super::{Cloud, Downstream, Trap};
+use super::{Cloud, Trap};
 
 /// The traps of one pixel, tabulated for `S` species (padded with species of no density).
 pub(super) struct Pixel<const S: usize> {
@@ -46,6 +46,13 @@ pub(super) struct Pixel<const S: usize> {
     out_all: Vec<f64>,
 }
 
+/// What lies between row 0 and the register (see [`super::Downstream`]), in columns side by side.
+pub(super) struct Lead {
+    pub rows: i64,
+    /// Charge of its packets, e-.
+    pub charge_e: Row,
+}
+
 /// A run of pixels: those from `nearest` (pixels from the register) up to `nearest + pixels`.
 #[derive(Clone, Copy)]
 pub(super) struct Block {
@@ -55,12 +62,12 @@ pub(super) struct Block {
 
 impl Block {
     /// How many of the block's pixels the packet of row `row` passes; row −1 is the last one downstream.
-    fn visits(self, row: i64, downstream: Downstream) -> i64 {
+    fn visits(self, row: i64, downstream: &Lead) -> i64 {
         (row + 1 + downstream.rows - self.nearest).clamp(0, self.pixels)
     }
 
     /// Whether the pixel that a row starts in is one of the block's, and how many others of them it passes.
-    fn way(self, row: i64, downstream: Downstream) -> (bool, f64) {
+    fn way(self, row: i64, downstream: &Lead) -> (bool, f64) {
         let starts = (self.nearest..self.nearest + self.pixels).contains(&(row + downstream.rows));
         (starts, (self.visits(row, downstream) - i64::from(starts)) as f64)
     }
@@ -82,7 +89,7 @@ pub(super) trait Passage: Sync {
         charge_e: &[Row],
         way: Way,
         block: Block,
-        downstream: Downstream,
+        downstream: &Lead,
         levels: &mut Self::Levels,
         found: &mut Stage,
     );
@@ -95,7 +102,7 @@ pub(super) trait Passage: Sync {
 
     /// Distance from the register (pixels) below which blocks may be passed in one step; beyond it pixels are too unlike
     /// one another.
-    fn alike_below(&self, downstream: Downstream) -> i64;
+    fn alike_below(&self, downstream: &Lead) -> i64;
 }
 
 /// What one pass finds.
@@ -342,7 +349,7 @@ impl<const S: usize> Pixel<S> {
         charge_e: &[Row],
         way: Way,
         block: Block,
-        downstream: Downstream,
+        downstream: &Lead,
         levels: &mut Levels<S>,
         found: &mut Stage,
     ) {
@@ -408,14 +415,8 @@ impl<const S: usize> Pixel<S> {
                 stored[s] = stored[s] + Summed::over(height * self.density[s], visits);
             }
             let able = lacks.select(zero, one);
-            found.doubtful_e[row] = [0.0; LANES];
-            if let Some((covered, in_part_e)) = crests.pass(simd, self, height, able) {
-                in_part_e.store(&mut found.doubtful_e[row]);
-                for s in self.species() {
-                    captured = captured - covered[s];
-                    stored[s] = stored[s] - covered[s];
-                }
-            }
+            let doubtful_e = crests.pass(simd, self, height, able, &mut stored, &mut captured);
+            doubtful_e.store(&mut found.doubtful_e[row]);
             // Down the stack: the levels that some lane meets, one after another.
             let mut reached = zero;
             let mut reached_into = Reached::new(simd, most_e);
@@ -537,7 +538,7 @@ impl<const S: usize> Pixel<S> {
     }
 
     /// Levels as the background has left them.
-    fn start(&self, first: usize, rows: usize, block: Block, downstream: Downstream, levels: &mut Levels<S>) {
+    fn start(&self, first: usize, rows: usize, block: Block, downstream: &Lead, levels: &mut Levels<S>) {
         levels.height.resize(rows + PACKETS, [0.0; LANES]);
         levels.crest.resize(rows + PACKETS, [0.0; LANES]);
         levels.floor.resize(rows + PACKETS, [0.0; LANES]);
@@ -545,20 +546,25 @@ impl<const S: usize> Pixel<S> {
         levels.visits.resize(rows + PACKETS, 0.0);
         levels.starts.resize(rows + PACKETS, 0.0);
         let visits = block.visits(-1, downstream) as f64;
-        let height = if visits > 0.0 { self.cloud.height(downstream.charge_e) } else { 0.0 };
+        let mut height = [0.0; LANES];
+        for (lane, charge_e) in downstream.charge_e.into_iter().enumerate().filter(|_| visits > 0.0) {
+            // Mostly they are all the same.
+            let known = lane > 0 && charge_e == downstream.charge_e[lane - 1];
+            height[lane] = if known { height[lane - 1] } else { self.cloud.height(charge_e) };
+        }
         // Where the first packets do not come by, neither does the background.
         debug_assert!(first == 0 || visits == 0.0);
-        for (place, height, visits) in [(NONE, f64::INFINITY, 0.0), (BACKGROUND, height, visits)] {
-            levels.height[place] = [height; LANES];
-            levels.crest[place] = [height; LANES];
+        for (place, height, visits) in [(NONE, [f64::INFINITY; LANES], 0.0), (BACKGROUND, height, visits)] {
+            levels.height[place] = height;
+            levels.crest[place] = height;
             levels.starts[place] = 0.0;
             levels.floor[place] = [0.0; LANES];
             levels.below[place] = [NOWHERE; LANES];
             levels.visits[place] = visits;
         }
         for s in self.species() {
-            levels.stored[s] = [visits * height * self.density[s]; LANES];
-            levels.stored_ahead[s] = [ahead(visits) * height * self.density[s]; LANES];
+            levels.stored[s] = height.map(|height| visits * height * self.density[s]);
+            levels.stored_ahead[s] = height.map(|height| ahead(visits) * height * self.density[s]);
         }
     }
 }
@@ -576,7 +582,7 @@ impl<const S: usize> Passage for Pixel<S> {
         charge_e: &[Row],
         way: Way,
         block: Block,
-        downstream: Downstream,
+        downstream: &Lead,
         levels: &mut Levels<S>,
         found: &mut Stage,
     ) {
@@ -595,7 +601,7 @@ impl<const S: usize> Passage for Pixel<S> {
         &self.cloud
     }
 
-    fn alike_below(&self, _: Downstream) -> i64 {
+    fn alike_below(&self, _: &Lead) -> i64 {
         // Pixels differ in known ways: see the module.
         i64::MAX
     }

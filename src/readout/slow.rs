@@ -21,7 +21,7 @@
 use std::mem::take;
 
 use super::lanes::{LANES, Row};
-use super::pixel::{Block, Passage, Stage};
+use super::pixel::{Block, Lead, Passage, Stage};
 use super::way::Way;
 use super::{Cloud, Downstream, Trap};
 
@@ -265,8 +265,8 @@ impl<const S: usize> SlowPixel<S> {
     }
 
     /// Levels of a pixel (counted from the register) as the background has left them before row 0 comes.
-    pub fn start(&self, pixel: i64, downstream: Downstream, levels: &mut Levels<S>) {
-        let passed = (downstream.rows - pixel).max(0) as usize;
+    pub fn start(&self, pixel: i64, rows_downstream: i64, levels: &mut Levels<S>) {
+        let passed = (rows_downstream - pixel).max(0) as usize;
         let left = &self.background[passed.min(self.background.len() - 1)];
         levels.inside.clone_from(&left.inside);
         levels.above.clone_from(&left.above);
@@ -288,7 +288,7 @@ impl<const S: usize> Passage for SlowPixel<S> {
         charge_e: &[Row],
         _: Way,
         block: Block,
-        downstream: Downstream,
+        downstream: &Lead,
         levels: &mut Levels<S>,
         found: &mut Stage,
     ) {
@@ -306,7 +306,7 @@ impl<const S: usize> Passage for SlowPixel<S> {
             while nearest < block.nearest + block.pixels {
                 // Pixels that all packets pass, and that the background has left alike, count as one.
                 let pixels = (alike.min(block.nearest + block.pixels) - nearest).max(1);
-                self.start(nearest, downstream, levels);
+                self.start(nearest, downstream.rows, levels);
                 let first = (nearest - downstream.rows).clamp(0, charge_e.len() as i64) as usize;
                 for row in first..charge_e.len() {
                     let (change, met) = self.packet(levels, charge_e[row][lane], row + 1);
@@ -328,7 +328,7 @@ impl<const S: usize> Passage for SlowPixel<S> {
         &self.cloud
     }
 
-    fn alike_below(&self, downstream: Downstream) -> i64 {
+    fn alike_below(&self, downstream: &Lead) -> i64 {
         downstream.rows.min(downstream.rows - self.background.len() as i64 + 2)
     }
 }
