@@ -263,6 +263,37 @@ fn serial_is_parallel_with_the_axes_swapped() {
 }
 
 #[test]
+fn columns_after_backgrounds_of_their_own_are_as_if_alone() {
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    let (rows, downstream) = (40, 300);
+    // More than are read side by side, backgrounds in no order.
+    let background_e: Vec<f64> = (0..20_usize).map(|place| [0.0, 100.0, 3.0, 100.0, 40.0][place % 5]).collect();
+    let mut image = Array2::zeros((rows, background_e.len()));
+    for (mut one, background_e) in image.axis_iter_mut(Axis(1)).zip(&background_e) {
+        one.assign(&ndarray::Array1::from(column(&mut random, rows, *background_e)));
+    }
+    let at_once = Trap::new(0.5, 6.0);
+    let slow = Trap { capture_transfers: 0.3, ..Trap::new(0.2, 30.0) };
+    for traps in [vec![at_once], vec![at_once, slow]] {
+        for (method, share) in [(Method::Exact, 0.0), (Method::Fast { relative: 1e-6 }, 1e-6)] {
+            let readout = Readout { traps: traps.clone(), cloud: Cloud::new(84_700.0, 0.0, 0.5), method };
+            let together = readout.parallel_after_each(&image, downstream, &background_e);
+            // What is allowed is told from the columns around the brightest pixel, which change most.
+            let changes = (&together - &image).mapv(|change_e| change_e * change_e).mean_axis(Axis(0)).unwrap();
+            let allowed_e = share * changes.fold(0.0_f64, |most, change| most.max(*change)).sqrt();
+            for (place, charge_e) in background_e.iter().enumerate() {
+                let downstream = Downstream { rows: downstream, charge_e: *charge_e };
+                let alone = Readout { method: Method::Exact, ..readout.clone() }
+                    .column(image.column(place).as_standard_layout().as_slice().unwrap(), downstream);
+                let found = together.column(place).to_vec();
+                let off_e = rms_difference(&found, &alone);
+                assert!(off_e <= allowed_e, "{method:?}, column {place}: {off_e} e-, allowed {allowed_e}");
+            }
+        }
+    }
+}
+
+#[test]
 fn the_number_of_threads_changes_no_bit() {
     let mut random = ChaCha8Rng::seed_from_u64(10);
     let image = Array2::from_shape_simple_fn((50, 300), || random.random_range(0.0..1000.0));
