@@ -34,6 +34,9 @@ use super::way::{Path, Way};
 /// Transfers up to which a step is done one by one: it would need as many passes anyway.
 const SINGLY: i64 = 4;
 
+/// Up to so many times is the number of transfers doubled that are done one by one before a longer step is tried again.
+const PATIENCE: u32 = 4;
+
 /// Share of e1 (the change of a block's second-order result from its first-order one) that may remain as error where packets
 /// start within the block: kinks that lie between its pixels, and that no pass over all of them sees.
 const OUT_OF_STEP: f64 = 0.013;
@@ -113,6 +116,7 @@ pub(super) fn columns<P: Passage>(
         let mut position = region.end;
         let mut pixels = length;
         let mut first_order = aim.first_order;
+        let mut refused = 0;
         while position > region.start {
             pixels = pixels.clamp(1, position - region.start);
             let block = Block { nearest: position - pixels, pixels };
@@ -125,8 +129,16 @@ pub(super) fn columns<P: Passage>(
             if ratio <= 1.0 {
                 position -= pixels;
                 pixels = (pixels as f64 * stretch.clamp(1.0, 4.0)) as i64;
-            } else {
+                refused = 0;
+            } else if pixels as f64 * stretch > SINGLY as f64 {
                 pixels = (pixels as f64 * stretch.clamp(0.1, 0.7)) as i64;
+            } else {
+                // No use in trying again at once, and less and less where that has failed already.
+                let next = region.start.max(position - (SINGLY << (1 + refused).min(PATIENCE)));
+                singly(pixel, charge_e, next..position, downstream, work);
+                position = next;
+                pixels = 2 * SINGLY;
+                refused += 1;
             }
         }
     }
