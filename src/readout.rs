@@ -171,7 +171,8 @@ impl Readout {
         self.along(image, downstream.rows, &vec![downstream.charge_e; image.ncols()], Axis(0))
     }
 
-    /// The same where each column has a background of its own downstream: `charge_e[column]`, see [`Downstream`].
+    /// [`Readout::parallel`] where each column has a background of its own downstream: `charge_e[column]` in `rows` rows, as in
+    /// [`Downstream`].
     ///
     /// # Panics
     /// With more than [`MAX_SPECIES`] species, or another number of backgrounds than of columns.
