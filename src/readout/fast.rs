@@ -44,7 +44,8 @@ const OUT_OF_STEP: f64 = 0.013;
 /// A fourth-order result foretold to be so many times worse than allowed is not computed.
 const HOPELESS: f64 = 10.0;
 
-/// Part of the tolerance that first-order errors of each region may add up to: what is told of them is a bound.
+/// Part of the tolerance that first-order errors of each region may add up to: they are told from the steepest change that is
+/// possible, and are mostly some times smaller.
 const SHARE_OF_BOUNDS: f64 = 0.5;
 
 /// Part of the tolerance that the other estimated errors of each region may add up to. They are estimates, and a kink that lies
