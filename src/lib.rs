@@ -40,6 +40,7 @@ pub mod sweep;
 pub mod table;
 pub mod validate;
 
+mod least_squares;
 mod root;
 
 pub use evaluate::evaluate;

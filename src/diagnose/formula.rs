@@ -3,7 +3,11 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::Leaning;
+use crate::least_squares::Span;
 use crate::validate::Validation;
+
+/// Part of a power of a covariate that lower ones leave, below which it is none.
+const FLAT: f64 = 1e-10;
 
 /// An effect that would describe what residuals lean on. It says nothing of the cause.
 #[derive(Clone, Debug)]
@@ -35,13 +39,10 @@ pub(super) fn suggest(validation: &Validation, covariates: &[Leaning]) -> Option
     let residuals = DVector::from_vec(residuals);
     let explained = |which: usize| {
         let columns = DMatrix::from_fn(at.len(), 3, |row, power| values[row][which] * at[row].powi(power as i32));
-        let scales: Vec<f64> = columns.column_iter().map(|column| column.norm().max(f64::MIN_POSITIVE)).collect();
-        let scaled = DMatrix::from_fn(at.len(), 3, |row, power| columns[(row, power)] / scales[power]);
-        let found = scaled.clone().svd(true, true).solve(&residuals, 1e-10).ok()?;
-        let chi2 = (&residuals - &scaled * &found).norm_squared();
-        Some((chi2, [0, 1, 2].map(|power| found[power] / scales[power])))
+        let found = Span::of(&columns, FLAT).solve(&residuals);
+        ((&residuals - columns * &found).norm_squared(), [found[0], found[1], found[2]])
     };
-    let (sum, product) = (explained(0)?, explained(1)?);
+    let (sum, product) = (explained(0), explained(1));
     let before = residuals.norm_squared();
     let (chi2, [a, b, c], expression) = if product.0 <= sum.0 {
         (product.0, product.1, format!("value * (1 + a + b * {name} + c * {name}^2)"))

@@ -28,6 +28,7 @@ use crate::environment::esp::Spectrum;
 use crate::environment::shielding::{Geometry, dose_behind};
 use crate::error::InputError;
 use crate::galaxy::snr;
+use crate::least_squares::Span;
 use crate::mission::{Mission, Orbit};
 use crate::model::Model;
 use crate::plot::{Figure, Kind as Drawn, Panel, Series};
@@ -260,7 +261,7 @@ fn shares(deviations: &[Vec<f64>], fates: &[Fate]) -> Option<(Vec<f64>, f64)> {
         column => measured[row].0[column - 1],
     });
     let values = DVector::from_iterator(measured.len(), measured.iter().map(|(_, value)| *value));
-    let found = design.clone().svd(true, true).solve(&values, 1e-12).ok()?;
+    let found = Span::of(&design, 1e-9).solve(&values);
     let rest = (&values - design * &found).norm_squared() / (measured.len() - inputs - 1) as f64;
     let squares: Vec<f64> = found.iter().skip(1).map(|slope| slope * slope).collect();
     let total = squares.iter().sum::<f64>() + rest;
