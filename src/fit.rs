@@ -3,7 +3,7 @@
 //! Weighted least squares by Levenberg and Marquardt's method (the crate's port of MINPACK), in coordinates in which bounds
 //! are out of reach (see [`parameter`]). Errors are those of the linear theory at the optimum, from derivatives with respect
 //! to the parameters themselves. The moment of an event (a flare, a bakeout) has no derivative: data only tell between which
-//! two of their epochs it lies, so that these are tried one after another.
+//! two of their epochs it lies, so that these are tried one after another; what is given is the middle of all that do as well.
 
 mod advice;
 pub mod holdout;
@@ -15,9 +15,11 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use toml::Value;
 
 use crate::error::InputError;
+use crate::least_squares::Span;
 use crate::measurement::{DataSet, questions};
 use crate::mission::Mission;
 use crate::model::Model;
@@ -169,7 +171,7 @@ pub(crate) fn fit_rows(
         false => problem.optima(&here, options),
     };
     optima.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
-    let best = optima[0].clone();
+    let best = if options.settled { optima[0].clone() } else { problem.centred(optima[0].clone())? };
     let fitted = problem.mission(&best.at)?;
     let jacobian = problem.jacobian(&best.at)?;
     let errors = Errors::of(&jacobian);
@@ -217,6 +219,15 @@ const SKETCHED: f64 = 1e-3;
 /// Times that a sketch is taken up again at most, and the fall of chi2 from which on that is worth it.
 const FRESH: usize = 3;
 const HELPED: f64 = 2.0;
+
+/// Rise of chi2 up to which a moment is as good elsewhere: one standard error.
+const AS_GOOD: f64 = 1.0;
+
+/// Rise of chi2 beyond which no moment is looked for.
+const UNLIKELY: f64 = 25.0;
+
+/// Part of a parameter's signature that others leave, below which it does not follow.
+const LOOSE: f64 = 1e-9;
 
 /// Intervals between epochs of which one is tried first for a moment.
 const EVERY: usize = 4;
@@ -340,19 +351,22 @@ impl<'a> Problem<'a> {
     /// Derivatives of the residuals with respect to the parameters, `[(row, parameter)]`, from one step to either side; 0 for
     /// moments, which have none.
     fn jacobian(&self, at: &[f64]) -> Result<DMatrix<f64>, InputError> {
-        let mut jacobian = DMatrix::zeros(self.values.len(), at.len());
-        for (index, parameter) in self.parameters.iter().enumerate().filter(|(_, parameter)| !parameter.is_moment) {
+        let derivative = |(index, parameter): (usize, &Parameter)| -> Result<DVector<f64>, InputError> {
+            if parameter.is_moment {
+                return Ok(DVector::zeros(self.values.len()));
+            }
             let (low, high) = parameter.around(at[index]);
             let moved = |value: f64| {
                 let mut at = at.to_vec();
                 at[index] = value;
-                self.residuals(&at)
+                self.residuals(&at).map(DVector::from_vec)
             };
-            for (row, (above, below)) in moved(high)?.iter().zip(&moved(low)?).enumerate() {
-                jacobian[(row, index)] = (above - below) / (high - low);
-            }
-        }
-        Ok(jacobian)
+            Ok((moved(high)? - moved(low)?) / (high - low))
+        };
+        let columns: Vec<Result<DVector<f64>, InputError>> =
+            self.parameters.par_iter().enumerate().map(derivative).collect();
+        // The first of several errors, whichever came first.
+        Ok(DMatrix::from_columns(&columns.into_iter().collect::<Result<Vec<_>, _>>()?))
     }
 
     /// The optima that all starts come to.
@@ -413,45 +427,72 @@ impl<'a> Problem<'a> {
         epochs
     }
 
-    /// Errors of moments, and what they add to those of all others: from the best interval between epochs outwards, the moment
-    /// may lie, with a uniform chance, as long as chi2 stays within 1 of the best while the other parameters follow to first
-    /// order.
-    fn add_moments(&self, best: &Optimum, jacobian: &DMatrix<f64>, sigmas: &mut [Option<f64>]) {
-        let Ok(inverse) = jacobian.clone().pseudo_inverse(1e-9 * jacobian.norm()) else { return };
+    /// An optimum with each moment in the middle of where chi2 is as good: its mean, where the data do not tell more.
+    fn centred(&self, optimum: Optimum) -> Result<Optimum, InputError> {
+        let (mut found, most) = (optimum.clone(), optimum.chi2 + AS_GOOD);
+        for index in (0..found.at.len()).filter(|&index| self.parameters[index].is_moment) {
+            let jacobian = self.jacobian(&found.at)?;
+            let around = self.around(&found, &jacobian, index, AS_GOOD);
+            let moment = found.at[index];
+            let from_yr = around.iter().map(|one| one.from_yr).fold(moment, f64::min);
+            let to_yr = around.iter().map(|one| one.to_yr).fold(moment, f64::max);
+            let mut at = found.at.clone();
+            at[index] = 0.5 * (from_yr + to_yr);
+            if at[index] == moment {
+                continue;
+            }
+            let moved = self.minimise(&at);
+            if moved.chi2 < most {
+                found = moved;
+            }
+        }
+        Ok(found)
+    }
+
+    /// Intervals between epochs where a moment may lie, from that of an optimum outwards as long as chi2, the other
+    /// parameters following to first order, does not rise by more.
+    fn around(&self, optimum: &Optimum, jacobian: &DMatrix<f64>, index: usize, rise: f64) -> Vec<Interval> {
+        let span = Span::of(jacobian, LOOSE);
         let epochs = self.epochs();
-        for index in (0..best.at.len()).filter(|&index| self.parameters[index].is_moment) {
-            // How the others follow, where chi2 stays.
-            let follow = |interval: &[f64]| -> Option<DVector<f64>> {
-                let mut at = best.at.clone();
-                at[index] = 0.5 * (interval[0] + interval[1]);
-                let residuals = DVector::from_vec(self.residuals(&at).ok()?);
-                let follow = -(&inverse * &residuals);
-                ((residuals + jacobian * &follow).norm_squared() < best.chi2 + 1.0).then_some(follow)
-            };
-            let moment = best.at[index];
-            let Some(here) = epochs.windows(2).position(|pair| (pair[0]..=pair[1]).contains(&moment)) else { continue };
-            let (mut low, mut high) = (epochs[here], epochs[here + 1]);
-            let mut ends = vec![[0.0_f64, 0.0]; best.at.len()];
-            let mut widen = |follow: &DVector<f64>| {
-                for (ends, follow) in ends.iter_mut().zip(follow.iter()) {
-                    *ends = [ends[0].min(*follow), ends[1].max(*follow)];
-                }
-            };
-            for interval in epochs[..=here].windows(2).rev() {
-                let Some(follow) = follow(interval) else { break };
-                low = interval[0];
-                widen(&follow);
+        let interval = |ends: &[f64]| -> Option<Interval> {
+            let mut at = optimum.at.clone();
+            at[index] = 0.5 * (ends[0] + ends[1]);
+            let residuals = DVector::from_vec(self.residuals(&at).ok()?);
+            let follow = -span.solve(&residuals);
+            let rise = (residuals + jacobian * &follow).norm_squared() - optimum.chi2;
+            Some(Interval { from_yr: ends[0], to_yr: ends[1], rise, follow })
+        };
+        let near = |one: &Interval| one.rise < rise;
+        let moment = optimum.at[index];
+        let Some(here) = epochs.windows(2).position(|pair| (pair[0]..=pair[1]).contains(&moment)) else {
+            return Vec::new();
+        };
+        let before = epochs[..=here + 1].windows(2).rev().map_while(|ends| interval(ends).filter(near));
+        let after = epochs[here + 1..].windows(2).map_while(|ends| interval(ends).filter(near));
+        before.chain(after).collect()
+    }
+
+    /// Errors of moments, and what they add to those of all others: every interval between epochs is as likely as it is
+    /// long, times exp(−chi2/2).
+    fn add_moments(&self, optimum: &Optimum, jacobian: &DMatrix<f64>, sigmas: &mut [Option<f64>]) {
+        for index in (0..optimum.at.len()).filter(|&index| self.parameters[index].is_moment) {
+            let around = self.around(optimum, jacobian, index, UNLIKELY);
+            let likely = |one: &Interval| (one.to_yr - one.from_yr) * (-0.5 * one.rise).exp();
+            let all: f64 = around.iter().map(likely).sum();
+            if all == 0.0 {
+                continue;
             }
-            for interval in epochs[here + 1..].windows(2) {
-                let Some(follow) = follow(interval) else { break };
-                high = interval[1];
-                widen(&follow);
-            }
-            let uniform = |width: f64| width / 12.0_f64.sqrt();
+            let mean =
+                |of: &dyn Fn(&Interval) -> f64| around.iter().map(|one| likely(one) * of(one)).sum::<f64>() / all;
+            // Of (t − moment)^2 over an interval.
+            let square = |one: &Interval| {
+                let [from, to] = [one.from_yr, one.to_yr].map(|t_yr| t_yr - optimum.at[index]);
+                (from * from + from * to + to * to) / 3.0
+            };
             for (other, sigma) in sigmas.iter_mut().enumerate() {
                 *sigma = match sigma {
-                    _ if other == index => Some(uniform(high - low)),
-                    Some(sigma) => Some(sigma.hypot(uniform(ends[other][1] - ends[other][0]))),
+                    _ if other == index => Some(mean(&square).sqrt()),
+                    Some(sigma) => Some(sigma.hypot(mean(&|one| one.follow[other].powi(2)).sqrt())),
                     None => None,
                 };
             }
@@ -500,6 +541,16 @@ impl<'a> Problem<'a> {
             None => state(start),
         }
     }
+}
+
+/// An interval between epochs, with a moment in it.
+struct Interval {
+    from_yr: f64,
+    to_yr: f64,
+    /// By how much chi2 is above that of the optimum.
+    rise: f64,
+    /// How the other parameters follow.
+    follow: DVector<f64>,
 }
 
 /// A minimisation under way, in inner coordinates.
@@ -579,23 +630,21 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Run<'_> {
 impl Run<'_> {
     /// Derivatives with respect to the inner coordinates, by a step forward where they are not known.
     fn derivatives(&self, centre: &DVector<f64>, known: Option<&DMatrix<f64>>) -> Option<DMatrix<f64>> {
-        let mut jacobian = DMatrix::zeros(centre.len(), self.moving.len());
-        for (column, &index) in self.moving.iter().enumerate() {
-            let parameter = &self.problem.parameters[index];
-            let inner = parameter.inner(self.at[index]);
+        let (problem, at) = (self.problem, &self.at);
+        let derivative = |&index: &usize| -> Option<DVector<f64>> {
+            let parameter = &problem.parameters[index];
+            let inner = parameter.inner(at[index]);
             let step = parameter.inner_step(inner);
             let moved = parameter.outer(inner + step);
-            let derivative = match known.filter(|known| index < known.ncols()) {
-                Some(known) => known.column(index) * ((moved - self.at[index]) / step),
-                None => {
-                    let mut at = self.at.clone();
-                    at[index] = moved;
-                    (DVector::from_vec(self.problem.residuals(&at).ok()?) - centre) / step
-                }
-            };
-            jacobian.set_column(column, &derivative);
-        }
-        Some(jacobian)
+            if let Some(known) = known.filter(|known| index < known.ncols()) {
+                return Some(known.column(index) * ((moved - at[index]) / step));
+            }
+            let mut at = at.clone();
+            at[index] = moved;
+            Some((DVector::from_vec(problem.residuals(&at).ok()?) - centre) / step)
+        };
+        let columns = self.moving.par_iter().map(derivative).collect::<Option<Vec<_>>>()?;
+        Some(DMatrix::from_columns(&columns))
     }
 }
 

@@ -149,6 +149,23 @@ fn known_parameters_come_out_within_their_errors() {
     within(&fitted(&mission, &data, &["effects.formula.a", "effects.formula.b"]), &[0.004, -0.0011]);
 }
 
+/// A flare between epochs of which the data say next to nothing lies in their middle, with the error of a uniform chance.
+#[test]
+fn a_moment_lies_in_the_middle_of_where_the_data_leave_it() {
+    let (mission, mut data) = read("flare", "[effects.solar-flare]\nt_yr = 5.0\ndose_mev_g = 1.0e5\n");
+    for row in data.iter_mut().flat_map(|set| &mut set.rows).filter(|row| (1.9..3.6).contains(&row.at.t_yr)) {
+        row.sigma *= 1e4;
+    }
+    let fit = fitted(&mission, &data, &["effects.solar-flare.t_yr", "effects.solar-flare.dose_mev_g"]);
+    let [moment, dose] = &fit.parameters[..] else { panic!("two parameters") };
+    // Epochs that count: 1.75 and 3.75.
+    assert!((moment.value - 2.75).abs() < 0.01, "{}", moment.value);
+    let uniform = 2.0 / 12.0_f64.sqrt();
+    assert!((moment.sigma.unwrap() - uniform).abs() < 0.05 * uniform, "{:?}", moment.sigma);
+    within(&fit, &[2.6, 1.9e6]);
+    assert!(dose.sigma.unwrap() < 2e5);
+}
+
 #[test]
 fn a_fit_says_what_the_data_do_not_determine() {
     // One epoch: more traps by a factor, or by their densities, are the same.
