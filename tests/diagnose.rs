@@ -161,6 +161,19 @@ fn the_number_of_threads_changes_no_bit() {
     assert_eq!(json(1), json(3));
 }
 
+/// At one temperature other release times are another temperature, by however much the trails change.
+#[test]
+fn what_free_parameters_absorb_is_said_not_to_be_told() {
+    let (mission, data) = read(&practice("slow-trap"), "");
+    let told = |free: &[&str]| {
+        let free = free.iter().map(ToString::to_string).collect();
+        let found = diagnose(&mission, &data, &Options { free, ..options(&mission) }, &SILENT).unwrap();
+        found.tried.iter().find(|tried| tried.effect == "temperature-offset").unwrap().chi2.is_some()
+    };
+    assert!(told(&["detector.traps.Ci.release_ms"]));
+    assert!(!told(&["detector.traps.Ci.release_ms", "detector.traps.VV.release_ms"]));
+}
+
 #[test]
 fn a_hypothesis_of_the_users_competes_on_equal_terms() {
     let (mission, data) = read(&practice("gain-drift"), "");

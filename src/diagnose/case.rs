@@ -6,7 +6,8 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::effect::Reach;
 use crate::error::InputError;
-use crate::fit::{self, Fit};
+use crate::fit::{self, Fit, Fitted};
+use crate::least_squares::Span;
 use crate::measurement::{DataSet, questions};
 use crate::mission::Mission;
 use crate::model::Model;
@@ -161,25 +162,25 @@ impl Node {
         set
     }
 
+    /// The mission with its free parameters where they absorb a change of the predictions to first order; None where that
+    /// makes no sense.
+    pub fn absorbing(&self, change: &DVector<f64>) -> Option<Mission> {
+        // The derivatives are those of (value − model)/sigma.
+        let steps = Span::of(&self.fit.jacobian, FLAT).solve(change);
+        let moved = |(fitted, step): (&Fitted, &f64)| (fitted.key.clone(), (fitted.value + step).into());
+        self.mission().with(&self.fit.parameters.iter().zip(steps.iter()).map(moved).collect::<Vec<_>>()).ok()
+    }
+
     /// What the free parameters cannot absorb.
     pub fn beyond(&self, vector: &DVector<f64>) -> DVector<f64> {
         vector - &self.basis * (self.basis.transpose() * vector)
     }
 }
 
-/// Singular value, over the largest of columns of length 1, below which a direction is none.
-const FLAT: f64 = 1e-5;
+/// Part of a column that others leave, below which it is none.
+pub(super) const FLAT: f64 = 1e-5;
 
 /// Orthonormal directions that columns span.
 pub(super) fn orthonormal(columns: &DMatrix<f64>) -> DMatrix<f64> {
-    let alive: Vec<DVector<f64>> =
-        columns.column_iter().filter(|column| column.norm() > 0.0).map(|column| column / column.norm()).collect();
-    if alive.is_empty() {
-        return DMatrix::zeros(columns.nrows(), 0);
-    }
-    let svd = DMatrix::from_columns(&alive).svd(true, false);
-    let u = svd.u.expect("asked for");
-    let kept: Vec<DVector<f64>> =
-        (0..svd.singular_values.len()).filter(|&i| svd.singular_values[i] > FLAT).map(|i| u.column(i).into()).collect();
-    if kept.is_empty() { DMatrix::zeros(columns.nrows(), 0) } else { DMatrix::from_columns(&kept) }
+    Span::of(columns, FLAT).directions().clone()
 }

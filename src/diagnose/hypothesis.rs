@@ -65,6 +65,9 @@ pub(super) struct Trial {
     strength: Strength,
 }
 
+/// Times as strong as its table that a fit starts from at most.
+pub(super) const FARTHEST: f64 = 30.0;
+
 #[derive(Clone, Copy, PartialEq)]
 enum Strength {
     /// It has nothing to adjust.
@@ -86,6 +89,18 @@ impl Trial {
         }
     }
 
+    /// The same where its strength stays in reach: of an effect that the free parameters absorb but for a little, the
+    /// little fits anything if it is only scaled up far enough.
+    pub fn gain_in_reach(&self, residuals: &DVector<f64>) -> f64 {
+        match self.strength {
+            Strength::Fixed => self.gain(residuals),
+            _ => {
+                let missed = (self.gain(residuals).sqrt() - FARTHEST * self.moved_sigma).max(0.0);
+                self.gain(residuals) - missed * missed
+            }
+        }
+    }
+
     /// How many times as strong as its table it fits residuals best, to first order.
     pub fn strength(&self, residuals: &DVector<f64>) -> f64 {
         (self.basis.transpose() * residuals).norm() / self.moved_sigma
@@ -99,6 +114,10 @@ impl Trial {
 
 /// Share of an effect's signature below which the free parameters are said to absorb it.
 const ABSORBED: f64 = 2e-3;
+
+/// Share below which what they do not absorb may be nothing but their own curvature: they are moved to where they absorb
+/// the signature to first order, and it is computed again.
+const CURVED: f64 = 0.03;
 
 impl Hypothesis {
     /// Whether it can be added to a mission: not if the mission allows for it already.
@@ -165,16 +184,23 @@ impl Hypothesis {
     pub(super) fn trials(&self, place: usize, case: &Case, node: &Node) -> Vec<Trial> {
         let here = case.over_sigma(&node.fit.values);
         let ways = self.ways(node.mission(), &case.reach);
-        let signature = |table: &Table| -> Option<DVector<f64>> {
-            let (mission, _) = effect::add(node.mission(), self.kind, table.clone()).ok()?;
+        let signature = |mission: &Mission, table: &Table| -> Option<DVector<f64>> {
+            let (mission, _) = effect::add(mission, self.kind, table.clone()).ok()?;
             Some(case.predict_sigma(&node.model.like(&mission)).ok()? - &here)
         };
         let trial = |tables: &Vec<Table>| -> Option<Trial> {
-            let signatures = tables.iter().map(signature).collect::<Option<Vec<_>>>()?;
-            let beyond: Vec<DVector<f64>> = signatures
-                .iter()
-                .map(|all| (all, node.beyond(all)))
-                .filter(|(all, beyond)| beyond.norm() > (ABSORBED * all.norm()).max(1e-6))
+            let beyond = |table: &Table| -> Option<(f64, DVector<f64>)> {
+                let all = signature(node.mission(), table)?;
+                let beyond = node.beyond(&all);
+                let curved = || node.absorbing(&all).and_then(|moved| signature(&moved, table));
+                let again = if beyond.norm() < CURVED * all.norm() { curved() } else { None };
+                let again = again.map(|again| node.beyond(&again)).filter(|again| again.norm() < beyond.norm());
+                Some((all.norm(), again.unwrap_or(beyond)))
+            };
+            let all = tables.iter().map(beyond).collect::<Option<Vec<_>>>()?;
+            let beyond: Vec<DVector<f64>> = all
+                .into_iter()
+                .filter(|(all, beyond)| beyond.norm() > (ABSORBED * all).max(1e-6))
                 .map(|(_, beyond)| beyond)
                 .collect();
             let first = beyond.first()?;

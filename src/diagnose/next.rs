@@ -6,11 +6,12 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::case::{Case, Node};
+use super::case::{Case, FLAT, Node};
 use super::rivals::Rival;
 use super::search::Search;
 use crate::conditions::Conditions;
 use crate::error::InputError;
+use crate::least_squares::Span;
 use crate::observable::Observable;
 use crate::predict::{Question, predict};
 
@@ -31,6 +32,9 @@ pub struct Next {
     pub sigma: f64,
 }
 
+/// Possible measurements for which it is computed together what the fits leave open.
+const TOGETHER: usize = 24;
+
 /// The best measurement to tell a model from a rival. None where nothing that can be measured would.
 pub(super) fn best(
     search: &Search,
@@ -50,16 +54,33 @@ pub(super) fn best(
     if questions.is_empty() {
         return Ok(None);
     }
-    let [(one, open_one), (other, open_other)] = [node, rival].map(|node| foretold(node, &questions));
-    let apart = |index: usize| {
-        let sigma = error(search.case, wanted[index].0, one[index]);
-        let open = open_one[index] + open_other[index];
-        let apart = (one[index] - other[index]).abs() / (sigma * sigma + open).sqrt();
-        (if apart.is_finite() { apart } else { 0.0 }, sigma)
+    let [one, other] = [node, rival].map(|node| predict(&node.model, &questions));
+    let sigma = |index: usize| error(search.case, wanted[index].0, one[index]);
+    let apart = |index: usize, open: f64| {
+        let apart = (one[index] - other[index]).abs() / sigma(index).hypot(open.sqrt());
+        if apart.is_finite() { apart } else { 0.0 }
     };
-    let best = (0..wanted.len()).max_by(|a, b| apart(*a).0.total_cmp(&apart(*b).0).then(b.cmp(a))).expect("not empty");
+    // What the fits leave open takes many predictions, and only brings two models nearer: it is left out where they are not
+    // as far apart without it as the best so far with it.
+    let mut order: Vec<usize> = (0..wanted.len()).collect();
+    order.sort_by(|a, b| apart(*b, 0.0).total_cmp(&apart(*a, 0.0)).then(a.cmp(b)));
+    let mut best = (order[0], 0.0);
+    for some in order.chunks(TOGETHER) {
+        if apart(some[0], 0.0) <= best.1 {
+            break;
+        }
+        let asked: Vec<Question> = some.iter().map(|&index| questions[index]).collect();
+        let [open_one, open_other] = [node, rival].map(|node| left_open(node, &asked));
+        for ((&index, one), other) in some.iter().zip(open_one).zip(open_other) {
+            let apart = apart(index, one + other);
+            if apart > best.1 {
+                best = (index, apart);
+            }
+        }
+    }
+    let (best, apart_sigma) = best;
+    let sigma = sigma(best);
     let (observable, at, galaxy) = &wanted[best];
-    let (apart_sigma, sigma) = apart(best);
     let names = uses(*observable);
     let name = |place: usize| search.hypotheses[place].name.clone();
     Ok((apart_sigma > 0.5).then(|| Next {
@@ -181,14 +202,13 @@ fn error(case: &Case, observable: Observable, value: f64) -> f64 {
     sigmas.get(sigmas.len() / 2).copied().unwrap_or((0.01 * value.abs()).max(least))
 }
 
-/// Predictions, and the variance that the fit leaves open in them.
-fn foretold(node: &Node, questions: &[Question]) -> (Vec<f64>, Vec<f64>) {
-    let here = predict(&node.model, questions);
+/// The variance that a fit leaves open in predictions.
+fn left_open(node: &Node, questions: &[Question]) -> Vec<f64> {
     if node.fit.parameters.is_empty() {
-        return (here.clone(), vec![0.0; here.len()]);
+        return vec![0.0; questions.len()];
     }
+    let here = predict(&node.model, questions);
     let keys: Vec<_> = node.fit.parameters.iter().collect();
-    let normal = node.fit.jacobian.transpose() * &node.fit.jacobian;
     let derivatives: Vec<DVector<f64>> = keys
         .par_iter()
         .map(|fitted| {
@@ -203,10 +223,10 @@ fn foretold(node: &Node, questions: &[Question]) -> (Vec<f64>, Vec<f64>) {
             }
         })
         .collect();
-    let covariance = normal.pseudo_inverse(1e-12).unwrap_or_else(|_| nalgebra::DMatrix::zeros(keys.len(), keys.len()));
+    let covariance = Span::of(&node.fit.jacobian, FLAT).covariance();
     let open = (0..here.len()).map(|row| {
         let gradient = DVector::from_iterator(keys.len(), derivatives.iter().map(|derivative| derivative[row]));
         (gradient.transpose() * &covariance * &gradient)[(0, 0)].max(0.0)
     });
-    (here.clone(), open.collect())
+    open.collect()
 }

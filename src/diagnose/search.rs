@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::Progress;
 use super::case::{Added, Case, Node};
 use super::chance::{Noise, Null};
-use super::hypothesis::{Hypothesis, Trial};
+use super::hypothesis::{FARTHEST, Hypothesis, Trial};
 use crate::effect;
 use crate::error::InputError;
 use crate::fit::{self, Problem};
@@ -56,9 +56,9 @@ pub(super) struct Expansion {
 }
 
 impl Expansion {
-    /// How far chi2 falls with an effect, to first order.
+    /// How far chi2 falls with an effect, to first order and within reach of its trials.
     pub fn gain(&self, hypothesis: usize) -> f64 {
-        self.trials[hypothesis].iter().map(|trial| trial.gain(&self.node.residuals)).fold(0.0, f64::max)
+        self.trials[hypothesis].iter().map(|trial| trial.gain_in_reach(&self.node.residuals)).fold(0.0, f64::max)
     }
 
     /// Effects that can be added, those that promise most first.
@@ -167,9 +167,10 @@ impl<'a> Search<'a> {
         self.settled(&*self.node(&sketch, &parent)?)
     }
 
-    /// Every trial of every effect on top of a model.
+    /// Every trial of every effect on top of a model, or of the best fit with the same effects.
     pub fn expand(&self, node: &Arc<Node>) -> Arc<Expansion> {
         let set = node.set();
+        let node = &self.known(&set).filter(|known| known.chi2() <= node.chi2()).unwrap_or_else(|| node.clone());
         let known =
             self.expansions.lock().expect("nobody panics").iter().find(|known| known.node.set() == set).cloned();
         if let Some(expansion) = known.filter(|known| known.node.chi2() == node.chi2()) {
@@ -206,24 +207,27 @@ impl<'a> Search<'a> {
     /// The best rough fit of an effect from its most promising trials.
     fn sketch(&self, node: &Node, trials: &[Trial]) -> Option<Sketch> {
         let mut order: Vec<&Trial> = trials.iter().collect();
-        order.sort_by(|a, b| b.gain(&node.residuals).total_cmp(&a.gain(&node.residuals)));
+        let gain = |trial: &Trial| trial.gain_in_reach(&node.residuals);
+        order.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         let from = |trial: &Trial, strength: f64| {
             let scaled = self.hypotheses[trial.hypothesis].scaled(node.mission(), &trial.table, strength);
             let start = scaled.map_or_else(|| trial.table.clone(), |(table, _)| table);
             self.fit_roughly(node, trial.hypothesis, &start)
                 .or_else(|| self.fit_roughly(node, trial.hypothesis, &trial.table))
         };
-        let first = order.first().map_or(0.0, |trial| trial.gain(&node.residuals));
-        let also = |trial: &&Trial| trial.gain(&node.residuals) >= ALSO * first;
-        let fitted = order.into_iter().filter(also).take(FITTED).filter_map(|trial| {
-            let strength = trial.strength(&node.residuals).clamp(0.1, 30.0);
+        let first = order.first().map_or(0.0, |trial| gain(trial));
+        let also = |trial: &&Trial| gain(trial) >= ALSO * first;
+        let wanted: Vec<&Trial> = order.into_iter().filter(also).take(FITTED).collect();
+        let fitted = wanted.par_iter().map(|trial| {
+            let strength = trial.strength(&node.residuals).clamp(0.1, FARTHEST);
             let sketch = from(trial, strength)?;
             // More effects cannot do worse: the start was too far away.
             let astray = sketch.chi2 > node.chi2() + 1.0;
             let again = astray.then(|| from(trial, 0.05 * strength)).flatten();
             Some(again.filter(|again| again.chi2 < sketch.chi2).unwrap_or(sketch))
         });
-        fitted.min_by(|a, b| a.chi2.total_cmp(&b.chi2))
+        let fitted: Vec<Option<Sketch>> = fitted.collect();
+        fitted.into_iter().flatten().min_by(|a, b| a.chi2.total_cmp(&b.chi2))
     }
 
     fn fit_roughly(&self, node: &Node, place: usize, table: &toml::Table) -> Option<Sketch> {
