@@ -20,6 +20,7 @@
 //! Sources: Rhodes et al. 2010 (PASP 122, 439), section 3; Massey et al. 2010 (MNRAS 401, 371) for the cloud that
 //! captures at once. Holds where one transfer is one step (no clock phases).
 
+mod alike;
 mod cloud;
 mod continuum;
 mod crests;
@@ -39,6 +40,7 @@ pub use cloud::Cloud;
 use ndarray::{Array2, ArrayView1, ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
+use alike::Alike;
 use fast::Workspace;
 use lanes::{LANES, Row};
 use pixel::{Lead, Passage, Pixel};
@@ -308,20 +310,20 @@ fn side_by_side<P: Passage>(
 ) -> Array2<f64> {
     // Rows along the transfers, columns across.
     let image = if across.index() == 1 { image.view() } else { image.t() };
-    let (rows, columns) = image.dim();
-    let lanes = |group: usize| group * LANES..(group * LANES + LANES).min(columns);
-    let lead = |group: usize| Lead { rows: rows_downstream, charge_e: lanes::side_by_side(charge_e, lanes(group)) };
-    let groups = columns.div_ceil(LANES);
+    let alike = Alike::of(image, charge_e);
+    let groups: Vec<&[usize]> = alike.kinds.chunks(LANES).collect();
+    let lead = |group: &[usize]| Lead { rows: rows_downstream, charge_e: lanes::side_by_side(charge_e, group) };
+    let rows = image.nrows();
     // Errors are measured against what happens around the brightest pixel. One group is enough, and costs one pass.
-    let brightest = brightest(image) / LANES;
-    let mut charge_e = Vec::new();
-    lanes::gather(image, lanes(brightest), &mut charge_e);
+    let brightest = groups[brightest(image, &alike.kinds) / LANES];
+    let mut brightest_e = Vec::new();
+    lanes::gather(image, brightest, &mut brightest_e);
     let mut work = Workspace::new(rows);
-    let aim = fast::aim(pixel, &charge_e, &lead(brightest), relative, &mut work);
+    let aim = fast::aim(pixel, &brightest_e, &lead(brightest), relative, &mut work);
 
-    let mut trailed = Array2::zeros((rows, columns));
+    let mut trailed = Array2::zeros((rows, alike.kinds.len()));
     let read = |(charge_e, work): &mut (Vec<Row>, Workspace<P::Levels>), group, mut out: ArrayViewMut2<f64>| {
-        lanes::gather(image, lanes(group), charge_e);
+        lanes::gather(image, group, charge_e);
         fast::columns(pixel, charge_e, &lead(group), aim, work);
         for (mut out, charge_e) in out.rows_mut().into_iter().zip(charge_e) {
             for (out, charge_e) in out.iter_mut().zip(charge_e) {
@@ -330,29 +332,31 @@ fn side_by_side<P: Passage>(
         }
     };
     let parts = trailed.axis_chunks_iter_mut(Axis(1), LANES);
-    if groups <= GROUPS_PER_TASK {
-        let mut buffers = (charge_e, work);
-        parts.into_iter().enumerate().for_each(|(group, out)| read(&mut buffers, group, out));
+    if groups.len() <= GROUPS_PER_TASK {
+        let mut buffers = (brightest_e, work);
+        parts.into_iter().zip(groups).for_each(|(out, group)| read(&mut buffers, group, out));
     } else {
-        parts
+        (parts.into_par_iter(), groups)
             .into_par_iter()
-            .enumerate()
             .with_min_len(GROUPS_PER_TASK)
-            .for_each_init(|| (Vec::new(), Workspace::new(rows)), |buffers, (group, out)| read(buffers, group, out));
+            .for_each_init(|| (Vec::new(), Workspace::new(rows)), |buffers, (out, group)| read(buffers, group, out));
     }
+    let trailed = alike.spread(trailed);
     if across.index() == 1 { trailed } else { trailed.reversed_axes() }
 }
 
-/// Column of the brightest pixel.
-fn brightest(image: ArrayView2<f64>) -> usize {
+/// The column with the brightest pixel, by its place among some.
+fn brightest(image: ArrayView2<f64>, columns: &[usize]) -> usize {
     let mut brightest_e = vec![f64::NEG_INFINITY; image.ncols()];
     for row in image.rows() {
         for (brightest_e, charge_e) in brightest_e.iter_mut().zip(row) {
             *brightest_e = if charge_e > brightest_e { *charge_e } else { *brightest_e };
         }
     }
-    let brighter = |best: usize, column: usize| if brightest_e[column] > brightest_e[best] { column } else { best };
-    (0..brightest_e.len()).fold(0, brighter)
+    let brighter = |best: usize, place: usize| {
+        if brightest_e[columns[place]] > brightest_e[columns[best]] { place } else { best }
+    };
+    (0..columns.len()).fold(0, brighter)
 }
 
 /// Share of the accuracy asked for, of all the charge that the traps of a pixel can hold, that one merger of levels of

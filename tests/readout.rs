@@ -263,6 +263,27 @@ fn serial_is_parallel_with_the_axes_swapped() {
 }
 
 #[test]
+fn columns_that_are_the_same_are_as_one() {
+    let mut random = ChaCha8Rng::seed_from_u64(12);
+    let (traps, cloud) = detector(&mut random);
+    let (rows, kinds) = (40, 21);
+    let mut image = Array2::zeros((rows, kinds));
+    for mut one in image.axis_iter_mut(Axis(1)) {
+        one.assign(&ndarray::Array1::from(column(&mut random, rows, 100.0)));
+    }
+    // Each for the first time in order, then as it comes.
+    let order: Vec<usize> = (0..kinds).flat_map(|kind| [kind, kind * kind % (kind + 1)]).collect();
+    let several = image.select(Axis(1), &order);
+    let downstream = Downstream { rows: 300, charge_e: 100.0 };
+    for method in [Method::Fast { relative: 1e-6 }, Method::Fast { relative: 1e-2 }] {
+        let readout = Readout { traps: traps.clone(), cloud: cloud.clone(), method };
+        let one = readout.parallel(&image, downstream);
+        assert!(one != image);
+        assert_eq!(readout.parallel(&several, downstream), one.select(Axis(1), &order));
+    }
+}
+
+#[test]
 fn columns_after_backgrounds_of_their_own_are_as_if_alone() {
     let mut random = ChaCha8Rng::seed_from_u64(11);
     let (rows, downstream) = (40, 300);

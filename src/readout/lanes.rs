@@ -5,7 +5,7 @@
 //! NEON; chosen when the program runs, by crate `fearless_simd`). No operation is contracted, and columns are grouped in
 //! the same way everywhere, so that the bits are the same on all of them.
 
-use std::ops::{Add, BitAnd, Div, Mul, Range, Sub};
+use std::ops::{Add, BitAnd, Div, Mul, Sub};
 
 use fearless_simd::prelude::*;
 use fearless_simd::{f64x8, mask64x8};
@@ -17,19 +17,21 @@ pub(super) const LANES: usize = 16;
 /// Numbers of one row, one for each of the columns.
 pub(super) type Row = [f64; LANES];
 
-/// Neighbouring columns of an image (`[[row, column]]`, e-), one array for each row; those past the last one repeat it.
-pub(super) fn gather(image: ArrayView2<f64>, columns: Range<usize>, lanes: &mut Vec<Row>) {
+/// Some columns of an image (`[[row, column]]`, e-; at most [`LANES`], rising), one array for each row; the last is repeated.
+pub(super) fn gather(image: ArrayView2<f64>, columns: &[usize], lanes: &mut Vec<Row>) {
+    let (first, last) = (columns[0], columns[columns.len() - 1]);
+    let neighbours = last - first + 1 == LANES && columns.len() == LANES;
     lanes.clear();
     lanes.extend(image.rows().into_iter().map(|row| match row.to_slice() {
-        Some(row) if columns.len() == LANES => row[columns.clone()].try_into().expect("as many as there are lanes"),
-        Some(row) => side_by_side(row, columns.clone()),
-        None => std::array::from_fn(|lane| row[(columns.start + lane).min(columns.end - 1)]),
+        Some(row) if neighbours => row[first..=last].try_into().expect("as many as there are lanes"),
+        Some(row) => side_by_side(row, columns),
+        None => std::array::from_fn(|lane| row[columns[lane.min(columns.len() - 1)]]),
     }));
 }
 
-/// Numbers of neighbouring columns; those past the last one repeat it.
-pub(super) fn side_by_side(numbers: &[f64], columns: Range<usize>) -> Row {
-    std::array::from_fn(|lane| numbers[(columns.start + lane).min(columns.end - 1)])
+/// Numbers of some columns, the last of them repeated.
+pub(super) fn side_by_side(numbers: &[f64], columns: &[usize]) -> Row {
+    std::array::from_fn(|lane| numbers[columns[lane.min(columns.len() - 1)]])
 }
 
 /// The numbers of a row as vectors of the processor. Comparisons with NaN are false.

@@ -1,0 +1,111 @@
+//! Columns that hold the same charges are read out once: flat fields, blocks, and the two halves of a galaxy that is centred
+//! on a pixel.
+
+use ndarray::{Array2, ArrayView2};
+
+/// Rows that are looked at before whole columns are compared: columns of a noisy sky differ there already.
+const LOOKED_AT: usize = 4;
+
+/// The different columns of an image, and which of them each column is.
+pub(super) struct Alike {
+    /// The first of each kind, by their places, rising.
+    pub kinds: Vec<usize>,
+    /// For each column the place of its kind among those.
+    kind: Vec<usize>,
+}
+
+impl Alike {
+    /// The columns of an image (`[[row, column]]`, e-) with what lies downstream of each (e-).
+    pub fn of(image: ArrayView2<f64>, downstream_e: &[f64]) -> Alike {
+        let (rows, columns) = image.dim();
+        let looked_at = (0..LOOKED_AT).map(|n| (2 * n + 1) * rows / (2 * LOOKED_AT));
+        let all: Vec<usize> = (0..columns).collect();
+        let perhaps: Vec<usize> = marked(image, downstream_e, looked_at, &all)
+            .chunk_by(|a, b| a.0 == b.0)
+            .filter(|some| some.len() > 1)
+            .flat_map(|some| some.iter().map(|(_, column)| *column))
+            .collect();
+        // For each column the first that is the same.
+        let mut first = all;
+        for some in marked(image, downstream_e, 0..rows, &perhaps).chunk_by(|a, b| a.0 == b.0) {
+            let (_, one) = some[0];
+            for &(_, column) in &some[1..] {
+                if same(image, downstream_e, one, column) {
+                    first[column] = one;
+                }
+            }
+        }
+        let mut alike = Alike { kinds: Vec::with_capacity(columns), kind: Vec::with_capacity(columns) };
+        for (column, &first) in first.iter().enumerate() {
+            let kind = if first == column { alike.kinds.len() } else { alike.kind[first] };
+            if first == column {
+                alike.kinds.push(column);
+            }
+            alike.kind.push(kind);
+        }
+        alike
+    }
+
+    /// All columns again, from those of each kind.
+    pub fn spread(&self, kinds: Array2<f64>) -> Array2<f64> {
+        if self.kinds.len() == self.kind.len() {
+            return kinds;
+        }
+        let mut all = Vec::with_capacity(kinds.nrows() * self.kind.len());
+        for charge_e in kinds.rows() {
+            all.extend(self.kind.iter().map(|&kind| charge_e[kind]));
+        }
+        Array2::from_shape_vec((kinds.nrows(), self.kind.len()), all).expect("as many as there are pixels")
+    }
+}
+
+/// Some columns, each with a number made from its charges in some rows and from what lies downstream; equal numbers side by side.
+fn marked(
+    image: ArrayView2<f64>,
+    downstream_e: &[f64],
+    rows: impl Iterator<Item = usize>,
+    columns: &[usize],
+) -> Vec<(u64, usize)> {
+    let mut marked: Vec<(u64, usize)> =
+        columns.iter().map(|&column| (downstream_e[column].to_bits(), column)).collect();
+    for row in rows {
+        let charge_e = image.row(row);
+        for (mark, column) in &mut marked {
+            // By any odd number that mixes.
+            *mark = (mark.rotate_left(17) ^ charge_e[*column].to_bits()).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        }
+    }
+    marked.sort_unstable();
+    marked
+}
+
+/// Whether two columns are the same to the bit.
+fn same(image: ArrayView2<f64>, downstream_e: &[f64], one: usize, other: usize) -> bool {
+    let bits = |charge_e: &f64| charge_e.to_bits();
+    bits(&downstream_e[one]) == bits(&downstream_e[other])
+        && image.column(one).iter().map(bits).eq(image.column(other).iter().map(bits))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Axis;
+
+    #[test]
+    fn columns_are_alike_if_every_charge_is_and_what_lies_downstream() {
+        let image = Array2::from_shape_fn((40, 6), |(row, column)| match column {
+            0 | 2 | 5 => row as f64,
+            // Differs where nobody looked at first.
+            3 if row == 39 => -1.0,
+            3 => row as f64,
+            _ => 7.0,
+        });
+        let alike = Alike::of(image.view(), &[0.0, 1.0, 0.0, 0.0, 1.0, 2.0]);
+        assert_eq!((alike.kinds.as_slice(), alike.kind.as_slice()), (&[0, 1, 3, 5][..], &[0, 1, 0, 2, 1, 3][..]));
+        assert_eq!(alike.spread(image.select(Axis(1), &alike.kinds)), image);
+        let different = Array2::from_shape_fn((9, 5), |(row, column)| (row * 5 + column) as f64);
+        let alike = Alike::of(different.view(), &[0.0; 5]);
+        assert_eq!(alike.kinds, [0, 1, 2, 3, 4]);
+        assert_eq!(alike.spread(different.clone()), different);
+    }
+}
