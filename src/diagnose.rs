@@ -233,8 +233,8 @@ impl Diagnosis {
 /// Effects added at most.
 const MOST: usize = 3;
 
-/// Sketches that are fitted in full.
-const POLISHED: usize = LINES + 2;
+/// Share of the fall of chi2 within which two models that fall as far say the same of the data.
+const THE_SAME: f64 = 0.02;
 
 /// Fall of chi2 that any effect reaches by chance.
 const NO_GAIN: f64 = 4.0;
@@ -243,7 +243,7 @@ const NO_GAIN: f64 = 4.0;
 const WORTH_GOING_ON: f64 = 0.5;
 
 /// Share of what chi2 has in excess that an effect must explain to be named although the data remain unexplained.
-const MOST_OF_IT: f64 = 0.8;
+const MOST_OF_IT: f64 = 0.95;
 
 /// False alarm to first order below which an effect is fitted to see.
 const NEAR: f64 = 0.3;
@@ -404,6 +404,7 @@ impl Told<'_> {
             }
             self.sort(&mut nodes);
             nodes.dedup_by(|a, b| a.set() == b.set());
+            self.unlike(&mut nodes);
             let Some(best) = nodes.first() else { break };
             let excess = |node: &Node| (node.chi2() - node.freedom()).max(0.0);
             let helped = excess(best) < WORTH_GOING_ON * excess(&lines[0]);
@@ -428,9 +429,24 @@ impl Told<'_> {
         let sketches = self.search.sketches(&expansion, &wanted);
         let gaining = sketches.iter().filter(|sketch| sketch.chi2 < line.chi2() - NO_GAIN);
         let polish = |sketch: &Sketch| self.search.node(sketch, line);
-        let mut nodes = gaining.take(POLISHED).map(polish).collect::<Result<Vec<_>, _>>()?;
+        let mut nodes = gaining.map(polish).collect::<Result<Vec<_>, _>>()?;
         self.sort(&mut nodes);
         Ok(nodes)
+    }
+
+    /// Leaves out those that say the same of the data as a better one: another name for it is tried in its place in the end
+    /// (`rivals`), and would take the place of other lines here.
+    fn unlike(&self, nodes: &mut Vec<Arc<Node>>) {
+        let mut kept: Vec<Arc<Node>> = Vec::new();
+        for node in nodes.drain(..) {
+            let fall = (self.base.chi2() - node.chi2()).max(0.0);
+            let same =
+                |other: &Arc<Node>| (&node.residuals - &other.residuals).norm_squared() < NO_GAIN.max(THE_SAME * fall);
+            if !kept.iter().any(same) {
+                kept.push(node);
+            }
+        }
+        *nodes = kept;
     }
 
     fn sort(&self, nodes: &mut [Arc<Node>]) {
@@ -488,8 +504,8 @@ impl Told<'_> {
     /// Whether a model also foretells rows that were left out better than without one of its effects.
     fn confirmed(&self, node: &Node, place: usize) -> Result<bool, InputError> {
         let parent = self.without(node, place)?;
-        let held_out = self.groups.and_then(|groups| holdout::compare(groups, &parent, node));
-        Ok(held_out.is_none_or(|(before, after, _)| after < before))
+        let better = |groups| holdout::surprise(groups, node) < holdout::surprise(groups, &parent);
+        Ok(self.groups.is_none_or(better))
     }
 
     /// Adopts a model that explains the data, if noise or a few rows alone did not make it.
@@ -525,7 +541,8 @@ impl Told<'_> {
     fn unexplained(&self, polished: &[Arc<Node>]) -> Result<Found, InputError> {
         let validation = validate(self.base.mission(), self.case().data, self.options.seed)?;
         let leans = validation.leans.iter().any(|lean| lean.false_alarm < LEAN * self.options.level);
-        let white = !leans && Noise::left_at(self.case(), self.base).correlation == 0.0;
+        let off = validation.sets.iter().any(|set| set.bias_alarm(validation.sets.len()) < LEAN * self.options.level);
+        let white = !leans && !off && Noise::left_at(self.case(), self.base).correlation == 0.0;
         if white {
             let best = polished.iter().min_by(|a, b| a.chi2().total_cmp(&b.chi2())).unwrap_or(self.base);
             let reason = audit::sigma_too_small(self.case(), best);

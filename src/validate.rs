@@ -8,6 +8,8 @@ mod words;
 
 use rayon::prelude::*;
 
+use statrs::function::erf::erfc;
+
 use crate::error::InputError;
 use crate::measurement::{DataSet, questions};
 use crate::mission::Mission;
@@ -71,6 +73,12 @@ impl SetResult {
         // A scatter estimated from n rows is good to 1.6/√n (simulated).
         let clearly = 1.0 + 2.0 * 1.6 / (self.data.rows.len() as f64).sqrt();
         if self.scatter_sigma > clearly { self.scatter_sigma } else { 1.0 }
+    }
+
+    /// Chance that noise alone makes a mean residual as large in any of so many trials.
+    pub fn bias_alarm(&self, trials: usize) -> f64 {
+        let errors = self.bias_sigma.abs() * (self.data.rows.len() as f64).sqrt() / self.noise_sigma();
+        trials as f64 * erfc(errors / std::f64::consts::SQRT_2)
     }
 
     /// The name of the file without its folder.

@@ -12,23 +12,25 @@ const FLAT: f64 = 1e-10;
 /// An effect that would describe what residuals lean on. It says nothing of the cause.
 #[derive(Clone, Debug)]
 pub struct Suggestion {
-    /// The condition or covariate.
-    pub name: String,
     /// `[effects.formula]`, ready for a mission or for `--candidates`.
     pub toml: String,
     /// chi2 before, and with it to first order.
     pub chi2: [f64; 2],
 }
 
-/// A parabola in the condition that residuals lean on most, added to the values or multiplied with them, whichever explains
-/// more.
+/// A parabola in the condition that residuals lean on most, or a constant where they lean on none, added to the values or
+/// multiplied with them, whichever explains more. None where they lean on words alone.
 pub(super) fn suggest(validation: &Validation, covariates: &[Leaning]) -> Option<Suggestion> {
     let words = |name: &str| validation.sets.iter().any(|set| set.data.is_words(name));
-    let leaning = covariates.iter().find(|leaning| !words(&leaning.name))?;
-    let name = &leaning.name;
+    let leaning = covariates.iter().find(|leaning| !words(&leaning.name));
+    if leaning.is_none() && !covariates.is_empty() {
+        return None;
+    }
+    let powers = if leaning.is_some() { 3 } else { 1 };
     let (mut residuals, mut at, mut values) = (Vec::new(), Vec::new(), Vec::new());
     for set in &validation.sets {
-        for (row, place) in set.data.against(name).into_iter().enumerate() {
+        let places = leaning.map_or_else(|| vec![0.0; set.data.rows.len()], |leaning| set.data.against(&leaning.name));
+        for (row, place) in places.into_iter().enumerate() {
             let measured = &set.data.rows[row];
             let known = place.is_finite();
             residuals.push((measured.value - set.model[row]) / measured.sigma);
@@ -38,19 +40,22 @@ pub(super) fn suggest(validation: &Validation, covariates: &[Leaning]) -> Option
     }
     let residuals = DVector::from_vec(residuals);
     let explained = |which: usize| {
-        let columns = DMatrix::from_fn(at.len(), 3, |row, power| values[row][which] * at[row].powi(power as i32));
+        let power = |row: usize, power: usize| values[row][which] * at[row].powi(power as i32);
+        let columns = DMatrix::from_fn(at.len(), powers, power);
         let found = Span::of(&columns, FLAT).solve(&residuals);
-        ((&residuals - columns * &found).norm_squared(), [found[0], found[1], found[2]])
+        ((&residuals - columns * &found).norm_squared(), found)
     };
     let (sum, product) = (explained(0), explained(1));
     let before = residuals.norm_squared();
-    let (chi2, [a, b, c], expression) = if product.0 <= sum.0 {
-        (product.0, product.1, format!("value * (1 + a + b * {name} + c * {name}^2)"))
+    let parts = leaning.map_or_else(|| "a".into(), |Leaning { name, .. }| format!("a + b * {name} + c * {name}^2"));
+    let (chi2, found, expression) = if product.0 <= sum.0 {
+        (product.0, product.1, format!("value * (1 + {parts})"))
     } else {
-        (sum.0, sum.1, format!("value + a + b * {name} + c * {name}^2"))
+        (sum.0, sum.1, format!("value + {parts}"))
     };
-    let toml = format!(
-        "[effects.formula]\ntarget = \"value\"\nexpression = \"{expression}\"\na = {a:.6e}\nb = {b:.6e}\nc = {c:.6e}\n"
-    );
-    Some(Suggestion { name: name.clone(), toml, chi2: [before, chi2] })
+    let mut toml = format!("[effects.formula]\ntarget = \"value\"\nexpression = \"{expression}\"\n");
+    for (name, value) in ["a", "b", "c"].iter().zip(found.iter()) {
+        toml += &format!("{name} = {value:.6e}\n");
+    }
+    Some(Suggestion { toml, chi2: [before, chi2] })
 }

@@ -4,13 +4,16 @@
 //! residuals r and the hat matrix H of the fit to all rows (Cook & Weisberg 1982, Residuals and Influence in Regression,
 //! section 3.2). Near its optimum a model is that; a test holds this against fits without the rows.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
 use super::case::{Case, Node};
 use crate::fit::holdout::groups;
 
 /// Eigenvalue of 1 − H_gg below which a group cannot be predicted from the others: a parameter hangs on it alone.
 const UNSEEN: f64 = 1e-3;
+
+/// The same as far as it can be told from 0.
+const NOT_SEEN: f64 = 1e-6;
 
 /// Columns by whose values groups are left out, the first that varies in three or more values; pixels of a trail share their
 /// errors and come last.
@@ -38,12 +41,17 @@ pub(super) fn split(case: &Case) -> Option<(&'static str, Vec<Vec<usize>>)> {
     most.or_else(|| COLUMNS[8..].iter().find_map(split))
 }
 
-/// Residuals of a group's rows if they had been left out; None where the others do not foretell them.
-pub(super) fn left_out(node: &Node, members: &[usize]) -> Option<DVector<f64>> {
+/// 1 − H_gg of a group, and the residuals of its rows.
+fn seen(node: &Node, members: &[usize]) -> (SymmetricEigen<f64, Dyn>, DVector<f64>) {
     let basis = DMatrix::from_fn(members.len(), node.basis.ncols(), |row, column| node.basis[(members[row], column)]);
     let seen = DMatrix::identity(members.len(), members.len()) - &basis * basis.transpose();
     let residuals = DVector::from_iterator(members.len(), members.iter().map(|&row| node.residuals[row]));
-    let eigen = seen.symmetric_eigen();
+    (seen.symmetric_eigen(), residuals)
+}
+
+/// Residuals of a group's rows if they had been left out; None where the others do not foretell them.
+pub(super) fn left_out(node: &Node, members: &[usize]) -> Option<DVector<f64>> {
+    let (eigen, residuals) = seen(node, members);
     if eigen.eigenvalues.iter().any(|value| *value < UNSEEN) {
         return None;
     }
@@ -51,22 +59,33 @@ pub(super) fn left_out(node: &Node, members: &[usize]) -> Option<DVector<f64>> {
     Some(&eigen.eigenvectors * along.component_div(&eigen.eigenvalues))
 }
 
-/// Sum of squares, and rows, of all groups that two models both foretell: for each of the two.
-pub(super) fn compare(groups: &[Vec<usize>], one: &Node, other: &Node) -> Option<(f64, f64, usize)> {
-    let (mut first, mut second, mut rows) = (0.0, 0.0, 0);
-    for members in groups {
-        if let (Some(a), Some(b)) = (left_out(one, members), left_out(other, members)) {
-            first += a.norm_squared();
-            second += b.norm_squared();
-            rows += members.len();
-        }
-    }
-    (rows > 0).then_some((first, second, rows))
+/// How badly a model foretells groups left out: −2 ln of the density that it gives to what was measured, but for a constant.
+///
+/// Without a group its rows are foretold with a covariance of (1 − H_gg)⁻¹. Squares alone would count against an effect that
+/// hangs on one group, and that without it nobody could know how strong it is.
+pub(super) fn surprise(groups: &[Vec<usize>], node: &Node) -> f64 {
+    let of = |members: &Vec<usize>| -> f64 {
+        let (eigen, residuals) = seen(node, members);
+        let along = eigen.eigenvectors.transpose() * residuals;
+        along
+            .iter()
+            .zip(&eigen.eigenvalues)
+            .map(|(along, seen)| along * along / seen.max(NOT_SEEN) - seen.max(NOT_SEEN).ln())
+            .sum()
+    };
+    groups.iter().map(of).sum()
 }
 
 /// rms of (value − model)/sigma over groups left out in turn.
 pub(super) fn rms_sigma(groups: &[Vec<usize>], node: &Node) -> Option<f64> {
-    compare(groups, node, node).map(|(squares, _, rows)| (squares / rows as f64).sqrt())
+    let (mut squares, mut rows) = (0.0, 0);
+    for members in groups {
+        if let Some(residuals) = left_out(node, members) {
+            squares += residuals.norm_squared();
+            rows += members.len();
+        }
+    }
+    (rows > 0).then(|| (squares / rows as f64).sqrt())
 }
 
 #[cfg(test)]

@@ -318,11 +318,13 @@ impl Diagnosis {
 
     fn left_over(&self, out: &mut Parts) {
         out.heading("What the residuals still lean on");
-        let mut leaning = table(&["condition", "false alarm"]);
-        for covariate in &self.covariates {
-            leaning.add_row(vec![covariate.name.clone(), said(covariate.false_alarm)]);
+        if !self.covariates.is_empty() {
+            let mut leaning = table(&["condition", "false alarm"]);
+            for covariate in &self.covariates {
+                leaning.add_row(vec![covariate.name.clone(), said(covariate.false_alarm)]);
+            }
+            out.table(leaning);
         }
-        out.table(leaning);
         for word in &self.after.words {
             out.words(word, 2);
         }

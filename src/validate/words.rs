@@ -1,7 +1,5 @@
 //! Where a model fails, in words.
 
-use statrs::function::erf::erfc;
-
 use super::SetResult;
 use super::lean::Lean;
 use crate::mission::keys::plain;
@@ -20,7 +18,7 @@ pub(super) fn of(sets: &[SetResult], leans: &[Lean]) -> Vec<String> {
         let strongest = leans.iter().find(|lean| lean.set == index && lean.false_alarm < SPOKEN);
         if let Some(lean) = strongest {
             words.push(leaning(set, lean));
-        } else if bias_alarm(set, sets.len() + leans.len()) < SPOKEN {
+        } else if set.bias_alarm(sets.len() + leans.len()) < SPOKEN {
             let residuals = set.residuals();
             let all: Vec<usize> = (0..residuals.len()).collect();
             words.push(format!("{}: {} everywhere alike", set.name(), fault(set, &all)));
@@ -41,12 +39,6 @@ pub(super) fn of(sets: &[SetResult], leans: &[Lean]) -> Vec<String> {
         }
     }
     words
-}
-
-/// Chance that noise alone makes a mean residual as large in any of so many trials.
-fn bias_alarm(set: &SetResult, trials: usize) -> f64 {
-    let errors = set.bias_sigma.abs() * (set.data.rows.len() as f64).sqrt() / set.noise_sigma();
-    trials as f64 * erfc(errors / std::f64::consts::SQRT_2)
 }
 
 /// What is wrong with the model in some rows: `trail too faint`.
