@@ -537,7 +537,7 @@ impl Told<'_> {
     }
 
     /// No combination explains the data: what helps most, if it helps much, and what residuals lean on; or errors that are
-    /// too small, where they lean on nothing.
+    /// too small, where they lean on nothing and are not off in the mean.
     fn unexplained(&self, polished: &[Arc<Node>]) -> Result<Found, InputError> {
         let validation = validate(self.base.mission(), self.case().data, self.options.seed)?;
         let leans = validation.leans.iter().any(|lean| lean.false_alarm < LEAN * self.options.level);

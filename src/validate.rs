@@ -7,7 +7,6 @@ pub mod lean;
 mod words;
 
 use rayon::prelude::*;
-
 use statrs::function::erf::erfc;
 
 use crate::error::InputError;

@@ -92,12 +92,10 @@ impl Trial {
     /// The same where its strength stays in reach: of an effect that the free parameters absorb but for a little, the
     /// little fits anything if it is only scaled up far enough.
     pub fn gain_in_reach(&self, residuals: &DVector<f64>) -> f64 {
+        let gain = self.gain(residuals);
         match self.strength {
-            Strength::Fixed => self.gain(residuals),
-            _ => {
-                let missed = (self.gain(residuals).sqrt() - FARTHEST * self.moved_sigma).max(0.0);
-                self.gain(residuals) - missed * missed
-            }
+            Strength::Fixed => gain,
+            _ => gain - (gain.sqrt() - FARTHEST * self.moved_sigma).max(0.0).powi(2),
         }
     }
 
