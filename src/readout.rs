@@ -361,7 +361,7 @@ fn brightest(image: ArrayView2<f64>, columns: &[usize]) -> usize {
 
 /// Share of the accuracy asked for, of all the charge that the traps of a pixel can hold, that one merger of levels of
 /// slowly capturing traps may misplace: there may be one for every packet and pixel.
-const MERGED: f64 = 1e-5;
+const MERGED: f64 = 1e-3;
 
 /// Groups of columns that one thread takes at a time: a stamp's columns are done sooner than a thread is woken.
 const GROUPS_PER_TASK: usize = 4;

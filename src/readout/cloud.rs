@@ -87,6 +87,15 @@ impl Cloud {
         tiny.below(filled).select(heights.min(one), zero)
     }
 
+    /// Heights in place of charges (e-).
+    pub(super) fn heights_in_place(&self, numbers: &mut [Row]) {
+        dispatch!(Level::new(), simd => {
+            for row in numbers {
+                self.heights(simd, Lanes::load(simd, row)).store(row);
+            }
+        });
+    }
+
     /// Heights in place of charges (e-), one by one; what is below the notch or above the full well may have any.
     // Not part of the caller, whose commonest case must not be burdened with this one.
     #[inline(never)]

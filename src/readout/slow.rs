@@ -127,7 +127,11 @@ impl<const S: usize> SlowPixel<S> {
 
     /// Passes one packet over the levels; its change (e-), and what levels it met as one number.
     pub fn packet(&self, levels: &mut Levels<S>, charge_e: f64, packet: usize) -> (f64, f64) {
-        let height = self.cloud.height(charge_e);
+        self.packet_of(levels, charge_e, self.cloud.height(charge_e), packet)
+    }
+
+    /// The same for a packet whose height is known.
+    fn packet_of(&self, levels: &mut Levels<S>, charge_e: f64, height: f64, packet: usize) -> (f64, f64) {
         self.reach(levels, height, packet);
         let below = levels.inside.iter().rev().nth(1);
         let met = mark(levels.above.last()) + 1e-7 * mark(below);
@@ -296,6 +300,10 @@ impl<const S: usize> Passage for SlowPixel<S> {
         change_e.fill([0.0; LANES]);
         meets.fill([0.0; LANES]);
         let alike = Passage::alike_below(self, downstream);
+        // Kept in the place of what is told last.
+        let heights = drift_e;
+        heights.copy_from_slice(charge_e);
+        self.cloud.heights_in_place(heights);
         for lane in 0..LANES {
             // Lanes without a column of their own repeat the last one.
             if lane > 0 && charge_e.iter().all(|row| row[lane] == row[lane - 1]) {
@@ -309,14 +317,14 @@ impl<const S: usize> Passage for SlowPixel<S> {
                 self.start(nearest, downstream.rows, levels);
                 let first = (nearest - downstream.rows).clamp(0, charge_e.len() as i64) as usize;
                 for row in first..charge_e.len() {
-                    let (change, met) = self.packet(levels, charge_e[row][lane], row + 1);
+                    let (change, met) = self.packet_of(levels, charge_e[row][lane], heights[row][lane], row + 1);
                     change_e[row][lane] += pixels as f64 * change;
                     meets[row][lane] += met;
                 }
                 nearest += pixels;
             }
         }
-        drift_e.copy_from_slice(change_e);
+        heights.copy_from_slice(change_e);
         doubtful_e.fill([0.0; LANES]);
     }
 
