@@ -2,12 +2,13 @@
 //!
 //! Weighted least squares by Levenberg and Marquardt's method (the crate's port of MINPACK), in coordinates in which bounds
 //! are out of reach (see [`parameter`]). Errors are those of the linear theory at the optimum, from derivatives with respect
-//! to the parameters themselves. The moment of an event (a flare, a bakeout) has no derivative: data only tell between which
+//! to the parameters themselves, larger where the model is curved (`sides`). The moment of an event (a flare, a bakeout) has no derivative: data only tell between which
 //! two of their epochs it lies, so that these are tried one after another; what is given is the middle of all that do as well.
 
 mod advice;
 pub mod holdout;
 pub mod parameter;
+pub(crate) mod sides;
 
 use std::cell::RefCell;
 
@@ -63,7 +64,7 @@ pub struct Fitted {
     pub before: f64,
     /// Value at the optimum.
     pub value: f64,
-    /// 1-sigma error; None where the data do not tell.
+    /// 1-sigma error, of the larger side where chi2 is no parabola; None where the data do not tell.
     pub sigma: Option<f64>,
 }
 
@@ -134,7 +135,8 @@ pub fn fit(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Fit, InputError> {
     let model = Model::new(mission);
-    fit_rows(&model, data, keys, options, progress, |_| true)
+    let fit = fit_rows(&model, data, keys, options, progress, |_| true)?;
+    Ok(Fit { parameters: sides::widened(&model.like(&fit.mission), data, &fit)?, ..fit })
 }
 
 /// The same with those rows alone (by their place among all) that are wanted; predictions are made for all of them.
@@ -602,10 +604,33 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Run<'_> {
     }
 
     fn residuals(&self) -> Option<DVector<f64>> {
-        self.residuals.clone().map(DVector::from_vec)
+        let pulls = self.pulls();
+        let residuals = self.residuals.as_ref()?;
+        Some(DVector::from_iterator(residuals.len() + pulls.len(), residuals.iter().copied().chain(pulls)))
     }
 
     fn jacobian(&self) -> Option<DMatrix<f64>> {
+        let (of_data, rows) = (self.jacobian_of_data()?, self.problem.values.len());
+        let mut jacobian = of_data.resize_vertically(rows + self.moving.len(), 0.0);
+        for (column, &index) in self.moving.iter().enumerate() {
+            jacobian[(rows + column, column)] = self.problem.parameters[index].pull();
+        }
+        Some(jacobian)
+    }
+}
+
+impl Run<'_> {
+    /// By how much each parameter is drawn to where it came from.
+    fn pulls(&self) -> Vec<f64> {
+        let pull = |&index: &usize| {
+            let parameter = &self.problem.parameters[index];
+            parameter.pull() * (parameter.inner(self.at[index]) - parameter.inner(parameter.start))
+        };
+        self.moving.iter().map(pull).collect()
+    }
+
+    /// Derivatives of the residuals of the data with respect to the inner coordinates.
+    fn jacobian_of_data(&self) -> Option<DMatrix<f64>> {
         let residuals = DVector::from_vec(self.residuals.clone()?);
         let Some(secant) = &self.secant else { return self.derivatives(&residuals, None) };
         let here = self.inner();
@@ -625,9 +650,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Run<'_> {
         *last = Some(Point { at: here, residuals, jacobian: jacobian.clone() });
         Some(jacobian)
     }
-}
 
-impl Run<'_> {
     /// Derivatives with respect to the inner coordinates, by a step forward where they are not known.
     fn derivatives(&self, centre: &DVector<f64>, known: Option<&DMatrix<f64>>) -> Option<DMatrix<f64>> {
         let (problem, at) = (self.problem, &self.at);

@@ -40,6 +40,13 @@ pub enum Advice {
         /// The bound.
         bound: f64,
     },
+    /// It was not fitted, and others would be different if it were.
+    Assumed {
+        /// The key.
+        key: String,
+        /// What it was taken to be.
+        value: f64,
+    },
 }
 
 impl fmt::Display for Advice {
@@ -61,6 +68,9 @@ impl fmt::Display for Advice {
                 keys[0], keys[1]
             ),
             Advice::AtBound { key, bound } => write!(out, "{key}: at its bound, {}", plain(*bound)),
+            Advice::Assumed { key, value } => {
+                write!(out, "{key}: assumed, not fitted; the values above hold with {}", plain(*value))
+            }
         }
     }
 }

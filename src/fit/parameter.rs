@@ -38,6 +38,13 @@ enum Scale {
     Linear,
 }
 
+/// Where a value that must be above 0 moves nothing any more, a fit would take it to 0 or infinity: so many sigma for a
+/// factor e hold it near to where it came from. That shifts a value known to a factor e by a thousandth of its error.
+const FEATHER: f64 = 0.03;
+
+/// Times the least value that a fit goes to, up to which a value that must be above 0 is at its bound.
+const NEXT_TO_NOTHING: f64 = 1e3;
+
 /// Upper bounds beyond this are no bounds of physics.
 const BOUNDLESS: f64 = 1e3;
 
@@ -98,8 +105,17 @@ impl Parameter {
             Scale::Between => self.low + 0.5 * (self.high - self.low) * (1.0 + inner.sin()),
             Scale::Linear => inner,
         };
-        let least = if self.scale == Scale::Log { 1e-12 * self.high.min(1.0) } else { self.low };
-        value.max(least).min(self.high)
+        value.max(self.least()).min(self.high)
+    }
+
+    /// The least value that a fit goes to: where nothing is not allowed, next to it.
+    fn least(&self) -> f64 {
+        if self.scale == Scale::Log { 1e-12 * self.high.min(1.0) } else { self.low }
+    }
+
+    /// Sigma, for each unit of the inner coordinate, by which it is drawn to where it came from.
+    pub fn pull(&self) -> f64 {
+        if self.scale == Scale::Log { FEATHER } else { 0.0 }
     }
 
     /// A step of the inner coordinate for derivatives: a thousandth of an ordinary change.
@@ -144,7 +160,9 @@ impl Parameter {
     /// Whether a value is at a bound, to a share of an ordinary change.
     pub fn at_bound(&self, value: f64) -> Option<f64> {
         let near = 1e-3 * self.size();
-        if value - self.low < near && self.low.is_finite() {
+        let low =
+            if self.scale == Scale::Log { value < NEXT_TO_NOTHING * self.least() } else { value - self.low < near };
+        if low && self.low.is_finite() {
             Some(self.low)
         } else if self.high - value < near.min(1e-3 * self.high.abs()) {
             Some(self.high)

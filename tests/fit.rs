@@ -1,0 +1,76 @@
+//! What a fit says of values that the data hardly know.
+
+use std::path::Path;
+
+use ctiplan::fit::{Fit, Options, fit};
+use ctiplan::measurement::{DataSet, questions};
+use ctiplan::mission::Mission;
+use ctiplan::model::Model;
+use ctiplan::predict::predict;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+const RELEASE: &str = "detector.traps.VV.release_ms";
+
+/// A laboratory's trails and packets at 25 ms a line, as a model with another release time of the second species makes them,
+/// with noise.
+fn measured(release_ms: f64, seed: u64) -> (Mission, Vec<DataSet>) {
+    let folder = Path::new("tests/practice/slow-trap");
+    let mission = Mission::read(folder.join("mission.toml")).unwrap();
+    let mut data = ["trails", "packets"]
+        .map(|name| DataSet::read(folder.join(format!("{name}.ecsv")), &mission).unwrap())
+        .to_vec();
+    let truth = mission.with(&[(RELEASE.into(), release_ms.into())]).unwrap();
+    let values = predict(&Model::new(&truth), &questions(&data));
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    for (row, value) in data.iter_mut().flat_map(|set| &mut set.rows).zip(values) {
+        let noise: f64 = StandardNormal.sample(&mut random);
+        row.value = value + noise * row.sigma;
+    }
+    (mission, data)
+}
+
+fn fitted(mission: &Mission, data: &[DataSet], keys: &[&str]) -> Fit {
+    let keys: Vec<String> = keys.iter().map(ToString::to_string).collect();
+    fit(mission, data, &keys, &Options::default(), &|_| {}).unwrap()
+}
+
+/// Of traps that have let go of everything before the next pixel comes, the data only say that they are fast: the value stays
+/// where that begins, and its error says that nothing is known.
+#[test]
+fn a_value_that_moves_nothing_does_not_run_away() {
+    for seed in 1..5 {
+        let (mission, data) = measured(0.5, seed);
+        let found = fitted(&mission, &data, &[RELEASE]);
+        let release = &found.parameters[0];
+        assert!(release.value > 0.05 && release.value < 5.0, "seed {seed}: {release:?}");
+        assert!(release.sigma.is_none_or(|sigma| sigma > 0.3 * release.value), "seed {seed}: {release:?}");
+        let (truth, _) = measured(0.5, seed);
+        let best = truth.with(&[(RELEASE.into(), 0.5.into())]).unwrap();
+        let chi2 = fitted(&best, &data, &[]).chi2;
+        assert!(found.chi2 < chi2 + 0.1, "seed {seed}: {} {chi2}", found.chi2);
+    }
+}
+
+/// An error is as far as chi2 rises by 1, the other parameter following, to that side where it is farther.
+#[test]
+fn an_error_reaches_to_where_chi2_rises_by_one() {
+    let density = "detector.traps.VV.density_per_px";
+    let mut curved = 0;
+    for (release_ms, seed) in [(5.0, 1), (5.0, 2), (12.15, 1)] {
+        let (mission, data) = measured(release_ms, seed);
+        let found = fitted(&mission, &data, &[density, RELEASE]);
+        let sigma = found.parameters[1].sigma.unwrap();
+        let rise = |side: f64| {
+            let held = found.parameters[1].value + side * sigma;
+            let there = found.mission.with(&[(RELEASE.into(), held.max(1e-3).into())]).unwrap();
+            fitted(&there, &data, &[density]).chi2 - found.chi2
+        };
+        let rises = [rise(-1.0), rise(1.0)];
+        let least = rises[0].min(rises[1]);
+        assert!((0.75..1.1).contains(&least), "{release_ms} ms, seed {seed}: {rises:?}");
+        curved += usize::from(rises[0].max(rises[1]) > 1.5);
+    }
+    assert!(curved > 0, "none of these is curved");
+}
