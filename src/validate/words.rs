@@ -109,7 +109,10 @@ fn place(lean: &Lean, bins: &[usize]) -> String {
     match (first_bin, last_bin) {
         (first, end) if end == last && first > 0 => format!("from {name} {} on", number(lean.bins[first].low)),
         (0, end) => format!("up to {name} {}", number(lean.bins[end].high)),
-        (first, end) => format!("between {name} {} and {}", number(lean.bins[first].low), number(lean.bins[end].high)),
+        (first, end) => match (lean.bins[first].low, lean.bins[end].high) {
+            (low, high) if low == high => format!("at {name} {}", number(low)),
+            (low, high) => format!("between {name} {} and {}", number(low), number(high)),
+        },
     }
 }
 
