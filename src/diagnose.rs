@@ -16,25 +16,31 @@ pub mod hypothesis;
 mod limits;
 pub mod next;
 mod numerics;
+mod pairs;
 mod rivals;
 mod search;
 
 use std::sync::Arc;
 
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+use crate::effect;
 use crate::error::InputError;
 use crate::evaluate::{self, evaluate};
-use crate::fit::{self, Fitted, Problem};
+use crate::fit::{self, Advice, Fitted, Problem};
 use crate::measurement::DataSet;
 use crate::mission::Mission;
 use crate::model::Model;
 use crate::observable::Observable;
 use crate::validate::{Validation, validate};
-use case::{Case, Node};
+use case::{Added, Case, Node};
 use chance::Noise;
 pub use formula::Suggestion;
 pub use hypothesis::Hypothesis;
 pub use limits::Limit;
 pub use next::Next;
+use pairs::Pair;
 use search::{BREADTH, LINES, Search, Sketch};
 
 /// How to search.
@@ -188,6 +194,8 @@ pub struct Diagnosis {
     pub before: Validation,
     /// The improved mission against the data.
     pub after: Validation,
+    /// What the data do not determine of the values of the improved mission.
+    pub advice: Vec<Advice>,
 }
 
 impl Diagnosis {
@@ -241,6 +249,9 @@ const NO_GAIN: f64 = 4.0;
 
 /// Share of the excess of chi2 that may be left after another effect, for one more to be tried.
 const WORTH_GOING_ON: f64 = 0.5;
+
+/// By how much less chi2 and parameters must come to with rows left out than with an effect more, for the rows to be to blame.
+const MUCH_SIMPLER: f64 = 15.0;
 
 /// Share of what chi2 has in excess that an effect must explain to be named although the data remain unexplained.
 const MOST_OF_IT: f64 = 0.95;
@@ -388,8 +399,18 @@ impl Told<'_> {
             found.limits = limits::all(self.search, self.base, self.options.level)?;
             return Ok(found);
         }
+        let mut tried = vec![self.base.clone()];
+        let found = self.lines(&mut tried)?;
+        if let Some(reason) = self.odd_rows(found.as_ref(), &tried) {
+            return Ok(Found::of(Verdict::Unfit, reason, vec![self.base.clone()]));
+        }
+        found.map_or_else(|| self.unexplained(&tried), Ok)
+    }
+
+    /// One effect more at a time on top of the best few models, from the base on, until one is adopted. All models are kept.
+    fn lines(&self, tried: &mut Vec<Arc<Node>>) -> Result<Option<Found>, InputError> {
+        let hypotheses = self.search.hypotheses.len() as u64;
         let mut lines = vec![self.base.clone()];
-        let mut polished: Vec<Arc<Node>> = Vec::new();
         for depth in 1..=MOST {
             let mut nodes: Vec<Arc<Node>> = Vec::new();
             for line in &lines {
@@ -398,9 +419,16 @@ impl Told<'_> {
                 }
                 let further = self.further(line, if depth == 1 { usize::MAX } else { BREADTH })?;
                 if let Some(found) = self.success(&further)? {
-                    return Ok(found);
+                    return Ok(Some(found));
                 }
                 nodes.extend(further);
+            }
+            if depth == 2 {
+                let pairs = self.pairs(&lines, &nodes)?;
+                if let Some(found) = self.success(&pairs)? {
+                    return Ok(Some(found));
+                }
+                nodes.extend(pairs);
             }
             self.sort(&mut nodes);
             nodes.dedup_by(|a, b| a.set() == b.set());
@@ -408,7 +436,7 @@ impl Told<'_> {
             let Some(best) = nodes.first() else { break };
             let excess = |node: &Node| (node.chi2() - node.freedom()).max(0.0);
             let helped = excess(best) < WORTH_GOING_ON * excess(&lines[0]);
-            polished.extend(nodes.iter().cloned());
+            tried.extend(nodes.iter().cloned());
             // Two effects can be needed where one is of little use; three are not looked for where the second was.
             if depth > 1 && !helped {
                 break;
@@ -416,7 +444,18 @@ impl Told<'_> {
             nodes.truncate(LINES);
             lines = nodes;
         }
-        self.unexplained(&polished)
+        Ok(None)
+    }
+
+    /// Rows that are wrong, where that asks for less than the effects that were found: a row left out counts as a parameter.
+    fn odd_rows(&self, found: Option<&Found>, tried: &[Arc<Node>]) -> Option<String> {
+        let adopted = found.and_then(|found| found.ladder.last());
+        let simpler = tried.iter().filter(|node| adopted.is_none_or(|adopted| node.added.len() < adopted.added.len()));
+        let odd =
+            simpler.filter_map(|node| audit::odd_rows(self.case(), node).map(|odd| (self.score(node) - odd.fall, odd)));
+        let (score, odd) = odd.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let clear = adopted.is_none_or(|adopted| score + MUCH_SIMPLER < self.score(adopted));
+        clear.then_some(odd.said)
     }
 
     /// The best models with one effect more, in full.
@@ -430,6 +469,29 @@ impl Told<'_> {
         let gaining = sketches.iter().filter(|sketch| sketch.chi2 < line.chi2() - NO_GAIN);
         let polish = |sketch: &Sketch| self.search.node(sketch, line);
         let mut nodes = gaining.map(polish).collect::<Result<Vec<_>, _>>()?;
+        self.sort(&mut nodes);
+        Ok(nodes)
+    }
+
+    /// The best models with two effects more than the base of which neither is among the lines that were carried on, in full;
+    /// without those that leave the same residuals, to first order, as a model that was tried.
+    fn pairs(&self, lines: &[Arc<Node>], tried: &[Arc<Node>]) -> Result<Vec<Arc<Node>>, InputError> {
+        let expansion = self.search.expand(self.base);
+        let carried_on: Vec<usize> = lines.iter().flat_map(|line| line.set()).collect();
+        let mut known: Vec<DVector<f64>> = tried.iter().map(|node| node.residuals.clone()).collect();
+        let mut wanted = pairs::promising(&expansion, self.search.hypotheses, |place| !carried_on.contains(&place));
+        wanted.retain(|pair| {
+            let new = known.iter().all(|known| (known - &pair.left).norm_squared() > NO_GAIN.max(THE_SAME * pair.gain));
+            if new {
+                known.push(pair.left.clone());
+            }
+            new
+        });
+        wanted.truncate(BREADTH);
+        let sketch = |pair: &Pair| self.search.sketch_of(self.base, &pair.trials);
+        let sketches: Vec<Sketch> = wanted.par_iter().filter_map(sketch).collect();
+        let polish = |sketch: &Sketch| self.search.node(sketch, self.base);
+        let mut nodes = sketches.iter().map(polish).collect::<Result<Vec<_>, _>>()?;
         self.sort(&mut nodes);
         Ok(nodes)
     }
@@ -538,20 +600,20 @@ impl Told<'_> {
 
     /// No combination explains the data: what helps most, if it helps much, and what residuals lean on; or errors that are
     /// too small, where they lean on nothing and are not off in the mean.
-    fn unexplained(&self, polished: &[Arc<Node>]) -> Result<Found, InputError> {
+    fn unexplained(&self, tried: &[Arc<Node>]) -> Result<Found, InputError> {
         let validation = validate(self.base.mission(), self.case().data, self.options.seed)?;
         let leans = validation.leans.iter().any(|lean| lean.false_alarm < LEAN * self.options.level);
         let off = validation.sets.iter().any(|set| set.bias_alarm(validation.sets.len()) < LEAN * self.options.level);
         let white = !leans && !off && Noise::left_at(self.case(), self.base).correlation == 0.0;
         if white {
-            let best = polished.iter().min_by(|a, b| a.chi2().total_cmp(&b.chi2())).unwrap_or(self.base);
+            let best = tried.iter().min_by(|a, b| a.chi2().total_cmp(&b.chi2())).unwrap_or(self.base);
             let reason = audit::sigma_too_small(self.case(), best);
             return Ok(Found::of(Verdict::Unfit, reason, vec![self.base.clone()]));
         }
         let mut ladder = vec![self.base.clone()];
         loop {
             let here = ladder.last().expect("the base").clone();
-            let further = polished.iter().filter(|node| {
+            let further = tried.iter().filter(|node| {
                 node.added.len() == here.added.len() + 1 && here.set().iter().all(|place| node.set().contains(place))
             });
             let Some(next) = further.min_by(|a, b| self.score(a).total_cmp(&self.score(b))) else { break };
@@ -599,6 +661,7 @@ impl Told<'_> {
                 }
             })
             .collect();
+        let values = fit::sides::widened(&node.model, self.case().data, &node.fit)?;
         let mut steps = Vec::new();
         let mut told: Vec<usize> = Vec::new();
         for (index, pair) in ladder.windows(2).enumerate() {
@@ -608,7 +671,7 @@ impl Told<'_> {
             let place = (0..node.added.len()).find(here).expect("it was added");
             told.push(place);
             let added = &node.added[place];
-            let parameters = node.fit.parameters.iter().filter(|fitted| added.free.contains(&fitted.key)).cloned();
+            let parameters = values.iter().filter(|fitted| added.free.contains(&fitted.key)).cloned();
             steps.push(Step {
                 effect: self.name(hypothesis),
                 parameters: parameters.collect(),
@@ -628,7 +691,7 @@ impl Told<'_> {
             }
             suggestion = formula::suggest(&after, &covariates);
         }
-        let parameters = node.fit.parameters.iter().filter(|fitted| self.search.base.contains(&fitted.key)).cloned();
+        let parameters = values.iter().filter(|fitted| self.search.base.contains(&fitted.key)).cloned();
         Ok(Diagnosis {
             mission: mission.clone(),
             improved,
@@ -648,7 +711,18 @@ impl Told<'_> {
             notes,
             before,
             after,
+            advice: node.fit.advice.iter().cloned().chain(self.assumed(node)).collect(),
         })
+    }
+
+    /// Numbers of the effects that were added which were not fitted.
+    fn assumed(&self, node: &Node) -> Vec<Advice> {
+        let of = |added: &Added| {
+            let table = effect::table(node.mission(), &added.key)?;
+            Some(self.search.hypotheses[added.hypothesis].assumed(&added.key, table, &self.case().reach))
+        };
+        let assumed = node.added.iter().filter_map(of).flatten();
+        assumed.map(|(key, value)| Advice::Assumed { key, value }).collect()
     }
 
     /// chi2 of every effect alone.

@@ -251,6 +251,14 @@ fn tables<'a>(mission: &'a Mission, kind: &str) -> Vec<&'a toml::Table> {
     }
 }
 
+/// The table of a dotted key as [`add`] gives it.
+pub(crate) fn table<'a>(mission: &'a Mission, key: &str) -> Option<&'a toml::Table> {
+    let mut parts = key.split('.').skip(1);
+    let kind = parts.next()?;
+    let place = parts.next().map_or(Some(1), |number| number.parse::<usize>().ok())?;
+    tables(mission, kind).into_iter().nth(place.checked_sub(1)?)
+}
+
 /// A mission with one more effect, and the dotted key of the new table, such as `effects.notch` or `effects.bakeout.2`.
 ///
 /// # Errors

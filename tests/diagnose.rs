@@ -211,6 +211,26 @@ fn a_pair_that_hangs_on_two_epochs_of_trails_is_found() {
     );
 }
 
+/// Two effects together would come nearer to one wrong row than none, but the row asks for less; whether the model lacks
+/// something besides or not.
+#[test]
+fn a_row_that_is_wrong_is_named() {
+    let folder = practice("slow-trap-and-annealing");
+    for (missing, with) in
+        [("", "off the model, which"), ("[effects.annealing]\ntime_yr = 6.0\n", "with annealing, which")]
+    {
+        let (mission, mut data) = read(&folder, "");
+        let (truth, _) = read(&folder, missing);
+        remade(&mut data, &truth, 5);
+        let row = data[0].rows.len() - 3;
+        data[0].rows[row].value += 14.0 * data[0].rows[row].sigma;
+        let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
+        assert_eq!((found.verdict, found.steps.len()), (Verdict::Unfit, 0), "{}", found.reason);
+        let line = format!("line {} of ", data[0].table.lines[row]);
+        assert!(found.reason.starts_with(&line) && found.reason.contains(with), "{}", found.reason);
+    }
+}
+
 /// A pedestal is no noise: the errors are not to blame.
 #[test]
 fn a_constant_offset_is_unexplained_and_told_as_a_formula() {

@@ -60,9 +60,14 @@ pub fn is_right(truth: &Value, found: &Diagnosis) -> bool {
 /// Parameters whose true value is known: how many are within three errors, and how many there are.
 pub fn pulls(truth: &Value, found: &Diagnosis) -> (usize, usize) {
     let (mut near, mut all) = (0, 0);
-    for fitted in found.steps.iter().flat_map(|step| &step.parameters) {
-        let name = fitted.key.rsplit('.').next().unwrap();
-        if let (Some(value), Some(sigma)) = (truth["parameters"][name].as_f64(), fitted.sigma) {
+    let fitted = || found.steps.iter().flat_map(|step| &step.parameters);
+    let names: Vec<&str> = fitted().map(|fitted| fitted.key.rsplit('.').next().unwrap()).collect();
+    for (fitted, name) in fitted().zip(&names) {
+        // Of a name that two effects have, the truth does not say whose value it is.
+        if names.iter().filter(|other| *other == name).count() > 1 {
+            continue;
+        }
+        if let (Some(value), Some(sigma)) = (truth["parameters"][*name].as_f64(), fitted.sigma) {
             all += 1;
             near += usize::from((fitted.value - value).abs() < 3.0 * sigma);
         }

@@ -7,6 +7,7 @@
 use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Gamma};
 
 use super::case::{Case, Node};
+use super::holdout;
 use crate::mission::keys::plain;
 use crate::validate::along_neighbours;
 
@@ -22,6 +23,10 @@ const FAR_TOO_LARGE: f64 = 0.5;
 /// Degrees of freedom that a row is worth in the mean square of second differences, which share rows: normal noise has
 /// 2 (1 + 2 (4/6)² + 2 (1/6)²)/n for the relative variance of it.
 const WORTH: f64 = 1.0 / (1.0 + 2.0 * (16.0 + 1.0) / 36.0);
+
+/// Sigma from which on a row is far off, and of how many rows one may be: of fewer, one may be all that shows an effect.
+const ODD_SIGMA: f64 = 5.0;
+const ONE_IN: usize = 50;
 
 /// Why the data cannot carry a verdict, as a sentence; None where they can.
 pub(super) fn refusal(case: &Case, free: usize) -> Option<String> {
@@ -172,6 +177,43 @@ pub(super) fn sigma_too_large(case: &Case, node: &Node) -> Option<String> {
 fn roughness(residuals: &[f64]) -> f64 {
     let squares = residuals.windows(3).map(|three| (three[0] - 2.0 * three[1] + three[2]).powi(2) / 6.0);
     squares.sum::<f64>() / (residuals.len() - 2) as f64
+}
+
+/// Rows that are far from a model which explains all others.
+pub(super) struct Odd {
+    /// By how much chi2 falls without them, each counted as a parameter.
+    pub fall: f64,
+    /// In a sentence.
+    pub said: String,
+}
+
+/// A few rows, each far from a model that explains all others; None where more is wrong than that, or nothing.
+pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
+    let left_out = |rows: &[usize]| holdout::left_out(node, rows);
+    let alone = |row: usize| left_out(&[row]).map_or(0.0, |off| off[0] * node.residuals[row]);
+    let mut order: Vec<(usize, f64)> = (0..case.n()).map(|row| (row, alone(row))).collect();
+    order.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let most = case.n() / ONE_IN;
+    let clear = order.iter().take(most).take_while(|(_, fall)| *fall > ODD_SIGMA * ODD_SIGMA);
+    let clear: Vec<usize> = clear.map(|(row, _)| *row).collect();
+    let explained = |rows: &[usize]| {
+        let off = left_out(rows)?;
+        let fall: f64 = rows.iter().zip(off.iter()).map(|(&row, off)| node.residuals[row] * off).sum();
+        let freedom = node.freedom() - rows.len() as f64;
+        (node.chi2() - fall < freedom + 3.0 * (2.0 * freedom).sqrt()).then_some((fall, off))
+    };
+    let least = (1..=clear.len()).find_map(|count| explained(&clear[..count]).map(|found| (&clear[..count], found)));
+    let (rows, (fall, off)) = least?;
+    let each: Vec<String> =
+        rows.iter().zip(off.iter()).map(|(&row, off)| format!("{} ({off:+.1} sigma)", said(case, row))).collect();
+    let with: Vec<&str> = node.added.iter().filter_map(|added| added.key.split('.').nth(1)).collect();
+    let with = if with.is_empty() { String::new() } else { format!(" with {}", with.join(" and ")) };
+    let (lies, it) = if rows.len() == 1 { ("lies", "it") } else { ("lie", "them") };
+    let said = format!(
+        "{} {lies} off the model{with}, which explains all other rows: correct {it}, or leave {it} out",
+        each.join(" and ")
+    );
+    Some(Odd { fall: fall - 2.0 * rows.len() as f64, said })
 }
 
 /// Errors that are smaller than a scatter which leans on nothing.

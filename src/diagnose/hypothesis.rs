@@ -1,6 +1,6 @@
 //! What might be missing: the catalogue, and the user's own formulas.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, DVectorView};
 use rayon::prelude::*;
 use toml::{Table, Value};
 
@@ -104,6 +104,18 @@ impl Trial {
         (self.basis.transpose() * residuals).norm() / self.moved_sigma
     }
 
+    /// How many times as strong as its table it is where it moves the predictions so far along each of its directions; below
+    /// zero where its strength cannot be.
+    pub fn strength_along(&self, along: DVectorView<f64>) -> f64 {
+        let sign = if self.strength == Strength::Positive { along[0].signum() } else { 1.0 };
+        sign * along.norm() / self.moved_sigma
+    }
+
+    /// How it moves the predictions where it has nothing to adjust.
+    pub fn fixed(&self) -> Option<DVector<f64>> {
+        (self.strength == Strength::Fixed).then(|| self.basis.column(0) * self.moved_sigma)
+    }
+
     /// Ways in which its strength alone can move the predictions.
     pub fn dimensions(&self) -> usize {
         self.basis.ncols()
@@ -130,22 +142,22 @@ impl Hypothesis {
 
     /// Parameters of a table of this effect that are to be fitted, as dotted keys below that of the table.
     pub fn free(&self, key: &str, table: &Table, reach: &Reach) -> Vec<String> {
-        let held = effect::find(self.kind).map_or(&[] as &[&str], |entry| (entry.held)(reach));
-        let held = if self.own.is_some() { &[] } else { held };
-        let mut keys = Vec::new();
-        for (name, value) in table {
-            match value {
-                Value::Float(_) if !held.contains(&name.as_str()) => keys.push(format!("{key}.{name}")),
-                Value::Array(members) => {
-                    for member in members.iter().filter_map(Value::as_table) {
-                        let called = member.get("name").and_then(Value::as_str).unwrap_or_default();
-                        keys.extend(self.free(&format!("{key}.{name}.{called}"), member, reach));
-                    }
-                }
-                _ => {}
-            }
-        }
-        keys
+        let fitted = |number: &Number| number.value.is_float() && !self.is_held(number.name, reach);
+        numbers(key, table).into_iter().filter(fitted).map(|number| number.key).collect()
+    }
+
+    /// Those that are not, and what they are held at.
+    pub fn assumed(&self, key: &str, table: &Table, reach: &Reach) -> Vec<(String, f64)> {
+        let held = |number: &Number| number.value.is_integer() || self.is_held(number.name, reach);
+        let value = |number: Number| {
+            let value = number.value.as_float().or(number.value.as_integer().map(|value| value as f64));
+            value.map(|value| (number.key, value))
+        };
+        numbers(key, table).into_iter().filter(held).filter_map(value).collect()
+    }
+
+    fn is_held(&self, name: &str, reach: &Reach) -> bool {
+        self.own.is_none() && effect::find(self.kind).is_some_and(|entry| (entry.held)(reach).contains(&name))
     }
 
     /// Ways in which it could be there, as tables whose signatures add up.
@@ -218,6 +230,31 @@ impl Hypothesis {
         };
         ways.par_iter().filter_map(trial).collect()
     }
+}
+
+/// A number of an effect's table.
+struct Number<'a> {
+    key: String,
+    name: &'a str,
+    value: &'a Value,
+}
+
+/// All numbers of a table, with dotted keys below that of the table; those of species by the species' names.
+fn numbers<'a>(key: &str, table: &'a Table) -> Vec<Number<'a>> {
+    let mut all = Vec::new();
+    for (name, value) in table {
+        match value {
+            Value::Float(_) | Value::Integer(_) => all.push(Number { key: format!("{key}.{name}"), name, value }),
+            Value::Array(members) => {
+                for member in members.iter().filter_map(Value::as_table) {
+                    let called = member.get("name").and_then(Value::as_str).unwrap_or_default();
+                    all.extend(numbers(&format!("{key}.{name}.{called}"), member));
+                }
+            }
+            _ => {}
+        }
+    }
+    all
 }
 
 fn scaled(table: &Table, nothing: &Table, factor: f64) -> (Table, Vec<String>) {

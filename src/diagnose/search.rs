@@ -209,29 +209,41 @@ impl<'a> Search<'a> {
         let mut order: Vec<&Trial> = trials.iter().collect();
         let gain = |trial: &Trial| trial.gain_in_reach(&node.residuals);
         order.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
-        let from = |trial: &Trial, strength: f64| {
-            let scaled = self.hypotheses[trial.hypothesis].scaled(node.mission(), &trial.table, strength);
-            let start = scaled.map_or_else(|| trial.table.clone(), |(table, _)| table);
-            self.fit_roughly(node, trial.hypothesis, &start)
-                .or_else(|| self.fit_roughly(node, trial.hypothesis, &trial.table))
-        };
         let first = order.first().map_or(0.0, |trial| gain(trial));
         let also = |trial: &&Trial| gain(trial) >= ALSO * first;
         let wanted: Vec<&Trial> = order.into_iter().filter(also).take(FITTED).collect();
         let fitted = wanted.par_iter().map(|trial| {
             let strength = trial.strength(&node.residuals).clamp(0.1, FARTHEST);
-            let sketch = from(trial, strength)?;
-            // More effects cannot do worse: the start was too far away.
-            let astray = sketch.chi2 > node.chi2() + 1.0;
-            let again = astray.then(|| from(trial, 0.05 * strength)).flatten();
-            Some(again.filter(|again| again.chi2 < sketch.chi2).unwrap_or(sketch))
+            self.sketch_of(node, &[(trial, strength)])
         });
         let fitted: Vec<Option<Sketch>> = fitted.collect();
         fitted.into_iter().flatten().min_by(|a, b| a.chi2.total_cmp(&b.chi2))
     }
 
-    fn fit_roughly(&self, node: &Node, place: usize, table: &toml::Table) -> Option<Sketch> {
-        let (mission, added) = self.add(node, place, table)?;
+    /// The rough fit of some trials together, each from so many times as strong as its table.
+    pub fn sketch_of(&self, node: &Node, trials: &[(&Trial, f64)]) -> Option<Sketch> {
+        let from = |share: f64| {
+            let scaled = |(trial, strength): &(&Trial, f64)| {
+                let hypothesis = &self.hypotheses[trial.hypothesis];
+                let scaled = hypothesis.scaled(node.mission(), &trial.table, share * strength);
+                (trial.hypothesis, scaled.map_or_else(|| trial.table.clone(), |(table, _)| table))
+            };
+            let as_given = |(trial, _): &(&Trial, f64)| (trial.hypothesis, trial.table.clone());
+            self.fit_roughly(node, trials.iter().map(scaled))
+                .or_else(|| self.fit_roughly(node, trials.iter().map(as_given)))
+        };
+        let sketch = from(1.0)?;
+        // More effects cannot do worse: the start was too far away.
+        let astray = sketch.chi2 > node.chi2() + 1.0;
+        let again = astray.then(|| from(0.05)).flatten();
+        Some(again.filter(|again| again.chi2 < sketch.chi2).unwrap_or(sketch))
+    }
+
+    fn fit_roughly(&self, node: &Node, tables: impl Iterator<Item = (usize, toml::Table)>) -> Option<Sketch> {
+        let (mut mission, mut added) = (node.mission().clone(), node.added.clone());
+        for (place, table) in tables {
+            mission = self.add(&mission, &mut added, place, &table)?;
+        }
         let keys: Vec<String> = self.base.iter().chain(added.iter().flat_map(|added| &added.free)).cloned().collect();
         let model = node.model.like(&mission);
         let problem = Problem::new(&model, self.case.data, &keys, &|_| (), |_| true).ok()?;
@@ -239,11 +251,10 @@ impl<'a> Search<'a> {
         chi2.is_finite().then_some(Sketch { added, mission, chi2 })
     }
 
-    /// A model's mission with one more effect. Keys of an effect that gets company of its kind get numbers.
-    fn add(&self, node: &Node, place: usize, table: &toml::Table) -> Option<(Mission, Vec<Added>)> {
+    /// A mission with one more effect. Keys of an effect that gets company of its kind get numbers.
+    fn add(&self, to: &Mission, added: &mut Vec<Added>, place: usize, table: &toml::Table) -> Option<Mission> {
         let hypothesis = &self.hypotheses[place];
-        let (mission, key) = effect::add(node.mission(), hypothesis.kind, table.clone()).ok()?;
-        let mut added = node.added.clone();
+        let (mission, key) = effect::add(to, hypothesis.kind, table.clone()).ok()?;
         let alone = format!("effects.{}", hypothesis.kind);
         if key != alone {
             for known in added.iter_mut().filter(|known| known.key == alone) {
@@ -254,7 +265,7 @@ impl<'a> Search<'a> {
             }
         }
         added.push(Added { hypothesis: place, free: hypothesis.free(&key, table, &self.case.reach), key });
-        Some((mission, added))
+        Some(mission)
     }
 
     /// How often the search finds as much in noise, at a model whose noise is given.

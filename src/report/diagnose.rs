@@ -81,6 +81,7 @@ impl Report for Diagnosis {
             "leaning": self.after.words,
             "formula": self.suggestion.as_ref().map(|suggestion| suggestion.toml.clone()),
             "notes": self.notes,
+            "advice": self.advice.iter().map(ToString::to_string).collect::<Vec<_>>(),
         });
         if self.verdict == Verdict::Complete {
             let limits: Map<String, Value> = CATALOGUE
@@ -294,6 +295,12 @@ impl Diagnosis {
                 values.add_row(vec![fitted.key.clone(), value, error, fitted.unit.into()]);
             }
             out.table(values);
+        }
+        if !self.advice.is_empty() {
+            out.heading("What these data do not determine");
+            for advice in &self.advice {
+                out.words(format!("  - {advice}"), 4);
+            }
         }
     }
 
