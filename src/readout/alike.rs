@@ -20,20 +20,25 @@ impl Alike {
         let (rows, columns) = image.dim();
         let looked_at = (0..LOOKED_AT).map(|n| (2 * n + 1) * rows / (2 * LOOKED_AT));
         let all: Vec<usize> = (0..columns).collect();
-        let perhaps: Vec<usize> = marked(image, downstream_e, looked_at, &all)
-            .chunk_by(|a, b| a.0 == b.0)
-            .filter(|some| some.len() > 1)
-            .flat_map(|some| some.iter().map(|(_, column)| *column))
-            .collect();
         // For each column the first that is the same.
-        let mut first = all;
-        for some in marked(image, downstream_e, 0..rows, &perhaps).chunk_by(|a, b| a.0 == b.0) {
+        let mut first = all.clone();
+        let mut find = |some: &[(u64, usize)]| {
             let (_, one) = some[0];
-            for &(_, column) in &some[1..] {
-                if same(image, downstream_e, one, column) {
-                    first[column] = one;
-                }
+            some[1..].iter().all(|&(_, column)| {
+                let same = same(image, downstream_e, one, column);
+                first[column] = if same { one } else { first[column] };
+                same
+            })
+        };
+        let mut perhaps: Vec<usize> = Vec::new();
+        for some in marked(image, downstream_e, looked_at, &all).chunk_by(|a, b| a.0 == b.0) {
+            // Of many kinds that are the same where they were looked at, each column is compared with its own kind only.
+            if !find(some) {
+                perhaps.extend(some.iter().map(|(_, column)| *column));
             }
+        }
+        for some in marked(image, downstream_e, 0..rows, &perhaps).chunk_by(|a, b| a.0 == b.0) {
+            find(some);
         }
         let mut alike = Alike { kinds: Vec::with_capacity(columns), kind: Vec::with_capacity(columns) };
         for (column, &first) in first.iter().enumerate() {

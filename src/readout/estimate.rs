@@ -35,6 +35,19 @@ fn plus<S: Simd>(simd: S, mut charge_e: Lanes<S>, row: usize, changes: &[(f64, &
     charge_e
 }
 
+/// By how much packets change. None loses more than it has, although a first-order change may.
+pub(super) fn moved(charge_e: &[Row], k1: &Stage) -> f64 {
+    dispatch!(Level::new(), simd => {
+        let zero = Lanes::all(simd, 0.0);
+        let mut moved = MeanSquare::new(simd);
+        for (charge_e, change_e) in charge_e.iter().zip(&k1.change_e) {
+            let (charge_e, change_e) = (Lanes::load(simd, charge_e), Lanes::load(simd, change_e));
+            moved.add(change_e.max(zero - charge_e.max(zero)));
+        }
+        moved.root()
+    })
+}
+
 /// Error of a first-order result: how far it moves a packet, times the steepest change with that of what so many traps
 /// capture, and as much again for its neighbours' moves; half of all that on average over the way.
 pub(super) fn first(cloud: &Cloud, traps: f64, charge_e: &[Row], k1: &Stage) -> f64 {

@@ -74,9 +74,29 @@ impl<L: Default> Workspace<L> {
 pub(super) struct Aim {
     /// Error of the packets (e-, root mean square) that is allowed.
     tolerance_e: f64,
-    /// Whether the first order will probably do.
-    first_order: bool,
+    /// First-order error of the whole journey in one step over what is allowed.
+    first_order: f64,
+    /// Pixels of the journey.
+    pixels: i64,
 }
+
+impl Aim {
+    /// First-order error over what is allowed, as foretold for so many pixels of a region of some length.
+    fn foretold(&self, pixels: i64, length: i64) -> f64 {
+        let [of_journey, of_region] = [self.pixels, length].map(|all| pixels as f64 / all as f64);
+        // What is allowed grows with the pixels' share of the region.
+        self.first_order * of_journey.powf(GROWTH) / of_region
+    }
+}
+
+/// Power of the pixels with which the bound of the first-order error grows: of the way and the traps on it, and a little more
+/// because the steepest change on the way counts.
+const GROWTH: f64 = 2.5;
+
+/// Times what is allowed that the error of a first-order step is foretold to be around the brightest pixel: up to the one it is
+/// tried at once, beyond the other it is hopeless everywhere.
+const LIKELY_FIRST: f64 = 2.0;
+const HOPELESS_FIRST: f64 = 1000.0;
 
 /// An accuracy relative to the change of these packets, both as root mean squares. Costs one pass.
 pub(super) fn aim<P: Passage>(
@@ -89,13 +109,9 @@ pub(super) fn aim<P: Passage>(
     let journey = Block { nearest: 0, pixels: charge_e.len() as i64 + downstream.rows };
     let found = &mut work.stages[0];
     pixel.pass(charge_e, Way::Unknown, journey, downstream, &mut work.levels, found);
-    // No packet loses more than it has, although a first-order change may.
-    let changes = found.change_e.iter().flatten().zip(charge_e.iter().flatten());
-    let moved_e = changes.map(|(change, charge)| change.abs().min(change.max(*charge)));
-    let moved_e = (moved_e.map(|moved_e| moved_e * moved_e).sum::<f64>() / (charge_e.len() * LANES) as f64).sqrt();
-    let tolerance_e = relative * moved_e;
+    let tolerance_e = relative * estimate::moved(charge_e, found);
     let bound_e = estimate::first(pixel.cloud(), journey.pixels as f64 * pixel.density(), charge_e, found);
-    Aim { tolerance_e, first_order: bound_e <= SHARE_OF_BOUNDS * tolerance_e }
+    Aim { tolerance_e, first_order: ratio(bound_e, SHARE_OF_BOUNDS * tolerance_e), pixels: journey.pixels }
 }
 
 /// Clocks columns out with an error of at most about what is aimed at.
@@ -116,16 +132,19 @@ pub(super) fn columns<P: Passage>(
         let staggered = region.start >= downstream.rows;
         let mut position = region.end;
         let mut pixels = length;
-        let mut first_order = aim.first_order;
+        let mut by_first = true;
         let mut refused = 0;
         while position > region.start {
             pixels = pixels.clamp(1, position - region.start);
             let block = Block { nearest: position - pixels, pixels };
             // Evenly over the region's pixels.
             let tolerance_e = aim.tolerance_e * pixels as f64 / length as f64;
+            // Where it has not done once, it seldom does again.
+            let first_order = if by_first { aim.foretold(pixels, length) } else { HOPELESS_FIRST };
             let step = Step { pixel, block, downstream, tolerance_e, staggered, first_order };
-            let Attempt { ratio, order, by_first } = step.attempt(charge_e, work);
-            first_order &= by_first;
+            let attempt = step.attempt(charge_e, work);
+            by_first &= attempt.by_first;
+            let Attempt { ratio, order, .. } = attempt;
             let stretch = if ratio > 0.0 { 0.9 * ratio.powf(-1.0 / (order - 1.0)) } else { 4.0 };
             if ratio <= 1.0 {
                 position -= pixels;
@@ -169,8 +188,8 @@ struct Step<'a, P> {
     tolerance_e: f64,
     /// Packets start within the block.
     staggered: bool,
-    /// The first order will probably do.
-    first_order: bool,
+    /// First-order error that is foretold, over what is allowed.
+    first_order: f64,
 }
 
 /// How a step went.
@@ -196,14 +215,15 @@ impl<P: Passage> Step<'_, P> {
             pixel.pass(charge_e, way, block, downstream, levels, found);
         };
 
-        let seek = self.staggered && !self.first_order;
+        let seek = self.staggered && self.first_order > LIKELY_FIRST;
         pass(charge_e, if seek { Way::Sought(path) } else { Way::Unknown }, k1);
-        let traps = block.pixels as f64 * pixel.density();
-        let bound_e = estimate::first(pixel.cloud(), traps, charge_e, k1);
-        let ratio = ratio(bound_e, SHARE_OF_BOUNDS * self.tolerance_e);
-        if ratio <= 1.0 {
-            estimate::add(charge_e, &[(1.0, k1)]);
-            return Attempt { ratio, order: 2.0, by_first: true };
+        if self.first_order <= HOPELESS_FIRST {
+            let traps = block.pixels as f64 * pixel.density();
+            let ratio = ratio(estimate::first(pixel.cloud(), traps, charge_e, k1), SHARE_OF_BOUNDS * self.tolerance_e);
+            if ratio <= 1.0 {
+                estimate::add(charge_e, &[(1.0, k1)]);
+                return Attempt { ratio, order: 2.0, by_first: true };
+            }
         }
         if self.staggered && !seek {
             pass(charge_e, Way::Sought(path), k1);

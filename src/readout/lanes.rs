@@ -20,10 +20,14 @@ pub(super) type Row = [f64; LANES];
 /// Some columns of an image (`[[row, column]]`, e-; at most [`LANES`], rising), one array for each row; the last is repeated.
 pub(super) fn gather(image: ArrayView2<f64>, columns: &[usize], lanes: &mut Vec<Row>) {
     let (first, last) = (columns[0], columns[columns.len() - 1]);
-    let neighbours = last - first + 1 == LANES && columns.len() == LANES;
+    let neighbours = last - first + 1 == columns.len();
     lanes.clear();
     lanes.extend(image.rows().into_iter().map(|row| match row.to_slice() {
-        Some(row) if neighbours => row[first..=last].try_into().expect("as many as there are lanes"),
+        Some(row) if neighbours => {
+            let mut lanes = [row[last]; LANES];
+            lanes[..columns.len()].copy_from_slice(&row[first..=last]);
+            lanes
+        }
         Some(row) => side_by_side(row, columns),
         None => std::array::from_fn(|lane| row[columns[lane.min(columns.len() - 1)]]),
     }));
