@@ -267,6 +267,10 @@ const SEARCH: f64 = 0.5;
 const LEAN: f64 = 0.25;
 const CHI2: f64 = 0.1;
 
+/// Part of the level at which a model that has an effect added calls for more: two are missing less often than one, and a good
+/// answer is not to be spoiled as often as data are complete.
+const FURTHER: f64 = 0.2;
+
 /// Finds out what a mission's model lacks.
 ///
 /// # Errors
@@ -369,7 +373,7 @@ impl Told<'_> {
 
     /// Whether a model calls for more.
     fn calls(&self, node: &Arc<Node>) -> Result<Calls, InputError> {
-        let level = self.options.level;
+        let level = self.options.level * if node.added.is_empty() { 1.0 } else { FURTHER };
         let noise = Noise::left_at(self.case(), node);
         let white = Noise { scale: vec![1.0; self.case().data.len()], correlation: noise.correlation };
         // By the textbook first: far beyond it nothing need be simulated.

@@ -49,7 +49,8 @@ pub struct Fit {
     pub advice: Vec<Advice>,
     /// chi2 that each start came to, best first.
     pub starts: Vec<f64>,
-    /// Derivatives of (value − model)/sigma with respect to the parameters at the optimum, `[(row, parameter)]`.
+    /// Derivatives of (value − model)/sigma with respect to the parameters at the optimum, `[(row, parameter)]`; 0 for those
+    /// that move nothing in reach.
     pub(crate) jacobian: DMatrix<f64>,
 }
 
@@ -203,7 +204,7 @@ pub(crate) fn fit_rows(
         n,
         advice,
         starts: optima.iter().map(|optimum| optimum.chi2).collect(),
-        jacobian,
+        jacobian: problem.without_idle(jacobian, &best.at),
     })
 }
 
@@ -230,6 +231,9 @@ const UNLIKELY: f64 = 25.0;
 
 /// Part of a parameter's signature that others leave, below which it does not follow.
 const LOOSE: f64 = 1e-9;
+
+/// Sigma by which a factor e must move all rows together for a parameter to be one of the model's freedoms.
+const IDLE: f64 = 0.1;
 
 /// Intervals between epochs of which one is tried first for a moment.
 const EVERY: usize = 4;
@@ -369,6 +373,17 @@ impl<'a> Problem<'a> {
             self.parameters.par_iter().enumerate().map(derivative).collect();
         // The first of several errors, whichever came first.
         Ok(DMatrix::from_columns(&columns.into_iter().collect::<Result<Vec<_>, _>>()?))
+    }
+
+    /// Derivatives without those of parameters that would have to change by many factors e to move anything: in so far away
+    /// a place they are others.
+    fn without_idle(&self, mut jacobian: DMatrix<f64>, at: &[f64]) -> DMatrix<f64> {
+        for (index, mut column) in jacobian.column_iter_mut().enumerate() {
+            if self.parameters[index].is_log() && column.norm() * at[index] < IDLE {
+                column.fill(0.0);
+            }
+        }
+        jacobian
     }
 
     /// The optima that all starts come to.

@@ -28,6 +28,9 @@ const WORTH: f64 = 1.0 / (1.0 + 2.0 * (16.0 + 1.0) / 36.0);
 const ODD_SIGMA: f64 = 5.0;
 const ONE_IN: usize = 50;
 
+/// Share of a row's residual that free parameters take, from which on one of them hangs on it.
+const HANGS_ON_IT: f64 = 0.3;
+
 /// Why the data cannot carry a verdict, as a sentence; None where they can.
 pub(super) fn refusal(case: &Case, free: usize) -> Option<String> {
     too_few(case, free).or_else(|| repeated(case)).or_else(|| contradictory(case))
@@ -189,15 +192,14 @@ pub(super) struct Odd {
 
 /// A few rows, each far from a model that explains all others; None where more is wrong than that, or nothing.
 pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
-    let left_out = |rows: &[usize]| holdout::left_out(node, rows);
-    let alone = |row: usize| left_out(&[row]).map_or(0.0, |off| off[0] * node.residuals[row]);
-    let mut order: Vec<(usize, f64)> = (0..case.n()).map(|row| (row, alone(row))).collect();
-    order.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let most = case.n() / ONE_IN;
-    let clear = order.iter().take(most).take_while(|(_, fall)| *fall > ODD_SIGMA * ODD_SIGMA);
-    let clear: Vec<usize> = clear.map(|(row, _)| *row).collect();
+    // A row that a parameter hangs on may be all that shows an effect.
+    let hangs = |row: &usize| node.basis.row(*row).norm_squared() > HANGS_ON_IT;
+    let size = |row: usize| node.residuals[row].abs();
+    let mut clear: Vec<usize> = (0..case.n()).filter(|row| size(*row) > ODD_SIGMA && !hangs(row)).collect();
+    clear.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
+    clear.truncate(case.n() / ONE_IN);
     let explained = |rows: &[usize]| {
-        let off = left_out(rows)?;
+        let off = holdout::left_out(node, rows)?;
         let fall: f64 = rows.iter().zip(off.iter()).map(|(&row, off)| node.residuals[row] * off).sum();
         let freedom = node.freedom() - rows.len() as f64;
         (node.chi2() - fall < freedom + 3.0 * (2.0 * freedom).sqrt()).then_some((fall, off))

@@ -110,12 +110,17 @@ impl Parameter {
 
     /// The least value that a fit goes to: where nothing is not allowed, next to it.
     fn least(&self) -> f64 {
-        if self.scale == Scale::Log { 1e-12 * self.high.min(1.0) } else { self.low }
+        if self.is_log() { 1e-12 * self.high.min(1.0) } else { self.low }
     }
 
     /// Sigma, for each unit of the inner coordinate, by which it is drawn to where it came from.
     pub fn pull(&self) -> f64 {
-        if self.scale == Scale::Log { FEATHER } else { 0.0 }
+        if self.is_log() { FEATHER } else { 0.0 }
+    }
+
+    /// Whether its values are above 0, so that factors count.
+    pub fn is_log(&self) -> bool {
+        self.scale == Scale::Log
     }
 
     /// A step of the inner coordinate for derivatives: a thousandth of an ordinary change.
@@ -139,7 +144,7 @@ impl Parameter {
             _ => 0.3 * self.size() + value.abs().min(self.size()),
         };
         let step = 1e-3 * size;
-        let least = if self.scale == Scale::Log { 0.5 * value } else { self.low };
+        let least = if self.is_log() { 0.5 * value } else { self.low };
         let high = (value + step).min(self.high);
         ((value - step).max(least), high)
     }
@@ -160,8 +165,7 @@ impl Parameter {
     /// Whether a value is at a bound, to a share of an ordinary change.
     pub fn at_bound(&self, value: f64) -> Option<f64> {
         let near = 1e-3 * self.size();
-        let low =
-            if self.scale == Scale::Log { value < NEXT_TO_NOTHING * self.least() } else { value - self.low < near };
+        let low = if self.is_log() { value < NEXT_TO_NOTHING * self.least() } else { value - self.low < near };
         if low && self.low.is_finite() {
             Some(self.low)
         } else if self.high - value < near.min(1e-3 * self.high.abs()) {
