@@ -44,7 +44,7 @@ pub(super) fn all(search: &Search, base: &Arc<Node>, level: f64) -> Result<Vec<L
         let mut order: Vec<&Trial> = trials.iter().collect();
         order.sort_by(|a, b| a.moved_sigma.total_cmp(&b.moved_sigma));
         let Some(trial) = order.get(order.len() / 2) else { return none() };
-        let needed = null.threshold(place, super::SEARCH * level).sqrt() + POWER;
+        let needed = null.threshold(place, super::calls::SEARCH * level).sqrt() + POWER;
         let moved = |table: &Table| -> Option<f64> {
             let (mission, _) = effect::add(base.mission(), hypothesis.kind, table.clone()).ok()?;
             let signature = search.case.predict_sigma(&base.model.like(&mission)).ok()? - &here;

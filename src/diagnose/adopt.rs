@@ -1,0 +1,80 @@
+//! Which of a model's effects are real: chance, groups left out, rivals.
+
+use std::sync::Arc;
+
+use super::case::Node;
+use super::chance::Noise;
+use super::{Found, Told, Verdict, holdout, next, rivals};
+use crate::error::InputError;
+
+impl Told<'_> {
+    /// The models from the base to one with several effects, that with the larger gain first.
+    fn ladder(&self, node: &Arc<Node>) -> Result<Vec<Arc<Node>>, InputError> {
+        let mut rest: Vec<usize> = node.added.iter().map(|added| added.hypothesis).collect();
+        let mut ladder = vec![self.base.clone()];
+        let mut chosen: Vec<usize> = Vec::new();
+        while !rest.is_empty() {
+            let mut best: Option<(usize, Arc<Node>)> = None;
+            for (place, &next) in rest.iter().enumerate() {
+                let with: Vec<usize> = chosen.iter().copied().chain([next]).collect();
+                let candidate = if rest.len() == 1 { node.clone() } else { self.search.with(self.base, &with)? };
+                if best.as_ref().is_none_or(|(_, best)| candidate.chi2() < best.chi2()) {
+                    best = Some((place, candidate));
+                }
+            }
+            let (place, next) = best.expect("something is left");
+            chosen.push(rest.remove(place));
+            ladder.push(next);
+        }
+        Ok(ladder)
+    }
+
+    /// The model without one of its effects (by its place among those added), fitted.
+    pub(super) fn without(&self, node: &Node, place: usize) -> Result<Arc<Node>, InputError> {
+        let others = node.added.iter().enumerate().filter(|(other, _)| *other != place);
+        self.search.with(self.base, &others.map(|(_, added)| added.hypothesis).collect::<Vec<_>>())
+    }
+
+    /// Chance that noise alone makes an effect of a model look as good, given its other effects and the noise it leaves.
+    pub(super) fn false_alarm(&self, node: &Node, place: usize) -> Result<f64, InputError> {
+        let parent = self.without(node, place)?;
+        let noise = Noise::left_at(self.case(), node);
+        let null = self.search.null(&parent, &noise);
+        Ok(null.false_alarm(node.added[place].hypothesis, parent.chi2() - node.chi2()))
+    }
+
+    /// Whether a model also foretells rows that were left out better than without one of its effects.
+    pub(super) fn confirmed(&self, node: &Node, place: usize) -> Result<bool, InputError> {
+        let parent = self.without(node, place)?;
+        let better = |groups| holdout::surprise(groups, node) < holdout::surprise(groups, &parent);
+        Ok(self.groups.is_none_or(better))
+    }
+
+    /// Adopts a model that explains the data, if noise or a few rows alone did not make it.
+    pub(super) fn adopt(&self, node: &Arc<Node>) -> Result<Option<Found>, InputError> {
+        let (node, rivals) = rivals::of(self, node)?;
+        for place in 0..node.added.len() {
+            if self.false_alarm(&node, place)? > self.options.level || !self.confirmed(&node, place)? {
+                return Ok(None);
+            }
+        }
+        let names = node.added.iter().map(|added| self.name(added.hypothesis)).collect::<Vec<_>>().join(" and ");
+        let mut found = Found::of(Verdict::Missing, format!("the model lacks {names}"), self.ladder(&node)?);
+        if !rivals.is_empty() {
+            found.verdict = Verdict::Ambiguous;
+            found.reason = format!("the model lacks {names}, or an effect that these data cannot tell from it");
+            found.next = next::best(self.search, &node, &rivals[0].node, &rivals, &self.options.can)?;
+            for adopted in node.added.iter().map(|added| added.hypothesis) {
+                let others: Vec<String> = rivals
+                    .iter()
+                    .filter(|rival| rival.instead_of == adopted)
+                    .map(|rival| self.name(rival.hypothesis))
+                    .collect();
+                if !others.is_empty() {
+                    found.alternatives.push([vec![self.name(adopted)], others].concat());
+                }
+            }
+        }
+        Ok(Some(found))
+    }
+}

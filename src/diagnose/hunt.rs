@@ -1,0 +1,168 @@
+//! From the base to a model that calls for nothing more: one effect at a time on the best few models, then two at once.
+
+use std::sync::Arc;
+
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+use super::case::Node;
+use super::pairs::{self, Pair};
+use super::search::{BREADTH, LINES, Sketch};
+use super::{Found, Told, Verdict, audit, limits, rivals};
+use crate::error::InputError;
+
+/// Effects added at most.
+const MOST: usize = 3;
+
+/// Share of the fall of chi2 within which two models that fall as far say the same of the data.
+const THE_SAME: f64 = 0.02;
+
+/// Fall of chi2 that any effect reaches by chance.
+const NO_GAIN: f64 = 4.0;
+
+/// Share of the excess of chi2 that may be left after another effect, for one more to be tried.
+const WORTH_GOING_ON: f64 = 0.5;
+
+/// By how much less chi2 and parameters must come to with rows left out than with an effect more, for the rows to be to blame.
+const MUCH_SIMPLER: f64 = 15.0;
+
+impl Told<'_> {
+    /// Searches until a model calls for nothing more, or nothing more helps.
+    pub(super) fn hunt(&self) -> Result<Found, InputError> {
+        let hypotheses = self.search.hypotheses.len() as u64;
+        (self.search.progress.stage)("every effect", 2 * hypotheses);
+        self.search.expand(self.base);
+        if self.is_enough(self.base)? {
+            let mut found = Found::of(Verdict::Complete, "the model explains the data".into(), vec![self.base.clone()]);
+            found.limits = limits::all(self.search, self.base, self.options.level)?;
+            return Ok(found);
+        }
+        let mut tried = vec![self.base.clone()];
+        let found = self.lines(&mut tried)?;
+        if let Some(reason) = self.odd_rows(found.as_ref(), &tried) {
+            return Ok(Found::of(Verdict::Unfit, reason, vec![self.base.clone()]));
+        }
+        found.map_or_else(|| self.unexplained(&tried), Ok)
+    }
+
+    /// One effect more at a time on top of the best few models, from the base on, until one is adopted. All models are kept.
+    fn lines(&self, tried: &mut Vec<Arc<Node>>) -> Result<Option<Found>, InputError> {
+        let hypotheses = self.search.hypotheses.len() as u64;
+        let mut lines = vec![self.base.clone()];
+        for depth in 1..=MOST {
+            let mut nodes: Vec<Arc<Node>> = Vec::new();
+            for line in &lines {
+                if depth > 1 {
+                    (self.search.progress.stage)("several effects", hypotheses + BREADTH as u64);
+                }
+                let further = self.further(line, if depth == 1 { usize::MAX } else { BREADTH })?;
+                if let Some(found) = self.success(&further)? {
+                    return Ok(Some(found));
+                }
+                nodes.extend(further);
+            }
+            if depth == 2 {
+                let pairs = self.pairs(&lines, &nodes)?;
+                if let Some(found) = self.success(&pairs)? {
+                    return Ok(Some(found));
+                }
+                nodes.extend(pairs);
+            }
+            self.sort(&mut nodes);
+            nodes.dedup_by(|a, b| a.set() == b.set());
+            self.unlike(&mut nodes);
+            let Some(best) = nodes.first() else { break };
+            let excess = |node: &Node| (node.chi2() - node.freedom()).max(0.0);
+            let helped = excess(best) < WORTH_GOING_ON * excess(&lines[0]);
+            tried.extend(nodes.iter().cloned());
+            // Two effects can be needed where one is of little use; three are not looked for where the second was.
+            if depth > 1 && !helped {
+                break;
+            }
+            nodes.truncate(LINES);
+            lines = nodes;
+        }
+        Ok(None)
+    }
+
+    /// Rows that are wrong, where that asks for less than the effects that were found: a row left out counts as a parameter.
+    fn odd_rows(&self, found: Option<&Found>, tried: &[Arc<Node>]) -> Option<String> {
+        let adopted = found.and_then(|found| found.ladder.last());
+        let simpler = tried.iter().filter(|node| adopted.is_none_or(|adopted| node.added.len() < adopted.added.len()));
+        let odd =
+            simpler.filter_map(|node| audit::odd_rows(self.case(), node).map(|odd| (self.score(node) - odd.fall, odd)));
+        let (score, odd) = odd.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let clear = adopted.is_none_or(|adopted| score + MUCH_SIMPLER < self.score(adopted));
+        clear.then_some(odd.said)
+    }
+
+    /// The best models with one effect more, in full.
+    fn further(&self, line: &Arc<Node>, breadth: usize) -> Result<Vec<Arc<Node>>, InputError> {
+        let expansion = self.search.expand(line);
+        let mut wanted = expansion.promising();
+        // Of an effect alone the first order may be wrong, where it is far from there; on top of others it is not.
+        wanted.retain(|place| line.added.is_empty() || expansion.gain(*place) > NO_GAIN);
+        wanted.truncate(breadth);
+        let sketches = self.search.sketches(&expansion, &wanted);
+        let gaining = sketches.iter().filter(|sketch| sketch.chi2 < line.chi2() - NO_GAIN);
+        let polish = |sketch: &Sketch| self.search.node(sketch, line);
+        let mut nodes = gaining.map(polish).collect::<Result<Vec<_>, _>>()?;
+        self.sort(&mut nodes);
+        Ok(nodes)
+    }
+
+    /// The best models with two effects more than the base of which neither is among the lines that were carried on, in full;
+    /// without those that leave the same residuals, to first order, as a model that was tried.
+    fn pairs(&self, lines: &[Arc<Node>], tried: &[Arc<Node>]) -> Result<Vec<Arc<Node>>, InputError> {
+        let expansion = self.search.expand(self.base);
+        let carried_on: Vec<usize> = lines.iter().flat_map(|line| line.set()).collect();
+        let mut known: Vec<DVector<f64>> = tried.iter().map(|node| node.residuals.clone()).collect();
+        let mut wanted = pairs::promising(&expansion, self.search.hypotheses, |place| !carried_on.contains(&place));
+        wanted.retain(|pair| {
+            let new = known.iter().all(|known| (known - &pair.left).norm_squared() > NO_GAIN.max(THE_SAME * pair.gain));
+            if new {
+                known.push(pair.left.clone());
+            }
+            new
+        });
+        wanted.truncate(BREADTH);
+        let sketch = |pair: &Pair| self.search.sketch_of(self.base, &pair.trials);
+        let sketches: Vec<Sketch> = wanted.par_iter().filter_map(sketch).collect();
+        let polish = |sketch: &Sketch| self.search.node(sketch, self.base);
+        let mut nodes = sketches.iter().map(polish).collect::<Result<Vec<_>, _>>()?;
+        self.sort(&mut nodes);
+        Ok(nodes)
+    }
+
+    /// Leaves out those that say the same of the data as a better one: another name for it is tried in its place in the end
+    /// (`rivals`), and would take the place of other lines here.
+    fn unlike(&self, nodes: &mut Vec<Arc<Node>>) {
+        let mut kept: Vec<Arc<Node>> = Vec::new();
+        for node in nodes.drain(..) {
+            let fall = (self.base.chi2() - node.chi2()).max(0.0);
+            let same =
+                |other: &Arc<Node>| (&node.residuals - &other.residuals).norm_squared() < NO_GAIN.max(THE_SAME * fall);
+            if !kept.iter().any(same) {
+                kept.push(node);
+            }
+        }
+        *nodes = kept;
+    }
+
+    fn sort(&self, nodes: &mut [Arc<Node>]) {
+        nodes.sort_by(|a, b| self.score(a).total_cmp(&self.score(b)).then(a.set().cmp(&b.set())));
+    }
+
+    /// The first of the best of some models that calls for nothing more, adopted.
+    fn success(&self, nodes: &[Arc<Node>]) -> Result<Option<Found>, InputError> {
+        let Some(best) = nodes.first() else { return Ok(None) };
+        let near = self.score(best) + rivals::margin(self.options.level);
+        for node in nodes.iter().filter(|node| self.score(node) < near).take(LINES) {
+            let node = self.search.settled(node)?;
+            if self.is_enough(&node)? {
+                return self.adopt(&node);
+            }
+        }
+        Ok(None)
+    }
+}

@@ -1,0 +1,217 @@
+//! The least sum of squares, from a start, moments of events held.
+
+use std::cell::RefCell;
+
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use nalgebra::{DMatrix, DVector, Dyn, Owned};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::{Optimum, Problem, chi2};
+use crate::error::InputError;
+use crate::mission::Mission;
+
+/// Times that a minimisation is taken up again at most.
+const AGAIN: usize = 20;
+
+/// Relative change of chi2 and of parameters at which a sketch of an optimum is good enough.
+const SKETCHED: f64 = 1e-3;
+
+/// Times that a sketch is taken up again at most, and the fall of chi2 from which on that is worth it.
+const FRESH: usize = 3;
+const HELPED: f64 = 2.0;
+
+impl Problem<'_> {
+    /// Missions near optima other than one of so much chi2, from random starting points.
+    pub(crate) fn elsewhere(&self, starts: usize, seed: u64, chi2: f64) -> Vec<Mission> {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let sketches = (0..starts).filter_map(|_| {
+            let start: Vec<f64> =
+                self.parameters.iter().map(|parameter| parameter.elsewhere(random.random())).collect();
+            let none = DMatrix::zeros(self.values.len(), 0);
+            let solver = LevenbergMarquardt::new().with_ftol(SKETCHED).with_xtol(SKETCHED);
+            let found = self.minimise_once(&start, solver, Some(&none));
+            (found.chi2 < chi2 - 1.0).then(|| self.mission(&found.at).ok()).flatten()
+        });
+        sketches.collect()
+    }
+
+    /// A mission near the optimum, and its chi2: one short minimisation from the mission's own values, moments held, with
+    /// derivatives that follow from those at the start by Broyden's update (1965, Mathematics of Computation 19, 577). Those
+    /// of the first parameters may be known from a fit without the others.
+    pub(crate) fn sketch(&self, known: &DMatrix<f64>) -> Result<(Mission, f64), InputError> {
+        let here: Vec<f64> = self.parameters.iter().map(|parameter| parameter.start).collect();
+        let solver = || LevenbergMarquardt::new().with_ftol(SKETCHED).with_xtol(SKETCHED);
+        let mut found = self.minimise_once(&here, solver(), Some(known));
+        // Derivatives that have followed far lead astray: once more with fresh ones, while that helps.
+        for _ in 0..FRESH {
+            let again = self.minimise_once(&found.at, solver(), Some(&DMatrix::zeros(self.values.len(), 0)));
+            let settled = again.chi2 > found.chi2 - HELPED.max(HELPED * 1e-3 * found.chi2);
+            if again.chi2 < found.chi2 {
+                found = again;
+            }
+            if settled {
+                break;
+            }
+        }
+        Ok((self.mission(&found.at)?, found.chi2))
+    }
+
+    /// Minimises from a start with moments held where they are, again and again until that helps no more: where the model
+    /// has a kink (a packet that sinks into a notch) the solver stops early.
+    pub(super) fn minimise(&self, start: &[f64]) -> Optimum {
+        // Residuals are good to the accuracy of the readout: no use in asking for more.
+        let solver = || LevenbergMarquardt::new().with_ftol(1e-8).with_xtol(1e-7);
+        let mut best = self.minimise_once(start, solver(), None);
+        for _ in 0..AGAIN {
+            let found = self.minimise_once(&best.at, solver(), None);
+            let settled = found.chi2 > best.chi2 - 1e-3 - 1e-5 * best.chi2;
+            if found.chi2 < best.chi2 {
+                best = found;
+            }
+            if settled {
+                break;
+            }
+        }
+        best
+    }
+
+    /// One minimisation; with derivatives by Broyden's update where some `known` ones are given.
+    fn minimise_once(&self, start: &[f64], solver: LevenbergMarquardt<f64>, known: Option<&DMatrix<f64>>) -> Optimum {
+        let moving: Vec<usize> = (0..start.len()).filter(|&index| !self.parameters[index].is_moment).collect();
+        let state = |at: &[f64]| -> Optimum {
+            let chi2 = self.residuals(at).map_or(f64::INFINITY, |residuals| chi2(&residuals));
+            Optimum { at: at.to_vec(), chi2 }
+        };
+        if moving.is_empty() {
+            return state(start);
+        }
+        let secant = known.map(|known| Secant { known: known.clone(), last: RefCell::new(None) });
+        let mut run = Run { problem: self, moving, at: start.to_vec(), residuals: None, secant };
+        let inner = run.inner();
+        run.set_params(&inner);
+        if run.residuals.is_none() {
+            return Optimum { at: start.to_vec(), chi2: f64::INFINITY };
+        }
+        let (run, _) = solver.with_gtol(0.0).with_patience(25).minimize(run);
+        match &run.residuals {
+            Some(residuals) => Optimum { chi2: chi2(residuals), at: run.at },
+            None => state(start),
+        }
+    }
+}
+
+/// A minimisation under way, in inner coordinates.
+struct Run<'a> {
+    problem: &'a Problem<'a>,
+    /// Parameters that move, by their places.
+    moving: Vec<usize>,
+    at: Vec<f64>,
+    residuals: Option<Vec<f64>>,
+    secant: Option<Secant>,
+}
+
+/// A point on the way, in inner coordinates.
+struct Point {
+    at: DVector<f64>,
+    residuals: DVector<f64>,
+    jacobian: DMatrix<f64>,
+}
+
+/// Derivatives that follow from those before.
+struct Secant {
+    /// Those of the first parameters at the start, with respect to the parameters themselves.
+    known: DMatrix<f64>,
+    /// The last point.
+    last: RefCell<Option<Point>>,
+}
+
+impl Run<'_> {
+    fn inner(&self) -> DVector<f64> {
+        let inner = |&index: &usize| self.problem.parameters[index].inner(self.at[index]);
+        DVector::from_iterator(self.moving.len(), self.moving.iter().map(inner))
+    }
+
+    /// By how much each parameter is drawn to where it came from.
+    fn pulls(&self) -> Vec<f64> {
+        let pull = |&index: &usize| {
+            let parameter = &self.problem.parameters[index];
+            parameter.pull() * (parameter.inner(self.at[index]) - parameter.inner(parameter.start))
+        };
+        self.moving.iter().map(pull).collect()
+    }
+
+    /// Derivatives of the residuals of the data with respect to the inner coordinates.
+    fn jacobian_of_data(&self) -> Option<DMatrix<f64>> {
+        let residuals = DVector::from_vec(self.residuals.clone()?);
+        let Some(secant) = &self.secant else { return self.derivatives(&residuals, None) };
+        let here = self.inner();
+        let mut last = secant.last.borrow_mut();
+        let jacobian = match last.take() {
+            None => self.derivatives(&residuals, Some(&secant.known))?,
+            Some(Point { at, residuals: before, mut jacobian }) => {
+                let step = &here - at;
+                let length = step.norm_squared();
+                if length > 0.0 {
+                    let missed = &residuals - before - &jacobian * &step;
+                    jacobian += missed * step.transpose() / length;
+                }
+                jacobian
+            }
+        };
+        *last = Some(Point { at: here, residuals, jacobian: jacobian.clone() });
+        Some(jacobian)
+    }
+
+    /// Derivatives with respect to the inner coordinates, by a step forward where they are not known.
+    fn derivatives(&self, centre: &DVector<f64>, known: Option<&DMatrix<f64>>) -> Option<DMatrix<f64>> {
+        let (problem, at) = (self.problem, &self.at);
+        let derivative = |&index: &usize| -> Option<DVector<f64>> {
+            let parameter = &problem.parameters[index];
+            let inner = parameter.inner(at[index]);
+            let step = parameter.inner_step(inner);
+            let moved = parameter.outer(inner + step);
+            if let Some(known) = known.filter(|known| index < known.ncols()) {
+                return Some(known.column(index) * ((moved - at[index]) / step));
+            }
+            let mut at = at.clone();
+            at[index] = moved;
+            Some((DVector::from_vec(problem.residuals(&at).ok()?) - centre) / step)
+        };
+        let columns = self.moving.par_iter().map(derivative).collect::<Option<Vec<_>>>()?;
+        Some(DMatrix::from_columns(&columns))
+    }
+}
+
+impl LeastSquaresProblem<f64, Dyn, Dyn> for Run<'_> {
+    type ResidualStorage = Owned<f64, Dyn>;
+    type JacobianStorage = Owned<f64, Dyn, Dyn>;
+    type ParameterStorage = Owned<f64, Dyn>;
+
+    fn set_params(&mut self, inner: &DVector<f64>) {
+        for (&index, inner) in self.moving.iter().zip(inner.iter()) {
+            self.at[index] = self.problem.parameters[index].outer(*inner);
+        }
+        self.residuals = self.problem.residuals(&self.at).ok();
+    }
+
+    fn params(&self) -> DVector<f64> {
+        self.inner()
+    }
+
+    fn residuals(&self) -> Option<DVector<f64>> {
+        let pulls = self.pulls();
+        let residuals = self.residuals.as_ref()?;
+        Some(DVector::from_iterator(residuals.len() + pulls.len(), residuals.iter().copied().chain(pulls)))
+    }
+
+    fn jacobian(&self) -> Option<DMatrix<f64>> {
+        let (of_data, rows) = (self.jacobian_of_data()?, self.problem.values.len());
+        let mut jacobian = of_data.resize_vertically(rows + self.moving.len(), 0.0);
+        for (column, &index) in self.moving.iter().enumerate() {
+            jacobian[(rows + column, column)] = self.problem.parameters[index].pull();
+        }
+        Some(jacobian)
+    }
+}
