@@ -180,7 +180,7 @@ pub(crate) fn fit_rows(
     let jacobian = problem.jacobian(&best.at)?;
     let errors = Errors::of(&jacobian);
     let mut sigmas = errors.sigmas.clone();
-    problem.add_moments(&best, &jacobian, &mut sigmas);
+    problem.add_moments(&best, &mut sigmas);
     let parameters: Vec<Fitted> = problem
         .parameters
         .iter()

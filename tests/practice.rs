@@ -172,6 +172,37 @@ fn a_moment_lies_in_the_middle_of_where_the_data_leave_it() {
     assert!(dose.sigma.unwrap() < 2e5);
 }
 
+/// The error of a moment is that of fits with the moment held in every interval between epochs, each as likely as it is long,
+/// times exp(-chi2/2).
+#[test]
+fn the_error_of_a_moment_is_that_of_all_places_where_it_may_be() {
+    let (mission, mut data) = read("flare", "[effects.solar-flare]\nt_yr = 5.0\ndose_mev_g = 1.0e5\n");
+    for row in data.iter_mut().flat_map(|set| &mut set.rows) {
+        row.sigma *= 25.0;
+    }
+    let [t_yr, dose] = ["effects.solar-flare.t_yr", "effects.solar-flare.dose_mev_g"];
+    let fit = fitted(&mission, &data, &[t_yr, dose]);
+    let mut epochs: Vec<f64> = data.iter().flat_map(|set| &set.rows).map(|row| row.at.t_yr).chain([0.0]).collect();
+    epochs.sort_by(f64::total_cmp);
+    epochs.dedup();
+    let (mut all, mut squares, mut doses) = (0.0, 0.0, 0.0);
+    for ends in epochs.windows(2) {
+        let middle = 0.5 * (ends[0] + ends[1]);
+        let there = fit.mission.with(&[(t_yr.into(), middle.into())]).unwrap();
+        let held = fitted(&there, &data, &[dose]);
+        let likely = (ends[1] - ends[0]) * (-0.5 * (held.chi2 - fit.chi2)).exp();
+        all += likely;
+        squares += likely * (middle - fit.parameters[0].value).powi(2);
+        doses += likely * (held.parameters[0].value - fit.parameters[1].value).powi(2);
+    }
+    let [moment, size] = [squares, doses].map(|sum: f64| (sum / all).sqrt());
+    let sigma = |index: usize| fit.parameters[index].sigma.unwrap();
+    assert!(moment > 0.2, "{moment}: more than one interval is likely");
+    assert!((sigma(0) - moment).abs() < 0.1 * moment, "{} {moment}", sigma(0));
+    let held = fitted(&fit.mission, &data, &[dose]).parameters[0].sigma.unwrap();
+    assert!((sigma(1) - held.hypot(size)).abs() < 0.1 * sigma(1), "{} {held} {size}", sigma(1));
+}
+
 #[test]
 fn a_fit_says_what_the_data_do_not_determine() {
     // One epoch: more traps by a factor, or by their densities, are the same.

@@ -33,12 +33,13 @@ impl Kind for Notch {
     }
 
     fn trials(mission: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
-        // From below the faintest charge to beyond the brightest.
-        let [faintest_e, brightest_e] = reach.charge_e.unwrap_or([mission.sky.background_e.max(1.0), 1e4]);
+        // From below the background, which does something else when it sinks into the channel, to half of the brightest.
+        let [least_e, brightest_e] = reach.charge_e.unwrap_or([mission.sky.background_e, 1e4]);
         let highest_e = (0.5 * brightest_e).min(0.5 * mission.detector.full_well_e);
-        let lowest_e = (0.1 * faintest_e).clamp(1.0, 0.5 * highest_e);
+        let lowest_e = (0.25 * least_e).max(0.3).min(0.5 * highest_e);
+        let count = (highest_e / lowest_e).log(2.5).ceil() as usize + 1;
         let deeper = |notch_e: f64| vec![numbers(&[("notch_e", mission.detector.notch_e + notch_e)])];
-        ratios(lowest_e, highest_e, 6).map(deeper).collect()
+        ratios(lowest_e, highest_e, count).map(deeper).collect()
     }
 
     fn check(&self, mission: &Mission) -> Result<(), Refusal> {

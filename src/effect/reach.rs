@@ -11,7 +11,8 @@ pub struct Reach {
     pub line_time_ms: [f64; 2],
     /// Largest distance behind a packet, px; 1 where there are no trails.
     pub trail_px: u32,
-    /// Faintest and brightest packet or block with its background, e-; None where there are only galaxies.
+    /// Least charge that a pixel holds (the faintest background, the faintest packet where there is none) and the brightest
+    /// packet or block with its background, e-; None where there are only galaxies.
     pub charge_e: Option<[f64; 2]>,
     /// Coldest and warmest detector, K.
     pub temperature_k: [f64; 2],
@@ -32,11 +33,14 @@ impl Reach {
         let mut epochs_yr: Vec<f64> = rows.clone().map(|at| at.t_yr).chain([0.0]).collect();
         epochs_yr.sort_by(f64::total_cmp);
         epochs_yr.dedup();
+        let packets_e = ends(&|at| at.signal_e.map(|signal_e| signal_e + at.background_e));
+        let background_e =
+            ends(&|at| Some(at.background_e).filter(|background_e| *background_e > 0.0)).map(|ends| ends[0]);
         Reach {
             epochs_yr,
             line_time_ms: ends(&|at| Some(at.line_time_ms)).expect("at least one row"),
             trail_px: rows.clone().filter_map(|at| at.trail_px).max().unwrap_or(1),
-            charge_e: ends(&|at| at.signal_e.map(|signal_e| signal_e + at.background_e)),
+            charge_e: packets_e.map(|[faintest_e, brightest_e]| [background_e.unwrap_or(faintest_e), brightest_e]),
             temperature_k: ends(&|at| Some(at.temperature_k)).expect("at least one row"),
         }
     }

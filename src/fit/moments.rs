@@ -1,6 +1,6 @@
 //! Moments of events (a flare, a bakeout), of which data only tell between which two of their epochs they lie.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use super::{LOOSE, Optimum, Problem};
 use crate::error::InputError;
@@ -10,7 +10,7 @@ use crate::least_squares::Span;
 const AS_GOOD: f64 = 1.0;
 
 /// Rise of chi2 beyond which no moment is looked for.
-const UNLIKELY: f64 = 25.0;
+const UNLIKELY: f64 = 16.0;
 
 /// Intervals between epochs of which one is tried first for a moment.
 const EVERY: usize = 4;
@@ -62,8 +62,7 @@ impl Problem<'_> {
     pub(super) fn centred(&self, optimum: Optimum) -> Result<Optimum, InputError> {
         let (mut found, most) = (optimum.clone(), optimum.chi2 + AS_GOOD);
         for index in (0..found.at.len()).filter(|&index| self.parameters[index].is_moment) {
-            let jacobian = self.jacobian(&found.at)?;
-            let around = self.around(&found, &jacobian, index, AS_GOOD);
+            let around = self.around(&found, index, AS_GOOD);
             let moment = found.at[index];
             let from_yr = around.iter().map(|one| one.from_yr).fold(moment, f64::min);
             let to_yr = around.iter().map(|one| one.to_yr).fold(moment, f64::max);
@@ -82,14 +81,15 @@ impl Problem<'_> {
 
     /// Intervals between epochs where a moment may lie, from that of an optimum outwards as long as chi2, the other
     /// parameters following to first order, does not rise by more.
-    fn around(&self, optimum: &Optimum, jacobian: &DMatrix<f64>, index: usize, rise: f64) -> Vec<Interval> {
-        let span = Span::of(jacobian, LOOSE);
+    fn around(&self, optimum: &Optimum, index: usize, rise: f64) -> Vec<Interval> {
         let epochs = self.epochs();
         let interval = |ends: &[f64]| -> Option<Interval> {
             let mut at = optimum.at.clone();
             at[index] = 0.5 * (ends[0] + ends[1]);
             let residuals = DVector::from_vec(self.residuals(&at).ok()?);
-            let follow = -span.solve(&residuals);
+            // The signature of a flare is another one where the flare is.
+            let jacobian = self.jacobian(&at).ok()?;
+            let follow = -Span::of(&jacobian, LOOSE).solve(&residuals);
             let rise = (residuals + jacobian * &follow).norm_squared() - optimum.chi2;
             Some(Interval { from_yr: ends[0], to_yr: ends[1], rise, follow })
         };
@@ -105,9 +105,9 @@ impl Problem<'_> {
 
     /// Errors of moments, and what they add to those of all others: every interval between epochs is as likely as it is
     /// long, times exp(−chi2/2).
-    pub(super) fn add_moments(&self, optimum: &Optimum, jacobian: &DMatrix<f64>, sigmas: &mut [Option<f64>]) {
+    pub(super) fn add_moments(&self, optimum: &Optimum, sigmas: &mut [Option<f64>]) {
         for index in (0..optimum.at.len()).filter(|&index| self.parameters[index].is_moment) {
-            let around = self.around(optimum, jacobian, index, UNLIKELY);
+            let around = self.around(optimum, index, UNLIKELY);
             let likely = |one: &Interval| (one.to_yr - one.from_yr) * (-0.5 * one.rise).exp();
             let all: f64 = around.iter().map(likely).sum();
             if all == 0.0 {
