@@ -231,6 +231,24 @@ fn a_row_that_is_wrong_is_named() {
     }
 }
 
+/// The residuals of a channel that is hardly shallower than the background are others than those of a deeper one.
+#[test]
+fn a_notch_just_below_the_background_is_among_the_rivals() {
+    let found = diagnosed(Path::new("tests/corpus/edge/notch-at-the-background"), "");
+    let rivals: Vec<&String> = found.alternatives.iter().flatten().collect();
+    assert!(rivals.iter().any(|name| *name == "notch"), "{:?} {rivals:?}", effects(&found));
+}
+
+/// Where chi2 is no larger than noise makes it, and what an effect promised does not foretell rows that are left out, nothing
+/// is the matter with the model, nor with the errors.
+#[test]
+fn what_is_not_borne_out_is_neither_missing_nor_unfit() {
+    let found = diagnosed(Path::new("tests/corpus/edge/faint-flare"), "");
+    assert_eq!((found.verdict, found.steps.len()), (Verdict::Complete, 0), "{}", found.reason);
+    assert!(found.reason.contains("solar-flare would lower chi2 by 12"), "{}", found.reason);
+    assert!(found.limits.len() > 10);
+}
+
 /// A pedestal is no noise: the errors are not to blame.
 #[test]
 fn a_constant_offset_is_unexplained_and_told_as_a_formula() {

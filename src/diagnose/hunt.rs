@@ -33,16 +33,36 @@ impl Told<'_> {
         (self.search.progress.stage)("every effect", 2 * hypotheses);
         self.search.expand(self.base);
         if self.is_enough(self.base)? {
-            let mut found = Found::of(Verdict::Complete, "the model explains the data".into(), vec![self.base.clone()]);
-            found.limits = limits::all(self.search, self.base, self.options.level)?;
-            return Ok(found);
+            return self.complete("the model explains the data".into());
         }
         let mut tried = vec![self.base.clone()];
         let found = self.lines(&mut tried)?;
         if let Some(reason) = self.odd_rows(found.as_ref(), &tried) {
             return Ok(Found::of(Verdict::Unfit, reason, vec![self.base.clone()]));
         }
-        found.map_or_else(|| self.unexplained(&tried), Ok)
+        match found {
+            Some(found) => Ok(found),
+            None if self.mere_noise(self.base)?.is_some() => self.complete(self.not_borne_out(&tried)),
+            None => self.unexplained(&tried),
+        }
+    }
+
+    fn complete(&self, reason: String) -> Result<Found, InputError> {
+        let mut found = Found::of(Verdict::Complete, reason, vec![self.base.clone()]);
+        found.limits = limits::all(self.search, self.base, self.options.level)?;
+        Ok(found)
+    }
+
+    /// That an effect does better than noise mostly does, and is not believed all the same.
+    fn not_borne_out(&self, tried: &[Arc<Node>]) -> String {
+        let best =
+            tried.iter().filter(|node| !node.added.is_empty()).min_by(|a, b| self.score(a).total_cmp(&self.score(b)));
+        let hint = best.map(|best| {
+            let names: Vec<String> = best.set().into_iter().map(|place| self.name(place)).collect();
+            let fall = self.base.chi2() - best.chi2();
+            format!("; {} would lower chi2 by {fall:.0}, as noise or a few rows can do", names.join(" and "))
+        });
+        format!("the model explains the data to within their noise{}", hint.unwrap_or_default())
     }
 
     /// One effect more at a time on top of the best few models, from the base on, until one is adopted. All models are kept.
@@ -75,6 +95,10 @@ impl Told<'_> {
             let excess = |node: &Node| (node.chi2() - node.freedom()).max(0.0);
             let helped = excess(best) < WORTH_GOING_ON * excess(&lines[0]);
             tried.extend(nodes.iter().cloned());
+            // Nothing is in excess but what one effect promised and did not keep.
+            if depth == 1 && self.mere_noise(self.base)?.is_some() {
+                break;
+            }
             // Two effects can be needed where one is of little use; three are not looked for where the second was.
             if depth > 1 && !helped {
                 break;
