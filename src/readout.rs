@@ -326,9 +326,8 @@ fn side_by_side<P: Passage>(
         lanes::gather(image, group, charge_e);
         fast::columns(pixel, charge_e, &lead(group), aim, work);
         for (mut out, charge_e) in out.rows_mut().into_iter().zip(charge_e) {
-            for (out, charge_e) in out.iter_mut().zip(charge_e) {
-                *out = *charge_e;
-            }
+            let out = out.as_slice_mut().expect("columns side by side");
+            out.copy_from_slice(&charge_e[..out.len()]);
         }
     };
     let parts = trailed.axis_chunks_iter_mut(Axis(1), LANES);
@@ -348,8 +347,8 @@ fn side_by_side<P: Passage>(
 /// The column with the brightest pixel, by its place among some.
 fn brightest(image: ArrayView2<f64>, columns: &[usize]) -> usize {
     let mut brightest_e = vec![f64::NEG_INFINITY; image.ncols()];
-    for row in image.rows() {
-        for (brightest_e, charge_e) in brightest_e.iter_mut().zip(row) {
+    for charge_e in image.rows() {
+        for (brightest_e, charge_e) in brightest_e.iter_mut().zip(lanes::in_one_piece(charge_e).iter()) {
             *brightest_e = if charge_e > brightest_e { *charge_e } else { *brightest_e };
         }
     }

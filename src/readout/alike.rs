@@ -3,6 +3,8 @@
 
 use ndarray::{Array2, ArrayView2};
 
+use super::lanes;
+
 /// Rows that are looked at before whole columns are compared: columns of a noisy sky differ there already.
 const LOOKED_AT: usize = 4;
 
@@ -22,23 +24,21 @@ impl Alike {
         let all: Vec<usize> = (0..columns).collect();
         // For each column the first that is the same.
         let mut first = all.clone();
-        let mut find = |some: &[(u64, usize)]| {
-            let (_, one) = some[0];
-            some[1..].iter().all(|&(_, column)| {
-                let same = same(image, downstream_e, one, column);
-                first[column] = if same { one } else { first[column] };
-                same
-            })
-        };
-        let mut perhaps: Vec<usize> = Vec::new();
-        for some in marked(image, downstream_e, looked_at, &all).chunk_by(|a, b| a.0 == b.0) {
-            // Of many kinds that are the same where they were looked at, each column is compared with its own kind only.
-            if !find(some) {
-                perhaps.extend(some.iter().map(|(_, column)| *column));
+        let mut find = |marked: &[(u64, usize)]| {
+            let alike =
+                |some: &[(u64, usize)]| some[1..].iter().map(|&(_, column)| [some[0].1, column]).collect::<Vec<_>>();
+            let pairs: Vec<[usize; 2]> = marked.chunk_by(|a, b| a.0 == b.0).flat_map(alike).collect();
+            for ([one, column], same) in pairs.iter().zip(same(image, downstream_e, &pairs)) {
+                first[*column] = if same { *one } else { *column };
             }
-        }
-        for some in marked(image, downstream_e, 0..rows, &perhaps).chunk_by(|a, b| a.0 == b.0) {
-            find(some);
+            // Of many kinds that are the same where they were looked at, each column is compared with its own kind only.
+            let differ = |some: &&[(u64, usize)]| some[1..].iter().any(|&(_, column)| first[column] == column);
+            let some = marked.chunk_by(|a, b| a.0 == b.0).filter(differ).flatten();
+            some.map(|(_, column)| *column).collect::<Vec<_>>()
+        };
+        let perhaps = find(&marked(image, downstream_e, looked_at, &all));
+        if !perhaps.is_empty() {
+            find(&marked(image, downstream_e, 0..rows, &perhaps));
         }
         let mut alike = Alike { kinds: Vec::with_capacity(columns), kind: Vec::with_capacity(columns) };
         for (column, &first) in first.iter().enumerate() {
@@ -57,7 +57,7 @@ impl Alike {
             return kinds;
         }
         let mut all = Vec::with_capacity(kinds.nrows() * self.kind.len());
-        for charge_e in kinds.rows() {
+        for charge_e in kinds.as_standard_layout().as_slice().expect("row after row").chunks_exact(kinds.ncols()) {
             all.extend(self.kind.iter().map(|&kind| charge_e[kind]));
         }
         Array2::from_shape_vec((kinds.nrows(), self.kind.len()), all).expect("as many as there are pixels")
@@ -74,7 +74,7 @@ fn marked(
     let mut marked: Vec<(u64, usize)> =
         columns.iter().map(|&column| (downstream_e[column].to_bits(), column)).collect();
     for row in rows {
-        let charge_e = image.row(row);
+        let charge_e: &[f64] = &lanes::in_one_piece(image.row(row));
         for (mark, column) in &mut marked {
             // By any odd number that mixes.
             *mark = (mark.rotate_left(17) ^ charge_e[*column].to_bits()).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -84,11 +84,17 @@ fn marked(
     marked
 }
 
-/// Whether two columns are the same to the bit.
-fn same(image: ArrayView2<f64>, downstream_e: &[f64], one: usize, other: usize) -> bool {
-    let bits = |charge_e: &f64| charge_e.to_bits();
-    bits(&downstream_e[one]) == bits(&downstream_e[other])
-        && image.column(one).iter().map(bits).eq(image.column(other).iter().map(bits))
+/// Whether two columns are the same to the bit, for each pair; row by row, as charges lie in memory.
+fn same(image: ArrayView2<f64>, downstream_e: &[f64], pairs: &[[usize; 2]]) -> Vec<bool> {
+    let equal = |a: f64, b: f64| a.to_bits() == b.to_bits();
+    let mut same: Vec<bool> = pairs.iter().map(|&[one, other]| equal(downstream_e[one], downstream_e[other])).collect();
+    for charge_e in image.rows() {
+        let charge_e: &[f64] = &lanes::in_one_piece(charge_e);
+        for (same, &[one, other]) in same.iter_mut().zip(pairs) {
+            *same &= equal(charge_e[one], charge_e[other]);
+        }
+    }
+    same
 }
 
 #[cfg(test)]

@@ -5,11 +5,12 @@
 //! NEON; chosen when the program runs, by crate `fearless_simd`). No operation is contracted, and columns are grouped in
 //! the same way everywhere, so that the bits are the same on all of them.
 
+use std::borrow::Cow;
 use std::ops::{Add, BitAnd, Div, Mul, Sub};
 
 use fearless_simd::prelude::*;
 use fearless_simd::{f64x8, mask64x8};
-use ndarray::ArrayView2;
+use ndarray::{ArrayView1, ArrayView2};
 
 /// Columns that are read out side by side: two of the widest registers, so that one computes while the other waits.
 pub(super) const LANES: usize = 16;
@@ -31,6 +32,11 @@ pub(super) fn gather(image: ArrayView2<f64>, columns: &[usize], lanes: &mut Vec<
         Some(row) => side_by_side(row, columns),
         None => std::array::from_fn(|lane| row[columns[lane.min(columns.len() - 1)]]),
     }));
+}
+
+/// Charges of a row, which are copied where they do not lie side by side.
+pub(super) fn in_one_piece(charge_e: ArrayView1<f64>) -> Cow<[f64]> {
+    charge_e.to_slice().map_or_else(|| charge_e.to_vec().into(), Cow::from)
 }
 
 /// Numbers of some columns, the last of them repeated.
