@@ -85,6 +85,11 @@ fn lines(table: &Table) -> String {
     table.lines().map(|line| format!("{}\n", line.trim_end())).collect()
 }
 
+/// TOML below its heading.
+fn indented(text: &str) -> String {
+    text.lines().map(|line| if line.is_empty() { "\n".into() } else { format!("  {line}\n") }).collect()
+}
+
 /// Text broken into lines of at most 80 columns, the later ones indented.
 fn wrapped(text: &str, indent: usize) -> String {
     let first = text.len() - text.trim_start_matches(' ').len();

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{Report, lines, table, wrapped};
+use super::{Report, indented, lines, table, wrapped};
 use crate::effect::{CATALOGUE, Card, Entry};
 use crate::mission::Mission;
 use crate::mission::keys::{Key, Need};
@@ -144,10 +144,6 @@ fn example(entry: &Entry) -> String {
     let mission = Mission::parse(include_str!("../../missions/snap_l2.toml")).expect("a mission that is tested");
     let kinds = toml::Table::from_iter([(entry.card.kind.to_string(), toml::Value::Table((entry.example)(&mission)))]);
     toml::to_string(&toml::Table::from_iter([("effects".to_string(), toml::Value::Table(kinds))])).expect("a table")
-}
-
-fn indented(text: &str) -> String {
-    text.lines().map(|line| if line.is_empty() { "\n".into() } else { format!("  {line}\n") }).collect()
 }
 
 fn card_json(card: &Card) -> Value {

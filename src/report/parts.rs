@@ -3,7 +3,7 @@
 use comfy_table::Table;
 use maud::{Markup, html};
 
-use super::{lines, wrapped};
+use super::{indented, lines, wrapped};
 
 /// A report in its order.
 #[derive(Default)]
@@ -76,7 +76,7 @@ impl Parts {
             Part::Words { text, indent, .. } => wrapped(text, *indent),
             Part::Outcome { name, width, text } => wrapped(&format!("  {name:width$}  {text}"), 4),
             Part::Table(table) => lines(table),
-            Part::Code(text) => text.lines().map(|line| format!("  {line}\n")).collect(),
+            Part::Code(text) => indented(text),
             Part::Gap => "\n".into(),
         };
         self.0.iter().map(text).collect()
