@@ -110,6 +110,8 @@ pub struct Rung {
     pub n: usize,
     /// Free parameters.
     pub free: usize,
+    /// Their values.
+    pub parameters: Vec<Fitted>,
     /// rms of (value − model)/sigma over groups left out in turn; None where nothing can be left out.
     pub holdout_rms_sigma: Option<f64>,
     /// When the budget is exceeded with this model; None where the mission's galaxies lose their shapes.

@@ -390,6 +390,15 @@ fn diagnose_writes_what_it_found_and_draws_it() {
     let csv = stdout(&["diagnose", &mission, &trails, "--csv"]);
     assert!(csv.starts_with("model,parameter,unit,value,sigma,chi2,n,free,rms_sigma,holdout_rms_sigma,false_alarm"));
     assert!(csv.lines().any(|line| line.starts_with("notch,effects.notch.notch_e,e-,")));
+    // Values stand beside the chi2 that they belong to.
+    let given: Vec<&str> = csv.lines().filter(|line| line.starts_with("as given,")).collect();
+    let value = |line: &&str| line.split(',').nth(3).unwrap().to_string();
+    let key = |line: &&str| line.split(',').nth(1).unwrap().to_string();
+    let set: Vec<String> = given.iter().map(|line| format!("--set={}={}", key(line), value(line))).collect();
+    let set: Vec<&str> = set.iter().map(String::as_str).collect();
+    let given_chi2: f64 = given[0].split(',').nth(5).unwrap().parse().unwrap();
+    let validated = json(&[&["validate", &mission, &trails, "--json"], &set[..]].concat());
+    assert!((chi2(&validated) - given_chi2).abs() < 1e-3 * given_chi2, "{given:?}");
 }
 
 #[test]
@@ -404,13 +413,17 @@ fn a_diagnosis_that_cannot_be_asked_for_is_refused() {
         file("wrong.toml", "[effects.formula]\ntarget = \"value\"\nexpression = \"value * (1 + drift * humidty\"\n");
     let unknown = file("unknown.toml", "[effects.anealing]\ntime_yr = 2.0\n");
     let bare = file("bare.toml", "[formula]\ntarget = \"value\"\n");
+    let bad = file("bad.toml", "[effects.formula]\ntarget = \"value\"\n");
     let torn = file("torn.toml", "[effects.formula]\ntarget = \n");
     for (arguments, said) in [
         (vec!["--level", "0"], "a share between 0 and 0.5"),
         (vec!["--can", "trails"], "no observable is called"),
         (vec!["--free", "detector.traps.A.densty_per_px"], "no key is called"),
         (vec!["--candidates", "nowhere.toml"], "nowhere.toml"),
-        (vec!["--candidates", &wrong], "cannot use the candidates"),
+        (vec!["--candidates", &wrong], "wrong.toml"),
+        (vec!["--candidates", &bad], "bad.toml`\n  [effects.formula]"),
+        (vec!["--write", &practice("notch/trails.ecsv")], "one of the files that are read"),
+        (vec!["--write", &practice("notch/../notch/mission.toml")], "one of the files that are read"),
         (vec!["--candidates", &unknown], "no effect is called `anealing`"),
         (vec!["--candidates", &bare], "only [effects.KIND]"),
         (vec!["--candidates", &torn], "line 2"),

@@ -10,6 +10,7 @@ use super::inputs::{Adjust, Measured, NewMission};
 use super::{Failure, Outcome, Output, print_and_suggest, progress};
 use crate::diagnose::{self, Verdict, diagnose};
 use crate::error::InputError;
+use crate::mission::Mission;
 use crate::observable::Observable;
 use crate::sweep::quoted;
 
@@ -42,14 +43,14 @@ pub(super) struct Diagnose {
 
 impl Diagnose {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
-        let new = self.write.as_ref().map(|path| NewMission::from(&self.measured.mission, path)).transpose()?;
+        let new = self.write.as_ref().map(|path| NewMission::from(&self.measured, path)).transpose()?;
         let (mission, data) = self.measured.read()?;
         self.drawn.check()?;
         let options = diagnose::Options {
             level: self.level,
             seed: self.seed.unwrap_or(mission.accuracy.seed),
             free: self.adjust.keys(&mission),
-            candidates: self.candidates.as_ref().map(candidates).transpose()?,
+            candidates: self.candidates.as_ref().map(|path| candidates(path, &mission)).transpose()?,
             can: self.can.clone(),
         };
         let bar = progress(0, "steps");
@@ -77,8 +78,8 @@ impl Diagnose {
     }
 }
 
-/// The effects of a file of candidates.
-fn candidates(path: &PathBuf) -> Result<toml::Table, InputError> {
+/// The effects of a file of candidates, as they make sense in a mission.
+fn candidates(path: &PathBuf, mission: &Mission) -> Result<toml::Table, InputError> {
     let refused = || format!("cannot use the candidates in `{}`", path.display());
     let text = fs::read_to_string(path).map_err(|error| InputError::new(refused(), error.to_string()))?;
     let table: toml::Table = toml::from_str(&text).map_err(|error| {
@@ -92,7 +93,13 @@ fn candidates(path: &PathBuf) -> Result<toml::Table, InputError> {
         );
     }
     match table.get("effects") {
-        Some(toml::Value::Table(effects)) if !effects.is_empty() => Ok(effects.clone()),
+        Some(toml::Value::Table(effects)) if !effects.is_empty() => {
+            // The line is that of a mission with them.
+            let key = |place: String| place.split_once(": ").map_or(place.clone(), |(_, key)| key.to_string());
+            let named = |error: InputError| InputError { refused: refused(), place: error.place.map(key), ..error };
+            diagnose::hypothesis::all(mission, Some(effects)).map_err(named)?;
+            Ok(effects.clone())
+        }
         _ => Err(InputError::new(refused(), "there are no effects in it").with_help(help)),
     }
 }

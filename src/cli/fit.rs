@@ -37,7 +37,7 @@ pub(super) struct Fit {
 
 impl Fit {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
-        let new = self.write.as_ref().map(|path| NewMission::from(&self.measured.mission, path)).transpose()?;
+        let new = self.write.as_ref().map(|path| NewMission::from(&self.measured, path)).transpose()?;
         let (mission, data) = self.measured.read()?;
         let keys = self.adjust.keys(&mission);
         if keys.is_empty() {

@@ -1,6 +1,7 @@
 //! What several commands read in the same way.
 
 use std::fmt;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -55,10 +56,16 @@ pub(super) struct NewMission<'a> {
 }
 
 impl<'a> NewMission<'a> {
-    /// Refused where the path cannot be written to.
-    pub fn from(mission: &OneMission, path: &'a Path) -> Result<NewMission<'a>, InputError> {
+    /// Refused where the path cannot be written to, or is one of the files that are read.
+    pub fn from(measured: &Measured, path: &'a Path) -> Result<NewMission<'a>, InputError> {
         output::refuse_unwritable(path)?;
-        Ok(NewMission { path, text: mission.text()? })
+        let is_read =
+            |read: &PathBuf| fs::canonicalize(path).is_ok_and(|path| fs::canonicalize(read).ok() == Some(path));
+        if measured.data.iter().chain([&measured.mission.path]).any(is_read) {
+            let refused = format!("cannot write `{}`", path.display());
+            return Err(InputError::new(refused, "it is one of the files that are read").with_help("give another name"));
+        }
+        Ok(NewMission { path, text: measured.mission.text()? })
     }
 
     /// Writes what becomes of the text.

@@ -109,13 +109,15 @@ impl Told<'_> {
         Ok(None)
     }
 
-    /// Rows that are wrong, where that asks for less than the effects that were found: a row left out counts as a parameter.
+    /// Rows that are wrong, where that asks for less than the effects that were found: a row left out counts as a parameter. The
+    /// model with the fewest effects has the word.
     fn odd_rows(&self, found: Option<&Found>, tried: &[Arc<Node>]) -> Option<String> {
         let adopted = found.and_then(|found| found.ladder.last());
         let simpler = tried.iter().filter(|node| adopted.is_none_or(|adopted| node.added.len() < adopted.added.len()));
-        let odd =
-            simpler.filter_map(|node| audit::odd_rows(self.case(), node).map(|odd| (self.score(node) - odd.fall, odd)));
-        let (score, odd) = odd.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let odd = simpler.filter_map(|node| {
+            audit::odd_rows(self.case(), node).map(|odd| (node.added.len(), self.score(node) - odd.fall, odd))
+        });
+        let (_, score, odd) = odd.min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)))?;
         let clear = adopted.is_none_or(|adopted| score + MUCH_SIMPLER < self.score(adopted));
         clear.then_some(odd.said)
     }

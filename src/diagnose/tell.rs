@@ -32,7 +32,7 @@ impl Told<'_> {
             self.options.seed,
         )?;
         let after = validate(&improved, self.case().data, self.options.seed)?;
-        let rungs: Vec<Rung> = ladder
+        let mut rungs: Vec<Rung> = ladder
             .iter()
             .map(|node| {
                 self.search.progress.step();
@@ -40,12 +40,14 @@ impl Told<'_> {
                     chi2: node.chi2(),
                     n: self.case().n(),
                     free: node.fit.parameters.len(),
+                    parameters: node.fit.parameters.clone(),
                     holdout_rms_sigma: self.groups.and_then(|groups| holdout::rms_sigma(groups, node)),
                     budget: budget(node.mission()),
                 }
             })
             .collect();
         let values = fit::sides::widened(&node.model, self.case().data, &node.fit)?;
+        rungs.last_mut().expect("the base").parameters = values.clone();
         let mut steps = Vec::new();
         let mut told: Vec<usize> = Vec::new();
         for (index, pair) in ladder.windows(2).enumerate() {

@@ -62,7 +62,7 @@ impl Kind for Formula {
         residuals: "What remains when no other effect explains the data, in terms of the conditions it leans on.",
         keys: &[
             key("target", "quantity that changes", "", keys::Kind::Text, Required),
-            key("expression", "what becomes of it", "", keys::Kind::Text, Required),
+            key("expression", "expression that gives its new value", "", keys::Kind::Text, Required),
             key("*", "parameter", "", Number(f64::NEG_INFINITY, f64::INFINITY), Optional),
         ],
     };

@@ -115,11 +115,11 @@ impl Report for Diagnosis {
             "corrected_t_yr",
         ];
         let mut records = vec![header.map(str::to_string).to_vec()];
-        let mut record = |model: &str, parameters: &[Fitted], rung: &Rung, alarm: Option<f64>| {
+        let mut record = |model: &str, rung: &Rung, alarm: Option<f64>| {
             let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
             let none = [None];
             let each: Vec<Option<&Fitted>> =
-                if parameters.is_empty() { none.to_vec() } else { parameters.iter().map(Some).collect() };
+                if rung.parameters.is_empty() { none.to_vec() } else { rung.parameters.iter().map(Some).collect() };
             for fitted in each {
                 let budget = rung.budget.as_ref();
                 records.push(vec![
@@ -139,9 +139,9 @@ impl Report for Diagnosis {
                 ]);
             }
         };
-        record("as given", &self.parameters, &self.baseline, None);
+        record("as given", &self.baseline, None);
         for step in &self.steps {
-            record(&step.effect, &step.parameters, &step.rung, Some(step.false_alarm));
+            record(&step.effect, &step.rung, Some(step.false_alarm));
         }
         records
     }
