@@ -199,7 +199,7 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
     let mut clear: Vec<usize> = (0..case.n()).filter(|row| size(*row) > ODD_SIGMA && !hangs(row)).collect();
     clear.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
     // What effects leave in several rows may be what they cannot explain: a gain that drifts, in the brightest packets.
-    let most = [case.n() / ONE_IN, 1, 0][node.added.len().min(2)];
+    let most = [usize::MAX, 1, 0][node.added.len().min(2)];
     clear.truncate(most.min(case.n() / ONE_IN));
     let explained = |rows: &[usize]| {
         let off = holdout::left_out(node, rows)?;
