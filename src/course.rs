@@ -1,8 +1,8 @@
 //! What happens between the ends of the years: dose, traps and shapes over a mission, densely enough for figures.
 
 use crate::calendar::decimal_year;
-use crate::model::Model;
-use crate::observable::Observable;
+use crate::error::InputError;
+use crate::model::{Device, Model};
 use crate::study::Timeline;
 
 /// A mission's dose, traps and shapes over time. All lists are as long as that of the times.
@@ -20,26 +20,28 @@ pub struct Course {
 
 impl Course {
     /// Of a mission whose galaxies have shapes.
-    pub fn of(model: &Model) -> Course {
+    ///
+    /// # Errors
+    /// Where a formula has no value.
+    pub fn of(model: &Model) -> Result<Course, InputError> {
         let galaxies = 0..model.mission.galaxies.len();
-        let timelines: Vec<Timeline> = galaxies.map(|galaxy| Timeline::of_galaxy(model, galaxy, |_| {})).collect();
+        let timelines: Vec<Timeline> =
+            galaxies.map(|galaxy| Timeline::of_galaxy(model, galaxy, |_| {})).collect::<Result<_, _>>()?;
         let times: Vec<f64> = timelines[0].points.iter().map(|point| point.0).collect();
-        let devices: Vec<_> = times.iter().map(|t_yr| model.device_at(*t_yr)).collect();
+        let devices = times.iter().map(|t_yr| model.device_at(*t_yr)).collect::<Result<Vec<_>, _>>()?;
         let species = devices[0].traps.iter().enumerate().map(|(index, species)| {
             let density = devices.iter().map(|device| device.traps[index].density_per_px);
             (species.name.clone(), density.collect())
         });
         let launch = decimal_year(model.mission.mission.launch.0);
-        Course {
+        Ok(Course {
             year: times.iter().map(|t_yr| launch + t_yr).collect(),
-            dose_mev_g: (times.iter().zip(&devices))
-                .map(|(t_yr, device)| device.observed(model.dose.dose_mev_g(*t_yr), Observable::Dose, &device.at))
-                .collect(),
+            dose_mev_g: devices.iter().map(Device::dose_mev_g).collect::<Result<_, _>>()?,
             traps_per_px: species.collect(),
             delta_e: timelines
                 .iter()
                 .map(|timeline| timeline.points.iter().map(|point| point.1.unwrap_or(f64::NAN)).collect())
                 .collect(),
-        }
+        })
     }
 }

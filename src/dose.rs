@@ -7,8 +7,9 @@ use crate::calendar::{date_after, decimal_year, years_between};
 use crate::environment::esp::Spectrum;
 use crate::environment::proton::NIEL_NEUTRON_1MEV;
 use crate::environment::shielding::{Geometry, dose_behind, fluence_behind};
-use crate::environment::{DoseHistory, RateOrigin};
-use crate::mission::{Accumulate, DoseModel, Mission, Orbit};
+use crate::error::InputError;
+use crate::mission::{Accumulate, Mission, Orbit};
+use crate::model::{DoseHistory, Model, RateOrigin};
 use crate::root;
 use crate::warning::Warning;
 
@@ -25,12 +26,14 @@ pub const ENERGIES_MEV: [f64; 17] =
 /// A mission's dose from all sides.
 #[derive(Clone, Debug)]
 pub struct Survey {
+    /// Dose since launch (MeV/g) against time (years since launch), densely enough to be drawn with straight lines.
+    pub over_time: Vec<(f64, f64)>,
     /// Launch, decimal calendar year.
     pub launch: f64,
     /// Dose over time.
     pub history: DoseHistory,
-    /// Years with a dose model of active and quiet years are marked.
-    pub model: DoseModel,
+    /// What is doubtful about it.
+    pub warnings: Vec<Warning>,
     /// By calendar year.
     pub years: Vec<CalendarYear>,
     /// Dose at the end of the mission, MeV/g.
@@ -122,15 +125,20 @@ pub struct AtEnergy {
 }
 
 /// Surveys a mission's dose, with the spectrum at these energies (MeV, above 0).
-pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Survey {
-    let mut history = DoseHistory::of(mission);
+///
+/// # Errors
+/// Where a formula has no value.
+pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputError> {
+    let model = Model::new(mission);
+    let history = model.history().clone();
+    let mut warnings = history.warnings();
     if mission.mission.orbit == Orbit::Leo {
-        history.warnings.push(Warning::ShieldedByField);
+        warnings.push(Warning::ShieldedByField);
     }
     let environment = &mission.environment;
     let niel = environment.niel.curve();
     let duration_yr = mission.mission.duration_yr;
-    let total_mev_g = history.dose_mev_g(duration_yr);
+    let total_mev_g = model.dose_mev_g(duration_yr)?;
     let active_years = history.active_years(duration_yr);
     let year = Spectrum::esp(environment.confidence, 1.0);
     let sum = Spectrum::esp(environment.confidence, active_years);
@@ -166,31 +174,37 @@ pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Survey {
         year_behind_cm2: behind(&year, energy_mev),
         mission_behind_cm2: behind(&sum, energy_mev).map(|fluence| flown * fluence),
     });
-    let rate = environment.active_dose_rate_mev_g_yr;
-    let equivalent = |geometry| {
-        let dose = |thickness_mm: f64| dose_behind(&year, geometry, thickness_mm, niel);
-        rate.filter(|rate| (dose(300.0)..dose(0.1)).contains(rate)).map(|rate| {
-            root::between(0.1_f64.ln(), 300_f64.ln(), 1e-6, |log_mm| (dose(log_mm.exp()) / rate).ln()).exp()
-        })
-    };
-    Survey {
+    Ok(Survey {
         launch: decimal_year(mission.mission.launch.0),
-        years: calendar_years(mission, &history),
+        years: calendar_years(&model)?,
+        over_time: over_time(&model)?,
         total_mev_g,
         equivalents: Equivalents {
             protons_10mev_cm2: total_mev_g / niel.at(10.0),
             neutrons_1mev_cm2: total_mev_g / NIEL_NEUTRON_1MEV,
         },
-        model: environment.model,
         confidence: environment.confidence,
         active_years,
         accumulate: environment.accumulate,
         confidences: confidences.collect(),
         depths: depths.collect(),
         spectrum: spectrum.collect(),
-        equivalent_mm: (equivalent(Geometry::Sphere), equivalent(Geometry::Slab)),
+        equivalent_mm: (equivalent_mm(mission, Geometry::Sphere), equivalent_mm(mission, Geometry::Slab)),
         history,
-    }
+        warnings,
+    })
+}
+
+/// Thickness of aluminium (mm) behind which solar protons make the dose rate that a mission gives for an active year; None
+/// beyond 0.1 to 300 mm, and if it gives none.
+pub fn equivalent_mm(mission: &Mission, geometry: Geometry) -> Option<f64> {
+    let environment = &mission.environment;
+    let rate = environment.active_dose_rate_mev_g_yr?;
+    let year = Spectrum::esp(environment.confidence, 1.0);
+    let dose = |thickness_mm: f64| dose_behind(&year, geometry, thickness_mm, environment.niel.curve());
+    (dose(300.0)..dose(0.1))
+        .contains(&rate)
+        .then(|| root::between(0.1_f64.ln(), 300_f64.ln(), 1e-6, |log_mm| (dose(log_mm.exp()) / rate).ln()).exp())
 }
 
 impl Survey {
@@ -201,26 +215,40 @@ impl Survey {
 }
 
 /// The mission cut at every new year.
-fn calendar_years(mission: &Mission, history: &DoseHistory) -> Vec<CalendarYear> {
-    let launch = mission.mission.launch.0;
-    let duration_yr = mission.mission.duration_yr;
+fn calendar_years(model: &Model) -> Result<Vec<CalendarYear>, InputError> {
+    let launch = model.mission.mission.launch.0;
+    let duration_yr = model.mission.mission.duration_yr;
     let last = date_after(launch, duration_yr).map_or(launch.year() + duration_yr.ceil() as i32, |date| date.year());
     let mut years = Vec::new();
-    let mut start_yr = 0.0;
+    let history = model.history();
+    let (mut start_yr, mut before_mev_g) = (0.0, 0.0);
     for year in launch.year()..=last {
         let end_yr = NaiveDate::from_ymd_opt(year + 1, 1, 1)
             .map_or(duration_yr, |new_year| years_between(launch, new_year))
             .min(duration_yr);
         if end_yr > start_yr {
+            let cumulative_mev_g = model.dose_mev_g(end_yr)?;
             years.push(CalendarYear {
                 year,
                 flown_yr: end_yr - start_yr,
                 active_yr: history.active_years(end_yr) - history.active_years(start_yr),
-                dose_mev_g: history.dose_mev_g(end_yr) - history.dose_mev_g(start_yr),
-                cumulative_mev_g: history.dose_mev_g(end_yr),
+                dose_mev_g: cumulative_mev_g - before_mev_g,
+                cumulative_mev_g,
             });
+            before_mev_g = cumulative_mev_g;
         }
         start_yr = end_yr;
     }
-    years
+    Ok(years)
+}
+
+/// Times of the curve of the dose besides those at which it bends or jumps.
+const TIMES: u32 = 60;
+
+fn over_time(model: &Model) -> Result<Vec<(f64, f64)>, InputError> {
+    let duration_yr = model.mission.mission.duration_yr;
+    let mut times = model.times_yr(duration_yr);
+    times.extend((1..TIMES).map(|index| duration_yr * f64::from(index) / f64::from(TIMES)));
+    times.sort_by(f64::total_cmp);
+    times.into_iter().map(|t_yr| Ok((t_yr, model.dose_mev_g(t_yr)?))).collect()
 }

@@ -34,12 +34,10 @@ use ndarray::Array2;
 use serde::de::DeserializeOwned;
 
 use crate::conditions::Conditions;
-use crate::damage::{Damage, SpeciesState};
-use crate::environment::DoseHistory;
 use crate::error::InputError;
-use crate::expression::ExpressionError;
 use crate::mission::keys::{Key, pattern_of};
 use crate::mission::{Detector, Mission, Species};
+use crate::model::{Damage, DoseHistory, Model, SpeciesState};
 use crate::observable::Observable;
 use crate::readout::Cloud;
 pub use reach::Reach;
@@ -66,9 +64,14 @@ pub static CATALOGUE: [Entry; 17] = [
 ];
 
 /// A small change of one noun of the chain: override the method of the noun that changes. In the order of the chain.
+///
+/// Methods that make something once for a mission cannot fail: what they are made of was checked when the mission was read.
+/// Those that are asked under given conditions can.
 pub trait Effect: fmt::Debug + Send + Sync {
     /// The conditions as they really are, where thermometers and mission files are wrong.
-    fn conditions(&self, _at: &mut Conditions) {}
+    fn conditions(&self, _at: &mut Conditions) -> Result<(), InputError> {
+        Ok(())
+    }
     /// Dose over time, as a dose monitor sees it.
     fn dose(&self, _dose: &mut DoseHistory) {}
     /// Wells and trap species.
@@ -76,28 +79,33 @@ pub trait Effect: fmt::Debug + Send + Sync {
     /// How dose becomes traps, and what becomes of them.
     fn damage(&self, _damage: &mut Damage) {}
     /// Traps under given conditions.
-    fn traps(&self, _traps: &mut [SpeciesState], _at: &Conditions) {}
+    fn traps(&self, _traps: &mut [SpeciesState], _at: &Conditions) -> Result<(), InputError> {
+        Ok(())
+    }
     /// The height of charge clouds.
-    fn cloud(&self, _cloud: &mut Cloud, _at: &Conditions) {}
+    fn cloud(&self, _cloud: &mut Cloud, _at: &Conditions) -> Result<(), InputError> {
+        Ok(())
+    }
     /// The charges (e-, `[[row, column]]`) before the first transfer.
-    fn charge(&self, _charge_e: &mut Array2<f64>, _at: &Conditions) {}
+    fn charge(&self, _charge_e: &mut Array2<f64>, _at: &Conditions) -> Result<(), InputError> {
+        Ok(())
+    }
     /// A serial register with traps of its own.
     fn serial(&self) -> Option<SerialRegister> {
         None
     }
     /// The charges (e-, `[[row, column]]`) as the amplifier gives them out, with those before the first transfer.
-    fn read(&self, _before_e: &Array2<f64>, _read_e: &mut Array2<f64>, _at: &Conditions) {}
+    fn read(&self, _before_e: &Array2<f64>, _read_e: &mut Array2<f64>, _at: &Conditions) -> Result<(), InputError> {
+        Ok(())
+    }
     /// What is predicted for an observable.
-    fn value(&self, _value: &mut f64, _observable: Observable, _at: &Conditions) {}
+    fn value(&self, _value: &mut f64, _observable: Observable, _at: &Conditions) -> Result<(), InputError> {
+        Ok(())
+    }
 
     /// Conditions, by name, on which it depends beyond those that the chain itself depends on.
     fn depends_on(&self) -> Vec<String> {
         Vec::new()
-    }
-    /// What went wrong while it was applied (values are then NaN): the first fault in alphabetical order, so that it does
-    /// not depend on threads.
-    fn fault(&self) -> Option<ExpressionError> {
-        None
     }
 }
 
@@ -297,6 +305,11 @@ pub fn of(mission: &Mission) -> Vec<Arc<dyn Effect>> {
 
 /// Most moments at which a search looks for an event.
 pub(crate) const MOMENTS: usize = 48;
+
+/// Dose (MeV/g) that a mission's model has at a time (years since launch), to scale a trial with; 0 where it has none.
+fn dose_mev_g(mission: &Mission, t_yr: f64) -> f64 {
+    Model::new(mission).dose_mev_g(t_yr).unwrap_or(0.0)
+}
 
 /// A table of numbers.
 fn numbers(values: &[(&str, f64)]) -> toml::Table {

@@ -3,25 +3,20 @@
 use chrono::NaiveDate;
 use rayon::prelude::*;
 
+use crate::accuracy::SHOWS_IN_SHAPES;
 use crate::calendar::date_after;
-use crate::damage::SpeciesState;
-use crate::environment::DoseHistory;
 use crate::error::InputError;
 use crate::mission::{Galaxy, Mission, ReadoutMethod};
-use crate::model::Model;
-use crate::observable::Observable;
-use crate::requirement::{Crossing, first_crossing};
-use crate::scene::Scene;
+use crate::model::{Model, Scene, SpeciesState};
+use crate::requirement::{Crossing, Point, crossing, resolved};
 use crate::shape::ShapeChange;
 use crate::warning::Warning;
 
 /// Everything along the way from a mission to its verdict.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
-    /// The mission, as resolved.
-    pub mission: Mission,
-    /// Dose over time.
-    pub dose: DoseHistory,
+    /// The mission, as resolved, with its dose, traps and galaxies.
+    pub model: Model,
     /// State at the end of each year of the mission, and at its end.
     pub years: Vec<Year>,
     /// When the budget is exceeded.
@@ -37,7 +32,7 @@ pub struct Year {
     pub t_yr: f64,
     /// The day; None past the end of the calendar.
     pub date: Option<NaiveDate>,
-    /// Dose since launch, MeV/g.
+    /// Dose since launch as its monitor sees it, MeV/g.
     pub dose_mev_g: f64,
     /// Traps.
     pub traps: Vec<SpeciesState>,
@@ -58,71 +53,115 @@ pub struct Verdict {
     pub mean_rate_per_yr: Option<f64>,
 }
 
+impl Evaluation {
+    /// The mission, as resolved.
+    pub fn mission(&self) -> &Mission {
+        &self.model.mission
+    }
+
+    /// State at the end of the mission.
+    pub fn end(&self) -> &Year {
+        self.years.last().expect("a mission has an end")
+    }
+}
+
 impl Verdict {
     /// Whether the requirement is met, with correction, to the end of the mission.
     pub fn met(&self) -> bool {
-        self.corrected.t_yr.is_none()
+        self.corrected.crossings_yr.is_empty()
     }
 }
 
 /// State at a time (years since launch).
-fn year(model: &Model, t_yr: f64) -> Year {
-    let device = model.device_at(t_yr);
+fn year(model: &Model, t_yr: f64) -> Result<Year, InputError> {
+    let device = model.device_at(t_yr)?;
     let galaxies = 0..model.mission.galaxies.len();
-    Year {
+    let galaxies: Vec<_> = galaxies.into_par_iter().map(|galaxy| model.change_by(galaxy, &device)).collect();
+    Ok(Year {
         t_yr,
         date: date_after(model.mission.mission.launch.0, t_yr),
-        dose_mev_g: device.observed(model.dose.dose_mev_g(t_yr), Observable::Dose, &device.at),
-        galaxies: galaxies.into_par_iter().map(|galaxy| model.change_by(galaxy, &device)).collect(),
+        dose_mev_g: device.dose_mev_g()?,
+        galaxies: galaxies.into_iter().collect::<Result<_, _>>()?,
         traps: device.traps,
-    }
+    })
+}
+
+/// |Δe| of the judged galaxy at a time (years since launch); None if no shape is left.
+fn magnitude(model: &Model, t_yr: f64) -> Result<Option<f64>, InputError> {
+    Ok(model.change(model.judged(), t_yr)?.map(|change| change.magnitude()))
+}
+
+/// When |Δe| of the judged galaxy crosses limits, each told by as few readouts as it takes; what is `known` is reused.
+pub(crate) fn crossings<const N: usize>(
+    model: &Model,
+    limits: [f64; N],
+    known: &[Point],
+) -> Result<[Crossing; N], InputError> {
+    let mut times = model.times_yr(model.mission.mission.duration_yr);
+    times.retain(|t_yr| known.iter().all(|known| known.0 != *t_yr));
+    let added: Vec<Result<Point, InputError>> =
+        times.into_par_iter().map(|t_yr| Ok((t_yr, magnitude(model, t_yr)?))).collect();
+    // The first of several errors, whichever came first.
+    let mut points = added.into_iter().collect::<Result<Vec<Point>, _>>()?;
+    points.extend(known);
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let points = resolved(&points, &limits, |t_yr| magnitude(model, t_yr))?;
+    let found = limits.map(|limit| crossing(limit, &points, |t_yr| magnitude(model, t_yr)));
+    let found: Vec<Crossing> = found.into_iter().collect::<Result<_, _>>()?;
+    Ok(found.try_into().expect("as many crossings as limits"))
+}
+
+/// d|Δe|/dt just after launch, per year; None if no shape is left.
+pub(crate) fn rate_at_launch_per_yr(model: &Model) -> Result<Option<f64>, InputError> {
+    let just_after_yr = JUST_AFTER * model.mission.mission.duration_yr;
+    let (launch, later) = (magnitude(model, 0.0)?, magnitude(model, just_after_yr)?);
+    Ok(later.zip(launch).map(|(later, launch)| (later - launch) / just_after_yr))
 }
 
 /// Judges the requirement; `years` (rising) are reused.
-fn verdict(model: &Model, years: &[Year]) -> Verdict {
-    let judged = model.judged();
-    let magnitude = |t_yr: f64| model.change(judged, t_yr).map(|change| change.magnitude());
-    let duration_yr = model.mission.mission.duration_yr;
-    let mut extra: Vec<f64> = model.dose.changes_yr(duration_yr);
-    extra.insert(0, 0.0);
-    extra.retain(|t_yr| years.iter().all(|year| year.t_yr != *t_yr));
-    let mut known: Vec<(f64, Option<f64>)> = extra.into_par_iter().map(|t_yr| (t_yr, magnitude(t_yr))).collect();
-    known.extend(years.iter().map(|year| (year.t_yr, year.galaxies[judged].map(|change| change.magnitude()))));
-    known.sort_by(|a, b| a.0.total_cmp(&b.0));
-
+fn verdict(model: &Model, years: &[Year]) -> Result<Verdict, InputError> {
+    let magnitude = |year: &Year| year.galaxies[model.judged()].map(|change| change.magnitude());
+    let known: Vec<Point> = years.iter().map(|year| (year.t_yr, magnitude(year))).collect();
     let requirement = &model.mission.requirement;
-    let just_after_yr = JUST_AFTER * duration_yr;
-    let rate_at_launch_per_yr =
-        magnitude(just_after_yr).zip(known[0].1).map(|(later, launch)| (later - launch) / just_after_yr);
-    Verdict {
-        uncorrected: first_crossing(requirement.delta_e, &known, magnitude),
-        corrected: first_crossing(requirement.delta_e * requirement.correction_factor, &known, magnitude),
-        rate_at_launch_per_yr,
-        mean_rate_per_yr: known.last().and_then(|end| end.1).map(|end| end / duration_yr),
-    }
+    let limits = [requirement.delta_e, requirement.delta_e * requirement.correction_factor];
+    let [uncorrected, corrected] = crossings(model, limits, &known)?;
+    Ok(Verdict {
+        uncorrected,
+        corrected,
+        rate_at_launch_per_yr: rate_at_launch_per_yr(model)?,
+        mean_rate_per_yr: known.last().and_then(|end| end.1).map(|end| end / model.mission.mission.duration_yr),
+    })
 }
 
 /// Share of the mission over which the rate at launch is taken: long enough for the accuracy of shapes, too short for
 /// the curve to bend.
-pub(crate) const JUST_AFTER: f64 = 1e-3;
+const JUST_AFTER: f64 = 1e-3;
 
 /// Evaluates a mission.
 ///
 /// # Errors
 /// Where a galaxy of the mission has no measurable shape even before the readout, or a formula has no value.
 pub fn evaluate(mission: &Mission) -> Result<Evaluation, InputError> {
-    let model = Model::new(mission);
+    evaluated(Model::new(mission))
+}
+
+/// Evaluates a mission whose model is at hand.
+///
+/// # Errors
+/// As [`evaluate`].
+pub(crate) fn evaluated(model: Model) -> Result<Evaluation, InputError> {
+    let mission = &model.mission;
     let measurable: Vec<bool> =
         (0..mission.galaxies.len()).into_par_iter().map(|galaxy| model.scene(galaxy).is_some()).collect();
     if let Some(galaxy) = measurable.iter().position(|measurable| !measurable) {
         return Err(unmeasurable(mission, &mission.galaxies[galaxy]));
     }
-    let years: Vec<Year> =
-        year_ends(mission.mission.duration_yr).into_par_iter().map(|t_yr| year(&model, t_yr)).collect();
-    let verdict = verdict(&model, &years);
-    model.check()?;
-    let warnings = warnings(&model);
-    Ok(Evaluation { mission: mission.clone(), dose: model.dose, years, verdict, warnings })
+    let years: Vec<_> = year_ends(mission.mission.duration_yr).into_par_iter().map(|t_yr| year(&model, t_yr)).collect();
+    // The first of several errors, whichever came first.
+    let years = years.into_iter().collect::<Result<Vec<Year>, _>>()?;
+    let verdict = verdict(&model, &years)?;
+    let warnings = warnings(&model)?;
+    Ok(Evaluation { model, years, verdict, warnings })
 }
 
 /// Ends of the years of a mission, and its end.
@@ -142,9 +181,9 @@ pub(crate) fn unmeasurable(mission: &Mission, galaxy: &Galaxy) -> InputError {
     .with_help("choose weight_px closer to the size of the galaxy")
 }
 
-pub(crate) fn warnings(model: &Model) -> Vec<Warning> {
+pub(crate) fn warnings(model: &Model) -> Result<Vec<Warning>, InputError> {
     let mission = &model.mission;
-    let mut warnings = model.dose.warnings.clone();
+    let mut warnings = model.history().warnings();
     for (index, galaxy) in mission.galaxies.iter().enumerate() {
         let peak_e = model.scene(index).map_or(0.0, Scene::peak_e);
         if peak_e > mission.detector.full_well_e {
@@ -154,14 +193,14 @@ pub(crate) fn warnings(model: &Model) -> Vec<Warning> {
     if mission.accuracy.readout == ReadoutMethod::MonteCarlo {
         warnings.push(Warning::OneSetOfTraps);
     }
-    for species in model.traps(mission.mission.duration_yr) {
+    for species in model.traps(mission.mission.duration_yr)? {
         let over_readout = species.release_ms / (mission.readout.line_time_ms * f64::from(mission.readout.transfers));
         if over_readout > 1.0 && species.density_per_px > 0.0 {
             warnings.push(Warning::NeverReleases { species: species.name, over_readout });
         }
     }
-    if mission.accuracy.readout == ReadoutMethod::Fast && mission.accuracy.relative > 1e-3 {
+    if mission.accuracy.readout == ReadoutMethod::Fast && mission.accuracy.relative > SHOWS_IN_SHAPES {
         warnings.push(Warning::CoarseAccuracy { relative: mission.accuracy.relative });
     }
-    warnings
+    Ok(warnings)
 }

@@ -156,7 +156,7 @@ pub(crate) fn fit_rows(
     let before = problem.residuals(&here)?;
     let chi2_before = chi2(&before);
     if keys.is_empty() {
-        let values = predict(model, &all);
+        let values = predict(model, &all)?;
         return Ok(Fit {
             mission: mission.clone(),
             parameters: Vec::new(),
@@ -196,7 +196,7 @@ pub(crate) fn fit_rows(
         .collect();
     let advice = advice::on(&problem.parameters, &parameters, &errors.correlation, &errors.flat);
     Ok(Fit {
-        values: predict(&problem.base.like(&fitted), &all),
+        values: predict(&problem.base.like(&fitted), &all)?,
         mission: fitted,
         parameters,
         correlation: errors.correlation,
@@ -273,8 +273,7 @@ impl<'a> Problem<'a> {
     fn residuals(&self, at: &[f64]) -> Result<Vec<f64>, InputError> {
         let mission = self.mission(at)?;
         let model = self.base.like(&mission);
-        let found = predict(&model, &self.questions);
-        model.check()?;
+        let found = predict(&model, &self.questions)?;
         if let Some(row) = found.iter().position(|value| !value.is_finite()) {
             let said: Vec<String> = self
                 .parameters

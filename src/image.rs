@@ -26,9 +26,8 @@ use std::str::FromStr;
 use ndarray::{Array2, Zip};
 
 use crate::conditions::Conditions;
-use crate::device::Device;
 use crate::error::InputError;
-use crate::model::Model;
+use crate::model::{Device, Model, SpeciesState};
 use crate::output;
 use crate::readout::Method;
 use crate::warning::Warning;
@@ -80,6 +79,10 @@ pub struct Done {
     pub mission: String,
     /// Conditions, with the dose behind the traps.
     pub at: Conditions,
+    /// Dose as its monitor sees it, MeV/g.
+    pub dose_mev_g: f64,
+    /// Traps of the pixels.
+    pub traps: Vec<SpeciesState>,
     /// The way transfers are computed.
     pub method: Method,
     /// What was done.
@@ -141,16 +144,15 @@ impl Job {
         relative: f64,
         geometry: Geometry,
     ) -> Result<Job, InputError> {
-        let device = model.device(conditions);
-        model.check()?;
-        if geometry.transfers.serial() && device.serial.is_empty() {
+        let device = model.device(conditions)?;
+        if geometry.transfers.serial() && device.serial().is_empty() {
             return Err(InputError::new(
                 "cannot model serial transfers",
                 format!("mission \"{}\" has no traps in the serial register", model.mission.mission.name),
             )
             .with_help("add [effects.serial-traps] with pixel_time_ms and traps: see `ctiplan effects serial-traps`"));
         }
-        let device = match device.readout.method {
+        let device = match device.method {
             Method::Fast { .. } => device.by(Method::Fast { relative }),
             _ if task != Task::Readout => device.expected(),
             _ => device,
@@ -181,7 +183,9 @@ impl Job {
         let mut done = Done {
             mission: self.model.mission.mission.name.clone(),
             at: self.device.at.clone(),
-            method: self.device.readout.method,
+            dose_mev_g: self.device.dose_mev_g()?,
+            traps: self.device.traps.clone(),
+            method: self.device.method,
             task: self.task,
             geometry: self.geometry,
             hdus: Vec::new(),
@@ -195,9 +199,9 @@ impl Job {
                     Some((_, scale)) => {
                         let tell = |what: &str| progress(index, all, &format!("{hdu}{what}"));
                         let mut pixels = fits.pixels(index)?;
-                        let frame = self.frame(&mut pixels, *scale, &tell);
-                        self.model.check()?;
-                        hdu.write(&pixels, &self.history(*scale, &frame), out).map_err(output::refusal(output))?;
+                        let frame = self.frame(&mut pixels, *scale, &tell)?;
+                        let told = self.history(*scale, &frame, done.dose_mev_g);
+                        hdu.write(&pixels, &told, out).map_err(output::refusal(output))?;
                         done.warnings.extend(self.warnings(&hdu, &frame));
                         Some(frame)
                     }
@@ -280,14 +284,19 @@ impl Job {
     }
 
     /// Works on one frame.
-    fn frame(&self, pixels: &mut fits::Pixels, scale: unit::Scale, tell: &dyn Fn(&str)) -> FrameDone {
+    fn frame(
+        &self,
+        pixels: &mut fits::Pixels,
+        scale: unit::Scale,
+        tell: &dyn Fn(&str),
+    ) -> Result<FrameDone, InputError> {
         let mut before_e = pixels.physical();
         before_e.mapv_inplace(|value| scale.charge_e(value));
         let shape = before_e.dim();
         let missing = mask::fill(&mut before_e);
         let lit = self.geometry.lit(shape);
         let from_e = self.unit.saturated_dn.map_or(f64::INFINITY, |value| scale.charge_e(value));
-        let mut saturated = mask::saturated(&before_e, &self.device.readout.cloud, from_e);
+        let mut saturated = mask::saturated(&before_e, &self.device.cloud, from_e);
         Zip::from(&mut saturated).and(&lit).and(&missing).for_each(|full, lit, missing| *full &= *lit && !*missing);
         let read = |frame_e: &Array2<f64>| frame::read(&self.device, &self.geometry, frame_e);
         let count = |mask: &Array2<bool>| mask.iter().filter(|is| **is).count();
@@ -304,7 +313,7 @@ impl Job {
         };
         let mut kept = missing;
         let after_e = match self.task {
-            Task::Readout => read(&before_e),
+            Task::Readout => read(&before_e)?,
             Task::Correct { stop, noise } => {
                 Zip::from(&mut kept).and(&saturated).for_each(|kept, full| *kept |= *full);
                 let solve = |observed: &Array2<f64>, what: &str| {
@@ -315,13 +324,14 @@ impl Job {
                         read(image)
                     })
                 };
-                let corrected = solve(&before_e, "");
-                done.noise_amplification = noise.map(|noise| {
+                let corrected = solve(&before_e, "")?;
+                if let Some(noise) = noise {
                     let mut counted = lit;
                     Zip::from(&mut counted).and(&kept).for_each(|counted, kept| *counted &= !*kept);
-                    let again = |noisy: &Array2<f64>| solve(noisy, "with noise, ").image;
-                    correct::noise_amplification(&before_e, &corrected.image, &counted, noise, again)
-                });
+                    let again = |noisy: &Array2<f64>| solve(noisy, "with noise, ").map(|corrected| corrected.image);
+                    let times = correct::noise_amplification(&before_e, &corrected.image, &counted, noise, again)?;
+                    done.noise_amplification = Some(times);
+                }
                 (done.residuals, done.converged) = (corrected.residuals, corrected.converged);
                 corrected.image
             }
@@ -334,11 +344,11 @@ impl Job {
             })
         });
         let clipped_px = pixels.set(changed);
-        FrameDone { clipped_px, ..done }
+        Ok(FrameDone { clipped_px, ..done })
     }
 
     /// What the header will tell of this.
-    fn history(&self, scale: unit::Scale, frame: &FrameDone) -> Vec<String> {
+    fn history(&self, scale: unit::Scale, frame: &FrameDone, dose_mev_g: f64) -> Vec<String> {
         let (at, geometry) = (&self.device.at, &self.geometry);
         let mut told = vec![format!(
             "ctiplan {} {}: charge transfer inefficiency {}, {} transfers",
@@ -353,11 +363,7 @@ impl Job {
         )];
         told.push(format!(
             "mission {}, {} yr after launch, dose {:.4e} MeV/g, {} K, {} ms per row",
-            self.model.mission.mission.name,
-            at.t_yr,
-            at.dose_mev_g.unwrap_or_default(),
-            at.temperature_k,
-            at.line_time_ms
+            self.model.mission.mission.name, at.t_yr, dose_mev_g, at.temperature_k, at.line_time_ms
         ));
         let traps = self.device.traps.iter().map(|trap| format!("{} {:.4e}", trap.name, trap.density_per_px));
         told.push(format!("traps per pixel: {}", traps.collect::<Vec<_>>().join(", ")));

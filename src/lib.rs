@@ -2,10 +2,9 @@
 #![warn(missing_docs)]
 
 // In the order of the chain: left does not know right.
+pub mod accuracy;
 pub mod calendar;
 pub mod conditions;
-pub mod damage;
-pub mod device;
 pub mod effect;
 pub mod environment;
 pub mod error;
@@ -18,7 +17,6 @@ pub mod observable;
 pub mod predict;
 pub mod readout;
 pub mod requirement;
-pub mod scene;
 pub mod shape;
 pub mod warning;
 // What stands on the chain.

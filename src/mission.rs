@@ -372,18 +372,6 @@ pub struct Accuracy {
     pub subpixel_grid: u32,
 }
 
-impl Accuracy {
-    /// Accuracy where very many shapes are wanted: thirty times coarser than asked for, but not coarser than 1e-3 on that
-    /// account.
-    pub fn of_many_shapes(&self) -> f64 {
-        self.relative.max((MANY_SHAPES * self.relative).min(COARSEST_OF_MANY))
-    }
-}
-
-/// How many times coarser many shapes are read out, and the coarsest readout that is chosen for them where nobody asked for it.
-const MANY_SHAPES: f64 = 30.0;
-const COARSEST_OF_MANY: f64 = 1e-3;
-
 /// How transfers are computed; see [`crate::readout::Method`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

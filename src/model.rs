@@ -1,30 +1,45 @@
-//! A mission made ready: dose, damage and detector with all effects, at any time and under any conditions.
+//! A mission made ready: dose, traps, detector and galaxies with all effects, at any time and under any conditions.
+//!
+//! ```text
+//! mission + effects → [`DoseHistory`] → [`Damage`] → [`Device`] → change of shape
+//! ```
+//!
+//! This is the only way from a mission to a dose, a trap density or a change of shape. What makes them is private to this
+//! module: commands, studies and fits ask a [`Model`], so that none of them can leave an effect out.
+
+mod damage;
+mod device;
+mod effects;
+mod history;
+mod scene;
+#[cfg(test)]
+mod scene_golden;
 
 use std::sync::{Arc, OnceLock};
 
+use crate::accuracy::Purpose;
 use crate::conditions::Conditions;
-use crate::damage::{Damage, SpeciesState};
-use crate::device::Device;
-use crate::effect::{self, Effect};
-use crate::environment::DoseHistory;
-use crate::error::{InputError, shortened};
+use crate::error::InputError;
 use crate::mission::{Detector, Mission, ReadoutMethod};
-use crate::readout::{Cloud, Method, Readout};
-use crate::scene::Scene;
+use crate::readout::{Cloud, Method};
 use crate::shape::ShapeChange;
+pub use damage::{Damage, Loss, SpeciesState, release_factor};
+pub use device::{Beside, Device};
+use effects::Effects;
+pub use history::{DoseHistory, Law, RateOrigin};
+pub use scene::Scene;
+pub(crate) use scene::{Above, downstream, half_px};
 
-/// Accuracy of the readout from which shapes are measured, over that of the shapes: errors of single packets average out
-/// (`tests/readout.rs` holds shapes against every transfer done).
-const READOUT_OF_SHAPES: f64 = 3.0;
+/// Times of a mission at which a formula of the time is looked at.
+const FORMULA_TIMES: u32 = 240;
 
 /// A mission with its effects, ready to be asked.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// The mission.
     pub mission: Mission,
-    /// Dose over time.
-    pub dose: DoseHistory,
-    effects: Vec<Arc<dyn Effect>>,
+    history: DoseHistory,
+    effects: Effects,
     detector: Detector,
     damage: Damage,
     /// Images of the galaxies, drawn when they are needed; None where a galaxy has no measurable shape.
@@ -34,28 +49,54 @@ pub struct Model {
 impl Model {
     /// Prepares a mission.
     pub fn new(mission: &Mission) -> Model {
-        let effects = effect::of(mission);
-        let mut dose = DoseHistory::of(mission);
+        let effects = Effects::of(mission);
+        let mut history = DoseHistory::of(mission);
         let mut detector = mission.detector.clone();
         let mut damage = Damage::default();
-        for effect in &effects {
-            effect.dose(&mut dose);
+        for effect in effects.iter() {
+            effect.dose(&mut history);
             effect.detector(&mut detector);
             effect.damage(&mut damage);
         }
         let scenes = Arc::new(mission.galaxies.iter().map(|_| OnceLock::new()).collect());
-        Model { mission: mission.clone(), dose, effects, detector, damage, scenes }
+        Model { mission: mission.clone(), history, effects, detector, damage, scenes }
     }
 
     /// Prepares a mission that is like this one in much: images of galaxies that are the same are not drawn again.
     pub fn like(&self, mission: &Mission) -> Model {
+        let model = Model::new(mission);
+        if self.shares_scenes(mission) { Model { scenes: Arc::clone(&self.scenes), ..model } } else { model }
+    }
+
+    /// Whether the images of a mission's galaxies are those of this one.
+    pub(crate) fn shares_scenes(&self, mission: &Mission) -> bool {
         let known = &self.mission;
-        let same = known.galaxies == mission.galaxies
+        known.galaxies == mission.galaxies
             && known.psf == mission.psf
             && known.sky == mission.sky
-            && known.accuracy == mission.accuracy;
-        let model = Model::new(mission);
-        if same { Model { scenes: Arc::clone(&self.scenes), ..model } } else { model }
+            && known.accuracy == mission.accuracy
+    }
+
+    /// When dose comes: active years, steps, where the rate comes from, and what is doubtful about it.
+    pub fn history(&self) -> &DoseHistory {
+        &self.history
+    }
+
+    /// Times (years since launch, rising) at which a quantity of the model has to be known for its curve over a mission to be
+    /// smooth between them: launch, the end, each time at which the dose rate changes, and both sides of each jump.
+    pub fn times_yr(&self, duration_yr: f64) -> Vec<f64> {
+        let within = |t_yr: &f64| *t_yr > 0.0 && *t_yr <= duration_yr;
+        let jumps = self.history.steps.iter().map(|(t_yr, _)| *t_yr).chain(self.damage.losses_yr());
+        let mut times = vec![0.0, duration_yr];
+        times.extend(self.history.changes_yr(duration_yr));
+        times.extend(jumps.filter(within).flat_map(|t_yr| [t_yr.next_down(), t_yr]));
+        // A formula of the time may do anything.
+        if self.depends_on().iter().any(|name| name == "t_yr") {
+            times.extend((1..FORMULA_TIMES).map(|index| duration_yr * f64::from(index) / f64::from(FORMULA_TIMES)));
+        }
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        times
     }
 
     /// Conditions of the mission's own exposures at a time (years since launch).
@@ -63,53 +104,87 @@ impl Model {
         Conditions::of(&self.mission, t_yr)
     }
 
+    /// Dose since launch as its monitor sees it, MeV/g, at a time (years since launch).
+    ///
+    /// # Errors
+    /// Where a formula has no value, here and below.
+    pub fn dose_mev_g(&self, t_yr: f64) -> Result<f64, InputError> {
+        self.device_at(t_yr)?.dose_mev_g()
+    }
+
     /// Traps at a time (years since launch).
-    pub fn traps(&self, t_yr: f64) -> Vec<SpeciesState> {
-        self.device(&self.conditions(t_yr)).traps
+    ///
+    /// # Errors
+    /// As [`Model::dose_mev_g`].
+    pub fn traps(&self, t_yr: f64) -> Result<Vec<SpeciesState>, InputError> {
+        Ok(self.device_at(t_yr)?.traps)
     }
 
     /// The detector at a time (years since launch).
-    pub fn device_at(&self, t_yr: f64) -> Device {
+    ///
+    /// # Errors
+    /// As [`Model::dose_mev_g`].
+    pub fn device_at(&self, t_yr: f64) -> Result<Device, InputError> {
         self.device(&self.conditions(t_yr))
     }
 
     /// The detector under given conditions.
-    pub fn device(&self, given: &Conditions) -> Device {
+    ///
+    /// # Errors
+    /// As [`Model::dose_mev_g`].
+    pub fn device(&self, given: &Conditions) -> Result<Device, InputError> {
         let mut at = given.clone();
-        for effect in &self.effects {
-            effect.conditions(&mut at);
-        }
-        let damaged = |detector: &Detector| self.damage.traps(detector, &self.dose, &at);
-        let mut traps = damaged(&self.detector);
-        let registers = self.effects.iter().filter_map(|effect| effect.serial());
-        let registers: Vec<_> = registers
-            .map(|register| {
-                let traps = damaged(&Detector { traps: register.traps, ..self.detector.clone() });
-                (traps, register.pixel_time_ms, register.transfers)
+        self.effects.apply(|effect| effect.conditions(&mut at))?;
+        let damaged = |detector: &Detector| {
+            let traps = self.damage.traps(detector, &self.history, &at);
+            traps.map_err(|error| self.effects.of_mission(error))
+        };
+        let mut traps = damaged(&self.detector)?;
+        let registers = self.effects.iter().filter_map(|effect| effect.serial()).map(|register| {
+            Ok(device::Register {
+                traps: damaged(&Detector { traps: register.traps, ..self.detector.clone() })?,
+                pixel_time_ms: register.pixel_time_ms,
+                transfers: register.transfers,
             })
-            .collect();
-        at.dose_mev_g = Some(at.dose_mev_g.unwrap_or_else(|| self.dose.dose_mev_g(at.t_yr)));
-        let cloud = self.cloud(&at);
-        let serial = registers
-            .into_iter()
-            .map(|(traps, pixel_time_ms, transfers)| (self.readout(&traps, pixel_time_ms, cloud.clone()), transfers))
-            .collect();
-        for effect in &self.effects {
-            effect.traps(&mut traps, &at);
+        });
+        let registers = registers.collect::<Result<_, InputError>>()?;
+        if at.dose_mev_g.is_none() {
+            let dose_mev_g = self.history.dose_mev_g(at.t_yr);
+            at.dose_mev_g = Some(dose_mev_g.map_err(|error| self.effects.of_mission(error))?);
         }
-        let readout = self.readout(&traps, at.line_time_ms, cloud);
-        Device { at, traps, readout, serial, effects: self.effects.clone() }
+        let detector = &self.detector;
+        let mut cloud = Cloud::new(detector.full_well_e, detector.notch_e, detector.well_fill_power);
+        self.effects.apply(|effect| effect.cloud(&mut cloud, &at))?;
+        self.effects.apply(|effect| effect.traps(&mut traps, &at))?;
+        Ok(Device { at, traps, cloud, method: self.method(), registers, effects: self.effects.clone() })
     }
 
     /// Mean change of a galaxy's shape (by its place in the mission) at a time (years since launch). None where no shape
     /// is left, or there was none.
-    pub fn change(&self, galaxy: usize, t_yr: f64) -> Option<ShapeChange> {
-        self.change_by(galaxy, &self.device_at(t_yr))
+    ///
+    /// # Errors
+    /// As [`Model::dose_mev_g`].
+    pub fn change(&self, galaxy: usize, t_yr: f64) -> Result<Option<ShapeChange>, InputError> {
+        self.change_by(galaxy, &self.device_at(t_yr)?)
     }
 
     /// The same with a device that is at hand.
-    pub fn change_by(&self, galaxy: usize, device: &Device) -> Option<ShapeChange> {
-        Some(device.observed_change(self.scene(galaxy)?.change_by(&device.coarser(READOUT_OF_SHAPES))?))
+    ///
+    /// # Errors
+    /// As [`Model::dose_mev_g`].
+    pub fn change_by(&self, galaxy: usize, device: &Device) -> Result<Option<ShapeChange>, InputError> {
+        match self.trailed(galaxy, &device.fit_for(Purpose::Shape))? {
+            Some(change) => device.observed_change(change).map(Some),
+            None => Ok(None),
+        }
+    }
+
+    /// Mean change of a galaxy's shape as a device makes it, before what effects make of the measured value.
+    ///
+    /// # Errors
+    /// As [`Model::dose_mev_g`].
+    pub(crate) fn trailed(&self, galaxy: usize, device: &Device) -> Result<Option<ShapeChange>, InputError> {
+        self.scene(galaxy).map_or(Ok(None), |scene| scene.change_by(device))
     }
 
     /// A galaxy's image, ready to be trailed, by its place in the mission. None where it has no measurable shape.
@@ -123,56 +198,18 @@ impl Model {
         self.mission.galaxies.iter().position(|galaxy| galaxy.name == *judged).expect("a mission has its judged galaxy")
     }
 
-    /// A readout with other traps, all else the same.
-    pub fn readout_with(&self, traps: &[SpeciesState]) -> Readout {
-        let at = self.conditions(0.0);
-        self.readout(traps, at.line_time_ms, self.cloud(&at))
-    }
-
     /// Conditions, by name, that effects depend on beyond those that the chain itself depends on.
     pub fn depends_on(&self) -> Vec<String> {
         self.effects.iter().flat_map(|effect| effect.depends_on()).collect()
     }
 
-    /// What went wrong while effects were applied, where something did.
-    ///
-    /// # Errors
-    /// The first fault of the first effect.
-    pub fn check(&self) -> Result<(), InputError> {
-        match self.effects.iter().find_map(|effect| effect.fault()) {
-            None => Ok(()),
-            Some(fault) => Err(InputError {
-                refused: format!("cannot apply a formula of mission \"{}\"", self.mission.mission.name),
-                place: Some(format!("effects.formula.expression = \"{}\"", shortened(&fault.text))),
-                problem: match fault.place {
-                    Some(place) => format!("at letter {}: {}", place + 1, fault.problem),
-                    None => fault.problem,
-                },
-                help: fault.help,
-            }),
-        }
-    }
-
-    fn cloud(&self, at: &Conditions) -> Cloud {
-        let detector = &self.detector;
-        let mut cloud = Cloud::new(detector.full_well_e, detector.notch_e, detector.well_fill_power);
-        for effect in &self.effects {
-            effect.cloud(&mut cloud, at);
-        }
-        cloud
-    }
-
-    fn readout(&self, traps: &[SpeciesState], transfer_ms: f64, cloud: Cloud) -> Readout {
+    fn method(&self) -> Method {
         let accuracy = &self.mission.accuracy;
-        Readout {
-            traps: traps.iter().map(|species| species.trap(transfer_ms)).collect(),
-            cloud,
-            method: match accuracy.readout {
-                ReadoutMethod::Fast => Method::Fast { relative: accuracy.relative },
-                ReadoutMethod::Exact => Method::Exact,
-                ReadoutMethod::Fractional => Method::Fractional { levels: accuracy.levels as usize },
-                ReadoutMethod::MonteCarlo => Method::MonteCarlo { seed: accuracy.seed },
-            },
+        match accuracy.readout {
+            ReadoutMethod::Fast => Method::Fast { relative: accuracy.relative },
+            ReadoutMethod::Exact => Method::Exact,
+            ReadoutMethod::Fractional => Method::Fractional { levels: accuracy.levels as usize },
+            ReadoutMethod::MonteCarlo => Method::MonteCarlo { seed: accuracy.seed },
         }
     }
 }

@@ -11,11 +11,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal, Poisson};
 use rayon::prelude::*;
 
-use crate::device::{Beside, Device};
+use crate::accuracy::Purpose;
+use crate::error::InputError;
 use crate::galaxy::{Profile, snr};
 use crate::mission::{Galaxy, Mission};
+use crate::model::{Beside, Device};
+use crate::model::{downstream, half_px};
 use crate::readout::Method;
-use crate::scene::{downstream, half_px};
 use crate::shape::{Moments, ShapeChange};
 
 /// Change of shape over noisy realisations.
@@ -31,13 +33,12 @@ pub struct NoisyChange {
     pub lost: usize,
 }
 
-/// Accuracy beyond which a readout of noise need not go, relative to the largest displacement: noise puts packets out of
-/// order at every step, and its own error is far larger.
-const ACCURACY: f64 = 1e-4;
-
 /// Reads out `realisations` of a galaxy with noise. The same seed gives the same bits, whatever the number of threads.
 ///
 /// None where fewer than two of them can be measured.
+///
+/// # Errors
+/// Where a formula has no value.
 pub fn realise(
     mission: &Mission,
     galaxy: &Galaxy,
@@ -45,22 +46,18 @@ pub fn realise(
     realisations: usize,
     seed: u64,
     progress: impl Fn() + Sync,
-) -> Option<NoisyChange> {
+) -> Result<Option<NoisyChange>, InputError> {
     let profile = Profile::of(galaxy, &mission.psf);
     let flux_e = snr::flux_e(mission, galaxy);
     let background_e = device.at.background_e;
     let half_px = half_px(galaxy.weight_px);
     let downstream = downstream(device.at.transfers, half_px, background_e);
-    let method = match device.readout.method {
-        Method::Fast { relative } => Method::Fast { relative: relative.max(ACCURACY) },
-        other => other,
-    };
-    let device = device.by(method);
+    let device = device.fit_for(Purpose::Noise);
     let beside = Beside::Stamp(half_px);
     let stamp_px = 2 * half_px + 1;
     let flat = Array2::from_elem((stamp_px, device.columns_of_background(stamp_px)), background_e);
-    let trailed_background = device.expected().read(&flat, downstream, beside);
-    let changes: Vec<Option<ShapeChange>> = (0..realisations as u64)
+    let trailed_background = device.expected().read(&flat, downstream, beside)?;
+    let changes: Vec<Result<Option<ShapeChange>, InputError>> = (0..realisations as u64)
         .into_par_iter()
         .map(|realisation| {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -71,28 +68,27 @@ pub fn realise(
             let photons = expected.mapv(|mean| Poisson::new(mean).map_or(0.0, |law| law.sample(&mut random)));
             let read_noise = Normal::new(0.0, galaxy.read_noise_e).expect("a read noise is not negative");
             let noise = Array2::from_shape_simple_fn(photons.dim(), || read_noise.sample(&mut random));
-            let device = match device.readout.method {
+            let device = match device.method {
                 // Traps of its own for each realisation.
                 Method::MonteCarlo { seed } => device.by(Method::MonteCarlo { seed: seed.wrapping_add(realisation) }),
                 _ => device.clone(),
             };
-            let trailed = device.read(&photons, downstream, beside) + &noise - &trailed_background;
+            let trailed = device.read(&photons, downstream, beside)? + &noise - &trailed_background;
             let untrailed = photons + noise - background_e;
             progress();
-            let before = Moments::of(&untrailed, galaxy.weight_px)?;
-            let after = Moments::of(&trailed, galaxy.weight_px)?;
             // A centroid farther away than the weight is wide is that of a peak of the noise.
             let at_home =
                 |moments: &Moments| (moments.x_px - offset_px[0]).hypot(moments.y_px - offset_px[1]) < galaxy.weight_px;
-            if !at_home(&before) || !at_home(&after) {
-                return None;
-            }
-            Some(ShapeChange::between(&before, &after))
+            let measured = |image: &Array2<f64>| Moments::of(image, galaxy.weight_px).filter(at_home);
+            let change = measured(&untrailed).zip(measured(&trailed));
+            change.map(|(before, after)| device.observed_change(ShapeChange::between(&before, &after))).transpose()
         })
         .collect();
+    let changes: Vec<Option<ShapeChange>> = changes.into_iter().collect::<Result<_, _>>()?;
     let measured: Vec<ShapeChange> = changes.into_iter().flatten().collect();
-    (measured.len() > 1).then(|| {
-        let (mean, error) = ShapeChange::mean_and_error(&measured);
-        NoisyChange { mean, error, measured: measured.len(), lost: realisations - measured.len() }
-    })
+    if measured.len() < 2 {
+        return Ok(None);
+    }
+    let (mean, error) = ShapeChange::mean_and_error(&measured);
+    Ok(Some(NoisyChange { mean, error, measured: measured.len(), lost: realisations - measured.len() }))
 }

@@ -13,8 +13,8 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 
 use crate::conditions::Conditions;
-use crate::device::Device;
-use crate::model::Model;
+use crate::error::InputError;
+use crate::model::{Device, Model};
 use crate::observable::Observable;
 use crate::shape::ShapeChange;
 
@@ -30,12 +30,15 @@ pub struct Question<'a> {
     pub galaxy: Option<usize>,
 }
 
-/// Predicted values, in the observables' units and in the order of the questions. NaN where there is no value: a galaxy
-/// that has lost its shape, a formula that fails (see [`Model::check`]).
+/// Predicted values, in the observables' units and in the order of the questions. NaN for the shape of a galaxy that has
+/// lost it.
+///
+/// # Errors
+/// Where a formula has no value.
 ///
 /// # Panics
 /// Where a question lacks a condition that its observable requires.
-pub fn predict(model: &Model, questions: &[Question]) -> Vec<f64> {
+pub fn predict(model: &Model, questions: &[Question]) -> Result<Vec<f64>, InputError> {
     let depends_on = model.depends_on();
     let mut readings: Vec<Reading> = Vec::new();
     let mut known: HashMap<Vec<u64>, usize> = HashMap::new();
@@ -49,19 +52,17 @@ pub fn predict(model: &Model, questions: &[Question]) -> Vec<f64> {
         readings[index].trail_px = readings[index].trail_px.max(rows);
         of_question.push(index);
     }
-    let devices: Vec<Device> = readings.par_iter().map(|reading| model.device(reading.at)).collect();
-    let charges = columns::read(&readings, &devices);
-    let interpolated = shapes::interpolated(model, &readings, &devices);
-    let read: Vec<Read> = (&readings, &devices, charges, interpolated)
-        .into_par_iter()
-        .map(|(reading, device, charges, shape)| match (reading.kind, charges, shape) {
-            (Kind::Dose, ..) => Read::Dose(model.dose.dose_mev_g(device.at.t_yr)),
-            (_, Some(charge_e), _) => Read::Charges(charge_e),
-            (_, _, Some(shape)) => Read::Shape(Some(shape)),
-            (Kind::Galaxy(galaxy), ..) => {
-                Read::Shape(model.scene(galaxy).and_then(|scene| scene.change_by(&device.coarser(shapes::READOUT))))
-            }
-            _ => unreachable!("packets and blocks have been read"),
+    let devices = devices(model, &readings)?;
+    let charges = columns::read(&readings, &devices)?;
+    let changes = shapes::changes(model, &readings, &devices)?;
+    let read: Vec<Read> = readings
+        .iter()
+        .zip(&devices)
+        .zip(charges.into_iter().zip(changes))
+        .map(|((reading, device), (charges, change))| match reading.kind {
+            Kind::Dose => Read::Dose(device.at.dose_mev_g.expect("a device knows the dose behind its traps")),
+            Kind::Packet | Kind::Block => Read::Charges(charges.expect("packets and blocks have been read")),
+            Kind::Galaxy(_) => Read::Shape(change),
         })
         .collect();
     let answer = |(question, index): (&Question, &usize)| {
@@ -74,6 +75,26 @@ pub fn predict(model: &Model, questions: &[Question]) -> Vec<f64> {
         device.observed(read.value(question), question.observable, &at)
     };
     questions.iter().zip(&of_question).map(answer).collect()
+}
+
+/// Changes of a galaxy's shape (by its place in the mission) under many conditions; None where it has lost its shape.
+///
+/// # Errors
+/// Where a formula has no value.
+pub fn changes(model: &Model, galaxy: usize, at: &[Conditions]) -> Result<Vec<Option<ShapeChange>>, InputError> {
+    let readings: Vec<Reading> = at.iter().map(|at| Reading { kind: Kind::Galaxy(galaxy), at, trail_px: 0 }).collect();
+    let devices = devices(model, &readings)?;
+    let changes = shapes::changes(model, &readings, &devices)?;
+    let observed = devices.iter().zip(changes);
+    observed.map(|(device, change)| change.map(|change| device.observed_change(change)).transpose()).collect()
+}
+
+/// The detector of each reading.
+fn devices(model: &Model, readings: &[Reading]) -> Result<Vec<Device>, InputError> {
+    let devices: Vec<Result<Device, InputError>> =
+        readings.par_iter().map(|reading| model.device(reading.at)).collect();
+    // The first of several errors, whichever came first.
+    devices.into_iter().collect()
 }
 
 /// What one readout gives.

@@ -111,6 +111,16 @@ pub enum Method {
     },
 }
 
+impl Method {
+    /// The same without chance: what the mean over many random sets of traps tends to.
+    pub fn expected(self) -> Method {
+        match self {
+            Method::MonteCarlo { .. } => Method::Exact,
+            other => other,
+        }
+    }
+}
+
 /// What lies between row 0 of an image and the register.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Downstream {
@@ -201,10 +211,7 @@ impl Readout {
 
     /// The same readout without chance: what the mean over many random sets of traps tends to.
     pub fn expected(&self) -> Readout {
-        match self.method {
-            Method::MonteCarlo { .. } => Readout { method: Method::Exact, ..self.clone() },
-            _ => self.clone(),
-        }
+        Readout { method: self.method.expected(), ..self.clone() }
     }
 
     /// Packets downstream as they are when they pass: each has filled the empty traps of the pixel it started in, and

@@ -23,8 +23,10 @@ pub use sweep::SweepReport;
 use std::io::{IsTerminal, stdout};
 
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
-use serde_json::Value;
+use serde_json::{Value, json};
 
+use crate::calendar::date_after;
+use crate::model::SpeciesState;
 use crate::requirement::Crossing;
 
 /// How a result is shown.
@@ -128,10 +130,49 @@ fn crossing_json(crossing: &Crossing, factor: Option<f64>, date: Option<chrono::
     json.insert("exceeded".into(), crossing.t_yr.is_some().into());
     json.insert("t_yr".into(), crossing.t_yr.into());
     json.insert("date".into(), date.map(|date| date.to_string()).into());
+    json.insert("crossings".into(), crossing.crossings_yr.clone().into());
     json.insert("limit_delta_e".into(), crossing.limit.into());
     json.insert("margin_delta_e".into(), crossing.margin.into());
     Value::Object(json)
 }
+
+/// Trap species and how many there are.
+fn traps_json(traps: &[SpeciesState]) -> Value {
+    let species = traps.iter().map(|species| {
+        json!({"name": species.name, "density_per_px": species.density_per_px, "release_ms": species.release_ms})
+    });
+    species.collect()
+}
+
+/// When a limit is exceeded, in words, for a mission launched on a day; how much of the budget is used if it is not.
+fn exceeded(crossing: &Crossing, launch: chrono::NaiveDate) -> String {
+    let Some(first_yr) = crossing.t_yr else {
+        let used = crossing.margin.map(|margin| 100.0 * (1.0 - margin / crossing.limit));
+        return used.map_or("not exceeded".into(), |used| {
+            format!("not exceeded; {used:.1} % of the budget used at end of life")
+        });
+    };
+    let date = |t_yr: f64| date_after(launch, t_yr).map_or(format!("{t_yr:.3} yr"), |date| date.to_string());
+    if crossing.crossings_yr.len() == 1 {
+        return format!("exceeded after {first_yr:.3} yr, on {}", date(first_yr));
+    }
+    let spans = crossing.crossings_yr.chunks(2).map(|span| match span {
+        [from, to] => format!("{} to {}", date(*from), date(*to)),
+        _ => format!("{} to the end of the mission", date(span[0])),
+    });
+    let spans: Vec<String> = spans.collect();
+    let shown = match &spans[..] {
+        [most @ .., last] if spans.len() > SPANS => {
+            format!("{}, {} more times, and {last}", most[..SPANS - 1].join(", "), spans.len() - SPANS)
+        }
+        [most @ .., last] if !most.is_empty() => format!("{}, and {last}", most.join(", ")),
+        spans => spans.join(", "),
+    };
+    format!("exceeded after {first_yr:.3} yr: {shown}")
+}
+
+/// Most spans of time that are listed one by one.
+const SPANS: usize = 4;
 
 /// TOML as JSON; dates as text.
 fn toml_json(value: &toml::Value) -> Value {

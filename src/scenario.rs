@@ -6,11 +6,11 @@ use rayon::prelude::*;
 
 pub use axis::Axis;
 
-use crate::damage::SpeciesState;
 use crate::error::InputError;
 use crate::evaluate::{Verdict, evaluate};
 use crate::mission::Mission;
 use crate::model::Model;
+use crate::model::SpeciesState;
 
 /// One mission under one set of circumstances, and what becomes of it.
 #[derive(Clone, Debug)]
@@ -76,7 +76,7 @@ pub fn compare(missions: &[Mission], axes: &[Axis], progress: impl Fn() + Sync) 
     let all = || 0..scenarios.len();
     let best = all().min_by(|a, b| change(a).total_cmp(&change(b))).expect("at least one scenario");
     let worst = all().rev().max_by(|a, b| change(a).total_cmp(&change(b))).expect("at least one scenario");
-    let why = why(&scenarios[best], &scenarios[worst]);
+    let why = why(&scenarios[best], &scenarios[worst])?;
     Ok(Comparison { scenarios, best, worst, why })
 }
 
@@ -84,11 +84,11 @@ fn scenario(mission: &Mission, settings: &[(String, toml::Value)]) -> Result<Sce
     let mission = if settings.is_empty() { mission.clone() } else { mission.with(settings)? };
     let judged = Mission { galaxies: vec![mission.judged_galaxy().clone()], ..mission.clone() };
     let evaluation = evaluate(&judged)?;
-    let end = evaluation.years.last().expect("a mission has an end");
+    let end = evaluation.end();
     Ok(Scenario {
         settings: settings.to_vec(),
         dose_mev_g: end.dose_mev_g,
-        active_yr: evaluation.dose.active_years(end.t_yr),
+        active_yr: evaluation.model.history().active_years(end.t_yr),
         delta_e: end.galaxies[0].map(|change| change.magnitude()),
         traps: end.traps.clone(),
         verdict: evaluation.verdict,
@@ -97,12 +97,12 @@ fn scenario(mission: &Mission, settings: &[(String, toml::Value)]) -> Result<Sce
 }
 
 /// What makes the best scenario better than the worst: dose, and what the same dose does; species by species.
-fn why(best: &Scenario, worst: &Scenario) -> Vec<String> {
+fn why(best: &Scenario, worst: &Scenario) -> Result<Vec<String>, InputError> {
     let (Some(best_e), Some(worst_e)) = (best.delta_e, worst.delta_e) else {
-        return vec!["in the worst the galaxy has no measurable shape left".into()];
+        return Ok(vec!["in the worst the galaxy has no measurable shape left".into()]);
     };
     if best_e >= worst_e {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let mut reasons = Vec::new();
     let alike = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
@@ -119,7 +119,7 @@ fn why(best: &Scenario, worst: &Scenario) -> Vec<String> {
             let although = if best_per > worst_per { "although " } else { "" };
             reasons.push(format!("{although}the same dose does {:.3} of the change of shape", best_per / worst_per));
         }
-        let (from, to) = (shares(worst), shares(best));
+        let (from, to) = (shares(worst)?, shares(best)?);
         for ((name, worst_share, worst_transfers), (_, best_share, best_transfers)) in
             from.iter().zip(&to).filter(|(from, to)| from.0 == to.0 && (from.1 - to.1).abs() > 0.02)
         {
@@ -131,31 +131,23 @@ fn why(best: &Scenario, worst: &Scenario) -> Vec<String> {
             ));
         }
     }
-    reasons
+    Ok(reasons)
 }
 
 /// For each species its share of |Δe| were it alone, and its release time in transfers.
-fn shares(scenario: &Scenario) -> Vec<(String, f64, f64)> {
+fn shares(scenario: &Scenario) -> Result<Vec<(String, f64, f64)>, InputError> {
     let judged = Mission { galaxies: vec![scenario.mission.judged_galaxy().clone()], ..scenario.mission.clone() };
     let model = Model::new(&judged);
-    let alone: Vec<f64> = scenario
-        .traps
-        .iter()
-        .map(|species| {
-            let readout = model.readout_with(std::slice::from_ref(species));
-            let change = model.scene(0).and_then(|scene| scene.change(&readout, judged.readout.transfers));
-            change.map_or(0.0, |change| change.magnitude())
-        })
-        .collect();
+    let device = model.device_at(judged.mission.duration_yr)?;
+    let alone = |index: usize| -> Result<f64, InputError> {
+        Ok(model.change_by(0, &device.with_species(index))?.map_or(0.0, |change| change.magnitude()))
+    };
+    let alone = (0..device.traps.len()).map(alone).collect::<Result<Vec<f64>, _>>()?;
     let total: f64 = alone.iter().sum();
-    let line_time_ms = judged.readout.line_time_ms;
-    scenario
-        .traps
-        .iter()
-        .zip(&alone)
-        .map(|(species, alone)| {
-            let share = if total > 0.0 { alone / total } else { 0.0 };
-            (species.name.clone(), share, species.release_ms / line_time_ms)
-        })
-        .collect()
+    let line_time_ms = device.at.line_time_ms;
+    let shares = device.traps.iter().zip(&alone).map(|(species, alone)| {
+        let share = if total > 0.0 { alone / total } else { 0.0 };
+        (species.name.clone(), share, species.release_ms / line_time_ms)
+    });
+    Ok(shares.collect())
 }

@@ -21,6 +21,7 @@ mod timeline;
 use clap::Args;
 use serde_json::{Map, Value};
 
+use crate::accuracy::Purpose;
 use crate::error::InputError;
 use crate::evaluate::unmeasurable;
 use crate::mission::keys::plain;
@@ -171,10 +172,8 @@ impl Study {
 
 /// The mission as studies look at it: its judged galaxy alone, read out as accurately as differences between choices need.
 fn judged(mission: &Mission) -> Mission {
-    let mut judged =
-        Mission { galaxies: vec![mission.judged_galaxy().clone()], fit: Fit::default(), ..mission.clone() };
-    judged.accuracy.relative = mission.accuracy.of_many_shapes();
-    judged
+    let mission = Purpose::ManyShapes.of(mission);
+    Mission { galaxies: vec![mission.judged_galaxy().clone()], fit: Fit::default(), ..mission }
 }
 
 /// A model of the mission as studies look at it.

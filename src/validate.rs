@@ -156,8 +156,7 @@ impl Validation {
 /// Where the model has no value for a row.
 pub fn validate(mission: &Mission, data: &[DataSet], seed: u64) -> Result<Validation, InputError> {
     let model = Model::new(mission);
-    let values = predict(&model, &questions(data));
-    model.check()?;
+    let values = predict(&model, &questions(data))?;
     let mut sets = Vec::new();
     let mut rest = values.as_slice();
     for set in data {

@@ -2,15 +2,15 @@
 
 use std::fmt;
 
+use crate::environment::solar_cycle::{CYCLE_YR, Maximum};
+
 /// Something doubtful about a result.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Warning {
-    /// The mission lasts longer than the list of solar maxima tells.
-    BeyondSolarMaxima {
-        /// Last maximum of the list, decimal year.
-        last: f64,
-        /// Until when the list tells what is active, decimal year.
-        known_until: f64,
+    /// The mission flies through active years of the Sun that are not known yet.
+    SunExtrapolated {
+        /// Maxima that are assumed.
+        maxima: Vec<Maximum>,
     },
     /// A species holds charge for longer than the whole readout takes.
     NeverReleases {
@@ -61,11 +61,17 @@ pub enum Warning {
 impl fmt::Display for Warning {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Warning::BeyondSolarMaxima { last, known_until } => write!(
-                out,
-                "the last solar maximum in the list is {last:.1}: years after {known_until:.1} count as quiet; add later \
-                 maxima to environment.solar_maximum"
-            ),
+            Warning::SunExtrapolated { maxima } => {
+                let years: Vec<String> =
+                    maxima.iter().map(|maximum| format!("{:.1} +- {:.1}", maximum.year, maximum.sigma_yr())).collect();
+                let (be, s) = if years.len() == 1 { ("is", "um") } else { ("are", "a") };
+                write!(
+                    out,
+                    "the solar maxim{s} {} {be} extrapolated at the mean cycle of {CYCLE_YR} yr: the dose then is that of a Sun \
+                     that nobody knows yet; better dates go into environment.solar_maximum",
+                    years.join(", ")
+                )
+            }
             Warning::Saturated { name, peak_e } => write!(
                 out,
                 "{name} puts {peak_e:.3e} e- into a pixel, more than the full well: a cloud is then as high as it gets, and \

@@ -35,7 +35,7 @@ fn options(mission: &Mission) -> Options {
 /// The measurements of a case as a model makes them, with noise.
 fn remade(data: &mut [DataSet], truth: &Mission, seed: u64) {
     let model = Model::new(truth);
-    let values = predict(&model, &questions(data));
+    let values = predict(&model, &questions(data)).unwrap();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     for (row, value) in data.iter_mut().flat_map(|set| &mut set.rows).zip(values) {
         let noise: f64 = StandardNormal.sample(&mut random);

@@ -22,7 +22,7 @@ fn measured(release_ms: f64, seed: u64) -> (Mission, Vec<DataSet>) {
         .map(|name| DataSet::read(folder.join(format!("{name}.ecsv")), &mission).unwrap())
         .to_vec();
     let truth = mission.with(&[(RELEASE.into(), release_ms.into())]).unwrap();
-    let values = predict(&Model::new(&truth), &questions(&data));
+    let values = predict(&Model::new(&truth), &questions(&data)).unwrap();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     for (row, value) in data.iter_mut().flat_map(|set| &mut set.rows).zip(values) {
         let noise: f64 = StandardNormal.sample(&mut random);

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use ctiplan::conditions::Conditions;
-use ctiplan::device::Device;
 use ctiplan::image::fits::{Fits, Kind};
 use ctiplan::image::{Corner, Geometry, Split, Stop, Transfers, correct, frame};
 use ctiplan::mission::Mission;
+use ctiplan::model::Device;
 use ctiplan::model::Model;
 use ctiplan::readout::{Downstream, Method};
 use fitsio_pure::block::BLOCK_SIZE;
@@ -110,7 +110,7 @@ fn cards(path: &Path, index: usize) -> Vec<String> {
 fn device(method: Method) -> Device {
     let mission = Mission::read(MISSION).unwrap();
     let at = Conditions { dose_mev_g: Some(DOSE_MEV_G), ..Conditions::of(&mission, 0.0) };
-    Model::new(&mission).device(&at).by(method)
+    Model::new(&mission).device(&at).unwrap().by(method)
 }
 
 fn golden() -> Json {
@@ -151,17 +151,17 @@ fn frames_are_those_of_arctic() {
         [(Transfers::Parallel, "parallel_e"), (Transfers::Serial, "serial_e"), (Transfers::Both, "both_e")]
     {
         let expected = array(&golden[name]);
-        let read = frame::read(&exact, &away(transfers), &field);
+        let read = frame::read(&exact, &away(transfers), &field).unwrap();
         let moved = furthest(&expected, &field);
         assert!(moved > 10.0, "{name}: {moved}");
         // ArCTIc's values are stored to 10 digits, of up to 6e4 e-.
         assert!(furthest(&read, &expected) < 2e-5, "{name}: {}", furthest(&read, &expected));
-        let fast = frame::read(&device(Method::Fast { relative: 1e-3 }), &away(transfers), &field);
+        let fast = frame::read(&device(Method::Fast { relative: 1e-3 }), &away(transfers), &field).unwrap();
         // Parallel and serial transfers are each as accurate as asked for, each to its own largest displacement.
         assert!(furthest(&fast, &expected) < 2e-3 * moved, "{name}: {} of {moved}", furthest(&fast, &expected));
     }
     let expected = array(&golden["dark_e"]);
-    let mut read = frame::read(&exact, &surrounded(Transfers::Both), &within(&field));
+    let mut read = frame::read(&exact, &surrounded(Transfers::Both), &within(&field)).unwrap();
     // ArCTIc moves the pixels of the prescan through the register like others; they hold no charge either way. Its pixels of
     // overscan exist and have traps, but nothing to catch.
     assert!(furthest(&read, &expected) < 2e-5, "{}", furthest(&read, &expected));
@@ -178,8 +178,8 @@ fn what_the_amplifier_adds_to_dark_pixels_fills_no_traps() {
     let before = within(&array(&golden["field_e"]));
     let lit = geometry.lit(before.dim());
     let noise = Array2::from_shape_fn(before.dim(), |place| if lit[place] { 0.0 } else { 37.0 });
-    let quiet = frame::read(&device, &geometry, &before);
-    let noisy = frame::read(&device, &geometry, &(&before + &noise));
+    let quiet = frame::read(&device, &geometry, &before).unwrap();
+    let noisy = frame::read(&device, &geometry, &(&before + &noise)).unwrap();
     assert!(furthest(&noisy, &(&quiet + &noise)) < 1e-9);
 }
 
@@ -189,7 +189,7 @@ fn a_flipped_frame_is_read_from_the_flipped_corner() {
     let device = device(Method::Exact);
     let before = within(&array(&golden["field_e"]));
     let read = |frame: &Array2<f64>, corner, split| {
-        frame::read(&device, &Geometry { corner, split, ..surrounded(Transfers::Both) }, frame)
+        frame::read(&device, &Geometry { corner, split, ..surrounded(Transfers::Both) }, frame).unwrap()
     };
     let expected = read(&before, Corner::LowerLeft, None);
     let flipped = |frame: &Array2<f64>, axes: &[usize]| {
@@ -222,11 +222,11 @@ fn a_correction_undoes_a_readout_to_the_accuracy_it_tells() {
     let device = device(Method::Fast { relative: 1e-4 });
     let geometry = surrounded(Transfers::Both);
     let before = within(&array(&golden["field_e"]));
-    let observed = frame::read(&device, &geometry, &before);
+    let observed = frame::read(&device, &geometry, &before).unwrap();
     let stop = Stop { relative: 1e-5, iterations: 20 };
-    let corrected = correct::solve(&observed, None, stop, |image| frame::read(&device, &geometry, image));
+    let corrected = correct::solve(&observed, None, stop, |image| frame::read(&device, &geometry, image)).unwrap();
     assert!(corrected.converged, "{:?}", corrected.residuals);
-    let again = frame::read(&device, &geometry, &corrected.image);
+    let again = frame::read(&device, &geometry, &corrected.image).unwrap();
     // Adding and subtracting rounds.
     assert!((furthest(&again, &observed) - corrected.last().max_e).abs() < 1e-9);
     let moved = furthest(&observed, &before);
@@ -235,7 +235,7 @@ fn a_correction_undoes_a_readout_to_the_accuracy_it_tells() {
     let downstream = Downstream { rows: 500, charge_e: 0.0 };
     let field = array(&golden["field_e"]);
     let trailed = array(&golden["parallel_e"]);
-    let corrected = correct::correct(&device.readout, &trailed, downstream, stop);
+    let corrected = correct::correct(&device.readout(), &trailed, downstream, stop);
     assert!(corrected.converged);
     // ArCTIc made the trails: to 1e-4 of the largest displacement, the accuracy of this readout.
     assert!(furthest(&corrected.image, &field) < 1e-4 * furthest(&trailed, &field));
@@ -285,7 +285,7 @@ fn pixels_of_every_kind_come_out_as_they_are_written() {
     ];
     let frame_e = Array2::from_shape_vec((30, 6), values).unwrap();
     let geometry = Geometry { rows_before: 500, ..Geometry::default() };
-    let expected = frame::read(&device(Method::Fast { relative: 1e-3 }), &geometry, &frame_e);
+    let expected = frame::read(&device(Method::Fast { relative: 1e-3 }), &geometry, &frame_e).unwrap();
     assert!(furthest(&expected, &frame_e) > 2.0);
     for (data, mut more, scale, zero, allowed) in kinds {
         more.push(electrons());
@@ -499,7 +499,7 @@ fn noise_added_after_the_transfers_leaves_the_trails_corrected_in_the_mean() {
     let geometry = Geometry { rows_before: 500, ..Geometry::default() };
     let mut before = Array2::from_elem((40, 400), 60.0);
     before.row_mut(10).fill(3000.0);
-    let trailed = frame::read(&device, &geometry, &before);
+    let trailed = frame::read(&device, &geometry, &before).unwrap();
     let mut state = 1_u64;
     let mut uniform = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -508,7 +508,7 @@ fn noise_added_after_the_transfers_leaves_the_trails_corrected_in_the_mean() {
     // Twelve uniform numbers make nearly a normal one.
     let observed = trailed.mapv(|charge| charge + 5.0 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0));
     let stop = Stop { relative: 1e-4, iterations: 30 };
-    let corrected = correct::solve(&observed, None, stop, |image| frame::read(&device, &geometry, image));
+    let corrected = correct::solve(&observed, None, stop, |image| frame::read(&device, &geometry, image)).unwrap();
     assert!(corrected.converged, "{:?}", corrected.residuals);
     let mean = |image: &Array2<f64>, row: usize| image.row(row).mean().unwrap() - 60.0;
     let (trail, left) = (mean(&trailed, 11), mean(&corrected.image, 11));

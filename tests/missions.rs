@@ -98,7 +98,7 @@ fn missions_that_never_see_dose_or_span_cycles_are_judged() {
     assert_eq!(quiet.verdict.mean_rate_per_yr.map(|rate| rate < 1e-12), Some(true));
     // 15 years from 2011.5: active from 2011.8 to 2018.8 and from 2022.3 to the end, 2026.5.
     let cycles = with(&[]);
-    let active = cycles.dose.active_years(15.0);
+    let active = cycles.model.history().active_years(15.0);
     assert!((active - (7.0 + 4.196)).abs() < 0.01, "{active}");
     // A budget that is used up between the two maxima's active years is exceeded within active years, never in between.
     for budget in [5e-4, 1.5e-3, 1.8e-3, 2.5e-3] {

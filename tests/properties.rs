@@ -4,10 +4,10 @@
 //! The missions are the same in every run. `PROPTEST_CASES=1000 PROPTEST_RNG_SEED=2 cargo test --test properties` tries more.
 
 use ctiplan::effect::CATALOGUE;
-use ctiplan::environment::DoseHistory;
 use ctiplan::evaluate::{Evaluation, evaluate};
 use ctiplan::measurement::DataSet;
 use ctiplan::mission::Mission;
+use ctiplan::model::Model;
 use ctiplan::report::{EvaluateReport, Format, Report};
 use ctiplan::table::Table;
 use proptest::prelude::*;
@@ -121,7 +121,7 @@ fn report(evaluation: Evaluation) -> EvaluateReport {
 
 /// Dose at the end of the mission, MeV/g.
 fn last_dose(mission: &Mission) -> f64 {
-    DoseHistory::of(mission).dose_mev_g(mission.mission.duration_yr)
+    Model::new(mission).dose_mev_g(mission.mission.duration_yr).unwrap()
 }
 
 proptest! {

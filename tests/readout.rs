@@ -102,7 +102,7 @@ fn shapes_are_as_accurate_as_the_mission_asks() {
             let change = |readout| {
                 let mut mission = mission.clone();
                 mission.accuracy.readout = readout;
-                Model::new(&mission).change(0, t_yr).unwrap()
+                Model::new(&mission).change(0, t_yr).unwrap().unwrap()
             };
             let (fast, exact) = (change(ReadoutMethod::Fast), change(ReadoutMethod::Exact));
             let off = (fast.delta_e1 / exact.delta_e1 - 1.0).abs();

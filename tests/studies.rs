@@ -3,9 +3,8 @@
 use std::fs;
 use std::process::{Command, Output};
 
-use ctiplan::device::Beside;
 use ctiplan::mission::Mission;
-use ctiplan::model::Model;
+use ctiplan::model::{Beside, Model};
 use ctiplan::readout::Downstream;
 use ctiplan::study::charge_injection::ChargeInjection;
 use ctiplan::study::clock::Clock;
@@ -116,14 +115,14 @@ fn perfect_knowledge_corrects_and_density_errors_are_left_in_proportion() {
     // All densities 5 % too high at once.
     let believed = mission(SNAP, &[("environment.active_dose_rate_mev_g_yr", (1.05 * 2.54e6).into())]);
     let t_yr = snap.mission.duration_yr;
-    let (truth, believed) = (Model::new(&snap).device_at(t_yr), Model::new(&believed).device_at(t_yr));
+    let [truth, believed] = [&snap, &believed].map(|mission| Model::new(mission).device_at(t_yr).unwrap());
     let column = Array2::from_shape_fn((60, 1), |(row, _)| 120.0 + if row == 20 { 1000.0 } else { 0.0 });
     let downstream = Downstream { rows: 1600, charge_e: 120.0 };
-    let observed = truth.read(&column, downstream, Beside::Background);
+    let observed = truth.read(&column, downstream, Beside::Background).unwrap();
     let lost = |image: &Array2<f64>| column[[20, 0]] - image[[20, 0]];
-    let same = corrected(&truth, &observed, downstream, Beside::Background, 6);
+    let same = corrected(&truth, &observed, downstream, Beside::Background, 6).unwrap();
     assert!(lost(&same).abs() < 1e-6 * lost(&observed));
-    let other = corrected(&believed, &observed, downstream, Beside::Background, 6);
+    let other = corrected(&believed, &observed, downstream, Beside::Background, 6).unwrap();
     let share = -lost(&other) / lost(&observed);
     assert!((share - 0.05).abs() < 0.005, "{share}");
     // Twice the error leaves twice as much, to first order.

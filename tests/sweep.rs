@@ -301,7 +301,7 @@ fn rows_are_what_evaluate_says() {
         let verdict = &evaluation.verdict;
         let judged = end.galaxies[mission.galaxies.iter().position(|g| g.name == mission.requirement.galaxy).unwrap()];
         near("dose_mev_g", Some(end.dose_mev_g));
-        near("active_yr", Some(evaluation.dose.active_years(end.t_yr)));
+        near("active_yr", Some(evaluation.model.history().active_years(end.t_yr)));
         near("delta_e", judged.map(|change| change.magnitude()));
         near("exceeded_yr", verdict.uncorrected.t_yr);
         near("exceeded_corrected_yr", verdict.corrected.t_yr);

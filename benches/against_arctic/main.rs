@@ -37,17 +37,17 @@ fn main() {
     let model = Model::new(&mission);
     println!("| case | program | threads | time | error | ArCTIc's time over ctiplan's |");
     println!("| --- | --- | --- | --- | --- | --- |");
-    let doses = [("5 yr", model.dose.dose_mev_g(5.0)), ("110 yr", mission.detector.reference_dose_mev_g)];
+    let doses = [("5 yr", model.dose_mev_g(5.0).unwrap()), ("110 yr", mission.detector.reference_dose_mev_g)];
     for (name, dose_mev_g) in doses {
         let at = Conditions { dose_mev_g: Some(dose_mev_g), ..model.conditions(5.0) };
-        let readout = model.device(&at).readout;
+        let readout = model.device(&at).unwrap().readout();
         let case = Case::stamp(&format!("stamp, {name}"), &mission, readout);
         case.compare(&python, &[0, 1, 5], 3e-6, &[1]);
         // At an accuracy like that of the express readouts.
         case.compare(&python, &[1, 5], 1e-2, &[1]);
     }
     for pixels in [1756, 4096] {
-        let readout = model.device_at(5.0).readout;
+        let readout = model.device_at(5.0).unwrap().readout();
         let case = Case::frame(&format!("{pixels} x {pixels}, 5 yr"), &mission, readout, pixels);
         case.compare(&python, &[5], 1e-2, &[1, 2]);
     }

@@ -85,7 +85,7 @@ fn read(case: &Path, truth: &Value) -> Result<(Mission, Vec<DataSet>), InputErro
 fn replace(data: &mut [DataSet], case: &Path, seed: u64) -> Result<(), InputError> {
     let mut mission = Mission::read(case.join("true.toml"))?;
     mission.accuracy.readout = ReadoutMethod::Exact;
-    let values = predict(&Model::new(&mission), &questions(data));
+    let values = predict(&Model::new(&mission), &questions(data)).expect("no formulas");
     // Each case its own noise.
     let stream = name(case).bytes().fold(0_u64, |sum, byte| sum.wrapping_mul(31).wrapping_add(byte.into()));
     let mut random = ChaCha8Rng::seed_from_u64(seed);

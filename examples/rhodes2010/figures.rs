@@ -1,10 +1,10 @@
 //! The figures of Rhodes et al. 2010, computed.
 
-use ctiplan::damage;
+use ctiplan::conditions::Conditions;
 use ctiplan::evaluate::evaluate;
 use ctiplan::mission::Mission;
-use ctiplan::model::Model;
-use ctiplan::readout::{Downstream, Method, Readout, Trap};
+use ctiplan::model::{Device, Model};
+use ctiplan::readout::{Downstream, Method, Readout};
 use ctiplan::shape::ShapeChange;
 use ndarray::Array2;
 use rand::{RngExt, SeedableRng};
@@ -28,7 +28,7 @@ pub fn rate_per_yr(mission: &Mission) -> f64 {
     let (mut products, mut squares) = (0.0, 0.0);
     for year in 1..=10 {
         let t_yr = f64::from(year);
-        products += t_yr * model.change(model.judged(), t_yr).unwrap().magnitude();
+        products += t_yr * model.change(model.judged(), t_yr).unwrap().unwrap().magnitude();
         squares += t_yr * t_yr;
     }
     products / squares
@@ -55,7 +55,7 @@ pub struct Row {
 pub fn table2() -> Vec<Row> {
     let mission = Mission::parse(include_str!("../../missions/rhodes2010_galaxies.toml")).expect("a valid mission");
     let model = Model::new(&mission);
-    let readout = laboratory(&mission);
+    let device = irradiated(&mission, TRANSFERS);
     let paper = [
         ("de Vaucouleurs, S/N 13, e = 0", -0.028, 0.19, 1.8),
         ("de Vaucouleurs, S/N 13, e = -0.17", -0.024, 0.19, 1.8),
@@ -70,7 +70,7 @@ pub fn table2() -> Vec<Row> {
         paper_delta_e,
         paper_delta_y_px,
         paper_size_px,
-        change: model.scene(index).unwrap().change(&readout, TRANSFERS).unwrap(),
+        change: model.change_by(index, &device).unwrap().unwrap(),
         size_px: model.scene(index).unwrap().before().size_px,
     };
     paper.into_iter().enumerate().map(row).collect()
@@ -82,9 +82,10 @@ pub fn release_scan(mission: &Mission) -> Vec<(f64, ShapeChange)> {
     let times = (0..=60).map(|step| 10_f64.powf(-1.0 + f64::from(step) / 15.0));
     times
         .map(|release_transfers| {
-            let traps = vec![Trap::new(1.0, release_transfers)];
-            let readout = Readout { traps, ..laboratory(mission) };
-            (release_transfers, model.scene(model.judged()).unwrap().change(&readout, TRANSFERS).unwrap())
+            let mut device = irradiated(mission, TRANSFERS).with_species(0);
+            device.traps[0].density_per_px = 1.0;
+            device.traps[0].release_ms = release_transfers * device.at.line_time_ms;
+            (release_transfers, model.change_by(model.judged(), &device).unwrap().unwrap())
         })
         .collect()
 }
@@ -97,14 +98,14 @@ pub fn worst_release(scan: &[(f64, ShapeChange)]) -> f64 {
 /// |Δe| after some years of mean dose (section 5.3).
 pub fn density_scan(mission: &Mission, years: &[f64]) -> Vec<f64> {
     let model = Model::new(mission);
-    years.iter().map(|&t_yr| model.change(model.judged(), t_yr).unwrap().magnitude()).collect()
+    years.iter().map(|&t_yr| model.change(model.judged(), t_yr).unwrap().unwrap().magnitude()).collect()
 }
 
 /// |Δe| at half the distance over that at the whole one, after the laboratory irradiation (section 7).
 pub fn half_the_distance(mission: &Mission) -> f64 {
     let model = Model::new(mission);
-    let scene = model.scene(model.judged()).unwrap();
-    let change = |transfers| scene.change(&laboratory(mission), transfers).unwrap().magnitude();
+    let change =
+        |transfers| model.change_by(model.judged(), &irradiated(mission, transfers)).unwrap().unwrap().magnitude();
     change(TRANSFERS / 2) / change(TRANSFERS)
 }
 
@@ -169,11 +170,14 @@ pub fn share_of_two_species(mission: &Mission) -> f64 {
     loss(two) / loss(three)
 }
 
-/// The detector as irradiated in the laboratory.
+/// The detector as irradiated in the laboratory, for a galaxy so many transfers from the register.
+pub fn irradiated(mission: &Mission, transfers: u32) -> Device {
+    let model = Model::new(mission);
+    let dose_mev_g = Some(mission.detector.reference_dose_mev_g);
+    model.device(&Conditions { dose_mev_g, transfers, ..model.conditions(0.0) }).unwrap()
+}
+
+/// Its readout.
 pub fn laboratory(mission: &Mission) -> Readout {
-    Model::new(mission).readout_with(&damage::after(
-        &mission.detector,
-        mission.detector.reference_dose_mev_g,
-        mission.detector.temperature_k,
-    ))
+    irradiated(mission, TRANSFERS).readout()
 }

@@ -25,7 +25,7 @@ impl Dose {
         let mission = self.mission.read()?;
         self.drawn.check()?;
         let energies_mev: &[f64] = if self.energies_mev.is_empty() { &dose::ENERGIES_MEV } else { &self.energies_mev };
-        let survey = dose::survey(&mission, energies_mev);
+        let survey = dose::survey(&mission, energies_mev)?;
         self.drawn.write(&survey, &[mission])?;
         print(&survey, &self.output)?;
         Ok(Outcome::Done)

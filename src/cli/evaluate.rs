@@ -7,7 +7,6 @@ use super::inputs::OneMission;
 use super::{Failure, Outcome, Output, print_and_suggest, progress};
 use crate::course::Course;
 use crate::evaluate::evaluate;
-use crate::model::Model;
 use crate::noise;
 use crate::report::EvaluateReport;
 
@@ -39,17 +38,17 @@ impl Evaluate {
             None => Vec::new(),
             Some(realisations) => {
                 let seed = self.seed.unwrap_or(mission.accuracy.seed);
-                let device = Model::new(&mission).device_at(mission.mission.duration_yr);
+                let device = evaluation.model.device_at(mission.mission.duration_yr)?;
                 let bar = progress(u64::from(realisations) * mission.galaxies.len() as u64, "galaxies");
                 let realise =
                     |galaxy| noise::realise(&mission, galaxy, &device, realisations as usize, seed, || bar.inc(1));
-                let noisy = mission.galaxies.iter().map(realise).collect();
+                let noisy = mission.galaxies.iter().map(realise).collect::<Result<_, _>>()?;
                 bar.finish_and_clear();
                 noisy
             }
         };
         let met = evaluation.verdict.met();
-        let course = self.drawn.wanted().then(|| Course::of(&Model::new(&mission)));
+        let course = self.drawn.wanted().then(|| Course::of(&evaluation.model)).transpose()?;
         let report = EvaluateReport { evaluation, noisy, course };
         self.drawn.write(&report, &[mission])?;
         // What the date hangs on is worth knowing where it comes too early.

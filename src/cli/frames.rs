@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::inputs::mission_with;
 use super::{Failure, Outcome, Output, print, progress};
+use crate::accuracy::OF_FRAMES;
 use crate::conditions::Conditions;
 use crate::error::InputError;
 use crate::image::{Choice, Corner, Geometry, Job, Split, Stop, Task, Transfers, Unit};
@@ -113,7 +114,7 @@ struct Frames {
     #[arg(long, value_name = "DN", allow_negative_numbers = true, value_parser = finite)]
     saturated_dn: Option<f64>,
     /// Accuracy of the readout: error of a packet over the largest displacement of charge, in place of accuracy.relative
-    #[arg(long, value_name = "FRACTION", default_value_t = 1e-3, value_parser = fraction)]
+    #[arg(long, value_name = "FRACTION", default_value_t = OF_FRAMES, value_parser = fraction)]
     relative: f64,
     /// Replace OUT.fits where it exists
     #[arg(long, visible_alias = "force")]

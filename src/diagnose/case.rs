@@ -61,8 +61,7 @@ impl<'a> Case<'a> {
     /// # Errors
     /// Where the model has no value for a row.
     pub fn predict_sigma(&self, model: &Model) -> Result<DVector<f64>, InputError> {
-        let values = predict(model, &self.questions);
-        model.check()?;
+        let values = predict(model, &self.questions)?;
         if values.iter().any(|value| !value.is_finite()) {
             return Err(InputError::new(
                 "cannot diagnose",

@@ -54,7 +54,7 @@ pub(super) fn best(
     if questions.is_empty() {
         return Ok(None);
     }
-    let [one, other] = [node, rival].map(|node| predict(&node.model, &questions));
+    let (one, other) = (predict(&node.model, &questions)?, predict(&rival.model, &questions)?);
     let sigma = |index: usize| error(search.case, wanted[index].0, one[index]);
     let apart = |index: usize, open: f64| {
         let apart = (one[index] - other[index]).abs() / sigma(index).hypot(open.sqrt());
@@ -70,7 +70,7 @@ pub(super) fn best(
             break;
         }
         let asked: Vec<Question> = some.iter().map(|&index| questions[index]).collect();
-        let [open_one, open_other] = [node, rival].map(|node| left_open(node, &asked));
+        let (open_one, open_other) = (left_open(node, &asked)?, left_open(rival, &asked)?);
         for ((&index, one), other) in some.iter().zip(open_one).zip(open_other) {
             let apart = apart(index, one + other);
             if apart > best.1 {
@@ -203,30 +203,31 @@ fn error(case: &Case, observable: Observable, value: f64) -> f64 {
 }
 
 /// The variance that a fit leaves open in predictions.
-fn left_open(node: &Node, questions: &[Question]) -> Vec<f64> {
+fn left_open(node: &Node, questions: &[Question]) -> Result<Vec<f64>, InputError> {
     if node.fit.parameters.is_empty() {
-        return vec![0.0; questions.len()];
+        return Ok(vec![0.0; questions.len()]);
     }
-    let here = predict(&node.model, questions);
+    let here = predict(&node.model, questions)?;
     let keys: Vec<_> = node.fit.parameters.iter().collect();
-    let derivatives: Vec<DVector<f64>> = keys
+    let derivatives: Vec<Result<DVector<f64>, InputError>> = keys
         .par_iter()
         .map(|fitted| {
             let step = 1e-2 * fitted.sigma.unwrap_or(0.0);
             let moved = node.mission().with(&[(fitted.key.clone(), (fitted.value + step).into())]);
             match moved {
                 Ok(mission) if step > 0.0 => {
-                    let there = predict(&node.model.like(&mission), questions);
-                    DVector::from_iterator(here.len(), there.iter().zip(&here).map(|(a, b)| (a - b) / step))
+                    let there = predict(&node.model.like(&mission), questions)?;
+                    Ok(DVector::from_iterator(here.len(), there.iter().zip(&here).map(|(a, b)| (a - b) / step)))
                 }
-                _ => DVector::zeros(here.len()),
+                _ => Ok(DVector::zeros(here.len())),
             }
         })
         .collect();
+    let derivatives = derivatives.into_iter().collect::<Result<Vec<_>, _>>()?;
     let covariance = Span::of(&node.fit.jacobian, FLAT).covariance();
     let open = (0..here.len()).map(|row| {
         let gradient = DVector::from_iterator(keys.len(), derivatives.iter().map(|derivative| derivative[row]));
         (gradient.transpose() * &covariance * &gradient)[(0, 0)].max(0.0)
     });
-    open.collect()
+    Ok(open.collect())
 }

@@ -5,6 +5,7 @@
 //! where parameters have moved, so that for it a third of that is: derivatives must not feel it.
 
 use super::case::Case;
+use crate::accuracy::{FINEST, LADDER};
 use crate::error::InputError;
 use crate::mission::{Mission, ReadoutMethod};
 use crate::model::Model;
@@ -15,13 +16,6 @@ const SHIFT_SIGMA: f64 = 0.03;
 /// The same where the accuracy asked for is coarser than this.
 const COARSE: f64 = 1e-3;
 const COARSE_SHIFT_SIGMA: f64 = 0.01;
-
-/// What they are compared with.
-const FINE: (f64, u32) = (1e-8, 12);
-
-/// Accuracies and grids of sub-pixel positions that are tried, the cheapest first.
-const ACCURACIES: [(f64, u32); 10] =
-    [(1e-1, 2), (3e-2, 2), (1e-2, 2), (1e-3, 2), (1e-4, 2), (1e-4, 3), (1e-5, 4), (1e-5, 6), (1e-6, 8), (1e-7, 12)];
 
 /// The mission with the cheapest readout that is fine enough, and what is to be said of its own.
 pub(super) fn accurate(case: &Case, mission: &Mission) -> Result<(Mission, Vec<String>), InputError> {
@@ -34,7 +28,7 @@ pub(super) fn accurate(case: &Case, mission: &Mission) -> Result<(Mission, Vec<S
     };
     let model = Model::new(mission);
     let predicted = |mission: &Mission| case.predict_sigma(&model.like(mission));
-    let fine = predicted(&with(FINE))?;
+    let fine = predicted(&with(FINEST))?;
     let mut notes = Vec::new();
     let shift = (predicted(mission)? - &fine).amax();
     if shift > SHIFT_SIGMA {
@@ -42,12 +36,12 @@ pub(super) fn accurate(case: &Case, mission: &Mission) -> Result<(Mission, Vec<S
             "the mission's own readout ([accuracy]) is off by up to {shift:.1} sigma from a finer one, which is used here"
         ));
     }
-    for accuracy in ACCURACIES {
+    for accuracy in LADDER {
         let candidate = with(accuracy);
         let allowed = if accuracy.0 > COARSE { COARSE_SHIFT_SIGMA } else { SHIFT_SIGMA };
         if (predicted(&candidate)? - &fine).amax() < allowed {
             return Ok((candidate, notes));
         }
     }
-    Ok((with(FINE), notes))
+    Ok((with(FINEST), notes))
 }

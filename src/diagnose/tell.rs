@@ -3,15 +3,13 @@
 use super::case::{Added, Node};
 use super::chance::Noise;
 use super::{Diagnosis, Found, Leaning, Rung, Step, Told, Tried, Verdict, formula, holdout, newest};
+use crate::accuracy::Purpose;
 use crate::effect;
 use crate::error::InputError;
 use crate::evaluate::{self, evaluate};
 use crate::fit::{self, Advice};
 use crate::mission::Mission;
 use crate::validate::validate;
-
-/// Accuracy of the readout that a date needs.
-const FOR_DATES: f64 = 1e-4;
 
 impl Told<'_> {
     /// Everything that is told of what was found.
@@ -123,7 +121,5 @@ impl Told<'_> {
 
 /// When the budget is exceeded.
 fn budget(mission: &Mission) -> Option<evaluate::Verdict> {
-    let mut coarse = mission.clone();
-    coarse.accuracy.relative = coarse.accuracy.relative.max(FOR_DATES);
-    evaluate(&coarse).ok().map(|evaluation| evaluation.verdict)
+    evaluate(&Purpose::Dates.of(mission)).ok().map(|evaluation| evaluation.verdict)
 }

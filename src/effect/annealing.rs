@@ -6,9 +6,9 @@ use serde::Deserialize;
 
 use super::reach::ratios;
 use super::{Card, Effect, Kind, Reach, numbers};
-use crate::damage::{Damage, Loss};
 use crate::mission::Mission;
 use crate::mission::keys::{self, Need::Required, key};
+use crate::model::{Damage, Loss};
 
 /// `[effects.annealing]`
 #[derive(Debug, Deserialize)]

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use serde::Deserialize;
 
 use super::{Card, Effect, Kind, MOMENTS, Reach, numbers};
-use crate::damage::{Damage, Loss};
 use crate::mission::Mission;
 use crate::mission::keys::{Key, Kind::Number, Need::Required, key};
+use crate::model::{Damage, Loss};
 
 /// `[effects.bakeout]`
 #[derive(Debug, Deserialize)]

@@ -3,9 +3,9 @@
 use serde::Deserialize;
 
 use super::{Card, Effect, Kind, Reach, numbers};
-use crate::damage::Damage;
 use crate::mission::Mission;
 use crate::mission::keys::{self, Key, Need::Required, key};
+use crate::model::Damage;
 
 /// `[effects.dose-scale]`
 #[derive(Debug, Deserialize)]

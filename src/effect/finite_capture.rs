@@ -5,9 +5,10 @@ use serde::Deserialize;
 use super::reach::ratios;
 use super::{Card, Effect, Kind, Reach, numbers};
 use crate::conditions::Conditions;
-use crate::damage::SpeciesState;
+use crate::error::InputError;
 use crate::mission::Mission;
 use crate::mission::keys::{Kind::Number, Need::Required, key};
+use crate::model::SpeciesState;
 
 /// `[effects.finite-capture]`
 #[derive(Debug, Deserialize)]
@@ -45,9 +46,10 @@ impl Kind for FiniteCapture {
 }
 
 impl Effect for FiniteCapture {
-    fn traps(&self, traps: &mut [SpeciesState], _: &Conditions) {
+    fn traps(&self, traps: &mut [SpeciesState], _: &Conditions) -> Result<(), InputError> {
         for species in traps {
             species.capture_ms = self.capture_ms;
         }
+        Ok(())
     }
 }

@@ -1,19 +1,18 @@
 //! The user's own effect: an expression that changes a named quantity of the model.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::OnceLock;
 
 use ndarray::Array2;
 use serde::Deserialize;
 
 use super::{Card, Effect, Kind, Refusal};
 use crate::conditions::{self, Conditions};
-use crate::damage::SpeciesState;
-use crate::environment::{DoseHistory, Law};
-use crate::error::nearest;
+use crate::error::{InputError, nearest, shortened};
 use crate::expression::{Expression, ExpressionError};
 use crate::mission::Mission;
 use crate::mission::keys::{self, Kind::Number, Need::Optional, Need::Required, key};
+use crate::model::{DoseHistory, Law, SpeciesState};
 use crate::observable::Observable;
 use crate::readout::Cloud;
 
@@ -26,8 +25,6 @@ pub struct Formula {
     read: OnceLock<Expression>,
     #[serde(flatten)]
     parameters: BTreeMap<String, f64>,
-    #[serde(skip)]
-    fault: Arc<Mutex<Option<ExpressionError>>>,
 }
 
 /// Targets, each the name of the quantity in its expression too.
@@ -146,11 +143,10 @@ impl Formula {
         self.read.get_or_init(|| Expression::parse(&self.expression).expect("checked when the mission was read"))
     }
 
-    /// What becomes of a quantity; NaN where there is no such value, which is then remembered.
-    fn becomes(&self, quantity: f64, at: &Conditions, also: Option<(&str, f64)>) -> f64 {
-        // What is not known is not made worse: the first fault is the one that counts.
+    /// What becomes of a quantity. A quantity that is not known stays unknown.
+    fn becomes(&self, quantity: f64, at: &Conditions, also: Option<(&str, f64)>) -> Result<f64, InputError> {
         if quantity.is_nan() {
-            return quantity;
+            return Ok(quantity);
         }
         let (target, _) = self.parts();
         let value = self.expression().value(|name| {
@@ -158,41 +154,53 @@ impl Formula {
             let parameter = || self.parameters.get(name).copied();
             if name == target { Some(quantity) } else { parameter().or(also).or_else(|| at.get(name)) }
         });
-        value.unwrap_or_else(|fault| remember(&self.fault, fault))
+        value.map_err(refusal)
+    }
+
+    /// The same for the charge of every pixel (e-).
+    fn each(&self, charges_e: &mut Array2<f64>, at: &Conditions) -> Result<(), InputError> {
+        charges_e.iter_mut().try_for_each(|charge_e| {
+            *charge_e = self.becomes(*charge_e, at, None)?;
+            Ok(())
+        })
     }
 
     /// The same expression as a law over time.
     fn law(&self) -> Law {
         let (target, _) = self.parts();
         let (target, expression, parameters) = (target.to_string(), self.expression().clone(), self.parameters.clone());
-        let fault = Arc::clone(&self.fault);
         Law::new(move |t_yr, quantity| {
             let known = |name: &str| match name {
                 "t_yr" => Some(t_yr),
                 name if name == target => Some(quantity),
                 name => parameters.get(name).copied(),
             };
-            expression.value(known).unwrap_or_else(|error| remember(&fault, error))
+            expression.value(known).map_err(refusal)
         })
     }
 }
 
-/// Keeps a fault if it is the first in alphabetical order, whatever the order in which threads meet them.
-fn remember(faults: &Mutex<Option<ExpressionError>>, fault: ExpressionError) -> f64 {
-    let mut known = faults.lock().expect("nobody panics while holding it");
-    if known.as_ref().is_none_or(|known| fault < *known) {
-        *known = Some(fault);
+/// Why an expression has no value, with its place in the mission file.
+fn refusal(error: ExpressionError) -> InputError {
+    InputError {
+        refused: "cannot apply a formula".into(),
+        place: Some(format!("effects.formula.expression = \"{}\"", shortened(&error.text))),
+        problem: match error.place {
+            Some(place) => format!("at letter {}: {}", place + 1, error.problem),
+            None => error.problem,
+        },
+        help: error.help,
     }
-    f64::NAN
 }
 
 impl Effect for Formula {
-    fn conditions(&self, at: &mut Conditions) {
+    fn conditions(&self, at: &mut Conditions) -> Result<(), InputError> {
         match self.target.as_str() {
-            "background_e" => at.background_e = self.becomes(at.background_e, at, None).max(0.0),
-            "temperature_k" => at.temperature_k = self.becomes(at.temperature_k, at, None).max(1.0),
+            "background_e" => at.background_e = self.becomes(at.background_e, at, None)?.max(0.0),
+            "temperature_k" => at.temperature_k = self.becomes(at.temperature_k, at, None)?.max(1.0),
             _ => {}
         }
+        Ok(())
     }
 
     fn dose(&self, dose: &mut DoseHistory) {
@@ -203,53 +211,54 @@ impl Effect for Formula {
         }
     }
 
-    fn traps(&self, traps: &mut [SpeciesState], at: &Conditions) {
+    fn traps(&self, traps: &mut [SpeciesState], at: &Conditions) -> Result<(), InputError> {
         let (target, member) = self.parts();
         for species in traps.iter_mut().filter(|species| member.is_none_or(|member| member == species.name)) {
             match target {
-                "density_per_px" => species.density_per_px = self.becomes(species.density_per_px, at, None).max(0.0),
+                "density_per_px" => species.density_per_px = self.becomes(species.density_per_px, at, None)?.max(0.0),
                 "release_ms" => {
-                    let release_ms = self.becomes(species.release_ms, at, None);
+                    let release_ms = self.becomes(species.release_ms, at, None)?;
                     // Traps that release within a millionth of a transfer, or never, are the limits.
                     species.release_ms = release_ms.max(1e-6 * at.line_time_ms);
                 }
                 _ => {}
             }
         }
+        Ok(())
     }
 
-    fn cloud(&self, cloud: &mut Cloud, at: &Conditions) {
+    fn cloud(&self, cloud: &mut Cloud, at: &Conditions) -> Result<(), InputError> {
         if self.target == "cloud_height" {
             let before = cloud.clone();
-            *cloud =
-                Cloud::tabulated(|charge_e| self.becomes(before.height(charge_e), at, Some(("charge_e", charge_e))));
+            let height = |charge_e| self.becomes(before.height(charge_e), at, Some(("charge_e", charge_e)));
+            *cloud = Cloud::tabulated(height)?;
+        }
+        Ok(())
+    }
+
+    fn charge(&self, charge_e: &mut Array2<f64>, at: &Conditions) -> Result<(), InputError> {
+        match self.target.as_str() {
+            "charge_e" => self.each(charge_e, at),
+            _ => Ok(()),
         }
     }
 
-    fn charge(&self, charge_e: &mut Array2<f64>, at: &Conditions) {
-        if self.target == "charge_e" {
-            charge_e.mapv_inplace(|charge| self.becomes(charge, at, None));
+    fn read(&self, _: &Array2<f64>, read_e: &mut Array2<f64>, at: &Conditions) -> Result<(), InputError> {
+        match self.target.as_str() {
+            "read_e" => self.each(read_e, at),
+            _ => Ok(()),
         }
     }
 
-    fn read(&self, _: &Array2<f64>, read_e: &mut Array2<f64>, at: &Conditions) {
-        if self.target == "read_e" {
-            read_e.mapv_inplace(|charge| self.becomes(charge, at, None));
-        }
-    }
-
-    fn value(&self, value: &mut f64, observable: Observable, at: &Conditions) {
+    fn value(&self, value: &mut f64, observable: Observable, at: &Conditions) -> Result<(), InputError> {
         let (target, member) = self.parts();
         if target == "value" && member.is_none_or(|member| member == observable.name()) {
-            *value = self.becomes(*value, at, None);
+            *value = self.becomes(*value, at, None)?;
         }
+        Ok(())
     }
 
     fn depends_on(&self) -> Vec<String> {
         self.expression().variables().filter(|name| !self.parameters.contains_key(*name)).map(str::to_string).collect()
-    }
-
-    fn fault(&self) -> Option<ExpressionError> {
-        self.fault.lock().expect("nobody panics while holding it").clone()
     }
 }

@@ -5,6 +5,7 @@ use serde::Deserialize;
 use super::reach::ratios;
 use super::{Card, Effect, Kind, Reach, numbers};
 use crate::conditions::Conditions;
+use crate::error::InputError;
 use crate::mission::Mission;
 use crate::mission::keys::{Kind::Number, Need::Required, key};
 
@@ -42,7 +43,8 @@ impl Kind for Preflash {
 }
 
 impl Effect for Preflash {
-    fn conditions(&self, at: &mut Conditions) {
+    fn conditions(&self, at: &mut Conditions) -> Result<(), InputError> {
         at.background_e += self.electrons;
+        Ok(())
     }
 }

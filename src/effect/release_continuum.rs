@@ -4,9 +4,10 @@ use serde::Deserialize;
 
 use super::{Card, Effect, Kind, Reach, numbers};
 use crate::conditions::Conditions;
-use crate::damage::SpeciesState;
+use crate::error::InputError;
 use crate::mission::Mission;
 use crate::mission::keys::{Kind::Number, Need::Required, key};
+use crate::model::SpeciesState;
 
 /// `[effects.release-continuum]`
 #[derive(Debug, Deserialize)]
@@ -47,10 +48,11 @@ impl Kind for ReleaseContinuum {
 }
 
 impl Effect for ReleaseContinuum {
-    fn traps(&self, traps: &mut [SpeciesState], _: &Conditions) {
+    fn traps(&self, traps: &mut [SpeciesState], _: &Conditions) -> Result<(), InputError> {
         for species in traps {
             // Independent spreads add in quadrature.
             species.release_sigma = species.release_sigma.hypot(self.sigma);
         }
+        Ok(())
     }
 }

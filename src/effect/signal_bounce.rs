@@ -6,6 +6,7 @@ use serde::Deserialize;
 use super::reach::ratios;
 use super::{Card, Effect, Kind, Reach, numbers};
 use crate::conditions::Conditions;
+use crate::error::InputError;
 use crate::mission::Mission;
 use crate::mission::keys::{self, Kind::Number, Need::Required, key};
 
@@ -51,7 +52,7 @@ impl Kind for SignalBounce {
 }
 
 impl Effect for SignalBounce {
-    fn read(&self, before_e: &Array2<f64>, read_e: &mut Array2<f64>, _: &Conditions) {
+    fn read(&self, before_e: &Array2<f64>, read_e: &mut Array2<f64>, _: &Conditions) -> Result<(), InputError> {
         let keep = (-1.0 / self.length_px).exp();
         for (before_e, mut read_e) in before_e.axis_iter(Axis(1)).zip(read_e.axis_iter_mut(Axis(1))) {
             // Σ_j exp(−(k − j − 1)/length) n_j over the packets j in front of pixel k
@@ -61,5 +62,6 @@ impl Effect for SignalBounce {
                 behind_e = behind_e * keep + before;
             }
         }
+        Ok(())
     }
 }

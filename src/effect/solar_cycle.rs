@@ -3,8 +3,8 @@
 use serde::Deserialize;
 
 use super::{Card, Effect, Kind};
-use crate::environment::DoseHistory;
 use crate::mission::Mission;
+use crate::model::DoseHistory;
 
 /// `[effects.solar-cycle]`
 #[derive(Debug, Deserialize)]

@@ -2,10 +2,10 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, MOMENTS, Reach, numbers};
-use crate::environment::DoseHistory;
+use super::{Card, Effect, Kind, MOMENTS, Reach, dose_mev_g, numbers};
 use crate::mission::Mission;
 use crate::mission::keys::{Key, Kind::Number, Need::Required, key};
+use crate::model::DoseHistory;
 
 /// `[effects.solar-flare]`
 #[derive(Debug, Deserialize)]
@@ -41,8 +41,7 @@ impl Kind for SolarFlare {
 
     fn trials(mission: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
         // A third of a mean year's dose, on a day between any two epochs.
-        let dose_mev_g =
-            (DoseHistory::of(mission).dose_mev_g(reach.last_yr()) / reach.last_yr().max(1.0) / 3.0).max(1e4);
+        let dose_mev_g = (dose_mev_g(mission, reach.last_yr()) / reach.last_yr().max(1.0) / 3.0).max(1e4);
         let on = |t_yr: f64| vec![numbers(&[("t_yr", t_yr), ("dose_mev_g", dose_mev_g)])];
         reach.between_epochs(MOMENTS).into_iter().map(on).collect()
     }

@@ -4,6 +4,7 @@ use serde::Deserialize;
 
 use super::{Card, Effect, Kind, Reach, Refusal, numbers};
 use crate::conditions::Conditions;
+use crate::error::InputError;
 use crate::mission::Mission;
 use crate::mission::keys::{Key, Kind::Number, Need::Required, key};
 
@@ -51,7 +52,8 @@ impl Kind for TemperatureOffset {
 }
 
 impl Effect for TemperatureOffset {
-    fn conditions(&self, at: &mut Conditions) {
+    fn conditions(&self, at: &mut Conditions) -> Result<(), InputError> {
         at.temperature_k += self.kelvin;
+        Ok(())
     }
 }

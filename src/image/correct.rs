@@ -12,6 +12,8 @@
 //! section 4; Rhodes et al. 2010 (PASP 122, 439) for what it brings. Holds as far as the forward model does: a trap that the
 //! model lacks leaves its trail, and noise that was added after the transfers is sharpened as if it had been trailed.
 
+use std::convert::Infallible;
+
 use ndarray::{Array2, Zip};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -67,25 +69,29 @@ impl Corrected {
 /// ([`crate::readout::Method::MonteCarlo`]) is turned round in the mean.
 pub fn correct(readout: &Readout, observed: &Array2<f64>, downstream: Downstream, stop: Stop) -> Corrected {
     let readout = readout.expected();
-    solve(observed, None, stop, |image| readout.parallel(image, downstream))
+    let solved = solve(observed, None, stop, |image| Ok::<_, Infallible>(readout.parallel(image, downstream)));
+    solved.unwrap_or_else(|never| match never {})
 }
 
 /// The same for any readout: finds the image that `trail` turns into what was observed.
 ///
 /// Pixels that are `held` stay as they are observed: they take part in the readout, and their residual does not count.
-pub fn solve(
+///
+/// # Errors
+/// Those of the readout.
+pub fn solve<E>(
     observed: &Array2<f64>,
     held: Option<&Array2<bool>>,
     stop: Stop,
-    trail: impl Fn(&Array2<f64>) -> Array2<f64>,
-) -> Corrected {
+    trail: impl Fn(&Array2<f64>) -> Result<Array2<f64>, E>,
+) -> Result<Corrected, E> {
     let mut image = observed.clone();
-    let mut left = missing(observed, &trail(&image), held);
+    let mut left = missing(observed, &trail(&image)?, held);
     let mut residuals = vec![Residual::of(&left)];
     let wanted_e = stop.relative * residuals[0].max_e;
     while residuals.len() <= stop.iterations && residuals[residuals.len() - 1].max_e > wanted_e {
         image += &left;
-        let next = missing(observed, &trail(&image), held);
+        let next = missing(observed, &trail(&image)?, held);
         let residual = Residual::of(&next);
         // Where a step makes nothing better the charge is as well known as it will be: the step is taken back.
         if residual.rms_e.is_nan() || residual.rms_e >= residuals[residuals.len() - 1].rms_e {
@@ -96,28 +102,31 @@ pub fn solve(
         left = next;
     }
     let converged = residuals[residuals.len() - 1].max_e <= wanted_e;
-    Corrected { image, residuals, converged }
+    Ok(Corrected { image, residuals, converged })
 }
 
 /// How much larger white noise of the amplifier (`noise_e`, e- rms) is in a corrected image than in the observed one.
 ///
 /// The correction is repeated on the observed image with noise from `seed`; the scatter of the difference, over pixels
 /// that `count`, is divided by the noise's own.
-pub fn noise_amplification(
+///
+/// # Errors
+/// Those of the correction.
+pub fn noise_amplification<E>(
     observed: &Array2<f64>,
     corrected: &Array2<f64>,
     count: &Array2<bool>,
     (noise_e, seed): (f64, u64),
-    correct: impl Fn(&Array2<f64>) -> Array2<f64>,
-) -> f64 {
+    correct: impl Fn(&Array2<f64>) -> Result<Array2<f64>, E>,
+) -> Result<f64, E> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let normal = Normal::new(0.0, noise_e).expect("a finite scatter");
     let noise = Array2::from_shape_simple_fn(observed.raw_dim(), || normal.sample(&mut random));
-    let difference = correct(&(observed + &noise)) - corrected;
+    let difference = correct(&(observed + &noise))? - corrected;
     let squares = |values: &Array2<f64>| {
         Zip::from(values).and(count).fold(0.0, |sum, value, counts| if *counts { sum + value * value } else { sum })
     };
-    (squares(&difference) / squares(&noise)).sqrt()
+    Ok((squares(&difference) / squares(&noise)).sqrt())
 }
 
 impl Residual {
@@ -183,7 +192,10 @@ mod tests {
     fn a_step_that_helps_nothing_is_taken_back() {
         // No image is read out as this one: half the charge is lost in a way that no charge makes good.
         let observed = Array2::from_elem((3, 1), 10.0);
-        let corrected = solve(&observed, None, Stop { relative: 1e-3, iterations: 9 }, |_| Array2::zeros((3, 1)));
+        let corrected = solve(&observed, None, Stop { relative: 1e-3, iterations: 9 }, |_| {
+            Ok::<_, Infallible>(Array2::zeros((3, 1)))
+        });
+        let corrected = corrected.unwrap();
         assert_eq!((corrected.iterations(), corrected.converged), (0, false));
         assert_eq!(corrected.image, observed);
     }
@@ -194,7 +206,8 @@ mod tests {
         let trailed = readout.parallel(&before, Downstream::NONE);
         let held = Array2::from_shape_fn(trailed.raw_dim(), |place| place == (30, 0));
         let stop = Stop { relative: 1e-6, iterations: 50 };
-        let corrected = solve(&trailed, Some(&held), stop, |image| readout.parallel(image, Downstream::NONE));
+        let trail = |image: &Array2<f64>| Ok::<_, Infallible>(readout.parallel(image, Downstream::NONE));
+        let corrected = solve(&trailed, Some(&held), stop, trail).unwrap();
         assert_eq!(corrected.image[[30, 0]], trailed[[30, 0]]);
         assert!((corrected.image[[80, 1]] - before[[80, 1]]).abs() < 1e-3);
     }
@@ -204,7 +217,8 @@ mod tests {
         let observed = Array2::from_elem((40, 40), 100.0);
         let count = Array2::from_elem((40, 40), true);
         // A correction that doubles everything doubles the noise.
-        let doubled = noise_amplification(&observed, &(&observed * 2.0), &count, (3.0, 1), |image| image * 2.0);
-        assert!((doubled - 2.0).abs() < 1e-12);
+        let double = |image: &Array2<f64>| Ok::<_, Infallible>(image * 2.0);
+        let doubled = noise_amplification(&observed, &double(&observed).unwrap(), &count, (3.0, 1), double);
+        assert!((doubled.unwrap() - 2.0).abs() < 1e-12);
     }
 }

@@ -20,8 +20,8 @@
 
 use ndarray::{Array2, ArrayView2, ArrayViewMut2, Axis, Zip, s};
 
-use crate::device::Device;
 use crate::error::InputError;
+use crate::model::Device;
 use crate::readout::Downstream;
 
 /// Directions in which charge is moved.
@@ -254,24 +254,23 @@ impl Side {
 ///
 /// Serial registers are the device's; that their effect names a number of transfers does not matter here, where every
 /// column makes its own.
-pub fn read(device: &Device, geometry: &Geometry, frame_e: &Array2<f64>) -> Array2<f64> {
+pub fn read(device: &Device, geometry: &Geometry, frame_e: &Array2<f64>) -> Result<Array2<f64>, InputError> {
     let mut read_e = frame_e.clone();
     for part in geometry.parts() {
-        let clocked = clocked(device, geometry, part.of(frame_e));
+        let clocked = clocked(device, geometry, part.of(frame_e))?;
         part.of_mut(&mut read_e).assign(&clocked);
     }
-    read_e
+    Ok(read_e)
 }
 
 /// One amplifier's part, in the order of readout.
-fn clocked(device: &Device, geometry: &Geometry, part_e: ArrayView2<f64>) -> Array2<f64> {
+fn clocked(device: &Device, geometry: &Geometry, part_e: ArrayView2<f64>) -> Result<Array2<f64>, InputError> {
     let (rows, columns) = geometry.image(part_e.dim());
     let image = s![rows, columns.clone()];
     let mut light_e = part_e.slice(image).to_owned();
     // What else happens to charges belongs to the pixels, and is done with them.
-    let effects = if geometry.transfers.parallel() { &device.effects[..] } else { &[] };
-    for effect in effects {
-        effect.charge(&mut light_e, &device.at);
+    if geometry.transfers.parallel() {
+        light_e = device.before(light_e)?;
     }
     let mut before_e = Array2::zeros(part_e.raw_dim());
     before_e.slice_mut(image).assign(&light_e);
@@ -281,21 +280,21 @@ fn clocked(device: &Device, geometry: &Geometry, part_e: ArrayView2<f64>) -> Arr
         // that exists, so they may be clocked as if there were pixels for them: the transfers that count are those below.
         let downstream = Downstream { rows: geometry.rows_before.into(), charge_e: geometry.charge_before_e };
         let mut lit = read_e.slice_mut(s![.., columns]);
-        let trailed = device.readout.parallel(&lit.to_owned(), downstream);
+        let trailed = device.readout().parallel(&lit.to_owned(), downstream);
         lit.assign(&trailed);
     }
     if geometry.transfers.serial() {
         let downstream = Downstream { rows: geometry.columns_before.into(), charge_e: 0.0 };
-        for (register, _) in &device.serial {
+        for (register, _) in device.serial() {
             read_e = register.serial(&read_e, downstream);
         }
     }
-    for effect in effects {
-        effect.read(&before_e, &mut read_e, &device.at);
+    if geometry.transfers.parallel() {
+        read_e = device.amplified(&before_e, read_e)?;
     }
     // What the amplifier added where there was no light.
     let mut added_e = part_e.to_owned();
     added_e.slice_mut(image).fill(0.0);
     Zip::from(&mut read_e).and(&added_e).for_each(|read, added| *read += added);
-    read_e
+    Ok(read_e)
 }

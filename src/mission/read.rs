@@ -360,7 +360,7 @@ impl<'a> Source<'a> {
                 ));
             }
         }
-        if environment.model == DoseModel::SolarCycle {
+        if environment.model == DoseModel::SolarCycle || mission.effects.contains_key("solar-cycle") {
             let first = environment.solar_maximum.iter().copied().fold(f64::INFINITY, f64::min);
             let start = first - ACTIVE_BEFORE_YR - (1.0 - solar_cycle::ACTIVE_SHARE) * CYCLE_YR;
             if calendar::decimal_year(mission.mission.launch.0) < start {

@@ -11,8 +11,9 @@
 use std::fmt;
 use std::sync::Arc;
 
+use super::history::DoseHistory;
 use crate::conditions::Conditions;
-use crate::environment::DoseHistory;
+use crate::error::InputError;
 use crate::mission::{Detector, Species};
 use crate::readout::Trap;
 
@@ -80,8 +81,16 @@ impl Default for Damage {
 
 impl Damage {
     /// Traps of a detector under given conditions.
-    pub fn traps(&self, detector: &Detector, history: &DoseHistory, at: &Conditions) -> Vec<SpeciesState> {
-        let dose_mev_g = self.traps_per_dose * self.effective_dose_mev_g(history, at);
+    ///
+    /// # Errors
+    /// Where a law of the dose has no value.
+    pub(super) fn traps(
+        &self,
+        detector: &Detector,
+        history: &DoseHistory,
+        at: &Conditions,
+    ) -> Result<Vec<SpeciesState>, InputError> {
+        let dose_mev_g = self.traps_per_dose * self.effective_dose_mev_g(history, at)?;
         let kept = self.survives(0.0, at.t_yr);
         let mut traps = after(detector, dose_mev_g, at.temperature_k);
         for species in &mut traps {
@@ -89,16 +98,21 @@ impl Damage {
                 species.density_per_px += at_launch * kept;
             }
         }
-        traps
+        Ok(traps)
+    }
+
+    /// Times (years since launch) at which traps disappear at once.
+    pub(super) fn losses_yr(&self) -> impl Iterator<Item = f64> {
+        self.losses.iter().filter_map(|loss| loss.on_yr)
     }
 
     /// Dose (MeV/g) that would have made, at once and now, as many traps as are left of those made since launch.
-    fn effective_dose_mev_g(&self, history: &DoseHistory, at: &Conditions) -> f64 {
+    fn effective_dose_mev_g(&self, history: &DoseHistory, at: &Conditions) -> Result<f64, InputError> {
         match at.dose_mev_g {
-            Some(dose_mev_g) => dose_mev_g * self.survives(0.0, at.t_yr),
+            Some(dose_mev_g) => Ok(dose_mev_g * self.survives(0.0, at.t_yr)),
             None if self.losses.is_empty() => history.dose_mev_g(at.t_yr),
             None => {
-                let breaks: Vec<f64> = self.losses.iter().filter_map(|loss| loss.on_yr).collect();
+                let breaks: Vec<f64> = self.losses_yr().collect();
                 history.weighted_dose_mev_g(at.t_yr, &breaks, |made_yr| self.survives(made_yr, at.t_yr))
             }
         }
@@ -110,7 +124,7 @@ impl Damage {
 }
 
 /// Traps of a detector after a dose (MeV/g), at a temperature (K).
-pub fn after(detector: &Detector, dose_mev_g: f64, temperature_k: f64) -> Vec<SpeciesState> {
+fn after(detector: &Detector, dose_mev_g: f64, temperature_k: f64) -> Vec<SpeciesState> {
     let state = |species: &Species| SpeciesState {
         name: species.name.clone(),
         density_per_px: species.density_per_px * dose_mev_g / detector.reference_dose_mev_g,

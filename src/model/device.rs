@@ -1,18 +1,15 @@
 //! A detector as it is at one moment: charge in, charge out.
 
-use std::sync::Arc;
-
 use ndarray::{Array2, Axis};
 
+use super::damage::SpeciesState;
+use super::effects::Effects;
+use crate::accuracy::Purpose;
 use crate::conditions::Conditions;
-use crate::damage::SpeciesState;
-use crate::effect::Effect;
+use crate::error::InputError;
 use crate::observable::Observable;
-use crate::readout::{Downstream, Method, Readout};
+use crate::readout::{Cloud, Downstream, Method, Readout};
 use crate::shape::ShapeChange;
-
-/// The coarsest readout that is chosen where nobody asked for it.
-const COARSEST: f64 = 1e-2;
 
 /// Traps, wells, registers and amplifier under given conditions.
 #[derive(Clone, Debug)]
@@ -21,12 +18,24 @@ pub struct Device {
     pub at: Conditions,
     /// Traps of the pixels.
     pub traps: Vec<SpeciesState>,
-    /// The parallel readout.
-    pub readout: Readout,
-    /// Serial registers with traps, each with its number of transfers.
-    pub serial: Vec<(Readout, u32)>,
+    /// Heights of charge clouds in the pixels.
+    pub cloud: Cloud,
+    /// How transfers are computed.
+    pub method: Method,
+    /// Serial registers with traps.
+    pub(super) registers: Vec<Register>,
     /// What else happens to charges and values.
-    pub effects: Vec<Arc<dyn Effect>>,
+    pub(super) effects: Effects,
+}
+
+/// A serial register under given conditions.
+#[derive(Clone, Debug)]
+pub(super) struct Register {
+    pub traps: Vec<SpeciesState>,
+    /// Time between two serial transfers, ms.
+    pub pixel_time_ms: f64,
+    /// Serial transfers of the object.
+    pub transfers: u32,
 }
 
 /// What stands beside the columns that are read out, in their rows.
@@ -42,80 +51,138 @@ pub enum Beside {
 }
 
 impl Device {
+    /// The parallel readout.
+    pub fn readout(&self) -> Readout {
+        self.readout_of(&self.traps, self.at.line_time_ms)
+    }
+
+    /// Serial registers with traps, each with the transfers of the object.
+    pub fn serial(&self) -> Vec<(Readout, u32)> {
+        let of = |register: &Register| (self.readout_of(&register.traps, register.pixel_time_ms), register.transfers);
+        self.registers.iter().map(of).collect()
+    }
+
+    fn readout_of(&self, traps: &[SpeciesState], transfer_ms: f64) -> Readout {
+        Readout {
+            traps: traps.iter().map(|species| species.trap(transfer_ms)).collect(),
+            cloud: self.cloud.clone(),
+            method: self.method,
+        }
+    }
+
     /// The charges (e-, `[[row, column]]`, background included) as they are read.
-    pub fn read(&self, charge_e: &Array2<f64>, downstream: Downstream, beside: Beside) -> Array2<f64> {
-        let before_e = self.before(charge_e.clone());
-        let clocked_e = self.readout.parallel(&before_e, downstream);
+    ///
+    /// # Errors
+    /// Where an effect has no value, here and below.
+    pub fn read(
+        &self,
+        charge_e: &Array2<f64>,
+        downstream: Downstream,
+        beside: Beside,
+    ) -> Result<Array2<f64>, InputError> {
+        let before_e = self.before(charge_e.clone())?;
+        let clocked_e = self.readout().parallel(&before_e, downstream);
         self.after(&before_e, clocked_e, beside)
     }
 
     /// The charges (e-) that are clocked out, given those that were collected.
-    pub fn before(&self, mut charge_e: Array2<f64>) -> Array2<f64> {
-        for effect in &self.effects {
-            effect.charge(&mut charge_e, &self.at);
-        }
-        charge_e
+    ///
+    /// # Errors
+    /// As [`Device::read`].
+    pub fn before(&self, mut charge_e: Array2<f64>) -> Result<Array2<f64>, InputError> {
+        self.effects.apply(|effect| effect.charge(&mut charge_e, &self.at))?;
+        Ok(charge_e)
     }
 
     /// What is read of charges (e-) that were clocked out, given those before.
-    pub fn after(&self, before_e: &Array2<f64>, mut read_e: Array2<f64>, beside: Beside) -> Array2<f64> {
-        for (readout, transfers) in &self.serial {
-            read_e = self.through_serial(readout, *transfers, &read_e, beside);
+    ///
+    /// # Errors
+    /// As [`Device::read`].
+    pub fn after(
+        &self,
+        before_e: &Array2<f64>,
+        mut read_e: Array2<f64>,
+        beside: Beside,
+    ) -> Result<Array2<f64>, InputError> {
+        for (readout, transfers) in self.serial() {
+            read_e = self.through_serial(&readout, transfers, &read_e, beside);
         }
-        for effect in &self.effects {
-            effect.read(before_e, &mut read_e, &self.at);
-        }
-        read_e
+        self.amplified(before_e, read_e)
+    }
+
+    /// Charges (e-) as the amplifier gives them out, with those before the first transfer.
+    ///
+    /// # Errors
+    /// As [`Device::read`].
+    pub fn amplified(&self, before_e: &Array2<f64>, mut read_e: Array2<f64>) -> Result<Array2<f64>, InputError> {
+        self.effects.apply(|effect| effect.read(before_e, &mut read_e, &self.at))?;
+        Ok(read_e)
+    }
+
+    /// Whether a serial register has traps: columns are then read differently, even where they hold the same.
+    pub fn has_serial_traps(&self) -> bool {
+        self.registers.iter().flat_map(|register| &register.traps).any(|species| species.density_per_px > 0.0)
     }
 
     /// Columns of background that tell how those of an image so wide are read: one, unless they know of one another, in a
     /// serial register.
     pub fn columns_of_background(&self, width_px: usize) -> usize {
-        let empty = |readout: &Readout| readout.traps.iter().all(|trap| trap.density_per_px == 0.0);
-        if self.serial.iter().all(|(readout, _)| empty(readout)) { 1 } else { width_px }
+        if self.has_serial_traps() { width_px } else { 1 }
     }
 
     /// The same device without chance.
     pub fn expected(&self) -> Device {
-        let serial = self.serial.iter().map(|(readout, transfers)| (readout.expected(), *transfers)).collect();
-        Device { readout: self.readout.expected(), serial, ..self.clone() }
+        self.by(self.method.expected())
     }
 
     /// The same device, computed by another method.
     pub fn by(&self, method: Method) -> Device {
-        let with = |readout: &Readout| Readout { method, ..readout.clone() };
-        let serial = self.serial.iter().map(|(readout, transfers)| (with(readout), *transfers)).collect();
-        Device { readout: with(&self.readout), serial, ..self.clone() }
+        Device { method, ..self.clone() }
     }
 
-    /// The same device, read out to a relative accuracy so many times coarser, but to 1 % at least (a coarser one is kept).
-    pub fn coarser(&self, times: f64) -> Device {
-        match self.readout.method {
-            Method::Fast { relative } => {
-                let coarser = (times * relative).min(COARSEST);
-                self.by(Method::Fast { relative: relative.max(coarser) })
-            }
+    /// The same device, read out as accurately as a purpose asks for: never finer than it is.
+    pub fn fit_for(&self, purpose: Purpose) -> Device {
+        match self.method {
+            Method::Fast { relative } => self.by(Method::Fast { relative: purpose.relative(relative) }),
             _ => self.clone(),
         }
     }
 
+    /// The same device with one of its species alone (by its place among them).
+    pub fn with_species(&self, index: usize) -> Device {
+        Device { traps: vec![self.traps[index].clone()], ..self.clone() }
+    }
+
+    /// Dose since launch as its monitor sees it, MeV/g.
+    ///
+    /// # Errors
+    /// As [`Device::read`].
+    pub fn dose_mev_g(&self) -> Result<f64, InputError> {
+        let dose_mev_g = self.at.dose_mev_g.expect("a device knows the dose behind its traps");
+        self.observed(dose_mev_g, Observable::Dose, &self.at)
+    }
+
     /// What is measured of a value.
-    pub fn observed(&self, mut value: f64, observable: Observable, at: &Conditions) -> f64 {
-        for effect in &self.effects {
-            effect.value(&mut value, observable, at);
-        }
-        value
+    ///
+    /// # Errors
+    /// As [`Device::read`].
+    pub fn observed(&self, mut value: f64, observable: Observable, at: &Conditions) -> Result<f64, InputError> {
+        self.effects.apply(|effect| effect.value(&mut value, observable, at))?;
+        Ok(value)
     }
 
     /// What is measured of a change of shape.
-    pub fn observed_change(&self, change: ShapeChange) -> ShapeChange {
-        ShapeChange {
-            delta_e1: self.observed(change.delta_e1, Observable::DeltaE1, &self.at),
-            delta_y_px: self.observed(change.delta_y_px, Observable::DeltaY, &self.at),
-            delta_flux: self.observed(change.delta_flux, Observable::DeltaFlux, &self.at),
-            delta_size: self.observed(change.delta_size, Observable::DeltaSize, &self.at),
+    ///
+    /// # Errors
+    /// As [`Device::read`].
+    pub fn observed_change(&self, change: ShapeChange) -> Result<ShapeChange, InputError> {
+        Ok(ShapeChange {
+            delta_e1: self.observed(change.delta_e1, Observable::DeltaE1, &self.at)?,
+            delta_y_px: self.observed(change.delta_y_px, Observable::DeltaY, &self.at)?,
+            delta_flux: self.observed(change.delta_flux, Observable::DeltaFlux, &self.at)?,
+            delta_size: self.observed(change.delta_size, Observable::DeltaSize, &self.at)?,
             ..change
-        }
+        })
     }
 
     fn through_serial(&self, readout: &Readout, transfers: u32, image: &Array2<f64>, beside: Beside) -> Array2<f64> {

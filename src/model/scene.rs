@@ -10,10 +10,11 @@ use gauss_quad::GaussLegendre;
 use ndarray::{Array1, Array2, Axis};
 use rayon::prelude::*;
 
-use crate::device::{Beside, Device};
+use super::device::{Beside, Device};
+use crate::error::InputError;
 use crate::galaxy::{Profile, snr};
 use crate::mission::{Galaxy, Mission};
-use crate::readout::{Downstream, Readout};
+use crate::readout::Downstream;
 use crate::shape::{Moments, ShapeChange};
 
 /// Half-width of a stamp in units of the weight's σ: the weight has fallen to 4e-6.
@@ -39,7 +40,7 @@ struct Position {
 
 impl Scene {
     /// A mission's galaxy on its grid of sub-pixel positions; None as for [`Scene::new`].
-    pub fn of(mission: &Mission, galaxy: &Galaxy) -> Option<Scene> {
+    pub(super) fn of(mission: &Mission, galaxy: &Galaxy) -> Option<Scene> {
         Scene::new(
             &Profile::of(galaxy, &mission.psf),
             snr::flux_e(mission, galaxy),
@@ -53,13 +54,13 @@ impl Scene {
     /// a weight of `weight_px` (σ).
     ///
     /// None where the weight finds no centroid, which needs a galaxy far larger than its weight.
-    pub fn new(profile: &Profile, flux_e: f64, background_e: f64, weight_px: f64, grid: u32) -> Option<Scene> {
+    pub(super) fn new(profile: &Profile, flux_e: f64, background_e: f64, weight_px: f64, grid: u32) -> Option<Scene> {
         Scene::at(profile, flux_e, background_e, weight_px, &across(grid), &along(grid))
     }
 
     /// The same at given positions (px from the centre of the central pixel) in x and in y with their weights. Mirror
     /// images in x count as present: the galaxy is symmetric, and columns do not know of one another.
-    pub fn at(
+    pub(super) fn at(
         profile: &Profile,
         flux_e: f64,
         background_e: f64,
@@ -83,46 +84,47 @@ impl Scene {
         Some(Scene { background_e, weight_px, half_px, positions })
     }
 
-    /// Mean change of shape over the sub-pixel positions, read out from `transfers` away on the scene's own background.
+    /// Mean change of shape over the sub-pixel positions, read out by a device under its conditions.
     ///
     /// None where the trailed galaxy has no centroid any more.
-    pub fn change(&self, readout: &Readout, transfers: u32) -> Option<ShapeChange> {
-        let downstream = downstream(transfers, self.half_px, self.background_e);
-        let alone = chance(readout).then(|| {
-            let flat = Array2::from_elem((2 * self.half_px + 1, 1), self.background_e);
-            readout.expected().parallel(&flat, downstream)
-        });
-        self.change_with(&Above::new(self.background_e, alone, |image| readout.parallel(image, downstream)))
-    }
-
-    /// The same through a whole device, under its conditions.
-    pub fn change_by(&self, device: &Device) -> Option<ShapeChange> {
+    ///
+    /// # Errors
+    /// Where an effect has no value.
+    pub(super) fn change_by(&self, device: &Device) -> Result<Option<ShapeChange>, InputError> {
         let downstream = downstream(device.at.transfers, self.half_px, device.at.background_e);
         let beside = Beside::Stamp(self.half_px);
         let width_px = 2 * self.half_px + 1;
         let columns = device.columns_of_background(width_px);
-        let alone = (columns > 1 || chance(&device.readout)).then(|| {
-            let flat = Array2::from_elem((width_px, columns), device.at.background_e);
-            device.expected().read(&flat, downstream, beside)
-        });
-        self.change_with(&Above::new(device.at.background_e, alone, |image| device.read(image, downstream, beside)))
-    }
-
-    fn change_with(&self, above: &Above<impl Fn(&Array2<f64>) -> Array2<f64> + Sync>) -> Option<ShapeChange> {
-        let changes: Vec<ShapeChange> = self
+        let left_to_chance = device.method.expected() != device.method;
+        let alone = match columns > 1 || left_to_chance {
+            true => {
+                let flat = Array2::from_elem((width_px, columns), device.at.background_e);
+                Some(device.expected().read(&flat, downstream, beside)?)
+            }
+            false => None,
+        };
+        let above = Above::new(device.at.background_e, alone, |image| device.read(image, downstream, beside));
+        let changes: Vec<Result<Option<ShapeChange>, InputError>> = self
             .positions
             .par_iter()
             .map(|position| {
-                let after = Moments::of(&above.read(&position.charge_e), self.weight_px)?;
-                Some(ShapeChange::between(&position.before, &after))
+                let after = Moments::of(&above.read(&position.charge_e)?, self.weight_px);
+                Ok(after.map(|after| ShapeChange::between(&position.before, &after)))
             })
-            .collect::<Option<_>>()?;
+            .collect();
+        // The first of several errors, whichever came first.
+        let changes: Option<Vec<ShapeChange>> = changes.into_iter().collect::<Result<_, _>>()?;
+        Ok(changes.map(|changes| self.mean(&changes)))
+    }
+
+    /// Mean over the sub-pixel positions.
+    fn mean(&self, changes: &[ShapeChange]) -> ShapeChange {
         let weights = self.positions.iter().map(|position| position.weight);
         let total: f64 = weights.clone().sum();
         let mean = |value: fn(&ShapeChange) -> f64| -> f64 {
-            weights.clone().zip(&changes).map(|(weight, change)| weight * value(change)).sum::<f64>() / total
+            weights.clone().zip(changes).map(|(weight, change)| weight * value(change)).sum::<f64>() / total
         };
-        Some(ShapeChange {
+        ShapeChange {
             delta_e1: mean(|change| change.delta_e1),
             // Mirror images in x cancel.
             delta_e2: 0.0,
@@ -130,7 +132,7 @@ impl Scene {
             delta_y_px: mean(|change| change.delta_y_px),
             delta_size: mean(|change| change.delta_size),
             delta_flux: mean(|change| change.delta_flux),
-        })
+        }
     }
 
     /// Size, ellipticity and weighted flux before the readout, at the first position of the grid.
@@ -145,11 +147,6 @@ impl Scene {
     }
 }
 
-/// Whether a readout leaves its mean to chance.
-fn chance(readout: &Readout) -> bool {
-    readout.expected() != *readout
-}
-
 /// Objects on a flat background as they are read, less the background as it is read alone.
 ///
 /// One column of background stands beside each image. It hardly changes, and what error matters is told by how far the object
@@ -161,30 +158,33 @@ pub(crate) struct Above<R> {
     read: R,
 }
 
-impl<R: Fn(&Array2<f64>) -> Array2<f64>> Above<R> {
+impl<R: Fn(&Array2<f64>) -> Result<Array2<f64>, InputError>> Above<R> {
     /// `read` reads images, their background included.
     pub fn new(background_e: f64, alone: Option<Array2<f64>>, read: R) -> Above<R> {
         Above { background_e, alone, read }
     }
 
     /// What is read above the background of the charge above the background, e-.
-    pub fn read(&self, charge_e: &Array2<f64>) -> Array2<f64> {
+    ///
+    /// # Errors
+    /// Where an effect has no value.
+    pub fn read(&self, charge_e: &Array2<f64>) -> Result<Array2<f64>, InputError> {
         let mut image = charge_e + self.background_e;
         if self.alone.is_none() {
             image
                 .push_column(Array1::from_elem(image.nrows(), self.background_e).view())
                 .expect("columns of one length");
         }
-        let read = (self.read)(&image);
+        let read = (self.read)(&image)?;
         let (objects, background) = match &self.alone {
             None => read.view().split_at(Axis(1), charge_e.ncols()),
             Some(alone) => (read.view(), alone.view()),
         };
         if read == image && background.iter().all(|charge_e| *charge_e == self.background_e) {
             // Nothing happened; differences would tell of rounding.
-            return charge_e.clone();
+            return Ok(charge_e.clone());
         }
-        &objects - &background
+        Ok(&objects - &background)
     }
 }
 

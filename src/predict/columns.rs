@@ -4,7 +4,9 @@ use ndarray::{Array2, ArrayView1, Axis, s};
 use rayon::prelude::*;
 
 use super::{Kind, Reading};
-use crate::device::{Beside, Device};
+use crate::error::InputError;
+use crate::model::{Beside, Device};
+use crate::readout::Readout;
 
 /// Columns of an image, backgrounds among them: as many as are read side by side. The accuracy of a readout is relative to its
 /// brightest column, so that few of about the same charge are better than many.
@@ -12,7 +14,10 @@ const TOGETHER: usize = 16;
 
 /// Charges less the trailed background, e-: of the packet or the block's last row, and of the pixels behind it. None for
 /// readings of other kinds.
-pub(super) fn read(readings: &[Reading], devices: &[Device]) -> Vec<Option<Vec<f64>>> {
+///
+/// # Errors
+/// Where an effect has no value.
+pub(super) fn read(readings: &[Reading], devices: &[Device]) -> Result<Vec<Option<Vec<f64>>>, InputError> {
     let devices: Vec<Option<Device>> = (readings, devices)
         .into_par_iter()
         .map(|(reading, device)| matches!(reading.kind, Kind::Packet | Kind::Block).then(|| device.expected()))
@@ -21,7 +26,7 @@ pub(super) fn read(readings: &[Reading], devices: &[Device]) -> Vec<Option<Vec<f
         .iter()
         .zip(&devices)
         .enumerate()
-        .filter_map(|(index, (reading, device))| Some(Column { index, reading, device: device.as_ref()? }))
+        .filter_map(|(index, (reading, device))| Some(Column::new(index, reading, device.as_ref()?)))
         .collect();
     let mut groups: Vec<Vec<Column>> = Vec::new();
     for column in columns {
@@ -36,10 +41,12 @@ pub(super) fn read(readings: &[Reading], devices: &[Device]) -> Vec<Option<Vec<f
     }
     let images: Vec<&[Column]> = groups.iter().flat_map(|group| images(group)).collect();
     let mut found = vec![None; readings.len()];
-    for (index, charge_e) in images.into_par_iter().flat_map_iter(together).collect::<Vec<_>>() {
-        found[index] = Some(charge_e);
+    for image in images.into_par_iter().map(together).collect::<Vec<_>>() {
+        for (index, charge_e) in image? {
+            found[index] = Some(charge_e);
+        }
     }
-    found
+    Ok(found)
 }
 
 /// Cuts a group into images: each of its columns takes one, and each background another.
@@ -67,9 +74,14 @@ struct Column<'a> {
     index: usize,
     reading: &'a Reading<'a>,
     device: &'a Device,
+    readout: Readout,
 }
 
-impl Column<'_> {
+impl<'a> Column<'a> {
+    fn new(index: usize, reading: &'a Reading<'a>, device: &'a Device) -> Column<'a> {
+        Column { index, reading, device, readout: device.readout() }
+    }
+
     fn signal_e(&self) -> f64 {
         self.device.at.signal_e.expect("a packet has a charge")
     }
@@ -95,20 +107,20 @@ impl Column<'_> {
     fn shares_a_readout_with(&self, other: &Column) -> bool {
         self.block_px() == other.block_px()
             && self.rows_downstream() == other.rows_downstream()
-            && self.device.readout == other.device.readout
+            && self.readout == other.readout
     }
 
     /// Charges (e-) that are clocked out, `[[row, 0]]`: with the signal, and of background alone.
-    fn before(&self, rows: usize) -> [Array2<f64>; 2] {
+    fn before(&self, rows: usize) -> Result<[Array2<f64>; 2], InputError> {
         let flat = Array2::from_elem((rows, 1), self.device.at.background_e);
         let mut image = flat.clone();
         image.slice_mut(s![..self.block_px(), ..]).fill(self.device.at.background_e + self.signal_e());
-        [image, flat].map(|charge_e| self.device.before(charge_e))
+        Ok([self.device.before(image)?, self.device.before(flat)?])
     }
 }
 
 /// Reads out columns that share a readout.
-fn together(columns: &[Column]) -> Vec<(usize, Vec<f64>)> {
+fn together(columns: &[Column]) -> Result<Vec<(usize, Vec<f64>)>, InputError> {
     let first = &columns[0];
     // Background behind a packet changes nothing before it.
     let behind = columns.iter().map(|column| column.reading.trail_px).max().unwrap_or(0);
@@ -127,9 +139,9 @@ fn together(columns: &[Column]) -> Vec<(usize, Vec<f64>)> {
     let mut placed = Vec::new();
     for column in columns {
         let background_e = column.device.at.background_e;
-        placed.push(column.before(rows).map(|before_e| (place(&before_e, background_e), before_e)));
+        placed.push(column.before(rows)?.map(|before_e| (place(&before_e, background_e), before_e)));
     }
-    let clocked = first.device.readout.parallel_after_each(&image, first.rows_downstream(), &downstream_e);
+    let clocked = first.readout.parallel_after_each(&image, first.rows_downstream(), &downstream_e);
     columns
         .iter()
         .zip(placed)
@@ -139,8 +151,8 @@ fn together(columns: &[Column]) -> Vec<(usize, Vec<f64>)> {
                 column.device.after(&before_e, clocked_e, column.beside())
             });
             let last = column.block_px() - 1;
-            let read_e = signal - flat;
-            (column.index, read_e.slice(s![last..=last + column.reading.trail_px, 0]).to_vec())
+            let read_e = signal? - flat?;
+            Ok((column.index, read_e.slice(s![last..=last + column.reading.trail_px, 0]).to_vec()))
         })
         .collect()
 }

@@ -1,4 +1,4 @@
-//! One galaxy at many doses: its change of shape interpolated between a few.
+//! Changes of shape. One galaxy at many doses: interpolated between a few.
 //!
 //! While only the densities of traps differ, and all along one line (as they do where a dose grows), the change of shape is
 //! a smooth function of the place on that line, close to a straight one. It is computed at Chebyshev's points, which are
@@ -8,10 +8,11 @@
 use rayon::prelude::*;
 
 use super::{Kind, Reading};
+use crate::accuracy::Purpose;
 use crate::conditions::Conditions;
-use crate::device::Device;
+use crate::error::InputError;
 use crate::mission::ReadoutMethod;
-use crate::model::Model;
+use crate::model::{Device, Model};
 use crate::shape::ShapeChange;
 
 /// Intervals between Chebyshev's points to start with, and at most.
@@ -28,16 +29,37 @@ const BESIDE: f64 = 1e-14;
 /// some four times closer: the curve has small kinks, where packets begin to meet one another's levels.
 const FORETOLD: f64 = 2e-4;
 
-/// Accuracy of the readout for a shape that is measured, over the mission's: errors of single packets average out in a change
-/// of shape, to a few millionths of it at the usual 1e-4 of the packets, far below what any shape is measured to.
-pub(super) const READOUT: f64 = 100.0;
+/// Changes of shape of those readings that are of galaxies: interpolated if they lie on a line with enough others. None for
+/// all else, and where no shape is left.
+///
+/// # Errors
+/// Where an effect has no value.
+pub(super) fn changes(
+    model: &Model,
+    readings: &[Reading],
+    devices: &[Device],
+) -> Result<Vec<Option<ShapeChange>>, InputError> {
+    let interpolated = interpolated(model, readings, devices)?;
+    let changes: Vec<Result<Option<ShapeChange>, InputError>> = (readings, devices, interpolated)
+        .into_par_iter()
+        .map(|(reading, device, interpolated)| match (reading.kind, interpolated) {
+            (Kind::Galaxy(galaxy), None) => model.trailed(galaxy, &device.fit_for(Purpose::Measurement)),
+            (_, interpolated) => Ok(interpolated),
+        })
+        .collect();
+    // The first of several errors, whichever came first.
+    changes.into_iter().collect()
+}
 
-/// Changes of shape of those readings that lie on a line with enough others; None for all else.
-pub(super) fn interpolated(model: &Model, readings: &[Reading], devices: &[Device]) -> Vec<Option<ShapeChange>> {
+fn interpolated(
+    model: &Model,
+    readings: &[Reading],
+    devices: &[Device],
+) -> Result<Vec<Option<ShapeChange>>, InputError> {
     let mut found = vec![None; readings.len()];
     // Random traps are no smooth function of anything; nor need formulas be.
     if model.mission.accuracy.readout == ReadoutMethod::MonteCarlo || !model.depends_on().is_empty() {
-        return found;
+        return Ok(found);
     }
     let mut lines: Vec<(Conditions, Vec<usize>)> = Vec::new();
     for (index, reading) in readings.iter().enumerate() {
@@ -57,18 +79,17 @@ pub(super) fn interpolated(model: &Model, readings: &[Reading], devices: &[Devic
     }
     for (_, members) in lines.into_iter().filter(|(_, members)| members.len() >= FEW) {
         let Kind::Galaxy(galaxy) = readings[members[0]].kind else { continue };
-        let Some(scene) = model.scene(galaxy) else { continue };
         let Some(places) = places(devices, &members) else { continue };
         let ends = [0.0, 1.0].map(|end| members[places.iter().position(|place| *place == end).expect("both ends")]);
-        let (low, high) = (devices[ends[0]].coarser(READOUT), devices[ends[1]].coarser(READOUT));
-        let change = |place: f64| scene.change_by(&between(&low, &high, place));
-        if let Some(curve) = Curve::of(change) {
+        let [low, high] = ends.map(|end| devices[end].fit_for(Purpose::Measurement));
+        let change = |place: f64| model.trailed(galaxy, &between(&low, &high, place));
+        if let Some(curve) = Curve::of(change)? {
             for (&member, &place) in members.iter().zip(&places) {
                 found[member] = Some(curve.at(place));
             }
         }
     }
-    found
+    Ok(found)
 }
 
 /// Conditions that must be the same along a line.
@@ -78,7 +99,8 @@ fn but_for_dose(at: &Conditions) -> Conditions {
 
 fn same_species(a: &Device, b: &Device) -> bool {
     // Serial registers have densities of their own, which need not lie on the same line.
-    a.serial.is_empty()
+    !a.has_serial_traps()
+        && !b.has_serial_traps()
         && a.traps.len() == b.traps.len()
         && a.traps.iter().zip(&b.traps).all(|(a, b)| {
             (a.release_ms, a.release_sigma, a.capture_ms) == (b.release_ms, b.release_sigma, b.capture_ms)
@@ -111,9 +133,7 @@ fn between(low: &Device, high: &Device, place: f64) -> Device {
     let mut device = low.clone();
     for (index, high) in high.traps.iter().enumerate() {
         let low = low.traps[index].density_per_px;
-        let density_per_px = low + place * (high.density_per_px - low);
-        device.traps[index].density_per_px = density_per_px;
-        device.readout.traps[index].density_per_px = density_per_px;
+        device.traps[index].density_per_px = low + place * (high.density_per_px - low);
     }
     device
 }
@@ -126,21 +146,24 @@ struct Curve {
 
 impl Curve {
     /// None where a shape is lost, or no polynomial is good enough.
-    fn of(change: impl Fn(f64) -> Option<ShapeChange> + Sync) -> Option<Curve> {
+    fn of(change: impl Fn(f64) -> Result<Option<ShapeChange>, InputError> + Sync) -> Result<Option<Curve>, InputError> {
+        // The first of several errors, whichever came first.
+        let at_all = |places: &[f64]| -> Result<Option<Vec<ShapeChange>>, InputError> {
+            let changes: Vec<_> = places.par_iter().map(|&place| change(place)).collect();
+            changes.into_iter().collect()
+        };
         let point =
             |index: usize, intervals: usize| 0.5 - 0.5 * (std::f64::consts::PI * index as f64 / intervals as f64).cos();
         let places: Vec<f64> = (0..=FIRST).map(|index| point(index, FIRST)).collect();
-        let values = places.par_iter().map(|&place| change(place)).collect::<Option<Vec<_>>>()?;
+        let Some(values) = at_all(&places)? else { return Ok(None) };
         let mut curve = Curve { places, values };
         let mut intervals = FIRST;
         while intervals < LAST {
             intervals *= 2;
             // The new points lie between the old ones.
-            let new: Vec<(f64, ShapeChange)> = (1..intervals)
-                .into_par_iter()
-                .step_by(2)
-                .map(|index| Some((point(index, intervals), change(point(index, intervals))?)))
-                .collect::<Option<_>>()?;
+            let between: Vec<f64> = (1..intervals).step_by(2).map(|index| point(index, intervals)).collect();
+            let Some(changes) = at_all(&between)? else { return Ok(None) };
+            let new: Vec<(f64, ShapeChange)> = between.into_iter().zip(changes).collect();
             let good = new.iter().all(|(place, value)| curve.foretells(*place, value));
             let (mut places, mut values) = (Vec::new(), Vec::new());
             for index in 0..=intervals {
@@ -153,10 +176,10 @@ impl Curve {
             }
             curve = Curve { places, values };
             if good {
-                return Some(curve);
+                return Ok(Some(curve));
             }
         }
-        None
+        Ok(None)
     }
 
     /// Whether the polynomial is close to a value; that of twice as many points is then much closer.
@@ -196,8 +219,8 @@ mod tests {
 
     #[test]
     fn a_polynomial_is_the_same_right_beside_its_points() {
-        let change = |place: f64| Some(ShapeChange { delta_e1: 1.0 + place * place, ..ShapeChange::default() });
-        let curve = Curve::of(change).unwrap();
+        let change = |place: f64| Ok(Some(ShapeChange { delta_e1: 1.0 + place * place, ..ShapeChange::default() }));
+        let curve = Curve::of(change).unwrap().unwrap();
         for &known in &curve.places {
             for place in [known.next_down(), known, known.next_up()] {
                 let expected = 1.0 + place * place;

@@ -45,9 +45,12 @@ impl Cloud {
 
     /// A cloud of another law, given as height against charge (e-) and kept as a table (see [`Cloud::height`]). The
     /// height is 0 where there is no charge, and is cut to 0 to 1.
-    pub fn tabulated(height: impl Fn(f64) -> f64) -> Cloud {
-        let law = Law::Table(Arc::new(Table::of(height)));
-        Cloud { notch_e: 0.0, per_full_well: 1.0, power: 1.0, law }
+    ///
+    /// # Errors
+    /// Where the law has no value.
+    pub fn tabulated<E>(height: impl Fn(f64) -> Result<f64, E>) -> Result<Cloud, E> {
+        let law = Law::Table(Arc::new(Table::of(height)?));
+        Ok(Cloud { notch_e: 0.0, per_full_well: 1.0, power: 1.0, law })
     }
 
     /// Height of a cloud of `charge_e` electrons, 0 to 1. A tabulated one is right to 1e-6 of itself where the law is as
@@ -141,12 +144,12 @@ const LN_LARGEST: f64 = 20.75;
 const KNOTS_PER_E: f64 = 512.0;
 
 impl Table {
-    fn of(height: impl Fn(f64) -> f64) -> Table {
+    fn of<E>(height: impl Fn(f64) -> Result<f64, E>) -> Result<Table, E> {
         let knots = ((LN_LARGEST - LN_LEAST) * KNOTS_PER_E) as usize;
         let at = |knot: usize| height((LN_LEAST + knot as f64 / KNOTS_PER_E).exp());
-        // A law that has no value has no height.
+        // NaN has no height.
         let cut = |height: f64| if height.is_nan() { 0.0 } else { height.clamp(0.0, 1.0) };
-        Table((0..=knots).map(|knot| cut(at(knot))).collect())
+        Ok(Table((0..=knots).map(|knot| at(knot).map(cut)).collect::<Result<_, E>>()?))
     }
 
     fn height(&self, charge_e: f64) -> f64 {
@@ -164,6 +167,8 @@ impl Table {
 
 #[cfg(test)]
 mod tests {
+    use std::convert::Infallible;
+
     use super::*;
 
     #[test]
@@ -184,7 +189,7 @@ mod tests {
             Cloud::new(1e5, 0.0, 0.5),
             Cloud::new(1e5, 90.0, 0.5),
             Cloud::new(1e5, 90.0, 0.31),
-            Cloud::tabulated(|charge_e| (charge_e / 1e5).powf(0.4)),
+            Cloud::tabulated(|charge_e| Ok::<_, Infallible>((charge_e / 1e5).powf(0.4))).unwrap(),
         ];
         let charge_e: Row = std::array::from_fn(|lane| [-3.0, 0.0, 1e-9, 0.7, 90.0, 90.1, 4e4, 3e5][lane % 8]);
         for cloud in laws {
@@ -206,7 +211,7 @@ mod tests {
     fn a_table_of_a_power_law_is_that_law() {
         for power in [0.3, 0.5, 1.0, 2.0] {
             let law = Cloud::new(1e5, 0.0, power);
-            let table = Cloud::tabulated(|charge_e| (charge_e / 1e5).powf(power));
+            let table = Cloud::tabulated(|charge_e| Ok::<_, Infallible>((charge_e / 1e5).powf(power))).unwrap();
             for charge_e in [-1.0, 0.0, 1e-3, 0.77, 1.0, 123.4, 5e4, 9.9e4, 1e7, 1e12] {
                 let (table, law) = (table.height(charge_e), law.height(charge_e));
                 assert!((table - law).abs() <= 2e-6 * law, "{power}, {charge_e} e-: {table}, {law}");

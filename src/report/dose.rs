@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 
 use super::{Page, Parts, Report, or_dash, table};
 use crate::dose::Survey;
-use crate::environment::RateOrigin;
-use crate::mission::{Accumulate, DoseModel, Mission};
+use crate::mission::{Accumulate, Mission};
+use crate::model::RateOrigin;
 use crate::plot::Figure;
 use crate::sources::{self, Source};
 
@@ -63,7 +63,7 @@ impl Report for Survey {
             "depths": depths,
             "equivalent_mm": {"sphere": self.equivalent_mm.0, "slab": self.equivalent_mm.1},
             "spectrum": spectrum,
-            "warnings": self.history.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
+            "warnings": self.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         })
     }
 
@@ -104,14 +104,14 @@ impl Page for Survey {
         for year in &self.years {
             years.add_row(vec![
                 year.year.to_string(),
-                match (self.model, year.active_yr) {
-                    (DoseModel::Constant, _) => "mean",
-                    (_, 0.0) => "quiet",
-                    (_, active) if active < year.flown_yr - 1e-9 => "partly",
+                match (self.history.averages_the_cycle(), year.active_yr) {
+                    (true, _) => "mean",
+                    (false, 0.0) => "quiet",
+                    (false, active) if active < year.flown_yr - 1e-9 => "partly",
                     _ => "active",
                 }
                 .into(),
-                if self.model == DoseModel::Constant { "-".into() } else { format!("{:.2}", year.active_yr) },
+                if self.history.averages_the_cycle() { "-".into() } else { format!("{:.2}", year.active_yr) },
                 format!("{:.2}", year.flown_yr),
                 format!("{:.3e}", year.dose_mev_g),
                 format!("{:.3e}", year.cumulative_mev_g),
@@ -188,7 +188,7 @@ impl Page for Survey {
             ]);
         }
         out.table(spectrum);
-        for warning in &self.history.warnings {
+        for warning in &self.warnings {
             out.verdict(format!("Warning: {warning}"), 2);
         }
         out

@@ -5,13 +5,12 @@ mod figures;
 use comfy_table::Table;
 use serde_json::{Value, json};
 
-use super::{Page, Parts, Report, crossing_json, or_dash, table, toml_json};
+use super::{Page, Parts, Report, crossing_json, exceeded, or_dash, table, toml_json, traps_json};
 use crate::calendar::date_after;
 use crate::course::Course;
-use crate::environment::RateOrigin;
 use crate::evaluate::{Evaluation, Year};
-use crate::mission::DoseModel;
 use crate::mission::keys::plain;
+use crate::model::RateOrigin;
 use crate::noise::NoisyChange;
 use crate::plot::Figure;
 use crate::requirement::Crossing;
@@ -33,18 +32,11 @@ impl Report for EvaluateReport {
     }
 
     fn json(&self) -> Value {
-        let Evaluation { mission, dose, years, verdict, warnings } = &self.evaluation;
+        let Evaluation { model, years, verdict, warnings } = &self.evaluation;
+        let (mission, dose) = (&model.mission, model.history());
         let years: Vec<Value> = years
             .iter()
             .map(|year| {
-                let traps: Vec<Value> = year
-                    .traps
-                    .iter()
-                    .map(|species| {
-                        json!({"name": species.name, "density_per_px": species.density_per_px,
-                               "release_ms": species.release_ms})
-                    })
-                    .collect();
                 let galaxies: Vec<Value> = mission
                     .galaxies
                     .iter()
@@ -52,7 +44,7 @@ impl Report for EvaluateReport {
                     .map(|(galaxy, change)| change_json(&galaxy.name, change.as_ref()))
                     .collect();
                 json!({"t_yr": year.t_yr, "date": year.date.map(|date| date.to_string()),
-                       "dose_mev_g": year.dose_mev_g, "traps": traps, "galaxies": galaxies})
+                       "dose_mev_g": year.dose_mev_g, "traps": traps_json(&year.traps), "galaxies": galaxies})
             })
             .collect();
         let requirement = &mission.requirement;
@@ -95,7 +87,7 @@ impl Report for EvaluateReport {
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
-        let Evaluation { mission, years, .. } = &self.evaluation;
+        let (mission, years) = (self.evaluation.mission(), &self.evaluation.years);
         let mut header: Vec<String> = ["t_yr", "date", "dose_mev_g", "traps_per_px"].map(str::to_string).to_vec();
         let species = &years.last().expect("a mission has an end").traps;
         header.extend(species.iter().map(|species| format!("{}_per_px", species.name)));
@@ -131,7 +123,8 @@ impl Page for EvaluateReport {
     }
 
     fn parts(&self) -> Parts {
-        let Evaluation { mission, dose, years, verdict, warnings } = &self.evaluation;
+        let Evaluation { model, years, verdict, warnings } = &self.evaluation;
+        let (mission, dose) = (&model.mission, model.history());
         let header = &mission.mission;
         let mut out = Parts::default();
         out.title(
@@ -161,9 +154,9 @@ impl Page for EvaluateReport {
             dose_table.add_row(vec![
                 format!("{}", year.t_yr),
                 date(year),
-                match mission.environment.model {
-                    DoseModel::SolarCycle => format!("{:.2}", dose.active_years(year.t_yr)),
-                    DoseModel::Constant => "mean".into(),
+                match dose.averages_the_cycle() {
+                    true => "mean".into(),
+                    false => format!("{:.2}", dose.active_years(year.t_yr)),
                 },
                 format!("{:.3e}", year.dose_mev_g),
                 format!("{:.4}", year.traps.iter().map(|species| species.density_per_px).sum::<f64>()),
@@ -201,7 +194,7 @@ impl Page for EvaluateReport {
         let corrected = format!("corrected by a factor {}", requirement.correction_factor);
         let width = corrected.len();
         for (name, crossing) in [("uncorrected", &verdict.uncorrected), (corrected.as_str(), &verdict.corrected)] {
-            out.outcome(name, width, self.outcome(crossing));
+            out.outcome(name, width, exceeded(crossing, header.launch.0));
         }
         let rate = |rate: Option<f64>| or_dash(rate.map(|rate| format!("{rate:.3e}")));
         out.verdict(
@@ -227,26 +220,11 @@ impl Page for EvaluateReport {
 
 impl EvaluateReport {
     fn date(&self, crossing: &Crossing) -> Option<chrono::NaiveDate> {
-        date_after(self.evaluation.mission.mission.launch.0, crossing.t_yr?)
-    }
-
-    /// "exceeded after 3.80 yr, on 2012-10-19", or how much is left.
-    fn outcome(&self, crossing: &Crossing) -> String {
-        match (crossing.t_yr, crossing.margin) {
-            (Some(t_yr), _) => {
-                let date = self.date(crossing).map_or(String::new(), |date| format!(", on {date}"));
-                format!("exceeded after {t_yr:.3} yr{date}")
-            }
-            (None, Some(margin)) => format!(
-                "not within the mission: {:.1} % of it used at the end",
-                100.0 * (1.0 - margin / crossing.limit)
-            ),
-            (None, None) => "not within the mission".into(),
-        }
+        date_after(self.evaluation.mission().mission.launch.0, crossing.t_yr?)
     }
 
     fn realisations(&self, out: &mut Parts) {
-        let mission = &self.evaluation.mission;
+        let mission = self.evaluation.mission();
         let mut noisy_table = table(&["galaxy", "delta e1", "+-", "delta y [px]", "+-", "measured", "lost"]);
         for (galaxy, noisy) in mission.galaxies.iter().zip(&self.noisy) {
             let cell = |value: fn(&NoisyChange) -> String| or_dash(noisy.as_ref().map(value));
@@ -270,9 +248,9 @@ impl EvaluateReport {
     }
 
     fn dose_origin(&self) -> String {
-        let mission = &self.evaluation.mission;
+        let (mission, dose) = (self.evaluation.mission(), self.evaluation.model.history());
         let environment = &mission.environment;
-        let origin = match (self.evaluation.dose.origin, &mission.shielding) {
+        let origin = match (dose.origin, &mission.shielding) {
             (RateOrigin::Esp { active_years }, Some(shield)) => format!(
                 "ESP solar protons at {} % confidence for {:.2} active years behind {} mm of aluminium ({}), damage curve {}",
                 100.0 * environment.confidence,
@@ -283,15 +261,31 @@ impl EvaluateReport {
             ),
             _ => "given by the mission file".into(),
         };
-        let floor = match environment.cosmic_ray_floor_mev_g_yr {
-            0.0 => String::new(),
-            floor => format!(", and {floor:.3e} MeV/g/yr of cosmic rays in every year"),
+        let spread = match dose.averages_the_cycle() {
+            true => "in active years, averaged over the solar cycle (x 7/11)",
+            false => "in active years, nothing in quiet ones",
         };
-        let spread = match environment.model {
-            DoseModel::SolarCycle => "in active years, nothing in quiet ones",
-            DoseModel::Constant => "in active years, 7/11 of it taken for every year",
-        };
-        format!("{:.3e} MeV/g/yr {spread}; {origin}{floor}", self.evaluation.dose.active_rate_mev_g_yr)
+        let added: Vec<String> = self.added_dose().into_iter().map(|added| format!(", and {added}")).collect();
+        format!("{:.3e} MeV/g/yr {spread}; {origin}{}", dose.active_rate_mev_g_yr, added.concat())
+    }
+
+    /// What else there is of dose, in words.
+    fn added_dose(&self) -> Vec<String> {
+        let (mission, dose) = (self.evaluation.mission(), self.evaluation.model.history());
+        let mut added = Vec::new();
+        if dose.floor_mev_g_yr != 0.0 {
+            added.push(format!("{:.3e} MeV/g/yr of cosmic rays in every year", dose.floor_mev_g_yr));
+        }
+        let flown = dose.steps.iter().filter(|(t_yr, _)| *t_yr <= mission.mission.duration_yr);
+        let steps: Vec<f64> = flown.map(|(_, dose_mev_g)| *dose_mev_g).collect();
+        if !steps.is_empty() {
+            let events = if steps.len() == 1 { "1 event".into() } else { format!("{} events", steps.len()) };
+            added.push(format!("{:.3e} MeV/g of {events} on single days", steps.iter().sum::<f64>()));
+        }
+        if !dose.rate_laws.is_empty() || !dose.dose_laws.is_empty() {
+            added.push("a formula ([effects.formula]) changes that".into());
+        }
+        added
     }
 }
 

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{Report, lines, or_dash, table, wrapped};
+use super::{Report, lines, or_dash, table, traps_json, wrapped};
 use crate::image::{Done, FrameDone, HduDone, Task};
 use crate::readout::Method;
 
@@ -14,7 +14,7 @@ impl Report for Done {
                 "{}, {} yr after launch, {:.3e} MeV/g, {} K, {} ms per row: trails {}",
                 self.mission,
                 at.t_yr,
-                at.dose_mev_g.unwrap_or_default(),
+                self.dose_mev_g,
                 at.temperature_k,
                 at.line_time_ms,
                 if self.task == Task::Readout { "added" } else { "taken out" }
@@ -83,7 +83,8 @@ impl Report for Done {
             "mission": self.mission,
             "task": self.task.word(),
             "t_yr": self.at.t_yr,
-            "dose_mev_g": self.at.dose_mev_g,
+            "dose_mev_g": self.dose_mev_g,
+            "traps": traps_json(&self.traps),
             "temperature_k": self.at.temperature_k,
             "line_time_ms": self.at.line_time_ms,
             "relative": relative(self.method),

@@ -18,17 +18,15 @@ use rayon::prelude::*;
 use super::stamps::Stamps;
 use super::{Aperture, Digits, Kind, Study, Table};
 use super::{column, level, line, numbers, ready, short};
-use crate::device::{Beside, Device};
+use crate::accuracy::Purpose;
 use crate::error::InputError;
 use crate::mission::Mission;
+use crate::model::{Beside, Device};
 use crate::plot::{Figure, Kind as Drawn, Panel, Series};
 use crate::readout::Downstream;
 
 /// Nodes of the mean between two lines.
 const NODES: NonZeroUsize = NonZeroUsize::new(4).expect("above 0");
-
-/// The readout's accuracy is relative to what the brightest packet loses, and a line is far brighter than a galaxy.
-const FINER: f64 = 0.1;
 
 /// Options of the study.
 #[derive(Clone, Debug, Args)]
@@ -84,35 +82,36 @@ impl Kind for ChargeInjection {
             );
         }
         let model = ready(mission)?;
-        let device = finer(&model.device_at(mission.mission.duration_yr));
+        let device = model.device_at(mission.mission.duration_yr)?.fit_for(Purpose::BehindLine);
         let stamps = Stamps::of(&model.mission).expect("a galaxy that was measured has stamps");
         let galaxy = mission.judged_galaxy();
         let aperture = Aperture::of(mission, galaxy);
         let plain = Tried {
             spacing: None,
-            delta_e: model.change_by(0, &device).map(|change| change.magnitude()),
+            delta_e: model.change_by(0, &device)?.map(|change| change.magnitude()),
             trail_e: 0.0,
             lost_rows: 0.0,
             snr: aperture.snr(0.0, galaxy.read_noise_e),
             area: 1.0,
         };
         let dark = plain.snr;
-        let with_lines = |spacing: u32| {
+        let with_lines = |spacing: u32| -> Result<Tried, InputError> {
             let (low, high) = (f64::from(guard + 1), f64::from(spacing - guard));
             let rule = GaussLegendre::new(NODES);
             let nodes: Vec<(u32, f64)> = rule
                 .iter()
                 .map(|(place, weight)| ((low + 0.5 * (1.0 + place) * (high - low)).round() as u32, 0.5 * weight))
                 .collect();
-            let seen: Vec<Seen> =
+            let seen: Vec<_> =
                 nodes.par_iter().map(|(distance, _)| behind_a_line(&device, &stamps, charge_e, *distance)).collect();
+            let seen = seen.into_iter().collect::<Result<Vec<Seen>, _>>()?;
             advance();
             let mean = |value: fn(&Seen) -> Option<f64>| -> Option<f64> {
                 nodes.iter().zip(&seen).map(|((_, weight), seen)| value(seen).map(|value| weight * value)).sum()
             };
             let trail_e = mean(|seen| Some(seen.1)).unwrap_or(0.0).max(0.0);
             let lost_rows = f64::from(2 * guard + 1) / f64::from(spacing);
-            Tried {
+            Ok(Tried {
                 spacing: Some(spacing),
                 // Signed: the mean over galaxies is what biases a survey.
                 delta_e: mean(|seen| seen.0).map(f64::abs),
@@ -120,26 +119,16 @@ impl Kind for ChargeInjection {
                 lost_rows,
                 snr: aperture.snr(trail_e, galaxy.read_noise_e),
                 area: (1.0 - lost_rows) / aperture.times_for(dark, trail_e, galaxy.read_noise_e),
-            }
+            })
         };
-        let mut tried: Vec<Tried> = spacings.into_iter().map(with_lines).collect();
+        let mut tried = spacings.into_iter().map(with_lines).collect::<Result<Vec<Tried>, _>>()?;
         tried.push(plain);
-        model.check()?;
         Ok(report(mission, &tried, charge_e, &device))
     }
 }
 
-fn finer(device: &Device) -> Device {
-    match device.readout.method {
-        crate::readout::Method::Fast { relative } => {
-            device.by(crate::readout::Method::Fast { relative: FINER * relative })
-        }
-        _ => device.clone(),
-    }
-}
-
 /// Δe1 of a galaxy so many rows behind a line, and the charge of the line's trail there, e-.
-fn behind_a_line(device: &Device, stamps: &Stamps, line_e: f64, distance: u32) -> Seen {
+fn behind_a_line(device: &Device, stamps: &Stamps, line_e: f64, distance: u32) -> Result<Seen, InputError> {
     let device = device.expected();
     let background_e = device.at.background_e;
     let (half_px, distance) = (stamps.half_px, distance as usize);
@@ -154,16 +143,16 @@ fn behind_a_line(device: &Device, stamps: &Stamps, line_e: f64, distance: u32) -
         image.row_mut(centre - distance).fill(line_e.max(background_e));
         image
     };
-    let alone = device.read(&lines(device.columns_of_background(width_px)), downstream, beside);
+    let alone = device.read(&lines(device.columns_of_background(width_px)), downstream, beside)?;
     let change = stamps.change(|charge_e| {
         let mut image = lines(width_px);
         let mut stamp = image.slice_mut(s![stamp_rows.clone(), ..]);
         stamp += charge_e;
-        let read = device.read(&image, downstream, beside) - &alone;
-        read.slice(s![stamp_rows.clone(), ..]).to_owned()
-    });
-    let observed = change.map(|change| device.observed_change(change).delta_e1);
-    (observed, alone[[centre, 0]] - background_e)
+        let read = device.read(&image, downstream, beside)? - &alone;
+        Ok(read.slice(s![stamp_rows.clone(), ..]).to_owned())
+    })?;
+    let observed = change.map(|change| device.observed_change(change)).transpose()?;
+    Ok((observed.map(|change| change.delta_e1), alone[[centre, 0]] - background_e))
 }
 
 fn report(mission: &Mission, tried: &[Tried], charge_e: f64, device: &Device) -> Study {

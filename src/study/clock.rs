@@ -17,7 +17,6 @@ use rayon::prelude::*;
 use super::{Aperture, Cell, Column, Digits, Kind, Study, Table, Timeline};
 use super::{column, level, line, numbers, ratios, ready, when};
 use crate::conditions::Conditions;
-use crate::device::Device;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
@@ -62,16 +61,16 @@ impl Kind for Clock {
             None => ratios(own_ms / REACH, own_ms * REACH, COUNT),
         };
         let model = ready(mission)?;
-        let tried: Vec<Tried> = line_times
+        let tried: Vec<Result<Tried, InputError>> = line_times
             .par_iter()
             .map(|line_time_ms| {
                 advance();
                 tried(&model, *line_time_ms)
             })
             .collect();
-        model.check()?;
+        let tried = tried.into_iter().collect::<Result<Vec<Tried>, _>>()?;
         let species: Vec<String> =
-            model.device_at(mission.mission.duration_yr).traps.into_iter().map(|species| species.name).collect();
+            model.traps(mission.mission.duration_yr)?.into_iter().map(|species| species.name).collect();
         let mut study = Study::of(
             "clock",
             mission,
@@ -80,34 +79,27 @@ impl Kind for Clock {
         study.cite("Line time against shape error", "Rhodes et al. 2010 (PASP 122, 439), sections 5.1 and 6");
         study.tables = vec![table(&tried), by_species(&tried, &species)];
         study.figures = vec![("clock.svg".into(), figure(mission, &tried, &species))];
-        conclude(&mut study, mission, &model, &tried, &species);
+        conclude(&mut study, mission, &model, &tried, &species)?;
         Ok(study)
     }
 }
 
-fn tried(model: &Model, line_time_ms: f64) -> Tried {
+fn tried(model: &Model, line_time_ms: f64) -> Result<Tried, InputError> {
     let mission = &model.mission;
     let at = Conditions { line_time_ms, ..model.conditions(mission.mission.duration_yr) };
-    let device = model.device(&at);
-    let change = model.change_by(0, &device);
-    let alone = (0..device.traps.len())
-        .map(|index| model.change_by(0, &alone(&device, index)).map(|change| change.delta_e1))
-        .collect();
-    Tried {
+    let device = model.device(&at)?;
+    let change = model.change_by(0, &device)?;
+    let alone = (0..device.traps.len()).map(|index| {
+        let change = model.change_by(0, &device.with_species(index))?;
+        Ok(change.map(|change| change.delta_e1))
+    });
+    Ok(Tried {
         line_time_ms,
         delta_e: change.map(|change| change.magnitude()),
         flux_loss: change.map(|change| -change.delta_flux),
-        alone,
+        alone: alone.collect::<Result<_, InputError>>()?,
         cost: cost(mission, line_time_ms),
-    }
-}
-
-/// The detector with one of its species only.
-fn alone(device: &Device, index: usize) -> Device {
-    let mut alone = device.clone();
-    alone.traps = vec![device.traps[index].clone()];
-    alone.readout.traps = vec![device.readout.traps[index]];
-    alone
+    })
 }
 
 /// None where the mission does not say what a clock costs, or the amplifier cannot be clocked so.
@@ -225,7 +217,13 @@ fn figure(mission: &Mission, tried: &[Tried], species: &[String]) -> Figure {
     Figure { title: format!("{}: line time", mission.mission.name), panels }
 }
 
-fn conclude(study: &mut Study, mission: &Mission, model: &Model, tried: &[Tried], species: &[String]) {
+fn conclude(
+    study: &mut Study,
+    mission: &Mission,
+    model: &Model,
+    tried: &[Tried],
+    species: &[String],
+) -> Result<(), InputError> {
     let own_ms = mission.readout.line_time_ms;
     let lost = tried.iter().filter(|tried| tried.delta_e.is_none()).count();
     if lost > 0 {
@@ -233,13 +231,13 @@ fn conclude(study: &mut Study, mission: &Mission, model: &Model, tried: &[Tried]
     }
     let measured: Vec<&Tried> = tried.iter().filter(|tried| tried.delta_e.is_some()).collect();
     let by = |a: &&&Tried, b: &&&Tried| a.delta_e.partial_cmp(&b.delta_e).expect("numbers");
-    let (Some(worst), Some(best)) = (measured.iter().max_by(by), measured.iter().min_by(by)) else { return };
+    let (Some(worst), Some(best)) = (measured.iter().max_by(by), measured.iter().min_by(by)) else { return Ok(()) };
     let (most, least) = (worst.delta_e.unwrap_or(0.0), best.delta_e.unwrap_or(0.0));
     study.result("worst_line_time_ms", worst.line_time_ms);
     study.result("best_line_time_ms", best.line_time_ms);
     if most == 0.0 {
         study.find("No clock changes any shape: the mission has no traps at its end.");
-        return;
+        return Ok(());
     }
     let last =
         |one: &Tried| [&tried[0], &tried[tried.len() - 1]].iter().any(|end| end.line_time_ms == one.line_time_ms);
@@ -250,7 +248,7 @@ fn conclude(study: &mut Study, mission: &Mission, model: &Model, tried: &[Tried]
     let total: f64 = (0..species.len()).map(|index| size(worst, index)).sum();
     let index = (0..species.len()).max_by(|a, b| size(worst, *a).total_cmp(&size(worst, *b)));
     if let (Some(index), true) = (index, total > 0.0) {
-        let release_ms = model.device_at(mission.mission.duration_yr).traps[index].release_ms;
+        let release_ms = model.traps(mission.mission.duration_yr)?[index].release_ms;
         words += &format!(
             ", because there {}, released after {} transfers, makes {:.0} % of it",
             species[index],
@@ -270,7 +268,7 @@ fn conclude(study: &mut Study, mission: &Mission, model: &Model, tried: &[Tried]
         100.0 * best.flux_loss.unwrap_or(0.0),
         100.0 * worst.flux_loss.unwrap_or(0.0)
     ));
-    if let Some(own) = model.change(0, mission.mission.duration_yr).map(|change| change.magnitude()) {
+    if let Some(own) = model.change(0, mission.mission.duration_yr)?.map(|change| change.magnitude()) {
         study.result("own_delta_e", own);
         study.find(format!("The mission's own {} ms has {:.2} of the worst.", shown(own_ms), own / most));
     }
@@ -280,7 +278,7 @@ fn conclude(study: &mut Study, mission: &Mission, model: &Model, tried: &[Tried]
             alone(&tried[*place]) > alone(&tried[place - 1]) && alone(&tried[*place]) > alone(&tried[place + 1])
         });
         if let Some(place) = inside.max_by(|a, b| alone(&tried[*a]).total_cmp(&alone(&tried[*b]))) {
-            let release_ms = model.device_at(mission.mission.duration_yr).traps[index].release_ms;
+            let release_ms = model.traps(mission.mission.duration_yr)?[index].release_ms;
             let line_time_ms = tried[place].line_time_ms;
             study.find(format!(
                 "{name} alone is worst around {} ms, where it is released after {:.2} transfers.",
@@ -289,20 +287,30 @@ fn conclude(study: &mut Study, mission: &Mission, model: &Model, tried: &[Tried]
             ));
         }
     }
-    compare_dates(study, mission, model, worst.line_time_ms, best.line_time_ms);
+    compare_dates(study, mission, model, worst.line_time_ms, best.line_time_ms)?;
     price(study, mission, tried);
+    Ok(())
 }
 
-fn compare_dates(study: &mut Study, mission: &Mission, model: &Model, worst_ms: f64, best_ms: f64) {
+fn compare_dates(
+    study: &mut Study,
+    mission: &Mission,
+    model: &Model,
+    worst_ms: f64,
+    best_ms: f64,
+) -> Result<(), InputError> {
     let limit = mission.requirement.delta_e;
-    let date = |line_time_ms: f64| Timeline::under(model, |at| at.line_time_ms = line_time_ms).date(limit);
-    let (worst, best, own) = (date(worst_ms), date(best_ms), date(mission.readout.line_time_ms));
+    let date = |line_time_ms: f64| -> Result<_, InputError> {
+        Ok(Timeline::under(model, |at| at.line_time_ms = line_time_ms)?.date(limit))
+    };
+    let (worst, best, own) = (date(worst_ms)?, date(best_ms)?, date(mission.readout.line_time_ms)?);
     study.find(format!(
         "Uncorrected, the budget is exceeded: with the worst clock {}, with the best {}, with the mission's own {}.",
         when(worst),
         when(best),
         when(own)
     ));
+    Ok(())
 }
 
 /// What survey and noise have to say.

@@ -27,14 +27,14 @@ use serde_json::Value;
 use super::stamps::Stamps;
 use super::{Digits, Kind, Study, Table, Timeline};
 use super::{column, level, line, ready, short, when};
-use crate::device::{Beside, Device};
 use crate::error::InputError;
 use crate::galaxy::{Profile, snr};
 use crate::mission::Mission;
 use crate::model::Model;
+use crate::model::{Above, downstream};
+use crate::model::{Beside, Device};
 use crate::plot::{Figure, Panel};
 use crate::readout::Downstream;
-use crate::scene::{Above, downstream};
 use crate::shape::{Moments, ShapeChange};
 
 /// Options of the study.
@@ -90,13 +90,13 @@ pub fn corrected(
     downstream: Downstream,
     beside: Beside,
     iterations: u32,
-) -> Array2<f64> {
+) -> Result<Array2<f64>, InputError> {
     let mut image = observed_e.clone();
     for _ in 0..iterations {
-        let trailed = believed.read(&image, downstream, beside);
+        let trailed = believed.read(&image, downstream, beside)?;
         image = image + observed_e - trailed;
     }
-    image
+    Ok(image)
 }
 
 /// What is known of the detector: parameters by their keys in the mission, with errors (1 σ) and correlations.
@@ -188,26 +188,33 @@ pub(super) struct Bench<'a> {
 
 impl<'a> Bench<'a> {
     /// The judged galaxy at a time (years since launch). None where no shape is left to correct.
-    pub fn new(model: &'a Model, t_yr: f64, iterations: u32) -> Option<Bench<'a>> {
-        let truth = model.device_at(t_yr);
-        let stamps = Stamps::of(&model.mission)?;
+    ///
+    /// # Errors
+    /// Where a formula has no value, here and below.
+    pub fn new(model: &'a Model, t_yr: f64, iterations: u32) -> Result<Option<Bench<'a>>, InputError> {
+        let truth = model.device_at(t_yr)?;
+        let (Some(stamps), Some(uncorrected)) = (Stamps::of(&model.mission), model.change_by(0, &truth)?) else {
+            return Ok(None);
+        };
         let downstream = downstream(truth.at.transfers, stamps.half_px, truth.at.background_e);
-        let uncorrected = model.change_by(0, &truth)?;
-        Some(Bench { model, t_yr, stamps, truth, downstream, iterations, uncorrected })
+        Ok(Some(Bench { model, t_yr, stamps, truth, downstream, iterations, uncorrected }))
     }
 
     /// What is left of the change of shape after correction with a believed detector. None where no shape is left.
-    pub fn left(&self, believed: &Device) -> Option<ShapeChange> {
+    ///
+    /// # Errors
+    /// As [`Bench::new`].
+    pub fn left(&self, believed: &Device) -> Result<Option<ShapeChange>, InputError> {
         let (truth, believed) = (self.truth.expected(), believed.expected());
         let beside = Beside::Stamp(self.stamps.half_px);
         let background_e = truth.at.background_e;
         let back = |charge_e: &Array2<f64>| {
-            let observed = truth.read(charge_e, self.downstream, beside);
+            let observed = truth.read(charge_e, self.downstream, beside)?;
             corrected(&believed, &observed, self.downstream, beside, self.iterations)
         };
         let width_px = 2 * self.stamps.half_px + 1;
         let columns = truth.columns_of_background(width_px);
-        let alone = (columns > 1).then(|| back(&Array2::from_elem((width_px, columns), background_e)));
+        let alone = (columns > 1).then(|| back(&Array2::from_elem((width_px, columns), background_e))).transpose()?;
         let above = Above::new(background_e, alone, back);
         self.stamps.change(|charge_e| above.read(charge_e))
     }
@@ -223,7 +230,7 @@ impl<'a> Bench<'a> {
         }
         let mission =
             if settings.is_empty() { self.model.mission.clone() } else { self.model.mission.with(&settings)? };
-        Ok(self.left(&self.model.like(&mission).device_at(self.t_yr)))
+        self.left(&self.model.like(&mission).device_at(self.t_yr)?)
     }
 
     /// Root mean square of the signed Δe1 that is left over draws of what is known, and how many were measured.
@@ -240,7 +247,9 @@ impl<'a> Bench<'a> {
             advance();
             self.left_with(knowledge, &knowledge.draw(&mut random))
         };
-        let left = (0..draws).into_par_iter().map(one).collect::<Result<Vec<_>, _>>()?;
+        let left: Vec<Result<_, InputError>> = (0..draws).into_par_iter().map(one).collect();
+        // The first of several errors, whichever came first.
+        let left = left.into_iter().collect::<Result<Vec<_>, _>>()?;
         let squares: Option<f64> = left.iter().map(|change| change.map(|change| change.magnitude().powi(2))).sum();
         Ok(squares.map(|squares| (squares / f64::from(draws)).sqrt()))
     }
@@ -257,7 +266,7 @@ impl<'a> Bench<'a> {
         realisations: u32,
         seed: u64,
         advance: &(dyn Fn() + Sync),
-    ) -> Option<(ShapeChange, ShapeChange)> {
+    ) -> Result<Option<(ShapeChange, ShapeChange)>, InputError> {
         let mission = &self.model.mission;
         let galaxy = mission.judged_galaxy();
         let profile = Profile::of(galaxy, &mission.psf);
@@ -274,20 +283,22 @@ impl<'a> Bench<'a> {
             let photons =
                 (&expected + background_e).mapv(|mean| Poisson::new(mean).map_or(0.0, |law| law.sample(&mut random)));
             let noise = Array2::from_shape_simple_fn(photons.dim(), || law.sample(&mut random));
-            let trailed = self.truth.read(&photons, self.downstream, beside);
+            let trailed = self.truth.read(&photons, self.downstream, beside)?;
             // With the same read noise of both signs: what is proportional to it has no mean, and cancels.
             let difference = |noise: Array2<f64>| {
-                let back = corrected(&believed, &(&trailed + &noise), self.downstream, beside, self.iterations);
-                back - &photons - noise
+                let back = corrected(&believed, &(&trailed + &noise), self.downstream, beside, self.iterations)?;
+                Ok::<_, InputError>(back - &photons - noise)
             };
-            let difference = 0.5 * (difference(-noise.clone()) + difference(noise));
+            let difference = 0.5 * (difference(-noise.clone())? + difference(noise)?);
             advance();
-            let before = Moments::of(&expected, galaxy.weight_px)?;
-            let after = Moments::of(&(expected + FIRST_ORDER * difference), galaxy.weight_px)?;
-            Some(ShapeChange::default().plus(&ShapeChange::between(&before, &after), 1.0 / FIRST_ORDER))
+            let before = Moments::of(&expected, galaxy.weight_px);
+            let after = Moments::of(&(expected + FIRST_ORDER * difference), galaxy.weight_px);
+            let change = before.zip(after).map(|(before, after)| ShapeChange::between(&before, &after));
+            Ok(change.map(|change| ShapeChange::default().plus(&change, 1.0 / FIRST_ORDER)))
         };
-        let changes = (0..realisations).into_par_iter().map(one).collect::<Option<Vec<_>>>()?;
-        (changes.len() > 1).then(|| ShapeChange::mean_and_error(&changes))
+        let changes: Vec<Result<_, InputError>> = (0..realisations).into_par_iter().map(one).collect();
+        let changes: Option<Vec<ShapeChange>> = changes.into_iter().collect::<Result<_, _>>()?;
+        Ok(changes.filter(|changes| changes.len() > 1).map(|changes| ShapeChange::mean_and_error(&changes)))
     }
 }
 
@@ -335,7 +346,7 @@ impl Kind for Correction {
             "Correction by iterating the readout",
             "Bristow 2003; Massey et al. 2010 (MNRAS 401, 371); Massey et al. 2014 (MNRAS 439, 887)",
         );
-        let bench = Bench::new(&model, mission.mission.duration_yr, self.iterations);
+        let bench = Bench::new(&model, mission.mission.duration_yr, self.iterations)?;
         let Some(bench) = bench.filter(|bench| bench.uncorrected.magnitude() > 0.0) else {
             study.tables = vec![table(&[], 1.0)];
             study.find("There is nothing to correct at the end of the mission: no traps, or no shape left.");
@@ -372,7 +383,7 @@ impl Kind for Correction {
         let read_noise_e = self.read_noise_e.unwrap_or_else(|| own_read_noise_e(mission));
         // Without read noise the true model leaves nothing but the readout's accuracy.
         let realisations = if read_noise_e > 0.0 { self.realisations } else { 0 };
-        let noisy = bench.noisy(read_noise_e, realisations, seed, advance);
+        let noisy = bench.noisy(read_noise_e, realisations, seed, advance)?;
         if let Some((mean, error)) = noisy {
             left.push(Left {
                 cause: format!("noise, {} e- of reading", short(read_noise_e)),
@@ -381,10 +392,9 @@ impl Kind for Correction {
                 sigma: Some(error.delta_e1),
             });
         }
-        model.check()?;
         study.tables = vec![table(&left, uncorrected)];
         study.result("uncorrected_delta_e", uncorrected);
-        conclude(&mut study, &model, &left, uncorrected, together);
+        conclude(&mut study, &model, &left, uncorrected, together)?;
         Ok(study)
     }
 }
@@ -424,17 +434,23 @@ fn table(left: &[Left], uncorrected: f64) -> Table {
     }
 }
 
-fn conclude(study: &mut Study, model: &Model, left: &[Left], uncorrected: f64, together: Option<f64>) {
+fn conclude(
+    study: &mut Study,
+    model: &Model,
+    left: &[Left],
+    uncorrected: f64,
+    together: Option<f64>,
+) -> Result<(), InputError> {
     let mission = &model.mission;
     let requirement = &mission.requirement;
-    let timeline = Timeline::of(model);
+    let timeline = Timeline::of(model)?;
     let assumed = requirement.correction_factor;
     let needed = uncorrected / requirement.delta_e;
     study.result("needed_factor", needed);
     study.result("assumed_factor", assumed);
     let Some(together) = together else {
         study.find("Correction with what is known leaves no shape to measure.");
-        return;
+        return Ok(());
     };
     let noise = left.iter().find(|left| left.sigma.is_some());
     // The mean that noise leaves is a bias, known to its standard error: only what stands out of that counts.
@@ -507,4 +523,5 @@ fn conclude(study: &mut Study, model: &Model, left: &[Left], uncorrected: f64, t
         "correction.svg".into(),
         Figure { title: format!("{}: correction", mission.mission.name), panels: vec![panel] },
     )];
+    Ok(())
 }

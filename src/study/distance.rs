@@ -51,24 +51,24 @@ impl Kind for Distance {
         places.extend(self.patterns(farthest)?);
         let timeline = |transfers: f64| Timeline::under(&model, |at| at.transfers = transfers.round() as u32);
         let of = |place: &Place| {
-            let timelines: Vec<Timeline> =
-                place.distances.par_iter().map(|(transfers, _)| timeline(*transfers)).collect();
+            let timelines: Vec<_> = place.distances.par_iter().map(|(transfers, _)| timeline(*transfers)).collect();
+            let timelines = timelines.into_iter().collect::<Result<Vec<Timeline>, _>>()?;
             let weights: Vec<f64> = place.distances.iter().map(|(_, weight)| *weight).collect();
             advance();
-            Timeline::weighted(&timelines, &weights)
+            Ok(Timeline::weighted(&timelines, &weights))
         };
-        let found: Vec<Timeline> = places.iter().map(of).collect();
-        let curve: Vec<(f64, Option<f64>)> = (1..=CURVE)
+        let found: Vec<Timeline> = places.iter().map(of).collect::<Result<_, InputError>>()?;
+        let curve: Vec<Result<(f64, Option<f64>), InputError>> = (1..=CURVE)
             .into_par_iter()
             .map(|step| {
                 let transfers = (farthest * f64::from(step) / f64::from(CURVE)).round().max(1.0);
                 let mut at = model.conditions(mission.mission.duration_yr);
                 at.transfers = transfers as u32;
                 advance();
-                (transfers, model.change_by(0, &model.device(&at)).map(|change| change.magnitude()))
+                Ok((transfers, model.change_by(0, &model.device(&at)?)?.map(|change| change.magnitude())))
             })
             .collect();
-        model.check()?;
+        let curve = curve.into_iter().collect::<Result<Vec<_>, _>>()?;
         Ok(report(mission, &places, &found, &curve))
     }
 }

@@ -22,6 +22,7 @@ use rayon::prelude::*;
 use super::launch::until;
 use super::{Cell, Digits, Kind, Study, Table, Timeline};
 use super::{column, ready, short};
+use crate::accuracy::Purpose;
 use crate::calendar::{date_after, decimal_year};
 use crate::dose;
 use crate::environment::esp::Spectrum;
@@ -36,10 +37,6 @@ use crate::plot::{Figure, Kind as Drawn, Panel, Series};
 /// How far dates are followed beyond the mission where nothing else is asked for, in durations and in years.
 const HORIZON: f64 = 3.0;
 const HORIZON_YR: f64 = 100.0;
-
-/// Sub-pixel grid and accuracy of the readout beyond which draws need not go.
-const GRID: u32 = 2;
-const ACCURACY: f64 = 1e-3;
 
 /// Percentiles of dates.
 const PERCENTILES: [f64; 5] = [5.0, 16.0, 50.0, 84.0, 95.0];
@@ -142,7 +139,9 @@ impl Shield {
         match &mission.shielding {
             _ if mission.mission.orbit == Orbit::Leo => None,
             Some(shield) => Some(of(shield.geometry, shield.thickness_mm)),
-            None => dose::survey(mission, &[]).equivalent_mm.0.map(|thickness_mm| of(Geometry::Sphere, thickness_mm)),
+            None => {
+                dose::equivalent_mm(mission, Geometry::Sphere).map(|thickness_mm| of(Geometry::Sphere, thickness_mm))
+            }
         }
     }
 
@@ -171,29 +170,30 @@ impl Bench {
         let model = ready(mission)?;
         let mut base = model.mission.clone();
         // Draws differ by factors: what is derived is made a number first.
-        base.environment.active_dose_rate_mev_g_yr = Some(model.dose.active_rate_mev_g_yr);
+        base.environment.active_dose_rate_mev_g_yr = Some(model.history().active_rate_mev_g_yr);
         let galaxy = &base.galaxies[0];
         let flux_e = snr::flux_e(&base, galaxy);
         base.galaxies[0].flux_e = Some(flux_e);
         base.galaxies[0].snr = None;
-        // Uncertainties are per cents: a quarter of the sub-pixel positions, 4e-4 off, tells them as well (docs/why.md).
-        base.accuracy.subpixel_grid = base.accuracy.subpixel_grid.min(GRID);
-        base.accuracy.relative = base.accuracy.relative.max(ACCURACY);
+        base = Purpose::Draws.of(&base);
         let inputs = inputs(&base, Shield::of(mission));
         let (mut base, _) = until(&base, decimal_year(base.mission.launch.0) + horizon_yr);
         base.mission.duration_yr = horizon_yr;
         Ok(Bench { duration_yr: mission.mission.duration_yr, model: model.like(&base), inputs })
     }
 
-    fn fate(&self, deviations: &[f64]) -> Fate {
+    fn fate(&self, deviations: &[f64]) -> Result<Fate, InputError> {
         let mut mission = self.model.mission.clone();
         for (input, deviation) in self.inputs.iter().zip(deviations) {
             (input.apply)(&mut mission, (input.sigma * deviation).exp());
         }
-        let timeline = Timeline::of(&self.model.like(&mission));
+        let timeline = Timeline::of(&self.model.like(&mission))?;
         let requirement = &mission.requirement;
         let limits = [requirement.delta_e, requirement.delta_e * requirement.correction_factor];
-        Fate { delta_e: timeline.at(self.duration_yr), exceeded_yr: limits.map(|limit| timeline.crossing(limit).t_yr) }
+        Ok(Fate {
+            delta_e: timeline.at(self.duration_yr),
+            exceeded_yr: limits.map(|limit| timeline.crossing(limit).t_yr),
+        })
     }
 
     fn deviations(&self, seed: u64, draw: u32) -> Vec<f64> {
@@ -202,7 +202,7 @@ impl Bench {
         self.inputs.iter().map(|_| StandardNormal.sample(&mut random)).collect()
     }
 
-    fn alone(&self, index: usize, deviation: f64) -> Fate {
+    fn alone(&self, index: usize, deviation: f64) -> Result<Fate, InputError> {
         let mut deviations = vec![0.0; self.inputs.len()];
         deviations[index] = deviation;
         self.fate(&deviations)
@@ -234,13 +234,14 @@ impl ErrorBudget {
             advance();
             bench.fate(deviations)
         };
-        let fates: Vec<Fate> = deviations.par_iter().map(fate).collect();
-        let swings = (0..bench.inputs.len())
+        let fates: Vec<Result<Fate, InputError>> = deviations.par_iter().map(fate).collect();
+        let fates = fates.into_iter().collect::<Result<Vec<Fate>, _>>()?;
+        let swings: Vec<Result<[Fate; 2], InputError>> = (0..bench.inputs.len())
             .into_par_iter()
-            .map(|index| [bench.alone(index, -1.0), bench.alone(index, 1.0)])
+            .map(|index| Ok([bench.alone(index, -1.0)?, bench.alone(index, 1.0)?]))
             .collect();
-        let nominal = bench.fate(&vec![0.0; bench.inputs.len()]);
-        bench.model.check()?;
+        let swings = swings.into_iter().collect::<Result<_, _>>()?;
+        let nominal = bench.fate(&vec![0.0; bench.inputs.len()])?;
         Ok(Budget { shares: shares(&deviations, &fates), nominal, fates, swings, bench })
     }
 }
@@ -295,7 +296,8 @@ impl Kind for ErrorBudget {
     fn study(&self, mission: &Mission, advance: &(dyn Fn() + Sync)) -> Result<Study, InputError> {
         let duration_yr = mission.mission.duration_yr;
         let corrected = mission.requirement.delta_e * mission.requirement.correction_factor;
-        let soon = Timeline::of(&ready(mission)?).crossing(corrected).t_yr.is_some_and(|t_yr| t_yr < 0.5 * duration_yr);
+        let soon =
+            Timeline::of(&ready(mission)?)?.crossing(corrected).t_yr.is_some_and(|t_yr| t_yr < 0.5 * duration_yr);
         let long_yr = (HORIZON * duration_yr).min(HORIZON_YR).max(duration_yr);
         let horizon_yr = self.horizon_yr.unwrap_or(if soon { duration_yr } else { long_yr });
         if !(horizon_yr >= duration_yr && horizon_yr <= HORIZON_YR.max(duration_yr)) {

@@ -49,12 +49,13 @@ impl Kind for Launch {
             let model = model.like(&mission);
             let duration_yr = mission.mission.duration_yr;
             advance();
-            let timeline = Timeline::of(&model);
-            model.check()?;
-            let (active_yr, dose_mev_g) = (model.dose.active_years(duration_yr), model.dose.dose_mev_g(duration_yr));
+            let timeline = Timeline::of(&model)?;
+            let (active_yr, dose_mev_g) = (model.history().active_years(duration_yr), model.dose_mev_g(duration_yr)?);
             Ok(Tried { active_yr, dose_mev_g, timeline, mission })
         };
-        let tried = launches.par_iter().map(launched).collect::<Result<Vec<_>, InputError>>()?;
+        let tried: Vec<Result<Tried, InputError>> = launches.par_iter().map(launched).collect();
+        // The first of several errors, whichever came first.
+        let tried = tried.into_iter().collect::<Result<Vec<_>, _>>()?;
         Ok(report(mission, &cycled, &tried, &assumed))
     }
 }
@@ -128,12 +129,12 @@ fn figure(mission: &Mission, cycled: &Mission, tried: &[Tried]) -> Figure {
     let x: Vec<f64> = tried.iter().map(|tried| decimal_year(tried.mission.mission.launch.0)).collect();
     let (first, last) = (x.iter().copied().fold(f64::INFINITY, f64::min), x.iter().copied().fold(0.0, f64::max));
     let shades = || -> Vec<Series> {
-        let windows = solar_cycle::active_windows(&cycled.environment.solar_maximum);
-        let seen = windows.into_iter().filter(|(from, to)| *to > first && *from < last);
-        let shade = |(from, to): (f64, f64)| Series {
+        let stretches = solar_cycle::active_years(&solar_cycle::maxima(&cycled.environment.solar_maximum, last));
+        let seen = stretches.into_iter().filter(|stretch| stretch.to > first && stretch.from < last);
+        let shade = |stretch: solar_cycle::ActiveYears| Series {
             label: Some("active Sun".into()),
             color: 7,
-            kind: Drawn::Shade { from: from.max(first), to: to.min(last) },
+            kind: Drawn::Shade { from: stretch.from.max(first), to: stretch.to.min(last) },
         };
         seen.map(shade).collect()
     };

@@ -25,9 +25,9 @@ use super::correction::{Bench, Knowledge};
 use super::{Digits, Kind, Study, Table};
 use super::{column, line, numbers, ratios, ready, short};
 use crate::conditions::Conditions;
-use crate::device::Device;
 use crate::error::InputError;
 use crate::mission::Mission;
+use crate::model::Device;
 use crate::model::Model;
 use crate::plot::{Figure, Panel};
 
@@ -315,7 +315,8 @@ impl Kind for PocketPumping {
         let seed = self.seed.unwrap_or(mission.accuracy.seed);
         let duration_yr = mission.mission.duration_yr;
         let cold = |temperature_k: f64| model.device(&Conditions { temperature_k, ..model.conditions(duration_yr) });
-        let devices: Vec<Device> = temperatures.iter().map(|temperature_k| cold(*temperature_k)).collect();
+        let devices: Vec<Device> =
+            temperatures.iter().map(|temperature_k| cold(*temperature_k)).collect::<Result<_, _>>()?;
         let cases: Vec<(usize, usize)> = (0..devices.len())
             .flat_map(|device| (0..devices[device].traps.len()).map(move |species| (device, species)))
             .collect();
@@ -326,8 +327,7 @@ impl Kind for PocketPumping {
                 self.search(&setup, &devices[device], species, seed, (device * 1000 + species) as u64)
             })
             .collect();
-        model.check()?;
-        let own = cold(own_k);
+        let own = cold(own_k)?;
         let names: Vec<String> = own.traps.iter().map(|species| species.name.clone()).collect();
         let mut study = Study::of(
             "pocket-pumping",
@@ -345,7 +345,7 @@ impl Kind for PocketPumping {
             "Pocket pumping: dipoles of single traps",
             "Mostek et al. 2010 (Proc. SPIE 7742); Murray et al. 2012 (Proc. SPIE 8453); Hall et al. 2014 (IEEE Trans. Nucl. Sci. 61, 1826); Skottfelt et al. 2017",
         );
-        let known = self.known(mission, &model, &setup, &own, &found);
+        let known = self.known(mission, &model, &setup, &own, &found)?;
         study.tables = vec![table(&found, &names), known_table(&known)];
         study.figures = vec![("pocket-pumping.svg".into(), self.figure(mission, &setup, &own))];
         self.conclude(&mut study, mission, &setup, &own, &found, &known);
@@ -356,11 +356,18 @@ impl Kind for PocketPumping {
 
 impl PocketPumping {
     /// What counting and fitting all traps of the detector leaves unknown.
-    fn known(&self, mission: &Mission, model: &Model, setup: &Setup, own: &Device, found: &[Found]) -> Vec<Known> {
+    fn known(
+        &self,
+        mission: &Mission,
+        model: &Model,
+        setup: &Setup,
+        own: &Device,
+        found: &[Found],
+    ) -> Result<Vec<Known>, InputError> {
         let transfers = f64::from(mission.readout.transfers);
         let noise = mission.readout.noise.as_ref();
         let pixels = transfers * noise.map_or(transfers, |noise| f64::from(noise.columns));
-        let reached = own.readout.cloud.height(setup.flat_e);
+        let reached = own.cloud.height(setup.flat_e);
         let scatter = |found: &Found| found.scatter.unwrap_or(f64::INFINITY);
         let mut known = Vec::new();
         for (index, species) in own.traps.iter().enumerate() {
@@ -370,32 +377,33 @@ impl PocketPumping {
             let Some(best) = seen.iter().min_by(|a, b| scatter(a).total_cmp(&scatter(b))) else { continue };
             // Release times at all temperatures where it is seen, each as good as its traps and its thermometer.
             let thermometer = |temperature_k: f64| self.thermometer(model, own, index, temperature_k);
-            let sigma = |found: &&Found| {
+            let sigma = |found: &&Found| -> Result<(f64, f64), InputError> {
                 let fitted = scatter(found).powi(2) / (in_reach * found.share);
-                (found.temperature_k, (fitted + thermometer(found.temperature_k)).sqrt())
+                Ok((found.temperature_k, (fitted + thermometer(found.temperature_k)?).sqrt()))
             };
-            let measured: Vec<(f64, f64)> = seen.iter().map(sigma).collect();
+            let measured = seen.iter().map(sigma).collect::<Result<Vec<_>, _>>()?;
             let operating_k = own.at.temperature_k;
+            let of_thermometer = thermometer(operating_k)?;
             known.push(Known {
                 name: species.name.clone(),
                 traps: in_reach * best.share,
                 // Counted, one by one.
                 density_error: 1.0 / (in_reach * best.share).sqrt(),
-                release_error: extrapolated(&measured, operating_k)
-                    .map(|variance| (variance + thermometer(operating_k)).sqrt()),
+                release_error: extrapolated(&measured, operating_k).map(|variance| (variance + of_thermometer).sqrt()),
                 temperature_k: best.temperature_k,
                 phase_ms: best.best.phase_ms,
             });
         }
-        known
+        Ok(known)
     }
 
     /// Variance of ln τ at a temperature (K) from the error of the thermometer.
-    fn thermometer(&self, model: &Model, own: &Device, species: usize, temperature_k: f64) -> f64 {
-        let release_ms = |temperature_k: f64| {
-            model.device(&Conditions { temperature_k, ..own.at.clone() }).traps[species].release_ms
+    fn thermometer(&self, model: &Model, own: &Device, species: usize, temperature_k: f64) -> Result<f64, InputError> {
+        let release_ms = |temperature_k: f64| -> Result<f64, InputError> {
+            Ok(model.device(&Conditions { temperature_k, ..own.at.clone() })?.traps[species].release_ms)
         };
-        (release_ms(temperature_k + self.temperature_error_k) / release_ms(temperature_k)).ln().powi(2)
+        let ratio = release_ms(temperature_k + self.temperature_error_k)? / release_ms(temperature_k)?;
+        Ok(ratio.ln().powi(2))
     }
 
     fn conclude(
@@ -467,7 +475,7 @@ impl PocketPumping {
         advance: &(dyn Fn() + Sync),
     ) -> Result<(), InputError> {
         let mission = &model.mission;
-        let Some(bench) = Bench::new(model, mission.mission.duration_yr, ITERATIONS) else { return Ok(()) };
+        let Some(bench) = Bench::new(model, mission.mission.duration_yr, ITERATIONS)? else { return Ok(()) };
         let uncorrected = bench.uncorrected.magnitude();
         if uncorrected == 0.0 {
             study.find("There is nothing to correct at the end of the mission.");

@@ -46,23 +46,23 @@ impl Kind for Preflash {
         let galaxy = mission.judged_galaxy();
         let aperture = Aperture::of(mission, galaxy);
         let dark = aperture.snr(0.0, galaxy.read_noise_e);
-        let tried: Vec<Tried> = electrons
+        let tried: Vec<Result<Tried, InputError>> = electrons
             .into_par_iter()
             .map(|electrons| {
-                let timeline = Timeline::under(&model, |at| at.background_e += electrons);
+                let timeline = Timeline::under(&model, |at| at.background_e += electrons)?;
                 let mut at = model.conditions(mission.mission.duration_yr);
                 at.background_e += electrons;
                 advance();
-                Tried {
+                Ok(Tried {
                     electrons,
                     timeline,
-                    flux_loss: model.change_by(0, &model.device(&at)).map(|change| -change.delta_flux),
+                    flux_loss: model.change_by(0, &model.device(&at)?)?.map(|change| -change.delta_flux),
                     snr: aperture.snr(electrons, galaxy.read_noise_e),
                     times: aperture.times_for(dark, electrons, galaxy.read_noise_e),
-                }
+                })
             })
             .collect();
-        model.check()?;
+        let tried = tried.into_iter().collect::<Result<Vec<Tried>, _>>()?;
         Ok(report(mission, &tried, aperture.radius_px))
     }
 }

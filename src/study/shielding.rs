@@ -73,7 +73,7 @@ impl Kind for Shielding {
                 cases.extend(confidences.iter().map(|confidence| (geometry, thickness_mm, *confidence)));
             }
         }
-        let tried: Vec<Tried> = cases
+        let tried: Vec<Result<Tried, InputError>> = cases
             .into_par_iter()
             .map(|(geometry, thickness_mm, confidence)| {
                 let mut mission = model.mission.clone();
@@ -82,11 +82,11 @@ impl Kind for Shielding {
                 mission.environment.confidence = confidence;
                 let model = model.like(&mission);
                 advance();
-                let dose_mev_g = model.dose.dose_mev_g(mission.mission.duration_yr);
-                Tried { geometry, thickness_mm, confidence, dose_mev_g, timeline: Timeline::of(&model) }
+                let dose_mev_g = model.dose_mev_g(mission.mission.duration_yr)?;
+                Ok(Tried { geometry, thickness_mm, confidence, dose_mev_g, timeline: Timeline::of(&model)? })
             })
             .collect();
-        model.check()?;
+        let tried = tried.into_iter().collect::<Result<Vec<Tried>, _>>()?;
         let limit = requirement.delta_e * requirement.correction_factor;
         let needed = needed(&tried, &confidences, limit);
         study.tables =

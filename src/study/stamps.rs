@@ -6,9 +6,10 @@ use gauss_quad::GaussLegendre;
 use ndarray::Array2;
 use rayon::prelude::*;
 
+use crate::error::InputError;
 use crate::galaxy::{Profile, snr};
 use crate::mission::Mission;
-use crate::scene::half_px;
+use crate::model::half_px;
 use crate::shape::{Moments, ShapeChange};
 
 /// A galaxy at the positions of its mission's grid: Gauss and Legendre's along the transfers, evenly spaced across them, of which
@@ -52,14 +53,22 @@ impl Stamps {
 
     /// Mean change of shape where `observed` makes of charges above the background (e-) what is measured of them, also above
     /// the background. None where no shape is left.
-    pub fn change(&self, observed: impl Fn(&Array2<f64>) -> Array2<f64> + Sync) -> Option<ShapeChange> {
+    ///
+    /// # Errors
+    /// Those of what is observed.
+    pub fn change(
+        &self,
+        observed: impl Fn(&Array2<f64>) -> Result<Array2<f64>, InputError> + Sync,
+    ) -> Result<Option<ShapeChange>, InputError> {
         let one = |(charge_e, before, weight): &(Array2<f64>, Moments, f64)| {
-            let after = Moments::of(&observed(charge_e), self.weight_px)?;
-            Some((ShapeChange::between(before, &after), *weight))
+            let after = Moments::of(&observed(charge_e)?, self.weight_px);
+            Ok(after.map(|after| (ShapeChange::between(before, &after), *weight)))
         };
-        let changes: Vec<(ShapeChange, f64)> = self.positions.par_iter().map(one).collect::<Option<_>>()?;
+        let changes: Vec<Result<Option<(ShapeChange, f64)>, InputError>> = self.positions.par_iter().map(one).collect();
+        let changes: Option<Vec<(ShapeChange, f64)>> = changes.into_iter().collect::<Result<_, _>>()?;
+        let Some(changes) = changes else { return Ok(None) };
         let sum = changes.iter().fold(ShapeChange::default(), |sum, (change, weight)| sum.plus(change, *weight));
         // Mirror images in x cancel.
-        Some(ShapeChange { delta_e2: 0.0, delta_x_px: 0.0, ..sum })
+        Ok(Some(ShapeChange { delta_e2: 0.0, delta_x_px: 0.0, ..sum }))
     }
 }

@@ -4,10 +4,11 @@ use chrono::NaiveDate;
 
 use crate::calendar::date_after;
 use crate::conditions::Conditions;
+use crate::error::InputError;
 use crate::model::Model;
-use crate::observable::Observable;
-use crate::predict::{Question, predict};
-use crate::requirement::{Crossing, first_crossing};
+use crate::predict;
+use crate::requirement::{Crossing, crossing};
+use crate::shape::ShapeChange;
 
 /// Times of a mission, besides its years and the times at which its dose rate changes. Between two of them |Δe| is as straight
 /// as the dose is: a date is right to a fraction of a day in a year.
@@ -23,21 +24,30 @@ pub struct Timeline {
 
 impl Timeline {
     /// Over a mission as it is.
-    pub fn of(model: &Model) -> Timeline {
+    ///
+    /// # Errors
+    /// Where a formula has no value, here and below.
+    pub fn of(model: &Model) -> Result<Timeline, InputError> {
         Timeline::under(model, |_| {})
     }
 
     /// Over a mission under other conditions.
-    pub fn under(model: &Model, change: impl Fn(&mut Conditions)) -> Timeline {
+    ///
+    /// # Errors
+    /// As [`Timeline::of`].
+    pub fn under(model: &Model, change: impl Fn(&mut Conditions)) -> Result<Timeline, InputError> {
         Timeline::of_galaxy(model, model.judged(), change)
     }
 
     /// The same of any galaxy, by its place in the mission.
-    pub fn of_galaxy(model: &Model, galaxy: usize, change: impl Fn(&mut Conditions)) -> Timeline {
+    ///
+    /// # Errors
+    /// As [`Timeline::of`].
+    pub fn of_galaxy(model: &Model, galaxy: usize, change: impl Fn(&mut Conditions)) -> Result<Timeline, InputError> {
         let duration_yr = model.mission.mission.duration_yr;
         let mut times: Vec<f64> = (0..=TIMES).map(|index| duration_yr * index as f64 / TIMES as f64).collect();
         times.extend((1..).map(f64::from).take_while(|t_yr| *t_yr < duration_yr));
-        times.extend(model.dose.changes_yr(duration_yr));
+        times.extend(model.times_yr(duration_yr));
         times.sort_by(f64::total_cmp);
         times.dedup();
         let under = |t_yr: &f64| {
@@ -46,12 +56,10 @@ impl Timeline {
             at
         };
         let conditions: Vec<Conditions> = times.iter().map(under).collect();
-        let question = |at| Question { observable: Observable::DeltaE1, at, galaxy: Some(galaxy) };
-        let questions: Vec<Question> = conditions.iter().map(question).collect();
-        // Mirror images cancel in e2: |Δe| = |Δe1|.
-        let magnitude = |delta_e1: f64| delta_e1.is_finite().then(|| delta_e1.abs());
-        let points = times.iter().copied().zip(predict(model, &questions).into_iter().map(magnitude)).collect();
-        Timeline { launch: model.mission.mission.launch.0, points }
+        let changes = predict::changes(model, galaxy, &conditions)?;
+        let magnitude = |change: Option<ShapeChange>| change.map(|change| change.magnitude());
+        let points = times.into_iter().zip(changes.into_iter().map(magnitude)).collect();
+        Ok(Timeline { launch: model.mission.mission.launch.0, points })
     }
 
     /// The mean of several, which have the same times.
@@ -84,7 +92,8 @@ impl Timeline {
 
     /// When |Δe| reaches a limit.
     pub fn crossing(&self, limit: f64) -> Crossing {
-        first_crossing(limit, &self.points, |t_yr| self.at(t_yr))
+        let crossing = crossing(limit, &self.points, |t_yr| Ok(self.at(t_yr)));
+        crossing.expect("a straight line has a value")
     }
 
     /// The day on which |Δe| reaches a limit; None where it does not within the mission.

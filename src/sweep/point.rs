@@ -1,7 +1,6 @@
 //! Number of a point → what is recorded of it.
 //!
-//! Shapes are read out coarser than `accuracy.relative` asks (see [`crate::mission::Accuracy::of_many_shapes`]). The budget is judged with as few readouts as that takes: while a mission has no
-//! effects its traps only ever increase, and |Δe| with them, so that its end tells whether a limit is reached.
+//! Shapes are read out coarser than `accuracy.relative` asks (see [`Purpose::ManyShapes`]), and only those that are recorded.
 
 use std::cell::OnceCell;
 use std::collections::VecDeque;
@@ -9,13 +8,11 @@ use std::sync::{Arc, Mutex};
 
 use super::grid::Grid;
 use super::output::Output;
-use crate::device::Device;
+use crate::accuracy::Purpose;
 use crate::error::InputError;
-use crate::evaluate::{JUST_AFTER, unmeasurable, warnings, year_ends};
+use crate::evaluate::{crossings, rate_at_launch_per_yr, unmeasurable, warnings};
 use crate::mission::{Galaxy, Mission};
-use crate::model::Model;
-use crate::observable::Observable;
-use crate::requirement::{Crossing, first_crossing};
+use crate::model::{Device, Model};
 use crate::shape::ShapeChange;
 use crate::table::Cell;
 
@@ -60,7 +57,7 @@ impl<'a> Points<'a> {
         settings: &[(String, toml::Value)],
     ) -> Result<(Vec<Option<f64>>, String), InputError> {
         let mut mission = if settings.is_empty() { mission.clone() } else { mission.with(settings)? };
-        mission.accuracy.relative = mission.accuracy.of_many_shapes();
+        mission = Purpose::ManyShapes.of(&mission);
         if !self.grid.records.iter().any(|output| output.of_galaxies()) {
             mission.galaxies = vec![mission.judged_galaxy().clone()];
         }
@@ -68,23 +65,16 @@ impl<'a> Points<'a> {
         if let Some(galaxy) = (0..mission.galaxies.len()).find(|galaxy| model.scene(*galaxy).is_none()) {
             return Err(unmeasurable(&mission, &mission.galaxies[galaxy]));
         }
-        let end = EndOfLife::of(&model);
-        let values = self.grid.outputs().iter().map(|(output, galaxy)| end.value(*output, *galaxy)).collect();
-        model.check()?;
-        let warnings: Vec<String> = warnings(&model).iter().map(ToString::to_string).collect();
+        let end = EndOfLife::of(&model)?;
+        let outputs = self.grid.outputs();
+        let values = outputs.iter().map(|(output, galaxy)| end.value(*output, *galaxy)).collect::<Result<_, _>>()?;
+        let warnings: Vec<String> = warnings(&model)?.iter().map(ToString::to_string).collect();
         Ok((values, warnings.join("; ")))
     }
 
     /// A model with its images drawn, or with those of an earlier one where they are the same.
     fn model(&self, mission: &Mission) -> Model {
-        let same = |known: &&Arc<Model>| {
-            let known = &known.mission;
-            known.galaxies == mission.galaxies
-                && known.psf == mission.psf
-                && known.sky == mission.sky
-                && known.accuracy == mission.accuracy
-        };
-        let known = self.lock().iter().find(same).cloned();
+        let known = self.lock().iter().find(|known| known.shares_scenes(mission)).cloned();
         if let Some(known) = known {
             return known.like(mission);
         }
@@ -109,79 +99,62 @@ impl<'a> Points<'a> {
 struct EndOfLife<'a> {
     model: &'a Model,
     duration_yr: f64,
-    dose_mev_g: f64,
     device: Device,
     /// Changes of the galaxies' shapes, once they are asked for.
     galaxies: OnceCell<Vec<Option<ShapeChange>>>,
 }
 
 impl EndOfLife<'_> {
-    fn of(model: &Model) -> EndOfLife<'_> {
+    fn of(model: &Model) -> Result<EndOfLife<'_>, InputError> {
         let duration_yr = model.mission.mission.duration_yr;
-        let device = model.device_at(duration_yr);
-        let dose_mev_g = device.observed(model.dose.dose_mev_g(duration_yr), Observable::Dose, &device.at);
-        EndOfLife { model, duration_yr, dose_mev_g, device, galaxies: OnceCell::new() }
+        Ok(EndOfLife { model, duration_yr, device: model.device_at(duration_yr)?, galaxies: OnceCell::new() })
     }
 
-    fn value(&self, output: Output, galaxy: Option<&str>) -> Option<f64> {
+    fn value(&self, output: Output, galaxy: Option<&str>) -> Result<Option<f64>, InputError> {
         let requirement = &self.model.mission.requirement;
         let corrected = requirement.delta_e * requirement.correction_factor;
+        let margin = |limit: f64| Ok(self.delta_e()?.map(|delta_e| limit - delta_e));
+        let change = |value: fn(&ShapeChange) -> f64| Ok(self.change(galaxy)?.as_ref().map(value));
         match output {
-            Output::Dose => Some(self.dose_mev_g),
-            Output::ActiveYears => Some(self.model.dose.active_years(self.duration_yr)),
+            Output::Dose => self.device.dose_mev_g().map(Some),
+            Output::ActiveYears => Ok(Some(self.model.history().active_years(self.duration_yr))),
             Output::DeltaE => self.delta_e(),
-            Output::ExceededUncorrected => self.crossing(requirement.delta_e).t_yr,
-            Output::ExceededCorrected => self.crossing(corrected).t_yr,
-            Output::MarginUncorrected => Some(requirement.delta_e - self.delta_e()?),
-            Output::MarginCorrected => Some(corrected - self.delta_e()?),
-            Output::RateAtLaunch => {
-                let just_after_yr = JUST_AFTER * self.duration_yr;
-                Some((self.delta_e_at(just_after_yr)? - self.delta_e_at(0.0)?) / just_after_yr)
-            }
-            Output::MeanRate => Some(self.delta_e()? / self.duration_yr),
-            Output::DeltaE1 => Some(self.change(galaxy)?.delta_e1),
-            Output::DeltaY => Some(self.change(galaxy)?.delta_y_px),
-            Output::DeltaSize => Some(self.change(galaxy)?.delta_size),
-            Output::DeltaFlux => Some(self.change(galaxy)?.delta_flux),
+            Output::ExceededUncorrected => self.exceeded_yr(requirement.delta_e),
+            Output::ExceededCorrected => self.exceeded_yr(corrected),
+            Output::MarginUncorrected => margin(requirement.delta_e),
+            Output::MarginCorrected => margin(corrected),
+            Output::RateAtLaunch => rate_at_launch_per_yr(self.model),
+            Output::MeanRate => Ok(self.delta_e()?.map(|delta_e| delta_e / self.duration_yr)),
+            Output::DeltaE1 => change(|change| change.delta_e1),
+            Output::DeltaY => change(|change| change.delta_y_px),
+            Output::DeltaSize => change(|change| change.delta_size),
+            Output::DeltaFlux => change(|change| change.delta_flux),
         }
     }
 
-    fn galaxies(&self) -> &[Option<ShapeChange>] {
+    fn galaxies(&self) -> Result<&[Option<ShapeChange>], InputError> {
+        if let Some(known) = self.galaxies.get() {
+            return Ok(known);
+        }
         let galaxies = 0..self.model.mission.galaxies.len();
-        self.galaxies.get_or_init(|| galaxies.map(|galaxy| self.model.change_by(galaxy, &self.device)).collect())
+        let found = galaxies.map(|galaxy| self.model.change_by(galaxy, &self.device)).collect::<Result<_, _>>()?;
+        Ok(self.galaxies.get_or_init(|| found))
     }
 
-    /// Change of a galaxy's shape, by its name; None where the mission has no such galaxy.
-    fn change(&self, galaxy: Option<&str>) -> Option<ShapeChange> {
+    /// Change of a galaxy's shape, by its name; None if the mission has no such galaxy, or it has no shape left.
+    fn change(&self, galaxy: Option<&str>) -> Result<Option<ShapeChange>, InputError> {
         let of_that_name = |known: &Galaxy| Some(known.name.as_str()) == galaxy;
-        self.galaxies()[self.model.mission.galaxies.iter().position(of_that_name)?]
+        let place = self.model.mission.galaxies.iter().position(of_that_name);
+        place.map_or(Ok(None), |place| Ok(self.galaxies()?[place]))
     }
 
-    fn delta_e(&self) -> Option<f64> {
-        self.galaxies()[self.model.judged()].map(|change| change.magnitude())
+    fn delta_e(&self) -> Result<Option<f64>, InputError> {
+        Ok(self.galaxies()?[self.model.judged()].map(|change| change.magnitude()))
     }
 
-    fn delta_e_at(&self, t_yr: f64) -> Option<f64> {
-        self.model.change(self.model.judged(), t_yr).map(|change| change.magnitude())
-    }
-
-    fn crossing(&self, limit: f64) -> Crossing {
-        let end = (self.duration_yr, self.delta_e());
-        let monotone = self.model.mission.effects.is_empty();
-        if monotone && end.1.is_some_and(|delta_e| delta_e < limit) {
-            return first_crossing(limit, &[end], |t_yr| self.delta_e_at(t_yr));
-        }
-        let mut times = self.model.dose.changes_yr(self.duration_yr);
-        times.push(0.0);
-        if !monotone {
-            times.extend(year_ends(self.duration_yr));
-        }
-        times.retain(|t_yr| *t_yr < self.duration_yr);
-        times.sort_by(f64::total_cmp);
-        times.dedup();
-        let mut known: Vec<_> = times.into_iter().map(|t_yr| (t_yr, self.delta_e_at(t_yr))).collect();
-        known.push(end);
-        first_crossing(limit, &known, |t_yr| self.delta_e_at(t_yr))
+    fn exceeded_yr(&self, limit: f64) -> Result<Option<f64>, InputError> {
+        let [crossing] = crossings(self.model, [limit], &[(self.duration_yr, self.delta_e()?)])?;
+        Ok(crossing.t_yr)
     }
 }
 

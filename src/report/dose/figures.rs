@@ -1,7 +1,7 @@
 //! Dose year by year, behind aluminium, and the spectrum it comes from.
 
 use crate::dose::{AtEnergy, CalendarYear, Survey};
-use crate::environment::RateOrigin;
+use crate::model::RateOrigin;
 use crate::plot::{Figure, Kind, Panel, Series, dashed, level, line};
 use crate::report::active::shades;
 
@@ -33,20 +33,17 @@ impl Survey {
                 high: vec![year.dose_mev_g; 2],
             },
         };
-        let flown_yr = self.years.iter().map(|year| year.flown_yr).sum();
+        let flown_yr: f64 = self.years.iter().map(|year| year.flown_yr).sum();
         let active = || shades(&self.history, self.launch, self.launch + flown_yr);
         let mut columns = active();
         columns.extend(starts.zip(&self.years).enumerate().map(column));
-        let mut times: Vec<f64> = self.history.changes_yr(flown_yr);
-        times.insert(0, 0.0);
-        times.push(flown_yr);
-        let years: Vec<f64> = times.iter().map(|t_yr| self.launch + t_yr).collect();
+        let years: Vec<f64> = self.over_time.iter().map(|(t_yr, _)| self.launch + t_yr).collect();
         let mut sum = active();
         sum.push(line(
             "dose since launch",
             1,
             &years,
-            times.iter().map(|t_yr| self.history.dose_mev_g(*t_yr)).collect(),
+            self.over_time.iter().map(|(_, dose_mev_g)| *dose_mev_g).collect(),
         ));
         let panel = |y_label: &str, series| Panel {
             x_label: "year".into(),

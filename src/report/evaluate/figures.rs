@@ -25,7 +25,7 @@ impl EvaluateReport {
 
     /// |Δe| of the galaxies, the judged one first; its line after correction is held against the same budget.
     fn shape(&self, course: &Course) -> Figure {
-        let (mission, verdict) = (&self.evaluation.mission, &self.evaluation.verdict);
+        let (mission, verdict) = (self.evaluation.mission(), &self.evaluation.verdict);
         let requirement = &mission.requirement;
         let mut galaxies: Vec<usize> = (0..mission.galaxies.len()).collect();
         galaxies.sort_by_key(|galaxy| mission.galaxies[*galaxy].name != requirement.galaxy);
@@ -70,20 +70,20 @@ impl EvaluateReport {
         values: &[f64],
         at_the_end_of: impl Fn(&Year) -> f64,
     ) -> [Series; 2] {
-        let launch = decimal_year(self.evaluation.mission.mission.launch.0);
+        let launch = decimal_year(self.evaluation.mission().mission.launch.0);
         let ends: Vec<f64> = self.evaluation.years.iter().map(|year| launch + year.t_yr).collect();
         let at_ends = self.evaluation.years.iter().map(at_the_end_of).collect();
         [line(name, color, &course.year, values.to_vec()), points(name, color, &ends, at_ends)]
     }
 
     fn active(&self, course: &Course) -> Vec<Series> {
-        shades(&self.evaluation.dose, course.year[0], *course.year.last().expect("a mission has an end"))
+        shades(self.evaluation.model.history(), course.year[0], *course.year.last().expect("a mission has an end"))
     }
 
     /// The moment at which a budget is exceeded.
     fn exceeded(&self, how: &str, crossing: &Crossing) -> Option<Series> {
-        let requirement = &self.evaluation.mission.requirement;
-        let year = decimal_year(self.evaluation.mission.mission.launch.0) + crossing.t_yr?;
+        let requirement = &self.evaluation.mission().requirement;
+        let year = decimal_year(self.evaluation.mission().mission.launch.0) + crossing.t_yr?;
         let on = self.date(crossing).map_or_else(String::new, |date| format!(" on {date}"));
         Some(points(&format!("{how}{on}"), 0, &[year], vec![requirement.delta_e]))
     }
