@@ -112,6 +112,11 @@ pub enum Method {
 }
 
 impl Method {
+    /// Whether traps stand at random places, others in each column.
+    pub fn is_random(self) -> bool {
+        matches!(self, Method::MonteCarlo { .. })
+    }
+
     /// The same without chance: what the mean over many random sets of traps tends to.
     pub fn expected(self) -> Method {
         match self {

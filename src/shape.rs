@@ -68,6 +68,11 @@ impl Moments {
         }
         None
     }
+
+    /// Those of the mirror image in x.
+    pub(crate) fn mirrored(&self) -> Moments {
+        Moments { x_px: -self.x_px, e2: -self.e2, ..*self }
+    }
 }
 
 /// Weighted sums around a point.

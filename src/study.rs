@@ -15,7 +15,6 @@ pub mod pocket_pumping;
 pub mod preflash;
 pub mod shielding;
 mod signal;
-mod stamps;
 mod timeline;
 
 use clap::Args;

@@ -119,7 +119,13 @@ impl Device {
         Ok(read_e)
     }
 
-    /// Whether a serial register has traps: columns are then read differently, even where they hold the same.
+    /// Whether a mirror image in x is read as the mirror image: if all columns are alike and independent. A serial register
+    /// with traps trails towards +x; traps at random places are others in each column.
+    pub fn is_mirror_symmetric(&self) -> bool {
+        !self.has_serial_traps() && !self.method.is_random()
+    }
+
+    /// Whether charge goes from one column to another: a serial register has traps.
     pub fn has_serial_traps(&self) -> bool {
         self.registers.iter().flat_map(|register| &register.traps).any(|species| species.density_per_px > 0.0)
     }

@@ -3,11 +3,15 @@
 //! The galaxy stands on a flat background, `transfers` from the register, at every point of a grid of sub-pixel
 //! positions. Galaxy plus background are trailed, the trailed background alone is subtracted, and the weighted moments
 //! of the difference are compared with those before.
+//!
+//! The galaxy at x and at −x are mirror images, for its ellipticity has no e2. A detector whose columns are all alike and
+//! independent ([`Device::is_mirror_symmetric`]) reads mirror images as mirror images: Δe2 and Δx of the two cancel, all else
+//! is the same, and one of them is read out. Any other detector reads both.
 
 use std::num::NonZeroUsize;
 
 use gauss_quad::GaussLegendre;
-use ndarray::{Array1, Array2, Axis};
+use ndarray::{Array1, Array2, Axis, s};
 use rayon::prelude::*;
 
 use super::device::{Beside, Device};
@@ -29,13 +33,16 @@ pub struct Scene {
     positions: Vec<Position>,
 }
 
-/// The galaxy at one sub-pixel position.
+/// The galaxy at one sub-pixel position, and at its mirror image in x.
 #[derive(Clone, Debug)]
 struct Position {
     /// Charge above the background, e-.
     charge_e: Array2<f64>,
     before: Moments,
+    /// Weight of both together.
     weight: f64,
+    /// In the middle of a column: it is its own mirror image.
+    centred: bool,
 }
 
 impl Scene {
@@ -58,8 +65,8 @@ impl Scene {
         Scene::at(profile, flux_e, background_e, weight_px, &across(grid), &along(grid))
     }
 
-    /// The same at given positions (px from the centre of the central pixel) in x and in y with their weights. Mirror
-    /// images in x count as present: the galaxy is symmetric, and columns do not know of one another.
+    /// The same at given positions (px from the centre of the central pixel) in x and in y with their weights. Each position
+    /// in x stands for its mirror image too: a weight is that of both.
     pub(super) fn at(
         profile: &Profile,
         flux_e: f64,
@@ -71,14 +78,15 @@ impl Scene {
         let half_px = half_px(weight_px);
         let places = |nodes: &[(f64, f64)]| -> Vec<f64> { nodes.iter().map(|(place, _)| *place).collect() };
         let stamps = profile.stamps(half_px, &places(across), &places(along));
-        let weights = across.iter().flat_map(|(_, in_x)| along.iter().map(move |(_, in_y)| in_x * in_y));
+        let nodes =
+            across.iter().flat_map(|(x_px, in_x)| along.iter().map(move |(_, in_y)| (*x_px == 0.0, in_x * in_y)));
         let positions = stamps
             .into_iter()
-            .zip(weights)
-            .map(|(stamp, weight)| {
+            .zip(nodes)
+            .map(|(stamp, (centred, weight))| {
                 let charge_e = flux_e * stamp;
                 let before = Moments::of(&charge_e, weight_px)?;
-                Some(Position { charge_e, before, weight })
+                Some(Position { charge_e, before, weight, centred })
             })
             .collect::<Option<Vec<_>>>()?;
         Some(Scene { background_e, weight_px, half_px, positions })
@@ -93,46 +101,65 @@ impl Scene {
     pub(super) fn change_by(&self, device: &Device) -> Result<Option<ShapeChange>, InputError> {
         let downstream = downstream(device.at.transfers, self.half_px, device.at.background_e);
         let beside = Beside::Stamp(self.half_px);
-        let width_px = 2 * self.half_px + 1;
-        let columns = device.columns_of_background(width_px);
-        let left_to_chance = device.method.expected() != device.method;
-        let alone = match columns > 1 || left_to_chance {
+        let columns = device.columns_of_background(self.width_px());
+        let alone = match columns > 1 || device.method.is_random() {
             true => {
-                let flat = Array2::from_elem((width_px, columns), device.at.background_e);
+                let flat = Array2::from_elem((self.width_px(), columns), device.at.background_e);
                 Some(device.expected().read(&flat, downstream, beside)?)
             }
             false => None,
         };
         let above = Above::new(device.at.background_e, alone, |image| device.read(image, downstream, beside));
-        let changes: Vec<Result<Option<ShapeChange>, InputError>> = self
-            .positions
-            .par_iter()
-            .map(|position| {
-                let after = Moments::of(&above.read(&position.charge_e)?, self.weight_px);
-                Ok(after.map(|after| ShapeChange::between(&position.before, &after)))
-            })
-            .collect();
-        // The first of several errors, whichever came first.
-        let changes: Option<Vec<ShapeChange>> = changes.into_iter().collect::<Result<_, _>>()?;
-        Ok(changes.map(|changes| self.mean(&changes)))
+        self.mean(device.is_mirror_symmetric(), |charge_e| above.read(charge_e))
     }
 
-    /// Mean over the sub-pixel positions.
-    fn mean(&self, changes: &[ShapeChange]) -> ShapeChange {
-        let weights = self.positions.iter().map(|position| position.weight);
-        let total: f64 = weights.clone().sum();
-        let mean = |value: fn(&ShapeChange) -> f64| -> f64 {
-            weights.clone().zip(changes).map(|(weight, change)| weight * value(change)).sum::<f64>() / total
+    /// Mean change of shape over the sub-pixel positions if `observed` makes of charges above the background (e-) what is
+    /// measured of them, also above the background; `symmetric` if it makes mirror images in x of mirror images. None where no
+    /// shape is left.
+    ///
+    /// # Errors
+    /// Those of what is observed.
+    pub(crate) fn mean(
+        &self,
+        symmetric: bool,
+        observed: impl Fn(&Array2<f64>) -> Result<Array2<f64>, InputError> + Sync,
+    ) -> Result<Option<ShapeChange>, InputError> {
+        let seen = |before: &Moments, charge_e: &Array2<f64>| -> Result<Option<ShapeChange>, InputError> {
+            let after = Moments::of(&observed(charge_e)?, self.weight_px);
+            Ok(after.map(|after| ShapeChange::between(before, &after)))
         };
-        ShapeChange {
-            delta_e1: mean(|change| change.delta_e1),
-            // Mirror images in x cancel.
-            delta_e2: 0.0,
-            delta_x_px: 0.0,
-            delta_y_px: mean(|change| change.delta_y_px),
-            delta_size: mean(|change| change.delta_size),
-            delta_flux: mean(|change| change.delta_flux),
-        }
+        let both = |position: &Position| -> Result<Option<ShapeChange>, InputError> {
+            let Some(change) = seen(&position.before, &position.charge_e)? else { return Ok(None) };
+            if symmetric {
+                return Ok(Some(ShapeChange { delta_e2: 0.0, delta_x_px: 0.0, ..change }));
+            }
+            if position.centred {
+                return Ok(Some(change));
+            }
+            let mirrored = position.charge_e.slice(s![.., ..;-1]).to_owned();
+            let mirrored = seen(&position.before.mirrored(), &mirrored)?;
+            Ok(mirrored.map(|mirrored| ShapeChange::default().plus(&change, 0.5).plus(&mirrored, 0.5)))
+        };
+        let changes: Vec<Result<Option<ShapeChange>, InputError>> = self.positions.par_iter().map(both).collect();
+        // The first of several errors, whichever came first.
+        let changes: Option<Vec<ShapeChange>> = changes.into_iter().collect::<Result<_, _>>()?;
+        let total: f64 = self.positions.iter().map(|position| position.weight).sum();
+        let mean = |changes: Vec<ShapeChange>| {
+            let sum = changes.iter().zip(&self.positions);
+            let sum = sum.fold(ShapeChange::default(), |sum, (change, position)| sum.plus(change, position.weight));
+            ShapeChange::default().plus(&sum, 1.0 / total)
+        };
+        Ok(changes.map(mean))
+    }
+
+    /// Rows, and columns, on each side of the central one.
+    pub(crate) fn half_px(&self) -> usize {
+        self.half_px
+    }
+
+    /// Rows, and columns, of the stamp.
+    pub(crate) fn width_px(&self) -> usize {
+        2 * self.half_px + 1
     }
 
     /// Size, ellipticity and weighted flux before the readout, at the first position of the grid.
@@ -205,7 +232,7 @@ fn across(grid: u32) -> Vec<(f64, f64)> {
     (0..grid)
         .map(|index| (f64::from(index) + 0.5) * weight - 0.5)
         .filter(|x_px| *x_px > -1e-9)
-        .map(|x_px| (x_px, if x_px > 1e-9 { 2.0 * weight } else { weight }))
+        .map(|x_px| if x_px > 1e-9 { (x_px, 2.0 * weight) } else { (0.0, weight) })
         .collect()
 }
 

@@ -15,15 +15,15 @@ use gauss_quad::GaussLegendre;
 use ndarray::{Array2, s};
 use rayon::prelude::*;
 
-use super::stamps::Stamps;
 use super::{Aperture, Digits, Kind, Study, Table};
 use super::{column, level, line, numbers, ready, short};
 use crate::accuracy::Purpose;
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::model::{Beside, Device};
+use crate::model::{Beside, Device, Scene};
 use crate::plot::{Figure, Kind as Drawn, Panel, Series};
 use crate::readout::Downstream;
+use crate::shape::ShapeChange;
 
 /// Nodes of the mean between two lines.
 const NODES: NonZeroUsize = NonZeroUsize::new(4).expect("above 0");
@@ -42,8 +42,8 @@ pub struct ChargeInjection {
     pub guard_rows: Option<u32>,
 }
 
-/// Δe1 of a galaxy behind a line, and the charge of the line's trail there, e-.
-type Seen = (Option<f64>, f64);
+/// Change of shape of a galaxy behind a line, and the charge of the line's trail there, e-.
+type Seen = (Option<ShapeChange>, f64);
 
 /// One spacing of lines; none for no lines.
 struct Tried {
@@ -83,7 +83,7 @@ impl Kind for ChargeInjection {
         }
         let model = ready(mission)?;
         let device = model.device_at(mission.mission.duration_yr)?.fit_for(Purpose::BehindLine);
-        let stamps = Stamps::of(&model.mission).expect("a galaxy that was measured has stamps");
+        let scene = model.scene(0).expect("a mission made ready has a galaxy with a shape");
         let galaxy = mission.judged_galaxy();
         let aperture = Aperture::of(mission, galaxy);
         let plain = Tried {
@@ -103,18 +103,18 @@ impl Kind for ChargeInjection {
                 .map(|(place, weight)| ((low + 0.5 * (1.0 + place) * (high - low)).round() as u32, 0.5 * weight))
                 .collect();
             let seen: Vec<_> =
-                nodes.par_iter().map(|(distance, _)| behind_a_line(&device, &stamps, charge_e, *distance)).collect();
+                nodes.par_iter().map(|(distance, _)| behind_a_line(&device, scene, charge_e, *distance)).collect();
             let seen = seen.into_iter().collect::<Result<Vec<Seen>, _>>()?;
             advance();
-            let mean = |value: fn(&Seen) -> Option<f64>| -> Option<f64> {
-                nodes.iter().zip(&seen).map(|((_, weight), seen)| value(seen).map(|value| weight * value)).sum()
-            };
-            let trail_e = mean(|seen| Some(seen.1)).unwrap_or(0.0).max(0.0);
+            let weighted = || nodes.iter().map(|(_, weight)| weight).zip(&seen);
+            let trail_e = weighted().map(|(weight, seen)| weight * seen.1).sum::<f64>().max(0.0);
+            let change =
+                weighted().try_fold(ShapeChange::default(), |sum, (weight, seen)| Some(sum.plus(&seen.0?, *weight)));
             let lost_rows = f64::from(2 * guard + 1) / f64::from(spacing);
             Ok(Tried {
                 spacing: Some(spacing),
-                // Signed: the mean over galaxies is what biases a survey.
-                delta_e: mean(|seen| seen.0).map(f64::abs),
+                // Of the mean with its signs: that is what biases a survey.
+                delta_e: change.map(|change| change.magnitude()),
                 trail_e,
                 lost_rows,
                 snr: aperture.snr(trail_e, galaxy.read_noise_e),
@@ -127,15 +127,14 @@ impl Kind for ChargeInjection {
     }
 }
 
-/// Δe1 of a galaxy so many rows behind a line, and the charge of the line's trail there, e-.
-fn behind_a_line(device: &Device, stamps: &Stamps, line_e: f64, distance: u32) -> Result<Seen, InputError> {
+/// Change of shape of a galaxy so many rows behind a line, and the charge of the line's trail there, e-.
+fn behind_a_line(device: &Device, scene: &Scene, line_e: f64, distance: u32) -> Result<Seen, InputError> {
     let device = device.expected();
     let background_e = device.at.background_e;
-    let (half_px, distance) = (stamps.half_px, distance as usize);
+    let (half_px, width_px, distance) = (scene.half_px(), scene.width_px(), distance as usize);
     // The line in row 0, or the stamp where that reaches farther down.
     let centre = distance.max(half_px);
     let stamp_rows = centre - half_px..centre + half_px + 1;
-    let width_px = 2 * half_px + 1;
     let downstream = Downstream { rows: i64::from(device.at.transfers) - 1 - centre as i64, charge_e: background_e };
     let beside = Beside::Stamp(half_px);
     let lines = |columns: usize| {
@@ -144,7 +143,7 @@ fn behind_a_line(device: &Device, stamps: &Stamps, line_e: f64, distance: u32) -
         image
     };
     let alone = device.read(&lines(device.columns_of_background(width_px)), downstream, beside)?;
-    let change = stamps.change(|charge_e| {
+    let change = scene.mean(device.is_mirror_symmetric(), |charge_e| {
         let mut image = lines(width_px);
         let mut stamp = image.slice_mut(s![stamp_rows.clone(), ..]);
         stamp += charge_e;
@@ -152,7 +151,7 @@ fn behind_a_line(device: &Device, stamps: &Stamps, line_e: f64, distance: u32) -
         Ok(read.slice(s![stamp_rows.clone(), ..]).to_owned())
     })?;
     let observed = change.map(|change| device.observed_change(change)).transpose()?;
-    Ok((observed.map(|change| change.delta_e1), alone[[centre, 0]] - background_e))
+    Ok((observed, alone[[centre, 0]] - background_e))
 }
 
 fn report(mission: &Mission, tried: &[Tried], charge_e: f64, device: &Device) -> Study {

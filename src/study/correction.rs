@@ -24,15 +24,12 @@ use rand_distr::{Distribution, Normal, Poisson, StandardNormal};
 use rayon::prelude::*;
 use serde_json::Value;
 
-use super::stamps::Stamps;
 use super::{Digits, Kind, Study, Table, Timeline};
 use super::{column, level, line, ready, short, when};
 use crate::error::InputError;
 use crate::galaxy::{Profile, snr};
 use crate::mission::Mission;
-use crate::model::Model;
-use crate::model::{Above, downstream};
-use crate::model::{Beside, Device};
+use crate::model::{Above, Beside, Device, Model, Scene, downstream};
 use crate::plot::{Figure, Panel};
 use crate::readout::Downstream;
 use crate::shape::{Moments, ShapeChange};
@@ -178,7 +175,7 @@ impl Knowledge {
 pub(super) struct Bench<'a> {
     model: &'a Model,
     t_yr: f64,
-    stamps: Stamps,
+    scene: &'a Scene,
     truth: Device,
     downstream: Downstream,
     iterations: u32,
@@ -193,11 +190,11 @@ impl<'a> Bench<'a> {
     /// Where a formula has no value, here and below.
     pub fn new(model: &'a Model, t_yr: f64, iterations: u32) -> Result<Option<Bench<'a>>, InputError> {
         let truth = model.device_at(t_yr)?;
-        let (Some(stamps), Some(uncorrected)) = (Stamps::of(&model.mission), model.change_by(0, &truth)?) else {
+        let (Some(scene), Some(uncorrected)) = (model.scene(0), model.change_by(0, &truth)?) else {
             return Ok(None);
         };
-        let downstream = downstream(truth.at.transfers, stamps.half_px, truth.at.background_e);
-        Ok(Some(Bench { model, t_yr, stamps, truth, downstream, iterations, uncorrected }))
+        let downstream = downstream(truth.at.transfers, scene.half_px(), truth.at.background_e);
+        Ok(Some(Bench { model, t_yr, scene, truth, downstream, iterations, uncorrected }))
     }
 
     /// What is left of the change of shape after correction with a believed detector. None where no shape is left.
@@ -206,17 +203,18 @@ impl<'a> Bench<'a> {
     /// As [`Bench::new`].
     pub fn left(&self, believed: &Device) -> Result<Option<ShapeChange>, InputError> {
         let (truth, believed) = (self.truth.expected(), believed.expected());
-        let beside = Beside::Stamp(self.stamps.half_px);
+        let beside = Beside::Stamp(self.scene.half_px());
         let background_e = truth.at.background_e;
         let back = |charge_e: &Array2<f64>| {
             let observed = truth.read(charge_e, self.downstream, beside)?;
             corrected(&believed, &observed, self.downstream, beside, self.iterations)
         };
-        let width_px = 2 * self.stamps.half_px + 1;
-        let columns = truth.columns_of_background(width_px);
+        let width_px = self.scene.width_px();
+        let columns = truth.columns_of_background(width_px).max(believed.columns_of_background(width_px));
         let alone = (columns > 1).then(|| back(&Array2::from_elem((width_px, columns), background_e))).transpose()?;
         let above = Above::new(background_e, alone, back);
-        self.stamps.change(|charge_e| above.read(charge_e))
+        let symmetric = truth.is_mirror_symmetric() && believed.is_mirror_symmetric();
+        self.scene.mean(symmetric, |charge_e| above.read(charge_e))
     }
 
     /// The same with deviations (in σ) of what is known. Positive parameters stay positive: errors are taken of the logarithm.
@@ -233,7 +231,7 @@ impl<'a> Bench<'a> {
         self.left(&self.model.like(&mission).device_at(self.t_yr)?)
     }
 
-    /// Root mean square of the signed Δe1 that is left over draws of what is known, and how many were measured.
+    /// Root mean square of |Δe| that is left over draws of what is known, and how many were measured.
     pub fn drawn(
         &self,
         knowledge: &Knowledge,
@@ -272,14 +270,14 @@ impl<'a> Bench<'a> {
         let profile = Profile::of(galaxy, &mission.psf);
         let flux_e = snr::flux_e(mission, galaxy);
         let background_e = self.truth.at.background_e;
-        let beside = Beside::Stamp(self.stamps.half_px);
+        let beside = Beside::Stamp(self.scene.half_px());
         let law = Normal::new(0.0, read_noise_e).expect("a read noise is not negative");
         let believed = self.truth.expected();
         let one = |realisation: u32| {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
             random.set_stream(NOISE + u64::from(realisation));
             let offset_px = [random.random::<f64>() - 0.5, random.random::<f64>() - 0.5];
-            let expected = flux_e * profile.stamp(self.stamps.half_px, offset_px[0], offset_px[1]);
+            let expected = flux_e * profile.stamp(self.scene.half_px(), offset_px[0], offset_px[1]);
             let photons =
                 (&expected + background_e).mapv(|mean| Poisson::new(mean).map_or(0.0, |law| law.sample(&mut random)));
             let noise = Array2::from_shape_simple_fn(photons.dim(), || law.sample(&mut random));
