@@ -57,8 +57,8 @@ pub fn of(mission: &Mission) -> Vec<Source> {
         ),
         Source::new(
             "Budget, and software correction by a factor",
-            "the mission file; Rhodes et al. 2010, section 6, after Amara & Refregier 2008 (a budget of 0.001) and Massey et al. \
-             2009 (a factor of 10)",
+            "the mission file; Rhodes et al. 2010, section 6, after Amara & Refregier 2008 (a budget of 0.001, their limit on \
+             multiplicative errors) and Massey et al. 2009 (a factor of 10)",
         ),
     ]);
     sources.extend(of_effects(mission));

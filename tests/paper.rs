@@ -1,10 +1,28 @@
-//! The figures of Rhodes et al. 2010, as `cargo run --release --example rhodes2010` prints them.
+//! The figures of Rhodes et al. 2010, as `cargo run --release --example rhodes2010` prints them, and as docs/paper.md shows them.
 
 #[path = "../examples/rhodes2010/figures.rs"]
-#[allow(dead_code)] // the example prints some figures that have nothing to be held against
 mod figures;
+#[path = "../examples/rhodes2010/report.rs"]
+mod report;
+
+use std::fs;
 
 use figures::*;
+
+/// To renew the block: `RENEW=1 cargo test --test paper`.
+#[test]
+fn the_document_shows_what_the_example_prints() {
+    let path = "docs/paper.md";
+    let document = fs::read_to_string(path).unwrap();
+    let (before, rest) = document.split_once("```text\n").unwrap();
+    let (shown, after) = rest.split_once("```\n").unwrap();
+    let printed = report::report();
+    if std::env::var_os("RENEW").is_some() {
+        fs::write(path, format!("{before}```text\n{printed}```\n{after}")).unwrap();
+    } else {
+        assert_eq!(shown, printed);
+    }
+}
 
 #[test]
 fn the_dose_is_that_of_ten_cycles() {
@@ -14,9 +32,11 @@ fn the_dose_is_that_of_ten_cycles() {
 }
 
 #[test]
-fn shapes_change_at_the_rate_of_equation_2() {
-    let rate = rate_per_yr(&snap());
-    assert!((rate / 2.65e-4 - 1.0).abs() < 0.01, "{rate:e} per year");
+fn shapes_change_at_the_rate_of_equation_2_during_a_mission_and_more_slowly_later() {
+    let [mission, paper] = [MISSION_RANGE, PAPER_RANGE].map(|range| rate_per_yr(&snap(), range) / EQUATION_2_PER_YR);
+    assert!((mission - 1.0).abs() < 0.01, "{mission} of equation 2");
+    // Over the years of the paper the curve is below its own first slope.
+    assert!((0.95..0.965).contains(&paper), "{paper} of equation 2");
 }
 
 #[test]
@@ -27,7 +47,7 @@ fn the_budget_is_exceeded_within_about_four_years_and_a_tenth_of_it_used_with_co
 }
 
 #[test]
-fn table_2_is_reproduced() {
+fn table_2_is_fitted() {
     for row in table2() {
         let (name, change) = (row.name, row.change);
         assert!((change.delta_e1 - row.paper_delta_e).abs() < 0.0015, "{name}: delta e {}", change.delta_e1);
@@ -37,29 +57,31 @@ fn table_2_is_reproduced() {
 
 #[test]
 fn traps_of_a_few_transfers_are_the_worst() {
-    let scan = release_scan(&snap());
+    let change = of_release(&snap());
+    let scan = release_scan(&change);
     let worst = worst_release(&scan);
     // The paper has 3 to 4; it moves with the width of the weight, which the paper leaves open.
     assert!((3.0..=5.0).contains(&worst), "{worst} transfers");
-    // Both limits of section 5.1: fast traps enlarge and dim little; slow ones dim and shrink, and hardly bend.
-    let (fast, slow) = (scan[0].1, scan[scan.len() - 1].1);
+    // Both limits of section 5.1: fast traps enlarge and dim little; slow ones dim and hardly change the size. Unlike in the
+    // paper, they stretch across the transfers (tests/shape_golden.rs has every transfer of it).
+    let (fast, slow) = (scan[0].1, change(NEVER_TRANSFERS));
     assert!(fast.delta_size > 0.0 && fast.delta_flux > 0.2 * slow.delta_flux);
-    assert!(slow.delta_flux < 0.0 && slow.delta_size < 0.1 * fast.delta_size);
+    assert!(slow.delta_flux < 0.0 && slow.delta_size.abs() < 0.1 * fast.delta_size);
+    assert!(fast.delta_e1 < 0.0 && slow.delta_e1 > 0.0);
+    let sign = release_where_e1_changes_sign(&change);
+    assert!((100.0..200.0).contains(&sign), "{sign} transfers");
     assert!(scan.iter().all(|(_, change)| change.delta_y_px > 0.0 && change.delta_flux < 0.0));
 }
 
+/// Sublinear in the traps that packets meet, whether there are more of them in a pixel or more pixels.
 #[test]
-fn the_change_is_linear_in_density() {
+fn the_change_grows_a_little_more_slowly_than_the_traps() {
     let mission = snap();
-    let rate = rate_per_yr(&mission);
-    let changes = density_scan(&mission, &[110.0, 220.0]);
-    assert!((changes[0] / (110.0 * rate) - 1.0).abs() < 0.03);
-    assert!((changes[1] / (220.0 * rate) - 1.0).abs() < 0.07);
-}
-
-#[test]
-fn half_the_distance_is_half_the_effect() {
-    assert!((half_the_distance(&snap()) - 0.5).abs() < 0.01);
+    let (distance, traps) = (half_the_distance(&mission), half_the_traps(&mission));
+    for half in [distance, traps] {
+        assert!((0.5..0.51).contains(&half), "{half}");
+    }
+    assert!((distance - traps).abs() < 0.002, "{distance}, {traps}");
 }
 
 #[test]
@@ -78,6 +100,8 @@ fn the_trail_falls_and_holds_no_more_than_was_lost() {
     // A lone packet of 1580 e- loses 1 - 0.999907^1650 of its charge.
     let lost = 1.0 - 0.999907_f64.powi(1650);
     assert!(trail.iter().sum::<f64>() < lost);
-    let share = share_of_two_species(&snap());
-    assert!((0.5..0.7).contains(&share), "{share}");
+    // The paper's 2/3 is what a fit to 45 pixels holds, not what two of its species make.
+    let (two, first) = (share_of_two_species(&snap()), share_of_first(&snap(), 45));
+    assert!((0.55..0.57).contains(&two), "{two}");
+    assert!((first - 2.0 / 3.0).abs() < 0.05, "{first}");
 }

@@ -14,6 +14,8 @@ use rand_chacha::ChaCha8Rng;
 pub const XRAY_E: f64 = 1580.0;
 /// Transfers from the centre of the galaxies to the register (section 5).
 pub const TRANSFERS: u32 = 1650;
+/// Release time (transfers) of traps that do not release within any readout.
+pub const NEVER_TRANSFERS: f64 = 1e9;
 /// Years at L2 to which the laboratory irradiation corresponds (section 4.1).
 pub const LABORATORY_YR: f64 = 110.0;
 
@@ -22,16 +24,18 @@ pub fn snap() -> Mission {
     Mission::parse(include_str!("../../missions/snap_l2.toml")).expect("a valid mission")
 }
 
-/// Rate of |Δe| per year, a straight line through the origin fitted to 1, 2, … 10 years (equation 2).
-pub fn rate_per_yr(mission: &Mission) -> f64 {
-    let model = Model::new(mission);
-    let (mut products, mut squares) = (0.0, 0.0);
-    for year in 1..=10 {
-        let t_yr = f64::from(year);
-        products += t_yr * model.change(model.judged(), t_yr).unwrap().unwrap().magnitude();
-        squares += t_yr * t_yr;
-    }
-    products / squares
+/// Rate of equation 2, per year.
+pub const EQUATION_2_PER_YR: f64 = 2.65e-4;
+/// Number of points, and last of them (yr), to which the paper fitted equation 2 (section 5.3).
+pub const PAPER_RANGE: (u32, f64) = (50, 220.0);
+/// The same over the years that a mission may last.
+pub const MISSION_RANGE: (u32, f64) = (10, 10.0);
+
+/// Rate of |Δe| per year: slope of a straight line through the origin, fitted to evenly spaced times up to the last one (yr).
+pub fn rate_per_yr(mission: &Mission, (points, last_yr): (u32, f64)) -> f64 {
+    let times: Vec<f64> = (1..=points).map(|point| last_yr * f64::from(point) / f64::from(points)).collect();
+    let products: f64 = times.iter().zip(density_scan(mission, &times)).map(|(t_yr, change)| t_yr * change).sum();
+    products / times.iter().map(|t_yr| t_yr * t_yr).sum::<f64>()
 }
 
 /// Years until the budget is exceeded, and |Δe| after 5 years over the factor of the correction.
@@ -76,18 +80,35 @@ pub fn table2() -> Vec<Row> {
     paper.into_iter().enumerate().map(row).collect()
 }
 
-/// Release times (transfers) and the change they make, for one species of one trap per pixel (section 5.1).
-pub fn release_scan(mission: &Mission) -> Vec<(f64, ShapeChange)> {
-    let model = Model::new(mission);
+/// Release times (transfers) and the change they make (section 5.1).
+pub fn release_scan(change: impl Fn(f64) -> ShapeChange) -> Vec<(f64, ShapeChange)> {
     let times = (0..=60).map(|step| 10_f64.powf(-1.0 + f64::from(step) / 15.0));
-    times
-        .map(|release_transfers| {
-            let mut device = irradiated(mission, TRANSFERS).with_species(0);
-            device.traps[0].density_per_px = 1.0;
-            device.traps[0].release_ms = release_transfers * device.at.line_time_ms;
-            (release_transfers, model.change_by(model.judged(), &device).unwrap().unwrap())
-        })
-        .collect()
+    times.map(|release_transfers| (release_transfers, change(release_transfers))).collect()
+}
+
+/// Change of shape by one trap per pixel, against its release time (transfers).
+pub fn of_release(mission: &Mission) -> impl Fn(f64) -> ShapeChange + use<> {
+    let (model, device) = (Model::new(mission), irradiated(mission, TRANSFERS).with_species(0));
+    move |release_transfers| {
+        let mut device = device.clone();
+        device.traps[0].density_per_px = 1.0;
+        device.traps[0].release_ms = release_transfers * device.at.line_time_ms;
+        model.change_by(model.judged(), &device).unwrap().unwrap()
+    }
+}
+
+/// Release time (transfers) beyond which a galaxy is stretched across the transfers: e1 becomes more positive.
+pub fn release_where_e1_changes_sign(change: impl Fn(f64) -> ShapeChange) -> f64 {
+    let (mut low, mut high) = (10.0_f64, 1e4_f64);
+    while high / low > 1.001 {
+        let middle = (low * high).sqrt();
+        if change(middle).delta_e1 < 0.0 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
 }
 
 /// Release time (transfers) that changes shapes most.
@@ -107,6 +128,12 @@ pub fn half_the_distance(mission: &Mission) -> f64 {
     let change =
         |transfers| model.change_by(model.judged(), &irradiated(mission, transfers)).unwrap().unwrap().magnitude();
     change(TRANSFERS / 2) / change(TRANSFERS)
+}
+
+/// |Δe| with half the traps over that with all of them, after the laboratory irradiation.
+pub fn half_the_traps(mission: &Mission) -> f64 {
+    let changes = density_scan(mission, &[LABORATORY_YR / 2.0, LABORATORY_YR]);
+    changes[0] / changes[1]
 }
 
 /// Charge transfer efficiency by the stacking method: charge of single-pixel X-ray events against transfers, a straight
@@ -159,15 +186,22 @@ pub fn trail(mission: &Mission, pixels: usize) -> Vec<f64> {
 }
 
 /// Share of the charge missing from a lone X-ray event after 1650 transfers that two of the paper's species account for:
-/// its loss with those two alone over that with all three (section 4.2: about 2/3).
+/// its loss with those two alone over that with all three.
 pub fn share_of_two_species(mission: &Mission) -> f64 {
-    let loss = |readout: Readout| {
-        let downstream = Downstream { rows: i64::from(TRANSFERS) - 1, charge_e: 0.0 };
-        XRAY_E - readout.column(&[XRAY_E], downstream)[0]
-    };
     let three = laboratory(mission);
     let two = Readout { traps: three.traps[..2].to_vec(), ..three.clone() };
-    loss(two) / loss(three)
+    loss_e(&two) / loss_e(&three)
+}
+
+/// Share of the same charge that is found in the first pixels behind the event (section 4.2: a fit to 45 of them holds 2/3).
+pub fn share_of_first(mission: &Mission, pixels: usize) -> f64 {
+    XRAY_E * trail(mission, pixels).iter().sum::<f64>() / loss_e(&laboratory(mission))
+}
+
+/// Charge missing from a lone X-ray event after 1650 transfers, e-.
+fn loss_e(readout: &Readout) -> f64 {
+    let downstream = Downstream { rows: i64::from(TRANSFERS) - 1, charge_e: 0.0 };
+    XRAY_E - readout.column(&[XRAY_E], downstream)[0]
 }
 
 /// The detector as irradiated in the laboratory, for a galaxy so many transfers from the register.
