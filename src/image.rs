@@ -28,7 +28,7 @@ use ndarray::{Array2, Zip};
 use crate::conditions::Conditions;
 use crate::error::InputError;
 use crate::model::{Device, Model, SpeciesState};
-use crate::output;
+use crate::output::{self, Written};
 use crate::readout::Method;
 use crate::warning::Warning;
 use fits::{Fits, Hdu, Kind};
@@ -164,7 +164,7 @@ impl Job {
     ///
     /// # Errors
     /// Where the input is no FITS file or holds nothing to work on, a unit is not known, a formula fails, or the output cannot
-    /// be written or is there already and must not be overwritten.
+    /// be written, is the input, or is there already and must not be overwritten.
     pub fn run(
         &self,
         input: &Path,
@@ -172,6 +172,7 @@ impl Job {
         overwrite: bool,
         progress: &dyn Fn(usize, usize, &str),
     ) -> Result<Done, InputError> {
+        output::refuse_clashes(&[Written::File(output)], &[input])?;
         if !overwrite {
             output::refuse_existing(output)?;
         }

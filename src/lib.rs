@@ -24,6 +24,7 @@ pub mod cli;
 pub mod course;
 pub mod diagnose;
 pub mod dose;
+pub mod file_argument;
 pub mod fit;
 pub mod image;
 pub mod measurement;
@@ -38,6 +39,7 @@ pub mod sweep;
 pub mod table;
 pub mod validate;
 
+mod input;
 mod least_squares;
 mod root;
 

@@ -1,8 +1,9 @@
-//! Files that are written whole or not at all.
+//! Files that are written whole or not at all, and never in place of one that is read.
 
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf, absolute};
 
 use tempfile::NamedTempFile;
 
@@ -93,6 +94,93 @@ fn keep(file: NamedTempFile, path: &Path, overwrite: bool) -> Result<(), InputEr
         file.persist_noclobber(path).map_err(|error| refusal(path)(error.error))?;
     }
     Ok(())
+}
+
+/// What is to be written.
+#[derive(Clone, Copy, Debug)]
+pub enum Written<'a> {
+    /// A file.
+    File(&'a Path),
+    /// Files in a folder, of names that satisfy a condition.
+    Into(&'a Path, fn(&OsStr) -> bool),
+}
+
+/// Refuses outputs that would replace a file that is read, or one another, whatever the names and links they are given by.
+///
+/// # Errors
+/// The first such output.
+pub fn refuse_clashes(outputs: &[Written], inputs: &[&Path]) -> Result<(), InputError> {
+    let clash = |path: &Path, problem: String| {
+        Err(InputError::new(format!("cannot write `{}`", path.display()), problem).with_help("give another name"))
+    };
+    for (index, output) in outputs.iter().enumerate() {
+        for path in output.there() {
+            if let Some(input) = inputs.iter().find(|input| same_file(&path, input)) {
+                let read = if path == **input { String::new() } else { format!(", `{}`", input.display()) };
+                return clash(&path, format!("it is one of the files that are read{read}"));
+            }
+        }
+        for earlier in &outputs[..index] {
+            let path = output.path();
+            if earlier.clashes_with(output) {
+                let other = if path == earlier.path() { String::new() } else { format!(", `{}`", earlier.path().display()) };
+                return clash(path, format!("two outputs of the command are written there{other}"));
+            }
+        }
+    }
+    Ok(())
+}
+
+impl Written<'_> {
+    fn path(&self) -> &Path {
+        match self {
+            Written::File(path) | Written::Into(path, _) => path,
+        }
+    }
+
+    /// The file, or files that are there already and may be replaced.
+    fn there(&self) -> Vec<PathBuf> {
+        match self {
+            Written::File(path) => vec![path.to_path_buf()],
+            Written::Into(folder, writes) => {
+                let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+                entries.filter(|entry| writes(&entry.file_name())).map(|entry| entry.path()).collect()
+            }
+        }
+    }
+
+    fn clashes_with(&self, other: &Written) -> bool {
+        match (self, other) {
+            (Written::File(one), Written::File(other)) => same_file(one, other),
+            (Written::File(file), Written::Into(folder, writes)) | (Written::Into(folder, writes), Written::File(file)) => {
+                same_file(folder_of(file), folder) && file.file_name().is_some_and(writes)
+            }
+            // Names of figures, of tables and of manual pages have different endings.
+            (Written::Into(..), Written::Into(..)) => false,
+        }
+    }
+}
+
+/// Whether two paths lead to the same file or folder, which need not be there yet.
+fn same_file(one: &Path, other: &Path) -> bool {
+    match (fs::metadata(one), fs::metadata(other)) {
+        #[cfg(unix)]
+        (Ok(one), Ok(other)) => {
+            use std::os::unix::fs::MetadataExt;
+            // Links of both kinds, too.
+            (one.dev(), one.ino()) == (other.dev(), other.ino())
+        }
+        _ => location(one) == location(other),
+    }
+}
+
+/// A path without links and detours, as far as it is there.
+fn location(path: &Path) -> Option<PathBuf> {
+    let whole = |path: &Path| fs::canonicalize(path).or_else(|_| absolute(path)).ok();
+    match path.file_name() {
+        Some(name) if !path.exists() => Some(whole(folder_of(path))?.join(name)),
+        _ => whole(path),
+    }
 }
 
 /// Refuses a path at which there is something already.

@@ -613,12 +613,12 @@ fn a_file_is_replaced_only_where_that_is_asked_for() {
     assert_eq!(fs::read(&output).unwrap(), b"precious");
     assert_eq!(run(&output, &["--overwrite"]), (Some(0), String::new()));
     assert!(Fits::open(&output).is_ok());
-    // In place, too: the file is replaced when all is written.
+    // Never in place.
     let before = fs::read(&output).unwrap();
     let place = output.to_str().unwrap();
     let done = ctiplan(&["readout", place, place, "--mission", MISSION, "--at", "1", "--hdu", "5", "--force"]);
-    assert!(done.status.success());
-    assert_ne!(fs::read(&output).unwrap(), before);
+    assert_eq!(done.status.code(), Some(2));
+    assert_eq!(fs::read(&output).unwrap(), before);
     let (status, said) = run(&folder.path().join("nowhere/out.fits"), &[]);
     assert!(status == Some(2) && said.contains("the folder is not there"), "{said}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);

@@ -1,13 +1,12 @@
 //! `ctiplan compare`.
 
-use std::path::PathBuf;
-
 use clap::Args;
 
 use super::drawn::Drawn;
 use super::inputs::key_and_value;
 use super::{Failure, Outcome, Output, print, progress};
 use crate::error::InputError;
+use crate::file_argument::InputFile;
 use crate::mission::Mission;
 use crate::scenario::{Axis, compare};
 
@@ -15,7 +14,7 @@ use crate::scenario::{Axis, compare};
 pub(super) struct Compare {
     /// Mission files (TOML)
     #[arg(required = true)]
-    missions: Vec<PathBuf>,
+    missions: Vec<InputFile>,
     /// Launch dates: 2009-01-01,2012-01-01 or 2009-01-01..2020-01-01:1 (step in years)
     #[arg(long, value_name = "DATES")]
     launch: Option<String>,

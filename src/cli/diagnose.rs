@@ -1,7 +1,6 @@
 //! `ctiplan diagnose`.
 
-use std::fs;
-use std::path::PathBuf;
+use std::path::Path;
 
 use clap::Args;
 
@@ -10,6 +9,8 @@ use super::inputs::{Adjust, Measured, NewMission};
 use super::{Failure, Outcome, Output, print_and_suggest, progress};
 use crate::diagnose::{self, Verdict, diagnose};
 use crate::error::InputError;
+use crate::file_argument::{InputFile, OutputFile};
+use crate::input;
 use crate::mission::Mission;
 use crate::observable::Observable;
 use crate::sweep::quoted;
@@ -28,13 +29,13 @@ pub(super) struct Diagnose {
     seed: Option<u64>,
     /// Effects of your own, as [effects.formula] or [[effects.formula]] in a file of their own; they compete on equal terms
     #[arg(long, value_name = "FILE.toml")]
-    candidates: Option<PathBuf>,
+    candidates: Option<InputFile>,
     /// What could be measured next, such as trail,packet_charge; anything by default
     #[arg(long, value_name = "OBSERVABLES", value_delimiter = ',', value_parser = observable)]
     can: Vec<Observable>,
     /// Write the mission with the fitted values and the effects found; comments and order are kept
     #[arg(long, value_name = "NEW.toml")]
-    write: Option<PathBuf>,
+    write: Option<OutputFile>,
     #[command(flatten)]
     drawn: Drawn,
     #[command(flatten)]
@@ -79,9 +80,9 @@ impl Diagnose {
 }
 
 /// The effects of a file of candidates, as they make sense in a mission.
-fn candidates(path: &PathBuf, mission: &Mission) -> Result<toml::Table, InputError> {
+fn candidates(path: &Path, mission: &Mission) -> Result<toml::Table, InputError> {
     let refused = || format!("cannot use the candidates in `{}`", path.display());
-    let text = fs::read_to_string(path).map_err(|error| InputError::new(refused(), error.to_string()))?;
+    let text = input::text(path).map_err(|problem| InputError::new(refused(), problem))?;
     let table: toml::Table = toml::from_str(&text).map_err(|error| {
         let line = error.span().map_or(1, |span| text[..span.start.min(text.len())].lines().count().max(1));
         InputError { place: Some(format!("line {line}")), ..InputError::new(refused(), error.message().to_string()) }

@@ -1,10 +1,9 @@
 //! Figures and pages of a result, beside what is printed.
 
-use std::path::PathBuf;
-
 use clap::Args;
 
 use crate::error::InputError;
+use crate::file_argument::{OutputFile, OutputFolder};
 use crate::mission::Mission;
 use crate::output;
 use crate::report::{Page, page};
@@ -12,11 +11,11 @@ use crate::report::{Page, page};
 #[derive(Debug, Args)]
 pub(super) struct Drawn {
     /// Draw the figures as SVG into this folder
-    #[arg(long, value_name = "DIR")]
-    plots: Option<PathBuf>,
+    #[arg(long, value_name = "DIR", value_parser = OutputFolder::of_figures())]
+    plots: Option<OutputFolder>,
     /// Write verdict, figures, tables, mission and sources as one page, for screen and paper, that needs no other file
     #[arg(long, value_name = "FILE")]
-    html: Option<PathBuf>,
+    html: Option<OutputFile>,
 }
 
 impl Drawn {

@@ -1,6 +1,5 @@
 //! `ctiplan fit`.
 
-use std::path::PathBuf;
 use std::sync::Mutex;
 
 use clap::Args;
@@ -8,6 +7,7 @@ use clap::Args;
 use super::inputs::{Adjust, Measured, NewMission};
 use super::{Failure, Outcome, Output, print_and_suggest, searching};
 use crate::error::InputError;
+use crate::file_argument::OutputFile;
 use crate::model::Model;
 use crate::report::FitReport;
 use crate::sweep::quoted;
@@ -30,7 +30,7 @@ pub(super) struct Fit {
     holdout: Option<String>,
     /// Write the mission with the fitted values; comments and order are kept
     #[arg(long, value_name = "NEW.toml")]
-    write: Option<PathBuf>,
+    write: Option<OutputFile>,
     #[command(flatten)]
     output: Output,
 }

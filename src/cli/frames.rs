@@ -1,7 +1,5 @@
 //! `ctiplan readout` and `ctiplan correct`: what they have in common, and where they differ.
 
-use std::path::PathBuf;
-
 use clap::Args;
 
 use super::inputs::mission_with;
@@ -9,6 +7,7 @@ use super::{Failure, Outcome, Output, print, progress};
 use crate::accuracy::OF_FRAMES;
 use crate::conditions::Conditions;
 use crate::error::InputError;
+use crate::file_argument::{InputFile, OutputFile};
 use crate::image::{Choice, Corner, Geometry, Job, Split, Stop, Task, Transfers, Unit};
 use crate::model::Model;
 
@@ -55,13 +54,13 @@ impl Correct {
 struct Frames {
     /// FITS file
     #[arg(value_name = "IN.fits")]
-    input: PathBuf,
+    input: InputFile,
     /// FITS file to be written: all HDUs of the first, headers kept
     #[arg(value_name = "OUT.fits")]
-    output: PathBuf,
+    output: OutputFile,
     /// Mission file (TOML)
     #[arg(long, value_name = "MISSION")]
-    mission: PathBuf,
+    mission: InputFile,
     /// Another value of a key, such as detector.temperature_k=150; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,

@@ -1,11 +1,11 @@
 //! `ctiplan init`.
 
 use std::io::Write;
-use std::path::PathBuf;
 
 use clap::Args;
 
 use super::{Failure, Outcome, say};
+use crate::file_argument::OutputFile;
 use crate::sweep::quoted;
 use crate::{mission, output};
 
@@ -13,7 +13,7 @@ use crate::{mission, output};
 pub(super) struct Init {
     /// The new mission file
     #[arg(value_name = "FILE", default_value = "mission.toml")]
-    path: PathBuf,
+    path: OutputFile,
     /// Replace FILE where it exists
     #[arg(long, visible_alias = "force")]
     overwrite: bool,

@@ -1,12 +1,12 @@
 //! What several commands read in the same way.
 
 use std::fmt;
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::Args;
 
 use crate::error::InputError;
+use crate::file_argument::InputFile;
 use crate::measurement::DataSet;
 use crate::mission::{self, Mission};
 use crate::output;
@@ -18,7 +18,7 @@ use crate::sweep::quoted;
 pub(super) struct OneMission {
     /// Mission file (TOML)
     #[arg(value_name = "MISSION")]
-    path: PathBuf,
+    path: InputFile,
     /// Another value of a key, such as detector.temperature_k=150; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -56,15 +56,9 @@ pub(super) struct NewMission<'a> {
 }
 
 impl<'a> NewMission<'a> {
-    /// Refused where the path cannot be written to, or is one of the files that are read.
+    /// Refused where the path cannot be written to.
     pub fn from(measured: &Measured, path: &'a Path) -> Result<NewMission<'a>, InputError> {
         output::refuse_unwritable(path)?;
-        let is_read =
-            |read: &PathBuf| fs::canonicalize(path).is_ok_and(|path| fs::canonicalize(read).ok() == Some(path));
-        if measured.data.iter().chain([&measured.mission.path]).any(is_read) {
-            let refused = format!("cannot write `{}`", path.display());
-            return Err(InputError::new(refused, "it is one of the files that are read").with_help("give another name"));
-        }
         Ok(NewMission { path, text: measured.mission.text()? })
     }
 
@@ -81,7 +75,7 @@ pub(super) struct Measured {
     pub mission: OneMission,
     /// Measurement files (ECSV or CSV)
     #[arg(required = true)]
-    data: Vec<PathBuf>,
+    data: Vec<InputFile>,
 }
 
 impl Measured {

@@ -1,12 +1,13 @@
 //! `ctiplan completions` and `ctiplan man`: what the definitions of the command line give besides.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::{Args, Command, CommandFactory};
 use clap_complete::{Shell, generate};
 use clap_mangen::Man;
 
 use super::{Cli, Failure, Outcome, say};
+use crate::file_argument::OutputFolder;
 use crate::output;
 
 #[derive(Debug, Args)]
@@ -27,8 +28,8 @@ impl Completions {
 #[derive(Debug, Args)]
 pub(super) struct ManPages {
     /// The folder, such as ~/.local/share/man/man1
-    #[arg(value_name = "DIR")]
-    folder: PathBuf,
+    #[arg(value_name = "DIR", value_parser = OutputFolder::of_manual_pages())]
+    folder: OutputFolder,
 }
 
 impl ManPages {

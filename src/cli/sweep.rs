@@ -1,21 +1,21 @@
 //! `ctiplan sweep`.
 
 use std::env;
-use std::path::PathBuf;
 
 use clap::Args;
 
 use super::{Failure, Outcome, Output, print, progress, say};
+use crate::file_argument::{InputFile, OutputFile};
 use crate::report::SweepReport;
 use crate::sweep::{self, Grid, Parts, Shard};
 
 #[derive(Debug, Args)]
 pub(super) struct Sweep {
     /// Grid file (TOML): missions, keys with lists, ranges and distributions, and what to record
-    grid: PathBuf,
+    grid: InputFile,
     /// The result; its parts are in FILE.parts until all are there
     #[arg(long, value_name = "FILE.parquet|FILE.csv")]
-    output: PathBuf,
+    output: OutputFile,
     /// Compute one of N equal parts of the sweep, for a job array; --collect makes one file of them
     #[arg(long, value_name = "K/N", group = "what")]
     shard: Option<Shard>,
@@ -35,7 +35,7 @@ pub(super) struct Sweep {
 impl Sweep {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
         let grid = Grid::read(&self.grid)?;
-        let parts = Parts::of(&grid, &self.output)?;
+        let parts = Parts::of(&grid, &*self.output)?;
         if let Some(tasks) = self.slurm {
             let program = env::current_exe().map_err(Failure::Output)?;
             say(&sweep::script(&parts, &program, tasks)?)?;

@@ -1,12 +1,11 @@
 //! `ctiplan validate`.
 
-use std::path::PathBuf;
-
 use clap::Args;
 
 use super::drawn::Drawn;
 use super::inputs::Measured;
 use super::{Failure, Outcome, Output, print_and_suggest};
+use crate::file_argument::OutputFolder;
 use crate::output;
 use crate::validate::validate;
 
@@ -17,8 +16,8 @@ pub(super) struct Validate {
     #[command(flatten)]
     drawn: Drawn,
     /// Write each measurement file with columns `model` and `residual_sigma` into this folder, as ECSV
-    #[arg(long, value_name = "DIR")]
-    residuals: Option<PathBuf>,
+    #[arg(long, value_name = "DIR", value_parser = OutputFolder::of_tables())]
+    residuals: Option<OutputFolder>,
     /// Seed of the simulated noise that leanings are compared with, in place of the mission's
     #[arg(long, value_name = "SEED")]
     seed: Option<u64>,

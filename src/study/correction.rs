@@ -12,8 +12,7 @@
 //! trails corrected on ACS (Massey et al. 2010), 98 % (Massey et al. 2014), and for a perfect model with read noise alone 99.68 %
 //! of ellipticity in simulations for Euclid (Israel et al. 2015, MNRAS 453, 561).
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::Args;
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -27,7 +26,9 @@ use serde_json::Value;
 use super::{Digits, Kind, Study, Table, Timeline};
 use super::{column, level, line, ready, short, when};
 use crate::error::InputError;
+use crate::file_argument::InputFile;
 use crate::galaxy::{Profile, snr};
+use crate::input;
 use crate::mission::Mission;
 use crate::model::{Above, Beside, Device, Model, Scene, downstream};
 use crate::plot::{Figure, Panel};
@@ -48,7 +49,7 @@ pub struct Correction {
     pub well_fill_error: f64,
     /// Take parameters, their errors and correlations from what `ctiplan fit --json` printed, instead of the three above
     #[arg(long, value_name = "FIT.json", conflicts_with_all = ["density_error", "release_error", "well_fill_error"])]
-    pub fit: Option<PathBuf>,
+    pub fit: Option<InputFile>,
     /// Iterations of the forward model
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=50))]
     pub iterations: u32,
@@ -131,7 +132,7 @@ impl Knowledge {
             InputError::new(format!("cannot use the fit `{}`", path.display()), problem)
                 .with_help("it must be what `ctiplan fit MISSION DATA... --json` prints")
         };
-        let text = fs::read_to_string(path).map_err(|error| refuse(error.to_string()))?;
+        let text = input::text(path).map_err(refuse)?;
         let fit: Value = serde_json::from_str(&text).map_err(|error| refuse(error.to_string()))?;
         let listed = fit["parameters"].as_array().ok_or_else(|| refuse("there are no `parameters`".into()))?;
         let mut parameters = Vec::new();

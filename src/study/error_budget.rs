@@ -10,7 +10,6 @@
 //! (Saltelli et al. 2008, Global Sensitivity Analysis: squared standardised regression coefficients of independent
 //! inputs.) Confidence of the fluence is no such input: it is chosen, see `study shielding`.
 
-use std::path::PathBuf;
 
 use clap::Args;
 use nalgebra::{DMatrix, DVector};
@@ -28,6 +27,7 @@ use crate::dose;
 use crate::environment::esp::Spectrum;
 use crate::environment::shielding::{Geometry, dose_behind};
 use crate::error::InputError;
+use crate::file_argument::InputFile;
 use crate::galaxy::snr;
 use crate::least_squares::Span;
 use crate::mission::{Mission, Orbit};
@@ -53,7 +53,7 @@ pub struct ErrorBudget {
     pub horizon_yr: Option<f64>,
     /// Also fly this mission's detector, such as an n-channel one beside a p-channel one, all else the same
     #[arg(long, value_name = "MISSION")]
-    pub detector_of: Option<PathBuf>,
+    pub detector_of: Option<InputFile>,
     /// Seed of the draws, in place of the mission's
     #[arg(long, value_name = "SEED")]
     pub seed: Option<u64>,

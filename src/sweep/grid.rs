@@ -4,8 +4,7 @@
 //! combination, with the same draws at each: designs are compared under the same circumstances. Missions vary slowest,
 //! draws fastest. A [`Grid`] that was read is valid, but for what its keys say together at single points.
 
-use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 use toml::Value;
@@ -13,7 +12,8 @@ use toml::Value;
 use super::distribution::Distribution;
 use super::output::Output;
 use super::sample::{Sample, Sampling};
-use crate::error::{InputError, unreadable};
+use crate::error::InputError;
+use crate::input;
 use crate::mission::keys::Kind;
 use crate::mission::{Date, Mission};
 
@@ -92,9 +92,16 @@ impl Grid {
     pub fn read(path: impl AsRef<Path>) -> Result<Grid, InputError> {
         let path = path.as_ref();
         let refused = format!("cannot use grid `{}`", path.display());
-        let text = fs::read_to_string(path).map_err(|error| InputError::new(&refused, unreadable(&error)))?;
+        let text = input::text(path).map_err(|problem| InputError::new(&refused, problem))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         read::grid(&refused, path.display().to_string(), &text, folder)
+    }
+
+    /// Files that were read: the grid and its missions.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let grid = Path::new(&self.name);
+        let folder = grid.parent().unwrap_or(Path::new(""));
+        [grid.to_path_buf()].into_iter().chain(self.missions.iter().map(|(path, _)| folder.join(path))).collect()
     }
 
     /// Number of points.

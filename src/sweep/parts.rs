@@ -13,7 +13,7 @@ use fs4::{FileExt, TryLockError};
 use super::grid::{Grid, Holds};
 use super::write::{Kind, written};
 use crate::error::InputError;
-use crate::output;
+use crate::output::{self, Written};
 use crate::table::Cell;
 
 /// Parts of one sweep, and the file that they become.
@@ -31,11 +31,16 @@ impl<'a> Parts<'a> {
     /// The parts of a sweep whose result is a file, `.parquet` or `.csv`.
     ///
     /// # Errors
-    /// Where the file's name ends in neither, or it is there and is not the result of this sweep.
+    /// Where the file's name ends in neither, or it is there and is not the result of this sweep, or the result or its
+    /// parts would replace a file that the sweep reads.
     pub fn of(grid: &'a Grid, result: impl Into<PathBuf>) -> Result<Parts<'a>, InputError> {
         let result = result.into();
         let kind = Kind::of(&result)?;
         let parts = Parts { grid, folder: with_suffix(&result, ".parts"), result };
+        let read = grid.files();
+        // The folder of the parts is removed at the end, with all that is in it.
+        let outputs = [Written::File(&parts.result), Written::Into(&parts.folder, |_| true)];
+        output::refuse_clashes(&outputs, &read.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
         if let Some(fingerprint) = kind.fingerprint(&parts.result)?
             && fingerprint != grid.fingerprint
         {

@@ -1,0 +1,223 @@
+//! No output replaces a file that is read, or another output: for every command, every output and every input of it.
+
+#![cfg(unix)]
+
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use tempfile::TempDir;
+
+/// A command line: words, `@NAME` for an input, and its outputs.
+struct Case {
+    words: &'static str,
+    outputs: &'static [&'static str],
+}
+
+const fn case(words: &'static str, outputs: &'static [&'static str]) -> Case {
+    Case { words, outputs }
+}
+
+const DRAWN: &[&str] = &["--plots", "--html"];
+
+/// Every command that reads and writes files. The output without a name is the one that stands behind the words.
+const CASES: &[Case] = &[
+    case("evaluate @mission.toml", DRAWN),
+    case("compare @mission.toml @other.toml", DRAWN),
+    case("dose @mission.toml", DRAWN),
+    case("sweep @grid.toml", &["--output"]),
+    case("validate @mission.toml @trails.ecsv @packets.ecsv", &["--plots", "--html", "--residuals"]),
+    case("fit @mission.toml @trails.ecsv --free detector.well_fill_power", &["--write"]),
+    case("diagnose @mission.toml @trails.ecsv --candidates @candidates.toml", &["--plots", "--html", "--write"]),
+    case("readout --mission @mission.toml --at 1 --hdu 5 --overwrite @frame.fits", &[""]),
+    case("correct --mission @mission.toml --at 1 --hdu 5 --overwrite @frame.fits", &[""]),
+    case("study clock @mission.toml", DRAWN),
+    case("study distance @mission.toml", DRAWN),
+    case("study correction @mission.toml --fit @fit.json", DRAWN),
+    case("study preflash @mission.toml", DRAWN),
+    case("study charge-injection @mission.toml", DRAWN),
+    case("study pocket-pumping @mission.toml", DRAWN),
+    case("study launch @mission.toml", DRAWN),
+    case("study shielding @mission.toml", DRAWN),
+    case("study error-budget @mission.toml --detector-of @other.toml", DRAWN),
+];
+
+/// Commands that read no files.
+const READ_NOTHING: [&str; 6] = ["effects", "init", "schema", "completions", "man", "help"];
+
+const SOURCES: [(&str, &str); 6] = [
+    ("mission.toml", "tests/practice/slow-trap/mission.toml"),
+    ("other.toml", "missions/snap_l2.toml"),
+    ("trails.ecsv", "tests/practice/slow-trap/trails.ecsv"),
+    ("packets.ecsv", "tests/practice/slow-trap/packets.ecsv"),
+    ("frame.fits", "tests/golden/camera.fits"),
+    // Also read by the grid.
+    ("snap.toml", "missions/snap_l2.toml"),
+];
+
+const GRID: &str =
+    "mission = [\"other.toml\", \"snap.toml\"]\noutputs = [\"dose_mev_g\"]\n[axes]\nreadout.transfers = [100, 200]\n";
+const CANDIDATES: &str =
+    "[effects.formula]\ntarget = \"value\"\nexpression = \"value * (1 + drift)\"\nparameters = { drift = 0.01 }\n";
+const FIT: &str = "{\"parameters\": [{\"key\": \"detector.well_fill_power\", \"sigma\": 0.01}], \"correlation\": [[1]]}";
+
+/// All inputs in a folder of their own.
+fn inputs() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, source) in SOURCES {
+        fs::copy(source, folder.path().join(name)).unwrap();
+    }
+    for (name, text) in [("grid.toml", GRID), ("candidates.toml", CANDIDATES), ("fit.json", FIT)] {
+        fs::write(folder.path().join(name), text).unwrap();
+    }
+    folder
+}
+
+impl Case {
+    /// Names of the files that are read.
+    fn inputs(&self) -> Vec<&str> {
+        let mut named: Vec<&str> = self.words.split(' ').filter_map(|word| word.strip_prefix('@')).collect();
+        if named == ["grid.toml"] {
+            named.extend(["other.toml", "snap.toml"]);
+        }
+        named
+    }
+
+    /// Runs the command in a folder.
+    fn run(&self, folder: &Path, outputs: &[(&str, &Path)]) -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_ctiplan"));
+        command.current_dir(folder).args(self.words.split(' ').map(|word| word.trim_start_matches('@')));
+        for (option, path) in outputs {
+            command.args([*option].iter().filter(|option| !option.is_empty())).arg(path);
+        }
+        command.output().unwrap()
+    }
+}
+
+/// Everything in a folder and below it, with its bytes.
+fn all(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        match path.is_dir() {
+            true => found.extend(all(&path)),
+            false => found.push((path.clone(), fs::read(&path).unwrap())),
+        }
+    }
+    found.sort();
+    found
+}
+
+fn refused(output: &Output, what: &str) {
+    let said = String::from_utf8(output.stderr.clone()).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{what}: {said}");
+    assert!(said.starts_with("error: cannot write `") && said.matches("error: ").count() == 1, "{what}: {said}");
+    assert!(output.stdout.is_empty(), "{what}");
+}
+
+/// Ways to name a file of a folder, each as an output of some ending: the path to give, with what must be there first.
+fn ways(folder: &Path, input: &str, ending: &str) -> Vec<PathBuf> {
+    let target = folder.join(input);
+    let (soft, hard) = (folder.join(format!("1-soft.{ending}")), folder.join(format!("1-hard.{ending}")));
+    symlink(&target, &soft).unwrap();
+    fs::hard_link(&target, &hard).unwrap();
+    let name = folder.file_name().unwrap().to_str().unwrap();
+    let plain = [input.into(), format!("./{input}"), format!("../{name}//{input}"), target.to_str().unwrap().into()];
+    plain.into_iter().map(PathBuf::from).chain([soft, hard]).collect()
+}
+
+#[test]
+fn no_output_replaces_an_input() {
+    for case in CASES {
+        for (input, option) in case.inputs().into_iter().flat_map(|input| case.outputs.iter().map(move |o| (input, *o))) {
+            let folder = inputs();
+            // Into a folder: a file that may be replaced there is one that is read.
+            let into = ["--plots", "--residuals"].contains(&option);
+            let ending = match option {
+                "--plots" => "svg",
+                "--residuals" => "ecsv",
+                "--output" => "csv",
+                _ => "any",
+            };
+            let links = ways(folder.path(), input, ending);
+            let paths: Vec<PathBuf> = if into {
+                vec![".".into(), folder.path().into(), format!("../{}", folder.path().file_name().unwrap().display()).into()]
+            } else {
+                links
+            };
+            let before = all(folder.path());
+            for path in paths {
+                let what = format!("{} {option} {} ({input})", case.words, path.display());
+                refused(&case.run(folder.path(), &[(option, &path)]), &what);
+                assert!(before == all(folder.path()), "{what}: files have changed");
+            }
+        }
+    }
+}
+
+#[test]
+fn no_two_outputs_are_the_same_file() {
+    for case in CASES.iter().filter(|case| case.outputs.len() > 1) {
+        let folder = inputs();
+        fs::create_dir(folder.path().join("figures")).unwrap();
+        symlink("figures", folder.path().join("link")).unwrap();
+        let before = all(folder.path());
+        let files: Vec<&str> = case.outputs.iter().copied().filter(|o| ["--html", "--write"].contains(o)).collect();
+        let mut pairs: Vec<[(&str, &str); 2]> = Vec::new();
+        if let [one, other] = files[..] {
+            pairs.push([(one, "new"), (other, "./new")]);
+            pairs.push([(one, "link/new"), (other, "figures/new")]);
+        }
+        if case.outputs.contains(&"--plots") {
+            pairs.extend(files.iter().map(|file| [("--plots", "figures"), (*file, "link/error.svg")]));
+            pairs.extend(files.iter().map(|file| [("--plots", "not/yet"), (*file, "not/yet/error.svg")]));
+        }
+        assert!(!pairs.is_empty());
+        for pair in pairs {
+            let what = format!("{}: {pair:?}", case.words);
+            refused(&case.run(folder.path(), &pair.map(|(option, path)| (option, Path::new(path)))), &what);
+            assert!(before == all(folder.path()) && !folder.path().join("not").exists(), "{what}: files have changed");
+        }
+    }
+}
+
+/// Words of the help of a command that stand in angle brackets behind an option, and names of commands.
+fn help(command: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_ctiplan")).args(command).arg("--help").output().unwrap();
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn commands_of(command: &[&str]) -> Vec<String> {
+    let help = help(command);
+    let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    // Descriptions are indented further.
+    let names = listed.filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    names.map(|line| line.split_whitespace().next().unwrap().to_string()).collect()
+}
+
+/// The cases above name every command, and every option with a file.
+#[test]
+fn the_law_leaves_out_no_command_and_no_option() {
+    let mut commands: Vec<Vec<String>> = commands_of(&[]).into_iter().map(|name| vec![name]).collect();
+    commands.extend(commands_of(&["study"]).into_iter().map(|name| vec!["study".into(), name]));
+    assert!(commands.len() > 20);
+    for command in commands {
+        let name = command.join(" ");
+        if name == "study" || command.iter().any(|word| READ_NOTHING.contains(&word.as_str())) {
+            continue;
+        }
+        let words: Vec<&str> = command.iter().map(String::as_str).collect();
+        let case = CASES.iter().find(|case| case.words.starts_with(&format!("{name} ")));
+        let case = case.unwrap_or_else(|| panic!("no case for `{name}`"));
+        for line in help(&words).lines().map(str::trim).filter(|line| line.starts_with("--")) {
+            let Some((option, value)) = line.split_once(" <") else { continue };
+            let value = value.split('>').next().unwrap();
+            let a_file = ["FILE", "DIR", "MISSION", ".toml", ".json", ".fits"].iter().any(|word| value.contains(word));
+            assert!(
+                !a_file || case.outputs.contains(&option) || case.words.contains(&format!("{option} @")),
+                "{name} {option} <{value}> is not in the cases"
+            );
+        }
+    }
+}
