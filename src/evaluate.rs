@@ -10,7 +10,7 @@ use crate::mission::{Galaxy, Mission, ReadoutMethod};
 use crate::model::{Model, Scene, SpeciesState};
 use crate::requirement::{Crossing, Point, crossing, resolved};
 use crate::shape::ShapeChange;
-use crate::warning::Warning;
+use crate::warning::{RELEASED_IN_PLACE_LINES, Warning};
 
 /// Everything along the way from a mission to its verdict.
 #[derive(Clone, Debug)]
@@ -196,7 +196,11 @@ pub(crate) fn warnings(model: &Model) -> Result<Vec<Warning>, InputError> {
     for species in model.traps(mission.mission.duration_yr)? {
         let over_readout = species.release_ms / (mission.readout.line_time_ms * f64::from(mission.readout.transfers));
         if over_readout > 1.0 && species.density_per_px > 0.0 {
-            warnings.push(Warning::NeverReleases { species: species.name, over_readout });
+            warnings.push(Warning::NeverReleases { species: species.name.clone(), over_readout });
+        }
+        let over_line = species.release_ms / mission.readout.line_time_ms;
+        if over_line < RELEASED_IN_PLACE_LINES && species.density_per_px > 0.0 {
+            warnings.push(Warning::ReleasesInPlace { species: species.name, over_line });
         }
     }
     if mission.accuracy.readout == ReadoutMethod::Fast && mission.accuracy.relative > SHOWS_IN_SHAPES {

@@ -10,7 +10,7 @@ use std::path::Path;
 use chrono::{NaiveDate, NaiveDateTime};
 
 use crate::calendar::DAYS_PER_YEAR;
-use crate::conditions::Conditions;
+use crate::conditions::{self, Conditions};
 use crate::error::{InputError, nearest};
 use crate::mission::keys::Kind::{self, Integer, Number, Positive};
 use crate::mission::{Mission, keys};
@@ -95,6 +95,16 @@ fn known(name: &str) -> Option<Known> {
     })
 }
 
+/// A condition of another name, of which this one is a slip: one letter is wrong, missing, too many, or two are swapped.
+/// Capitals do not matter.
+fn slip_of(name: &str) -> Option<&'static str> {
+    if conditions::NAMES.contains(&name) || OTHERS.contains(&name) {
+        return None;
+    }
+    let like = |condition: &&str| strsim::damerau_levenshtein(&name.to_lowercase(), condition) <= 1;
+    conditions::NAMES.into_iter().chain(["galaxy", "date"]).find(like)
+}
+
 /// Columns that are neither conditions nor covariates.
 const OTHERS: [&str; 4] = ["value", "sigma", "galaxy", "date"];
 
@@ -118,6 +128,7 @@ impl DataSet {
         if table.rows() == 0 {
             return Err(table.fault(None, None, "there are no rows"));
         }
+        reader.check_names()?;
         let rows = (0..table.rows()).map(|row| reader.row(row)).collect::<Result<Vec<_>, _>>()?;
         let varying = varying(&table, &rows);
         Ok(DataSet { file: table.name.clone(), observable, rows, varying, table })
@@ -181,6 +192,22 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
+    /// No column, and no number of `meta`, has the name of a condition with a slip in it: as a covariate it would leave the
+    /// condition to the mission.
+    fn check_names(&self) -> Result<(), InputError> {
+        let columns = self.table.columns.iter().map(|column| (&column.name, column.name.clone()));
+        let numbers = self.table.meta.iter().filter(|meta| meta.value.quantity().is_some());
+        let numbers = numbers.map(|meta| (&meta.name, format!("meta.{}", meta.name)));
+        for (name, place) in columns.chain(numbers) {
+            if let Some(condition) = slip_of(name) {
+                let problem = format!("`{name}` is no condition, but nearly `{condition}`, which is one");
+                let help = format!("write `{condition}`, or give a covariate a name that is less like it");
+                return Err(self.table.fault(None, Some(&place), problem).with_help(help));
+            }
+        }
+        Ok(())
+    }
+
     fn row(&self, row: usize) -> Result<Row, InputError> {
         let value = self.measured(row, "value")?;
         let sigma = self.measured(row, "sigma")?;

@@ -403,6 +403,9 @@ impl TryFrom<toml::value::Datetime> for Date {
 
     fn try_from(datetime: toml::value::Datetime) -> Result<Date, String> {
         let date = datetime.date.ok_or("a date is needed, such as 2030-01-01")?;
+        if datetime.time.is_some() {
+            return Err(format!("a date without a time of day is needed, such as {date}"));
+        }
         NaiveDate::from_ymd_opt(date.year.into(), date.month.into(), date.day.into())
             .map(Date)
             .ok_or_else(|| format!("{date} is not in the calendar"))

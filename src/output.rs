@@ -123,7 +123,8 @@ pub fn refuse_clashes(outputs: &[Written], inputs: &[&Path]) -> Result<(), Input
         for earlier in &outputs[..index] {
             let path = output.path();
             if earlier.clashes_with(output) {
-                let other = if path == earlier.path() { String::new() } else { format!(", `{}`", earlier.path().display()) };
+                let other =
+                    if path == earlier.path() { String::new() } else { format!(", `{}`", earlier.path().display()) };
                 return clash(path, format!("two outputs of the command are written there{other}"));
             }
         }
@@ -152,7 +153,8 @@ impl Written<'_> {
     fn clashes_with(&self, other: &Written) -> bool {
         match (self, other) {
             (Written::File(one), Written::File(other)) => same_file(one, other),
-            (Written::File(file), Written::Into(folder, writes)) | (Written::Into(folder, writes), Written::File(file)) => {
+            (Written::File(file), Written::Into(folder, writes))
+            | (Written::Into(folder, writes), Written::File(file)) => {
                 same_file(folder_of(file), folder) && file.file_name().is_some_and(writes)
             }
             // Names of figures, of tables and of manual pages have different endings.

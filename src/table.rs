@@ -15,12 +15,12 @@ mod write;
 
 use std::collections::HashSet;
 use std::fmt;
-use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
 
-use crate::error::{InputError, shortened, unreadable};
+use crate::error::{InputError, shortened};
+use crate::input;
 
 /// A table of measurements: columns of equal length, and what holds for all rows.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -123,7 +123,7 @@ impl Table {
     /// Where the file cannot be read, or is no such table: one message with line, column and value.
     pub fn read(path: impl AsRef<Path>) -> Result<Table, InputError> {
         let table = Table { name: path.as_ref().display().to_string(), ..Table::default() };
-        let bytes = fs::read(&path).map_err(|error| table.refuse(unreadable(&error)))?;
+        let bytes = input::bytes(path.as_ref(), input::MOST_OF_A_TABLE).map_err(|problem| table.refuse(problem))?;
         let text = str::from_utf8(&bytes).map_err(|error| {
             let line = bytes[..error.valid_up_to()].iter().filter(|&&byte| byte == b'\n').count() + 1;
             let wide = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
@@ -223,6 +223,11 @@ impl Table {
         }
         known.clear();
         for meta in &self.meta {
+            if meta.name.contains(char::is_control) {
+                let problem = "the key holds an end of a line, a tab or another control character";
+                let place = Some(format!("{}meta.{:?}", line_before(meta.line), shortened(&meta.name)));
+                return Err(InputError { place, ..self.refuse(problem) });
+            }
             if !known.insert(meta.name.as_str()) {
                 let place = Some(format!("{}meta.{} = {}", line_before(meta.line), meta.name, meta.value));
                 let problem = format!("the key `{}` stands twice in meta", meta.name);

@@ -4,6 +4,13 @@ use std::fmt;
 
 use crate::environment::solar_cycle::{CYCLE_YR, Maximum};
 
+/// Release times below so many line times are released in place ([`Warning::ReleasesInPlace`]).
+///
+/// A packet leaves a pixel by way of the pixel's phases, three of them in most CCDs, one in each third of a line time Δt. An
+/// electron that its trap releases meanwhile falls back into the packet: of a species with release time τ the share
+/// 1 − exp(−Δt/3τ), 96 % at τ = Δt/10. A transfer that is one step gives all of them to the packet behind instead.
+pub const RELEASED_IN_PLACE_LINES: f64 = 0.1;
+
 /// Something doubtful about a result.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Warning {
@@ -18,6 +25,13 @@ pub enum Warning {
         species: String,
         /// Its release time over the time of all transfers.
         over_readout: f64,
+    },
+    /// A species releases long before the packet moves on.
+    ReleasesInPlace {
+        /// Name of the species.
+        species: String,
+        /// Its release time over the time between two transfers.
+        over_line: f64,
     },
     /// A pixel holds more than the full well.
     Saturated {
@@ -90,6 +104,12 @@ impl fmt::Display for Warning {
                 out,
                 "{species} releases after {over_readout:.3e} readouts: its traps stay filled from one exposure to the \
                  next, which is not modelled (traps start empty)"
+            ),
+            Warning::ReleasesInPlace { species, over_line } => write!(
+                out,
+                "{species} releases after {over_line:.3e} line times, before its packet has left the pixel: in a CCD nearly \
+                 all of these electrons return to their own packet; here, where a transfer is one step, they go to the \
+                 packet behind, which makes the trail of {species} too strong: leave the species out"
             ),
             Warning::DoneBefore { name, task } => {
                 write!(out, "the header of {name} says that `ctiplan {task}` was done to it before: it is done again")

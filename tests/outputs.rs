@@ -60,7 +60,8 @@ const GRID: &str =
     "mission = [\"other.toml\", \"snap.toml\"]\noutputs = [\"dose_mev_g\"]\n[axes]\nreadout.transfers = [100, 200]\n";
 const CANDIDATES: &str =
     "[effects.formula]\ntarget = \"value\"\nexpression = \"value * (1 + drift)\"\nparameters = { drift = 0.01 }\n";
-const FIT: &str = "{\"parameters\": [{\"key\": \"detector.well_fill_power\", \"sigma\": 0.01}], \"correlation\": [[1]]}";
+const FIT: &str =
+    "{\"parameters\": [{\"key\": \"detector.well_fill_power\", \"sigma\": 0.01}], \"correlation\": [[1]]}";
 
 /// All inputs in a folder of their own.
 fn inputs() -> TempDir {
@@ -130,7 +131,8 @@ fn ways(folder: &Path, input: &str, ending: &str) -> Vec<PathBuf> {
 #[test]
 fn no_output_replaces_an_input() {
     for case in CASES {
-        for (input, option) in case.inputs().into_iter().flat_map(|input| case.outputs.iter().map(move |o| (input, *o))) {
+        for (input, option) in case.inputs().into_iter().flat_map(|input| case.outputs.iter().map(move |o| (input, *o)))
+        {
             let folder = inputs();
             // Into a folder: a file that may be replaced there is one that is read.
             let into = ["--plots", "--residuals"].contains(&option);
@@ -142,7 +144,11 @@ fn no_output_replaces_an_input() {
             };
             let links = ways(folder.path(), input, ending);
             let paths: Vec<PathBuf> = if into {
-                vec![".".into(), folder.path().into(), format!("../{}", folder.path().file_name().unwrap().display()).into()]
+                vec![
+                    ".".into(),
+                    folder.path().into(),
+                    format!("../{}", folder.path().file_name().unwrap().display()).into(),
+                ]
             } else {
                 links
             };

@@ -8,8 +8,10 @@
 pub const ACTIVE_BEFORE_YR: f64 = 2.5;
 /// Years after a maximum in which it is still active.
 pub const ACTIVE_AFTER_YR: f64 = 4.5;
+/// Active years of a cycle.
+pub const ACTIVE_YR: f64 = ACTIVE_BEFORE_YR + ACTIVE_AFTER_YR;
 /// Active share of a cycle: 7 years of 11.
-pub const ACTIVE_SHARE: f64 = 7.0 / 11.0;
+pub const ACTIVE_SHARE: f64 = ACTIVE_YR / CYCLE_YR;
 /// Mean length of a cycle, yr.
 pub const CYCLE_YR: f64 = 11.0;
 /// Standard deviation of the time from one maximum to the next, yr: that of cycles 19 to 25 ([`MAXIMA`], a test) is 1.0.

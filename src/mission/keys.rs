@@ -21,6 +21,13 @@ pub struct Key {
     pub help: fn(f64) -> Option<String>,
 }
 
+impl Key {
+    /// Whether its value is what something is called.
+    pub fn is_name(&self) -> bool {
+        self.path.rsplit('.').next() == Some("name")
+    }
+}
+
 /// What a key's value may be.
 #[derive(Clone, Copy)]
 pub enum Kind {

@@ -1,6 +1,6 @@
 //! Text → checked mission.
 
-use std::fs;
+use std::collections::HashSet;
 use std::ops::Range;
 use std::path::Path;
 
@@ -11,8 +11,9 @@ use super::keys::{self, ARRAYS, KEYS, Kind, Need, OPTIONAL_TABLES};
 use super::{DoseModel, Mission, Orbit};
 use crate::calendar;
 use crate::effect;
-use crate::environment::solar_cycle::{self, ACTIVE_BEFORE_YR, CYCLE_YR};
-use crate::error::{InputError, nearest, shortened, unreadable};
+use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, CYCLE_YR};
+use crate::error::{InputError, nearest, shortened};
+use crate::input;
 use crate::readout::MAX_SPECIES;
 
 impl Mission {
@@ -42,18 +43,23 @@ impl Mission {
     /// `detector.traps.VV.release_ms`; members of an array are called by their names.
     ///
     /// # Errors
-    /// Where there is no such key, or the value is not allowed for it.
+    /// Where there is no such key, it stands twice, or the value is not allowed for it.
     pub fn with(&self, settings: &[(String, Value)]) -> Result<Mission, InputError> {
         let said: Vec<String> = settings.iter().map(|(key, value)| format!("{key} = {value}")).collect();
         let refused = format!("cannot use mission \"{}\" with {}", self.mission.name, said.join(", "));
         let mut table = self.to_table();
+        let mut known = HashSet::new();
         for (key, value) in settings {
-            let path = resolve(&table, key).map_err(|(problem, help)| InputError {
+            let refuse = |problem, help| InputError {
                 refused: format!("cannot set {key} = {value}"),
                 place: None,
                 problem,
                 help,
-            })?;
+            };
+            let path = resolve(&table, key).map_err(|(problem, help)| refuse(problem, help))?;
+            if !known.insert(path.clone()) {
+                return Err(refuse("the key is set twice".into(), Some("give it one value".into())));
+            }
             set(&mut table, &path, value.clone());
         }
         let text = toml::to_string(&table).expect("a table");
@@ -89,7 +95,7 @@ fn refused(path: &Path) -> String {
 
 /// The text of a mission file.
 pub(crate) fn read_text(path: &Path) -> Result<String, InputError> {
-    fs::read_to_string(path).map_err(|error| InputError::new(refused(path), unreadable(&error)))
+    input::text(path).map_err(|problem| InputError::new(refused(path), problem))
 }
 
 /// A mission text, parsed, with the places of its values.
@@ -360,6 +366,22 @@ impl<'a> Source<'a> {
                 ));
             }
         }
+        let mut maxima = environment.solar_maximum.clone();
+        maxima.sort_by(f64::total_cmp);
+        // A hair is left for decimal years, which are not exact.
+        let overlap = |pair: &&[f64]| pair[1] - pair[0] < solar_cycle::ACTIVE_YR - 1e-6;
+        if let Some(pair) = maxima.windows(2).find(overlap) {
+            let problem = format!(
+                "the maxima {} and {} overlap: each stands for {} active years, {ACTIVE_BEFORE_YR} yr before to \
+                 {ACTIVE_AFTER_YR} yr after it",
+                pair[0],
+                pair[1],
+                solar_cycle::ACTIVE_YR
+            );
+            return Err(self
+                .fault("environment.solar_maximum", problem)
+                .with_help("give one maximum for each cycle: maxima of the Sun were never less than 7 yr apart"));
+        }
         if environment.model == DoseModel::SolarCycle || mission.effects.contains_key("solar-cycle") {
             let first = environment.solar_maximum.iter().copied().fold(f64::INFINITY, f64::min);
             let start = first - ACTIVE_BEFORE_YR - (1.0 - solar_cycle::ACTIVE_SHARE) * CYCLE_YR;
@@ -479,6 +501,9 @@ pub(crate) fn check_value(
             Err(InputError { help, ..fault(problem) })
         }
         (Kind::Choice(_), DeValue::String(_)) => Ok(()),
+        (Kind::Text, DeValue::String(word)) if key.is_name() && word.contains(char::is_control) => {
+            Err(fault(format!("the {} holds an end of a line, a tab or another control character", key.what)))
+        }
         (Kind::Text, DeValue::String(word)) if !word.trim().is_empty() => Ok(()),
         (Kind::Texts, DeValue::Array(members))
             if members.iter().all(|member| matches!(member.get_ref(), DeValue::String(_))) =>

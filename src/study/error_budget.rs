@@ -10,7 +10,6 @@
 //! (Saltelli et al. 2008, Global Sensitivity Analysis: squared standardised regression coefficients of independent
 //! inputs.) Confidence of the fluence is no such input: it is chosen, see `study shielding`.
 
-
 use clap::Args;
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;

@@ -691,6 +691,8 @@ def make_broken():
     changed("krad_dose_mev_g", trails, {"dose_mev_g": Column([5.0, 5.0, 10.0, 10.0], unit="krad")}, remove=["t_yr"])
     changed("celsius_temperature", trails, temperature_k=-140.0)
     changed("celsius_temperature_column", trails, {"temperature_k": [-140.0, -140.0, -140.1, -139.9]})
+    changed("column_temperature_K", trails, {"temperature_K": [133.0, 133.0, 133.1, 132.9]})
+    changed("column_lne_time_ms", trails, {"lne_time_ms": [25.0, 25.0, 25.0, 30.0]})
     changed("line_time_in_metres", trails, {"line_time_ms": Column([25.0] * 4, unit=u.m)})
     in_first_row("before_launch", "t_yr", "-0.5")
     changed("date_before_launch", doses, {"date": ["2008-07-01", "2010-01-01", "2011-01-01"]}, remove=["t_yr"])
@@ -737,6 +739,7 @@ def make_broken():
     row = base_csv.splitlines()[6]
     edited("ragged_row.csv", (row, row + ",7"), of=base_csv)
     edited("not_a_number.csv", (row, row.replace("2e-05", "2e-O5")), of=base_csv)
+    edited("meta_background_ee.csv", ("# background_e:", "# background_ee:"), of=base_csv)
     edited("no_rows.csv", (base_csv[base_csv.index(row):], ""), of=base_csv)
     edited("no_names.csv", ("t_yr,trail_px,value,sigma,note\n", ""), of=base_csv)
 
