@@ -22,7 +22,7 @@ pub use sweep::SweepReport;
 
 use std::io::{IsTerminal, stdout};
 
-use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Table, Width, presets};
 use serde_json::{Value, json};
 
 use crate::calendar::date_after;
@@ -81,6 +81,22 @@ fn table(header: &[&str]) -> Table {
     }
     table
 }
+
+/// Keeps the words of a table's columns, from one on, in one piece: what is too wide for a line is broken between words, or in
+/// the columns before.
+fn keep_words(table: &mut Table, from: usize) {
+    let words = |text: String| text.split_whitespace().map(|word| word.chars().count()).max().unwrap_or(0);
+    for place in from..table.column_count() {
+        let cells = table.row_iter().chain(table.header()).filter_map(|row| row.cell_iter().nth(place));
+        let longest = cells.map(|cell| words(cell.content())).max().unwrap_or(0);
+        if let (Some(column), Ok(width)) = (table.column_mut(place), u16::try_from(longest + PADDING)) {
+            column.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(width)));
+        }
+    }
+}
+
+/// Blanks around the text of a cell.
+const PADDING: usize = 2;
 
 /// The table as lines without trailing blanks.
 fn lines(table: &Table) -> String {

@@ -1,10 +1,15 @@
 //! The same mission under other circumstances, side by side: the product of `ctiplan compare`.
 
 mod axis;
+mod ranking;
+pub(crate) mod sun;
+
+use std::path::Path;
 
 use rayon::prelude::*;
 
 pub use axis::Axis;
+pub use ranking::{Criterion, Merit, Ranking};
 
 use crate::error::InputError;
 use crate::evaluate::{Verdict, evaluate};
@@ -12,9 +17,22 @@ use crate::mission::Mission;
 use crate::model::Model;
 use crate::model::SpeciesState;
 
+/// A mission that is to be compared.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// The file it is from.
+    pub file: String,
+    /// The mission.
+    pub mission: Mission,
+}
+
 /// One mission under one set of circumstances, and what becomes of it.
 #[derive(Clone, Debug)]
 pub struct Scenario {
+    /// What tells its mission from the others that are compared: its name, and its file where others have the same name.
+    pub name: String,
+    /// The file of its mission.
+    pub file: String,
     /// The mission, with its settings.
     pub mission: Mission,
     /// What was set: key and value.
@@ -36,21 +54,31 @@ pub struct Scenario {
 pub struct Comparison {
     /// In the order of missions, then of the axes, the last axis fastest.
     pub scenarios: Vec<Scenario>,
-    /// The scenario of least |Δe| at the end of its mission; the first of equals.
-    pub best: usize,
-    /// The scenario of the largest |Δe|; the first of equals.
-    pub worst: usize,
-    /// Why the best is better than the worst; empty where all are alike.
+    /// What tells the missions apart that they are of, in the missions' order.
+    pub names: Vec<String>,
+    /// The best scenarios and the worst.
+    pub ranking: Ranking,
+    /// Times (years since launch) at which the best is compared with the worst: when the worst exceeds the budget that decides,
+    /// or the end of each.
+    pub compared_at_yr: [f64; 2],
+    /// |Δe| of the first best over that of the first worst at those times; None where one is lost or 0.
+    pub ratio: Option<f64>,
+    /// Why the best is better than the worst at those times; empty where all are alike.
     pub why: Vec<String>,
+    /// What else a reader has to know.
+    pub notes: Vec<String>,
 }
 
 /// Evaluates missions at every combination of the axes' values.
 ///
-/// `progress` is called once for every scenario that is done.
+/// Where launch dates are compared and no model of the dose is among the axes, missions whose dose is an average over the solar
+/// cycle follow the cycle instead; `notes` say so. `progress` is called once for every scenario that is done.
 ///
 /// # Errors
 /// Where a key or a value is not one of a mission's, or a galaxy has no measurable shape. The first one in order.
-pub fn compare(missions: &[Mission], axes: &[Axis], progress: impl Fn() + Sync) -> Result<Comparison, InputError> {
+pub fn compare(candidates: &[Candidate], axes: &[Axis], progress: impl Fn() + Sync) -> Result<Comparison, InputError> {
+    let (candidates, notes) = under_the_sun(candidates, axes);
+    let names = names(&candidates);
     let mut combinations: Vec<Vec<(String, toml::Value)>> = vec![Vec::new()];
     for axis in axes {
         combinations = combinations
@@ -64,28 +92,82 @@ pub fn compare(missions: &[Mission], axes: &[Axis], progress: impl Fn() + Sync) 
             })
             .collect();
     }
-    let scenarios = missions
+    let scenarios = candidates
         .iter()
-        .flat_map(|mission| combinations.iter().map(move |settings| (mission, settings)))
+        .zip(&names)
+        .flat_map(|named| combinations.iter().map(move |settings| (named, settings)))
         .collect::<Vec<_>>()
         .into_par_iter()
-        .map(|(mission, settings)| scenario(mission, settings).inspect(|_| progress()))
+        .map(|((candidate, name), settings)| scenario(candidate, name, settings).inspect(|_| progress()))
         .collect::<Result<Vec<_>, _>>()?;
-    // A lost shape is worse than any other.
-    let change = |index: &usize| scenarios[*index].delta_e.unwrap_or(f64::INFINITY);
-    let all = || 0..scenarios.len();
-    let best = all().min_by(|a, b| change(a).total_cmp(&change(b))).expect("at least one scenario");
-    let worst = all().rev().max_by(|a, b| change(a).total_cmp(&change(b))).expect("at least one scenario");
-    let why = why(&scenarios[best], &scenarios[worst])?;
-    Ok(Comparison { scenarios, best, worst, why })
+    let ranking = Ranking::of(&scenarios.iter().map(Scenario::merit).collect::<Vec<_>>());
+    let (best, worst) = (&scenarios[ranking.best[0]], &scenarios[ranking.worst[0]]);
+    let exceeded_yr = match ranking.by {
+        Some(Criterion::Uncorrected) => worst.verdict.uncorrected.t_yr,
+        Some(Criterion::Corrected) => worst.verdict.corrected.t_yr,
+        _ => None,
+    };
+    let at = |scenario: &Scenario| {
+        let end_yr = scenario.mission.mission.duration_yr;
+        exceeded_yr.map_or(end_yr, |t_yr| t_yr.min(end_yr))
+    };
+    let compared_at_yr = [at(best), at(worst)];
+    let (ratio, why) = match ranking.by {
+        Some(_) => why(&State::of(best, compared_at_yr[0])?, &State::of(worst, compared_at_yr[1])?),
+        None => (None, Vec::new()),
+    };
+    Ok(Comparison { scenarios, names, ranking, compared_at_yr, ratio, why, notes })
 }
 
-fn scenario(mission: &Mission, settings: &[(String, toml::Value)]) -> Result<Scenario, InputError> {
-    let mission = if settings.is_empty() { mission.clone() } else { mission.with(settings)? };
+/// Candidates as their launch dates are compared, where these are, and what a reader has to know of that.
+fn under_the_sun(candidates: &[Candidate], axes: &[Axis]) -> (Vec<Candidate>, Vec<String>) {
+    let mut candidates = candidates.to_vec();
+    let mut notes: Vec<String> = Vec::new();
+    let model = axes.iter().find(|axis| axis.key == sun::MODEL);
+    let asked_for = |axis: &Axis| axis.values.iter().any(|value| value.as_str() == Some("constant"));
+    let launches = axes.iter().any(|axis| axis.key == "mission.launch" && axis.values.len() > 1);
+    if launches && model.is_none_or(asked_for) {
+        for candidate in &mut candidates {
+            let (flown, note) = sun::of_launches(&candidate.mission, model.is_some());
+            candidate.mission = flown;
+            notes.extend(note.map(String::from).filter(|note| !notes.contains(note)));
+        }
+    }
+    (candidates, notes)
+}
+
+/// What tells candidates apart: their names, or names and files where a name stands more than once; the path where files of one
+/// name do.
+fn names(candidates: &[Candidate]) -> Vec<String> {
+    let name = |candidate: &Candidate| candidate.mission.mission.name.clone();
+    let short = |candidate: &Candidate| {
+        let file = Path::new(&candidate.file).file_name();
+        format!("{} ({})", name(candidate), file.unwrap_or_default().to_string_lossy())
+    };
+    let long = |candidate: &Candidate| format!("{} ({})", name(candidate), candidate.file);
+    let once = |label: &dyn Fn(&Candidate) -> String, own: &Candidate| {
+        candidates.iter().filter(|other| label(other) == label(own)).count() == 1
+    };
+    let tell = |own: &Candidate| {
+        if once(&name, own) {
+            name(own)
+        } else if once(&short, own) {
+            short(own)
+        } else {
+            long(own)
+        }
+    };
+    candidates.iter().map(tell).collect()
+}
+
+fn scenario(candidate: &Candidate, name: &str, settings: &[(String, toml::Value)]) -> Result<Scenario, InputError> {
+    let mission = if settings.is_empty() { candidate.mission.clone() } else { candidate.mission.with(settings)? };
     let judged = Mission { galaxies: vec![mission.judged_galaxy().clone()], ..mission.clone() };
     let evaluation = evaluate(&judged)?;
     let end = evaluation.end();
     Ok(Scenario {
+        name: name.into(),
+        file: candidate.file.clone(),
         settings: settings.to_vec(),
         dose_mev_g: end.dose_mev_g,
         active_yr: evaluation.model.history().active_years(end.t_yr),
@@ -96,49 +178,93 @@ fn scenario(mission: &Mission, settings: &[(String, toml::Value)]) -> Result<Sce
     })
 }
 
-/// What makes the best scenario better than the worst: dose, and what the same dose does; species by species.
-fn why(best: &Scenario, worst: &Scenario) -> Result<Vec<String>, InputError> {
-    let (Some(best_e), Some(worst_e)) = (best.delta_e, worst.delta_e) else {
-        return Ok(vec!["in the worst the galaxy has no measurable shape left".into()]);
-    };
-    if best_e >= worst_e {
-        return Ok(Vec::new());
+impl Scenario {
+    /// What it is ranked by.
+    fn merit(&self) -> Merit {
+        Merit {
+            uncorrected_yr: self.verdict.uncorrected.t_yr,
+            corrected_yr: self.verdict.corrected.t_yr,
+            delta_e: self.delta_e,
+        }
     }
+
+    /// How its dose is spread over the years: "constant" or "solar-cycle".
+    pub fn dose_model(&self) -> &'static str {
+        sun::model(&self.mission)
+    }
+}
+
+/// A scenario at one time.
+struct State {
+    delta_e: Option<f64>,
+    dose_mev_g: f64,
+    active_yr: f64,
+    /// For each species its share of |Δe| were it alone, and its release time in transfers.
+    shares: Vec<(String, f64, f64)>,
+}
+
+impl State {
+    fn of(scenario: &Scenario, t_yr: f64) -> Result<State, InputError> {
+        let judged = Mission { galaxies: vec![scenario.mission.judged_galaxy().clone()], ..scenario.mission.clone() };
+        let model = Model::new(&judged);
+        Ok(State {
+            delta_e: model.change(0, t_yr)?.map(|change| change.magnitude()),
+            dose_mev_g: model.dose_mev_g(t_yr)?,
+            active_yr: model.history().active_years(t_yr),
+            shares: shares(&model, t_yr)?,
+        })
+    }
+}
+
+/// |Δe| of the better over that of the worse, and what makes it so: dose, and what the same dose does; species by species.
+fn why(better: &State, worse: &State) -> (Option<f64>, Vec<String>) {
+    let (Some(better_e), Some(worse_e)) = (better.delta_e, worse.delta_e) else {
+        return (None, vec!["in the worst the galaxy has no measurable shape left".into()]);
+    };
+    if !(worse_e > 0.0) {
+        return (None, Vec::new());
+    }
+    let ratio = better_e / worse_e;
     let mut reasons = Vec::new();
     let alike = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
-    if !alike(best.dose_mev_g, worst.dose_mev_g) {
-        let although = if best.dose_mev_g > worst.dose_mev_g { "although the " } else { "" };
+    // A difference the other way round than that of |Δe| is no reason for it.
+    let although = |more: bool| if more == (ratio < 1.0) { "although " } else { "" };
+    if !alike(better.dose_mev_g, worse.dose_mev_g) {
         reasons.push(format!(
-            "{although}dose {:.3e} against {:.3e} MeV/g ({:.2} against {:.2} active years)",
-            best.dose_mev_g, worst.dose_mev_g, best.active_yr, worst.active_yr
+            "{}dose {:.3e} against {:.3e} MeV/g ({:.2} against {:.2} active years)",
+            although(better.dose_mev_g > worse.dose_mev_g),
+            better.dose_mev_g,
+            worse.dose_mev_g,
+            better.active_yr,
+            worse.active_yr
         ));
     }
-    if best.dose_mev_g > 0.0 && worst.dose_mev_g > 0.0 {
-        let (best_per, worst_per) = (best_e / best.dose_mev_g, worst_e / worst.dose_mev_g);
-        if !alike(best_per, worst_per) && (best_per / worst_per - 1.0).abs() > 0.01 {
-            let although = if best_per > worst_per { "although " } else { "" };
-            reasons.push(format!("{although}the same dose does {:.3} of the change of shape", best_per / worst_per));
+    if better.dose_mev_g > 0.0 && worse.dose_mev_g > 0.0 {
+        let (better_per, worse_per) = (better_e / better.dose_mev_g, worse_e / worse.dose_mev_g);
+        if (better_per / worse_per - 1.0).abs() > 0.01 {
+            reasons.push(format!(
+                "{}the same dose does {:.3} of the change of shape",
+                although(better_per > worse_per),
+                better_per / worse_per
+            ));
         }
-        let (from, to) = (shares(worst)?, shares(best)?);
-        for ((name, worst_share, worst_transfers), (_, best_share, best_transfers)) in
-            from.iter().zip(&to).filter(|(from, to)| from.0 == to.0 && (from.1 - to.1).abs() > 0.02)
+        for ((name, worse_share, worse_transfers), (_, better_share, better_transfers)) in
+            worse.shares.iter().zip(&better.shares).filter(|(from, to)| from.0 == to.0 && (from.1 - to.1).abs() > 0.02)
         {
             reasons.push(format!(
-                "{name}, released after {best_transfers:.3} against {worst_transfers:.3} transfers, makes {:.0} % of it \
+                "{name}, released after {better_transfers:.3} against {worse_transfers:.3} transfers, makes {:.0} % of it \
                  against {:.0} %",
-                100.0 * best_share,
-                100.0 * worst_share
+                100.0 * better_share,
+                100.0 * worse_share
             ));
         }
     }
-    Ok(reasons)
+    (Some(ratio), reasons)
 }
 
 /// For each species its share of |Δe| were it alone, and its release time in transfers.
-fn shares(scenario: &Scenario) -> Result<Vec<(String, f64, f64)>, InputError> {
-    let judged = Mission { galaxies: vec![scenario.mission.judged_galaxy().clone()], ..scenario.mission.clone() };
-    let model = Model::new(&judged);
-    let device = model.device_at(judged.mission.duration_yr)?;
+fn shares(model: &Model, t_yr: f64) -> Result<Vec<(String, f64, f64)>, InputError> {
+    let device = model.device_at(t_yr)?;
     let alone = |index: usize| -> Result<f64, InputError> {
         Ok(model.change_by(0, &device.with_species(index))?.map_or(0.0, |change| change.magnitude()))
     };

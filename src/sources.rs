@@ -104,7 +104,8 @@ pub fn once(sources: impl IntoIterator<Item = Source>) -> Vec<Source> {
     seen
 }
 
-fn over_time(mission: &Mission) -> Source {
+/// The dose over time.
+pub fn over_time(mission: &Mission) -> Source {
     match mission.environment.model {
         DoseModel::SolarCycle => Source::new(
             "Dose over time: seven active years of each solar cycle, four quiet ones",

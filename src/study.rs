@@ -10,6 +10,7 @@ pub mod clock;
 pub mod correction;
 pub mod distance;
 pub mod error_budget;
+mod estimate;
 pub mod launch;
 pub mod pocket_pumping;
 pub mod preflash;
@@ -17,6 +18,7 @@ pub mod shielding;
 mod signal;
 mod timeline;
 
+use chrono::NaiveDate;
 use clap::Args;
 use serde_json::{Map, Value};
 
@@ -30,11 +32,18 @@ use crate::plot::{Figure, level, line};
 use crate::scenario::Axis;
 use crate::sources::Source;
 
-pub use signal::Aperture;
+pub use estimate::Estimate;
+use signal::left_out;
+pub use signal::{Aperture, Exposure};
 pub use timeline::Timeline;
 
 /// A question that can be asked of a mission; its fields are the options of its command.
-pub trait Kind: Args {
+pub trait Kind: Args + Clone {
+    /// The same for a mission in which these keys were set on purpose, beside what its file says.
+    fn with_keys_set(self, _keys: &[&str]) -> Self {
+        self
+    }
+
     /// Answers it; `advance` is called whenever a part is done.
     ///
     /// # Errors
@@ -90,10 +99,19 @@ pub struct Table {
 pub struct Column {
     /// Key with its unit, for programs.
     pub key: String,
-    /// Name with its unit, for people.
+    /// Name with its unit, for people; a column without one is for programs alone.
     pub head: String,
     /// How numbers are shown to people.
     pub digits: Digits,
+    /// Key of the standard errors, where its numbers are estimated from draws.
+    pub error_key: Option<String>,
+}
+
+impl Column {
+    /// The same with numbers that are estimated from draws, whose errors have a key of their own.
+    fn with_error(self, key: impl Into<String>) -> Column {
+        Column { error_key: Some(key.into()), ..self }
+    }
 }
 
 /// How a number is shown.
@@ -112,10 +130,35 @@ pub enum Digits {
 pub enum Cell {
     /// A number in the column's unit; one that is not finite counts as none.
     Number(f64),
+    /// A number that is estimated from draws.
+    Estimate(Estimate),
+    /// A day that is estimated from draws, with its standard error in days where that is known.
+    Date(NaiveDate, Option<f64>),
     /// Words, or a date.
     Words(String),
     /// There is no such value.
     None,
+}
+
+impl Cell {
+    /// The value, for programs.
+    pub fn value(&self) -> Value {
+        match self {
+            Cell::Number(number) | Cell::Estimate(Estimate { value: number, .. }) => (*number).into(),
+            Cell::Date(date, _) => date.to_string().into(),
+            Cell::Words(words) => words.clone().into(),
+            Cell::None => Value::Null,
+        }
+    }
+
+    /// Its standard error, where it is estimated from draws.
+    pub fn error(&self) -> Option<f64> {
+        match self {
+            Cell::Estimate(Estimate { error, .. }) => Some(*error),
+            Cell::Date(_, error_d) => *error_d,
+            _ => None,
+        }
+    }
 }
 
 impl From<f64> for Cell {
@@ -127,6 +170,12 @@ impl From<f64> for Cell {
 impl From<Option<f64>> for Cell {
     fn from(number: Option<f64>) -> Cell {
         number.map_or(Cell::None, Cell::from)
+    }
+}
+
+impl From<Estimate> for Cell {
+    fn from(estimate: Estimate) -> Cell {
+        if estimate.value.is_finite() { Cell::Estimate(estimate) } else { Cell::None }
     }
 }
 
@@ -144,7 +193,7 @@ impl From<&str> for Cell {
 
 /// A column.
 fn column(key: impl Into<String>, head: impl Into<String>, digits: Digits) -> Column {
-    Column { key: key.into(), head: head.into(), digits }
+    Column { key: key.into(), head: head.into(), digits, error_key: None }
 }
 
 impl Study {
@@ -218,7 +267,26 @@ fn short(number: f64) -> String {
     plain(format!("{number:.3e}").parse().expect("a number that was printed"))
 }
 
+/// A date that is known to so many days (1 sigma), to the unit that they leave: a day, a month, or a year.
+pub(crate) fn known_date(date: NaiveDate, error_d: Option<f64>) -> String {
+    let format = match error_d {
+        Some(error_d) if error_d < 0.5 * MONTH_D => "%Y-%m-%d",
+        Some(error_d) if error_d < 6.0 * MONTH_D => "%Y-%m",
+        _ => "%Y",
+    };
+    date.format(format).to_string()
+}
+
+/// Days of a month.
+const MONTH_D: f64 = 365.25 / 12.0;
+
+/// An error in days, to one digit or two.
+pub(crate) fn days(error_d: f64) -> String {
+    let unit = if error_d < 100.0 { 1.0 } else { 10.0 };
+    format!("+- {} d", (error_d / unit).ceil() * unit)
+}
+
 /// When the budget is exceeded, in words.
-fn when(date: Option<chrono::NaiveDate>) -> String {
+fn when(date: Option<NaiveDate>) -> String {
     date.map_or("not within the mission".into(), |date| date.to_string())
 }

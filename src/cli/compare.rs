@@ -8,7 +8,7 @@ use super::{Failure, Outcome, Output, print, progress};
 use crate::error::InputError;
 use crate::file_argument::InputFile;
 use crate::mission::Mission;
-use crate::scenario::{Axis, compare};
+use crate::scenario::{Axis, Candidate, compare};
 
 #[derive(Debug, Args)]
 pub(super) struct Compare {
@@ -35,7 +35,9 @@ pub(super) struct Compare {
 
 impl Compare {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
-        let missions = self.missions.iter().map(Mission::read).collect::<Result<Vec<_>, _>>()?;
+        let candidate =
+            |path: &InputFile| Ok(Candidate { file: path.display().to_string(), mission: Mission::read(path)? });
+        let candidates = self.missions.iter().map(candidate).collect::<Result<Vec<_>, InputError>>()?;
         let named = [
             ("mission.launch", &self.launch),
             ("readout.line_time_ms", &self.line_time_ms),
@@ -51,17 +53,18 @@ impl Compare {
             let (key, values) = key_and_value(setting)?;
             axes.push(Axis::parse(key, values)?);
         }
-        if missions.len() == 1 && axes.is_empty() {
+        if candidates.len() == 1 && axes.is_empty() {
             return Err(InputError::new("cannot compare", "there is one mission and nothing that differs")
                 .with_help("give --launch, --line-time-ms, --transfers or --set KEY=VALUES, or several missions")
                 .into());
         }
         self.drawn.check()?;
-        let scenarios = missions.len() * axes.iter().map(|axis| axis.values.len()).product::<usize>();
+        let scenarios = candidates.len() * axes.iter().map(|axis| axis.values.len()).product::<usize>();
         let bar = progress(scenarios as u64, "scenarios");
-        let comparison = compare(&missions, &axes, || bar.inc(1));
+        let comparison = compare(&candidates, &axes, || bar.inc(1));
         bar.finish_and_clear();
         let comparison = comparison?;
+        let missions: Vec<Mission> = candidates.into_iter().map(|candidate| candidate.mission).collect();
         self.drawn.write(&comparison, &missions)?;
         print(&comparison, &self.output)?;
         Ok(Outcome::Done)

@@ -30,6 +30,11 @@ impl OneMission {
         mission_with(&self.path, &self.set)
     }
 
+    /// Keys that were set.
+    pub fn keys_set(&self) -> Vec<&str> {
+        self.set.iter().filter_map(|setting| Some(key_and_value(setting).ok()?.0)).collect()
+    }
+
     /// The mission as it was named, as words of a shell.
     pub fn words(&self) -> String {
         let set = self.set.iter().map(|setting| format!(" --set {}", quoted(Path::new(setting))));

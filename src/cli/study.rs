@@ -70,7 +70,8 @@ impl<K: study::Kind> Asked<K> {
         let mission = self.mission.read()?;
         self.drawn.check()?;
         let bar = searching("study");
-        let found = self.options.study(&mission, &|| bar.inc(1));
+        let options = self.options.clone().with_keys_set(&self.mission.keys_set());
+        let found = options.study(&mission, &|| bar.inc(1));
         bar.finish_and_clear();
         let found = found?;
         self.drawn.write(&found, &[mission])?;

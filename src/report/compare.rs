@@ -4,12 +4,13 @@ mod figures;
 
 use serde_json::{Value, json};
 
-use super::{Page, Parts, Report, crossing_json, or_dash, table, toml_json};
+use super::{Page, Parts, Report, crossing_json, keep_words, or_dash, table, toml_json};
 use crate::calendar::date_after;
+use crate::evaluate::Verdict;
 use crate::mission::Mission;
 use crate::plot::Figure;
 use crate::requirement::Crossing;
-use crate::scenario::{Comparison, Scenario};
+use crate::scenario::{Comparison, Criterion, Ranking, Scenario};
 use crate::sources::{self, Source};
 
 impl Report for Comparison {
@@ -28,7 +29,9 @@ impl Report for Comparison {
                 let requirement = &scenario.mission.requirement;
                 json!({
                     "mission": scenario.mission.mission.name,
+                    "file": scenario.file,
                     "settings": settings,
+                    "dose_model": scenario.dose_model(),
                     "dose_mev_g": scenario.dose_mev_g,
                     "active_yr": scenario.active_yr,
                     "delta_e": scenario.delta_e,
@@ -40,7 +43,21 @@ impl Report for Comparison {
                 })
             })
             .collect();
-        json!({"scenarios": scenarios, "best": self.best, "worst": self.worst, "why": self.why})
+        let ranking = &self.ranking;
+        json!({
+            "scenarios": scenarios,
+            "best": ranking.best[0],
+            "worst": ranking.worst[0],
+            "tied_best": ranking.best,
+            "tied_worst": ranking.worst,
+            "ranked_by": ranking.by.map(|criterion| match criterion {
+                Criterion::Uncorrected => "uncorrected.t_yr",
+                Criterion::Corrected => "corrected.t_yr",
+                Criterion::End => "delta_e",
+            }),
+            "why": self.why,
+            "notes": self.notes,
+        })
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
@@ -55,6 +72,8 @@ impl Report for Comparison {
                 "exceeded_date",
                 "corrected_t_yr",
                 "corrected_date",
+                "dose_model",
+                "file",
             ]
             .map(str::to_string),
         );
@@ -68,6 +87,7 @@ impl Report for Comparison {
                 row.push(number(crossing.t_yr));
                 row.push(date(scenario, crossing).map_or(String::new(), |date| date.to_string()));
             }
+            row.extend([scenario.dose_model().to_string(), scenario.file.clone()]);
             rows.push(row);
         }
         rows
@@ -81,41 +101,26 @@ impl Page for Comparison {
 
     fn parts(&self) -> Parts {
         let several = self.several_missions();
-        let mut header: Vec<String> = if several { vec!["mission".into()] } else { Vec::new() };
-        header.extend(self.scenarios[0].settings.iter().map(|(key, _)| short(key).to_string()));
-        if header.is_empty() {
-            header.push("mission".into());
-        }
-        header.extend(["dose [MeV/g]", "|delta e|", "exceeded", "corrected", ""].map(str::to_string));
-        let mut comparison = table(&header.iter().map(String::as_str).collect::<Vec<_>>());
+        let mut header: Vec<&str> = if several { vec!["mission"] } else { Vec::new() };
+        header.extend(self.scenarios[0].settings.iter().map(|(key, _)| short(key)));
+        header.extend(["dose [MeV/g]", "|delta e|"]);
+        let limits: [(&str, Limit); 2] =
+            [("exceeded", |verdict| &verdict.uncorrected), ("corrected", |verdict| &verdict.corrected)];
+        header.extend(limits.map(|(name, _)| name));
+        header.push("");
+        let mut comparison = table(&header);
         for (index, scenario) in self.scenarios.iter().enumerate() {
-            let mut row = Vec::new();
-            if several || scenario.settings.is_empty() {
-                row.push(scenario.mission.mission.name.clone());
-            }
+            let mut row: Vec<String> = if several { vec![scenario.name.clone()] } else { Vec::new() };
             row.extend(scenario.settings.iter().map(|(_, value)| setting(value)));
             row.push(format!("{:.3e}", scenario.dose_mev_g));
             row.push(scenario.delta_e.map_or("lost".into(), |delta_e| format!("{delta_e:.3e}")));
-            row.push(when(scenario, &scenario.verdict.uncorrected));
-            row.push(when(scenario, &scenario.verdict.corrected));
-            row.push(
-                if index == self.best {
-                    "best"
-                } else if index == self.worst {
-                    "worst"
-                } else {
-                    ""
-                }
-                .into(),
-            );
+            row.extend(limits.map(|(_, limit)| when(scenario, limit(&scenario.verdict))));
+            row.push(self.mark(index).into());
             comparison.add_row(row);
         }
+        keep_words(&mut comparison, usize::from(several));
         let first = &self.scenarios[0].mission;
-        let title = if several || self.scenarios[0].settings.is_empty() {
-            "Missions side by side".to_string()
-        } else {
-            first.mission.name.clone()
-        };
+        let title = if several { "Missions side by side".to_string() } else { first.mission.name.clone() };
         let alike = |value: fn(&Scenario) -> String| {
             self.scenarios.iter().all(|scenario| value(scenario) == value(&self.scenarios[0]))
         };
@@ -141,6 +146,9 @@ impl Page for Comparison {
         out.gap();
         out.table(comparison);
         out.gap();
+        for note in &self.notes {
+            out.verdict(note, 2);
+        }
         out.verdict(self.conclusion(), 2);
         for reason in &self.why {
             out.verdict(format!("  - {reason}"), 4);
@@ -152,49 +160,87 @@ impl Page for Comparison {
         self.drawn()
     }
 
+    fn names(&self, _: &[Mission]) -> Vec<String> {
+        self.names.clone()
+    }
+
     fn sources(&self, _: &[Mission]) -> Vec<Source> {
         sources::once(self.scenarios.iter().flat_map(|scenario| sources::of(&scenario.mission)))
     }
 }
 
+/// Most ties that are named.
+const NAMED: usize = 4;
+
+/// One of the limits of a verdict.
+type Limit = fn(&Verdict) -> &Crossing;
+
 impl Comparison {
     fn several_missions(&self) -> bool {
-        self.scenarios.iter().any(|scenario| scenario.mission.mission.name != self.scenarios[0].mission.mission.name)
+        self.names.len() > 1
+    }
+
+    /// Whether any scenario exceeds a limit.
+    fn is_exceeded(&self, limit: Limit) -> bool {
+        self.scenarios.iter().any(|scenario| limit(&scenario.verdict).t_yr.is_some())
+    }
+
+    fn mark(&self, index: usize) -> &str {
+        match &self.ranking {
+            Ranking { by: None, .. } => "",
+            Ranking { best, .. } if best.contains(&index) => "best",
+            Ranking { worst, .. } if worst.contains(&index) => "worst",
+            _ => "",
+        }
     }
 
     fn conclusion(&self) -> String {
-        let (best, worst) = (&self.scenarios[self.best], &self.scenarios[self.worst]);
-        let several = self.several_missions();
-        match (best.delta_e, worst.delta_e) {
-            (Some(least), Some(most)) if least >= most => "All are alike.".into(),
-            (Some(0.0), Some(most)) => {
-                format!(
-                    "Best: {}, without any change of shape, against {most:.3e} of the worst, {}, because",
-                    name(best, several),
-                    name(worst, several)
-                )
-            }
-            (Some(least), Some(most)) => format!(
-                "Best: {}, with {:.3} of the change of the worst, {}, because",
-                name(best, several),
-                least / most,
-                name(worst, several)
-            ),
-            _ => format!("Best: {}; worst: {}, because", name(best, several), name(worst, several)),
-        }
+        let Some(by) = self.ranking.by else { return "All are alike.".into() };
+        let of = |places: &[usize]| {
+            let lasts = |limit: &str, crossing: &Crossing| match crossing.t_yr {
+                Some(t_yr) => format!(", which exceeds the {limit} budget after {t_yr:.2} yr"),
+                None => format!(", which does not exceed the {limit} budget"),
+            };
+            let verdict = &self.scenarios[places[0]].verdict;
+            let fate = match by {
+                Criterion::Uncorrected => lasts("uncorrected", &verdict.uncorrected),
+                Criterion::Corrected => lasts("corrected", &verdict.corrected),
+                Criterion::End => String::new(),
+            };
+            let said = |place: &usize| name(&self.scenarios[*place], self.several_missions());
+            (format!("{}{fate}", said(&places[0])), places[1..].iter().map(said).collect::<Vec<_>>())
+        };
+        let tied = |(first, others): (String, Vec<String>), word: &str| match others.len() {
+            0 => first,
+            n if n <= NAMED => format!("{first} (equally {word}: {})", others.join("; ")),
+            n => format!("{first} (equally {word}: {}; {} more)", others[..NAMED].join("; "), n - NAMED),
+        };
+        let sides =
+            format!("Best: {}. Worst: {}.", tied(of(&self.ranking.best), "good"), tied(of(&self.ranking.worst), "bad"));
+        let when = match by {
+            Criterion::End => "At the end of the mission".into(),
+            _ => format!("After {:.2} yr", self.compared_at_yr[1]),
+        };
+        let how = match self.ratio {
+            Some(0.0) => "no change of shape".into(),
+            Some(ratio) => format!("{ratio:.3} of the |delta e| of the worst"),
+            None => "the smaller |delta e|".into(),
+        };
+        let because = if self.why.is_empty() { "." } else { ", because" };
+        format!("{sides} {when} the best has {how}{because}")
     }
 }
 
 /// What tells a scenario apart, in words.
 fn name(scenario: &Scenario, several_missions: bool) -> String {
-    let mission = format!("\"{}\"", scenario.mission.mission.name);
-    if scenario.settings.is_empty() {
-        return mission;
-    }
     let settings: Vec<String> =
         scenario.settings.iter().map(|(key, value)| format!("{} = {}", short(key), setting(value))).collect();
     let settings = settings.join(", ");
-    if several_missions { format!("{mission} with {settings}") } else { settings }
+    match (several_missions, settings.is_empty()) {
+        (true, false) => format!("\"{}\" with {settings}", scenario.name),
+        (true, true) => format!("\"{}\"", scenario.name),
+        (false, _) => settings,
+    }
 }
 
 /// The key without the section that holds it.
@@ -218,9 +264,10 @@ fn date(scenario: &Scenario, crossing: &Crossing) -> Option<chrono::NaiveDate> {
     date_after(scenario.mission.mission.launch.0, crossing.t_yr?)
 }
 
+/// The day and the years after launch: dates of different launches do not tell which lasts longer.
 fn when(scenario: &Scenario, crossing: &Crossing) -> String {
     or_dash(crossing.t_yr.map(|t_yr| match date(scenario, crossing) {
-        Some(date) => format!("{date}"),
+        Some(date) => format!("{date} {t_yr:.2} yr"),
         None => format!("{t_yr:.2} yr"),
     }))
 }

@@ -15,6 +15,10 @@ pub trait Page: Report {
     fn parts(&self) -> Parts;
     /// Figures with the names of their files.
     fn figures(&self) -> Vec<(String, Figure)>;
+    /// What to call the missions that it is of.
+    fn names(&self, missions: &[Mission]) -> Vec<String> {
+        missions.iter().map(|mission| mission.mission.name.clone()).collect()
+    }
     /// Where the models are from that made it of these missions.
     fn sources(&self, missions: &[Mission]) -> Vec<Source> {
         sources::once(missions.iter().flat_map(sources::of))
@@ -27,9 +31,9 @@ const STYLE: &str = include_str!("page.css");
 /// The page of a result, which was made of these missions.
 pub fn page(result: &impl Page, missions: &[Mission]) -> String {
     let parts = result.parts();
-    let names: Vec<&str> = missions.iter().map(|mission| mission.mission.name.as_str()).collect();
-    let names = names.join(", ");
-    let (of, what) = parts.title_html().unwrap_or((&names, ""));
+    let names = result.names(missions);
+    let all_names = names.join(", ");
+    let (of, what) = parts.title_html().unwrap_or((&all_names, ""));
     let (figures, numbers) = (result.figures(), parts.rest_html());
     let version = env!("CARGO_PKG_VERSION");
     let markup = html! {
@@ -57,8 +61,8 @@ pub fn page(result: &impl Page, missions: &[Mission]) -> String {
                     section {
                         h2 { "Mission as resolved" }
                         p { "With all defaults. It is a mission file itself: what is on this page can be computed from it again." }
-                        @for mission in missions {
-                            @if missions.len() > 1 { h3 { (mission.mission.name) } }
+                        @for (mission, name) in missions.iter().zip(&names) {
+                            @if missions.len() > 1 { h3 { (name) } }
                             pre.mission { (mission.to_toml()) }
                         }
                     }

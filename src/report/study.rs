@@ -7,7 +7,7 @@ use crate::mission::Mission;
 use crate::mission::keys::plain;
 use crate::plot::Figure;
 use crate::sources::{self, Source};
-use crate::study::{Cell, Digits, Study, Table};
+use crate::study::{Cell, Column, Digits, Study, Table, days, known_date};
 
 impl Report for Study {
     fn text(&self) -> String {
@@ -28,13 +28,13 @@ impl Report for Study {
 
     fn csv(&self) -> Vec<Vec<String>> {
         let first = &self.tables[0];
-        let mut records = vec![first.columns.iter().map(|column| column.key.clone()).collect::<Vec<_>>()];
-        let program = |cell: &Cell| match cell {
-            Cell::Number(number) => number.to_string(),
-            Cell::Words(words) => words.clone(),
-            Cell::None => String::new(),
+        let mut records = vec![keys(first).cloned().collect::<Vec<_>>()];
+        let program = |value: Value| match value {
+            Value::Null => String::new(),
+            Value::String(words) => words,
+            number => number.as_f64().map_or(String::new(), |number| number.to_string()),
         };
-        records.extend(first.rows.iter().map(|row| row.iter().map(program).collect()));
+        records.extend(first.rows.iter().map(|row| values(first, row).map(program).collect()));
         records
     }
 }
@@ -52,10 +52,12 @@ impl Page for Study {
             if !part.title.is_empty() {
                 out.words(&part.title, 2);
             }
-            let heads: Vec<&str> = part.columns.iter().map(|column| column.head.as_str()).collect();
+            let read = |column: &&Column| !column.head.is_empty();
+            let heads: Vec<&str> = part.columns.iter().filter(read).map(|column| column.head.as_str()).collect();
             let mut shown = table(&heads);
             for row in &part.rows {
-                shown.add_row(row.iter().zip(&part.columns).map(|(cell, column)| person(cell, column.digits)));
+                let cells = part.columns.iter().zip(row).filter(|(column, _)| read(column));
+                shown.add_row(cells.map(|(column, cell)| person(cell, column.digits)));
             }
             out.table(shown);
         }
@@ -75,15 +77,21 @@ impl Page for Study {
     }
 }
 
+/// Keys of a table: those of its columns, each before that of its errors.
+fn keys(part: &Table) -> impl Iterator<Item = &String> {
+    part.columns.iter().flat_map(|column| [Some(&column.key), column.error_key.as_ref()]).flatten()
+}
+
+/// Values of a row, in the order of its keys.
+fn values<'a>(part: &'a Table, row: &'a [Cell]) -> impl Iterator<Item = Value> + 'a {
+    part.columns.iter().zip(row).flat_map(|(column, cell)| {
+        let error = column.error_key.as_ref().map(|_| cell.error().into());
+        [Some(cell.value()), error].into_iter().flatten()
+    })
+}
+
 fn rows_json(part: &Table) -> Value {
-    let value = |cell: &Cell| match cell {
-        Cell::Number(number) => (*number).into(),
-        Cell::Words(words) => words.clone().into(),
-        Cell::None => Value::Null,
-    };
-    let row = |row: &Vec<Cell>| -> Value {
-        Value::Object(part.columns.iter().zip(row).map(|(column, cell)| (column.key.clone(), value(cell))).collect())
-    };
+    let row = |row: &Vec<Cell>| Value::Object(keys(part).cloned().zip(values(part, row)).collect());
     part.rows.iter().map(row).collect()
 }
 
@@ -92,6 +100,12 @@ fn person(cell: &Cell, digits: Digits) -> String {
     let number = match cell {
         Cell::Number(number) => Some(*number),
         Cell::Words(words) => return words.clone(),
+        Cell::Estimate(estimate) if matches!(digits, Digits::Scientific(_)) => return estimate.scientific(),
+        Cell::Estimate(estimate) => return estimate.to_string(),
+        Cell::Date(date, error_d) => {
+            let error = error_d.map_or("+- ?".into(), days);
+            return format!("{}\n{error}", known_date(*date, *error_d));
+        }
         Cell::None => None,
     };
     or_dash(number.map(|number| match digits {

@@ -15,8 +15,8 @@ use gauss_quad::GaussLegendre;
 use ndarray::{Array2, s};
 use rayon::prelude::*;
 
-use super::{Aperture, Digits, Kind, Study, Table};
-use super::{column, level, line, numbers, ready, short};
+use super::{Digits, Exposure, Kind, Study, Table};
+use super::{column, left_out, level, line, numbers, ready, short};
 use crate::accuracy::Purpose;
 use crate::error::InputError;
 use crate::mission::Mission;
@@ -84,17 +84,15 @@ impl Kind for ChargeInjection {
         let model = ready(mission)?;
         let device = model.device_at(mission.mission.duration_yr)?.fit_for(Purpose::BehindLine);
         let scene = model.scene(0).expect("a mission made ready has a galaxy with a shape");
-        let galaxy = mission.judged_galaxy();
-        let aperture = Aperture::of(mission, galaxy);
+        let exposure = Exposure::of(mission);
         let plain = Tried {
             spacing: None,
             delta_e: model.change_by(0, &device)?.map(|change| change.magnitude()),
             trail_e: 0.0,
             lost_rows: 0.0,
-            snr: aperture.snr(0.0, galaxy.read_noise_e),
+            snr: exposure.snr(0.0),
             area: 1.0,
         };
-        let dark = plain.snr;
         let with_lines = |spacing: u32| -> Result<Tried, InputError> {
             let (low, high) = (f64::from(guard + 1), f64::from(spacing - guard));
             let rule = GaussLegendre::new(NODES);
@@ -117,13 +115,15 @@ impl Kind for ChargeInjection {
                 delta_e: change.map(|change| change.magnitude()),
                 trail_e,
                 lost_rows,
-                snr: aperture.snr(trail_e, galaxy.read_noise_e),
-                area: (1.0 - lost_rows) / aperture.times_for(dark, trail_e, galaxy.read_noise_e),
+                snr: exposure.snr(trail_e),
+                area: (1.0 - lost_rows) * exposure.area_equal_depth(trail_e, &exposure),
             })
         };
         let mut tried = spacings.into_iter().map(with_lines).collect::<Result<Vec<Tried>, _>>()?;
         tried.push(plain);
-        Ok(report(mission, &tried, charge_e, &device))
+        let mut study = report(mission, &tried, charge_e, &device);
+        study.findings.extend(left_out(mission));
+        Ok(study)
     }
 }
 

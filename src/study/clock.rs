@@ -14,7 +14,7 @@
 use clap::Args;
 use rayon::prelude::*;
 
-use super::{Aperture, Cell, Column, Digits, Kind, Study, Table, Timeline};
+use super::{Cell, Digits, Exposure, Kind, Study, Table, Timeline};
 use super::{column, level, line, numbers, ratios, ready, when};
 use crate::conditions::Conditions;
 use crate::error::InputError;
@@ -104,20 +104,12 @@ fn tried(model: &Model, line_time_ms: f64) -> Result<Tried, InputError> {
 
 /// None where the mission does not say what a clock costs, or the amplifier cannot be clocked so.
 fn cost(mission: &Mission, line_time_ms: f64) -> Option<Cost> {
-    let noise = mission.readout.noise.as_ref()?;
-    let read_noise = |line_time_ms: f64| noise.read_noise_e(noise.pixel_rate_khz(line_time_ms)?);
-    let readout_s = |line_time_ms: f64| f64::from(noise.rows) * line_time_ms / 1000.0;
-    let aperture = Aperture::of(mission, mission.judged_galaxy());
-    let own_ms = mission.readout.line_time_ms;
-    let read_noise_e = read_noise(line_time_ms)?;
-    let snr = aperture.snr(0.0, read_noise_e);
-    let area = mission.survey.as_ref().zip(read_noise(own_ms)).map(|(survey, own_noise_e)| {
-        let own_s = survey.cycle_s(survey.exposure_s, readout_s(own_ms));
-        let times = aperture.times_for(aperture.snr(0.0, own_noise_e), 0.0, read_noise_e);
-        let cycle_s = |times: f64| survey.cycle_s(survey.exposure_s * times, readout_s(line_time_ms));
-        (own_s / cycle_s(1.0), own_s / cycle_s(times))
-    });
-    Some(Cost { read_noise_e, snr, readout_s: readout_s(line_time_ms), area })
+    let exposure = Exposure::with_line_time(mission, line_time_ms)?;
+    let own = Exposure::with_line_time(mission, mission.readout.line_time_ms);
+    let area =
+        own.filter(|_| mission.survey.is_some()).map(|own| (exposure.area(&own), exposure.area_equal_depth(0.0, &own)));
+    let (read_noise_e, readout_s) = (exposure.read_noise_e, exposure.readout_s);
+    Some(Cost { read_noise_e, snr: exposure.snr(0.0), readout_s, area })
 }
 
 fn table(tried: &[Tried]) -> Table {
@@ -159,8 +151,7 @@ fn table(tried: &[Tried]) -> Table {
 
 fn by_species(tried: &[Tried], species: &[String]) -> Table {
     let mut columns = vec![column("line_time_ms", "line [ms]", Digits::Significant(4))];
-    let of =
-        |name: &String| Column { key: format!("delta_e1_{name}"), head: name.clone(), digits: Digits::Scientific(2) };
+    let of = |name: &String| column(format!("delta_e1_{name}"), name.clone(), Digits::Scientific(2));
     columns.extend(species.iter().map(of));
     let row = |tried: &Tried| {
         let mut row = vec![Cell::from(tried.line_time_ms)];

@@ -13,7 +13,8 @@ use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, CYCLE_YR};
 use crate::error::InputError;
 use crate::mission::{DoseModel, Mission};
 use crate::plot::{Figure, Kind as Drawn, Panel, Series};
-use crate::scenario::Axis;
+use crate::scenario::{Axis, Merit, Ranking, sun};
+use crate::sources;
 
 /// Years over which launches are tried where none are given, and the step between two.
 const CYCLES_YR: u32 = 22;
@@ -26,6 +27,9 @@ pub struct Launch {
     /// from the mission's launch]
     #[arg(long, value_name = "DATES")]
     pub launch: Option<String>,
+    /// Whether a dose that is an average over the solar cycle was asked for on purpose, and stays one
+    #[arg(skip)]
+    pub keep_average: bool,
 }
 
 /// What becomes of one launch date.
@@ -36,13 +40,33 @@ struct Tried {
     timeline: Timeline,
 }
 
+impl Tried {
+    fn name(&self) -> String {
+        self.mission.mission.launch.to_string()
+    }
+
+    fn merit(&self) -> Merit {
+        let requirement = &self.mission.requirement;
+        Merit {
+            uncorrected_yr: self.timeline.crossing(requirement.delta_e).t_yr,
+            corrected_yr: self.timeline.crossing(requirement.delta_e * requirement.correction_factor).t_yr,
+            delta_e: self.timeline.end(),
+        }
+    }
+}
+
 impl Kind for Launch {
+    fn with_keys_set(self, keys: &[&str]) -> Launch {
+        Launch { keep_average: keys.contains(&sun::MODEL), ..self }
+    }
+
     fn study(&self, mission: &Mission, advance: &(dyn Fn() + Sync)) -> Result<Study, InputError> {
         let own = mission.mission.launch;
         let last = own.0.checked_add_months(chrono::Months::new(12 * CYCLES_YR)).unwrap_or(own.0);
         let text = self.launch.clone().unwrap_or_else(|| format!("{own}..{last}:{STEP_YR}"));
         let launches = Axis::parse("mission.launch", &text)?.values;
-        let model = ready(mission)?;
+        let (flown, note) = sun::of_launches(mission, self.keep_average);
+        let model = ready(&flown)?;
         let (cycled, assumed) = continued(&model.mission, &launches);
         let launched = |launch: &toml::Value| {
             let mission = cycled.with(&[("mission.launch".into(), launch.clone())])?;
@@ -56,7 +80,12 @@ impl Kind for Launch {
         let tried: Vec<Result<Tried, InputError>> = launches.par_iter().map(launched).collect();
         // The first of several errors, whichever came first.
         let tried = tried.into_iter().collect::<Result<Vec<_>, _>>()?;
-        Ok(report(mission, &cycled, &tried, &assumed))
+        let mut study = report(mission, &cycled, &tried, &assumed);
+        study.findings.splice(0..0, note.map(String::from));
+        if sun::model(&cycled) != sun::model(mission) {
+            study.sources.push(sources::over_time(&cycled));
+        }
+        Ok(study)
     }
 }
 
@@ -101,9 +130,12 @@ fn report(mission: &Mission, cycled: &Mission, tried: &[Tried], assumed: &[f64])
             tried.timeline.end().into(),
             tried.timeline.crossing(limit).t_yr.into(),
             day(tried.timeline.date(limit)),
+            tried.timeline.crossing(corrected).t_yr.into(),
             day(tried.timeline.date(corrected)),
+            sun::model(&tried.mission).into(),
         ]
     });
+    let exceeded = tried.iter().any(|tried| tried.merit().corrected_yr.is_some());
     study.tables = vec![Table {
         name: "launches",
         title: String::new(),
@@ -114,13 +146,15 @@ fn report(mission: &Mission, cycled: &Mission, tried: &[Tried], assumed: &[f64])
             column("delta_e", "|delta e|", Digits::Scientific(3)),
             column("exceeded_t_yr", "after [yr]", Digits::Fixed(2)),
             column("exceeded_date", "exceeded", Digits::Fixed(0)),
+            column("corrected_t_yr", if exceeded { "after [yr]" } else { "" }, Digits::Fixed(2)),
             column("corrected_date", "corrected", Digits::Fixed(0)),
+            column("dose_model", "", Digits::Fixed(0)),
         ],
         rows: rows.collect(),
         ..Table::default()
     }];
     study.figures = vec![("launch.svg".into(), figure(mission, cycled, tried))];
-    conclude(&mut study, mission, tried, assumed);
+    conclude(&mut study, mission, cycled, tried, assumed);
     study
 }
 
@@ -129,6 +163,10 @@ fn figure(mission: &Mission, cycled: &Mission, tried: &[Tried]) -> Figure {
     let x: Vec<f64> = tried.iter().map(|tried| decimal_year(tried.mission.mission.launch.0)).collect();
     let (first, last) = (x.iter().copied().fold(f64::INFINITY, f64::min), x.iter().copied().fold(0.0, f64::max));
     let shades = || -> Vec<Series> {
+        // An average knows no active years.
+        if sun::model(cycled) == "constant" {
+            return Vec::new();
+        }
         let stretches = solar_cycle::active_years(&solar_cycle::maxima(&cycled.environment.solar_maximum, last));
         let seen = stretches.into_iter().filter(|stretch| stretch.to > first && stretch.from < last);
         let shade = |stretch: solar_cycle::ActiveYears| Series {
@@ -145,7 +183,7 @@ fn figure(mission: &Mission, cycled: &Mission, tried: &[Tried]) -> Figure {
     let ends = tried.iter().map(|tried| tried.timeline.end().unwrap_or(f64::NAN)).collect();
     let exceeded = tried.iter().map(|tried| tried.timeline.crossing(limit).t_yr.unwrap_or(f64::NAN)).collect();
     Figure {
-        title: format!("{}: launch date", mission.mission.name),
+        title: format!("{}: launch date; dose: {}", mission.mission.name, sun::model(cycled)),
         panels: vec![
             panel("|delta e| at the end", vec![line("at the end of life", 1, &x, ends), level("budget", limit)]),
             panel(
@@ -159,11 +197,10 @@ fn figure(mission: &Mission, cycled: &Mission, tried: &[Tried]) -> Figure {
     }
 }
 
-fn conclude(study: &mut Study, mission: &Mission, tried: &[Tried], assumed: &[f64]) {
-    let end = |tried: &Tried| tried.timeline.end().unwrap_or(f64::INFINITY);
-    let best = tried.iter().min_by(|a, b| end(a).total_cmp(&end(b))).expect("at least one launch");
-    let worst = tried.iter().rev().max_by(|a, b| end(a).total_cmp(&end(b))).expect("at least one launch");
-    let name = |tried: &Tried| tried.mission.mission.launch.to_string();
+/// Most ties that are named.
+const NAMED: usize = 6;
+
+fn conclude(study: &mut Study, mission: &Mission, cycled: &Mission, tried: &[Tried], assumed: &[f64]) {
     if !assumed.is_empty() {
         let years: Vec<String> = assumed.iter().map(|year| format!("{year:.1}")).collect();
         study.find(format!(
@@ -171,42 +208,59 @@ fn conclude(study: &mut Study, mission: &Mission, tried: &[Tried], assumed: &[f6
             years.join(", ")
         ));
     }
-    study.result("best_launch", name(best));
-    study.result("worst_launch", name(worst));
-    let alike = end(worst) - end(best) <= 1e-6 * end(best);
+    study.result("dose_model", sun::model(cycled));
+    let ranking = Ranking::of(&tried.iter().map(Tried::merit).collect::<Vec<_>>());
+    let names = |places: &[usize]| -> Vec<String> { places.iter().map(|place| tried[*place].name()).collect() };
+    study.result("best_launch", tried[ranking.best[0]].name());
+    study.result("worst_launch", tried[ranking.worst[0]].name());
+    study.result("tied_best_launches", names(&ranking.best));
+    study.result("tied_worst_launches", names(&ranking.worst));
     // Many rows of the same are nothing to read.
-    study.tables[0].programs_only = alike && tried.len() > 2;
-    if alike {
-        let end = best.timeline.end().map_or("no shape left".into(), |end| format!("|delta e| {end:.3e} at the end"));
-        let after = best.timeline.crossing(mission.requirement.delta_e).t_yr;
-        let after = after.map_or("never within the mission".into(), |t_yr| format!("after {t_yr:.2} yr"));
-        study.find(format!("{} launches were tried: {end}, the uncorrected budget exceeded {after}.", tried.len()));
-    }
-    if alike && mission.environment.model == DoseModel::Constant && mission.effects.get("solar-cycle").is_none() {
-        study.find(
-            "Every launch date is alike: the mission's dose is a constant average over the solar cycle. \
-             --set environment.model=solar-cycle lets it follow the Sun.",
-        );
-        return;
-    }
-    if alike {
-        study.find("Every launch date that was tried is alike.");
-        return;
-    }
-    let limit = mission.requirement.delta_e;
-    let said = |tried: &Tried| {
-        let shape = tried.timeline.end().map_or("no shape left".into(), |end| format!("|delta e| {end:.3e}"));
-        let after = tried.timeline.crossing(limit).t_yr.map_or("not exceeded within the mission".into(), |t_yr| {
-            format!("exceeded after {t_yr:.2} yr, on {}", when(tried.timeline.date(limit)))
-        });
-        format!("{} ({:.2} active years, {shape}, {after})", name(tried), tried.active_yr)
+    study.tables[0].programs_only = ranking.by.is_none() && tried.len() > 2;
+    let requirement = &mission.requirement;
+    let fate = |tried: &Tried, dated: bool| {
+        let shape =
+            tried.timeline.end().map_or("no shape left".into(), |end| format!("|delta e| {end:.3e} at the end"));
+        let lasts = |name: &str, limit: f64| match tried.timeline.crossing(limit).t_yr {
+            Some(t_yr) => {
+                let day = if dated { format!(", on {}", when(tried.timeline.date(limit))) } else { String::new() };
+                format!("{name} budget exceeded after {t_yr:.2} yr{day}")
+            }
+            None => format!("{name} budget not exceeded within the mission"),
+        };
+        let corrected = requirement.delta_e * requirement.correction_factor;
+        let mut words = vec![format!("{:.2} active years", tried.active_yr), lasts("uncorrected", requirement.delta_e)];
+        if tried.timeline.crossing(corrected).t_yr.is_some() {
+            words.push(lasts("corrected", corrected));
+        }
+        words.push(shape);
+        words.join("; ")
     };
-    study.find(format!("The best launch is {}.", said(best)));
-    study.find(format!("The worst launch is {}.", said(worst)));
-    if end(worst).is_finite() && end(best) > 0.0 {
-        study.result("worst_over_best", end(worst) / end(best));
-        study.find(format!("The launch date is worth a factor {:.2} in shape error.", end(worst) / end(best)));
+    if ranking.by.is_none() {
+        study.find(format!("{} launches were tried, all alike: {}.", tried.len(), fate(&tried[0], false)));
+        return;
     }
-    let lasting = tried.iter().filter(|tried| tried.timeline.crossing(limit).t_yr.is_none()).count();
+    for (side, places) in [("best", &ranking.best), ("worst", &ranking.worst)] {
+        let first = &tried[places[0]];
+        study.find(format!("The {side} launch is {} ({}).", first.name(), fate(first, true)));
+        if places.len() > 1 {
+            let mut others = names(&places[1..]);
+            if others.len() > NAMED {
+                others.splice(NAMED.., [format!("{} more", places.len() - 1 - NAMED)]);
+            }
+            let word = if side == "best" { "good" } else { "bad" };
+            study.find(format!("Equally {word}: {}.", others.join(", ")));
+        }
+    }
+    let ends: Option<Vec<f64>> = tried.iter().map(|tried| tried.timeline.end()).collect();
+    if let Some(ends) = ends {
+        let (least, most) =
+            ends.iter().fold((f64::INFINITY, 0.0_f64), |(least, most), end| (least.min(*end), most.max(*end)));
+        if least > 0.0 {
+            study.result("worst_over_best", most / least);
+            study.find(format!("The launch date is worth a factor {:.2} in |delta e| at the end.", most / least));
+        }
+    }
+    let lasting = tried.iter().filter(|tried| tried.merit().uncorrected_yr.is_none()).count();
     study.find(format!("{lasting} of {} launches stay within the uncorrected budget to their end.", tried.len()));
 }

@@ -12,8 +12,8 @@
 use clap::Args;
 use rayon::prelude::*;
 
-use super::{Aperture, Cell, Digits, Kind, Study, Table, Timeline};
-use super::{column, level, line, numbers, ready, short, when};
+use super::{Cell, Digits, Exposure, Kind, Study, Table, Timeline};
+use super::{column, left_out, level, line, numbers, ready, short, when};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::plot::{Figure, Panel};
@@ -32,8 +32,8 @@ struct Tried {
     timeline: Timeline,
     flux_loss: Option<f64>,
     snr: f64,
-    /// Exposure, over the one without a flash, that has its signal-to-noise ratio.
-    times: f64,
+    /// Area at equal depth over that without a flash.
+    area: f64,
 }
 
 impl Kind for Preflash {
@@ -43,9 +43,7 @@ impl Kind for Preflash {
         electrons.sort_by(f64::total_cmp);
         electrons.dedup();
         let model = ready(mission)?;
-        let galaxy = mission.judged_galaxy();
-        let aperture = Aperture::of(mission, galaxy);
-        let dark = aperture.snr(0.0, galaxy.read_noise_e);
+        let exposure = Exposure::of(mission);
         let tried: Vec<Result<Tried, InputError>> = electrons
             .into_par_iter()
             .map(|electrons| {
@@ -57,13 +55,15 @@ impl Kind for Preflash {
                     electrons,
                     timeline,
                     flux_loss: model.change_by(0, &model.device(&at)?)?.map(|change| -change.delta_flux),
-                    snr: aperture.snr(electrons, galaxy.read_noise_e),
-                    times: aperture.times_for(dark, electrons, galaxy.read_noise_e),
+                    snr: exposure.snr(electrons),
+                    area: exposure.area_equal_depth(electrons, &exposure),
                 })
             })
             .collect();
         let tried = tried.into_iter().collect::<Result<Vec<Tried>, _>>()?;
-        Ok(report(mission, &tried, aperture.radius_px))
+        let mut study = report(mission, &tried, exposure.aperture.radius_px);
+        study.findings.extend(left_out(mission));
+        Ok(study)
     }
 }
 
@@ -88,7 +88,7 @@ fn report(mission: &Mission, tried: &[Tried], radius_px: f64) -> Study {
             tried.flux_loss.map(|loss| 100.0 * loss).into(),
             tried.snr.into(),
             (100.0 * (1.0 - tried.snr / dark.snr)).into(),
-            (1.0 / tried.times).into(),
+            tried.area.into(),
             day(tried.timeline.date(limit)),
             day(tried.timeline.date(corrected)),
         ]
@@ -169,7 +169,7 @@ fn conclude(study: &mut Study, mission: &Mission, tried: &[Tried]) {
                     short(level.electrons),
                     when(dark.timeline.date(limit)),
                     100.0 * (1.0 - level.snr / dark.snr),
-                    100.0 * (1.0 - 1.0 / level.times)
+                    100.0 * (1.0 - level.area)
                 ));
             }
             None => {

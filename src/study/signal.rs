@@ -5,13 +5,96 @@
 //! ```
 //!
 //! for a share s of the flux F within r, sky B, exposures t times as long, charge P that is put in by the camera with its shot
-//! noise, and read noise R.
+//! noise, and read noise R. A survey covers an area per time of
+//!
+//! ```text
+//! area ∝ 1/(t exposure + max(readout, slew))
+//! ```
+//!
+//! with reading out and slewing at once.
 
 use std::f64::consts::PI;
 
+use super::short;
 use crate::galaxy::{Profile, snr};
-use crate::mission::{Galaxy, Mission};
+use crate::mission::{Galaxy, Mission, Survey};
 use crate::root;
+
+/// Exposures of the judged galaxy with one clock. Every study takes read noise, S/N and area from here.
+#[derive(Clone, Debug)]
+pub struct Exposure {
+    /// The galaxy.
+    pub aperture: Aperture,
+    /// Read noise, e- per pixel.
+    pub read_noise_e: f64,
+    /// Time that reading out takes, s.
+    pub readout_s: f64,
+    survey: Option<Survey>,
+}
+
+impl Exposure {
+    /// With the mission's own clock. Where `[readout.noise]` has no read noise for it, it is that of the judged galaxy.
+    pub fn of(mission: &Mission) -> Exposure {
+        let line_time_ms = mission.readout.line_time_ms;
+        let read_noise_e = read_noise_e(mission, line_time_ms).unwrap_or(mission.judged_galaxy().read_noise_e);
+        Exposure::with(mission, line_time_ms, read_noise_e)
+    }
+
+    /// With another time between two parallel transfers (ms). None where `[readout.noise]` has no read noise for it.
+    pub fn with_line_time(mission: &Mission, line_time_ms: f64) -> Option<Exposure> {
+        Some(Exposure::with(mission, line_time_ms, read_noise_e(mission, line_time_ms)?))
+    }
+
+    fn with(mission: &Mission, line_time_ms: f64, read_noise_e: f64) -> Exposure {
+        // As many rows as transfers at least, where the mission does not say how many there are.
+        let rows = mission.readout.noise.as_ref().map_or(mission.readout.transfers, |noise| noise.rows);
+        Exposure {
+            aperture: Aperture::of(mission, mission.judged_galaxy()),
+            read_noise_e,
+            readout_s: f64::from(rows) * line_time_ms / 1000.0,
+            survey: mission.survey.clone(),
+        }
+    }
+
+    /// Signal-to-noise ratio with charge (e- per pixel) on top of the sky.
+    pub fn snr(&self, extra_e: f64) -> f64 {
+        self.aperture.snr(extra_e, self.read_noise_e)
+    }
+
+    /// Area per time over that of other exposures, each as long as the mission's.
+    pub fn area(&self, reference: &Exposure) -> f64 {
+        reference.cycle(1.0) / self.cycle(1.0)
+    }
+
+    /// Area per time over that of other exposures, where these are made longer or shorter until they have the others'
+    /// signal-to-noise ratio in spite of charge (e- per pixel) on top of the sky.
+    pub fn area_equal_depth(&self, extra_e: f64, reference: &Exposure) -> f64 {
+        let times = self.aperture.times_for(reference.snr(0.0), extra_e, self.read_noise_e);
+        reference.cycle(1.0) / self.cycle(times)
+    }
+
+    /// Time from one exposure so many times as long to the next, s; without a survey the exposure alone, in its own length.
+    fn cycle(&self, times: f64) -> f64 {
+        self.survey.as_ref().map_or(times, |survey| survey.cycle_s(times * survey.exposure_s, self.readout_s))
+    }
+}
+
+/// What S/N and area leave out because it is not in the mission, in sentences.
+pub(super) fn left_out(mission: &Mission) -> impl Iterator<Item = String> {
+    let noise = mission.readout.noise.is_none().then(|| {
+        let read_noise_e = short(mission.judged_galaxy().read_noise_e);
+        format!("[readout.noise] is not in the mission: S/N is with the galaxy's read noise, {read_noise_e} e-.")
+    });
+    let survey =
+        mission.survey.is_none().then(|| "[survey] is not in the mission: area counts exposure time alone.".into());
+    noise.into_iter().chain(survey)
+}
+
+/// Read noise (e-) of a clock with so many ms between two parallel transfers, by `[readout.noise]`.
+fn read_noise_e(mission: &Mission, line_time_ms: f64) -> Option<f64> {
+    let noise = mission.readout.noise.as_ref()?;
+    noise.read_noise_e(noise.pixel_rate_khz(line_time_ms)?)
+}
 
 /// A galaxy in an aperture.
 #[derive(Clone, Copy, Debug, PartialEq)]

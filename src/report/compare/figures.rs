@@ -1,19 +1,14 @@
 //! |Δe| at the end of the mission, and when the budget is exceeded, along what differs most often.
 
-use super::{setting, short};
+use super::{Limit, setting, short};
 use crate::calendar::decimal_year;
-use crate::evaluate::Verdict;
 use crate::mission::Date;
 use crate::mission::keys::plain;
 use crate::plot::{Figure, Panel, Series, level, line, points};
-use crate::requirement::Crossing;
 use crate::scenario::{Comparison, Scenario};
 
 /// Groups of scenarios that colours tell apart; more are not drawn.
 const COLOURS: usize = 6;
-
-/// One of the limits of a verdict.
-type Limit = fn(&Verdict) -> &Crossing;
 
 /// Scenarios that differ in what is along x, and their places there.
 struct Group<'a> {
@@ -58,14 +53,23 @@ impl Comparison {
             ("after correction [yr]", |verdict| &verdict.corrected),
         ];
         for (y_label, limit) in limits {
-            if self.scenarios.iter().any(|scenario| limit(&scenario.verdict).t_yr.is_some()) {
+            if self.is_exceeded(limit) {
                 panels.push(panel(y_label, false, draw(&|scenario| limit(&scenario.verdict).t_yr)));
             }
         }
         let left_out = groups.len().saturating_sub(COLOURS);
         let not_drawn = if left_out > 0 { format!(" ({left_out} groups more are not drawn)") } else { String::new() };
-        let title = format!("Change of ellipticity, and when it exceeds the budget, against {x_label}{not_drawn}");
+        let sun = self.notes.first().map_or(String::new(), |_| format!("; dose: {}", self.dose_models()));
+        let title = format!("Change of ellipticity, and when it exceeds the budget, against {x_label}{not_drawn}{sun}");
         vec![("compare.svg".into(), Figure { title, panels })]
+    }
+
+    /// The models of the dose over time, each once.
+    fn dose_models(&self) -> String {
+        let mut models: Vec<&str> = self.scenarios.iter().map(Scenario::dose_model).collect();
+        models.sort_unstable();
+        models.dedup();
+        models.join(", ")
     }
 
     /// The setting with most values, if it is a number or a date.
@@ -92,7 +96,7 @@ impl Comparison {
             let (x, name) = match along {
                 None => ((row + 1) as f64, String::new()),
                 Some(along) => {
-                    let mut said = if several { vec![scenario.mission.mission.name.clone()] } else { Vec::new() };
+                    let mut said = if several { vec![scenario.name.clone()] } else { Vec::new() };
                     let others = scenario.settings.iter().enumerate().filter(|(index, _)| *index != along);
                     said.extend(others.map(|(_, (key, value))| format!("{} = {}", short(key), setting(value))));
                     (number(&scenario.settings[along].1).expect("a number, as those of all scenarios"), said.join(", "))

@@ -1,0 +1,47 @@
+//! Launch dates are compared under the Sun of their years.
+//!
+//! With `environment.model = "constant"` the dose is an average over the solar cycle: every launch date has the same, and there
+//! is nothing to compare. Comparisons of launch dates take the cycle instead, unless the average is asked for beside them.
+
+use crate::mission::{DoseModel, Mission, Orbit};
+
+/// Key of the model of the dose over time.
+pub(crate) const MODEL: &str = "environment.model";
+
+/// What is said where the cycle stands in for the average.
+const FOLLOWS: &str = "Launch dates are compared with environment.model = \"solar-cycle\": the mission's \"constant\" \
+                                  is an average over the cycle, the same for every launch (--set environment.model=constant \
+                                  keeps it).";
+
+/// What is said where the average was asked for.
+const AVERAGED: &str = "With environment.model = \"constant\", as was asked for, the dose is an average over the \
+                                   solar cycle: every launch date is alike.";
+
+/// What is said of a mission that no solar protons reach.
+const LOW_ORBIT: &str = "In a low Earth orbit the dose rate is the one that the mission gives, the same in all years: launch \
+                         dates are alike.";
+
+/// The mission as its launch dates are compared: with the solar cycle in place of an average over it, unless that was `kept` on
+/// purpose; and what a reader has to know of it.
+pub(crate) fn of_launches(mission: &Mission, kept: bool) -> (Mission, Option<&'static str>) {
+    let mut flown = mission.clone();
+    if model(mission) != "constant" {
+        return (flown, None);
+    }
+    if mission.mission.orbit == Orbit::Leo {
+        return (flown, Some(LOW_ORBIT));
+    }
+    if kept {
+        return (flown, Some(AVERAGED));
+    }
+    flown.environment.model = DoseModel::SolarCycle;
+    (flown, Some(FOLLOWS))
+}
+
+/// How the dose of a mission is spread over the years, as the mission file calls it.
+pub(crate) fn model(mission: &Mission) -> &'static str {
+    match mission.environment.model {
+        DoseModel::Constant if !mission.effects.contains_key("solar-cycle") => "constant",
+        _ => "solar-cycle",
+    }
+}

@@ -1,0 +1,137 @@
+//! Numbers that are estimated from draws, and their errors.
+//!
+//! Errors are those of the bootstrap: the draws are drawn from again, with replacement, and the number is made anew of each
+//! such sample (Efron 1979, Ann. Statist. 7, 1).
+
+use std::fmt;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::short;
+
+/// Samples of the bootstrap: an error is known to a tenth of itself.
+const SAMPLES: u64 = 200;
+
+/// Streams of the bootstrap, apart from those of the draws themselves.
+const STREAMS: u64 = 1 << 40;
+
+/// A number with its standard error, in the same unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// The number.
+    pub value: f64,
+    /// Its standard error from the finite number of draws.
+    pub error: f64,
+}
+
+/// Values of statistics, and their standard errors from the finite number of draws.
+///
+/// `statistics` makes them of the draws whose places it is given, the same number of statistics each time. A statistic may be
+/// infinite: later than what was followed. An error is half the central 68.3 % of the samples, or its lower half where the
+/// upper one is infinite; None where that is infinite, too. The same seed gives the same bits, whatever the number of threads.
+pub fn with_errors(
+    draws: usize,
+    seed: u64,
+    statistics: impl Fn(&[usize]) -> Vec<f64> + Sync,
+) -> Vec<(f64, Option<f64>)> {
+    let sample = |sample: u64| {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        random.set_stream(STREAMS + sample);
+        let places: Vec<usize> = (0..draws).map(|_| random.random_range(0..draws)).collect();
+        statistics(&places)
+    };
+    let samples: Vec<Vec<f64>> = (0..SAMPLES).into_par_iter().map(sample).collect();
+    let values = statistics(&(0..draws).collect::<Vec<_>>());
+    let error = |index: usize| spread(samples.iter().map(|sample| sample[index]).collect());
+    values.into_iter().enumerate().map(|(index, value)| (value, error(index))).collect()
+}
+
+/// Half the central 68.3 % of values.
+fn spread(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let [low, middle, high] =
+        [0.1587, 0.5, 0.8413].map(|share| values[(share * (values.len() - 1) as f64).round() as usize]);
+    let half = if high.is_finite() { 0.5 * (high - low) } else { middle - low };
+    half.is_finite().then_some(half)
+}
+
+impl Estimate {
+    /// The estimate times an exact factor.
+    pub fn times(self, factor: f64) -> Estimate {
+        Estimate { value: factor * self.value, error: factor.abs() * self.error }
+    }
+
+    /// An exact number over the estimate.
+    pub fn under(self, dividend: f64) -> Estimate {
+        let value = dividend / self.value;
+        Estimate { value, error: (value / self.value).abs() * self.error }
+    }
+
+    /// The power of ten of the last digit that the error leaves: its first one, or the one behind a leading 1.
+    fn last_digit(&self) -> i32 {
+        let exponent = self.error.log10().floor();
+        let leading = (self.error / 10_f64.powf(exponent)).round();
+        exponent as i32 - i32::from(leading < 2.0)
+    }
+
+    /// The same in scientific notation.
+    pub fn scientific(&self) -> String {
+        if !(self.error > 0.0 && self.error.is_finite()) {
+            return format!("{:.2e}", self.value);
+        }
+        let exponent = self.value.abs().max(self.error).log10().floor() as i32;
+        let decimals = (exponent - self.last_digit()).max(0) as usize;
+        let own = usize::from(self.error / 10_f64.powf(self.error.log10().floor()) < 1.5);
+        format!("{:.decimals$e} +- {:.own$e}", self.value, self.error)
+    }
+}
+
+/// Without an exponent, to the digits that the error leaves; without an error where that is 0.
+impl fmt::Display for Estimate {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !(self.error > 0.0 && self.error.is_finite()) {
+            return write!(out, "{}", short(self.value));
+        }
+        // The digits of a double at most.
+        let last = self.last_digit().max(-12);
+        let unit = 10_f64.powi(last.max(0));
+        let (value, error) = ((self.value / unit).round() * unit, (self.error / unit).round() * unit);
+        match usize::try_from(-last) {
+            Ok(decimals) => write!(out, "{:.decimals$} +- {:.decimals$}", self.value, self.error),
+            Err(_) => write!(out, "{value} +- {error}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digits_match_the_error() {
+        let shown = |value, error| Estimate { value, error }.to_string();
+        assert_eq!(shown(16.5618, 0.412), "16.6 +- 0.4");
+        assert_eq!(shown(16.5618, 0.1712), "16.56 +- 0.17");
+        assert_eq!(shown(16.5618, 2.3), "17 +- 2");
+        assert_eq!(shown(1234.5, 56.0), "1230 +- 60");
+        assert_eq!(shown(0.0372, 0.00313), "0.037 +- 0.003");
+        assert_eq!(shown(0.999, 0.0996), "1.00 +- 0.10");
+        assert_eq!(Estimate { value: 7.934e-5, error: 3.1e-6 }.scientific(), "7.9e-5 +- 3e-6");
+        assert_eq!(Estimate { value: 7.934e-5, error: 1.31e-6 }.scientific(), "7.93e-5 +- 1.3e-6");
+        assert_eq!(Estimate { value: 1.13e-6, error: 1.2e-5 }.scientific(), "1.1e-6 +- 1.2e-5");
+    }
+
+    #[test]
+    fn the_error_of_a_mean_is_that_of_the_textbook() {
+        let values: Vec<f64> = (0..400).map(|index| f64::from(index % 20)).collect();
+        let mean =
+            |places: &[usize]| vec![places.iter().map(|place| values[*place]).sum::<f64>() / places.len() as f64];
+        let (value, error) = with_errors(values.len(), 1, mean)[0];
+        assert_eq!(value, 9.5);
+        // √((20² − 1)/12/400)
+        let expected = (399.0 / 12.0 / 400.0_f64).sqrt();
+        assert!((error.unwrap() / expected - 1.0).abs() < 0.25, "{error:?} {expected}");
+    }
+}
