@@ -23,8 +23,9 @@ use rand_distr::{Distribution, Normal, Poisson, StandardNormal};
 use rayon::prelude::*;
 use serde_json::Value;
 
-use super::{Digits, Kind, Study, Table, Timeline};
-use super::{column, level, line, ready, short, when};
+use super::estimate::with_errors;
+use super::{Cell, Digits, Estimate, Exposure, Kind, Study, Table, Timeline};
+use super::{column, days, known_date, level, line, ready, short, when};
 use crate::error::InputError;
 use crate::file_argument::InputFile;
 use crate::galaxy::{Profile, snr};
@@ -54,7 +55,7 @@ pub struct Correction {
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=50))]
     pub iterations: u32,
     /// Sets of believed parameters that are drawn
-    #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 400, value_parser = clap::value_parser!(u32).range(2..=10_000))]
     pub draws: u32,
     /// Read noise, e- per pixel [default: that of the mission's clock, or of its galaxy]
     #[arg(long, value_name = "ELECTRONS", value_parser = electrons)]
@@ -232,14 +233,15 @@ impl<'a> Bench<'a> {
         self.left(&self.model.like(&mission).device_at(self.t_yr)?)
     }
 
-    /// Root mean square of |Δe| that is left over draws of what is known, and how many were measured.
+    /// Root mean square of |Δe| that is left over draws of what is known, with its standard error. None where a draw leaves no
+    /// shape.
     pub fn drawn(
         &self,
         knowledge: &Knowledge,
         draws: u32,
         seed: u64,
         advance: &(dyn Fn() + Sync),
-    ) -> Result<Option<f64>, InputError> {
+    ) -> Result<Option<Estimate>, InputError> {
         let one = |draw: u32| {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
             random.set_stream(u64::from(draw));
@@ -249,8 +251,13 @@ impl<'a> Bench<'a> {
         let left: Vec<Result<_, InputError>> = (0..draws).into_par_iter().map(one).collect();
         // The first of several errors, whichever came first.
         let left = left.into_iter().collect::<Result<Vec<_>, _>>()?;
-        let squares: Option<f64> = left.iter().map(|change| change.map(|change| change.magnitude().powi(2))).sum();
-        Ok(squares.map(|squares| (squares / f64::from(draws)).sqrt()))
+        let squares: Option<Vec<f64>> = left.iter().map(|change| Some(change.as_ref()?.magnitude().powi(2))).collect();
+        let Some(squares) = squares else { return Ok(None) };
+        let rms = |places: &[usize]| {
+            vec![(places.iter().map(|place| squares[*place]).sum::<f64>() / places.len() as f64).sqrt()]
+        };
+        let (value, error) = with_errors(squares.len(), seed, rms)[0];
+        Ok(error.map(|error| Estimate { value, error }))
     }
 
     /// What the true model leaves of galaxies with photon noise (before the transfers) and read noise (after them): mean, and
@@ -316,8 +323,19 @@ struct Left {
     /// Its error in %, where it is a parameter's.
     error_percent: Option<f64>,
     delta_e: Option<f64>,
-    /// Standard error of that.
+    /// Standard error of that, where it is estimated from draws.
     sigma: Option<f64>,
+}
+
+impl Left {
+    /// A number made of |Δe| by a law, for a column.
+    fn cell(&self, law: impl Fn(Estimate) -> Estimate) -> Cell {
+        let of = |error: f64| self.delta_e.map(|value| law(Estimate { value, error }));
+        match self.sigma {
+            Some(sigma) => of(sigma).map_or(Cell::None, Cell::from),
+            None => of(0.0).map(|exact| exact.value).into(),
+        }
+    }
 }
 
 impl Kind for Correction {
@@ -375,11 +393,16 @@ impl Kind for Correction {
         };
         left.extend((0..none.len()).into_par_iter().map(single).collect::<Result<Vec<_>, InputError>>()?);
         let together = match none.is_empty() {
-            true => left[0].delta_e,
+            true => left[0].delta_e.map(|value| Estimate { value, error: 0.0 }),
             false => bench.drawn(&knowledge, self.draws, seed, advance)?,
         };
-        left.push(Left { cause: "all together, rms".into(), error_percent: None, delta_e: together, sigma: None });
-        let read_noise_e = self.read_noise_e.unwrap_or_else(|| own_read_noise_e(mission));
+        left.push(Left {
+            cause: "all together, rms".into(),
+            error_percent: None,
+            delta_e: together.map(|rms| rms.value),
+            sigma: together.map(|rms| rms.error),
+        });
+        let read_noise_e = self.read_noise_e.unwrap_or_else(|| Exposure::of(mission).read_noise_e);
         // Without read noise the true model leaves nothing but the readout's accuracy.
         let realisations = if read_noise_e > 0.0 { self.realisations } else { 0 };
         let noisy = bench.noisy(read_noise_e, realisations, seed, advance)?;
@@ -393,17 +416,10 @@ impl Kind for Correction {
         }
         study.tables = vec![table(&left, uncorrected)];
         study.result("uncorrected_delta_e", uncorrected);
-        conclude(&mut study, &model, &left, uncorrected, together)?;
+        let noise = noisy.map(|(mean, error)| Estimate { value: mean.delta_e1.abs(), error: error.delta_e1 });
+        conclude(&mut study, &model, &left, uncorrected, together, noise)?;
         Ok(study)
     }
-}
-
-/// Read noise of the mission's clock, or of its judged galaxy.
-fn own_read_noise_e(mission: &Mission) -> f64 {
-    let noise = mission.readout.noise.as_ref();
-    noise
-        .and_then(|noise| noise.read_noise_e(noise.pixel_rate_khz(mission.readout.line_time_ms)?))
-        .unwrap_or(mission.judged_galaxy().read_noise_e)
 }
 
 fn table(left: &[Left], uncorrected: f64) -> Table {
@@ -411,10 +427,9 @@ fn table(left: &[Left], uncorrected: f64) -> Table {
         vec![
             left.cause.clone().into(),
             left.error_percent.into(),
-            left.delta_e.into(),
-            left.sigma.into(),
-            left.delta_e.map(|delta_e| 100.0 * delta_e / uncorrected).into(),
-            left.delta_e.map(|delta_e| uncorrected / delta_e).into(),
+            left.cell(|delta_e| delta_e),
+            left.cell(|delta_e| delta_e.times(100.0 / uncorrected)),
+            left.cell(|delta_e| delta_e.under(uncorrected)),
         ]
     });
     Table {
@@ -423,14 +438,26 @@ fn table(left: &[Left], uncorrected: f64) -> Table {
         columns: vec![
             column("cause", "imperfect", Digits::Fixed(0)),
             column("error_percent", "by [%]", Digits::Significant(3)),
-            column("delta_e", "|delta e| left", Digits::Scientific(2)),
-            column("delta_e_sigma", "+-", Digits::Scientific(1)),
-            column("left_percent", "left [%]", Digits::Significant(3)),
-            column("factor", "factor", Digits::Significant(3)),
+            column("delta_e", "|delta e| left", Digits::Scientific(2)).with_error("delta_e_sigma"),
+            column("left_percent", "left [%]", Digits::Significant(3)).with_error("left_error_percent"),
+            column("factor", "factor", Digits::Significant(3)).with_error("factor_error"),
         ],
         rows: rows.collect(),
         ..Table::default()
     }
+}
+
+/// What errors of the parameters and noise leave together. The mean that noise leaves is a bias whose square is known from the
+/// square of its estimate less that of its error: what is chance alone is nothing on average.
+fn earned(uncorrected: f64, together: Estimate, noise: Option<Estimate>) -> Estimate {
+    let noise = noise.unwrap_or(Estimate { value: 0.0, error: 0.0 });
+    let bias2 = (noise.value.powi(2) - noise.error.powi(2)).max(0.0);
+    let value = (together.value.powi(2) + bias2).sqrt();
+    // Errors of the squares: 2 x σ, and for the bias 2 σ² at least.
+    let squares = (2.0 * together.value * together.error)
+        .hypot(2.0 * bias2.sqrt() * noise.error)
+        .hypot(std::f64::consts::SQRT_2 * noise.error.powi(2));
+    Estimate { value, error: 0.5 * squares / value }.under(uncorrected)
 }
 
 fn conclude(
@@ -438,7 +465,8 @@ fn conclude(
     model: &Model,
     left: &[Left],
     uncorrected: f64,
-    together: Option<f64>,
+    together: Option<Estimate>,
+    noise: Option<Estimate>,
 ) -> Result<(), InputError> {
     let mission = &model.mission;
     let requirement = &mission.requirement;
@@ -451,13 +479,13 @@ fn conclude(
         study.find("Correction with what is known leaves no shape to measure.");
         return Ok(());
     };
-    let noise = left.iter().find(|left| left.sigma.is_some());
-    // The mean that noise leaves is a bias, known to its standard error: only what stands out of that counts.
-    let biased = noise.map(|noise| (noise.delta_e.unwrap_or(0.0), noise.sigma.unwrap_or(0.0)));
-    let bias = biased.filter(|(delta_e, sigma)| *delta_e > STANDS_OUT * sigma).map_or(0.0, |(delta_e, _)| delta_e);
-    let earned = uncorrected / together.hypot(bias);
-    study.result("earned_factor", earned);
-    study.result("corrected_percent", 100.0 * (1.0 - 1.0 / earned));
+    let factor = earned(uncorrected, together, noise);
+    let removed =
+        Estimate { value: 100.0 * (1.0 - 1.0 / factor.value), error: 100.0 * factor.error / factor.value.powi(2) };
+    study.result("earned_factor", factor.value);
+    study.result("earned_factor_error", factor.error);
+    study.result("corrected_percent", removed.value);
+    study.result("corrected_error_percent", removed.error);
     let causes = || left.iter().filter(|left| left.error_percent.is_some());
     let square = |left: &Left| left.delta_e.map_or(0.0, |delta_e| delta_e * delta_e);
     if let Some(limits) = causes().max_by(|a, b| square(a).total_cmp(&square(b))) {
@@ -474,34 +502,33 @@ fn conclude(
             ));
         }
     }
-    match biased {
-        Some((delta_e, sigma)) if bias > 0.0 => study.find(format!(
-            "Noise leaves {delta_e:.1e} +- {sigma:.0e} even with the true model: read noise was not trailed, but is corrected as \
-             if it were."
-        )),
-        Some((_, sigma)) => study.find(format!(
-            "Noise leaves nothing that stands out of its standard error, {sigma:.0e}; more --realisations would tell more."
-        )),
-        None => study.find(
-            "Read noise is not in these figures: --read-noise-e, [readout.noise] or the galaxy's read_noise_e would give it.",
+    study.find(match noise {
+        Some(noise) if noise.value > STANDS_OUT * noise.error => format!(
+            "Noise leaves {} even with the true model: read noise was not trailed, but is corrected as if it were.",
+            noise.scientific()
         ),
-    }
+        Some(noise) => format!(
+            "Noise leaves nothing that stands out of its standard error, {:.0e}; more --realisations would tell more.",
+            noise.error
+        ),
+        None => "Read noise is not in these figures: --read-noise-e, [readout.noise] or the galaxy's read_noise_e would give it."
+            .into(),
+    });
     let within = if needed <= 1.0 {
         "no correction is needed to the end of the mission".to_string()
     } else {
         format!("a factor {needed:.2} is needed to stay within the budget to the end")
     };
     study.find(format!(
-        "The correction earns a factor {earned:.1} ({:.2} % removed), where the mission assumes {assumed}; {within}. Published: \
+        "The correction earns a factor {factor} ({removed} % removed), where the mission assumes {assumed}; {within}. Published: \
          a factor 10 (Massey et al. 2009, ACS), 98 % removed (Massey et al. 2014, ACS), 99.68 % in simulations with a perfect \
-         model (Israel et al. 2015, Euclid).",
-        100.0 * (1.0 - 1.0 / earned)
+         model (Israel et al. 2015, Euclid)."
     ));
     study.find(format!(
         "The budget is exceeded: uncorrected {}, with the assumed factor {}, with the earned one {}.",
         when(timeline.date(requirement.delta_e)),
         when(timeline.date(requirement.delta_e * assumed)),
-        when(timeline.date(requirement.delta_e * earned))
+        earned_date(&timeline, requirement.delta_e, factor)
     ));
     let x: Vec<f64> = timeline.points.iter().map(|point| point.0).collect();
     let curve = |factor: f64| -> Vec<f64> {
@@ -513,7 +540,7 @@ fn conclude(
         series: vec![
             line("uncorrected", 2, &x, curve(1.0)),
             line(&format!("assumed factor {assumed}"), 1, &x, curve(assumed)),
-            line(&format!("earned factor {earned:.1}"), 3, &x, curve(earned)),
+            line(&format!("earned factor {factor}"), 3, &x, curve(factor.value)),
             level("budget", requirement.delta_e),
         ],
         ..Panel::default()
@@ -523,4 +550,18 @@ fn conclude(
         Figure { title: format!("{}: correction", mission.mission.name), panels: vec![panel] },
     )];
     Ok(())
+}
+
+/// When the budget is exceeded with a factor that is known to its error: the dates of one error less and one more tell how well.
+fn earned_date(timeline: &Timeline, delta_e: f64, factor: Estimate) -> String {
+    let [low, own, high] =
+        [-1.0, 0.0, 1.0].map(|errors| timeline.date(delta_e * (factor.value + errors * factor.error)));
+    let Some(date) = own else { return when(own) };
+    match low.zip(high.or(own)) {
+        Some((low, high)) => {
+            let error_d = 0.5 * (high - low).num_days() as f64;
+            format!("{} ({})", known_date(date, Some(error_d)), days(error_d))
+        }
+        None => known_date(date, None),
+    }
 }

@@ -10,6 +10,7 @@
 //! (Saltelli et al. 2008, Global Sensitivity Analysis: squared standardised regression coefficients of independent
 //! inputs.) Confidence of the fluence is no such input: it is chosen, see `study shielding`.
 
+use chrono::NaiveDate;
 use clap::Args;
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
@@ -17,11 +18,12 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
+use super::estimate::with_errors;
 use super::launch::until;
-use super::{Cell, Digits, Kind, Study, Table, Timeline};
-use super::{column, ready, short};
+use super::{Cell, Digits, Estimate, Kind, Study, Table, Timeline};
+use super::{column, days, known_date, ready, short};
 use crate::accuracy::Purpose;
-use crate::calendar::{date_after, decimal_year};
+use crate::calendar::{DAYS_PER_YEAR, date_after, decimal_year};
 use crate::dose;
 use crate::environment::esp::Spectrum;
 use crate::environment::shielding::{Geometry, dose_behind};
@@ -44,7 +46,7 @@ const PERCENTILES: [f64; 5] = [5.0, 16.0, 50.0, 84.0, 95.0];
 #[derive(Clone, Debug, Args)]
 pub struct ErrorBudget {
     /// Missions that are drawn
-    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
     pub draws: u32,
     /// Years since launch up to which dates are followed [default: three times the mission, at most 100; the mission alone where
     /// its corrected budget is exceeded within half of it]
@@ -213,8 +215,8 @@ struct Budget {
     bench: Bench,
     nominal: Fate,
     fates: Vec<Fate>,
-    /// Share of the variance of each input, and of what is not linear; None where |Δe| does not vary or is lost.
-    shares: Option<(Vec<f64>, f64)>,
+    /// What the draws tell, with the errors of their finite number.
+    found: Found,
     /// Fates at −1 σ and +1 σ of each input alone.
     swings: Vec<[Fate; 2]>,
 }
@@ -241,53 +243,122 @@ impl ErrorBudget {
             .collect();
         let swings = swings.into_iter().collect::<Result<_, _>>()?;
         let nominal = bench.fate(&vec![0.0; bench.inputs.len()])?;
-        Ok(Budget { shares: shares(&deviations, &fates), nominal, fates, swings, bench })
+        let found = Found::of(&deviations, &fates, bench.duration_yr, seed);
+        Ok(Budget { nominal, fates, found, swings, bench })
     }
 }
 
-/// Shares of the variance of ln |Δe|, and what is left.
-fn shares(deviations: &[Vec<f64>], fates: &[Fate]) -> Option<(Vec<f64>, f64)> {
-    let inputs = deviations[0].len();
-    let measured: Vec<(&Vec<f64>, f64)> = deviations
-        .iter()
-        .zip(fates)
-        .filter_map(|(deviations, fate)| Some((deviations, fate.delta_e.filter(|delta_e| *delta_e > 0.0)?.ln())))
-        .collect();
-    if inputs == 0 || measured.len() < 2 * (inputs + 1) {
-        return None;
+/// What draws tell, each number with its standard error.
+struct Found {
+    /// Share of the variance of each input, and of what is not linear; None where |Δe| does not vary or is lost.
+    shares: Option<(Vec<Estimate>, Estimate)>,
+    /// Standard deviation of ln |Δe| at the end of the mission.
+    sigma_ln: Option<Estimate>,
+    limits: [Exceeded; 2],
+}
+
+/// When a limit is exceeded.
+struct Exceeded {
+    /// Each percentile of the time (yr), with its error where that is known; None beyond the horizon.
+    percentiles: Vec<Option<(f64, Option<f64>)>>,
+    /// Share of the draws in which it is exceeded within the mission.
+    within: Estimate,
+}
+
+impl Found {
+    fn of(deviations: &[Vec<f64>], fates: &[Fate], duration_yr: f64, seed: u64) -> Found {
+        let inputs = deviations[0].len();
+        // For each limit its percentiles and the share within, then σ, then the shares and what is left of them.
+        let statistics = |places: &[usize]| {
+            let mut values = Vec::new();
+            for limit in [0, 1] {
+                let mut times: Vec<f64> =
+                    places.iter().map(|place| fates[*place].exceeded_yr[limit].unwrap_or(f64::INFINITY)).collect();
+                times.sort_by(f64::total_cmp);
+                values.extend(PERCENTILES.map(|percent| percentile(&times, percent)));
+                let within = times.partition_point(|t_yr| *t_yr <= duration_yr);
+                values.push(within as f64 / times.len() as f64);
+            }
+            let logs = Logs::of(places, deviations, fates);
+            values.push(logs.sigma());
+            values.extend(logs.shares().unwrap_or(vec![f64::NAN; inputs + 1]));
+            values
+        };
+        let mut found = with_errors(fates.len(), seed, statistics).into_iter();
+        let mut next = || found.next().expect("as many as there are statistics");
+        let estimate = |(value, error): (f64, Option<f64>)| Estimate { value, error: error.unwrap_or(0.0) };
+        let limits = [0, 1].map(|_| Exceeded {
+            percentiles: PERCENTILES.map(|_| next()).into_iter().map(|one| one.0.is_finite().then_some(one)).collect(),
+            within: estimate(next()),
+        });
+        let sigma_ln = Some(estimate(next())).filter(|sigma| sigma.value.is_finite());
+        let mut shares: Vec<Estimate> = found.map(estimate).collect();
+        let rest = shares.pop().expect("what is left");
+        Found { shares: (inputs > 0 && rest.value.is_finite()).then_some((shares, rest)), sigma_ln, limits }
     }
-    let design = DMatrix::from_fn(measured.len(), inputs + 1, |row, column| match column {
-        0 => 1.0,
-        column => measured[row].0[column - 1],
-    });
-    let values = DVector::from_iterator(measured.len(), measured.iter().map(|(_, value)| *value));
-    let found = Span::of(&design, 1e-9).solve(&values);
-    let rest = (&values - design * &found).norm_squared() / (measured.len() - inputs - 1) as f64;
-    let squares: Vec<f64> = found.iter().skip(1).map(|slope| slope * slope).collect();
-    let total = squares.iter().sum::<f64>() + rest;
-    (total > 0.0).then(|| (squares.iter().map(|square| square / total).collect(), rest / total))
+}
+
+/// A percentile of sorted times (yr), between two of them on a straight line.
+fn percentile(times: &[f64], percent: f64) -> f64 {
+    let place = percent / 100.0 * (times.len() - 1) as f64;
+    let (low, high) = (times[place.floor() as usize], times[place.ceil() as usize]);
+    if low == high { low } else { low + place.fract() * (high - low) }
+}
+
+/// ln |Δe| at the end of the mission, and the deviations that made it, of draws that have a shape left then.
+struct Logs<'a>(Vec<(&'a Vec<f64>, f64)>);
+
+impl Logs<'_> {
+    fn of<'a>(places: &[usize], deviations: &'a [Vec<f64>], fates: &[Fate]) -> Logs<'a> {
+        let log = |place: &usize| {
+            let delta_e = fates[*place].delta_e.filter(|delta_e| *delta_e > 0.0)?;
+            Some((&deviations[*place], delta_e.ln()))
+        };
+        Logs(places.iter().filter_map(log).collect())
+    }
+
+    /// Standard deviation; not a number of fewer than two.
+    fn sigma(&self) -> f64 {
+        let n = self.0.len() as f64;
+        let mean = self.0.iter().map(|(_, log)| log).sum::<f64>() / n;
+        (self.0.iter().map(|(_, log)| (log - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt()
+    }
+
+    /// Shares of the variance of each input, and what is left. None where there are too few, or nothing varies.
+    fn shares(&self) -> Option<Vec<f64>> {
+        let inputs = self.0.first()?.0.len();
+        if inputs == 0 || self.0.len() < 2 * (inputs + 1) {
+            return None;
+        }
+        let design = DMatrix::from_fn(self.0.len(), inputs + 1, |row, column| match column {
+            0 => 1.0,
+            column => self.0[row].0[column - 1],
+        });
+        let values = DVector::from_iterator(self.0.len(), self.0.iter().map(|(_, log)| *log));
+        let found = Span::of(&design, 1e-9).solve(&values);
+        let rest = (&values - design * &found).norm_squared() / (self.0.len() - inputs - 1) as f64;
+        let mut parts: Vec<f64> = found.iter().skip(1).map(|slope| slope * slope).collect();
+        parts.push(rest);
+        let total: f64 = parts.iter().sum();
+        (total > 0.0).then(|| parts.iter().map(|part| part / total).collect())
+    }
 }
 
 impl Budget {
-    /// Percentile of the date on which a limit is exceeded (yr); None beyond the horizon.
-    fn percentile(&self, limit: usize, percent: f64) -> Option<f64> {
-        let mut times: Vec<f64> =
-            self.fates.iter().map(|fate| fate.exceeded_yr[limit].unwrap_or(f64::INFINITY)).collect();
-        times.sort_by(f64::total_cmp);
-        let place = percent / 100.0 * (times.len() - 1) as f64;
-        let (low, high) = (times[place.floor() as usize], times[place.ceil() as usize]);
-        let between = if low == high { low } else { low + place.fract() * (high - low) };
-        between.is_finite().then_some(between)
-    }
-
-    /// Share of the draws in which a limit is exceeded within the mission.
-    fn exceeded(&self, limit: usize) -> f64 {
-        let within = |fate: &&Fate| fate.exceeded_yr[limit].is_some_and(|t_yr| t_yr <= self.bench.duration_yr);
-        self.fates.iter().filter(within).count() as f64 / self.fates.len() as f64
-    }
-
     fn date(&self, t_yr: Option<f64>) -> Option<String> {
         date_after(self.bench.model.mission.mission.launch.0, t_yr?).map(|date| date.to_string())
+    }
+
+    /// The day that a percentile (by its place) of a limit stands for, and its error in days; None beyond the horizon.
+    fn day(&self, limit: usize, percentile: usize) -> Option<(NaiveDate, Option<f64>)> {
+        let (t_yr, error_yr) = self.found.limits[limit].percentiles[percentile]?;
+        let date = date_after(self.bench.model.mission.mission.launch.0, t_yr)?;
+        Some((date, error_yr.map(|error_yr| error_yr * DAYS_PER_YEAR)))
+    }
+
+    /// Shares of the variance, without their errors.
+    fn shares(&self) -> Option<&[Estimate]> {
+        self.found.shares.as_ref().map(|(shares, _)| &shares[..])
     }
 }
 
@@ -345,8 +416,8 @@ impl Kind for ErrorBudget {
 /// Inputs by their share, the largest first.
 fn ranked(budget: &Budget) -> Vec<usize> {
     let mut order: Vec<usize> = (0..budget.bench.inputs.len()).collect();
-    if let Some((shares, _)) = &budget.shares {
-        order.sort_by(|a, b| shares[*b].total_cmp(&shares[*a]));
+    if let Some(shares) = budget.shares() {
+        order.sort_by(|a, b| shares[*b].value.total_cmp(&shares[*a].value));
     }
     order
 }
@@ -359,7 +430,7 @@ fn inputs_table(budget: &Budget) -> Table {
         vec![
             budget.bench.inputs[index].name.clone().into(),
             (100.0 * budget.bench.inputs[index].sigma).into(),
-            budget.shares.as_ref().map(|(shares, _)| 100.0 * shares[index]).into(),
+            budget.shares().map_or(Cell::None, |shares| shares[index].times(100.0).into()),
             over(high).map(|(with, without)| 100.0 * (with / without - 1.0)).into(),
             day(low),
             day(high),
@@ -374,7 +445,7 @@ fn inputs_table(budget: &Budget) -> Table {
         columns: vec![
             column("input", "input", Digits::Fixed(0)),
             column("sigma_percent", "sigma [%]", Digits::Significant(3)),
-            column("share_percent", "share [%]", Digits::Fixed(1)),
+            column("share_percent", "share [%]", Digits::Fixed(1)).with_error("share_error_percent"),
             column("delta_e_percent", "|delta e| [%]", Digits::Fixed(2)),
             column("low_date", "at -1 sigma", Digits::Fixed(0)),
             column("high_date", "at +1 sigma", Digits::Fixed(0)),
@@ -386,18 +457,22 @@ fn inputs_table(budget: &Budget) -> Table {
 
 fn dates_table(name: &'static str, title: String, budget: &Budget) -> Table {
     let mut columns = vec![column("budget", "budget", Digits::Fixed(0))];
-    let percentile = |percent: &f64| column(format!("p{percent:02}_date"), format!("{percent} %"), Digits::Fixed(0));
-    columns.extend(PERCENTILES.iter().map(percentile));
-    columns.push(column("exceeded_within_percent", "flown", Digits::Fixed(0)));
+    columns.extend(PERCENTILES.iter().map(|percent| {
+        let date = column(format!("p{percent:02}_date"), format!("{percent} %"), Digits::Fixed(0));
+        date.with_error(format!("p{percent:02}_error_d"))
+    }));
+    columns
+        .push(column("exceeded_within_percent", "flown", Digits::Fixed(0)).with_error("exceeded_within_error_percent"));
     let row = |(limit, name): (usize, &str)| {
-        let date = |percent: &f64| budget.date(budget.percentile(limit, *percent)).map_or(Cell::None, Cell::from);
+        let date =
+            |place: usize| budget.day(limit, place).map_or(Cell::None, |(date, error_d)| Cell::Date(date, error_d));
         let mut row: Vec<Cell> = vec![name.into()];
-        row.extend(PERCENTILES.iter().map(date));
-        row.push((100.0 * budget.exceeded(limit)).into());
+        row.extend((0..PERCENTILES.len()).map(date));
+        row.push(budget.found.limits[limit].within.times(100.0).into());
         row
     };
-    let own = "Percentiles of the date on which the budget is exceeded (-: later than the years that were followed); flown: % of \
-               draws in which that is within the mission";
+    let own = "Percentiles of the date on which the budget is exceeded (-: later than the years that were followed), with standard \
+               errors in days; flown: % of draws in which that is within the mission";
     Table {
         name,
         title: if title.is_empty() { own.into() } else { title },
@@ -435,10 +510,10 @@ fn figure(mission: &Mission, budget: &Budget) -> Figure {
         ..Panel::default()
     };
     let mut panels = vec![dates];
-    if let Some((shares, _)) = &budget.shares {
+    if let Some(shares) = budget.shares() {
         let order = ranked(budget);
         let bars = order.iter().enumerate().map(|(place, index)| {
-            let (x, y) = (place as f64 + 1.0, 100.0 * shares[*index]);
+            let (x, y) = (place as f64 + 1.0, 100.0 * shares[*index].value);
             let kind = Drawn::Line { x: vec![x, x], y: vec![0.0, y], dashed: false };
             let points = Drawn::Points { x: vec![x], y: vec![y], sigma: None };
             let label = (y >= 1.0).then(|| format!("{}: {}", place + 1, budget.bench.inputs[*index].name));
@@ -468,39 +543,49 @@ fn conclude(study: &mut Study, mission: &Mission, budget: &Budget, horizon_yr: f
             budget.fates.len()
         ));
     }
-    match &budget.shares {
+    match &budget.found.shares {
         Some((shares, rest)) => {
-            study.result("rest_share", *rest);
+            study.result("rest_share", rest.value);
+            study.result("rest_share_error", rest.error);
             let order = ranked(budget);
             let said =
-                |index: &usize| format!("{} ({:.0} %)", budget.bench.inputs[*index].name, 100.0 * shares[*index]);
+                |index: &usize| format!("{} ({} %)", budget.bench.inputs[*index].name, shares[*index].times(100.0));
             let next: Vec<String> = order.iter().skip(1).take(2).map(said).collect();
             study.result("dominant_input", budget.bench.inputs[order[0]].name.clone());
             let mut words = format!("The dominant uncertainty is {}", said(&order[0]));
             if !next.is_empty() {
                 words += &format!(", before {}", next.join(" and "));
             }
-            study.find(format!("{words}; {:.1} % of the variance is not linear in the inputs.", 100.0 * rest));
-            let spread = budget.fates.iter().filter_map(|fate| fate.delta_e);
-            let logs: Vec<f64> = spread.filter(|delta_e| *delta_e > 0.0).map(f64::ln).collect();
-            let mean = logs.iter().sum::<f64>() / logs.len() as f64;
-            let sigma = (logs.iter().map(|log| (log - mean).powi(2)).sum::<f64>() / (logs.len() - 1) as f64).sqrt();
-            study.result("sigma_ln_delta_e", sigma);
-            study.find(format!("|delta e| at the end of the mission is known to {:.0} % (1 sigma).", 100.0 * sigma));
+            study.find(format!("{words}; {} % of the variance is not linear in the inputs.", rest.times(100.0)));
+            if let Some(sigma) = budget.found.sigma_ln {
+                study.result("sigma_ln_delta_e", sigma.value);
+                study.result("sigma_ln_delta_e_error", sigma.error);
+                study.find(format!(
+                    "|delta e| at the end of the mission is known to {} % (1 sigma).",
+                    sigma.times(100.0)
+                ));
+            }
         }
         None if budget.bench.inputs.is_empty() => study.find("No input is uncertain: there is a single date."),
         None => study.find("The inputs change nothing that can be measured at the end of the mission."),
     }
     for (limit, name) in ["uncorrected", "corrected"].into_iter().enumerate() {
-        let [low, _, middle, _, high] = PERCENTILES.map(|percent| budget.date(budget.percentile(limit, percent)));
-        let said =
-            |date: Option<String>| date.unwrap_or_else(|| format!("later than {} yr after launch", short(horizon_yr)));
-        study.result(&format!("{name}_median_t_yr"), budget.percentile(limit, 50.0));
-        study.find(if low.is_none() {
-            format!("The {name} budget is exceeded {} in 95 % of the draws.", said(None))
+        let said = |place: usize| match budget.day(limit, place) {
+            Some((date, error_d)) => {
+                let error = error_d.map_or("error not known".into(), days);
+                format!("{} ({error})", known_date(date, error_d))
+            }
+            None => format!("later than {} yr after launch", short(horizon_yr)),
+        };
+        let [low, middle, high] = [0, 2, 4];
+        let median = budget.found.limits[limit].percentiles[middle];
+        study.result(&format!("{name}_median_t_yr"), median.map(|(t_yr, _)| t_yr));
+        study.result(&format!("{name}_median_error_yr"), median.and_then(|(_, error_yr)| error_yr));
+        study.find(if budget.day(limit, low).is_none() {
+            format!("The {name} budget is exceeded {} in 95 % of the draws.", said(low))
         } else {
             format!(
-                "The {name} budget is exceeded on {} in the median; in nine of ten draws between {} and {}.",
+                "The {name} budget is exceeded in half of the draws by {}; in nine of ten between {} and {}.",
                 said(middle),
                 said(low),
                 said(high)
@@ -517,7 +602,7 @@ fn side_by_side(study: &mut Study, own: &Budget, name: &str, other: &Budget) {
     };
     study.result("other_over_own_delta_e", theirs / mine);
     let dominant = |budget: &Budget| {
-        if budget.shares.is_some() { budget.bench.inputs[ranked(budget)[0]].name.clone() } else { "nothing".into() }
+        if budget.shares().is_some() { budget.bench.inputs[ranked(budget)[0]].name.clone() } else { "nothing".into() }
     };
     study.find(format!(
         "The detector of \"{name}\" has {:.2} times the shape error under the same dose, clock, sky and galaxy; its date hangs on \

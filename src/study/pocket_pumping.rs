@@ -22,7 +22,7 @@ use rand_distr::{Distribution, Normal};
 use rayon::prelude::*;
 
 use super::correction::{Bench, Knowledge};
-use super::{Digits, Kind, Study, Table};
+use super::{Digits, Estimate, Exposure, Kind, Study, Table};
 use super::{column, line, numbers, ratios, ready, short};
 use crate::conditions::Conditions;
 use crate::error::InputError;
@@ -48,8 +48,8 @@ const SECTIONS: usize = 40;
 /// Share of a species' dipoles that must be found for it to count as found.
 const MOST: f64 = 0.5;
 
-/// Draws of believed parameters, before and after.
-const DRAWS: u32 = 16;
+/// Draws of believed parameters, before and after, and iterations of the correction.
+const DRAWS: u32 = 100;
 const ITERATIONS: u32 = 4;
 
 /// Options of the study.
@@ -140,7 +140,7 @@ struct Found {
 /// Noise and cycles of the images.
 struct Setup {
     flat_e: f64,
-    read_noise_e: f64,
+    exposure: Exposure,
     phases: Vec<Phase>,
 }
 
@@ -169,16 +169,12 @@ impl PocketPumping {
                 InputError::new("cannot pump", problem).with_help("choose shorter --phase-ms or longer --image-s")
             );
         }
-        let noise = mission.readout.noise.as_ref();
-        let read_noise_e = noise
-            .and_then(|noise| noise.read_noise_e(noise.pixel_rate_khz(mission.readout.line_time_ms)?))
-            .unwrap_or(mission.judged_galaxy().read_noise_e);
-        Ok(Setup { flat_e, read_noise_e, phases })
+        Ok(Setup { flat_e, exposure: Exposure::of(mission), phases })
     }
 
     /// Variance of a dipole (half the difference of two pixels) from the flat's shot noise and read noise, e-².
     fn flat_variance(&self, setup: &Setup) -> f64 {
-        (setup.flat_e + setup.read_noise_e * setup.read_noise_e) / (2.0 * f64::from(self.images))
+        (setup.flat_e + setup.exposure.read_noise_e.powi(2)) / (2.0 * f64::from(self.images))
     }
 
     /// The same with the chance of the pumps: each of N succeeds or does not.
@@ -348,7 +344,7 @@ impl Kind for PocketPumping {
         let known = self.known(mission, &model, &setup, &own, &found)?;
         study.tables = vec![table(&found, &names), known_table(&known)];
         study.figures = vec![("pocket-pumping.svg".into(), self.figure(mission, &setup, &own))];
-        self.conclude(&mut study, mission, &setup, &own, &found, &known);
+        self.conclude(&mut study, &setup, &own, &found, &known);
         self.correction(&mut study, &model, &known, seed, advance)?;
         Ok(study)
     }
@@ -406,15 +402,7 @@ impl PocketPumping {
         Ok(ratio.ln().powi(2))
     }
 
-    fn conclude(
-        &self,
-        study: &mut Study,
-        mission: &Mission,
-        setup: &Setup,
-        own: &Device,
-        found: &[Found],
-        known: &[Known],
-    ) {
+    fn conclude(&self, study: &mut Study, setup: &Setup, own: &Device, found: &[Found], known: &[Known]) {
         for known in known {
             study.find(format!(
                 "{} is found best at {} K with phases of {} ms: {} traps in reach of the flat; density known to {:.2} %, release \
@@ -454,10 +442,7 @@ impl PocketPumping {
         }
         let images: f64 = setup.phases.iter().map(|phase| PHASES * phase.phase_ms * phase.cycles / 1000.0).sum::<f64>()
             * f64::from(self.images);
-        let noise = mission.readout.noise.as_ref();
-        let rows = noise.map_or(mission.readout.transfers, |noise| noise.rows);
-        let readout_s = f64::from(rows) * mission.readout.line_time_ms / 1000.0;
-        let hours = (images + readout_s * (setup.phases.len() * self.images as usize) as f64) / 3600.0;
+        let hours = (images + setup.exposure.readout_s * (setup.phases.len() * self.images as usize) as f64) / 3600.0;
         study.result("hours_per_temperature", hours);
         study.find(format!(
             "All {} phase times at one temperature take {hours:.1} h with reading out.",
@@ -489,15 +474,17 @@ impl PocketPumping {
             &|name| of(name).and_then(|known| known.release_error).unwrap_or(self.known_to),
             0.0,
         );
-        let factor = |knowledge: &Knowledge| -> Result<Option<f64>, InputError> {
-            Ok(bench.drawn(knowledge, DRAWS, seed, advance)?.map(|left| uncorrected / left))
+        let factor = |knowledge: &Knowledge| -> Result<Option<Estimate>, InputError> {
+            Ok(bench.drawn(knowledge, DRAWS, seed, advance)?.map(|left| left.under(uncorrected)))
         };
         let (Some(before), Some(after)) = (factor(&before)?, factor(&after)?) else { return Ok(()) };
-        study.result("factor_before", before);
-        study.result("factor_after", after);
+        for (key, factor) in [("factor_before", before), ("factor_after", after)] {
+            study.result(key, factor.value);
+            study.result(&format!("{key}_error"), factor.error);
+        }
         study.find(format!(
-            "With every density and release time known to {} %, the correction earns a factor {before:.1}; with what pumping \
-             tells, {after:.1} (well fill taken as known; read noise apart: see `study correction`).",
+            "With every density and release time known to {} %, the correction earns a factor {before}; with what pumping \
+             tells, {after} (well fill taken as known; read noise apart: see `study correction`).",
             100.0 * self.known_to
         ));
         Ok(())
