@@ -94,10 +94,68 @@ fn compare_keeps_the_order_and_names_the_best() {
     let expected = [1650, 825, 400].map(|transfers| ("2009-01-01", transfers));
     assert_eq!(settings[..3], expected);
     assert_eq!(settings.len(), 6);
-    assert_eq!((&json["best"], &json["worst"]), (&2.into(), &0.into()));
+    // More of the years after a launch in 2011 are active.
+    assert_eq!((&json["best"], &json["worst"]), (&2.into(), &3.into()));
     assert!(!json["why"].as_array().unwrap().is_empty());
     let change = |index: usize| scenarios[index]["delta_e"].as_f64().unwrap();
     assert!(change(2) < change(1) && change(1) < change(0));
+}
+
+#[test]
+fn compare_tells_missions_apart_whatever_is_set() {
+    // Three missions of two names, one of them in two folders.
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
+    std::fs::create_dir(path("other")).unwrap();
+    let text = std::fs::read_to_string(SNAP).unwrap();
+    let files = [path("warm.toml"), path("other/warm.toml"), path("cold.toml")];
+    for (file, kelvin) in files.iter().zip(["153.0", "143.0", "133.0"]) {
+        let warm = text.replace("\ntemperature_k = 133.0", &format!("\ntemperature_k = {kelvin}"));
+        std::fs::write(file, warm).unwrap();
+    }
+    let page = path("page.html");
+    for set in [&[][..], &["--set", "sky.background_e=60,120"], &["--launch", "2009-01-01,2012-01-01"]] {
+        let missions = [&files[0], &files[1], &files[2], "missions/hst_leo.toml"];
+        let run = |more: &[&str]| stdout(&[&["compare"], &missions[..], set, more].concat());
+        let shown = run(&["--html", &page]).split_whitespace().collect::<String>();
+        let html = std::fs::read_to_string(&page).unwrap();
+        for name in
+            ["SNAP at L2 (cold.toml)", &format!("SNAP at L2 ({})", files[0]), &format!("SNAP at L2 ({})", files[1])]
+        {
+            assert!(html.contains(name), "{set:?}: {name}\n{html}");
+        }
+        assert!(shown.contains("cold.toml") && !shown.contains("hst_leo.toml"), "{shown}");
+        let json: Value = serde_json::from_str(&run(&["--json"])).unwrap();
+        let rows: Vec<(String, String)> = json["scenarios"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|row| (row["file"].as_str().unwrap().to_string(), row["settings"].to_string()))
+            .collect();
+        assert!(rows.iter().enumerate().all(|(place, row)| !rows[..place].contains(row)), "{rows:?}");
+        let csv = run(&["--csv"]);
+        assert!(
+            csv.lines().enumerate().all(|(place, row)| csv.lines().skip(place + 1).all(|other| other != row)),
+            "{csv}"
+        );
+    }
+}
+
+#[test]
+fn compare_says_how_long_each_launch_lasts() {
+    let arguments = ["compare", SNAP, "--launch", "2010-01-01,2012-01-01,2014-01-01"];
+    let text = stdout(&arguments);
+    let json = json(&[&arguments[..], &["--json"]].concat());
+    for scenario in json["scenarios"].as_array().unwrap() {
+        let launch = scenario["settings"]["mission.launch"].as_str().unwrap();
+        let row = text.lines().find(|line| line.trim().starts_with(launch)).unwrap();
+        let words: Vec<&str> = row.split_whitespace().collect();
+        if let Some(t_yr) = scenario["uncorrected"]["t_yr"].as_f64() {
+            let date = scenario["uncorrected"]["date"].as_str().unwrap();
+            let place = words.iter().position(|word| *word == date).unwrap();
+            assert_eq!(words[place + 1], format!("{t_yr:.2}"), "{row}");
+        }
+    }
 }
 
 #[test]

@@ -6,6 +6,9 @@ use std::process::{Command, Output};
 use ctiplan::mission::Mission;
 use ctiplan::model::{Beside, Model};
 use ctiplan::readout::Downstream;
+use ctiplan::report::Report;
+use ctiplan::requirement::Crossing;
+use ctiplan::scenario::{Axis, Candidate, Scenario, compare};
 use ctiplan::study::charge_injection::ChargeInjection;
 use ctiplan::study::clock::Clock;
 use ctiplan::study::correction::{Correction, corrected};
@@ -15,7 +18,7 @@ use ctiplan::study::launch::Launch;
 use ctiplan::study::pocket_pumping::{PocketPumping, dipole_e};
 use ctiplan::study::preflash::Preflash;
 use ctiplan::study::shielding::Shielding;
-use ctiplan::study::{Cell, Kind, Study, defaults};
+use ctiplan::study::{Aperture, Cell, Kind, Study, defaults};
 use ndarray::Array2;
 use serde_json::Value;
 
@@ -37,9 +40,23 @@ fn numbers(study: &Study, table: &str, key: &str) -> Vec<f64> {
     let place = table.columns.iter().position(|column| column.key == key).unwrap();
     let number = |row: &Vec<Cell>| match &row[place] {
         Cell::Number(number) => *number,
+        Cell::Estimate(estimate) => estimate.value,
         other => panic!("{key}: {other:?}"),
     };
     table.rows.iter().map(number).collect()
+}
+
+/// Words in the first column of the first table.
+fn names(study: &Study) -> Vec<String> {
+    let name = |row: &Vec<Cell>| match &row[0] {
+        Cell::Words(words) => words.clone(),
+        other => panic!("{other:?}"),
+    };
+    study.tables[0].rows.iter().map(name).collect()
+}
+
+fn launches(dates: &str) -> Launch {
+    Launch { launch: Some(dates.into()), ..defaults() }
 }
 
 fn result(study: &Study, key: &str) -> f64 {
@@ -172,6 +189,41 @@ fn a_flash_lowers_loss_and_signal_to_noise() {
 }
 
 #[test]
+fn studies_agree_on_signal_to_noise_and_area() {
+    let trades = mission(TRADES, &[]);
+    let clock = ask(&Clock { line_time_ms: Some("25".into()) }, &trades);
+    let own = |key: &str| numbers(&clock, "line_times", key)[0];
+    let (snr, area, read_noise_e, readout_s) =
+        (own("snr"), own("area_equal_depth"), own("read_noise_e"), own("readout_s"));
+    // No flash and no lines are the mission's own exposure.
+    let flash = ask(&Preflash { electrons: "300".into() }, &trades);
+    let lines = ask(&ChargeInjection { spacing_rows: "50".into(), ..defaults() }, &trades);
+    for (study, table, place) in [(&flash, "levels", 0), (&lines, "spacings", 1)] {
+        assert_eq!(numbers(study, table, "snr")[place], snr, "{table}");
+        assert!((numbers(study, table, "area_equal_depth")[place] - area).abs() < 1e-12, "{table}");
+    }
+    let correction = Correction { draws: 2, realisations: 2, ..defaults() };
+    let noise = format!("noise, {read_noise_e:.3} e- of reading");
+    assert!(names(&ask(&correction, &trades)).contains(&noise), "{noise}");
+    // The area with a flash, from the exposure that has the signal-to-noise ratio again: bisected here.
+    let aperture = Aperture::of(&trades, trades.judged_galaxy());
+    let pixels = std::f64::consts::PI * aperture.radius_px.powi(2);
+    let with = |times: f64, flash_e: f64| {
+        let signal_e = times * aperture.signal_e;
+        signal_e / (signal_e + pixels * (120.0 * times + flash_e + read_noise_e.powi(2))).sqrt()
+    };
+    assert!((with(1.0, 0.0) - snr).abs() < 1e-9, "{snr}");
+    let (mut low, mut high) = (1.0, 10.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if with(middle, 300.0) < snr { low = middle } else { high = middle }
+    }
+    let expected = (300.0 + readout_s) / (300.0 * low + readout_s);
+    let flashed = numbers(&flash, "levels", "area_equal_depth")[1];
+    assert!((flashed - expected).abs() < 1e-9, "{flashed} {expected}");
+}
+
+#[test]
 fn injected_lines_shield_from_slow_traps_and_not_from_fast_ones() {
     let with = |release_ms: f64| {
         let release = |name: &str| format!("detector.traps.{name}.release_ms");
@@ -225,7 +277,8 @@ fn pumping_finds_traps_whose_phase_time_it_reaches() {
 
 #[test]
 fn launches_differ_by_the_sun_alone() {
-    let constant = ask(&Launch { launch: Some("2009-01-01..2015-01-01:1".into()) }, &mission(SNAP, &[]));
+    let asked = Launch { keep_average: true, ..launches("2009-01-01..2015-01-01:1") };
+    let constant = ask(&asked, &mission(SNAP, &[]));
     let ends = numbers(&constant, "launches", "delta_e");
     assert!(ends.iter().all(|end| (end / ends[0] - 1.0).abs() < 1e-12));
     let cycle = mission(SNAP, &[("environment.model", "solar-cycle".into())]);
@@ -235,6 +288,213 @@ fn launches_differ_by_the_sun_alone() {
     let per_year: Vec<f64> = ends.iter().zip(&active).map(|(end, active)| end / active).collect();
     assert!(per_year.iter().all(|per| (per / per_year[0] - 1.0).abs() < 0.02), "{per_year:?}");
     assert!(result(&study, "worst_over_best") > 1.5);
+}
+
+#[test]
+fn launch_dates_are_compared_under_the_sun_of_their_years_and_every_output_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let effect = folder.path().join("effect.toml");
+    fs::write(&effect, fs::read_to_string(SNAP).unwrap() + "\n[effects.solar-cycle]\n").unwrap();
+    let effect = effect.to_str().unwrap();
+    let text = |arguments: &[&str]| {
+        let output = ctiplan(arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let ends = |json: &Value| -> Vec<f64> {
+        let rows = json["scenarios"].as_array().or(json["tables"]["launches"].as_array()).unwrap();
+        rows.iter().map(|row| row["delta_e"].as_f64().unwrap()).collect()
+    };
+    let dates = "2009-01-01,2012-01-01,2018-01-01";
+    for command in [&["compare"][..], &["study", "launch"]] {
+        let run = |mission: &str, more: &[&str]| text(&[command, &[mission, "--launch", dates], more].concat());
+        let json = |mission: &str, more: &[&str]| -> Value {
+            serde_json::from_str(&run(mission, &[more, &["--json"]].concat())).unwrap()
+        };
+        let (page, plots) = (folder.path().join("page.html"), folder.path().join("plots"));
+        let drawn = ["--html", page.to_str().unwrap(), "--plots", plots.to_str().unwrap()];
+        let figure = |name: &str| fs::read_to_string(plots.join(format!("{name}.svg"))).unwrap();
+        let name = command[command.len() - 1];
+        // An average, and no effect: the cycle stands in, and every output says so.
+        let said = words(&run(SNAP, &drawn));
+        assert!(said.contains("compared with environment.model = \"solar-cycle\""), "{said}");
+        assert!(fs::read_to_string(&page).unwrap().contains("compared with environment.model"));
+        assert!(figure(name).contains("dose: solar-cycle"));
+        let followed = json(SNAP, &[]);
+        assert!(followed.to_string().contains("solar-cycle"));
+        assert!(run(SNAP, &["--csv"]).lines().skip(1).all(|row| row.contains("solar-cycle")));
+        // As with the cycle, whoever asks for it.
+        let cycle = ends(&json(SNAP, &["--set", "environment.model=solar-cycle"]));
+        assert!(cycle[0] < 0.9 * cycle[1] && cycle[2] < cycle[0], "{cycle:?}");
+        assert_eq!(ends(&followed), cycle);
+        assert_eq!(ends(&json(effect, &[])), cycle);
+        assert!(!words(&run(effect, &[])).contains("compared with environment.model"));
+        // Asked for in the same command, an average stays one.
+        let average = ["--set", "environment.model=constant"];
+        let kept = ends(&json(SNAP, &average));
+        assert!(kept.iter().all(|end| (end / kept[0] - 1.0).abs() < 1e-12), "{kept:?}");
+        let said = words(&run(SNAP, &[&average[..], &drawn].concat()));
+        assert!(said.contains("every launch date is alike") && !said.contains("Best"), "{said}");
+        assert!(figure(name).contains("dose: constant") && !figure(name).contains("active Sun"));
+        assert!(run(SNAP, &[&average[..], &["--csv"]].concat()).lines().skip(1).all(|row| row.contains("constant")));
+    }
+}
+
+#[test]
+fn the_best_never_exceeds_its_budget_earlier_than_any_other() {
+    const DAY_YR: f64 = 1.0 / 365.25;
+    let dates = "2020-01-01..2031-01-01:0.5";
+    let effects =
+        ["", "[[effects.solar-flare]]\nt_yr = 1.3\ndose_mev_g = 5e6\n", "[effects.annealing]\ntime_yr = 1.0\n"];
+    for rate in [5e5, 2.54e6, 6e6, 5e8] {
+        for effect in effects {
+            let text = fs::read_to_string(SNAP).unwrap() + "\n" + effect;
+            let rate: toml::Value = rate.into();
+            let settings = [
+                ("environment.active_dose_rate_mev_g_yr".to_string(), rate),
+                ("accuracy.subpixel_grid".to_string(), 2.into()),
+            ];
+            let mission = Mission::parse(&text).unwrap().with(&settings).unwrap();
+            let case = format!("{} {effect}", settings[0].1);
+            let candidates = [Candidate { file: "snap.toml".into(), mission: mission.clone() }];
+            let axes = [Axis::parse("mission.launch", dates).unwrap()];
+            let compared = compare(&candidates, &axes, || {}).unwrap();
+            let launched = ask(&launches(dates), &mission);
+            // One rule: both commands name the same launches.
+            for (places, key) in
+                [(&compared.ranking.best, "tied_best_launches"), (&compared.ranking.worst, "tied_worst_launches")]
+            {
+                let named: Vec<String> =
+                    places.iter().map(|place| compared.scenarios[*place].mission.mission.launch.to_string()).collect();
+                assert_eq!(launched.results[key], serde_json::json!(named), "{case}: {key}");
+            }
+            let lasts = |scenario: &Scenario| {
+                let yr = |crossing: &Crossing| crossing.t_yr.unwrap_or(f64::INFINITY);
+                [yr(&scenario.verdict.uncorrected), yr(&scenario.verdict.corrected)]
+            };
+            let not_later = |a: f64, b: f64| a <= b + DAY_YR;
+            for (place, scenario) in compared.scenarios.iter().enumerate() {
+                for best in &compared.ranking.best {
+                    let best = lasts(&compared.scenarios[*best]);
+                    assert!(not_later(lasts(scenario)[0], best[0]), "{case}: {place}");
+                }
+                for worst in &compared.ranking.worst {
+                    let worst = lasts(&compared.scenarios[*worst]);
+                    assert!(not_later(worst[0], lasts(scenario)[0]), "{case}: {place}");
+                }
+                // Where dates say nothing, the end does.
+                let best = &compared.scenarios[compared.ranking.best[0]];
+                if lasts(scenario) == lasts(best) {
+                    assert!(scenario.delta_e.unwrap() >= best.delta_e.unwrap() * (1.0 - 2e-6), "{case}: {place}");
+                }
+            }
+            for tied in &compared.ranking.best[1..] {
+                let name = compared.scenarios[*tied].mission.mission.launch.to_string();
+                let few = compared.ranking.best.len() < 6;
+                assert!(!few || launched.findings.iter().any(|words| words.contains(&name)), "{case}: {name}");
+            }
+        }
+    }
+}
+
+/// Errors of what differs from seed to seed cover how much it differs: the scatter over the root mean square error.
+fn scatter_over_error(estimates: &[(f64, f64)]) -> f64 {
+    let n = estimates.len() as f64;
+    let mean = estimates.iter().map(|(value, _)| value).sum::<f64>() / n;
+    let scatter2 = estimates.iter().map(|(value, _)| (value - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    (scatter2 / (estimates.iter().map(|(_, error)| error * error).sum::<f64>() / n)).sqrt()
+}
+
+#[test]
+fn errors_of_draws_cover_the_scatter_between_seeds() {
+    const SEEDS: u64 = 12;
+    let trades = small();
+    let check = |study: &dyn Fn(u64) -> Study, keys: &[(&str, &str)]| {
+        let studies: Vec<Study> = (1..=SEEDS).map(study).collect();
+        for (key, error) in keys {
+            let estimates: Vec<(f64, f64)> =
+                studies.iter().map(|study| (result(study, key), result(study, error))).collect();
+            let ratio = scatter_over_error(&estimates);
+            assert!((0.55..1.6).contains(&ratio), "{key}: {ratio}, {estimates:?}");
+        }
+        studies
+    };
+    let budget = |seed| ask(&ErrorBudget { draws: 60, seed: Some(seed), ..defaults() }, &trades);
+    let studies = check(
+        &budget,
+        &[("uncorrected_median_t_yr", "uncorrected_median_error_yr"), ("sigma_ln_delta_e", "sigma_ln_delta_e_error")],
+    );
+    // The other percentiles, as days; the shares; and how often the budget is exceeded.
+    for place in 1..=5 {
+        let day = |study: &Study| match study.tables[1].rows[0][place] {
+            Cell::Date(date, Some(error_d)) => (f64::from(chrono::Datelike::num_days_from_ce(&date)), error_d),
+            ref other => panic!("{other:?}"),
+        };
+        let ratio = scatter_over_error(&studies.iter().map(day).collect::<Vec<_>>());
+        assert!((0.5..1.8).contains(&ratio), "percentile {place}: {ratio}");
+    }
+    let estimate = |cell: &Cell| match cell {
+        Cell::Estimate(estimate) => (estimate.value, estimate.error),
+        other => panic!("{other:?}"),
+    };
+    let share = |study: &Study| {
+        let row = study.tables[0].rows.iter().find(|row| row[0] == Cell::Words("dose model".into())).unwrap();
+        estimate(&row[2])
+    };
+    let within = |study: &Study| estimate(&study.tables[1].rows[0][6]);
+    for (name, one) in [("share", &share as &dyn Fn(&Study) -> (f64, f64)), ("within", &within)] {
+        let ratio = scatter_over_error(&studies.iter().map(one).collect::<Vec<_>>());
+        assert!((0.5..1.8).contains(&ratio), "{name}: {ratio}");
+    }
+    let correction = |seed| {
+        let asked = Correction { draws: 40, iterations: 1, realisations: 4, seed: Some(seed), ..defaults() };
+        ask(&asked, &trades)
+    };
+    check(&correction, &[("earned_factor", "earned_factor_error"), ("corrected_percent", "corrected_error_percent")]);
+}
+
+/// A mission whose shapes are soon made.
+fn small() -> Mission {
+    mission(TRADES, &[("accuracy.subpixel_grid", 1.into()), ("galaxies.faint.weight_px", 2.5.into())])
+}
+
+/// Decimals of a number in words.
+fn decimals(number: &str) -> usize {
+    number.split_once('.').map_or(0, |(_, decimals)| decimals.len())
+}
+
+#[test]
+fn digits_of_what_is_drawn_match_its_error() {
+    let trades = small();
+    let studies = [
+        ask(&ErrorBudget { draws: 100, ..defaults() }, &trades),
+        ask(&Correction { draws: 20, iterations: 2, realisations: 5, ..defaults() }, &trades),
+        ask(&PocketPumping { temperature_k: Some("153".into()), dipoles: 5, ..defaults() }, &trades),
+    ];
+    let (mut numbers, mut dates) = (0, 0);
+    for study in &studies {
+        let words: Vec<String> = study
+            .text()
+            .split_whitespace()
+            .map(|word| word.trim_matches(|letter: char| !letter.is_ascii_digit() && !"+-".contains(letter)).into())
+            .collect();
+        for place in 1..words.len().saturating_sub(2) {
+            let [value, sign, error, unit] =
+                [place - 1, place, place + 1, place + 2].map(|place| words[place].as_str());
+            let is_date = value.len() >= 7 && value.as_bytes()[4] == b'-';
+            if sign == "+-" && is_date && unit.is_empty() {
+                // A day where days are known, a month where months are.
+                let error_d: f64 = error.parse().unwrap();
+                assert_eq!(value.len() == 10, error_d <= 16.0, "{value} +- {error} d");
+                dates += 1;
+            } else if sign == "+-" && !value.contains('e') && value.parse::<f64>().is_ok() && unit != "d" {
+                assert_eq!(decimals(value), decimals(error), "{value} +- {error}");
+                numbers += 1;
+            }
+        }
+    }
+    assert!(numbers > 20 && dates >= 3, "{numbers} {dates}");
 }
 
 #[test]
@@ -302,7 +562,7 @@ fn a_mission_without_dose_or_beyond_its_budget_is_told_so_in_words() {
     for mission in [none, beyond] {
         let clock = Clock { line_time_ms: Some("5,25".into()) };
         let pumping = PocketPumping { temperature_k: Some("153".into()), dipoles: 5, ..defaults::<PocketPumping>() };
-        let launch = Launch { launch: Some("2009-01-01,2012-01-01".into()) };
+        let launch = launches("2009-01-01,2012-01-01");
         let correction = Correction { draws: 2, iterations: 2, ..defaults::<Correction>() };
         let preflash = Preflash { electrons: "100".into() };
         let studies = [
