@@ -12,10 +12,12 @@ pub mod correct;
 pub mod fits;
 pub mod frame;
 pub mod mask;
+pub mod uncertain;
 pub mod unit;
 
 pub use correct::{Corrected, Residual, Stop, correct};
 pub use frame::{Corner, Geometry, Split, Transfers};
+pub use uncertain::{Uncertain, uncertain};
 pub use unit::Unit;
 
 use std::cell::Cell;
@@ -123,7 +125,9 @@ pub struct FrameDone {
     pub clipped_px: usize,
     /// Of a correction: the residuals of the forward model, before it and after each step.
     pub residuals: Vec<Residual>,
-    /// Of a correction: the last residual is as small as was asked for.
+    /// Of a correction: pixels whose charge the frame does not tell.
+    pub uncertain: Option<Uncertain>,
+    /// Of a correction: the last residual is as small as was asked for, but for the uncertain pixels.
     pub converged: bool,
     /// Of a correction: how much larger the amplifier's noise is.
     pub noise_amplification: Option<f64>,
@@ -213,11 +217,24 @@ impl Job {
                 };
                 done.hdus.push(HduDone { index, name: hdu.name(), frame });
             }
+            for hdu in &done.hdus {
+                let uncertain = hdu.frame.as_ref().and_then(|frame| frame.uncertain.as_ref());
+                if let Some(uncertain) = uncertain.filter(|uncertain| uncertain.count() > 0) {
+                    let of = &fits.hdus[hdu.index];
+                    fits::write_mask(&marks(of), of.index, &uncertain.pixels, out).map_err(output::refusal(output))?;
+                }
+            }
             let bytes = fits.copy_rest(out).map_err(output::refusal(output))?;
             done.warnings.extend((bytes > 0).then_some(Warning::AfterLastHdu { bytes }));
             Ok(())
         })?;
         Ok(done)
+    }
+
+    /// Error of a readout over the largest displacement of charge: mostly ten times smaller than was asked for
+    /// (`docs/images.md`).
+    fn accuracy(&self) -> f64 {
+        if let Method::Fast { relative } = self.device.method { 0.1 * relative } else { 0.0 }
     }
 
     /// What is doubtful about a frame.
@@ -228,8 +245,14 @@ impl Job {
         if hdu.history().any(before) {
             warnings.push(Warning::DoneBefore { name: name.clone(), task });
         }
-        if let (false, [first, .., last]) = (frame.converged, &frame.residuals[..]) {
-            warnings.push(Warning::NotCorrected { name, max_e: last.max_e, of_e: first.max_e });
+        let (Some(first), Some(uncertain)) = (frame.residuals.first(), &frame.uncertain) else { return warnings };
+        if !frame.converged {
+            warnings.push(Warning::NotCorrected { name: name.clone(), max_e: uncertain.left.max_e, of_e: first.max_e });
+        }
+        let pixels = uncertain.count();
+        if pixels > 0 {
+            let marked = marks(hdu);
+            warnings.push(Warning::UncertainPixels { name, pixels, error_e: uncertain.error_e, marked });
         }
         warnings
     }
@@ -309,6 +332,7 @@ impl Job {
             saturated_px: count(&saturated),
             clipped_px: 0,
             residuals: Vec::new(),
+            uncertain: None,
             converged: true,
             noise_amplification: None,
         };
@@ -333,7 +357,12 @@ impl Job {
                     let times = correct::noise_amplification(&before_e, &corrected.image, &counted, noise, again)?;
                     done.noise_amplification = Some(times);
                 }
-                (done.residuals, done.converged) = (corrected.residuals, corrected.converged);
+                let moved_e = corrected.residuals[0].max_e;
+                tell(", looking for emptied packets");
+                let accuracy_e = moved_e * stop.relative.max(self.accuracy());
+                let uncertain = uncertain(&before_e, Some(&kept), &corrected, accuracy_e, stop.iterations, read)?;
+                done.converged = corrected.converged || uncertain.left.max_e <= stop.relative * moved_e;
+                (done.residuals, done.uncertain) = (corrected.residuals, Some(uncertain));
                 corrected.image
             }
         };
@@ -381,7 +410,8 @@ impl Job {
             geometry.overscan_columns,
             geometry.overscan_rows
         ));
-        if let (Some(first), Some(last)) = (frame.residuals.first(), frame.residuals.last()) {
+        if let (Some(first), Some(uncertain)) = (frame.residuals.first(), &frame.uncertain) {
+            let last = uncertain.left;
             told.push(format!(
                 "{} iterations; residual of the model {:.3e} e- rms, largest {:.3e} e- (before: {:.3e} and {:.3e})",
                 frame.residuals.len() - 1,
@@ -390,6 +420,13 @@ impl Job {
                 first.rms_e,
                 first.max_e
             ));
+            let pixels = uncertain.count();
+            if pixels > 0 {
+                told.push(format!(
+                    "{pixels} pixels, not counted there, are uncertain by more than {:.3e} e-",
+                    uncertain.error_e
+                ));
+            }
         }
         told.iter().flat_map(|line| cards(line)).collect()
     }
@@ -397,10 +434,18 @@ impl Job {
 
 /// Names of extensions that go with an image and hold no charge: data quality, errors, variances, weights, masks, as the
 /// pipelines of Hubble, Euclid and others call them. What follows the last dot counts (`3-4.F.SCI`).
-const OTHER_THAN_CHARGE: [&str; 15] = [
+const OTHER_THAN_CHARGE: [&str; 16] = [
     "DQ", "ERR", "ERROR", "VAR", "VARIANCE", "IVAR", "RMS", "FLG", "FLAG", "MASK", "WHT", "WEIGHT", "CTX", "SAMP",
-    "TIME",
+    "TIME", UNCERTAIN,
 ];
+
+/// The end of the name of an extension that marks uncertain pixels.
+const UNCERTAIN: &str = "UNCERTAIN";
+
+/// The name of the extension in which the uncertain pixels of a frame are marked.
+fn marks(hdu: &Hdu) -> String {
+    format!("{}.{UNCERTAIN}", hdu.name().unwrap_or_else(|| format!("HDU{}", hdu.index)))
+}
 
 fn says_other_than_charge(hdu: &Hdu) -> bool {
     let name = hdu.name().unwrap_or_default().to_ascii_uppercase();

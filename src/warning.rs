@@ -61,6 +61,17 @@ pub enum Warning {
         /// Bytes that were copied.
         bytes: u64,
     },
+    /// Packets were emptied on the way, and a correction cannot tell what they held.
+    UncertainPixels {
+        /// The frame.
+        name: String,
+        /// Number of pixels.
+        pixels: usize,
+        /// Error that they may have more than, e-.
+        error_e: f64,
+        /// The extension in which they are marked.
+        marked: String,
+    },
     /// A correction has left more than was asked for.
     NotCorrected {
         /// The frame.
@@ -117,6 +128,12 @@ impl fmt::Display for Warning {
             Warning::AfterLastHdu { bytes } => write!(
                 out,
                 "{bytes} bytes after the last HDU do not start with XTENSION: they are copied, and no image is looked for there"
+            ),
+            Warning::UncertainPixels { name, pixels, error_e, marked } => write!(
+                out,
+                "{pixels} pixels of {name} are uncertain by more than {error_e:.3e} e-: their packets, or some ahead of them, \
+                 were emptied into traps, and the frame does not tell what those held; they are marked in the extension \
+                 {marked}"
             ),
             Warning::NotCorrected { name, max_e, of_e } => write!(
                 out,

@@ -267,6 +267,59 @@ fn bad_input_has_status_2_and_one_message() {
 }
 
 #[test]
+fn a_key_is_set_once() {
+    for arguments in [
+        "evaluate @ --set detector.temperature_k=130 --set detector.temperature_k=140",
+        "evaluate @ --set detector.temperature_k=130 --set detector.temperature_k=130",
+        "dose @ --set detector.traps.VV.release_ms=1 --set readout.transfers=9 --set detector.traps.VV.release_ms=2",
+        "compare @ --set readout.transfers=100,200 --set readout.transfers=300",
+        "compare @ --transfers 100,200 --set readout.transfers=300",
+        "compare @ --launch 2009-01-01 --set mission.launch=2010-01-01,2011-01-01",
+        "study clock @ --set readout.transfers=100 --set readout.transfers=300",
+        "readout tests/golden/camera.fits target/x.fits --at 1 --mission @ --set sky.background_e=1 --set sky.background_e=2",
+    ] {
+        let words: Vec<&str> = arguments.split(' ').map(|word| if word == "@" { SNAP } else { word }).collect();
+        let output = ctiplan(&words);
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments}: {stderr}");
+        assert!(stderr.contains("cannot set") && stderr.contains("the key is set twice"), "{arguments}: {stderr}");
+    }
+}
+
+#[test]
+fn a_launch_has_no_time_of_day() {
+    for arguments in [
+        ["evaluate", SNAP, "--set", "mission.launch=2009-01-01T12:00:00"],
+        ["compare", SNAP, "--launch", "2009-01-01T12:00:00,2010-01-01"],
+        ["compare", SNAP, "--set", "mission.launch=2009-01-01 12:00,2010-01-01"],
+    ] {
+        assert_eq!(ctiplan(&arguments).status.code(), Some(2), "{arguments:?}");
+    }
+}
+
+#[test]
+fn species_that_release_in_place_are_warned_of() {
+    // The divacancies of SNAP are released after 12.15 ms: below a tenth of a line time they are warned of, and only they.
+    let warned = |line_time_ms: &str| {
+        let set = format!("readout.line_time_ms={line_time_ms}");
+        let warnings = json(&["evaluate", SNAP, "--json", "--set", &set])["warnings"].clone();
+        let of = |warning: &&Value| warning.as_str().unwrap().contains("before its packet has left");
+        warnings.as_array().unwrap().iter().filter(of).cloned().collect::<Vec<_>>()
+    };
+    assert!(warned("121").is_empty());
+    let warnings = warned("122");
+    assert!(
+        warnings.len() == 1 && warnings[0].as_str().unwrap().starts_with("VV releases after 9.959e-2"),
+        "{warnings:?}"
+    );
+    let survey = stdout(&["evaluate", "missions/survey_nchannel_l2.toml"]);
+    assert_eq!(
+        survey.split_whitespace().collect::<Vec<_>>().join(" ").matches("before its packet has left").count(),
+        2
+    );
+}
+
+#[test]
 fn check_tells_whether_the_corrected_requirement_is_met() {
     assert_eq!(ctiplan(&["evaluate", SNAP, "--check"]).status.code(), Some(0));
     let tight = ["evaluate", SNAP, "--check", "--set", "requirement.correction_factor=1"];

@@ -17,6 +17,8 @@ use fitsio_pure::header::{Card, serialize_header};
 use fitsio_pure::image::{ImageData, read_image_data, serialize_image};
 use fitsio_pure::value::Value;
 use ndarray::{Array2, Axis, s};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use serde_json::Value as Json;
 
 const MISSION: &str = "tests/images/mission.toml";
@@ -472,6 +474,8 @@ fn readout_then_correct_gives_the_frame_back() {
     let report = work("correct", &output, &back, &[&options[..], &["--noise-e", "4"]].concat());
     let hdu = &report["hdus"][1];
     assert_eq!(hdu["converged"], true);
+    // No packet is emptied here, so that nothing is marked.
+    assert_eq!((&hdu["uncertain_px"], hdus(&back).1.len()), (&0.into(), 6));
     let residuals = hdu["residuals"].as_array().unwrap();
     assert_eq!(residuals.len() as u64, hdu["iterations"].as_u64().unwrap() + 1);
     assert!(residuals[residuals.len() - 1]["max_e"].as_f64() <= residuals[0]["max_e"].as_f64().map(|max| 1e-4 * max));
@@ -490,6 +494,93 @@ fn readout_then_correct_gives_the_frame_back() {
         Command::new(env!("CARGO_BIN_EXE_ctiplan")).args(&arguments).env("RAYON_NUM_THREADS", "1").output().unwrap();
     assert_eq!(serde_json::from_slice::<Json>(&one.stdout).unwrap(), report);
     assert_eq!(fs::read(&again).unwrap(), fs::read(&back).unwrap());
+}
+
+/// A mission like that of these tests, with other traps (density per pixel, release time in ms = transfers) and another well.
+fn mission_with(folder: &Path, traps: &[(f64, f64)], power: f64) -> PathBuf {
+    let text = fs::read_to_string(MISSION).unwrap();
+    let (before, rest) = text.split_once("[[detector.traps]]").unwrap();
+    let rest = rest.split_once("[readout]").unwrap().1.split_once("[effects.serial-traps]").unwrap().0;
+    let mut text = before.replace("well_fill_power = 0.58", &format!("well_fill_power = {power}"));
+    for (index, (density, release_ms)) in traps.iter().enumerate() {
+        text += &format!(
+            "[[detector.traps]]\nname = \"s{index}\"\ndensity_per_px = {density}\nrelease_ms = {release_ms}\nenergy_ev = 0.3\n"
+        );
+    }
+    let path = folder.join("mission.toml");
+    fs::write(&path, text + "[readout]" + rest).unwrap();
+    path
+}
+
+/// Trails of random detectors, from little damage to far too much, on random frames whose truth is known: a correction is as
+/// good as it claims, but for the pixels that it marks.
+#[test]
+fn a_correction_is_as_good_as_it_claims_but_for_pixels_that_it_marks() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let mut random = ChaCha8Rng::seed_from_u64(17);
+    let (mut all_px, mut marked_px, mut worst_marked_e) = (0, 0, 0.0_f64);
+    for case in 0..24 {
+        let damage = 10_f64.powf(random.random_range(-2.0..0.5));
+        let traps: Vec<(f64, f64)> = (0..random.random_range(1..=8))
+            .map(|_| (damage * random.random_range(0.2..1.0), 10_f64.powf(random.random_range(-1.0..3.0))))
+            .collect();
+        let mission = mission_with(folder.path(), &traps, [0.5, 0.58, 0.8][case % 3]);
+        let sky_e = [3.0, 50.0, 200.0][random.random_range(0..3)];
+        let rows_before = [0, 100, 1500][random.random_range(0..3)].to_string();
+        let (rows, columns) = (60, 6);
+        let mut truth: Vec<f64> = (0..rows * columns).map(|_| sky_e * random.random_range(0.7..1.3)).collect();
+        for _ in 0..10 {
+            truth[random.random_range(0..rows * columns)] += 10_f64.powf(random.random_range(1.5..4.5));
+        }
+        let input = file(folder.path(), &ImageData::F64(truth.clone()), &[columns as i64, rows as i64], &[electrons()]);
+        let run = |command: &str, input: &Path, output: &Path| -> Json {
+            let files = [input, output].map(|path| path.to_str().unwrap());
+            let options = ["--dose-mev-g", "1e8", "--transfers-before", &rows_before, "--overwrite", "--json"];
+            let mission = ["--mission", mission.to_str().unwrap()];
+            let done = ctiplan(&[&[command][..], &files, &mission, &options].concat());
+            assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+            serde_json::from_slice(&done.stdout).unwrap()
+        };
+        run("readout", &input, &path("trailed.fits"));
+        let report = run("correct", &path("trailed.fits"), &path("corrected.fits"));
+        let (_, written) = hdus(&path("corrected.fits"));
+        let marked = match written.len() {
+            1 => vec![0; truth.len()],
+            _ => {
+                let ImageData::U8(marks) = stored(&path("corrected.fits"), 1) else { panic!() };
+                assert!(cards(&path("corrected.fits"), 1).iter().any(|card| card.contains("'HDU0.UNCERTAIN'")));
+                marks
+            }
+        };
+        let ImageData::F64(corrected) = stored(&path("corrected.fits"), 0) else { panic!() };
+        let done = &report["hdus"][0];
+        let count = marked.iter().filter(|marked| **marked == 1).count();
+        assert_eq!(done["uncertain_px"], count);
+        let told = report["warnings"].as_array().unwrap().iter().any(|warning| {
+            warning.as_str().unwrap().starts_with(&format!("{count} pixels of HDU 0 are uncertain by more than"))
+        });
+        assert_eq!(told, count > 0, "{report}");
+        let claimed_e = done["error_e"].as_f64().unwrap();
+        for ((truth, corrected), marked) in truth.iter().zip(&corrected).zip(&marked) {
+            let error_e = (truth - corrected).abs();
+            all_px += 1;
+            if *marked == 1 {
+                marked_px += 1;
+                worst_marked_e = worst_marked_e.max(error_e);
+            } else {
+                assert!(error_e < 2.0 * claimed_e, "case {case}, {traps:?}: {error_e} e-, claimed {claimed_e} e-");
+            }
+        }
+        // A claim is worth something: far below what was moved.
+        let moved_e = done["residuals"][0]["max_e"].as_f64().unwrap();
+        assert!(claimed_e < 0.05 * moved_e, "case {case}: {claimed_e} of {moved_e}");
+    }
+    // Pixels are marked where it must be, and not without need.
+    assert!(
+        worst_marked_e > 20.0 && marked_px > 0 && marked_px * 5 < all_px,
+        "{worst_marked_e}, {marked_px} of {all_px}"
+    );
 }
 
 #[test]

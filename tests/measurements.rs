@@ -4,6 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use chrono::NaiveDateTime;
+use ctiplan::conditions::NAMES;
 use ctiplan::measurement::DataSet;
 use ctiplan::mission::Mission;
 use ctiplan::table::{Cell, Table};
@@ -93,6 +94,49 @@ fn conditions_come_from_columns_from_meta_and_from_the_mission_in_this_order() {
     assert_eq!(set.rows[1].word("chip"), Some("right"));
     assert_eq!(set.varying, ["trail_px", "temperature_k", "chip"]);
     assert_eq!(set.against("chip"), [0.0, 1.0]);
+}
+
+/// All names that come of one by a slip in one letter: another letter, one missing, one too many, two swapped.
+fn slips(name: &str) -> Vec<String> {
+    let letters: Vec<char> = name.chars().collect();
+    let join = |letters: Vec<char>| letters.into_iter().collect::<String>();
+    let mut slips = Vec::new();
+    for place in 0..=letters.len() {
+        let (before, after) = letters.split_at(place);
+        slips.push(join([before, &['x'], after].concat()));
+        if let [first, rest @ ..] = after {
+            slips.push(join([before, rest].concat()));
+            slips.push(join([before, &['z'], rest].concat()));
+            slips.push(join([before, &[first.to_ascii_uppercase()], rest].concat()));
+        }
+        if let [first, second, rest @ ..] = after {
+            slips.push(join([before, &[*second, *first], rest].concat()));
+        }
+    }
+    slips.retain(|slip| slip != name);
+    slips
+}
+
+#[test]
+fn no_column_and_no_number_of_meta_is_a_condition_with_a_slip() {
+    let mission = mission();
+    let read = |text: String| Table::parse("rows.csv", &text).and_then(|table| DataSet::of(table, &mission));
+    let column = |name: &str| format!("# observable: dose\n{name},t_yr,value,sigma\n7,1,2e6,1e4\n8,2,4e6,1e4\n");
+    let meta = |name: &str| format!("# observable: dose\n# {name}: 7\nt_yr,value,sigma\n1,2e6,1e4\n2,4e6,1e4\n");
+    for name in NAMES.into_iter().chain(["galaxy", "date"]) {
+        for slip in slips(name) {
+            for text in [column(&slip), meta(&slip)] {
+                let error = read(text).expect_err(&format!("{slip} was accepted")).to_string();
+                assert!(error.contains(&format!("nearly `{name}`")), "{slip}: {error}");
+            }
+        }
+    }
+    // Other names are covariates.
+    for name in ["exposure_s", "ccd", "run", "humidity", "signal", "temperature_of_the_amplifier_k"] {
+        for text in [column(name), meta(name)] {
+            assert_eq!(read(text).unwrap().rows[0].at.get(name), Some(7.0), "{name}");
+        }
+    }
 }
 
 #[test]

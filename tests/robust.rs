@@ -77,6 +77,44 @@ fn a_full_disk_behind_standard_output_is_said() {
     }
 }
 
+#[test]
+fn closed_standard_output_is_said_before_the_work() {
+    for arguments in ["evaluate missions/snap_l2.toml", "effects", "schema --help", "completions bash"] {
+        let closed = format!("exec \"$0\" {arguments} >&-");
+        let output = Command::new("bash").args(["-c", &closed, env!("CARGO_BIN_EXE_ctiplan")]).output().unwrap();
+        refused(&output, 1, "standard output is closed");
+    }
+    // What is thrown away on purpose is no failure.
+    let output = command(&["effects"]).stdout(Stdio::null()).stderr(Stdio::piped()).output().unwrap();
+    assert!(output.status.success() && output.stderr.is_empty());
+}
+
+#[test]
+fn a_device_is_not_read() {
+    let mission = case("mission.toml");
+    for arguments in [
+        &["evaluate", "/dev/zero"][..],
+        &["compare", SNAP, "/dev/zero"],
+        &["validate", &mission, "/dev/zero"],
+        &["fit", &mission, "/dev/zero"],
+        &["diagnose", &mission, &case("delta_e1.ecsv"), "--candidates", "/dev/zero"],
+        &["study", "correction", SNAP, "--fit", "/dev/zero"],
+        &["study", "error-budget", SNAP, "--detector-of", "/dev/zero"],
+        &["sweep", "/dev/zero", "--output", "target/none.csv"],
+    ] {
+        refused(&ctiplan(arguments), 2, "this is a device, not a file");
+    }
+    let frame = ["readout", "/dev/zero", "target/none.fits", "--mission", &mission, "--at", "1"];
+    refused(&ctiplan(&frame), 2, "no FITS file");
+}
+
+#[test]
+fn what_never_ends_is_not_read_for_ever() {
+    let endless = "exec \"$0\" evaluate <(yes)";
+    let output = Command::new("bash").args(["-c", endless, env!("CARGO_BIN_EXE_ctiplan")]).output().unwrap();
+    refused(&output, 2, "longer than");
+}
+
 /// A limit on the size of files is a disk that is full: writing fails in the middle.
 #[test]
 fn what_finds_no_room_leaves_nothing_behind_and_what_was_there_untouched() {

@@ -49,6 +49,8 @@ pub struct Corrected {
     pub residuals: Vec<Residual>,
     /// The last residual is as small as was asked for.
     pub converged: bool,
+    /// The last residual pixel by pixel, e-: observed − trail(image); 0 where a pixel is held.
+    pub left: Array2<f64>,
 }
 
 impl Corrected {
@@ -85,11 +87,37 @@ pub fn solve<E>(
     stop: Stop,
     trail: impl Fn(&Array2<f64>) -> Result<Array2<f64>, E>,
 ) -> Result<Corrected, E> {
-    let mut image = observed.clone();
+    steps(observed.clone(), observed, held, stop.iterations, |first| stop.relative * first.max_e, trail)
+}
+
+/// The same from another first image than the observed one, until the largest residual is `wanted_e`.
+///
+/// # Errors
+/// Those of the readout, here and below.
+pub(super) fn solve_from<E>(
+    image: Array2<f64>,
+    observed: &Array2<f64>,
+    held: Option<&Array2<bool>>,
+    wanted_e: f64,
+    iterations: usize,
+    trail: impl Fn(&Array2<f64>) -> Result<Array2<f64>, E>,
+) -> Result<Corrected, E> {
+    steps(image, observed, held, iterations, |_| wanted_e, trail)
+}
+
+/// Improves an image until its largest residual is as wanted, which may depend on the first.
+fn steps<E>(
+    mut image: Array2<f64>,
+    observed: &Array2<f64>,
+    held: Option<&Array2<bool>>,
+    iterations: usize,
+    wanted_e: impl Fn(Residual) -> f64,
+    trail: impl Fn(&Array2<f64>) -> Result<Array2<f64>, E>,
+) -> Result<Corrected, E> {
     let mut left = missing(observed, &trail(&image)?, held);
     let mut residuals = vec![Residual::of(&left)];
-    let wanted_e = stop.relative * residuals[0].max_e;
-    while residuals.len() <= stop.iterations && residuals[residuals.len() - 1].max_e > wanted_e {
+    let wanted_e = wanted_e(residuals[0]);
+    while residuals.len() <= iterations && residuals[residuals.len() - 1].max_e > wanted_e {
         image += &left;
         let next = missing(observed, &trail(&image)?, held);
         let residual = Residual::of(&next);
@@ -102,7 +130,7 @@ pub fn solve<E>(
         left = next;
     }
     let converged = residuals[residuals.len() - 1].max_e <= wanted_e;
-    Ok(Corrected { image, residuals, converged })
+    Ok(Corrected { image, residuals, converged, left })
 }
 
 /// How much larger white noise of the amplifier (`noise_e`, e- rms) is in a corrected image than in the observed one.
@@ -130,7 +158,7 @@ pub fn noise_amplification<E>(
 }
 
 impl Residual {
-    fn of(left: &Array2<f64>) -> Residual {
+    pub(super) fn of(left: &Array2<f64>) -> Residual {
         let max_e = left.iter().fold(0.0_f64, |max, value| max.max(value.abs()));
         let squares: f64 = left.iter().map(|value| value * value).sum();
         Residual { max_e, rms_e: (squares / left.len().max(1) as f64).sqrt() }
@@ -139,15 +167,19 @@ impl Residual {
 
 /// observed − trailed, 0 where a pixel is held.
 fn missing(observed: &Array2<f64>, trailed: &Array2<f64>, held: Option<&Array2<bool>>) -> Array2<f64> {
-    let mut left = observed - trailed;
-    if let Some(held) = held {
-        Zip::from(&mut left).and(held).for_each(|left, held| {
-            if *held {
-                *left = 0.0;
+    without(observed - trailed, held)
+}
+
+/// Values that are 0 in some pixels.
+pub(super) fn without(mut values: Array2<f64>, pixels: Option<&Array2<bool>>) -> Array2<f64> {
+    if let Some(pixels) = pixels {
+        Zip::from(&mut values).and(pixels).for_each(|value, without| {
+            if *without {
+                *value = 0.0;
             }
         });
     }
-    left
+    values
 }
 
 #[cfg(test)]

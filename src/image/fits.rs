@@ -12,7 +12,7 @@ use std::path::Path;
 
 use fitsio_pure::block::{BLOCK_SIZE, CARD_SIZE};
 use fitsio_pure::checksum::{checksum_blocks, encode_checksum};
-use fitsio_pure::header::{Card, format_card, header_byte_len, parse_header_blocks};
+use fitsio_pure::header::{Card, format_card, header_byte_len, parse_header_blocks, serialize_header};
 use fitsio_pure::image::{self, ImageData};
 use fitsio_pure::value::Value;
 use ndarray::Array2;
@@ -312,6 +312,34 @@ impl Hdu {
         out.write_all(&header)?;
         out.write_all(&data)
     }
+}
+
+/// Writes an image extension of bytes, 1 where a pixel of a frame (an HDU of the file, by its place) is marked and 0 elsewhere,
+/// behind what is written already.
+///
+/// # Errors
+/// Where writing fails.
+pub fn write_mask(name: &str, of: usize, mask: &Array2<bool>, out: &mut (impl Write + Seek)) -> std::io::Result<()> {
+    // A file may end without the blocks of its last HDU being full.
+    let written = out.stream_position()?;
+    out.write_all(&vec![0; (written.next_multiple_of(BLOCK_SIZE as u64) - written) as usize])?;
+    let (rows, columns) = mask.dim();
+    let whole = |number: usize| Value::Integer(number as i64);
+    let values = [
+        ("XTENSION", Value::String("IMAGE".into())),
+        ("BITPIX", Value::Integer(8)),
+        ("NAXIS", Value::Integer(2)),
+        ("NAXIS1", whole(columns)),
+        ("NAXIS2", whole(rows)),
+        ("PCOUNT", Value::Integer(0)),
+        ("GCOUNT", Value::Integer(1)),
+        ("EXTNAME", Value::String(name.into())),
+        ("CTIHDU", whole(of)),
+    ];
+    let cards: Result<Vec<Card>, _> = values.into_iter().map(|(keyword, value)| Card::new(keyword, value)).collect();
+    let header = cards.and_then(|cards| serialize_header(&cards)).map_err(std::io::Error::other)?;
+    out.write_all(&header)?;
+    out.write_all(&image::serialize_image(&ImageData::U8(mask.iter().map(|marked| u8::from(*marked)).collect())))
 }
 
 impl fmt::Display for Hdu {

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::{Report, lines, or_dash, table, traps_json, wrapped};
-use crate::image::{Done, FrameDone, HduDone, Task};
+use crate::image::{Done, FrameDone, HduDone, Task, Uncertain};
 use crate::readout::Method;
 
 impl Report for Done {
@@ -58,7 +58,8 @@ impl Report for Done {
                 "noise",
             ]);
             for (hdu, frame) in self.frames() {
-                let (first, last) = ends(frame);
+                let (Some(first), Some(uncertain)) = (frame.residuals.first(), &frame.uncertain) else { continue };
+                let last = uncertain.left;
                 residuals.add_row(vec![
                     hdu.index.to_string(),
                     (frame.residuals.len() - 1).to_string(),
@@ -70,6 +71,18 @@ impl Report for Done {
                 ]);
             }
             out.push_str(&lines(&residuals));
+            for (hdu, frame) in self.frames() {
+                let Some(uncertain) = &frame.uncertain else { continue };
+                let besides = match uncertain.count() {
+                    0 => String::new(),
+                    pixels => format!(", but for {pixels} uncertain pixels"),
+                };
+                let error = format!(
+                    "HDU {}: if the model is right, the error of a pixel is below {:.1e} e-",
+                    hdu.index, uncertain.error_e
+                );
+                out.push_str(&wrapped(&format!("{error}{besides}."), 2));
+            }
         }
         for warning in &self.warnings {
             out.push_str(&wrapped(&format!("\nWarning: {warning}"), 2));
@@ -110,6 +123,8 @@ impl Report for Done {
             "max_before_e",
             "max_after_e",
             "noise_amplification",
+            "uncertain_px",
+            "error_e",
         ];
         let mut rows = vec![header.map(str::to_string).to_vec()];
         for (hdu, frame) in self.frames() {
@@ -124,11 +139,13 @@ impl Report for Done {
                 frame.saturated_px.to_string(),
                 frame.clipped_px.to_string(),
             ];
-            if let [first, .., last] | [first @ last] = &frame.residuals[..] {
+            if let (Some(first), Some(uncertain)) = (frame.residuals.first(), &frame.uncertain) {
+                let last = uncertain.left;
                 row.push((frame.residuals.len() - 1).to_string());
                 row.extend([first.rms_e, last.rms_e, first.max_e, last.max_e].map(|value| value.to_string()));
+                row.push(frame.noise_amplification.map_or(String::new(), |factor| factor.to_string()));
+                row.extend([uncertain.count().to_string(), uncertain.error_e.to_string()]);
             }
-            row.extend(frame.noise_amplification.map(|factor| factor.to_string()));
             row.resize(header.len(), String::new());
             rows.push(row);
         }
@@ -140,11 +157,6 @@ impl Done {
     fn frames(&self) -> impl Iterator<Item = (&HduDone, &FrameDone)> {
         self.hdus.iter().filter_map(|hdu| hdu.frame.as_ref().map(|frame| (hdu, frame)))
     }
-}
-
-fn ends(frame: &FrameDone) -> (crate::image::Residual, crate::image::Residual) {
-    let residuals = &frame.residuals;
-    (residuals[0], residuals[residuals.len() - 1])
 }
 
 fn relative(method: Method) -> Option<f64> {
@@ -181,6 +193,10 @@ fn hdu_json(hdu: &HduDone) -> Value {
             .map(|residual| json!({"rms_e": residual.rms_e, "max_e": residual.max_e}))
             .collect::<Vec<_>>(),
         "noise_amplification": frame.noise_amplification,
+        "uncertain_px": frame.uncertain.as_ref().map(Uncertain::count),
+        "error_e": frame.uncertain.as_ref().map(|uncertain| uncertain.error_e),
+        "left": frame.uncertain.as_ref()
+            .map(|uncertain| json!({"rms_e": uncertain.left.rms_e, "max_e": uncertain.left.max_e})),
     });
     let members = json.as_object_mut().expect("an object");
     members.extend(more.as_object().expect("an object").clone());
