@@ -131,7 +131,7 @@ pub struct AtEnergy {
 pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputError> {
     let model = Model::new(mission);
     let history = model.history().clone();
-    let mut warnings = history.warnings();
+    let mut warnings = history.warnings(mission.mission.duration_yr);
     if mission.mission.orbit == Orbit::Leo {
         warnings.push(Warning::ShieldedByField);
     }

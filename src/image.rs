@@ -194,7 +194,7 @@ impl Job {
             task: self.task,
             geometry: self.geometry,
             hdus: Vec::new(),
-            warnings: Vec::new(),
+            warnings: self.model.history().warnings(self.device.at.t_yr),
         };
         output::write_by(output, overwrite, |out| {
             let all = fits.hdus.len();

@@ -16,6 +16,7 @@ use crate::evaluate::{Verdict, evaluate};
 use crate::mission::Mission;
 use crate::model::Model;
 use crate::model::SpeciesState;
+use crate::warning::Warning;
 
 /// A mission that is to be compared.
 #[derive(Clone, Debug)]
@@ -47,6 +48,8 @@ pub struct Scenario {
     pub verdict: Verdict,
     /// Traps at the end of the mission.
     pub traps: Vec<SpeciesState>,
+    /// Things seen that are not errors.
+    pub warnings: Vec<Warning>,
 }
 
 /// Scenarios, in the order asked for, and what tells them apart.
@@ -174,6 +177,7 @@ fn scenario(candidate: &Candidate, name: &str, settings: &[(String, toml::Value)
         delta_e: end.galaxies[0].map(|change| change.magnitude()),
         traps: end.traps.clone(),
         verdict: evaluation.verdict,
+        warnings: evaluation.warnings,
         mission,
     })
 }

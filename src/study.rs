@@ -31,6 +31,7 @@ use crate::model::Model;
 use crate::plot::{Figure, level, line};
 use crate::scenario::Axis;
 use crate::sources::Source;
+use crate::warning::Warning;
 
 pub use estimate::Estimate;
 use signal::left_out;
@@ -73,6 +74,8 @@ pub struct Study {
     pub results: Map<String, Value>,
     /// What follows from them, in sentences.
     pub findings: Vec<String>,
+    /// Things seen that are not errors.
+    pub warnings: Vec<Warning>,
     /// Figures with the names of their files.
     pub figures: Vec<(String, Figure)>,
     /// Where the models are from that are the study's own.
@@ -199,7 +202,8 @@ fn column(key: impl Into<String>, head: impl Into<String>, digits: Digits) -> Co
 impl Study {
     /// An empty answer.
     fn of(name: &'static str, mission: &Mission, title: String) -> Study {
-        Study { name, mission: mission.mission.name.clone(), title, ..Study::default() }
+        let warnings = Model::new(mission).history().warnings(mission.mission.duration_yr);
+        Study { name, mission: mission.mission.name.clone(), title, warnings, ..Study::default() }
     }
 
     /// Adds a number to the results.

@@ -83,6 +83,23 @@ pub enum Warning {
     },
 }
 
+/// Warnings of several missions, each said once; what is extrapolated for any of them is said together.
+pub fn together<'a>(warnings: impl IntoIterator<Item = &'a Warning>) -> Vec<Warning> {
+    let mut maxima: Vec<Maximum> = Vec::new();
+    let mut others: Vec<Warning> = Vec::new();
+    for warning in warnings {
+        match warning {
+            Warning::SunExtrapolated { maxima: more } => maxima.extend(more),
+            other if !others.contains(other) => others.push(other.clone()),
+            _ => {}
+        }
+    }
+    maxima.sort_by(|a, b| a.year.total_cmp(&b.year));
+    maxima.dedup();
+    let sun = (!maxima.is_empty()).then_some(Warning::SunExtrapolated { maxima });
+    sun.into_iter().chain(others).collect()
+}
+
 impl fmt::Display for Warning {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -33,8 +33,9 @@ pub struct DoseHistory {
     pub dose_laws: Vec<Law>,
     /// Where the active rate comes from.
     pub origin: RateOrigin,
-    /// Maxima of the Sun after the last one that is known on which the mission depends if it follows the cycle.
-    pub extrapolated: Vec<Maximum>,
+    launch: f64,
+    /// Maxima of the Sun after launch that are not known yet.
+    extrapolated: Vec<Maximum>,
 }
 
 /// What a quantity becomes, from the time (years since launch) and what it was.
@@ -96,11 +97,8 @@ impl DoseHistory {
             Some(rate) => (rate, RateOrigin::Given),
             None => derived_rate(mission, active_years),
         };
-        let flown = |maximum: &Maximum| {
-            let (from, to) = (maximum.year - ACTIVE_BEFORE_YR, maximum.year + ACTIVE_AFTER_YR);
-            maximum.cycles_ahead > 0 && from < launch + duration_yr && to > launch
-        };
-        let extrapolated = maxima.into_iter().filter(flown).collect();
+        let ahead = |maximum: &Maximum| maximum.cycles_ahead > 0 && maximum.year + ACTIVE_AFTER_YR > launch;
+        let extrapolated = maxima.into_iter().filter(ahead).collect();
         DoseHistory {
             cycle,
             windows,
@@ -111,6 +109,7 @@ impl DoseHistory {
             rate_laws: Vec::new(),
             dose_laws: Vec::new(),
             origin,
+            launch,
             extrapolated,
         }
     }
@@ -121,10 +120,16 @@ impl DoseHistory {
         self.active_share = 1.0;
     }
 
-    /// What is doubtful about it.
-    pub fn warnings(&self) -> Vec<Warning> {
-        let depends = !self.averages_the_cycle() && !self.extrapolated.is_empty();
-        depends.then(|| Warning::SunExtrapolated { maxima: self.extrapolated.clone() }).into_iter().collect()
+    /// Maxima of the Sun that are not known yet and on which the dose up to a time (years since launch) depends.
+    pub fn extrapolated(&self, until_yr: f64) -> Vec<Maximum> {
+        let begun = |maximum: &&Maximum| maximum.year - ACTIVE_BEFORE_YR < self.launch + until_yr;
+        if self.averages_the_cycle() { Vec::new() } else { self.extrapolated.iter().filter(begun).copied().collect() }
+    }
+
+    /// What is doubtful about the dose up to a time (years since launch).
+    pub fn warnings(&self, until_yr: f64) -> Vec<Warning> {
+        let maxima = self.extrapolated(until_yr);
+        if maxima.is_empty() { Vec::new() } else { vec![Warning::SunExtrapolated { maxima }] }
     }
 
     /// Dose since launch, MeV/g, at a time in years since launch.

@@ -12,6 +12,7 @@ use crate::plot::Figure;
 use crate::requirement::Crossing;
 use crate::scenario::{Comparison, Criterion, Ranking, Scenario};
 use crate::sources::{self, Source};
+use crate::warning;
 
 impl Report for Comparison {
     fn text(&self) -> String {
@@ -40,6 +41,7 @@ impl Report for Comparison {
                         &verdict.corrected, Some(requirement.correction_factor), date(scenario, &verdict.corrected)),
                     "rate_at_launch_per_yr": verdict.rate_at_launch_per_yr,
                     "mean_rate_per_yr": verdict.mean_rate_per_yr,
+                    "warnings": scenario.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
                 })
             })
             .collect();
@@ -57,6 +59,10 @@ impl Report for Comparison {
             }),
             "why": self.why,
             "notes": self.notes,
+            "warnings": warning::together(self.scenarios.iter().flat_map(|scenario| &scenario.warnings))
+                .iter()
+                .map(ToString::to_string)
+                .collect::<Vec<_>>(),
         })
     }
 
@@ -152,6 +158,9 @@ impl Page for Comparison {
         out.verdict(self.conclusion(), 2);
         for reason in &self.why {
             out.verdict(format!("  - {reason}"), 4);
+        }
+        for warning in warning::together(self.scenarios.iter().flat_map(|scenario| &scenario.warnings)) {
+            out.verdict(format!("Warning: {warning}"), 2);
         }
         out
     }

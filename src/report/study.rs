@@ -23,6 +23,7 @@ impl Report for Study {
             "results": self.results,
             "tables": tables,
             "findings": self.findings,
+            "warnings": self.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         })
     }
 
@@ -64,6 +65,9 @@ impl Page for Study {
         out.gap();
         for finding in &self.findings {
             out.verdict(format!("- {finding}"), 2);
+        }
+        for warning in &self.warnings {
+            out.verdict(format!("Warning: {warning}"), 2);
         }
         out
     }

@@ -1,7 +1,8 @@
 //! Which uncertain input dominates the date on which the budget is exceeded.
 //!
 //! Inputs are multiplied by exp(σ z) with standard normal z and the relative uncertainties σ of `[uncertainty]`; each draw is a
-//! mission of its own. Shares are of the variance of ln |Δe| at the end of the mission, by linear regression on the z:
+//! mission of its own. Maxima of the Sun that are not known yet are shifted, each with all after it, by σ z with the scatter σ of
+//! the length of a cycle. Shares are of the variance of ln |Δe| at the end of the mission, by linear regression on the z:
 //!
 //! ```text
 //! ln |Δe| = β₀ + Σ βᵢ zᵢ + rest        share i = βᵢ²/(Σ β² + var(rest))
@@ -19,7 +20,6 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
 use super::estimate::with_errors;
-use super::launch::until;
 use super::{Cell, Digits, Estimate, Kind, Study, Table, Timeline};
 use super::{column, days, known_date, ready, short};
 use crate::accuracy::Purpose;
@@ -27,6 +27,7 @@ use crate::calendar::{DAYS_PER_YEAR, date_after, decimal_year};
 use crate::dose;
 use crate::environment::esp::Spectrum;
 use crate::environment::shielding::{Geometry, dose_behind};
+use crate::environment::solar_cycle::{self, ACTIVE_YR, CYCLE_SCATTER_YR, Maximum};
 use crate::error::InputError;
 use crate::file_argument::InputFile;
 use crate::galaxy::snr;
@@ -60,18 +61,50 @@ pub struct ErrorBudget {
     pub seed: Option<u64>,
 }
 
-/// Multiplies an input of a mission by a factor.
+/// Changes a mission by a deviation of an input.
 type Apply = dyn Fn(&mut Mission, f64) + Send + Sync;
 
 /// An uncertain input.
 struct Input {
     name: String,
-    sigma: f64,
+    sigma: Sigma,
     apply: Box<Apply>,
 }
 
+/// How uncertain an input is.
+#[derive(Clone, Copy, PartialEq)]
+enum Sigma {
+    /// Standard deviation of its logarithm.
+    Relative(f64),
+    /// Standard deviation, yr.
+    Years(f64),
+}
+
+impl Input {
+    /// Changes a mission by so many standard deviations of the input.
+    fn deviate(&self, mission: &mut Mission, z: f64) {
+        let (Sigma::Relative(sigma) | Sigma::Years(sigma)) = self.sigma;
+        (self.apply)(mission, sigma * z);
+    }
+}
+
+/// An input that is multiplied by a factor.
 fn input(name: impl Into<String>, sigma: f64, apply: impl Fn(&mut Mission, f64) + Send + Sync + 'static) -> Input {
-    Input { name: name.into(), sigma, apply: Box::new(apply) }
+    let apply = Box::new(move |mission: &mut Mission, deviation: f64| apply(mission, deviation.exp()));
+    Input { name: name.into(), sigma: Sigma::Relative(sigma), apply }
+}
+
+/// The lengths of cycles to maxima that are not known yet, in a mission that lists them. Each shifts all maxima after it.
+fn cycles(maxima: &[Maximum]) -> Vec<Input> {
+    let ahead = maxima.iter().enumerate().filter(|(_, maximum)| maximum.cycles_ahead > 0);
+    let shift = |(index, maximum): (usize, &Maximum)| Input {
+        name: format!("solar maximum {:.1}", maximum.year),
+        sigma: Sigma::Years(CYCLE_SCATTER_YR),
+        apply: Box::new(move |mission: &mut Mission, shift_yr: f64| {
+            mission.environment.solar_maximum[index..].iter_mut().for_each(|year| *year += shift_yr);
+        }),
+    };
+    ahead.map(shift).collect()
 }
 
 /// The inputs of a mission whose dose rate is given as a number, those known exactly left out. `shield` says by how much the
@@ -112,7 +145,7 @@ fn inputs(mission: &Mission, shield: Option<Shield>) -> Vec<Input> {
         galaxy.flux_e = galaxy.flux_e.map(|flux_e| flux_e * factor);
     }));
     inputs.push(input("galaxy size", known.galaxy_size, |mission, factor| mission.galaxies[0].half_light_px *= factor));
-    inputs.retain(|input| input.sigma > 0.0);
+    inputs.retain(|input| input.sigma != Sigma::Relative(0.0));
     inputs
 }
 
@@ -177,16 +210,22 @@ impl Bench {
         base.galaxies[0].flux_e = Some(flux_e);
         base.galaxies[0].snr = None;
         base = Purpose::Draws.of(&base);
-        let inputs = inputs(&base, Shield::of(mission));
-        let (mut base, _) = until(&base, decimal_year(base.mission.launch.0) + horizon_yr);
+        let mut inputs = inputs(&base, Shield::of(mission));
         base.mission.duration_yr = horizon_yr;
+        let last = decimal_year(base.mission.launch.0) + horizon_yr;
+        // Those of which the active years may begin before the end; in years, so that draws can shift them.
+        let maxima = solar_cycle::maxima(&base.environment.solar_maximum, last + ACTIVE_YR);
+        base.environment.solar_maximum = maxima.iter().map(|maximum| maximum.year).collect();
+        if !model.history().averages_the_cycle() {
+            inputs.extend(cycles(&maxima));
+        }
         Ok(Bench { duration_yr: mission.mission.duration_yr, model: model.like(&base), inputs })
     }
 
     fn fate(&self, deviations: &[f64]) -> Result<Fate, InputError> {
         let mut mission = self.model.mission.clone();
         for (input, deviation) in self.inputs.iter().zip(deviations) {
-            (input.apply)(&mut mission, (input.sigma * deviation).exp());
+            input.deviate(&mut mission, *deviation);
         }
         let timeline = Timeline::of(&self.model.like(&mission))?;
         let requirement = &mission.requirement;
@@ -423,13 +462,19 @@ fn ranked(budget: &Budget) -> Vec<usize> {
 }
 
 fn inputs_table(budget: &Budget) -> Table {
+    let in_years = budget.bench.inputs.iter().any(|input| matches!(input.sigma, Sigma::Years(_)));
     let day = |fate: &Fate| budget.date(fate.exceeded_yr[0]).map_or(Cell::None, Cell::from);
     let over = |fate: &Fate| fate.delta_e.zip(budget.nominal.delta_e).filter(|(_, nominal)| *nominal > 0.0);
     let rows = ranked(budget).into_iter().map(|index| {
         let [low, high] = &budget.swings[index];
+        let (percent, years) = match budget.bench.inputs[index].sigma {
+            Sigma::Relative(sigma) => (Some(100.0 * sigma), None),
+            Sigma::Years(sigma_yr) => (None, Some(sigma_yr)),
+        };
         vec![
             budget.bench.inputs[index].name.clone().into(),
-            (100.0 * budget.bench.inputs[index].sigma).into(),
+            percent.into(),
+            years.into(),
             budget.shares().map_or(Cell::None, |shares| shares[index].times(100.0).into()),
             over(high).map(|(with, without)| 100.0 * (with / without - 1.0)).into(),
             day(low),
@@ -445,6 +490,7 @@ fn inputs_table(budget: &Budget) -> Table {
         columns: vec![
             column("input", "input", Digits::Fixed(0)),
             column("sigma_percent", "sigma [%]", Digits::Significant(3)),
+            column("sigma_yr", if in_years { "sigma [yr]" } else { "" }, Digits::Significant(3)),
             column("share_percent", "share [%]", Digits::Fixed(1)).with_error("share_error_percent"),
             column("delta_e_percent", "|delta e| [%]", Digits::Fixed(2)),
             column("low_date", "at -1 sigma", Digits::Fixed(0)),

@@ -9,12 +9,13 @@ use rayon::prelude::*;
 use super::{Cell, Digits, Kind, Study, Table, Timeline};
 use super::{column, level, line, ready, when};
 use crate::calendar::decimal_year;
-use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, CYCLE_YR};
+use crate::environment::solar_cycle;
 use crate::error::InputError;
-use crate::mission::{DoseModel, Mission};
+use crate::mission::Mission;
 use crate::plot::{Figure, Kind as Drawn, Panel, Series};
 use crate::scenario::{Axis, Merit, Ranking, sun};
 use crate::sources;
+use crate::warning::{self, Warning};
 
 /// Years over which launches are tried where none are given, and the step between two.
 const CYCLES_YR: u32 = 22;
@@ -38,6 +39,7 @@ struct Tried {
     active_yr: f64,
     dose_mev_g: f64,
     timeline: Timeline,
+    warnings: Vec<Warning>,
 }
 
 impl Tried {
@@ -67,7 +69,7 @@ impl Kind for Launch {
         let launches = Axis::parse("mission.launch", &text)?.values;
         let (flown, note) = sun::of_launches(mission, self.keep_average);
         let model = ready(&flown)?;
-        let (cycled, assumed) = continued(&model.mission, &launches);
+        let cycled = &model.mission;
         let launched = |launch: &toml::Value| {
             let mission = cycled.with(&[("mission.launch".into(), launch.clone())])?;
             let model = model.like(&mission);
@@ -75,44 +77,22 @@ impl Kind for Launch {
             advance();
             let timeline = Timeline::of(&model)?;
             let (active_yr, dose_mev_g) = (model.history().active_years(duration_yr), model.dose_mev_g(duration_yr)?);
-            Ok(Tried { active_yr, dose_mev_g, timeline, mission })
+            let warnings = model.history().warnings(duration_yr);
+            Ok(Tried { active_yr, dose_mev_g, timeline, warnings, mission })
         };
         let tried: Vec<Result<Tried, InputError>> = launches.par_iter().map(launched).collect();
         // The first of several errors, whichever came first.
         let tried = tried.into_iter().collect::<Result<Vec<_>, _>>()?;
-        let mut study = report(mission, &cycled, &tried, &assumed);
+        let mut study = report(mission, cycled, &tried);
         study.findings.splice(0..0, note.map(String::from));
-        if sun::model(&cycled) != sun::model(mission) {
-            study.sources.push(sources::over_time(&cycled));
+        if sun::model(cycled) != sun::model(mission) {
+            study.sources.push(sources::over_time(cycled));
         }
         Ok(study)
     }
 }
 
-/// The mission with solar maxima to the end of its last flight, and those that were assumed for it.
-fn continued(mission: &Mission, launches: &[toml::Value]) -> (Mission, Vec<f64>) {
-    let year = |launch: &toml::Value| launch.as_datetime().and_then(|day| day.date).map_or(0, |day| day.year);
-    let last = launches.iter().map(year).max().map_or(0.0, f64::from) + 1.0 + mission.mission.duration_yr;
-    until(mission, last)
-}
-
-/// The mission with solar maxima every 11 years after its last, until a decimal year is covered.
-pub(super) fn until(mission: &Mission, year: f64) -> (Mission, Vec<f64>) {
-    let mut continued = mission.clone();
-    let maxima = &mut continued.environment.solar_maximum;
-    let mut assumed = Vec::new();
-    if mission.environment.model == DoseModel::SolarCycle {
-        let mut last = maxima.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        while last + ACTIVE_AFTER_YR < year && last + CYCLE_YR < 2300.0 {
-            last += CYCLE_YR;
-            assumed.push(last);
-        }
-        maxima.extend(&assumed);
-    }
-    (continued, assumed)
-}
-
-fn report(mission: &Mission, cycled: &Mission, tried: &[Tried], assumed: &[f64]) -> Study {
+fn report(mission: &Mission, cycled: &Mission, tried: &[Tried]) -> Study {
     let requirement = &mission.requirement;
     let (limit, corrected) = (requirement.delta_e, requirement.delta_e * requirement.correction_factor);
     let duration_yr = mission.mission.duration_yr;
@@ -154,7 +134,7 @@ fn report(mission: &Mission, cycled: &Mission, tried: &[Tried], assumed: &[f64])
         ..Table::default()
     }];
     study.figures = vec![("launch.svg".into(), figure(mission, cycled, tried))];
-    conclude(&mut study, mission, cycled, tried, assumed);
+    conclude(&mut study, mission, cycled, tried);
     study
 }
 
@@ -170,7 +150,7 @@ fn figure(mission: &Mission, cycled: &Mission, tried: &[Tried]) -> Figure {
         let stretches = solar_cycle::active_years(&solar_cycle::maxima(&cycled.environment.solar_maximum, last));
         let seen = stretches.into_iter().filter(|stretch| stretch.to > first && stretch.from < last);
         let shade = |stretch: solar_cycle::ActiveYears| Series {
-            label: Some("active Sun".into()),
+            label: Some(if stretch.extrapolated { "active Sun, extrapolated" } else { "active Sun" }.into()),
             color: 7,
             kind: Drawn::Shade { from: stretch.from.max(first), to: stretch.to.min(last) },
         };
@@ -200,14 +180,8 @@ fn figure(mission: &Mission, cycled: &Mission, tried: &[Tried]) -> Figure {
 /// Most ties that are named.
 const NAMED: usize = 6;
 
-fn conclude(study: &mut Study, mission: &Mission, cycled: &Mission, tried: &[Tried], assumed: &[f64]) {
-    if !assumed.is_empty() {
-        let years: Vec<String> = assumed.iter().map(|year| format!("{year:.1}")).collect();
-        study.find(format!(
-            "Solar maxima after the last in the list are assumed every {CYCLE_YR} years: {}.",
-            years.join(", ")
-        ));
-    }
+fn conclude(study: &mut Study, mission: &Mission, cycled: &Mission, tried: &[Tried]) {
+    study.warnings = warning::together(tried.iter().flat_map(|tried| &tried.warnings));
     study.result("dose_model", sun::model(cycled));
     let ranking = Ranking::of(&tried.iter().map(Tried::merit).collect::<Vec<_>>());
     let names = |places: &[usize]| -> Vec<String> { places.iter().map(|place| tried[*place].name()).collect() };
