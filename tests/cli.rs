@@ -115,7 +115,7 @@ fn compare_tells_missions_apart_whatever_is_set() {
     }
     let page = path("page.html");
     for set in [&[][..], &["--set", "sky.background_e=60,120"], &["--launch", "2009-01-01,2012-01-01"]] {
-        let missions = [&files[0], &files[1], &files[2], "missions/hst_leo.toml"];
+        let missions = [&files[0], &files[1], &files[2], "missions/snap_l2_trades.toml"];
         let run = |more: &[&str]| stdout(&[&["compare"], &missions[..], set, more].concat());
         let shown = run(&["--html", &page]).split_whitespace().collect::<String>();
         let html = std::fs::read_to_string(&page).unwrap();
@@ -124,7 +124,7 @@ fn compare_tells_missions_apart_whatever_is_set() {
         {
             assert!(html.contains(name), "{set:?}: {name}\n{html}");
         }
-        assert!(shown.contains("cold.toml") && !shown.contains("hst_leo.toml"), "{shown}");
+        assert!(shown.contains("cold.toml") && !shown.contains("snap_l2_trades.toml"), "{shown}");
         let json: Value = serde_json::from_str(&run(&["--json"])).unwrap();
         let rows: Vec<(String, String)> = json["scenarios"]
             .as_array()
