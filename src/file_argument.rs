@@ -80,6 +80,12 @@ impl From<OsString> for InputFile {
     }
 }
 
+impl From<PathBuf> for InputFile {
+    fn from(path: PathBuf) -> InputFile {
+        InputFile(path)
+    }
+}
+
 impl From<OsString> for OutputFile {
     fn from(path: OsString) -> OutputFile {
         OutputFile(path.into())

@@ -162,15 +162,14 @@ fn a_correction_takes_what_a_fit_says_with_its_correlations() {
     };
     let rms = |correlation: f64| {
         fs::write(&path, fit(correlation).to_string()).unwrap();
-        let asked =
-            Correction { fit: Some(path.clone().into_os_string().into()), draws: 60, ..defaults::<Correction>() };
+        let asked = Correction { fit: Some(path.clone().into()), draws: 60, ..defaults::<Correction>() };
         numbers(&ask(&asked, &mission(SNAP, &[])), "causes", "delta_e")[3]
     };
     // Errors of one sign add up, errors of opposite signs cancel.
     let (together, against) = (rms(1.0), rms(-1.0));
     assert!(together > 2.0 * against, "{together} {against}");
     fs::write(&path, "{}").unwrap();
-    let asked = Correction { fit: Some(path.clone().into_os_string().into()), ..defaults::<Correction>() };
+    let asked = Correction { fit: Some(path.clone().into()), ..defaults::<Correction>() };
     assert!(asked.study(&mission(SNAP, &[]), &|| {}).unwrap_err().to_string().contains("parameters"));
 }
 
