@@ -16,6 +16,7 @@ use crate::model::Model;
 use crate::predict::predict;
 use crate::table::{Cell, Column, Datatype, Table};
 use lean::{Lean, Trial};
+pub use words::{Claim, Finding};
 
 /// A model held against data.
 #[derive(Clone, Debug)]
@@ -30,8 +31,8 @@ pub struct Validation {
     pub n: usize,
     /// Leanings on all conditions and covariates that vary, the most significant first.
     pub leans: Vec<Lean>,
-    /// Where the model fails, in words; empty where it does not.
-    pub words: Vec<String>,
+    /// Where the model fails; empty where it does not.
+    pub findings: Vec<Finding>,
 }
 
 /// One data set against the model.
@@ -133,9 +134,51 @@ impl Validation {
         (self.chi2 - self.n as f64) / (2.0 * self.n as f64).sqrt()
     }
 
+    /// Where the model fails, in words.
+    pub fn words(&self) -> Vec<&str> {
+        self.findings.iter().map(|finding| finding.said.as_str()).collect()
+    }
+
+    /// Whether chi2 of all rows is more than noise makes.
+    pub fn exceeds_noise(&self) -> bool {
+        words::chi2_chances(self.chi2, self.n)[1] < words::SPOKEN
+    }
+
+    /// Whether chi2 of all rows is less than noise of the quoted errors makes.
+    pub fn falls_short_of_noise(&self) -> bool {
+        words::chi2_chances(self.chi2, self.n)[0] < words::SPOKEN
+    }
+
     /// Whether the model explains the data: chi2 is what noise makes, and there is nothing to say of the residuals.
     pub fn within_noise(&self) -> bool {
-        self.excess().abs() < 3.0 && self.words.is_empty()
+        !self.exceeds_noise() && !self.falls_short_of_noise() && self.findings.is_empty()
+    }
+
+    /// What comes of it, in a sentence.
+    pub fn conclusion(&self) -> String {
+        let excess = self.excess();
+        let all = format!("chi2 is {:.1} for {} rows", self.chi2, self.n);
+        if self.exceeds_noise() {
+            return format!(
+                "{all}, {excess:.0} standard deviations more than noise makes: the model does not explain the data"
+            );
+        }
+        if self.falls_short_of_noise() {
+            return format!(
+                "{all}, {:.0} standard deviations less than noise makes: the quoted errors are too large",
+                -excess
+            );
+        }
+        let mut claims: Vec<&str> = Vec::new();
+        for said in self.findings.iter().map(|finding| finding.claim.said()) {
+            if !claims.contains(&said) {
+                claims.push(said);
+            }
+        }
+        match &claims[..] {
+            [] => format!("{all}: the model is within the noise"),
+            claims => format!("{all}, as much as noise makes, but {}", claims.join(", and ")),
+        }
     }
 
     /// Rows that are farthest off: data set, row, residual.
@@ -178,8 +221,8 @@ pub fn validate(mission: &Mission, data: &[DataSet], seed: u64) -> Result<Valida
     let residuals: Vec<Vec<f64>> = sets.iter().map(SetResult::residuals).collect();
     let scatter: Vec<f64> = sets.iter().map(SetResult::noise_sigma).collect();
     let leans = lean::all(&trials, &residuals, &scatter, seed);
-    let words = words::of(&sets, &leans);
-    Ok(Validation { mission: mission.clone(), sets, chi2, n, leans, words })
+    let findings = words::of(&sets, &leans);
+    Ok(Validation { mission: mission.clone(), sets, chi2, n, leans, findings })
 }
 
 /// Scatter about what is smooth: the median second difference of neighbouring residuals, as the standard deviation of

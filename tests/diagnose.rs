@@ -145,7 +145,7 @@ fn the_mission_that_is_written_explains_the_data() {
     let validation = validate(&improved, &data, 1).unwrap();
     assert!((validation.chi2 - found.after.chi2).abs() < 1e-6);
     assert!((validation.chi2 - found.steps[1].rung.chi2).abs() < 0.5, "{}", validation.chi2);
-    assert!(validation.words.is_empty());
+    assert!(validation.words().is_empty());
     // What was there stays as it was written.
     let lines: Vec<&str> = written.lines().collect();
     assert!(text.lines().all(|line| lines.contains(&line)));

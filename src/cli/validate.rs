@@ -37,7 +37,7 @@ impl Validate {
                 output::write(folder.join(name), &table.to_ecsv())?;
             }
         }
-        let fails = !validation.within_noise() && validation.excess() > -3.0;
+        let fails = !validation.within_noise() && !validation.falls_short_of_noise();
         let next = fails.then(|| self.measured.command("diagnose"));
         print_and_suggest(&validation, &self.output, next)?;
         Ok(Outcome::Done)

@@ -78,7 +78,7 @@ impl Report for Diagnosis {
             "tried": tried,
             "held_out": self.held_out,
             "noise": {"scale": self.noise.scale, "correlation": self.noise.correlation},
-            "leaning": self.after.words,
+            "leaning": self.after.words(),
             "formula": self.suggestion.as_ref().map(|suggestion| suggestion.toml.clone()),
             "notes": self.notes,
             "advice": self.advice.iter().map(ToString::to_string).collect::<Vec<_>>(),
@@ -332,7 +332,7 @@ impl Diagnosis {
             }
             out.table(leaning);
         }
-        for word in &self.after.words {
+        for word in self.after.words() {
             out.words(word, 2);
         }
         if let Some(suggestion) = &self.suggestion {

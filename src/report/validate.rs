@@ -76,7 +76,8 @@ impl Report for Validation {
             "rms_sigma": self.rms_sigma(),
             "datasets": sets,
             "covariates": leans,
-            "words": self.words,
+            "words": self.words(),
+            "conclusion": self.conclusion(),
         })
     }
 
@@ -177,7 +178,7 @@ impl Page for Validation {
         }
         out.table(worst);
         out.gap();
-        for word in &self.words {
+        for word in self.words() {
             out.verdict(word, 2);
         }
         out.verdict(self.conclusion(), 2);
@@ -186,22 +187,6 @@ impl Page for Validation {
 
     fn figures(&self) -> Vec<(String, Figure)> {
         Validation::figures(self)
-    }
-}
-
-impl Validation {
-    fn conclusion(&self) -> String {
-        let excess = self.excess();
-        let all = format!("chi2 is {:.1} for {} rows", self.chi2, self.n);
-        if self.within_noise() {
-            format!("{all}: the model is within the noise")
-        } else if excess > 3.0 {
-            format!("{all}, {excess:.0} standard deviations more than noise makes: the model does not explain the data")
-        } else if excess < -3.0 {
-            format!("{all}, {:.0} standard deviations less than noise makes: the quoted errors are too large", -excess)
-        } else {
-            format!("{all}, as much as noise makes, and yet the residuals lean")
-        }
     }
 }
 

@@ -1,44 +1,93 @@
 //! Where a model fails, in words.
 
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
 use super::SetResult;
 use super::lean::Lean;
 use crate::mission::keys::plain;
 use crate::observable::Observable;
 
-/// False alarms below which a leaning is spoken of.
-const SPOKEN: f64 = 1e-3;
+/// False-alarm probability below which anything is claimed.
+pub(super) const SPOKEN: f64 = 1e-3;
 
 /// Errors by which a mean must differ from 0 to be spoken of.
 const CLEAR: f64 = 3.0;
 
-/// Sentences about all that is significant: for each data set its strongest leaning, or its bias.
-pub(super) fn of(sets: &[SetResult], leans: &[Lean]) -> Vec<String> {
-    let mut words = Vec::new();
+/// What a sentence claims.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Claim {
+    /// Residuals depend on a condition.
+    Trend,
+    /// Residuals are off in the mean.
+    Offset,
+    /// The quoted errors are too small.
+    SmallErrors,
+    /// The quoted errors are too large.
+    LargeErrors,
+}
+
+impl Claim {
+    /// As the end of a sentence that begins with a chi2 of which nothing can be said.
+    pub(super) fn said(self) -> &'static str {
+        match self {
+            Claim::Trend => "the residuals have a trend",
+            Claim::Offset => "the residuals are off in the mean",
+            Claim::SmallErrors => "some quoted errors look too small",
+            Claim::LargeErrors => "some quoted errors look too large",
+        }
+    }
+}
+
+/// A significant property of the residuals.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    /// What is claimed.
+    pub claim: Claim,
+    /// In a sentence.
+    pub said: String,
+}
+
+/// All that is significant: for each data set its strongest trend, or its offset; and errors that are not those quoted.
+pub(super) fn of(sets: &[SetResult], leans: &[Lean]) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let mut find = |claim: Claim, said: String| findings.push(Finding { claim, said });
     for (index, set) in sets.iter().enumerate() {
         let strongest = leans.iter().find(|lean| lean.set == index && lean.false_alarm < SPOKEN);
         if let Some(lean) = strongest {
-            words.push(leaning(set, lean));
+            find(Claim::Trend, leaning(set, lean));
         } else if set.bias_alarm(sets.len() + leans.len()) < SPOKEN {
             let residuals = set.residuals();
             let all: Vec<usize> = (0..residuals.len()).collect();
-            words.push(format!("{}: {} everywhere alike", set.name(), fault(set, &all)));
+            find(Claim::Offset, format!("{}: {} everywhere alike", set.name(), fault(set, &all)));
         }
-        let scatter_sigma = set.scatter_sigma;
-        if set.noise_sigma() > 1.0 && scatter_sigma > 2.0 {
-            words.push(format!(
-                "{}: residuals scatter by {scatter_sigma:.1} sigma from row to row; the quoted errors look too small, and \
-                 leanings are judged by that scatter",
-                set.name()
-            ));
-        } else if scatter_sigma < 0.6 && set.data.rows.len() > 20 {
-            words.push(format!(
-                "{}: residuals scatter by only {scatter_sigma:.2} sigma from row to row; the quoted errors look too large, and \
-                 may hide what is missing",
-                set.name()
-            ));
+        let n = set.data.rows.len();
+        // Of any of the data sets.
+        let [below, above] = chi2_chances(set.chi2, n).map(|chance| (chance * sets.len() as f64).min(1.0));
+        if above < SPOKEN && set.noise_sigma() > 1.0 && set.scatter_sigma > 2.0 {
+            let said = format!(
+                "{}: residuals scatter by {:.1} sigma from row to row; the quoted errors look too small, and leanings are \
+                 judged by that scatter",
+                set.name(),
+                set.scatter_sigma
+            );
+            find(Claim::SmallErrors, said);
+        } else if below < SPOKEN {
+            let said = format!(
+                "{}: residuals scatter by only {:.2} sigma (probability of noise alone {}); the quoted errors look too \
+                 large, and may hide what is missing",
+                set.name(),
+                (set.chi2 / n as f64).sqrt(),
+                super::lean::said(below)
+            );
+            find(Claim::LargeErrors, said);
         }
     }
-    words
+    findings
+}
+
+/// Chances that noise alone has no more, and no less, chi2 in so many rows.
+pub(super) fn chi2_chances(chi2: f64, rows: usize) -> [f64; 2] {
+    ChiSquared::new(rows as f64).map_or([1.0; 2], |law| [law.cdf(chi2), law.sf(chi2)])
 }
 
 /// What is wrong with the model in some rows: `trail too faint`.
