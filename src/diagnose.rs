@@ -276,7 +276,7 @@ pub fn diagnose(
 
 /// The fit of what is free: from elsewhere too where it does not explain the data.
 fn base_fit(case: &Case, model: &Model, free: &[String], seed: u64) -> Result<Node, InputError> {
-    let options = fit::Options { seed, ..fit::Options::default() };
+    let options = fit::Options { seed, scan: false, ..fit::Options::default() };
     let fit = |model: &Model| Node::fit(case, model, Vec::new(), free, &options);
     let mut best = fit(model)?;
     let clear = best.chi2() > best.freedom() + 4.0 * (2.0 * best.freedom()).sqrt();

@@ -7,6 +7,7 @@
 //! another; what is given is the middle of all that do as well (`moments`).
 
 mod advice;
+mod elsewhere;
 mod errors;
 pub mod holdout;
 mod minimise;
@@ -50,9 +51,22 @@ pub struct Fit {
     pub advice: Vec<Advice>,
     /// chi2 that each start came to, best first.
     pub starts: Vec<f64>,
+    /// chi2 that the mission's own values came to: that of a local minimum, if it is larger than [`Fit::chi2`].
+    pub chi2_from_mission: f64,
+    /// Other minima of chi2, the lowest first.
+    pub minima: Vec<Minimum>,
     /// Derivatives of (value − model)/sigma with respect to the parameters at the optimum, `[(row, parameter)]`; 0 for those
     /// that move nothing in reach.
     pub(crate) jacobian: DMatrix<f64>,
+}
+
+/// Another minimum of chi2.
+#[derive(Clone, Debug)]
+pub struct Minimum {
+    /// chi2.
+    pub chi2: f64,
+    /// Values of the parameters, in their order.
+    pub values: Vec<f64>,
 }
 
 /// One fitted parameter.
@@ -86,6 +100,11 @@ impl Fit {
     pub fn rms_sigma(&self) -> f64 {
         (self.chi2 / self.n as f64).sqrt()
     }
+
+    /// Whether a value of chi2 is that of the optimum, as exactly as a fit ends.
+    pub fn is_optimum(&self, chi2: f64) -> bool {
+        is_same(chi2, self.chi2)
+    }
 }
 
 /// How to fit.
@@ -93,6 +112,8 @@ impl Fit {
 pub struct Options {
     /// Starting points: the mission's values, and random ones around them.
     pub starts: usize,
+    /// Whether each parameter is scanned for other minima, from which the fit starts once more.
+    pub scan: bool,
     /// Seed of the random starting points.
     pub seed: u64,
     /// Whether every interval between epochs is tried for the moment of an event; only that of the start otherwise.
@@ -103,7 +124,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Options {
-        Options { starts: 1, seed: 1, moments: true, settled: false }
+        Options { starts: 1, scan: true, seed: 1, moments: true, settled: false }
     }
 }
 
@@ -167,6 +188,8 @@ pub(crate) fn fit_rows(
             values,
             advice: Vec::new(),
             starts: vec![chi2_before],
+            chi2_from_mission: chi2_before,
+            minima: Vec::new(),
             jacobian: DMatrix::zeros(n, 0),
         });
     }
@@ -174,6 +197,7 @@ pub(crate) fn fit_rows(
         true => vec![Optimum { at: here, chi2: chi2_before }],
         false => problem.optima(&here, options),
     };
+    let chi2_from_mission = optima[0].chi2;
     optima.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
     let best = if options.settled { optima[0].clone() } else { problem.centred(optima[0].clone())? };
     let fitted = problem.mission(&best.at)?;
@@ -204,9 +228,25 @@ pub(crate) fn fit_rows(
         chi2: best.chi2,
         n,
         advice,
+        minima: minima(&optima),
         starts: optima.iter().map(|optimum| optimum.chi2).collect(),
+        chi2_from_mission,
         jacobian: problem.without_idle(jacobian, &best.at),
     })
+}
+
+/// Minima other than the first of some optima, which come in the order of their chi2.
+fn minima(optima: &[Optimum]) -> Vec<Minimum> {
+    let mut others: Vec<Minimum> = Vec::new();
+    for pair in optima.windows(2).filter(|pair| pair[1].chi2.is_finite() && !is_same(pair[1].chi2, pair[0].chi2)) {
+        others.push(Minimum { chi2: pair[1].chi2, values: pair[1].at.clone() });
+    }
+    others
+}
+
+/// Whether two values of chi2 are those of one minimum, as exactly as a fit ends.
+fn is_same(chi2: f64, best: f64) -> bool {
+    chi2 < best + elsewhere::SAME * (1.0 + best)
 }
 
 /// Sum of squares.
@@ -332,7 +372,7 @@ impl<'a> Problem<'a> {
         jacobian
     }
 
-    /// The optima that all starts come to.
+    /// The optima that all starts come to, that of the mission's own values first.
     fn optima(&self, here: &[f64], options: &Options) -> Vec<Optimum> {
         let mut random = ChaCha8Rng::seed_from_u64(options.seed);
         let mut optima = Vec::new();
@@ -344,6 +384,10 @@ impl<'a> Problem<'a> {
                 .map(|(parameter, value)| if start == 0 { *value } else { parameter.elsewhere(random.random()) })
                 .collect();
             optima.push(if options.moments { self.with_moments(&at) } else { self.minimise(&at) });
+        }
+        if options.scan {
+            let best = optima.iter().min_by(|a, b| a.chi2.total_cmp(&b.chi2)).expect("a start").clone();
+            optima.extend(self.scanned(&best));
         }
         optima
     }

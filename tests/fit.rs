@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use ctiplan::effect;
 use ctiplan::fit::{Fit, Options, fit};
 use ctiplan::measurement::{DataSet, questions};
 use ctiplan::mission::Mission;
@@ -73,4 +74,61 @@ fn an_error_reaches_to_where_chi2_rises_by_one() {
         curved += usize::from(rises[0].max(rises[1]) > 1.5);
     }
     assert!(curved > 0, "none of these is curved");
+}
+
+const NOTCH: &str = "effects.notch.notch_e";
+
+/// A packet that just about sinks into a notch: chi2 has a kink at the background and a minimum on either side.
+fn at_the_background(notch_e: f64) -> (Mission, Vec<DataSet>) {
+    let folder = Path::new("tests/corpus/edge/notch-at-the-background");
+    let mission = Mission::read(folder.join("mission.toml")).unwrap();
+    let (mission, _) = effect::add(&mission, "notch", toml::toml! { notch_e = 1.0 }).unwrap();
+    let mission = mission.with(&[(NOTCH.into(), notch_e.into())]).unwrap();
+    let data = vec![DataSet::read(folder.join("trails.ecsv"), &mission).unwrap()];
+    (mission, data)
+}
+
+/// chi2 is the same from wherever a fit starts, and where it has several minima, that is said.
+#[test]
+fn a_fit_ends_at_the_same_chi2_from_all_starting_values() {
+    let mut least = f64::INFINITY;
+    let mut others = 0;
+    for notch_e in [5.0, 20.0, 400.0] {
+        let (mission, data) = at_the_background(notch_e);
+        let found = fitted(&mission, &data, &[NOTCH]);
+        others += usize::from(!found.is_optimum(found.chi2_from_mission) && !found.minima.is_empty());
+        least = least.min(found.chi2);
+        assert!(found.chi2 < least + TOLERANCE, "from {notch_e}: {} {least}", found.chi2);
+    }
+    assert_eq!(others, 3, "each of these starts leads to another minimum");
+}
+
+/// How exactly chi2 is known where it has a kink.
+const TOLERANCE: f64 = 0.1;
+
+/// With more that is free chi2 is no larger, on data of several kinds and noise of several seeds.
+#[test]
+fn a_superset_of_free_keys_ends_no_higher() {
+    let densities = ["detector.traps.Ci.density_per_px", "detector.traps.VV.density_per_px"];
+    let power = "detector.well_fill_power";
+    let chains: [&[&str]; 3] =
+        [&[NOTCH, power, densities[1]], &[power, NOTCH, densities[0]], &[densities[1], power, NOTCH]];
+    let mut checked = 0;
+    let mut check = |mission: &Mission, data: &[DataSet], chain: &[&str]| {
+        let chi2: Vec<f64> = (1..=chain.len()).map(|count| fitted(mission, data, &chain[..count]).chi2).collect();
+        for pair in chi2.windows(2) {
+            assert!(pair[1] <= pair[0] + TOLERANCE, "{chain:?}: {chi2:?}");
+            checked += 1;
+        }
+    };
+    let (mission, data) = at_the_background(20.0);
+    for chain in chains {
+        check(&mission, &data, chain);
+    }
+    for seed in 1..4 {
+        let (mission, data) = measured(5.0, seed);
+        check(&mission, &data, &[RELEASE, densities[1], power, densities[0]]);
+        check(&mission, &data, &[power, RELEASE, densities[0], densities[1]]);
+    }
+    assert!(checked > 20);
 }

@@ -19,7 +19,7 @@ pub(super) struct Fit {
     measured: Measured,
     #[command(flatten)]
     adjust: Adjust,
-    /// Starting points: the mission's values, and random ones around them
+    /// Starting points: the mission's values, and random ones around them; each parameter is scanned for other minima besides
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     starts: u32,
     /// Seed of the random starting points, in place of the mission's

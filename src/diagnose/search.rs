@@ -140,7 +140,7 @@ impl<'a> Search<'a> {
     fn fit(&self, model: &Model, added: &[Added], settled: bool) -> Result<Arc<Node>, InputError> {
         // A search has tried all intervals, unless they are too many.
         let moments = self.case.reach.epochs_yr.len() > effect::MOMENTS;
-        let options = fit::Options { starts: 1, seed: self.seed, moments, settled };
+        let options = fit::Options { starts: 1, scan: false, seed: self.seed, moments, settled };
         let node = Arc::new(Node::fit(self.case, model, added.to_vec(), &self.base, &options)?);
         let mut nodes = self.nodes.lock().expect("nobody panics");
         nodes.retain(|known| known.set() != node.set());

@@ -52,6 +52,8 @@ pub fn holdout(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Holdout, InputError> {
     let groups = groups(data, column)?;
+    // The model is that of the fit to all rows.
+    let options = &Options { scan: false, ..options.clone() };
     let rows: Vec<_> = data.iter().flat_map(|set| &set.rows).collect();
     let mut left_out = Vec::new();
     for (name, members, at_end) in groups {

@@ -29,9 +29,7 @@ impl Problem<'_> {
         let sketches = (0..starts).filter_map(|_| {
             let start: Vec<f64> =
                 self.parameters.iter().map(|parameter| parameter.elsewhere(random.random())).collect();
-            let none = DMatrix::zeros(self.values.len(), 0);
-            let solver = LevenbergMarquardt::new().with_ftol(SKETCHED).with_xtol(SKETCHED);
-            let found = self.minimise_once(&start, solver, Some(&none));
+            let found = self.roughly(&start);
             (found.chi2 < chi2 - 1.0).then(|| self.mission(&found.at).ok()).flatten()
         });
         sketches.collect()
@@ -56,6 +54,12 @@ impl Problem<'_> {
             }
         }
         Ok((self.mission(&found.at)?, found.chi2))
+    }
+
+    /// A point near the minimum that a start leads to, moments held.
+    pub(super) fn roughly(&self, start: &[f64]) -> Optimum {
+        let solver = LevenbergMarquardt::new().with_ftol(SKETCHED).with_xtol(SKETCHED);
+        self.minimise_once(start, solver, Some(&DMatrix::zeros(self.values.len(), 0)))
     }
 
     /// Minimises from a start with moments held where they are, again and again until that helps no more: where the model
@@ -179,8 +183,9 @@ impl Run<'_> {
             at[index] = moved;
             Some((DVector::from_vec(problem.residuals(&at).ok()?) - centre) / step)
         };
-        let columns = self.moving.par_iter().map(derivative).collect::<Option<Vec<_>>>()?;
-        Some(DMatrix::from_columns(&columns))
+        // All of them, also where one has no value: how many evaluations were made must not depend on which came first.
+        let columns: Vec<Option<DVector<f64>>> = self.moving.par_iter().map(derivative).collect();
+        Some(DMatrix::from_columns(&columns.into_iter().collect::<Option<Vec<_>>>()?))
     }
 }
 

@@ -162,6 +162,30 @@ impl Parameter {
         value.min(self.high)
     }
 
+    /// Values at some distances to either side of one, in ordinary changes or, above 0, in logarithms; and that of the mission.
+    pub fn around_it(&self, value: f64, distances: &[f64]) -> Vec<f64> {
+        let at = |distance: f64| {
+            let moved = match self.scale {
+                // The size of a value at its bound is that of the start.
+                Scale::Log | Scale::From => {
+                    self.low.max(0.0) + (value - self.low.max(0.0)).max(1e-2 * self.size()) * distance.exp()
+                }
+                Scale::Between => {
+                    // From bound to bound is twice the farthest.
+                    let farthest = distances.iter().copied().fold(0.0, f64::max);
+                    value + distance / farthest * (self.high - self.low)
+                }
+                Scale::Linear => value + distance * self.size(),
+            };
+            moved.max(self.least()).min(self.high)
+        };
+        let both = distances.iter().flat_map(|distance| [at(-distance), at(*distance)]);
+        let mut values: Vec<f64> = both.chain([self.start]).filter(|other| *other != value).collect();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        values
+    }
+
     /// Whether a value is at a bound, to a share of an ordinary change.
     pub fn at_bound(&self, value: f64) -> Option<f64> {
         let near = 1e-3 * self.size();

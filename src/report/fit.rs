@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::{Report, lines, table, wrapped};
 use crate::fit::holdout::Holdout;
-use crate::fit::{Fit, Fitted};
+use crate::fit::{Fit, Fitted, Minimum};
 use crate::mission::keys::plain;
 
 /// A fit, with the error on rows it has not seen where that was asked for.
@@ -53,11 +53,7 @@ impl Report for FitReport {
                 2,
             ));
         }
-        if fit.starts.len() > 1 {
-            let best = fit.starts[0];
-            let same = fit.starts.iter().filter(|chi2| **chi2 < best + 0.01 * (1.0 + best)).count();
-            let rest = others(&fit.starts, same);
-            let said = format!("{same} of {} starts came to this optimum{rest}", fit.starts.len());
+        for said in minima(fit) {
             out.push_str(&wrapped(&said, 2));
         }
         let n = fit.parameters.len();
@@ -103,6 +99,8 @@ impl Report for FitReport {
                 })
             })
             .collect();
+        let other_minima: Vec<Value> =
+            fit.minima.iter().map(|minimum| json!({"chi2": minimum.chi2, "values": minimum.values})).collect();
         let holdout = self.holdout.as_ref().map(|holdout| {
             let groups: Vec<Value> = holdout
                 .groups
@@ -129,6 +127,8 @@ impl Report for FitReport {
             "parameters": parameters,
             "correlation": fit.correlation,
             "starts_chi2": fit.starts,
+            "chi2_from_mission": fit.chi2_from_mission,
+            "other_minima": other_minima,
             "holdout": holdout,
             "advice": fit.advice.iter().map(ToString::to_string).collect::<Vec<_>>(),
         })
@@ -149,9 +149,34 @@ impl Report for FitReport {
     }
 }
 
-fn others(starts: &[f64], same: usize) -> String {
-    let rest: Vec<String> = starts[same..].iter().map(|chi2| format!("{chi2:.1}")).collect();
-    if rest.is_empty() { String::new() } else { format!("; the others to chi2 {}", rest.join(", ")) }
+/// Other minima listed.
+const MINIMA: usize = 3;
+
+/// What the starts came to, in sentences; nothing where one start was enough.
+fn minima(fit: &Fit) -> Vec<String> {
+    let mut said = Vec::new();
+    if fit.starts.len() > 1 {
+        let same = fit.starts.iter().filter(|chi2| fit.is_optimum(**chi2)).count();
+        said.push(format!("{same} of {} starts came to this minimum of chi2", fit.starts.len()));
+    }
+    if !fit.is_optimum(fit.chi2_from_mission) {
+        said.push(format!(
+            "Another start was better: from the mission's values the fit ends in a local minimum, chi2 {:.1}",
+            fit.chi2_from_mission
+        ));
+    }
+    let at = |minimum: &Minimum| {
+        let value = |(parameter, value): (&Fitted, &f64)| format!("{} = {value:.4}", parameter.key);
+        let values: Vec<String> = fit.parameters.iter().zip(&minimum.values).map(value).collect();
+        format!("{:.1} at {}", minimum.chi2, values.join(", "))
+    };
+    if !fit.minima.is_empty() {
+        let listed: Vec<String> = fit.minima.iter().take(MINIMA).map(at).collect();
+        let more = fit.minima.len().saturating_sub(MINIMA);
+        let more = if more > 0 { format!("; and {more} more") } else { String::new() };
+        said.push(format!("This minimum is one of several. Other starts ended at chi2 {}{more}", listed.join("; ")));
+    }
+    said
 }
 
 /// Value and error to the same decimal, the error to two digits.
