@@ -25,6 +25,7 @@ mod rivals;
 mod search;
 mod tell;
 mod unexplained;
+mod work;
 
 use std::sync::Arc;
 
@@ -43,6 +44,7 @@ pub use hypothesis::Hypothesis;
 pub use limits::Limit;
 pub use next::Next;
 use search::Search;
+use work::Work;
 
 /// How to search.
 #[derive(Clone, Debug)]
@@ -57,7 +59,19 @@ pub struct Options {
     pub candidates: Option<toml::Table>,
     /// What could be measured next; all observables where empty.
     pub can: Vec<Observable>,
+    /// Evaluations of the model at all rows after which no further step of the search is begun.
+    pub evaluations: u64,
 }
+
+impl Default for Options {
+    fn default() -> Options {
+        Options { level: 0.01, seed: 1, free: Vec::new(), candidates: None, can: Vec::new(), evaluations: EVALUATIONS }
+    }
+}
+
+/// Evaluations of the model that a search may make by default: twice as many as the longest of the cases of
+/// `docs/diagnosis.md` takes.
+pub const EVALUATIONS: u64 = 20_000;
 
 /// Signs of life.
 pub struct Progress<'a> {
@@ -193,6 +207,10 @@ pub struct Diagnosis {
     pub noise: Noise,
     /// Things seen on the way: numerics, the data.
     pub notes: Vec<String>,
+    /// Evaluations of the model at all rows that the search made, and after how many it begins no further step.
+    pub evaluations: [u64; 2],
+    /// Steps of the search that were left undone for that.
+    pub undone: Vec<String>,
     /// The mission as given against the data, after the fit of what is free.
     pub before: Validation,
     /// The improved mission against the data.
@@ -254,7 +272,7 @@ pub fn diagnose(
     options: &Options,
     progress: &Progress,
 ) -> Result<Diagnosis, InputError> {
-    let case = Case::of(data);
+    let case = Case { work: Work::of_at_most(options.evaluations), ..Case::of(data) };
     let hypotheses = hypothesis::all(mission, options.candidates.as_ref())?;
     for key in &options.free {
         fit::parameter::Parameter::of(mission, key)?;
@@ -283,7 +301,8 @@ fn base_fit(case: &Case, model: &Model, free: &[String], seed: u64) -> Result<No
     if free.is_empty() || !clear {
         return Ok(best);
     }
-    for mission in Problem::new(model, case.data, free, &|_| (), |_| true)?.elsewhere(ELSEWHERE, seed, best.chi2()) {
+    let count = |_| case.work.count();
+    for mission in Problem::new(model, case.data, free, &count, |_| true)?.elsewhere(ELSEWHERE, seed, best.chi2()) {
         let other = fit(&model.like(&mission))?;
         if other.chi2() < best.chi2() {
             best = other;
@@ -320,6 +339,10 @@ struct Told<'a> {
 impl Told<'_> {
     fn case(&self) -> &Case<'_> {
         self.search.case
+    }
+
+    fn work(&self) -> &Work {
+        &self.case().work
     }
 
     fn name(&self, hypothesis: usize) -> String {

@@ -10,6 +10,7 @@ use ctiplan::mission::Mission;
 use ctiplan::model::Model;
 use ctiplan::predict::predict;
 use ctiplan::report::{Format, Report};
+use ctiplan::table::Table;
 use ctiplan::validate::validate;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -29,7 +30,7 @@ fn read(folder: &Path, add: &str) -> (Mission, Vec<DataSet>) {
 }
 
 fn options(mission: &Mission) -> Options {
-    Options { level: 0.01, seed: 1, free: mission.fit.free.clone(), candidates: None, can: Vec::new() }
+    Options { free: mission.fit.free.clone(), ..Options::default() }
 }
 
 /// The measurements of a case as a model makes them, with noise.
@@ -366,4 +367,72 @@ fn a_real_ccd_lacks_a_third_species() {
     assert!(named("extra-species") || named("release-continuum"), "{:?}", effects(&found));
     let held_out = |rung: &ctiplan::diagnose::Rung| rung.holdout_rms_sigma.unwrap();
     assert!(held_out(&found.steps[0].rung) < held_out(&found.baseline));
+}
+
+/// Trails at eight epochs in which nothing is missing.
+fn nothing_missing(seed: u64) -> (Mission, Vec<DataSet>) {
+    let mission = Mission::read("missions/snap_l2.toml").unwrap();
+    let epochs = [0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0];
+    let pixels = [1, 2, 3, 5, 8, 12, 20];
+    let rows = epochs.iter().flat_map(|t_yr| pixels.map(|trail_px| format!("{t_yr},{trail_px},0,2e-4\n")));
+    let text =
+        format!("# observable: trail\n# signal_e: 1000\nt_yr,trail_px,value,sigma\n{}", rows.collect::<String>());
+    let mut data = vec![DataSet::of(Table::parse("trails.csv", &text).unwrap(), &mission).unwrap()];
+    remade(&mut data, &mission, seed);
+    (mission, data)
+}
+
+/// At a level of 5 % as many null data sets are called anything else, none after a search that goes on and on.
+#[test]
+fn null_data_are_complete_as_often_as_the_level_says_and_are_not_searched_for_ever() {
+    let mut wrong = 0;
+    for seed in 0..60 {
+        let (mission, data) = nothing_missing(seed);
+        let found = diagnose(&mission, &data, &Options { level: 0.05, ..options(&mission) }, &SILENT).unwrap();
+        wrong += usize::from(found.verdict != Verdict::Complete);
+        assert!(found.evaluations[0] < NULL_SEARCH, "seed {seed}: {:?}, {}", found.evaluations, found.reason);
+        assert!(found.undone.is_empty());
+    }
+    // 5 % of 60 are 3; more than 8 have a chance of 4e-3.
+    assert!(wrong <= 8, "{wrong} of 60");
+}
+
+/// Evaluations within which noise is known to be noise: every effect at every trial, the best fitted, and its limits.
+const NULL_SEARCH: u64 = 5000;
+
+/// What a search is not allowed to do is said, and changes with no number of threads.
+#[test]
+fn a_search_that_is_cut_short_says_what_it_left_undone() {
+    let cut = |threads: usize| {
+        let (mission, data) = read(&practice("gain-drift"), "");
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let options = Options { evaluations: 300, ..options(&mission) };
+        pool.install(|| diagnose(&mission, &data, &options, &SILENT).unwrap())
+    };
+    let [one, other] = [cut(1), cut(3)];
+    assert_eq!(one.render(Format::Json), other.render(Format::Json));
+    assert_eq!(one.verdict, Verdict::Unexplained);
+    assert!(one.reason.contains("left undone") && !one.undone.is_empty(), "{}", one.reason);
+    assert!(one.render(Format::Text).contains("--evaluations N"));
+    let (mission, data) = read(&practice("gain-drift"), "");
+    let whole = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
+    assert!(whole.undone.is_empty() && one.evaluations[0] < whole.evaluations[0]);
+}
+
+/// An effect without a strength of its own, on data made without it: chi2 rises, and that is shown.
+#[test]
+fn an_effect_that_the_data_rule_out_is_seen_to_be() {
+    let (mission, data) = nothing_missing(1);
+    let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
+    let json: Value = serde_json::from_str(&found.render(Format::Json)).unwrap();
+    let tried = json["tried"].as_array().unwrap();
+    let gain = |effect: &str| tried.iter().find(|tried| tried["effect"] == effect).unwrap()["gain"].as_f64().unwrap();
+    let (with, _) = ctiplan::effect::add(&mission, "solar-cycle", toml::Table::new()).unwrap();
+    let really = validate(&mission, &data, 1).unwrap().chi2 - validate(&with, &data, 1).unwrap().chi2;
+    assert!(really < -100.0, "{really}");
+    assert!((gain("solar-cycle") - really).abs() < 1e-3 * really.abs(), "{} {really}", gain("solar-cycle"));
+    // What can be weaker than any limit is never worse than nothing.
+    assert!(gain("well-fill") >= 0.0);
+    let text = found.render(Format::Text);
+    assert!(text.contains("ruled out, for the data are worse explained with it: solar-cycle (chi2 +"), "{text}");
 }

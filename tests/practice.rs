@@ -252,7 +252,7 @@ fn doses(mission: &Mission, rows: usize, too_large: f64, seed: u64) -> Vec<DataS
     let epochs = (0..rows).map(|row| format!("{},0,1e4", 0.1 + 4.8 * row as f64 / rows as f64));
     let text = format!("# observable: dose\nt_yr,value,sigma\n{}\n", epochs.collect::<Vec<_>>().join("\n"));
     let mut data = vec![DataSet::of(Table::parse("doses.csv", &text).unwrap(), mission).unwrap()];
-    let values = predict(&Model::new(mission), &questions(&data));
+    let values = predict(&Model::new(mission), &questions(&data)).unwrap();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     for (row, value) in data[0].rows.iter_mut().zip(values) {
         let noise: f64 = StandardNormal.sample(&mut random);

@@ -58,8 +58,7 @@ fn main() -> Result<(), InputError> {
             replace(&mut data, &case, arguments.seed)?;
         }
         let start = Instant::now();
-        let options =
-            Options { level: 0.01, seed: 1, free: mission.fit.free.clone(), candidates: None, can: Vec::new() };
+        let options = Options { free: mission.fit.free.clone(), ..Options::default() };
         let stage = |name: &str, _| eprintln!("{:6.1} {name}", start.elapsed().as_secs_f64());
         let found = diagnose(&mission, &data, &options, &Progress { stage: &stage, advance: &|| () })?;
         let seconds = start.elapsed().as_secs_f64();
@@ -113,9 +112,10 @@ fn print_case(name: &str, truth: &Value, found: &Diagnosis, seconds: f64) {
     let last = found.steps.last().map_or(&found.baseline, |step| &step.rung);
     let (near, of) = judge::pulls(truth, found);
     println!(
-        "{} {name:38} {:11} {seconds:5.1} s  chi2/n {:.2} -> {:.2}  [{}] alt {:?} cov {:?} {} {}",
+        "{} {name:38} {:11} {seconds:5.1} s {:6}  chi2/n {:.2} -> {:.2}  [{}] alt {:?} cov {:?} {} {}",
         if judge::is_right(truth, found) { "  ok " } else { "WRONG" },
         found.verdict.name(),
+        found.evaluations[0],
         found.baseline.chi2 / found.baseline.n as f64,
         last.chi2 / last.n as f64,
         steps.join("; "),

@@ -33,6 +33,9 @@ pub(super) struct Diagnose {
     /// What could be measured next, such as trail,packet_charge; anything by default
     #[arg(long, value_name = "OBSERVABLES", value_delimiter = ',', value_parser = observable)]
     can: Vec<Observable>,
+    /// Evaluations of the model at all rows after which no further step of the search is begun
+    #[arg(long, value_name = "N", default_value_t = diagnose::EVALUATIONS, value_parser = clap::value_parser!(u64).range(1..))]
+    evaluations: u64,
     /// Write the mission with the fitted values and the effects found; comments and order are kept
     #[arg(long, value_name = "NEW.toml")]
     write: Option<OutputFile>,
@@ -53,6 +56,7 @@ impl Diagnose {
             free: self.adjust.keys(&mission),
             candidates: self.candidates.as_ref().map(|path| candidates(path, &mission)).transpose()?,
             can: self.can.clone(),
+            evaluations: self.evaluations,
         };
         let bar = progress(0, "steps");
         let stage = |name: &str, steps| {

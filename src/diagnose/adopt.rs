@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::case::Node;
 use super::chance::Noise;
+use super::hunt::Ended;
 use super::{Found, Told, Verdict, holdout, next, rivals};
 use crate::error::InputError;
 
@@ -51,11 +52,16 @@ impl Told<'_> {
     }
 
     /// Adopts a model that explains the data, if noise or a few rows alone did not make it.
-    pub(super) fn adopt(&self, node: &Arc<Node>) -> Result<Option<Found>, InputError> {
+    pub(super) fn adopt(&self, node: &Arc<Node>) -> Result<Ended, InputError> {
+        for place in 0..node.added.len() {
+            if self.false_alarm(node, place)? > self.options.level {
+                return Ok(Ended::ByChance);
+            }
+        }
         let (node, rivals) = rivals::of(self, node)?;
         for place in 0..node.added.len() {
             if self.false_alarm(&node, place)? > self.options.level || !self.confirmed(&node, place)? {
-                return Ok(None);
+                return Ok(Ended::Nothing);
             }
         }
         let names = node.added.iter().map(|added| self.name(added.hypothesis)).collect::<Vec<_>>().join(" and ");
@@ -75,6 +81,6 @@ impl Told<'_> {
                 }
             }
         }
-        Ok(Some(found))
+        Ok(Ended::Adopted(Box::new(found)))
     }
 }

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::work::Work;
 use crate::effect::Reach;
 use crate::error::InputError;
 use crate::fit::{self, Fit, Fitted};
@@ -26,6 +27,8 @@ pub(super) struct Case<'a> {
     /// Rows in an order in which those come first.
     pub order: Vec<usize>,
     pub reach: Reach,
+    /// Evaluations of the model at all rows.
+    pub work: Work,
 }
 
 impl<'a> Case<'a> {
@@ -43,6 +46,7 @@ impl<'a> Case<'a> {
             order,
             reach: Reach::of(questions.iter().map(|question| question.at)),
             questions,
+            work: Work::of_at_most(u64::MAX),
         }
     }
 
@@ -62,6 +66,7 @@ impl<'a> Case<'a> {
     /// Where the model has no value for a row.
     pub fn predict_sigma(&self, model: &Model) -> Result<DVector<f64>, InputError> {
         let values = predict(model, &self.questions)?;
+        self.work.count();
         if values.iter().any(|value| !value.is_finite()) {
             return Err(InputError::new(
                 "cannot diagnose",
@@ -134,7 +139,7 @@ impl Node {
         options: &fit::Options,
     ) -> Result<Node, InputError> {
         let keys: Vec<String> = base.iter().chain(added.iter().flat_map(|added| &added.free)).cloned().collect();
-        let fit = fit::fit_rows(model, case.data, &keys, options, &|_| (), |_| true)?;
+        let fit = fit::fit_rows(model, case.data, &keys, options, &|_| case.work.count(), |_| true)?;
         let model = model.like(&fit.mission);
         let residuals = case.over_sigma(&case.values) - case.over_sigma(&fit.values);
         let basis = orthonormal(&fit.jacobian);

@@ -26,6 +26,16 @@ const WORTH_GOING_ON: f64 = 0.5;
 /// By how much less chi2 and parameters must come to with rows left out than with an effect more, for the rows to be to blame.
 const MUCH_SIMPLER: f64 = 15.0;
 
+/// How a search ends, or one step of it.
+pub(super) enum Ended {
+    /// A model explains the data.
+    Adopted(Box<Found>),
+    /// A model explains the data, and noise explains what it gains.
+    ByChance,
+    /// None does.
+    Nothing,
+}
+
 impl Told<'_> {
     /// Searches until a model calls for nothing more, or nothing more helps.
     pub(super) fn hunt(&self) -> Result<Found, InputError> {
@@ -36,13 +46,18 @@ impl Told<'_> {
             return self.complete("the model explains the data".into());
         }
         let mut tried = vec![self.base.clone()];
-        let found = self.lines(&mut tried)?;
+        let ended = self.lines(&mut tried)?;
+        let (found, by_chance) = match ended {
+            Ended::Adopted(found) => (Some(*found), false),
+            Ended::ByChance => (None, true),
+            Ended::Nothing => (None, false),
+        };
         if let Some(reason) = self.odd_rows(found.as_ref(), &tried) {
             return Ok(Found::of(Verdict::Unfit, reason, vec![self.base.clone()]));
         }
         match found {
             Some(found) => Ok(found),
-            None if self.mere_noise(self.base)?.is_some() => self.complete(self.not_borne_out(&tried)),
+            None if by_chance || self.mere_noise(self.base)?.is_some() => self.complete(self.not_borne_out(&tried)),
             None => self.unexplained(&tried),
         }
     }
@@ -66,25 +81,33 @@ impl Told<'_> {
     }
 
     /// One effect more at a time on top of the best few models, from the base on, until one is adopted. All models are kept.
-    fn lines(&self, tried: &mut Vec<Arc<Node>>) -> Result<Option<Found>, InputError> {
+    fn lines(&self, tried: &mut Vec<Arc<Node>>) -> Result<Ended, InputError> {
         let hypotheses = self.search.hypotheses.len() as u64;
         let mut lines = vec![self.base.clone()];
         for depth in 1..=MOST {
             let mut nodes: Vec<Arc<Node>> = Vec::new();
             for line in &lines {
                 if depth > 1 {
+                    if !self.work().allows(["", "", "two effects", "three effects"][depth]) {
+                        break;
+                    }
                     (self.search.progress.stage)("several effects", hypotheses + BREADTH as u64);
                 }
                 let further = self.further(line, if depth == 1 { usize::MAX } else { BREADTH })?;
-                if let Some(found) = self.success(&further)? {
-                    return Ok(Some(found));
+                match self.success(&further)? {
+                    Ended::Nothing => nodes.extend(further),
+                    // Two effects are no better known than one that is mere chance.
+                    Ended::ByChance if depth > 1 => nodes.extend(further),
+                    ended => {
+                        tried.extend(further);
+                        return Ok(ended);
+                    }
                 }
-                nodes.extend(further);
             }
-            if depth == 2 {
+            if depth == 2 && self.work().allows("pairs of effects of which neither helps alone") {
                 let pairs = self.pairs(&lines, &nodes)?;
-                if let Some(found) = self.success(&pairs)? {
-                    return Ok(Some(found));
+                if let Ended::Adopted(found) = self.success(&pairs)? {
+                    return Ok(Ended::Adopted(found));
                 }
                 nodes.extend(pairs);
             }
@@ -106,7 +129,7 @@ impl Told<'_> {
             nodes.truncate(LINES);
             lines = nodes;
         }
-        Ok(None)
+        Ok(Ended::Nothing)
     }
 
     /// Rows that are wrong, where that asks for less than the effects that were found: a row left out counts as a parameter. The
@@ -180,8 +203,8 @@ impl Told<'_> {
     }
 
     /// The first of the best of some models that calls for nothing more, adopted.
-    fn success(&self, nodes: &[Arc<Node>]) -> Result<Option<Found>, InputError> {
-        let Some(best) = nodes.first() else { return Ok(None) };
+    fn success(&self, nodes: &[Arc<Node>]) -> Result<Ended, InputError> {
+        let Some(best) = nodes.first() else { return Ok(Ended::Nothing) };
         let near = self.score(best) + rivals::margin(self.options.level);
         for node in nodes.iter().filter(|node| self.score(node) < near).take(LINES) {
             let node = self.search.settled(node)?;
@@ -189,6 +212,6 @@ impl Told<'_> {
                 return self.adopt(&node);
             }
         }
-        Ok(None)
+        Ok(Ended::Nothing)
     }
 }

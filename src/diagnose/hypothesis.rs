@@ -63,6 +63,8 @@ pub(super) struct Trial {
     pub moved_sigma: f64,
     /// Whether its strength is free, and not below zero.
     strength: Strength,
+    /// Whether it can be so weak that it does nothing.
+    pub can_be_nothing: bool,
 }
 
 /// Times as strong as its table that a fit starts from at most.
@@ -81,9 +83,14 @@ enum Strength {
 impl Trial {
     /// By how much chi2 of these residuals (free parameters' share already taken out) falls with it, to first order.
     pub fn gain(&self, residuals: &DVector<f64>) -> f64 {
+        self.fall(residuals).max(0.0)
+    }
+
+    /// The same, below zero where it makes chi2 larger.
+    fn fall(&self, residuals: &DVector<f64>) -> f64 {
         let along = self.basis.transpose() * residuals;
         match self.strength {
-            Strength::Fixed => (2.0 * along[0] * self.moved_sigma - self.moved_sigma.powi(2)).max(0.0),
+            Strength::Fixed => 2.0 * along[0] * self.moved_sigma - self.moved_sigma.powi(2),
             Strength::Positive => along[0].max(0.0).powi(2),
             Strength::Any => along.norm_squared(),
         }
@@ -92,7 +99,12 @@ impl Trial {
     /// The same where its strength stays in reach: of an effect that the free parameters absorb but for a little, the
     /// little fits anything if it is only scaled up far enough.
     pub fn gain_in_reach(&self, residuals: &DVector<f64>) -> f64 {
-        let gain = self.gain(residuals);
+        self.change(residuals).max(0.0)
+    }
+
+    /// The same, below zero where it makes chi2 larger.
+    pub fn change(&self, residuals: &DVector<f64>) -> f64 {
+        let gain = self.fall(residuals);
         match self.strength {
             Strength::Fixed => gain,
             _ => gain - (gain.sqrt() - FARTHEST * self.moved_sigma).max(0.0).powi(2),
@@ -226,7 +238,8 @@ impl Hypothesis {
                 [one] => DMatrix::from_columns(&[one / one.norm()]),
                 several => orthonormal(&DMatrix::from_columns(several)),
             };
-            Some(Trial { hypothesis: place, table, basis, moved_sigma, strength })
+            let can_be_nothing = strength != Strength::Fixed && self.own.is_none();
+            Some(Trial { hypothesis: place, table, basis, moved_sigma, strength, can_be_nothing })
         };
         ways.par_iter().filter_map(trial).collect()
     }

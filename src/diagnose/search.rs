@@ -68,12 +68,18 @@ impl Expansion {
         order
     }
 
-    /// chi2 with an effect: of its rough fit where there is one, to first order elsewhere; None where it changes nothing.
+    /// chi2 with an effect: of its rough fit where there is one, to first order elsewhere; more than without it where the data
+    /// rule it out. An effect that can be as weak as nothing is best so where no other strength helps. None where it changes
+    /// nothing.
     pub fn chi2(&self, hypothesis: usize) -> Option<f64> {
         let sketches = self.sketches.lock().expect("nobody panics");
         let fitted = sketches.get(&hypothesis).and_then(|sketch| sketch.as_ref().map(|sketch| sketch.chi2));
-        let first_order = || (!self.trials[hypothesis].is_empty()).then(|| self.node.chi2() - self.gain(hypothesis));
-        fitted.map(|chi2| chi2.min(self.node.chi2())).or_else(first_order)
+        let trials = &self.trials[hypothesis];
+        let gains = trials.iter().map(|trial| trial.change(&self.node.residuals));
+        let first_order = || gains.max_by(f64::total_cmp).map(|gain| self.node.chi2() - gain);
+        let chi2 = fitted.or_else(first_order)?;
+        let can_be_nothing = trials.iter().any(|trial| trial.can_be_nothing);
+        Some(if can_be_nothing { chi2.min(self.node.chi2()) } else { chi2 })
     }
 }
 
@@ -246,7 +252,8 @@ impl<'a> Search<'a> {
         }
         let keys: Vec<String> = self.base.iter().chain(added.iter().flat_map(|added| &added.free)).cloned().collect();
         let model = node.model.like(&mission);
-        let problem = Problem::new(&model, self.case.data, &keys, &|_| (), |_| true).ok()?;
+        let count = |_| self.case.work.count();
+        let problem = Problem::new(&model, self.case.data, &keys, &count, |_| true).ok()?;
         let (mission, chi2) = problem.sketch(&node.fit.jacobian).ok()?;
         chi2.is_finite().then_some(Sketch { added, mission, chi2 })
     }

@@ -93,6 +93,8 @@ impl Told<'_> {
             held_out,
             noise: Noise::left_at(self.case(), node),
             notes,
+            evaluations: [self.case().work.done(), self.options.evaluations],
+            undone: self.case().work.undone(),
             before,
             after,
             advice: node.fit.advice.iter().cloned().chain(self.assumed(node)).collect(),

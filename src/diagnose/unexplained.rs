@@ -41,7 +41,15 @@ impl Told<'_> {
             }
             ladder.push(next.clone());
         }
-        let reason = "no combination of the catalogue's effects brings the data down to their noise";
-        Ok(Found::of(Verdict::Unexplained, reason.into(), ladder))
+        let undone = self.work().undone();
+        let reason = if undone.is_empty() {
+            "no combination of the catalogue's effects brings the data down to their noise".to_string()
+        } else {
+            format!(
+                "none of the effects that were tried brings the data down to their noise; not all were: {} left undone",
+                undone.join(", ")
+            )
+        };
+        Ok(Found::of(Verdict::Unexplained, reason, ladder))
     }
 }

@@ -5,7 +5,7 @@ use serde_json::{Map, Value, json};
 use super::fit::value_and_error;
 use super::{Page, Parts, Report, or_dash, table, toml_json};
 use crate::calendar::date_after;
-use crate::diagnose::{Diagnosis, Next, Rung, Verdict};
+use crate::diagnose::{Diagnosis, Next, Rung, Tried, Verdict};
 use crate::effect::CATALOGUE;
 use crate::fit::Fitted;
 use crate::mission::Mission;
@@ -13,6 +13,9 @@ use crate::mission::keys::plain;
 use crate::plot::Figure;
 use crate::sources::{self, Source};
 use crate::validate::lean::said;
+
+/// Rise of chi2 from which on an effect that cannot be weaker is said to be ruled out: three standard errors.
+const RULED_OUT: f64 = 9.0;
 
 /// Effects listed among those that were tried.
 const LISTED: usize = 8;
@@ -63,8 +66,14 @@ impl Report for Diagnosis {
             })
         });
         let parameters: Vec<Value> = self.parameters.iter().map(fitted_json).collect();
-        let tried: Vec<Value> =
-            self.tried.iter().map(|tried| json!({"effect": tried.effect, "chi2": tried.chi2})).collect();
+        let tried: Vec<Value> = self
+            .tried
+            .iter()
+            .map(|tried| {
+                let gain = tried.chi2.map(|chi2| self.baseline.chi2 - chi2);
+                json!({"effect": tried.effect, "chi2": tried.chi2, "gain": gain})
+            })
+            .collect();
         let mut json = json!({
             "mission": self.mission.mission.name,
             "verdict": self.verdict.name(),
@@ -81,6 +90,7 @@ impl Report for Diagnosis {
             "leaning": self.after.words(),
             "formula": self.suggestion.as_ref().map(|suggestion| suggestion.toml.clone()),
             "notes": self.notes,
+            "work": {"evaluations": self.evaluations[0], "most": self.evaluations[1], "undone": self.undone},
             "advice": self.advice.iter().map(ToString::to_string).collect::<Vec<_>>(),
         });
         if self.verdict == Verdict::Complete {
@@ -185,6 +195,18 @@ impl Page for Diagnosis {
                 format!(
                     "Note: errors of neighbouring pixels are correlated ({:.2}); chances are simulated with that.",
                     self.noise.correlation
+                ),
+                2,
+            );
+        }
+        if !self.undone.is_empty() {
+            out.words(
+                format!(
+                    "Note: the search ended after {} evaluations of the model (of {}); left undone: {}. --evaluations N allows \
+                     more.",
+                    self.evaluations[0],
+                    self.evaluations[1],
+                    self.undone.join(", ")
                 ),
                 2,
             );
@@ -398,6 +420,16 @@ impl Diagnosis {
         let rest = self.tried.iter().filter(|tried| tried.chi2.is_some()).count().saturating_sub(LISTED);
         if rest > 0 {
             out.words(format!("  and {rest} more that do worse"), 4);
+        }
+        let worse = |tried: &&Tried| tried.chi2.is_some_and(|chi2| chi2 > self.baseline.chi2 + RULED_OUT);
+        let ruled_out: Vec<String> = self
+            .tried
+            .iter()
+            .filter(worse)
+            .map(|tried| format!("{} (chi2 {:+.1})", tried.effect, tried.chi2.expect("filtered") - self.baseline.chi2))
+            .collect();
+        if !ruled_out.is_empty() {
+            out.words(format!("  ruled out, for the data are worse explained with it: {}", ruled_out.join(", ")), 4);
         }
         let absorbed: Vec<&str> =
             self.tried.iter().filter(|tried| tried.chi2.is_none()).map(|tried| tried.effect.as_str()).collect();

@@ -71,9 +71,11 @@ impl Estimate {
 
     /// The power of ten of the last digit that the error leaves: its first one, or the one behind a leading 1.
     fn last_digit(&self) -> i32 {
-        let exponent = self.error.log10().floor();
-        let leading = (self.error / 10_f64.powf(exponent)).round();
-        exponent as i32 - i32::from(leading < 2.0)
+        self.error.log10().floor() as i32 - i32::from(self.leads_with_1())
+    }
+
+    fn leads_with_1(&self) -> bool {
+        self.error / 10_f64.powf(self.error.log10().floor()) < 2.0
     }
 
     /// The same in scientific notation.
@@ -83,7 +85,7 @@ impl Estimate {
         }
         let exponent = self.value.abs().max(self.error).log10().floor() as i32;
         let decimals = (exponent - self.last_digit()).max(0) as usize;
-        let own = usize::from(self.error / 10_f64.powf(self.error.log10().floor()) < 1.5);
+        let own = usize::from(self.leads_with_1());
         format!("{:.decimals$e} +- {:.own$e}", self.value, self.error)
     }
 }
