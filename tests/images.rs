@@ -520,7 +520,7 @@ fn a_correction_is_as_good_as_it_claims_but_for_pixels_that_it_marks() {
     let path = |name: &str| folder.path().join(name);
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let (mut all_px, mut marked_px, mut worst_marked_e) = (0, 0, 0.0_f64);
-    for case in 0..24 {
+    for case in 0..12 {
         let damage = 10_f64.powf(random.random_range(-1.5..0.6));
         let traps: Vec<(f64, f64)> = (0..random.random_range(1..=8))
             .map(|_| (damage * random.random_range(0.2..1.0), 10_f64.powf(random.random_range(-1.0..3.0))))
