@@ -23,7 +23,7 @@ use crate::error::InputError;
 use crate::mission::{Detector, Mission, ReadoutMethod};
 use crate::readout::{Cloud, Method};
 use crate::shape::ShapeChange;
-pub use damage::{Damage, Loss, SpeciesState, release_factor};
+pub use damage::{BOLTZMANN_EV_K, Damage, Loss, SpeciesState, release_factor};
 pub use device::{Beside, Device};
 use effects::Effects;
 pub use history::{DoseHistory, Law, RateOrigin};
