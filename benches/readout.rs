@@ -2,7 +2,7 @@
 //!
 //! The fiducial galaxy of `missions/snap_l2.toml` after 5 years, 3 species, 1650 transfers, at one sub-pixel position of a
 //! stamp of 55 x 55 pixels. `fast` to a relative accuracy of 1e-6 against `exact`, every transfer; how far apart the two
-//! are is asserted in `tests/readout.rs`. All on one thread, so that work is compared with work: a stamp is too short for two.
+//! are is asserted in `tests/suite/readout.rs`. All on one thread, so that work is compared with work: a stamp is too short for two.
 
 use ctiplan::evaluate::evaluate;
 use ctiplan::galaxy::Profile;

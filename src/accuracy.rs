@@ -2,7 +2,7 @@
 //! whole trade stands here.
 //!
 //! A mission asks for `accuracy.relative` (see [`crate::mission::Accuracy`]). A purpose that needs less says how much less, and
-//! one that needs more how much more. `tests/readout.rs` compares shapes with every transfer computed, and
+//! one that needs more how much more. `tests/suite/readout.rs` compares shapes with every transfer computed, and
 //! `ctiplan diagnose` checks its own numerics against [`FINEST`] before it judges.
 
 use crate::mission::Mission;

@@ -13,7 +13,7 @@
 //! others become uncertain: those far behind, which the traps were left fuller or emptier for, are found by that. The charges
 //! that fit the frame lie between the images at which these corrections end.
 //!
-//! Holds for any readout that grows with each charge. It is a search: `tests/images.rs` holds it to a factor of 3 in the error
+//! Holds for any readout that grows with each charge. It is a search: `tests/suite/images.rs` holds it to a factor of 3 in the error
 //! that is claimed.
 
 use ndarray::{Array2, Zip};

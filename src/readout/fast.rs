@@ -49,7 +49,7 @@ const HOPELESS: f64 = 10.0;
 const SHARE_OF_BOUNDS: f64 = 0.5;
 
 /// Part of the tolerance that the other estimated errors of each region may add up to. They are estimates, and a kink that lies
-/// between two passes is not seen by either (`cargo test --release --test readout -- --ignored --nocapture` counts the
+/// between two passes is not seen by either (`cargo test --release --test suite readout:: -- --ignored --nocapture` counts the
 /// misses; nearly all are without background, or with all of it in a notch).
 const SHARE: f64 = 0.02;
 

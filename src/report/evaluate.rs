@@ -191,7 +191,7 @@ impl Page for EvaluateReport {
         let requirement = &mission.requirement;
         out.gap();
         out.verdict(format!("Budget: |delta e| of \"{}\" below {}", requirement.galaxy, plain(requirement.delta_e)), 2);
-        let corrected = format!("corrected by a factor {}", requirement.correction_factor);
+        let corrected = format!("corrected, factor {}", requirement.correction_factor);
         let width = corrected.len();
         for (name, crossing) in [("uncorrected", &verdict.uncorrected), (corrected.as_str(), &verdict.corrected)] {
             out.outcome(name, width, exceeded(crossing, header.launch.0));

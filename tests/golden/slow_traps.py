@@ -25,7 +25,7 @@ The shape
 How good it is, and the tolerance to ask for
     The sum over transfers is exact but for rounding. The height after a capture is that of the packet before it, the
     same in ctiplan (all empty traps below h(n) capture at once). ctiplan starts in the steady state of the sky, which is a
-    part of 1e-3 different at these densities (tests/steady_state.rs): ask for 2e-3 of each change.
+    part of 1e-3 different at these densities (tests/suite/steady_state.rs): ask for 2e-3 of each change.
     --check puts whole traps at random places and heights into the same columns; each takes one whole electron. The mean over
     400 such detectors agrees within about its standard error: delta_e1 0.0075 +- 0.0006 (every transfer: 0.0069), delta_y_px
     0.0688 +- 0.0008 (0.0686), delta_size 0.0001 +- 0.0003 (0.0003), delta_flux -0.0395 +- 0.0003 (-0.0396).

@@ -1,6 +1,6 @@
 //! Inputs on which a reader failed, or might: what must hold of any input holds of them. See fuzz/README.md.
 
-#[path = "../fuzz/src/lib.rs"]
+#[path = "../../fuzz/src/lib.rs"]
 mod readers;
 
 use std::fs;

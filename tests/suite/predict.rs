@@ -9,7 +9,7 @@ use ctiplan::predict::{Question, predict};
 /// The readout of measured shapes is coarser than that of `evaluate`, which does not show.
 #[test]
 fn shapes_are_those_of_evaluate() {
-    for text in [include_str!("../missions/snap_l2.toml"), include_str!("practice/one-epoch/mission.toml")] {
+    for text in [include_str!("../../missions/snap_l2.toml"), include_str!("../practice/one-epoch/mission.toml")] {
         let model = Model::new(&Mission::parse(text).unwrap());
         let at = model.conditions(4.0);
         for galaxy in 0..4 {
@@ -24,7 +24,7 @@ fn shapes_are_those_of_evaluate() {
 /// Shapes at many doses are interpolated between a few; alone, each is computed.
 #[test]
 fn shapes_at_many_doses_are_those_computed_one_by_one() {
-    let base = include_str!("../missions/snap_l2.toml");
+    let base = include_str!("../../missions/snap_l2.toml");
     for (effects, largest_mev_g) in [
         ("", 8e6),
         (
@@ -58,7 +58,7 @@ fn shapes_at_many_doses_are_those_computed_one_by_one() {
 
 #[test]
 fn order_and_threads_change_no_bit() {
-    let mission = Mission::parse(include_str!("../missions/snap_l2.toml")).unwrap();
+    let mission = Mission::parse(include_str!("../../missions/snap_l2.toml")).unwrap();
     let model = Model::new(&mission);
     let ats: Vec<Conditions> = (0..30)
         .map(|row| Conditions {

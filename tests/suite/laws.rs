@@ -18,7 +18,7 @@ use toml::Value;
 fn mission(settings: &str) -> Mission {
     let text = format!(
         "{}{settings}",
-        include_str!("../missions/snap_l2.toml")
+        include_str!("../../missions/snap_l2.toml")
             .replace("duration_yr = 5.0", "duration_yr = 16.0")
             .replace("[requirement]", "[accuracy]\nsubpixel_grid = 1\n[requirement]")
     );

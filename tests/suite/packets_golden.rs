@@ -13,7 +13,7 @@ fn numbers(value: &Value) -> Vec<f64> {
 
 #[test]
 fn packets_and_blocks_are_those_of_arctic() {
-    let golden: Value = serde_json::from_str(include_str!("golden/packets.json")).unwrap();
+    let golden: Value = serde_json::from_str(include_str!("../golden/packets.json")).unwrap();
     let cases = golden["cases"].as_array().unwrap();
     assert!(cases.len() >= 8);
     for case in cases {

@@ -19,7 +19,7 @@ const CLOSE: f64 = 3e-4;
 /// SNAP's detector with one galaxy, flown through flares, bakeouts, annealing and cycles; and when something happens at once, yr.
 fn mission(random: &mut ChaCha8Rng) -> (Mission, Vec<f64>) {
     let duration_yr = random.random_range(2.0..15.0);
-    let mut text = include_str!("../missions/snap_l2.toml")
+    let mut text = include_str!("../../missions/snap_l2.toml")
         .replace(
             "launch = 2009-01-01",
             &format!("launch = {}-0{}-15", random.random_range(1995..2060), random.random_range(1..10)),
@@ -130,7 +130,7 @@ fn studies_tell_the_date_of_evaluate() {
 /// A crossing of hours before a bakeout, as a mission in flight meets it every year.
 #[test]
 fn what_yearly_bakeouts_hide_is_said() {
-    let mut text = include_str!("../missions/snap_l2.toml").replace("duration_yr = 5.0", "duration_yr = 8.0");
+    let mut text = include_str!("../../missions/snap_l2.toml").replace("duration_yr = 5.0", "duration_yr = 8.0");
     for year in 1..8 {
         text += &format!("\n[[effects.bakeout]]\nt_yr = {year}.0\nfraction = 0.99\n");
     }

@@ -3,7 +3,7 @@
 //! Every `sh` block whose lines start with `ctiplan ` is run from the top of the repository, in the order of the
 //! document, and must be followed by a `text` block with what it prints. A block of another language that starts with
 //! `# PATH` is a piece of that file. Commands that are not run (because they take long, or need what is not there) stand in
-//! other blocks. To renew the `text` blocks: `RENEW=1 cargo test --test tutorial`; then read the
+//! other blocks. To renew the `text` blocks: `RENEW=1 cargo test --test suite tutorial::`; then read the
 //! sentences around them again.
 
 use std::fs;
@@ -70,7 +70,7 @@ fn shown(command: &str) -> String {
     let words = arguments(command);
     assert_eq!(words[0], "ctiplan", "only ctiplan is run: {command}");
     let output = Command::new(env!("CARGO_BIN_EXE_ctiplan")).args(&words[1..]).current_dir(TOP).output().unwrap();
-    String::from_utf8(output.stdout).unwrap() + &String::from_utf8(output.stderr).unwrap()
+    [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap()).concat()
 }
 
 fn shows_what_is_printed(document: &str) {
@@ -120,8 +120,8 @@ fn shows_what_is_printed(document: &str) {
     }
     assert!(
         stale.is_empty(),
-        "what the program prints is not what the document shows; if it should be so, run\n  RENEW=1 cargo test --test \
-         tutorial\nand read again what is said about it:\n{}",
+        "what the program prints is not what the document shows; if it should be so, run\n  RENEW=1 cargo test --test suite \
+         tutorial::\nand read again what is said about it:\n{}",
         stale.join("\n")
     );
 }

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 #[test]
 fn galaxies_are_those_of_galsim() {
-    let golden: Value = serde_json::from_str(include_str!("golden/galaxies.json")).unwrap();
+    let golden: Value = serde_json::from_str(include_str!("../golden/galaxies.json")).unwrap();
     let cases = golden["cases"].as_array().unwrap();
     assert!(cases.len() >= 14);
     for case in cases {

@@ -116,7 +116,7 @@ fn device(method: Method) -> Device {
 }
 
 fn golden() -> Json {
-    serde_json::from_str(include_str!("golden/frames.json")).unwrap()
+    serde_json::from_str(include_str!("../golden/frames.json")).unwrap()
 }
 
 fn array(rows: &Json) -> Array2<f64> {

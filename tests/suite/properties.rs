@@ -1,7 +1,7 @@
 //! What holds of every mission, tried on random ones: no panic, no NaN, more dose does more damage, and neither the spelling of
 //! units nor the number of threads matters.
 //!
-//! The missions are the same in every run. `PROPTEST_CASES=1000 PROPTEST_RNG_SEED=2 cargo test --test properties` tries more.
+//! The missions are the same in every run. `PROPTEST_CASES=1000 PROPTEST_RNG_SEED=2 cargo test --test suite properties::` tries more.
 
 use ctiplan::effect::CATALOGUE;
 use ctiplan::evaluate::{Evaluation, evaluate};

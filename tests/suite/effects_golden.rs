@@ -33,7 +33,7 @@ fn readout(case: &Value, method: Method) -> Readout {
 
 #[test]
 fn packets_and_blocks_with_every_effect_are_those_of_other_programs() {
-    let golden: Value = serde_json::from_str(include_str!("golden/effects.json")).unwrap();
+    let golden: Value = serde_json::from_str(include_str!("../golden/effects.json")).unwrap();
     for case in golden["cases"].as_array().unwrap() {
         let name = case["name"].as_str().unwrap();
         let (background_e, signal_e) = (number(&case["background_e"]), number(&case["signal_e"]));
@@ -71,7 +71,7 @@ fn packets_and_blocks_with_every_effect_are_those_of_other_programs() {
 
 #[test]
 fn columns_through_galaxies_are_those_of_other_programs() {
-    let golden: Value = serde_json::from_str(include_str!("golden/effects.json")).unwrap();
+    let golden: Value = serde_json::from_str(include_str!("../golden/effects.json")).unwrap();
     for case in golden["shapes"].as_array().unwrap() {
         let name = case["name"].as_str().unwrap();
         let before = numbers(&case["column_before_e"]);

@@ -1,15 +1,15 @@
 //! The figures of Rhodes et al. 2010, as `cargo run --release --example rhodes2010` prints them, and as docs/paper.md shows them.
 
-#[path = "../examples/rhodes2010/figures.rs"]
+#[path = "../../examples/rhodes2010/figures.rs"]
 mod figures;
-#[path = "../examples/rhodes2010/report.rs"]
+#[path = "../../examples/rhodes2010/report.rs"]
 mod report;
 
 use std::fs;
 
 use figures::*;
 
-/// To renew the block: `RENEW=1 cargo test --test paper`.
+/// To renew the block: `RENEW=1 cargo test --test suite paper::`.
 #[test]
 fn the_document_shows_what_the_example_prints() {
     let path = "docs/paper.md";

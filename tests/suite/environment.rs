@@ -13,7 +13,7 @@ fn table(text: &str) -> (Vec<String>, Vec<Vec<f64>>) {
 
 #[test]
 fn esp_reproduces_all_100_values_of_ecss_table_i_3_to_their_digits() {
-    let (_, rows) = table(include_str!("reference/esp_oracle_ecss_tableI3.csv"));
+    let (_, rows) = table(include_str!("../reference/esp_oracle_ecss_tableI3.csv"));
     let mut compared = 0;
     for row in rows {
         for (years, published) in [1.0, 2.0, 3.0, 5.0, 7.0].into_iter().zip(&row[2..]) {
@@ -27,7 +27,7 @@ fn esp_reproduces_all_100_values_of_ecss_table_i_3_to_their_digits() {
 
 #[test]
 fn the_dose_behind_aluminium_agrees_with_the_independent_table_to_2_percent() {
-    let (header, rows) = table(include_str!("reference/ddd_vs_al_esp95_1yr.csv"));
+    let (header, rows) = table(include_str!("../reference/ddd_vs_al_esp95_1yr.csv"));
     let mut worst = 0.0_f64;
     for row in rows {
         for (column, expected) in header.iter().zip(&row).skip(1) {

@@ -1,6 +1,6 @@
 //! What is written, read by the real astropy where there is one.
 //!
-//! `ASTROPY_PYTHON=/path/to/python cargo test --test astropy` where `python3` has no astropy. Without one, what is written is
+//! `ASTROPY_PYTHON=/path/to/python cargo test --test suite astropy::` where `python3` has no astropy. Without one, what is written is
 //! compared with what astropy was once seen to read unchanged (`tests/measurements/written/`).
 
 use std::fs;
@@ -30,7 +30,7 @@ print("read", len(sys.argv) - 1)
 "#;
 
 /// Files whose columns are numbers and words, which come back as they were. (Quantities and masks come back as plain columns
-/// with units and missing values; that is tested column by column in `tests/tables.rs`.)
+/// with units and missing values; that is tested column by column in `tests/suite/tables.rs`.)
 const FILES: [&str; 12] = [
     "dose_plain_dict",
     "trail_omap_blank",
@@ -74,7 +74,7 @@ fn astropy_reads_back_what_is_written() {
 
 #[test]
 fn what_is_written_is_what_astropy_was_seen_to_read() {
-    // RENEW=1 cargo test --test astropy writes these files, after a run with astropy has passed.
+    // RENEW=1 cargo test --test suite astropy:: writes these files, after a run with astropy has passed.
     let folder = Path::new("tests/measurements/written");
     for name in FILES {
         let file = folder.join(format!("{name}.ecsv"));

@@ -257,7 +257,7 @@ fn a_million_rows_are_read() {
     assert!(error.to_string().contains("line 1000003"), "{error}");
 }
 
-/// Time and memory of a million rows: `cargo test --release --test robust -- --ignored --nocapture`
+/// Time and memory of a million rows: `cargo test --release --test suite robust:: -- --ignored --nocapture`
 #[test]
 #[ignore = "takes a minute"]
 fn a_million_rows_are_validated() {

@@ -350,7 +350,7 @@ fn the_readme_shows_what_the_program_prints() {
 #[test]
 fn the_page_of_effects_is_up_to_date() {
     // To renew it: cargo run -- effects --markdown > docs/effects.md
-    assert_eq!(stdout(&["effects", "--markdown"]), include_str!("../docs/effects.md"));
+    assert_eq!(stdout(&["effects", "--markdown"]), include_str!("../../docs/effects.md"));
 }
 
 #[test]

@@ -78,7 +78,7 @@ fn fast_agrees_with_exact_to_the_accuracy_asked_for() {
     }
 }
 
-/// `cargo test --release --test readout -- --ignored --nocapture`
+/// `cargo test --release --test suite readout:: -- --ignored --nocapture`
 #[test]
 #[ignore = "minutes"]
 fn fast_misses_the_accuracy_asked_for_in_few_of_many_columns() {

@@ -20,7 +20,7 @@ use serde_json::Value;
 
 /// SNAP behind its shield; one galaxy, coarsely.
 fn base(model: &str) -> Mission {
-    let text = include_str!("../missions/snap_l2_shielded.toml")
+    let text = include_str!("../../missions/snap_l2_shielded.toml")
         .replace("model = \"solar-cycle\"", &format!("model = \"{model}\""))
         .replace("geometry = \"slab\"", "geometry = \"sphere\"")
         .replace("thickness_mm = 13.6", "thickness_mm = 39.5")

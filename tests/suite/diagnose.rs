@@ -351,7 +351,7 @@ fn a_limit_is_where_an_effect_is_seen() {
     assert!(seen >= 8, "{seen} of 10");
 }
 
-/// `cargo test --release --test diagnose -- --ignored`
+/// `cargo test --release --test suite diagnose:: -- --ignored`
 #[test]
 #[ignore = "minutes"]
 fn a_real_ccd_lacks_a_third_species() {
