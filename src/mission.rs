@@ -6,6 +6,7 @@
 
 mod edit;
 pub mod keys;
+mod number;
 mod read;
 mod schema;
 mod template;

@@ -45,6 +45,11 @@ impl Mission {
     /// # Errors
     /// Where there is no such key, it stands twice, or the value is not allowed for it.
     pub fn with(&self, settings: &[(String, Value)]) -> Result<Mission, InputError> {
+        self.with_numbers(settings).map_or_else(|| self.with_text(settings), Ok)
+    }
+
+    /// The same by way of the text of the mission, with all its checks.
+    pub(super) fn with_text(&self, settings: &[(String, Value)]) -> Result<Mission, InputError> {
         let said: Vec<String> = settings.iter().map(|(key, value)| format!("{key} = {value}")).collect();
         let refused = format!("cannot use mission \"{}\" with {}", self.mission.name, said.join(", "));
         let mut table = self.to_table();
@@ -259,12 +264,7 @@ impl<'a> Source<'a> {
     /// What keys say together.
     fn check_together(&self, mission: &Mission, table: &toml::Table) -> Result<(), InputError> {
         let detector = &mission.detector;
-        if detector.notch_e >= detector.full_well_e {
-            let problem = format!(
-                "the notch ({} e-) must be below the full well ({} e-)",
-                keys::plain(detector.notch_e),
-                keys::plain(detector.full_well_e)
-            );
+        if let Some(problem) = mission.notch_problem() {
             return Err(self.fault("detector.notch_e", problem));
         }
         if detector.traps.len() > MAX_SPECIES {
