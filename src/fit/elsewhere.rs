@@ -19,6 +19,9 @@ const DISTANCES: [f64; 9] = [0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 3.2, 4.6];
 const ROUNDS: usize = 3;
 const STARTS: usize = 3;
 
+/// Rise of chi2 within which a rough fit ends in the minimum that is known.
+const ROUGH: f64 = 1.0;
+
 /// Rise of chi2, beside a share of it, from which on a minimum is not followed to its bottom.
 const FAR_ABOVE: f64 = 30.0;
 
@@ -32,7 +35,7 @@ impl Problem<'_> {
         let mut found = Vec::new();
         for _ in 0..ROUNDS {
             let valleys = self.valleys(&best);
-            let minima: Vec<Optimum> = valleys.iter().filter_map(|start| self.unless_far_above(start, &best)).collect();
+            let minima: Vec<Optimum> = valleys.iter().filter_map(|start| self.another(start, &best)).collect();
             let lowest = minima.iter().min_by(|a, b| a.chi2.total_cmp(&b.chi2)).cloned();
             found.extend(minima);
             match lowest {
@@ -43,10 +46,13 @@ impl Problem<'_> {
         found
     }
 
-    /// The minimum that a start leads to, unless a rough one is so far above another that nobody would ask for it.
-    fn unless_far_above(&self, start: &[f64], best: &Optimum) -> Option<Optimum> {
+    /// The minimum that a start leads to; None where a rough fit comes back to the known one, or ends so far above it that
+    /// nobody would ask for it.
+    fn another(&self, start: &[f64], known: &Optimum) -> Option<Optimum> {
         let rough = self.roughly(start);
-        (rough.chi2 < best.chi2 + FAR_ABOVE * (1.0 + 0.01 * best.chi2)).then(|| self.minimise(&rough.at))
+        let rise = rough.chi2 - known.chi2;
+        let is_known = rise > -SAME && rise < ROUGH;
+        (!is_known && rise < FAR_ABOVE * (1.0 + 0.01 * known.chi2)).then(|| self.minimise(&rough.at))
     }
 
     /// Places from which another minimum may be reached, those of least chi2 first.

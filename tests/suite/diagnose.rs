@@ -386,15 +386,15 @@ fn nothing_missing(seed: u64) -> (Mission, Vec<DataSet>) {
 #[test]
 fn null_data_are_complete_as_often_as_the_level_says_and_are_not_searched_for_ever() {
     let mut wrong = 0;
-    for seed in 0..60 {
+    for seed in 0..30 {
         let (mission, data) = nothing_missing(seed);
         let found = diagnose(&mission, &data, &Options { level: 0.05, ..options(&mission) }, &SILENT).unwrap();
         wrong += usize::from(found.verdict != Verdict::Complete);
         assert!(found.evaluations[0] < NULL_SEARCH, "seed {seed}: {:?}, {}", found.evaluations, found.reason);
         assert!(found.undone.is_empty());
     }
-    // 5 % of 60 are 3; more than 8 have a chance of 4e-3.
-    assert!(wrong <= 8, "{wrong} of 60");
+    // More than 5 of 30 have a chance of 3e-3.
+    assert!(wrong <= 5, "{wrong} of 30");
 }
 
 /// Evaluations within which noise is known to be noise: every effect at every trial, the best fitted, and its limits.
@@ -429,7 +429,7 @@ fn an_effect_that_the_data_rule_out_is_seen_to_be() {
     let gain = |effect: &str| tried.iter().find(|tried| tried["effect"] == effect).unwrap()["gain"].as_f64().unwrap();
     let (with, _) = ctiplan::effect::add(&mission, "solar-cycle", toml::Table::new()).unwrap();
     let really = validate(&mission, &data, 1).unwrap().chi2 - validate(&with, &data, 1).unwrap().chi2;
-    assert!(really < -100.0, "{really}");
+    assert!(really < -50.0, "{really}");
     assert!((gain("solar-cycle") - really).abs() < 1e-3 * really.abs(), "{} {really}", gain("solar-cycle"));
     // What can be weaker than any limit is never worse than nothing.
     assert!(gain("well-fill") >= 0.0);
