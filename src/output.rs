@@ -105,7 +105,7 @@ pub enum Written<'a> {
     Into(&'a Path, fn(&OsStr) -> bool),
 }
 
-/// Refuses outputs that would replace a file that is read, or one another, whatever the names and links they are given by.
+/// Refuses outputs that would replace a file that is read, or one another, by any name or link.
 ///
 /// # Errors
 /// The first such output.

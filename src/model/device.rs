@@ -41,8 +41,8 @@ pub(super) struct Register {
 /// What stands beside the columns that are read out, in their rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Beside {
-    /// The image is a stamp around an object that makes the serial register's transfers; so many columns lie between its
-    /// centre and its edge, and background beyond.
+    /// The image is a stamp around an object that makes the serial register's transfers. The number is that of the columns
+    /// between its centre and its edge; background lies beyond.
     Stamp(usize),
     /// Background alone: the image is one column.
     Background,

@@ -127,7 +127,7 @@ impl Kind for ChargeInjection {
     }
 }
 
-/// Change of shape of a galaxy so many rows behind a line, and the charge of the line's trail there, e-.
+/// Change of shape of a galaxy `distance` rows behind a line, and the charge of the line's trail there, e-.
 fn behind_a_line(device: &Device, scene: &Scene, line_e: f64, distance: u32) -> Result<Seen, InputError> {
     let device = device.expected();
     let background_e = device.at.background_e;

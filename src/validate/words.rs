@@ -85,7 +85,7 @@ pub(super) fn of(sets: &[SetResult], leans: &[Lean]) -> Vec<Finding> {
     findings
 }
 
-/// Chances that noise alone has no more, and no less, chi2 in so many rows.
+/// Chances that noise alone has no more, and no less, chi2 in that many rows.
 pub(super) fn chi2_chances(chi2: f64, rows: usize) -> [f64; 2] {
     ChiSquared::new(rows as f64).map_or([1.0; 2], |law| [law.cdf(chi2), law.sf(chi2)])
 }
