@@ -112,7 +112,8 @@ pub fn compare(candidates: &[Candidate], axes: &[Axis], progress: impl Fn() + Sy
     };
     let at = |scenario: &Scenario| {
         let end_yr = scenario.mission.mission.duration_yr;
-        exceeded_yr.map_or(end_yr, |t_yr| t_yr.min(end_yr))
+        // At launch there is little to compare.
+        exceeded_yr.filter(|t_yr| *t_yr > 0.0).map_or(end_yr, |t_yr| t_yr.min(end_yr))
     };
     let compared_at_yr = [at(best), at(worst)];
     let (ratio, why) = match ranking.by {

@@ -274,10 +274,11 @@ fn windows(cycle: &[ActiveYears]) -> Vec<(f64, f64)> {
     cycle.iter().map(|stretch| (stretch.from, stretch.to)).collect()
 }
 
-/// Time that windows cover between 0 and `t_yr`.
+/// Time that windows (in order) cover between 0 and `t_yr`.
 fn years_within(windows: &[(f64, f64)], t_yr: f64) -> f64 {
     let begun = windows.iter().take_while(|(start, _)| *start < t_yr);
-    begun.map(|(start, end)| (end.min(t_yr) - start.max(0.0)).max(0.0)).sum()
+    // From 0 on: the sum of nothing would be −0.
+    begun.fold(0.0, |sum, (start, end)| sum + (end.min(t_yr) - start.max(0.0)).max(0.0))
 }
 
 /// Dose rate of an active year behind the mission's shield. `active_years` of the mission are those whose quantile is

@@ -276,7 +276,7 @@ fn date(scenario: &Scenario, crossing: &Crossing) -> Option<chrono::NaiveDate> {
 /// The day and the years after launch: dates of different launches do not tell which lasts longer.
 fn when(scenario: &Scenario, crossing: &Crossing) -> String {
     or_dash(crossing.t_yr.map(|t_yr| match date(scenario, crossing) {
-        Some(date) => format!("{date} {t_yr:.2} yr"),
+        Some(date) => format!("{date}\n{t_yr:.2} yr"),
         None => format!("{t_yr:.2} yr"),
     }))
 }
