@@ -40,7 +40,7 @@ impl Course {
             traps_per_px: species.collect(),
             delta_e: timelines
                 .iter()
-                .map(|timeline| timeline.points.iter().map(|point| point.1.unwrap_or(f64::NAN)).collect())
+                .map(|timeline| times.iter().map(|t_yr| timeline.at(*t_yr).unwrap_or(f64::NAN)).collect())
                 .collect(),
         })
     }

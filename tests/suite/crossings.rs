@@ -94,7 +94,7 @@ fn no_crossing_of_a_dense_scan_is_missed() {
     assert!(exceeded > 100 && came_back > 40, "{exceeded} of 200 exceed, {came_back} come back");
 }
 
-/// Studies follow |Δe| on straight lines between sixty times and the events; their dates are those of `evaluate`.
+/// Studies follow |Δe| on straight lines between sixty times and more where it is bent; their dates are those of `evaluate`.
 #[test]
 fn studies_tell_the_date_of_evaluate() {
     let mut random = ChaCha8Rng::seed_from_u64(18);
