@@ -71,7 +71,7 @@ impl Default for Options {
 
 /// Evaluations of the model that a search may make by default: twice as many as the longest of the cases of
 /// `docs/diagnosis.md` takes.
-pub const EVALUATIONS: u64 = 20_000;
+pub const EVALUATIONS: u64 = 12_000;
 
 /// Signs of life.
 pub struct Progress<'a> {
