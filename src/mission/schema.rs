@@ -94,6 +94,7 @@ fn value(key: &Key) -> Value {
         }
         Kind::Numbers(low, high) => json!({"type": "array", "minItems": 1, "items": number(low, high)}),
         Kind::Choice(words) => json!({"enum": words}),
+        Kind::Text if key.is_name() => json!({"type": "string", "pattern": "^[^\\p{Cc}]*[^\\p{Cc}\\s][^\\p{Cc}]*$"}),
         Kind::Text => json!({"type": "string", "pattern": "\\S"}),
         Kind::Texts => json!({"type": "array", "items": {"type": "string"}}),
         Kind::Date => json!({"type": "string", "format": "date"}),

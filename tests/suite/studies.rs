@@ -440,7 +440,8 @@ fn errors_of_draws_cover_the_scatter_between_seeds() {
     };
     let share = |study: &Study| {
         let row = study.tables[0].rows.iter().find(|row| row[0] == Cell::Words("dose model".into())).unwrap();
-        estimate(&row[2])
+        let place = study.tables[0].columns.iter().position(|column| column.key == "share_percent").unwrap();
+        estimate(&row[place])
     };
     let within = |study: &Study| estimate(&study.tables[1].rows[0][6]);
     for (name, one) in [("share", &share as &dyn Fn(&Study) -> (f64, f64)), ("within", &within)] {
