@@ -82,7 +82,8 @@ mod tests {
 
     #[test]
     fn roots_are_found_to_the_tolerance_in_few_steps() {
-        let cases: [(fn(f64) -> f64, f64, f64, f64); 6] = [
+        type Case = (fn(f64) -> f64, f64, f64, f64);
+        let cases: [Case; 6] = [
             (|x| x * x - 2.0, 0.0, 2.0, 2_f64.sqrt()),
             (|x| x.cos() - x, 0.0, 1.0, 0.739_085_133_215_160_6),
             (|x| x.powi(9), -1.0, 1.5, 0.0),

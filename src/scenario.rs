@@ -226,7 +226,7 @@ fn why(better: &State, worse: &State) -> (Option<f64>, Vec<String>) {
     let (Some(better_e), Some(worse_e)) = (better.delta_e, worse.delta_e) else {
         return (None, vec!["in the worst the galaxy has no measurable shape left".into()]);
     };
-    if !(worse_e > 0.0) {
+    if worse_e <= 0.0 || worse_e.is_nan() {
         return (None, Vec::new());
     }
     let ratio = better_e / worse_e;

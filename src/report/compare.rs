@@ -276,7 +276,8 @@ fn date(scenario: &Scenario, crossing: &Crossing) -> Option<chrono::NaiveDate> {
 /// The day and the years after launch: dates of different launches do not tell which lasts longer.
 fn when(scenario: &Scenario, crossing: &Crossing) -> String {
     or_dash(crossing.t_yr.map(|t_yr| match date(scenario, crossing) {
-        Some(date) => format!("{date}\n{t_yr:.2} yr"),
+        // A narrow column breaks between the two, not before the unit.
+        Some(date) => format!("{date} {t_yr:.2}\u{a0}yr"),
         None => format!("{t_yr:.2} yr"),
     }))
 }
