@@ -29,6 +29,7 @@ mod slurm;
 mod start;
 mod steady_state;
 mod studies;
+mod sun;
 mod sweep;
 mod tables;
 mod tutorial;

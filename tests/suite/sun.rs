@@ -1,0 +1,97 @@
+//! The Sun after the last maximum that is known: it goes on, every output says so, and the error budget has its uncertainty.
+
+use std::fs;
+use std::process::Command;
+
+use ctiplan::evaluate;
+use ctiplan::mission::Mission;
+use ctiplan::study::error_budget::ErrorBudget;
+use ctiplan::study::{Cell, Kind, defaults};
+use serde_json::Value;
+
+/// SNAP launched on a day, under the cycle, with one galaxy, coarsely.
+fn launched(day: &str) -> Mission {
+    let text = include_str!("../../missions/snap_l2.toml")
+        .replace("launch = 2009-01-01", &format!("launch = {day}"))
+        .replace("model = \"constant\"", "model = \"solar-cycle\"")
+        .replace("[requirement]", "[accuracy]\nsubpixel_grid = 1\n[requirement]");
+    let mut mission = Mission::parse(&text).unwrap();
+    mission.galaxies.truncate(1);
+    mission
+}
+
+fn run(arguments: &[&str]) -> String {
+    let done = Command::new(env!("CARGO_BIN_EXE_ctiplan")).args(arguments).output().unwrap();
+    assert!(done.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&done.stderr));
+    String::from_utf8(done.stdout).unwrap()
+}
+
+#[test]
+fn no_mission_is_without_a_sun_for_long() {
+    // Five years are longer than the four quiet ones: some dose comes, whenever it is launched.
+    for year in 2026..2120 {
+        let evaluation = evaluate(&launched(&format!("{year}-01-01"))).unwrap();
+        assert!(evaluation.end().dose_mev_g > 0.0, "{year}");
+        let known = year < 2029;
+        assert_eq!(evaluation.warnings.is_empty(), known, "{year}: {:?}", evaluation.warnings);
+    }
+    // A cycle later everything is the same.
+    let dose = |year: i32| evaluate(&launched(&format!("{year}-01-01"))).unwrap().end().dose_mev_g;
+    assert!((dose(2050) / dose(2061) - 1.0).abs() < 1e-2);
+}
+
+#[test]
+fn every_output_says_which_maxima_it_assumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mission.toml");
+    fs::write(&path, launched("2040-01-01").to_toml()).unwrap();
+    let mission = path.to_str().unwrap();
+    let said = "2046.8 +- 1.4";
+    for arguments in [
+        &["evaluate", mission][..],
+        &["compare", mission, "--launch", "2040-01-01,2042-01-01"],
+        &["dose", mission],
+        &["study", "clock", mission],
+        &["study", "distance", mission],
+        &["study", "launch", mission, "--launch", "2040-01-01,2042-01-01"],
+    ] {
+        let text = run(arguments).split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(text.contains(said), "{arguments:?}: {text}");
+        let json: Value = serde_json::from_str(&run(&[arguments, &["--json"]].concat())).unwrap();
+        let warnings = json["warnings"].as_array().unwrap();
+        assert!(warnings.iter().any(|warning| warning.as_str().unwrap().contains(said)), "{arguments:?}: {warnings:?}");
+    }
+    let grid = folder.path().join("grid.toml");
+    fs::write(&grid, "mission = \"mission.toml\"\noutputs = [\"dose_mev_g\"]\n[axes]\nreadout.transfers = [1650]\n")
+        .unwrap();
+    let table = folder.path().join("points.csv");
+    run(&["sweep", grid.to_str().unwrap(), "--output", table.to_str().unwrap()]);
+    assert!(fs::read_to_string(&table).unwrap().contains(said));
+}
+
+#[test]
+fn an_error_budget_draws_the_maxima_that_are_not_known() {
+    let mission = launched("2042-01-01");
+    let study = ErrorBudget { draws: 100, horizon_yr: Some(5.0), ..defaults() }.study(&mission, &|| {}).unwrap();
+    let table = &study.tables[0];
+    let place = |key: &str| table.columns.iter().position(|column| column.key == key).unwrap();
+    let (input, years) = (place("input"), place("sigma_yr"));
+    let of_sun: Vec<_> = table
+        .rows
+        .iter()
+        .filter(|row| matches!(&row[input], Cell::Words(words) if words.starts_with("solar maximum")))
+        .collect();
+    // The maxima of 2035.8 and 2046.8; each length of a cycle scatters by a year.
+    assert!(of_sun.len() >= 2, "{of_sun:?}");
+    assert!(of_sun.iter().all(|row| row[years] == Cell::Number(1.0)));
+    // A launch into quiet years: when the next active ones begin is what the date hangs on.
+    let share = |row: &Vec<Cell>| match &row[place("share_percent")] {
+        Cell::Estimate(estimate) => estimate.value,
+        other => panic!("{other:?}"),
+    };
+    assert!(of_sun.iter().map(|row| share(row)).sum::<f64>() > 20.0);
+    // With known maxima there is nothing of the kind.
+    let known = ErrorBudget { draws: 100, horizon_yr: Some(5.0), ..defaults() }.study(&launched("2009-01-01"), &|| {});
+    let rows = &known.unwrap().tables[0].rows;
+    assert!(rows.iter().all(|row| !matches!(&row[input], Cell::Words(words) if words.starts_with("solar maximum"))));
+}
