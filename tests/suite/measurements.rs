@@ -123,16 +123,16 @@ fn no_column_and_no_number_of_meta_is_a_condition_with_a_slip() {
     let read = |text: String| Table::parse("rows.csv", &text).and_then(|table| DataSet::of(table, &mission));
     let column = |name: &str| format!("# observable: dose\n{name},t_yr,value,sigma\n7,1,2e6,1e4\n8,2,4e6,1e4\n");
     let meta = |name: &str| format!("# observable: dose\n# {name}: 7\nt_yr,value,sigma\n1,2e6,1e4\n2,4e6,1e4\n");
-    for name in NAMES.into_iter().chain(["galaxy", "date"]) {
-        for slip in slips(name) {
-            for text in [column(&slip), meta(&slip)] {
-                let error = read(text).expect_err(&format!("{slip} was accepted")).to_string();
-                assert!(error.contains(&format!("nearly `{name}`")), "{slip}: {error}");
-            }
+    let slips_of = |name: &'static str| slips(name).into_iter().map(move |slip| (name, slip));
+    let capitals = ["Date", "DATE"].map(|slip| ("date", slip.to_string()));
+    for (name, slip) in NAMES.into_iter().chain(["galaxy"]).flat_map(slips_of).chain(capitals) {
+        for text in [column(&slip), meta(&slip)] {
+            let error = read(text).expect_err(&format!("{slip} was accepted")).to_string();
+            assert!(error.contains(&format!("nearly `{name}`")), "{slip}: {error}");
         }
     }
     // Other names are covariates.
-    for name in ["exposure_s", "ccd", "run", "humidity", "signal", "temperature_of_the_amplifier_k"] {
+    for name in ["exposure_s", "ccd", "run", "rate", "humidity", "signal", "temperature_of_the_amplifier_k"] {
         for text in [column(name), meta(name)] {
             assert_eq!(read(text).unwrap().rows[0].at.get(name), Some(7.0), "{name}");
         }
