@@ -9,7 +9,7 @@ use crate::calendar::decimal_year;
 use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, ActiveYears, Maximum};
 use crate::environment::{esp, shielding};
 use crate::error::InputError;
-use crate::mission::{Accumulate, DoseModel, Mission};
+use crate::mission::{Accumulate, DoseModel, Environment, Mission, Shielding};
 use crate::warning::Warning;
 
 /// Dose rate over time.
@@ -33,6 +33,9 @@ pub struct DoseHistory {
     pub dose_laws: Vec<Law>,
     /// Where the active rate comes from.
     pub origin: RateOrigin,
+    /// What the rate is derived from; None if the mission gives it.
+    derived: Option<Derived>,
+    /// Decimal year.
     launch: f64,
     /// Maxima of the Sun after launch that are not known yet.
     extrapolated: Vec<Maximum>,
@@ -92,32 +95,49 @@ impl DoseHistory {
             DoseModel::Constant => (vec![(0.0, f64::INFINITY)], solar_cycle::ACTIVE_SHARE),
             DoseModel::SolarCycle => (windows(&cycle), 1.0),
         };
-        let active_years = active_share * years_within(&windows, duration_yr);
-        let (rate, origin) = match environment.active_dose_rate_mev_g_yr {
-            Some(rate) => (rate, RateOrigin::Given),
-            None => derived_rate(mission, active_years),
-        };
         let ahead = |maximum: &Maximum| maximum.cycles_ahead > 0 && maximum.year + ACTIVE_AFTER_YR > launch;
         let extrapolated = maxima.into_iter().filter(ahead).collect();
-        DoseHistory {
+        let derived = match environment.active_dose_rate_mev_g_yr {
+            Some(_) => None,
+            None => mission.shielding.clone().map(|shield| Derived {
+                environment: environment.clone(),
+                shield,
+                duration_yr,
+            }),
+        };
+        let mut history = DoseHistory {
             cycle,
             windows,
             active_share,
-            active_rate_mev_g_yr: rate,
+            active_rate_mev_g_yr: environment.active_dose_rate_mev_g_yr.unwrap_or(0.0),
             floor_mev_g_yr: environment.cosmic_ray_floor_mev_g_yr,
             steps: Vec::new(),
             rate_laws: Vec::new(),
             dose_laws: Vec::new(),
-            origin,
+            origin: RateOrigin::Given,
+            derived,
             launch,
             extrapolated,
-        }
+        };
+        history.derive_rate();
+        history
     }
 
     /// Lets the active rate come in the active years of the solar cycle, and nothing in the others.
     pub fn follow_solar_cycle(&mut self) {
-        self.windows = windows(&self.cycle);
-        self.active_share = 1.0;
+        if self.averages_the_cycle() {
+            self.windows = windows(&self.cycle);
+            self.active_share = 1.0;
+            // The quantile of a sum depends on the active years that are summed.
+            self.derive_rate();
+        }
+    }
+
+    /// Derives the active rate, unless the mission gives it.
+    fn derive_rate(&mut self) {
+        if let Some(derived) = &self.derived {
+            (self.active_rate_mev_g_yr, self.origin) = derived.rate(self.active_years(derived.duration_yr));
+        }
     }
 
     /// Maxima of the Sun that are not known yet and on which the dose up to a time (years since launch) depends.
@@ -281,21 +301,30 @@ fn years_within(windows: &[(f64, f64)], t_yr: f64) -> f64 {
     begun.fold(0.0, |sum, (start, end)| sum + (end.min(t_yr) - start.max(0.0)).max(0.0))
 }
 
-/// Dose rate of an active year behind the mission's shield. `active_years` of the mission are those whose quantile is
-/// taken at once with `accumulate = "mission"`.
-fn derived_rate(mission: &Mission, active_years: f64) -> (f64, RateOrigin) {
-    let environment = &mission.environment;
-    let shield = mission.shielding.as_ref().expect("a mission whose dose is derived has a shield");
-    let dose_of = |years: f64| {
-        let spectrum = esp::Spectrum::esp(environment.confidence, years);
-        shielding::dose_behind(&spectrum, shield.geometry, shield.thickness_mm, environment.niel.curve())
-    };
-    match environment.accumulate {
-        Accumulate::Mission if active_years > 0.0 => {
-            // Less than one active year counts as one, and all of it arrives within the active time there is.
-            let years = active_years.max(1.0);
-            (dose_of(years) / active_years, RateOrigin::Esp { active_years: years })
+/// What an active dose rate is derived from.
+#[derive(Clone, Debug, PartialEq)]
+struct Derived {
+    environment: Environment,
+    shield: Shielding,
+    duration_yr: f64,
+}
+
+impl Derived {
+    /// Dose rate of an active year behind the shield, MeV/g/yr. `active_years` of the mission are those whose quantile is taken at
+    /// once with `accumulate = "mission"`.
+    fn rate(&self, active_years: f64) -> (f64, RateOrigin) {
+        let (environment, shield) = (&self.environment, &self.shield);
+        let dose_of = |years: f64| {
+            let spectrum = esp::Spectrum::esp(environment.confidence, years);
+            shielding::dose_behind(&spectrum, shield.geometry, shield.thickness_mm, environment.niel.curve())
+        };
+        match environment.accumulate {
+            Accumulate::Mission if active_years > 0.0 => {
+                // Less than one active year counts as one, and all of it arrives within the active time there is.
+                let years = active_years.max(1.0);
+                (dose_of(years) / active_years, RateOrigin::Esp { active_years: years })
+            }
+            _ => (dose_of(1.0), RateOrigin::Esp { active_years: 1.0 }),
         }
-        _ => (dose_of(1.0), RateOrigin::Esp { active_years: 1.0 }),
     }
 }

@@ -131,6 +131,20 @@ fn all_tell_the_same_dose_and_change_of_shape() {
     }
 }
 
+/// The effect and the model of one name are one thing, however quantiles add up.
+#[test]
+fn the_solar_cycle_is_the_same_as_an_effect_and_as_a_model() {
+    let cycle = CATALOGUE.iter().position(|entry| entry.card.kind == "solar-cycle").unwrap();
+    for accumulate in ["yearly", "mission"] {
+        let set = |mission: Mission| mission.with(&[("environment.accumulate".into(), accumulate.into())]).unwrap();
+        let [model, effect] =
+            [set(with("solar-cycle", &[])), set(with("constant", &[cycle]))].map(|mission| Model::new(&mission));
+        for t_yr in [0.3, 2.0, 3.7, 5.0] {
+            assert_eq!(model.dose_mev_g(t_yr), effect.dose_mev_g(t_yr), "{accumulate}, {t_yr} yr");
+        }
+    }
+}
+
 #[test]
 fn an_error_budget_starts_from_the_mission() {
     for kind in 0..CATALOGUE.len() {
