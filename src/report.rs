@@ -98,9 +98,9 @@ fn keep_words(table: &mut Table, from: usize) {
 /// Blanks around the text of a cell.
 const PADDING: usize = 2;
 
-/// The table as lines without trailing blanks.
+/// The table as lines without trailing blanks. Blanks at which no line breaks (before a unit) are plain ones then.
 fn lines(table: &Table) -> String {
-    table.lines().map(|line| format!("{}\n", line.trim_end())).collect()
+    table.lines().map(|line| format!("{}\n", line.trim_end().replace('\u{a0}', " "))).collect()
 }
 
 /// TOML below its heading.
