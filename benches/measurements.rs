@@ -2,11 +2,11 @@
 //!
 //! `cargo bench --bench measurements`. On files that are made here, without noise; the accuracy is the default one.
 
-use ctiplan::fit::{Options, fit};
-use ctiplan::measurement::DataSet;
+use ctiplan::analysis::fit::{Options, fit};
+use ctiplan::analysis::measurement::DataSet;
+use ctiplan::analysis::validate::validate;
+use ctiplan::io::table::Table;
 use ctiplan::mission::Mission;
-use ctiplan::table::Table;
-use ctiplan::validate::validate;
 use divan::Bencher;
 
 fn main() {

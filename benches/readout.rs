@@ -4,10 +4,10 @@
 //! stamp of 55 x 55 pixels. `fast` to a relative accuracy of 1e-6 against `exact`, every transfer; how far apart the two
 //! are is asserted in `tests/suite/readout.rs`. All on one thread, so that work is compared with work: a stamp is too short for two.
 
-use ctiplan::evaluate::evaluate;
-use ctiplan::galaxy::Profile;
 use ctiplan::mission::{Mission, ReadoutMethod};
 use ctiplan::model::Model;
+use ctiplan::physics::galaxy::Profile;
+use ctiplan::plan::evaluate::evaluate;
 use divan::Bencher;
 
 fn main() {

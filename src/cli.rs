@@ -9,6 +9,7 @@ mod dose;
 mod drawn;
 mod effects;
 mod evaluate;
+pub mod file_argument;
 mod fit;
 mod frames;
 mod init;
@@ -26,8 +27,8 @@ use std::process::ExitCode;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::cli::file_argument::refuse_clashes;
 use crate::error::InputError;
-use crate::file_argument::refuse_clashes;
 use crate::report::{Format, Report};
 
 /// When will radiation damage to the CCDs have spoiled the shapes of galaxies?

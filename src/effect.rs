@@ -33,12 +33,12 @@ use std::sync::Arc;
 use ndarray::Array2;
 use serde::de::DeserializeOwned;
 
-use crate::conditions::Conditions;
 use crate::error::InputError;
 use crate::mission::keys::{Key, pattern_of};
 use crate::mission::{Detector, Mission, Species};
-use crate::model::{Damage, DoseHistory, Model, SpeciesState};
-use crate::observable::Observable;
+use crate::physics::conditions::Conditions;
+use crate::physics::observable::Observable;
+use crate::physics::{Damage, DoseHistory, SpeciesState};
 use crate::readout::Cloud;
 pub use reach::Reach;
 
@@ -251,7 +251,7 @@ pub(crate) fn find_key(path: &str) -> Option<&'static Key> {
 }
 
 /// A mission's tables of one kind.
-fn tables<'a>(mission: &'a Mission, kind: &str) -> Vec<&'a toml::Table> {
+pub(crate) fn tables<'a>(mission: &'a Mission, kind: &str) -> Vec<&'a toml::Table> {
     match mission.effects.get(kind) {
         Some(toml::Value::Table(table)) => vec![table],
         Some(toml::Value::Array(members)) => members.iter().filter_map(toml::Value::as_table).collect(),
@@ -259,38 +259,12 @@ fn tables<'a>(mission: &'a Mission, kind: &str) -> Vec<&'a toml::Table> {
     }
 }
 
-/// The table of a dotted key as [`add`] gives it.
+/// The table of a dotted key as [`add_effect`](crate::mission_file::add_effect) gives it.
 pub(crate) fn table<'a>(mission: &'a Mission, key: &str) -> Option<&'a toml::Table> {
     let mut parts = key.split('.').skip(1);
     let kind = parts.next()?;
     let place = parts.next().map_or(Some(1), |number| number.parse::<usize>().ok())?;
     tables(mission, kind).into_iter().nth(place.checked_sub(1)?)
-}
-
-/// A mission with one more effect, and the dotted key of the new table, such as `effects.notch` or `effects.bakeout.2`.
-///
-/// # Errors
-/// Where it makes no sense there.
-pub fn add(mission: &Mission, kind: &str, table: toml::Table) -> Result<(Mission, String), InputError> {
-    let mut added = mission.clone();
-    let there = tables(mission, kind).len();
-    let key = match added.effects.remove(kind) {
-        None => {
-            added.effects.insert(kind.into(), table.into());
-            format!("effects.{kind}")
-        }
-        Some(one) => {
-            let mut several = match one {
-                toml::Value::Array(several) => several,
-                one => vec![one],
-            };
-            several.push(table.into());
-            added.effects.insert(kind.into(), several.into());
-            format!("effects.{kind}.{}", there + 1)
-        }
-    };
-    // Checked, and with defaults filled in.
-    Ok((Mission::parse(&added.to_toml())?, key))
 }
 
 /// The effects of a mission, in the order of the catalogue.
@@ -305,11 +279,6 @@ pub fn of(mission: &Mission) -> Vec<Arc<dyn Effect>> {
 
 /// Most moments at which a search looks for an event.
 pub(crate) const MOMENTS: usize = 48;
-
-/// Dose (MeV/g) that a mission's model has at a time (years since launch), to scale a trial with; 0 where it has none.
-fn dose_mev_g(mission: &Mission, t_yr: f64) -> f64 {
-    Model::new(mission).dose_mev_g(t_yr).unwrap_or(0.0)
-}
 
 /// A table of numbers.
 fn numbers(values: &[(&str, f64)]) -> toml::Table {

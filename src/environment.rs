@@ -6,15 +6,37 @@
 //! ```
 //!
 //! "Dose" is displacement damage dose in MeV per gram of silicon, everywhere. D(t) of a mission is made of these parts in one
-//! place, [`crate::model`].
+//! place, the model.
 
 pub mod esp;
 pub mod proton;
 pub mod shielding;
 pub mod solar_cycle;
 
-use crate::mission::Niel;
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
 use proton::Curve;
+
+/// Damage curve of protons in silicon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Niel {
+    /// SR-NIEL, displacement threshold 21 eV.
+    Sr,
+    /// RD50 compilation.
+    Rd50,
+}
+
+impl fmt::Display for Niel {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Niel::Sr => "SR-NIEL",
+            Niel::Rd50 => "RD50",
+        })
+    }
+}
 
 impl Niel {
     /// The damage curve.

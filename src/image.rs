@@ -27,10 +27,11 @@ use std::str::FromStr;
 
 use ndarray::{Array2, Zip};
 
-use crate::conditions::Conditions;
 use crate::error::InputError;
-use crate::model::{Device, Model, SpeciesState};
-use crate::output::{self, Written};
+use crate::io::atomic_file::{self, Written};
+use crate::model::{Device, Model};
+use crate::physics::SpeciesState;
+use crate::physics::conditions::Conditions;
 use crate::readout::Method;
 use crate::warning::Warning;
 use fits::{Fits, Hdu, Kind};
@@ -176,9 +177,9 @@ impl Job {
         overwrite: bool,
         progress: &dyn Fn(usize, usize, &str),
     ) -> Result<Done, InputError> {
-        output::refuse_clashes(&[Written::File(output)], &[input])?;
+        atomic_file::refuse_clashes(&[Written::File(output)], &[input])?;
         if !overwrite {
-            output::refuse_existing(output)?;
+            atomic_file::refuse_existing(output)?;
         }
         let mut fits = Fits::open(input)?;
         let frames = self.frames(&fits.hdus).map_err(|error| InputError {
@@ -196,7 +197,7 @@ impl Job {
             hdus: Vec::new(),
             warnings: self.model.history().warnings(self.device.at.t_yr),
         };
-        output::write_by(output, overwrite, |out| {
+        atomic_file::write_by(output, overwrite, |out| {
             let all = fits.hdus.len();
             for index in 0..all {
                 let hdu = fits.hdus[index].clone();
@@ -206,12 +207,12 @@ impl Job {
                         let mut pixels = fits.pixels(index)?;
                         let frame = self.frame(&mut pixels, *scale, &tell)?;
                         let told = self.history(*scale, &frame, done.dose_mev_g);
-                        hdu.write(&pixels, &told, out).map_err(output::refusal(output))?;
+                        hdu.write(&pixels, &told, out).map_err(atomic_file::refusal(output))?;
                         done.warnings.extend(self.warnings(&hdu, &frame));
                         Some(frame)
                     }
                     None => {
-                        fits.copy(index, out).map_err(output::refusal(output))?;
+                        fits.copy(index, out).map_err(atomic_file::refusal(output))?;
                         None
                     }
                 };
@@ -221,10 +222,11 @@ impl Job {
                 let uncertain = hdu.frame.as_ref().and_then(|frame| frame.uncertain.as_ref());
                 if let Some(uncertain) = uncertain.filter(|uncertain| uncertain.count() > 0) {
                     let of = &fits.hdus[hdu.index];
-                    fits::write_mask(&marks(of), of.index, &uncertain.pixels, out).map_err(output::refusal(output))?;
+                    fits::write_mask(&marks(of), of.index, &uncertain.pixels, out)
+                        .map_err(atomic_file::refusal(output))?;
                 }
             }
-            let bytes = fits.copy_rest(out).map_err(output::refusal(output))?;
+            let bytes = fits.copy_rest(out).map_err(atomic_file::refusal(output))?;
             done.warnings.extend((bytes > 0).then_some(Warning::AfterLastHdu { bytes }));
             Ok(())
         })?;

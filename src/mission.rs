@@ -1,26 +1,14 @@
-//! The mission file (TOML) → a mission that is known to make sense.
-//!
-//! [`keys`] is the one list of all keys: unit, allowed values, default, what people get wrong. A [`template()`] to start from
-//! and a JSON [`schema()`] for editors are made of it. Reading a file checks it against that list, fills in the defaults, and then looks at what keys say together; every refusal names file, line,
-//! key and value. A [`Mission`] that exists is valid, and serialises to the file it came from, as resolved.
+//! What a mission file says, as data. [`keys`] is the one list of its keys: unit, allowed values, default, what people get wrong.
+//! [`crate::mission_file`] reads it.
 
-mod edit;
 pub mod keys;
-mod number;
-mod read;
-mod schema;
-mod template;
-
-pub use edit::{edit, with_effects};
-pub(crate) use read::{check_value, line_at, read_text};
-pub use schema::schema;
-pub use template::template;
 
 use std::fmt;
 
 use chrono::NaiveDate;
 use serde::{Deserialize, Serialize};
 
+use crate::environment::Niel;
 use crate::environment::shielding::Geometry;
 
 /// Everything a mission file says, defaults filled in. Keys carry their units; see [`keys::KEYS`].
@@ -127,25 +115,6 @@ pub enum Accumulate {
     Yearly,
     /// The quantile of the sum over the mission, spread evenly over its active years.
     Mission,
-}
-
-/// Damage curve of protons in silicon.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Niel {
-    /// SR-NIEL, displacement threshold 21 eV.
-    Sr,
-    /// RD50 compilation.
-    Rd50,
-}
-
-impl fmt::Display for Niel {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        out.write_str(match self {
-            Niel::Sr => "SR-NIEL",
-            Niel::Rd50 => "RD50",
-        })
-    }
 }
 
 /// `[shielding]`

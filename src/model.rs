@@ -7,26 +7,25 @@
 //! This is the only way from a mission to a dose, a trap density or a change of shape. What makes them is private to this
 //! module: commands, studies and fits ask a [`Model`], so that none of them can leave an effect out.
 
-mod damage;
 mod device;
 mod effects;
-mod history;
+pub mod noise;
+pub mod predict;
 mod scene;
 #[cfg(test)]
 mod scene_golden;
 
 use std::sync::{Arc, OnceLock};
 
-use crate::accuracy::Purpose;
-use crate::conditions::Conditions;
 use crate::error::InputError;
 use crate::mission::{Detector, Mission, ReadoutMethod};
+use crate::physics::accuracy::Purpose;
+use crate::physics::conditions::Conditions;
+use crate::physics::shape::ShapeChange;
+use crate::physics::{Damage, DoseHistory, SpeciesState};
 use crate::readout::{Cloud, Method};
-use crate::shape::ShapeChange;
-pub use damage::{BOLTZMANN_EV_K, Damage, Loss, SpeciesState, release_factor};
 pub use device::{Beside, Device};
 use effects::Effects;
-pub use history::{DoseHistory, Law, RateOrigin};
 pub use scene::Scene;
 pub(crate) use scene::{Above, downstream, half_px};
 

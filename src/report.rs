@@ -10,6 +10,7 @@ mod fit;
 mod image;
 mod page;
 mod parts;
+pub mod plot;
 mod study;
 mod sweep;
 mod validate;
@@ -25,9 +26,9 @@ use std::io::{IsTerminal, stdout};
 use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Table, Width, presets};
 use serde_json::{Value, json};
 
-use crate::calendar::date_after;
-use crate::model::SpeciesState;
-use crate::requirement::Crossing;
+use crate::numeric::calendar::date_after;
+use crate::physics::SpeciesState;
+use crate::plan::requirement::Crossing;
 
 /// How a result is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -16,27 +16,26 @@ pub mod pocket_pumping;
 pub mod preflash;
 pub mod shielding;
 mod signal;
-mod timeline;
 
 use chrono::NaiveDate;
 use clap::Args;
 use serde_json::{Map, Value};
 
-use crate::accuracy::Purpose;
 use crate::error::InputError;
-use crate::evaluate::unmeasurable;
 use crate::mission::keys::plain;
 use crate::mission::{Fit, Mission};
+use crate::mission_file::lookup;
 use crate::model::Model;
-use crate::plot::{Figure, level, line};
-use crate::scenario::Axis;
-use crate::sources::Source;
+use crate::physics::accuracy::Purpose;
+use crate::plan::evaluate::unmeasurable;
+use crate::plan::scenario::Axis;
+use crate::plan::sources::Source;
+use crate::report::plot::{Figure, level, line};
 use crate::warning::Warning;
 
 pub use estimate::Estimate;
 use signal::left_out;
 pub use signal::{Aperture, Exposure};
-pub use timeline::Timeline;
 
 /// A question that can be asked of a mission; its fields are the options of its command.
 pub trait Kind: Args + Clone {
@@ -247,7 +246,7 @@ fn numbers(key: &str, text: &str) -> Result<Vec<f64>, InputError> {
         .iter()
         .filter_map(|value| value.as_float().or(value.as_integer().map(|whole| whole as f64)))
         .collect();
-    let kind = crate::mission::keys::find(key).expect("a key of the mission");
+    let kind = lookup::find(key).expect("a key of the mission");
     match numbers.iter().find(|number| kind.kind.refuses(**number)) {
         None => Ok(numbers),
         Some(number) => {

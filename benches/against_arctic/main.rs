@@ -9,12 +9,12 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
 
-use ctiplan::conditions::Conditions;
-use ctiplan::galaxy::{Profile, snr};
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
+use ctiplan::physics::conditions::Conditions;
+use ctiplan::physics::galaxy::{Profile, snr};
+use ctiplan::physics::shape::Moments;
 use ctiplan::readout::{Downstream, Method, Readout};
-use ctiplan::shape::Moments;
 use ndarray::{Array2, Axis, concatenate};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,6 +1,6 @@
 //! Whether a diagnosis agrees with the truth.
 
-use ctiplan::diagnose::{Diagnosis, Verdict};
+use ctiplan::analysis::diagnose::{Diagnosis, Verdict};
 use serde_json::Value;
 
 /// Names in a list, sorted.

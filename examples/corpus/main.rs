@@ -11,12 +11,12 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
-use ctiplan::diagnose::{Diagnosis, Options, Progress, Verdict, diagnose};
+use ctiplan::analysis::diagnose::{Diagnosis, Options, Progress, Verdict, diagnose};
+use ctiplan::analysis::measurement::{DataSet, questions};
 use ctiplan::error::InputError;
-use ctiplan::measurement::{DataSet, questions};
 use ctiplan::mission::{Mission, ReadoutMethod};
 use ctiplan::model::Model;
-use ctiplan::predict::predict;
+use ctiplan::model::predict::predict;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};

@@ -1,11 +1,11 @@
 //! The figures of Rhodes et al. 2010, computed.
 
-use ctiplan::conditions::Conditions;
-use ctiplan::evaluate::evaluate;
 use ctiplan::mission::Mission;
 use ctiplan::model::{Device, Model};
+use ctiplan::physics::conditions::Conditions;
+use ctiplan::physics::shape::ShapeChange;
+use ctiplan::plan::evaluate::evaluate;
 use ctiplan::readout::{Downstream, Method, Readout};
-use ctiplan::shape::ShapeChange;
 use ndarray::Array2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -3,11 +3,11 @@
 use std::io::Write;
 use std::sync::LazyLock;
 
-use ctiplan::expression::Expression;
+use ctiplan::analysis::measurement::DataSet;
 use ctiplan::image::fits::{Fits, Kind};
-use ctiplan::measurement::DataSet;
+use ctiplan::io::table::Table;
 use ctiplan::mission::Mission;
-use ctiplan::table::Table;
+use ctiplan::numeric::expression::Expression;
 
 /// Any text as a mission file; a mission is the same when it is written and read again.
 pub fn mission(text: &str) {

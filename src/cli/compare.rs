@@ -5,10 +5,10 @@ use clap::Args;
 use super::drawn::Drawn;
 use super::inputs::key_and_value;
 use super::{Failure, Outcome, Output, print, progress};
+use crate::cli::file_argument::InputFile;
 use crate::error::InputError;
-use crate::file_argument::InputFile;
 use crate::mission::Mission;
-use crate::scenario::{Axis, Candidate, compare};
+use crate::plan::scenario::{Axis, Candidate, compare};
 
 #[derive(Debug, Args)]
 pub(super) struct Compare {

@@ -7,12 +7,12 @@ use clap::Args;
 use super::drawn::Drawn;
 use super::inputs::{Adjust, Measured, NewMission};
 use super::{Failure, Outcome, Output, print_and_suggest, progress};
-use crate::diagnose::{self, Verdict, diagnose};
+use crate::analysis::diagnose::{self, Verdict, diagnose};
+use crate::cli::file_argument::{InputFile, OutputFile};
 use crate::error::InputError;
-use crate::file_argument::{InputFile, OutputFile};
-use crate::input;
+use crate::io::input;
 use crate::mission::Mission;
-use crate::observable::Observable;
+use crate::physics::observable::Observable;
 use crate::sweep::quoted;
 
 #[derive(Debug, Args)]

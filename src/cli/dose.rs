@@ -5,7 +5,7 @@ use clap::Args;
 use super::drawn::Drawn;
 use super::inputs::OneMission;
 use super::{Failure, Outcome, Output, print};
-use crate::dose;
+use crate::plan::dose;
 
 #[derive(Debug, Args)]
 pub(super) struct Dose {

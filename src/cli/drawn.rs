@@ -2,10 +2,10 @@
 
 use clap::Args;
 
+use crate::cli::file_argument::{OutputFile, OutputFolder};
 use crate::error::InputError;
-use crate::file_argument::{OutputFile, OutputFolder};
+use crate::io::atomic_file;
 use crate::mission::Mission;
-use crate::output;
 use crate::report::{Page, page};
 
 #[derive(Debug, Args)]
@@ -27,20 +27,20 @@ impl Drawn {
     /// Makes sure, before the work, that its result can be written.
     pub fn check(&self) -> Result<(), InputError> {
         if let Some(folder) = &self.plots {
-            output::folder(folder)?;
+            atomic_file::folder(folder)?;
         }
-        self.html.as_ref().map_or(Ok(()), |path| output::refuse_unwritable(path))
+        self.html.as_ref().map_or(Ok(()), |path| atomic_file::refuse_unwritable(path))
     }
 
     /// Draws what was asked for of a result that was made of these missions.
     pub fn write(&self, result: &impl Page, missions: &[Mission]) -> Result<(), InputError> {
         if let Some(folder) = &self.plots {
             for (name, figure) in result.figures() {
-                output::write(folder.join(name), &figure.svg())?;
+                atomic_file::write(folder.join(name), &figure.svg())?;
             }
         }
         match &self.html {
-            Some(path) => output::write(path, &page(result, missions)),
+            Some(path) => atomic_file::write(path, &page(result, missions)),
             None => Ok(()),
         }
     }

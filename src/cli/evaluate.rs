@@ -5,9 +5,9 @@ use clap::Args;
 use super::drawn::Drawn;
 use super::inputs::OneMission;
 use super::{Failure, Outcome, Output, print_and_suggest, progress};
-use crate::course::Course;
-use crate::evaluate::evaluate;
-use crate::noise;
+use crate::model::noise;
+use crate::plan::evaluate::evaluate;
+use crate::plan::time_series::Course;
 use crate::report::EvaluateReport;
 
 #[derive(Debug, Args)]

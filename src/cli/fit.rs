@@ -6,12 +6,13 @@ use clap::Args;
 
 use super::inputs::{Adjust, Measured, NewMission};
 use super::{Failure, Outcome, Output, print_and_suggest, searching};
+use crate::analysis::fit;
+use crate::cli::file_argument::OutputFile;
 use crate::error::InputError;
-use crate::file_argument::OutputFile;
+use crate::mission_file;
 use crate::model::Model;
 use crate::report::FitReport;
 use crate::sweep::quoted;
-use crate::{fit, mission};
 
 #[derive(Debug, Args)]
 pub(super) struct Fit {
@@ -68,7 +69,7 @@ impl Fit {
         if let Some(new) = new {
             let values: Vec<_> =
                 fitted.parameters.iter().map(|fitted| (fitted.key.clone(), fitted.value.into())).collect();
-            new.write(|text| mission::edit(text, &mission, &values))?;
+            new.write(|text| mission_file::edit(text, &mission, &values))?;
         }
         let next = match &self.write {
             _ if fitted.excess() > 3.0 => Some(format!("{}{}", self.measured.command("diagnose"), self.adjust)),

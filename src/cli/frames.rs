@@ -4,12 +4,12 @@ use clap::Args;
 
 use super::inputs::mission_with;
 use super::{Failure, Outcome, Output, print, progress};
-use crate::accuracy::OF_FRAMES;
-use crate::conditions::Conditions;
+use crate::cli::file_argument::{InputFile, OutputFile};
 use crate::error::InputError;
-use crate::file_argument::{InputFile, OutputFile};
 use crate::image::{Choice, Corner, Geometry, Job, Split, Stop, Task, Transfers, Unit};
 use crate::model::Model;
+use crate::physics::accuracy::OF_FRAMES;
+use crate::physics::conditions::Conditions;
 
 #[derive(Debug, Args)]
 pub(super) struct Readout {

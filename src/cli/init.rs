@@ -5,9 +5,10 @@ use std::io::Write;
 use clap::Args;
 
 use super::{Failure, Outcome, say};
-use crate::file_argument::OutputFile;
+use crate::cli::file_argument::OutputFile;
+use crate::io::atomic_file;
+use crate::mission_file;
 use crate::sweep::quoted;
-use crate::{mission, output};
 
 #[derive(Debug, Args)]
 pub(super) struct Init {
@@ -21,12 +22,12 @@ pub(super) struct Init {
 
 impl Init {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
-        let template = mission::template();
+        let template = mission_file::template();
         if !self.overwrite {
-            output::refuse_existing(&self.path)?;
+            atomic_file::refuse_existing(&self.path)?;
         }
-        output::write_by(&self.path, self.overwrite, |file| {
-            file.write_all(template.as_bytes()).map_err(output::refusal(&self.path))
+        atomic_file::write_by(&self.path, self.overwrite, |file| {
+            file.write_all(template.as_bytes()).map_err(atomic_file::refusal(&self.path))
         })?;
         let path = quoted(&self.path);
         say(&format!("wrote {path}: a mission to start from\nnext: ctiplan evaluate {path}\n"))?;

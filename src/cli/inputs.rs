@@ -5,12 +5,13 @@ use std::path::Path;
 
 use clap::Args;
 
+use crate::analysis::measurement::DataSet;
+use crate::cli::file_argument::InputFile;
 use crate::error::InputError;
-use crate::file_argument::InputFile;
-use crate::measurement::DataSet;
-use crate::mission::{self, Mission};
-use crate::output;
-use crate::scenario::Axis;
+use crate::io::atomic_file;
+use crate::mission::Mission;
+use crate::mission_file;
+use crate::plan::scenario::Axis;
 use crate::sweep::quoted;
 
 /// A mission, with single values set.
@@ -44,7 +45,7 @@ impl OneMission {
     /// The mission file's text with what was set; comments and order are kept.
     pub fn text(&self) -> Result<String, InputError> {
         let mission = Mission::read(&self.path)?;
-        Ok(mission::edit(&mission::read_text(&self.path)?, &mission, &settings(&self.set)?))
+        Ok(mission_file::edit(&mission_file::read_text(&self.path)?, &mission, &settings(&self.set)?))
     }
 }
 
@@ -63,13 +64,13 @@ pub(super) struct NewMission<'a> {
 impl<'a> NewMission<'a> {
     /// Refused where the path cannot be written to.
     pub fn from(measured: &Measured, path: &'a Path) -> Result<NewMission<'a>, InputError> {
-        output::refuse_unwritable(path)?;
+        atomic_file::refuse_unwritable(path)?;
         Ok(NewMission { path, text: measured.mission.text()? })
     }
 
     /// Writes what becomes of the text.
     pub fn write(&self, edited: impl FnOnce(&str) -> String) -> Result<(), InputError> {
-        output::write(self.path, &edited(&self.text))
+        atomic_file::write(self.path, &edited(&self.text))
     }
 }
 

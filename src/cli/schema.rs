@@ -3,14 +3,14 @@
 use clap::Args;
 
 use super::{Failure, Outcome, say};
-use crate::mission;
+use crate::mission_file;
 
 #[derive(Debug, Args)]
 pub(super) struct Schema {}
 
 impl Schema {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
-        say(&format!("{:#}\n", mission::schema()))?;
+        say(&format!("{:#}\n", mission_file::schema()))?;
         Ok(Outcome::Done)
     }
 }

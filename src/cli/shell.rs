@@ -7,8 +7,8 @@ use clap_complete::{Shell, generate};
 use clap_mangen::Man;
 
 use super::{Cli, Failure, Outcome, say};
-use crate::file_argument::OutputFolder;
-use crate::output;
+use crate::cli::file_argument::OutputFolder;
+use crate::io::atomic_file;
 
 #[derive(Debug, Args)]
 pub(super) struct Completions {
@@ -34,7 +34,7 @@ pub(super) struct ManPages {
 
 impl ManPages {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
-        output::folder(&self.folder)?;
+        atomic_file::folder(&self.folder)?;
         let mut program = Cli::command().disable_help_subcommand(true);
         program.build();
         pages(program, &self.folder)?;
@@ -52,6 +52,6 @@ fn pages(command: Command, folder: &Path) -> Result<(), Failure> {
     let mut text = Vec::new();
     page.render(&mut text).map_err(Failure::Output)?;
     let text = String::from_utf8(text).expect("clap's help is text");
-    output::write(folder.join(page.get_filename()), &text)?;
+    atomic_file::write(folder.join(page.get_filename()), &text)?;
     Ok(())
 }

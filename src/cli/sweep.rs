@@ -5,7 +5,7 @@ use std::env;
 use clap::Args;
 
 use super::{Failure, Outcome, Output, print, progress, say};
-use crate::file_argument::{InputFile, OutputFile};
+use crate::cli::file_argument::{InputFile, OutputFile};
 use crate::report::SweepReport;
 use crate::sweep::{self, Grid, Parts, Shard};
 

@@ -5,9 +5,9 @@ use clap::Args;
 use super::drawn::Drawn;
 use super::inputs::Measured;
 use super::{Failure, Outcome, Output, print_and_suggest};
-use crate::file_argument::OutputFolder;
-use crate::output;
-use crate::validate::validate;
+use crate::analysis::validate::validate;
+use crate::cli::file_argument::OutputFolder;
+use crate::io::atomic_file;
 
 #[derive(Debug, Args)]
 pub(super) struct Validate {
@@ -32,9 +32,9 @@ impl Validate {
         let validation = validate(&mission, &data, self.seed.unwrap_or(mission.accuracy.seed))?;
         self.drawn.write(&validation, &[mission])?;
         if let Some(folder) = &self.residuals {
-            output::folder(folder)?;
+            atomic_file::folder(folder)?;
             for (name, table) in validation.tables() {
-                output::write(folder.join(name), &table.to_ecsv())?;
+                atomic_file::write(folder.join(name), &table.to_ecsv())?;
             }
         }
         let fails = !validation.within_noise() && !validation.falls_short_of_noise();

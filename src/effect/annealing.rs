@@ -8,7 +8,7 @@ use super::reach::ratios;
 use super::{Card, Effect, Kind, Reach, numbers};
 use crate::mission::Mission;
 use crate::mission::keys::{self, Need::Required, key};
-use crate::model::{Damage, Loss};
+use crate::physics::{Damage, Loss};
 
 /// `[effects.annealing]`
 #[derive(Debug, Deserialize)]

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use super::{Card, Effect, Kind, MOMENTS, Reach, numbers};
 use crate::mission::Mission;
 use crate::mission::keys::{Key, Kind::Number, Need::Required, key};
-use crate::model::{Damage, Loss};
+use crate::physics::{Damage, Loss};
 
 /// `[effects.bakeout]`
 #[derive(Debug, Deserialize)]

@@ -2,10 +2,10 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, Reach, dose_mev_g, numbers};
+use super::{Card, Effect, Kind, Reach, numbers};
 use crate::mission::Mission;
 use crate::mission::keys::{Kind::Number, Need::Required, key};
-use crate::model::DoseHistory;
+use crate::physics::DoseHistory;
 
 /// `[effects.cosmic-ray-floor]`
 #[derive(Debug, Deserialize)]
@@ -32,9 +32,9 @@ impl Kind for CosmicRayFloor {
         numbers(&[("rate_mev_g_yr", 3e5)])
     }
 
-    fn trials(mission: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
+    fn trials(_: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
         let last_yr = reach.last_yr().max(1.0);
-        let rate_mev_g_yr = (0.1 * dose_mev_g(mission, last_yr) / last_yr).max(1e4);
+        let rate_mev_g_yr = (0.1 * reach.dose_mev_g / last_yr).max(1e4);
         vec![vec![numbers(&[("rate_mev_g_yr", rate_mev_g_yr)])]]
     }
 }

@@ -5,7 +5,7 @@ use serde::Deserialize;
 use super::{Card, Effect, Kind, Reach, numbers};
 use crate::mission::Mission;
 use crate::mission::keys::{self, Key, Need::Required, key};
-use crate::model::Damage;
+use crate::physics::Damage;
 
 /// `[effects.dose-scale]`
 #[derive(Debug, Deserialize)]

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::reach::ratios;
-use super::{Card, Effect, Kind, Reach, Refusal, dose_mev_g, numbers, tables};
+use super::{Card, Effect, Kind, Reach, Refusal, numbers, tables};
 use crate::mission::keys::{self, Kind::Number, Need::Default, Need::Required, key};
 use crate::mission::{Detector, Mission, Species};
 
@@ -47,8 +47,8 @@ impl Kind for ExtraSpecies {
         // From release within a fraction of a transfer to release long after the last pixel of any trail.
         let [shortest_ms, longest_ms] = reach.line_time_ms;
         let last_ms = 30.0 * longest_ms * f64::from(reach.trail_px.max(10));
-        let dose_mev_g = dose_mev_g(mission, reach.last_yr().max(1.0));
-        let density_per_px = (0.03 * mission.detector.reference_dose_mev_g / dose_mev_g.max(1.0)).clamp(0.01, 10.0);
+        let density_per_px =
+            (0.03 * mission.detector.reference_dose_mev_g / reach.dose_mev_g.max(1.0)).clamp(0.01, 10.0);
         let energies: &[f64] = if reach.varies_in_temperature() { &[0.21, 0.34, 0.45] } else { &[0.4] };
         let taken: Vec<String> =
             mission.detector.traps.iter().map(|species| species.name.clone()).chain(names(mission)).collect();

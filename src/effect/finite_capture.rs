@@ -4,11 +4,11 @@ use serde::Deserialize;
 
 use super::reach::ratios;
 use super::{Card, Effect, Kind, Reach, numbers};
-use crate::conditions::Conditions;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::mission::keys::{Kind::Number, Need::Required, key};
-use crate::model::SpeciesState;
+use crate::physics::SpeciesState;
+use crate::physics::conditions::Conditions;
 
 /// `[effects.finite-capture]`
 #[derive(Debug, Deserialize)]

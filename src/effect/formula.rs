@@ -7,13 +7,13 @@ use ndarray::Array2;
 use serde::Deserialize;
 
 use super::{Card, Effect, Kind, Refusal};
-use crate::conditions::{self, Conditions};
 use crate::error::{InputError, nearest, shortened};
-use crate::expression::{Expression, ExpressionError};
 use crate::mission::Mission;
 use crate::mission::keys::{self, Kind::Number, Need::Optional, Need::Required, key};
-use crate::model::{DoseHistory, Law, SpeciesState};
-use crate::observable::Observable;
+use crate::numeric::expression::{Expression, ExpressionError};
+use crate::physics::conditions::{self, Conditions};
+use crate::physics::observable::Observable;
+use crate::physics::{DoseHistory, Law, SpeciesState};
 use crate::readout::Cloud;
 
 /// `[effects.formula]`

@@ -4,10 +4,10 @@ use serde::Deserialize;
 
 use super::reach::ratios;
 use super::{Card, Effect, Kind, Reach, numbers};
-use crate::conditions::Conditions;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::mission::keys::{Kind::Number, Need::Required, key};
+use crate::physics::conditions::Conditions;
 
 /// `[effects.preflash]`
 #[derive(Debug, Deserialize)]

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, Reach, Refusal, dose_mev_g};
+use super::{Card, Effect, Kind, Reach, Refusal};
 use crate::error::nearest;
 use crate::mission::Mission;
 use crate::mission::keys::{Kind::Number, Need::Optional, key};
-use crate::model::Damage;
+use crate::physics::Damage;
 
 /// `[effects.prelaunch-traps]`
 #[derive(Debug, Deserialize)]
@@ -39,8 +39,7 @@ impl Kind for PrelaunchTraps {
 
     fn trials(mission: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
         // A fifth of what the mission makes, species by species.
-        let dose_mev_g = dose_mev_g(mission, reach.last_yr().max(1.0));
-        let share = 0.2 * dose_mev_g / mission.detector.reference_dose_mev_g;
+        let share = 0.2 * reach.dose_mev_g / mission.detector.reference_dose_mev_g;
         let species = mission.detector.traps.iter();
         let alone = |alone: &str| {
             let density = |per_px: f64, name: &str| if name == alone { (share * per_px).clamp(1e-4, 1e4) } else { 0.0 };

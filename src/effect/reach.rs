@@ -1,6 +1,6 @@
 //! What data reach: where a search for an effect has to look.
 
-use crate::conditions::Conditions;
+use crate::physics::conditions::Conditions;
 
 /// Least and largest conditions of some data.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,6 +16,8 @@ pub struct Reach {
     pub charge_e: Option<[f64; 2]>,
     /// Coldest and warmest detector, K.
     pub temperature_k: [f64; 2],
+    /// Dose of the model at the last epoch, or a year after launch if that is later, to scale a trial with, MeV/g.
+    pub dose_mev_g: f64,
 }
 
 impl Reach {
@@ -42,7 +44,13 @@ impl Reach {
             trail_px: rows.clone().filter_map(|at| at.trail_px).max().unwrap_or(1),
             charge_e: packets_e.map(|[faintest_e, brightest_e]| [background_e.unwrap_or(faintest_e), brightest_e]),
             temperature_k: ends(&|at| Some(at.temperature_k)).expect("at least one row"),
+            dose_mev_g: 0.0,
         }
+    }
+
+    /// The same with the dose that a model has; a dose that it cannot give is 0.
+    pub fn with_dose(&self, dose_mev_g: impl FnOnce(f64) -> Option<f64>) -> Reach {
+        Reach { dose_mev_g: dose_mev_g(self.last_yr().max(1.0)).unwrap_or(0.0), ..self.clone() }
     }
 
     /// Middles between two epochs, so many at most, evenly chosen.

@@ -3,11 +3,11 @@
 use serde::Deserialize;
 
 use super::{Card, Effect, Kind, Reach, numbers};
-use crate::conditions::Conditions;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::mission::keys::{Kind::Number, Need::Required, key};
-use crate::model::SpeciesState;
+use crate::physics::SpeciesState;
+use crate::physics::conditions::Conditions;
 
 /// `[effects.release-continuum]`
 #[derive(Debug, Deserialize)]

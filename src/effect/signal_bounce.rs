@@ -5,10 +5,10 @@ use serde::Deserialize;
 
 use super::reach::ratios;
 use super::{Card, Effect, Kind, Reach, numbers};
-use crate::conditions::Conditions;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::mission::keys::{self, Kind::Number, Need::Required, key};
+use crate::physics::conditions::Conditions;
 
 /// `[effects.signal-bounce]`
 #[derive(Debug, Deserialize)]

@@ -4,7 +4,7 @@ use serde::Deserialize;
 
 use super::{Card, Effect, Kind};
 use crate::mission::Mission;
-use crate::model::DoseHistory;
+use crate::physics::DoseHistory;
 
 /// `[effects.solar-cycle]`
 #[derive(Debug, Deserialize)]

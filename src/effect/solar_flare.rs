@@ -2,10 +2,10 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, MOMENTS, Reach, dose_mev_g, numbers};
+use super::{Card, Effect, Kind, MOMENTS, Reach, numbers};
 use crate::mission::Mission;
 use crate::mission::keys::{Key, Kind::Number, Need::Required, key};
-use crate::model::DoseHistory;
+use crate::physics::DoseHistory;
 
 /// `[effects.solar-flare]`
 #[derive(Debug, Deserialize)]
@@ -39,9 +39,9 @@ impl Kind for SolarFlare {
         numbers(&[("t_yr", 0.5 * mission.mission.duration_yr), ("dose_mev_g", 2e6)])
     }
 
-    fn trials(mission: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
+    fn trials(_: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
         // A third of a mean year's dose, on a day between any two epochs.
-        let dose_mev_g = (dose_mev_g(mission, reach.last_yr()) / reach.last_yr().max(1.0) / 3.0).max(1e4);
+        let dose_mev_g = (reach.dose_mev_g / reach.last_yr().max(1.0) / 3.0).max(1e4);
         let on = |t_yr: f64| vec![numbers(&[("t_yr", t_yr), ("dose_mev_g", dose_mev_g)])];
         reach.between_epochs(MOMENTS).into_iter().map(on).collect()
     }

@@ -3,10 +3,10 @@
 use serde::Deserialize;
 
 use super::{Card, Effect, Kind, Reach, Refusal, numbers};
-use crate::conditions::Conditions;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::mission::keys::{Key, Kind::Number, Need::Required, key};
+use crate::physics::conditions::Conditions;
 
 /// `[effects.temperature-offset]`
 #[derive(Debug, Deserialize)]

@@ -2,14 +2,14 @@
 
 use ndarray::{Array2, Axis};
 
-use super::damage::SpeciesState;
 use super::effects::Effects;
-use crate::accuracy::Purpose;
-use crate::conditions::Conditions;
 use crate::error::InputError;
-use crate::observable::Observable;
+use crate::physics::accuracy::Purpose;
+use crate::physics::conditions::Conditions;
+use crate::physics::damage::SpeciesState;
+use crate::physics::observable::Observable;
+use crate::physics::shape::ShapeChange;
 use crate::readout::{Cloud, Downstream, Method, Readout};
-use crate::shape::ShapeChange;
 
 /// Traps, wells, registers and amplifier under given conditions.
 #[derive(Clone, Debug)]

@@ -16,10 +16,10 @@ use rayon::prelude::*;
 
 use super::device::{Beside, Device};
 use crate::error::InputError;
-use crate::galaxy::{Profile, snr};
 use crate::mission::{Galaxy, Mission};
+use crate::physics::galaxy::{Profile, snr};
+use crate::physics::shape::{Moments, ShapeChange};
 use crate::readout::Downstream;
-use crate::shape::{Moments, ShapeChange};
 
 /// Half-width of a stamp in units of the weight's σ: the weight has fallen to 4e-6.
 const STAMP_WEIGHTS: f64 = 5.0;

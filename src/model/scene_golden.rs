@@ -5,15 +5,15 @@
 use ndarray::{Array2, s};
 use serde_json::Value;
 
-use super::damage::SpeciesState;
 use super::device::Device;
 use super::effects::Effects;
 use super::scene::Scene;
-use crate::conditions::Conditions;
-use crate::galaxy::Profile;
 use crate::mission::Mission;
+use crate::physics::conditions::Conditions;
+use crate::physics::damage::SpeciesState;
+use crate::physics::galaxy::Profile;
+use crate::physics::shape::{Moments, ShapeChange};
 use crate::readout::{Cloud, Downstream, Method};
-use crate::shape::{Moments, ShapeChange};
 
 /// A detector whose transfers take a millisecond.
 fn device(traps: Vec<SpeciesState>, cloud: Cloud, background_e: f64, transfers: u32) -> Device {

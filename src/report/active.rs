@@ -1,8 +1,8 @@
 //! The years of an active Sun, as figures show them.
 
 use crate::environment::solar_cycle::ActiveYears;
-use crate::model::DoseHistory;
-use crate::plot::{Kind, Series};
+use crate::physics::DoseHistory;
+use crate::report::plot::{Kind, Series};
 
 /// A shade over each active stretch of a mission, which flies between two decimal calendar years.
 pub(super) fn shades(dose: &DoseHistory, launch: f64, end: f64) -> Vec<Series> {

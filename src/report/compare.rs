@@ -5,13 +5,13 @@ mod figures;
 use serde_json::{Value, json};
 
 use super::{Page, Parts, Report, crossing_json, keep_words, or_dash, table, toml_json};
-use crate::calendar::date_after;
-use crate::evaluate::Verdict;
 use crate::mission::Mission;
-use crate::plot::Figure;
-use crate::requirement::Crossing;
-use crate::scenario::{Comparison, Criterion, Ranking, Scenario};
-use crate::sources::{self, Source};
+use crate::numeric::calendar::date_after;
+use crate::plan::evaluate::Verdict;
+use crate::plan::requirement::Crossing;
+use crate::plan::scenario::{Comparison, Criterion, Ranking, Scenario};
+use crate::plan::sources::{self, Source};
+use crate::report::plot::Figure;
 use crate::warning;
 
 impl Report for Comparison {

@@ -4,15 +4,15 @@ use serde_json::{Map, Value, json};
 
 use super::fit::value_and_error;
 use super::{Page, Parts, Report, or_dash, table, toml_json};
-use crate::calendar::date_after;
-use crate::diagnose::{Diagnosis, Next, Rung, Tried, Verdict};
+use crate::analysis::diagnose::{Diagnosis, Next, Rung, Tried, Verdict};
+use crate::analysis::fit::Fitted;
+use crate::analysis::validate::lean::said;
 use crate::effect::CATALOGUE;
-use crate::fit::Fitted;
 use crate::mission::Mission;
 use crate::mission::keys::plain;
-use crate::plot::Figure;
-use crate::sources::{self, Source};
-use crate::validate::lean::said;
+use crate::numeric::calendar::date_after;
+use crate::plan::sources::{self, Source};
+use crate::report::plot::Figure;
 
 /// Rise of chi2 from which on an effect that cannot be weaker is said to be ruled out: three standard errors.
 const RULED_OUT: f64 = 9.0;
@@ -243,7 +243,7 @@ fn fitted_json(fitted: &Fitted) -> Value {
 }
 
 fn rung_json(rung: &Rung) -> Value {
-    let year = |crossing: fn(&crate::evaluate::Verdict) -> Option<f64>| rung.budget.as_ref().and_then(crossing);
+    let year = |crossing: fn(&crate::plan::evaluate::Verdict) -> Option<f64>| rung.budget.as_ref().and_then(crossing);
     json!({
         "chi2": rung.chi2,
         "n": rung.n,

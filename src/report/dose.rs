@@ -5,11 +5,11 @@ mod figures;
 use serde_json::{Value, json};
 
 use super::{Page, Parts, Report, or_dash, table};
-use crate::dose::Survey;
 use crate::mission::{Accumulate, Mission};
-use crate::model::RateOrigin;
-use crate::plot::Figure;
-use crate::sources::{self, Source};
+use crate::physics::RateOrigin;
+use crate::plan::dose::Survey;
+use crate::plan::sources::{self, Source};
+use crate::report::plot::Figure;
 
 impl Report for Survey {
     fn text(&self) -> String {

@@ -6,15 +6,15 @@ use comfy_table::Table;
 use serde_json::{Value, json};
 
 use super::{Page, Parts, Report, crossing_json, exceeded, or_dash, table, toml_json, traps_json};
-use crate::calendar::date_after;
-use crate::course::Course;
-use crate::evaluate::{Evaluation, Year};
 use crate::mission::keys::plain;
-use crate::model::RateOrigin;
-use crate::noise::NoisyChange;
-use crate::plot::Figure;
-use crate::requirement::Crossing;
-use crate::shape::ShapeChange;
+use crate::model::noise::NoisyChange;
+use crate::numeric::calendar::date_after;
+use crate::physics::RateOrigin;
+use crate::physics::shape::ShapeChange;
+use crate::plan::evaluate::{Evaluation, Year};
+use crate::plan::requirement::Crossing;
+use crate::plan::time_series::Course;
+use crate::report::plot::Figure;
 
 /// An evaluation, with the noisy realisations of each galaxy at the end of the mission where they were asked for.
 pub struct EvaluateReport {

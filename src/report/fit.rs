@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 
 use super::{Report, lines, table, wrapped};
-use crate::fit::holdout::Holdout;
-use crate::fit::{Fit, Fitted, Minimum};
+use crate::analysis::fit::holdout::Holdout;
+use crate::analysis::fit::{Fit, Fitted, Minimum};
 use crate::mission::keys::plain;
 
 /// A fit, with the error on rows it has not seen where that was asked for.

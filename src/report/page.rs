@@ -4,8 +4,8 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::{Parts, Report};
 use crate::mission::Mission;
-use crate::plot::Figure;
-use crate::sources::{self, Source};
+use crate::plan::sources::{self, Source};
+use crate::report::plot::Figure;
 
 /// A result that makes a page.
 pub trait Page: Report {

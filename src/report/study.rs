@@ -5,8 +5,8 @@ use serde_json::{Map, Value, json};
 use super::{Page, Parts, Report, or_dash, table};
 use crate::mission::Mission;
 use crate::mission::keys::plain;
-use crate::plot::Figure;
-use crate::sources::{self, Source};
+use crate::plan::sources::{self, Source};
+use crate::report::plot::Figure;
 use crate::study::{Cell, Column, Digits, Study, Table, days, known_date};
 
 impl Report for Study {

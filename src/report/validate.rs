@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 
 use super::{Page, Parts, Report, table};
-use crate::plot::Figure;
-use crate::validate::{SetResult, Validation, lean};
+use crate::analysis::validate::{SetResult, Validation, lean};
+use crate::report::plot::Figure;
 
 /// Rows listed as the worst.
 const WORST: usize = 5;

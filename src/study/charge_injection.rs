@@ -17,13 +17,13 @@ use rayon::prelude::*;
 
 use super::{Digits, Exposure, Kind, Study, Table};
 use super::{column, left_out, level, line, numbers, ready, short};
-use crate::accuracy::Purpose;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::{Beside, Device, Scene};
-use crate::plot::{Figure, Kind as Drawn, Panel, Series};
+use crate::physics::accuracy::Purpose;
+use crate::physics::shape::ShapeChange;
 use crate::readout::Downstream;
-use crate::shape::ShapeChange;
+use crate::report::plot::{Figure, Kind as Drawn, Panel, Series};
 
 /// Nodes of the mean between two lines.
 const NODES: NonZeroUsize = NonZeroUsize::new(4).expect("above 0");

@@ -14,13 +14,14 @@
 use clap::Args;
 use rayon::prelude::*;
 
-use super::{Cell, Digits, Exposure, Kind, Study, Table, Timeline};
+use super::{Cell, Digits, Exposure, Kind, Study, Table};
 use super::{column, level, line, numbers, ratios, ready, when};
-use crate::conditions::Conditions;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
-use crate::plot::{Figure, Kind as Drawn, Panel, Series};
+use crate::physics::conditions::Conditions;
+use crate::plan::timeline::Timeline;
+use crate::report::plot::{Figure, Kind as Drawn, Panel, Series};
 
 /// Line times on either side of the mission's own where none are given, as a factor, and how many.
 const REACH: f64 = 30.0;

@@ -24,17 +24,18 @@ use rayon::prelude::*;
 use serde_json::Value;
 
 use super::estimate::with_errors;
-use super::{Cell, Digits, Estimate, Exposure, Kind, Study, Table, Timeline};
+use super::{Cell, Digits, Estimate, Exposure, Kind, Study, Table};
 use super::{column, days, known_date, level, line, ready, short, when};
+use crate::cli::file_argument::InputFile;
 use crate::error::InputError;
-use crate::file_argument::InputFile;
-use crate::galaxy::{Profile, snr};
-use crate::input;
+use crate::io::input;
 use crate::mission::Mission;
 use crate::model::{Above, Beside, Device, Model, Scene, downstream};
-use crate::plot::{Figure, Panel};
+use crate::physics::galaxy::{Profile, snr};
+use crate::physics::shape::{Moments, ShapeChange};
+use crate::plan::timeline::Timeline;
 use crate::readout::Downstream;
-use crate::shape::{Moments, ShapeChange};
+use crate::report::plot::{Figure, Panel};
 
 /// Options of the study.
 #[derive(Clone, Debug, Args)]

@@ -15,11 +15,12 @@ use clap::Args;
 use gauss_quad::GaussLegendre;
 use rayon::prelude::*;
 
-use super::{Cell, Digits, Kind, Study, Table, Timeline};
+use super::{Cell, Digits, Kind, Study, Table};
 use super::{column, level, line, numbers, ready, when};
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::plot::{Figure, Panel};
+use crate::plan::timeline::Timeline;
+use crate::report::plot::{Figure, Panel};
 
 /// Nodes of the mean over the detector.
 const NODES: NonZeroUsize = NonZeroUsize::new(6).expect("above 0");

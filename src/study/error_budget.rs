@@ -20,21 +20,22 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
 use super::estimate::with_errors;
-use super::{Cell, Digits, Estimate, Kind, Study, Table, Timeline};
+use super::{Cell, Digits, Estimate, Kind, Study, Table};
 use super::{column, days, known_date, ready, short};
-use crate::accuracy::Purpose;
-use crate::calendar::{DAYS_PER_YEAR, date_after, decimal_year};
-use crate::dose;
+use crate::cli::file_argument::InputFile;
 use crate::environment::esp::Spectrum;
 use crate::environment::shielding::{Geometry, dose_behind};
 use crate::environment::solar_cycle::{self, ACTIVE_YR, CYCLE_SCATTER_YR, Maximum};
 use crate::error::InputError;
-use crate::file_argument::InputFile;
-use crate::galaxy::snr;
-use crate::least_squares::Span;
 use crate::mission::{Mission, Orbit};
 use crate::model::Model;
-use crate::plot::{Figure, Kind as Drawn, Panel, Series};
+use crate::numeric::calendar::{DAYS_PER_YEAR, date_after, decimal_year};
+use crate::numeric::least_squares::Span;
+use crate::physics::accuracy::Purpose;
+use crate::physics::galaxy::snr;
+use crate::plan::dose;
+use crate::plan::timeline::Timeline;
+use crate::report::plot::{Figure, Kind as Drawn, Panel, Series};
 
 /// How far dates are followed beyond the mission where nothing else is asked for, in durations and in years.
 const HORIZON: f64 = 3.0;
@@ -155,7 +156,7 @@ struct Shield {
     spectrum: Spectrum,
     geometry: Geometry,
     thickness_mm: f64,
-    niel: crate::mission::Niel,
+    niel: crate::environment::Niel,
 }
 
 impl Shield {

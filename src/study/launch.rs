@@ -6,15 +6,16 @@
 use clap::Args;
 use rayon::prelude::*;
 
-use super::{Cell, Digits, Kind, Study, Table, Timeline};
+use super::{Cell, Digits, Kind, Study, Table};
 use super::{column, level, line, ready, when};
-use crate::calendar::decimal_year;
 use crate::environment::solar_cycle;
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::plot::{Figure, Kind as Drawn, Panel, Series};
-use crate::scenario::{Axis, Merit, Ranking, sun};
-use crate::sources;
+use crate::numeric::calendar::decimal_year;
+use crate::plan::scenario::{Axis, Merit, Ranking, sun};
+use crate::plan::sources;
+use crate::plan::timeline::Timeline;
+use crate::report::plot::{Figure, Kind as Drawn, Panel, Series};
 use crate::warning::{self, Warning};
 
 /// Years over which launches are tried where none are given, and the step between two.

@@ -24,12 +24,12 @@ use rayon::prelude::*;
 use super::correction::{Bench, Knowledge};
 use super::{Digits, Estimate, Exposure, Kind, Study, Table};
 use super::{column, line, numbers, ratios, ready, short};
-use crate::conditions::Conditions;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Device;
 use crate::model::Model;
-use crate::plot::{Figure, Panel};
+use crate::physics::conditions::Conditions;
+use crate::report::plot::{Figure, Panel};
 
 /// Phases of a three-phase pumping cycle, 1-2-3-1'-3-2.
 const PHASES: f64 = 6.0;

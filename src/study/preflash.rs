@@ -12,11 +12,12 @@
 use clap::Args;
 use rayon::prelude::*;
 
-use super::{Cell, Digits, Exposure, Kind, Study, Table, Timeline};
+use super::{Cell, Digits, Exposure, Kind, Study, Table};
 use super::{column, left_out, level, line, numbers, ready, short, when};
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::plot::{Figure, Panel};
+use crate::plan::timeline::Timeline;
+use crate::report::plot::{Figure, Panel};
 
 /// Options of the study.
 #[derive(Clone, Debug, Args)]

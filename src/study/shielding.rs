@@ -12,13 +12,14 @@ use std::collections::BTreeMap;
 use clap::Args;
 use rayon::prelude::*;
 
-use super::{Cell, Digits, Kind, Study, Table, Timeline};
+use super::{Cell, Digits, Kind, Study, Table};
 use super::{column, level, line, numbers, ready};
 use crate::environment::shielding::Geometry;
 use crate::error::InputError;
 use crate::mission::{Material, Mission, Orbit, Shielding as Shield};
-use crate::plot::{Figure, Panel};
-use crate::sources;
+use crate::plan::sources;
+use crate::plan::timeline::Timeline;
+use crate::report::plot::{Figure, Panel};
 
 /// Options of the study.
 #[derive(Clone, Debug, Args)]

@@ -16,9 +16,9 @@
 use std::f64::consts::PI;
 
 use super::short;
-use crate::galaxy::{Profile, snr};
 use crate::mission::{Galaxy, Mission, Survey};
-use crate::root;
+use crate::numeric::root_finding;
+use crate::physics::galaxy::{Profile, snr};
 
 /// Exposures of the judged galaxy with one clock. Every study takes read noise, S/N and area from here.
 #[derive(Clone, Debug)]
@@ -140,6 +140,6 @@ impl Aperture {
         // The ratio rises with the exposure at least as its root.
         let now = self.after(1.0, extra_e, read_noise_e);
         let far = 2.0 * (snr / now).powi(2).max((now / snr).powi(2)).ln().max(1.0);
-        root::between(-far, far, 1e-12, |log| (self.after(log.exp(), extra_e, read_noise_e) / snr).ln()).exp()
+        root_finding::between(-far, far, 1e-12, |log| (self.after(log.exp(), extra_e, read_noise_e) / snr).ln()).exp()
     }
 }

@@ -13,7 +13,7 @@ use super::distribution::Distribution;
 use super::output::Output;
 use super::sample::{Sample, Sampling};
 use crate::error::InputError;
-use crate::input;
+use crate::io::input;
 use crate::mission::keys::Kind;
 use crate::mission::{Date, Mission};
 

@@ -5,8 +5,8 @@ use super::parts::Parts;
 use super::slurm;
 use super::write::{Kind, TableWriter};
 use crate::error::InputError;
-use crate::output;
-use crate::table::Cell;
+use crate::io::atomic_file;
+use crate::io::table::Cell;
 
 /// What a result holds.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,7 +68,7 @@ pub fn collect(parts: &Parts) -> Result<Merged, InputError> {
     let mut summary = Summary::new(&columns, grid.outputs().len());
     // What went wrong with a part, while errors are those of writing.
     let mut damaged = None;
-    let written = output::write_by_way_of(&parts.folder, &parts.result, |file| {
+    let written = atomic_file::write_by_way_of(&parts.folder, &parts.result, |file| {
         let mut table = TableWriter::new(kind, file, grid)?;
         let mut rows: Vec<Vec<Cell>> = Vec::new();
         for chunk in 0..grid.chunks() {

@@ -13,8 +13,8 @@ use fs4::{FileExt, TryLockError};
 use super::grid::{Grid, Holds};
 use super::write::{Kind, written};
 use crate::error::InputError;
-use crate::output::{self, Written};
-use crate::table::Cell;
+use crate::io::atomic_file::{self, Written};
+use crate::io::table::Cell;
 
 /// Parts of one sweep, and the file that they become.
 #[derive(Clone, Debug)]
@@ -40,7 +40,7 @@ impl<'a> Parts<'a> {
         let read = grid.files();
         // The folder of the parts is removed at the end, with all that is in it.
         let outputs = [Written::File(&parts.result), Written::Into(&parts.folder, |_| true)];
-        output::refuse_clashes(&outputs, &read.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+        atomic_file::refuse_clashes(&outputs, &read.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
         if let Some(fingerprint) = kind.fingerprint(&parts.result)?
             && fingerprint != grid.fingerprint
         {
@@ -70,7 +70,7 @@ impl<'a> Parts<'a> {
                 "the folder is not there",
             ));
         }
-        output::folder(&self.folder)
+        atomic_file::folder(&self.folder)
     }
 
     /// Which chunks are there.
@@ -112,7 +112,7 @@ impl<'a> Parts<'a> {
             writer.write_record(&record).expect("rows of equal length");
         }
         let text = writer.into_inner().expect("a buffer takes all");
-        output::write_by_way_of(&self.folder, &self.path(chunk), |file| file.write_all(&text))
+        atomic_file::write_by_way_of(&self.folder, &self.path(chunk), |file| file.write_all(&text))
     }
 
     /// Reads the rows of a chunk.

@@ -8,13 +8,13 @@ use std::sync::{Arc, Mutex};
 
 use super::grid::Grid;
 use super::output::Output;
-use crate::accuracy::Purpose;
 use crate::error::InputError;
-use crate::evaluate::{crossings, rate_at_launch_per_yr, unmeasurable, warnings};
+use crate::io::table::Cell;
 use crate::mission::{Galaxy, Mission};
 use crate::model::{Device, Model};
-use crate::shape::ShapeChange;
-use crate::table::Cell;
+use crate::physics::accuracy::Purpose;
+use crate::physics::shape::ShapeChange;
+use crate::plan::evaluate::{crossings, rate_at_launch_per_yr, unmeasurable, warnings};
 
 /// Models whose images are kept for others with the same galaxies.
 const KEPT: usize = 32;

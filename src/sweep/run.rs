@@ -6,7 +6,7 @@ use super::parts::Parts;
 use super::point::Points;
 use super::slurm::{self, Shard};
 use crate::error::InputError;
-use crate::table::Cell;
+use crate::io::table::Cell;
 
 /// What a run came to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

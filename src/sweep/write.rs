@@ -20,7 +20,7 @@ use parquet::schema::types::Type;
 
 use super::grid::{Grid, Holds};
 use crate::error::InputError;
-use crate::table::Cell;
+use crate::io::table::Cell;
 
 /// Key of the fingerprint in a Parquet file's metadata.
 const FINGERPRINT: &str = "ctiplan.sweep";

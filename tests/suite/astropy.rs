@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use ctiplan::table::Table;
+use ctiplan::io::table::Table;
 
 const SCRIPT: &str = r#"
 import sys, numpy as np

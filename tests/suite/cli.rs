@@ -419,7 +419,7 @@ fn validate_draws_and_writes_what_it_found() {
         let svg = std::fs::read_to_string(figure).unwrap();
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
     }
-    let table = ctiplan::table::Table::read(format!("{tables}/1-trails.ecsv")).unwrap();
+    let table = ctiplan::io::table::Table::read(format!("{tables}/1-trails.ecsv")).unwrap();
     let column =
         |name: &str| table.column(name).unwrap().cells.iter().map(|cell| cell.number().unwrap()).collect::<Vec<_>>();
     let (value, sigma, model, residual) = (column("value"), column("sigma"), column("model"), column("residual_sigma"));

@@ -4,7 +4,7 @@
 use ctiplan::evaluate;
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
-use ctiplan::requirement::Crossing;
+use ctiplan::plan::requirement::Crossing;
 use ctiplan::study::launch::Launch;
 use ctiplan::study::{Cell, Kind, defaults};
 use rand::{RngExt, SeedableRng};

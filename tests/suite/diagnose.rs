@@ -4,14 +4,14 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use ctiplan::diagnose::{Diagnosis, Options, Progress, Verdict, diagnose};
-use ctiplan::measurement::{DataSet, questions};
+use ctiplan::analysis::diagnose::{Diagnosis, Options, Progress, Verdict, diagnose};
+use ctiplan::analysis::measurement::{DataSet, questions};
+use ctiplan::analysis::validate::validate;
+use ctiplan::io::table::Table;
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
-use ctiplan::predict::predict;
+use ctiplan::model::predict::predict;
 use ctiplan::report::{Format, Report};
-use ctiplan::table::Table;
-use ctiplan::validate::validate;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -294,7 +294,7 @@ fn a_hypothesis_of_the_users_competes_on_equal_terms() {
 #[test]
 fn rivals_come_with_the_measurement_that_separates_them() {
     let (mission, data) = read(&practice("one-epoch"), "");
-    let can = vec![ctiplan::observable::Observable::Trail];
+    let can = vec![ctiplan::physics::observable::Observable::Trail];
     let found = diagnose(&mission, &data, &Options { can, ..options(&mission) }, &SILENT).unwrap();
     assert!(found.alternatives[0].contains(&"dose-scale".to_string()), "{:?}", found.alternatives);
     assert_eq!(found.alternatives[0][0], found.steps[0].effect);
@@ -334,7 +334,7 @@ fn a_limit_is_where_an_effect_is_seen() {
     let (mission, data) = read(&folder, "");
     let complete = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
     let limit = complete.limits.iter().find(|limit| limit.effect == "annealing").unwrap().table.clone().unwrap();
-    let (with, _) = ctiplan::effect::add(&mission, "annealing", limit).unwrap();
+    let (with, _) = ctiplan::mission_file::add_effect(&mission, "annealing", limit).unwrap();
     let truth = validate(&with, &data, 1).unwrap();
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(3);
     let seen = (0..10).filter(|_| {
@@ -365,7 +365,7 @@ fn a_real_ccd_lacks_a_third_species() {
     let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
     let named = |name: &str| found.steps.iter().any(|step| step.effect == name);
     assert!(named("extra-species") || named("release-continuum"), "{:?}", effects(&found));
-    let held_out = |rung: &ctiplan::diagnose::Rung| rung.holdout_rms_sigma.unwrap();
+    let held_out = |rung: &ctiplan::analysis::diagnose::Rung| rung.holdout_rms_sigma.unwrap();
     assert!(held_out(&found.steps[0].rung) < held_out(&found.baseline));
 }
 
@@ -427,7 +427,7 @@ fn an_effect_that_the_data_rule_out_is_seen_to_be() {
     let json: Value = serde_json::from_str(&found.render(Format::Json)).unwrap();
     let tried = json["tried"].as_array().unwrap();
     let gain = |effect: &str| tried.iter().find(|tried| tried["effect"] == effect).unwrap()["gain"].as_f64().unwrap();
-    let (with, _) = ctiplan::effect::add(&mission, "solar-cycle", toml::Table::new()).unwrap();
+    let (with, _) = ctiplan::mission_file::add_effect(&mission, "solar-cycle", toml::Table::new()).unwrap();
     let really = validate(&mission, &data, 1).unwrap().chi2 - validate(&with, &data, 1).unwrap().chi2;
     assert!(really < -50.0, "{really}");
     assert!((gain("solar-cycle") - really).abs() < 1e-3 * really.abs(), "{} {really}", gain("solar-cycle"));

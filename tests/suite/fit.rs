@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use ctiplan::effect;
-use ctiplan::fit::{Fit, Options, fit};
-use ctiplan::measurement::{DataSet, questions};
+use ctiplan::analysis::fit::{Fit, Options, fit};
+use ctiplan::analysis::measurement::{DataSet, questions};
 use ctiplan::mission::Mission;
+use ctiplan::mission_file;
 use ctiplan::model::Model;
-use ctiplan::predict::predict;
+use ctiplan::model::predict::predict;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -87,7 +87,7 @@ fn coarse(mission: Mission) -> Mission {
 fn at_the_background(notch_e: f64) -> (Mission, Vec<DataSet>) {
     let folder = Path::new("tests/corpus/edge/notch-at-the-background");
     let mission = Mission::read(folder.join("mission.toml")).unwrap();
-    let (mission, _) = effect::add(&mission, "notch", toml::toml! { notch_e = 1.0 }).unwrap();
+    let (mission, _) = mission_file::add_effect(&mission, "notch", toml::toml! { notch_e = 1.0 }).unwrap();
     let mission = coarse(mission.with(&[(NOTCH.into(), notch_e.into())]).unwrap());
     let data = vec![DataSet::read(folder.join("trails.ecsv"), &mission).unwrap()];
     (mission, data)

@@ -1,7 +1,7 @@
 //! Galaxies against GalSim (`tests/golden/galaxies.py`).
 
-use ctiplan::galaxy::Profile;
-use ctiplan::shape::Moments;
+use ctiplan::physics::galaxy::Profile;
+use ctiplan::physics::shape::Moments;
 use serde_json::Value;
 
 #[test]

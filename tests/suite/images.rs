@@ -4,12 +4,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use ctiplan::conditions::Conditions;
 use ctiplan::image::fits::{Fits, Kind};
 use ctiplan::image::{Corner, Geometry, Split, Stop, Transfers, correct, frame};
 use ctiplan::mission::Mission;
 use ctiplan::model::Device;
 use ctiplan::model::Model;
+use ctiplan::physics::conditions::Conditions;
 use ctiplan::readout::{Downstream, Method};
 use fitsio_pure::block::BLOCK_SIZE;
 use fitsio_pure::hdu::{Hdu, parse_fits};

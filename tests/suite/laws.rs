@@ -1,13 +1,13 @@
 //! What every effect of the catalogue promises, asked of each.
 
-use ctiplan::conditions::Conditions;
 use ctiplan::effect::{CATALOGUE, Entry};
 use ctiplan::evaluate;
-use ctiplan::galaxy::{Profile, snr};
 use ctiplan::mission::Mission;
 use ctiplan::model::{Beside, Device, Model};
+use ctiplan::physics::conditions::Conditions;
+use ctiplan::physics::galaxy::{Profile, snr};
+use ctiplan::physics::shape::{Moments, ShapeChange};
 use ctiplan::readout::{Downstream, Method};
-use ctiplan::shape::{Moments, ShapeChange};
 use gauss_quad::GaussLegendre;
 use ndarray::Array2;
 use rand::{RngExt, SeedableRng};

@@ -4,10 +4,10 @@ use std::fs;
 use std::path::PathBuf;
 
 use chrono::NaiveDateTime;
-use ctiplan::conditions::NAMES;
-use ctiplan::measurement::DataSet;
+use ctiplan::analysis::measurement::DataSet;
+use ctiplan::io::table::{Cell, Table};
 use ctiplan::mission::Mission;
-use ctiplan::table::{Cell, Table};
+use ctiplan::physics::conditions::NAMES;
 use serde_json::Value;
 
 fn mission() -> Mission {

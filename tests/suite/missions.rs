@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::PathBuf;
 
-use ctiplan::evaluate::evaluate;
 use ctiplan::mission::Mission;
+use ctiplan::plan::evaluate::evaluate;
 
 fn files(folder: &str) -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> = fs::read_dir(folder)

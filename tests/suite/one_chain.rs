@@ -5,13 +5,13 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use ctiplan::dose;
 use ctiplan::effect::CATALOGUE;
 use ctiplan::evaluate;
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
-use ctiplan::observable::Observable;
-use ctiplan::predict::{Question, predict};
+use ctiplan::model::predict::{Question, predict};
+use ctiplan::physics::observable::Observable;
+use ctiplan::plan::dose;
 use ctiplan::study::error_budget::ErrorBudget;
 use ctiplan::study::launch::Launch;
 use ctiplan::study::shielding::Shielding;

@@ -3,13 +3,13 @@
 use std::fs;
 use std::path::Path;
 
-use ctiplan::fit::{Fit, Options, fit};
-use ctiplan::measurement::{DataSet, questions};
+use ctiplan::analysis::fit::{Fit, Options, fit};
+use ctiplan::analysis::measurement::{DataSet, questions};
+use ctiplan::analysis::validate::{Claim, Validation, validate};
+use ctiplan::io::table::Table;
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
-use ctiplan::predict::predict;
-use ctiplan::table::Table;
-use ctiplan::validate::{Claim, Validation, validate};
+use ctiplan::model::predict::predict;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};

@@ -1,10 +1,10 @@
 //! Predictions of many rows at once, against one by one.
 
-use ctiplan::conditions::Conditions;
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
-use ctiplan::observable::Observable;
-use ctiplan::predict::{Question, predict};
+use ctiplan::model::predict::{Question, predict};
+use ctiplan::physics::conditions::Conditions;
+use ctiplan::physics::observable::Observable;
 
 /// The readout of measured shapes is coarser than that of `evaluate`, which does not show.
 #[test]

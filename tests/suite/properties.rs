@@ -3,13 +3,13 @@
 //!
 //! The missions are the same in every run. `PROPTEST_CASES=1000 PROPTEST_RNG_SEED=2 cargo test --test suite properties::` tries more.
 
+use ctiplan::analysis::measurement::DataSet;
 use ctiplan::effect::CATALOGUE;
-use ctiplan::evaluate::{Evaluation, evaluate};
-use ctiplan::measurement::DataSet;
+use ctiplan::io::table::Table;
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
+use ctiplan::plan::evaluate::{Evaluation, evaluate};
 use ctiplan::report::{EvaluateReport, Format, Report};
-use ctiplan::table::Table;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
@@ -104,7 +104,7 @@ fn mission_with_effect() -> impl Strategy<Value = Mission> {
     (mission(), 0..=CATALOGUE.len()).prop_map(|(mission, choice)| match CATALOGUE.get(choice) {
         None => mission,
         Some(entry) => {
-            let added = ctiplan::effect::add(&mission, entry.card.kind, (entry.example)(&mission));
+            let added = ctiplan::mission_file::add_effect(&mission, entry.card.kind, (entry.example)(&mission));
             // Some make no sense in some missions, such as a notch above the full well.
             added.map_or(mission, |(with, _)| with)
         }

@@ -247,13 +247,13 @@ fn a_million_rows_are_read() {
     let (_folder, path) = scratch("long.csv");
     long_file(Path::new(&path), 1_000_000);
     let mission = ctiplan::mission::Mission::read(SNAP).unwrap();
-    let data = ctiplan::measurement::DataSet::read(&path, &mission).unwrap();
+    let data = ctiplan::analysis::measurement::DataSet::read(&path, &mission).unwrap();
     assert_eq!(data.rows.len(), 1_000_000);
     assert_eq!(data.rows[999_999].at.get("camera"), Some(3.0));
     // A mistake at its end is told with its line.
     let mut file = fs::OpenOptions::new().append(true).open(&path).unwrap();
     writeln!(file, "5.0,8.1e6,-1000,0").unwrap();
-    let error = ctiplan::measurement::DataSet::read(&path, &mission).unwrap_err();
+    let error = ctiplan::analysis::measurement::DataSet::read(&path, &mission).unwrap_err();
     assert!(error.to_string().contains("line 1000003"), "{error}");
 }
 

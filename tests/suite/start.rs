@@ -103,7 +103,7 @@ fn the_schema_knows_good_missions_from_bad_ones() {
     };
     let good = ["missions", "docs/tutorial", "docs/sweeps", "tests/images"].map(files).concat();
     let missions = good.iter().map(|path| fs::read_to_string(path).unwrap()).filter(|text| text.contains("[mission]"));
-    for text in missions.chain([ctiplan::mission::template()]) {
+    for text in missions.chain([ctiplan::mission_file::template()]) {
         assert_eq!(faults(&text), Vec::<String>::new(), "{text}");
     }
     let mut passed = Vec::new();
@@ -118,7 +118,7 @@ fn the_schema_knows_good_missions_from_bad_ones() {
 
 #[test]
 fn the_schema_says_what_the_definitions_say() {
-    let schema = ctiplan::mission::schema();
+    let schema = ctiplan::mission_file::schema();
     for key in ctiplan::mission::keys::KEYS {
         let mut place = &schema;
         for part in key.path.split('.') {

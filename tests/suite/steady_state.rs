@@ -1,8 +1,8 @@
 //! Starting with the traps as the background has left them changes nothing against starting at the register.
 
-use ctiplan::galaxy::Profile;
+use ctiplan::physics::galaxy::Profile;
+use ctiplan::physics::shape::{Moments, ShapeChange};
 use ctiplan::readout::{Cloud, Downstream, Method, Readout, Trap};
-use ctiplan::shape::{Moments, ShapeChange};
 use ndarray::{Array2, s};
 
 #[test]

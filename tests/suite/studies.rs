@@ -5,10 +5,10 @@ use std::process::{Command, Output};
 
 use ctiplan::mission::Mission;
 use ctiplan::model::{Beside, Model};
+use ctiplan::plan::requirement::Crossing;
+use ctiplan::plan::scenario::{Axis, Candidate, Scenario, compare};
 use ctiplan::readout::Downstream;
 use ctiplan::report::Report;
-use ctiplan::requirement::Crossing;
-use ctiplan::scenario::{Axis, Candidate, Scenario, compare};
 use ctiplan::study::charge_injection::ChargeInjection;
 use ctiplan::study::clock::Clock;
 use ctiplan::study::correction::{Correction, corrected};

@@ -6,8 +6,8 @@ use std::process::{Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use ctiplan::evaluate::evaluate;
 use ctiplan::mission::Mission;
+use ctiplan::plan::evaluate::evaluate;
 use ctiplan::sweep::{Grid, Holds};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
@@ -325,7 +325,7 @@ fn rows_are_what_evaluate_says() {
     }
 }
 
-fn end_magnitude(change: &Option<ctiplan::shape::ShapeChange>) -> f64 {
+fn end_magnitude(change: &Option<ctiplan::physics::shape::ShapeChange>) -> f64 {
     change.unwrap().magnitude()
 }
 

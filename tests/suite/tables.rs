@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use ctiplan::table::{Cell, Table};
+use ctiplan::io::table::{Cell, Table};
 use serde_json::Value;
 
 fn files(folder: &str) -> Vec<PathBuf> {

@@ -1,11 +1,11 @@
 //! |Δe| at the end of the mission, and when the budget is exceeded, along what differs most often.
 
 use super::{Limit, setting, short};
-use crate::calendar::decimal_year;
 use crate::mission::Date;
 use crate::mission::keys::plain;
-use crate::plot::{Figure, Panel, Series, level, line, points};
-use crate::scenario::{Comparison, Scenario};
+use crate::numeric::calendar::decimal_year;
+use crate::plan::scenario::{Comparison, Scenario};
+use crate::report::plot::{Figure, Panel, Series, level, line, points};
 
 /// Groups of scenarios that colours tell apart; more are not drawn.
 const COLOURS: usize = 6;

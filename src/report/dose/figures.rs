@@ -1,9 +1,9 @@
 //! Dose year by year, behind aluminium, and the spectrum it comes from.
 
-use crate::dose::{AtEnergy, CalendarYear, Survey};
-use crate::model::RateOrigin;
-use crate::plot::{Figure, Kind, Panel, Series, dashed, level, line};
+use crate::physics::RateOrigin;
+use crate::plan::dose::{AtEnergy, CalendarYear, Survey};
 use crate::report::active::shades;
+use crate::report::plot::{Figure, Kind, Panel, Series, dashed, level, line};
 
 /// Room on both sides of the column of a year, as a share of what is flown of it.
 const BESIDE: f64 = 0.08;

@@ -1,13 +1,13 @@
 //! Change of shape against time, with the budget; dose and traps.
 
 use super::EvaluateReport;
-use crate::calendar::decimal_year;
-use crate::course::Course;
-use crate::evaluate::Year;
 use crate::mission::keys::plain;
-use crate::plot::{Figure, Panel, Series, dashed, level, line, points};
+use crate::numeric::calendar::decimal_year;
+use crate::plan::evaluate::Year;
+use crate::plan::requirement::Crossing;
+use crate::plan::time_series::Course;
 use crate::report::active::shades;
-use crate::requirement::Crossing;
+use crate::report::plot::{Figure, Panel, Series, dashed, level, line, points};
 
 /// Lines that colours tell apart; more are not drawn.
 const COLOURS: usize = 6;

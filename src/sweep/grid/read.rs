@@ -10,8 +10,10 @@ use toml::de::{DeTable, DeValue};
 use super::{Axis, Grid, MOST_POINTS, Values, whole};
 use crate::error::{InputError, NO_SUCH_FILE, nearest};
 use crate::mission::keys::{self, Kind, plain};
-use crate::mission::{Date, Mission, check_value, line_at};
-use crate::scenario;
+use crate::mission::{Date, Mission};
+use crate::mission_file::lookup;
+use crate::mission_file::{check_value, line_at};
+use crate::plan::scenario;
 use crate::sweep::distribution::Distribution;
 use crate::sweep::output::Output;
 use crate::sweep::sample::{Sample, Sampling};
@@ -79,7 +81,7 @@ impl Source<'_> {
             if !KNOWN.contains(&entry.key.as_str()) {
                 let help = match nearest(&entry.key, KNOWN) {
                     Some(near) => format!("did you mean `{near}`?"),
-                    None if keys::is_table(&entry.key) => {
+                    None if lookup::is_table(&entry.key) => {
                         format!("keys of the mission stand under [axes]: [axes.{}]", entry.key)
                     }
                     None => format!("known here: {}", KNOWN.join(", ")),
@@ -281,7 +283,7 @@ impl Source<'_> {
                     let problem = if missions.len() > 1 { format!("{problem} (in {path})") } else { problem };
                     InputError { help, ..self.fault_at(&entry, problem) }
                 })?;
-                found = keys::find(&place);
+                found = lookup::find(&place);
             }
             let Some(key) = found else {
                 return Err(self.fault_at(&entry, format!("no key is called `{}`", entry.key)));

@@ -1,0 +1,442 @@
+//! As exact as asked for, in a handful of passes instead of thousands.
+//!
+//! What a packet loses in a pixel is tiny and almost the same in the next, so the charges n after each pixel follow a
+//! difference equation, n ← n + δ(n), with a smooth δ. A Runge-Kutta method for *differential* equations would be
+//! left with an error of the size of one transfer; a multirevolution method (Calvo, Jay, Montijano & Rández 2004,
+//! Numerische Mathematik 97, 635) has coefficients that depend on the number N of transfers in a step and solves the
+//! difference equation itself. With u = 1/N, and the classical Runge-Kutta method for u → 0:
+//!
+//! ```text
+//!  c   │ a                                            u = 1/N
+//!  (1−u)/2 │ (1−u)/2
+//!  (1−u)/2 │ 2u(1−u)/(1+u)   (1−u)(1−3u)/(2(1+u))
+//!  1−u     │ u               0                      1−2u
+//!  ────────┼───────────────────────────────────────────────────────
+//!          │ (1+u)/(6(1−u))  (1−2u)(1−3u)/(3(1−u)²) (1−2u)(1+u)/(3(1−u)²)  (1+u)/(6(1−u))
+//! ```
+//!
+//! These satisfy the eight conditions of order four, where Σ k^p over the N transfers stands in place of ∫ k^p
+//! (derived for ctiplan; a test below asks them of every N, and that N = 2 and 3 are exact). Where order three is foretold to
+//! do, Kutta's method stands in with one pass less: the same second stage, a third at 1−u, and the weights that the four
+//! conditions of order three leave.
+//!
+//! The journey is cut at row 0 of the image. Below it every packet passes every pixel. Within the image a packet only
+//! passes the pixels below its own row; blocks there are summed exactly for fixed charges (see [`super::pixel`]) and
+//! are advanced to second order, all packets at their means over the way at once (see [`super::way`]).
+
+use std::ops::Range;
+
+use super::estimate;
+use super::lanes::{LANES, Row};
+use super::pixel::{Block, Lead, Passage, Stage};
+use super::way::{Path, Way};
+
+/// Transfers up to which a step is done one by one: it would need as many passes anyway.
+const SINGLY: i64 = 4;
+
+/// Up to so many times is the number of transfers doubled that are done one by one before a longer step is tried again.
+const PATIENCE: u32 = 4;
+
+/// Share of e1 (the change of a block's second-order result from its first-order one) that may remain as error where packets
+/// start within the block: kinks that lie between its pixels, and that no pass over all of them sees.
+const OUT_OF_STEP: f64 = 0.013;
+
+/// A fourth-order result foretold to be so many times worse than allowed is not computed.
+const HOPELESS: f64 = 10.0;
+
+/// Part of the tolerance that first-order errors of each region may add up to: they are told from the steepest change that is
+/// possible, and are mostly some times smaller.
+const SHARE_OF_BOUNDS: f64 = 0.5;
+
+/// Part of the tolerance that the other estimated errors of each region may add up to. They are estimates, and a kink that lies
+/// between two passes is not seen by either (`cargo test --release --test suite readout:: -- --ignored --nocapture` counts the
+/// misses; nearly all are without background, or with all of it in a notch).
+const SHARE: f64 = 0.02;
+
+/// Buffers that steps reuse.
+pub(super) struct Workspace<L> {
+    levels: L,
+    stages: [Stage; 4],
+    stage_e: Vec<Row>,
+    path: Path,
+}
+
+impl<L: Default> Workspace<L> {
+    /// For so many rows.
+    pub fn new(rows: usize) -> Workspace<L> {
+        let stages = [(); 4].map(|()| Stage::new(rows));
+        Workspace { levels: L::default(), stages, stage_e: vec![[0.0; LANES]; rows], path: Path::new(rows) }
+    }
+}
+
+/// What is aimed at.
+#[derive(Clone, Copy)]
+pub(super) struct Aim {
+    /// Error of the packets (e-, root mean square) that is allowed.
+    tolerance_e: f64,
+    /// First-order error of the whole journey in one step over what is allowed.
+    first_order: f64,
+    /// Pixels of the journey.
+    pixels: i64,
+}
+
+impl Aim {
+    /// First-order error over what is allowed, as foretold for so many pixels of a region of some length.
+    fn foretold(&self, pixels: i64, length: i64) -> f64 {
+        let [of_journey, of_region] = [self.pixels, length].map(|all| pixels as f64 / all as f64);
+        // What is allowed grows with the pixels' share of the region.
+        self.first_order * of_journey.powf(GROWTH) / of_region
+    }
+}
+
+/// Power of the pixels with which the bound of the first-order error grows: of the way and the traps on it, and a little more
+/// because the steepest change on the way counts.
+const GROWTH: f64 = 2.5;
+
+/// Times what is allowed that the error of a first-order step is foretold to be around the brightest pixel: up to the one it is
+/// tried at once, beyond the other it is hopeless everywhere.
+const LIKELY_FIRST: f64 = 2.0;
+const HOPELESS_FIRST: f64 = 1000.0;
+
+/// An accuracy relative to the change of these packets, both as root mean squares. Costs one pass.
+pub(super) fn aim<P: Passage>(
+    pixel: &P,
+    charge_e: &[Row],
+    downstream: &Lead,
+    relative: f64,
+    work: &mut Workspace<P::Levels>,
+) -> Aim {
+    let journey = Block { nearest: 0, pixels: charge_e.len() as i64 + downstream.rows };
+    let found = &mut work.stages[0];
+    pixel.pass(charge_e, Way::Unknown, journey, downstream, &mut work.levels, found);
+    let tolerance_e = relative * estimate::moved(charge_e, found);
+    let bound_e = estimate::first(pixel.cloud(), journey.pixels as f64 * pixel.density(), charge_e, found);
+    Aim { tolerance_e, first_order: ratio(bound_e, SHARE_OF_BOUNDS * tolerance_e), pixels: journey.pixels }
+}
+
+/// Clocks columns out with an error of at most about what is aimed at.
+pub(super) fn columns<P: Passage>(
+    pixel: &P,
+    charge_e: &mut [Row],
+    downstream: &Lead,
+    aim: Aim,
+    work: &mut Workspace<P::Levels>,
+) {
+    let start = charge_e.len() as i64 + downstream.rows;
+    let alike = pixel.alike_below(downstream).min(start).max(0);
+    singly(pixel, charge_e, alike..start, downstream, work);
+    let image = downstream.rows.clamp(0, alike)..alike;
+    let shared = 0..downstream.rows.min(alike);
+    for region in [image, shared] {
+        let length = region.end - region.start;
+        let staggered = region.start >= downstream.rows;
+        let mut position = region.end;
+        let mut pixels = length;
+        let mut by_first = true;
+        let mut refused = 0;
+        while position > region.start {
+            pixels = pixels.clamp(1, position - region.start);
+            let block = Block { nearest: position - pixels, pixels };
+            // Evenly over the region's pixels.
+            let tolerance_e = aim.tolerance_e * pixels as f64 / length as f64;
+            // Where it has not done once, it seldom does again.
+            let first_order = if by_first { aim.foretold(pixels, length) } else { HOPELESS_FIRST };
+            let step = Step { pixel, block, downstream, tolerance_e, staggered, first_order };
+            let attempt = step.attempt(charge_e, work);
+            by_first &= attempt.by_first;
+            let Attempt { ratio, order, .. } = attempt;
+            let stretch = if ratio > 0.0 { 0.9 * ratio.powf(-1.0 / (order - 1.0)) } else { 4.0 };
+            if ratio <= 1.0 {
+                position -= pixels;
+                pixels = (pixels as f64 * stretch.clamp(1.0, 4.0)) as i64;
+                refused = 0;
+            } else if pixels as f64 * stretch > SINGLY as f64 {
+                pixels = (pixels as f64 * stretch.clamp(0.1, 0.7)) as i64;
+            } else {
+                // No use in trying again at once, and less and less where that has failed already.
+                let next = region.start.max(position - (SINGLY << (1 + refused).min(PATIENCE)));
+                singly(pixel, charge_e, next..position, downstream, work);
+                position = next;
+                pixels = 2 * SINGLY;
+                refused += 1;
+            }
+        }
+    }
+}
+
+/// Clocks columns through some pixels (0 is nearest to the register), the farthest first, one by one.
+fn singly<P: Passage>(
+    pixel: &P,
+    charge_e: &mut [Row],
+    pixels: Range<i64>,
+    downstream: &Lead,
+    work: &mut Workspace<P::Levels>,
+) {
+    let found = &mut work.stages[0];
+    for nearest in pixels.rev() {
+        pixel.pass(charge_e, Way::Unknown, Block { nearest, pixels: 1 }, downstream, &mut work.levels, found);
+        estimate::add(charge_e, &[(1.0, found)]);
+    }
+}
+
+/// One step of the journey.
+struct Step<'a, P> {
+    pixel: &'a P,
+    block: Block,
+    downstream: &'a Lead,
+    /// Error allowed, e-.
+    tolerance_e: f64,
+    /// Packets start within the block.
+    staggered: bool,
+    /// First-order error that is foretold, over what is allowed.
+    first_order: f64,
+}
+
+/// How a step went.
+struct Attempt {
+    /// Estimated error over the allowed one; above 1 the charges were left alone.
+    ratio: f64,
+    /// Power of the step's length with which the estimate grows; what is allowed grows with the length itself.
+    order: f64,
+    /// The first order has done.
+    by_first: bool,
+}
+
+impl<P: Passage> Step<'_, P> {
+    /// Advances the charges if that can be done with the error allowed, by the lowest order that will do.
+    fn attempt(&self, charge_e: &mut [Row], work: &mut Workspace<P::Levels>) -> Attempt {
+        let Step { pixel, block, downstream, .. } = *self;
+        if block.pixels <= SINGLY {
+            singly(pixel, charge_e, block.nearest..block.nearest + block.pixels, downstream, work);
+            return Attempt { ratio: 0.0, order: 5.0, by_first: false };
+        }
+        let Workspace { levels, stages: [k1, k2, k3, k4], stage_e, path } = work;
+        let mut pass = |charge_e: &[Row], way: Way, found: &mut Stage| {
+            pixel.pass(charge_e, way, block, downstream, levels, found);
+        };
+
+        let seek = self.staggered && self.first_order > LIKELY_FIRST;
+        pass(charge_e, if seek { Way::Sought(path) } else { Way::Unknown }, k1);
+        if self.first_order <= HOPELESS_FIRST {
+            let traps = block.pixels as f64 * pixel.density();
+            let ratio = ratio(estimate::first(pixel.cloud(), traps, charge_e, k1), SHARE_OF_BOUNDS * self.tolerance_e);
+            if ratio <= 1.0 {
+                estimate::add(charge_e, &[(1.0, k1)]);
+                return Attempt { ratio, order: 2.0, by_first: true };
+            }
+        }
+        if self.staggered && !seek {
+            pass(charge_e, Way::Sought(path), k1);
+        }
+        let tableau = Tableau::of(block.pixels as f64);
+        if self.staggered {
+            pass(charge_e, Way::Known(path), k2);
+        } else {
+            estimate::sum(charge_e, &[(tableau.a21, k1)], stage_e);
+            pass(stage_e, Way::Unknown, k2);
+        }
+        let errors = estimate::second(k1, k2);
+        let kinked_e = if self.staggered { errors.kinked_e.max(OUT_OF_STEP * errors.all_e) } else { errors.kinked_e };
+        let second = self.judge(errors.smooth_e, 3.0, kinked_e);
+        if second.ratio <= 1.0 {
+            estimate::add(charge_e, &[(1.0, k2)]);
+        }
+        if second.ratio <= 1.0 || self.staggered {
+            return second;
+        }
+        let fourth = self.judge(errors.fourth_e, 5.0, 0.0);
+        if fourth.ratio > HOPELESS {
+            return fourth;
+        }
+        let attempt = if errors.third_e <= SHARE * self.tolerance_e {
+            let [a31, a32, b1, b2, b3] = tableau.third;
+            estimate::sum(charge_e, &[(a31, k1), (a32, k2)], stage_e);
+            pass(stage_e, Way::Unknown, k3);
+            estimate::sum(charge_e, &[(b1, k1), (b2, k2), (b3, k3)], stage_e);
+            let (smooth_e, kinked_e) = estimate::higher([k1, k2, k3], charge_e, stage_e, 1);
+            self.judge(smooth_e, 4.0, kinked_e)
+        } else {
+            estimate::sum(charge_e, &[(tableau.a31, k1), (tableau.a32, k2)], stage_e);
+            pass(stage_e, Way::Unknown, k3);
+            estimate::sum(charge_e, &[(tableau.a41, k1), (tableau.a43, k3)], stage_e);
+            pass(stage_e, Way::Unknown, k4);
+            let changes = [(tableau.b1, &*k1), (tableau.b2, k2), (tableau.b3, k3), (tableau.b4, k4)];
+            estimate::sum(charge_e, &changes, stage_e);
+            let (smooth_e, kinked_e) = estimate::higher([k1, k2, k4], charge_e, stage_e, 2);
+            self.judge(smooth_e, 5.0, kinked_e)
+        };
+        if attempt.ratio <= 1.0 {
+            charge_e.copy_from_slice(stage_e);
+        }
+        attempt
+    }
+
+    /// The worse of two errors over what is allowed: that of a smooth change, which grows with a power of the step's
+    /// length, and that of its kinks.
+    fn judge(&self, smooth_e: f64, order: f64, kinked_e: f64) -> Attempt {
+        let [smooth, kinked] = [smooth_e, kinked_e].map(|error_e| ratio(error_e, SHARE * self.tolerance_e));
+        let (ratio, order) = if kinked > smooth { (kinked, 2.0) } else { (smooth, order) };
+        Attempt { ratio, order, by_first: false }
+    }
+}
+
+/// An error over the allowed one. Nothing is too much of nothing.
+fn ratio(error_e: f64, allowed_e: f64) -> f64 {
+    if error_e > 0.0 { error_e / allowed_e } else { 0.0 }
+}
+
+/// Coefficients for a step of N transfers.
+struct Tableau {
+    a21: f64,
+    a31: f64,
+    a32: f64,
+    a41: f64,
+    a43: f64,
+    b1: f64,
+    b2: f64,
+    b3: f64,
+    b4: f64,
+    /// The same a21, and then a31, a32, b1, b2 and b3 of order three.
+    third: [f64; 5],
+}
+
+impl Tableau {
+    fn of(transfers: f64) -> Tableau {
+        let u = 1.0 / transfers;
+        let v = 1.0 - u;
+        let b2 = 2.0 * (1.0 - 2.0 * u) / (3.0 * v);
+        let b3 = (1.0 - b2) / 2.0;
+        let a32 = (1.0 - 2.0 * u) / (3.0 * b3);
+        Tableau {
+            a21: v / 2.0,
+            a31: 2.0 * u * v / (1.0 + u),
+            a32: v * (1.0 - 3.0 * u) / (2.0 * (1.0 + u)),
+            a41: u,
+            a43: 1.0 - 2.0 * u,
+            b1: (1.0 + u) / (6.0 * v),
+            b2: (1.0 - 2.0 * u) * (1.0 - 3.0 * u) / (3.0 * v * v),
+            b3: (1.0 - 2.0 * u) * (1.0 + u) / (3.0 * v * v),
+            b4: (1.0 + u) / (6.0 * v),
+            third: [v - a32, a32, 1.0 - b2 - b3, b2, b3],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pixel::{Lead, Pixel};
+    use crate::{Cloud, Trap};
+
+    /// One step of N transfers of the map n ← n + f(n), and N single ones.
+    fn step_and_singles(transfers: u32, f: impl Fn([f64; 2]) -> [f64; 2]) -> ([f64; 2], [f64; 2]) {
+        let n = f64::from(transfers);
+        let tableau = Tableau::of(n);
+        let start = [1.0, 0.5];
+        let plus = |at: [f64; 2], parts: &[(f64, [f64; 2])]| {
+            parts.iter().fold(at, |at, (weight, k)| [at[0] + n * weight * k[0], at[1] + n * weight * k[1]])
+        };
+        let k1 = f(start);
+        let k2 = f(plus(start, &[(tableau.a21, k1)]));
+        let k3 = f(plus(start, &[(tableau.a31, k1), (tableau.a32, k2)]));
+        let k4 = f(plus(start, &[(tableau.a41, k1), (tableau.a43, k3)]));
+        let stepped = plus(start, &[(tableau.b1, k1), (tableau.b2, k2), (tableau.b3, k3), (tableau.b4, k4)]);
+        let single = (0..transfers).fold(start, |at, _| {
+            let change = f(at);
+            [at[0] + change[0], at[1] + change[1]]
+        });
+        (stepped, single)
+    }
+
+    /// The same by the method of order three.
+    fn step_of_order_three(transfers: u32, f: impl Fn([f64; 2]) -> [f64; 2]) -> [f64; 2] {
+        let n = f64::from(transfers);
+        let tableau = Tableau::of(n);
+        let [a31, a32, b1, b2, b3] = tableau.third;
+        let start = [1.0, 0.5];
+        let plus = |parts: &[(f64, [f64; 2])]| {
+            parts.iter().fold(start, |at, (weight, k)| [at[0] + n * weight * k[0], at[1] + n * weight * k[1]])
+        };
+        let k1 = f(start);
+        let k2 = f(plus(&[(tableau.a21, k1)]));
+        let k3 = f(plus(&[(a31, k1), (a32, k2)]));
+        plus(&[(b1, k1), (b2, k2), (b3, k3)])
+    }
+
+    #[test]
+    fn the_shorter_step_is_of_third_order() {
+        for transfers in [5, 6, 10, 30, 1000] {
+            let error = |epsilon: f64| {
+                let stepped = step_of_order_three(transfers, field(epsilon));
+                let single = step_and_singles(transfers, field(epsilon)).1;
+                (stepped[0] - single[0]).abs().max((stepped[1] - single[1]).abs())
+            };
+            let whole = 0.1 / f64::from(transfers);
+            let fall = error(whole) / error(whole / 2.0);
+            assert!((13.0..20.0).contains(&fall), "{transfers} transfers: {fall}");
+        }
+    }
+
+    /// Coupled and nonlinear, so that all eight conditions of order four are asked.
+    fn field(epsilon: f64) -> impl Fn([f64; 2]) -> [f64; 2] {
+        move |[x, y]| [epsilon * (y - x * x), epsilon * (x * y - 0.3 * y * y * y)]
+    }
+
+    fn error(transfers: u32, epsilon: f64) -> f64 {
+        let (stepped, single) = step_and_singles(transfers, field(epsilon));
+        (stepped[0] - single[0]).abs().max((stepped[1] - single[1]).abs())
+    }
+
+    #[test]
+    fn a_step_is_of_fourth_order_in_the_change_for_every_number_of_transfers() {
+        for transfers in [5, 6, 7, 10, 30, 1000] {
+            let whole = 0.1 / f64::from(transfers);
+            // An error of fifth order falls by 32 where the change is halved.
+            let fall = error(transfers, whole) / error(transfers, whole / 2.0);
+            assert!((25.0..40.0).contains(&fall), "{transfers} transfers: {fall}");
+        }
+    }
+
+    #[test]
+    fn steps_of_two_and_three_transfers_are_exact() {
+        for transfers in [2, 3] {
+            assert!(error(transfers, 0.3) < 1e-14, "{transfers} transfers: {}", error(transfers, 0.3));
+        }
+    }
+
+    /// Errors (rms, e-) of the first and the second order for a whole image, against its transfers one by one.
+    fn block_errors(charges_e: &[f64], traps: &[Trap]) -> [f64; 2] {
+        let pixel = Pixel::<3>::new(traps, Cloud::new(84_700.0, 0.0, 0.5), charges_e.len());
+        let charge_e: Vec<Row> = charges_e.iter().map(|charge_e| [*charge_e; LANES]).collect();
+        let block = Block { nearest: 0, pixels: charge_e.len() as i64 };
+        let mut work = Workspace::new(charge_e.len());
+        let mut singles_e = charge_e.clone();
+        let nothing = Lead { rows: 0, charge_e: [0.0; LANES] };
+        singly(&pixel, &mut singles_e, 0..block.pixels, &nothing, &mut work);
+        let Workspace { levels, stages: [k1, k2, ..], path, .. } = &mut work;
+        pixel.pass(&charge_e, Way::Sought(path), block, &nothing, levels, k1);
+        pixel.pass(&charge_e, Way::Known(path), block, &nothing, levels, k2);
+        [&*k1, k2].map(|found| {
+            let off = |row: usize| charge_e[row][0] + found.change_e[row][0] - singles_e[row][0];
+            ((0..charge_e.len()).map(|row| off(row).powi(2)).sum::<f64>() / charge_e.len() as f64).sqrt()
+        })
+    }
+
+    #[test]
+    fn blocks_of_the_image_are_advanced_to_second_order() {
+        let galaxy = |row: usize| 800.0 * (1.0 + ((row as f64 - 22.0) / 3.0).powi(2)).powf(-2.5);
+        let noise = |row: usize| ((row * 7919) % 31) as f64;
+        // Where packets are all alike, what they leave in their own pixels is most of what there is; see `super::crests`.
+        let flat: Vec<f64> = (0..40).map(|row| 120.0 + galaxy(row)).collect();
+        let noisy: Vec<f64> = (0..40).map(|row| 120.0 + galaxy(row) + noise(row)).collect();
+        for charges_e in [flat, noisy] {
+            let traps = |scale: f64| [(0.5, 0.6), (0.3, 9.0), (0.2, 60.0)].map(|(d, t)| Trap::new(scale * d, t));
+            let [first, second] = block_errors(&charges_e, &traps(1.0));
+            let [first_of_half, second_of_half] = block_errors(&charges_e, &traps(0.5));
+            // An error of second order in the traps falls by 4 where they are halved, one of third order by 8.
+            assert!((3.9..4.1).contains(&(first / first_of_half)), "{first:e}, {first_of_half:e}");
+            assert!((7.8..8.2).contains(&(second / second_of_half)), "{second:e}, {second_of_half:e}");
+            assert!(second < 0.01 * first, "{second:e}, {first:e}");
+        }
+    }
+}

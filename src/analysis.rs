@@ -1,0 +1,6 @@
+//! The second half: measurements → predictions → residuals → fit → the effect that is missing.
+
+pub mod diagnose;
+pub mod fit;
+pub mod measurement;
+pub mod validate;

@@ -1,0 +1,242 @@
+//! Whether data can carry a verdict at all.
+//!
+//! Before anything is fitted: enough rows, none twice, none that contradict one another, and errors that are not far larger
+//! than what neighbouring rows scatter by. (Errors that are too small can only be told from a missing effect once effects
+//! have been tried: see [`sigma_too_small`].)
+
+use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Gamma};
+
+use super::case::{Case, Node};
+use super::holdout;
+use crate::analysis::validate::along_neighbours;
+use crate::mission::keys::plain;
+
+/// Chance below which something is no accident.
+const NO_ACCIDENT: f64 = 1e-5;
+
+/// Rows of a data set below which its scatter is not judged.
+const FEW: usize = 15;
+
+/// Scatter of neighbouring rows, over the quoted error, below which the error is far too large.
+const FAR_TOO_LARGE: f64 = 0.5;
+
+/// Degrees of freedom that a row is worth in the mean square of second differences, which share rows: normal noise has
+/// 2 (1 + 2 (4/6)² + 2 (1/6)²)/n for the relative variance of it.
+const WORTH: f64 = 1.0 / (1.0 + 2.0 * (16.0 + 1.0) / 36.0);
+
+/// Sigma from which on a row is far off, and of how many rows one may be: of fewer, one may be all that shows an effect.
+const ODD_SIGMA: f64 = 5.0;
+const ONE_IN: usize = 50;
+
+/// Share of a row's residual that free parameters take, from which on one of them hangs on it.
+const HANGS_ON_IT: f64 = 0.3;
+
+/// Why the data cannot carry a verdict, as a sentence; None where they can.
+pub(super) fn refusal(case: &Case, free: usize) -> Option<String> {
+    too_few(case, free).or_else(|| repeated(case)).or_else(|| contradictory(case))
+}
+
+fn too_few(case: &Case, free: usize) -> Option<String> {
+    let n = case.n();
+    (n < free + 3).then(|| {
+        format!("{n} rows cannot carry {free} free parameters and a question besides: free fewer, or give more data")
+    })
+}
+
+/// Rows of the same observable under the same circumstances, more than one each, as places among all rows.
+fn alike(case: &Case) -> Vec<Vec<usize>> {
+    let mut groups: Vec<(Vec<u64>, Vec<usize>)> = Vec::new();
+    let mut place: std::collections::HashMap<Vec<u64>, usize> = std::collections::HashMap::new();
+    let mut first = 0;
+    for set in case.data {
+        let columns: Vec<Vec<f64>> = set.varying.iter().map(|name| set.against(name)).collect();
+        for (row, measured) in set.rows.iter().enumerate() {
+            let at = &measured.at;
+            let mut key: Vec<u64> =
+                vec![set.observable as u64, measured.galaxy.map_or(u64::MAX, |galaxy| galaxy as u64)];
+            let known =
+                crate::physics::conditions::NAMES.iter().map(|name| at.get(name).map_or(u64::MAX, f64::to_bits));
+            key.extend(known);
+            key.extend(columns.iter().map(|column| column[row].to_bits()));
+            let index = *place.entry(key.clone()).or_insert_with(|| {
+                groups.push((key, Vec::new()));
+                groups.len() - 1
+            });
+            groups[index].1.push(first + row);
+        }
+        first += set.rows.len();
+    }
+    groups.into_iter().map(|(_, members)| members).filter(|members| members.len() > 1).collect()
+}
+
+/// Rows that are there twice: equal in every digit, more often than rounding makes them.
+fn repeated(case: &Case) -> Option<String> {
+    let groups = alike(case);
+    let (mut pairs, mut equal, mut step_sigma) = (0u64, Vec::new(), 0.0_f64);
+    for members in &groups {
+        for (index, &a) in members.iter().enumerate() {
+            for &b in &members[index + 1..] {
+                pairs += 1;
+                step_sigma = step_sigma
+                    .max(10_f64.powi(-decimals(case.values[a]).max(decimals(case.values[b]))) / case.sigmas[a]);
+                if case.values[a] == case.values[b] && case.sigmas[a] == case.sigmas[b] {
+                    equal.push((a, b));
+                }
+            }
+        }
+    }
+    // Two normal numbers rounded to a step are equal with a chance of step/(2 √π sigma).
+    let chance = (step_sigma / (2.0 * std::f64::consts::PI.sqrt())).clamp(1e-12, 1.0);
+    let accident = match equal.len() as u64 {
+        0 => 1.0,
+        count => Binomial::new(chance, pairs).map_or(1.0, |law| law.sf(count - 1)),
+    };
+    (accident < NO_ACCIDENT).then(|| {
+        let (a, b) = equal[0];
+        format!(
+            "{} rows repeat another in every digit, such as {} and {}: counted twice, they make noise look like an effect; \
+             give each measurement once",
+            equal.len(),
+            said(case, a),
+            said(case, b)
+        )
+    })
+}
+
+/// Decimals of a number as it is written shortest.
+fn decimals(value: f64) -> i32 {
+    let text = format!("{value:e}");
+    let (digits, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+    let behind = digits.split_once('.').map_or(0, |(_, behind)| behind.len() as i32);
+    behind - exponent.parse::<i32>().unwrap_or(0)
+}
+
+/// Rows under the same circumstances that differ by far more than their errors.
+fn contradictory(case: &Case) -> Option<String> {
+    let (mut chi2, mut freedom, mut worst) = (0.0, 0usize, (0.0, 0, 0));
+    for members in alike(case) {
+        let weight = |row: usize| case.sigmas[row].powi(-2);
+        let total: f64 = members.iter().map(|&row| weight(row)).sum();
+        let mean = members.iter().map(|&row| weight(row) * case.values[row]).sum::<f64>() / total;
+        chi2 += members.iter().map(|&row| weight(row) * (case.values[row] - mean).powi(2)).sum::<f64>();
+        freedom += members.len() - 1;
+        for (index, &a) in members.iter().enumerate() {
+            for &b in &members[index + 1..] {
+                let apart = (case.values[a] - case.values[b]).abs() / case.sigmas[a].hypot(case.sigmas[b]);
+                if apart > worst.0 {
+                    worst = (apart, a, b);
+                }
+            }
+        }
+    }
+    let chance = if freedom == 0 { 1.0 } else { ChiSquared::new(freedom as f64).map_or(1.0, |law| law.sf(chi2)) };
+    (chance < NO_ACCIDENT).then(|| {
+        format!(
+            "rows contradict one another: {} and {} were taken under the same conditions and differ by {:.1} of their \
+             errors; one of them is wrong, or a condition that differs has no column",
+            said(case, worst.1),
+            said(case, worst.2),
+            worst.0
+        )
+    })
+}
+
+/// A row as `line N of file`.
+fn said(case: &Case, row: usize) -> String {
+    let index = case.set_of[row];
+    let (set, row) = (&case.data[index], row - case.rows(index).start);
+    let place = set.table.lines.get(row).map_or_else(|| format!("row {}", row + 1), |line| format!("line {line}"));
+    format!("{place} of {}", set.file)
+}
+
+/// Errors that are far larger than the scatter.
+pub(super) fn sigma_too_large(case: &Case, node: &Node) -> Option<String> {
+    for (index, set) in case.data.iter().enumerate() {
+        let rows = case.rows(index);
+        if set.rows.len() < FEW {
+            continue;
+        }
+        let residuals: Vec<f64> = rows.map(|row| node.residuals[row]).collect();
+        let between = along_neighbours(set, &residuals, roughness).sqrt();
+        // A mean square of k degrees of freedom.
+        let half = 0.5 * WORTH * (set.rows.len() - 2) as f64;
+        let smooth = Gamma::new(half, half).map_or(1.0, |law| law.cdf(between * between));
+        let freedom = (set.rows.len() as f64 * node.freedom() / case.n() as f64).max(1.0);
+        let chi2: f64 = residuals.iter().map(|residual| residual * residual).sum();
+        let chance = ChiSquared::new(freedom).map_or(1.0, |law| law.cdf(chi2));
+        let all = (chi2 / freedom).sqrt();
+        if (between < FAR_TOO_LARGE && smooth < NO_ACCIDENT) || (chance < NO_ACCIDENT && all < 0.75) {
+            return Some(format!(
+                "{}: the quoted sigma is {} times what rows scatter by; with it hardly any effect could be seen, and \
+                 nothing that is found would mean anything: quote the scatter",
+                set.file,
+                plain((10.0 / between.min(all)).round() / 10.0)
+            ));
+        }
+    }
+    None
+}
+
+/// Mean square of second differences, 1 for normal noise of standard deviation 1.
+fn roughness(residuals: &[f64]) -> f64 {
+    let squares = residuals.windows(3).map(|three| (three[0] - 2.0 * three[1] + three[2]).powi(2) / 6.0);
+    squares.sum::<f64>() / (residuals.len() - 2) as f64
+}
+
+/// Rows that are far from a model which explains all others.
+pub(super) struct Odd {
+    /// By how much chi2 falls without them, each counted as a parameter.
+    pub fall: f64,
+    /// In a sentence.
+    pub said: String,
+}
+
+/// A few rows, each far from a model that explains all others, or one row where an effect was added to it; None where more is
+/// wrong than that, or nothing.
+pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
+    // A row that a parameter hangs on may be all that shows an effect.
+    let hangs = |row: &usize| node.basis.row(*row).norm_squared() > HANGS_ON_IT;
+    let size = |row: usize| node.residuals[row].abs();
+    let mut clear: Vec<usize> = (0..case.n()).filter(|row| size(*row) > ODD_SIGMA && !hangs(row)).collect();
+    clear.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
+    // What effects leave in several rows may be what they cannot explain: a gain that drifts, in the brightest packets.
+    let most = [usize::MAX, 1, 0][node.added.len().min(2)];
+    clear.truncate(most.min(case.n() / ONE_IN));
+    let explained = |rows: &[usize]| {
+        let off = holdout::left_out(node, rows)?;
+        let fall: f64 = rows.iter().zip(off.iter()).map(|(&row, off)| node.residuals[row] * off).sum();
+        let freedom = node.freedom() - rows.len() as f64;
+        (node.chi2() - fall < freedom + 3.0 * (2.0 * freedom).sqrt()).then_some((fall, off))
+    };
+    let least = (1..=clear.len()).find_map(|count| explained(&clear[..count]).map(|found| (&clear[..count], found)));
+    let (rows, (fall, off)) = least?;
+    let each: Vec<String> =
+        rows.iter().zip(off.iter()).map(|(&row, off)| format!("{} ({off:+.1} sigma)", said(case, row))).collect();
+    let with: Vec<&str> = node.added.iter().filter_map(|added| added.key.split('.').nth(1)).collect();
+    let with = if with.is_empty() { String::new() } else { format!(" with {}", with.join(" and ")) };
+    let (lies, it) = if rows.len() == 1 { ("lies", "it") } else { ("lie", "them") };
+    let said = format!(
+        "{} {lies} off the model{with}, which explains all other rows: correct {it}, or leave {it} out",
+        each.join(" and ")
+    );
+    Some(Odd { fall: fall - 2.0 * rows.len() as f64, said })
+}
+
+/// Errors that are smaller than a scatter which leans on nothing.
+pub(super) fn sigma_too_small(case: &Case, node: &Node) -> String {
+    let (mut said, mut worst) = (String::new(), 0.0);
+    for (index, set) in case.data.iter().enumerate() {
+        let rows = case.rows(index);
+        let chi2: f64 = rows.clone().map(|row| node.residuals[row].powi(2)).sum();
+        let factor = (chi2 / (rows.len() as f64 * node.freedom() / case.n() as f64).max(1.0)).sqrt();
+        if factor > worst {
+            worst = factor;
+            said = format!(
+                "{}: rows scatter by {factor:.1} times their quoted sigma, and what is left leans on no condition: the errors \
+                 are too small, or something that no column tells disturbs the data",
+                set.file
+            );
+        }
+    }
+    said
+}

@@ -1,0 +1,84 @@
+//! What is left, as a formula: the start of a hypothesis of the user's own.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::Leaning;
+use crate::analysis::validate::{SetResult, Validation};
+use crate::numeric::least_squares::Span;
+use crate::physics::observable::Observable;
+
+/// Part of a power of a covariate that lower ones leave, below which it is none.
+const FLAT: f64 = 1e-10;
+
+/// An effect that would describe what residuals lean on. It says nothing of the cause.
+#[derive(Clone, Debug)]
+pub struct Suggestion {
+    /// `[effects.formula]`, ready for a mission or for `--candidates`.
+    pub toml: String,
+    /// chi2 before, and with it to first order.
+    pub chi2: [f64; 2],
+}
+
+/// What a formula changes, and how.
+#[derive(Clone, Copy)]
+struct Form {
+    /// The values of one observable; None for all of them.
+    of: Option<Observable>,
+    /// Multiplied with the values, or added to them.
+    multiplied: bool,
+}
+
+/// Forms that make sense: something added has the unit of one observable.
+fn forms(validation: &Validation) -> Vec<Form> {
+    let mut observables: Vec<Observable> = validation.sets.iter().map(|set| set.data.observable).collect();
+    observables.sort_by_key(|observable| *observable as usize);
+    observables.dedup();
+    let all = Form { of: None, multiplied: true };
+    let of_one = |of: Option<Observable>| [true, false].map(|multiplied| Form { of, multiplied });
+    match &observables[..] {
+        [_] => of_one(None).to_vec(),
+        several => [all].into_iter().chain(several.iter().flat_map(|one| of_one(Some(*one)))).collect(),
+    }
+}
+
+/// A parabola in the condition that residuals lean on most, or a constant where they lean on none, added to the values or
+/// multiplied with them, of one observable or of all, whichever explains most. None where they lean on words alone.
+pub(super) fn suggest(validation: &Validation, covariates: &[Leaning]) -> Option<Suggestion> {
+    let words = |name: &str| validation.sets.iter().any(|set| set.data.is_words(name));
+    let leaning = covariates.iter().find(|leaning| !words(&leaning.name));
+    if leaning.is_none() && !covariates.is_empty() {
+        return None;
+    }
+    let powers = if leaning.is_some() { 3 } else { 1 };
+    let residuals = validation.sets.iter().flat_map(|set| set.residuals());
+    let residuals = DVector::from_vec(residuals.collect());
+    let explained = |form: Form| {
+        let columns = validation.sets.iter().flat_map(|set| columns(set, form, leaning, powers));
+        let columns = DMatrix::from_row_iterator(residuals.len(), powers, columns);
+        let found = Span::of(&columns, FLAT).solve(&residuals);
+        (form, (&residuals - columns * &found).norm_squared(), found)
+    };
+    let all = forms(validation).into_iter().map(explained);
+    let (form, chi2, found) = all.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let parts = leaning.map_or_else(|| "a".into(), |Leaning { name, .. }| format!("a + b * {name} + c * {name}^2"));
+    let expression = if form.multiplied { format!("value * (1 + {parts})") } else { format!("value + {parts}") };
+    let target = form.of.map_or_else(|| "value".into(), |of| format!("value.{}", of.name()));
+    let mut toml = format!("[effects.formula]\ntarget = \"{target}\"\nexpression = \"{expression}\"\n");
+    for (name, value) in ["a", "b", "c"].iter().zip(found.iter()) {
+        toml += &format!("{name} = {value:.6e}\n");
+    }
+    Some(Suggestion { toml, chi2: [residuals.norm_squared(), chi2] })
+}
+
+/// How the rows of a data set (one after another, in sigma) change with each power of a form.
+fn columns(set: &SetResult, form: Form, leaning: Option<&Leaning>, powers: usize) -> Vec<f64> {
+    let places = leaning.map_or_else(|| vec![0.0; set.data.rows.len()], |leaning| set.data.against(&leaning.name));
+    let concerned = form.of.is_none_or(|observable| observable == set.data.observable);
+    let of_row = |(row, place): (usize, f64)| {
+        let size = if form.multiplied { set.model[row] } else { 1.0 } / set.data.rows[row].sigma;
+        let power =
+            move |power: usize| if concerned && place.is_finite() { size * place.powi(power as i32) } else { 0.0 };
+        (0..powers).map(power).collect::<Vec<_>>()
+    };
+    places.into_iter().enumerate().flat_map(of_row).collect()
+}

@@ -1,0 +1,233 @@
+//! The measurement that tells two models apart.
+//!
+//! Both were fitted to the same data; a measurement is worth most where their predictions lie farthest apart in units of its
+//! own error and of what the fits leave open (T-optimality: Atkinson & Fedorov 1975, Biometrika 62, 57).
+
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+use super::case::{Case, FLAT, Node};
+use super::rivals::Rival;
+use super::search::Search;
+use crate::error::InputError;
+use crate::model::predict::{Question, predict};
+use crate::numeric::least_squares::Span;
+use crate::physics::conditions::Conditions;
+use crate::physics::observable::Observable;
+
+/// A measurement that separates rivals.
+#[derive(Clone, Debug)]
+pub struct Next {
+    /// What to measure.
+    pub observable: Observable,
+    /// Under which conditions, by name; those that the observable uses.
+    pub conditions: Vec<(String, f64)>,
+    /// The galaxy, of a change of shape.
+    pub galaxy: Option<String>,
+    /// The effects that it separates.
+    pub separates: [String; 2],
+    /// How far apart their predictions are, in units of the error of the measurement and of the fits.
+    pub apart_sigma: f64,
+    /// The error assumed, in the observable's unit.
+    pub sigma: f64,
+}
+
+/// Possible measurements for which it is computed together what the fits leave open.
+const TOGETHER: usize = 24;
+
+/// The best measurement to tell a model from a rival. None where nothing that can be measured would.
+pub(super) fn best(
+    search: &Search,
+    node: &Node,
+    rival: &Node,
+    rivals: &[Rival],
+    can: &[Observable],
+) -> Result<Option<Next>, InputError> {
+    let observables: Vec<Observable> =
+        Observable::ALL.into_iter().filter(|observable| can.is_empty() || can.contains(observable)).collect();
+    let wanted: Vec<(Observable, Conditions, Option<usize>)> =
+        observables.into_iter().flat_map(|observable| possible(search.case, node, observable)).collect();
+    let questions: Vec<Question> = wanted
+        .iter()
+        .map(|(observable, at, galaxy)| Question { observable: *observable, at, galaxy: *galaxy })
+        .collect();
+    if questions.is_empty() {
+        return Ok(None);
+    }
+    let (one, other) = (predict(&node.model, &questions)?, predict(&rival.model, &questions)?);
+    let sigma = |index: usize| error(search.case, wanted[index].0, one[index]);
+    let apart = |index: usize, open: f64| {
+        let apart = (one[index] - other[index]).abs() / sigma(index).hypot(open.sqrt());
+        if apart.is_finite() { apart } else { 0.0 }
+    };
+    // What the fits leave open takes many predictions, and only brings two models nearer: it is left out where they are not
+    // as far apart without it as the best so far with it.
+    let mut order: Vec<usize> = (0..wanted.len()).collect();
+    order.sort_by(|a, b| apart(*b, 0.0).total_cmp(&apart(*a, 0.0)).then(a.cmp(b)));
+    let mut best = (order[0], 0.0);
+    for some in order.chunks(TOGETHER) {
+        if apart(some[0], 0.0) <= best.1 {
+            break;
+        }
+        let asked: Vec<Question> = some.iter().map(|&index| questions[index]).collect();
+        let (open_one, open_other) = (left_open(node, &asked)?, left_open(rival, &asked)?);
+        for ((&index, one), other) in some.iter().zip(open_one).zip(open_other) {
+            let apart = apart(index, one + other);
+            if apart > best.1 {
+                best = (index, apart);
+            }
+        }
+    }
+    let (best, apart_sigma) = best;
+    let sigma = sigma(best);
+    let (observable, at, galaxy) = &wanted[best];
+    let names = uses(*observable);
+    let name = |place: usize| search.hypotheses[place].name.clone();
+    Ok((apart_sigma > 0.5).then(|| Next {
+        observable: *observable,
+        conditions: names.iter().filter_map(|name| Some((name.to_string(), at.get(name)?))).collect(),
+        galaxy: galaxy.map(|place| node.mission().galaxies[place].name.clone()),
+        separates: [name(rivals[0].instead_of), name(rivals[0].hypothesis)],
+        apart_sigma,
+        sigma,
+    }))
+}
+
+/// Conditions that an observable uses.
+fn uses(observable: Observable) -> &'static [&'static str] {
+    match observable {
+        Observable::Dose => &["t_yr"],
+        Observable::Trail => &[
+            "trail_px",
+            "signal_e",
+            "background_e",
+            "transfers",
+            "t_yr",
+            "dose_mev_g",
+            "temperature_k",
+            "line_time_ms",
+        ],
+        Observable::PacketCharge => {
+            &["signal_e", "background_e", "transfers", "t_yr", "dose_mev_g", "temperature_k", "line_time_ms"]
+        }
+        Observable::Eper => &[
+            "trail_px",
+            "signal_e",
+            "background_e",
+            "block_px",
+            "transfers",
+            "t_yr",
+            "dose_mev_g",
+            "temperature_k",
+            "line_time_ms",
+        ],
+        _ => &["transfers", "background_e", "t_yr", "dose_mev_g", "temperature_k", "line_time_ms"],
+    }
+}
+
+/// Pixels behind a packet that are worth measuring.
+const PIXELS: [u32; 6] = [1, 2, 4, 10, 30, 100];
+
+/// What could be measured: around the data's and the mission's own conditions, one condition changed at a time.
+fn possible(case: &Case, node: &Node, observable: Observable) -> Vec<(Observable, Conditions, Option<usize>)> {
+    let mission = node.mission();
+    let like = case.questions.iter().find(|question| question.observable == observable).or(case.questions.first());
+    let Some(like) = like else { return Vec::new() };
+    let mut here = like.at.clone();
+    here.t_yr = case.reach.last_yr().max(here.t_yr);
+    here.signal_e = here.signal_e.or(Some(10.0 * here.background_e.max(100.0)));
+    here.block_px = match observable {
+        Observable::Eper => Some(here.block_px.unwrap_or(200).min(here.transfers)),
+        _ => None,
+    };
+    let in_lab = here.dose_mev_g.is_some() && observable != Observable::Dose;
+    let mut around = vec![here.clone()];
+    let signal_e = here.signal_e.expect("set above");
+    let deepest_e = 0.5 * mission.detector.full_well_e;
+    for factor in [0.03, 0.1, 0.3, 3.0, 10.0] {
+        around.push(Conditions { signal_e: Some((factor * signal_e).clamp(10.0, deepest_e)), ..here.clone() });
+        around.push(Conditions { line_time_ms: factor * here.line_time_ms, ..here.clone() });
+        let background_e = (factor * here.background_e).min(0.1 * deepest_e);
+        around.push(Conditions { background_e, ..here.clone() });
+    }
+    for kelvin in [-20.0, -10.0, 10.0, 20.0] {
+        around.push(Conditions { temperature_k: (here.temperature_k + kelvin).max(60.0), ..here.clone() });
+    }
+    for share in [0.05, 0.3, 0.6] {
+        let transfers = ((share * f64::from(here.transfers.max(mission.readout.transfers))) as u32).max(10);
+        let block_px = here.block_px.map(|block_px| block_px.min(transfers));
+        around.push(Conditions { transfers, block_px, ..here.clone() });
+    }
+    for share in [0.0, 0.1, 0.25, 0.5, 0.75, 1.0] {
+        let t_yr = share * mission.mission.duration_yr;
+        if !in_lab {
+            around.push(Conditions { t_yr, dose_mev_g: None, ..here.clone() });
+        }
+    }
+    let mut all = Vec::new();
+    for at in around {
+        match observable {
+            Observable::Dose => all.push((observable, Conditions { dose_mev_g: None, ..at }, None)),
+            Observable::Trail | Observable::Eper => {
+                all.extend(PIXELS.map(|px| (observable, Conditions { trail_px: Some(px), ..at.clone() }, None)));
+            }
+            Observable::PacketCharge => all.push((observable, Conditions { trail_px: None, ..at }, None)),
+            _ => {
+                let galaxy = mission.galaxies.iter().position(|galaxy| galaxy.name == mission.requirement.galaxy);
+                all.push((observable, Conditions { trail_px: None, signal_e: None, ..at }, galaxy));
+            }
+        }
+    }
+    all
+}
+
+/// The error that a measurement of an observable would have: that of the data where they have it, or a hundredth of the
+/// value.
+fn error(case: &Case, observable: Observable, value: f64) -> f64 {
+    let mut sigmas: Vec<f64> = case
+        .questions
+        .iter()
+        .zip(&case.sigmas)
+        .filter(|(question, _)| question.observable == observable)
+        .map(|(_, sigma)| *sigma)
+        .collect();
+    sigmas.sort_by(f64::total_cmp);
+    let least = match observable {
+        Observable::Dose => 2e4,
+        Observable::Trail => 3e-4,
+        Observable::PacketCharge | Observable::Eper => 2.0,
+        Observable::DeltaY => 1e-3,
+        _ => 3e-5,
+    };
+    sigmas.get(sigmas.len() / 2).copied().unwrap_or((0.01 * value.abs()).max(least))
+}
+
+/// The variance that a fit leaves open in predictions.
+fn left_open(node: &Node, questions: &[Question]) -> Result<Vec<f64>, InputError> {
+    if node.fit.parameters.is_empty() {
+        return Ok(vec![0.0; questions.len()]);
+    }
+    let here = predict(&node.model, questions)?;
+    let keys: Vec<_> = node.fit.parameters.iter().collect();
+    let derivatives: Vec<Result<DVector<f64>, InputError>> = keys
+        .par_iter()
+        .map(|fitted| {
+            let step = 1e-2 * fitted.sigma.unwrap_or(0.0);
+            let moved = node.mission().with(&[(fitted.key.clone(), (fitted.value + step).into())]);
+            match moved {
+                Ok(mission) if step > 0.0 => {
+                    let there = predict(&node.model.like(&mission), questions)?;
+                    Ok(DVector::from_iterator(here.len(), there.iter().zip(&here).map(|(a, b)| (a - b) / step)))
+                }
+                _ => Ok(DVector::zeros(here.len())),
+            }
+        })
+        .collect();
+    let derivatives = derivatives.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let covariance = Span::of(&node.fit.jacobian, FLAT).covariance();
+    let open = (0..here.len()).map(|row| {
+        let gradient = DVector::from_iterator(keys.len(), derivatives.iter().map(|derivative| derivative[row]));
+        (gradient.transpose() * &covariance * &gradient)[(0, 0)].max(0.0)
+    });
+    Ok(open.collect())
+}

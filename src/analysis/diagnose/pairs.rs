@@ -1,0 +1,67 @@
+//! Two effects at once, to first order.
+//!
+//! The search adds one effect to the best few. Two of which neither is much alone, because each undoes what is wrong with
+//! the other, are not found in this way: for them the signatures of all pairs of trials are held against the residuals
+//! together. That takes no readout.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::case::FLAT;
+use super::hypothesis::{FARTHEST, Hypothesis, Trial};
+use super::search::Expansion;
+use crate::numeric::least_squares::Span;
+
+/// Two trials, each with how many times as strong as its table it is.
+pub(super) struct Pair<'a> {
+    pub trials: [(&'a Trial, f64); 2],
+    /// By how much chi2 falls.
+    pub gain: f64,
+    /// Residuals that are left.
+    pub left: DVector<f64>,
+}
+
+/// For each pair of hypotheses, of those that are wanted, the best pair of their trials; those that promise most first.
+pub(super) fn promising<'a>(
+    expansion: &'a Expansion,
+    hypotheses: &[Hypothesis],
+    wanted: impl Fn(usize) -> bool,
+) -> Vec<Pair<'a>> {
+    let places: Vec<usize> = (0..hypotheses.len()).filter(|&place| wanted(place)).collect();
+    let all = places.iter().enumerate().flat_map(|(first, &a)| places[first..].iter().map(move |&b| (a, b)));
+    let all: Vec<(usize, usize)> = all.filter(|&(a, b)| a != b || hypotheses[a].may_repeat()).collect();
+    let best = |&(a, b): &(usize, usize)| {
+        let [one, other] = [a, b].map(|place| &expansion.trials[place]);
+        let both = one.iter().flat_map(|one| other.iter().map(move |other| [one, other]));
+        both.filter_map(|both| together(both, &expansion.node.residuals)).max_by(|a, b| a.gain.total_cmp(&b.gain))
+    };
+    let mut pairs: Vec<Pair> = all.par_iter().filter_map(best).collect();
+    pairs.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    pairs
+}
+
+/// Two trials held against residuals together; None where they are one direction, or a strength is out of reach.
+fn together<'a>(trials: [&'a Trial; 2], residuals: &DVector<f64>) -> Option<Pair<'a>> {
+    let mut left = residuals.clone();
+    for signature in trials.iter().filter_map(|trial| trial.fixed()) {
+        left -= signature;
+    }
+    let adjusted: Vec<&Trial> = trials.into_iter().filter(|trial| trial.fixed().is_none()).collect();
+    let columns: Vec<_> = adjusted.iter().flat_map(|trial| trial.basis.column_iter()).collect();
+    let columns = if columns.is_empty() { DMatrix::zeros(left.len(), 0) } else { DMatrix::from_columns(&columns) };
+    let span = Span::of(&columns, FLAT);
+    if span.directions().ncols() < columns.ncols() {
+        return None;
+    }
+    let along = span.solve(&left);
+    left -= &columns * &along;
+    let mut first = 0;
+    let mut strengths = trials.map(|trial| (trial, 1.0));
+    for (trial, strength) in strengths.iter_mut().filter(|(trial, _)| trial.fixed().is_none()) {
+        *strength = trial.strength_along(along.rows(first, trial.dimensions()));
+        first += trial.dimensions();
+    }
+    let in_reach = strengths.iter().all(|(_, strength)| *strength > 0.0 && *strength < FARTHEST);
+    let gain = residuals.norm_squared() - left.norm_squared();
+    in_reach.then_some(Pair { trials: strengths, gain, left })
+}

@@ -1,0 +1,283 @@
+//! The search: effects tried on top of a fitted model, one more at a time, several lines at once.
+//!
+//! At a fitted model every trial of every effect gives a signature; what the free parameters absorb of it is taken out, and
+//! the rest foretells how far chi2 falls. The trials that promise most are fitted, all free parameters with them, first
+//! roughly, then the best in full. Where no single effect is enough, the best few are carried on together: the first of two
+//! missing effects need not be the one that explains most by itself.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
+
+use rayon::prelude::*;
+
+use super::Progress;
+use super::case::{Added, Case, Node};
+use super::chance::{Noise, Null};
+use super::hypothesis::{FARTHEST, Hypothesis, Trial};
+use crate::analysis::fit::{self, Problem};
+use crate::effect;
+use crate::error::InputError;
+use crate::mission::Mission;
+use crate::mission_file;
+use crate::model::Model;
+
+/// Trials of one effect that are fitted.
+const FITTED: usize = 2;
+
+/// Share of the gain of its best trial that another must promise to be fitted as well.
+const ALSO: f64 = 0.3;
+
+/// Effects fitted on top of a model that has some already: those that promise most.
+pub(super) const BREADTH: usize = 6;
+
+/// Models that are carried on together.
+pub(super) const LINES: usize = 4;
+
+/// A rough fit of one more effect.
+#[derive(Clone)]
+pub(super) struct Sketch {
+    pub added: Vec<Added>,
+    pub mission: Mission,
+    pub chi2: f64,
+}
+
+impl Sketch {
+    pub fn last(&self) -> usize {
+        self.added.last().expect("one more effect").hypothesis
+    }
+}
+
+/// What can be added to a fitted model.
+pub(super) struct Expansion {
+    pub node: Arc<Node>,
+    /// By hypothesis.
+    pub trials: Vec<Vec<Trial>>,
+    /// Rough fits made so far, by hypothesis; None where an effect cannot be fitted.
+    sketches: Mutex<BTreeMap<usize, Option<Sketch>>>,
+}
+
+impl Expansion {
+    /// How far chi2 falls with an effect, to first order and within reach of its trials.
+    pub fn gain(&self, hypothesis: usize) -> f64 {
+        self.trials[hypothesis].iter().map(|trial| trial.gain_in_reach(&self.node.residuals)).fold(0.0, f64::max)
+    }
+
+    /// Effects that can be added, those that promise most first.
+    pub fn promising(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.trials.len()).filter(|&place| !self.trials[place].is_empty()).collect();
+        order.sort_by(|a, b| self.gain(*b).total_cmp(&self.gain(*a)).then(a.cmp(b)));
+        order
+    }
+
+    /// chi2 with an effect: of its rough fit where there is one, to first order elsewhere; more than without it where the data
+    /// rule it out. An effect that can be as weak as nothing is best so where no other strength helps. None where it changes
+    /// nothing.
+    pub fn chi2(&self, hypothesis: usize) -> Option<f64> {
+        let sketches = self.sketches.lock().expect("nobody panics");
+        let fitted = sketches.get(&hypothesis).and_then(|sketch| sketch.as_ref().map(|sketch| sketch.chi2));
+        let trials = &self.trials[hypothesis];
+        let gains = trials.iter().map(|trial| trial.change(&self.node.residuals));
+        let first_order = || gains.max_by(f64::total_cmp).map(|gain| self.node.chi2() - gain);
+        let chi2 = fitted.or_else(first_order)?;
+        let can_be_nothing = trials.iter().any(|trial| trial.can_be_nothing);
+        Some(if can_be_nothing { chi2.min(self.node.chi2()) } else { chi2 })
+    }
+}
+
+/// All that stays the same during a search.
+pub(super) struct Search<'a> {
+    pub case: &'a Case<'a>,
+    pub hypotheses: &'a [Hypothesis],
+    /// Keys that are free from the start.
+    pub base: Vec<String>,
+    pub seed: u64,
+    pub progress: &'a Progress<'a>,
+    /// Fitted models, and those at their very optimum, one for each set of hypotheses.
+    nodes: Mutex<Vec<Arc<Node>>>,
+    settled: Mutex<Vec<Arc<Node>>>,
+    expansions: Mutex<Vec<Arc<Expansion>>>,
+}
+
+impl<'a> Search<'a> {
+    pub fn new(
+        case: &'a Case<'a>,
+        hypotheses: &'a [Hypothesis],
+        base: Vec<String>,
+        seed: u64,
+        progress: &'a Progress<'a>,
+    ) -> Search<'a> {
+        Search {
+            case,
+            hypotheses,
+            base,
+            seed,
+            progress,
+            nodes: Mutex::default(),
+            settled: Mutex::default(),
+            expansions: Mutex::default(),
+        }
+    }
+
+    /// The model of a sketch, with its errors; the same effects are fitted once.
+    pub fn node(&self, sketch: &Sketch, like: &Node) -> Result<Arc<Node>, InputError> {
+        let mut set: Vec<usize> = sketch.added.iter().map(|added| added.hypothesis).collect();
+        set.sort_unstable();
+        if let Some(node) = self.known(&set).filter(|node| node.chi2() <= sketch.chi2 + 1e-3) {
+            return Ok(node);
+        }
+        self.fit(&like.model.like(&sketch.mission), &sketch.added, true)
+    }
+
+    /// A model at its very optimum, every interval between epochs tried for moments.
+    pub fn settled(&self, node: &Node) -> Result<Arc<Node>, InputError> {
+        let settled =
+            self.settled.lock().expect("nobody panics").iter().find(|known| known.set() == node.set()).cloned();
+        if let Some(settled) = settled.filter(|settled| settled.chi2() <= node.chi2()) {
+            return Ok(settled);
+        }
+        let found = self.fit(&node.model, &node.added, false)?;
+        self.settled.lock().expect("nobody panics").push(found.clone());
+        Ok(found)
+    }
+
+    fn known(&self, set: &[usize]) -> Option<Arc<Node>> {
+        self.nodes.lock().expect("nobody panics").iter().find(|node| node.set() == set).cloned()
+    }
+
+    fn fit(&self, model: &Model, added: &[Added], settled: bool) -> Result<Arc<Node>, InputError> {
+        // A search has tried all intervals, unless they are too many.
+        let moments = self.case.reach.epochs_yr.len() > effect::MOMENTS;
+        let options = fit::Options { starts: 1, scan: false, seed: self.seed, moments, settled };
+        let node = Arc::new(Node::fit(self.case, model, added.to_vec(), &self.base, &options)?);
+        let mut nodes = self.nodes.lock().expect("nobody panics");
+        nodes.retain(|known| known.set() != node.set());
+        nodes.push(node.clone());
+        Ok(node)
+    }
+
+    /// The fitted model with some hypotheses, added one by one to another.
+    pub fn with(&self, base: &Arc<Node>, hypotheses: &[usize]) -> Result<Arc<Node>, InputError> {
+        let mut set = hypotheses.to_vec();
+        set.sort_unstable();
+        if set.is_empty() {
+            return Ok(base.clone());
+        }
+        if let Some(node) = self.known(&set) {
+            return self.settled(&node);
+        }
+        let (last, before) = hypotheses.split_last().expect("not empty");
+        let parent = self.with(base, before)?;
+        let trials = self.hypotheses[*last].trials(*last, self.case, &parent);
+        let sketch = self
+            .sketch(&parent, &trials)
+            .ok_or_else(|| InputError::new("cannot diagnose", "an effect that was there has no trial any more"))?;
+        self.settled(&*self.node(&sketch, &parent)?)
+    }
+
+    /// Every trial of every effect on top of a model, or of the best fit with the same effects.
+    pub fn expand(&self, node: &Arc<Node>) -> Arc<Expansion> {
+        let set = node.set();
+        let node = &self.known(&set).filter(|known| known.chi2() <= node.chi2()).unwrap_or_else(|| node.clone());
+        let known =
+            self.expansions.lock().expect("nobody panics").iter().find(|known| known.node.set() == set).cloned();
+        if let Some(expansion) = known.filter(|known| known.node.chi2() == node.chi2()) {
+            return expansion;
+        }
+        let trials = |(place, hypothesis): (usize, &Hypothesis)| {
+            let new = if set.contains(&place) { hypothesis.may_repeat() } else { hypothesis.is_new_to(node.mission()) };
+            let trials = if new { hypothesis.trials(place, self.case, node) } else { Vec::new() };
+            self.progress.step();
+            trials
+        };
+        let trials = self.hypotheses.par_iter().enumerate().map(trials).collect();
+        let expansion = Arc::new(Expansion { node: node.clone(), trials, sketches: Mutex::default() });
+        let mut expansions = self.expansions.lock().expect("nobody panics");
+        expansions.retain(|known| known.node.set() != set);
+        expansions.push(expansion.clone());
+        expansion
+    }
+
+    /// Rough fits of some effects on top of a model, least chi2 first.
+    pub fn sketches(&self, expansion: &Expansion, wanted: &[usize]) -> Vec<Sketch> {
+        let known = |place: &usize| expansion.sketches.lock().expect("nobody panics").get(place).cloned();
+        let sketch = |place: &usize| {
+            let sketch = known(place).unwrap_or_else(|| self.sketch(&expansion.node, &expansion.trials[*place]));
+            expansion.sketches.lock().expect("nobody panics").insert(*place, sketch.clone());
+            self.progress.step();
+            sketch
+        };
+        let mut sketches: Vec<Sketch> = wanted.par_iter().filter_map(sketch).collect();
+        sketches.sort_by(|a, b| a.chi2.total_cmp(&b.chi2).then(a.last().cmp(&b.last())));
+        sketches
+    }
+
+    /// The best rough fit of an effect from its most promising trials.
+    fn sketch(&self, node: &Node, trials: &[Trial]) -> Option<Sketch> {
+        let mut order: Vec<&Trial> = trials.iter().collect();
+        let gain = |trial: &Trial| trial.gain_in_reach(&node.residuals);
+        order.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+        let first = order.first().map_or(0.0, |trial| gain(trial));
+        let also = |trial: &&Trial| gain(trial) >= ALSO * first;
+        let wanted: Vec<&Trial> = order.into_iter().filter(also).take(FITTED).collect();
+        let fitted = wanted.par_iter().map(|trial| {
+            let strength = trial.strength(&node.residuals).clamp(0.1, FARTHEST);
+            self.sketch_of(node, &[(trial, strength)])
+        });
+        let fitted: Vec<Option<Sketch>> = fitted.collect();
+        fitted.into_iter().flatten().min_by(|a, b| a.chi2.total_cmp(&b.chi2))
+    }
+
+    /// The rough fit of some trials together, each from so many times as strong as its table.
+    pub fn sketch_of(&self, node: &Node, trials: &[(&Trial, f64)]) -> Option<Sketch> {
+        let from = |share: f64| {
+            let scaled = |(trial, strength): &(&Trial, f64)| {
+                let hypothesis = &self.hypotheses[trial.hypothesis];
+                let scaled = hypothesis.scaled(node.mission(), &trial.table, share * strength);
+                (trial.hypothesis, scaled.map_or_else(|| trial.table.clone(), |(table, _)| table))
+            };
+            let as_given = |(trial, _): &(&Trial, f64)| (trial.hypothesis, trial.table.clone());
+            self.fit_roughly(node, trials.iter().map(scaled))
+                .or_else(|| self.fit_roughly(node, trials.iter().map(as_given)))
+        };
+        let sketch = from(1.0)?;
+        // More effects cannot do worse: the start was too far away.
+        let astray = sketch.chi2 > node.chi2() + 1.0;
+        let again = astray.then(|| from(0.05)).flatten();
+        Some(again.filter(|again| again.chi2 < sketch.chi2).unwrap_or(sketch))
+    }
+
+    fn fit_roughly(&self, node: &Node, tables: impl Iterator<Item = (usize, toml::Table)>) -> Option<Sketch> {
+        let (mut mission, mut added) = (node.mission().clone(), node.added.clone());
+        for (place, table) in tables {
+            mission = self.add(&mission, &mut added, place, &table)?;
+        }
+        let keys: Vec<String> = self.base.iter().chain(added.iter().flat_map(|added| &added.free)).cloned().collect();
+        let model = node.model.like(&mission);
+        let count = |_| self.case.work.count();
+        let problem = Problem::new(&model, self.case.data, &keys, &count, |_| true).ok()?;
+        let (mission, chi2) = problem.sketch(&node.fit.jacobian).ok()?;
+        chi2.is_finite().then_some(Sketch { added, mission, chi2 })
+    }
+
+    /// A mission with one more effect. Keys of an effect that gets company of its kind get numbers.
+    fn add(&self, to: &Mission, added: &mut Vec<Added>, place: usize, table: &toml::Table) -> Option<Mission> {
+        let hypothesis = &self.hypotheses[place];
+        let (mission, key) = mission_file::add_effect(to, hypothesis.kind, table.clone()).ok()?;
+        let alone = format!("effects.{}", hypothesis.kind);
+        if key != alone {
+            for known in added.iter_mut().filter(|known| known.key == alone) {
+                known.key = format!("{alone}.1");
+                for free in &mut known.free {
+                    *free = free.replacen(&alone, &known.key, 1);
+                }
+            }
+        }
+        added.push(Added { hypothesis: place, free: hypothesis.free(&key, table, &self.case.reach), key });
+        Some(mission)
+    }
+
+    /// How often the search finds as much in noise, at a model whose noise is given.
+    pub fn null(&self, node: &Arc<Node>, noise: &Noise) -> Null {
+        Null::simulate(self.case, node, &self.expand(node).trials, noise, self.seed)
+    }
+}

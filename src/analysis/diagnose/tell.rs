@@ -1,0 +1,127 @@
+//! Everything that is told of what was found.
+
+use super::case::{Added, Node};
+use super::chance::Noise;
+use super::{Diagnosis, Found, Leaning, Rung, Step, Told, Tried, Verdict, formula, holdout, newest};
+use crate::analysis::fit::{self, Advice};
+use crate::analysis::validate::validate;
+use crate::effect;
+use crate::error::InputError;
+use crate::mission::Mission;
+use crate::physics::accuracy::Purpose;
+use crate::plan::evaluate::{self, evaluate};
+
+impl Told<'_> {
+    /// Everything that is told of what was found.
+    pub(super) fn diagnosis(
+        &self,
+        mission: &Mission,
+        found: Found,
+        held_out: Option<String>,
+        notes: Vec<String>,
+    ) -> Result<Diagnosis, InputError> {
+        let Found { verdict, reason, ladder, alternatives, next, limits } = found;
+        let node = ladder.last().expect("the base");
+        (self.search.progress.stage)("budget", ladder.len() as u64);
+        let improved = Mission { accuracy: mission.accuracy.clone(), ..node.mission().clone() };
+        let before = validate(
+            &Mission { accuracy: mission.accuracy.clone(), ..self.base.mission().clone() },
+            self.case().data,
+            self.options.seed,
+        )?;
+        let after = validate(&improved, self.case().data, self.options.seed)?;
+        let mut rungs: Vec<Rung> = ladder
+            .iter()
+            .map(|node| {
+                self.search.progress.step();
+                Rung {
+                    chi2: node.chi2(),
+                    n: self.case().n(),
+                    free: node.fit.parameters.len(),
+                    parameters: node.fit.parameters.clone(),
+                    holdout_rms_sigma: self.groups.and_then(|groups| holdout::rms_sigma(groups, node)),
+                    budget: budget(node.mission()),
+                }
+            })
+            .collect();
+        let values = fit::sides::widened(&node.model, self.case().data, &node.fit)?;
+        rungs.last_mut().expect("the base").parameters = values.clone();
+        let mut steps = Vec::new();
+        let mut told: Vec<usize> = Vec::new();
+        for (index, pair) in ladder.windows(2).enumerate() {
+            let hypothesis = newest(&pair[0], &pair[1]);
+            // Of two of a kind the first is told first.
+            let here = |place: &usize| node.added[*place].hypothesis == hypothesis && !told.contains(place);
+            let place = (0..node.added.len()).find(here).expect("it was added");
+            told.push(place);
+            let added = &node.added[place];
+            let parameters = values.iter().filter(|fitted| added.free.contains(&fitted.key)).cloned();
+            steps.push(Step {
+                effect: self.name(hypothesis),
+                parameters: parameters.collect(),
+                key: added.key.clone(),
+                rung: rungs[index + 1].clone(),
+                false_alarm: self.false_alarm(node, place)?,
+            });
+        }
+        let tried = if verdict == Verdict::Unfit { Vec::new() } else { self.tried() };
+        let mut covariates: Vec<Leaning> = Vec::new();
+        let mut suggestion = None;
+        if verdict == Verdict::Unexplained {
+            for lean in after.leans.iter().filter(|lean| lean.false_alarm < self.options.level) {
+                if covariates.iter().all(|known| known.name != lean.name) {
+                    covariates.push(Leaning { name: lean.name.clone(), false_alarm: lean.false_alarm });
+                }
+            }
+            suggestion = formula::suggest(&after, &covariates);
+        }
+        let parameters = values.iter().filter(|fitted| self.search.base.contains(&fitted.key)).cloned();
+        Ok(Diagnosis {
+            mission: mission.clone(),
+            improved,
+            parameters: parameters.collect(),
+            verdict,
+            reason,
+            baseline: rungs[0].clone(),
+            steps,
+            tried,
+            alternatives,
+            covariates,
+            suggestion,
+            next,
+            limits,
+            held_out,
+            noise: Noise::left_at(self.case(), node),
+            notes,
+            evaluations: [self.case().work.done(), self.options.evaluations],
+            undone: self.case().work.undone(),
+            before,
+            after,
+            advice: node.fit.advice.iter().cloned().chain(self.assumed(node)).collect(),
+        })
+    }
+
+    /// Numbers of the effects that were added which were not fitted.
+    fn assumed(&self, node: &Node) -> Vec<Advice> {
+        let of = |added: &Added| {
+            let table = effect::table(node.mission(), &added.key)?;
+            Some(self.search.hypotheses[added.hypothesis].assumed(&added.key, table, &self.case().reach))
+        };
+        let assumed = node.added.iter().filter_map(of).flatten();
+        assumed.map(|(key, value)| Advice::Assumed { key, value }).collect()
+    }
+
+    /// chi2 of every effect alone.
+    fn tried(&self) -> Vec<Tried> {
+        let expansion = self.search.expand(self.base);
+        let tried = |place| Tried { effect: self.name(place), chi2: expansion.chi2(place) };
+        let mut tried: Vec<Tried> = (0..self.search.hypotheses.len()).map(tried).collect();
+        tried.sort_by(|a, b| a.chi2.unwrap_or(f64::INFINITY).total_cmp(&b.chi2.unwrap_or(f64::INFINITY)));
+        tried
+    }
+}
+
+/// When the budget is exceeded.
+fn budget(mission: &Mission) -> Option<evaluate::Verdict> {
+    evaluate(&Purpose::Dates.of(mission)).ok().map(|evaluation| evaluation.verdict)
+}

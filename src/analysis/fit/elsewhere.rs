@@ -1,0 +1,94 @@
+//! Whether chi2 has a deeper minimum elsewhere.
+//!
+//! Where a model has a kink (a packet that sinks into a notch near the background), chi2 has several minima, and a minimiser
+//! ends in that next to its start. Each parameter is scanned by itself, on either side of the optimum and at the value that the
+//! mission has, all others following to first order: 20 evaluations of the model for each. Where the scan finds less than at
+//! the optimum, or a second valley, the fit starts once more. The mission's own values are among the starts, so that a fit
+//! with a parameter held there cannot end lower than one where it is free.
+
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+use super::{LOOSE, Optimum, Problem};
+use crate::numeric::least_squares::Span;
+
+/// Distances of a scan from the optimum, in ordinary changes of a parameter (of its logarithm, if it must be above 0).
+const DISTANCES: [f64; 9] = [0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 3.2, 4.6];
+
+/// Times that all parameters are scanned, and new starts of each time: those that promise most.
+const ROUNDS: usize = 3;
+const STARTS: usize = 3;
+
+/// Rise of chi2 within which a rough fit ends in the minimum that is known.
+const ROUGH: f64 = 1.0;
+
+/// Rise of chi2, beside a share of it, from which on a minimum is not followed to its bottom.
+const FAR_ABOVE: f64 = 30.0;
+
+/// Fall of chi2 below which two minima are one.
+pub(super) const SAME: f64 = 0.01;
+
+impl Problem<'_> {
+    /// Minima that are found from scans around an optimum, lower or higher than it.
+    pub(super) fn scanned(&self, optimum: &Optimum) -> Vec<Optimum> {
+        let mut best = optimum.clone();
+        let mut found = Vec::new();
+        for _ in 0..ROUNDS {
+            let valleys = self.valleys(&best);
+            let minima: Vec<Optimum> = valleys.iter().filter_map(|start| self.another(start, &best)).collect();
+            let lowest = minima.iter().min_by(|a, b| a.chi2.total_cmp(&b.chi2)).cloned();
+            found.extend(minima);
+            match lowest {
+                Some(lowest) if lowest.chi2 < best.chi2 - SAME => best = lowest,
+                _ => break,
+            }
+        }
+        found
+    }
+
+    /// The minimum that a start leads to; None where a rough fit comes back to the known one, or ends so far above it that
+    /// nobody would ask for it.
+    fn another(&self, start: &[f64], known: &Optimum) -> Option<Optimum> {
+        let rough = self.roughly(start);
+        let rise = rough.chi2 - known.chi2;
+        let is_known = rise > -SAME && rise < ROUGH;
+        (!is_known && rise < FAR_ABOVE * (1.0 + 0.01 * known.chi2)).then(|| self.minimise(&rough.at))
+    }
+
+    /// Places from which another minimum may be reached, those of least chi2 first.
+    fn valleys(&self, optimum: &Optimum) -> Vec<Vec<f64>> {
+        let Ok(jacobian) = self.jacobian(&optimum.at) else { return Vec::new() };
+        let moving = |index: &usize| !self.parameters[*index].is_moment;
+        let mut starts: Vec<(f64, Vec<f64>)> = Vec::new();
+        for index in (0..optimum.at.len()).filter(moving) {
+            let span = Span::of(&jacobian.clone().remove_column(index), LOOSE);
+            let parameter = &self.parameters[index];
+            let scanned = |value: f64| -> Option<(f64, Vec<f64>)> {
+                let mut at = optimum.at.clone();
+                at[index] = value;
+                let residuals = DVector::from_vec(self.residuals(&at).ok()?);
+                let follow = -span.solve(&residuals).insert_row(index, 0.0);
+                let left = &residuals - span.directions() * (span.directions().transpose() * &residuals);
+                for (other, parameter) in self.parameters.iter().enumerate().filter(|(other, _)| *other != index) {
+                    let moved = (at[other] + follow[other]).clamp(parameter.low, parameter.high);
+                    at[other] = parameter.outer(parameter.inner(moved));
+                }
+                Some((left.norm_squared(), at))
+            };
+            let values = parameter.around_it(optimum.at[index], &DISTANCES);
+            let mut scan: Vec<(f64, Vec<f64>)> = values.into_par_iter().filter_map(scanned).collect();
+            scan.push((optimum.chi2, optimum.at.clone()));
+            scan.sort_by(|a, b| a.1[index].total_cmp(&b.1[index]));
+            for (place, (chi2, at)) in scan.iter().enumerate() {
+                let lower = |other: Option<&(f64, Vec<f64>)>| other.is_none_or(|(other, _)| chi2 < other);
+                let valley = lower(scan[..place].last()) && lower(scan.get(place + 1));
+                if at[index] != optimum.at[index] && (valley || *chi2 < optimum.chi2 - SAME) {
+                    starts.push((*chi2, at.clone()));
+                }
+            }
+        }
+        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        starts.truncate(STARTS);
+        starts.into_iter().map(|(_, at)| at).collect()
+    }
+}

@@ -1,0 +1,142 @@
+//! Moments of events (a flare, a bakeout), of which data only tell between which two of their epochs they lie.
+
+use nalgebra::DVector;
+
+use super::{LOOSE, Optimum, Problem};
+use crate::error::InputError;
+use crate::numeric::least_squares::Span;
+
+/// Rise of chi2 up to which a moment is as good elsewhere: one standard error.
+const AS_GOOD: f64 = 1.0;
+
+/// Rise of chi2 beyond which no moment is looked for.
+const UNLIKELY: f64 = 16.0;
+
+/// Intervals between epochs of which one is tried first for a moment.
+const EVERY: usize = 4;
+
+impl Problem<'_> {
+    /// Minimises from a start, trying every interval between epochs for each moment.
+    pub(super) fn with_moments(&self, start: &[f64]) -> Optimum {
+        let moments: Vec<usize> = (0..start.len()).filter(|&index| self.parameters[index].is_moment).collect();
+        let mut best = self.minimise(start);
+        if moments.is_empty() {
+            return best;
+        }
+        let candidates: Vec<f64> = self.epochs().windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
+        // Moments may depend on one another: once more after all have been tried.
+        for _ in 0..if moments.len() > 1 { 2 } else { 1 } {
+            for &index in &moments {
+                let from = best.at.clone();
+                let attempt = |place: usize| {
+                    let mut at = from.clone();
+                    at[index] = candidates[place];
+                    self.minimise(&at)
+                };
+                // Every few intervals first, then all around the best of them.
+                let coarse: Vec<(usize, Optimum)> =
+                    (0..candidates.len()).step_by(EVERY).map(|place| (place, attempt(place))).collect();
+                let least = coarse.iter().min_by(|a, b| a.1.chi2.total_cmp(&b.1.chi2)).map_or(0, |(place, _)| *place);
+                let around = least.saturating_sub(EVERY - 1)..(least + EVERY).min(candidates.len());
+                let fine = around.filter(|place| place % EVERY != 0).map(attempt);
+                for found in coarse.iter().map(|(_, found)| found.clone()).chain(fine.collect::<Vec<_>>()) {
+                    if found.chi2 < best.chi2 - 1e-9 * best.chi2.abs() {
+                        best = found;
+                    }
+                }
+            }
+        }
+        best
+    }
+
+    /// Launch and the epochs of the data, years since launch, rising.
+    fn epochs(&self) -> Vec<f64> {
+        let mut epochs: Vec<f64> = self.questions.iter().map(|question| question.at.t_yr).collect();
+        epochs.push(0.0);
+        epochs.sort_by(f64::total_cmp);
+        epochs.dedup();
+        epochs
+    }
+
+    /// An optimum with each moment in the middle of where chi2 is as good: its mean, where the data do not tell more.
+    pub(super) fn centred(&self, optimum: Optimum) -> Result<Optimum, InputError> {
+        let (mut found, most) = (optimum.clone(), optimum.chi2 + AS_GOOD);
+        for index in (0..found.at.len()).filter(|&index| self.parameters[index].is_moment) {
+            let around = self.around(&found, index, AS_GOOD);
+            let moment = found.at[index];
+            let from_yr = around.iter().map(|one| one.from_yr).fold(moment, f64::min);
+            let to_yr = around.iter().map(|one| one.to_yr).fold(moment, f64::max);
+            let mut at = found.at.clone();
+            at[index] = 0.5 * (from_yr + to_yr);
+            if at[index] == moment {
+                continue;
+            }
+            let moved = self.minimise(&at);
+            if moved.chi2 < most {
+                found = moved;
+            }
+        }
+        Ok(found)
+    }
+
+    /// Intervals between epochs where a moment may lie, from that of an optimum outwards as long as chi2, the other
+    /// parameters following to first order, does not rise by more.
+    fn around(&self, optimum: &Optimum, index: usize, rise: f64) -> Vec<Interval> {
+        let epochs = self.epochs();
+        let interval = |ends: &[f64]| -> Option<Interval> {
+            let mut at = optimum.at.clone();
+            at[index] = 0.5 * (ends[0] + ends[1]);
+            let residuals = DVector::from_vec(self.residuals(&at).ok()?);
+            // The signature of a flare is another one where the flare is.
+            let jacobian = self.jacobian(&at).ok()?;
+            let follow = -Span::of(&jacobian, LOOSE).solve(&residuals);
+            let rise = (residuals + jacobian * &follow).norm_squared() - optimum.chi2;
+            Some(Interval { from_yr: ends[0], to_yr: ends[1], rise, follow })
+        };
+        let near = |one: &Interval| one.rise < rise;
+        let moment = optimum.at[index];
+        let Some(here) = epochs.windows(2).position(|pair| (pair[0]..=pair[1]).contains(&moment)) else {
+            return Vec::new();
+        };
+        let before = epochs[..=here + 1].windows(2).rev().map_while(|ends| interval(ends).filter(near));
+        let after = epochs[here + 1..].windows(2).map_while(|ends| interval(ends).filter(near));
+        before.chain(after).collect()
+    }
+
+    /// Errors of moments, and what they add to those of all others: every interval between epochs is as likely as it is
+    /// long, times exp(−chi2/2).
+    pub(super) fn add_moments(&self, optimum: &Optimum, sigmas: &mut [Option<f64>]) {
+        for index in (0..optimum.at.len()).filter(|&index| self.parameters[index].is_moment) {
+            let around = self.around(optimum, index, UNLIKELY);
+            let likely = |one: &Interval| (one.to_yr - one.from_yr) * (-0.5 * one.rise).exp();
+            let all: f64 = around.iter().map(likely).sum();
+            if all == 0.0 {
+                continue;
+            }
+            let mean =
+                |of: &dyn Fn(&Interval) -> f64| around.iter().map(|one| likely(one) * of(one)).sum::<f64>() / all;
+            // Of (t − moment)^2 over an interval.
+            let square = |one: &Interval| {
+                let [from, to] = [one.from_yr, one.to_yr].map(|t_yr| t_yr - optimum.at[index]);
+                (from * from + from * to + to * to) / 3.0
+            };
+            for (other, sigma) in sigmas.iter_mut().enumerate() {
+                *sigma = match sigma {
+                    _ if other == index => Some(mean(&square).sqrt()),
+                    Some(sigma) => Some(sigma.hypot(mean(&|one| one.follow[other].powi(2)).sqrt())),
+                    None => None,
+                };
+            }
+        }
+    }
+}
+
+/// An interval between epochs, with a moment in it.
+struct Interval {
+    from_yr: f64,
+    to_yr: f64,
+    /// By how much chi2 is above that of the optimum.
+    rise: f64,
+    /// How the other parameters follow.
+    follow: DVector<f64>,
+}

@@ -1,0 +1,236 @@
+//! A key that a fit may change: its bounds, and the coordinate in which it is free of them.
+//!
+//! | values allowed | inner coordinate u | |
+//! |---|---|---|
+//! | above 0 | ln x | |
+//! | from a on | x = a − s + √(u² + s²) | s: size of the starting value |
+//! | from a to b | x = a + (b − a)(1 + sin u)/2 | |
+//! | all | x | |
+//!
+//! The second and third are MINUIT's (James & Roos 1975, Comp. Phys. Comm. 10, 343).
+
+use crate::error::InputError;
+use crate::mission::{Mission, keys};
+use crate::mission_file::lookup;
+
+/// A free parameter.
+#[derive(Clone, Debug)]
+pub struct Parameter {
+    /// Dotted key.
+    pub key: String,
+    /// Unit of its values; empty for pure numbers.
+    pub unit: &'static str,
+    /// Value in the mission.
+    pub start: f64,
+    /// Least value allowed.
+    pub low: f64,
+    /// Largest value allowed.
+    pub high: f64,
+    /// Whether it is the moment of an event, which data know only between two epochs.
+    pub is_moment: bool,
+    scale: Scale,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Scale {
+    Log,
+    From,
+    Between,
+    Linear,
+}
+
+/// Where a value that must be above 0 moves nothing any more, a fit would take it to 0 or infinity: so many sigma for a
+/// factor e hold it near to where it came from. That shifts a value known to a factor e by a thousandth of its error.
+const FEATHER: f64 = 0.03;
+
+/// Times the least value that a fit goes to, up to which a value that must be above 0 is at its bound.
+const NEXT_TO_NOTHING: f64 = 1e3;
+
+/// Upper bounds beyond this are no bounds of physics.
+const BOUNDLESS: f64 = 1e3;
+
+impl Parameter {
+    /// The parameter of a mission's key.
+    ///
+    /// # Errors
+    /// Where the mission has no such key, or its value is no number that can be fitted.
+    pub fn of(mission: &Mission, key: &str) -> Result<Parameter, InputError> {
+        let refusal = |problem: String| InputError::new(format!("cannot fit `{key}`"), problem);
+        let path = mission.path(key).map_err(|(problem, help)| InputError { help, ..refusal(problem) })?;
+        let start = mission.number(key).ok_or_else(|| {
+            refusal("it has no number to start from".into()).with_help("give the key a value in the mission file")
+        })?;
+        let known = lookup::find(&path).expect("a key that was found");
+        let (scale, low, high) = match known.kind {
+            keys::Kind::Positive(low, high) => (Scale::Log, low, high),
+            keys::Kind::Number(low, high) if low.is_infinite() && high.is_infinite() => (Scale::Linear, low, high),
+            keys::Kind::Number(low, high) if high > BOUNDLESS => (Scale::From, low, high),
+            keys::Kind::Number(low, high) => (Scale::Between, low, high),
+            _ => return Err(refusal("only keys with real numbers can be fitted".into())),
+        };
+        let is_moment = key.starts_with("effects.") && key.ends_with(".t_yr");
+        Ok(Parameter { key: key.to_string(), unit: known.unit, start, low, high, is_moment, scale })
+    }
+
+    /// Size of what is an ordinary change.
+    fn size(&self) -> f64 {
+        match (self.start - self.low).abs() {
+            size if size.is_finite() && size > 0.0 => size,
+            _ if self.start != 0.0 => self.start.abs(),
+            _ => 1.0,
+        }
+    }
+
+    /// The inner coordinate of a value.
+    pub fn inner(&self, value: f64) -> f64 {
+        match self.scale {
+            Scale::Log => value.max(f64::MIN_POSITIVE).ln(),
+            // A bound is a stationary point, from which no way leads away: start a little inside.
+            Scale::From => {
+                let above = (value - self.low + self.size()).max((1.0 + 1e-6) * self.size());
+                (above * above - self.size() * self.size()).sqrt()
+            }
+            Scale::Between => {
+                let share = (2.0 * (value - self.low) / (self.high - self.low) - 1.0).clamp(-1.0 + 1e-9, 1.0 - 1e-9);
+                share.asin()
+            }
+            Scale::Linear => value,
+        }
+    }
+
+    /// The value at an inner coordinate.
+    pub fn outer(&self, inner: f64) -> f64 {
+        let value = match self.scale {
+            Scale::Log => inner.exp(),
+            Scale::From => self.low - self.size() + inner.hypot(self.size()),
+            Scale::Between => self.low + 0.5 * (self.high - self.low) * (1.0 + inner.sin()),
+            Scale::Linear => inner,
+        };
+        value.max(self.least()).min(self.high)
+    }
+
+    /// The least value that a fit goes to: where nothing is not allowed, next to it.
+    fn least(&self) -> f64 {
+        if self.is_log() { 1e-12 * self.high.min(1.0) } else { self.low }
+    }
+
+    /// Sigma, for each unit of the inner coordinate, by which it is drawn to where it came from.
+    pub fn pull(&self) -> f64 {
+        if self.is_log() { FEATHER } else { 0.0 }
+    }
+
+    /// Whether its values are above 0, so that factors count.
+    pub fn is_log(&self) -> bool {
+        self.scale == Scale::Log
+    }
+
+    /// A step of the inner coordinate for derivatives: a thousandth of an ordinary change.
+    pub fn inner_step(&self, inner: f64) -> f64 {
+        match self.scale {
+            Scale::Log => 1e-3,
+            Scale::From => 1e-3 * self.size().max(inner.abs()),
+            Scale::Between => {
+                // Towards the middle, where the bounds are not.
+                let towards = if inner.sin() > 0.0 { -1.0 } else { 1.0 };
+                towards * inner.cos().signum() * 1e-3 * (self.size() / (self.high - self.low)).clamp(0.01, 1.0)
+            }
+            Scale::Linear => 1e-3 * if inner == 0.0 { 1.0 } else { inner.abs() },
+        }
+    }
+
+    /// Values around one for derivatives with respect to the parameter itself, within bounds.
+    pub fn around(&self, value: f64) -> (f64, f64) {
+        let size = match self.scale {
+            Scale::Log => value.abs(),
+            _ => 0.3 * self.size() + value.abs().min(self.size()),
+        };
+        let step = 1e-3 * size;
+        let least = if self.is_log() { 0.5 * value } else { self.low };
+        let high = (value + step).min(self.high);
+        ((value - step).max(least), high)
+    }
+
+    /// A value elsewhere, from a random number between 0 and 1: within a factor of 10 to either side, or over the bounds.
+    pub fn elsewhere(&self, chance: f64) -> f64 {
+        let value = match self.scale {
+            Scale::Log | Scale::From => {
+                let size = if self.start > self.low { self.start - self.low } else { self.size() };
+                self.low.max(0.0) + size * 10_f64.powf(2.0 * chance - 1.0)
+            }
+            Scale::Between => self.low + (self.high - self.low) * chance,
+            Scale::Linear => self.start + self.size() * (4.0 * chance - 2.0),
+        };
+        value.min(self.high)
+    }
+
+    /// Values at some distances to either side of one, in ordinary changes or, above 0, in logarithms; and that of the mission.
+    pub fn around_it(&self, value: f64, distances: &[f64]) -> Vec<f64> {
+        let at = |distance: f64| {
+            let moved = match self.scale {
+                // The size of a value at its bound is that of the start.
+                Scale::Log | Scale::From => {
+                    self.low.max(0.0) + (value - self.low.max(0.0)).max(1e-2 * self.size()) * distance.exp()
+                }
+                Scale::Between => {
+                    // From bound to bound is twice the farthest.
+                    let farthest = distances.iter().copied().fold(0.0, f64::max);
+                    value + distance / farthest * (self.high - self.low)
+                }
+                Scale::Linear => value + distance * self.size(),
+            };
+            moved.max(self.least()).min(self.high)
+        };
+        let both = distances.iter().flat_map(|distance| [at(-distance), at(*distance)]);
+        let mut values: Vec<f64> = both.chain([self.start]).filter(|other| *other != value).collect();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        values
+    }
+
+    /// Whether a value is at a bound, to a share of an ordinary change.
+    pub fn at_bound(&self, value: f64) -> Option<f64> {
+        let near = 1e-3 * self.size();
+        let low = if self.is_log() { value < NEXT_TO_NOTHING * self.least() } else { value - self.low < near };
+        if low && self.low.is_finite() {
+            Some(self.low)
+        } else if self.high - value < near.min(1e-3 * self.high.abs()) {
+            Some(self.high)
+        } else {
+            None
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_go_there_and_back_and_keep_to_the_bounds() {
+        let text = format!(
+            "{}\n[effects.bakeout]\nt_yr = 2.0\nfraction = 0.3\n[effects.formula]\ntarget = \"value\"\nexpression = \"value + a\"\na = -0.2\n",
+            include_str!("../../../missions/snap_l2.toml")
+        );
+        let mission = Mission::parse(&text).unwrap();
+        for key in [
+            "detector.traps.VV.density_per_px",
+            "detector.traps.VV.release_ms",
+            "effects.bakeout.fraction",
+            "effects.formula.a",
+            "detector.well_fill_power",
+        ] {
+            let parameter = Parameter::of(&mission, key).unwrap();
+            for value in [0.7 * parameter.start, parameter.start, 1.9 * parameter.start] {
+                let back = parameter.outer(parameter.inner(value));
+                assert!((back / value - 1.0).abs() < 1e-5, "{key}: {value}, {back}");
+            }
+            for inner in [-30.0, -1.0, 0.0, 2.0, 40.0] {
+                let value = parameter.outer(inner);
+                assert!(value >= parameter.low && value <= parameter.high, "{key}: {value}");
+            }
+        }
+        assert!(Parameter::of(&mission, "readout.transfers").is_err());
+        assert!(Parameter::of(&mission, "mission.name").is_err());
+        assert!(Parameter::of(&mission, "effects.bakeout.t_yr").unwrap().is_moment);
+    }
+}

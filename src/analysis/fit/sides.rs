@@ -1,0 +1,73 @@
+//! Errors where chi2 is no parabola.
+//!
+//! The error of a parameter is how far it can be moved, all others following, until chi2 has risen by 1 (Avni 1976,
+//! ApJ 210, 642). Linear theory foretells that; where a model is curved (a release time far below the line time, a time
+//! constant of many years) it is farther on one side. That is looked for from what linear theory says, and the larger of both
+//! sides is quoted. The other parameters follow to first order, and what they could absorb of the rest is not counted.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::{Fit, Fitted, LOOSE, Problem};
+use crate::analysis::measurement::DataSet;
+use crate::error::InputError;
+use crate::model::Model;
+use crate::numeric::least_squares::Span;
+
+/// Rise of chi2 that is one standard error, and how near to it is near enough.
+const ONE_ERROR: f64 = 1.0;
+const NEAR: f64 = 0.1;
+
+/// Steps towards it, how much farther each goes at most, and how far all together, in errors of linear theory.
+const STEPS: usize = 4;
+const STRETCH: f64 = 3.0;
+const FARTHEST: f64 = 30.0;
+
+/// The fitted parameters of a model with errors as large as the larger side asks for.
+///
+/// # Errors
+/// As [`super::fit`].
+pub(crate) fn widened(model: &Model, data: &[DataSet], fit: &Fit) -> Result<Vec<Fitted>, InputError> {
+    let keys: Vec<String> = fit.parameters.iter().map(|fitted| fitted.key.clone()).collect();
+    let problem = Problem::new(model, data, &keys, &|_| (), |_| true)?;
+    let widen = |(index, fitted): (usize, &Fitted)| {
+        let sides = |sigma: f64| [1.0, -1.0].map(|sign| side(&problem, fit, index, sign * sigma));
+        let moment = problem.parameters[index].is_moment;
+        let sigma =
+            fitted.sigma.map(|sigma| if moment { sigma } else { sides(sigma).into_iter().fold(sigma, f64::max) });
+        Fitted { sigma, ..fitted.clone() }
+    };
+    Ok(fit.parameters.par_iter().enumerate().map(widen).collect())
+}
+
+/// How far a parameter can be moved to one side.
+fn side(problem: &Problem, fit: &Fit, index: usize, sigma: f64) -> f64 {
+    let at: Vec<f64> = fit.parameters.iter().map(|fitted| fitted.value).collect();
+    let others = fit.jacobian.clone().remove_column(index);
+    let span = Span::of(&others, LOOSE);
+    let along = fit.jacobian.column(index).into_owned();
+    let follow = -span.solve(&along).insert_row(index, -1.0);
+    let rise = |step: f64| -> Option<f64> {
+        let moved: Vec<f64> = at.iter().zip(follow.iter()).map(|(value, follow)| value + step * follow).collect();
+        let inside = |(parameter, value): (&super::Parameter, &f64)| *value > parameter.low && *value <= parameter.high;
+        problem.parameters.iter().zip(&moved).all(inside).then_some(())?;
+        let residuals = DVector::from_vec(problem.residuals(&moved).ok()?);
+        Some(beyond(span.directions(), &residuals).norm_squared() - fit.chi2)
+    };
+    let (mut step, mut farthest) = (sigma, 0.0_f64);
+    for _ in 0..STEPS {
+        let Some(rise) = rise(step) else { break };
+        // Not beyond what one error is worth.
+        let share = (ONE_ERROR / rise.max(1e-9)).sqrt();
+        farthest = farthest.max(step.abs() * share.min(1.0));
+        if rise > ONE_ERROR - NEAR || step.abs() >= FARTHEST * sigma.abs() {
+            break;
+        }
+        step *= share.min(STRETCH);
+    }
+    farthest
+}
+
+fn beyond(directions: &DMatrix<f64>, vector: &DVector<f64>) -> DVector<f64> {
+    vector - directions * (directions.transpose() * vector)
+}

@@ -1,0 +1,485 @@
+//! A measurement file → rows of value, error and conditions.
+//!
+//! One file, one observable. Conditions are columns, or stand once in `meta`, or are the mission's; columns that the model
+//! does not know are kept, so that residuals can be looked at against them too.
+
+mod units;
+
+use std::path::Path;
+
+use chrono::{NaiveDate, NaiveDateTime};
+
+use crate::error::{InputError, nearest};
+use crate::io::table::{Cell, Column, Table};
+use crate::mission::keys::Kind::{self, Integer, Number, Positive};
+use crate::mission::{Mission, keys};
+use crate::mission_file::lookup;
+use crate::model::predict::Question;
+use crate::numeric::calendar::DAYS_PER_YEAR;
+use crate::physics::conditions::{self, Conditions};
+use crate::physics::observable::Observable;
+use units::Unit;
+
+/// The rows of one measurement file.
+#[derive(Clone, Debug)]
+pub struct DataSet {
+    /// The file as given.
+    pub file: String,
+    /// What was measured.
+    pub observable: Observable,
+    /// In the file's order.
+    pub rows: Vec<Row>,
+    /// Conditions and covariates that vary from row to row, by name, in the file's order.
+    pub varying: Vec<String>,
+    /// The file's table, with everything that the model does not know.
+    pub table: Table,
+}
+
+/// One measurement.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// The value, in the observable's unit.
+    pub value: f64,
+    /// Its 1-sigma error.
+    pub sigma: f64,
+    /// The conditions that are believed in; numeric columns that the model does not know are covariates.
+    pub at: Conditions,
+    /// The galaxy, by its place in the mission.
+    pub galaxy: Option<usize>,
+    /// Columns of words that the model does not know, and the galaxy: name and word.
+    pub words: Vec<(String, String)>,
+}
+
+impl Row {
+    /// What a model is asked for this row.
+    pub fn question(&self, observable: Observable) -> Question<'_> {
+        Question { observable, at: &self.at, galaxy: self.galaxy }
+    }
+
+    /// A word of it, by the column's name.
+    pub fn word(&self, name: &str) -> Option<&str> {
+        self.words.iter().find(|(known, _)| known == name).map(|(_, word)| word.as_str())
+    }
+}
+
+/// All questions of some data sets, in order.
+pub fn questions(data: &[DataSet]) -> Vec<Question<'_>> {
+    data.iter().flat_map(|set| set.rows.iter().map(|row| row.question(set.observable))).collect()
+}
+
+/// A condition that files may give, with its unit and what is allowed.
+struct Known {
+    name: &'static str,
+    unit: Unit,
+    kind: Kind,
+    help: fn(f64) -> Option<String>,
+}
+
+/// All conditions that are numbers.
+fn known(name: &str) -> Option<Known> {
+    let plain = |name, unit, kind| Known { name, unit, kind, help: |_| None };
+    let as_key = |name, unit, path: &str| {
+        let key = lookup::find(path).expect("a key of the mission");
+        Known { name, unit, kind: key.kind, help: key.help }
+    };
+    Some(match name {
+        "t_yr" => plain("t_yr", Unit::Years, Number(0.0, 1000.0)),
+        "dose_mev_g" => plain("dose_mev_g", Unit::Dose, Number(0.0, 1e15)),
+        "temperature_k" => as_key("temperature_k", Unit::Kelvin, "detector.temperature_k"),
+        "line_time_ms" => as_key("line_time_ms", Unit::Milliseconds, "readout.line_time_ms"),
+        "background_e" => as_key("background_e", Unit::Electrons, "sky.background_e"),
+        "transfers" => as_key("transfers", Unit::Pure, "readout.transfers"),
+        "signal_e" => plain("signal_e", Unit::Electrons, Positive(0.0, 1e9)),
+        "trail_px" => plain("trail_px", Unit::Pixels, Integer(1, 100_000)),
+        "block_px" => plain("block_px", Unit::Pixels, Integer(1, 100_000)),
+        _ => return None,
+    })
+}
+
+/// A condition of another name, of which this one is a slip: one letter is wrong, missing, too many, or two are swapped.
+/// Capitals do not matter. `date` is a word with many neighbours (`rate`, `gate`, `data`): only its capitals count.
+fn slip_of(name: &str) -> Option<&'static str> {
+    if conditions::NAMES.contains(&name) || OTHERS.contains(&name) {
+        return None;
+    }
+    let allowed = |condition: &str| if condition == "date" { 0 } else { 1 };
+    let like = |condition: &&str| strsim::damerau_levenshtein(&name.to_lowercase(), condition) <= allowed(condition);
+    conditions::NAMES.into_iter().chain(["galaxy", "date"]).find(like)
+}
+
+/// Columns that are neither conditions nor covariates.
+const OTHERS: [&str; 4] = ["value", "sigma", "galaxy", "date"];
+
+impl DataSet {
+    /// Reads a measurement file, ECSV or CSV, for a mission.
+    ///
+    /// # Errors
+    /// Where the file cannot be read, or what it says makes no sense for the mission: one message with line, column, value
+    /// and what is allowed.
+    pub fn read(path: impl AsRef<Path>, mission: &Mission) -> Result<DataSet, InputError> {
+        DataSet::of(Table::read(path)?, mission)
+    }
+
+    /// Takes a table as the measurements it is.
+    ///
+    /// # Errors
+    /// As [`DataSet::read`].
+    pub fn of(table: Table, mission: &Mission) -> Result<DataSet, InputError> {
+        let observable = observable(&table)?;
+        let reader = Reader { table: &table, mission, observable };
+        if table.rows() == 0 {
+            return Err(table.fault(None, None, "there are no rows"));
+        }
+        reader.check_names()?;
+        let rows = (0..table.rows()).map(|row| reader.row(row)).collect::<Result<Vec<_>, _>>()?;
+        let varying = varying(&table, &rows);
+        Ok(DataSet { file: table.name.clone(), observable, rows, varying, table })
+    }
+
+    /// A condition, a covariate or a column of words of every row, as numbers; NaN where a row has none. Words are numbered
+    /// in order of appearance.
+    pub fn against(&self, name: &str) -> Vec<f64> {
+        let mut words: Vec<&str> = Vec::new();
+        let mut values = Vec::with_capacity(self.rows.len());
+        for row in &self.rows {
+            values.push(match row.word(name) {
+                None => row.at.get(name).unwrap_or(f64::NAN),
+                Some(word) => {
+                    let place = words.iter().position(|known| *known == word).unwrap_or(words.len());
+                    if place == words.len() {
+                        words.push(word);
+                    }
+                    place as f64
+                }
+            });
+        }
+        values
+    }
+
+    /// Whether a varying column holds words.
+    pub fn is_words(&self, name: &str) -> bool {
+        self.rows.iter().any(|row| row.word(name).is_some())
+    }
+}
+
+fn observable(table: &Table) -> Result<Observable, InputError> {
+    let names = || Observable::ALL.iter().map(|observable| observable.name());
+    let listed = || names().collect::<Vec<_>>().join(", ");
+    let Some(said) = table.meta("observable") else {
+        let help =
+            "write it into the header: `t.meta[\"observable\"] = \"trail\"` in astropy, `# observable: trail` in CSV";
+        return Err(table
+            .fault(None, None, format!("meta.observable is missing: one of {}", listed()))
+            .with_help(help));
+    };
+    let said = said.text().map_or_else(|| said.to_string(), str::to_string);
+    Observable::ALL.into_iter().find(|observable| observable.name() == said).ok_or_else(|| {
+        let fault = table.fault(
+            None,
+            Some("meta.observable"),
+            format!("no observable is called \"{said}\"; there are: {}", listed()),
+        );
+        match nearest(&said, names()) {
+            Some(near) => fault.with_help(format!("did you mean \"{near}\"?")),
+            None => fault,
+        }
+    })
+}
+
+/// Reads rows of one table.
+struct Reader<'a> {
+    table: &'a Table,
+    mission: &'a Mission,
+    observable: Observable,
+}
+
+impl Reader<'_> {
+    /// No column, and no number of `meta`, has the name of a condition with a slip in it: as a covariate it would leave the
+    /// condition to the mission.
+    fn check_names(&self) -> Result<(), InputError> {
+        let columns = self.table.columns.iter().map(|column| (&column.name, column.name.clone()));
+        let numbers = self.table.meta.iter().filter(|meta| meta.value.quantity().is_some());
+        let numbers = numbers.map(|meta| (&meta.name, format!("meta.{}", meta.name)));
+        for (name, place) in columns.chain(numbers) {
+            if let Some(condition) = slip_of(name) {
+                let problem = format!("`{name}` is no condition, but nearly `{condition}`, which is one");
+                let help = format!("write `{condition}`, or give a covariate a name that is less like it");
+                return Err(self.table.fault(None, Some(&place), problem).with_help(help));
+            }
+        }
+        Ok(())
+    }
+
+    fn row(&self, row: usize) -> Result<Row, InputError> {
+        let value = self.measured(row, "value")?;
+        let sigma = self.measured(row, "sigma")?;
+        if sigma <= 0.0 {
+            let problem = format!("the error of a measurement is above 0; this is {sigma}");
+            let help = "leave the row out, or give the error that the scatter of the data tells";
+            return Err(self.table.fault(Some(row), Some("sigma"), problem).with_help(help));
+        }
+        let galaxy = self.galaxy(row)?;
+        let name = |galaxy: usize| ("galaxy".to_string(), self.mission.galaxies[galaxy].name.clone());
+        let mut words: Vec<(String, String)> = galaxy.map(name).into_iter().collect();
+        let at = self.conditions(row)?;
+        for column in &self.table.columns {
+            if OTHERS.contains(&column.name.as_str()) || known(&column.name).is_some() {
+                continue;
+            }
+            if let Cell::Text(word) = &column.cells[row] {
+                words.push((column.name.clone(), word.clone()));
+            }
+        }
+        Ok(Row { value, sigma, at, galaxy, words })
+    }
+
+    /// `value` or `sigma`.
+    fn measured(&self, row: usize, name: &str) -> Result<f64, InputError> {
+        let unit = Unit::of(self.observable);
+        let Some((number, place)) = self.number(row, name, unit)? else {
+            return Err(if self.table.column(name).is_some() {
+                let fault = self.table.fault(Some(row), Some(name), format!("the {name} is missing"));
+                fault.with_help("leave out rows without measurements")
+            } else {
+                let problem = format!("there is no column `{name}`; columns: {}", self.names());
+                self.table.fault(None, None, problem).with_help("every row needs a value and its 1-sigma error")
+            });
+        };
+        if number.is_finite() {
+            return Ok(number);
+        }
+        let problem = format!("the {name} must be a finite number; this is {number}");
+        Err(self.table.fault(Some(row), Some(&place), problem).with_help("leave out rows without measurements"))
+    }
+
+    /// The galaxy of a change of shape, by its place in the mission.
+    fn galaxy(&self, row: usize) -> Result<Option<usize>, InputError> {
+        if !self.observable.is_shape() {
+            return Ok(None);
+        }
+        let column = self.table.column("galaxy");
+        let said = column.map(|column| &column.cells[row]).or_else(|| self.table.meta("galaxy"));
+        let place = if column.is_some() { "galaxy" } else { "meta.galaxy" };
+        let Some(name) = said.and_then(Cell::text) else {
+            return Err(self.missing("galaxy", row));
+        };
+        let galaxies = || self.mission.galaxies.iter().map(|galaxy| galaxy.name.as_str());
+        match galaxies().position(|galaxy| galaxy == name) {
+            Some(galaxy) => Ok(Some(galaxy)),
+            None => {
+                let there = galaxies().collect::<Vec<_>>().join(", ");
+                let problem = format!("the mission has no galaxy \"{name}\"; it has: {there}");
+                let fault = self.table.fault(Some(row), Some(place), problem);
+                Err(match nearest(name, galaxies()) {
+                    Some(near) => fault.with_help(format!("did you mean \"{near}\"?")),
+                    None => fault,
+                })
+            }
+        }
+    }
+
+    fn conditions(&self, row: usize) -> Result<Conditions, InputError> {
+        let dose_mev_g = self.condition(row, "dose_mev_g")?;
+        let (since_launch, date) = (self.condition(row, "t_yr")?, self.date(row)?);
+        if let (Some(t_yr), Some(date)) = (since_launch, date)
+            && (t_yr - date).abs() * DAYS_PER_YEAR > 2.0
+        {
+            let launch = self.mission.mission.launch;
+            let problem =
+                format!("date and t_yr contradict one another: launched {launch}, {t_yr} yr are not {date:.3} yr");
+            return Err(self.table.fault(Some(row), Some("date"), problem).with_help("give one of them"));
+        }
+        let t_yr = since_launch.or(date);
+        let needs_time = self.observable == Observable::Dose || dose_mev_g.is_none();
+        if needs_time && t_yr.is_none() {
+            return Err(
+                self.missing(if self.observable == Observable::Dose { "t_yr" } else { "t_yr or dose_mev_g" }, row)
+            );
+        }
+        let believed = Conditions::of(self.mission, t_yr.unwrap_or(0.0));
+        let whole = |number: f64| number as u32;
+        let mut at = Conditions {
+            dose_mev_g,
+            temperature_k: self.condition(row, "temperature_k")?.unwrap_or(believed.temperature_k),
+            line_time_ms: self.condition(row, "line_time_ms")?.unwrap_or(believed.line_time_ms),
+            background_e: self.condition(row, "background_e")?.unwrap_or(believed.background_e),
+            transfers: self.condition(row, "transfers")?.map_or(believed.transfers, whole),
+            signal_e: self.condition(row, "signal_e")?,
+            trail_px: self.condition(row, "trail_px")?.map(whole),
+            block_px: self.condition(row, "block_px")?.map(whole),
+            ..believed
+        };
+        for name in self.observable.requires() {
+            if *name != "galaxy" && at.get(name).is_none() {
+                return Err(self.missing(name, row));
+            }
+        }
+        if let Some(block_px) = at.block_px.filter(|block_px| *block_px > at.transfers) {
+            let problem = format!(
+                "a block of {block_px} rows whose last row makes {} transfers reaches past the register",
+                at.transfers
+            );
+            return Err(self.table.fault(Some(row), Some("block_px"), problem));
+        }
+        at.covariates = self.covariates(row);
+        Ok(at)
+    }
+
+    /// Numeric columns, and numbers of `meta`, that the model does not know.
+    fn covariates(&self, row: usize) -> Vec<(String, f64)> {
+        let unknown = |name: &str| !OTHERS.contains(&name) && known(name).is_none();
+        let number = |cell: &Cell| match cell {
+            Cell::Number(number) => Some(*number),
+            Cell::Integer(integer) => Some(*integer as f64),
+            Cell::Truth(truth) => Some(f64::from(u8::from(*truth))),
+            _ => None,
+        };
+        let columns = self.table.columns.iter().map(|column| (&column.name, &column.cells[row]));
+        let meta = self.table.meta.iter().map(|meta| (&meta.name, &meta.value));
+        let named = columns.chain(meta).filter(|(name, _)| unknown(name));
+        named.filter_map(|(name, cell)| Some((name.clone(), number(cell)?))).collect()
+    }
+
+    /// A condition of a row, checked, in our unit.
+    fn condition(&self, row: usize, name: &'static str) -> Result<Option<f64>, InputError> {
+        let Known { name, unit, kind, help } = known(name).expect("a condition");
+        let Some((number, place)) = self.number(row, name, unit)? else {
+            return Ok(None);
+        };
+        let kelvin_of_celsius = unit == Unit::Kelvin && number < 0.0;
+        if !kind.refuses(number) && !kelvin_of_celsius {
+            return Ok(Some(number));
+        }
+        let said = match name {
+            "t_yr" if number < 0.0 => "this is before launch".to_string(),
+            _ => format!("{name} is {}{}", keys::plain(number), unit.behind()),
+        };
+        let problem = format!("{said}; allowed: {}", kind.allowed(unit.name()));
+        let fault = self.table.fault(Some(row), Some(&place), problem);
+        Err(match help(number) {
+            Some(help) => fault.with_help(help),
+            None => fault,
+        })
+    }
+
+    /// A number of a row or of `meta` in our unit, and where it stands.
+    fn number(&self, row: usize, name: &str, unit: Unit) -> Result<Option<(f64, String)>, InputError> {
+        if let Some(column) = self.table.column(name) {
+            let cell = &column.cells[row];
+            if *cell == Cell::Missing {
+                return Ok(None);
+            }
+            let number = cell.number().ok_or_else(|| self.not_a_number(Some(row), name))?;
+            let factor = self.conversion(name, column.unit.as_deref(), unit, name)?;
+            return Ok(Some((factor.apply(number), name.to_string())));
+        }
+        let place = format!("meta.{name}");
+        match self.table.meta(name) {
+            None | Some(Cell::Missing) => Ok(None),
+            Some(cell) => {
+                let (number, given) = cell.quantity().ok_or_else(|| self.not_a_number(None, &place))?;
+                Ok(Some((self.conversion(name, given, unit, &place)?.apply(number), place)))
+            }
+        }
+    }
+
+    fn conversion(
+        &self,
+        name: &str,
+        given: Option<&str>,
+        unit: Unit,
+        place: &str,
+    ) -> Result<units::Conversion, InputError> {
+        unit.from(given).map_err(|(problem, help)| {
+            let fault = self.table.fault(None, Some(place), format!("{name}: {problem}"));
+            match help {
+                Some(help) => fault.with_help(help),
+                None => fault,
+            }
+        })
+    }
+
+    fn not_a_number(&self, row: Option<usize>, place: &str) -> InputError {
+        self.table.fault(row, Some(place), "a number is needed here")
+    }
+
+    /// The row's `date` in years since launch.
+    fn date(&self, row: usize) -> Result<Option<f64>, InputError> {
+        let column = self.table.column("date");
+        let (cell, place) = match column {
+            Some(column) => (&column.cells[row], "date"),
+            None => match self.table.meta("date") {
+                Some(cell) => (cell, "meta.date"),
+                None => return Ok(None),
+            },
+        };
+        if *cell == Cell::Missing {
+            return Ok(None);
+        }
+        let moment = moment(cell, column).ok_or_else(|| {
+            let help = "write 2030-06-01, or 2030-06-01T12:00:00; numbers need astropy's Time (mjd, jd, decimalyear)";
+            self.table.fault(Some(row), Some(place), "this is no date").with_help(help)
+        })?;
+        let launch = self.mission.mission.launch.0.and_hms_opt(0, 0, 0).expect("midnight");
+        let t_yr = (moment - launch).as_seconds_f64() / 86_400.0 / DAYS_PER_YEAR;
+        if t_yr < 0.0 {
+            let problem = format!("this is before launch, {}", self.mission.mission.launch);
+            return Err(self.table.fault(Some(row), Some(place), problem));
+        }
+        Ok(Some(t_yr))
+    }
+
+    fn missing(&self, name: &str, row: usize) -> InputError {
+        let problem = format!(
+            "{} needs `{name}`, which is neither a column nor in meta; columns: {}",
+            self.observable,
+            self.names()
+        );
+        // A column with holes has its place.
+        let place = self.table.column(name).map(|_| name);
+        self.table.fault(place.map(|_| row), place, problem)
+    }
+
+    fn names(&self) -> String {
+        self.table.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// A point in time: text as ISO 8601 has it, or a number as astropy's time formats do.
+fn moment(cell: &Cell, column: Option<&Column>) -> Option<NaiveDateTime> {
+    if let Cell::Text(text) = cell {
+        let text = text.trim().trim_end_matches('Z');
+        let day = || text.parse::<NaiveDate>().ok()?.and_hms_opt(0, 0, 0);
+        let time = |format| NaiveDateTime::parse_from_str(text, format).ok();
+        return day().or_else(|| time("%Y-%m-%dT%H:%M:%S%.f")).or_else(|| time("%Y-%m-%d %H:%M:%S%.f"));
+    }
+    let number = cell.number().filter(|number| number.is_finite())?;
+    let days_after = |date: NaiveDate, days: f64| {
+        date.and_hms_opt(0, 0, 0)?
+            .checked_add_signed(chrono::TimeDelta::try_milliseconds((days * 86_400_000.0).round() as i64)?)
+    };
+    match column?.time.as_ref()?.format.as_str() {
+        "mjd" => days_after(NaiveDate::from_ymd_opt(1858, 11, 17)?, number),
+        // Julian dates start at noon.
+        "jd" => days_after(NaiveDate::from_ymd_opt(1858, 11, 17)?, number - 2_400_000.5),
+        "unix" => days_after(NaiveDate::from_ymd_opt(1970, 1, 1)?, number / 86_400.0),
+        "decimalyear" | "jyear" => {
+            let first = NaiveDate::from_ymd_opt(number.floor() as i32, 1, 1)?;
+            let days = if first.leap_year() { 366.0 } else { 365.0 };
+            days_after(first, number.fract() * days)
+        }
+        _ => None,
+    }
+}
+
+/// Names of conditions and covariates that differ between rows.
+fn varying(table: &Table, rows: &[Row]) -> Vec<String> {
+    let differs = |name: &str| {
+        let first = (rows[0].at.get(name).map(f64::to_bits), rows[0].word(name));
+        rows.iter().any(|row| (row.at.get(name).map(f64::to_bits), row.word(name)) != first)
+    };
+    let columns = table.columns.iter().map(|column| if column.name == "date" { "t_yr" } else { column.name.as_str() });
+    let mut names: Vec<String> = columns.filter(|name| differs(name)).map(str::to_string).collect();
+    names.dedup();
+    names
+}

@@ -1,0 +1,163 @@
+//! Data, model and residuals as figures.
+
+use super::lean::{Lean, said};
+use super::{SetResult, Validation};
+use crate::analysis::measurement::DataSet;
+use crate::report::plot::{Figure, Kind, Panel, Series};
+
+/// Groups of rows that are told apart by colour; more are not drawn.
+const COLOURS: usize = 6;
+
+impl Validation {
+    /// Figures with the names of their files: for each data set the data against its first varying condition with model and
+    /// residuals, and the residuals against every condition that varies.
+    pub fn figures(&self) -> Vec<(String, Figure)> {
+        let mut figures = Vec::new();
+        for (index, set) in self.sets.iter().enumerate() {
+            let name = file_stem(index, &set.data);
+            let along = set.data.varying.iter().find(|name| *name == "trail_px").or(set.data.varying.first());
+            if let Some(along) = along {
+                figures.push((format!("{name}.svg"), data_and_model(set, along)));
+            }
+            for lean in self.leans.iter().filter(|lean| lean.set == index) {
+                figures.push((format!("{name}-{}.svg", plain_name(&lean.name)), residuals(set, lean)));
+            }
+        }
+        figures
+    }
+}
+
+/// A file's name without folder and ending, with the number of its data set, which tells two of one name apart.
+pub(crate) fn file_stem(index: usize, data: &DataSet) -> String {
+    let stem =
+        std::path::Path::new(&data.file).file_stem().map_or_else(|| "data".into(), |stem| stem.to_string_lossy());
+    format!("{}-{}", index + 1, plain_name(&stem))
+}
+
+fn plain_name(name: &str) -> String {
+    name.chars().map(|letter| if letter.is_alphanumeric() || "._".contains(letter) { letter } else { '_' }).collect()
+}
+
+/// Data with errors and model above, residuals below, against one condition; rows that differ in another are told apart.
+fn data_and_model(set: &SetResult, along: &str) -> Figure {
+    let at = set.data.against(along);
+    let residuals = set.residuals();
+    let unit = set.data.observable.unit();
+    let label = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
+    let (groups, left_out) = groups(&set.data, along);
+    let not_drawn =
+        if left_out > 0 { format!(" ({left_out} rows are left to the other figures)") } else { String::new() };
+    let log = is_log(&at);
+    let all_positive = set.data.rows.iter().all(|row| row.value > 0.0);
+    let wide = {
+        let values = set.data.rows.iter().map(|row| row.value.abs());
+        let (low, high) = values.fold((f64::INFINITY, 0.0_f64), |(low, high), value| (low.min(value), high.max(value)));
+        high > 30.0 * low
+    };
+    let mut data = Vec::new();
+    let mut below = vec![Series { label: None, color: 0, kind: Kind::Level { y: 0.0, dashed: false } }];
+    for (color, (name, rows)) in groups.iter().enumerate() {
+        let pick = |value: &dyn Fn(usize) -> f64| rows.iter().map(|&row| value(row)).collect::<Vec<f64>>();
+        let x = pick(&|row| at[row]);
+        let points = Kind::Points {
+            x: x.clone(),
+            y: pick(&|row| set.data.rows[row].value),
+            sigma: Some(pick(&|row| set.data.rows[row].sigma)),
+        };
+        data.push(Series { label: Some(name.clone()), color, kind: points });
+        data.push(Series {
+            label: None,
+            color,
+            kind: Kind::Line { x: x.clone(), y: pick(&|row| set.model[row]), dashed: false },
+        });
+        let y = pick(&|row| residuals[row]);
+        below.push(Series { label: None, color, kind: Kind::Points { x, y, sigma: None } });
+    }
+    Figure {
+        title: format!("{}: points are data, lines the model{not_drawn}", set.name()),
+        panels: vec![
+            Panel {
+                x_label: along.to_string(),
+                y_label: format!("{}{label}", set.data.observable),
+                x_log: log,
+                y_log: all_positive && wide,
+                series: data,
+                height_share: 1.6,
+            },
+            Panel {
+                x_label: along.to_string(),
+                y_label: "(data - model)/sigma".into(),
+                x_log: log,
+                y_log: false,
+                series: below,
+                height_share: 1.0,
+            },
+        ],
+    }
+}
+
+/// Residuals of all rows against one condition, the means of its bins, and where those of noise alone would be.
+fn residuals(set: &SetResult, lean: &Lean) -> Figure {
+    let at = set.data.against(&lean.name);
+    let centre = |rows: &[usize]| rows.iter().map(|&row| at[row]).sum::<f64>() / rows.len() as f64;
+    let x: Vec<f64> = lean.bins.iter().map(|bin| centre(&bin.rows)).collect();
+    let band = |sign: f64| lean.bins.iter().map(|bin| sign * 2.0 * bin.error_sigma).collect::<Vec<f64>>();
+    let means = lean.bins.iter().map(|bin| bin.mean_sigma).collect();
+    let errors = lean.bins.iter().map(|bin| bin.error_sigma).collect();
+    let series = vec![
+        Series {
+            label: Some("95 % of bin means of noise alone".into()),
+            color: 6,
+            kind: Kind::Band { x: x.clone(), low: band(-1.0), high: band(1.0) },
+        },
+        Series {
+            label: Some("rows".into()),
+            color: 0,
+            kind: Kind::Points { x: at.clone(), y: set.residuals(), sigma: None },
+        },
+        Series { label: Some("bin means".into()), color: 2, kind: Kind::Points { x, y: means, sigma: Some(errors) } },
+        Series { label: None, color: 0, kind: Kind::Level { y: 0.0, dashed: false } },
+    ];
+    Figure {
+        title: format!("{}: residuals against {} (false alarm {})", set.name(), lean.name, said(lean.false_alarm)),
+        panels: vec![Panel {
+            x_label: lean.name.clone(),
+            y_label: "(data - model)/sigma".into(),
+            x_log: is_log(&at),
+            y_log: false,
+            series,
+            height_share: 1.0,
+        }],
+    }
+}
+
+/// Rows by what else varies, in order of appearance, as many groups as there are colours; and how many rows are in none.
+fn groups(data: &DataSet, along: &str) -> (Vec<(String, Vec<usize>)>, usize) {
+    let others: Vec<(&String, Vec<f64>)> =
+        data.varying.iter().filter(|name| *name != along).map(|name| (name, data.against(name))).collect();
+    let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
+    let mut left_out = 0;
+    for (row, measured) in data.rows.iter().enumerate() {
+        let said: Vec<String> = others
+            .iter()
+            .map(|(name, at)| match measured.word(name) {
+                Some(word) => word.to_string(),
+                None => format!("{name} {}", at[row]),
+            })
+            .collect();
+        let name = if said.is_empty() { "data".into() } else { said.join(", ") };
+        match groups.iter().position(|(known, _)| *known == name) {
+            Some(group) => groups[group].1.push(row),
+            None if groups.len() < COLOURS => groups.push((name, vec![row])),
+            None => left_out += 1,
+        }
+    }
+    (groups, left_out)
+}
+
+/// Whether a condition is better seen on a logarithmic axis.
+fn is_log(at: &[f64]) -> bool {
+    let finite = at.iter().copied().filter(|at| at.is_finite());
+    let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));
+    low > 0.0 && high > 20.0 * low
+}

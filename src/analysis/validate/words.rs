@@ -1,0 +1,210 @@
+//! Where a model fails, in words.
+
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::SetResult;
+use super::lean::Lean;
+use crate::mission::keys::plain;
+use crate::physics::observable::Observable;
+
+/// False-alarm probability below which anything is claimed.
+pub(super) const SPOKEN: f64 = 1e-3;
+
+/// Errors by which a mean must differ from 0 to be spoken of.
+const CLEAR: f64 = 3.0;
+
+/// What a sentence claims.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Claim {
+    /// Residuals depend on a condition.
+    Trend,
+    /// Residuals are off in the mean.
+    Offset,
+    /// The quoted errors are too small.
+    SmallErrors,
+    /// The quoted errors are too large.
+    LargeErrors,
+}
+
+impl Claim {
+    /// As the end of a sentence that begins with a chi2 of which nothing can be said.
+    pub(super) fn said(self) -> &'static str {
+        match self {
+            Claim::Trend => "the residuals have a trend",
+            Claim::Offset => "the residuals are off in the mean",
+            Claim::SmallErrors => "some quoted errors look too small",
+            Claim::LargeErrors => "some quoted errors look too large",
+        }
+    }
+}
+
+/// A significant property of the residuals.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    /// What is claimed.
+    pub claim: Claim,
+    /// In a sentence.
+    pub said: String,
+}
+
+/// All that is significant: for each data set its strongest trend, or its offset; and errors that are not those quoted.
+pub(super) fn of(sets: &[SetResult], leans: &[Lean]) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let mut find = |claim: Claim, said: String| findings.push(Finding { claim, said });
+    for (index, set) in sets.iter().enumerate() {
+        let strongest = leans.iter().find(|lean| lean.set == index && lean.false_alarm < SPOKEN);
+        if let Some(lean) = strongest {
+            find(Claim::Trend, leaning(set, lean));
+        } else if set.bias_alarm(sets.len() + leans.len()) < SPOKEN {
+            let residuals = set.residuals();
+            let all: Vec<usize> = (0..residuals.len()).collect();
+            find(Claim::Offset, format!("{}: {} everywhere alike", set.name(), fault(set, &all)));
+        }
+        let n = set.data.rows.len();
+        // Of any of the data sets.
+        let [below, above] = chi2_chances(set.chi2, n).map(|chance| (chance * sets.len() as f64).min(1.0));
+        if above < SPOKEN && set.noise_sigma() > 1.0 && set.scatter_sigma > 2.0 {
+            let said = format!(
+                "{}: residuals scatter by {:.1} sigma from row to row; the quoted errors look too small, and leanings are \
+                 judged by that scatter",
+                set.name(),
+                set.scatter_sigma
+            );
+            find(Claim::SmallErrors, said);
+        } else if below < SPOKEN {
+            let said = format!(
+                "{}: residuals scatter by only {:.2} sigma (probability of noise alone {}); the quoted errors look too \
+                 large, and may hide what is missing",
+                set.name(),
+                (set.chi2 / n as f64).sqrt(),
+                super::lean::said(below)
+            );
+            find(Claim::LargeErrors, said);
+        }
+    }
+    findings
+}
+
+/// Chances that noise alone has no more, and no less, chi2 in that many rows.
+pub(super) fn chi2_chances(chi2: f64, rows: usize) -> [f64; 2] {
+    ChiSquared::new(rows as f64).map_or([1.0; 2], |law| [law.cdf(chi2), law.sf(chi2)])
+}
+
+/// What is wrong with the model in some rows: `trail too faint`.
+fn fault(set: &SetResult, rows: &[usize]) -> &'static str {
+    let sum = |value: &dyn Fn(usize) -> f64| rows.iter().map(|&row| value(row) / set.data.rows[row].sigma).sum::<f64>();
+    let data = sum(&|row| set.data.rows[row].value);
+    let excess = data - sum(&|row| set.model[row]);
+    // Of a change with a sign: more or less of it.
+    let weaker = excess * data > 0.0;
+    match set.data.observable {
+        Observable::Dose if excess > 0.0 => "model's dose too small",
+        Observable::Dose => "model's dose too large",
+        Observable::Trail | Observable::Eper if excess > 0.0 => "model's trail too faint",
+        Observable::Trail | Observable::Eper => "model's trail too bright",
+        Observable::PacketCharge if excess > 0.0 => "model loses too much charge",
+        Observable::PacketCharge => "model loses too little charge",
+        _ if weaker => "model's change of shape too small",
+        _ => "model's change of shape too large",
+    }
+}
+
+fn leaning(set: &SetResult, lean: &Lean) -> String {
+    let clear = |sign: f64| -> Vec<usize> {
+        let beyond = |bin: &super::lean::Bin| sign * bin.mean_sigma > CLEAR * bin.error_sigma;
+        (0..lean.bins.len()).filter(|&bin| beyond(&lean.bins[bin])).collect()
+    };
+    let mut parts = Vec::new();
+    for sign in [1.0, -1.0] {
+        let bins = clear(sign);
+        if bins.is_empty() {
+            continue;
+        }
+        let rows: Vec<usize> = bins.iter().flat_map(|&bin| lean.bins[bin].rows.clone()).collect();
+        let most = bins.iter().map(|&bin| lean.bins[bin].mean_sigma.abs()).fold(0.0, f64::max);
+        parts.push((most, format!("{} {}{}", fault(set, &rows), place(lean, &bins), alike(set, lean, &rows))));
+    }
+    parts.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let said: Vec<String> = parts.into_iter().map(|(_, said)| said).collect();
+    if said.is_empty() {
+        let way = if lean.slope_sigma > 0.0 { "rise" } else { "fall" };
+        return format!("{}: residuals {way} with {}, no part of it clear by itself", set.name(), lean.name);
+    }
+    format!("{}: {}", set.name(), said.join("; "))
+}
+
+/// Where some bins of a condition lie: `beyond trail_px 20`.
+fn place(lean: &Lean, bins: &[usize]) -> String {
+    let name = &lean.name;
+    let last = lean.bins.len() - 1;
+    let (first_bin, last_bin) = (bins[0], bins[bins.len() - 1]);
+    if lean.bins[0].word.is_some() {
+        let words: Vec<&str> = bins.iter().filter_map(|&bin| lean.bins[bin].word.as_deref()).collect();
+        return format!("for {name} {}", words.join(", "));
+    }
+    if bins.len() == lean.bins.len() {
+        let worst = bins.iter().max_by(|a, b| {
+            let size = |bin: usize| lean.bins[bin].mean_sigma.abs();
+            size(**a).total_cmp(&size(**b))
+        });
+        let bin = &lean.bins[*worst.expect("bins")];
+        return format!("at all {name}, most at {}", range(bin.low, bin.high));
+    }
+    let contiguous = last_bin - first_bin + 1 == bins.len();
+    if !contiguous {
+        let each: Vec<String> = bins.iter().map(|&bin| range(lean.bins[bin].low, lean.bins[bin].high)).collect();
+        return format!("at {name} {}", each.join(", "));
+    }
+    match (first_bin, last_bin) {
+        (first, end) if end == last && first > 0 => format!("from {name} {} on", number(lean.bins[first].low)),
+        (0, end) => format!("up to {name} {}", number(lean.bins[end].high)),
+        (first, end) => match (lean.bins[first].low, lean.bins[end].high) {
+            (low, high) if low == high => format!("at {name} {}", number(low)),
+            (low, high) => format!("between {name} {} and {}", number(low), number(high)),
+        },
+    }
+}
+
+/// Whether that is so at all values of the other conditions: `, whatever the signal_e`.
+fn alike(set: &SetResult, lean: &Lean, rows: &[usize]) -> String {
+    let residuals = set.residuals();
+    let mut said = String::new();
+    for name in set.data.varying.iter().filter(|name| **name != lean.name) {
+        let at = set.data.against(name);
+        let mut values: Vec<f64> = rows.iter().map(|&row| at[row]).filter(|at| at.is_finite()).collect();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        if values.len() < 2 || values.len() > rows.len() / 2 {
+            continue;
+        }
+        let mean = |value: f64| {
+            let here: Vec<f64> = rows.iter().filter(|&&row| at[row] == value).map(|&row| residuals[row]).collect();
+            (here.iter().sum::<f64>() / here.len() as f64, 1.0 / (here.len() as f64).sqrt())
+        };
+        let sign = rows.iter().map(|&row| residuals[row]).sum::<f64>().signum();
+        let seen: Vec<f64> =
+            values.iter().copied().filter(|&value| mean(value).0 * sign > CLEAR * mean(value).1).collect();
+        if seen.len() == values.len() {
+            said.push_str(&format!(", whatever the {name}"));
+        } else if !seen.is_empty() && !set.data.is_words(name) {
+            let listed: Vec<String> = seen.iter().map(|value| number(*value)).collect();
+            if listed.len() <= 3 {
+                said.push_str(&format!(", clear at {name} {} only", listed.join(", ")));
+            }
+        }
+    }
+    said
+}
+
+fn range(low: f64, high: f64) -> String {
+    if high > low { format!("{} to {}", number(low), number(high)) } else { number(low) }
+}
+
+/// At most four digits.
+fn number(value: f64) -> String {
+    if value == 0.0 || value.fract() == 0.0 {
+        return plain(value);
+    }
+    let digits = (3 - value.abs().log10().floor() as i32).max(0);
+    plain((value * 10_f64.powi(digits)).round() / 10_f64.powi(digits))
+}

@@ -1,0 +1,5 @@
+//! Files: what is read, what is written, and tables of all kinds.
+
+pub mod atomic_file;
+pub(crate) mod input;
+pub mod table;

@@ -1,0 +1,653 @@
+//! Text → checked mission.
+
+use std::collections::HashSet;
+use std::ops::Range;
+use std::path::Path;
+
+use toml::Value;
+use toml::de::{DeTable, DeValue};
+
+use super::lookup;
+use crate::effect;
+use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, CYCLE_YR};
+use crate::error::{InputError, nearest, shortened};
+use crate::io::input;
+use crate::mission::keys::{self, ARRAYS, KEYS, Kind, Need, OPTIONAL_TABLES};
+use crate::mission::{DoseModel, Mission, Orbit};
+use crate::numeric::calendar;
+use crate::readout::MAX_SPECIES;
+
+impl Mission {
+    /// Reads a mission file.
+    ///
+    /// # Errors
+    /// Where the file cannot be read, or what it says makes no sense: one message with line, key, value and what is
+    /// allowed.
+    pub fn read(path: impl AsRef<Path>) -> Result<Mission, InputError> {
+        Source::parse(refused(path.as_ref()), &read_text(path.as_ref())?, true)?.mission()
+    }
+
+    /// Reads a mission from text.
+    ///
+    /// # Errors
+    /// As [`Mission::read`].
+    pub fn parse(text: &str) -> Result<Mission, InputError> {
+        Source::parse("cannot use mission".into(), text, true)?.mission()
+    }
+
+    /// The mission as resolved: a file that can be run again.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("a mission is a TOML table")
+    }
+
+    /// The same mission with other values of some keys, such as `detector.temperature_k` or
+    /// `detector.traps.VV.release_ms`; members of an array are called by their names.
+    ///
+    /// # Errors
+    /// Where there is no such key, it stands twice, or the value is not allowed for it.
+    pub fn with(&self, settings: &[(String, Value)]) -> Result<Mission, InputError> {
+        self.with_numbers(settings).map_or_else(|| self.with_text(settings), Ok)
+    }
+
+    /// The same by way of the text of the mission, with all its checks.
+    pub(super) fn with_text(&self, settings: &[(String, Value)]) -> Result<Mission, InputError> {
+        let said: Vec<String> = settings.iter().map(|(key, value)| format!("{key} = {value}")).collect();
+        let refused = format!("cannot use mission \"{}\" with {}", self.mission.name, said.join(", "));
+        let mut table = self.to_table();
+        let mut known = HashSet::new();
+        for (key, value) in settings {
+            let refuse = |problem, help| InputError {
+                refused: format!("cannot set {key} = {value}"),
+                place: None,
+                problem,
+                help,
+            };
+            let path = resolve(&table, key).map_err(|(problem, help)| refuse(problem, help))?;
+            if !known.insert(path.clone()) {
+                return Err(refuse("the key is set twice".into(), Some("give it one value".into())));
+            }
+            set(&mut table, &path, value.clone());
+        }
+        let text = toml::to_string(&table).expect("a table");
+        Source::parse(refused, &text, false)?.mission()
+    }
+
+    /// The mission as a TOML table, by way of its text: dates only stay dates that way.
+    pub fn to_table(&self) -> toml::Table {
+        self.to_toml().parse().expect("a mission is a TOML table")
+    }
+
+    /// The path of a dotted key, in which members of arrays have their places instead of their names; or what is wrong with
+    /// it and what to try.
+    pub(crate) fn path(&self, key: &str) -> Result<String, (String, Option<String>)> {
+        resolve(&self.to_table(), key)
+    }
+
+    /// The value of a numeric key by its dotted path. None where there is no such key or no number.
+    pub fn number(&self, key: &str) -> Option<f64> {
+        let table = self.to_table();
+        let path = resolve(&table, key).ok()?;
+        match get(&table, &path)? {
+            Value::Float(number) => Some(*number),
+            Value::Integer(number) => Some(*number as f64),
+            _ => None,
+        }
+    }
+}
+
+fn refused(path: &Path) -> String {
+    format!("cannot use mission `{}`", path.display())
+}
+
+/// The text of a mission file.
+pub(crate) fn read_text(path: &Path) -> Result<String, InputError> {
+    input::text(path).map_err(|problem| InputError::new(refused(path), problem))
+}
+
+/// A mission text, parsed, with the places of its values.
+struct Source<'a> {
+    refused: String,
+    text: &'a str,
+    document: DeTable<'a>,
+    /// Whether lines of the text mean something to the user.
+    lines: bool,
+}
+
+impl<'a> Source<'a> {
+    fn parse(refused: String, text: &'a str, lines: bool) -> Result<Source<'a>, InputError> {
+        let document = DeTable::parse(text).map_err(|error| {
+            let line = error.span().map(|span| line_at(text, span.start));
+            InputError {
+                refused: refused.clone(),
+                place: line
+                    .map(|line| format!("line {line}: {}", shortened(text.lines().nth(line - 1).unwrap_or("").trim()))),
+                problem: error.message().replace('\n', " "),
+                help: Some("the file must be TOML: [section] lines and key = value lines, words in quotes".into()),
+            }
+        })?;
+        Ok(Source { refused, text, document: document.into_inner(), lines })
+    }
+
+    fn mission(&self) -> Result<Mission, InputError> {
+        self.check_table(&self.document, "")?;
+        let mut table: toml::Table = toml::from_str(self.text).map_err(|error| self.fault("", error.message()))?;
+        for key in KEYS {
+            self.complete(&mut table, "", key)?;
+        }
+        for entry in &effect::CATALOGUE {
+            for place in effect_places(&table, entry.card.kind) {
+                for key in entry.card.keys.iter().filter(|key| key.path != "*") {
+                    self.complete(&mut table, &format!("{place}."), key)?;
+                }
+            }
+        }
+        if get(&table, "environment.solar_maximum").is_none() {
+            let maxima = solar_cycle::MAXIMA.iter().map(|&year| Value::Float(year)).collect();
+            set(&mut table, "environment.solar_maximum", Value::Array(maxima));
+        }
+        let mission: Mission =
+            table.clone().try_into().map_err(|error: toml::de::Error| self.fault("", error.message()))?;
+        self.check_together(&mission, &table)?;
+        Ok(mission)
+    }
+
+    /// Every key of a table is known and has an allowed value.
+    fn check_table(&self, table: &DeTable, path: &str) -> Result<(), InputError> {
+        for (name, value) in table {
+            let name = name.get_ref().as_ref();
+            let below = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
+            let is_table = lookup::is_table(&below);
+            let is_array = lookup::is_table(&format!("{below}[]"));
+            // One effect is a table, several of a kind are an array of tables.
+            let either = path == "effects" && is_table;
+            match value.get_ref() {
+                DeValue::Table(inner) if is_table && (either || !is_array) => self.check_table(inner, &below)?,
+                DeValue::Array(members) if is_array => {
+                    for (index, member) in members.iter().enumerate() {
+                        let DeValue::Table(inner) = member.get_ref() else {
+                            return Err(self.fault(&below, format!("must be tables: write [[{below}]]")));
+                        };
+                        self.check_table(inner, &format!("{below}[{index}]"))?;
+                    }
+                }
+                _ if is_array && !either => {
+                    return Err(self.fault(&below, format!("must be tables: write [[{}]]", keys::pattern_of(&below))));
+                }
+                _ if is_table => return Err(self.fault(&below, format!("must be a table: write [{below}]"))),
+                value => match lookup::find(&below) {
+                    Some(key) => self.check_value(value, &below, key)?,
+                    None => return Err(self.unknown(&below)),
+                },
+            }
+        }
+        Ok(())
+    }
+
+    fn check_value(&self, value: &DeValue, path: &str, key: &keys::Key) -> Result<(), InputError> {
+        check_value(value, key, |problem| self.fault(path, problem))
+    }
+
+    fn unknown(&self, path: &str) -> InputError {
+        let pattern = keys::pattern_of(path);
+        let (parent, name) = pattern.rsplit_once('.').unwrap_or(("", &pattern));
+        let siblings = lookup::members(parent);
+        let elsewhere = KEYS.iter().find(|key| key.path.rsplit('.').next() == Some(name)).map(|key| key.path);
+        let help = if parent == "effects" || (parent.starts_with("effects.") && siblings.contains(&"*")) {
+            let near = nearest(name, siblings.iter().copied()).map(|near| format!("did you mean `{near}`? "));
+            format!("{}`ctiplan effects` lists them all", near.unwrap_or_default())
+        } else if let Some(elsewhere) = elsewhere.filter(|_| !parent.starts_with("effects")) {
+            let table = elsewhere.rsplit_once('.').expect("keys stand in tables").0;
+            let table = if table.ends_with("[]") {
+                format!("[[{}]]", table.trim_end_matches("[]"))
+            } else {
+                format!("[{table}]")
+            };
+            format!("it belongs in {table}")
+        } else if let Some(near) = nearest(name, siblings.iter().copied()) {
+            format!("did you mean `{near}`?")
+        } else if siblings.is_empty() {
+            "leave the table empty".to_string()
+        } else {
+            format!("known here: {}", siblings.join(", "))
+        };
+        let problem = if parent == "effects" {
+            format!("no effect is called `{name}`")
+        } else if siblings.is_empty() {
+            format!("{parent} has no keys, and `{name}` is none")
+        } else if parent.is_empty() {
+            format!("no section is called `{name}`")
+        } else {
+            format!("no key is called `{name}` in {parent}")
+        };
+        InputError { help: Some(help), ..self.fault(path, problem) }
+    }
+
+    /// Fills in a default, or refuses a mission in which a required key is missing. `prefix` goes before the key's path.
+    fn complete(&self, table: &mut toml::Table, prefix: &str, key: &keys::Key) -> Result<(), InputError> {
+        let path = format!("{prefix}{}", key.path);
+        let paths = match path.split_once("[]") {
+            Some((array, field)) => {
+                let members = get(table, array).and_then(Value::as_array).map_or(0, Vec::len);
+                if members == 0 {
+                    let called = if array == "galaxies" { "galaxy" } else { "trap species" };
+                    let written = keys::pattern_of(array).replace("[]", "");
+                    let problem = format!("there is no {called}: at least one [[{written}]] is needed");
+                    let place = self.place(array.rsplit_once('.').map_or("", |(parent, _)| parent));
+                    let place = place.filter(|_| !prefix.is_empty());
+                    return Err(InputError { place, ..InputError::new(&self.refused, problem) });
+                }
+                (0..members).map(|index| format!("{array}[{index}]{field}")).collect()
+            }
+            None => vec![path],
+        };
+        for path in paths {
+            let parent = path.rsplit_once('.').expect("keys stand in tables").0;
+            let absent = OPTIONAL_TABLES.contains(&parent) && get(table, parent).is_none();
+            if get(table, &path).is_some() || absent {
+                continue;
+            }
+            match key.need {
+                Need::Optional => {}
+                Need::Default(value) => {
+                    let value: toml::Table = format!("value = {value}").parse().expect("defaults are TOML");
+                    set(table, &path, value["value"].clone());
+                }
+                Need::Required => {
+                    let shown = self.shown(&path);
+                    let problem = format!("`{shown}` is missing: the {} ({})", key.what, key.kind.allowed(key.unit));
+                    return Err(InputError { place: self.place(parent), ..InputError::new(&self.refused, problem) });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// What keys say together.
+    fn check_together(&self, mission: &Mission, table: &toml::Table) -> Result<(), InputError> {
+        let detector = &mission.detector;
+        if let Some(problem) = mission.notch_problem() {
+            return Err(self.fault("detector.notch_e", problem));
+        }
+        if detector.traps.len() > MAX_SPECIES {
+            let problem = format!("{} trap species; allowed: up to {MAX_SPECIES}", detector.traps.len());
+            return Err(self.fault("detector.traps", problem));
+        }
+        let names = |array: &str, names: Vec<&str>| {
+            (1..names.len()).find(|&index| names[..index].contains(&names[index])).map_or(Ok(()), |index| {
+                let problem = format!("the name \"{}\" stands twice; names must differ", names[index]);
+                Err(self.fault(&format!("{array}[{index}].name"), problem))
+            })
+        };
+        names("detector.traps", detector.traps.iter().map(|species| species.name.as_str()).collect())?;
+        let galaxies: Vec<&str> = mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect();
+        names("galaxies", galaxies.clone())?;
+        for (index, galaxy) in mission.galaxies.iter().enumerate() {
+            let at = |key: &str| format!("galaxies[{index}].{key}");
+            match (galaxy.flux_e, galaxy.snr, galaxy.aperture_px) {
+                (Some(_), Some(_), _) => {
+                    return Err(self.fault(&at("snr"), "give flux_e or snr, not both: one follows from the other"));
+                }
+                (None, None, _) => {
+                    let problem = format!("galaxy \"{}\" needs flux_e (e-), or snr with aperture_px (px)", galaxy.name);
+                    return Err(InputError {
+                        place: self.place(&format!("galaxies[{index}]")),
+                        ..self.fault("", problem)
+                    });
+                }
+                (None, Some(_), None) => {
+                    return Err(self
+                        .fault(&at("snr"), "a signal-to-noise ratio needs aperture_px, the radius in which it holds"));
+                }
+                _ => {}
+            }
+        }
+        let judged = &mission.requirement.galaxy;
+        if !galaxies.contains(&judged.as_str()) {
+            let help = nearest(judged, galaxies.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
+            let problem = format!("there is no galaxy \"{judged}\"; there are: {}", galaxies.join(", "));
+            return Err(InputError { help, ..self.fault("requirement.galaxy", problem) });
+        }
+        for entry in &effect::CATALOGUE {
+            entry.check(mission).map_err(|(index, refusal)| {
+                let place = &effect_places(table, entry.card.kind)[index];
+                let path = if refusal.key.is_empty() { place.clone() } else { format!("{place}.{}", refusal.key) };
+                InputError { help: refusal.help, ..self.fault(&path, refusal.problem) }
+            })?;
+        }
+        for (index, key) in mission.fit.free.iter().enumerate() {
+            if let Err((problem, help)) = resolve(table, key) {
+                return Err(InputError { help, ..self.fault(&format!("fit.free[{index}]"), problem) });
+            }
+        }
+        self.check_noise(mission)?;
+        self.check_dose(mission)
+    }
+
+    /// Read noise is a law or a table, and a table has as many noises as rates.
+    fn check_noise(&self, mission: &Mission) -> Result<(), InputError> {
+        let Some(noise) = &mission.readout.noise else { return Ok(()) };
+        let law = [noise.floor_e, noise.white_e, noise.reference_rate_khz];
+        let help = "a law: floor_e, white_e (e-) and reference_rate_khz; or a table: pixel_rate_khz and read_noise_e";
+        let refuse =
+            |key: &str, problem: String| Err(self.fault(&format!("readout.noise.{key}"), problem).with_help(help));
+        match (&noise.pixel_rate_khz, &noise.read_noise_e) {
+            (None, None) if law.iter().all(Option::is_some) => Ok(()),
+            (Some(rates), Some(noises)) if law.iter().all(Option::is_none) => {
+                if rates.len() != noises.len() {
+                    let problem = format!("{} pixel rates (kHz), but {} read noises (e-)", rates.len(), noises.len());
+                    return refuse("pixel_rate_khz", problem);
+                }
+                if rates.windows(2).any(|pair| pair[0] >= pair[1]) {
+                    return refuse("pixel_rate_khz", "pixel rates (kHz) must rise".into());
+                }
+                Ok(())
+            }
+            _ => {
+                let problem = "the read noise must be a law or a table, whole, and not both";
+                Err(InputError { place: self.place("readout.noise"), ..self.fault("", problem) }.with_help(help))
+            }
+        }
+    }
+
+    fn check_dose(&self, mission: &Mission) -> Result<(), InputError> {
+        let environment = &mission.environment;
+        if environment.active_dose_rate_mev_g_yr.is_none() {
+            if mission.mission.orbit == Orbit::Leo {
+                let problem = "a low Earth orbit is dosed by trapped protons, for which there is no model here: the dose \
+                               cannot be derived";
+                return Err(self.fault("mission.orbit", problem).with_help(
+                    "give environment.active_dose_rate_mev_g_yr, from SPENVIS or from CTI measured in flight",
+                ));
+            }
+            if mission.shielding.is_none() {
+                let problem =
+                    "no dose: neither environment.active_dose_rate_mev_g_yr nor [shielding] to derive it from";
+                return Err(InputError { place: self.place("environment"), ..self.fault("", problem) }.with_help(
+                    "add [shielding] with geometry = \"sphere\" or \"slab\" and thickness_mm, in mm of aluminium",
+                ));
+            }
+        }
+        let mut maxima = environment.solar_maximum.clone();
+        maxima.sort_by(f64::total_cmp);
+        // A hair is left for decimal years, which are not exact.
+        let overlap = |pair: &&[f64]| pair[1] - pair[0] < solar_cycle::ACTIVE_YR - 1e-6;
+        if let Some(pair) = maxima.windows(2).find(overlap) {
+            let problem = format!(
+                "the maxima {} and {} overlap: each stands for {} active years, {ACTIVE_BEFORE_YR} yr before to \
+                 {ACTIVE_AFTER_YR} yr after it",
+                pair[0],
+                pair[1],
+                solar_cycle::ACTIVE_YR
+            );
+            return Err(self
+                .fault("environment.solar_maximum", problem)
+                .with_help("give one maximum for each cycle: maxima of the Sun were never less than 7 yr apart"));
+        }
+        if environment.model == DoseModel::SolarCycle || mission.effects.contains_key("solar-cycle") {
+            let first = environment.solar_maximum.iter().copied().fold(f64::INFINITY, f64::min);
+            let start = first - ACTIVE_BEFORE_YR - (1.0 - solar_cycle::ACTIVE_SHARE) * CYCLE_YR;
+            if calendar::decimal_year(mission.mission.launch.0) < start {
+                let problem = format!(
+                    "launch is before the list of solar maxima, which says nothing before {start:.1} (first maximum \
+                     {first:.1})"
+                );
+                return Err(self
+                    .fault("mission.launch", problem)
+                    .with_help("add the earlier maximum to environment.solar_maximum, or check the year"));
+            }
+        }
+        Ok(())
+    }
+
+    /// A refusal at a key (none where `path` is empty).
+    fn fault(&self, path: &str, problem: impl Into<String>) -> InputError {
+        InputError { place: self.place(path), ..InputError::new(&self.refused, problem) }
+    }
+
+    /// `line 17: detector.temperature_k = -120.0`
+    fn place(&self, path: &str) -> Option<String> {
+        let span = self.span(path)?;
+        let line = if self.lines { format!("line {}: ", line_at(self.text, span.start)) } else { String::new() };
+        let value = &self.text[span];
+        let shown = self.shown(path);
+        if value.starts_with('[') && !value.contains('=') && lookup::find(path).is_none() {
+            // A table's place is its header.
+            return Some(format!("{line}{value}"));
+        }
+        Some(format!("{line}{shown} = {}", shortened(value)))
+    }
+
+    /// Place of the value of a key in the text.
+    fn span(&self, path: &str) -> Option<Range<usize>> {
+        if path.is_empty() {
+            return None;
+        }
+        let mut table = &self.document;
+        let mut found = None;
+        for part in path.split('.') {
+            let (name, index) = match part.split_once('[') {
+                Some((name, index)) => (name, index.trim_end_matches(']').parse::<usize>().ok()),
+                None => (part, None),
+            };
+            let (_, mut value) = table.iter().find(|(key, _)| key.get_ref() == name)?;
+            if let (Some(index), DeValue::Array(members)) = (index, value.get_ref()) {
+                value = members.get(index)?;
+            }
+            found = Some(value.span());
+            if let DeValue::Table(inner) = value.get_ref() {
+                table = inner;
+            }
+        }
+        found
+    }
+
+    /// The path as users write it: members of arrays by their names.
+    fn shown(&self, path: &str) -> String {
+        let mut shown = String::new();
+        let mut so_far = String::new();
+        for part in path.split('.') {
+            for text in [&mut shown, &mut so_far] {
+                if !text.is_empty() {
+                    text.push('.');
+                }
+            }
+            so_far.push_str(part);
+            match part.split_once('[') {
+                Some((name, index)) => {
+                    let member =
+                        self.span(&format!("{so_far}.name")).map(|span| self.text[span].trim_matches(['"', '\'']));
+                    let number = index.trim_end_matches(']').parse::<usize>().map_or(0, |index| index + 1);
+                    shown.push_str(name);
+                    shown.push('.');
+                    shown.push_str(&member.map_or_else(|| number.to_string(), str::to_string));
+                }
+                None => shown.push_str(part),
+            }
+        }
+        shown
+    }
+}
+
+/// Whether a value is allowed for a key; `fault` makes the refusal of what is wrong with it.
+pub(crate) fn check_value(
+    value: &DeValue,
+    key: &keys::Key,
+    fault: impl Fn(String) -> InputError,
+) -> Result<(), InputError> {
+    let allowed = key.kind.allowed(key.unit);
+    let wrong_kind = || fault(format!("the {} is of the wrong kind; allowed: {allowed}", key.what));
+    let check_number = |value: &DeValue| {
+        let number = match value {
+            DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
+            DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|i| i as f64),
+            _ => None,
+        };
+        let number = number.ok_or_else(wrong_kind)?;
+        if key.kind.refuses(number) {
+            let unit = if key.unit.is_empty() { String::new() } else { format!(" {}", key.unit) };
+            let problem = format!("the {} is {}{unit}; allowed: {allowed}", key.what, keys::plain(number));
+            return Err(InputError { help: (key.help)(number), ..fault(problem) });
+        }
+        Ok(())
+    };
+    match (key.kind, value) {
+        (Kind::Number(..) | Kind::Positive(..), value) => check_number(value),
+        (Kind::Integer(..), value @ DeValue::Integer(_)) => check_number(value),
+        (Kind::Numbers(..), DeValue::Array(members)) if !members.is_empty() => {
+            members.iter().try_for_each(|member| check_number(member.get_ref()))
+        }
+        (Kind::Choice(words), DeValue::String(word)) if !words.contains(&word.as_ref()) => {
+            let help = nearest(word, words.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
+            let problem = format!("the {} is \"{word}\"; allowed: {allowed}", key.what);
+            Err(InputError { help, ..fault(problem) })
+        }
+        (Kind::Choice(_), DeValue::String(_)) => Ok(()),
+        (Kind::Text, DeValue::String(word)) if key.is_name() && word.contains(char::is_control) => {
+            Err(fault(format!("the {} holds an end of a line, a tab or another control character", key.what)))
+        }
+        (Kind::Text, DeValue::String(word)) if !word.trim().is_empty() => Ok(()),
+        (Kind::Texts, DeValue::Array(members))
+            if members.iter().all(|member| matches!(member.get_ref(), DeValue::String(_))) =>
+        {
+            Ok(())
+        }
+        (Kind::Date, DeValue::Datetime(datetime)) => crate::mission::Date::try_from(*datetime)
+            .map(|_| ())
+            .map_err(|problem| fault(format!("the {}: {problem}", key.what))),
+        (Kind::Date, DeValue::String(word)) => {
+            let help = word.parse::<chrono::NaiveDate>().ok().map(|date| format!("without quotes: {date}"));
+            Err(InputError { help, ..wrong_kind() })
+        }
+        _ => Err(wrong_kind()),
+    }
+}
+
+/// Line of a place in a text, from 1.
+pub(crate) fn line_at(text: &str, place: usize) -> usize {
+    text[..place.min(text.len())].matches('\n').count() + 1
+}
+
+/// Paths of the tables of an effect: `effects.KIND`, or `effects.KIND[0]` and so on where there are several.
+fn effect_places(table: &toml::Table, kind: &str) -> Vec<String> {
+    match table.get("effects").and_then(|effects| effects.get(kind)) {
+        Some(Value::Array(members)) => (0..members.len()).map(|index| format!("effects.{kind}[{index}]")).collect(),
+        Some(_) => vec![format!("effects.{kind}")],
+        None => Vec::new(),
+    }
+}
+
+/// `detector.traps.VV.release_ms` → `detector.traps[1].release_ms`, or what is wrong with it and what to try.
+///
+/// Effects are called by their kind, several of one kind by their number, from 1: `effects.solar-flare.2.t_yr`.
+fn resolve(table: &toml::Table, key: &str) -> Result<String, (String, Option<String>)> {
+    let mut path = key.to_string();
+    if let Some(below) = key.strip_prefix("effects.") {
+        let (kind, rest) = below.split_once('.').unwrap_or((below, ""));
+        if effect::find(kind).is_none() {
+            let kinds = effect::CATALOGUE.iter().map(|entry| entry.card.kind);
+            let near = nearest(kind, kinds).map(|near| format!("did you mean `{near}`?"));
+            return Err((format!("no effect is called `{kind}`"), near));
+        }
+        let places = effect_places(table, kind);
+        let several = get(table, &format!("effects.{kind}")).is_some_and(Value::is_array);
+        if places.is_empty() {
+            let help = format!("add [effects.{kind}] with values to start from; `ctiplan effects {kind}` tells which");
+            return Err((format!("the mission has no [effects.{kind}]"), Some(help)));
+        }
+        path = match rest.split_once('.').and_then(|(number, rest)| Some((number.parse::<usize>().ok()?, rest))) {
+            Some((number, rest)) if several && (1..=places.len()).contains(&number) => {
+                format!("{}.{rest}", places[number - 1])
+            }
+            _ if several => {
+                let help =
+                    format!("say which: effects.{kind}.1.PARAMETER to effects.{kind}.{}.PARAMETER", places.len());
+                return Err((format!("the mission has {} [[effects.{kind}]]", places.len()), Some(help)));
+            }
+            _ => path,
+        };
+    }
+    for (array, called) in ARRAYS {
+        let array = match path.find(array) {
+            Some(0) => array.to_string(),
+            // The species of an effect.
+            _ if called == "trap species" && path.starts_with("effects.") && path.contains(".traps.") => {
+                format!("{}.traps", path.split(".traps.").next().expect("a first part"))
+            }
+            _ => continue,
+        };
+        let Some(rest) = path.strip_prefix(&array).and_then(|rest| rest.strip_prefix('.')) else { continue };
+        let members = get(table, &array).and_then(Value::as_array).cloned().unwrap_or_default();
+        let names: Vec<&str> = members.iter().filter_map(|member| member.get("name")?.as_str()).collect();
+        for (index, name) in names.iter().enumerate() {
+            if let Some(field) = rest.strip_prefix(name).and_then(|rest| rest.strip_prefix('.')) {
+                return known(format!("{array}[{index}].{field}"), key);
+            }
+        }
+        let name = rest.rsplit_once('.').map_or(rest, |(name, _)| name);
+        let near = nearest(name, names.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
+        return Err((format!("there is no {called} \"{name}\"; there are: {}", names.join(", ")), near));
+    }
+    // Parameters of any name must be there.
+    let any_name = effect::find_key(&path).is_some_and(|key| key.path == "*");
+    if any_name && get(table, &path).is_none() {
+        let (parent, name) = path.rsplit_once('.').expect("a table and a key");
+        let there = get(table, parent).and_then(Value::as_table).map(|table| table.keys().cloned().collect::<Vec<_>>());
+        return Err((
+            format!("there is no `{name}` in {parent}; there are: {}", there.unwrap_or_default().join(", ")),
+            None,
+        ));
+    }
+    known(path, key)
+}
+
+/// The path, where it is that of a key.
+fn known(path: String, key: &str) -> Result<String, (String, Option<String>)> {
+    if lookup::find(&path).is_some() {
+        return Ok(path);
+    }
+    let pattern = keys::pattern_of(&path);
+    if let Some((parent, _)) = pattern.rsplit_once('.').filter(|(parent, _)| parent.starts_with("effects.")) {
+        return Err((
+            format!("no key is called `{key}`"),
+            Some(format!("known here: {}", lookup::members(parent).join(", "))),
+        ));
+    }
+    let near = nearest(&pattern, KEYS.iter().map(|key| key.path));
+    Err((
+        format!("no key is called `{key}`"),
+        near.map(|near| format!("did you mean `{}`?", near.replace("[]", ".NAME"))),
+    ))
+}
+
+/// The value at `a.b[2].c`.
+fn get<'a>(table: &'a toml::Table, path: &str) -> Option<&'a Value> {
+    let mut parts = path.split('.');
+    let mut value = member(|name| table.get(name), parts.next()?)?;
+    for part in parts {
+        value = member(|name| value.get(name), part)?;
+    }
+    Some(value)
+}
+
+fn member<'a>(get: impl Fn(&str) -> Option<&'a Value>, part: &str) -> Option<&'a Value> {
+    match part.split_once('[') {
+        Some((name, index)) => get(name)?.get(index.trim_end_matches(']').parse::<usize>().ok()?),
+        None => get(part),
+    }
+}
+
+/// Sets the value at `a.b[2].c`, making the tables on the way; members of arrays must be there.
+fn set(table: &mut toml::Table, path: &str, value: Value) {
+    let Some((first, rest)) = path.split_once('.') else {
+        table.insert(path.to_string(), value);
+        return;
+    };
+    let inner = match first.split_once('[') {
+        Some((name, index)) => {
+            let index: usize = index.trim_end_matches(']').parse().expect("an index that was resolved");
+            table.get_mut(name).and_then(|array| array.get_mut(index)).and_then(Value::as_table_mut)
+        }
+        None => table.entry(first).or_insert_with(|| Value::Table(toml::Table::new())).as_table_mut(),
+    };
+    set(inner.expect("a table that was checked"), rest, value);
+}

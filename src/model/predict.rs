@@ -1,0 +1,187 @@
+//! Model and conditions → what a measurement would give.
+//!
+//! Rows that share a readout (a packet and its trail, a block and its trail, all moments of a galaxy) are computed from one
+//! readout; packets and blocks that share a detector are read side by side (see `predict/columns.rs`), and all else in
+//! parallel; changes of shape of one galaxy at many doses are interpolated between a few (see
+//! `predict/shapes.rs`). The order of the rows, and the number of threads, change no bit.
+
+mod columns;
+mod shapes;
+
+use std::collections::HashMap;
+
+use rayon::prelude::*;
+
+use crate::error::InputError;
+use crate::model::{Device, Model};
+use crate::physics::conditions::Conditions;
+use crate::physics::observable::Observable;
+use crate::physics::shape::ShapeChange;
+
+/// What is to be predicted: an observable under conditions, and of which galaxy (by its place in the mission) if it is a
+/// change of shape.
+#[derive(Clone, Copy, Debug)]
+pub struct Question<'a> {
+    /// The quantity.
+    pub observable: Observable,
+    /// The conditions that are believed in; effects may know better.
+    pub at: &'a Conditions,
+    /// The galaxy of a change of shape.
+    pub galaxy: Option<usize>,
+}
+
+/// Predicted values, in the observables' units and in the order of the questions. NaN for the shape of a galaxy that has
+/// lost it.
+///
+/// # Errors
+/// Where a formula has no value.
+///
+/// # Panics
+/// Where a question lacks a condition that its observable requires.
+pub fn predict(model: &Model, questions: &[Question]) -> Result<Vec<f64>, InputError> {
+    let depends_on = model.depends_on();
+    let mut readings: Vec<Reading> = Vec::new();
+    let mut known: HashMap<Vec<u64>, usize> = HashMap::new();
+    let mut of_question = Vec::with_capacity(questions.len());
+    for question in questions {
+        let index = *known.entry(identity(question, &depends_on)).or_insert_with(|| {
+            readings.push(Reading::of(question));
+            readings.len() - 1
+        });
+        let rows = question.at.trail_px.unwrap_or(0) as usize;
+        readings[index].trail_px = readings[index].trail_px.max(rows);
+        of_question.push(index);
+    }
+    let devices = devices(model, &readings)?;
+    let charges = columns::read(&readings, &devices)?;
+    let changes = shapes::changes(model, &readings, &devices)?;
+    let read: Vec<Read> = readings
+        .iter()
+        .zip(&devices)
+        .zip(charges.into_iter().zip(changes))
+        .map(|((reading, device), (charges, change))| match reading.kind {
+            Kind::Dose => Read::Dose(device.at.dose_mev_g.expect("a device knows the dose behind its traps")),
+            Kind::Packet | Kind::Block => Read::Charges(charges.expect("packets and blocks have been read")),
+            Kind::Galaxy(_) => Read::Shape(change),
+        })
+        .collect();
+    let answer = |(question, index): (&Question, &usize)| {
+        let (device, read) = (&devices[*index], &read[*index]);
+        let at = Conditions {
+            trail_px: question.at.trail_px,
+            covariates: question.at.covariates.clone(),
+            ..device.at.clone()
+        };
+        device.observed(read.value(question), question.observable, &at)
+    };
+    questions.iter().zip(&of_question).map(answer).collect()
+}
+
+/// Changes of a galaxy's shape (by its place in the mission) under many conditions; None where it has lost its shape.
+///
+/// # Errors
+/// Where a formula has no value.
+pub fn changes(model: &Model, galaxy: usize, at: &[Conditions]) -> Result<Vec<Option<ShapeChange>>, InputError> {
+    let readings: Vec<Reading> = at.iter().map(|at| Reading { kind: Kind::Galaxy(galaxy), at, trail_px: 0 }).collect();
+    let devices = devices(model, &readings)?;
+    let changes = shapes::changes(model, &readings, &devices)?;
+    let observed = devices.iter().zip(changes);
+    observed.map(|(device, change)| change.map(|change| device.observed_change(change)).transpose()).collect()
+}
+
+/// The detector of each reading.
+fn devices(model: &Model, readings: &[Reading]) -> Result<Vec<Device>, InputError> {
+    let devices: Vec<Result<Device, InputError>> =
+        readings.par_iter().map(|reading| model.device(reading.at)).collect();
+    // The first of several errors, whichever came first.
+    devices.into_iter().collect()
+}
+
+/// What one readout gives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Dose,
+    /// A lone packet.
+    Packet,
+    /// A flat block.
+    Block,
+    /// A galaxy, by its place in the mission.
+    Galaxy(usize),
+}
+
+/// One readout, to be shared.
+struct Reading<'a> {
+    kind: Kind,
+    at: &'a Conditions,
+    /// Pixels behind the packet that are asked for.
+    trail_px: usize,
+}
+
+/// What was read.
+enum Read {
+    Dose(f64),
+    /// Charge less the trailed background, e-: of the packet or the block's last row, and of the pixels behind it.
+    Charges(Vec<f64>),
+    Shape(Option<ShapeChange>),
+}
+
+fn kind(question: &Question) -> Kind {
+    match question.observable {
+        Observable::Dose => Kind::Dose,
+        Observable::Trail | Observable::PacketCharge => Kind::Packet,
+        Observable::Eper => Kind::Block,
+        _ => Kind::Galaxy(question.galaxy.expect("a change of shape is that of a galaxy")),
+    }
+}
+
+/// Equal for questions that share a readout.
+fn identity(question: &Question, depends_on: &[String]) -> Vec<u64> {
+    let at = question.at;
+    let (kind, galaxy) = match kind(question) {
+        Kind::Dose => (0, 0),
+        Kind::Packet => (1, 0),
+        Kind::Block => (2, 0),
+        Kind::Galaxy(galaxy) => (3, galaxy as u64),
+    };
+    let bits = |value: Option<f64>| value.map_or(u64::MAX, f64::to_bits);
+    let mut identity = vec![kind, galaxy, u64::from(at.transfers), u64::from(at.block_px.unwrap_or(0))];
+    identity.extend(
+        [
+            Some(at.t_yr),
+            at.dose_mev_g,
+            Some(at.temperature_k),
+            Some(at.line_time_ms),
+            Some(at.background_e),
+            at.signal_e,
+        ]
+        .map(bits),
+    );
+    identity.extend(depends_on.iter().map(|name| bits(at.get(name))));
+    identity
+}
+
+impl<'a> Reading<'a> {
+    fn of(question: &Question<'a>) -> Reading<'a> {
+        Reading { kind: kind(question), at: question.at, trail_px: 0 }
+    }
+}
+
+impl Read {
+    fn value(&self, question: &Question) -> f64 {
+        let behind = question.at.trail_px.unwrap_or(0) as usize;
+        match (self, question.observable) {
+            (Read::Dose(dose_mev_g), _) => *dose_mev_g,
+            (Read::Charges(charge_e), Observable::Trail) => {
+                charge_e[behind] / question.at.signal_e.expect("a packet has a charge")
+            }
+            (Read::Charges(charge_e), Observable::PacketCharge) => charge_e[0],
+            (Read::Charges(charge_e), _) => charge_e[behind],
+            (Read::Shape(change), observable) => change.map_or(f64::NAN, |change| match observable {
+                Observable::DeltaE1 => change.delta_e1,
+                Observable::DeltaY => change.delta_y_px,
+                Observable::DeltaFlux => change.delta_flux,
+                _ => change.delta_size,
+            }),
+        }
+    }
+}

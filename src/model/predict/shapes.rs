@@ -1,0 +1,231 @@
+//! Changes of shape. One galaxy at many doses: interpolated between a few.
+//!
+//! While only the densities of traps differ, and all along one line (as they do where a dose grows), the change of shape is
+//! a smooth function of the place on that line, close to a straight one. It is computed at Chebyshev's points, which are
+//! doubled until the interpolating polynomial of half as many foretells the new ones, and is evaluated by the barycentric
+//! formula (Berrut & Trefethen 2004, SIAM Review 46, 501).
+
+use rayon::prelude::*;
+
+use super::{Kind, Reading};
+use crate::error::InputError;
+use crate::mission::ReadoutMethod;
+use crate::model::{Device, Model};
+use crate::physics::accuracy::Purpose;
+use crate::physics::conditions::Conditions;
+use crate::physics::shape::ShapeChange;
+
+/// Intervals between Chebyshev's points to start with, and at most.
+const FIRST: usize = 2;
+const LAST: usize = 32;
+
+/// Galaxies fewer than this are computed one by one.
+const FEW: usize = 7;
+
+/// A place so close to a point is that point: what rounding makes of 0 or of a half.
+const BESIDE: f64 = 1e-14;
+
+/// How far the polynomial may be from a new point, in units of the largest change on the line. Twice as many points are
+/// some four times closer: the curve has small kinks, where packets begin to meet one another's levels.
+const FORETOLD: f64 = 2e-4;
+
+/// Changes of shape of those readings that are of galaxies: interpolated if they lie on a line with enough others. None for
+/// all else, and where no shape is left.
+///
+/// # Errors
+/// Where an effect has no value.
+pub(super) fn changes(
+    model: &Model,
+    readings: &[Reading],
+    devices: &[Device],
+) -> Result<Vec<Option<ShapeChange>>, InputError> {
+    let interpolated = interpolated(model, readings, devices)?;
+    let changes: Vec<Result<Option<ShapeChange>, InputError>> = (readings, devices, interpolated)
+        .into_par_iter()
+        .map(|(reading, device, interpolated)| match (reading.kind, interpolated) {
+            (Kind::Galaxy(galaxy), None) => model.trailed(galaxy, &device.fit_for(Purpose::Measurement)),
+            (_, interpolated) => Ok(interpolated),
+        })
+        .collect();
+    // The first of several errors, whichever came first.
+    changes.into_iter().collect()
+}
+
+fn interpolated(
+    model: &Model,
+    readings: &[Reading],
+    devices: &[Device],
+) -> Result<Vec<Option<ShapeChange>>, InputError> {
+    let mut found = vec![None; readings.len()];
+    // Random traps are no smooth function of anything; nor need formulas be.
+    if model.mission.accuracy.readout == ReadoutMethod::MonteCarlo || !model.depends_on().is_empty() {
+        return Ok(found);
+    }
+    let mut lines: Vec<(Conditions, Vec<usize>)> = Vec::new();
+    for (index, reading) in readings.iter().enumerate() {
+        if !matches!(reading.kind, Kind::Galaxy(_)) {
+            continue;
+        }
+        let at = but_for_dose(&devices[index].at);
+        let same = |(known, members): &&mut (Conditions, Vec<usize>)| {
+            readings[members[0]].kind == reading.kind
+                && *known == at
+                && same_species(&devices[members[0]], &devices[index])
+        };
+        match lines.iter_mut().find(same) {
+            Some((_, members)) => members.push(index),
+            None => lines.push((at, vec![index])),
+        }
+    }
+    for (_, members) in lines.into_iter().filter(|(_, members)| members.len() >= FEW) {
+        let Kind::Galaxy(galaxy) = readings[members[0]].kind else { continue };
+        let Some(places) = places(devices, &members) else { continue };
+        let ends = [0.0, 1.0].map(|end| members[places.iter().position(|place| *place == end).expect("both ends")]);
+        let [low, high] = ends.map(|end| devices[end].fit_for(Purpose::Measurement));
+        let change = |place: f64| model.trailed(galaxy, &between(&low, &high, place));
+        if let Some(curve) = Curve::of(change)? {
+            for (&member, &place) in members.iter().zip(&places) {
+                found[member] = Some(curve.at(place));
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// Conditions that must be the same along a line.
+fn but_for_dose(at: &Conditions) -> Conditions {
+    Conditions { t_yr: 0.0, dose_mev_g: None, covariates: Vec::new(), ..at.clone() }
+}
+
+fn same_species(a: &Device, b: &Device) -> bool {
+    // Serial registers have densities of their own, which need not lie on the same line.
+    !a.has_serial_traps()
+        && !b.has_serial_traps()
+        && a.traps.len() == b.traps.len()
+        && a.traps.iter().zip(&b.traps).all(|(a, b)| {
+            (a.release_ms, a.release_sigma, a.capture_ms) == (b.release_ms, b.release_sigma, b.capture_ms)
+        })
+}
+
+/// Places of devices on the line through the two whose densities differ most, from 0 to 1. None where they are not on one
+/// line, or all alike.
+fn places(devices: &[Device], members: &[usize]) -> Option<Vec<f64>> {
+    let density = |member: usize| devices[member].traps.iter().map(|species| species.density_per_px);
+    let sum = |member: usize| density(member).sum::<f64>();
+    let by_sum = |a: &&usize, b: &&usize| sum(**a).total_cmp(&sum(**b));
+    let (low, high) = (*members.iter().min_by(by_sum)?, *members.iter().max_by(by_sum)?);
+    let span = sum(high) - sum(low);
+    if span <= 0.0 {
+        return None;
+    }
+    let place = |member: usize| {
+        // Exactly 0 and 1 at the ends.
+        let place = (sum(member) - sum(low)) / span;
+        let off = |((here, low), high): ((f64, f64), f64)| (here - low - place * (high - low)).abs() > 1e-9 * span;
+        let on_line = !density(member).zip(density(low)).zip(density(high)).any(off);
+        on_line.then_some(place)
+    };
+    members.iter().map(|&member| place(member)).collect()
+}
+
+/// The device at a place on the line between two.
+fn between(low: &Device, high: &Device, place: f64) -> Device {
+    let mut device = low.clone();
+    for (index, high) in high.traps.iter().enumerate() {
+        let low = low.traps[index].density_per_px;
+        device.traps[index].density_per_px = low + place * (high.density_per_px - low);
+    }
+    device
+}
+
+/// A polynomial through values at Chebyshev's points.
+struct Curve {
+    places: Vec<f64>,
+    values: Vec<ShapeChange>,
+}
+
+impl Curve {
+    /// None where a shape is lost, or no polynomial is good enough.
+    fn of(change: impl Fn(f64) -> Result<Option<ShapeChange>, InputError> + Sync) -> Result<Option<Curve>, InputError> {
+        // The first of several errors, whichever came first.
+        let at_all = |places: &[f64]| -> Result<Option<Vec<ShapeChange>>, InputError> {
+            let changes: Vec<_> = places.par_iter().map(|&place| change(place)).collect();
+            changes.into_iter().collect()
+        };
+        let point =
+            |index: usize, intervals: usize| 0.5 - 0.5 * (std::f64::consts::PI * index as f64 / intervals as f64).cos();
+        let places: Vec<f64> = (0..=FIRST).map(|index| point(index, FIRST)).collect();
+        let Some(values) = at_all(&places)? else { return Ok(None) };
+        let mut curve = Curve { places, values };
+        let mut intervals = FIRST;
+        while intervals < LAST {
+            intervals *= 2;
+            // The new points lie between the old ones.
+            let between: Vec<f64> = (1..intervals).step_by(2).map(|index| point(index, intervals)).collect();
+            let Some(changes) = at_all(&between)? else { return Ok(None) };
+            let new: Vec<(f64, ShapeChange)> = between.into_iter().zip(changes).collect();
+            let good = new.iter().all(|(place, value)| curve.foretells(*place, value));
+            let (mut places, mut values) = (Vec::new(), Vec::new());
+            for index in 0..=intervals {
+                let (place, value) = match index % 2 {
+                    0 => (curve.places[index / 2], curve.values[index / 2]),
+                    _ => new[index / 2],
+                };
+                places.push(place);
+                values.push(value);
+            }
+            curve = Curve { places, values };
+            if good {
+                return Ok(Some(curve));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Whether the polynomial is close to a value; that of twice as many points is then much closer.
+    fn foretells(&self, place: f64, value: &ShapeChange) -> bool {
+        let found = self.at(place);
+        let members: [fn(&ShapeChange) -> f64; 4] = [
+            |change| change.delta_e1,
+            |change| change.delta_y_px,
+            |change| change.delta_flux,
+            |change| change.delta_size,
+        ];
+        members.iter().all(|member| {
+            let largest = self.values.iter().map(|value| member(value).abs()).fold(0.0, f64::max);
+            (member(&found) - member(value)).abs() <= FORETOLD * largest
+        })
+    }
+
+    fn at(&self, place: f64) -> ShapeChange {
+        let last = self.places.len() - 1;
+        let (mut sum, mut total) = (ShapeChange::default(), 0.0);
+        for (index, (known, value)) in self.places.iter().zip(&self.values).enumerate() {
+            if (place - known).abs() < BESIDE {
+                return *value;
+            }
+            let sign = if index % 2 == 0 { 1.0 } else { -1.0 };
+            let weight = if index == 0 || index == last { 0.5 * sign } else { sign } / (place - known);
+            total += weight;
+            sum = sum.plus(value, weight);
+        }
+        ShapeChange::default().plus(&sum, 1.0 / total)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_polynomial_is_the_same_right_beside_its_points() {
+        let change = |place: f64| Ok(Some(ShapeChange { delta_e1: 1.0 + place * place, ..ShapeChange::default() }));
+        let curve = Curve::of(change).unwrap().unwrap();
+        for &known in &curve.places {
+            for place in [known.next_down(), known, known.next_up()] {
+                let expected = 1.0 + place * place;
+                assert!((curve.at(place).delta_e1 - expected).abs() < 1e-12, "{place}: {:?}", curve.at(place));
+            }
+        }
+    }
+}

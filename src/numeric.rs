@@ -1,0 +1,6 @@
+//! Numbers and dates: what any program of numbers needs, and nothing of CCDs.
+
+pub mod calendar;
+pub mod expression;
+pub(crate) mod least_squares;
+pub(crate) mod root_finding;

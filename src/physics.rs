@@ -1,0 +1,13 @@
+//! The nouns of the chain: conditions, dose over time, damage, galaxies and their shapes. What puts them together is
+//! [`crate::model`]; effects ([`crate::effect`]) change one of them each.
+
+pub mod accuracy;
+pub mod conditions;
+pub mod damage;
+pub mod dose_history;
+pub mod galaxy;
+pub mod observable;
+pub mod shape;
+
+pub use damage::{BOLTZMANN_EV_K, Damage, Loss, SpeciesState, release_factor};
+pub use dose_history::{DoseHistory, Law, RateOrigin};

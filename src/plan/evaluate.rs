@@ -1,0 +1,211 @@
+//! The chain: mission → dose → traps → readout → shapes → verdict.
+
+use chrono::NaiveDate;
+use rayon::prelude::*;
+
+use crate::error::InputError;
+use crate::mission::{Galaxy, Mission, ReadoutMethod};
+use crate::model::{Model, Scene};
+use crate::numeric::calendar::date_after;
+use crate::physics::SpeciesState;
+use crate::physics::accuracy::SHOWS_IN_SHAPES;
+use crate::physics::shape::ShapeChange;
+use crate::plan::requirement::{Crossing, Point, crossing, resolved};
+use crate::warning::{RELEASED_IN_PLACE_LINES, Warning};
+
+/// Everything along the way from a mission to its verdict.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// The mission, as resolved, with its dose, traps and galaxies.
+    pub model: Model,
+    /// State at the end of each year of the mission, and at its end.
+    pub years: Vec<Year>,
+    /// When the budget is exceeded.
+    pub verdict: Verdict,
+    /// Things seen that are not errors.
+    pub warnings: Vec<Warning>,
+}
+
+/// State at one time.
+#[derive(Clone, Debug)]
+pub struct Year {
+    /// Years since launch.
+    pub t_yr: f64,
+    /// The day; None past the end of the calendar.
+    pub date: Option<NaiveDate>,
+    /// Dose since launch as its monitor sees it, MeV/g.
+    pub dose_mev_g: f64,
+    /// Traps.
+    pub traps: Vec<SpeciesState>,
+    /// Mean change of each galaxy's shape, in the mission's order. None where no shape is left to measure.
+    pub galaxies: Vec<Option<ShapeChange>>,
+}
+
+/// What becomes of the requirement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Verdict {
+    /// Without software correction.
+    pub uncorrected: Crossing,
+    /// With it.
+    pub corrected: Crossing,
+    /// d|Δe|/dt just after launch, per year.
+    pub rate_at_launch_per_yr: Option<f64>,
+    /// |Δe| at the end of the mission over its duration, per year.
+    pub mean_rate_per_yr: Option<f64>,
+}
+
+impl Evaluation {
+    /// The mission, as resolved.
+    pub fn mission(&self) -> &Mission {
+        &self.model.mission
+    }
+
+    /// State at the end of the mission.
+    pub fn end(&self) -> &Year {
+        self.years.last().expect("a mission has an end")
+    }
+}
+
+impl Verdict {
+    /// Whether the requirement is met, with correction, to the end of the mission.
+    pub fn met(&self) -> bool {
+        self.corrected.crossings_yr.is_empty()
+    }
+}
+
+/// State at a time (years since launch).
+fn year(model: &Model, t_yr: f64) -> Result<Year, InputError> {
+    let device = model.device_at(t_yr)?;
+    let galaxies = 0..model.mission.galaxies.len();
+    let galaxies: Vec<_> = galaxies.into_par_iter().map(|galaxy| model.change_by(galaxy, &device)).collect();
+    Ok(Year {
+        t_yr,
+        date: date_after(model.mission.mission.launch.0, t_yr),
+        dose_mev_g: device.dose_mev_g()?,
+        galaxies: galaxies.into_iter().collect::<Result<_, _>>()?,
+        traps: device.traps,
+    })
+}
+
+/// |Δe| of the judged galaxy at a time (years since launch); None if no shape is left.
+fn magnitude(model: &Model, t_yr: f64) -> Result<Option<f64>, InputError> {
+    Ok(model.change(model.judged(), t_yr)?.map(|change| change.magnitude()))
+}
+
+/// When |Δe| of the judged galaxy crosses limits, each told by as few readouts as it takes; what is `known` is reused.
+pub(crate) fn crossings<const N: usize>(
+    model: &Model,
+    limits: [f64; N],
+    known: &[Point],
+) -> Result<[Crossing; N], InputError> {
+    let mut times = model.times_yr(model.mission.mission.duration_yr);
+    times.retain(|t_yr| known.iter().all(|known| known.0 != *t_yr));
+    let added: Vec<Result<Point, InputError>> =
+        times.into_par_iter().map(|t_yr| Ok((t_yr, magnitude(model, t_yr)?))).collect();
+    // The first of several errors, whichever came first.
+    let mut points = added.into_iter().collect::<Result<Vec<Point>, _>>()?;
+    points.extend(known);
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let points = resolved(&points, &limits, |t_yr| magnitude(model, t_yr))?;
+    let found = limits.map(|limit| crossing(limit, &points, |t_yr| magnitude(model, t_yr)));
+    let found: Vec<Crossing> = found.into_iter().collect::<Result<_, _>>()?;
+    Ok(found.try_into().expect("as many crossings as limits"))
+}
+
+/// d|Δe|/dt just after launch, per year; None if no shape is left.
+pub(crate) fn rate_at_launch_per_yr(model: &Model) -> Result<Option<f64>, InputError> {
+    let just_after_yr = JUST_AFTER * model.mission.mission.duration_yr;
+    let (launch, later) = (magnitude(model, 0.0)?, magnitude(model, just_after_yr)?);
+    Ok(later.zip(launch).map(|(later, launch)| (later - launch) / just_after_yr))
+}
+
+/// Judges the requirement; `years` (rising) are reused.
+fn verdict(model: &Model, years: &[Year]) -> Result<Verdict, InputError> {
+    let magnitude = |year: &Year| year.galaxies[model.judged()].map(|change| change.magnitude());
+    let known: Vec<Point> = years.iter().map(|year| (year.t_yr, magnitude(year))).collect();
+    let requirement = &model.mission.requirement;
+    let limits = [requirement.delta_e, requirement.delta_e * requirement.correction_factor];
+    let [uncorrected, corrected] = crossings(model, limits, &known)?;
+    Ok(Verdict {
+        uncorrected,
+        corrected,
+        rate_at_launch_per_yr: rate_at_launch_per_yr(model)?,
+        mean_rate_per_yr: known.last().and_then(|end| end.1).map(|end| end / model.mission.mission.duration_yr),
+    })
+}
+
+/// Share of the mission over which the rate at launch is taken: long enough for the accuracy of shapes, too short for
+/// the curve to bend.
+const JUST_AFTER: f64 = 1e-3;
+
+/// Evaluates a mission.
+///
+/// # Errors
+/// Where a galaxy of the mission has no measurable shape even before the readout, or a formula has no value.
+pub fn evaluate(mission: &Mission) -> Result<Evaluation, InputError> {
+    evaluated(Model::new(mission))
+}
+
+/// Evaluates a mission whose model is at hand.
+///
+/// # Errors
+/// As [`evaluate`].
+pub(crate) fn evaluated(model: Model) -> Result<Evaluation, InputError> {
+    let mission = &model.mission;
+    let measurable: Vec<bool> =
+        (0..mission.galaxies.len()).into_par_iter().map(|galaxy| model.scene(galaxy).is_some()).collect();
+    if let Some(galaxy) = measurable.iter().position(|measurable| !measurable) {
+        return Err(unmeasurable(mission, &mission.galaxies[galaxy]));
+    }
+    let years: Vec<_> = year_ends(mission.mission.duration_yr).into_par_iter().map(|t_yr| year(&model, t_yr)).collect();
+    // The first of several errors, whichever came first.
+    let years = years.into_iter().collect::<Result<Vec<Year>, _>>()?;
+    let verdict = verdict(&model, &years)?;
+    let warnings = warnings(&model)?;
+    Ok(Evaluation { model, years, verdict, warnings })
+}
+
+/// Ends of the years of a mission, and its end.
+pub(crate) fn year_ends(duration_yr: f64) -> Vec<f64> {
+    let mut ends: Vec<f64> = (1..=duration_yr.floor() as usize).map(|year| year as f64).collect();
+    if duration_yr.fract() > 0.0 {
+        ends.push(duration_yr);
+    }
+    ends
+}
+
+pub(crate) fn unmeasurable(mission: &Mission, galaxy: &Galaxy) -> InputError {
+    InputError::new(
+        format!("cannot evaluate mission \"{}\"", mission.mission.name),
+        format!("galaxy \"{}\" has no weighted moments: its weight finds no centroid", galaxy.name),
+    )
+    .with_help("choose weight_px closer to the size of the galaxy")
+}
+
+pub(crate) fn warnings(model: &Model) -> Result<Vec<Warning>, InputError> {
+    let mission = &model.mission;
+    let mut warnings = model.history().warnings(mission.mission.duration_yr);
+    for (index, galaxy) in mission.galaxies.iter().enumerate() {
+        let peak_e = model.scene(index).map_or(0.0, Scene::peak_e);
+        if peak_e > mission.detector.full_well_e {
+            warnings.push(Warning::Saturated { name: format!("galaxy \"{}\"", galaxy.name), peak_e });
+        }
+    }
+    if mission.accuracy.readout == ReadoutMethod::MonteCarlo {
+        warnings.push(Warning::OneSetOfTraps);
+    }
+    for species in model.traps(mission.mission.duration_yr)? {
+        let over_readout = species.release_ms / (mission.readout.line_time_ms * f64::from(mission.readout.transfers));
+        if over_readout > 1.0 && species.density_per_px > 0.0 {
+            warnings.push(Warning::NeverReleases { species: species.name.clone(), over_readout });
+        }
+        let over_line = species.release_ms / mission.readout.line_time_ms;
+        if over_line < RELEASED_IN_PLACE_LINES && species.density_per_px > 0.0 {
+            warnings.push(Warning::ReleasesInPlace { species: species.name, over_line });
+        }
+    }
+    if mission.accuracy.readout == ReadoutMethod::Fast && mission.accuracy.relative > SHOWS_IN_SHAPES {
+        warnings.push(Warning::CoarseAccuracy { relative: mission.accuracy.relative });
+    }
+    Ok(warnings)
+}

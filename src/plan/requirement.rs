@@ -1,0 +1,212 @@
+//! Change of shape over time → when the budget is exceeded.
+//!
+//! |Δe|(t) jumps where dose comes or traps disappear at once, bends where the dose rate changes, and is smooth in between. It
+//! is computed on both sides of each jump and at each bend, and between them until a parabola through three neighbours shows
+//! that no limit is crossed unseen: the curve stays on one side, or runs through the limit once.
+
+use rayon::prelude::*;
+
+use crate::error::InputError;
+use crate::numeric::root_finding;
+
+/// When a limit is exceeded, and by how much.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Crossing {
+    /// First time (years since launch) at which |Δe| reaches the limit; None if it does not within the mission.
+    pub t_yr: Option<f64>,
+    /// All times (years since launch, rising) at which |Δe| passes the limit: up, down, up, ... The first is `t_yr`.
+    pub crossings_yr: Vec<f64>,
+    /// Limit on |Δe| before correction.
+    pub limit: f64,
+    /// Limit less |Δe| at the end of the mission; negative if it is exceeded then. None if the galaxy has no shape left by
+    /// then.
+    pub margin: Option<f64>,
+}
+
+impl Crossing {
+    /// Whether the limit is exceeded at the end of the mission.
+    pub fn exceeded_at_end(&self) -> bool {
+        self.crossings_yr.len() % 2 == 1
+    }
+}
+
+/// |Δe| at a time (years since launch); None where no shape is left, which is beyond any limit.
+pub type Point = (f64, Option<f64>);
+
+/// Shortest interval that is looked into, yr: nine hours.
+const SHORTEST_YR: f64 = 1e-3;
+
+/// A curve this close to a limit (relative to it) is neither above nor below.
+const CLOSE: f64 = 1e-4;
+
+/// Room that is left for what is no parabola, in units of how far the curve bends from a straight line within an interval. A
+/// parabola itself needs a quarter.
+const ROOM: f64 = 2.0;
+
+/// Adds points to `known` (rising in time) until a function is known well enough to tell where it crosses each limit.
+///
+/// `known` must hold both ends, each bend, and each jump twice: just before it (the next smaller number) and at it.
+///
+/// # Errors
+/// Those of the function; the first in time.
+pub fn resolved(
+    known: &[Point],
+    limits: &[f64],
+    function: impl Fn(f64) -> Result<Option<f64>, InputError> + Sync,
+) -> Result<Vec<Point>, InputError> {
+    let mut points = known.to_vec();
+    let mut open: Vec<[Point; 2]> = Vec::new();
+    for (index, pair) in known.windows(2).enumerate() {
+        // Years are evenly spaced: a neighbour often tells enough.
+        let before = index.checked_sub(1).map(|before| [known[before], pair[0], pair[1]]);
+        let after = known.get(index + 2).map(|after| [pair[0], pair[1], *after]);
+        let shown = [before, after].into_iter().flatten().any(|three| is_even(&three) && is_clear(&three, limits));
+        if !shown && pair[1].0 - pair[0].0 > SHORTEST_YR {
+            open.push([pair[0], pair[1]]);
+        }
+    }
+    while !open.is_empty() {
+        let middles: Vec<Result<Point, InputError>> = open
+            .par_iter()
+            .map(|[start, end]| {
+                let t_yr = 0.5 * (start.0 + end.0);
+                Ok((t_yr, function(t_yr)?))
+            })
+            .collect();
+        let mut next = Vec::new();
+        for ([start, end], middle) in open.into_iter().zip(middles) {
+            let middle = middle?;
+            points.push(middle);
+            if !is_clear(&[start, middle, end], limits) && middle.0 - start.0 > SHORTEST_YR {
+                next.extend([[start, middle], [middle, end]]);
+            }
+        }
+        open = next;
+    }
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(points)
+}
+
+fn is_even([a, b, c]: &[Point; 3]) -> bool {
+    ((b.0 - a.0) - (c.0 - b.0)).abs() < 1e-9
+}
+
+/// Whether the smooth curve through three evenly spaced points crosses no limit unseen between them.
+fn is_clear(three: &[Point; 3], limits: &[f64]) -> bool {
+    let [Some(a), Some(b), Some(c)] = three.map(|point| point.1) else {
+        return three.iter().all(|point| point.1.is_none());
+    };
+    let bend = (b - 0.5 * (a + c)).abs();
+    let (least, most) = (a.min(b).min(c) - ROOM * bend, a.max(b).max(c) + ROOM * bend);
+    // The vertex of the parabola is far outside.
+    let monotone = (c - a).abs() > 4.0 * ROOM * bend;
+    limits.iter().all(|limit| {
+        let beside = *limit < least || *limit > most;
+        let along = (most - limit).abs().max((least - limit).abs()) < CLOSE * limit;
+        beside || monotone || along
+    })
+}
+
+/// Where a function crosses a limit, given points that tell (see [`resolved`]). Roots are those of `function`, to 1e-9 yr, not
+/// of a line between points.
+///
+/// # Errors
+/// Those of the function.
+pub fn crossing(
+    limit: f64,
+    points: &[Point],
+    function: impl Fn(f64) -> Result<Option<f64>, InputError>,
+) -> Result<Crossing, InputError> {
+    let excess = |value: Option<f64>| value.map_or(limit, |value| value - limit);
+    let exceeds = |point: &Point| excess(point.1) >= 0.0;
+    let mut crossings_yr: Vec<f64> =
+        points.first().filter(|first| exceeds(first)).map(|first| first.0).into_iter().collect();
+    for pair in points.windows(2) {
+        if exceeds(&pair[0]) == exceeds(&pair[1]) {
+            continue;
+        }
+        let is_jump = pair[0].0.next_up() >= pair[1].0;
+        crossings_yr.push(match is_jump {
+            true => pair[1].0,
+            false => {
+                let ends = [pair[0], pair[1]].map(|(t_yr, value)| (t_yr, excess(value)));
+                root_finding::try_between(ends, 1e-9, |t_yr| function(t_yr).map(excess))?
+            }
+        });
+    }
+    let margin = points.last().expect("at least one time").1.map(|value| limit - value);
+    Ok(Crossing { t_yr: crossings_yr.first().copied(), crossings_yr, limit, margin })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(limit: f64, jumps: &[f64], function: impl Fn(f64) -> Option<f64> + Sync) -> Crossing {
+        let mut times: Vec<f64> = (0..=5).map(f64::from).collect();
+        times.extend(jumps.iter().flat_map(|jump| [jump.next_down(), *jump]));
+        times.sort_by(f64::total_cmp);
+        let known: Vec<Point> = times.into_iter().map(|t_yr| (t_yr, function(t_yr))).collect();
+        let points = resolved(&known, &[limit], |t_yr| Ok(function(t_yr))).unwrap();
+        crossing(limit, &points, |t_yr| Ok(function(t_yr))).unwrap()
+    }
+
+    #[test]
+    fn the_root_is_that_of_the_curve() {
+        let found = found(2.0, &[], |t| Some(t * t));
+        assert!((found.t_yr.unwrap() - 2_f64.sqrt()).abs() < 1e-8);
+        assert_eq!((found.margin, found.crossings_yr.len()), (Some(-23.0), 1));
+    }
+
+    #[test]
+    fn a_limit_that_is_not_reached_leaves_a_margin() {
+        let found = found(30.0, &[], |t| Some(t * t));
+        assert_eq!((found.t_yr, found.margin, found.exceeded_at_end()), (None, Some(5.0), false));
+    }
+
+    #[test]
+    fn a_curve_that_starts_above_the_limit_has_exceeded_it_at_launch() {
+        assert_eq!(found(1.0, &[], |_| Some(2.0)).t_yr, Some(0.0));
+    }
+
+    #[test]
+    fn a_shape_that_is_lost_is_beyond_any_limit() {
+        let found = found(10.0, &[], |t| (t < 3.5).then_some(t));
+        assert!((found.t_yr.unwrap() - 3.5).abs() < 2e-3);
+        assert_eq!(found.margin, None);
+    }
+
+    #[test]
+    fn a_crossing_before_a_step_down_is_seen_and_so_is_the_way_back() {
+        // Grows by 1 per year, and loses all but a hundredth at 2.7 yr.
+        let function = |t: f64| Some(if t < 2.7 { t } else { 0.027 + (t - 2.7) });
+        let twice = found(2.5, &[2.7], function);
+        assert!((twice.crossings_yr[0] - 2.5).abs() < 1e-8);
+        assert_eq!(twice.crossings_yr.len(), 2);
+        assert_eq!(twice.crossings_yr[1], 2.7);
+        assert!(!twice.exceeded_at_end());
+        assert_eq!(found(2.2, &[2.7], function).crossings_yr.len(), 3);
+    }
+
+    #[test]
+    fn a_hump_between_two_years_is_seen() {
+        let hump = |t: f64| Some(1.0 - (t - 2.45).powi(2));
+        let found = found(0.999, &[], hump);
+        let half = 0.001_f64.sqrt();
+        assert_eq!(found.crossings_yr.len(), 2);
+        assert!((found.crossings_yr[0] - 2.45 + half).abs() < 1e-8);
+        assert!((found.crossings_yr[1] - 2.45 - half).abs() < 1e-8);
+    }
+
+    #[test]
+    fn a_straight_curve_needs_no_more_than_its_years() {
+        let calls = std::sync::atomic::AtomicUsize::new(0);
+        let line = |t: f64| {
+            calls.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            Ok(Some(t))
+        };
+        let known: Vec<Point> = (0..=5).map(|year| (f64::from(year), Some(f64::from(year)))).collect();
+        assert_eq!(resolved(&known, &[2.5, 25.0], line).unwrap().len(), known.len());
+        assert_eq!(calls.into_inner(), 0);
+    }
+}

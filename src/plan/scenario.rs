@@ -1,0 +1,284 @@
+//! The same mission under other circumstances, side by side: the product of `ctiplan compare`.
+
+mod axis;
+mod ranking;
+pub(crate) mod sun;
+
+use std::path::Path;
+
+use rayon::prelude::*;
+
+pub use axis::Axis;
+pub use ranking::{Criterion, Merit, Ranking};
+
+use crate::error::InputError;
+use crate::mission::Mission;
+use crate::model::Model;
+use crate::physics::SpeciesState;
+use crate::plan::evaluate::{Verdict, evaluate};
+use crate::warning::Warning;
+
+/// A mission that is to be compared.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// The file it is from.
+    pub file: String,
+    /// The mission.
+    pub mission: Mission,
+}
+
+/// One mission under one set of circumstances, and what becomes of it.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    /// What tells its mission from the others that are compared: its name, and its file where others have the same name.
+    pub name: String,
+    /// The file of its mission.
+    pub file: String,
+    /// The mission, with its settings.
+    pub mission: Mission,
+    /// What was set: key and value.
+    pub settings: Vec<(String, toml::Value)>,
+    /// Dose at the end of the mission, MeV/g.
+    pub dose_mev_g: f64,
+    /// Active time of the mission, yr.
+    pub active_yr: f64,
+    /// |Δe| of the judged galaxy at the end of the mission; None where no shape is left.
+    pub delta_e: Option<f64>,
+    /// When the budget is exceeded.
+    pub verdict: Verdict,
+    /// Traps at the end of the mission.
+    pub traps: Vec<SpeciesState>,
+    /// Things seen that are not errors.
+    pub warnings: Vec<Warning>,
+}
+
+/// Scenarios, in the order asked for, and what tells them apart.
+#[derive(Clone, Debug)]
+pub struct Comparison {
+    /// In the order of missions, then of the axes, the last axis fastest.
+    pub scenarios: Vec<Scenario>,
+    /// What tells the missions apart that they are of, in the missions' order.
+    pub names: Vec<String>,
+    /// The best scenarios and the worst.
+    pub ranking: Ranking,
+    /// Times (years since launch) at which the best is compared with the worst: when the worst exceeds the budget that decides,
+    /// or the end of each.
+    pub compared_at_yr: [f64; 2],
+    /// |Δe| of the first best over that of the first worst at those times; None where one is lost or 0.
+    pub ratio: Option<f64>,
+    /// Why the best is better than the worst at those times; empty where all are alike.
+    pub why: Vec<String>,
+    /// What else a reader has to know.
+    pub notes: Vec<String>,
+}
+
+/// Evaluates missions at every combination of the axes' values.
+///
+/// Where launch dates are compared and no model of the dose is among the axes, missions whose dose is an average over the solar
+/// cycle follow the cycle instead; `notes` say so. `progress` is called once for every scenario that is done.
+///
+/// # Errors
+/// Where a key or a value is not one of a mission's, or a galaxy has no measurable shape. The first one in order.
+pub fn compare(candidates: &[Candidate], axes: &[Axis], progress: impl Fn() + Sync) -> Result<Comparison, InputError> {
+    let (candidates, notes) = under_the_sun(candidates, axes);
+    let names = names(&candidates);
+    let mut combinations: Vec<Vec<(String, toml::Value)>> = vec![Vec::new()];
+    for axis in axes {
+        combinations = combinations
+            .iter()
+            .flat_map(|settings| {
+                axis.values.iter().map(move |value| {
+                    let mut settings = settings.clone();
+                    settings.push((axis.key.clone(), value.clone()));
+                    settings
+                })
+            })
+            .collect();
+    }
+    let scenarios = candidates
+        .iter()
+        .zip(&names)
+        .flat_map(|named| combinations.iter().map(move |settings| (named, settings)))
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .map(|((candidate, name), settings)| scenario(candidate, name, settings).inspect(|_| progress()))
+        .collect::<Result<Vec<_>, _>>()?;
+    let ranking = Ranking::of(&scenarios.iter().map(Scenario::merit).collect::<Vec<_>>());
+    let (best, worst) = (&scenarios[ranking.best[0]], &scenarios[ranking.worst[0]]);
+    let exceeded_yr = match ranking.by {
+        Some(Criterion::Uncorrected) => worst.verdict.uncorrected.t_yr,
+        Some(Criterion::Corrected) => worst.verdict.corrected.t_yr,
+        _ => None,
+    };
+    let at = |scenario: &Scenario| {
+        let end_yr = scenario.mission.mission.duration_yr;
+        // At launch there is little to compare.
+        exceeded_yr.filter(|t_yr| *t_yr > 0.0).map_or(end_yr, |t_yr| t_yr.min(end_yr))
+    };
+    let compared_at_yr = [at(best), at(worst)];
+    let (ratio, why) = match ranking.by {
+        Some(_) => why(&State::of(best, compared_at_yr[0])?, &State::of(worst, compared_at_yr[1])?),
+        None => (None, Vec::new()),
+    };
+    Ok(Comparison { scenarios, names, ranking, compared_at_yr, ratio, why, notes })
+}
+
+/// Candidates as their launch dates are compared, where these are, and what a reader has to know of that.
+fn under_the_sun(candidates: &[Candidate], axes: &[Axis]) -> (Vec<Candidate>, Vec<String>) {
+    let mut candidates = candidates.to_vec();
+    let mut notes: Vec<String> = Vec::new();
+    let model = axes.iter().find(|axis| axis.key == sun::MODEL);
+    let asked_for = |axis: &Axis| axis.values.iter().any(|value| value.as_str() == Some("constant"));
+    let launches = axes.iter().any(|axis| axis.key == "mission.launch" && axis.values.len() > 1);
+    if launches && model.is_none_or(asked_for) {
+        for candidate in &mut candidates {
+            let (flown, note) = sun::of_launches(&candidate.mission, model.is_some());
+            candidate.mission = flown;
+            notes.extend(note.map(String::from).filter(|note| !notes.contains(note)));
+        }
+    }
+    (candidates, notes)
+}
+
+/// What tells candidates apart: their names, or names and files where a name stands more than once; the path where files of one
+/// name do.
+fn names(candidates: &[Candidate]) -> Vec<String> {
+    let name = |candidate: &Candidate| candidate.mission.mission.name.clone();
+    let short = |candidate: &Candidate| {
+        let file = Path::new(&candidate.file).file_name();
+        format!("{} ({})", name(candidate), file.unwrap_or_default().to_string_lossy())
+    };
+    let long = |candidate: &Candidate| format!("{} ({})", name(candidate), candidate.file);
+    let once = |label: &dyn Fn(&Candidate) -> String, own: &Candidate| {
+        candidates.iter().filter(|other| label(other) == label(own)).count() == 1
+    };
+    let tell = |own: &Candidate| {
+        if once(&name, own) {
+            name(own)
+        } else if once(&short, own) {
+            short(own)
+        } else {
+            long(own)
+        }
+    };
+    candidates.iter().map(tell).collect()
+}
+
+fn scenario(candidate: &Candidate, name: &str, settings: &[(String, toml::Value)]) -> Result<Scenario, InputError> {
+    let mission = if settings.is_empty() { candidate.mission.clone() } else { candidate.mission.with(settings)? };
+    let judged = Mission { galaxies: vec![mission.judged_galaxy().clone()], ..mission.clone() };
+    let evaluation = evaluate(&judged)?;
+    let end = evaluation.end();
+    Ok(Scenario {
+        name: name.into(),
+        file: candidate.file.clone(),
+        settings: settings.to_vec(),
+        dose_mev_g: end.dose_mev_g,
+        active_yr: evaluation.model.history().active_years(end.t_yr),
+        delta_e: end.galaxies[0].map(|change| change.magnitude()),
+        traps: end.traps.clone(),
+        verdict: evaluation.verdict,
+        warnings: evaluation.warnings,
+        mission,
+    })
+}
+
+impl Scenario {
+    /// What it is ranked by.
+    fn merit(&self) -> Merit {
+        Merit {
+            uncorrected_yr: self.verdict.uncorrected.t_yr,
+            corrected_yr: self.verdict.corrected.t_yr,
+            delta_e: self.delta_e,
+        }
+    }
+
+    /// How its dose is spread over the years: "constant" or "solar-cycle".
+    pub fn dose_model(&self) -> &'static str {
+        sun::model(&self.mission)
+    }
+}
+
+/// A scenario at one time.
+struct State {
+    delta_e: Option<f64>,
+    dose_mev_g: f64,
+    active_yr: f64,
+    /// For each species its share of |Δe| were it alone, and its release time in transfers.
+    shares: Vec<(String, f64, f64)>,
+}
+
+impl State {
+    fn of(scenario: &Scenario, t_yr: f64) -> Result<State, InputError> {
+        let judged = Mission { galaxies: vec![scenario.mission.judged_galaxy().clone()], ..scenario.mission.clone() };
+        let model = Model::new(&judged);
+        Ok(State {
+            delta_e: model.change(0, t_yr)?.map(|change| change.magnitude()),
+            dose_mev_g: model.dose_mev_g(t_yr)?,
+            active_yr: model.history().active_years(t_yr),
+            shares: shares(&model, t_yr)?,
+        })
+    }
+}
+
+/// |Δe| of the better over that of the worse, and what makes it so: dose, and what the same dose does; species by species.
+fn why(better: &State, worse: &State) -> (Option<f64>, Vec<String>) {
+    let (Some(better_e), Some(worse_e)) = (better.delta_e, worse.delta_e) else {
+        return (None, vec!["in the worst the galaxy has no measurable shape left".into()]);
+    };
+    if worse_e <= 0.0 || worse_e.is_nan() {
+        return (None, Vec::new());
+    }
+    let ratio = better_e / worse_e;
+    let mut reasons = Vec::new();
+    let alike = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
+    // A difference the other way round than that of |Δe| is no reason for it.
+    let although = |more: bool| if more == (ratio < 1.0) { "although " } else { "" };
+    if !alike(better.dose_mev_g, worse.dose_mev_g) {
+        reasons.push(format!(
+            "{}dose {:.3e} against {:.3e} MeV/g ({:.2} against {:.2} active years)",
+            although(better.dose_mev_g > worse.dose_mev_g),
+            better.dose_mev_g,
+            worse.dose_mev_g,
+            better.active_yr,
+            worse.active_yr
+        ));
+    }
+    if better.dose_mev_g > 0.0 && worse.dose_mev_g > 0.0 {
+        let (better_per, worse_per) = (better_e / better.dose_mev_g, worse_e / worse.dose_mev_g);
+        if (better_per / worse_per - 1.0).abs() > 0.01 {
+            reasons.push(format!(
+                "{}the same dose does {:.3} of the change of shape",
+                although(better_per > worse_per),
+                better_per / worse_per
+            ));
+        }
+        for ((name, worse_share, worse_transfers), (_, better_share, better_transfers)) in
+            worse.shares.iter().zip(&better.shares).filter(|(from, to)| from.0 == to.0 && (from.1 - to.1).abs() > 0.02)
+        {
+            reasons.push(format!(
+                "{name}, released after {better_transfers:.3} against {worse_transfers:.3} transfers, makes {:.0} % of it \
+                 against {:.0} %",
+                100.0 * better_share,
+                100.0 * worse_share
+            ));
+        }
+    }
+    (Some(ratio), reasons)
+}
+
+/// For each species its share of |Δe| were it alone, and its release time in transfers.
+fn shares(model: &Model, t_yr: f64) -> Result<Vec<(String, f64, f64)>, InputError> {
+    let device = model.device_at(t_yr)?;
+    let alone = |index: usize| -> Result<f64, InputError> {
+        Ok(model.change_by(0, &device.with_species(index))?.map_or(0.0, |change| change.magnitude()))
+    };
+    let alone = (0..device.traps.len()).map(alone).collect::<Result<Vec<f64>, _>>()?;
+    let total: f64 = alone.iter().sum();
+    let line_time_ms = device.at.line_time_ms;
+    let shares = device.traps.iter().zip(&alone).map(|(species, alone)| {
+        let share = if total > 0.0 { alone / total } else { 0.0 };
+        (species.name.clone(), share, species.release_ms / line_time_ms)
+    });
+    Ok(shares.collect())
+}

@@ -1,0 +1,185 @@
+//! Lists and ranges of a key's values, as given on the command line.
+
+use chrono::{Months, NaiveDate};
+use toml::Value;
+
+use crate::error::{InputError, nearest};
+use crate::mission::Date;
+use crate::mission::keys::{KEYS, Kind};
+use crate::mission_file::lookup;
+
+/// A key and the values it is to take.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// Dotted key of the mission, such as `readout.line_time_ms` or `detector.traps.VV.density_per_px`.
+    pub key: String,
+    /// Its values, in order.
+    pub values: Vec<Value>,
+}
+
+/// Most values of one range.
+const MOST_VALUES: usize = 100_000;
+
+impl Axis {
+    /// Reads values: a list `5,10,25`, a range with a step `100..1700:100`, so many values in equal steps or equal
+    /// ratios `5..100:lin:8`, `5..100:log:8`, or, for dates, years between two of them `2009-01-01..2020-01-01:1`.
+    ///
+    /// # Errors
+    /// Where the key does not exist, or the text is none of these, or a value is of the wrong kind.
+    pub fn parse(key: &str, text: &str) -> Result<Axis, InputError> {
+        let refuse = |problem: String| {
+            InputError::new(format!("cannot read the values of {key}: `{text}`"), problem).with_help(
+                "a list `5,10,25`, a range with a step `100..1700:100`, equal steps `5..100:lin:8`, or equal ratios \
+                 `5..100:log:8`",
+            )
+        };
+        let Some(kind) = kind_of(key) else {
+            let near = nearest(key, KEYS.iter().map(|key| key.path));
+            let error = InputError::new(format!("cannot set {key}"), format!("a mission has no key `{key}`"));
+            return Err(match near {
+                Some(near) => error.with_help(format!("did you mean `{}`?", near.replace("[]", ".NAME"))),
+                None => error,
+            });
+        };
+        let values = match text.split_once("..") {
+            Some((from, to)) => range(kind, from.trim(), to.trim()).map_err(refuse)?,
+            None => text.split(',').map(|item| value(kind, item.trim())).collect::<Result<_, _>>().map_err(refuse)?,
+        };
+        Ok(Axis { key: key.to_string(), values })
+    }
+}
+
+/// What kind of value a key takes; names of members stand for any.
+fn kind_of(key: &str) -> Option<Kind> {
+    let known = lookup::find(key).or_else(|| {
+        KEYS.iter().find(|known| {
+            known.path.split_once("[].").is_some_and(|(array, field)| {
+                key.strip_prefix(array)
+                    .is_some_and(|rest| rest.starts_with('.') && rest.ends_with(&format!(".{field}")))
+            })
+        })
+    })?;
+    Some(known.kind)
+}
+
+fn value(kind: Kind, item: &str) -> Result<Value, String> {
+    let number =
+        || item.parse::<f64>().ok().filter(|number| number.is_finite()).ok_or(format!("`{item}` is no number"));
+    match kind {
+        Kind::Integer(..) => match item.parse::<i64>() {
+            Ok(integer) => Ok(Value::Integer(integer)),
+            Err(_) => whole(number()?).ok_or(format!("`{item}` is no whole number")),
+        },
+        Kind::Number(..) | Kind::Positive(..) => Ok(Value::Float(number()?)),
+        Kind::Numbers(..) => Ok(Value::Array(vec![Value::Float(number()?)])),
+        Kind::Date => Ok(Value::Datetime(Date(day(item)?).into())),
+        Kind::Choice(_) | Kind::Text => Ok(Value::String(item.to_string())),
+        Kind::Texts => Ok(Value::Array(vec![Value::String(item.to_string())])),
+    }
+}
+
+fn range(kind: Kind, from: &str, rest: &str) -> Result<Vec<Value>, String> {
+    let parts: Vec<&str> = rest.split(':').map(str::trim).collect();
+    let count = |text: &str| match text.parse::<usize>() {
+        Ok(count) if (2..=MOST_VALUES).contains(&count) => Ok(count),
+        _ => Err(format!("`{text}` is no number of values from 2 to {MOST_VALUES}")),
+    };
+    if let Kind::Date = kind {
+        let [to, step] = parts[..] else { return Err("a range of dates needs a step in years, such as `:1`".into()) };
+        let months = step.parse::<f64>().ok().map(|years| (years * 12.0).round()).filter(|months| *months >= 1.0);
+        let months = Months::new(months.ok_or(format!("`{step}` is no step in years (at least a month)"))? as u32);
+        let last = day(to)?;
+        let mut dates = vec![day(from)?];
+        if last < dates[0] {
+            return Err(format!("{to} is before {from}"));
+        }
+        while let Some(next) = dates[dates.len() - 1].checked_add_months(months).filter(|next| *next <= last) {
+            dates.push(next);
+        }
+        return Ok(dates.into_iter().map(|date| Value::Datetime(Date(date).into())).collect());
+    }
+    let number = |text: &str| match value(Kind::Number(f64::MIN, f64::MAX), text)? {
+        Value::Float(number) => Ok::<f64, String>(number),
+        _ => unreachable!("a number is a float"),
+    };
+    let (low, high) = (number(from)?, number(parts[0])?);
+    let numbers: Vec<f64> = match parts[1..] {
+        ["log", n] if low > 0.0 && high > 0.0 => {
+            let n = count(n)?;
+            (0..n).map(|i| low * (high / low).powf(i as f64 / (n - 1) as f64)).collect()
+        }
+        ["log", _] => return Err("equal ratios need ends above 0".into()),
+        ["lin", n] => {
+            let n = count(n)?;
+            (0..n).map(|i| low + (high - low) * i as f64 / (n - 1) as f64).collect()
+        }
+        [step] => {
+            let step = number(step)?;
+            let steps = (high - low) / step;
+            if !(0.0..MOST_VALUES as f64).contains(&steps) {
+                return Err(format!("{step} does not lead from {low} to {high} in up to {MOST_VALUES} steps"));
+            }
+            // The least fraction of a step keeps the end, in spite of rounding.
+            (0..=(steps + 1e-9) as usize).map(|i| low + i as f64 * step).collect()
+        }
+        _ => return Err("a range needs a step".into()),
+    };
+    match kind {
+        Kind::Integer(..) => {
+            // Equal ratios of whole numbers are the nearest whole numbers, each once.
+            let mut whole: Vec<i64> = numbers.iter().map(|number| number.round() as i64).collect();
+            whole.dedup();
+            Ok(whole.into_iter().map(Value::Integer).collect())
+        }
+        Kind::Number(..) | Kind::Positive(..) => Ok(numbers.into_iter().map(Value::Float).collect()),
+        _ => Err("this key takes no range".into()),
+    }
+}
+
+fn whole(number: f64) -> Option<Value> {
+    (number.fract() == 0.0 && number.abs() < 1e15).then_some(Value::Integer(number as i64))
+}
+
+fn day(text: &str) -> Result<NaiveDate, String> {
+    text.parse().map_err(|_| format!("`{text}` is no date such as 2030-01-01"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn numbers(key: &str, text: &str) -> Vec<f64> {
+        let values = Axis::parse(key, text).unwrap().values;
+        values.iter().map(|value| value.as_float().or(value.as_integer().map(|i| i as f64)).unwrap()).collect()
+    }
+
+    #[test]
+    fn lists_and_ranges_are_read() {
+        assert_eq!(numbers("readout.transfers", "100..1700:400"), [100.0, 500.0, 900.0, 1300.0, 1700.0]);
+        assert_eq!(numbers("readout.line_time_ms", "0.1..0.3:0.1").len(), 3);
+        let ratios = numbers("readout.line_time_ms", "5..100:log:8");
+        assert_eq!((ratios.len(), ratios[0]), (8, 5.0));
+        assert!((ratios[7] - 100.0).abs() < 1e-12 && (ratios[1] / ratios[0] - 20_f64.powf(1.0 / 7.0)).abs() < 1e-12);
+        assert_eq!(numbers("detector.traps.VV.density_per_px", "1,2.5"), [1.0, 2.5]);
+        let launches = Axis::parse("mission.launch", "2009-01-01..2011-06-01:0.5").unwrap().values;
+        assert_eq!(launches.len(), 5);
+        assert_eq!(launches[1].to_string(), "2009-07-01");
+    }
+
+    #[test]
+    fn what_is_neither_is_refused() {
+        for (key, text) in [
+            ("readout.transfers", "1..2"),
+            ("readout.transfers", "a"),
+            ("readout.transfers", "1.5"),
+            ("readout.line_time_ms", "0..10:log:3"),
+            ("readout.line_time_ms", "1..2:0"),
+            ("readout.line_time_ms", "2..1:1"),
+            ("readout.line_time_ms", "nan"),
+            ("mission.launch", "2009-13-01"),
+            ("readout.linetime", "1"),
+        ] {
+            assert!(Axis::parse(key, text).is_err(), "{key} {text}");
+        }
+    }
+}

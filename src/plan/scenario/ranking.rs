@@ -1,0 +1,126 @@
+//! Which of several missions is best: the one order by which `compare` and `study launch` rank.
+//!
+//! A mission is better where, in this order,
+//!
+//! 1. it exceeds its uncorrected budget later after launch, or never,
+//! 2. it exceeds its corrected budget later, or never,
+//! 3. its |Δe| at the end is smaller; a lost shape is larger than any.
+
+use crate::numeric::calendar::DAYS_PER_YEAR;
+
+/// What a mission is ranked by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Merit {
+    /// When the uncorrected budget is exceeded, years since launch; None where it is not within the mission.
+    pub uncorrected_yr: Option<f64>,
+    /// The same of the corrected budget.
+    pub corrected_yr: Option<f64>,
+    /// |Δe| at the end of the mission; None where no shape is left.
+    pub delta_e: Option<f64>,
+}
+
+/// What makes one mission better than another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Criterion {
+    /// The time at which the uncorrected budget is exceeded.
+    Uncorrected,
+    /// The time at which the corrected budget is exceeded.
+    Corrected,
+    /// |Δe| at the end of the mission.
+    End,
+}
+
+/// The criteria, the first one before all others.
+const CRITERIA: [Criterion; 3] = [Criterion::Uncorrected, Criterion::Corrected, Criterion::End];
+
+/// |Δe| that are the same but for rounding, relative.
+const ROUNDING: f64 = 1e-6;
+
+impl Criterion {
+    /// A number that is larger for a worse mission.
+    fn badness(self, merit: &Merit) -> f64 {
+        let time = |t_yr: Option<f64>| -t_yr.unwrap_or(f64::INFINITY);
+        match self {
+            Criterion::Uncorrected => time(merit.uncorrected_yr),
+            Criterion::Corrected => time(merit.corrected_yr),
+            Criterion::End => merit.delta_e.unwrap_or(f64::INFINITY),
+        }
+    }
+
+    /// Whether two such numbers count as equal: times to a day, which is what dates are printed to, |Δe| but for rounding.
+    fn equal(self, a: f64, b: f64) -> bool {
+        let tolerance = match self {
+            Criterion::Uncorrected | Criterion::Corrected => 1.0 / DAYS_PER_YEAR,
+            Criterion::End => ROUNDING * a.abs().min(b.abs()),
+        };
+        a == b || (a - b).abs() <= tolerance
+    }
+}
+
+/// The best of several missions and the worst of them, by their places, in their order: more than one where there are ties.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Ranking {
+    /// The best.
+    pub best: Vec<usize>,
+    /// The worst.
+    pub worst: Vec<usize>,
+    /// What makes the best better than the worst; None where all are alike.
+    pub by: Option<Criterion>,
+}
+
+impl Ranking {
+    /// Ranks at least one mission.
+    pub fn of(merits: &[Merit]) -> Ranking {
+        let (best, worst) = (leading(merits, 1.0), leading(merits, -1.0));
+        let differ = |criterion: &Criterion| {
+            !criterion.equal(criterion.badness(&merits[best[0]]), criterion.badness(&merits[worst[0]]))
+        };
+        let by = CRITERIA.into_iter().find(differ);
+        Ranking { best, worst, by }
+    }
+}
+
+/// The places that lead in one criterion after the other: with `sign` 1 the best, with −1 the worst.
+fn leading(merits: &[Merit], sign: f64) -> Vec<usize> {
+    let mut places: Vec<usize> = (0..merits.len()).collect();
+    for criterion in CRITERIA {
+        let badness = |place: &usize| criterion.badness(&merits[*place]);
+        let first = places.iter().map(|place| sign * badness(place)).fold(f64::INFINITY, f64::min);
+        places.retain(|place| criterion.equal(badness(place), sign * first));
+    }
+    places
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn merit(uncorrected_yr: Option<f64>, corrected_yr: Option<f64>, delta_e: Option<f64>) -> Merit {
+        Merit { uncorrected_yr, corrected_yr, delta_e }
+    }
+
+    #[test]
+    fn what_lasts_longer_is_better_whatever_its_end() {
+        let ranking = Ranking::of(&[
+            merit(Some(0.25), None, Some(1e-3)),
+            merit(Some(4.05), None, Some(2e-3)),
+            merit(Some(4.05), None, Some(3e-3)),
+        ]);
+        assert_eq!(ranking, Ranking { best: vec![1], worst: vec![0], by: Some(Criterion::Uncorrected) });
+        let ranking = Ranking::of(&[merit(None, Some(3.0), Some(1e-2)), merit(None, None, Some(2e-2))]);
+        assert_eq!((ranking.best, ranking.by), (vec![1], Some(Criterion::Corrected)));
+        let ranking = Ranking::of(&[merit(None, None, None), merit(None, None, Some(2e-2))]);
+        assert_eq!((ranking.best, ranking.worst, ranking.by), (vec![1], vec![0], Some(Criterion::End)));
+    }
+
+    #[test]
+    fn ties_are_all_named() {
+        let alike = [merit(None, None, Some(1e-4)), merit(None, None, Some(1e-4 * (1.0 + 1e-12)))];
+        assert_eq!(Ranking::of(&alike), Ranking { best: vec![0, 1], worst: vec![0, 1], by: None });
+        let lost = [merit(Some(0.0), Some(1.0), None), merit(Some(0.0), Some(1.0), None)];
+        assert_eq!(Ranking::of(&lost).by, None);
+        // A tenth of a day is no difference.
+        let ranking = Ranking::of(&[merit(Some(2.0), None, Some(2e-3)), merit(Some(2.0003), None, Some(1e-3))]);
+        assert_eq!((ranking.best, ranking.by), (vec![1], Some(Criterion::End)));
+    }
+}

@@ -1,0 +1,139 @@
+//! Where the models are from that a mission is computed with.
+
+use crate::effect::CATALOGUE;
+use crate::environment::Niel;
+use crate::mission::{DoseModel, Mission, ReadoutMethod};
+
+/// A model and where it is from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Source {
+    /// What is modelled, and how.
+    pub model: String,
+    /// Papers, standards, tables; or the mission file.
+    pub from: String,
+}
+
+impl Source {
+    /// A model and where it is from.
+    pub fn new(model: impl Into<String>, from: impl Into<String>) -> Source {
+        Source { model: model.into(), from: from.into() }
+    }
+}
+
+/// The whole chain of a mission, and its effects.
+pub fn of(mission: &Mission) -> Vec<Source> {
+    let mut sources = match mission.environment.active_dose_rate_mev_g_yr {
+        Some(_) => vec![over_time(mission), Source::new("Dose rate of an active year", "given by the mission file")],
+        None => of_dose(mission),
+    };
+    sources.extend([
+        Source::new(
+            "Traps: linear in displacement damage dose",
+            "Rhodes et al. 2010 (PASP 122, 439), section 4.1; densities, release times and levels from the mission file",
+        ),
+        Source::new(
+            "Release times against temperature: Shockley-Read-Hall",
+            "Shockley & Read 1952 (Phys. Rev. 87, 835); Hall 1952 (Phys. Rev. 87, 387)",
+        ),
+        Source::new(
+            "Height of charge clouds: power law above a notch",
+            "Rhodes et al. 2010, equation 1; Massey et al. 2010 (MNRAS 401, 371)",
+        ),
+        readout(mission.accuracy.readout),
+    ]);
+    if mission.readout.noise.is_some() {
+        sources.push(Source::new(
+            "Read noise against pixel rate",
+            "Janesick 2001, Scientific Charge-Coupled Devices (SPIE); values from the mission file",
+        ));
+    }
+    sources.extend([
+        Source::new(
+            "Galaxies: Sersic profiles through a Moffat PSF, as sums of Gaussians",
+            "Ciotti & Bertin 1999 (A&A 352, 447); Kanter 1975 (Ann. Probab. 3, 697); Moffat 1969 (A&A 3, 455)",
+        ),
+        Source::new(
+            "Shapes: moments under a Gaussian weight",
+            "Rhodes, Refregier & Groth 2000 (ApJ 536, 79); Rhodes et al. 2010, section 5",
+        ),
+        Source::new(
+            "Budget, and software correction by a factor",
+            "the mission file; Rhodes et al. 2010, section 6, after Amara & Refregier 2008 (a budget of 0.001, their limit on \
+             multiplicative errors) and Massey et al. 2009 (a factor of 10)",
+        ),
+    ]);
+    sources.extend(of_effects(mission));
+    sources
+}
+
+/// Solar protons, shield and damage.
+pub fn of_dose(mission: &Mission) -> Vec<Source> {
+    vec![
+        over_time(mission),
+        Source::new(
+            "Fluence of solar protons: ESP",
+            "Xapsos et al. 1999, 2000 (IEEE Trans. Nucl. Sci. 46, 1481; 47, 486); ECSS-E-ST-10-04C (2008), tables B-7 and B-8",
+        ),
+        Source::new(
+            "Shielding: protons slow down continuously, straight through aluminium",
+            "ranges: NIST PSTAR; sphere and slab as in docs/physics.md, section 4",
+        ),
+        Source::new(
+            "Displacement damage in silicon: NIEL of protons",
+            match mission.environment.niel {
+                Niel::Sr => "SR-NIEL, displacement threshold 21 eV",
+                Niel::Rd50 => "compilation of the RD50 collaboration",
+            },
+        ),
+    ]
+}
+
+/// The effects of a mission.
+fn of_effects(mission: &Mission) -> impl Iterator<Item = Source> {
+    let cards = CATALOGUE.iter().map(|entry| entry.card).filter(|card| mission.effects.contains_key(card.kind));
+    cards.map(|card| Source::new(format!("Effect {}: {}", card.kind, card.adds), card.source))
+}
+
+/// Each source once, in the order in which they first appear.
+pub fn once(sources: impl IntoIterator<Item = Source>) -> Vec<Source> {
+    let mut seen: Vec<Source> = Vec::new();
+    for source in sources {
+        if !seen.contains(&source) {
+            seen.push(source);
+        }
+    }
+    seen
+}
+
+/// The dose over time.
+pub fn over_time(mission: &Mission) -> Source {
+    match mission.environment.model {
+        DoseModel::SolarCycle => Source::new(
+            "Dose over time: seven active years of each solar cycle, four quiet ones",
+            "ECSS-E-ST-10-04C (2008), annex B.1; Rhodes et al. 2010 (PASP 122, 439), section 4.1",
+        ),
+        DoseModel::Constant => Source::new(
+            "Dose over time: 7/11 of the rate of active years, always",
+            "Rhodes et al. 2010 (PASP 122, 439), section 4.1",
+        ),
+    }
+}
+
+fn readout(method: ReadoutMethod) -> Source {
+    match method {
+        ReadoutMethod::Fast => Source::new(
+            "Readout: capture at once, exponential release, many transfers at a time",
+            "Rhodes et al. 2010, section 3; a multirevolution method, Calvo, Jay, Montijano & Rández 2004 (Numer. Math. 97, 635)",
+        ),
+        ReadoutMethod::Exact => Source::new(
+            "Readout: capture at once, exponential release, every transfer",
+            "Rhodes et al. 2010, section 3",
+        ),
+        ReadoutMethod::Fractional => {
+            Source::new("Readout: fractional traps at fixed heights", "Rhodes et al. 2010, section 3")
+        }
+        ReadoutMethod::MonteCarlo => {
+            Source::new("Readout: whole traps at random places", "Rhodes et al. 2010, section 3")
+        }
+    }
+}
