@@ -5,8 +5,8 @@ use std::sync::Arc;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 
-use super::lanes::{LANES, Lanes, Row};
 use super::power::power;
+use super::simd::{LANES, Row, Vector};
 
 /// The volume-driven model of a pixel's potential well: a cloud of n electrons fills the well up to a height h(n), in
 /// units of the full well's height, and meets every trap below it.
@@ -73,10 +73,10 @@ impl Cloud {
 
     /// Heights of clouds side by side.
     #[inline(always)]
-    pub(super) fn heights<S: Simd>(&self, simd: S, charge_e: Lanes<S>) -> Lanes<S> {
-        let (zero, one) = (Lanes::all(simd, 0.0), Lanes::all(simd, 1.0));
+    pub(super) fn heights<S: Simd>(&self, simd: S, charge_e: Vector<S>) -> Vector<S> {
+        let (zero, one) = (Vector::all(simd, 0.0), Vector::all(simd, 1.0));
         let filled = (charge_e + -self.notch_e) * self.per_full_well;
-        let tiny = Lanes::all(simd, TINY);
+        let tiny = Vector::all(simd, TINY);
         let heights = match self.law {
             // The root of something small stands in for that of nothing.
             Law::SquareRoot => filled.max(tiny).sqrt(),
@@ -84,7 +84,7 @@ impl Cloud {
                 let mut heights = [0.0; LANES];
                 charge_e.store(&mut heights);
                 self.each_height(&mut heights);
-                Lanes::load(simd, &heights)
+                Vector::load(simd, &heights)
             }
         };
         tiny.below(filled).select(heights.min(one), zero)
@@ -94,7 +94,7 @@ impl Cloud {
     pub(super) fn heights_in_place(&self, numbers: &mut [Row]) {
         dispatch!(Level::new(), simd => {
             for row in numbers {
-                self.heights(simd, Lanes::load(simd, row)).store(row);
+                self.heights(simd, Vector::load(simd, row)).store(row);
             }
         });
     }
@@ -117,8 +117,8 @@ impl Cloud {
     /// Steepest slopes dh/dn (per electron) between two charges each (e-); infinite where there is no limit, or none that
     /// is known.
     #[inline(always)]
-    pub(super) fn steepest<S: Simd>(&self, simd: S, from_e: Lanes<S>, to_e: Lanes<S>) -> Lanes<S> {
-        let (zero, unlimited) = (Lanes::all(simd, 0.0), Lanes::all(simd, f64::INFINITY));
+    pub(super) fn steepest<S: Simd>(&self, simd: S, from_e: Vector<S>, to_e: Vector<S>) -> Vector<S> {
+        let (zero, unlimited) = (Vector::all(simd, 0.0), Vector::all(simd, f64::INFINITY));
         if matches!(self.law, Law::Table(_)) {
             return unlimited;
         }
@@ -127,7 +127,7 @@ impl Cloud {
         let above_e = nearest_e + -self.notch_e;
         let steep = self.heights(simd, nearest_e) * self.power / above_e;
         let steep = zero.below(above_e).select(steep, unlimited);
-        Lanes::all(simd, self.notch_e).below(from_e.max(to_e)).select(steep, zero)
+        Vector::all(simd, self.notch_e).below(from_e.max(to_e)).select(steep, zero)
     }
 }
 
@@ -195,7 +195,7 @@ mod tests {
         for cloud in laws {
             let heights = |level| {
                 let mut heights = [0.0; LANES];
-                dispatch!(level, simd => cloud.heights(simd, Lanes::load(simd, &charge_e)).store(&mut heights));
+                dispatch!(level, simd => cloud.heights(simd, Vector::load(simd, &charge_e)).store(&mut heights));
                 heights
             };
             let found = heights(Level::new());

@@ -6,14 +6,14 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 
 use super::Cloud;
-use super::lanes::{LANES, Lanes, Row};
-use super::pixel::Stage;
+use super::passage::Stage;
+use super::simd::{LANES, Row, Vector};
 
 /// Adds multiples of changes to the charges.
 pub(super) fn add(charge_e: &mut [Row], changes: &[(f64, &Stage)]) {
     dispatch!(Level::new(), simd => {
         for (row, charge_e) in charge_e.iter_mut().enumerate() {
-            plus(simd, Lanes::load(simd, charge_e), row, changes).store(charge_e);
+            plus(simd, Vector::load(simd, charge_e), row, changes).store(charge_e);
         }
     });
 }
@@ -22,15 +22,15 @@ pub(super) fn add(charge_e: &mut [Row], changes: &[(f64, &Stage)]) {
 pub(super) fn sum(charge_e: &[Row], changes: &[(f64, &Stage)], sum_e: &mut [Row]) {
     dispatch!(Level::new(), simd => {
         for (row, (charge_e, sum_e)) in charge_e.iter().zip(sum_e).enumerate() {
-            plus(simd, Lanes::load(simd, charge_e), row, changes).store(sum_e);
+            plus(simd, Vector::load(simd, charge_e), row, changes).store(sum_e);
         }
     });
 }
 
 #[inline(always)]
-fn plus<S: Simd>(simd: S, mut charge_e: Lanes<S>, row: usize, changes: &[(f64, &Stage)]) -> Lanes<S> {
+fn plus<S: Simd>(simd: S, mut charge_e: Vector<S>, row: usize, changes: &[(f64, &Stage)]) -> Vector<S> {
     for (weight, stage) in changes {
-        charge_e = charge_e + Lanes::load(simd, &stage.change_e[row]) * *weight;
+        charge_e = charge_e + Vector::load(simd, &stage.change_e[row]) * *weight;
     }
     charge_e
 }
@@ -38,10 +38,10 @@ fn plus<S: Simd>(simd: S, mut charge_e: Lanes<S>, row: usize, changes: &[(f64, &
 /// By how much packets change. None loses more than it has, although a first-order change may.
 pub(super) fn moved(charge_e: &[Row], k1: &Stage) -> f64 {
     dispatch!(Level::new(), simd => {
-        let zero = Lanes::all(simd, 0.0);
+        let zero = Vector::all(simd, 0.0);
         let mut moved = MeanSquare::new(simd);
         for (charge_e, change_e) in charge_e.iter().zip(&k1.change_e) {
-            let (charge_e, change_e) = (Lanes::load(simd, charge_e), Lanes::load(simd, change_e));
+            let (charge_e, change_e) = (Vector::load(simd, charge_e), Vector::load(simd, change_e));
             moved.add(change_e.max(zero - charge_e.max(zero)));
         }
         moved.root()
@@ -49,16 +49,16 @@ pub(super) fn moved(charge_e: &[Row], k1: &Stage) -> f64 {
 }
 
 /// Error of a first-order result: how far it moves a packet, times the steepest change with that of what so many traps
-/// capture, and as much again for its neighbours' moves; half of all that on average over the way.
+/// capture, and as much again for its neighbours' moves; half of all that on average over the path.
 pub(super) fn first(cloud: &Cloud, traps: f64, charge_e: &[Row], k1: &Stage) -> f64 {
     dispatch!(Level::new(), simd => {
-        let zero = Lanes::all(simd, 0.0);
+        let zero = Vector::all(simd, 0.0);
         let mut error = MeanSquare::new(simd);
         for (row, charge_e) in charge_e.iter().enumerate() {
-            let (charge_e, change_e) = (Lanes::load(simd, charge_e), Lanes::load(simd, &k1.change_e[row]));
-            let moved_e = Lanes::load(simd, &k1.drift_e[row]).abs();
+            let (charge_e, change_e) = (Vector::load(simd, charge_e), Vector::load(simd, &k1.change_e[row]));
+            let moved_e = Vector::load(simd, &k1.drift_e[row]).abs();
             let error_e = cloud.steepest(simd, charge_e, charge_e + change_e) * moved_e * traps;
-            let doubtful_e = Lanes::load(simd, &k1.doubtful_e[row]).abs() * DOUBTFUL;
+            let doubtful_e = Vector::load(simd, &k1.doubtful_e[row]).abs() * DOUBTFUL;
             error.add(zero.below(moved_e).select(error_e, zero) + doubtful_e);
         }
         error.root()
@@ -83,28 +83,28 @@ pub(super) struct Second {
 /// miss what lies on one side of it by a part of the distance only.
 const KINKED: f64 = 0.1;
 
-/// Share of what was taken of crests, known on average only, that may be wrong.
+/// Share of what was taken of home_watermarks, known on average only, that may be wrong.
 const DOUBTFUL: f64 = 0.1;
 
 /// Errors of the second-order result, which is k2 alone. Its distance e1 from the first-order result k1 bounds it, with room to
 /// spare, where the change has a kink; where it is smooth, the error is smaller by the ratio of e1 to the change.
 pub(super) fn second(k1: &Stage, k2: &Stage) -> Second {
     dispatch!(Level::new(), simd => {
-        let zero = Lanes::all(simd, 0.0);
+        let zero = Vector::all(simd, 0.0);
         let [mut smooth, mut kinked, mut all, mut third, mut fourth] = [(); 5].map(|()| MeanSquare::new(simd));
         let mut before = zero;
         for row in 0..k1.change_e.len() {
-            let change_e = Lanes::load(simd, &k2.drift_e[row]);
-            let e1 = (change_e - Lanes::load(simd, &k1.drift_e[row])).abs();
+            let change_e = Vector::load(simd, &k2.drift_e[row]);
+            let e1 = (change_e - Vector::load(simd, &k1.drift_e[row])).abs();
             // A change that passes through 0 is not small there.
             let ratio = share(simd, e1, change_e.abs().max(before));
-            let as_before = Lanes::load(simd, &k1.meets[row]).equals(Lanes::load(simd, &k2.meets[row]));
+            let as_before = Vector::load(simd, &k1.meets[row]).equals(Vector::load(simd, &k2.meets[row]));
             // Every order is better by the ratio.
             smooth.add(e1 * ratio);
-            let doubtful_e = Lanes::load(simd, &k2.doubtful_e[row]).abs() * DOUBTFUL;
+            let doubtful_e = Vector::load(simd, &k2.doubtful_e[row]).abs() * DOUBTFUL;
             kinked.add(as_before.select(zero, e1 * KINKED) + doubtful_e);
             all.add(e1);
-            third.add(e1 * ratio * as_before.select(ratio, Lanes::all(simd, 2.0 * KINKED)));
+            third.add(e1 * ratio * as_before.select(ratio, Vector::all(simd, 2.0 * KINKED)));
             fourth.add(e1 * ratio * ratio * ratio);
             before = change_e.abs();
         }
@@ -119,17 +119,17 @@ pub(super) fn second(k1: &Stage, k2: &Stage) -> Second {
 /// share of e2 is the error, twice over: there may be several kinks. The stages are the first two and the last.
 pub(super) fn higher([k1, k2, last]: [&Stage; 3], charge_e: &[Row], after_e: &[Row], ratios: i32) -> (f64, f64) {
     dispatch!(Level::new(), simd => {
-        let zero = Lanes::all(simd, 0.0);
+        let zero = Vector::all(simd, 0.0);
         let [mut smooth, mut kinked] = [(); 2].map(|()| MeanSquare::new(simd));
         let mut before = zero;
         for row in 0..charge_e.len() {
-            let change_e = Lanes::load(simd, &after_e[row]) - Lanes::load(simd, &charge_e[row]);
-            let e1 = (Lanes::load(simd, &k1.change_e[row]) - change_e).abs();
-            let e2 = (Lanes::load(simd, &k2.change_e[row]) - change_e).abs();
+            let change_e = Vector::load(simd, &after_e[row]) - Vector::load(simd, &charge_e[row]);
+            let e1 = (Vector::load(simd, &k1.change_e[row]) - change_e).abs();
+            let e2 = (Vector::load(simd, &k2.change_e[row]) - change_e).abs();
             let ratio = share(simd, e2, e1.max(before));
-            let meets = Lanes::load(simd, &k1.meets[row]);
+            let meets = Vector::load(simd, &k1.meets[row]);
             let as_before =
-                meets.equals(Lanes::load(simd, &k2.meets[row])) & meets.equals(Lanes::load(simd, &last.meets[row]));
+                meets.equals(Vector::load(simd, &k2.meets[row])) & meets.equals(Vector::load(simd, &last.meets[row]));
             smooth.add(e2 * if ratios == 1 { ratio } else { ratio * ratio });
             kinked.add(as_before.select(zero, e2 * (2.0 * KINKED)));
             before = e1;
@@ -140,7 +140,7 @@ pub(super) fn higher([k1, k2, last]: [&Stage; 3], charge_e: &[Row], after_e: &[R
 
 /// Gathers a root mean square.
 struct MeanSquare<S: Simd> {
-    squares: Lanes<S>,
+    squares: Vector<S>,
     rows: usize,
 }
 
@@ -148,12 +148,12 @@ impl<S: Simd> MeanSquare<S> {
     /// Of nothing so far.
     #[inline(always)]
     fn new(simd: S) -> MeanSquare<S> {
-        MeanSquare { squares: Lanes::all(simd, 0.0), rows: 0 }
+        MeanSquare { squares: Vector::all(simd, 0.0), rows: 0 }
     }
 
     /// Adds a row of values.
     #[inline(always)]
-    fn add(&mut self, values: Lanes<S>) {
+    fn add(&mut self, values: Vector<S>) {
         self.rows += 1;
         self.squares = self.squares + values * values;
     }
@@ -167,6 +167,6 @@ impl<S: Simd> MeanSquare<S> {
 
 /// The part over the whole, at most 1.
 #[inline(always)]
-fn share<S: Simd>(simd: S, part: Lanes<S>, whole: Lanes<S>) -> Lanes<S> {
-    part.below(whole).select(part / whole, Lanes::all(simd, 1.0))
+fn share<S: Simd>(simd: S, part: Vector<S>, whole: Vector<S>) -> Vector<S> {
+    part.below(whole).select(part / whole, Vector::all(simd, 1.0))
 }

@@ -14,37 +14,42 @@
 //! Four ways to do that stand behind one interface, [`Readout`]: [`Method::Fast`] (what everything else uses),
 //! [`Method::Exact`], [`Method::Fractional`] and [`Method::MonteCarlo`].
 //!
-//! Traps that need time to capture follow another law, inside the cloud as the packet arrives: see `readout/slow.rs`. Release
+//! Traps that need time to capture follow another law, inside the cloud as the packet arrives: see `readout/src/finite_capture.rs`. Release
 //! times that are spread are resolved into many species of one release time each: see `readout/continuum.rs`.
 //!
 //! Sources: Rhodes et al. 2010 (PASP 122, 439), section 3; Massey et al. 2010 (MNRAS 401, 371) for the cloud that
 //! captures at once. Holds where one transfer is one step (no clock phases).
 
-mod alike;
+mod block_path;
 mod cloud;
 mod continuum;
-mod crests;
+mod duplicate_columns;
 mod estimate;
-mod exact;
-mod fast;
+mod every_transfer;
+mod finite_capture;
 mod fractional;
-mod lanes;
+mod home_watermarks;
 mod monte_carlo;
+mod multirevolution;
+mod pass;
+mod passage;
 mod pixel;
 mod power;
-mod slow;
-mod way;
+mod simd;
+mod spent;
+mod watermarks;
 
 pub use cloud::Cloud;
 
 use ndarray::{Array2, ArrayView1, ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
-use alike::Alike;
-use fast::Workspace;
-use lanes::{LANES, Row};
-use pixel::{Lead, Passage, Pixel};
-use slow::SlowPixel;
+use duplicate_columns::DuplicateColumns;
+use finite_capture::FiniteCapturePixel;
+use multirevolution::Workspace;
+use passage::{Lead, Passage};
+use pixel::Pixel;
+use simd::{LANES, Row};
 
 /// One trap species as the readout meets it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -253,7 +258,7 @@ impl Readout {
                 self.slowly(&traps, image, rows_downstream, charge_e, across)
             }
             Method::Exact => {
-                by_column(&|charge_e, column| exact::column(&traps, &self.cloud, charge_e, settled(column)))
+                by_column(&|charge_e, column| every_transfer::column(&traps, &self.cloud, charge_e, settled(column)))
             }
             Method::Fast { relative } => with_width!([3, pixel::FEW, WIDEST], traps.len(), |WIDTH| {
                 let pixel = Pixel::<WIDTH>::new(&traps, self.cloud.clone(), rows);
@@ -289,14 +294,16 @@ impl Readout {
                     let density: f64 = traps.iter().map(|trap| trap.density_per_px).sum();
                     let merge_e = MERGED * relative * density * self.cloud.height(brightest);
                     with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
-                        let pixel = SlowPixel::<WIDTH>::new(traps, cloud, downstream, rows, merge_e);
+                        let pixel = FiniteCapturePixel::<WIDTH>::new(traps, cloud, downstream, rows, merge_e);
                         let background_e = vec![downstream.charge_e; kind.len()];
                         side_by_side(&pixel, &image, rows_downstream, &background_e, across, relative)
                     })
                 }
                 _ => with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
-                    let pixel = SlowPixel::<WIDTH>::new(traps, cloud, downstream, rows, 0.0);
-                    columns(&image, across, &|charge_e, _| exact::slow_column(&pixel, charge_e, rows_downstream))
+                    let pixel = FiniteCapturePixel::<WIDTH>::new(traps, cloud, downstream, rows, 0.0);
+                    columns(&image, across, &|charge_e, _| {
+                        every_transfer::slow_column(&pixel, charge_e, rows_downstream)
+                    })
                 }),
             }
         };
@@ -322,21 +329,21 @@ fn side_by_side<P: Passage>(
 ) -> Array2<f64> {
     // Rows along the transfers, columns across.
     let image = if across.index() == 1 { image.view() } else { image.t() };
-    let alike = Alike::of(image, charge_e);
-    let groups: Vec<&[usize]> = alike.kinds.chunks(LANES).collect();
-    let lead = |group: &[usize]| Lead { rows: rows_downstream, charge_e: lanes::side_by_side(charge_e, group) };
+    let columns = DuplicateColumns::of(image, charge_e);
+    let groups: Vec<&[usize]> = columns.distinct.chunks(LANES).collect();
+    let lead = |group: &[usize]| Lead { rows: rows_downstream, charge_e: simd::side_by_side(charge_e, group) };
     let rows = image.nrows();
     // Errors are measured against what happens around the brightest pixel. One group is enough, and costs one pass.
-    let brightest = groups[brightest(image, &alike.kinds) / LANES];
+    let brightest = groups[brightest(image, &columns.distinct) / LANES];
     let mut brightest_e = Vec::new();
-    lanes::gather(image, brightest, &mut brightest_e);
+    simd::gather(image, brightest, &mut brightest_e);
     let mut work = Workspace::new(rows);
-    let aim = fast::aim(pixel, &brightest_e, &lead(brightest), relative, &mut work);
+    let aim = multirevolution::aim(pixel, &brightest_e, &lead(brightest), relative, &mut work);
 
-    let mut trailed = Array2::zeros((rows, alike.kinds.len()));
-    let read = |(charge_e, work): &mut (Vec<Row>, Workspace<P::Levels>), group, mut out: ArrayViewMut2<f64>| {
-        lanes::gather(image, group, charge_e);
-        fast::columns(pixel, charge_e, &lead(group), aim, work);
+    let mut trailed = Array2::zeros((rows, columns.distinct.len()));
+    let read = |(charge_e, work): &mut (Vec<Row>, Workspace<P::Watermarks>), group, mut out: ArrayViewMut2<f64>| {
+        simd::gather(image, group, charge_e);
+        multirevolution::columns(pixel, charge_e, &lead(group), aim, work);
         for (mut out, charge_e) in out.rows_mut().into_iter().zip(charge_e) {
             let out = out.as_slice_mut().expect("columns side by side");
             out.copy_from_slice(&charge_e[..out.len()]);
@@ -352,7 +359,7 @@ fn side_by_side<P: Passage>(
             .with_min_len(GROUPS_PER_TASK)
             .for_each_init(|| (Vec::new(), Workspace::new(rows)), |buffers, (out, group)| read(buffers, group, out));
     }
-    let trailed = alike.spread(trailed);
+    let trailed = columns.spread(trailed);
     if across.index() == 1 { trailed } else { trailed.reversed_axes() }
 }
 
@@ -360,7 +367,7 @@ fn side_by_side<P: Passage>(
 fn brightest(image: ArrayView2<f64>, columns: &[usize]) -> usize {
     let mut brightest_e = vec![f64::NEG_INFINITY; image.ncols()];
     for charge_e in image.rows() {
-        for (brightest_e, charge_e) in brightest_e.iter_mut().zip(lanes::in_one_piece(charge_e).iter()) {
+        for (brightest_e, charge_e) in brightest_e.iter_mut().zip(simd::in_one_piece(charge_e).iter()) {
             *brightest_e = if charge_e > brightest_e { *charge_e } else { *brightest_e };
         }
     }
@@ -370,7 +377,7 @@ fn brightest(image: ArrayView2<f64>, columns: &[usize]) -> usize {
     (0..columns.len()).fold(0, brighter)
 }
 
-/// Share of the accuracy asked for, of all the charge that the traps of a pixel can hold, that one merger of levels of
+/// Share of the accuracy asked for, of all the charge that the traps of a pixel can hold, that one merger of watermarks of
 /// slowly capturing traps may misplace: there may be one for every packet and pixel.
 const MERGED: f64 = 1e-3;
 

@@ -1,6 +1,6 @@
 //! Every transfer, one by one, as the contract says it: the meaning of all the other methods.
 
-use super::slow::SlowPixel;
+use super::finite_capture::FiniteCapturePixel;
 use super::{Cloud, Downstream, Trap};
 
 /// Traps between the next level below and `height`, last filled by one packet.
@@ -67,7 +67,7 @@ pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downst
 }
 
 /// The same where capture takes time.
-pub(super) fn slow_column<const S: usize>(pixel: &SlowPixel<S>, charge_e: &mut [f64], rows_downstream: i64) {
+pub(super) fn slow_column<const S: usize>(pixel: &FiniteCapturePixel<S>, charge_e: &mut [f64], rows_downstream: i64) {
     let mut levels = Default::default();
     for place in (0..charge_e.len() as i64 + rows_downstream).rev() {
         pixel.start(place, rows_downstream, &mut levels);

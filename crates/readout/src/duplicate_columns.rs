@@ -3,35 +3,35 @@
 
 use ndarray::{Array2, ArrayView2};
 
-use super::lanes;
+use super::simd;
 
 /// Rows that are looked at before whole columns are compared: columns of a noisy sky differ there already.
 const LOOKED_AT: usize = 4;
 
 /// The different columns of an image, and which of them each column is.
-pub(super) struct Alike {
-    /// The first of each kind, by their places, rising.
-    pub kinds: Vec<usize>,
-    /// For each column the place of its kind among those.
-    kind: Vec<usize>,
+pub(super) struct DuplicateColumns {
+    /// The first of each set of equal columns, by its place in the image, rising.
+    pub distinct: Vec<usize>,
+    /// For each column the place of its like among those.
+    place: Vec<usize>,
 }
 
-impl Alike {
+impl DuplicateColumns {
     /// The columns of an image (`[[row, column]]`, e-) with what lies downstream of each (e-).
-    pub fn of(image: ArrayView2<f64>, downstream_e: &[f64]) -> Alike {
+    pub fn of(image: ArrayView2<f64>, downstream_e: &[f64]) -> DuplicateColumns {
         let (rows, columns) = image.dim();
         let looked_at = (0..LOOKED_AT).map(|n| (2 * n + 1) * rows / (2 * LOOKED_AT));
         let all: Vec<usize> = (0..columns).collect();
         // For each column the first that is the same.
         let mut first = all.clone();
         let mut find = |marked: &[(u64, usize)]| {
-            let alike =
+            let same_mark =
                 |some: &[(u64, usize)]| some[1..].iter().map(|&(_, column)| [some[0].1, column]).collect::<Vec<_>>();
-            let pairs: Vec<[usize; 2]> = marked.chunk_by(|a, b| a.0 == b.0).flat_map(alike).collect();
+            let pairs: Vec<[usize; 2]> = marked.chunk_by(|a, b| a.0 == b.0).flat_map(same_mark).collect();
             for ([one, column], same) in pairs.iter().zip(same(image, downstream_e, &pairs)) {
                 first[*column] = if same { *one } else { *column };
             }
-            // Of many kinds that are the same where they were looked at, each column is compared with its own kind only.
+            // Columns that are the same where they were looked at, and differ elsewhere, are compared once more in all rows.
             let differ = |some: &&[(u64, usize)]| some[1..].iter().any(|&(_, column)| first[column] == column);
             let some = marked.chunk_by(|a, b| a.0 == b.0).filter(differ).flatten();
             some.map(|(_, column)| *column).collect::<Vec<_>>()
@@ -40,27 +40,28 @@ impl Alike {
         if !perhaps.is_empty() {
             find(&marked(image, downstream_e, 0..rows, &perhaps));
         }
-        let mut alike = Alike { kinds: Vec::with_capacity(columns), kind: Vec::with_capacity(columns) };
+        let mut found = DuplicateColumns { distinct: Vec::with_capacity(columns), place: Vec::with_capacity(columns) };
         for (column, &first) in first.iter().enumerate() {
-            let kind = if first == column { alike.kinds.len() } else { alike.kind[first] };
+            let place = if first == column { found.distinct.len() } else { found.place[first] };
             if first == column {
-                alike.kinds.push(column);
+                found.distinct.push(column);
             }
-            alike.kind.push(kind);
+            found.place.push(place);
         }
-        alike
+        found
     }
 
-    /// All columns again, from those of each kind.
-    pub fn spread(&self, kinds: Array2<f64>) -> Array2<f64> {
-        if self.kinds.len() == self.kind.len() {
-            return kinds;
+    /// All columns again, from the distinct ones.
+    pub fn spread(&self, distinct: Array2<f64>) -> Array2<f64> {
+        if self.distinct.len() == self.place.len() {
+            return distinct;
         }
-        let mut all = Vec::with_capacity(kinds.nrows() * self.kind.len());
-        for charge_e in kinds.as_standard_layout().as_slice().expect("row after row").chunks_exact(kinds.ncols()) {
-            all.extend(self.kind.iter().map(|&kind| charge_e[kind]));
+        let mut all = Vec::with_capacity(distinct.nrows() * self.place.len());
+        for charge_e in distinct.as_standard_layout().as_slice().expect("row after row").chunks_exact(distinct.ncols())
+        {
+            all.extend(self.place.iter().map(|&place| charge_e[place]));
         }
-        Array2::from_shape_vec((kinds.nrows(), self.kind.len()), all).expect("as many as there are pixels")
+        Array2::from_shape_vec((distinct.nrows(), self.place.len()), all).expect("as many as there are pixels")
     }
 }
 
@@ -74,7 +75,7 @@ fn marked(
     let mut marked: Vec<(u64, usize)> =
         columns.iter().map(|&column| (downstream_e[column].to_bits(), column)).collect();
     for row in rows {
-        let charge_e: &[f64] = &lanes::in_one_piece(image.row(row));
+        let charge_e: &[f64] = &simd::in_one_piece(image.row(row));
         for (mark, column) in &mut marked {
             // By any odd number that mixes.
             *mark = (mark.rotate_left(17) ^ charge_e[*column].to_bits()).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -89,7 +90,7 @@ fn same(image: ArrayView2<f64>, downstream_e: &[f64], pairs: &[[usize; 2]]) -> V
     let equal = |a: f64, b: f64| a.to_bits() == b.to_bits();
     let mut same: Vec<bool> = pairs.iter().map(|&[one, other]| equal(downstream_e[one], downstream_e[other])).collect();
     for charge_e in image.rows() {
-        let charge_e: &[f64] = &lanes::in_one_piece(charge_e);
+        let charge_e: &[f64] = &simd::in_one_piece(charge_e);
         for (same, &[one, other]) in same.iter_mut().zip(pairs) {
             *same &= equal(charge_e[one], charge_e[other]);
         }
@@ -111,12 +112,15 @@ mod tests {
             3 => row as f64,
             _ => 7.0,
         });
-        let alike = Alike::of(image.view(), &[0.0, 1.0, 0.0, 0.0, 1.0, 2.0]);
-        assert_eq!((alike.kinds.as_slice(), alike.kind.as_slice()), (&[0, 1, 3, 5][..], &[0, 1, 0, 2, 1, 3][..]));
-        assert_eq!(alike.spread(image.select(Axis(1), &alike.kinds)), image);
+        let distinct = DuplicateColumns::of(image.view(), &[0.0, 1.0, 0.0, 0.0, 1.0, 2.0]);
+        assert_eq!(
+            (distinct.distinct.as_slice(), distinct.place.as_slice()),
+            (&[0, 1, 3, 5][..], &[0, 1, 0, 2, 1, 3][..])
+        );
+        assert_eq!(distinct.spread(image.select(Axis(1), &distinct.distinct)), image);
         let different = Array2::from_shape_fn((9, 5), |(row, column)| (row * 5 + column) as f64);
-        let alike = Alike::of(different.view(), &[0.0; 5]);
-        assert_eq!(alike.kinds, [0, 1, 2, 3, 4]);
-        assert_eq!(alike.spread(different.clone()), different);
+        let distinct = DuplicateColumns::of(different.view(), &[0.0; 5]);
+        assert_eq!(distinct.distinct, [0, 1, 2, 3, 4]);
+        assert_eq!(distinct.spread(different.clone()), different);
     }
 }

@@ -1,36 +1,36 @@
 //! What is left of clouds in the pixels that their packets started in.
 //!
 //! A packet of the image meets empty traps in its own pixel and leaves more there than in all that follow: it arrives at the
-//! next one with less, and so do the packets behind it, which no longer reach the top of the level it left at home. In a flat
-//! background, where packets differ by nothing else, every packet leaves such a crest, and a galaxy that comes by covers them all.
+//! next one with less, and so do the packets behind it, which no longer reach the top of the watermark it left at home. In a flat
+//! background, where packets differ by nothing else, every packet leaves such a watermark, and a galaxy that comes by covers them all.
 
 use fearless_simd::prelude::*;
 
-use super::lanes::Lanes;
+use super::block_path::Summed;
 use super::pixel::Pixel;
-use super::way::Summed;
+use super::simd::Vector;
 
-/// What stands of such levels above all clouds that have passed there since, of all pixels together: they are alike where they
+/// What stands of such watermarks above all clouds that have passed there since, of all pixels together: they are alike where they
 /// are many.
-pub(super) struct Crests<T: Simd, const S: usize> {
+pub(super) struct HomeWatermarks<T: Simd, const S: usize> {
     any: bool,
-    number: Lanes<T>,
+    number: Vector<T>,
     /// Their thickness, summed over them.
-    thickness: Lanes<T>,
+    thickness: Vector<T>,
     /// The pixels ahead of theirs, summed over them.
-    ahead: Lanes<T>,
+    ahead: Vector<T>,
     /// The height that they stand on, on average.
-    floor: Lanes<T>,
+    floor: Vector<T>,
     /// Electrons in their traps, by species.
-    stored_e: [Lanes<T>; S],
+    stored_e: [Vector<T>; S],
 }
 
-impl<T: Simd, const S: usize> Crests<T, S> {
+impl<T: Simd, const S: usize> HomeWatermarks<T, S> {
     /// None yet.
     #[inline(always)]
     pub fn new(simd: T) -> Self {
-        let zero = Lanes::all(simd, 0.0);
-        Crests { any: false, number: zero, thickness: zero, ahead: zero, floor: zero, stored_e: [zero; S] }
+        let zero = Vector::all(simd, 0.0);
+        HomeWatermarks { any: false, number: zero, thickness: zero, ahead: zero, floor: zero, stored_e: [zero; S] }
     }
 
     /// A row of packets passes, of those heights. What they cover is full already, and is neither captured nor stored anew. The
@@ -41,12 +41,12 @@ impl<T: Simd, const S: usize> Crests<T, S> {
         &mut self,
         simd: T,
         pixel: &Pixel<S>,
-        height: Lanes<T>,
-        able: Lanes<T>,
+        height: Vector<T>,
+        able: Vector<T>,
         stored: &mut [Summed<T, TWICE>; S],
         captured: &mut Summed<T, TWICE>,
-    ) -> Lanes<T> {
-        let (zero, one) = (Lanes::all(simd, 0.0), Lanes::all(simd, 1.0));
+    ) -> Vector<T> {
+        let (zero, one) = (Vector::all(simd, 0.0), Vector::all(simd, 1.0));
         if !self.any {
             return zero;
         }
@@ -75,8 +75,15 @@ impl<T: Simd, const S: usize> Crests<T, S> {
 
     /// One more where it has any thickness, on so high a floor, with so many pixels ahead; filled m packets ago.
     #[inline(always)]
-    pub fn leave(&mut self, simd: T, pixel: &Pixel<S>, thickness: Lanes<T>, floor: Lanes<T>, (m, ahead): (usize, f64)) {
-        let (zero, one) = (Lanes::all(simd, 0.0), Lanes::all(simd, 1.0));
+    pub fn leave(
+        &mut self,
+        simd: T,
+        pixel: &Pixel<S>,
+        thickness: Vector<T>,
+        floor: Vector<T>,
+        (m, ahead): (usize, f64),
+    ) {
+        let (zero, one) = (Vector::all(simd, 0.0), Vector::all(simd, 1.0));
         let more = zero.below(thickness).select(one, zero);
         self.any = true;
         self.number = self.number + more;

@@ -1,33 +1,33 @@
-//! The way of packets through a block of pixels: what the second order needs to know of it.
+//! The path of packets through a block of pixels: what the second order needs to know of it.
 //!
-//! The first order holds the charges as they are on arrival, and is wrong by what they change on the way. The second order
-//! holds them at their means over the way instead: what a pixel does is then right to second order where all packets are in
-//! step. In the image they are not. Packet r has passed r − p pixels when it comes to pixel p, and meets there the levels of
-//! packets that have passed fewer; and a level exists in the last pixels of the way only, where its packet has been. So two
-//! means are gathered along with the first order: over all pixels of the way, and over those of the level that the packet
+//! The first order holds the charges as they are on arrival, and is wrong by what they change along the path. The second order
+//! holds them at their means over the path instead: what a pixel does is then right to second order where all packets are in
+//! step. In the image they are not. Packet r has passed r − p pixels when it comes to pixel p, and meets there the watermarks of
+//! packets that have passed fewer; and a watermark exists in the last pixels of the path only, where its packet has been. So two
+//! means are gathered along with the first order: over all pixels of the path, and over those of the watermark that the packet
 //! reaches into, which is the only one that it fills in part. Both are exact sums over the pixels, to first order: whatever
-//! exists in the last v pixels of the way counts v times in a sum, and v (v − 1)/2 times in the sum of sums from which means are
+//! exists in the last v pixels of the path counts v times in a sum, and v (v − 1)/2 times in the sum of sums from which means are
 //! made, since a change in a pixel is felt in all pixels ahead of it.
 
 use std::ops::{Add, Mul, Sub};
 
 use fearless_simd::prelude::*;
 
-use super::lanes::{LANES, Lanes, Mask, Row};
+use super::simd::{LANES, Mask, Row, Vector};
 
-/// How packets change on their way through a block, to first order, as far as the second order needs to know.
-pub(super) struct Path {
-    /// Change of every packet until it is in a pixel of its way, on average over the way, e-. The pixel it starts in, where
+/// How packets change along their path through a block, to first order, as far as the second order needs to know.
+pub(super) struct PathMeans {
+    /// Change of every packet until it is in a pixel of its path, on average over the path, e-. The pixel it starts in, where
     /// everything is known, is left out.
     pub mean_e: Vec<Row>,
-    /// How much more that is, with what is released there, in the pixels of the level that the packet reached into, e-.
+    /// How much more that is, with what is released there, in the pixels of the watermark that the packet reached into, e-.
     pub further_e: Vec<Row>,
 }
 
-impl Path {
+impl PathMeans {
     /// For so many rows.
-    pub fn new(rows: usize) -> Path {
-        Path { mean_e: vec![[0.0; LANES]; rows], further_e: vec![[0.0; LANES]; rows] }
+    pub fn new(rows: usize) -> PathMeans {
+        PathMeans { mean_e: vec![[0.0; LANES]; rows], further_e: vec![[0.0; LANES]; rows] }
     }
 
     /// Rows that do not pass the block.
@@ -37,21 +37,21 @@ impl Path {
     }
 }
 
-/// What a pass through a block knows of the packets' way.
-pub(super) enum Way<'a> {
+/// What a pass through a block knows of the packets' path.
+pub(super) enum BlockPath<'a> {
     /// Nothing, and nothing is asked.
     Unknown,
     /// It is to be found.
-    Sought(&'a mut Path),
+    Sought(&'a mut PathMeans),
     /// All of it.
-    Known(&'a Path),
+    Known(&'a PathMeans),
 }
 
-/// Something summed over pixels of the way, e-, and, where that is asked, over the sums up to each pixel.
+/// Something summed over pixels of the path, e-, and, where that is asked, over the sums up to each pixel.
 #[derive(Clone, Copy)]
 pub(super) struct Summed<T: Simd, const TWICE: bool> {
-    pub once: Lanes<T>,
-    pub twice: Lanes<T>,
+    pub once: Vector<T>,
+    pub twice: Vector<T>,
 }
 
 // What is done to vectors must be part of the caller, which knows the processor; closures are not always.
@@ -60,25 +60,25 @@ impl<T: Simd, const TWICE: bool> Summed<T, TWICE> {
     /// Nothing.
     #[inline(always)]
     pub fn none(simd: T) -> Self {
-        let zero = Lanes::all(simd, 0.0);
+        let zero = Vector::all(simd, 0.0);
         Summed { once: zero, twice: zero }
     }
 
     /// The same in each of the last so many pixels.
     #[inline(always)]
-    pub fn over(each: Lanes<T>, pixels: f64) -> Self {
+    pub fn over(each: Vector<T>, pixels: f64) -> Self {
         Summed { once: each * pixels, twice: if TWICE { each * ahead(pixels) } else { each } }
     }
 
     /// The same, another number in each lane.
     #[inline(always)]
-    fn over_each(each: Lanes<T>, pixels: Lanes<T>) -> Self {
+    fn over_each(each: Vector<T>, pixels: Vector<T>) -> Self {
         Summed { once: each * pixels, twice: if TWICE { each * pixels * (pixels + -1.0) * 0.5 } else { each } }
     }
 
     /// In one pixel, with so many ahead of it.
     #[inline(always)]
-    pub fn at(value: Lanes<T>, ahead: f64) -> Self {
+    pub fn at(value: Vector<T>, ahead: f64) -> Self {
         Summed { once: value, twice: if TWICE { value * ahead } else { value } }
     }
 
@@ -91,7 +91,7 @@ impl<T: Simd, const TWICE: bool> Summed<T, TWICE> {
     /// Where something is so; else nothing.
     #[inline(always)]
     pub fn only(self, simd: T, so: Mask<T>) -> Self {
-        let zero = Lanes::all(simd, 0.0);
+        let zero = Vector::all(simd, 0.0);
         Summed { once: so.select(self.once, zero), twice: if TWICE { so.select(self.twice, zero) } else { zero } }
     }
 }
@@ -129,51 +129,51 @@ pub(super) fn ahead(pixels: f64) -> f64 {
     0.5 * pixels * (pixels - 1.0)
 }
 
-/// What happens to the packets of a row in the pixels of the levels that they reach into.
+/// What happens to the packets of a row in the pixels of the watermarks that they reach into.
 pub(super) struct Reached<T: Simd> {
     /// Number of those pixels.
-    pixels: Lanes<T>,
+    pixels: Vector<T>,
     /// Captured in each of them, e-.
-    captured_e: Lanes<T>,
-    /// Released in each of them, e-, from the levels that the packets have covered.
-    released_e: Lanes<T>,
-    /// The same from all pixels of those levels.
+    captured_e: Vector<T>,
+    /// Released in each of them, e-, from the watermarks that the packets have covered.
+    released_e: Vector<T>,
+    /// The same from all pixels of those watermarks.
     released: Summed<T, true>,
 }
 
 impl<T: Simd> Reached<T> {
-    /// Before any level is met, by packets that would fill so many empty traps of a pixel.
+    /// Before any watermark is met, by packets that would fill so many empty traps of a pixel.
     #[inline(always)]
-    pub fn new(simd: T, most_e: Lanes<T>) -> Reached<T> {
-        let zero = Lanes::all(simd, 0.0);
+    pub fn new(simd: T, most_e: Vector<T>) -> Reached<T> {
+        let zero = Vector::all(simd, 0.0);
         Reached { pixels: zero, captured_e: most_e, released_e: zero, released: Summed::none(simd) }
     }
 
     /// So many traps of each pixel are filled already.
     #[inline(always)]
-    pub fn fills(&mut self, filled_e: Lanes<T>) {
+    pub fn fills(&mut self, filled_e: Vector<T>) {
         self.captured_e = self.captured_e - filled_e;
     }
 
-    /// A level that is covered, which released so much in each of its pixels, and so much in all of them.
+    /// A watermark that is covered, which released so much in each of its pixels, and so much in all of them.
     #[inline(always)]
-    pub fn covers(&mut self, released_e: Lanes<T>, released: Summed<T, true>) {
+    pub fn covers(&mut self, released_e: Vector<T>, released: Summed<T, true>) {
         self.released_e = self.released_e + released_e;
         self.released = self.released + released;
     }
 
-    /// The level that lanes end at exists in so many pixels.
+    /// The watermark that lanes end at exists in so many pixels.
     #[inline(always)]
     pub fn ends(&mut self, simd: T, at: Mask<T>, pixels: f64) {
-        self.pixels = at.select(Lanes::all(simd, pixels), self.pixels);
+        self.pixels = at.select(Vector::all(simd, pixels), self.pixels);
     }
 
-    /// See [`Path::further_e`]; given all that is released and captured on a way of 1 / `per_visit` pixels.
+    /// See [`PathMeans::further_e`]; given all that is released and captured over 1 / `per_visit` pixels.
     #[inline(always)]
-    pub fn further(self, simd: T, released: Summed<T, true>, captured: Summed<T, true>, per_visit: f64) -> Lanes<T> {
-        let (zero, one) = (Lanes::all(simd, 0.0), Lanes::all(simd, 1.0));
+    pub fn further(self, simd: T, released: Summed<T, true>, captured: Summed<T, true>, per_visit: f64) -> Vector<T> {
+        let (zero, one) = (Vector::all(simd, 0.0), Vector::all(simd, 1.0));
         let per_pixel = one / self.pixels.max(one);
-        // Levels that were not covered are in no other pixels.
+        // Watermarks that were not covered are in no other pixels.
         let released_there = Summed::over_each(self.released_e, self.pixels) + released - self.released;
         let changed = released - captured;
         let changed_there = released_there - Summed::over_each(self.captured_e, self.pixels);

@@ -46,7 +46,7 @@ pub(super) fn side_by_side(numbers: &[f64], columns: &[usize]) -> Row {
 
 /// The numbers of a row as vectors of the processor. Comparisons with NaN are false.
 #[derive(Clone, Copy)]
-pub(super) struct Lanes<S: Simd>([f64x8<S>; N]);
+pub(super) struct Vector<S: Simd>([f64x8<S>; N]);
 
 /// Truths side by side.
 #[derive(Clone, Copy)]
@@ -55,17 +55,17 @@ pub(super) struct Mask<S: Simd>([mask64x8<S>; N]);
 /// Vectors of a row.
 const N: usize = LANES / 8;
 
-impl<S: Simd> Lanes<S> {
+impl<S: Simd> Vector<S> {
     /// The same number everywhere.
     #[inline(always)]
     pub fn all(simd: S, value: f64) -> Self {
-        Lanes([f64x8::splat(simd, value); N])
+        Vector([f64x8::splat(simd, value); N])
     }
 
     /// From memory.
     #[inline(always)]
     pub fn load(simd: S, values: &Row) -> Self {
-        Lanes(from_fn(|n| f64x8::from_slice(simd, &values[8 * n..8 * n + 8])))
+        Vector(from_fn(|n| f64x8::from_slice(simd, &values[8 * n..8 * n + 8])))
     }
 
     /// To memory.
@@ -97,25 +97,25 @@ impl<S: Simd> Lanes<S> {
             pair[0] = root_low + (low - root_low * root_low) * half_low;
             pair[1] = root_high + (high - root_high * root_high) * half_high;
         }
-        Lanes(roots)
+        Vector(roots)
     }
 
     /// |x|
     #[inline(always)]
     pub fn abs(self) -> Self {
-        Lanes(from_fn(|n| self.0[n].abs()))
+        Vector(from_fn(|n| self.0[n].abs()))
     }
 
     /// The smaller of two numbers.
     #[inline(always)]
     pub fn min(self, other: Self) -> Self {
-        Lanes(from_fn(|n| self.0[n].min(other.0[n])))
+        Vector(from_fn(|n| self.0[n].min(other.0[n])))
     }
 
     /// The larger of two numbers.
     #[inline(always)]
     pub fn max(self, other: Self) -> Self {
-        Lanes(from_fn(|n| self.0[n].max(other.0[n])))
+        Vector(from_fn(|n| self.0[n].max(other.0[n])))
     }
 
     /// Where x < y.
@@ -156,8 +156,8 @@ impl<S: Simd> Lanes<S> {
 impl<S: Simd> Mask<S> {
     /// One number or the other.
     #[inline(always)]
-    pub fn select(self, yes: Lanes<S>, no: Lanes<S>) -> Lanes<S> {
-        Lanes(from_fn(|n| self.0[n].select(yes.0[n], no.0[n])))
+    pub fn select(self, yes: Vector<S>, no: Vector<S>) -> Vector<S> {
+        Vector(from_fn(|n| self.0[n].select(yes.0[n], no.0[n])))
     }
 
     /// Whether anything is true.
@@ -179,22 +179,22 @@ fn from_fn<T: Copy>(make: impl Fn(usize) -> T) -> [T; N] {
 
 macro_rules! operator {
     ($trait:ident, $method:ident) => {
-        impl<S: Simd> $trait for Lanes<S> {
+        impl<S: Simd> $trait for Vector<S> {
             type Output = Self;
 
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                Lanes(from_fn(|n| self.0[n].$method(other.0[n])))
+                Vector(from_fn(|n| self.0[n].$method(other.0[n])))
             }
         }
     };
     ($trait:ident<f64>, $method:ident) => {
-        impl<S: Simd> $trait<f64> for Lanes<S> {
+        impl<S: Simd> $trait<f64> for Vector<S> {
             type Output = Self;
 
             #[inline(always)]
             fn $method(self, other: f64) -> Self {
-                Lanes(from_fn(|n| self.0[n].$method(other)))
+                Vector(from_fn(|n| self.0[n].$method(other)))
             }
         }
     };

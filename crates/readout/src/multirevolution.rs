@@ -22,14 +22,14 @@
 //!
 //! The journey is cut at row 0 of the image. Below it every packet passes every pixel. Within the image a packet only
 //! passes the pixels below its own row; blocks there are summed exactly for fixed charges (see [`super::pixel`]) and
-//! are advanced to second order, all packets at their means over the way at once (see [`super::way`]).
+//! are advanced to second order, all packets at their means over the path at once (see [`super::block_path`]).
 
 use std::ops::Range;
 
+use super::block_path::{BlockPath, PathMeans};
 use super::estimate;
-use super::lanes::{LANES, Row};
-use super::pixel::{Block, Lead, Passage, Stage};
-use super::way::{Path, Way};
+use super::passage::{Block, Lead, Passage, Stage};
+use super::simd::{LANES, Row};
 
 /// Transfers up to which a step is done one by one: it would need as many passes anyway.
 const SINGLY: i64 = 4;
@@ -55,17 +55,17 @@ const SHARE: f64 = 0.02;
 
 /// Buffers that steps reuse.
 pub(super) struct Workspace<L> {
-    levels: L,
+    watermarks: L,
     stages: [Stage; 4],
     stage_e: Vec<Row>,
-    path: Path,
+    path: PathMeans,
 }
 
 impl<L: Default> Workspace<L> {
     /// For so many rows.
     pub fn new(rows: usize) -> Workspace<L> {
         let stages = [(); 4].map(|()| Stage::new(rows));
-        Workspace { levels: L::default(), stages, stage_e: vec![[0.0; LANES]; rows], path: Path::new(rows) }
+        Workspace { watermarks: L::default(), stages, stage_e: vec![[0.0; LANES]; rows], path: PathMeans::new(rows) }
     }
 }
 
@@ -89,8 +89,8 @@ impl Aim {
     }
 }
 
-/// Power of the pixels with which the bound of the first-order error grows: of the way and the traps on it, and a little more
-/// because the steepest change on the way counts.
+/// Power of the pixels with which the bound of the first-order error grows: of the path and the traps on it, and a little more
+/// because the steepest change along the path counts.
 const GROWTH: f64 = 2.5;
 
 /// Times what is allowed that the error of a first-order step is foretold to be around the brightest pixel: up to the one it is
@@ -104,11 +104,11 @@ pub(super) fn aim<P: Passage>(
     charge_e: &[Row],
     downstream: &Lead,
     relative: f64,
-    work: &mut Workspace<P::Levels>,
+    work: &mut Workspace<P::Watermarks>,
 ) -> Aim {
     let journey = Block { nearest: 0, pixels: charge_e.len() as i64 + downstream.rows };
     let found = &mut work.stages[0];
-    pixel.pass(charge_e, Way::Unknown, journey, downstream, &mut work.levels, found);
+    pixel.pass(charge_e, BlockPath::Unknown, journey, downstream, &mut work.watermarks, found);
     let tolerance_e = relative * estimate::moved(charge_e, found);
     let bound_e = estimate::first(pixel.cloud(), journey.pixels as f64 * pixel.density(), charge_e, found);
     Aim { tolerance_e, first_order: ratio(bound_e, SHARE_OF_BOUNDS * tolerance_e), pixels: journey.pixels }
@@ -120,13 +120,13 @@ pub(super) fn columns<P: Passage>(
     charge_e: &mut [Row],
     downstream: &Lead,
     aim: Aim,
-    work: &mut Workspace<P::Levels>,
+    work: &mut Workspace<P::Watermarks>,
 ) {
     let start = charge_e.len() as i64 + downstream.rows;
-    let alike = pixel.alike_below(downstream).min(start).max(0);
-    singly(pixel, charge_e, alike..start, downstream, work);
-    let image = downstream.rows.clamp(0, alike)..alike;
-    let shared = 0..downstream.rows.min(alike);
+    let identical = pixel.identical_below(downstream).min(start).max(0);
+    singly(pixel, charge_e, identical..start, downstream, work);
+    let image = downstream.rows.clamp(0, identical)..identical;
+    let shared = 0..downstream.rows.min(identical);
     for region in [image, shared] {
         let length = region.end - region.start;
         let staggered = region.start >= downstream.rows;
@@ -170,11 +170,11 @@ fn singly<P: Passage>(
     charge_e: &mut [Row],
     pixels: Range<i64>,
     downstream: &Lead,
-    work: &mut Workspace<P::Levels>,
+    work: &mut Workspace<P::Watermarks>,
 ) {
     let found = &mut work.stages[0];
     for nearest in pixels.rev() {
-        pixel.pass(charge_e, Way::Unknown, Block { nearest, pixels: 1 }, downstream, &mut work.levels, found);
+        pixel.pass(charge_e, BlockPath::Unknown, Block { nearest, pixels: 1 }, downstream, &mut work.watermarks, found);
         estimate::add(charge_e, &[(1.0, found)]);
     }
 }
@@ -204,19 +204,19 @@ struct Attempt {
 
 impl<P: Passage> Step<'_, P> {
     /// Advances the charges if that can be done with the error allowed, by the lowest order that will do.
-    fn attempt(&self, charge_e: &mut [Row], work: &mut Workspace<P::Levels>) -> Attempt {
+    fn attempt(&self, charge_e: &mut [Row], work: &mut Workspace<P::Watermarks>) -> Attempt {
         let Step { pixel, block, downstream, .. } = *self;
         if block.pixels <= SINGLY {
             singly(pixel, charge_e, block.nearest..block.nearest + block.pixels, downstream, work);
             return Attempt { ratio: 0.0, order: 5.0, by_first: false };
         }
-        let Workspace { levels, stages: [k1, k2, k3, k4], stage_e, path } = work;
-        let mut pass = |charge_e: &[Row], way: Way, found: &mut Stage| {
-            pixel.pass(charge_e, way, block, downstream, levels, found);
+        let Workspace { watermarks, stages: [k1, k2, k3, k4], stage_e, path } = work;
+        let mut pass = |charge_e: &[Row], path: BlockPath, found: &mut Stage| {
+            pixel.pass(charge_e, path, block, downstream, watermarks, found);
         };
 
         let seek = self.staggered && self.first_order > LIKELY_FIRST;
-        pass(charge_e, if seek { Way::Sought(path) } else { Way::Unknown }, k1);
+        pass(charge_e, if seek { BlockPath::Sought(path) } else { BlockPath::Unknown }, k1);
         if self.first_order <= HOPELESS_FIRST {
             let traps = block.pixels as f64 * pixel.density();
             let ratio = ratio(estimate::first(pixel.cloud(), traps, charge_e, k1), SHARE_OF_BOUNDS * self.tolerance_e);
@@ -226,14 +226,14 @@ impl<P: Passage> Step<'_, P> {
             }
         }
         if self.staggered && !seek {
-            pass(charge_e, Way::Sought(path), k1);
+            pass(charge_e, BlockPath::Sought(path), k1);
         }
         let tableau = Tableau::of(block.pixels as f64);
         if self.staggered {
-            pass(charge_e, Way::Known(path), k2);
+            pass(charge_e, BlockPath::Known(path), k2);
         } else {
             estimate::sum(charge_e, &[(tableau.a21, k1)], stage_e);
-            pass(stage_e, Way::Unknown, k2);
+            pass(stage_e, BlockPath::Unknown, k2);
         }
         let errors = estimate::second(k1, k2);
         let kinked_e = if self.staggered { errors.kinked_e.max(OUT_OF_STEP * errors.all_e) } else { errors.kinked_e };
@@ -251,15 +251,15 @@ impl<P: Passage> Step<'_, P> {
         let attempt = if errors.third_e <= SHARE * self.tolerance_e {
             let [a31, a32, b1, b2, b3] = tableau.third;
             estimate::sum(charge_e, &[(a31, k1), (a32, k2)], stage_e);
-            pass(stage_e, Way::Unknown, k3);
+            pass(stage_e, BlockPath::Unknown, k3);
             estimate::sum(charge_e, &[(b1, k1), (b2, k2), (b3, k3)], stage_e);
             let (smooth_e, kinked_e) = estimate::higher([k1, k2, k3], charge_e, stage_e, 1);
             self.judge(smooth_e, 4.0, kinked_e)
         } else {
             estimate::sum(charge_e, &[(tableau.a31, k1), (tableau.a32, k2)], stage_e);
-            pass(stage_e, Way::Unknown, k3);
+            pass(stage_e, BlockPath::Unknown, k3);
             estimate::sum(charge_e, &[(tableau.a41, k1), (tableau.a43, k3)], stage_e);
-            pass(stage_e, Way::Unknown, k4);
+            pass(stage_e, BlockPath::Unknown, k4);
             let changes = [(tableau.b1, &*k1), (tableau.b2, k2), (tableau.b3, k3), (tableau.b4, k4)];
             estimate::sum(charge_e, &changes, stage_e);
             let (smooth_e, kinked_e) = estimate::higher([k1, k2, k4], charge_e, stage_e, 2);
@@ -325,7 +325,8 @@ impl Tableau {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pixel::{Lead, Pixel};
+    use crate::passage::Lead;
+    use crate::pixel::Pixel;
     use crate::{Cloud, Trap};
 
     /// One step of N transfers of the map n ← n + f(n), and N single ones.
@@ -413,9 +414,9 @@ mod tests {
         let mut singles_e = charge_e.clone();
         let nothing = Lead { rows: 0, charge_e: [0.0; LANES] };
         singly(&pixel, &mut singles_e, 0..block.pixels, &nothing, &mut work);
-        let Workspace { levels, stages: [k1, k2, ..], path, .. } = &mut work;
-        pixel.pass(&charge_e, Way::Sought(path), block, &nothing, levels, k1);
-        pixel.pass(&charge_e, Way::Known(path), block, &nothing, levels, k2);
+        let Workspace { watermarks, stages: [k1, k2, ..], path, .. } = &mut work;
+        pixel.pass(&charge_e, BlockPath::Sought(path), block, &nothing, watermarks, k1);
+        pixel.pass(&charge_e, BlockPath::Known(path), block, &nothing, watermarks, k2);
         [&*k1, k2].map(|found| {
             let off = |row: usize| charge_e[row][0] + found.change_e[row][0] - singles_e[row][0];
             ((0..charge_e.len()).map(|row| off(row).powi(2)).sum::<f64>() / charge_e.len() as f64).sqrt()
@@ -426,7 +427,7 @@ mod tests {
     fn blocks_of_the_image_are_advanced_to_second_order() {
         let galaxy = |row: usize| 800.0 * (1.0 + ((row as f64 - 22.0) / 3.0).powi(2)).powf(-2.5);
         let noise = |row: usize| ((row * 7919) % 31) as f64;
-        // Where packets are all alike, what they leave in their own pixels is most of what there is; see `super::crests`.
+        // Where packets are all alike, what they leave in their own pixels is most of what there is; see `super::home_watermarks`.
         let flat: Vec<f64> = (0..40).map(|row| 120.0 + galaxy(row)).collect();
         let noisy: Vec<f64> = (0..40).map(|row| 120.0 + galaxy(row) + noise(row)).collect();
         for charges_e in [flat, noisy] {

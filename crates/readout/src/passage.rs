@@ -1,0 +1,96 @@
+//! Packets pass a block of pixels: what goes in, what comes out, and who can do it.
+
+use super::Cloud;
+use super::block_path::BlockPath;
+use super::simd::{LANES, Row};
+
+/// What lies between row 0 and the register (see [`super::Downstream`]), in columns side by side.
+pub(super) struct Lead {
+    pub rows: i64,
+    /// Charge of its packets, e-.
+    pub charge_e: Row,
+}
+
+/// A run of pixels: those from `nearest` (pixels from the register) up to `nearest + pixels`.
+#[derive(Clone, Copy)]
+pub(super) struct Block {
+    pub nearest: i64,
+    pub pixels: i64,
+}
+
+impl Block {
+    /// How many of the block's pixels the packet of row `row` passes; row −1 is the last one downstream.
+    pub fn visits(self, row: i64, downstream: &Lead) -> i64 {
+        (row + 1 + downstream.rows - self.nearest).clamp(0, self.pixels)
+    }
+
+    /// Whether the pixel that a row starts in is one of the block's, and how many others of them it passes.
+    pub fn passage_of(self, row: i64, downstream: &Lead) -> (bool, f64) {
+        let starts = (self.nearest..self.nearest + self.pixels).contains(&(row + downstream.rows));
+        (starts, (self.visits(row, downstream) - i64::from(starts)) as f64)
+    }
+}
+
+/// What a pixel does to the packets that pass it, in columns side by side.
+pub(super) trait Passage: Sync {
+    /// State of the traps, to be reused from pass to pass.
+    type Watermarks: Default + Send;
+
+    /// Change of every packet's charge (e-) by a passage through the block, all charges held fixed.
+    ///
+    /// `charge_e` is the charge on arrival. Exact for one pixel; for a block, to first order in the change, and to second order
+    /// where the path is known. What packets lose, the traps hold.
+    ///
+    /// `found` has the length of `charge_e` and is overwritten.
+    fn pass(
+        &self,
+        charge_e: &[Row],
+        path: BlockPath,
+        block: Block,
+        downstream: &Lead,
+        watermarks: &mut Self::Watermarks,
+        found: &mut Stage,
+    );
+
+    /// Traps of the pixel.
+    fn density(&self) -> f64;
+
+    /// How high packets reach.
+    fn cloud(&self) -> &Cloud;
+
+    /// Distance from the register (pixels) below which blocks may be passed in one step; beyond it pixels are too unlike
+    /// one another.
+    fn identical_below(&self, downstream: &Lead) -> i64;
+}
+
+/// What one pass finds.
+pub(super) struct Stage {
+    /// Change of every packet, e-.
+    pub change_e: Vec<Row>,
+    /// The same without what it leaves in the empty pixel that it starts in, which is known exactly, e-.
+    pub drift_e: Vec<Row>,
+    /// What it took of watermarks at home (see [`super::home_watermarks`]) that it did not cover, e-: they are known on average only.
+    pub doubtful_e: Vec<Row>,
+    /// At which earlier packet's watermark each packet ended, as a number. While these stay the same, the change is a smooth
+    /// function of the charges; where they differ from one pass to another, it has a kink in between.
+    pub meets: Vec<Row>,
+}
+
+impl Stage {
+    /// For so many rows.
+    pub fn new(rows: usize) -> Stage {
+        Stage {
+            change_e: vec![[0.0; LANES]; rows],
+            drift_e: vec![[0.0; LANES]; rows],
+            doubtful_e: vec![[0.0; LANES]; rows],
+            meets: vec![[0.0; LANES]; rows],
+        }
+    }
+
+    /// Rows that do not pass the block.
+    pub fn absent(&mut self, rows: usize) {
+        for part in [&mut self.change_e, &mut self.drift_e, &mut self.doubtful_e, &mut self.meets] {
+            part[..rows].fill([0.0; LANES]);
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! Packets that have less charge than the traps in their reach would take, followed one by one.
+
+use super::block_path::{PathMeans, ahead};
+use super::pixel::Pixel;
+use super::simd::{LANES, Row};
+use super::watermarks::{NONE, PACKETS, Watermarks};
+
+/// Added to the place of the last watermark met by a packet that is spent.
+const SPENT: f64 = 0.25;
+
+/// What packets of a row do to the watermarks.
+pub(super) struct Passed {
+    pub height: Row,
+    /// In all pixels of the block.
+    pub captured_e: Row,
+    /// The places of the watermarks that they leave above their own.
+    pub below: Row,
+    /// The last watermarks they met, with a mark for those that are spent.
+    pub met: Row,
+}
+
+/// Packets of a row of which some have less than the traps in their reach would take.
+pub(super) struct Short {
+    pub row: usize,
+    /// The watermark that they meet first.
+    pub before: usize,
+    pub visits: f64,
+    /// Charge that meets the traps in each pixel, e-.
+    pub present_e: Row,
+    /// The same in all pixels together, e-.
+    pub has_e: Row,
+}
+
+impl<const S: usize> Pixel<S> {
+    /// Follows the packets of a row that have less than they would fill. `stored` and `stored_ahead` come as if all had enough,
+    /// and are mended where they had not; `watermarks` tells what the traps held before.
+    pub(super) fn spend(
+        &self,
+        short: Short,
+        (stored, stored_ahead): (&mut [Row; S], &mut [Row; S]),
+        path: Option<&PathMeans>,
+        watermarks: &mut Watermarks<S>,
+        passed: &mut Passed,
+    ) {
+        for lane in 0..LANES {
+            if short.has_e[lane] < passed.captured_e[lane] {
+                for (place, floor) in &watermarks.moved {
+                    watermarks.floor[*place][lane] = floor[lane];
+                }
+                self.climb(&short, lane, path, watermarks, passed);
+                for s in self.species() {
+                    stored[s][lane] = watermarks.stored[s][lane];
+                    stored_ahead[s][lane] = watermarks.stored_ahead[s][lane];
+                }
+            }
+        }
+    }
+
+    /// Fills watermarks from below until all that the packet has is spent, or its height is reached.
+    fn climb(
+        &self,
+        short: &Short,
+        lane: usize,
+        path: Option<&PathMeans>,
+        watermarks: &mut Watermarks<S>,
+        passed: &mut Passed,
+    ) {
+        let Short { row, before, visits, .. } = *short;
+        let mut height = passed.height[lane];
+        let packet = row + PACKETS;
+        let mut watermark = before;
+        let mut reached = 0.0;
+        let mut captured_e = 0.0;
+        let available_e = short.has_e[lane];
+        loop {
+            let top = watermarks.height[watermark][lane];
+            let visits_there = watermarks.visits[watermark];
+            let covered = top <= height;
+            let ceiling = if covered { top } else { height };
+            let mut own_ceiling = ceiling;
+            let mut floor = reached;
+            if let Some(path) = path {
+                floor = watermarks.floor[watermark][lane];
+                if !covered && watermark != NONE && visits_there + watermarks.starts[watermark] < visits {
+                    let present_e = short.present_e[lane] + path.further_e[row][lane];
+                    own_ceiling = self.cloud.height(present_e).min(top);
+                }
+            }
+            let mut thickness = ceiling - reached;
+            let mut filled = if watermark == NONE { 0.0 } else { own_ceiling - floor };
+            let mut home_filled =
+                watermarks.starts[watermark] * (watermarks.home_height[watermark][lane].min(height) - floor);
+            let m = packet - watermark;
+            let still_filled = visits_there * filled + home_filled;
+            let mut more_e = visits * self.density_all * thickness - self.left_all[m] * still_filled;
+            let spent = captured_e + more_e > available_e;
+            if spent {
+                let share = (available_e - captured_e) / more_e;
+                thickness *= share;
+                filled *= share;
+                home_filled *= share;
+                more_e *= share;
+                height = reached + thickness;
+            }
+            for s in self.species() {
+                let (thick_e, filled_e) = (self.density[s] * thickness, self.left[m][s] * filled);
+                let home_filled_e = self.left[m][s] * home_filled;
+                watermarks.stored[s][lane] += visits * thick_e - visits_there * filled_e - home_filled_e;
+                watermarks.stored_ahead[s][lane] +=
+                    ahead(visits) * thick_e - ahead(visits_there) * filled_e - visits_there * home_filled_e;
+            }
+            captured_e += more_e;
+            if covered && !spent {
+                reached = top;
+                watermark = watermarks.below[watermark][lane] as usize;
+                continue;
+            }
+            if path.is_some() {
+                watermarks.floor[watermark][lane] = if spent { height } else { own_ceiling };
+            }
+            passed.below[lane] = watermark as f64;
+            passed.met[lane] = watermark as f64 + if spent { SPENT } else { 0.0 };
+            passed.captured_e[lane] = captured_e;
+            passed.height[lane] = height;
+            return;
+        }
+    }
+}

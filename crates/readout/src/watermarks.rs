@@ -1,0 +1,97 @@
+//! The stack of watermarks that packets leave in the traps of a block of pixels; see [`super::pixel`].
+
+use fearless_simd::prelude::*;
+
+use super::block_path::{Summed, ahead};
+use super::passage::{Block, Lead};
+use super::pixel::Pixel;
+use super::simd::{LANES, Row};
+
+/// The place of a watermark that is higher than all and exists nowhere; and as the number that links hold.
+pub(super) const NONE: usize = 0;
+const NOWHERE: f64 = 0.0;
+/// The place of the watermark that the background downstream has left.
+pub(super) const BACKGROUND: usize = 1;
+/// The place of the first packet's watermark.
+pub(super) const PACKETS: usize = 2;
+
+/// Watermarks in the order of the packets that left them: none, the background, and from there on one for each row.
+pub(super) struct Watermarks<const S: usize> {
+    /// Height of the packet's cloud in the pixels that it passed after its own.
+    pub height: Vec<Row>,
+    /// The same in the pixel that it started in.
+    pub home_height: Vec<Row>,
+    /// Height of what has been filled anew since, in the pixels of the watermark; only where the packets' path is known.
+    pub floor: Vec<Row>,
+    /// Floors that the packets of this row have moved, with their places, should some of the packets turn out to be spent.
+    pub moved: Vec<(usize, Row)>,
+    /// The next higher watermark on the stack below, by its place.
+    pub below: Vec<Row>,
+    /// Pixels of the block in which the watermark exists, the packet's own not among them.
+    pub visits: Vec<f64>,
+    /// 1 where the packet's own pixel is in the block, else 0.
+    pub starts: Vec<f64>,
+    /// Electrons in the traps of all the block's pixels, by species.
+    pub stored: [Row; S],
+    /// The same, each counted as often as there are pixels of the block ahead of its own.
+    pub stored_ahead: [Row; S],
+}
+
+impl<const S: usize> Watermarks<S> {
+    /// Notes what the traps hold, should packets turn out to have less than they would fill.
+    #[inline(always)]
+    pub fn keep<T: Simd, const TWICE: bool>(&mut self, stored: &[Summed<T, TWICE>; S]) {
+        for (s, stored) in stored.iter().enumerate() {
+            stored.once.store(&mut self.stored[s]);
+            stored.twice.store(&mut self.stored_ahead[s]);
+        }
+        self.moved.clear();
+    }
+
+    /// Watermarks as the background has left them.
+    pub fn start(&mut self, pixel: &Pixel<S>, first: usize, rows: usize, block: Block, downstream: &Lead) {
+        self.height.resize(rows + PACKETS, [0.0; LANES]);
+        self.home_height.resize(rows + PACKETS, [0.0; LANES]);
+        self.floor.resize(rows + PACKETS, [0.0; LANES]);
+        self.below.resize(rows + PACKETS, [NOWHERE; LANES]);
+        self.visits.resize(rows + PACKETS, 0.0);
+        self.starts.resize(rows + PACKETS, 0.0);
+        let visits = block.visits(-1, downstream) as f64;
+        let mut height = [0.0; LANES];
+        for (lane, charge_e) in downstream.charge_e.into_iter().enumerate().filter(|_| visits > 0.0) {
+            // Mostly they are all the same.
+            let known = lane > 0 && charge_e == downstream.charge_e[lane - 1];
+            height[lane] = if known { height[lane - 1] } else { pixel.cloud.height(charge_e) };
+        }
+        // Where the first packets do not come by, neither does the background.
+        debug_assert!(first == 0 || visits == 0.0);
+        for (place, height, visits) in [(NONE, [f64::INFINITY; LANES], 0.0), (BACKGROUND, height, visits)] {
+            self.height[place] = height;
+            self.home_height[place] = height;
+            self.starts[place] = 0.0;
+            self.floor[place] = [0.0; LANES];
+            self.below[place] = [NOWHERE; LANES];
+            self.visits[place] = visits;
+        }
+        for s in pixel.species() {
+            self.stored[s] = height.map(|height| visits * height * pixel.density[s]);
+            self.stored_ahead[s] = height.map(|height| ahead(visits) * height * pixel.density[s]);
+        }
+    }
+}
+
+impl<const S: usize> Default for Watermarks<S> {
+    fn default() -> Self {
+        Watermarks {
+            height: Vec::new(),
+            home_height: Vec::new(),
+            floor: Vec::new(),
+            moved: Vec::new(),
+            below: Vec::new(),
+            visits: Vec::new(),
+            starts: Vec::new(),
+            stored: [[0.0; LANES]; S],
+            stored_ahead: [[0.0; LANES]; S],
+        }
+    }
+}
