@@ -2,4 +2,5 @@
 
 pub mod atomic_file;
 pub(crate) mod input;
+pub(crate) mod json;
 pub mod table;

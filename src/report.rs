@@ -138,21 +138,6 @@ fn or_dash(value: Option<String>) -> String {
     value.unwrap_or_else(|| "-".into())
 }
 
-/// When a limit is exceeded, for JSON.
-fn crossing_json(crossing: &Crossing, factor: Option<f64>, date: Option<chrono::NaiveDate>) -> Value {
-    let mut json = serde_json::Map::new();
-    if let Some(factor) = factor {
-        json.insert("factor".into(), factor.into());
-    }
-    json.insert("exceeded".into(), crossing.t_yr.is_some().into());
-    json.insert("t_yr".into(), crossing.t_yr.into());
-    json.insert("date".into(), date.map(|date| date.to_string()).into());
-    json.insert("crossings".into(), crossing.crossings_yr.clone().into());
-    json.insert("limit_delta_e".into(), crossing.limit.into());
-    json.insert("margin_delta_e".into(), crossing.margin.into());
-    Value::Object(json)
-}
-
 /// Trap species and how many there are.
 fn traps_json(traps: &[SpeciesState]) -> Value {
     let species = traps.iter().map(|species| {

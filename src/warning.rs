@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use serde::ser::{Serialize, Serializer};
+
 use crate::environment::solar_cycle::{CYCLE_YR, Maximum};
 
 /// Release times below so many line times are released in place ([`Warning::ReleasesInPlace`]).
@@ -98,6 +100,13 @@ pub fn together<'a>(warnings: impl IntoIterator<Item = &'a Warning>) -> Vec<Warn
     maxima.dedup();
     let sun = (!maxima.is_empty()).then_some(Warning::SunExtrapolated { maxima });
     sun.into_iter().chain(others).collect()
+}
+
+/// As people read it.
+impl Serialize for Warning {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_str(self)
+    }
 }
 
 impl fmt::Display for Warning {

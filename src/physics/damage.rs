@@ -11,6 +11,8 @@
 use std::fmt;
 use std::sync::Arc;
 
+use serde::Serialize;
+
 use crate::error::InputError;
 use crate::mission::{Detector, Species};
 use crate::physics::conditions::Conditions;
@@ -21,7 +23,7 @@ use crate::readout::Trap;
 pub const BOLTZMANN_EV_K: f64 = 8.617_333_262e-5;
 
 /// One species at one time.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SpeciesState {
     /// Name.
     pub name: String,
@@ -30,8 +32,10 @@ pub struct SpeciesState {
     /// Release time at the operating temperature, ms; the median where it is spread.
     pub release_ms: f64,
     /// Standard deviation of the logarithm of the release time.
+    #[serde(skip)]
     pub release_sigma: f64,
     /// Capture time inside the charge cloud, ms; 0 where capture is instantaneous.
+    #[serde(skip)]
     pub capture_ms: f64,
 }
 

@@ -1,5 +1,7 @@
 //! The chain: mission → dose → traps → readout → shapes → verdict.
 
+pub(crate) mod json;
+
 use chrono::NaiveDate;
 use rayon::prelude::*;
 

@@ -4,9 +4,11 @@
 //! is computed on both sides of each jump and at each bend, and between them until a parabola through three neighbours shows
 //! that no limit is crossed unseen: the curve stays on one side, or runs through the limit once.
 
+use chrono::NaiveDate;
 use rayon::prelude::*;
 
 use crate::error::InputError;
+use crate::numeric::calendar::date_after;
 use crate::numeric::root_finding;
 
 /// When a limit is exceeded, and by how much.
@@ -24,6 +26,12 @@ pub struct Crossing {
 }
 
 impl Crossing {
+    /// The day on which the limit is first exceeded by a mission launched on a day; None if it is not, or past the end of the
+    /// calendar.
+    pub fn date(&self, launch: NaiveDate) -> Option<NaiveDate> {
+        date_after(launch, self.t_yr?)
+    }
+
     /// Whether the limit is exceeded at the end of the mission.
     pub fn exceeded_at_end(&self) -> bool {
         self.crossings_yr.len() % 2 == 1

@@ -1,12 +1,14 @@
 //! The same mission under other circumstances, side by side: the product of `ctiplan compare`.
 
 mod axis;
+mod json;
 mod ranking;
 pub(crate) mod sun;
 
 use std::path::Path;
 
 use rayon::prelude::*;
+use serde::Serialize;
 
 pub use axis::Axis;
 pub use ranking::{Criterion, Merit, Ranking};
@@ -16,7 +18,7 @@ use crate::mission::Mission;
 use crate::model::Model;
 use crate::physics::SpeciesState;
 use crate::plan::evaluate::{Verdict, evaluate};
-use crate::warning::Warning;
+use crate::warning::{self, Warning};
 
 /// A mission that is to be compared.
 #[derive(Clone, Debug)]
@@ -53,23 +55,29 @@ pub struct Scenario {
 }
 
 /// Scenarios, in the order asked for, and what tells them apart.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
     /// In the order of missions, then of the axes, the last axis fastest.
     pub scenarios: Vec<Scenario>,
     /// What tells the missions apart that they are of, in the missions' order.
+    #[serde(skip)]
     pub names: Vec<String>,
     /// The best scenarios and the worst.
+    #[serde(flatten)]
     pub ranking: Ranking,
     /// Times (years since launch) at which the best is compared with the worst: when the worst exceeds the budget that decides,
     /// or the end of each.
+    #[serde(skip)]
     pub compared_at_yr: [f64; 2],
     /// |Δe| of the first best over that of the first worst at those times; None where one is lost or 0.
+    #[serde(skip)]
     pub ratio: Option<f64>,
     /// Why the best is better than the worst at those times; empty where all are alike.
     pub why: Vec<String>,
     /// What else a reader has to know.
     pub notes: Vec<String>,
+    /// Warnings of all scenarios, each said once.
+    pub warnings: Vec<Warning>,
 }
 
 /// Evaluates missions at every combination of the axes' values.
@@ -120,7 +128,8 @@ pub fn compare(candidates: &[Candidate], axes: &[Axis], progress: impl Fn() + Sy
         Some(_) => why(&State::of(best, compared_at_yr[0])?, &State::of(worst, compared_at_yr[1])?),
         None => (None, Vec::new()),
     };
-    Ok(Comparison { scenarios, names, ranking, compared_at_yr, ratio, why, notes })
+    let warnings = warning::together(scenarios.iter().flat_map(|scenario| &scenario.warnings));
+    Ok(Comparison { scenarios, names, ranking, compared_at_yr, ratio, why, notes, warnings })
 }
 
 /// Candidates as their launch dates are compared, where these are, and what a reader has to know of that.

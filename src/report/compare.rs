@@ -2,17 +2,15 @@
 
 mod figures;
 
-use serde_json::{Value, json};
+use serde_json::Value;
 
-use super::{Page, Parts, Report, crossing_json, keep_words, or_dash, table, toml_json};
+use super::{Page, Parts, Report, keep_words, or_dash, table};
 use crate::mission::Mission;
-use crate::numeric::calendar::date_after;
 use crate::plan::evaluate::Verdict;
 use crate::plan::requirement::Crossing;
 use crate::plan::scenario::{Comparison, Criterion, Ranking, Scenario};
 use crate::plan::sources::{self, Source};
 use crate::report::plot::Figure;
-use crate::warning;
 
 impl Report for Comparison {
     fn text(&self) -> String {
@@ -20,50 +18,7 @@ impl Report for Comparison {
     }
 
     fn json(&self) -> Value {
-        let scenarios: Vec<Value> = self
-            .scenarios
-            .iter()
-            .map(|scenario| {
-                let settings: serde_json::Map<String, Value> =
-                    scenario.settings.iter().map(|(key, value)| (key.clone(), toml_json(value))).collect();
-                let verdict = &scenario.verdict;
-                let requirement = &scenario.mission.requirement;
-                json!({
-                    "mission": scenario.mission.mission.name,
-                    "file": scenario.file,
-                    "settings": settings,
-                    "dose_model": scenario.dose_model(),
-                    "dose_mev_g": scenario.dose_mev_g,
-                    "active_yr": scenario.active_yr,
-                    "delta_e": scenario.delta_e,
-                    "uncorrected": crossing_json(&verdict.uncorrected, None, date(scenario, &verdict.uncorrected)),
-                    "corrected": crossing_json(
-                        &verdict.corrected, Some(requirement.correction_factor), date(scenario, &verdict.corrected)),
-                    "rate_at_launch_per_yr": verdict.rate_at_launch_per_yr,
-                    "mean_rate_per_yr": verdict.mean_rate_per_yr,
-                    "warnings": scenario.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
-                })
-            })
-            .collect();
-        let ranking = &self.ranking;
-        json!({
-            "scenarios": scenarios,
-            "best": ranking.best[0],
-            "worst": ranking.worst[0],
-            "tied_best": ranking.best,
-            "tied_worst": ranking.worst,
-            "ranked_by": ranking.by.map(|criterion| match criterion {
-                Criterion::Uncorrected => "uncorrected.t_yr",
-                Criterion::Corrected => "corrected.t_yr",
-                Criterion::End => "delta_e",
-            }),
-            "why": self.why,
-            "notes": self.notes,
-            "warnings": warning::together(self.scenarios.iter().flat_map(|scenario| &scenario.warnings))
-                .iter()
-                .map(ToString::to_string)
-                .collect::<Vec<_>>(),
-        })
+        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
@@ -91,7 +46,9 @@ impl Report for Comparison {
             row.extend([scenario.dose_mev_g.to_string(), scenario.active_yr.to_string(), number(scenario.delta_e)]);
             for crossing in [&scenario.verdict.uncorrected, &scenario.verdict.corrected] {
                 row.push(number(crossing.t_yr));
-                row.push(date(scenario, crossing).map_or(String::new(), |date| date.to_string()));
+                row.push(
+                    crossing.date(scenario.mission.mission.launch.0).map_or(String::new(), |date| date.to_string()),
+                );
             }
             row.extend([scenario.dose_model().to_string(), scenario.file.clone()]);
             rows.push(row);
@@ -159,7 +116,7 @@ impl Page for Comparison {
         for reason in &self.why {
             out.verdict(format!("  - {reason}"), 4);
         }
-        for warning in warning::together(self.scenarios.iter().flat_map(|scenario| &scenario.warnings)) {
+        for warning in &self.warnings {
             out.verdict(format!("Warning: {warning}"), 2);
         }
         out
@@ -269,13 +226,9 @@ fn setting(value: &toml::Value) -> String {
     }
 }
 
-fn date(scenario: &Scenario, crossing: &Crossing) -> Option<chrono::NaiveDate> {
-    date_after(scenario.mission.mission.launch.0, crossing.t_yr?)
-}
-
 /// The day and the years after launch: dates of different launches do not tell which lasts longer.
 fn when(scenario: &Scenario, crossing: &Crossing) -> String {
-    or_dash(crossing.t_yr.map(|t_yr| match date(scenario, crossing) {
+    or_dash(crossing.t_yr.map(|t_yr| match crossing.date(scenario.mission.mission.launch.0) {
         // A narrow column breaks between the two, not before the unit.
         Some(date) => format!("{date} {t_yr:.2}\u{a0}yr"),
         None => format!("{t_yr:.2} yr"),

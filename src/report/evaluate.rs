@@ -3,16 +3,16 @@
 mod figures;
 
 use comfy_table::Table;
-use serde_json::{Value, json};
+use serde::ser::{Serialize, Serializer};
+use serde_json::Value;
 
-use super::{Page, Parts, Report, crossing_json, exceeded, or_dash, table, toml_json, traps_json};
+use super::{Page, Parts, Report, exceeded, or_dash, table};
 use crate::mission::keys::plain;
 use crate::model::noise::NoisyChange;
-use crate::numeric::calendar::date_after;
 use crate::physics::RateOrigin;
 use crate::physics::shape::ShapeChange;
+use crate::plan::evaluate::json::NamedChange;
 use crate::plan::evaluate::{Evaluation, Year};
-use crate::plan::requirement::Crossing;
 use crate::plan::time_series::Course;
 use crate::report::plot::Figure;
 
@@ -26,64 +26,54 @@ pub struct EvaluateReport {
     pub course: Option<Course>,
 }
 
+/// The document of an evaluation, and below it the realisations.
+#[derive(serde::Serialize)]
+struct Document<'a> {
+    #[serde(flatten)]
+    evaluation: &'a Evaluation,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    monte_carlo: Vec<Realisations<'a>>,
+}
+
+/// Realisations of one galaxy.
+#[derive(serde::Serialize)]
+struct Realisations<'a> {
+    name: &'a str,
+    measured: usize,
+    /// Absent where fewer than two could be measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lost: Option<usize>,
+    mean: Option<NamedChange<'a>>,
+    standard_error: Option<NamedChange<'a>>,
+}
+
+impl<'a> Realisations<'a> {
+    fn of(name: &'a str, noisy: Option<&NoisyChange>) -> Realisations<'a> {
+        Realisations {
+            name,
+            measured: noisy.map_or(0, |noisy| noisy.measured),
+            lost: noisy.map(|noisy| noisy.lost),
+            mean: noisy.map(|noisy| NamedChange::of(name, Some(&noisy.mean))),
+            standard_error: noisy.map(|noisy| NamedChange::of(name, Some(&noisy.error))),
+        }
+    }
+}
+
+impl Serialize for EvaluateReport {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let galaxies = self.evaluation.mission().galaxies.iter().zip(&self.noisy);
+        let monte_carlo = galaxies.map(|(galaxy, noisy)| Realisations::of(&galaxy.name, noisy.as_ref())).collect();
+        Document { evaluation: &self.evaluation, monte_carlo }.serialize(to)
+    }
+}
+
 impl Report for EvaluateReport {
     fn text(&self) -> String {
         self.parts().text()
     }
 
     fn json(&self) -> Value {
-        let Evaluation { model, years, verdict, warnings } = &self.evaluation;
-        let (mission, dose) = (&model.mission, model.history());
-        let years: Vec<Value> = years
-            .iter()
-            .map(|year| {
-                let galaxies: Vec<Value> = mission
-                    .galaxies
-                    .iter()
-                    .zip(&year.galaxies)
-                    .map(|(galaxy, change)| change_json(&galaxy.name, change.as_ref()))
-                    .collect();
-                json!({"t_yr": year.t_yr, "date": year.date.map(|date| date.to_string()),
-                       "dose_mev_g": year.dose_mev_g, "traps": traps_json(&year.traps), "galaxies": galaxies})
-            })
-            .collect();
-        let requirement = &mission.requirement;
-        let mut json = json!({
-            "mission": mission.mission.name,
-            "launch": mission.mission.launch.to_string(),
-            "duration_yr": mission.mission.duration_yr,
-            "active_dose_rate_mev_g_yr": dose.active_rate_mev_g_yr,
-            "active_years": dose.active_years(mission.mission.duration_yr),
-            "years": years,
-            "budget": {
-                "delta_e": requirement.delta_e,
-                "galaxy": requirement.galaxy,
-                "uncorrected": crossing_json(&verdict.uncorrected, None, self.date(&verdict.uncorrected)),
-                "corrected": crossing_json(
-                    &verdict.corrected, Some(requirement.correction_factor), self.date(&verdict.corrected)),
-                "rate_at_launch_per_yr": verdict.rate_at_launch_per_yr,
-                "mean_rate_per_yr": verdict.mean_rate_per_yr,
-            },
-            "warnings": warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
-            "version": env!("CARGO_PKG_VERSION"),
-            "resolved_mission": toml_json(&toml::Value::Table(mission.to_table())),
-        });
-        if !self.noisy.is_empty() {
-            json["monte_carlo"] = mission
-                .galaxies
-                .iter()
-                .zip(&self.noisy)
-                .map(|(galaxy, noisy)| match noisy {
-                    Some(noisy) => json!({
-                        "name": galaxy.name, "measured": noisy.measured, "lost": noisy.lost,
-                        "mean": change_json(&galaxy.name, Some(&noisy.mean)),
-                        "standard_error": change_json(&galaxy.name, Some(&noisy.error)),
-                    }),
-                    None => json!({"name": galaxy.name, "measured": 0, "mean": null, "standard_error": null}),
-                })
-                .collect();
-        }
-        json
+        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
@@ -219,10 +209,6 @@ impl Page for EvaluateReport {
 }
 
 impl EvaluateReport {
-    fn date(&self, crossing: &Crossing) -> Option<chrono::NaiveDate> {
-        date_after(self.evaluation.mission().mission.launch.0, crossing.t_yr?)
-    }
-
     fn realisations(&self, out: &mut Parts) {
         let mission = self.evaluation.mission();
         let mut noisy_table = table(&["galaxy", "delta e1", "+-", "delta y [px]", "+-", "measured", "lost"]);
@@ -330,15 +316,4 @@ fn changes(years: &[Year], names: Vec<&str>) -> Vec<Table> {
         out.push(galaxy_table);
     }
     out
-}
-
-fn change_json(name: &str, change: Option<&ShapeChange>) -> Value {
-    json!({
-        "name": name,
-        "delta_e1": change.map(|change| change.delta_e1),
-        "delta_e2": change.map(|change| change.delta_e2),
-        "delta_y": change.map(|change| change.delta_y_px),
-        "delta_size": change.map(|change| change.delta_size),
-        "delta_flux": change.map(|change| change.delta_flux),
-    })
 }

@@ -6,6 +6,8 @@
 //! 2. it exceeds its corrected budget later, or never,
 //! 3. its |Δe| at the end is smaller; a lost shape is larger than any.
 
+use serde::Serialize;
+
 use crate::numeric::calendar::DAYS_PER_YEAR;
 
 /// What a mission is ranked by.
@@ -19,14 +21,17 @@ pub struct Merit {
     pub delta_e: Option<f64>,
 }
 
-/// What makes one mission better than another.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What makes one mission better than another; in JSON the key of a scenario that holds it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Criterion {
     /// The time at which the uncorrected budget is exceeded.
+    #[serde(rename = "uncorrected.t_yr")]
     Uncorrected,
     /// The time at which the corrected budget is exceeded.
+    #[serde(rename = "corrected.t_yr")]
     Corrected,
     /// |Δe| at the end of the mission.
+    #[serde(rename = "delta_e")]
     End,
 }
 

@@ -82,10 +82,11 @@ impl EvaluateReport {
 
     /// The moment at which a budget is exceeded.
     fn exceeded(&self, how: &str, crossing: &Crossing) -> Option<Series> {
-        let requirement = &self.evaluation.mission().requirement;
-        let year = decimal_year(self.evaluation.mission().mission.launch.0) + crossing.t_yr?;
-        let on = self.date(crossing).map_or_else(String::new, |date| format!(" on {date}"));
-        Some(points(&format!("{how}{on}"), 0, &[year], vec![requirement.delta_e]))
+        let mission = self.evaluation.mission();
+        let launch = mission.mission.launch.0;
+        let year = decimal_year(launch) + crossing.t_yr?;
+        let on = crossing.date(launch).map_or_else(String::new, |date| format!(" on {date}"));
+        Some(points(&format!("{how}{on}"), 0, &[year], vec![mission.requirement.delta_e]))
     }
 }
 

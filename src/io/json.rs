@@ -1,0 +1,28 @@
+//! Results → JSON: what serde's derives do not do by themselves.
+
+use serde::ser::{Serialize, Serializer};
+use toml::{Table, Value};
+
+/// TOML as JSON; dates as text.
+struct Plain<'a>(&'a Value);
+
+impl Serialize for Plain<'_> {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        match self.0 {
+            Value::Datetime(date) => to.collect_str(date),
+            Value::Array(members) => to.collect_seq(members.iter().map(Plain)),
+            Value::Table(members) => table(members, to),
+            plain => plain.serialize(to),
+        }
+    }
+}
+
+/// A table of TOML.
+pub(crate) fn table<S: Serializer>(members: &Table, to: S) -> Result<S::Ok, S::Error> {
+    to.collect_map(members.iter().map(|(key, value)| (key, Plain(value))))
+}
+
+/// Keys and their values as a table.
+pub(crate) fn settings<S: Serializer>(settings: &[(String, Value)], to: S) -> Result<S::Ok, S::Error> {
+    to.collect_map(settings.iter().map(|(key, value)| (key, Plain(value))))
+}

@@ -1,0 +1,154 @@
+//! An evaluation as the JSON document that `ctiplan evaluate` prints.
+
+use chrono::NaiveDate;
+use serde::ser::{Serialize, Serializer};
+
+use super::{Evaluation, Verdict, Year};
+use crate::io::json;
+use crate::mission::Mission;
+use crate::physics::SpeciesState;
+use crate::physics::shape::ShapeChange;
+use crate::plan::requirement::Crossing;
+use crate::warning::Warning;
+
+#[derive(serde::Serialize)]
+struct Document<'a> {
+    mission: &'a str,
+    launch: NaiveDate,
+    duration_yr: f64,
+    active_dose_rate_mev_g_yr: f64,
+    active_years: f64,
+    years: Vec<NamedYear<'a>>,
+    budget: Budget<'a>,
+    warnings: &'a [Warning],
+    version: &'static str,
+    #[serde(serialize_with = "json::table")]
+    resolved_mission: toml::Table,
+}
+
+#[derive(serde::Serialize)]
+struct NamedYear<'a> {
+    t_yr: f64,
+    date: Option<NaiveDate>,
+    dose_mev_g: f64,
+    traps: &'a [SpeciesState],
+    galaxies: Vec<NamedChange<'a>>,
+}
+
+#[derive(serde::Serialize)]
+struct Budget<'a> {
+    delta_e: f64,
+    galaxy: &'a str,
+    #[serde(flatten)]
+    verdict: DatedVerdict<'a>,
+}
+
+/// The change of one galaxy's shape; null where no shape is left.
+#[derive(serde::Serialize)]
+pub(crate) struct NamedChange<'a> {
+    name: &'a str,
+    delta_e1: Option<f64>,
+    delta_e2: Option<f64>,
+    delta_y: Option<f64>,
+    delta_size: Option<f64>,
+    delta_flux: Option<f64>,
+}
+
+/// A verdict with the dates and the correction of its mission.
+#[derive(serde::Serialize)]
+pub(crate) struct DatedVerdict<'a> {
+    uncorrected: DatedCrossing<'a>,
+    corrected: DatedCrossing<'a>,
+    rate_at_launch_per_yr: Option<f64>,
+    mean_rate_per_yr: Option<f64>,
+}
+
+#[derive(serde::Serialize)]
+struct DatedCrossing<'a> {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    factor: Option<f64>,
+    exceeded: bool,
+    t_yr: Option<f64>,
+    date: Option<NaiveDate>,
+    crossings: &'a [f64],
+    limit_delta_e: f64,
+    margin_delta_e: Option<f64>,
+}
+
+impl Serialize for Evaluation {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let (mission, dose) = (self.mission(), self.model.history());
+        let (header, requirement) = (&mission.mission, &mission.requirement);
+        let document = Document {
+            mission: &header.name,
+            launch: header.launch.0,
+            duration_yr: header.duration_yr,
+            active_dose_rate_mev_g_yr: dose.active_rate_mev_g_yr,
+            active_years: dose.active_years(header.duration_yr),
+            years: self.years.iter().map(|year| NamedYear::of(mission, year)).collect(),
+            budget: Budget {
+                delta_e: requirement.delta_e,
+                galaxy: &requirement.galaxy,
+                verdict: self.verdict.dated(mission),
+            },
+            warnings: &self.warnings,
+            version: env!("CARGO_PKG_VERSION"),
+            resolved_mission: mission.to_table(),
+        };
+        document.serialize(to)
+    }
+}
+
+impl<'a> NamedYear<'a> {
+    fn of(mission: &'a Mission, year: &'a Year) -> NamedYear<'a> {
+        let galaxies = mission.galaxies.iter().zip(&year.galaxies);
+        NamedYear {
+            t_yr: year.t_yr,
+            date: year.date,
+            dose_mev_g: year.dose_mev_g,
+            traps: &year.traps,
+            galaxies: galaxies.map(|(galaxy, change)| NamedChange::of(&galaxy.name, change.as_ref())).collect(),
+        }
+    }
+}
+
+impl<'a> NamedChange<'a> {
+    /// The change of a galaxy of this name.
+    pub(crate) fn of(name: &'a str, change: Option<&ShapeChange>) -> NamedChange<'a> {
+        NamedChange {
+            name,
+            delta_e1: change.map(|change| change.delta_e1),
+            delta_e2: change.map(|change| change.delta_e2),
+            delta_y: change.map(|change| change.delta_y_px),
+            delta_size: change.map(|change| change.delta_size),
+            delta_flux: change.map(|change| change.delta_flux),
+        }
+    }
+}
+
+impl Verdict {
+    /// For JSON.
+    pub(crate) fn dated(&self, mission: &Mission) -> DatedVerdict<'_> {
+        let launch = mission.mission.launch.0;
+        DatedVerdict {
+            uncorrected: DatedCrossing::of(&self.uncorrected, None, launch),
+            corrected: DatedCrossing::of(&self.corrected, Some(mission.requirement.correction_factor), launch),
+            rate_at_launch_per_yr: self.rate_at_launch_per_yr,
+            mean_rate_per_yr: self.mean_rate_per_yr,
+        }
+    }
+}
+
+impl<'a> DatedCrossing<'a> {
+    fn of(crossing: &'a Crossing, factor: Option<f64>, launch: NaiveDate) -> DatedCrossing<'a> {
+        DatedCrossing {
+            factor,
+            exceeded: crossing.t_yr.is_some(),
+            t_yr: crossing.t_yr,
+            date: crossing.date(launch),
+            crossings: &crossing.crossings_yr,
+            limit_delta_e: crossing.limit,
+            margin_delta_e: crossing.margin,
+        }
+    }
+}

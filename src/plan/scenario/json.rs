@@ -1,0 +1,63 @@
+//! Scenarios and their ranking as the JSON document that `ctiplan compare` prints.
+
+use serde::ser::{Serialize, Serializer};
+use toml::Value;
+
+use super::{Criterion, Ranking, Scenario};
+use crate::io::json;
+use crate::plan::evaluate::json::DatedVerdict;
+use crate::warning::Warning;
+
+#[derive(serde::Serialize)]
+struct OneScenario<'a> {
+    mission: &'a str,
+    file: &'a str,
+    #[serde(serialize_with = "json::settings")]
+    settings: &'a [(String, Value)],
+    dose_model: &'static str,
+    dose_mev_g: f64,
+    active_yr: f64,
+    delta_e: Option<f64>,
+    #[serde(flatten)]
+    verdict: DatedVerdict<'a>,
+    warnings: &'a [Warning],
+}
+
+#[derive(serde::Serialize)]
+struct Places<'a> {
+    best: usize,
+    worst: usize,
+    tied_best: &'a [usize],
+    tied_worst: &'a [usize],
+    ranked_by: Option<Criterion>,
+}
+
+impl Serialize for Scenario {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let scenario = OneScenario {
+            mission: &self.mission.mission.name,
+            file: &self.file,
+            settings: &self.settings,
+            dose_model: self.dose_model(),
+            dose_mev_g: self.dose_mev_g,
+            active_yr: self.active_yr,
+            delta_e: self.delta_e,
+            verdict: self.verdict.dated(&self.mission),
+            warnings: &self.warnings,
+        };
+        scenario.serialize(to)
+    }
+}
+
+impl Serialize for Ranking {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let places = Places {
+            best: self.best[0],
+            worst: self.worst[0],
+            tied_best: &self.best,
+            tied_worst: &self.worst,
+            ranked_by: self.by,
+        };
+        places.serialize(to)
+    }
+}
