@@ -2,6 +2,7 @@
 
 use chrono::{Datelike, NaiveDate};
 use rayon::prelude::*;
+use serde::Serialize;
 
 use crate::environment::esp::Spectrum;
 use crate::environment::proton::NIEL_NEUTRON_1MEV;
@@ -25,41 +26,54 @@ pub const ENERGIES_MEV: [f64; 17] =
     [0.1, 0.3, 1.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 80.0, 100.0, 150.0, 200.0, 300.0];
 
 /// A mission's dose from all sides.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Survey {
     /// Dose since launch (MeV/g) against time (years since launch), densely enough to be drawn with straight lines.
+    #[serde(skip)]
     pub over_time: Vec<(f64, f64)>,
     /// Launch, decimal calendar year.
+    #[serde(skip)]
     pub launch: f64,
     /// Dose over time.
+    #[serde(skip)]
     pub history: DoseHistory,
-    /// What is doubtful about it.
-    pub warnings: Vec<Warning>,
-    /// By calendar year.
-    pub years: Vec<CalendarYear>,
     /// Dose at the end of the mission, MeV/g.
     pub total_mev_g: f64,
     /// The same damage as fluences.
+    #[serde(flatten)]
     pub equivalents: Equivalents,
     /// Confidence of the curves below.
     pub confidence: f64,
     /// Solar-active years of the mission.
     pub active_years: f64,
+    /// By calendar year.
+    pub years: Vec<CalendarYear>,
     /// Whether quantiles are of one year or of the sum.
+    #[serde(skip)]
     pub accumulate: Accumulate,
     /// Dose against confidence, behind the mission's shield; none without a shield.
     pub confidences: Vec<AtConfidence>,
     /// Dose of one active year against thickness.
     pub depths: Vec<AtDepth>,
+    /// Aluminium that makes the mission's active dose rate at its confidence.
+    pub equivalent_mm: Equivalent,
     /// Spectrum before and behind the shield.
     pub spectrum: Vec<AtEnergy>,
-    /// Thickness of aluminium (sphere, slab; mm) that makes the mission's active dose rate at its confidence; None beyond
-    /// 0.1 to 300 mm.
-    pub equivalent_mm: (Option<f64>, Option<f64>),
+    /// What is doubtful about it.
+    pub warnings: Vec<Warning>,
+}
+
+/// Thickness of aluminium, mm; None beyond 0.1 to 300 mm.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Equivalent {
+    /// As a sphere.
+    pub sphere: Option<f64>,
+    /// As one slab.
+    pub slab: Option<f64>,
 }
 
 /// One calendar year of a mission.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CalendarYear {
     /// The year.
     pub year: i32,
@@ -74,7 +88,7 @@ pub struct CalendarYear {
 }
 
 /// A displacement damage dose as fluences of particles that do the same damage in silicon.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Equivalents {
     /// Protons of 10 MeV, cm⁻². Good to 4 %, as is the fitted NIEL at one energy.
     pub protons_10mev_cm2: f64,
@@ -83,7 +97,7 @@ pub struct Equivalents {
 }
 
 /// Dose at a confidence level.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AtConfidence {
     /// Probability that it is not exceeded.
     pub confidence: f64,
@@ -96,7 +110,7 @@ pub struct AtConfidence {
 }
 
 /// Dose of one active year behind a thickness.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AtDepth {
     /// Aluminium, mm.
     pub thickness_mm: f64,
@@ -107,22 +121,25 @@ pub struct AtDepth {
 }
 
 /// Fluence at an energy, at the mission's confidence.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AtEnergy {
     /// Proton energy, MeV.
     pub energy_mev: f64,
-    /// Above it in one active year, cm⁻².
-    pub year_cm2: f64,
-    /// Above it in the mission's active years (quantile of the sum; less than one year counts as one, none as none), cm⁻².
-    pub mission_cm2: f64,
-    /// Per MeV at it in one active year, cm⁻² MeV⁻¹.
-    pub year_cm2_mev: f64,
-    /// Per MeV at it in the mission's active years, cm⁻² MeV⁻¹.
-    pub mission_cm2_mev: f64,
-    /// Above it behind the shield in one active year, cm⁻²; None without a shield.
-    pub year_behind_cm2: Option<f64>,
-    /// Above it behind the shield in the mission's active years, cm⁻²; None without a shield.
-    pub mission_behind_cm2: Option<f64>,
+    /// Above it, cm⁻².
+    pub integral_cm2: Over<f64>,
+    /// Per MeV at it, cm⁻² MeV⁻¹.
+    pub differential_cm2_mev: Over<f64>,
+    /// Above it behind the shield, cm⁻²; None without a shield.
+    pub shielded_integral_cm2: Over<Option<f64>>,
+}
+
+/// A fluence over two stretches of time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Over<T> {
+    /// One active year.
+    pub year: T,
+    /// The mission's active years: the quantile of the sum; less than one year counts as one, none as none.
+    pub mission: T,
 }
 
 /// Surveys a mission's dose, with the spectrum at these energies (MeV, above 0).
@@ -168,12 +185,15 @@ pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputEr
     });
     let spectrum = energies_mev.par_iter().map(|&energy_mev| AtEnergy {
         energy_mev,
-        year_cm2: year.above(energy_mev),
-        mission_cm2: flown * sum.above(energy_mev),
-        year_cm2_mev: year.differential(energy_mev),
-        mission_cm2_mev: flown * sum.differential(energy_mev),
-        year_behind_cm2: behind(&year, energy_mev),
-        mission_behind_cm2: behind(&sum, energy_mev).map(|fluence| flown * fluence),
+        integral_cm2: Over { year: year.above(energy_mev), mission: flown * sum.above(energy_mev) },
+        differential_cm2_mev: Over {
+            year: year.differential(energy_mev),
+            mission: flown * sum.differential(energy_mev),
+        },
+        shielded_integral_cm2: Over {
+            year: behind(&year, energy_mev),
+            mission: behind(&sum, energy_mev).map(|fluence| flown * fluence),
+        },
     });
     Ok(Survey {
         launch: decimal_year(mission.mission.launch.0),
@@ -190,7 +210,10 @@ pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputEr
         confidences: confidences.collect(),
         depths: depths.collect(),
         spectrum: spectrum.collect(),
-        equivalent_mm: (equivalent_mm(mission, Geometry::Sphere), equivalent_mm(mission, Geometry::Slab)),
+        equivalent_mm: Equivalent {
+            sphere: equivalent_mm(mission, Geometry::Sphere),
+            slab: equivalent_mm(mission, Geometry::Slab),
+        },
         history,
         warnings,
     })

@@ -2,7 +2,7 @@
 
 mod figures;
 
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::{Page, Parts, Report, or_dash, table};
 use crate::mission::{Accumulate, Mission};
@@ -17,54 +17,7 @@ impl Report for Survey {
     }
 
     fn json(&self) -> Value {
-        let years: Vec<Value> = self
-            .years
-            .iter()
-            .map(|year| {
-                json!({"year": year.year, "flown_yr": year.flown_yr, "active_yr": year.active_yr,
-                       "dose_mev_g": year.dose_mev_g, "cumulative_mev_g": year.cumulative_mev_g})
-            })
-            .collect();
-        let confidences: Vec<Value> = self
-            .confidences
-            .iter()
-            .map(|at| {
-                json!({"confidence": at.confidence, "active_year_mev_g": at.active_year_mev_g,
-                       "yearly_mev_g": at.yearly_mev_g, "mission_mev_g": at.mission_mev_g})
-            })
-            .collect();
-        let depths: Vec<Value> = self
-            .depths
-            .iter()
-            .map(|at| {
-                json!({"thickness_mm": at.thickness_mm, "sphere_mev_g": at.sphere_mev_g, "slab_mev_g": at.slab_mev_g})
-            })
-            .collect();
-        let spectrum: Vec<Value> = self
-            .spectrum
-            .iter()
-            .map(|at| {
-                json!({
-                    "energy_mev": at.energy_mev,
-                    "integral_cm2": {"year": at.year_cm2, "mission": at.mission_cm2},
-                    "differential_cm2_mev": {"year": at.year_cm2_mev, "mission": at.mission_cm2_mev},
-                    "shielded_integral_cm2": {"year": at.year_behind_cm2, "mission": at.mission_behind_cm2},
-                })
-            })
-            .collect();
-        json!({
-            "total_mev_g": self.total_mev_g,
-            "protons_10mev_cm2": self.equivalents.protons_10mev_cm2,
-            "neutrons_1mev_cm2": self.equivalents.neutrons_1mev_cm2,
-            "confidence": self.confidence,
-            "active_years": self.active_years,
-            "years": years,
-            "confidences": confidences,
-            "depths": depths,
-            "equivalent_mm": {"sphere": self.equivalent_mm.0, "slab": self.equivalent_mm.1},
-            "spectrum": spectrum,
-            "warnings": self.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        })
+        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
@@ -157,7 +110,7 @@ impl Page for Survey {
             ]);
         }
         out.table(depths);
-        if let (Some(sphere_mm), Some(slab_mm)) = self.equivalent_mm {
+        if let (Some(sphere_mm), Some(slab_mm)) = (self.equivalent_mm.sphere, self.equivalent_mm.slab) {
             out.words(
                 format!(
                     "The mission's dose rate of an active year is that behind {sphere_mm:.1} mm (sphere) or {slab_mm:.1} mm \
@@ -181,10 +134,10 @@ impl Page for Survey {
         for at in &self.spectrum {
             spectrum.add_row(vec![
                 format!("{}", at.energy_mev),
-                format!("{:.3e}", at.year_cm2),
-                cell(at.year_behind_cm2),
-                format!("{:.3e}", at.mission_cm2),
-                cell(at.mission_behind_cm2),
+                format!("{:.3e}", at.integral_cm2.year),
+                cell(at.shielded_integral_cm2.year),
+                format!("{:.3e}", at.integral_cm2.mission),
+                cell(at.shielded_integral_cm2.mission),
             ]);
         }
         out.table(spectrum);

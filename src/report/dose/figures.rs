@@ -85,12 +85,12 @@ impl Survey {
             spectrum.iter().map(|at| fluence(at).unwrap_or(f64::NAN)).collect::<Vec<f64>>()
         };
         let mut series = vec![
-            line("mission", 1, &energy, above(|at| Some(at.mission_cm2))),
-            line("one active year", 2, &energy, above(|at| Some(at.year_cm2))),
+            line("mission", 1, &energy, above(|at| Some(at.integral_cm2.mission))),
+            line("one active year", 2, &energy, above(|at| Some(at.integral_cm2.year))),
         ];
-        if self.spectrum.iter().any(|at| at.year_behind_cm2.is_some()) {
-            series.push(dashed("mission, shielded", 1, &energy, above(|at| at.mission_behind_cm2)));
-            series.push(dashed("one active year, shielded", 2, &energy, above(|at| at.year_behind_cm2)));
+        if self.spectrum.iter().any(|at| at.shielded_integral_cm2.year.is_some()) {
+            series.push(dashed("mission, shielded", 1, &energy, above(|at| at.shielded_integral_cm2.mission)));
+            series.push(dashed("one active year, shielded", 2, &energy, above(|at| at.shielded_integral_cm2.year)));
         }
         Figure {
             title: format!("Solar protons above an energy, at {} % confidence", 100.0 * self.confidence),
