@@ -19,6 +19,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use serde::Serialize;
 use toml::Value;
 
 use crate::analysis::measurement::{DataSet, questions};
@@ -61,7 +62,7 @@ pub struct Fit {
 }
 
 /// Another minimum of chi2.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Minimum {
     /// chi2.
     pub chi2: f64,
@@ -70,7 +71,7 @@ pub struct Minimum {
 }
 
 /// One fitted parameter.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Fitted {
     /// Dotted key.
     pub key: String,

@@ -1,10 +1,13 @@
 //! `ctiplan fit`.
 
-use serde_json::{Value, json};
+mod advice;
+
+use serde::ser::{Serialize, Serializer};
+use serde_json::Value;
 
 use super::{Report, lines, table, wrapped};
 use crate::analysis::fit::holdout::Holdout;
-use crate::analysis::fit::{Fit, Fitted, Minimum};
+use crate::analysis::fit::{Advice, Fit, Fitted, Minimum};
 use crate::mission::keys::plain;
 
 /// A fit, with the error on rows it has not seen where that was asked for.
@@ -13,6 +16,46 @@ pub struct FitReport {
     pub fit: Fit,
     /// Held-out errors.
     pub holdout: Option<Holdout>,
+}
+
+/// A fit in JSON.
+#[derive(serde::Serialize)]
+struct Document<'a> {
+    mission: &'a str,
+    n: usize,
+    free: usize,
+    chi2_before: f64,
+    chi2: f64,
+    rms_sigma: f64,
+    parameters: &'a [Fitted],
+    correlation: &'a [Vec<f64>],
+    starts_chi2: &'a [f64],
+    chi2_from_mission: f64,
+    other_minima: &'a [Minimum],
+    holdout: Option<&'a Holdout>,
+    advice: &'a [Advice],
+}
+
+impl Serialize for FitReport {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let fit = &self.fit;
+        let document = Document {
+            mission: &fit.mission.mission.name,
+            n: fit.n,
+            free: fit.parameters.len(),
+            chi2_before: fit.chi2_before,
+            chi2: fit.chi2,
+            rms_sigma: fit.rms_sigma(),
+            parameters: &fit.parameters,
+            correlation: &fit.correlation,
+            starts_chi2: &fit.starts,
+            chi2_from_mission: fit.chi2_from_mission,
+            other_minima: &fit.minima,
+            holdout: self.holdout.as_ref(),
+            advice: &fit.advice,
+        };
+        document.serialize(to)
+    }
 }
 
 impl Report for FitReport {
@@ -85,53 +128,7 @@ impl Report for FitReport {
     }
 
     fn json(&self) -> Value {
-        let fit = &self.fit;
-        let parameters: Vec<Value> = fit
-            .parameters
-            .iter()
-            .map(|parameter| {
-                json!({
-                    "key": parameter.key,
-                    "unit": parameter.unit,
-                    "before": parameter.before,
-                    "value": parameter.value,
-                    "sigma": parameter.sigma,
-                })
-            })
-            .collect();
-        let other_minima: Vec<Value> =
-            fit.minima.iter().map(|minimum| json!({"chi2": minimum.chi2, "values": minimum.values})).collect();
-        let holdout = self.holdout.as_ref().map(|holdout| {
-            let groups: Vec<Value> = holdout
-                .groups
-                .iter()
-                .map(|group| {
-                    json!({"name": group.name, "n": group.n, "rms_sigma": group.rms_sigma, "at_end": group.at_end})
-                })
-                .collect();
-            json!({
-                "column": holdout.column,
-                "rms_sigma": holdout.rms_sigma,
-                "interpolated_rms_sigma": holdout.interpolated_rms_sigma,
-                "extrapolated_rms_sigma": holdout.extrapolated_rms_sigma,
-                "groups": groups,
-            })
-        });
-        json!({
-            "mission": fit.mission.mission.name,
-            "n": fit.n,
-            "free": fit.parameters.len(),
-            "chi2_before": fit.chi2_before,
-            "chi2": fit.chi2,
-            "rms_sigma": fit.rms_sigma(),
-            "parameters": parameters,
-            "correlation": fit.correlation,
-            "starts_chi2": fit.starts,
-            "chi2_from_mission": fit.chi2_from_mission,
-            "other_minima": other_minima,
-            "holdout": holdout,
-            "advice": fit.advice.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        })
+        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {

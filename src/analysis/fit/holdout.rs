@@ -3,6 +3,8 @@
 //! A trail's pixels share their errors, so that whole groups are left out: a signal level, an epoch, a distance. Groups at
 //! the ends of a column's range are extrapolated to, which a plan does too, and are told apart from those in between.
 
+use serde::Serialize;
+
 use super::{Options, fit_rows};
 use crate::analysis::measurement::DataSet;
 use crate::error::{InputError, nearest};
@@ -12,22 +14,22 @@ use crate::model::Model;
 const GROUPS: usize = 8;
 
 /// Held-out errors.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Holdout {
     /// The column.
     pub column: String,
-    /// One group after another, in the column's order.
-    pub groups: Vec<Group>,
+    /// rms of (value − model)/sigma over all groups.
+    pub rms_sigma: f64,
     /// rms of (value − model)/sigma over groups in between.
     pub interpolated_rms_sigma: Option<f64>,
     /// The same over groups at the ends of the range; None for words.
     pub extrapolated_rms_sigma: Option<f64>,
-    /// The same over all of them.
-    pub rms_sigma: f64,
+    /// One group after another, in the column's order.
+    pub groups: Vec<Group>,
 }
 
 /// One group of rows left out.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Group {
     /// What is common to them.
     pub name: String,

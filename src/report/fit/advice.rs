@@ -1,0 +1,41 @@
+//! What data do not determine, in words.
+
+use std::fmt;
+
+use serde::ser::{Serialize, Serializer};
+
+use crate::analysis::fit::Advice;
+use crate::mission::keys::plain;
+
+impl fmt::Display for Advice {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Advice::Dead { key } => write!(out, "{key}: dead, the data do not change with it; hold it fixed"),
+            Advice::Loose { key, relative } => {
+                write!(out, "{key}: not pinned down, its error is {relative:.1} times its value")
+            }
+            Advice::Flat { keys } => write!(
+                out,
+                "{}: a flat direction, they can be changed together and chi2 stays; hold one of them fixed",
+                keys.join(", ")
+            ),
+            Advice::TradedOff { keys, correlation } => write!(
+                out,
+                "{} and {}: traded off against one another (correlation {correlation:+.3}); known together better than each \
+                 for itself",
+                keys[0], keys[1]
+            ),
+            Advice::AtBound { key, bound } => write!(out, "{key}: at its bound, {}", plain(*bound)),
+            Advice::Assumed { key, value } => {
+                write!(out, "{key}: assumed, not fitted; the values above hold with {}", plain(*value))
+            }
+        }
+    }
+}
+
+/// As people read it.
+impl Serialize for Advice {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_str(self)
+    }
+}
