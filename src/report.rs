@@ -26,6 +26,7 @@ use std::io::{IsTerminal, stdout};
 use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Table, Width, presets};
 use serde_json::{Value, json};
 
+use crate::mission::keys::plain;
 use crate::numeric::calendar::date_after;
 use crate::physics::SpeciesState;
 use crate::plan::requirement::Crossing;
@@ -136,6 +137,17 @@ fn wrapped(text: &str, indent: usize) -> String {
 /// A number or a dash.
 fn or_dash(value: Option<String>) -> String {
     value.unwrap_or_else(|| "-".into())
+}
+
+/// A chance as people read it.
+fn chance(chance: f64) -> String {
+    if chance < 1e-12 {
+        "below 1e-12".into()
+    } else if chance < 1e-3 {
+        format!("{chance:.0e}")
+    } else {
+        plain((chance * 1000.0).round() / 1000.0)
+    }
 }
 
 /// Trap species and how many there are.

@@ -12,7 +12,6 @@ mod audit;
 mod calls;
 mod case;
 pub mod chance;
-mod figures;
 mod formula;
 mod holdout;
 mod hunt;

@@ -2,9 +2,9 @@
 //!
 //! Nothing is adjusted here. A residual is (value − model)/sigma.
 
-pub(crate) mod figures;
+mod findings;
+mod json;
 pub mod lean;
-mod words;
 
 use rayon::prelude::*;
 use statrs::function::erf::erfc;
@@ -15,8 +15,8 @@ use crate::io::table::{Cell, Column, Datatype, Table};
 use crate::mission::Mission;
 use crate::model::Model;
 use crate::model::predict::predict;
+pub use findings::{Claim, Finding};
 use lean::{Lean, Trial};
-pub use words::{Claim, Finding};
 
 /// A model held against data.
 #[derive(Clone, Debug)]
@@ -66,6 +66,11 @@ impl SetResult {
             scatter_sigma: scatter(data, &residuals),
             model,
         }
+    }
+
+    /// rms of the residuals, in units of sigma.
+    pub fn rms_sigma(&self) -> f64 {
+        (self.chi2 / self.data.rows.len() as f64).sqrt()
     }
 
     /// The noise that leanings are judged by: 1, the quoted errors, unless the scatter is clearly larger.
@@ -124,7 +129,7 @@ impl Validation {
                     ..Column::default()
                 });
             }
-            (format!("{}.ecsv", figures::file_stem(index, &set.data)), table)
+            (format!("{}.ecsv", file_stem(index, &set.data)), table)
         };
         self.sets.iter().enumerate().map(with_model).collect()
     }
@@ -134,51 +139,24 @@ impl Validation {
         (self.chi2 - self.n as f64) / (2.0 * self.n as f64).sqrt()
     }
 
-    /// Where the model fails, in words.
-    pub fn words(&self) -> Vec<&str> {
-        self.findings.iter().map(|finding| finding.said.as_str()).collect()
+    /// The most significant trend of a data set, by its place; None where none is significant.
+    pub fn trend(&self, set: usize) -> Option<&Lean> {
+        findings::strongest(&self.leans, set)
     }
 
     /// Whether chi2 of all rows is more than noise makes.
     pub fn exceeds_noise(&self) -> bool {
-        words::chi2_chances(self.chi2, self.n)[1] < words::SPOKEN
+        findings::chi2_chances(self.chi2, self.n)[1] < findings::SPOKEN
     }
 
     /// Whether chi2 of all rows is less than noise of the quoted errors makes.
     pub fn falls_short_of_noise(&self) -> bool {
-        words::chi2_chances(self.chi2, self.n)[0] < words::SPOKEN
+        findings::chi2_chances(self.chi2, self.n)[0] < findings::SPOKEN
     }
 
     /// Whether the model explains the data: chi2 is what noise makes, and there is nothing to say of the residuals.
     pub fn within_noise(&self) -> bool {
         !self.exceeds_noise() && !self.falls_short_of_noise() && self.findings.is_empty()
-    }
-
-    /// What comes of it, in a sentence.
-    pub fn conclusion(&self) -> String {
-        let excess = self.excess();
-        let all = format!("chi2 is {:.1} for {} rows", self.chi2, self.n);
-        if self.exceeds_noise() {
-            return format!(
-                "{all}, {excess:.0} standard deviations more than noise makes: the model does not explain the data"
-            );
-        }
-        if self.falls_short_of_noise() {
-            return format!(
-                "{all}, {:.0} standard deviations less than noise makes: the quoted errors are too large",
-                -excess
-            );
-        }
-        let mut claims: Vec<&str> = Vec::new();
-        for said in self.findings.iter().map(|finding| finding.claim.said()) {
-            if !claims.contains(&said) {
-                claims.push(said);
-            }
-        }
-        match &claims[..] {
-            [] => format!("{all}: the model is within the noise"),
-            claims => format!("{all}, as much as noise makes, but {}", claims.join(", and ")),
-        }
     }
 
     /// Rows that are farthest off: data set, row, residual.
@@ -191,6 +169,18 @@ impl Validation {
         rows.truncate(count);
         rows
     }
+}
+
+/// A file's name without folder and ending, with the number of its data set, which tells two of one name apart.
+pub(crate) fn file_stem(index: usize, data: &DataSet) -> String {
+    let stem =
+        std::path::Path::new(&data.file).file_stem().map_or_else(|| "data".into(), |stem| stem.to_string_lossy());
+    format!("{}-{}", index + 1, plain_name(&stem))
+}
+
+/// The name of a file that is called so: letters, digits, and nothing that a shell reads.
+pub(crate) fn plain_name(name: &str) -> String {
+    name.chars().map(|letter| if letter.is_alphanumeric() || "._".contains(letter) { letter } else { '_' }).collect()
 }
 
 /// Holds a mission against data. The seed is that of the simulated noise with which leanings are compared.
@@ -221,7 +211,7 @@ pub fn validate(mission: &Mission, data: &[DataSet], seed: u64) -> Result<Valida
     let residuals: Vec<Vec<f64>> = sets.iter().map(SetResult::residuals).collect();
     let scatter: Vec<f64> = sets.iter().map(SetResult::noise_sigma).collect();
     let leans = lean::all(&trials, &residuals, &scatter, seed);
-    let findings = words::of(&sets, &leans);
+    let findings = findings::of(&sets, &leans);
     Ok(Validation { mission: mission.clone(), sets, chi2, n, leans, findings })
 }
 

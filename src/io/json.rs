@@ -26,3 +26,8 @@ pub(crate) fn table<S: Serializer>(members: &Table, to: S) -> Result<S::Ok, S::E
 pub(crate) fn settings<S: Serializer>(settings: &[(String, Value)], to: S) -> Result<S::Ok, S::Error> {
     to.collect_map(settings.iter().map(|(key, value)| (key, Plain(value))))
 }
+
+/// A list as its length.
+pub(crate) fn length<T, S: Serializer>(list: &[T], to: S) -> Result<S::Ok, S::Error> {
+    list.len().serialize(to)
+}

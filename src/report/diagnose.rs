@@ -1,12 +1,13 @@
 //! `ctiplan diagnose`.
 
+mod figures;
+
 use serde_json::{Map, Value, json};
 
 use super::fit::value_and_error;
-use super::{Page, Parts, Report, or_dash, table, toml_json};
+use super::{Page, Parts, Report, chance, or_dash, table, toml_json};
 use crate::analysis::diagnose::{Diagnosis, Next, Rung, Tried, Verdict};
 use crate::analysis::fit::Fitted;
-use crate::analysis::validate::lean::said;
 use crate::effect::CATALOGUE;
 use crate::mission::Mission;
 use crate::mission::keys::plain;
@@ -218,7 +219,7 @@ impl Page for Diagnosis {
     }
 
     fn figures(&self) -> Vec<(String, Figure)> {
-        Diagnosis::figures(self)
+        self.drawn()
     }
 
     /// Those of the effects that were added, too.
@@ -275,7 +276,7 @@ impl Diagnosis {
         };
         rung("as given".into(), &self.baseline, String::new());
         for step in &self.steps {
-            rung(format!("+ {}", step.effect), &step.rung, said(step.false_alarm));
+            rung(format!("+ {}", step.effect), &step.rung, chance(step.false_alarm));
         }
         out.table(ladder);
         let held_out = self.held_out.as_ref().map_or(String::new(), |column| {
@@ -350,7 +351,7 @@ impl Diagnosis {
         if !self.covariates.is_empty() {
             let mut leaning = table(&["condition", "false alarm"]);
             for covariate in &self.covariates {
-                leaning.add_row(vec![covariate.name.clone(), said(covariate.false_alarm)]);
+                leaning.add_row(vec![covariate.name.clone(), chance(covariate.false_alarm)]);
             }
             out.table(leaning);
         }

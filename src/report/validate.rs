@@ -1,13 +1,49 @@
 //! `ctiplan validate`.
 
-use serde_json::{Value, json};
+mod figures;
+mod words;
 
-use super::{Page, Parts, Report, table};
-use crate::analysis::validate::{SetResult, Validation, lean};
+use serde::ser::{Serialize, Serializer};
+use serde_json::Value;
+
+use super::{Page, Parts, Report, chance, table};
+use crate::analysis::validate::lean::Lean;
+use crate::analysis::validate::{SetResult, Validation};
 use crate::report::plot::Figure;
 
 /// Rows listed as the worst.
 const WORST: usize = 5;
+
+/// A validation in JSON.
+#[derive(serde::Serialize)]
+struct Document<'a> {
+    mission: &'a str,
+    chi2: f64,
+    n: usize,
+    rms: f64,
+    rms_sigma: f64,
+    datasets: &'a [SetResult],
+    covariates: &'a [Lean],
+    words: Vec<String>,
+    conclusion: String,
+}
+
+impl Serialize for Validation {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let document = Document {
+            mission: &self.mission.mission.name,
+            chi2: self.chi2,
+            n: self.n,
+            rms: self.rms_sigma(),
+            rms_sigma: self.rms_sigma(),
+            datasets: &self.sets,
+            covariates: &self.leans,
+            words: self.words(),
+            conclusion: self.conclusion(),
+        };
+        document.serialize(to)
+    }
+}
 
 impl Report for Validation {
     fn text(&self) -> String {
@@ -15,70 +51,7 @@ impl Report for Validation {
     }
 
     fn json(&self) -> Value {
-        let sets: Vec<Value> = self
-            .sets
-            .iter()
-            .map(|set| {
-                let rows: Vec<Value> = set
-                    .data
-                    .rows
-                    .iter()
-                    .zip(&set.model)
-                    .map(|(row, model)| json!({"value": row.value, "sigma": row.sigma, "model": model}))
-                    .collect();
-                json!({
-                    "file": set.data.file,
-                    "observable": set.data.observable.name(),
-                    "n": set.data.rows.len(),
-                    "chi2": set.chi2,
-                    "rms": set.rms,
-                    "rms_sigma": (set.chi2 / set.data.rows.len() as f64).sqrt(),
-                    "bias_sigma": set.bias_sigma,
-                    "scatter_sigma": set.scatter_sigma,
-                    "rows": rows,
-                })
-            })
-            .collect();
-        let leans: Vec<Value> = self
-            .leans
-            .iter()
-            .map(|lean| {
-                let bins: Vec<Value> = lean
-                    .bins
-                    .iter()
-                    .map(|bin| {
-                        json!({
-                            "low": bin.low,
-                            "high": bin.high,
-                            "word": bin.word,
-                            "n": bin.rows.len(),
-                            "mean_sigma": bin.mean_sigma,
-                            "error_sigma": bin.error_sigma,
-                        })
-                    })
-                    .collect();
-                json!({
-                    "file": self.sets[lean.set].data.file,
-                    "name": lean.name,
-                    "slope_sigma": lean.slope_sigma,
-                    "slope_error_sigma": lean.slope_error_sigma,
-                    "chance": lean.chance,
-                    "false_alarm": lean.false_alarm,
-                    "bins": bins,
-                })
-            })
-            .collect();
-        json!({
-            "mission": self.mission.mission.name,
-            "chi2": self.chi2,
-            "n": self.n,
-            "rms": self.rms_sigma(),
-            "rms_sigma": self.rms_sigma(),
-            "datasets": sets,
-            "covariates": leans,
-            "words": self.words(),
-            "conclusion": self.conclusion(),
-        })
+        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
@@ -152,7 +125,7 @@ impl Page for Validation {
                     lean.name.clone(),
                     format!("{:+.2} +- {:.2}", lean.slope_sigma, lean.slope_error_sigma),
                     format!("{low:+.1} to {high:+.1}"),
-                    lean::said(lean.false_alarm),
+                    chance(lean.false_alarm),
                 ]);
             }
             out.table(leans);
@@ -186,7 +159,7 @@ impl Page for Validation {
     }
 
     fn figures(&self) -> Vec<(String, Figure)> {
-        Validation::figures(self)
+        self.drawn()
     }
 }
 

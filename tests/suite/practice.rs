@@ -82,7 +82,7 @@ fn what_is_missing_shows_where_it_should() {
         let lean = validation.leans.iter().find(|lean| lean.set == set).unwrap();
         assert_eq!(lean.name, condition, "{case}");
         assert!(lean.false_alarm < 1e-6, "{case}: {}", lean.false_alarm);
-        assert!(validation.words().contains(&said), "{case}: {:#?}", validation.words());
+        assert!(validation.words().iter().any(|word| word == said), "{case}: {:#?}", validation.words());
     }
     let drift = validated("gain-drift", "");
     assert_eq!(drift.leans[0].name, "t_yr");

@@ -9,20 +9,22 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
+use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::analysis::measurement::DataSet;
-use crate::mission::keys::plain;
+use crate::io::json;
 
 /// How the residuals of one data set lean on one condition or covariate.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Lean {
     /// The data set, by its place.
+    #[serde(skip)]
     pub set: usize,
+    /// Its file.
+    pub file: String,
     /// The condition or covariate.
     pub name: String,
-    /// Bins in rising order (words in order of appearance).
-    pub bins: Vec<Bin>,
     /// Change of the residual from the first bin to the last along a straight line in the bins' order, in sigma.
     pub slope_sigma: f64,
     /// Error of it.
@@ -31,10 +33,12 @@ pub struct Lean {
     pub chance: f64,
     /// Chance that noise alone leans as much on any of the conditions looked at.
     pub false_alarm: f64,
+    /// Bins in rising order (words in order of appearance).
+    pub bins: Vec<Bin>,
 }
 
 /// Rows of similar condition.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Bin {
     /// Least value of the condition.
     pub low: f64,
@@ -42,7 +46,8 @@ pub struct Bin {
     pub high: f64,
     /// The word, where the condition is one.
     pub word: Option<String>,
-    /// Rows.
+    /// Rows; in JSON how many they are.
+    #[serde(rename = "n", serialize_with = "json::length")]
     pub rows: Vec<usize>,
     /// Mean residual, in sigma.
     pub mean_sigma: f64,
@@ -62,6 +67,7 @@ const SIMULATIONS: u64 = 2000;
 /// A condition of one data set, binned.
 pub struct Trial {
     set: usize,
+    file: String,
     name: String,
     /// Without means: those are the residuals'.
     bins: Vec<Bin>,
@@ -92,7 +98,7 @@ impl Trial {
             let word = data.rows[rows[0]].word(name).filter(|_| words).map(str::to_string);
             bins.push(Bin { low, high, word, rows, mean_sigma: 0.0, error_sigma: 0.0 });
         }
-        (bins.len() > 1).then(|| Trial { set, name: name.to_string(), bins })
+        (bins.len() > 1).then(|| Trial { set, file: data.file.clone(), name: name.to_string(), bins })
     }
 
     /// Chance of the leaning, slope and its error. `residuals` have a scatter of 1.
@@ -159,6 +165,7 @@ pub fn all(trials: &[Trial], residuals: &[Vec<f64>], scatter: &[f64], seed: u64)
             });
             Lean {
                 set: trial.set,
+                file: trial.file.clone(),
                 name: trial.name.clone(),
                 bins: bins.collect(),
                 slope_sigma: slope * scatter,
@@ -170,15 +177,4 @@ pub fn all(trials: &[Trial], residuals: &[Vec<f64>], scatter: &[f64], seed: u64)
         .collect();
     leans.sort_by(|a, b| a.chance.total_cmp(&b.chance));
     leans
-}
-
-/// A chance as people read it.
-pub fn said(chance: f64) -> String {
-    if chance < 1e-12 {
-        "below 1e-12".into()
-    } else if chance < 1e-3 {
-        format!("{chance:.0e}")
-    } else {
-        plain((chance * 1000.0).round() / 1000.0)
-    }
 }

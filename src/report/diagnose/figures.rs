@@ -1,19 +1,19 @@
 //! Figures of a diagnosis: data and model before and after, and the error falling.
 
-use super::{Diagnosis, Rung};
+use crate::analysis::diagnose::{Diagnosis, Rung};
 use crate::report::plot::{Figure, Kind, Panel, Series};
 
 impl Diagnosis {
     /// Figures with the names of their files: the falling error, where anything was added, and all of `validate` for the model as given (fitted) and
     /// for the improved one. Those of residuals against a condition have the band of noise alone.
-    pub fn figures(&self) -> Vec<(String, Figure)> {
+    pub(super) fn drawn(&self) -> Vec<(String, Figure)> {
         let mut figures = Vec::new();
         if !self.steps.is_empty() {
             figures.push(("error.svg".to_string(), self.falling_error()));
         }
         let sides = [("before", &self.before), ("after", &self.after)];
         for (when, validation) in sides.into_iter().take(if self.steps.is_empty() { 1 } else { 2 }) {
-            figures.extend(validation.figures().into_iter().map(|(name, figure)| {
+            figures.extend(validation.drawn().into_iter().map(|(name, figure)| {
                 let title = format!("{when}: {}", figure.title);
                 (format!("{when}-{name}"), Figure { title, ..figure })
             }));

@@ -1,93 +1,80 @@
 //! Where a model fails, in words.
 
-use statrs::distribution::{ChiSquared, ContinuousCDF};
-
-use super::SetResult;
-use super::lean::Lean;
+use crate::analysis::validate::lean::{Bin, Lean};
+use crate::analysis::validate::{Claim, Finding, SetResult, Validation};
 use crate::mission::keys::plain;
 use crate::physics::observable::Observable;
-
-/// False-alarm probability below which anything is claimed.
-pub(super) const SPOKEN: f64 = 1e-3;
+use crate::report::chance;
 
 /// Errors by which a mean must differ from 0 to be spoken of.
 const CLEAR: f64 = 3.0;
 
-/// What a sentence claims.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Claim {
-    /// Residuals depend on a condition.
-    Trend,
-    /// Residuals are off in the mean.
-    Offset,
-    /// The quoted errors are too small.
-    SmallErrors,
-    /// The quoted errors are too large.
-    LargeErrors,
-}
-
-impl Claim {
-    /// As the end of a sentence that begins with a chi2 of which nothing can be said.
-    pub(super) fn said(self) -> &'static str {
-        match self {
-            Claim::Trend => "the residuals have a trend",
-            Claim::Offset => "the residuals are off in the mean",
-            Claim::SmallErrors => "some quoted errors look too small",
-            Claim::LargeErrors => "some quoted errors look too large",
-        }
+impl Validation {
+    /// Where the model fails, in words.
+    pub fn words(&self) -> Vec<String> {
+        self.findings.iter().map(|finding| self.sentence(finding)).collect()
     }
-}
 
-/// A significant property of the residuals.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Finding {
-    /// What is claimed.
-    pub claim: Claim,
-    /// In a sentence.
-    pub said: String,
-}
-
-/// All that is significant: for each data set its strongest trend, or its offset; and errors that are not those quoted.
-pub(super) fn of(sets: &[SetResult], leans: &[Lean]) -> Vec<Finding> {
-    let mut findings = Vec::new();
-    let mut find = |claim: Claim, said: String| findings.push(Finding { claim, said });
-    for (index, set) in sets.iter().enumerate() {
-        let strongest = leans.iter().find(|lean| lean.set == index && lean.false_alarm < SPOKEN);
-        if let Some(lean) = strongest {
-            find(Claim::Trend, leaning(set, lean));
-        } else if set.bias_alarm(sets.len() + leans.len()) < SPOKEN {
-            let residuals = set.residuals();
-            let all: Vec<usize> = (0..residuals.len()).collect();
-            find(Claim::Offset, format!("{}: {} everywhere alike", set.name(), fault(set, &all)));
-        }
-        let n = set.data.rows.len();
-        // Of any of the data sets.
-        let [below, above] = chi2_chances(set.chi2, n).map(|chance| (chance * sets.len() as f64).min(1.0));
-        if above < SPOKEN && set.noise_sigma() > 1.0 && set.scatter_sigma > 2.0 {
-            let said = format!(
+    fn sentence(&self, finding: &Finding) -> String {
+        let set = &self.sets[finding.set];
+        match finding.claim {
+            Claim::Trend => leaning(set, self.trend(finding.set).expect("what was found")),
+            Claim::Offset => {
+                let all: Vec<usize> = (0..set.data.rows.len()).collect();
+                format!("{}: {} everywhere alike", set.name(), fault(set, &all))
+            }
+            Claim::SmallErrors => format!(
                 "{}: residuals scatter by {:.1} sigma from row to row; the quoted errors look too small, and leanings are \
                  judged by that scatter",
                 set.name(),
                 set.scatter_sigma
-            );
-            find(Claim::SmallErrors, said);
-        } else if below < SPOKEN {
-            let said = format!(
+            ),
+            Claim::LargeErrors => format!(
                 "{}: residuals scatter by only {:.2} sigma (probability of noise alone {}); the quoted errors look too \
                  large, and may hide what is missing",
                 set.name(),
-                (set.chi2 / n as f64).sqrt(),
-                super::lean::said(below)
-            );
-            find(Claim::LargeErrors, said);
+                set.rms_sigma(),
+                chance(finding.chance)
+            ),
         }
     }
-    findings
+
+    /// What comes of it, in a sentence.
+    pub fn conclusion(&self) -> String {
+        let excess = self.excess();
+        let all = format!("chi2 is {:.1} for {} rows", self.chi2, self.n);
+        if self.exceeds_noise() {
+            return format!(
+                "{all}, {excess:.0} standard deviations more than noise makes: the model does not explain the data"
+            );
+        }
+        if self.falls_short_of_noise() {
+            return format!(
+                "{all}, {:.0} standard deviations less than noise makes: the quoted errors are too large",
+                -excess
+            );
+        }
+        let mut claims: Vec<&str> = Vec::new();
+        for said in self.findings.iter().map(|finding| ending(finding.claim)) {
+            if !claims.contains(&said) {
+                claims.push(said);
+            }
+        }
+        match &claims[..] {
+            [] => format!("{all}: the model is within the noise"),
+            claims => format!("{all}, as much as noise makes, but {}", claims.join(", and ")),
+        }
+    }
 }
 
-/// Chances that noise alone has no more, and no less, chi2 in that many rows.
-pub(super) fn chi2_chances(chi2: f64, rows: usize) -> [f64; 2] {
-    ChiSquared::new(rows as f64).map_or([1.0; 2], |law| [law.cdf(chi2), law.sf(chi2)])
+/// A claim as the end of a sentence that begins with a chi2 of which nothing can be said.
+fn ending(claim: Claim) -> &'static str {
+    match claim {
+        Claim::Trend => "the residuals have a trend",
+        Claim::Offset => "the residuals are off in the mean",
+        Claim::SmallErrors => "some quoted errors look too small",
+        Claim::LargeErrors => "some quoted errors look too large",
+    }
 }
 
 /// What is wrong with the model in some rows: `trail too faint`.
@@ -111,7 +98,7 @@ fn fault(set: &SetResult, rows: &[usize]) -> &'static str {
 
 fn leaning(set: &SetResult, lean: &Lean) -> String {
     let clear = |sign: f64| -> Vec<usize> {
-        let beyond = |bin: &super::lean::Bin| sign * bin.mean_sigma > CLEAR * bin.error_sigma;
+        let beyond = |bin: &Bin| sign * bin.mean_sigma > CLEAR * bin.error_sigma;
         (0..lean.bins.len()).filter(|&bin| beyond(&lean.bins[bin])).collect()
     };
     let mut parts = Vec::new();

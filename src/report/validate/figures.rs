@@ -1,8 +1,9 @@
 //! Data, model and residuals as figures.
 
-use super::lean::{Lean, said};
-use super::{SetResult, Validation};
 use crate::analysis::measurement::DataSet;
+use crate::analysis::validate::lean::Lean;
+use crate::analysis::validate::{SetResult, Validation, file_stem, plain_name};
+use crate::report::chance;
 use crate::report::plot::{Figure, Kind, Panel, Series};
 
 /// Groups of rows that are told apart by colour; more are not drawn.
@@ -11,7 +12,7 @@ const COLOURS: usize = 6;
 impl Validation {
     /// Figures with the names of their files: for each data set the data against its first varying condition with model and
     /// residuals, and the residuals against every condition that varies.
-    pub fn figures(&self) -> Vec<(String, Figure)> {
+    pub(in crate::report) fn drawn(&self) -> Vec<(String, Figure)> {
         let mut figures = Vec::new();
         for (index, set) in self.sets.iter().enumerate() {
             let name = file_stem(index, &set.data);
@@ -25,17 +26,6 @@ impl Validation {
         }
         figures
     }
-}
-
-/// A file's name without folder and ending, with the number of its data set, which tells two of one name apart.
-pub(crate) fn file_stem(index: usize, data: &DataSet) -> String {
-    let stem =
-        std::path::Path::new(&data.file).file_stem().map_or_else(|| "data".into(), |stem| stem.to_string_lossy());
-    format!("{}-{}", index + 1, plain_name(&stem))
-}
-
-fn plain_name(name: &str) -> String {
-    name.chars().map(|letter| if letter.is_alphanumeric() || "._".contains(letter) { letter } else { '_' }).collect()
 }
 
 /// Data with errors and model above, residuals below, against one condition; rows that differ in another are told apart.
@@ -119,7 +109,7 @@ fn residuals(set: &SetResult, lean: &Lean) -> Figure {
         Series { label: None, color: 0, kind: Kind::Level { y: 0.0, dashed: false } },
     ];
     Figure {
-        title: format!("{}: residuals against {} (false alarm {})", set.name(), lean.name, said(lean.false_alarm)),
+        title: format!("{}: residuals against {} (false alarm {})", set.name(), lean.name, chance(lean.false_alarm)),
         panels: vec![Panel {
             x_label: lean.name.clone(),
             y_label: "(data - model)/sigma".into(),
