@@ -187,15 +187,3 @@ fn exceeded(crossing: &Crossing, launch: chrono::NaiveDate) -> String {
 
 /// Most spans of time that are listed one by one.
 const SPANS: usize = 4;
-
-/// TOML as JSON; dates as text.
-fn toml_json(value: &toml::Value) -> Value {
-    match value {
-        toml::Value::Datetime(date) => date.to_string().into(),
-        toml::Value::Array(members) => members.iter().map(toml_json).collect(),
-        toml::Value::Table(members) => {
-            Value::Object(members.iter().map(|(key, value)| (key.clone(), toml_json(value))).collect())
-        }
-        plain => serde_json::to_value(plain).expect("a number, a word or a truth"),
-    }
-}

@@ -16,6 +16,7 @@ mod formula;
 mod holdout;
 mod hunt;
 pub mod hypothesis;
+mod json;
 mod limits;
 pub mod next;
 mod numerics;
@@ -27,6 +28,8 @@ mod unexplained;
 mod work;
 
 use std::sync::Arc;
+
+use serde::Serialize;
 
 use crate::analysis::fit::{self, Advice, Fitted, Problem};
 use crate::analysis::measurement::DataSet;
@@ -87,7 +90,8 @@ impl Progress<'_> {
 }
 
 /// What came of a diagnosis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Verdict {
     /// The model explains the data.
     Complete,
@@ -163,7 +167,7 @@ pub struct Tried {
 }
 
 /// A condition or covariate that residuals lean on.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Leaning {
     /// Its name.
     pub name: String,

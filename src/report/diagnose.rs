@@ -1,14 +1,14 @@
 //! `ctiplan diagnose`.
 
 mod figures;
+mod json;
 
-use serde_json::{Map, Value, json};
+use serde_json::Value;
 
 use super::fit::value_and_error;
-use super::{Page, Parts, Report, chance, or_dash, table, toml_json};
+use super::{Page, Parts, Report, chance, or_dash, table};
 use crate::analysis::diagnose::{Diagnosis, Next, Rung, Tried, Verdict};
 use crate::analysis::fit::Fitted;
-use crate::effect::CATALOGUE;
 use crate::mission::Mission;
 use crate::mission::keys::plain;
 use crate::numeric::calendar::date_after;
@@ -27,86 +27,7 @@ impl Report for Diagnosis {
     }
 
     fn json(&self) -> Value {
-        let steps: Vec<Value> = self
-            .steps
-            .iter()
-            .map(|step| {
-                let mut json = rung_json(&step.rung);
-                let parameters: Map<String, Value> = step
-                    .parameters
-                    .iter()
-                    .map(|fitted| {
-                        let name = fitted.key.strip_prefix(&format!("{}.", step.key)).unwrap_or(&fitted.key);
-                        let value = json!({"value": fitted.value, "sigma": fitted.sigma, "unit": fitted.unit});
-                        (name.to_string(), value)
-                    })
-                    .collect();
-                json["effect"] = step.effect.clone().into();
-                json["parameters"] = parameters.into();
-                json["false_alarm"] = step.false_alarm.into();
-                json
-            })
-            .collect();
-        let covariates: Vec<Value> = self
-            .covariates
-            .iter()
-            .map(|leaning| json!({"name": leaning.name, "false_alarm": leaning.false_alarm}))
-            .collect();
-        let next = self.next.as_ref().map(|next| {
-            let mut conditions: Map<String, Value> =
-                next.conditions.iter().map(|(name, value)| (name.clone(), (*value).into())).collect();
-            if let Some(galaxy) = &next.galaxy {
-                conditions.insert("galaxy".into(), galaxy.clone().into());
-            }
-            json!({
-                "observable": next.observable.name(),
-                "conditions": conditions,
-                "separates": next.separates,
-                "apart_sigma": next.apart_sigma,
-                "sigma": next.sigma,
-            })
-        });
-        let parameters: Vec<Value> = self.parameters.iter().map(fitted_json).collect();
-        let tried: Vec<Value> = self
-            .tried
-            .iter()
-            .map(|tried| {
-                let gain = tried.chi2.map(|chi2| self.baseline.chi2 - chi2);
-                json!({"effect": tried.effect, "chi2": tried.chi2, "gain": gain})
-            })
-            .collect();
-        let mut json = json!({
-            "mission": self.mission.mission.name,
-            "verdict": self.verdict.name(),
-            "reason": self.reason,
-            "baseline": rung_json(&self.baseline),
-            "steps": steps,
-            "alternatives": self.alternatives,
-            "covariates": covariates,
-            "next_measurement": next,
-            "parameters": parameters,
-            "tried": tried,
-            "held_out": self.held_out,
-            "noise": {"scale": self.noise.scale, "correlation": self.noise.correlation},
-            "leaning": self.after.words(),
-            "formula": self.suggestion.as_ref().map(|suggestion| suggestion.toml.clone()),
-            "notes": self.notes,
-            "work": {"evaluations": self.evaluations[0], "most": self.evaluations[1], "undone": self.undone},
-            "advice": self.advice.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        });
-        if self.verdict == Verdict::Complete {
-            let limits: Map<String, Value> = CATALOGUE
-                .iter()
-                .map(|entry| {
-                    let kind = entry.card.kind;
-                    let limit = self.limits.iter().find(|limit| limit.effect == kind);
-                    let table = limit.and_then(|limit| limit.table.clone());
-                    (kind.to_string(), table.map_or(Value::Null, |table| toml_json(&table.into())))
-                })
-                .collect();
-            json["detection_limits"] = limits.into();
-        }
-        json
+        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
@@ -237,25 +158,6 @@ fn sentence(text: &str) -> String {
         }
         _ => text.to_string(),
     }
-}
-
-fn fitted_json(fitted: &Fitted) -> Value {
-    json!({"key": fitted.key, "unit": fitted.unit, "value": fitted.value, "sigma": fitted.sigma})
-}
-
-fn rung_json(rung: &Rung) -> Value {
-    let year = |crossing: fn(&crate::plan::evaluate::Verdict) -> Option<f64>| rung.budget.as_ref().and_then(crossing);
-    json!({
-        "chi2": rung.chi2,
-        "n": rung.n,
-        "free": rung.free,
-        "rms_sigma": rung.rms_sigma(),
-        "holdout_rms_sigma": rung.holdout_rms_sigma,
-        "budget_exceeded_t_yr": {
-            "uncorrected": year(|budget| budget.uncorrected.t_yr),
-            "corrected": year(|budget| budget.corrected.t_yr),
-        },
-    })
 }
 
 impl Diagnosis {

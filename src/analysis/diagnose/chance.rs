@@ -11,6 +11,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
+use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Gamma};
 
 use super::case::{Case, Node};
@@ -23,7 +24,7 @@ const SIMULATIONS: u64 = 4000;
 const ENOUGH: usize = 20;
 
 /// The noise of the data, as residuals show it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Noise {
     /// Standard deviation in each data set, in units of the quoted sigma; 1 unless it is clearly larger.
     pub scale: Vec<f64>,
