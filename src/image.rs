@@ -11,6 +11,7 @@
 pub mod correct;
 pub mod fits;
 pub mod frame;
+mod json;
 pub mod mask;
 pub mod uncertain;
 pub mod unit;

@@ -24,11 +24,10 @@ pub use sweep::SweepReport;
 use std::io::{IsTerminal, stdout};
 
 use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Table, Width, presets};
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use crate::mission::keys::plain;
 use crate::numeric::calendar::date_after;
-use crate::physics::SpeciesState;
 use crate::plan::requirement::Crossing;
 
 /// How a result is shown.
@@ -148,14 +147,6 @@ fn chance(chance: f64) -> String {
     } else {
         plain((chance * 1000.0).round() / 1000.0)
     }
-}
-
-/// Trap species and how many there are.
-fn traps_json(traps: &[SpeciesState]) -> Value {
-    let species = traps.iter().map(|species| {
-        json!({"name": species.name, "density_per_px": species.density_per_px, "release_ms": species.release_ms})
-    });
-    species.collect()
 }
 
 /// When a limit is exceeded, in words, for a mission launched on a day; how much of the budget is used if it is not.

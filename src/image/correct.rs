@@ -18,6 +18,7 @@ use ndarray::{Array2, Zip};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
+use serde::Serialize;
 
 use crate::readout::{Downstream, Readout};
 
@@ -31,12 +32,12 @@ pub struct Stop {
 }
 
 /// observed − trail(image) over the pixels that are corrected.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Residual {
-    /// Largest magnitude, e-.
-    pub max_e: f64,
     /// Root mean square, e-.
     pub rms_e: f64,
+    /// Largest magnitude, e-.
+    pub max_e: f64,
 }
 
 /// An image without its trails.

@@ -1,6 +1,7 @@
 //! `ctiplan effects`, and the page that is generated from it.
 
-use serde_json::{Value, json};
+use serde::ser::{Serialize, Serializer};
+use serde_json::Value;
 
 use super::{Report, indented, lines, table, wrapped};
 use crate::effect::{CATALOGUE, Card, Entry};
@@ -30,7 +31,7 @@ impl Report for Catalogue {
     }
 
     fn json(&self) -> Value {
-        CATALOGUE.iter().map(|entry| card_json(&entry.card)).collect()
+        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
@@ -71,7 +72,7 @@ impl Report for OneEffect {
     }
 
     fn json(&self) -> Value {
-        card_json(&self.0.card)
+        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
@@ -146,21 +147,62 @@ fn example(entry: &Entry) -> String {
     toml::to_string(&toml::Table::from_iter([("effects".to_string(), toml::Value::Table(kinds))])).expect("a table")
 }
 
-fn card_json(card: &Card) -> Value {
-    let keys: Vec<Value> = card
-        .keys
-        .iter()
-        .map(|key| {
-            json!({"name": name(key), "what": key.what, "unit": key.unit, "allowed": key.kind.allowed(key.unit), "default": default(key)})
-        })
-        .collect();
-    json!({
-        "effect": card.kind,
-        "adds": card.adds,
-        "physics": card.physics,
-        "source": card.source,
-        "holds": card.holds,
-        "residuals": card.residuals,
-        "parameters": keys,
-    })
+/// A card in JSON.
+#[derive(serde::Serialize)]
+struct OneCard {
+    effect: &'static str,
+    adds: &'static str,
+    physics: &'static str,
+    source: &'static str,
+    holds: &'static str,
+    residuals: &'static str,
+    parameters: Vec<Parameter>,
+}
+
+/// A parameter in JSON.
+#[derive(serde::Serialize)]
+struct Parameter {
+    name: String,
+    what: &'static str,
+    unit: &'static str,
+    allowed: String,
+    default: String,
+}
+
+impl Serialize for Catalogue {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_seq(CATALOGUE.iter().map(|entry| OneCard::of(&entry.card)))
+    }
+}
+
+impl Serialize for OneEffect {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        OneCard::of(&self.0.card).serialize(to)
+    }
+}
+
+impl OneCard {
+    fn of(card: &Card) -> OneCard {
+        OneCard {
+            effect: card.kind,
+            adds: card.adds,
+            physics: card.physics,
+            source: card.source,
+            holds: card.holds,
+            residuals: card.residuals,
+            parameters: card.keys.iter().map(Parameter::of).collect(),
+        }
+    }
+}
+
+impl Parameter {
+    fn of(key: &Key) -> Parameter {
+        Parameter {
+            name: name(key),
+            what: key.what,
+            unit: key.unit,
+            allowed: key.kind.allowed(key.unit),
+            default: default(key),
+        }
+    }
 }

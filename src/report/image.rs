@@ -1,9 +1,9 @@
 //! `ctiplan readout` and `ctiplan correct`.
 
-use serde_json::{Value, json};
+use serde_json::Value;
 
-use super::{Report, lines, or_dash, table, traps_json, wrapped};
-use crate::image::{Done, FrameDone, HduDone, Task, Uncertain};
+use super::{Report, lines, or_dash, table, wrapped};
+use crate::image::{Done, FrameDone, HduDone, Task};
 use crate::readout::Method;
 
 impl Report for Done {
@@ -91,19 +91,7 @@ impl Report for Done {
     }
 
     fn json(&self) -> Value {
-        let hdus: Vec<Value> = self.hdus.iter().map(hdu_json).collect();
-        json!({
-            "mission": self.mission,
-            "task": self.task.word(),
-            "t_yr": self.at.t_yr,
-            "dose_mev_g": self.dose_mev_g,
-            "traps": traps_json(&self.traps),
-            "temperature_k": self.at.temperature_k,
-            "line_time_ms": self.at.line_time_ms,
-            "relative": relative(self.method),
-            "hdus": hdus,
-            "warnings": self.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        })
+        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
@@ -159,10 +147,6 @@ impl Done {
     }
 }
 
-fn relative(method: Method) -> Option<f64> {
-    if let Method::Fast { relative } = method { Some(relative) } else { None }
-}
-
 fn accuracy(method: Method) -> String {
     match method {
         Method::Fast { relative } => {
@@ -172,36 +156,4 @@ fn accuracy(method: Method) -> String {
         Method::Fractional { levels } => format!("Every transfer is computed, with {levels} traps of each species."),
         Method::MonteCarlo { seed } => format!("Traps are random (seed {seed})."),
     }
-}
-
-fn hdu_json(hdu: &HduDone) -> Value {
-    let mut json = json!({"hdu": hdu.index, "name": hdu.name, "copied": hdu.frame.is_none()});
-    let Some(frame) = &hdu.frame else { return json };
-    let more = json!({
-        "rows_px": frame.shape.0,
-        "columns_px": frame.shape.1,
-        "gain_e_per_dn": frame.gain_e_per_dn,
-        "largest_change_e": frame.largest_change_e,
-        "missing_px": frame.missing_px,
-        "saturated_px": frame.saturated_px,
-        "clipped_px": frame.clipped_px,
-    });
-    let correction = json!({
-        "iterations": frame.residuals.len().saturating_sub(1),
-        "converged": frame.converged,
-        "residuals": frame.residuals.iter()
-            .map(|residual| json!({"rms_e": residual.rms_e, "max_e": residual.max_e}))
-            .collect::<Vec<_>>(),
-        "noise_amplification": frame.noise_amplification,
-        "uncertain_px": frame.uncertain.as_ref().map(Uncertain::count),
-        "error_e": frame.uncertain.as_ref().map(|uncertain| uncertain.error_e),
-        "left": frame.uncertain.as_ref()
-            .map(|uncertain| json!({"rms_e": uncertain.left.rms_e, "max_e": uncertain.left.max_e})),
-    });
-    let members = json.as_object_mut().expect("an object");
-    members.extend(more.as_object().expect("an object").clone());
-    if !frame.residuals.is_empty() {
-        members.extend(correction.as_object().expect("an object").clone());
-    }
-    json
 }

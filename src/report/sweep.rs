@@ -1,9 +1,10 @@
 //! `ctiplan sweep`.
 
-use serde_json::{Value, json};
+use serde::ser::{Serialize, Serializer};
+use serde_json::Value;
 
-use super::{Report, lines, table, wrapped};
-use crate::sweep::{Done, Grid, Merged, Parts, Shard};
+use super::{Report, lines, or_dash, table, wrapped};
+use crate::sweep::{Done, Grid, Merged, Parts, Shard, Spread};
 
 /// What a sweep came to.
 pub struct SweepReport<'a> {
@@ -17,6 +18,42 @@ pub struct SweepReport<'a> {
     pub done: Option<Done>,
     /// The result; None where it was there already, or is for others to collect.
     pub merged: Option<Merged>,
+}
+
+/// A sweep in JSON.
+#[derive(serde::Serialize)]
+struct Document<'a> {
+    sweep: &'a str,
+    grid: &'a str,
+    points: u64,
+    shard: Option<String>,
+    found_points: Option<u64>,
+    computed_points: Option<u64>,
+    output: String,
+    complete: bool,
+    points_without_result: Option<u64>,
+    points_with_warnings: Option<u64>,
+    outputs: Option<&'a [Spread]>,
+}
+
+impl Serialize for SweepReport<'_> {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let (done, merged) = (self.done.as_ref(), self.merged.as_ref());
+        let document = Document {
+            sweep: &self.grid.fingerprint,
+            grid: &self.grid.name,
+            points: self.grid.points(),
+            shard: self.shard.map(|shard| format!("{}/{}", shard.number, shard.of)),
+            found_points: done.map(|done| done.found),
+            computed_points: done.map(|done| done.computed),
+            output: self.parts.result.display().to_string(),
+            complete: self.parts.merged(),
+            points_without_result: merged.map(|merged| merged.problems.0),
+            points_with_warnings: merged.map(|merged| merged.warnings.0),
+            outputs: merged.map(|merged| &merged.spreads[..]),
+        };
+        document.serialize(to)
+    }
 }
 
 impl Report for SweepReport<'_> {
@@ -57,20 +94,14 @@ impl Report for SweepReport<'_> {
         out.push_str(&wrapped(&format!("  written to {result}"), 4));
         out.push('\n');
         let mut spreads = table(&["output", "least", "16 %", "median", "84 %", "largest", "none"]);
-        for (name, spread, without) in &merged.spreads {
-            let mut row = vec![name.clone()];
-            match spread {
-                None => row.extend(std::iter::repeat_n("-".to_string(), 5)),
-                Some(spread) => row.extend(
-                    [spread.least, spread.low, spread.median, spread.high, spread.largest]
-                        .map(|value| shown(name, value)),
-                ),
-            }
-            row.push(without.to_string());
+        for spread in &merged.spreads {
+            let mut row = vec![spread.name.clone()];
+            row.extend(spread.values().map(|value| or_dash(value.map(|value| shown(&spread.name, value)))));
+            row.push(spread.points_without_value.to_string());
             spreads.add_row(row);
         }
         out.push_str(&lines(&spreads));
-        if merged.spreads.iter().any(|(.., without)| *without > 0) {
+        if merged.spreads.iter().any(|spread| spread.points_without_value > 0) {
             out.push_str(&wrapped(
                 "  none: points without a value; a budget that is not exceeded within the mission has no time",
                 4,
@@ -95,38 +126,17 @@ impl Report for SweepReport<'_> {
     }
 
     fn json(&self) -> Value {
-        let done = self.done.as_ref();
-        json!({
-            "sweep": self.grid.fingerprint,
-            "grid": self.grid.name,
-            "points": self.grid.points(),
-            "shard": self.shard.map(|shard| format!("{}/{}", shard.number, shard.of)),
-            "found_points": done.map(|done| done.found),
-            "computed_points": done.map(|done| done.computed),
-            "output": self.parts.result.display().to_string(),
-            "complete": self.parts.merged(),
-            "points_without_result": self.merged.as_ref().map(|merged| merged.problems.0),
-            "points_with_warnings": self.merged.as_ref().map(|merged| merged.warnings.0),
-            "outputs": self.merged.as_ref().map(|merged| merged.spreads.iter().map(|(name, spread, without)| json!({
-                "name": name,
-                "points_without_value": without,
-                "least": spread.map(|spread| spread.least),
-                "quantile_16": spread.map(|spread| spread.low),
-                "median": spread.map(|spread| spread.median),
-                "quantile_84": spread.map(|spread| spread.high),
-                "largest": spread.map(|spread| spread.largest),
-            })).collect::<Vec<_>>()),
-        })
+        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
         let header = ["output", "least", "quantile_16", "median", "quantile_84", "largest", "points_without_value"];
         let mut rows = vec![header.map(str::to_string).to_vec()];
-        for (name, spread, without) in self.merged.iter().flat_map(|merged| &merged.spreads) {
-            let values = spread.map(|spread| [spread.least, spread.low, spread.median, spread.high, spread.largest]);
-            let values =
-                values.map_or(vec![String::new(); 5], |values| values.map(|value| format!("{value:?}")).to_vec());
-            rows.push([vec![name.clone()], values, vec![without.to_string()]].concat());
+        for spread in self.merged.iter().flat_map(|merged| &merged.spreads) {
+            let mut row = vec![spread.name.clone()];
+            row.extend(spread.values().map(|value| value.map_or(String::new(), |value| format!("{value:?}"))));
+            row.push(spread.points_without_value.to_string());
+            rows.push(row);
         }
         rows
     }

@@ -1,5 +1,7 @@
 //! Parts → one table.
 
+use serde::Serialize;
+
 use super::grid::Holds;
 use super::parts::Parts;
 use super::slurm;
@@ -17,23 +19,34 @@ pub struct Merged {
     pub problems: (u64, Option<(u64, String)>),
     /// Points with warnings, and the first warning.
     pub warnings: (u64, Option<String>),
-    /// For each recorded quantity its name and how it is spread.
-    pub spreads: Vec<(String, Option<Spread>, u64)>,
+    /// How each recorded quantity is spread.
+    pub spreads: Vec<Spread>,
 }
 
-/// How values are spread over the points that have one.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// How the values of a recorded quantity are spread over the points that have one; None if no point has.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Spread {
+    /// The quantity, as its column is called.
+    pub name: String,
+    /// Points without a value.
+    pub points_without_value: u64,
     /// Least.
-    pub least: f64,
+    pub least: Option<f64>,
     /// Quantile 16 %.
-    pub low: f64,
+    pub quantile_16: Option<f64>,
     /// Median.
-    pub median: f64,
+    pub median: Option<f64>,
     /// Quantile 84 %.
-    pub high: f64,
+    pub quantile_84: Option<f64>,
     /// Largest.
-    pub largest: f64,
+    pub largest: Option<f64>,
+}
+
+impl Spread {
+    /// Least, quantile 16 %, median, quantile 84 % and largest.
+    pub fn values(&self) -> [Option<f64>; 5] {
+        [self.least, self.quantile_16, self.median, self.quantile_84, self.largest]
+    }
 }
 
 /// Rows that are written together.
@@ -135,23 +148,22 @@ impl Summary {
     }
 
     fn done(self, points: u64) -> Merged {
-        let spreads = self.names.into_iter().zip(self.values).map(|(name, values)| {
-            let without = points - values.len() as u64;
-            (name, spread(values), without)
-        });
+        let spreads = self.names.into_iter().zip(self.values).map(|(name, values)| spread(name, values, points));
         Merged { points, problems: self.problems, warnings: self.warnings, spreads: spreads.collect() }
     }
 }
 
-fn spread(mut values: Vec<f64>) -> Option<Spread> {
+fn spread(name: String, mut values: Vec<f64>, points: u64) -> Spread {
     values.sort_by(f64::total_cmp);
-    let last = values.len().checked_sub(1)?;
-    let quantile = |share: f64| values[(share * last as f64).round() as usize];
-    Some(Spread {
-        least: values[0],
-        low: quantile(0.16),
+    let last = values.len().saturating_sub(1);
+    let quantile = |share: f64| values.get((share * last as f64).round() as usize).copied();
+    Spread {
+        points_without_value: points - values.len() as u64,
+        least: quantile(0.0),
+        quantile_16: quantile(0.16),
         median: quantile(0.5),
-        high: quantile(0.84),
-        largest: values[last],
-    })
+        quantile_84: quantile(0.84),
+        largest: quantile(1.0),
+        name,
+    }
 }

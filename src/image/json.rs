@@ -1,0 +1,117 @@
+//! What was done to a file as the JSON document that `ctiplan readout` and `ctiplan correct` print.
+
+use serde::ser::{Serialize, Serializer};
+
+use super::{Done, FrameDone, HduDone, Residual, Uncertain};
+use crate::physics::SpeciesState;
+use crate::readout::Method;
+use crate::warning::Warning;
+
+#[derive(serde::Serialize)]
+struct Document<'a> {
+    mission: &'a str,
+    task: &'static str,
+    t_yr: f64,
+    dose_mev_g: f64,
+    traps: &'a [SpeciesState],
+    temperature_k: f64,
+    line_time_ms: f64,
+    /// Of the fast readout alone.
+    relative: Option<f64>,
+    hdus: Vec<OneHdu<'a>>,
+    warnings: &'a [Warning],
+}
+
+#[derive(serde::Serialize)]
+struct OneHdu<'a> {
+    hdu: usize,
+    name: Option<&'a str>,
+    copied: bool,
+    #[serde(flatten)]
+    frame: Option<Frame>,
+    #[serde(flatten)]
+    correction: Option<Correction<'a>>,
+}
+
+#[derive(serde::Serialize)]
+struct Frame {
+    rows_px: usize,
+    columns_px: usize,
+    gain_e_per_dn: f64,
+    largest_change_e: f64,
+    missing_px: usize,
+    saturated_px: usize,
+    clipped_px: usize,
+}
+
+#[derive(serde::Serialize)]
+struct Correction<'a> {
+    iterations: usize,
+    converged: bool,
+    residuals: &'a [Residual],
+    noise_amplification: Option<f64>,
+    uncertain_px: Option<usize>,
+    error_e: Option<f64>,
+    left: Option<Residual>,
+}
+
+impl Serialize for Done {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let relative = if let Method::Fast { relative } = self.method { Some(relative) } else { None };
+        let document = Document {
+            mission: &self.mission,
+            task: self.task.word(),
+            t_yr: self.at.t_yr,
+            dose_mev_g: self.dose_mev_g,
+            traps: &self.traps,
+            temperature_k: self.at.temperature_k,
+            line_time_ms: self.at.line_time_ms,
+            relative,
+            hdus: self.hdus.iter().map(OneHdu::of).collect(),
+            warnings: &self.warnings,
+        };
+        document.serialize(to)
+    }
+}
+
+impl<'a> OneHdu<'a> {
+    fn of(done: &'a HduDone) -> OneHdu<'a> {
+        let corrected = done.frame.as_ref().filter(|frame| !frame.residuals.is_empty());
+        OneHdu {
+            hdu: done.index,
+            name: done.name.as_deref(),
+            copied: done.frame.is_none(),
+            frame: done.frame.as_ref().map(Frame::of),
+            correction: corrected.map(Correction::of),
+        }
+    }
+}
+
+impl Frame {
+    fn of(done: &FrameDone) -> Frame {
+        Frame {
+            rows_px: done.shape.0,
+            columns_px: done.shape.1,
+            gain_e_per_dn: done.gain_e_per_dn,
+            largest_change_e: done.largest_change_e,
+            missing_px: done.missing_px,
+            saturated_px: done.saturated_px,
+            clipped_px: done.clipped_px,
+        }
+    }
+}
+
+impl<'a> Correction<'a> {
+    fn of(done: &'a FrameDone) -> Correction<'a> {
+        let uncertain = done.uncertain.as_ref();
+        Correction {
+            iterations: done.residuals.len().saturating_sub(1),
+            converged: done.converged,
+            residuals: &done.residuals,
+            noise_amplification: done.noise_amplification,
+            uncertain_px: uncertain.map(Uncertain::count),
+            error_e: uncertain.map(|uncertain| uncertain.error_e),
+            left: uncertain.map(|uncertain| uncertain.left),
+        }
+    }
+}
