@@ -24,7 +24,7 @@ pub use sweep::SweepReport;
 use std::io::{IsTerminal, stdout};
 
 use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Table, Width, presets};
-use serde_json::Value;
+use serde::Serialize;
 
 use crate::mission::keys::plain;
 use crate::numeric::calendar::date_after;
@@ -41,12 +41,10 @@ pub enum Format {
     Csv,
 }
 
-/// A result that can be shown.
-pub trait Report {
+/// A result that can be shown. Its JSON is what it serialises to.
+pub trait Report: Serialize {
     /// For people, at most 80 columns wide.
     fn text(&self) -> String;
-    /// For programs.
-    fn json(&self) -> Value;
     /// For spreadsheets: header first; units in the headers.
     fn csv(&self) -> Vec<Vec<String>>;
 
@@ -54,7 +52,10 @@ pub trait Report {
     fn render(&self, format: Format) -> String {
         match format {
             Format::Text => self.text(),
-            Format::Json => format!("{:#}\n", self.json()),
+            Format::Json => {
+                let json = serde_json::to_string_pretty(self).expect("keys are text, and a buffer takes all");
+                json + "\n"
+            }
             Format::Csv => {
                 let mut writer = csv::Writer::from_writer(Vec::new());
                 for record in self.csv() {

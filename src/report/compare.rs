@@ -2,7 +2,6 @@
 
 mod figures;
 
-use serde_json::Value;
 
 use super::{Page, Parts, Report, keep_words, or_dash, table};
 use crate::mission::Mission;
@@ -15,10 +14,6 @@ use crate::report::plot::Figure;
 impl Report for Comparison {
     fn text(&self) -> String {
         self.parts().text()
-    }
-
-    fn json(&self) -> Value {
-        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {

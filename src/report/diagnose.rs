@@ -3,7 +3,6 @@
 mod figures;
 mod json;
 
-use serde_json::Value;
 
 use super::fit::value_and_error;
 use super::{Page, Parts, Report, chance, or_dash, table};
@@ -24,10 +23,6 @@ const LISTED: usize = 8;
 impl Report for Diagnosis {
     fn text(&self) -> String {
         self.parts().text()
-    }
-
-    fn json(&self) -> Value {
-        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {

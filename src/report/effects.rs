@@ -1,7 +1,6 @@
 //! `ctiplan effects`, and the page that is generated from it.
 
 use serde::ser::{Serialize, Serializer};
-use serde_json::Value;
 
 use super::{Report, indented, lines, table, wrapped};
 use crate::effect::{CATALOGUE, Card, Entry};
@@ -28,10 +27,6 @@ impl Report for Catalogue {
              kind, and [fit] frees effects.NAME.PARAMETER\n\n{}\n`ctiplan effects NAME` tells more of one\n",
             lines(&effects)
         )
-    }
-
-    fn json(&self) -> Value {
-        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
@@ -69,10 +64,6 @@ impl Report for OneEffect {
         }
         out.push_str(&format!("\nExample\n{}", indented(&example(self.0))));
         out
-    }
-
-    fn json(&self) -> Value {
-        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {

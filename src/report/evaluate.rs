@@ -4,7 +4,6 @@ mod figures;
 
 use comfy_table::Table;
 use serde::ser::{Serialize, Serializer};
-use serde_json::Value;
 
 use super::{Page, Parts, Report, exceeded, or_dash, table};
 use crate::mission::keys::plain;
@@ -70,10 +69,6 @@ impl Serialize for EvaluateReport {
 impl Report for EvaluateReport {
     fn text(&self) -> String {
         self.parts().text()
-    }
-
-    fn json(&self) -> Value {
-        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {

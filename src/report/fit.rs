@@ -3,7 +3,6 @@
 mod advice;
 
 use serde::ser::{Serialize, Serializer};
-use serde_json::Value;
 
 use super::{Report, lines, table, wrapped};
 use crate::analysis::fit::holdout::Holdout;
@@ -125,10 +124,6 @@ impl Report for FitReport {
             }
         }
         out
-    }
-
-    fn json(&self) -> Value {
-        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {

@@ -1,6 +1,5 @@
 //! `ctiplan readout` and `ctiplan correct`.
 
-use serde_json::Value;
 
 use super::{Report, lines, or_dash, table, wrapped};
 use crate::image::{Done, FrameDone, HduDone, Task};
@@ -88,10 +87,6 @@ impl Report for Done {
             out.push_str(&wrapped(&format!("\nWarning: {warning}"), 2));
         }
         out
-    }
-
-    fn json(&self) -> Value {
-        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {

@@ -1,5 +1,6 @@
 //! `ctiplan study`.
 
+use serde::ser::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
 use super::{Page, Parts, Report, or_dash, table};
@@ -9,22 +10,25 @@ use crate::plan::sources::{self, Source};
 use crate::report::plot::Figure;
 use crate::study::{Cell, Column, Digits, Study, Table, days, known_date};
 
-impl Report for Study {
-    fn text(&self) -> String {
-        self.parts().text()
-    }
-
-    fn json(&self) -> Value {
+impl Serialize for Study {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         let tables: Map<String, Value> =
             self.tables.iter().map(|part| (part.name.to_string(), rows_json(part))).collect();
-        json!({
+        let document = json!({
             "study": self.name,
             "mission": self.mission,
             "results": self.results,
             "tables": tables,
             "findings": self.findings,
-            "warnings": self.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        })
+            "warnings": self.warnings,
+        });
+        document.serialize(to)
+    }
+}
+
+impl Report for Study {
+    fn text(&self) -> String {
+        self.parts().text()
     }
 
     fn csv(&self) -> Vec<Vec<String>> {

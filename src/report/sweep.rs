@@ -1,7 +1,6 @@
 //! `ctiplan sweep`.
 
 use serde::ser::{Serialize, Serializer};
-use serde_json::Value;
 
 use super::{Report, lines, or_dash, table, wrapped};
 use crate::sweep::{Done, Grid, Merged, Parts, Shard, Spread};
@@ -123,10 +122,6 @@ impl Report for SweepReport<'_> {
             ));
         }
         out
-    }
-
-    fn json(&self) -> Value {
-        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {

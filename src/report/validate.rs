@@ -4,7 +4,6 @@ mod figures;
 mod words;
 
 use serde::ser::{Serialize, Serializer};
-use serde_json::Value;
 
 use super::{Page, Parts, Report, chance, table};
 use crate::analysis::validate::lean::Lean;
@@ -48,10 +47,6 @@ impl Serialize for Validation {
 impl Report for Validation {
     fn text(&self) -> String {
         self.parts().text()
-    }
-
-    fn json(&self) -> Value {
-        serde_json::to_value(self).expect("names and numbers")
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
