@@ -10,6 +10,7 @@ mod drawn;
 mod effects;
 mod evaluate;
 pub mod file_argument;
+mod frame_argument;
 mod fit;
 mod frames;
 mod init;

@@ -25,7 +25,7 @@ use crate::model::Device;
 use crate::readout::Downstream;
 
 /// Directions in which charge is moved.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transfers {
     /// Along the columns, to the serial register.
     Parallel,
@@ -36,7 +36,7 @@ pub enum Transfers {
 }
 
 /// Corner of a frame that is read first, as the frame is displayed: its first pixel is at the lower left.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Corner {
     /// First row, first column.
     LowerLeft,
@@ -49,7 +49,7 @@ pub enum Corner {
 }
 
 /// Frames that are read by several amplifiers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Split {
     /// The left half is read to the left, the right half to the right.
     Columns,
