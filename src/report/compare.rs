@@ -2,7 +2,6 @@
 
 mod figures;
 
-
 use super::{Page, Parts, Report, keep_words, or_dash, table};
 use crate::mission::Mission;
 use crate::plan::evaluate::Verdict;

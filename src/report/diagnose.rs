@@ -3,7 +3,6 @@
 mod figures;
 mod json;
 
-
 use super::fit::value_and_error;
 use super::{Page, Parts, Report, chance, or_dash, table};
 use crate::analysis::diagnose::{Diagnosis, Next, Rung, Tried, Verdict};

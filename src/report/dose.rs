@@ -2,7 +2,6 @@
 
 mod figures;
 
-
 use super::{Page, Parts, Report, or_dash, table};
 use crate::mission::{Accumulate, Mission};
 use crate::physics::RateOrigin;

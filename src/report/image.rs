@@ -1,6 +1,5 @@
 //! `ctiplan readout` and `ctiplan correct`.
 
-
 use super::{Report, lines, or_dash, table, wrapped};
 use crate::image::{Done, FrameDone, HduDone, Task};
 use crate::readout::Method;

@@ -2,7 +2,7 @@
 
 use saphyr::Scalar;
 
-use super::{Cell, Column, Datatype, Meta, Table, ecsv};
+use super::columns::{Cell, Column, Datatype, Meta, PARTS, Table, scalar};
 use crate::error::InputError;
 
 /// A line of cells.
@@ -130,8 +130,8 @@ impl Table {
                     && (value.is_empty() || value.starts_with([' ', '\t']))
                     && !key.trim().is_empty()
                 {
-                    if key.trim() == ecsv::PARTS {
-                        let problem = format!("`{}` is a key of ECSV, whose first line is `# %ECSV 1.0`", ecsv::PARTS);
+                    if key.trim() == PARTS {
+                        let problem = format!("`{}` is a key of ECSV, whose first line is `# %ECSV 1.0`", PARTS);
                         return Err(self.refuse_line(text, index + 1, problem));
                     }
                     self.meta.push(Meta { name: key.trim().to_string(), value: meta(value), line: Some(index + 1) });
@@ -203,6 +203,6 @@ fn meta(value: &str) -> Cell {
     match value.strip_prefix(['"', '\'']) {
         Some(word) => Cell::Text(word.trim_end_matches(['"', '\'']).to_string()),
         None if value.is_empty() => Cell::Missing,
-        None => ecsv::scalar(&Scalar::parse_from_cow(value.into())),
+        None => scalar(&Scalar::parse_from_cow(value.into())),
     }
 }

@@ -1,14 +1,12 @@
 //! The header of ECSV, the datatypes of its cells, and columns that astropy keeps in parts.
 
 use chrono::DateTime;
-use saphyr::{LoadableYamlNode, MarkedYaml, Scalar, YamlData};
+use saphyr::{LoadableYamlNode, MarkedYaml, YamlData};
 use serde_json::{Map, Value};
 
-use super::{Cell, Column, Datatype, Meta, Table, Time, csv, write};
+use super::columns::{Cell, Column, Datatype, Meta, PARTS, Table, Time, float, scalar};
+use super::csv;
 use crate::error::{InputError, nearest};
-
-/// Where astropy says which columns are parts of what.
-pub(super) const PARTS: &str = "__serialized_columns__";
 
 /// Lists and mappings within each other beyond which a header is refused, since the YAML parser recurses into them. (Of
 /// those in brackets, the parser itself allows 255.)
@@ -377,7 +375,7 @@ impl Source<'_> {
                 Cell::Truth(truth) => truth.into(),
                 Cell::Integer(integer) => integer.into(),
                 Cell::Number(number) if number.is_finite() => number.into(),
-                Cell::Number(number) => write::float(number).into(),
+                Cell::Number(number) => float(number).into(),
                 Cell::Text(text) => text.into(),
                 Cell::Other(value) => value,
             },
@@ -419,17 +417,6 @@ impl Source<'_> {
         let line = self.yaml.get(start.line().saturating_sub(1)).copied().unwrap_or("");
         let length = if end.line() == start.line() { end.col().saturating_sub(start.col()) } else { usize::MAX };
         line.chars().skip(start.col()).take(length).collect()
-    }
-}
-
-/// The value of a scalar of YAML.
-pub(super) fn scalar(value: &Scalar) -> Cell {
-    match value {
-        Scalar::Null => Cell::Missing,
-        Scalar::Boolean(truth) => Cell::Truth(*truth),
-        Scalar::Integer(integer) => Cell::Integer(*integer),
-        Scalar::FloatingPoint(number) => Cell::Number(number.0),
-        Scalar::String(text) => Cell::Text(text.to_string()),
     }
 }
 

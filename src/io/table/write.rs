@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde_json::Value;
 
-use super::{Cell, Column, Table, ecsv};
+use super::columns::{Cell, Column, PARTS, Table, float, word};
 
 impl Table {
     /// The table as ECSV 1.0, delimited by commas: astropy reads the same values from it.
@@ -38,7 +38,7 @@ impl Table {
             line(&mut out, format_args!("# - {{{}: {}}}", yaml_text(&meta.name), yaml_cell(&meta.value)));
         }
         if !times.is_empty() {
-            line(&mut out, format_args!("# - {}:", ecsv::PARTS));
+            line(&mut out, format_args!("# - {}:", PARTS));
         }
         for column in times {
             let Some(time) = &column.time else { continue };
@@ -106,16 +106,6 @@ fn json(value: &Value) -> String {
         }
     }
     out
-}
-
-/// The shortest text that reads back as the number, for Python and for Rust.
-pub(super) fn float(number: f64) -> String {
-    if number.is_nan() { "nan".to_string() } else { format!("{number:?}") }
-}
-
-/// True or False, as Python writes them.
-pub(super) fn word(truth: bool) -> &'static str {
-    if truth { "True" } else { "False" }
 }
 
 fn yaml_cell(cell: &Cell) -> String {
