@@ -1,50 +1,7 @@
 //! What data do not determine.
 
-use super::Fitted;
 use super::parameter::Parameter;
-
-/// A doubt about fitted parameters.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Advice {
-    /// The data do not change with it.
-    Dead {
-        /// The key.
-        key: String,
-    },
-    /// It is less well known than it is large.
-    Loose {
-        /// The key.
-        key: String,
-        /// Error over value.
-        relative: f64,
-    },
-    /// Several keys can be changed together without a change of chi2.
-    Flat {
-        /// The keys, those that matter most first.
-        keys: Vec<String>,
-    },
-    /// Two keys are known together but not each for itself.
-    TradedOff {
-        /// The keys.
-        keys: [String; 2],
-        /// Their correlation.
-        correlation: f64,
-    },
-    /// It would go further if it could.
-    AtBound {
-        /// The key.
-        key: String,
-        /// The bound.
-        bound: f64,
-    },
-    /// It was not fitted, and others would be different if it were.
-    Assumed {
-        /// The key.
-        key: String,
-        /// What it was taken to be.
-        value: f64,
-    },
-}
+use super::result::{Advice, Fitted};
 
 /// Correlation beyond which two parameters count as traded off.
 const TRADED_OFF: f64 = 0.95;

@@ -9,7 +9,8 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::{LOOSE, Optimum, Problem};
+use super::problem::{LOOSE, Optimum, Problem};
+use super::result::SAME;
 use crate::numeric::least_squares::Span;
 
 /// Distances of a scan from the optimum, in ordinary changes of a parameter (of its logarithm, if it must be above 0).
@@ -24,9 +25,6 @@ const ROUGH: f64 = 1.0;
 
 /// Rise of chi2, beside a share of it, from which on a minimum is not followed to its bottom.
 const FAR_ABOVE: f64 = 30.0;
-
-/// Fall of chi2 below which two minima are one.
-pub(super) const SAME: f64 = 0.01;
 
 impl Problem<'_> {
     /// Minima that are found from scans around an optimum, lower or higher than it.

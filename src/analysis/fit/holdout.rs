@@ -5,7 +5,7 @@
 
 use serde::Serialize;
 
-use super::{Options, fit_rows};
+use super::solve::{Options, fit_rows};
 use crate::analysis::measurement::DataSet;
 use crate::error::{InputError, nearest};
 use crate::model::Model;

@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::{Optimum, Problem, chi2};
+use super::problem::{Optimum, Problem, chi2};
 use crate::error::InputError;
 use crate::mission::Mission;
 

@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use super::{LOOSE, Optimum, Problem};
+use super::problem::{LOOSE, Optimum, Problem};
 use crate::error::InputError;
 use crate::numeric::least_squares::Span;
 

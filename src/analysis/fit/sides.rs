@@ -8,7 +8,9 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::{Fit, Fitted, LOOSE, Problem};
+use super::parameter::Parameter;
+use super::problem::{LOOSE, Problem};
+use super::result::{Fit, Fitted};
 use crate::analysis::measurement::DataSet;
 use crate::error::InputError;
 use crate::model::Model;
@@ -49,7 +51,7 @@ fn side(problem: &Problem, fit: &Fit, index: usize, sigma: f64) -> f64 {
     let follow = -span.solve(&along).insert_row(index, -1.0);
     let rise = |step: f64| -> Option<f64> {
         let moved: Vec<f64> = at.iter().zip(follow.iter()).map(|(value, follow)| value + step * follow).collect();
-        let inside = |(parameter, value): (&super::Parameter, &f64)| *value > parameter.low && *value <= parameter.high;
+        let inside = |(parameter, value): (&Parameter, &f64)| *value > parameter.low && *value <= parameter.high;
         problem.parameters.iter().zip(&moved).all(inside).then_some(())?;
         let residuals = DVector::from_vec(problem.residuals(&moved).ok()?);
         Some(beyond(span.directions(), &residuals).norm_squared() - fit.chi2)
