@@ -1,7 +1,6 @@
 //! The user's own effect: an expression that changes a named quantity of the model.
 
 use std::collections::BTreeMap;
-use std::sync::OnceLock;
 
 use ndarray::Array2;
 use serde::Deserialize;
@@ -18,14 +17,86 @@ use crate::readout::Cloud;
 
 /// `[effects.formula]`
 #[derive(Debug, Deserialize)]
+#[serde(from = "Written")]
 pub struct Formula {
     target: String,
+    parameters: BTreeMap<String, f64>,
+    /// What is wrong with the expression is told when the mission is checked.
+    compiled: Result<Compiled, ExpressionError>,
+}
+
+/// The same, as a mission file has it.
+#[derive(Deserialize)]
+struct Written {
+    target: String,
     expression: String,
-    #[serde(skip)]
-    read: OnceLock<Expression>,
     #[serde(flatten)]
     parameters: BTreeMap<String, f64>,
 }
+
+impl From<Written> for Formula {
+    fn from(written: Written) -> Formula {
+        let Written { target, expression, parameters } = written;
+        let quantity = target.split('.').next().unwrap_or_default();
+        let compiled =
+            Expression::parse(&expression).map(|expression| Compiled::new(expression, quantity, &parameters));
+        Formula { target, parameters, compiled }
+    }
+}
+
+/// An expression that knows where the values of its slots come from.
+#[derive(Clone, Debug)]
+struct Compiled {
+    expression: Expression,
+    /// Values of the slots, as far as they never change: those of parameters.
+    slots: Vec<f64>,
+    /// The slot of the quantity that changes.
+    quantity: Option<usize>,
+    /// The slot of `charge_e`, of which a charge cloud's height is a function.
+    charge_e: Option<usize>,
+    /// All other slots: they take the conditions of these names.
+    conditions: Vec<(usize, String)>,
+}
+
+impl Compiled {
+    fn new(expression: Expression, quantity: &str, parameters: &BTreeMap<String, f64>) -> Compiled {
+        let mut slots = Vec::new();
+        let mut conditions = Vec::new();
+        for (slot, name) in expression.variables().enumerate() {
+            let parameter = parameters.get(name).copied();
+            slots.push(parameter.unwrap_or(f64::NAN));
+            if parameter.is_none() && name != quantity && !(name == CHARGE && quantity == CLOUD) {
+                conditions.push((slot, name.to_string()));
+            }
+        }
+        let charge_e = expression.slot(CHARGE).filter(|_| quantity == CLOUD);
+        Compiled { slots, quantity: expression.slot(quantity), charge_e, conditions, expression }
+    }
+
+    /// Values of all slots under given conditions, but for those that [`Compiled::value`] fills.
+    fn slots(&self, known: impl Fn(&str) -> Option<f64>) -> Result<Vec<f64>, InputError> {
+        let mut slots = self.slots.clone();
+        for (slot, name) in &self.conditions {
+            slots[*slot] = known(name).ok_or_else(|| refusal(self.expression.without_value(*slot)))?;
+        }
+        Ok(slots)
+    }
+
+    /// What becomes of a quantity. A quantity that is not known stays unknown.
+    fn value(&self, slots: &mut [f64], quantity: f64) -> Result<f64, InputError> {
+        if quantity.is_nan() {
+            return Ok(quantity);
+        }
+        if let Some(slot) = self.quantity {
+            slots[slot] = quantity;
+        }
+        self.expression.value(slots).map_err(refusal)
+    }
+}
+
+/// The target that is a function of the charge, and the name of that.
+const CLOUD: &str = "cloud_height";
+const CHARGE: &str = "charge_e";
 
 /// Targets, each the name of the quantity in its expression too.
 const TARGETS: [&str; 10] = [
@@ -35,8 +106,8 @@ const TARGETS: [&str; 10] = [
     "dose_mev_g",
     "density_per_px",
     "release_ms",
-    "cloud_height",
-    "charge_e",
+    CLOUD,
+    CHARGE,
     "read_e",
     "value",
 ];
@@ -102,11 +173,11 @@ impl Kind for Formula {
             let problem = format!("`{name}` is a condition or a quantity already: parameters need names of their own");
             return refusal(name, problem, None);
         }
-        let expression = match Expression::parse(&self.expression) {
-            Ok(expression) => expression,
+        let expression = match &self.compiled {
+            Ok(compiled) => &compiled.expression,
             Err(ExpressionError { place, problem, help, .. }) => {
                 let place = place.map_or(String::new(), |place| format!("at letter {}: ", place + 1));
-                return refusal("expression", format!("{place}{problem}"), help);
+                return refusal("expression", format!("{place}{problem}"), help.clone());
             }
         };
         let knows_all = |name: &str| self.parameters.contains_key(name) || name == target || name == "t_yr";
@@ -139,43 +210,35 @@ impl Formula {
         self.target.split_once('.').map_or((&self.target, None), |(target, member)| (target, Some(member)))
     }
 
-    fn expression(&self) -> &Expression {
-        self.read.get_or_init(|| Expression::parse(&self.expression).expect("checked when the mission was read"))
+    fn compiled(&self) -> &Compiled {
+        self.compiled.as_ref().expect("checked when the mission was read")
     }
 
     /// What becomes of a quantity. A quantity that is not known stays unknown.
-    fn becomes(&self, quantity: f64, at: &Conditions, also: Option<(&str, f64)>) -> Result<f64, InputError> {
+    fn becomes(&self, quantity: f64, at: &Conditions) -> Result<f64, InputError> {
         if quantity.is_nan() {
             return Ok(quantity);
         }
-        let (target, _) = self.parts();
-        let value = self.expression().value(|name| {
-            let also = also.filter(|(known, _)| *known == name).map(|(_, value)| value);
-            let parameter = || self.parameters.get(name).copied();
-            if name == target { Some(quantity) } else { parameter().or(also).or_else(|| at.get(name)) }
-        });
-        value.map_err(refusal)
+        let compiled = self.compiled();
+        compiled.value(&mut compiled.slots(|name| at.get(name))?, quantity)
     }
 
     /// The same for the charge of every pixel (e-).
     fn each(&self, charges_e: &mut Array2<f64>, at: &Conditions) -> Result<(), InputError> {
+        let compiled = self.compiled();
+        let mut slots = compiled.slots(|name| at.get(name))?;
         charges_e.iter_mut().try_for_each(|charge_e| {
-            *charge_e = self.becomes(*charge_e, at, None)?;
+            *charge_e = compiled.value(&mut slots, *charge_e)?;
             Ok(())
         })
     }
 
     /// The same expression as a law over time.
     fn law(&self) -> Law {
-        let (target, _) = self.parts();
-        let (target, expression, parameters) = (target.to_string(), self.expression().clone(), self.parameters.clone());
+        let compiled = self.compiled().clone();
         Law::new(move |t_yr, quantity| {
-            let known = |name: &str| match name {
-                "t_yr" => Some(t_yr),
-                name if name == target => Some(quantity),
-                name => parameters.get(name).copied(),
-            };
-            expression.value(known).map_err(refusal)
+            let mut slots = compiled.slots(|name| (name == "t_yr").then_some(t_yr))?;
+            compiled.value(&mut slots, quantity)
         })
     }
 }
@@ -196,8 +259,8 @@ fn refusal(error: ExpressionError) -> InputError {
 impl Effect for Formula {
     fn conditions(&self, at: &mut Conditions) -> Result<(), InputError> {
         match self.target.as_str() {
-            "background_e" => at.background_e = self.becomes(at.background_e, at, None)?.max(0.0),
-            "temperature_k" => at.temperature_k = self.becomes(at.temperature_k, at, None)?.max(1.0),
+            "background_e" => at.background_e = self.becomes(at.background_e, at)?.max(0.0),
+            "temperature_k" => at.temperature_k = self.becomes(at.temperature_k, at)?.max(1.0),
             _ => {}
         }
         Ok(())
@@ -215,9 +278,9 @@ impl Effect for Formula {
         let (target, member) = self.parts();
         for species in traps.iter_mut().filter(|species| member.is_none_or(|member| member == species.name)) {
             match target {
-                "density_per_px" => species.density_per_px = self.becomes(species.density_per_px, at, None)?.max(0.0),
+                "density_per_px" => species.density_per_px = self.becomes(species.density_per_px, at)?.max(0.0),
                 "release_ms" => {
-                    let release_ms = self.becomes(species.release_ms, at, None)?;
+                    let release_ms = self.becomes(species.release_ms, at)?;
                     // Traps that release within a millionth of a transfer, or never, are the limits.
                     species.release_ms = release_ms.max(1e-6 * at.line_time_ms);
                 }
@@ -228,10 +291,17 @@ impl Effect for Formula {
     }
 
     fn cloud(&self, cloud: &mut Cloud, at: &Conditions) -> Result<(), InputError> {
-        if self.target == "cloud_height" {
+        if self.target == CLOUD {
+            let compiled = self.compiled();
+            let slots = compiled.slots(|name| at.get(name))?;
             let before = cloud.clone();
-            let height = |charge_e| self.becomes(before.height(charge_e), at, Some(("charge_e", charge_e)));
-            *cloud = Cloud::tabulated(height)?;
+            *cloud = Cloud::tabulated(|charge_e| {
+                let mut slots = slots.clone();
+                if let Some(slot) = compiled.charge_e {
+                    slots[slot] = charge_e;
+                }
+                compiled.value(&mut slots, before.height(charge_e))
+            })?;
         }
         Ok(())
     }
@@ -253,12 +323,13 @@ impl Effect for Formula {
     fn value(&self, value: &mut f64, observable: Observable, at: &Conditions) -> Result<(), InputError> {
         let (target, member) = self.parts();
         if target == "value" && member.is_none_or(|member| member == observable.name()) {
-            *value = self.becomes(*value, at, None)?;
+            *value = self.becomes(*value, at)?;
         }
         Ok(())
     }
 
     fn depends_on(&self) -> Vec<String> {
-        self.expression().variables().filter(|name| !self.parameters.contains_key(*name)).map(str::to_string).collect()
+        let names = self.compiled().expression.variables();
+        names.filter(|name| !self.parameters.contains_key(*name)).map(str::to_string).collect()
     }
 }

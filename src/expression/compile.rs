@@ -1,0 +1,356 @@
+//! An expression's text → its program, in one pass by operator precedence (Pratt 1973).
+
+use super::function::{FUNCTIONS, Function};
+use super::token::{Kind, Token, next_token};
+use super::{Binary, Expression, ExpressionError, NESTED, Step};
+use crate::error::nearest;
+
+/// What an expression's value is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Type {
+    Number,
+    Truth,
+}
+
+/// How tightly `^` binds, the only operator that is taken from right to left.
+const POWER: u8 = 7;
+
+/// An operator between two values, and how tightly it binds.
+fn binary(symbol: &str) -> Option<(Operator, u8)> {
+    use Binary::*;
+    Some(match symbol {
+        "||" => (Operator::Logical { decided_by: true }, 1),
+        "&&" => (Operator::Logical { decided_by: false }, 2),
+        "==" => (Operator::Equality(Equal), 3),
+        "!=" => (Operator::Equality(NotEqual), 3),
+        "<" => (Operator::Comparison(Less), 4),
+        "<=" => (Operator::Comparison(LessOrEqual), 4),
+        ">" => (Operator::Comparison(Greater), 4),
+        ">=" => (Operator::Comparison(GreaterOrEqual), 4),
+        "+" => (Operator::Arithmetic(Add), 5),
+        "-" => (Operator::Arithmetic(Subtract), 5),
+        "*" => (Operator::Arithmetic(Multiply), 6),
+        "/" => (Operator::Arithmetic(Divide), 6),
+        "%" => (Operator::Arithmetic(Remainder), 6),
+        "^" | "**" => (Operator::Arithmetic(Power), POWER),
+        _ => return None,
+    })
+}
+
+enum Operator {
+    /// Of numbers, a number.
+    Arithmetic(Binary),
+    /// Of numbers, true or false.
+    Comparison(Binary),
+    /// Of two numbers, or of two comparisons, true or false.
+    Equality(Binary),
+    /// Of comparisons; the second is not looked at if the first decides.
+    Logical { decided_by: bool },
+}
+
+impl Expression {
+    /// Compiles an expression.
+    ///
+    /// # Errors
+    /// If it is none.
+    pub fn parse(text: &str) -> Result<Expression, ExpressionError> {
+        let expression =
+            Expression { text: text.to_string(), slots: vec![], program: vec![], places: vec![], height: 0 };
+        let mut compiler = Compiler { text, token: next_token(text, 0), nested: 0, height: 0, expression };
+        let whole = compiler.value(0).and_then(|kind| compiler.end(kind));
+        whole.map_err(|Fault { at, problem, help }| ExpressionError {
+            text: text.to_string(),
+            place: at.map(|at| letters(text, at)),
+            problem,
+            help,
+        })?;
+        Ok(compiler.expression)
+    }
+}
+
+/// What is wrong, and after how many bytes.
+struct Fault {
+    at: Option<usize>,
+    problem: String,
+    help: Option<String>,
+}
+
+fn fault<T>(at: usize, problem: impl Into<String>) -> Result<T, Fault> {
+    Err(Fault { at: Some(at), problem: problem.into(), help: None })
+}
+
+fn fault_with_help<T>(at: usize, problem: impl Into<String>, help: impl Into<String>) -> Result<T, Fault> {
+    Err(Fault { at: Some(at), problem: problem.into(), help: Some(help.into()) })
+}
+
+fn letters(text: &str, at: usize) -> usize {
+    text[..at].chars().count()
+}
+
+struct Compiler<'a> {
+    text: &'a str,
+    /// What comes next.
+    token: Token<'a>,
+    /// Operations inside one another, here.
+    nested: usize,
+    /// Numbers on the stack, here.
+    height: usize,
+    expression: Expression,
+}
+
+impl<'a> Compiler<'a> {
+    fn advance(&mut self) -> Token<'a> {
+        let next = next_token(self.text, self.token.at + self.token.text.len());
+        std::mem::replace(&mut self.token, next)
+    }
+
+    /// Takes a token, if it comes next.
+    fn takes(&mut self, text: &str) -> bool {
+        let there = self.token.text == text;
+        if there {
+            self.advance();
+        }
+        there
+    }
+
+    /// Adds a step, written at a place (byte), that changes the stack's height. Returns its index.
+    fn add(&mut self, step: Step, at: usize, change: isize) -> usize {
+        self.height = self.height.saturating_add_signed(change);
+        self.expression.height = self.expression.height.max(self.height);
+        self.expression.program.push(step);
+        self.expression.places.push(letters(self.text, at));
+        self.expression.program.len() - 1
+    }
+
+    /// Makes a jump that was added end here.
+    fn land(&mut self, jump: usize) {
+        let here = self.expression.program.len();
+        match &mut self.expression.program[jump] {
+            Step::Jump(to) | Step::JumpUnless(to) | Step::JumpIf(_, to) => *to = here,
+            _ => unreachable!("only jumps land"),
+        }
+    }
+
+    fn nest<T>(&mut self, inner: impl FnOnce(&mut Self) -> Result<T, Fault>) -> Result<T, Fault> {
+        self.nested += 1;
+        if self.nested > NESTED {
+            return fault(self.token.at, format!("more than {NESTED} operations are inside one another"));
+        }
+        let value = inner(self);
+        self.nested -= 1;
+        value
+    }
+
+    /// A value with all operators that bind at least so tightly.
+    fn value(&mut self, least: u8) -> Result<Type, Fault> {
+        self.nest(|this| {
+            let mut left = this.signed()?;
+            while let Some((operator, tightness)) = binary(this.token.text)
+                && tightness >= least
+            {
+                left = this.operation(left, operator, tightness)?;
+            }
+            Ok(left)
+        })
+    }
+
+    /// An operator and what stands right of it.
+    fn operation(&mut self, left: Type, operator: Operator, tightness: u8) -> Result<Type, Fault> {
+        let sign = self.advance();
+        let least = if tightness == POWER { POWER } else { tightness + 1 };
+        let both = |this: &mut Self, wanted: Type| {
+            expect(left, wanted, &sign)?;
+            expect(this.value(least)?, wanted, &sign)
+        };
+        match operator {
+            Operator::Logical { decided_by } => {
+                expect(left, Type::Truth, &sign)?;
+                let jump = self.add(Step::JumpIf(decided_by, 0), sign.at, -1);
+                both(self, Type::Truth)?;
+                self.land(jump);
+            }
+            Operator::Arithmetic(binary) | Operator::Comparison(binary) => {
+                both(self, Type::Number)?;
+                self.add(Step::Binary(binary), sign.at, -1);
+            }
+            Operator::Equality(binary) => {
+                both(self, left)?;
+                self.add(Step::Binary(binary), sign.at, -1);
+            }
+        }
+        Ok(if matches!(operator, Operator::Arithmetic(_)) { Type::Number } else { Type::Truth })
+    }
+
+    /// A value with the signs before it.
+    fn signed(&mut self) -> Result<Type, Fault> {
+        let (wanted, step) = match self.token.text {
+            "-" => (Type::Number, Some(Step::Negate)),
+            "+" => (Type::Number, None),
+            "!" => (Type::Truth, Some(Step::Not)),
+            _ => return self.operand(),
+        };
+        let sign = self.advance();
+        let value = self.nest(Self::signed)?;
+        expect(value, wanted, &sign)?;
+        // People mean -(x^2), programs differ.
+        if sign.text == "-" && ["^", "**"].contains(&self.token.text) {
+            let help = "write -(x ^ 2) or (-x) ^ 2";
+            return fault_with_help(sign.at, "a sign in front of a power can mean two things", help);
+        }
+        if let Some(step) = step {
+            self.add(step, sign.at, 0);
+        }
+        Ok(value)
+    }
+
+    fn operand(&mut self) -> Result<Type, Fault> {
+        let token = self.advance();
+        match token.kind {
+            Kind::Number(number) => self.number(number, &token),
+            Kind::Name => match token.text {
+                "if" => self.branch(&token),
+                "true" => self.number(1.0, &token).map(|_| Type::Truth),
+                "false" => self.number(0.0, &token).map(|_| Type::Truth),
+                "PI" => self.number(std::f64::consts::PI, &token),
+                "else" => unexpected(&token),
+                _ if self.token.text == "(" => self.call(&token),
+                _ => self.variable(&token),
+            },
+            Kind::Symbol if token.text == "(" => {
+                let value = self.value(0)?;
+                self.close(&token)?;
+                Ok(value)
+            }
+            Kind::Symbol => unexpected(&token),
+            Kind::End => fault(token.at, "something is missing at the end"),
+        }
+    }
+
+    fn number(&mut self, number: f64, token: &Token) -> Result<Type, Fault> {
+        self.add(Step::Number(number), token.at, 1);
+        Ok(Type::Number)
+    }
+
+    fn variable(&mut self, token: &Token) -> Result<Type, Fault> {
+        let slot = self.expression.slot(token.text).unwrap_or_else(|| {
+            self.expression.slots.push((token.text.to_string(), letters(self.text, token.at)));
+            self.expression.slots.len() - 1
+        });
+        self.add(Step::Slot(slot), token.at, 1);
+        Ok(Type::Number)
+    }
+
+    fn call(&mut self, name: &Token) -> Result<Type, Fault> {
+        let Some(function) = Function::find(name.text) else {
+            let known = || FUNCTIONS.iter().map(|function| function.name);
+            let help = nearest(name.text, known()).map_or_else(
+                || format!("there are: {}", known().collect::<Vec<_>>().join(", ")),
+                |near| format!("did you mean `{near}`?"),
+            );
+            return fault_with_help(name.at, format!("no function is called `{}`", name.text), help);
+        };
+        let open = self.advance();
+        let mut given = 0;
+        while self.token.text != ")" {
+            let kind = self.value(0)?;
+            expect(kind, Type::Number, name)?;
+            given += 1;
+            if !self.takes(",") {
+                break;
+            }
+        }
+        self.close(&open)?;
+        let wanted = function.arguments();
+        if given != wanted {
+            let numbers = if wanted == 1 { "1 number" } else { "2 numbers" };
+            return fault(name.at, format!("`{}` takes {numbers}, not {given}", name.text));
+        }
+        self.add(Step::Call(function), name.at, 1 - wanted as isize);
+        Ok(Type::Number)
+    }
+
+    /// `if a { b } else { c }`, whose `if` has been taken.
+    fn branch(&mut self, word: &Token) -> Result<Type, Fault> {
+        expect(self.value(0)?, Type::Truth, word)?;
+        let otherwise = self.add(Step::JumpUnless(0), word.at, -1);
+        let value = self.block()?;
+        let end = self.add(Step::Jump(0), word.at, -1);
+        self.land(otherwise);
+        if !self.takes("else") {
+            return fault(self.token.at, "an `if` needs an `else { ... }`");
+        }
+        let other = if self.token.text == "if" {
+            let word = self.advance();
+            self.nest(|this| this.branch(&word))?
+        } else {
+            self.block()?
+        };
+        self.land(end);
+        if value == other { Ok(value) } else { fault(word.at, "an `if` gives a number in both cases, or in none") }
+    }
+
+    fn block(&mut self) -> Result<Type, Fault> {
+        let open = self.advance();
+        match open.kind {
+            _ if open.text == "{" => {}
+            Kind::Symbol => return unexpected(&open),
+            _ => return fault(open.at, "a `{` is missing here"),
+        }
+        let value = self.value(0)?;
+        self.close(&open)?;
+        Ok(value)
+    }
+
+    /// What must follow a value that was opened by a parenthesis or brace.
+    fn close(&mut self, open: &Token) -> Result<(), Fault> {
+        if self.takes(if open.text == "(" { ")" } else { "}" }) {
+            return Ok(());
+        }
+        match self.token.kind {
+            Kind::End => fault(open.at, format!("this `{}` is not closed", open.text)),
+            _ => unexpected_after_value(&self.token),
+        }
+    }
+
+    /// Nothing may follow the whole, which is a number.
+    fn end(&mut self, whole: Type) -> Result<(), Fault> {
+        match (self.token.kind, whole) {
+            (Kind::End, Type::Number) => Ok(()),
+            (Kind::End, Type::Truth) => {
+                Err(Fault { at: None, problem: "the result is not a number".into(), help: None })
+            }
+            _ => unexpected_after_value(&self.token),
+        }
+    }
+}
+
+fn expect(value: Type, wanted: Type, of: &Token) -> Result<(), Fault> {
+    match wanted {
+        _ if value == wanted => Ok(()),
+        Type::Number => fault(of.at, format!("`{}` takes numbers, not comparisons", of.text)),
+        Type::Truth => fault(of.at, format!("`{}` takes comparisons, not numbers", of.text)),
+    }
+}
+
+fn unexpected_after_value<T>(token: &Token) -> Result<T, Fault> {
+    match token.kind {
+        Kind::Number(_) | Kind::Name => fault(token.at, format!("an operator is missing before `{}`", token.text)),
+        _ if token.text == "(" => fault(token.at, "an operator is missing before `(`"),
+        _ => unexpected(token),
+    }
+}
+
+fn unexpected<T>(token: &Token) -> Result<T, Fault> {
+    let help = match token.text {
+        "//" | "/*" => "a division is one /, a product one *",
+        "=" => "equality is ==",
+        "&" => "and is &&",
+        "|" => "or is ||",
+        "×" | "·" => "a product is *",
+        "–" | "−" => "a minus is -",
+        "²" | "³" => "a power is ^",
+        "." => "a number has digits on both sides of its point",
+        _ => return fault(token.at, format!("unexpected `{}`", token.text)),
+    };
+    fault_with_help(token.at, format!("unexpected `{}`", token.text), help)
+}

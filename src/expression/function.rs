@@ -1,0 +1,81 @@
+//! Functions of one or two numbers.
+
+/// A function that an expression may call.
+#[derive(Debug)]
+pub struct Function {
+    pub name: &'static str,
+    law: Law,
+    /// Whether a value that is no finite number is refused at once. Others may be infinite on the way to a finite result.
+    checked: bool,
+}
+
+#[derive(Debug)]
+enum Law {
+    One(fn(f64) -> f64),
+    Two(fn(f64, f64) -> f64),
+}
+
+const fn one(name: &'static str, law: fn(f64) -> f64) -> Function {
+    Function { name, law: Law::One(law), checked: false }
+}
+
+const fn checked(name: &'static str, law: fn(f64) -> f64) -> Function {
+    Function { name, law: Law::One(law), checked: true }
+}
+
+const fn two(name: &'static str, law: fn(f64, f64) -> f64) -> Function {
+    Function { name, law: Law::Two(law), checked: false }
+}
+
+/// All functions.
+pub static FUNCTIONS: [Function; 20] = [
+    checked("sqrt", f64::sqrt),
+    checked("exp", f64::exp),
+    checked("ln", f64::ln),
+    checked("log10", f64::log10),
+    one("sin", f64::sin),
+    one("cos", f64::cos),
+    one("tan", f64::tan),
+    checked("asin", f64::asin),
+    checked("acos", f64::acos),
+    one("atan", f64::atan),
+    one("sinh", f64::sinh),
+    one("cosh", f64::cosh),
+    one("tanh", f64::tanh),
+    one("abs", f64::abs),
+    one("floor", f64::floor),
+    one("ceiling", f64::ceil),
+    one("round", f64::round),
+    two("min", |a, b| if a <= b { a } else { b }),
+    two("max", |a, b| if a >= b { a } else { b }),
+    two("hypot", f64::hypot),
+];
+
+impl Function {
+    /// The function of a name.
+    pub fn find(name: &str) -> Option<&'static Function> {
+        FUNCTIONS.iter().find(|function| function.name == name)
+    }
+
+    /// How many arguments it takes.
+    pub fn arguments(&self) -> usize {
+        match self.law {
+            Law::One(_) => 1,
+            Law::Two(_) => 2,
+        }
+    }
+
+    /// Its value for the first of some numbers.
+    pub fn of(&self, arguments: &[f64]) -> f64 {
+        match self.law {
+            Law::One(law) => law(arguments[0]),
+            Law::Two(law) => law(arguments[0], arguments[1]),
+        }
+    }
+
+    /// Refuses a value at an argument that is no finite number.
+    pub fn check(&self, argument: f64, value: f64) -> Result<(), String> {
+        let beyond = if value == f64::INFINITY { "beyond all numbers" } else { "no real number" };
+        if self.checked { Err(format!("{}({argument}) is {beyond}", self.name)) } else { Ok(()) }
+    }
+}
