@@ -4,11 +4,9 @@
 //! another name and then renamed, so that it is there whole or not at all. Its name follows from the grid alone and its
 //! content too: two processes that compute the same chunk write the same file, and the second replaces the first.
 
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-
-use fs4::{FileExt, TryLockError};
 
 use super::grid::{Grid, Holds};
 use super::write::{Kind, written};
@@ -165,7 +163,7 @@ impl<'a> Parts<'a> {
         let refused = || format!("cannot sweep into `{}`", self.result.display());
         let file =
             File::create(&path).map_err(|error| InputError::new(refused(), format!("{}: {error}", path.display())))?;
-        match FileExt::try_lock(&file) {
+        match file.try_lock() {
             Ok(()) => Ok(Some(file)),
             Err(TryLockError::WouldBlock) => Err(InputError::new(refused(), "another ctiplan is at work on it")
                 .with_help("wait for it, or share the work: --shard 1/2 here and --shard 2/2 there")),
