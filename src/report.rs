@@ -67,8 +67,15 @@ pub trait Report: Serialize {
     }
 }
 
-/// Columns of a terminal that tables must fit.
+/// Columns that text must fit, and tables if they go to a file.
 const WIDTH: u16 = 80;
+
+/// Columns that tables must fit: those of the terminal, if it is standard output.
+fn columns() -> u16 {
+    // Narrower ones would break words and numbers.
+    const LEAST: u16 = 40;
+    terminal_size::terminal_size_of(stdout()).map_or(WIDTH, |(columns, _)| columns.0.max(LEAST))
+}
 
 /// A table with a header whose columns but the first are numbers; lines around it only on a terminal.
 fn table(header: &[&str]) -> Table {
@@ -76,7 +83,7 @@ fn table(header: &[&str]) -> Table {
     table
         .load_style(if stdout().is_terminal() { presets::UTF8_FULL_CONDENSED } else { presets::NOTHING })
         .set_content_arrangement(ContentArrangement::Dynamic)
-        .set_width(WIDTH)
+        .set_width(columns())
         .set_header(header.to_vec());
     for column in table.column_iter_mut().skip(1) {
         column.set_cell_alignment(CellAlignment::Right);
