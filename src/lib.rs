@@ -1,25 +1,51 @@
 #![doc = include_str!("../README.md")]
 #![warn(missing_docs)]
 
-// Left does not know right: a module uses those above it, never those below. `tests/suite/architecture.rs` sees to it, and the
-// compiler for the first, a crate of its own.
+// Left does not know right: a module uses those above it, never those below. `tests/suite/architecture.rs` sees to it, and for
+// the readout the compiler, since it is a crate of its own. See docs/architecture.md.
+
+// Image and traps → image with trails.
 pub use ctiplan_readout as readout;
-pub mod analysis;
-pub mod cli;
-pub mod effect;
-pub mod environment;
+
+// What any program needs: refusals, numbers and dates, files.
 pub mod error;
-pub mod image;
-pub mod io;
-pub mod mission;
-pub mod mission_file;
-pub mod model;
+
 pub mod numeric;
-pub mod physics;
-pub mod plan;
-pub mod report;
-pub mod study;
-pub mod sweep;
+
+pub mod io;
+
+// The Sun, the shield, damage by protons; what is doubtful about results.
+pub mod environment;
+
 pub mod warning;
+
+// What a mission file says; dose, traps, galaxies and shapes; what effects change of them; reading the file.
+pub mod mission;
+
+pub mod physics;
+
+pub mod effect;
+
+pub mod mission_file;
+
+// The chain, put together in one place; what a planner asks it.
+pub mod model;
+
+pub mod plan;
+
+// Measurements → residuals → fit → the effect that is missing.
+pub mod analysis;
+
+// What stands on the chain: frames, trade studies, sweeps.
+pub mod image;
+
+pub mod study;
+
+pub mod sweep;
+
+// Words, tables, figures; the command line.
+pub mod report;
+
+pub mod cli;
 
 pub use plan::evaluate::evaluate;

@@ -63,7 +63,7 @@ fn traps_of_a_few_transfers_are_the_worst() {
     // The paper has 3 to 4; it moves with the width of the weight, which the paper leaves open.
     assert!((3.0..=5.0).contains(&worst), "{worst} transfers");
     // Both limits of section 5.1: fast traps enlarge and dim little; slow ones dim and hardly change the size. Unlike in the
-    // paper, they stretch across the transfers (tests/shape_golden.rs has every transfer of it).
+    // paper, they stretch across the transfers (tests/suite/laws.rs has every transfer of it).
     let (fast, slow) = (scan[0].1, change(NEVER_TRANSFERS));
     assert!(fast.delta_size > 0.0 && fast.delta_flux > 0.2 * slow.delta_flux);
     assert!(slow.delta_flux < 0.0 && slow.delta_size.abs() < 0.1 * fast.delta_size);

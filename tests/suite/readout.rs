@@ -86,7 +86,7 @@ fn fast_misses_the_accuracy_asked_for_in_few_of_many_columns() {
     let missed = all.iter().filter(|(_, _, miss)| *miss > 1.0).count();
     let worst = all.iter().map(|(_, _, miss)| *miss).fold(0.0, f64::max);
     println!("{missed} of {} missed, the worst at {worst:.1} of what is allowed", all.len());
-    // The known ones (see SHARE in src/readout/fast.rs) are one in a thousand.
+    // The known ones (see SHARE in crates/readout/src/multirevolution.rs) are one in a thousand.
     assert!(missed * 500 < all.len(), "{missed} of {}", all.len());
 }
 

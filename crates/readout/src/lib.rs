@@ -14,8 +14,8 @@
 //! Four ways to do that stand behind one interface, [`Readout`]: [`Method::Fast`] (what everything else uses),
 //! [`Method::Exact`], [`Method::Fractional`] and [`Method::MonteCarlo`].
 //!
-//! Traps that need time to capture follow another law, inside the cloud as the packet arrives: see `readout/src/finite_capture.rs`. Release
-//! times that are spread are resolved into many species of one release time each: see `readout/continuum.rs`.
+//! Traps that need time to capture follow another law, inside the cloud as the packet arrives: see `finite_capture.rs`. Release
+//! times that are spread are resolved into many species of one release time each: see `continuum.rs`.
 //!
 //! Sources: Rhodes et al. 2010 (PASP 122, 439), section 3; Massey et al. 2010 (MNRAS 401, 371) for the cloud that
 //! captures at once. Holds where one transfer is one step (no clock phases).
