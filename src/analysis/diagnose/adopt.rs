@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use super::case::Node;
 use super::chance::Noise;
-use super::hunt::Ended;
-use super::{Found, Told, Verdict, holdout, next, rivals};
+use super::result::Verdict;
+use super::told::{Ended, Found, Told};
+use super::{holdout, next, rivals};
 use crate::error::InputError;
 
 impl Told<'_> {

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use super::Told;
 use super::case::Node;
 use super::chance::{Noise, Null};
 use super::search::Sketch;
+use super::told::Told;
 use crate::analysis::validate::validate;
 use crate::error::InputError;
 

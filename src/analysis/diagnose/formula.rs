@@ -2,22 +2,13 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::Leaning;
+use super::result::{Leaning, Suggestion};
 use crate::analysis::validate::{SetResult, Validation};
 use crate::numeric::least_squares::Span;
 use crate::physics::observable::Observable;
 
 /// Part of a power of a covariate that lower ones leave, below which it is none.
 const FLAT: f64 = 1e-10;
-
-/// An effect that would describe what residuals lean on. It says nothing of the cause.
-#[derive(Clone, Debug)]
-pub struct Suggestion {
-    /// `[effects.formula]`, ready for a mission or for `--candidates`.
-    pub toml: String,
-    /// chi2 before, and with it to first order.
-    pub chi2: [f64; 2],
-}
 
 /// What a formula changes, and how.
 #[derive(Clone, Copy)]

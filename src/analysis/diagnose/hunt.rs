@@ -7,8 +7,10 @@ use rayon::prelude::*;
 
 use super::case::Node;
 use super::pairs::{self, Pair};
+use super::result::Verdict;
 use super::search::{BREADTH, LINES, Sketch};
-use super::{Found, Told, Verdict, audit, limits, rivals};
+use super::told::{Ended, Found, Told};
+use super::{audit, limits, rivals};
 use crate::error::InputError;
 
 /// Effects added at most.
@@ -25,16 +27,6 @@ const WORTH_GOING_ON: f64 = 0.5;
 
 /// By how much less chi2 and parameters must come to with rows left out than with an effect more, for the rows to be to blame.
 const MUCH_SIMPLER: f64 = 15.0;
-
-/// How a search ends, or one step of it.
-pub(super) enum Ended {
-    /// A model explains the data.
-    Adopted(Box<Found>),
-    /// A model explains the data, and noise explains what it gains.
-    ByChance,
-    /// None does.
-    Nothing,
-}
 
 impl Told<'_> {
     /// Searches until a model calls for nothing more, or nothing more helps.

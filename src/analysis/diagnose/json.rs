@@ -2,7 +2,7 @@
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
-use super::{Next, Rung, Step};
+use super::result::{Next, Rung, Step};
 use crate::analysis::fit::Fitted;
 use crate::physics::observable::Observable;
 

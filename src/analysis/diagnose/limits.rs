@@ -8,20 +8,10 @@ use toml::Table;
 use super::case::Node;
 use super::chance::Noise;
 use super::hypothesis::Trial;
+use super::result::Limit;
 use super::search::Search;
 use crate::error::InputError;
 use crate::mission_file;
-
-/// A detection limit.
-#[derive(Clone, Debug)]
-pub struct Limit {
-    /// The effect.
-    pub effect: String,
-    /// Its table at the limit; None where no strength would have been seen.
-    pub table: Option<Table>,
-    /// The parameter that measures its strength; empty for an effect that has none.
-    pub parameter: String,
-}
 
 /// Normal quantile of 95 %.
 const POWER: f64 = 1.645;

@@ -7,6 +7,7 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::case::{Case, FLAT, Node};
+use super::result::Next;
 use super::rivals::Rival;
 use super::search::Search;
 use crate::error::InputError;
@@ -14,23 +15,6 @@ use crate::model::predict::{Question, predict};
 use crate::numeric::least_squares::Span;
 use crate::physics::conditions::Conditions;
 use crate::physics::observable::Observable;
-
-/// A measurement that separates rivals.
-#[derive(Clone, Debug)]
-pub struct Next {
-    /// What to measure.
-    pub observable: Observable,
-    /// Under which conditions, by name; those that the observable uses.
-    pub conditions: Vec<(String, f64)>,
-    /// The galaxy, of a change of shape.
-    pub galaxy: Option<String>,
-    /// The effects that it separates.
-    pub separates: [String; 2],
-    /// How far apart their predictions are, in units of the error of the measurement and of the fits.
-    pub apart_sigma: f64,
-    /// The error assumed, in the observable's unit.
-    pub sigma: f64,
-}
 
 /// Possible measurements for which it is computed together what the fits leave open.
 const TOGETHER: usize = 24;

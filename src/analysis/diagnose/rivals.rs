@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::Told;
 use super::case::Node;
+use super::told::Told;
 use crate::error::InputError;
 
 /// An effect in the place of an adopted one.

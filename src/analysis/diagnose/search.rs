@@ -10,10 +10,10 @@ use std::sync::{Arc, Mutex};
 
 use rayon::prelude::*;
 
-use super::Progress;
 use super::case::{Added, Case, Node};
 use super::chance::{Noise, Null};
 use super::hypothesis::{FARTHEST, Hypothesis, Trial};
+use super::options::Progress;
 use crate::analysis::fit::{self, Problem};
 use crate::effect;
 use crate::error::InputError;

@@ -2,7 +2,9 @@
 
 use super::case::{Added, Node};
 use super::chance::Noise;
-use super::{Diagnosis, Found, Leaning, Rung, Step, Told, Tried, Verdict, formula, holdout, newest};
+use super::result::{Diagnosis, Leaning, Rung, Step, Tried, Verdict};
+use super::told::{Found, Told, newest};
+use super::{formula, holdout};
 use crate::analysis::fit::{self, Advice};
 use crate::analysis::validate::validate;
 use crate::effect;

@@ -2,10 +2,12 @@
 
 use std::sync::Arc;
 
+use super::audit;
 use super::calls::LEAN;
 use super::case::Node;
 use super::chance::Noise;
-use super::{Found, Told, Verdict, audit, newest};
+use super::result::Verdict;
+use super::told::{Found, Told, newest};
 use crate::analysis::validate::validate;
 use crate::error::InputError;
 

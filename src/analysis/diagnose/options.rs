@@ -1,0 +1,44 @@
+//! How to search, and how it is heard of.
+
+use crate::physics::observable::Observable;
+
+/// How to search.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// False alarms allowed among complete models.
+    pub level: f64,
+    /// Seed of all simulations.
+    pub seed: u64,
+    /// Keys to adjust, as dotted keys.
+    pub free: Vec<String>,
+    /// The user's own effects, by kind, as in a mission's `[effects]`.
+    pub candidates: Option<toml::Table>,
+    /// What could be measured next; all observables where empty.
+    pub can: Vec<Observable>,
+    /// Evaluations of the model at all rows after which no further step of the search is begun.
+    pub evaluations: u64,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options { level: 0.01, seed: 1, free: Vec::new(), candidates: None, can: Vec::new(), evaluations: EVALUATIONS }
+    }
+}
+
+/// Evaluations of the model that a search may make by default: twice as many as the longest of the cases of
+/// `docs/diagnosis.md` takes.
+pub const EVALUATIONS: u64 = 12_000;
+
+/// Signs of life.
+pub struct Progress<'a> {
+    /// Called at the start of a stage, with its name and how many steps it has.
+    pub stage: &'a (dyn Fn(&str, u64) + Sync),
+    /// Called after each step.
+    pub advance: &'a (dyn Fn() + Sync),
+}
+
+impl Progress<'_> {
+    pub(super) fn step(&self) {
+        (self.advance)();
+    }
+}

@@ -1,0 +1,220 @@
+//! What a diagnosis comes to.
+
+use serde::Serialize;
+
+use super::chance::Noise;
+use crate::analysis::fit::{Advice, Fitted};
+use crate::analysis::validate::Validation;
+use crate::mission::Mission;
+use crate::physics::observable::Observable;
+use crate::plan::evaluate;
+
+/// What came of a diagnosis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// The model explains the data.
+    Complete,
+    /// Effects were missing; with them it does.
+    Missing,
+    /// The same, but some effect has rivals that these data cannot tell from it.
+    Ambiguous,
+    /// No combination of effects explains the data.
+    Unexplained,
+    /// The data cannot carry a verdict.
+    Unfit,
+}
+
+impl Verdict {
+    /// As in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Verdict::Complete => "complete",
+            Verdict::Missing => "missing",
+            Verdict::Ambiguous => "ambiguous",
+            Verdict::Unexplained => "unexplained",
+            Verdict::Unfit => "unfit",
+        }
+    }
+}
+
+/// One rung of the ladder: a model fitted to all rows.
+#[derive(Clone, Debug)]
+pub struct Rung {
+    /// chi2.
+    pub chi2: f64,
+    /// Rows.
+    pub n: usize,
+    /// Free parameters.
+    pub free: usize,
+    /// Their values.
+    pub parameters: Vec<Fitted>,
+    /// rms of (value − model)/sigma over groups left out in turn; None where nothing can be left out.
+    pub holdout_rms_sigma: Option<f64>,
+    /// When the budget is exceeded with this model; None where the mission's galaxies lose their shapes.
+    pub budget: Option<evaluate::Verdict>,
+}
+
+impl Rung {
+    /// rms of (value − model)/sigma.
+    pub fn rms_sigma(&self) -> f64 {
+        (self.chi2 / self.n as f64).sqrt()
+    }
+}
+
+/// An effect that was added.
+#[derive(Clone, Debug)]
+pub struct Step {
+    /// Its name: the kind, for a user's own with its number.
+    pub effect: String,
+    /// Its parameters with all effects added.
+    pub parameters: Vec<Fitted>,
+    /// Dotted key of its table in the improved mission.
+    pub key: String,
+    /// The model with it and those before it.
+    pub rung: Rung,
+    /// Chance that noise alone looks as good, over everything that was tried.
+    pub false_alarm: f64,
+}
+
+/// An effect that was tried on top of the mission's own model.
+#[derive(Clone, Debug)]
+pub struct Tried {
+    /// Its name.
+    pub effect: String,
+    /// chi2 with it alone; None where it changes nothing that the free parameters do not absorb.
+    pub chi2: Option<f64>,
+}
+
+/// A condition or covariate that residuals lean on.
+#[derive(Clone, Debug, Serialize)]
+pub struct Leaning {
+    /// Its name.
+    pub name: String,
+    /// Chance that noise alone leans as much on anything.
+    pub false_alarm: f64,
+}
+
+/// An effect that would describe what residuals lean on. It says nothing of the cause.
+#[derive(Clone, Debug)]
+pub struct Suggestion {
+    /// `[effects.formula]`, ready for a mission or for `--candidates`.
+    pub toml: String,
+    /// chi2 before, and with it to first order.
+    pub chi2: [f64; 2],
+}
+
+/// A measurement that separates rivals.
+#[derive(Clone, Debug)]
+pub struct Next {
+    /// What to measure.
+    pub observable: Observable,
+    /// Under which conditions, by name; those that the observable uses.
+    pub conditions: Vec<(String, f64)>,
+    /// The galaxy, of a change of shape.
+    pub galaxy: Option<String>,
+    /// The effects that it separates.
+    pub separates: [String; 2],
+    /// How far apart their predictions are, in units of the error of the measurement and of the fits.
+    pub apart_sigma: f64,
+    /// The error assumed, in the observable's unit.
+    pub sigma: f64,
+}
+
+/// A detection limit.
+#[derive(Clone, Debug)]
+pub struct Limit {
+    /// The effect.
+    pub effect: String,
+    /// Its table at the limit; None where no strength would have been seen.
+    pub table: Option<toml::Table>,
+    /// The parameter that measures its strength; empty for an effect that has none.
+    pub parameter: String,
+}
+
+/// Everything that a diagnosis found.
+#[derive(Clone, Debug)]
+pub struct Diagnosis {
+    /// The mission as given.
+    pub mission: Mission,
+    /// The mission with fitted values and added effects.
+    pub improved: Mission,
+    /// Keys that were free from the start, with their values in the improved mission.
+    pub parameters: Vec<Fitted>,
+    /// What came of it.
+    pub verdict: Verdict,
+    /// Why the data cannot carry a verdict, or what is the matter with the model, in a sentence.
+    pub reason: String,
+    /// The mission's own model, fitted.
+    pub baseline: Rung,
+    /// Effects added, best first.
+    pub steps: Vec<Step>,
+    /// Everything that was tried on top of the mission's own model, least chi2 first.
+    pub tried: Vec<Tried>,
+    /// Sets of effects that explain the data as well, the adopted one first.
+    pub alternatives: Vec<Vec<String>>,
+    /// What residuals lean on, the most significant first.
+    pub covariates: Vec<Leaning>,
+    /// A formula that describes what is left, where something is.
+    pub suggestion: Option<Suggestion>,
+    /// The measurement that would tell rivals apart.
+    pub next: Option<Next>,
+    /// What the data would have shown, where nothing is missing.
+    pub limits: Vec<Limit>,
+    /// The column whose groups were left out.
+    pub held_out: Option<String>,
+    /// Noise as the residuals of the final model show it.
+    pub noise: Noise,
+    /// Things seen on the way: numerics, the data.
+    pub notes: Vec<String>,
+    /// Evaluations of the model at all rows that the search made, and after how many it begins no further step.
+    pub evaluations: [u64; 2],
+    /// Steps of the search that were left undone for that.
+    pub undone: Vec<String>,
+    /// The mission as given against the data, after the fit of what is free.
+    pub before: Validation,
+    /// The improved mission against the data.
+    pub after: Validation,
+    /// What the data do not determine of the values of the improved mission.
+    pub advice: Vec<Advice>,
+}
+
+impl Diagnosis {
+    /// The tables of effects that differ from those of the mission as given, by kind.
+    pub fn added_effects(&self) -> toml::Table {
+        let known = &self.mission.effects;
+        let new = self.steps.iter().map(|step| step.key.split('.').nth(1).expect("effects.KIND"));
+        let mut added = toml::Table::new();
+        for kind in new.chain(known.keys().map(String::as_str)) {
+            if self.improved.effects.get(kind) != known.get(kind) {
+                added.insert(kind.into(), self.improved.effects[kind].clone());
+            }
+        }
+        added
+    }
+
+    /// The same as TOML, to six digits.
+    pub fn toml(&self) -> String {
+        fn rounded(value: &mut toml::Value) {
+            match value {
+                toml::Value::Float(number) => *number = format!("{number:.5e}").parse().expect("a number"),
+                toml::Value::Array(members) => members.iter_mut().for_each(rounded),
+                toml::Value::Table(members) => members.iter_mut().for_each(|(_, member)| rounded(member)),
+                _ => {}
+            }
+        }
+        let mut effects = toml::Value::Table(self.added_effects());
+        rounded(&mut effects);
+        let effects = toml::Table::from_iter([("effects".to_string(), effects)]);
+        toml::to_string(&effects).expect("tables of numbers and words")
+    }
+
+    /// The text of the mission's file with what was found.
+    pub fn improved_text(&self, text: &str) -> String {
+        let settings: Vec<(String, toml::Value)> =
+            self.parameters.iter().map(|fitted| (fitted.key.clone(), fitted.value.into())).collect();
+        let own = settings.into_iter().filter(|(key, _)| !key.starts_with("effects.")).collect::<Vec<_>>();
+        let text = crate::mission_file::edit(text, &self.mission, &own);
+        crate::mission_file::with_effects(&text, &self.added_effects(), "found by `ctiplan diagnose`")
+    }
+}

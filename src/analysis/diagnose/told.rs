@@ -1,0 +1,72 @@
+//! What a verdict is made from, and what a search came to.
+
+use std::sync::Arc;
+
+use super::case::{Case, Node};
+use super::options::Options;
+use super::result::{Limit, Next, Verdict};
+use super::search::Search;
+use super::work::Work;
+
+/// What a search came to.
+pub(super) struct Found {
+    pub verdict: Verdict,
+    pub reason: String,
+    /// Models from the base to that at the end.
+    pub ladder: Vec<Arc<Node>>,
+    pub alternatives: Vec<Vec<String>>,
+    pub next: Option<Next>,
+    pub limits: Vec<Limit>,
+}
+
+impl Found {
+    pub fn of(verdict: Verdict, reason: String, ladder: Vec<Arc<Node>>) -> Found {
+        Found { verdict, reason, ladder, alternatives: Vec::new(), next: None, limits: Vec::new() }
+    }
+}
+
+/// How a search ends, or one step of it.
+pub(super) enum Ended {
+    /// A model explains the data.
+    Adopted(Box<Found>),
+    /// A model explains the data, and noise explains what it gains.
+    ByChance,
+    /// None does.
+    Nothing,
+}
+
+/// All that a verdict is made from.
+pub(super) struct Told<'a> {
+    pub search: &'a Search<'a>,
+    pub options: &'a Options,
+    pub base: &'a Arc<Node>,
+    pub groups: Option<&'a [Vec<usize>]>,
+}
+
+impl Told<'_> {
+    pub fn case(&self) -> &Case<'_> {
+        self.search.case
+    }
+
+    pub fn work(&self) -> &Work {
+        &self.case().work
+    }
+
+    pub fn name(&self, hypothesis: usize) -> String {
+        self.search.hypotheses[hypothesis].name.clone()
+    }
+
+    /// A penalty for freedom beside chi2, when models compete.
+    pub fn score(&self, node: &Node) -> f64 {
+        node.chi2() + 2.0 * node.fit.parameters.len() as f64
+    }
+}
+
+/// The effect that one model has more than another.
+pub(super) fn newest(before: &Node, after: &Node) -> usize {
+    let (known, mut set) = (before.set(), after.set());
+    for place in known {
+        set.iter().position(|other| *other == place).map(|index| set.remove(index));
+    }
+    set[0]
+}
