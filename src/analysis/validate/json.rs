@@ -2,7 +2,7 @@
 
 use serde::ser::{Serialize, Serializer};
 
-use super::SetResult;
+use super::result::SetResult;
 use crate::physics::observable::Observable;
 
 #[derive(serde::Serialize)]
