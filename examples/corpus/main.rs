@@ -121,7 +121,7 @@ fn print_case(name: &str, truth: &Value, found: &Diagnosis, seconds: f64) {
         steps.join("; "),
         found.alternatives,
         found.covariates.iter().take(3).map(|leaning| leaning.name.as_str()).collect::<Vec<_>>(),
-        if found.verdict == Verdict::Unfit { &found.reason } else { "" },
+        if found.verdict == Verdict::Unfit { found.reason.to_string() } else { String::new() },
         if of > near { format!("PULL {}", truth["parameters"]) } else { String::new() },
     );
 }

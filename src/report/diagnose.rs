@@ -2,6 +2,7 @@
 
 mod figures;
 mod json;
+mod reason;
 
 use super::fit::value_and_error;
 use super::{Page, Parts, Report, chance, or_dash, table};
@@ -82,7 +83,7 @@ impl Page for Diagnosis {
         let mut out = Parts::default();
         out.title(&self.mission.mission.name, "which effect is missing?");
         out.gap();
-        out.verdict(format!("Verdict: {}. {}.", self.verdict.name(), sentence(&self.reason)), 2);
+        out.verdict(format!("Verdict: {}. {}.", self.verdict.name(), sentence(&self.reason.to_string())), 2);
         self.ladder(&mut out);
         if !self.steps.is_empty() {
             self.added(&mut out);

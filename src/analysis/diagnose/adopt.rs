@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::case::Node;
 use super::chance::Noise;
-use super::result::Verdict;
+use super::result::{Reason, Verdict};
 use super::told::{Ended, Found, Told};
 use super::{holdout, next, rivals};
 use crate::error::InputError;
@@ -65,11 +65,11 @@ impl Told<'_> {
                 return Ok(Ended::Nothing);
             }
         }
-        let names = node.added.iter().map(|added| self.name(added.hypothesis)).collect::<Vec<_>>().join(" and ");
-        let mut found = Found::of(Verdict::Missing, format!("the model lacks {names}"), self.ladder(&node)?);
+        let effects = node.added.iter().map(|added| self.name(added.hypothesis)).collect();
+        let reason = Reason::Lacking { effects, has_rivals: !rivals.is_empty() };
+        let mut found = Found::of(Verdict::Missing, reason, self.ladder(&node)?);
         if !rivals.is_empty() {
             found.verdict = Verdict::Ambiguous;
-            found.reason = format!("the model lacks {names}, or an effect that these data cannot tell from it");
             found.next = next::best(self.search, &node, &rivals[0].node, &rivals, &self.options.can)?;
             for adopted in node.added.iter().map(|added| added.hypothesis) {
                 let others: Vec<String> = rivals

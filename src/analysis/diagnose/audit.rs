@@ -8,8 +8,8 @@ use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Gam
 
 use super::case::{Case, Node};
 use super::holdout;
+use super::result::{Reason, Row};
 use crate::analysis::validate::along_neighbours;
-use crate::mission::keys::plain;
 
 /// Chance below which something is no accident.
 const NO_ACCIDENT: f64 = 1e-5;
@@ -31,16 +31,14 @@ const ONE_IN: usize = 50;
 /// Share of a row's residual that free parameters take, from which on one of them hangs on it.
 const HANGS_ON_IT: f64 = 0.3;
 
-/// Why the data cannot carry a verdict, as a sentence; None where they can.
-pub(super) fn refusal(case: &Case, free: usize) -> Option<String> {
+/// Why the data cannot carry a verdict; None where they can.
+pub(super) fn refusal(case: &Case, free: usize) -> Option<Reason> {
     too_few(case, free).or_else(|| repeated(case)).or_else(|| contradictory(case))
 }
 
-fn too_few(case: &Case, free: usize) -> Option<String> {
+fn too_few(case: &Case, free: usize) -> Option<Reason> {
     let n = case.n();
-    (n < free + 3).then(|| {
-        format!("{n} rows cannot carry {free} free parameters and a question besides: free fewer, or give more data")
-    })
+    (n < free + 3).then_some(Reason::TooFewRows { n, free })
 }
 
 /// Rows of the same observable under the same circumstances, more than one each, as places among all rows.
@@ -70,7 +68,7 @@ fn alike(case: &Case) -> Vec<Vec<usize>> {
 }
 
 /// Rows that are there twice: equal in every digit, more often than rounding makes them.
-fn repeated(case: &Case) -> Option<String> {
+fn repeated(case: &Case) -> Option<Reason> {
     let groups = alike(case);
     let (mut pairs, mut equal, mut step_sigma) = (0u64, Vec::new(), 0.0_f64);
     for members in &groups {
@@ -93,13 +91,7 @@ fn repeated(case: &Case) -> Option<String> {
     };
     (accident < NO_ACCIDENT).then(|| {
         let (a, b) = equal[0];
-        format!(
-            "{} rows repeat another in every digit, such as {} and {}: counted twice, they make noise look like an effect; \
-             give each measurement once",
-            equal.len(),
-            said(case, a),
-            said(case, b)
-        )
+        Reason::Repeated { count: equal.len(), such_as: [named(case, a), named(case, b)] }
     })
 }
 
@@ -112,7 +104,7 @@ fn decimals(value: f64) -> i32 {
 }
 
 /// Rows under the same circumstances that differ by far more than their errors.
-fn contradictory(case: &Case) -> Option<String> {
+fn contradictory(case: &Case) -> Option<Reason> {
     let (mut chi2, mut freedom, mut worst) = (0.0, 0usize, (0.0, 0, 0));
     for members in alike(case) {
         let weight = |row: usize| case.sigmas[row].powi(-2);
@@ -130,27 +122,19 @@ fn contradictory(case: &Case) -> Option<String> {
         }
     }
     let chance = if freedom == 0 { 1.0 } else { ChiSquared::new(freedom as f64).map_or(1.0, |law| law.sf(chi2)) };
-    (chance < NO_ACCIDENT).then(|| {
-        format!(
-            "rows contradict one another: {} and {} were taken under the same conditions and differ by {:.1} of their \
-             errors; one of them is wrong, or a condition that differs has no column",
-            said(case, worst.1),
-            said(case, worst.2),
-            worst.0
-        )
-    })
+    let (apart_sigma, a, b) = worst;
+    (chance < NO_ACCIDENT).then(|| Reason::Contradictory { rows: [named(case, a), named(case, b)], apart_sigma })
 }
 
-/// A row as `line N of file`.
-fn said(case: &Case, row: usize) -> String {
+/// A row by its place among all.
+fn named(case: &Case, row: usize) -> Row {
     let index = case.set_of[row];
     let (set, row) = (&case.data[index], row - case.rows(index).start);
-    let place = set.table.lines.get(row).map_or_else(|| format!("row {}", row + 1), |line| format!("line {line}"));
-    format!("{place} of {}", set.file)
+    Row { file: set.file.clone(), line: set.table.lines.get(row).copied(), row }
 }
 
 /// Errors that are far larger than the scatter.
-pub(super) fn sigma_too_large(case: &Case, node: &Node) -> Option<String> {
+pub(super) fn sigma_too_large(case: &Case, node: &Node) -> Option<Reason> {
     for (index, set) in case.data.iter().enumerate() {
         let rows = case.rows(index);
         if set.rows.len() < FEW {
@@ -166,12 +150,8 @@ pub(super) fn sigma_too_large(case: &Case, node: &Node) -> Option<String> {
         let chance = ChiSquared::new(freedom).map_or(1.0, |law| law.cdf(chi2));
         let all = (chi2 / freedom).sqrt();
         if (between < FAR_TOO_LARGE && smooth < NO_ACCIDENT) || (chance < NO_ACCIDENT && all < 0.75) {
-            return Some(format!(
-                "{}: the quoted sigma is {} times what rows scatter by; with it hardly any effect could be seen, and \
-                 nothing that is found would mean anything: quote the scatter",
-                set.file,
-                plain((10.0 / between.min(all)).round() / 10.0)
-            ));
+            let factor = (10.0 / between.min(all)).round() / 10.0;
+            return Some(Reason::LargeErrors { file: set.file.clone(), factor });
         }
     }
     None
@@ -187,8 +167,8 @@ fn roughness(residuals: &[f64]) -> f64 {
 pub(super) struct Odd {
     /// By how much chi2 falls without them, each counted as a parameter.
     pub fall: f64,
-    /// In a sentence.
-    pub said: String,
+    /// Which, and how far.
+    pub reason: Reason,
 }
 
 /// A few rows, each far from a model that explains all others, or one row where an effect was added to it; None where more is
@@ -210,33 +190,22 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
     };
     let least = (1..=clear.len()).find_map(|count| explained(&clear[..count]).map(|found| (&clear[..count], found)));
     let (rows, (fall, off)) = least?;
-    let each: Vec<String> =
-        rows.iter().zip(off.iter()).map(|(&row, off)| format!("{} ({off:+.1} sigma)", said(case, row))).collect();
-    let with: Vec<&str> = node.added.iter().filter_map(|added| added.key.split('.').nth(1)).collect();
-    let with = if with.is_empty() { String::new() } else { format!(" with {}", with.join(" and ")) };
-    let (lies, it) = if rows.len() == 1 { ("lies", "it") } else { ("lie", "them") };
-    let said = format!(
-        "{} {lies} off the model{with}, which explains all other rows: correct {it}, or leave {it} out",
-        each.join(" and ")
-    );
-    Some(Odd { fall: fall - 2.0 * rows.len() as f64, said })
+    let with = node.added.iter().filter_map(|added| added.key.split('.').nth(1)).map(str::to_string).collect();
+    let each = rows.iter().zip(off.iter()).map(|(&row, off)| (named(case, row), *off)).collect();
+    Some(Odd { fall: fall - 2.0 * rows.len() as f64, reason: Reason::OddRows { rows: each, with } })
 }
 
 /// Errors that are smaller than a scatter which leans on nothing.
-pub(super) fn sigma_too_small(case: &Case, node: &Node) -> String {
-    let (mut said, mut worst) = (String::new(), 0.0);
+pub(super) fn sigma_too_small(case: &Case, node: &Node) -> Reason {
+    let (mut file, mut worst) = (String::new(), 0.0);
     for (index, set) in case.data.iter().enumerate() {
         let rows = case.rows(index);
         let chi2: f64 = rows.clone().map(|row| node.residuals[row].powi(2)).sum();
         let factor = (chi2 / (rows.len() as f64 * node.freedom() / case.n() as f64).max(1.0)).sqrt();
         if factor > worst {
             worst = factor;
-            said = format!(
-                "{}: rows scatter by {factor:.1} times their quoted sigma, and what is left leans on no condition: the errors \
-                 are too small, or something that no column tells disturbs the data",
-                set.file
-            );
+            file = set.file.clone();
         }
     }
-    said
+    Reason::SmallErrors { file, factor: worst }
 }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::case::Node;
 use super::pairs::{self, Pair};
-use super::result::Verdict;
+use super::result::{Reason, Verdict};
 use super::search::{BREADTH, LINES, Sketch};
 use super::told::{Ended, Found, Told};
 use super::{audit, limits, rivals};
@@ -35,7 +35,7 @@ impl Told<'_> {
         (self.search.progress.stage)("every effect", 2 * hypotheses);
         self.search.expand(self.base);
         if self.is_enough(self.base)? {
-            return self.complete("the model explains the data".into());
+            return self.complete(Reason::Explained);
         }
         let mut tried = vec![self.base.clone()];
         let ended = self.lines(&mut tried)?;
@@ -54,22 +54,21 @@ impl Told<'_> {
         }
     }
 
-    fn complete(&self, reason: String) -> Result<Found, InputError> {
+    fn complete(&self, reason: Reason) -> Result<Found, InputError> {
         let mut found = Found::of(Verdict::Complete, reason, vec![self.base.clone()]);
         found.limits = limits::all(self.search, self.base, self.options.level)?;
         Ok(found)
     }
 
     /// That an effect does better than noise mostly does, and is not believed all the same.
-    fn not_borne_out(&self, tried: &[Arc<Node>]) -> String {
+    fn not_borne_out(&self, tried: &[Arc<Node>]) -> Reason {
         let best =
             tried.iter().filter(|node| !node.added.is_empty()).min_by(|a, b| self.score(a).total_cmp(&self.score(b)));
-        let hint = best.map(|best| {
+        let best = best.map(|best| {
             let names: Vec<String> = best.set().into_iter().map(|place| self.name(place)).collect();
-            let fall = self.base.chi2() - best.chi2();
-            format!("; {} would lower chi2 by {fall:.0}, as noise or a few rows can do", names.join(" and "))
+            (names, self.base.chi2() - best.chi2())
         });
-        format!("the model explains the data to within their noise{}", hint.unwrap_or_default())
+        Reason::Noise { best }
     }
 
     /// One effect more at a time on top of the best few models, from the base on, until one is adopted. All models are kept.
@@ -126,7 +125,7 @@ impl Told<'_> {
 
     /// Rows that are wrong, where that asks for less than the effects that were found: a row left out counts as a parameter. The
     /// model with the fewest effects has the word.
-    fn odd_rows(&self, found: Option<&Found>, tried: &[Arc<Node>]) -> Option<String> {
+    fn odd_rows(&self, found: Option<&Found>, tried: &[Arc<Node>]) -> Option<Reason> {
         let adopted = found.and_then(|found| found.ladder.last());
         let simpler = tried.iter().filter(|node| adopted.is_none_or(|adopted| node.added.len() < adopted.added.len()));
         let odd = simpler.filter_map(|node| {
@@ -134,7 +133,7 @@ impl Told<'_> {
         });
         let (_, score, odd) = odd.min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)))?;
         let clear = adopted.is_none_or(|adopted| score + MUCH_SIMPLER < self.score(adopted));
-        clear.then_some(odd.said)
+        clear.then_some(odd.reason)
     }
 
     /// The best models with one effect more, in full.

@@ -5,6 +5,7 @@
 //! where parameters have moved, so that for it a third of that is: derivatives must not feel it.
 
 use super::case::Case;
+use super::result::Note;
 use crate::error::InputError;
 use crate::mission::{Mission, ReadoutMethod};
 use crate::model::Model;
@@ -18,7 +19,7 @@ const COARSE: f64 = 1e-3;
 const COARSE_SHIFT_SIGMA: f64 = 0.01;
 
 /// The mission with the cheapest readout that is fine enough, and what is to be said of its own.
-pub(super) fn accurate(case: &Case, mission: &Mission) -> Result<(Mission, Vec<String>), InputError> {
+pub(super) fn accurate(case: &Case, mission: &Mission) -> Result<(Mission, Vec<Note>), InputError> {
     let with = |(relative, subpixel_grid): (f64, u32)| {
         let mut other = mission.clone();
         other.accuracy.readout = ReadoutMethod::Fast;
@@ -32,9 +33,7 @@ pub(super) fn accurate(case: &Case, mission: &Mission) -> Result<(Mission, Vec<S
     let mut notes = Vec::new();
     let shift = (predicted(mission)? - &fine).amax();
     if shift > SHIFT_SIGMA {
-        notes.push(format!(
-            "the mission's own readout ([accuracy]) is off by up to {shift:.1} sigma from a finer one, which is used here"
-        ));
+        notes.push(Note::CoarseReadout { shift_sigma: shift });
     }
     for accuracy in LADDER {
         let candidate = with(accuracy);

@@ -38,6 +38,93 @@ impl Verdict {
     }
 }
 
+/// Why a diagnosis comes to its verdict; the report has the words.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Reason {
+    /// Complete: the model explains the data.
+    Explained,
+    /// Complete: what is left is noise.
+    Noise {
+        /// The effects that would help most, and by how much chi2 would fall.
+        best: Option<(Vec<String>, f64)>,
+    },
+    /// Missing or ambiguous: effects explain the data.
+    Lacking {
+        /// The effects.
+        effects: Vec<String>,
+        /// Whether the data leave others in their place.
+        has_rivals: bool,
+    },
+    /// Unexplained.
+    Unexplained {
+        /// Steps of the search that were left undone.
+        undone: Vec<String>,
+    },
+    /// Unfit: fewer rows than questions.
+    TooFewRows {
+        /// Rows.
+        n: usize,
+        /// Free parameters.
+        free: usize,
+    },
+    /// Unfit: rows that are there twice.
+    Repeated {
+        /// How many.
+        count: usize,
+        /// The first two.
+        such_as: [Row; 2],
+    },
+    /// Unfit: rows under the same conditions that differ.
+    Contradictory {
+        /// The two that differ most.
+        rows: [Row; 2],
+        /// By how much, in units of their errors.
+        apart_sigma: f64,
+    },
+    /// Unfit: quoted errors that are larger than the scatter.
+    LargeErrors {
+        /// The file.
+        file: String,
+        /// So many times, rounded to a tenth.
+        factor: f64,
+    },
+    /// Unfit: quoted errors that are smaller than a scatter without a trend.
+    SmallErrors {
+        /// The file.
+        file: String,
+        /// So many times.
+        factor: f64,
+    },
+    /// Unfit: rows far from a model that explains all others.
+    OddRows {
+        /// Each with how far off it is, in sigma.
+        rows: Vec<(Row, f64)>,
+        /// Kinds of the effects that the model was given.
+        with: Vec<String>,
+    },
+}
+
+/// A row of a measurement file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// The file as given.
+    pub file: String,
+    /// Its line in there, from 1; None for a table that was not read from a file.
+    pub line: Option<usize>,
+    /// Its number among the rows, from 0.
+    pub row: usize,
+}
+
+/// Something seen on the way; the report has the words.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Note {
+    /// The mission's own readout is too coarse, and a finer one is used.
+    CoarseReadout {
+        /// How far it is off at most, in sigma.
+        shift_sigma: f64,
+    },
+}
+
 /// One rung of the ladder: a model fitted to all rows.
 #[derive(Clone, Debug)]
 pub struct Rung {
@@ -143,8 +230,8 @@ pub struct Diagnosis {
     pub parameters: Vec<Fitted>,
     /// What came of it.
     pub verdict: Verdict,
-    /// Why the data cannot carry a verdict, or what is the matter with the model, in a sentence.
-    pub reason: String,
+    /// Why the data cannot carry a verdict, or what is the matter with the model.
+    pub reason: Reason,
     /// The mission's own model, fitted.
     pub baseline: Rung,
     /// Effects added, best first.
@@ -165,8 +252,8 @@ pub struct Diagnosis {
     pub held_out: Option<String>,
     /// Noise as the residuals of the final model show it.
     pub noise: Noise,
-    /// Things seen on the way: numerics, the data.
-    pub notes: Vec<String>,
+    /// Things seen on the way.
+    pub notes: Vec<Note>,
     /// Evaluations of the model at all rows that the search made, and after how many it begins no further step.
     pub evaluations: [u64; 2],
     /// Steps of the search that were left undone for that.

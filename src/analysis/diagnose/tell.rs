@@ -2,7 +2,7 @@
 
 use super::case::{Added, Node};
 use super::chance::Noise;
-use super::result::{Diagnosis, Leaning, Rung, Step, Tried, Verdict};
+use super::result::{Diagnosis, Leaning, Note, Rung, Step, Tried, Verdict};
 use super::told::{Found, Told, newest};
 use super::{formula, holdout};
 use crate::analysis::fit::{self, Advice};
@@ -20,7 +20,7 @@ impl Told<'_> {
         mission: &Mission,
         found: Found,
         held_out: Option<String>,
-        notes: Vec<String>,
+        notes: Vec<Note>,
     ) -> Result<Diagnosis, InputError> {
         let Found { verdict, reason, ladder, alternatives, next, limits } = found;
         let node = ladder.last().expect("the base");

@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use super::case::{Case, Node};
 use super::options::Options;
-use super::result::{Limit, Next, Verdict};
+use super::result::{Limit, Next, Reason, Verdict};
 use super::search::Search;
 use super::work::Work;
 
 /// What a search came to.
 pub(super) struct Found {
     pub verdict: Verdict,
-    pub reason: String,
+    pub reason: Reason,
     /// Models from the base to that at the end.
     pub ladder: Vec<Arc<Node>>,
     pub alternatives: Vec<Vec<String>>,
@@ -20,7 +20,7 @@ pub(super) struct Found {
 }
 
 impl Found {
-    pub fn of(verdict: Verdict, reason: String, ladder: Vec<Arc<Node>>) -> Found {
+    pub fn of(verdict: Verdict, reason: Reason, ladder: Vec<Arc<Node>>) -> Found {
         Found { verdict, reason, ladder, alternatives: Vec::new(), next: None, limits: Vec::new() }
     }
 }

@@ -6,7 +6,7 @@ use super::audit;
 use super::calls::LEAN;
 use super::case::Node;
 use super::chance::Noise;
-use super::result::Verdict;
+use super::result::{Reason, Verdict};
 use super::told::{Found, Told, newest};
 use crate::analysis::validate::validate;
 use crate::error::InputError;
@@ -44,14 +44,6 @@ impl Told<'_> {
             ladder.push(next.clone());
         }
         let undone = self.work().undone();
-        let reason = if undone.is_empty() {
-            "no combination of the catalogue's effects brings the data down to their noise".to_string()
-        } else {
-            format!(
-                "none of the effects that were tried brings the data down to their noise; not all were: {} left undone",
-                undone.join(", ")
-            )
-        };
-        Ok(Found::of(Verdict::Unexplained, reason, ladder))
+        Ok(Found::of(Verdict::Unexplained, Reason::Unexplained { undone }, ladder))
     }
 }

@@ -3,7 +3,7 @@
 use serde::ser::{Serialize, Serializer};
 
 use crate::analysis::diagnose::chance::Noise;
-use crate::analysis::diagnose::{Diagnosis, Leaning, Limit, Next, Rung, Step, Verdict};
+use crate::analysis::diagnose::{Diagnosis, Leaning, Limit, Next, Note, Reason, Rung, Step, Verdict};
 use crate::analysis::fit::{Advice, Fitted};
 use crate::effect::CATALOGUE;
 use crate::io::json;
@@ -12,7 +12,7 @@ use crate::io::json;
 struct Document<'a> {
     mission: &'a str,
     verdict: Verdict,
-    reason: &'a str,
+    reason: &'a Reason,
     baseline: &'a Rung,
     steps: &'a [Step],
     alternatives: &'a [Vec<String>],
@@ -24,7 +24,7 @@ struct Document<'a> {
     noise: &'a Noise,
     leaning: Vec<String>,
     formula: Option<&'a str>,
-    notes: &'a [String],
+    notes: &'a [Note],
     work: Work<'a>,
     advice: &'a [Advice],
     /// If the model is complete.

@@ -1,0 +1,107 @@
+//! Why a diagnosis comes to its verdict, and what was seen on the way, in sentences.
+
+use std::fmt;
+
+use serde::ser::{Serialize, Serializer};
+
+use crate::analysis::diagnose::{Note, Reason, Row};
+use crate::mission::keys::plain;
+
+impl fmt::Display for Reason {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Reason::Explained => out.write_str("the model explains the data"),
+            Reason::Noise { best: None } => out.write_str("the model explains the data to within their noise"),
+            Reason::Noise { best: Some((effects, fall)) } => write!(
+                out,
+                "the model explains the data to within their noise; {} would lower chi2 by {fall:.0}, as noise or a few rows \
+                 can do",
+                effects.join(" and ")
+            ),
+            Reason::Lacking { effects, has_rivals: false } => write!(out, "the model lacks {}", effects.join(" and ")),
+            Reason::Lacking { effects, has_rivals: true } => write!(
+                out,
+                "the model lacks {}, or an effect that these data cannot tell from it",
+                effects.join(" and ")
+            ),
+            Reason::Unexplained { undone } if undone.is_empty() => {
+                out.write_str("no combination of the catalogue's effects brings the data down to their noise")
+            }
+            Reason::Unexplained { undone } => write!(
+                out,
+                "none of the effects that were tried brings the data down to their noise; not all were: {} left undone",
+                undone.join(", ")
+            ),
+            Reason::TooFewRows { n, free } => write!(
+                out,
+                "{n} rows cannot carry {free} free parameters and a question besides: free fewer, or give more data"
+            ),
+            Reason::Repeated { count, such_as: [a, b] } => write!(
+                out,
+                "{count} rows repeat another in every digit, such as {a} and {b}: counted twice, they make noise look like an \
+                 effect; give each measurement once"
+            ),
+            Reason::Contradictory { rows: [a, b], apart_sigma } => write!(
+                out,
+                "rows contradict one another: {a} and {b} were taken under the same conditions and differ by \
+                 {apart_sigma:.1} of their errors; one of them is wrong, or a condition that differs has no column"
+            ),
+            Reason::LargeErrors { file, factor } => write!(
+                out,
+                "{file}: the quoted sigma is {} times what rows scatter by; with it hardly any effect could be seen, and \
+                 nothing that is found would mean anything: quote the scatter",
+                plain(*factor)
+            ),
+            Reason::SmallErrors { file, factor } => write!(
+                out,
+                "{file}: rows scatter by {factor:.1} times their quoted sigma, and what is left leans on no condition: the \
+                 errors are too small, or something that no column tells disturbs the data"
+            ),
+            Reason::OddRows { rows, with } => odd_rows(out, rows, with),
+        }
+    }
+}
+
+fn odd_rows(out: &mut fmt::Formatter<'_>, rows: &[(Row, f64)], with: &[String]) -> fmt::Result {
+    let each: Vec<String> = rows.iter().map(|(row, off)| format!("{row} ({off:+.1} sigma)")).collect();
+    let with = if with.is_empty() { String::new() } else { format!(" with {}", with.join(" and ")) };
+    let (lies, it) = if rows.len() == 1 { ("lies", "it") } else { ("lie", "them") };
+    let each = each.join(" and ");
+    write!(out, "{each} {lies} off the model{with}, which explains all other rows: correct {it}, or leave {it} out")
+}
+
+/// `line 17 of trails.ecsv`
+impl fmt::Display for Row {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.line {
+            Some(line) => write!(out, "line {line} of {}", self.file),
+            None => write!(out, "row {} of {}", self.row + 1, self.file),
+        }
+    }
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Note::CoarseReadout { shift_sigma } => write!(
+                out,
+                "the mission's own readout ([accuracy]) is off by up to {shift_sigma:.1} sigma from a finer one, which is used \
+                 here"
+            ),
+        }
+    }
+}
+
+/// As people read it.
+impl Serialize for Reason {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_str(self)
+    }
+}
+
+/// As people read it.
+impl Serialize for Note {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_str(self)
+    }
+}
