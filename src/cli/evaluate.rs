@@ -7,7 +7,7 @@ use super::inputs::OneMission;
 use super::{Failure, Outcome, Output, print_and_suggest, progress};
 use crate::model::noise;
 use crate::plan::evaluate::evaluate;
-use crate::plan::time_series::Course;
+use crate::plan::time_series::TimeSeries;
 use crate::report::EvaluateReport;
 
 #[derive(Debug, Args)]
@@ -48,8 +48,8 @@ impl Evaluate {
             }
         };
         let met = evaluation.verdict.met();
-        let course = self.drawn.wanted().then(|| Course::of(&evaluation.model)).transpose()?;
-        let report = EvaluateReport { evaluation, noisy, course };
+        let time_series = self.drawn.wanted().then(|| TimeSeries::of(&evaluation.model)).transpose()?;
+        let report = EvaluateReport { evaluation, noisy, time_series };
         self.drawn.write(&report, &[mission])?;
         // What the date hangs on is worth knowing where it comes too early.
         let next = (!met).then(|| format!("ctiplan study error-budget {}", self.mission.words()));

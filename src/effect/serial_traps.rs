@@ -26,7 +26,7 @@ impl Kind for SerialTraps {
         holds: "Wells of the serial register are as deep as the pixels'. Charge trailed across columns is lost to a packet \
                 and to its parallel trail. Data know the density times the number of transfers only: a search assumes 1000 \
                 transfers, and a thousandth of the line time for each.",
-        residuals: "packet_charge too small whatever the (parallel) transfers; shapes stretched along x, which makes \
+        residuals: "packet_charge too small for any number of (parallel) transfers; shapes stretched along x, which makes \
                     delta_e1 more positive.",
         keys: &[
             key("pixel_time_ms", "time between two serial transfers", "ms", keys::Kind::Positive(0.0, 1e7), Required),

@@ -20,7 +20,7 @@ pub struct SignalBounce {
 impl Kind for SignalBounce {
     const CARD: Card = Card {
         kind: "signal-bounce",
-        adds: "the amplifier's own trail, the same whatever the transfers",
+        adds: "the amplifier's own trail, the same for any number of transfers",
         physics: "Pixel k behind a packet shows fraction exp(−(k − 1)/length_px) of the packet on top; blocks and images are \
                   sums of packets. The packet's charge is that before transfer.",
         source: "Toyozumi & Ashley 2005 (PASA 22, 257) on the slow response of output stages",

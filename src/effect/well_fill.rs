@@ -20,7 +20,7 @@ impl Kind for WellFill {
         source: "Rhodes et al. 2010, equation 1; Massey et al. 2010 (MNRAS 401, 371), equation 1",
         holds: "All species alike. An incomplete base fakes it: exponents of one's own for each species look decisive where \
                 recapture is left out.",
-        residuals: "Losses and trails that lean on signal_e at every trail_px: too small at one end, too large at the other.",
+        residuals: "Losses and trails with a trend in signal_e at every trail_px: too small at one end, too large at the other.",
         keys: &[key("well_fill_power", "well fill power", "", keys::Kind::Positive(0.0, 5.0), Required)],
     };
 

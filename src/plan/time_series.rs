@@ -7,7 +7,7 @@ use crate::plan::timeline::Timeline;
 
 /// A mission's dose, traps and shapes over time. All lists are as long as that of the times.
 #[derive(Clone, Debug)]
-pub struct Course {
+pub struct TimeSeries {
     /// Decimal calendar years, rising, from launch to the end of the mission.
     pub year: Vec<f64>,
     /// Dose since launch, MeV/g.
@@ -18,12 +18,12 @@ pub struct Course {
     pub delta_e: Vec<Vec<f64>>,
 }
 
-impl Course {
+impl TimeSeries {
     /// Of a mission whose galaxies have shapes.
     ///
     /// # Errors
     /// Where a formula has no value.
-    pub fn of(model: &Model) -> Result<Course, InputError> {
+    pub fn of(model: &Model) -> Result<TimeSeries, InputError> {
         let galaxies = 0..model.mission.galaxies.len();
         let timelines: Vec<Timeline> =
             galaxies.map(|galaxy| Timeline::of_galaxy(model, galaxy, |_| {})).collect::<Result<_, _>>()?;
@@ -34,7 +34,7 @@ impl Course {
             (species.name.clone(), density.collect())
         });
         let launch = decimal_year(model.mission.mission.launch.0);
-        Ok(Course {
+        Ok(TimeSeries {
             year: times.iter().map(|t_yr| launch + t_yr).collect(),
             dose_mev_g: devices.iter().map(Device::dose_mev_g).collect::<Result<_, _>>()?,
             traps_per_px: species.collect(),

@@ -89,13 +89,13 @@ impl Page for Diagnosis {
             self.added(&mut out);
         }
         if !self.alternatives.is_empty() {
-            out.heading("What these data cannot tell apart");
+            out.heading("Effects that these data do not distinguish");
             for set in &self.alternatives {
                 out.words(format!("  {}", set.join(" or ")), 4);
             }
             match &self.next {
                 Some(next) => out.words(self.measure(next), 2),
-                None => out.words("Nothing that could be measured would tell the first two apart.", 2),
+                None => out.words("No measurement that was considered would distinguish the first two.", 2),
             }
         }
         if self.verdict == Verdict::Unexplained {
@@ -110,7 +110,7 @@ impl Page for Diagnosis {
         if self.noise.correlation > 0.0 {
             out.words(
                 format!(
-                    "Note: errors of neighbouring pixels are correlated ({:.2}); chances are simulated with that.",
+                    "Note: errors of neighbouring pixels are correlated ({:.2}); the simulated noise is, too.",
                     self.noise.correlation
                 ),
                 2,
@@ -158,7 +158,7 @@ fn sentence(text: &str) -> String {
 impl Diagnosis {
     fn ladder(&self, out: &mut Parts) {
         out.gap();
-        let header = ["model", "chi2", "free", "rms [sigma]", "held out", "budget exceeded", "false alarm"];
+        let header = ["model", "chi2", "free", "rms [sigma]", "held out", "budget exceeded", "p-value"];
         let mut ladder = table(&header);
         let mut rung = |name: String, rung: &Rung, alarm: String| {
             ladder.add_row(vec![
@@ -181,8 +181,8 @@ impl Diagnosis {
         });
         out.words(
             format!(
-                "  {} rows; what is free is fitted in every line; false alarm: chance that noise alone looks as good, over \
-                 everything that was tried{held_out}",
+                "  {} rows; free parameters are refitted in every row; p-value: probability that noise alone does as well, \
+                 corrected for all effects tried{held_out}",
                 self.baseline.n
             ),
             4,
@@ -217,7 +217,7 @@ impl Diagnosis {
             out.table(values);
         }
         if !self.advice.is_empty() {
-            out.heading("What these data do not determine");
+            out.heading("Not determined by these data");
             for advice in &self.advice {
                 out.words(format!("  - {advice}"), 4);
             }
@@ -229,7 +229,7 @@ impl Diagnosis {
             next.conditions.iter().map(|(name, value)| format!("{name} {}", short(*value))).collect();
         conditions.extend(next.galaxy.iter().map(|galaxy| format!("galaxy {galaxy}")));
         format!(
-            "Measure next: {} at {}. There {} and {} differ by {:.1} errors, with an error of {:.2e}{}.",
+            "Measure next: {} at {}. There {} and {} differ by {:.1} sigma, for an error of {:.2e}{}.",
             next.observable,
             conditions.join(", "),
             next.separates[0],
@@ -244,13 +244,13 @@ impl Diagnosis {
     }
 
     fn left_over(&self, out: &mut Parts) {
-        out.heading("What the residuals still lean on");
+        out.heading("Remaining residual trends");
         if !self.covariates.is_empty() {
-            let mut leaning = table(&["condition", "false alarm"]);
+            let mut trends = table(&["condition", "p-value"]);
             for covariate in &self.covariates {
-                leaning.add_row(vec![covariate.name.clone(), chance(covariate.false_alarm)]);
+                trends.add_row(vec![covariate.name.clone(), chance(covariate.false_alarm)]);
             }
-            out.table(leaning);
+            out.table(trends);
         }
         for word in self.after.words() {
             out.words(word, 2);
@@ -259,8 +259,8 @@ impl Diagnosis {
             out.gap();
             out.words(
                 format!(
-                    "A hypothesis to start from (a description, no cause): with it chi2 falls from {:.1} to {:.1}. Refine it, \
-                     and let it compete: --candidates FILE.toml",
+                    "An empirical formula to start from lowers chi2 from {:.1} to {:.1}. It describes the residuals and names \
+                     no cause. Refine it, and add it to the search: --candidates FILE.toml",
                     suggestion.chi2[0], suggestion.chi2[1]
                 ),
                 2,
@@ -271,11 +271,11 @@ impl Diagnosis {
     }
 
     fn detection_limits(&self, out: &mut Parts) {
-        out.heading("What these data would have shown, with 95 % power");
-        let mut limits = table(&["effect", "from this strength on"]);
+        out.heading("Detection limits, at 95 % power");
+        let mut limits = table(&["effect", "detected from"]);
         for limit in &self.limits {
             let said = match &limit.table {
-                None => "not at all".to_string(),
+                None => "not detectable".to_string(),
                 Some(_) if limit.parameter.is_empty() => "yes".to_string(),
                 Some(table) => {
                     let inner = || table.get("traps")?.as_array()?.first()?.as_table();
@@ -301,8 +301,8 @@ impl Diagnosis {
     }
 
     fn what_was_tried(&self, out: &mut Parts) {
-        out.heading("What was tried alone");
-        let mut tried = table(&["effect", "chi2", "of the fit as given"]);
+        out.heading("Effects tried one at a time");
+        let mut tried = table(&["effect", "chi2", "change of chi2"]);
         for attempt in self.tried.iter().filter(|tried| tried.chi2.is_some()).take(LISTED) {
             let chi2 = attempt.chi2.expect("filtered");
             // Rough fits are good to a few in a thousand.
@@ -317,7 +317,7 @@ impl Diagnosis {
         out.table(tried);
         let rest = self.tried.iter().filter(|tried| tried.chi2.is_some()).count().saturating_sub(LISTED);
         if rest > 0 {
-            out.words(format!("  and {rest} more that do worse"), 4);
+            out.words(format!("  and {rest} more with larger chi2"), 4);
         }
         let worse = |tried: &&Tried| tried.chi2.is_some_and(|chi2| chi2 > self.baseline.chi2 + RULED_OUT);
         let ruled_out: Vec<String> = self
@@ -327,15 +327,15 @@ impl Diagnosis {
             .map(|tried| format!("{} (chi2 {:+.1})", tried.effect, tried.chi2.expect("filtered") - self.baseline.chi2))
             .collect();
         if !ruled_out.is_empty() {
-            out.words(format!("  ruled out, for the data are worse explained with it: {}", ruled_out.join(", ")), 4);
+            out.words(format!("  ruled out, since chi2 rises: {}", ruled_out.join(", ")), 4);
         }
         let absorbed: Vec<&str> =
             self.tried.iter().filter(|tried| tried.chi2.is_none()).map(|tried| tried.effect.as_str()).collect();
         if !absorbed.is_empty() {
             out.words(
                 format!(
-                    "  not to be told here (without effect on these data, absorbed by what is free, or in the mission \
-                     already): {}",
+                    "  not testable with these data (no influence on them, degenerate with the free parameters, or already in \
+                     the mission): {}",
                     absorbed.join(", ")
                 ),
                 4,

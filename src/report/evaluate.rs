@@ -12,7 +12,7 @@ use crate::physics::RateOrigin;
 use crate::physics::shape::ShapeChange;
 use crate::plan::evaluate::json::NamedChange;
 use crate::plan::evaluate::{Evaluation, Year};
-use crate::plan::time_series::Course;
+use crate::plan::time_series::TimeSeries;
 use crate::report::plot::Figure;
 
 /// An evaluation, with the noisy realisations of each galaxy at the end of the mission where they were asked for.
@@ -22,7 +22,7 @@ pub struct EvaluateReport {
     /// In the mission's order; empty where none were asked for; None where fewer than two could be measured.
     pub noisy: Vec<Option<NoisyChange>>,
     /// What happens between the years, for figures; there are none without it.
-    pub course: Option<Course>,
+    pub time_series: Option<TimeSeries>,
 }
 
 /// The document of an evaluation, and below it the realisations.
@@ -126,17 +126,9 @@ impl Page for EvaluateReport {
         );
         out.gap();
 
-        let mut dose_table = table(&["year", "date", "active", "dose", "traps"]);
-        dose_table.set_header(vec![
-            "t [yr]",
-            "date",
-            "active [yr]",
-            "dose [MeV/g]",
-            "traps [1/px]",
-            "by species [1/px]",
-        ]);
+        let mut doses = table(&["t [yr]", "date", "active [yr]", "dose [MeV/g]", "traps [1/px]"]);
         for year in years {
-            dose_table.add_row(vec![
+            doses.add_row(vec![
                 format!("{}", year.t_yr),
                 date(year),
                 match dose.averages_the_cycle() {
@@ -145,10 +137,15 @@ impl Page for EvaluateReport {
                 },
                 format!("{:.3e}", year.dose_mev_g),
                 format!("{:.4}", year.traps.iter().map(|species| species.density_per_px).sum::<f64>()),
-                species(year),
             ]);
         }
-        out.table(dose_table);
+        out.table(doses);
+        if years.iter().any(|year| year.traps.len() > 1) {
+            out.heading("Trap densities by species [1/px]");
+            for densities in densities(years) {
+                out.table(densities);
+            }
+        }
 
         out.heading("Change of ellipticity, delta e1");
         for changes in changes(years, mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect()) {
@@ -274,41 +271,30 @@ fn date(year: &Year) -> String {
     or_dash(year.date.map(|date| date.to_string()))
 }
 
-/// Densities in the order of the mission, few enough to fit.
-fn species(year: &Year) -> String {
-    let shown = 3;
-    let mut text: Vec<String> = year
-        .traps
-        .iter()
-        .take(shown)
-        .map(|species| format!("{} {:.4}", species.name, species.density_per_px))
-        .collect();
-    if year.traps.len() > shown {
-        text.push(format!("{} more", year.traps.len() - shown));
-    }
-    text.join(", ")
+/// Tables of a column for each member, as many side by side as fit; `cell` is the text of a member in a year.
+fn by_member(years: &[Year], names: &[&str], cell: impl Fn(&Year, usize) -> String) -> Vec<Table> {
+    let side_by_side = 5;
+    let block = |(block, names): (usize, &[&str])| {
+        let mut block_table = table(&[&["t [yr]"], names].concat());
+        for year in years {
+            let members = block * side_by_side..block * side_by_side + names.len();
+            let cells = members.map(|member| cell(year, member));
+            block_table.add_row([format!("{}", year.t_yr)].into_iter().chain(cells));
+        }
+        block_table
+    };
+    names.chunks(side_by_side).enumerate().map(block).collect()
 }
 
-/// Years against galaxies, as many side by side as fit.
+/// Densities year by year, a column for each species.
+fn densities(years: &[Year]) -> Vec<Table> {
+    let names: Vec<&str> = years[0].traps.iter().map(|species| species.name.as_str()).collect();
+    by_member(years, &names, |year, species| format!("{:.4}", year.traps[species].density_per_px))
+}
+
+/// Changes of ellipticity year by year, a column for each galaxy.
 fn changes(years: &[Year], names: Vec<&str>) -> Vec<Table> {
-    let side_by_side = 5;
-    let mut out = Vec::new();
-    for (block, names) in names.chunks(side_by_side).enumerate() {
-        let mut header = vec!["t [yr]"];
-        header.extend(names);
-        let mut galaxy_table = table(&header);
-        for year in years {
-            let mut row = vec![format!("{}", year.t_yr)];
-            row.extend(
-                year.galaxies
-                    .iter()
-                    .skip(block * side_by_side)
-                    .take(names.len())
-                    .map(|change| change.map_or("lost".into(), |change| format!("{:+.3e}", change.delta_e1))),
-            );
-            galaxy_table.add_row(row);
-        }
-        out.push(galaxy_table);
-    }
-    out
+    by_member(years, &names, |year, galaxy| {
+        year.galaxies[galaxy].map_or("lost".into(), |change| format!("{:+.3e}", change.delta_e1))
+    })
 }

@@ -90,8 +90,8 @@ impl Report for FitReport {
         ));
         if fit.excess() > 3.0 {
             out.push_str(&wrapped(
-                "The model does not explain the data within their errors: the errors above are then too small, and \
-                 parameters may stand in for an effect that is missing. `ctiplan validate` shows where.",
+                "The model does not explain the data within their errors. The errors above are then too small, and parameters \
+                 may stand in for a missing effect. `ctiplan validate` shows where.",
                 2,
             ));
         }
@@ -118,7 +118,7 @@ impl Report for FitReport {
             out.push_str(&held_out(holdout, fit));
         }
         if !fit.advice.is_empty() {
-            out.push_str("\nWhat these data do not determine\n");
+            out.push_str("\nNot determined by these data\n");
             for advice in &fit.advice {
                 out.push_str(&wrapped(&format!("  - {advice}"), 4));
             }
@@ -204,7 +204,7 @@ fn held_out(holdout: &Holdout, fit: &Fit) -> String {
     let rms = |rms: Option<f64>| rms.map_or("-".into(), |rms| format!("{rms:.2}"));
     out.push_str(&wrapped(
         &format!(
-            "  rms {:.2} sigma ({} interpolated, {} extrapolated), against {:.2} of all rows when all are fitted",
+            "  rms {:.2} sigma ({} interpolated, {} extrapolated); {:.2} sigma if all rows are fitted",
             holdout.rms_sigma,
             rms(holdout.interpolated_rms_sigma),
             rms(holdout.extrapolated_rms_sigma),

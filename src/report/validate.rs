@@ -102,15 +102,14 @@ impl Page for Validation {
         out.table(sets);
         out.words(
             format!(
-                "  rms of residuals {:.2} sigma; bias (mean residual, error 1/sqrt(rows)) and scatter from row to row in sigma",
+                "  rms of residuals {:.2} sigma; bias: mean residual (error 1/sqrt(rows)); scatter: from row to row; both in sigma",
                 self.rms_sigma()
             ),
             4,
         );
         if !self.leans.is_empty() {
-            out.heading("What the residuals lean on");
-            let mut leans =
-                table(&["data", "condition", "first to last bin [sigma]", "bin means [sigma]", "false alarm"]);
+            out.heading("Residual trends");
+            let mut leans = table(&["data", "condition", "first to last bin [sigma]", "bin means [sigma]", "p-value"]);
             for lean in &self.leans {
                 let extremes = lean.bins.iter().map(|bin| bin.mean_sigma);
                 let low = extremes.clone().fold(f64::INFINITY, f64::min);
@@ -126,14 +125,15 @@ impl Page for Validation {
             out.table(leans);
             out.words(
                 format!(
-                    "  false alarm: chance that noise alone leans as much on any of the {} looked at",
-                    self.leans.len()
+                    "  p-value: probability that noise alone gives as strong a trend, corrected for {} {} tested",
+                    self.leans.len(),
+                    if self.leans.len() == 1 { "condition" } else { "conditions" }
                 ),
                 4,
             );
         }
-        out.heading("Farthest off");
-        let mut worst = table(&["data", "line", "value", "model", "off by [sigma]"]);
+        out.heading("Largest residuals");
+        let mut worst = table(&["data", "line", "value", "model", "residual [sigma]"]);
         for (set, row, residual) in self.worst(WORST) {
             let result = &self.sets[set];
             worst.add_row(vec![

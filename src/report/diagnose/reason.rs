@@ -14,32 +14,32 @@ impl fmt::Display for Reason {
             Reason::Noise { best: None } => out.write_str("the model explains the data to within their noise"),
             Reason::Noise { best: Some((effects, fall)) } => write!(
                 out,
-                "the model explains the data to within their noise; {} would lower chi2 by {fall:.0}, as noise or a few rows \
-                 can do",
+                "the model explains the data to within their noise. {} would lower chi2 by {fall:.0}, which noise or a few rows \
+                 can do as well",
                 effects.join(" and ")
             ),
             Reason::Lacking { effects, has_rivals: false } => write!(out, "the model lacks {}", effects.join(" and ")),
             Reason::Lacking { effects, has_rivals: true } => write!(
                 out,
-                "the model lacks {}, or an effect that these data cannot tell from it",
+                "the model lacks {}, or an effect that these data do not distinguish from it",
                 effects.join(" and ")
             ),
             Reason::Unexplained { undone } if undone.is_empty() => {
-                out.write_str("no combination of the catalogue's effects brings the data down to their noise")
+                out.write_str("no combination of the catalogue's effects explains the data to within their noise")
             }
             Reason::Unexplained { undone } => write!(
                 out,
-                "none of the effects that were tried brings the data down to their noise; not all were: {} left undone",
+                "none of the effects tried explains the data to within their noise, and the search is incomplete: {} left undone",
                 undone.join(", ")
             ),
             Reason::TooFewRows { n, free } => write!(
                 out,
-                "{n} rows cannot carry {free} free parameters and a question besides: free fewer, or give more data"
+                "{n} rows are too few to fit {free} free parameters and to test effects besides: free fewer, or give more data"
             ),
             Reason::Repeated { count, such_as: [a, b] } => write!(
                 out,
-                "{count} rows repeat another in every digit, such as {a} and {b}: counted twice, they make noise look like an \
-                 effect; give each measurement once"
+                "{count} rows repeat another in every digit, such as {a} and {b}: counted twice, noise looks like an effect. \
+                 Give each measurement once"
             ),
             Reason::Contradictory { rows: [a, b], apart_sigma } => write!(
                 out,
@@ -48,14 +48,14 @@ impl fmt::Display for Reason {
             ),
             Reason::LargeErrors { file, factor } => write!(
                 out,
-                "{file}: the quoted sigma is {} times what rows scatter by; with it hardly any effect could be seen, and \
-                 nothing that is found would mean anything: quote the scatter",
+                "{file}: the quoted sigma is {} times the scatter of the rows. With such errors hardly any effect could be \
+                 detected: quote the scatter",
                 plain(*factor)
             ),
             Reason::SmallErrors { file, factor } => write!(
                 out,
-                "{file}: rows scatter by {factor:.1} times their quoted sigma, and what is left leans on no condition: the \
-                 errors are too small, or something that no column tells disturbs the data"
+                "{file}: rows scatter by {factor:.1} times their quoted sigma, and the residuals follow no condition: the \
+                 errors are too small, or something that no column records disturbs the data"
             ),
             Reason::OddRows { rows, with } => odd_rows(out, rows, with),
         }

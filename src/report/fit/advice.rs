@@ -10,19 +10,18 @@ use crate::mission::keys::plain;
 impl fmt::Display for Advice {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Advice::Dead { key } => write!(out, "{key}: dead, the data do not change with it; hold it fixed"),
+            Advice::Dead { key } => write!(out, "{key}: unconstrained, the data are insensitive to it; hold it fixed"),
             Advice::Loose { key, relative } => {
-                write!(out, "{key}: not pinned down, its error is {relative:.1} times its value")
+                write!(out, "{key}: poorly constrained, its error is {relative:.1} times its value")
             }
             Advice::Flat { keys } => write!(
                 out,
-                "{}: a flat direction, they can be changed together and chi2 stays; hold one of them fixed",
+                "{}: degenerate, chi2 is flat along one combination of them; hold one of them fixed",
                 keys.join(", ")
             ),
             Advice::TradedOff { keys, correlation } => write!(
                 out,
-                "{} and {}: traded off against one another (correlation {correlation:+.3}); known together better than each \
-                 for itself",
+                "{} and {}: correlated ({correlation:+.3}); only their combination is constrained",
                 keys[0], keys[1]
             ),
             Advice::AtBound { key, bound } => write!(out, "{key}: at its bound, {}", plain(*bound)),

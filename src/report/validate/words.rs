@@ -18,20 +18,20 @@ impl Validation {
     fn sentence(&self, finding: &Finding) -> String {
         let set = &self.sets[finding.set];
         match finding.claim {
-            Claim::Trend => leaning(set, self.trend(finding.set).expect("what was found")),
+            Claim::Trend => trend_in_words(set, self.trend(finding.set).expect("what was found")),
             Claim::Offset => {
                 let all: Vec<usize> = (0..set.data.rows.len()).collect();
-                format!("{}: {} everywhere alike", set.name(), fault(set, &all))
+                format!("{}: {} in all rows", set.name(), fault(set, &all))
             }
             Claim::SmallErrors => format!(
-                "{}: residuals scatter by {:.1} sigma from row to row; the quoted errors look too small, and leanings are \
-                 judged by that scatter",
+                "{}: residuals scatter by {:.1} sigma from row to row: the quoted errors look too small. Trends are judged by \
+                 that scatter",
                 set.name(),
                 set.scatter_sigma
             ),
             Claim::LargeErrors => format!(
-                "{}: residuals scatter by only {:.2} sigma (probability of noise alone {}); the quoted errors look too \
-                 large, and may hide what is missing",
+                "{}: residuals scatter by only {:.2} sigma (p-value under noise alone {}): the quoted errors look too large, \
+                 and may hide a missing effect",
                 set.name(),
                 set.rms_sigma(),
                 chance(finding.chance)
@@ -45,12 +45,12 @@ impl Validation {
         let all = format!("chi2 is {:.1} for {} rows", self.chi2, self.n);
         if self.exceeds_noise() {
             return format!(
-                "{all}, {excess:.0} standard deviations more than noise makes: the model does not explain the data"
+                "{all}, {excess:.0} standard deviations above what noise gives: the model does not explain the data"
             );
         }
         if self.falls_short_of_noise() {
             return format!(
-                "{all}, {:.0} standard deviations less than noise makes: the quoted errors are too large",
+                "{all}, {:.0} standard deviations below what noise gives: the quoted errors are too large",
                 -excess
             );
         }
@@ -61,8 +61,8 @@ impl Validation {
             }
         }
         match &claims[..] {
-            [] => format!("{all}: the model is within the noise"),
-            claims => format!("{all}, as much as noise makes, but {}", claims.join(", and ")),
+            [] => format!("{all}: the model agrees with the data within their noise"),
+            claims => format!("{all}, as noise gives, but {}", claims.join(", and ")),
         }
     }
 }
@@ -71,7 +71,7 @@ impl Validation {
 fn ending(claim: Claim) -> &'static str {
     match claim {
         Claim::Trend => "the residuals have a trend",
-        Claim::Offset => "the residuals are off in the mean",
+        Claim::Offset => "the mean residual is not zero",
         Claim::SmallErrors => "some quoted errors look too small",
         Claim::LargeErrors => "some quoted errors look too large",
     }
@@ -96,7 +96,7 @@ fn fault(set: &SetResult, rows: &[usize]) -> &'static str {
     }
 }
 
-fn leaning(set: &SetResult, lean: &Lean) -> String {
+fn trend_in_words(set: &SetResult, lean: &Lean) -> String {
     let clear = |sign: f64| -> Vec<usize> {
         let beyond = |bin: &Bin| sign * bin.mean_sigma > CLEAR * bin.error_sigma;
         (0..lean.bins.len()).filter(|&bin| beyond(&lean.bins[bin])).collect()
@@ -109,13 +109,13 @@ fn leaning(set: &SetResult, lean: &Lean) -> String {
         }
         let rows: Vec<usize> = bins.iter().flat_map(|&bin| lean.bins[bin].rows.clone()).collect();
         let most = bins.iter().map(|&bin| lean.bins[bin].mean_sigma.abs()).fold(0.0, f64::max);
-        parts.push((most, format!("{} {}{}", fault(set, &rows), place(lean, &bins), alike(set, lean, &rows))));
+        parts.push((most, format!("{} {}{}", fault(set, &rows), place(lean, &bins), elsewhere(set, lean, &rows))));
     }
     parts.sort_by(|a, b| b.0.total_cmp(&a.0));
     let said: Vec<String> = parts.into_iter().map(|(_, said)| said).collect();
     if said.is_empty() {
         let way = if lean.slope_sigma > 0.0 { "rise" } else { "fall" };
-        return format!("{}: residuals {way} with {}, no part of it clear by itself", set.name(), lean.name);
+        return format!("{}: residuals {way} with {}, but no bin is significant by itself", set.name(), lean.name);
     }
     format!("{}: {}", set.name(), said.join("; "))
 }
@@ -152,8 +152,8 @@ fn place(lean: &Lean, bins: &[usize]) -> String {
     }
 }
 
-/// Whether that is so at all values of the other conditions: `, whatever the signal_e`.
-fn alike(set: &SetResult, lean: &Lean, rows: &[usize]) -> String {
+/// Whether that is so at all values of the other conditions: `, at all signal_e`.
+fn elsewhere(set: &SetResult, lean: &Lean, rows: &[usize]) -> String {
     let residuals = set.residuals();
     let mut said = String::new();
     for name in set.data.varying.iter().filter(|name| **name != lean.name) {
@@ -172,7 +172,7 @@ fn alike(set: &SetResult, lean: &Lean, rows: &[usize]) -> String {
         let seen: Vec<f64> =
             values.iter().copied().filter(|&value| mean(value).0 * sign > CLEAR * mean(value).1).collect();
         if seen.len() == values.len() {
-            said.push_str(&format!(", whatever the {name}"));
+            said.push_str(&if name == "t_yr" { ", at all epochs".to_string() } else { format!(", at all {name}") });
         } else if !seen.is_empty() && !set.data.is_words(name) {
             let listed: Vec<String> = seen.iter().map(|value| number(*value)).collect();
             if listed.len() <= 3 {
