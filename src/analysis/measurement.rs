@@ -173,7 +173,7 @@ fn observable(table: &Table) -> Result<Observable, InputError> {
             .with_help(help));
     };
     let said = said.text().map_or_else(|| said.to_string(), str::to_string);
-    Observable::ALL.into_iter().find(|observable| observable.name() == said).ok_or_else(|| {
+    Observable::named(&said).ok_or_else(|| {
         let fault = table.fault(
             None,
             Some("meta.observable"),
@@ -290,11 +290,9 @@ impl Reader<'_> {
             return Err(self.table.fault(Some(row), Some("date"), problem).with_help("give one of them"));
         }
         let t_yr = since_launch.or(date);
-        let needs_time = self.observable == Observable::Dose || dose_mev_g.is_none();
-        if needs_time && t_yr.is_none() {
-            return Err(
-                self.missing(if self.observable == Observable::Dose { "t_yr" } else { "t_yr or dose_mev_g" }, row)
-            );
+        let dose_will_do = self.observable.depends_on("dose_mev_g");
+        if t_yr.is_none() && !(dose_will_do && dose_mev_g.is_some()) {
+            return Err(self.missing(if dose_will_do { "t_yr or dose_mev_g" } else { "t_yr" }, row));
         }
         let believed = Conditions::of(self.mission, t_yr.unwrap_or(0.0));
         let whole = |number: f64| number as u32;
@@ -309,7 +307,7 @@ impl Reader<'_> {
             block_px: self.condition(row, "block_px")?.map(whole),
             ..believed
         };
-        for name in self.observable.requires() {
+        for name in self.observable.card().requires {
             if *name != "galaxy" && at.get(name).is_none() {
                 return Err(self.missing(name, row));
             }

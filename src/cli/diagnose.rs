@@ -118,7 +118,7 @@ fn level(text: &str) -> Result<f64, String> {
 
 fn observable(text: &str) -> Result<Observable, String> {
     let names = || Observable::ALL.iter().map(|observable| observable.name());
-    Observable::ALL.into_iter().find(|observable| observable.name() == text.trim()).ok_or_else(|| {
+    Observable::named(text.trim()).ok_or_else(|| {
         format!("no observable is called \"{text}\"; there are: {}", names().collect::<Vec<_>>().join(", "))
     })
 }

@@ -7,7 +7,7 @@ use crate::error::InputError;
 use crate::physics::accuracy::Purpose;
 use crate::physics::conditions::Conditions;
 use crate::physics::damage::SpeciesState;
-use crate::physics::observable::Observable;
+use crate::physics::observable::{Observable, Probe};
 use crate::physics::shape::ShapeChange;
 use crate::readout::{Cloud, Downstream, Method, Readout};
 
@@ -181,14 +181,14 @@ impl Device {
     ///
     /// # Errors
     /// As [`Device::read`].
-    pub fn observed_change(&self, change: ShapeChange) -> Result<ShapeChange, InputError> {
-        Ok(ShapeChange {
-            delta_e1: self.observed(change.delta_e1, Observable::DeltaE1, &self.at)?,
-            delta_y_px: self.observed(change.delta_y_px, Observable::DeltaY, &self.at)?,
-            delta_flux: self.observed(change.delta_flux, Observable::DeltaFlux, &self.at)?,
-            delta_size: self.observed(change.delta_size, Observable::DeltaSize, &self.at)?,
-            ..change
-        })
+    pub fn observed_change(&self, mut change: ShapeChange) -> Result<ShapeChange, InputError> {
+        for observable in Observable::ALL {
+            if let Probe::Galaxy(member) = observable.card().probe {
+                let value = member(&mut change);
+                *value = self.observed(*value, observable, &self.at)?;
+            }
+        }
+        Ok(change)
     }
 
     fn through_serial(&self, readout: &Readout, transfers: u32, image: &Array2<f64>, beside: Beside) -> Array2<f64> {

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use crate::error::InputError;
 use crate::model::{Device, Model};
 use crate::physics::conditions::Conditions;
-use crate::physics::observable::Observable;
+use crate::physics::observable::{Observable, Probe};
 use crate::physics::shape::ShapeChange;
 
 /// What is to be predicted: an observable under conditions, and of which galaxy (by its place in the mission) if it is a
@@ -126,11 +126,11 @@ enum Read {
 }
 
 fn kind(question: &Question) -> Kind {
-    match question.observable {
-        Observable::Dose => Kind::Dose,
-        Observable::Trail | Observable::PacketCharge => Kind::Packet,
-        Observable::Eper => Kind::Block,
-        _ => Kind::Galaxy(question.galaxy.expect("a change of shape is that of a galaxy")),
+    match question.observable.card().probe {
+        Probe::Dose => Kind::Dose,
+        Probe::Packet(_) => Kind::Packet,
+        Probe::Block(_) => Kind::Block,
+        Probe::Galaxy(_) => Kind::Galaxy(question.galaxy.expect("a change of shape is that of a galaxy")),
     }
 }
 
@@ -168,20 +168,11 @@ impl<'a> Reading<'a> {
 
 impl Read {
     fn value(&self, question: &Question) -> f64 {
-        let behind = question.at.trail_px.unwrap_or(0) as usize;
-        match (self, question.observable) {
-            (Read::Dose(dose_mev_g), _) => *dose_mev_g,
-            (Read::Charges(charge_e), Observable::Trail) => {
-                charge_e[behind] / question.at.signal_e.expect("a packet has a charge")
-            }
-            (Read::Charges(charge_e), Observable::PacketCharge) => charge_e[0],
-            (Read::Charges(charge_e), _) => charge_e[behind],
-            (Read::Shape(change), observable) => change.map_or(f64::NAN, |change| match observable {
-                Observable::DeltaE1 => change.delta_e1,
-                Observable::DeltaY => change.delta_y_px,
-                Observable::DeltaFlux => change.delta_flux,
-                _ => change.delta_size,
-            }),
+        match (self, &question.observable.card().probe) {
+            (Read::Dose(dose_mev_g), Probe::Dose) => *dose_mev_g,
+            (Read::Charges(charge_e), Probe::Packet(value) | Probe::Block(value)) => value(charge_e, question.at),
+            (Read::Shape(change), Probe::Galaxy(member)) => change.map_or(f64::NAN, |mut change| *member(&mut change)),
+            _ => unreachable!("a readout is that of its observable"),
         }
     }
 }

@@ -1,74 +1,120 @@
-//! What can be measured.
+//! What can be measured: the catalogue of observables.
+//!
+//! Each stands in one file, with all that the program knows of it: its name and unit in measurement files, the conditions that
+//! it needs, and how it is taken from a readout. To add one: a file beside the others, its `mod` line, its line in
+//! [`observables!`].
+
+mod delta_e1;
+mod delta_flux;
+mod delta_size;
+mod delta_y;
+mod dose;
+mod eper;
+mod packet_charge;
+mod trail;
 
 use std::fmt;
 
 use serde::ser::{Serialize, Serializer};
 
-/// A quantity that measurement files hold and the model predicts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Observable {
-    /// Cumulative dose since launch, MeV/g.
-    Dose,
-    /// Charge in a pixel behind a lone packet, less the trailed background, over the packet's charge before transfer.
-    Trail,
-    /// Charge read in a lone packet's own pixel, less the trailed background, e-.
-    PacketCharge,
-    /// Charge in a pixel behind a flat block, less the background, e-.
-    Eper,
-    /// Change of a galaxy's e1.
-    DeltaE1,
-    /// Change of a galaxy's centroid along y, px.
-    DeltaY,
-    /// Change of a galaxy's weighted flux, as a fraction of it.
-    DeltaFlux,
-    /// Change of a galaxy's size, as a fraction of it.
-    DeltaSize,
+use crate::physics::conditions::Conditions;
+use crate::physics::shape::ShapeChange;
+
+/// All that the program knows of an observable.
+pub struct Card {
+    /// Name in measurement files.
+    pub name: &'static str,
+    /// Unit of its values; empty for pure numbers.
+    pub unit: &'static str,
+    /// Conditions that a row must give; what the mission knows need not be given.
+    pub requires: &'static [&'static str],
+    /// All conditions that it depends on, as they are listed for people.
+    pub conditions: &'static [&'static str],
+    /// What is read out to measure it.
+    pub probe: Probe,
+    /// The smallest 1-sigma error that a measurement of it is expected to have, in its unit.
+    pub least_sigma: f64,
+    /// What is wrong with a model if data show more of it, in absolute value where it has a sign.
+    pub more: &'static str,
+    /// What is wrong with a model if data show less of it.
+    pub less: &'static str,
 }
 
-use Observable::{DeltaE1, DeltaFlux, DeltaSize, DeltaY, Dose, Eper, PacketCharge, Trail};
+/// What is read out to measure an observable, and what of that it is.
+pub enum Probe {
+    /// No readout: the dose behind the traps, MeV/g.
+    Dose,
+    /// A lone packet: of the charges (e-, less the trailed background) in its own pixel and in those behind it.
+    Packet(fn(&[f64], &Conditions) -> f64),
+    /// A flat block: of the charges (e-, less the trailed background) in its last row and in those behind it.
+    Block(fn(&[f64], &Conditions) -> f64),
+    /// A galaxy: of the change of its shape.
+    Galaxy(fn(&mut ShapeChange) -> &mut f64),
+}
+
+/// The charge in the pixel that a row of measurements asks for (e-).
+fn behind(charge_e: &[f64], at: &Conditions) -> f64 {
+    charge_e[at.trail_px.expect("a trail has a pixel") as usize]
+}
+
+/// Makes the list of observables of their cards.
+macro_rules! observables {
+    ($($name:ident: $file:ident,)+) => {
+        /// A quantity that measurement files hold and the model predicts.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum Observable {
+            $(#[doc = concat!("`", stringify!($file), "`.")] $name,)+
+        }
+
+        impl Observable {
+            /// All of them.
+            pub const ALL: [Observable; [$(stringify!($name)),+].len()] = [$(Observable::$name),+];
+
+            /// All that is known of it.
+            pub fn card(self) -> &'static Card {
+                match self {
+                    $(Observable::$name => &$file::CARD,)+
+                }
+            }
+        }
+    };
+}
+
+observables! {
+    Dose: dose,
+    Trail: trail,
+    PacketCharge: packet_charge,
+    Eper: eper,
+    DeltaE1: delta_e1,
+    DeltaY: delta_y,
+    DeltaFlux: delta_flux,
+    DeltaSize: delta_size,
+}
 
 impl Observable {
-    /// All of them.
-    pub const ALL: [Observable; 8] = [Dose, Trail, PacketCharge, Eper, DeltaE1, DeltaY, DeltaFlux, DeltaSize];
-
     /// Name in measurement files.
     pub fn name(self) -> &'static str {
-        match self {
-            Dose => "dose",
-            Trail => "trail",
-            PacketCharge => "packet_charge",
-            Eper => "eper",
-            DeltaE1 => "delta_e1",
-            DeltaY => "delta_y",
-            DeltaFlux => "delta_flux",
-            DeltaSize => "delta_size",
-        }
+        self.card().name
     }
 
     /// Unit of its values; empty for pure numbers.
     pub fn unit(self) -> &'static str {
-        match self {
-            Dose => "MeV/g",
-            PacketCharge | Eper => "e-",
-            DeltaY => "px",
-            Trail | DeltaE1 | DeltaFlux | DeltaSize => "",
-        }
+        self.card().unit
     }
 
-    /// Conditions that must be known for it, besides those that the mission knows.
-    pub fn requires(self) -> &'static [&'static str] {
-        match self {
-            Dose => &["t_yr"],
-            Trail => &["trail_px", "signal_e"],
-            PacketCharge => &["signal_e"],
-            Eper => &["trail_px", "signal_e", "block_px"],
-            DeltaE1 | DeltaY | DeltaFlux | DeltaSize => &["galaxy"],
-        }
+    /// The observable of that name.
+    pub fn named(name: &str) -> Option<Observable> {
+        Observable::ALL.into_iter().find(|observable| observable.name() == name)
+    }
+
+    /// Whether it depends on a condition.
+    pub fn depends_on(self, condition: &str) -> bool {
+        self.card().conditions.contains(&condition)
     }
 
     /// Whether it is a change of a galaxy's shape.
     pub fn is_shape(self) -> bool {
-        matches!(self, DeltaE1 | DeltaY | DeltaFlux | DeltaSize)
+        matches!(self.card().probe, Probe::Galaxy(_))
     }
 }
 
@@ -81,5 +127,25 @@ impl fmt::Display for Observable {
 impl Serialize for Observable {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         to.serialize_str(self.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::physics::conditions::NAMES;
+
+    #[test]
+    fn every_card_has_a_name_of_its_own_and_conditions_that_there_are() {
+        for (index, observable) in Observable::ALL.into_iter().enumerate() {
+            let card = observable.card();
+            assert_eq!(Observable::named(card.name), Some(observable));
+            assert!(Observable::ALL[..index].iter().all(|other| other.name() != card.name), "{observable}");
+            let known = |name: &&&str| NAMES.contains(name) || (observable.is_shape() && **name == "galaxy");
+            assert!(card.requires.iter().chain(card.conditions).all(|name| known(&name)), "{observable}");
+            let given = |name: &&&str| card.conditions.contains(name) || **name == "galaxy";
+            assert!(card.requires.iter().all(|name| given(&name)), "{observable}: what is required matters");
+            assert!(card.least_sigma > 0.0 && card.more != card.less, "{observable}");
+        }
     }
 }

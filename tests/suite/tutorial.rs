@@ -131,7 +131,8 @@ fn quotes_files_as_they_are(document: &str) {
     let text = fs::read_to_string(top.join(document)).unwrap();
     let lines: Vec<&str> = text.lines().collect();
     for block in blocks(&lines) {
-        let Some(path) = lines.get(block.lines.start).and_then(|line| line.strip_prefix("# ")) else { continue };
+        let comment = lines.get(block.lines.start).copied().unwrap_or_default();
+        let Some(path) = comment.strip_prefix("# ").or_else(|| comment.strip_prefix("// ")) else { continue };
         if !top.join(path).is_file() {
             continue;
         }
@@ -172,6 +173,18 @@ fn the_first_steps_show_what_the_program_prints() {
 #[test]
 fn the_page_of_images_shows_what_the_program_prints() {
     shows_what_is_printed("docs/images.md");
+}
+
+#[test]
+fn the_way_to_an_observable_shows_files_as_they_are_and_names_every_member_of_a_card() {
+    quotes_files_as_they_are("docs/adding-an-observable.md");
+    let source = fs::read_to_string(Path::new(TOP).join("src/physics/observable.rs")).unwrap();
+    let card = source.split_once("pub struct Card {").unwrap().1.split_once("\n}\n").unwrap().0;
+    let members = card.lines().filter_map(|line| line.trim().strip_prefix("pub ")?.split_once(':'));
+    let members: Vec<&str> = members.map(|(name, _)| name).collect();
+    let page = fs::read_to_string(Path::new(TOP).join("docs/adding-an-observable.md")).unwrap();
+    let rows = page.lines().filter_map(|line| line.strip_prefix("| `")?.split_once('`'));
+    assert_eq!(rows.map(|(name, _)| name).collect::<Vec<_>>(), members);
 }
 
 /// The table of methods is that of the trait.

@@ -65,7 +65,7 @@ pub(super) fn best(
     let (best, apart_sigma) = best;
     let sigma = sigma(best);
     let (observable, at, galaxy) = &wanted[best];
-    let names = uses(*observable);
+    let names = observable.card().conditions;
     let name = |place: usize| search.hypotheses[place].name.clone();
     Ok((apart_sigma > 0.5).then(|| Next {
         observable: *observable,
@@ -75,38 +75,6 @@ pub(super) fn best(
         apart_sigma,
         sigma,
     }))
-}
-
-/// Conditions that an observable uses.
-fn uses(observable: Observable) -> &'static [&'static str] {
-    match observable {
-        Observable::Dose => &["t_yr"],
-        Observable::Trail => &[
-            "trail_px",
-            "signal_e",
-            "background_e",
-            "transfers",
-            "t_yr",
-            "dose_mev_g",
-            "temperature_k",
-            "line_time_ms",
-        ],
-        Observable::PacketCharge => {
-            &["signal_e", "background_e", "transfers", "t_yr", "dose_mev_g", "temperature_k", "line_time_ms"]
-        }
-        Observable::Eper => &[
-            "trail_px",
-            "signal_e",
-            "background_e",
-            "block_px",
-            "transfers",
-            "t_yr",
-            "dose_mev_g",
-            "temperature_k",
-            "line_time_ms",
-        ],
-        _ => &["transfers", "background_e", "t_yr", "dose_mev_g", "temperature_k", "line_time_ms"],
-    }
 }
 
 /// Pixels behind a packet that are worth measuring.
@@ -120,11 +88,8 @@ fn possible(case: &Case, node: &Node, observable: Observable) -> Vec<(Observable
     let mut here = like.at.clone();
     here.t_yr = case.reach.last_yr().max(here.t_yr);
     here.signal_e = here.signal_e.or(Some(10.0 * here.background_e.max(100.0)));
-    here.block_px = match observable {
-        Observable::Eper => Some(here.block_px.unwrap_or(200).min(here.transfers)),
-        _ => None,
-    };
-    let in_lab = here.dose_mev_g.is_some() && observable != Observable::Dose;
+    here.block_px = observable.depends_on("block_px").then(|| here.block_px.unwrap_or(200).min(here.transfers));
+    let in_lab = here.dose_mev_g.is_some() && observable.depends_on("dose_mev_g");
     let mut around = vec![here.clone()];
     let signal_e = here.signal_e.expect("set above");
     let deepest_e = 0.5 * mission.detector.full_well_e;
@@ -148,18 +113,21 @@ fn possible(case: &Case, node: &Node, observable: Observable) -> Vec<(Observable
             around.push(Conditions { t_yr, dose_mev_g: None, ..here.clone() });
         }
     }
+    let judged = || mission.galaxies.iter().position(|galaxy| galaxy.name == mission.requirement.galaxy);
+    let galaxy = if observable.is_shape() { judged() } else { None };
     let mut all = Vec::new();
     for at in around {
-        match observable {
-            Observable::Dose => all.push((observable, Conditions { dose_mev_g: None, ..at }, None)),
-            Observable::Trail | Observable::Eper => {
-                all.extend(PIXELS.map(|px| (observable, Conditions { trail_px: Some(px), ..at.clone() }, None)));
-            }
-            Observable::PacketCharge => all.push((observable, Conditions { trail_px: None, ..at }, None)),
-            _ => {
-                let galaxy = mission.galaxies.iter().position(|galaxy| galaxy.name == mission.requirement.galaxy);
-                all.push((observable, Conditions { trail_px: None, signal_e: None, ..at }, galaxy));
-            }
+        // What it does not depend on is nothing to be said.
+        let at = Conditions {
+            dose_mev_g: at.dose_mev_g.filter(|_| observable.depends_on("dose_mev_g")),
+            signal_e: at.signal_e.filter(|_| observable.depends_on("signal_e")),
+            trail_px: None,
+            ..at
+        };
+        if observable.depends_on("trail_px") {
+            all.extend(PIXELS.map(|px| (observable, Conditions { trail_px: Some(px), ..at.clone() }, galaxy)));
+        } else {
+            all.push((observable, at, galaxy));
         }
     }
     all
@@ -176,13 +144,7 @@ fn error(case: &Case, observable: Observable, value: f64) -> f64 {
         .map(|(_, sigma)| *sigma)
         .collect();
     sigmas.sort_by(f64::total_cmp);
-    let least = match observable {
-        Observable::Dose => 2e4,
-        Observable::Trail => 3e-4,
-        Observable::PacketCharge | Observable::Eper => 2.0,
-        Observable::DeltaY => 1e-3,
-        _ => 3e-5,
-    };
+    let least = observable.card().least_sigma;
     sigmas.get(sigmas.len() / 2).copied().unwrap_or((0.01 * value.abs()).max(least))
 }
 

@@ -28,14 +28,12 @@ impl Conversion {
 }
 
 impl Unit {
+    const ALL: [Unit; 7] =
+        [Unit::Years, Unit::Dose, Unit::Kelvin, Unit::Milliseconds, Unit::Electrons, Unit::Pixels, Unit::Pure];
+
     /// That of an observable's values.
     pub fn of(observable: Observable) -> Unit {
-        match observable {
-            Observable::Dose => Unit::Dose,
-            Observable::PacketCharge | Observable::Eper => Unit::Electrons,
-            Observable::DeltaY => Unit::Pixels,
-            _ => Unit::Pure,
-        }
+        Unit::ALL.into_iter().find(|unit| unit.name() == observable.unit()).expect("a unit of this crate")
     }
 
     pub fn name(self) -> &'static str {
@@ -127,6 +125,13 @@ impl Unit {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_observable_has_a_unit_that_is_known() {
+        for observable in Observable::ALL {
+            assert_eq!(Unit::of(observable).name(), observable.unit());
+        }
+    }
 
     #[test]
     fn units_are_converted_or_refused() {

@@ -3,7 +3,6 @@
 use crate::analysis::validate::lean::{Bin, Lean};
 use crate::analysis::validate::{Claim, Finding, SetResult, Validation};
 use crate::mission::keys::plain;
-use crate::physics::observable::Observable;
 use crate::report::chance;
 
 /// Errors by which a mean must differ from 0 to be spoken of.
@@ -82,18 +81,9 @@ fn fault(set: &SetResult, rows: &[usize]) -> &'static str {
     let sum = |value: &dyn Fn(usize) -> f64| rows.iter().map(|&row| value(row) / set.data.rows[row].sigma).sum::<f64>();
     let data = sum(&|row| set.data.rows[row].value);
     let excess = data - sum(&|row| set.model[row]);
-    // Of a change with a sign: more or less of it.
-    let weaker = excess * data > 0.0;
-    match set.data.observable {
-        Observable::Dose if excess > 0.0 => "model's dose too small",
-        Observable::Dose => "model's dose too large",
-        Observable::Trail | Observable::Eper if excess > 0.0 => "model's trail too faint",
-        Observable::Trail | Observable::Eper => "model's trail too bright",
-        Observable::PacketCharge if excess > 0.0 => "model loses too much charge",
-        Observable::PacketCharge => "model loses too little charge",
-        _ if weaker => "model's change of shape too small",
-        _ => "model's change of shape too large",
-    }
+    let observable = set.data.observable;
+    let more = if observable.is_shape() { excess * data > 0.0 } else { excess > 0.0 };
+    if more { observable.card().more } else { observable.card().less }
 }
 
 fn trend_in_words(set: &SetResult, lean: &Lean) -> String {

@@ -1,0 +1,14 @@
+//! Change of a galaxy's size, as a fraction of it.
+
+use super::{Card, Probe};
+
+pub(super) const CARD: Card = Card {
+    name: "delta_size",
+    unit: "",
+    requires: &["galaxy"],
+    conditions: &["transfers", "background_e", "t_yr", "dose_mev_g", "temperature_k", "line_time_ms"],
+    probe: Probe::Galaxy(|change| &mut change.delta_size),
+    least_sigma: 3e-5,
+    more: "model's change of shape too small",
+    less: "model's change of shape too large",
+};

@@ -1,0 +1,14 @@
+//! Cumulative dose since launch, as a monitor beside the detector measures it.
+
+use super::{Card, Probe};
+
+pub(super) const CARD: Card = Card {
+    name: "dose",
+    unit: "MeV/g",
+    requires: &["t_yr"],
+    conditions: &["t_yr"],
+    probe: Probe::Dose,
+    least_sigma: 2e4,
+    more: "model's dose too small",
+    less: "model's dose too large",
+};

@@ -1,0 +1,24 @@
+//! Extended pixel edge response: charge in a pixel behind a flat block, less the trailed background.
+
+use super::{Card, Probe, behind};
+
+pub(super) const CARD: Card = Card {
+    name: "eper",
+    unit: "e-",
+    requires: &["trail_px", "signal_e", "block_px"],
+    conditions: &[
+        "trail_px",
+        "signal_e",
+        "background_e",
+        "block_px",
+        "transfers",
+        "t_yr",
+        "dose_mev_g",
+        "temperature_k",
+        "line_time_ms",
+    ],
+    probe: Probe::Block(behind),
+    least_sigma: 2.0,
+    more: "model's trail too faint",
+    less: "model's trail too bright",
+};

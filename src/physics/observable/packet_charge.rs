@@ -1,0 +1,14 @@
+//! Charge read in a lone packet's own pixel, less the trailed background.
+
+use super::{Card, Probe};
+
+pub(super) const CARD: Card = Card {
+    name: "packet_charge",
+    unit: "e-",
+    requires: &["signal_e"],
+    conditions: &["signal_e", "background_e", "transfers", "t_yr", "dose_mev_g", "temperature_k", "line_time_ms"],
+    probe: Probe::Packet(|charge_e, _| charge_e[0]),
+    least_sigma: 2.0,
+    more: "model loses too much charge",
+    less: "model loses too little charge",
+};
