@@ -177,7 +177,7 @@ impl Node {
 
     /// What the free parameters cannot absorb.
     pub fn beyond(&self, vector: &DVector<f64>) -> DVector<f64> {
-        vector - &self.basis * (self.basis.transpose() * vector)
+        vector - &self.basis * self.basis.tr_mul(vector)
     }
 }
 

@@ -6,7 +6,7 @@
 //! `docs/diagnosis.md` for how well that holds). Each effect's largest gain in chi2 is put on the scale of its own chance,
 //! because effects differ in freedom; how often the least chance of all effects is as small is the false alarm.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -93,19 +93,49 @@ pub(super) struct Null {
     chi2: (f64, f64),
 }
 
-impl Null {
-    /// Repeats the search on noise at a fitted model.
-    pub fn simulate(case: &Case, node: &Node, trials: &[Vec<Trial>], noise: &Noise, seed: u64) -> Null {
-        let simulated: Vec<(Vec<f64>, f64)> = (0..SIMULATIONS)
-            .into_par_iter()
+/// Simulations that are searched together: the same numbers by one product of matrices.
+const TOGETHER: u64 = 100;
+
+/// For each simulation of noise at a fitted model the gain of each hypothesis' best trial, and chi2.
+fn searched(case: &Case, node: &Node, trials: &[Vec<Trial>], noise: &Noise, seed: u64) -> Vec<(Vec<f64>, f64)> {
+    let directions: Vec<_> = trials.iter().flatten().flat_map(|trial| trial.basis.column_iter()).collect();
+    // `[(direction, row)]`
+    let directions = DMatrix::from_fn(directions.len(), case.n(), |direction, row| directions[direction][row]);
+    let some = |first: u64| {
+        let samples: Vec<DVector<f64>> = (first..first + TOGETHER)
             .map(|simulation| {
                 let mut random = ChaCha8Rng::seed_from_u64(seed);
                 random.set_stream(simulation);
-                let residuals = node.beyond(&noise.sample(case, &mut random));
-                let best = |trials: &Vec<Trial>| trials.iter().map(|trial| trial.gain(&residuals)).fold(0.0, f64::max);
-                (trials.iter().map(best).collect(), residuals.norm_squared())
+                noise.sample(case, &mut random)
             })
             .collect();
+        let samples = DMatrix::from_columns(&samples);
+        let residuals = &samples - &node.basis * (node.basis.transpose() * &samples);
+        let along = &directions * &residuals;
+        let of_one = |simulation: usize| {
+            let along = along.column(simulation);
+            let (mut along, mut gains) = (along.as_slice(), Vec::with_capacity(trials.len()));
+            for trials in trials {
+                let mut best = 0.0_f64;
+                for trial in trials {
+                    let (here, rest) = along.split_at(trial.dimensions());
+                    best = best.max(trial.gain_along(here));
+                    along = rest;
+                }
+                gains.push(best);
+            }
+            (gains, residuals.column(simulation).norm_squared())
+        };
+        (0..samples.ncols()).map(of_one).collect::<Vec<_>>()
+    };
+    let firsts: Vec<u64> = (0..SIMULATIONS).step_by(TOGETHER as usize).collect();
+    firsts.into_par_iter().flat_map_iter(some).collect()
+}
+
+impl Null {
+    /// Repeats the search on noise at a fitted model.
+    pub fn simulate(case: &Case, node: &Node, trials: &[Vec<Trial>], noise: &Noise, seed: u64) -> Null {
+        let simulated: Vec<(Vec<f64>, f64)> = searched(case, node, trials, noise, seed);
         let mut gains: Vec<Vec<f64>> = Vec::new();
         for hypothesis in 0..trials.len() {
             let mut all: Vec<f64> = simulated.iter().map(|(gains, _)| gains[hypothesis]).collect();

@@ -82,30 +82,30 @@ enum Strength {
 }
 
 impl Trial {
-    /// By how much chi2 of these residuals (free parameters' share already taken out) falls with it, to first order.
-    pub fn gain(&self, residuals: &DVector<f64>) -> f64 {
-        self.fall(residuals).max(0.0)
+    /// By how much chi2 falls with it, to first order, of residuals (free parameters' share already taken out) that reach so far
+    /// along each of its directions.
+    pub fn gain_along(&self, along: &[f64]) -> f64 {
+        self.fall_along(along).max(0.0)
     }
 
     /// The same, below zero where it makes chi2 larger.
-    fn fall(&self, residuals: &DVector<f64>) -> f64 {
-        let along = self.basis.transpose() * residuals;
+    fn fall_along(&self, along: &[f64]) -> f64 {
         match self.strength {
             Strength::Fixed => 2.0 * along[0] * self.moved_sigma - self.moved_sigma.powi(2),
             Strength::Positive => along[0].max(0.0).powi(2),
-            Strength::Any => along.norm_squared(),
+            Strength::Any => along.iter().map(|along| along * along).sum(),
         }
     }
 
-    /// The same where its strength stays in reach: of an effect that the free parameters absorb but for a little, the
-    /// little fits anything if it is only scaled up far enough.
+    /// By how much chi2 of residuals falls with it where its strength stays in reach: of an effect that the free parameters
+    /// absorb but for a little, the little fits anything if it is only scaled up far enough.
     pub fn gain_in_reach(&self, residuals: &DVector<f64>) -> f64 {
         self.change(residuals).max(0.0)
     }
 
     /// The same, below zero where it makes chi2 larger.
     pub fn change(&self, residuals: &DVector<f64>) -> f64 {
-        let gain = self.fall(residuals);
+        let gain = self.fall_along(self.basis.tr_mul(residuals).as_slice());
         match self.strength {
             Strength::Fixed => gain,
             _ => gain - (gain.sqrt() - FARTHEST * self.moved_sigma).max(0.0).powi(2),
@@ -114,7 +114,7 @@ impl Trial {
 
     /// How many times as strong as its table it fits residuals best, to first order.
     pub fn strength(&self, residuals: &DVector<f64>) -> f64 {
-        (self.basis.transpose() * residuals).norm() / self.moved_sigma
+        self.basis.tr_mul(residuals).norm() / self.moved_sigma
     }
 
     /// How many times as strong as its table it is where it moves the predictions so far along each of its directions; below
