@@ -1,5 +1,6 @@
 //! What complete data would have shown: for each effect the strength that they reveal with 95 % power.
 
+use std::convert::Infallible;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -7,17 +8,28 @@ use toml::Table;
 
 use super::case::Node;
 use super::chance::Noise;
-use super::hypothesis::Trial;
+use super::hypothesis::{Hypothesis, Trial};
 use super::result::Limit;
 use super::search::Search;
-use crate::error::InputError;
 use crate::mission_file;
+use crate::effect;
+use crate::error::InputError;
+use crate::numeric::root_finding;
 
 /// Normal quantile of 95 %.
 const POWER: f64 = 1.645;
 
-/// Factor by which a strength is changed at most in the search for its limit.
+/// Factor by which a strength is changed at most in the search for its limit, and by which it grows at most at a time.
 const FARTHEST: f64 = 1e4;
+const GROWTH: f64 = 3.2;
+
+/// Times as far as its signature would have to change in proportion that a strength is moved to come to the other side of its
+/// limit; and how far at least, as a logarithm.
+const BEYOND: f64 = 1.1;
+const LEAST: f64 = 0.05;
+
+/// How exactly a limit is found, as a logarithm.
+const EXACT: f64 = 1e-3;
 
 /// Limits of all effects.
 pub(super) fn all(search: &Search, base: &Arc<Node>, level: f64) -> Result<Vec<Limit>, InputError> {
@@ -25,46 +37,62 @@ pub(super) fn all(search: &Search, base: &Arc<Node>, level: f64) -> Result<Vec<L
     let noise = Noise::left_at(search.case, base);
     let null = search.null(base, &noise);
     let expansion = search.expand(base);
-    let here = search.case.over_sigma(&base.fit.values);
     let limit = |(place, trials): (usize, &Vec<Trial>)| {
-        let hypothesis = &search.hypotheses[place];
         search.progress.step();
-        let none = || Limit { effect: hypothesis.name.clone(), table: None, parameter: String::new() };
-        // Neither the easiest of its trials nor the hardest.
-        let mut order: Vec<&Trial> = trials.iter().collect();
-        order.sort_by(|a, b| a.moved_sigma.total_cmp(&b.moved_sigma));
-        let Some(trial) = order.get(order.len() / 2) else { return none() };
         let needed = null.threshold(place, super::calls::SEARCH * level).sqrt() + POWER;
-        let moved = |table: &Table| -> Option<f64> {
-            let (mission, _) = mission_file::add_effect(base.mission(), hypothesis.kind, table.clone()).ok()?;
+        limit(search, base, &search.hypotheses[place], trials, needed)
+    };
+    Ok(expansion.trials.par_iter().enumerate().map(limit).collect())
+}
+
+/// The limit of one effect: where it moves the predictions by so many sigma.
+fn limit(search: &Search, base: &Node, hypothesis: &Hypothesis, trials: &[Trial], needed_sigma: f64) -> Limit {
+    let none = Limit { effect: hypothesis.name.clone(), table: None, parameter: String::new() };
+    // Neither the easiest of its trials nor the hardest.
+    let mut order: Vec<&Trial> = trials.iter().collect();
+    order.sort_by(|a, b| a.moved_sigma.total_cmp(&b.moved_sigma));
+    let Some(trial) = order.get(order.len() / 2) else { return none };
+    let scaled = |factor: f64| hypothesis.scaled(base.mission(), &trial.table, factor);
+    let Some((_, names)) = scaled(1.0) else {
+        let seen = trial.moved_sigma > 2.0 * needed_sigma;
+        return Limit { table: seen.then(|| trial.table.clone()), ..none };
+    };
+    let here = search.case.over_sigma(&base.fit.values);
+    let at = |log: f64| scaled(log.exp()).map_or_else(|| trial.table.clone(), |(table, _)| table);
+    // Logarithm of what it moves the predictions by over what is needed; of nothing where the model has no value.
+    let excess = |log: f64| -> f64 {
+        let moved_sigma = || -> Option<f64> {
+            let (mission, _) = mission_file::add_effect(base.mission(), hypothesis.kind, at(log)).ok()?;
             let signature = search.case.predict_sigma(&base.model.like(&mission)).ok()? - &here;
             Some(base.beyond(&signature).norm())
         };
-        let Some((_, names)) = hypothesis.scaled(base.mission(), &trial.table, 1.0) else {
-            let seen = trial.moved_sigma > 2.0 * needed;
-            return Limit { table: seen.then(|| trial.table.clone()), ..none() };
-        };
-        // Along the straight line from nothing to the trial, in the logarithm of the place on it.
-        let at = |place: f64| {
-            hypothesis
-                .scaled(base.mission(), &trial.table, place)
-                .map_or_else(|| trial.table.clone(), |(table, _)| table)
-        };
-        let seen = |log: f64| moved(&at(log.exp())).is_some_and(|moved| moved > needed);
-        let mut bounds = [0.0_f64, 0.0];
-        let step = if seen(0.0) { -1.0 } else { 1.0 };
-        while seen(bounds[1]) == (step < 0.0) {
-            bounds = [bounds[1], bounds[1] + step * (10.0_f64).ln() / 2.0];
-            if bounds[1].abs() > FARTHEST.ln() {
-                return none();
-            }
-        }
-        for _ in 0..8 {
-            let middle = 0.5 * (bounds[0] + bounds[1]);
-            if seen(middle) == (step < 0.0) { bounds[0] = middle } else { bounds[1] = middle }
-        }
-        let table = at(bounds[if step < 0.0 { 0 } else { 1 }].exp());
-        Limit { effect: hypothesis.name.clone(), table: Some(table), parameter: names[0].clone() }
+        (moved_sigma().unwrap_or(0.0) / needed_sigma).ln()
     };
-    Ok(expansion.trials.par_iter().enumerate().map(limit).collect())
+    match crossing(excess) {
+        Some(log) => Limit { table: Some(at(log)), parameter: names[0].clone(), ..none },
+        None => none,
+    }
+}
+
+/// Logarithm of the strength at which a function of it, near to itself up to a constant, is 0: first from a strength of 1 to one
+/// on the other side, then in between. None where that is too far away.
+fn crossing(excess: impl Fn(f64) -> f64) -> Option<f64> {
+    let mut here = (0.0, excess(0.0));
+    let is_up = here.1 <= 0.0;
+    let longest = if is_up { GROWTH.ln() } else { FARTHEST.ln() };
+    let mut stride = 0.5 * LEAST;
+    loop {
+        // Twice as far as before, where it hardly changes.
+        stride = (BEYOND * here.1.abs()).clamp(2.0 * stride, f64::INFINITY).min(longest);
+        let place = here.0 + if is_up { stride } else { -stride };
+        if place.abs() > FARTHEST.ln() {
+            return None;
+        }
+        let there = (place, excess(place));
+        if (there.1 > 0.0) == is_up {
+            let found = root_finding::try_between([here, there], EXACT, |log| Ok::<_, Infallible>(excess(log)));
+            return Some(found.unwrap_or_else(|never| match never {}));
+        }
+        here = there;
+    }
 }
