@@ -1,6 +1,6 @@
 //! A detector as it is at one moment: charge in, charge out.
 
-use ndarray::{Array2, Axis};
+use ndarray::{Array2, ArrayView1, Axis};
 
 use super::effects::Effects;
 use crate::error::InputError;
@@ -199,10 +199,34 @@ impl Device {
             return readout.serial(image, downstream);
         }
         let mut read = image.clone();
-        for mut row in read.axis_iter_mut(Axis(0)) {
-            let charge_e = if beside == Beside::Same { row[0] } else { background_e };
-            row[0] = readout.column(&[row[0]], Downstream { rows: rows_before, charge_e })[0];
+        for rows in about_as_bright(image.column(0)) {
+            let some = image.select(Axis(0), &rows);
+            let downstream_e: Vec<f64> = match beside {
+                Beside::Same => some.iter().copied().collect(),
+                _ => vec![background_e; rows.len()],
+            };
+            let clocked = readout.serial_after_each(&some, rows_before, &downstream_e);
+            for (row, charge_e) in rows.into_iter().zip(clocked) {
+                read[[row, 0]] = charge_e;
+            }
         }
         read
     }
+}
+
+/// Ratio of the charges of rows that are read side by side: accuracy is relative to the brightest of them.
+const ABOUT_AS_BRIGHT: f64 = 1.1;
+
+/// Rows of a column (e-) by their charge, those together that are about as bright.
+fn about_as_bright(charge_e: ArrayView1<f64>) -> Vec<Vec<usize>> {
+    let mut order: Vec<usize> = (0..charge_e.len()).collect();
+    order.sort_by(|a, b| charge_e[*a].total_cmp(&charge_e[*b]));
+    let mut together: Vec<Vec<usize>> = Vec::new();
+    for row in order {
+        match together.last_mut() {
+            Some(rows) if charge_e[row] <= ABOUT_AS_BRIGHT * charge_e[rows[0]] => rows.push(row),
+            _ => together.push(vec![row]),
+        }
+    }
+    together
 }

@@ -210,6 +210,15 @@ impl Readout {
         self.along(image, downstream.rows, &vec![downstream.charge_e; image.nrows()], Axis(1))
     }
 
+    /// [`Readout::serial`] where each row has a background of its own downstream: `charge_e[row]` in `columns` columns, as in
+    /// [`Downstream`].
+    ///
+    /// # Panics
+    /// With more than [`MAX_SPECIES`] species, or another number of backgrounds than of rows.
+    pub fn serial_after_each(&self, image: &Array2<f64>, columns: i64, charge_e: &[f64]) -> Array2<f64> {
+        self.along(image, columns, charge_e, Axis(1))
+    }
+
     /// Clocks out one column of packets (e-), packet 0 nearest the register.
     ///
     /// # Panics

@@ -15,9 +15,11 @@ use crate::physics::accuracy::Purpose;
 use crate::physics::conditions::Conditions;
 use crate::physics::shape::ShapeChange;
 
-/// Intervals between Chebyshev's points to start with, and at most.
+/// Intervals between Chebyshev's points to start with.
 const FIRST: usize = 2;
-const LAST: usize = 32;
+
+/// Points of a curve at most: more would be no smooth curve.
+const MOST: usize = 33;
 
 /// Galaxies fewer than this are computed one by one.
 const FEW: usize = 7;
@@ -83,7 +85,8 @@ fn interpolated(
         let ends = [0.0, 1.0].map(|end| members[places.iter().position(|place| *place == end).expect("both ends")]);
         let [low, high] = ends.map(|end| devices[end].fit_for(Purpose::Measurement));
         let change = |place: f64| model.trailed(galaxy, &between(&low, &high, place));
-        if let Some(curve) = Curve::of(change)? {
+        // More points than galaxies are not worth it.
+        if let Some(curve) = Curve::of(change, members.len().min(MOST))? {
             for (&member, &place) in members.iter().zip(&places) {
                 found[member] = Some(curve.at(place));
             }
@@ -145,8 +148,11 @@ struct Curve {
 }
 
 impl Curve {
-    /// None where a shape is lost, or no polynomial is good enough.
-    fn of(change: impl Fn(f64) -> Result<Option<ShapeChange>, InputError> + Sync) -> Result<Option<Curve>, InputError> {
+    /// None where a shape is lost, or no polynomial through so many points at most is good enough.
+    fn of(
+        change: impl Fn(f64) -> Result<Option<ShapeChange>, InputError> + Sync,
+        most: usize,
+    ) -> Result<Option<Curve>, InputError> {
         // The first of several errors, whichever came first.
         let at_all = |places: &[f64]| -> Result<Option<Vec<ShapeChange>>, InputError> {
             let changes: Vec<_> = places.par_iter().map(|&place| change(place)).collect();
@@ -158,7 +164,7 @@ impl Curve {
         let Some(values) = at_all(&places)? else { return Ok(None) };
         let mut curve = Curve { places, values };
         let mut intervals = FIRST;
-        while intervals < LAST {
+        while 2 * intervals < most {
             intervals *= 2;
             // The new points lie between the old ones.
             let between: Vec<f64> = (1..intervals).step_by(2).map(|index| point(index, intervals)).collect();
@@ -220,7 +226,7 @@ mod tests {
     #[test]
     fn a_polynomial_is_the_same_right_beside_its_points() {
         let change = |place: f64| Ok(Some(ShapeChange { delta_e1: 1.0 + place * place, ..ShapeChange::default() }));
-        let curve = Curve::of(change).unwrap().unwrap();
+        let curve = Curve::of(change, MOST).unwrap().unwrap();
         for &known in &curve.places {
             for place in [known.next_down(), known, known.next_up()] {
                 let expected = 1.0 + place * place;
