@@ -12,7 +12,6 @@ use super::hypothesis::{Hypothesis, Trial};
 use super::result::Limit;
 use super::search::Search;
 use crate::mission_file;
-use crate::effect;
 use crate::error::InputError;
 use crate::numeric::root_finding;
 
@@ -28,7 +27,7 @@ const GROWTH: f64 = 3.2;
 const BEYOND: f64 = 1.1;
 const LEAST: f64 = 0.05;
 
-/// How exactly a limit is found, as a logarithm.
+/// How exactly a limit is found, as a logarithm of the strength and of the signature.
 const EXACT: f64 = 1e-3;
 
 /// Limits of all effects.
@@ -66,7 +65,8 @@ fn limit(search: &Search, base: &Node, hypothesis: &Hypothesis, trials: &[Trial]
             let signature = search.case.predict_sigma(&base.model.like(&mission)).ok()? - &here;
             Some(base.beyond(&signature).norm())
         };
-        (moved_sigma().unwrap_or(0.0) / needed_sigma).ln()
+        let excess = (moved_sigma().unwrap_or(0.0) / needed_sigma).ln();
+        if excess.abs() < EXACT { 0.0 } else { excess }
     };
     match crossing(excess) {
         Some(log) => Limit { table: Some(at(log)), parameter: names[0].clone(), ..none },
