@@ -1,8 +1,9 @@
 //! Real numbers of a mission by their dotted keys: other values without going by way of text.
 //!
-//! A fit asks for thousands of missions that differ in a few numbers. [`Mission::with`] makes them here where it can, and goes by
-//! way of the text, with all its checks and messages, where it cannot: for a key that is not there, a value that is refused, or
-//! anything but real numbers. Both ways give the same mission (a test over all keys).
+//! A fit asks for thousands of missions that differ in a few numbers: it finds each key's place once, as a [`Handle`].
+//! [`Mission::with`] goes this way where it can, and by way of the text, with all its checks and messages, where it cannot: for
+//! a key that is not there, a value that is refused, or anything but real numbers. Both ways give the same mission (a test over
+//! all keys).
 
 use toml::Value;
 
@@ -12,22 +13,26 @@ use crate::mission::keys::{self, Key, Kind};
 use crate::mission::{Galaxy, Mission, Species};
 
 impl Mission {
-    /// The mission with other real numbers; None where one of them is not a real number that is there already, stands twice, or is
-    /// not allowed.
-    pub(super) fn with_numbers(&self, settings: &[(String, Value)]) -> Option<Mission> {
+    /// The mission with other real numbers; None where one of them is not there any more, or not allowed.
+    pub(crate) fn with_handles<'a>(&self, numbers: impl Iterator<Item = (&'a Handle, f64)>) -> Option<Mission> {
         let mut mission = self.clone();
-        for (index, (key, value)) in settings.iter().enumerate() {
-            let value = value.as_float().filter(|value| value.is_finite())?;
-            let (number, known) = number(&mut mission, key)?;
-            let is_real = matches!(known.kind, Kind::Number(..) | Kind::Positive(..));
-            if !is_real || known.kind.refuses(value) || settings[..index].iter().any(|(other, _)| other == key) {
-                return None;
-            }
-            *number = value;
+        for (handle, value) in numbers {
+            handle.set(&mut mission, value)?;
         }
         let agrees =
             mission.notch_problem().is_none() && effect::CATALOGUE.iter().all(|entry| entry.check(&mission).is_ok());
         agrees.then_some(mission)
+    }
+
+    /// The same by dotted keys; None also where a key is not that of a real number that is there already, or stands twice.
+    pub(super) fn with_numbers(&self, settings: &[(String, Value)]) -> Option<Mission> {
+        let twice = |index: usize| settings[..index].iter().any(|(other, _)| *other == settings[index].0);
+        if (0..settings.len()).any(twice) {
+            return None;
+        }
+        let number = |(key, value): &(String, Value)| Some((Handle::of(self, key)?, value.as_float()?));
+        let numbers: Vec<(Handle, f64)> = settings.iter().map(number).collect::<Option<_>>()?;
+        self.with_handles(numbers.iter().map(|(handle, value)| (handle, *value)))
     }
 
     /// What is wrong with the notch, where it is not below the full well.
@@ -43,105 +48,149 @@ impl Mission {
     }
 }
 
-/// The number of a dotted key, and what is known of the key.
-fn number<'a>(mission: &'a mut Mission, key: &str) -> Option<(&'a mut f64, &'static Key)> {
-    if let Some(below) = key.strip_prefix("effects.") {
-        return of_effect(&mut mission.effects, below);
-    }
-    if let Some(below) = key.strip_prefix("detector.traps.") {
-        let (species, field) = member(&mut mission.detector.traps, |species| &species.name, below)?;
-        return Some((of_species(species, field)?, lookup::find(&format!("detector.traps[].{field}"))?));
-    }
-    if let Some(below) = key.strip_prefix("galaxies.") {
-        let (galaxy, field) = member(&mut mission.galaxies, |galaxy| &galaxy.name, below)?;
-        return Some((of_galaxy(galaxy, field)?, lookup::find(&format!("galaxies[].{field}"))?));
-    }
-    let (environment, detector) = (&mut mission.environment, &mut mission.detector);
-    let number = match key {
-        "mission.duration_yr" => &mut mission.mission.duration_yr,
-        "environment.active_dose_rate_mev_g_yr" => environment.active_dose_rate_mev_g_yr.as_mut()?,
-        "environment.confidence" => &mut environment.confidence,
-        "environment.cosmic_ray_floor_mev_g_yr" => &mut environment.cosmic_ray_floor_mev_g_yr,
-        "shielding.thickness_mm" => &mut mission.shielding.as_mut()?.thickness_mm,
-        "detector.full_well_e" => &mut detector.full_well_e,
-        "detector.notch_e" => &mut detector.notch_e,
-        "detector.well_fill_power" => &mut detector.well_fill_power,
-        "detector.temperature_k" => &mut detector.temperature_k,
-        "detector.reference_temperature_k" => &mut detector.reference_temperature_k,
-        "detector.reference_dose_mev_g" => &mut detector.reference_dose_mev_g,
-        "readout.line_time_ms" => &mut mission.readout.line_time_ms,
-        "sky.background_e" => &mut mission.sky.background_e,
-        "psf.fwhm_px" => &mut mission.psf.fwhm_px,
-        "psf.moffat_beta" => &mut mission.psf.moffat_beta,
-        "requirement.delta_e" => &mut mission.requirement.delta_e,
-        "requirement.correction_factor" => &mut mission.requirement.correction_factor,
-        "accuracy.relative" => &mut mission.accuracy.relative,
-        _ => return None,
-    };
-    Some((number, lookup::find(key)?))
+/// Where a real number of a mission stands: found once from its dotted key, and the same in every mission that differs from that
+/// one in numbers only.
+#[derive(Clone, Debug)]
+pub struct Handle {
+    place: Place,
+    known: &'static Key,
 }
 
-/// A member of an array by its name, and the rest of the key.
-fn member<'a, 'b, T>(members: &'a mut [T], name: impl Fn(&T) -> &str, key: &'b str) -> Option<(&'a mut T, &'b str)> {
-    members.iter_mut().find_map(|member| {
-        let field = key.strip_prefix(name(member))?.strip_prefix('.')?;
-        Some((member, field))
+#[derive(Clone, Debug)]
+enum Place {
+    Plain(fn(&mut Mission) -> Option<&mut f64>),
+    /// Of a species or a galaxy, by its place among them.
+    Species(usize, fn(&mut Species) -> &mut f64),
+    Galaxy(usize, fn(&mut Galaxy) -> Option<&mut f64>),
+    /// Of an effect's table: its kind, its place where there are several tables, that of one of its species, and the name.
+    Effect {
+        kind: &'static str,
+        table: Option<usize>,
+        species: Option<usize>,
+        name: String,
+    },
+}
+
+impl Handle {
+    /// The handle of a dotted key; None where it is not that of a real number which is there.
+    pub fn of(mission: &Mission, key: &str) -> Option<Handle> {
+        let (place, known) = if let Some(below) = key.strip_prefix("effects.") {
+            of_effect(&mission.effects, below)?
+        } else if let Some(below) = key.strip_prefix("detector.traps.") {
+            let (index, field) = member(&mission.detector.traps, |species| &species.name, below)?;
+            (Place::Species(index, of_species(field)?), lookup::find(&format!("detector.traps[].{field}"))?)
+        } else if let Some(below) = key.strip_prefix("galaxies.") {
+            let (index, field) = member(&mission.galaxies, |galaxy| &galaxy.name, below)?;
+            (Place::Galaxy(index, of_galaxy(field)?), lookup::find(&format!("galaxies[].{field}"))?)
+        } else {
+            (Place::Plain(plain(key)?), lookup::find(key)?)
+        };
+        let is_real = matches!(known.kind, Kind::Number(..) | Kind::Positive(..));
+        is_real.then_some(Handle { place, known })
+    }
+
+    /// Sets the number; None where it is not there, or the value is not allowed.
+    fn set(&self, mission: &mut Mission, value: f64) -> Option<()> {
+        let number = match &self.place {
+            Place::Plain(number) => number(mission)?,
+            Place::Species(index, number) => number(mission.detector.traps.get_mut(*index)?),
+            Place::Galaxy(index, number) => number(mission.galaxies.get_mut(*index)?)?,
+            Place::Effect { kind, table, species, name } => {
+                let mut found = mission.effects.get_mut(*kind)?;
+                if let Some(index) = table {
+                    found = found.get_mut(*index)?;
+                }
+                if let Some(index) = species {
+                    found = found.get_mut("traps")?.get_mut(*index)?;
+                }
+                match found.get_mut(name.as_str())? {
+                    Value::Float(number) => number,
+                    _ => return None,
+                }
+            }
+        };
+        *number = Some(value).filter(|value| value.is_finite() && !self.known.kind.refuses(*value))?;
+        Some(())
+    }
+}
+
+/// The number of a key that is no member of an array.
+fn plain(key: &str) -> Option<fn(&mut Mission) -> Option<&mut f64>> {
+    Some(match key {
+        "mission.duration_yr" => |mission| Some(&mut mission.mission.duration_yr),
+        "environment.active_dose_rate_mev_g_yr" => |mission| mission.environment.active_dose_rate_mev_g_yr.as_mut(),
+        "environment.confidence" => |mission| Some(&mut mission.environment.confidence),
+        "environment.cosmic_ray_floor_mev_g_yr" => |mission| Some(&mut mission.environment.cosmic_ray_floor_mev_g_yr),
+        "shielding.thickness_mm" => |mission| Some(&mut mission.shielding.as_mut()?.thickness_mm),
+        "detector.full_well_e" => |mission| Some(&mut mission.detector.full_well_e),
+        "detector.notch_e" => |mission| Some(&mut mission.detector.notch_e),
+        "detector.well_fill_power" => |mission| Some(&mut mission.detector.well_fill_power),
+        "detector.temperature_k" => |mission| Some(&mut mission.detector.temperature_k),
+        "detector.reference_temperature_k" => |mission| Some(&mut mission.detector.reference_temperature_k),
+        "detector.reference_dose_mev_g" => |mission| Some(&mut mission.detector.reference_dose_mev_g),
+        "readout.line_time_ms" => |mission| Some(&mut mission.readout.line_time_ms),
+        "sky.background_e" => |mission| Some(&mut mission.sky.background_e),
+        "psf.fwhm_px" => |mission| Some(&mut mission.psf.fwhm_px),
+        "psf.moffat_beta" => |mission| Some(&mut mission.psf.moffat_beta),
+        "requirement.delta_e" => |mission| Some(&mut mission.requirement.delta_e),
+        "requirement.correction_factor" => |mission| Some(&mut mission.requirement.correction_factor),
+        "accuracy.relative" => |mission| Some(&mut mission.accuracy.relative),
+        _ => return None,
     })
 }
 
-fn of_species<'a>(species: &'a mut Species, field: &str) -> Option<&'a mut f64> {
-    match field {
-        "density_per_px" => Some(&mut species.density_per_px),
-        "release_ms" => Some(&mut species.release_ms),
-        "energy_ev" => Some(&mut species.energy_ev),
-        _ => None,
-    }
+/// The place of a member of an array by its name, and the rest of the key.
+fn member<'a, T>(members: &[T], name: impl Fn(&T) -> &str, key: &'a str) -> Option<(usize, &'a str)> {
+    let field = |member: &T| key.strip_prefix(name(member))?.strip_prefix('.');
+    members.iter().enumerate().find_map(|(index, member)| Some((index, field(member)?)))
 }
 
-fn of_galaxy<'a>(galaxy: &'a mut Galaxy, field: &str) -> Option<&'a mut f64> {
-    match field {
-        "sersic_index" => Some(&mut galaxy.sersic_index),
-        "half_light_px" => Some(&mut galaxy.half_light_px),
-        "flux_e" => galaxy.flux_e.as_mut(),
-        "snr" => galaxy.snr.as_mut(),
-        "aperture_px" => galaxy.aperture_px.as_mut(),
-        "read_noise_e" => Some(&mut galaxy.read_noise_e),
-        "e1" => Some(&mut galaxy.e1),
-        "weight_px" => Some(&mut galaxy.weight_px),
-        _ => None,
-    }
+fn of_species(field: &str) -> Option<fn(&mut Species) -> &mut f64> {
+    Some(match field {
+        "density_per_px" => |species| &mut species.density_per_px,
+        "release_ms" => |species| &mut species.release_ms,
+        "energy_ev" => |species| &mut species.energy_ev,
+        _ => return None,
+    })
+}
+
+fn of_galaxy(field: &str) -> Option<fn(&mut Galaxy) -> Option<&mut f64>> {
+    Some(match field {
+        "sersic_index" => |galaxy| Some(&mut galaxy.sersic_index),
+        "half_light_px" => |galaxy| Some(&mut galaxy.half_light_px),
+        "flux_e" => |galaxy| galaxy.flux_e.as_mut(),
+        "snr" => |galaxy| galaxy.snr.as_mut(),
+        "aperture_px" => |galaxy| galaxy.aperture_px.as_mut(),
+        "read_noise_e" => |galaxy| Some(&mut galaxy.read_noise_e),
+        "e1" => |galaxy| Some(&mut galaxy.e1),
+        "weight_px" => |galaxy| Some(&mut galaxy.weight_px),
+        _ => return None,
+    })
 }
 
 /// A parameter of an effect: `annealing.time_yr`, `bakeout.2.fraction`, `serial-traps.traps.NAME.density_per_px`.
-fn of_effect<'a>(effects: &'a mut toml::Table, key: &str) -> Option<(&'a mut f64, &'static Key)> {
+fn of_effect(effects: &toml::Table, key: &str) -> Option<(Place, &'static Key)> {
     let (kind, parameter) = key.split_once('.')?;
     let card = &effect::find(kind)?.card;
-    let (table, parameter) = match effects.get_mut(kind)? {
-        Value::Table(table) => (table, parameter),
+    let (found, table, parameter) = match effects.get(kind)? {
+        Value::Table(table) => (table, None, parameter),
         Value::Array(several) => {
             let (number, parameter) = parameter.split_once('.')?;
-            (several.get_mut(number.parse::<usize>().ok()?.checked_sub(1)?)?.as_table_mut()?, parameter)
+            let index = number.parse::<usize>().ok()?.checked_sub(1)?;
+            (several.get(index)?.as_table()?, Some(index), parameter)
         }
         _ => return None,
     };
+    let place =
+        |species: Option<usize>, name: &str| Place::Effect { kind: card.kind, table, species, name: name.into() };
     if let Some(below) = parameter.strip_prefix("traps.") {
-        let species = table.get_mut("traps")?.as_array_mut()?;
-        let name = |species: &Value| species.get("name").and_then(Value::as_str).unwrap_or_default().to_string();
-        let place = species.iter().position(|species| below.starts_with(&format!("{}.", name(species))))?;
-        let field = below.strip_prefix(&name(&species[place]))?.strip_prefix('.')?;
-        return Some((float(species[place].get_mut(field)?)?, card.key(&format!("traps[].{field}"))?));
+        let name = |species: &Value| species.get("name").and_then(Value::as_str).map_or(String::new(), str::to_string);
+        let names: Vec<String> = found.get("traps")?.as_array()?.iter().map(name).collect();
+        let (index, field) = member(&names, String::as_str, below)?;
+        return Some((place(Some(index), field), card.key(&format!("traps[].{field}"))?));
     }
-    if parameter.contains('.') {
-        return None;
-    }
-    Some((float(table.get_mut(parameter)?)?, card.key(parameter)?))
-}
-
-fn float(value: &mut Value) -> Option<&mut f64> {
-    match value {
-        Value::Float(number) => Some(number),
-        _ => None,
-    }
+    let known = card.key(parameter).filter(|_| !parameter.contains('.') && found.contains_key(parameter))?;
+    Some((place(None, parameter), known))
 }
 
 #[cfg(test)]

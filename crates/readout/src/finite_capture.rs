@@ -23,9 +23,9 @@ use std::mem::take;
 use fearless_simd as simd;
 use fearless_simd::dispatch;
 
-use super::simd::{LANES, Row};
-use super::passage::{Block, Lead, Passage, Stage};
 use super::block_path::BlockPath;
+use super::passage::{Block, Lead, Passage, Stage};
+use super::simd::{LANES, Row};
 use super::{Cloud, Downstream, Trap};
 
 /// The traps of one pixel, for `S` species (padded with species of no density).
@@ -72,7 +72,13 @@ struct Watermark<const S: usize> {
 
 impl<const S: usize> Default for Watermarks<S> {
     fn default() -> Self {
-        Watermarks { inside: Vec::new(), above: Vec::new(), filled_inside: [0.0; S], filled_above: [0.0; S], packets: 0 }
+        Watermarks {
+            inside: Vec::new(),
+            above: Vec::new(),
+            filled_inside: [0.0; S],
+            filled_above: [0.0; S],
+            packets: 0,
+        }
     }
 }
 
@@ -93,7 +99,13 @@ const SETTLED_E: f64 = 1e-13;
 
 impl<const S: usize> FiniteCapturePixel<S> {
     /// Follows the background (e-) of the rows downstream of an image of `rows` until one more packet of it changes nothing.
-    pub fn new(traps: &[Trap], cloud: Cloud, downstream: Downstream, rows: usize, merge_e: f64) -> FiniteCapturePixel<S> {
+    pub fn new(
+        traps: &[Trap],
+        cloud: Cloud,
+        downstream: Downstream,
+        rows: usize,
+        merge_e: f64,
+    ) -> FiniteCapturePixel<S> {
         let mut pixel = FiniteCapturePixel {
             cloud,
             density: [0.0; S],
@@ -406,7 +418,8 @@ mod tests {
         let packets: Vec<f64> = (0..300_u32)
             .map(|row| if row < 40 { 1e-6 * f64::from(row) } else { f64::from(row * row * 37 % 1001) })
             .collect();
-        let pixel = FiniteCapturePixel::<2>::new(&traps(), Cloud::new(1e4, 0.0, 0.5), Downstream::NONE, packets.len(), 0.0);
+        let pixel =
+            FiniteCapturePixel::<2>::new(&traps(), Cloud::new(1e4, 0.0, 0.5), Downstream::NONE, packets.len(), 0.0);
         let (mut watermarks, mut followed) = (Watermarks::default(), Vec::new());
         let mut short = 0;
         for charge_e in packets {

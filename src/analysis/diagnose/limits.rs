@@ -4,15 +4,14 @@ use std::convert::Infallible;
 use std::sync::Arc;
 
 use rayon::prelude::*;
-use toml::Table;
 
 use super::case::Node;
 use super::chance::Noise;
 use super::hypothesis::{Hypothesis, Trial};
 use super::result::Limit;
 use super::search::Search;
-use crate::mission_file;
 use crate::error::InputError;
+use crate::mission_file;
 use crate::numeric::root_finding;
 
 /// Normal quantile of 95 %.

@@ -11,7 +11,7 @@
 
 use crate::error::InputError;
 use crate::mission::{Mission, keys};
-use crate::mission_file::lookup;
+use crate::mission_file::{Handle, lookup};
 
 /// A free parameter.
 #[derive(Clone, Debug)]
@@ -28,6 +28,8 @@ pub struct Parameter {
     pub high: f64,
     /// Whether it is the moment of an event, which data know only between two epochs.
     pub is_moment: bool,
+    /// Its place in the mission; None where it can only be set by way of the text.
+    pub(crate) handle: Option<Handle>,
     scale: Scale,
 }
 
@@ -69,7 +71,8 @@ impl Parameter {
             _ => return Err(refusal("only keys with real numbers can be fitted".into())),
         };
         let is_moment = key.starts_with("effects.") && key.ends_with(".t_yr");
-        Ok(Parameter { key: key.to_string(), unit: known.unit, start, low, high, is_moment, scale })
+        let handle = Handle::of(mission, key);
+        Ok(Parameter { key: key.to_string(), unit: known.unit, start, low, high, is_moment, handle, scale })
     }
 
     /// Size of what is an ordinary change.

@@ -81,6 +81,13 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// Where the values make no sense together.
     pub(super) fn mission(&self, at: &[f64]) -> Result<Mission, InputError> {
+        let numbers = self.parameters.iter().zip(at);
+        let numbers: Option<Vec<_>> =
+            numbers.map(|(parameter, value)| Some((parameter.handle.as_ref()?, *value))).collect();
+        if let Some(mission) = numbers.and_then(|numbers| self.base.mission.with_handles(numbers.into_iter())) {
+            return Ok(mission);
+        }
+        // With all its messages.
         let setting = |(parameter, value): (&Parameter, &f64)| (parameter.key.clone(), Value::Float(*value));
         self.base.mission.with(&self.parameters.iter().zip(at).map(setting).collect::<Vec<_>>())
     }
