@@ -3,4 +3,5 @@
 pub mod calendar;
 pub mod expression;
 pub(crate) mod least_squares;
+pub(crate) mod minimum;
 pub(crate) mod root_finding;

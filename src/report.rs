@@ -11,7 +11,7 @@ mod image;
 mod page;
 mod parts;
 pub mod plot;
-mod study;
+pub mod study;
 mod sweep;
 mod validate;
 

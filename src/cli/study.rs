@@ -1,10 +1,23 @@
-//! `ctiplan study`.
+//! `ctiplan study`: the list of all studies, and their arguments, a file each.
+
+mod charge_injection;
+mod clock;
+mod correction;
+mod distance;
+mod error_budget;
+mod launch;
+mod pocket_pumping;
+mod preflash;
+mod shielding;
 
 use clap::{Args, Subcommand};
 
 use super::drawn::Drawn;
 use super::inputs::OneMission;
 use super::{Failure, Outcome, Output, print, searching};
+use crate::error::InputError;
+use crate::plan::scenario::Axis;
+use crate::report::study::Shown;
 use crate::study;
 
 #[derive(Debug, Args)]
@@ -13,20 +26,31 @@ pub(super) struct Study {
     which: Which,
 }
 
-/// A study of a mission, with its own options.
+/// Arguments of a study.
+trait Options: Args {
+    type Study: study::Study<Results: Shown>;
+
+    /// The study that they ask for, of a mission in which these keys were set in the same command.
+    ///
+    /// # Errors
+    /// If a list or range cannot be read, or a file.
+    fn study(&self, keys_set: &[&str]) -> Result<Self::Study, InputError>;
+}
+
+/// A study of a mission, with its own arguments.
 #[derive(Debug, Args)]
-struct Asked<K: Args> {
+struct Asked<O: Args> {
     #[command(flatten)]
     mission: OneMission,
     #[command(flatten)]
-    options: K,
+    options: O,
     #[command(flatten)]
     drawn: Drawn,
     #[command(flatten)]
     output: Output,
 }
 
-/// The list of all studies: what each asks, its name, and its options.
+/// The list of all studies: what each asks, its name, and its arguments.
 macro_rules! studies {
     ($($(#[$what:meta])+ $name:ident($options:ty),)+) => {
         #[derive(Debug, Subcommand)]
@@ -46,36 +70,52 @@ macro_rules! studies {
 
 studies! {
     /// Line time: shape error, photometric loss, read noise, readout time and survey area; the worst clock and the best
-    Clock(study::clock::Clock),
+    Clock(clock::Clock),
     /// Distance to the register: the farthest, the mean over the detector, and what a dither pattern buys
-    Distance(study::distance::Distance),
+    Distance(distance::Distance),
     /// Software correction: what imperfect knowledge of traps and read noise leave, and the factor that is earned
-    Correction(study::correction::Correction),
+    Correction(correction::Correction),
     /// A flash before each exposure: shape error against signal-to-noise ratio
-    Preflash(study::preflash::Preflash),
+    Preflash(preflash::Preflash),
     /// Injected lines of charge: shape error against signal-to-noise ratio and lost rows
-    ChargeInjection(study::charge_injection::ChargeInjection),
+    ChargeInjection(charge_injection::ChargeInjection),
     /// Pocket pumping: which traps it finds at which temperature, and what that adds to the correction
-    PocketPumping(study::pocket_pumping::PocketPumping),
+    PocketPumping(pocket_pumping::PocketPumping),
     /// Launch date over two solar cycles: shape error at the end of life, and when the budget is exceeded
-    Launch(study::launch::Launch),
+    Launch(launch::Launch),
     /// Aluminium against margin, as sphere and slab, at each confidence
-    Shielding(study::shielding::Shielding),
+    Shielding(shielding::Shielding),
     /// Which uncertain input dominates the date on which the budget is exceeded
-    ErrorBudget(study::error_budget::ErrorBudget),
+    ErrorBudget(error_budget::ErrorBudget),
 }
 
-impl<K: study::Kind> Asked<K> {
+impl<O: Options> Asked<O> {
     fn run(&self) -> Result<Outcome, Failure> {
         let mission = self.mission.read()?;
         self.drawn.check()?;
         let bar = searching("study");
-        let options = self.options.clone().with_keys_set(&self.mission.keys_set());
-        let found = options.study(&mission, &|| bar.inc(1));
+        let asked = self.options.study(&self.mission.keys_set())?;
+        let results = study::Study::study(&asked, &mission, &|| bar.inc(1));
         bar.finish_and_clear();
-        let found = found?;
-        self.drawn.write(&found, &[mission])?;
-        print(&found, &self.output)?;
+        let report = results?.shown(&mission);
+        self.drawn.write(&report, &[mission])?;
+        print(&report, &self.output)?;
         Ok(Outcome::Done)
     }
+}
+
+/// Numbers of an argument: a list or a range, as those of a key of the mission.
+fn numbers(key: &str, text: &str) -> Result<Vec<f64>, InputError> {
+    let number = |value: &toml::Value| value.as_float().or(value.as_integer().map(|whole| whole as f64));
+    Ok(Axis::parse(key, text)?.values.iter().filter_map(number).collect())
+}
+
+/// Numbers as a list that [`numbers`] reads.
+fn list(numbers: &[f64]) -> String {
+    numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
+}
+
+/// Reads a number that is allowed; `needed` says which are.
+fn number(text: &str, allowed: impl Fn(f64) -> bool, needed: &str) -> Result<f64, String> {
+    text.trim().parse().ok().filter(|number| allowed(*number)).ok_or_else(|| needed.into())
 }

@@ -1,19 +1,102 @@
-//! `ctiplan study`.
+//! `ctiplan study`: a study's numbers → tables, figures and findings.
+//!
+//! Each study has a file here that says which of its numbers are shown, and how.
 
+mod charge_injection;
+mod clock;
+mod correction;
+mod distance;
+mod error_budget;
+mod estimate;
+mod launch;
+mod pocket_pumping;
+mod preflash;
+mod shielding;
+mod table;
+
+use chrono::NaiveDate;
 use serde::ser::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
-use super::{Page, Parts, Report, or_dash, table};
+use super::{Page, Parts, Report};
 use crate::mission::Mission;
 use crate::mission::keys::plain;
 use crate::plan::sources::{self, Source};
 use crate::report::plot::Figure;
-use crate::study::{Cell, Column, Digits, Study, Table, days, known_date};
+use crate::warning::Warning;
 
-impl Serialize for Study {
+pub use table::{Column, DataTable, Digits};
+
+/// Results of a study that can be shown.
+pub trait Shown {
+    /// Tables, figures and findings, for the mission that was studied.
+    fn shown(&self, mission: &Mission) -> StudyReport;
+}
+
+/// What a study shows.
+#[derive(Clone, Debug)]
+pub struct StudyReport {
+    /// Name of the study, as on the command line.
+    pub name: &'static str,
+    /// Name of the mission.
+    pub mission: String,
+    /// What is studied, in a sentence.
+    pub title: String,
+    /// Tables; the first is the one that makes the CSV.
+    pub tables: Vec<DataTable>,
+    /// Single numbers, by names that end in their unit.
+    pub results: Map<String, Value>,
+    /// What follows from them, in sentences.
+    pub findings: Vec<String>,
+    /// Things seen that are not errors.
+    pub warnings: Vec<Warning>,
+    /// Figures with the names of their files.
+    pub figures: Vec<(String, Figure)>,
+    /// Sources of the models that are the study's own.
+    pub sources: Vec<Source>,
+}
+
+impl StudyReport {
+    /// With nothing to show yet.
+    fn of(name: &'static str, mission: &Mission, title: String, warnings: &[Warning]) -> StudyReport {
+        StudyReport {
+            name,
+            mission: mission.mission.name.clone(),
+            title,
+            tables: Vec::new(),
+            results: Map::new(),
+            findings: Vec::new(),
+            warnings: warnings.to_vec(),
+            figures: Vec::new(),
+            sources: Vec::new(),
+        }
+    }
+
+    /// Adds a number to the results.
+    fn result(&mut self, key: &str, value: impl Into<Value>) {
+        self.results.insert(key.into(), value.into());
+    }
+
+    /// Adds a source of a model.
+    fn cite(&mut self, model: &str, from: &str) {
+        self.sources.push(Source::new(model, from));
+    }
+
+    /// Adds a sentence to the findings.
+    fn find(&mut self, words: impl Into<String>) {
+        self.findings.push(words.into());
+    }
+
+    /// Adds a figure under the study's name.
+    fn draw(&mut self, figure: Figure) {
+        self.figures.push((format!("{}.svg", self.name), figure));
+    }
+}
+
+impl Serialize for StudyReport {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         let tables: Map<String, Value> =
-            self.tables.iter().map(|part| (part.name.to_string(), rows_json(part))).collect();
+            self.tables.iter().map(|table| (table.name.to_string(), table.json())).collect();
         let document = json!({
             "study": self.name,
             "mission": self.mission,
@@ -26,25 +109,17 @@ impl Serialize for Study {
     }
 }
 
-impl Report for Study {
+impl Report for StudyReport {
     fn text(&self) -> String {
         self.parts().text()
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
-        let first = &self.tables[0];
-        let mut records = vec![keys(first).cloned().collect::<Vec<_>>()];
-        let program = |value: Value| match value {
-            Value::Null => String::new(),
-            Value::String(words) => words,
-            number => number.as_f64().map_or(String::new(), |number| number.to_string()),
-        };
-        records.extend(first.rows.iter().map(|row| values(first, row).map(program).collect()));
-        records
+        self.tables[0].csv()
     }
 }
 
-impl Page for Study {
+impl Page for StudyReport {
     fn command(&self) -> String {
         format!("study {}", self.name)
     }
@@ -52,19 +127,12 @@ impl Page for Study {
     fn parts(&self) -> Parts {
         let mut out = Parts::default();
         out.title(&self.mission, &self.title);
-        for part in self.tables.iter().filter(|part| !part.rows.is_empty() && !part.programs_only) {
+        for table in self.tables.iter().filter(|table| !table.rows.is_empty() && !table.programs_only) {
             out.gap();
-            if !part.title.is_empty() {
-                out.words(&part.title, 2);
+            if !table.title.is_empty() {
+                out.words(&table.title, 2);
             }
-            let read = |column: &&Column| !column.head.is_empty();
-            let heads: Vec<&str> = part.columns.iter().filter(read).map(|column| column.head.as_str()).collect();
-            let mut shown = table(&heads);
-            for row in &part.rows {
-                let cells = part.columns.iter().zip(row).filter(|(column, _)| read(column));
-                shown.add_row(cells.map(|(column, cell)| person(cell, column.digits)));
-            }
-            out.table(shown);
+            out.table(table.text());
         }
         out.gap();
         for finding in &self.findings {
@@ -85,43 +153,23 @@ impl Page for Study {
     }
 }
 
-/// Keys of a table: those of its columns, each before that of its errors.
-fn keys(part: &Table) -> impl Iterator<Item = &String> {
-    part.columns.iter().flat_map(|column| [Some(&column.key), column.error_key.as_ref()]).flatten()
+/// A number with four digits, as people write it.
+fn short(number: f64) -> String {
+    plain(format!("{number:.3e}").parse().expect("a number that was printed"))
 }
 
-/// Values of a row, in the order of its keys.
-fn values<'a>(part: &'a Table, row: &'a [Cell]) -> impl Iterator<Item = Value> + 'a {
-    part.columns.iter().zip(row).flat_map(|(column, cell)| {
-        let error = column.error_key.as_ref().map(|_| cell.error().into());
-        [Some(cell.value()), error].into_iter().flatten()
-    })
+/// When the budget is exceeded, in words.
+fn when(date: Option<NaiveDate>) -> String {
+    date.map_or("not within the mission".into(), |date| date.to_string())
 }
 
-fn rows_json(part: &Table) -> Value {
-    let row = |row: &Vec<Cell>| Value::Object(keys(part).cloned().zip(values(part, row)).collect());
-    part.rows.iter().map(row).collect()
-}
-
-/// A value as people read it.
-fn person(cell: &Cell, digits: Digits) -> String {
-    let number = match cell {
-        Cell::Number(number) => Some(*number),
-        Cell::Words(words) => return words.clone(),
-        Cell::Estimate(estimate) if matches!(digits, Digits::Scientific(_)) => return estimate.scientific(),
-        Cell::Estimate(estimate) => return estimate.to_string(),
-        Cell::Date(date, error_d) => {
-            let error = error_d.map_or("+- ?".into(), days);
-            return format!("{}\n{error}", known_date(*date, *error_d));
-        }
-        Cell::None => None,
-    };
-    or_dash(number.map(|number| match digits {
-        Digits::Fixed(decimals) => format!("{number:.decimals$}"),
-        Digits::Scientific(decimals) => format!("{number:.decimals$e}"),
-        Digits::Significant(digits) => {
-            let decimals = digits.saturating_sub(1);
-            plain(format!("{number:.decimals$e}").parse().expect("a number that was printed"))
-        }
-    }))
+/// What S/N and area leave out because it is not in the mission, in sentences.
+fn left_out(mission: &Mission) -> impl Iterator<Item = String> {
+    let noise = mission.readout.noise.is_none().then(|| {
+        let read_noise_e = short(mission.judged_galaxy().read_noise_e);
+        format!("[readout.noise] is not in the mission: S/N is with the galaxy's read noise, {read_noise_e} e-.")
+    });
+    let survey =
+        mission.survey.is_none().then(|| "[survey] is not in the mission: area counts exposure time alone.".into());
+    noise.into_iter().chain(survey)
 }

@@ -3,13 +3,9 @@
 //! Errors are those of the bootstrap: the draws are drawn from again, with replacement, and the number is made anew of each
 //! such sample (Efron 1979, Ann. Statist. 7, 1).
 
-use std::fmt;
-
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-
-use super::short;
 
 /// Samples of the bootstrap: an error is known to a tenth of itself.
 const SAMPLES: u64 = 200;
@@ -68,62 +64,11 @@ impl Estimate {
         let value = dividend / self.value;
         Estimate { value, error: (value / self.value).abs() * self.error }
     }
-
-    /// The power of ten of the last digit that the error leaves: its first one, or the one behind a leading 1.
-    fn last_digit(&self) -> i32 {
-        self.error.log10().floor() as i32 - i32::from(self.leads_with_1())
-    }
-
-    fn leads_with_1(&self) -> bool {
-        self.error / 10_f64.powf(self.error.log10().floor()) < 2.0
-    }
-
-    /// The same in scientific notation.
-    pub fn scientific(&self) -> String {
-        if !(self.error > 0.0 && self.error.is_finite()) {
-            return format!("{:.2e}", self.value);
-        }
-        let exponent = self.value.abs().max(self.error).log10().floor() as i32;
-        let decimals = (exponent - self.last_digit()).max(0) as usize;
-        let own = usize::from(self.leads_with_1());
-        format!("{:.decimals$e} +- {:.own$e}", self.value, self.error)
-    }
-}
-
-/// Without an exponent, to the digits that the error leaves; without an error where that is 0.
-impl fmt::Display for Estimate {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if !(self.error > 0.0 && self.error.is_finite()) {
-            return write!(out, "{}", short(self.value));
-        }
-        // The digits of a double at most.
-        let last = self.last_digit().max(-12);
-        let unit = 10_f64.powi(last.max(0));
-        let (value, error) = ((self.value / unit).round() * unit, (self.error / unit).round() * unit);
-        match usize::try_from(-last) {
-            Ok(decimals) => write!(out, "{:.decimals$} +- {:.decimals$}", self.value, self.error),
-            Err(_) => write!(out, "{value} +- {error}"),
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn digits_match_the_error() {
-        let shown = |value, error| Estimate { value, error }.to_string();
-        assert_eq!(shown(16.5618, 0.412), "16.6 +- 0.4");
-        assert_eq!(shown(16.5618, 0.1712), "16.56 +- 0.17");
-        assert_eq!(shown(16.5618, 2.3), "17 +- 2");
-        assert_eq!(shown(1234.5, 56.0), "1230 +- 60");
-        assert_eq!(shown(0.0372, 0.00313), "0.037 +- 0.003");
-        assert_eq!(shown(0.999, 0.0996), "1.00 +- 0.10");
-        assert_eq!(Estimate { value: 7.934e-5, error: 3.1e-6 }.scientific(), "7.9e-5 +- 3e-6");
-        assert_eq!(Estimate { value: 7.934e-5, error: 1.31e-6 }.scientific(), "7.93e-5 +- 1.3e-6");
-        assert_eq!(Estimate { value: 1.13e-6, error: 1.2e-5 }.scientific(), "1.1e-6 +- 1.2e-5");
-    }
 
     #[test]
     fn the_error_of_a_mean_is_that_of_the_textbook() {

@@ -15,7 +15,6 @@
 
 use std::f64::consts::PI;
 
-use super::short;
 use crate::mission::{Galaxy, Mission, Survey};
 use crate::numeric::root_finding;
 use crate::physics::galaxy::{Profile, snr};
@@ -77,17 +76,6 @@ impl Exposure {
     fn cycle(&self, times: f64) -> f64 {
         self.survey.as_ref().map_or(times, |survey| survey.cycle_s(times * survey.exposure_s, self.readout_s))
     }
-}
-
-/// What S/N and area leave out because it is not in the mission, in sentences.
-pub(super) fn left_out(mission: &Mission) -> impl Iterator<Item = String> {
-    let noise = mission.readout.noise.is_none().then(|| {
-        let read_noise_e = short(mission.judged_galaxy().read_noise_e);
-        format!("[readout.noise] is not in the mission: S/N is with the galaxy's read noise, {read_noise_e} e-.")
-    });
-    let survey =
-        mission.survey.is_none().then(|| "[survey] is not in the mission: area counts exposure time alone.".into());
-    noise.into_iter().chain(survey)
 }
 
 /// Read noise (e-) of a clock with so many ms between two parallel transfers, by `[readout.noise]`.

@@ -12,10 +12,10 @@ use ctiplan::model::Model;
 use ctiplan::model::predict::{Question, predict};
 use ctiplan::physics::observable::Observable;
 use ctiplan::plan::dose;
+use ctiplan::study::Study;
 use ctiplan::study::error_budget::ErrorBudget;
 use ctiplan::study::launch::Launch;
-use ctiplan::study::shielding::Shielding;
-use ctiplan::study::{Cell, Kind, Study, defaults};
+use ctiplan::study::shielding::{self, Shielding};
 use serde_json::Value;
 
 /// SNAP behind its shield; one galaxy, coarsely.
@@ -57,16 +57,6 @@ fn name(kinds: &[usize]) -> String {
     kinds.iter().map(|kind| CATALOGUE[*kind].card.kind).collect::<Vec<_>>().join(" and ")
 }
 
-/// A number of a study's table: that of its first row.
-fn first(study: &Study, table: &str, key: &str) -> f64 {
-    let table = study.tables.iter().find(|part| part.name == table).unwrap();
-    let place = table.columns.iter().position(|column| column.key == key).unwrap();
-    match &table.rows[0][place] {
-        Cell::Number(number) => *number,
-        other => panic!("{key}: {other:?}"),
-    }
-}
-
 /// What was told, and by whom.
 type Told = Vec<(&'static str, f64)>;
 
@@ -78,8 +68,9 @@ fn doses_and_shapes(mission: &Mission) -> (Told, Told) {
     let predicted = |observable: Observable, galaxy: Option<usize>| {
         predict(&Model::new(mission), &[Question { observable, at: &end, galaxy }]).unwrap()[0]
     };
-    let launch = Launch { launch: Some(mission.mission.launch.to_string()), ..defaults() };
+    let launch = Launch { launches: Some(vec![mission.mission.launch.0]), ..Default::default() };
     let (launch, shielded) = (ask(&launch, mission), shielded(mission));
+    let (launch, shielded) = (&launch.launches[0], &shielded.cases[0]);
     let change = evaluation.end().galaxies[0].unwrap();
     let doses = vec![
         ("evaluate", evaluation.end().dose_mev_g),
@@ -87,30 +78,27 @@ fn doses_and_shapes(mission: &Mission) -> (Told, Told) {
         ("dose, sum of years", survey.years.iter().map(|year| year.dose_mev_g).sum()),
         ("dose, last of the curve", survey.over_time.last().unwrap().1),
         ("predict", predicted(Observable::Dose, None)),
-        ("study launch", first(&launch, "launches", "dose_mev_g")),
-        ("study shielding", first(&shielded, "cases", "dose_mev_g")),
+        ("study launch", launch.dose_mev_g),
+        ("study shielding", shielded.dose_mev_g),
     ];
     let shapes = vec![
         ("evaluate", change.magnitude()),
         ("predict", predicted(Observable::DeltaE1, Some(0)).hypot(change.delta_e2)),
-        ("study launch", first(&launch, "launches", "delta_e")),
-        ("study shielding", first(&shielded, "cases", "delta_e")),
+        ("study launch", launch.delta_e.unwrap()),
+        ("study shielding", shielded.delta_e.unwrap()),
     ];
     (doses, shapes)
 }
 
-fn ask(kind: &impl Kind, mission: &Mission) -> Study {
-    kind.study(mission, &|| {}).unwrap_or_else(|error| panic!("{error}"))
+fn ask<S: Study>(study: &S, mission: &Mission) -> S::Results {
+    study.study(mission, &|| {}).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Behind the mission's own shield, at its own confidence.
-fn shielded(mission: &Mission) -> Study {
+fn shielded(mission: &Mission) -> shielding::Results {
     let own = mission.shielding.as_ref().unwrap();
-    let options = Shielding {
-        thickness_mm: own.thickness_mm.to_string(),
-        confidence: mission.environment.confidence.to_string(),
-    };
-    ask(&options, mission)
+    let confidences = vec![mission.environment.confidence];
+    ask(&Shielding { thicknesses_mm: vec![own.thickness_mm], confidences }, mission)
 }
 
 /// Trade studies are read out to 3e-3 of the packets (`accuracy.rs`: 30 and 100 times coarser than 1e-6). Shapes are ten times as
@@ -154,8 +142,8 @@ fn the_solar_cycle_is_the_same_as_an_effect_and_as_a_model() {
 fn an_error_budget_starts_from_the_mission() {
     for kind in 0..CATALOGUE.len() {
         let mission = with("solar-cycle", &[kind]);
-        let study = ask(&ErrorBudget { draws: 40, horizon_yr: Some(5.0), ..defaults() }, &mission);
-        let nominal = study.results["nominal_delta_e"].as_f64().unwrap();
+        let study = ask(&ErrorBudget { draws: 40, horizon_yr: Some(5.0), ..Default::default() }, &mission);
+        let nominal = study.own.nominal.delta_e.unwrap();
         let expected = evaluate(&mission).unwrap().end().galaxies[0].unwrap().magnitude();
         // Draws of uncertainties of per cents are read out to 1e-3.
         assert!((nominal / expected - 1.0).abs() < 2e-3, "{}: {nominal}, {expected}", name(&[kind]));

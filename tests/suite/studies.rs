@@ -9,18 +9,19 @@ use ctiplan::plan::requirement::Crossing;
 use ctiplan::plan::scenario::{Axis, Candidate, Scenario, compare};
 use ctiplan::readout::Downstream;
 use ctiplan::report::Report;
+use ctiplan::report::study::{Shown, StudyReport};
 use ctiplan::study::charge_injection::ChargeInjection;
 use ctiplan::study::clock::Clock;
 use ctiplan::study::correction::{Correction, corrected};
-use ctiplan::study::distance::Distance;
+use ctiplan::study::distance::{Distance, Dither};
 use ctiplan::study::error_budget::ErrorBudget;
 use ctiplan::study::launch::Launch;
 use ctiplan::study::pocket_pumping::{PocketPumping, dipole_e};
 use ctiplan::study::preflash::Preflash;
 use ctiplan::study::shielding::Shielding;
-use ctiplan::study::{Aperture, Cell, Kind, Study, defaults};
+use ctiplan::study::{Aperture, Study};
 use ndarray::Array2;
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 const SNAP: &str = "missions/snap_l2.toml";
 const TRADES: &str = "missions/snap_l2_trades.toml";
@@ -30,36 +31,36 @@ fn mission(path: &str, settings: &[(&str, toml::Value)]) -> Mission {
     Mission::read(path).unwrap().with(&settings).unwrap()
 }
 
-fn ask(kind: &impl Kind, mission: &Mission) -> Study {
-    kind.study(mission, &|| {}).unwrap_or_else(|error| panic!("{error}"))
+fn ask<S: Study<Results: Shown>>(study: &S, mission: &Mission) -> StudyReport {
+    study.study(mission, &|| {}).unwrap_or_else(|error| panic!("{error}")).shown(mission)
+}
+
+/// Rows of a table.
+fn rows<'a>(report: &'a StudyReport, table: &str) -> &'a [Map<String, Value>] {
+    &report.tables.iter().find(|part| part.name == table).unwrap().rows
 }
 
 /// Numbers of a column of a table.
-fn numbers(study: &Study, table: &str, key: &str) -> Vec<f64> {
-    let table = study.tables.iter().find(|part| part.name == table).unwrap();
-    let place = table.columns.iter().position(|column| column.key == key).unwrap();
-    let number = |row: &Vec<Cell>| match &row[place] {
-        Cell::Number(number) => *number,
-        Cell::Estimate(estimate) => estimate.value,
-        other => panic!("{key}: {other:?}"),
-    };
-    table.rows.iter().map(number).collect()
+fn numbers(report: &StudyReport, table: &str, key: &str) -> Vec<f64> {
+    rows(report, table).iter().map(|row| row[key].as_f64().unwrap_or_else(|| panic!("{key}: {}", row[key]))).collect()
 }
 
-/// Words in the first column of the first table.
-fn names(study: &Study) -> Vec<String> {
-    let name = |row: &Vec<Cell>| match &row[0] {
-        Cell::Words(words) => words.clone(),
-        other => panic!("{other:?}"),
-    };
-    study.tables[0].rows.iter().map(name).collect()
+/// What a correction is imperfect by.
+fn causes(report: &StudyReport) -> Vec<&str> {
+    rows(report, "causes").iter().map(|row| row["cause"].as_str().unwrap()).collect()
 }
 
 fn launches(dates: &str) -> Launch {
-    Launch { launch: Some(dates.into()), ..defaults() }
+    let days = |value: toml::Value| value.to_string().parse().unwrap();
+    let dates = Axis::parse("mission.launch", dates).unwrap().values.into_iter().map(days).collect();
+    Launch { launches: Some(dates), keep_average: false }
 }
 
-fn result(study: &Study, key: &str) -> f64 {
+fn dither(transfers: Vec<f64>) -> Dither {
+    Dither { name: format!("{transfers:?}"), transfers }
+}
+
+fn result(study: &StudyReport, key: &str) -> f64 {
     study.results[key].as_f64().unwrap_or_else(|| panic!("{key}: {}", study.results[key]))
 }
 
@@ -73,7 +74,7 @@ fn a_species_is_worst_where_it_releases_after_a_few_transfers() {
         SNAP,
         &[("detector.traps.Ci.density_per_px", 0.0.into()), ("detector.traps.CO.density_per_px", 0.0.into())],
     );
-    let study = ask(&defaults::<Clock>(), &one);
+    let study = ask(&Clock::default(), &one);
     // Rhodes et al. 2010 find 3 to 4; with this weight it is 4 to 5 (docs/paper.md). The grid has steps of a factor 1.33.
     let transfers = 12.15 / result(&study, "worst_line_time_ms");
     assert!((3.0..6.0).contains(&transfers), "{transfers}");
@@ -84,7 +85,7 @@ fn a_species_is_worst_where_it_releases_after_a_few_transfers() {
 
 #[test]
 fn a_slower_clock_reads_less_noise_and_less_area() {
-    let study = ask(&Clock { line_time_ms: Some("5,10,25,50,100".into()) }, &mission(TRADES, &[]));
+    let study = ask(&Clock { line_times_ms: Some(vec![5.0, 10.0, 25.0, 50.0, 100.0]) }, &mission(TRADES, &[]));
     let falls = |key: &str| numbers(&study, "line_times", key).windows(2).all(|pair| pair[0] >= pair[1]);
     assert!(falls("read_noise_e") && falls("area") && !falls("snr"));
     // √(2² + 3² rate/70), 1756 pixels in 24.5 ms.
@@ -108,8 +109,8 @@ fn read_noise_of_a_table_is_met_at_its_values_and_absent_beyond() {
 #[test]
 fn the_mean_over_the_detector_is_half_the_farthest_and_a_full_dither_gives_it() {
     // Midpoints of ten equal parts of the register.
-    let full = (0..10).map(|part| (82.5 + 165.0 * f64::from(part)).round().to_string()).collect::<Vec<_>>().join(",");
-    let study = ask(&Distance { dither: vec![full, "1650".into()] }, &mission(SNAP, &[]));
+    let full = (0..10).map(|part| (82.5 + 165.0 * f64::from(part)).round()).collect();
+    let study = ask(&Distance { dithers: vec![dither(full), dither(vec![1650.0])] }, &mission(SNAP, &[]));
     let over = numbers(&study, "places", "over_farthest");
     assert!((over[1] - 0.5).abs() < 0.01, "{}", over[1]);
     assert!((over[2] / over[1] - 1.0).abs() < 2e-3, "{} {}", over[2], over[1]);
@@ -124,7 +125,7 @@ fn perfect_knowledge_corrects_and_density_errors_are_left_in_proportion() {
         release_error: 0.0,
         well_fill_error: 0.0,
         draws: 2,
-        ..defaults::<Correction>()
+        ..Correction::default()
     };
     let study = ask(&only(0.05), &snap);
     let left = numbers(&study, "causes", "left_percent");
@@ -162,27 +163,27 @@ fn a_correction_takes_what_a_fit_says_with_its_correlations() {
     };
     let rms = |correlation: f64| {
         fs::write(&path, fit(correlation).to_string()).unwrap();
-        let asked = Correction { fit: Some(path.clone().into()), draws: 60, ..defaults::<Correction>() };
+        let asked = Correction { fit: Some(path.clone()), draws: 60, ..Correction::default() };
         numbers(&ask(&asked, &mission(SNAP, &[])), "causes", "delta_e")[3]
     };
     // Errors of one sign add up, errors of opposite signs cancel.
     let (together, against) = (rms(1.0), rms(-1.0));
     assert!(together > 2.0 * against, "{together} {against}");
     fs::write(&path, "{}").unwrap();
-    let asked = Correction { fit: Some(path.clone().into()), ..defaults::<Correction>() };
+    let asked = Correction { fit: Some(path.clone()), ..Correction::default() };
     assert!(asked.study(&mission(SNAP, &[]), &|| {}).unwrap_err().to_string().contains("parameters"));
 }
 
 #[test]
 fn a_flash_lowers_loss_and_signal_to_noise() {
-    let study = ask(&defaults::<Preflash>(), &mission(SNAP, &[]));
+    let study = ask(&Preflash::default(), &mission(SNAP, &[]));
     for key in ["delta_e", "flux_loss_percent", "snr", "area_equal_depth"] {
         let values = numbers(&study, "levels", key);
         assert!(values.windows(2).all(|pair| pair[1] < pair[0]), "{key}: {values:?}");
     }
     // In the background's noise alone, a flash as bright as the sky takes 1 - 1/√2 of S/N.
     let faint = mission(SNAP, &[("galaxies.faint.flux_e", 1.0.into())]);
-    let study = ask(&Preflash { electrons: "120".into() }, &faint);
+    let study = ask(&Preflash { electrons: vec![120.0] }, &faint);
     let lost = numbers(&study, "levels", "snr_loss_percent")[1];
     assert!((lost - 100.0 * (1.0 - 0.5_f64.sqrt())).abs() < 0.2, "{lost}");
 }
@@ -190,20 +191,20 @@ fn a_flash_lowers_loss_and_signal_to_noise() {
 #[test]
 fn studies_agree_on_signal_to_noise_and_area() {
     let trades = mission(TRADES, &[]);
-    let clock = ask(&Clock { line_time_ms: Some("25".into()) }, &trades);
+    let clock = ask(&Clock { line_times_ms: Some(vec![25.0]) }, &trades);
     let own = |key: &str| numbers(&clock, "line_times", key)[0];
     let (snr, area, read_noise_e, readout_s) =
         (own("snr"), own("area_equal_depth"), own("read_noise_e"), own("readout_s"));
     // No flash and no lines are the mission's own exposure.
-    let flash = ask(&Preflash { electrons: "300".into() }, &trades);
-    let lines = ask(&ChargeInjection { spacing_rows: "50".into(), ..defaults() }, &trades);
+    let flash = ask(&Preflash { electrons: vec![300.0] }, &trades);
+    let lines = ask(&ChargeInjection { spacings_rows: vec![50.0], ..Default::default() }, &trades);
     for (study, table, place) in [(&flash, "levels", 0), (&lines, "spacings", 1)] {
         assert_eq!(numbers(study, table, "snr")[place], snr, "{table}");
         assert!((numbers(study, table, "area_equal_depth")[place] - area).abs() < 1e-12, "{table}");
     }
-    let correction = Correction { draws: 2, realisations: 2, ..defaults() };
+    let correction = Correction { draws: 2, realisations: 2, ..Default::default() };
     let noise = format!("noise, {read_noise_e:.3} e- of reading");
-    assert!(names(&ask(&correction, &trades)).contains(&noise), "{noise}");
+    assert!(causes(&ask(&correction, &trades)).contains(&noise.as_str()), "{noise}");
     // The area with a flash, from the exposure that has the signal-to-noise ratio again: bisected here.
     let aperture = Aperture::of(&trades, trades.judged_galaxy());
     let pixels = std::f64::consts::PI * aperture.radius_px.powi(2);
@@ -228,7 +229,7 @@ fn injected_lines_shield_from_slow_traps_and_not_from_fast_ones() {
         let release = |name: &str| format!("detector.traps.{name}.release_ms");
         let names = ["Ci", "VV", "CO"].map(release);
         let settings: Vec<(&str, toml::Value)> = names.iter().map(|name| (name.as_str(), release_ms.into())).collect();
-        let asked = ChargeInjection { spacing_rows: "100".into(), ..defaults::<ChargeInjection>() };
+        let asked = ChargeInjection { spacings_rows: vec![100.0], ..ChargeInjection::default() };
         numbers(&ask(&asked, &mission(SNAP, &settings)), "spacings", "delta_e")
     };
     // Released after 4000 transfers, and after 4: lines are 100 rows apart.
@@ -253,10 +254,10 @@ fn pumping_finds_traps_whose_phase_time_it_reaches() {
     let snap = mission(SNAP, &[]);
     // 0.65 ms is τ ln 2 of VV at 153 K (0.94 ms).
     let asked = PocketPumping {
-        temperature_k: Some("153".into()),
-        phase_ms: Some("0.01..10:log:31".into()),
+        temperatures_k: Some(vec![153.0]),
+        phases_ms: Some((0..31).map(|step| 0.01 * 10_f64.powf(f64::from(step) / 10.0)).collect()),
         image_s: 1e4,
-        ..defaults::<PocketPumping>()
+        ..PocketPumping::default()
     };
     let study = ask(&asked, &snap);
     let (release, phase) = (numbers(&study, "dipoles", "release_ms"), numbers(&study, "dipoles", "phase_ms"));
@@ -265,9 +266,9 @@ fn pumping_finds_traps_whose_phase_time_it_reaches() {
     assert!(result(&study, "factor_after") > result(&study, "factor_before"));
     // Phases far too short find nothing, and nothing is known then.
     let asked = PocketPumping {
-        temperature_k: Some("133".into()),
-        phase_ms: Some("1e-6,1e-5".into()),
-        ..defaults::<PocketPumping>()
+        temperatures_k: Some(vec![133.0]),
+        phases_ms: Some(vec![1e-6, 1e-5]),
+        ..PocketPumping::default()
     };
     let study = ask(&asked, &snap);
     assert!(numbers(&study, "dipoles", "found_percent").iter().all(|found| *found == 0.0));
@@ -281,7 +282,7 @@ fn launches_differ_by_the_sun_alone() {
     let ends = numbers(&constant, "launches", "delta_e");
     assert!(ends.iter().all(|end| (end / ends[0] - 1.0).abs() < 1e-12));
     let cycle = mission(SNAP, &[("environment.model", "solar-cycle".into())]);
-    let study = ask(&defaults::<Launch>(), &cycle);
+    let study = ask(&Launch::default(), &cycle);
     let (ends, active) = (numbers(&study, "launches", "delta_e"), numbers(&study, "launches", "active_yr"));
     // Nearly proportional to the active years.
     let per_year: Vec<f64> = ends.iter().zip(&active).map(|(end, active)| end / active).collect();
@@ -410,8 +411,8 @@ fn scatter_over_error(estimates: &[(f64, f64)]) -> f64 {
 fn errors_of_draws_cover_the_scatter_between_seeds() {
     const SEEDS: u64 = 12;
     let trades = small();
-    let check = |study: &dyn Fn(u64) -> Study, keys: &[(&str, &str)]| {
-        let studies: Vec<Study> = (1..=SEEDS).map(study).collect();
+    let check = |study: &dyn Fn(u64) -> StudyReport, keys: &[(&str, &str)]| {
+        let studies: Vec<StudyReport> = (1..=SEEDS).map(study).collect();
         for (key, error) in keys {
             let estimates: Vec<(f64, f64)> =
                 studies.iter().map(|study| (result(study, key), result(study, error))).collect();
@@ -420,36 +421,37 @@ fn errors_of_draws_cover_the_scatter_between_seeds() {
         }
         studies
     };
-    let budget = |seed| ask(&ErrorBudget { draws: 60, seed: Some(seed), ..defaults() }, &trades);
+    let budget = |seed| ask(&ErrorBudget { draws: 60, seed: Some(seed), ..Default::default() }, &trades);
     let studies = check(
         &budget,
         &[("uncorrected_median_t_yr", "uncorrected_median_error_yr"), ("sigma_ln_delta_e", "sigma_ln_delta_e_error")],
     );
     // The other percentiles, as days; the shares; and how often the budget is exceeded.
-    for place in 1..=5 {
-        let day = |study: &Study| match study.tables[1].rows[0][place] {
-            Cell::Date(date, Some(error_d)) => (f64::from(chrono::Datelike::num_days_from_ce(&date)), error_d),
-            ref other => panic!("{other:?}"),
+    for percent in ["p05", "p16", "p50", "p84", "p95"] {
+        let day = |study: &StudyReport| {
+            let row = &rows(study, "dates")[0];
+            let date: chrono::NaiveDate = row[&format!("{percent}_date")].as_str().unwrap().parse().unwrap();
+            let error_d = row[&format!("{percent}_error_d")].as_f64().unwrap();
+            (f64::from(chrono::Datelike::num_days_from_ce(&date)), error_d)
         };
         let ratio = scatter_over_error(&studies.iter().map(day).collect::<Vec<_>>());
-        assert!((0.5..1.8).contains(&ratio), "percentile {place}: {ratio}");
+        assert!((0.5..1.8).contains(&ratio), "{percent}: {ratio}");
     }
-    let estimate = |cell: &Cell| match cell {
-        Cell::Estimate(estimate) => (estimate.value, estimate.error),
-        other => panic!("{other:?}"),
+    let estimate =
+        |row: &Map<String, Value>, key: &str, error: &str| (row[key].as_f64().unwrap(), row[error].as_f64().unwrap());
+    let share = |study: &StudyReport| {
+        let row = rows(study, "inputs").iter().find(|row| row["input"] == "dose model").unwrap();
+        estimate(row, "share_percent", "share_error_percent")
     };
-    let share = |study: &Study| {
-        let row = study.tables[0].rows.iter().find(|row| row[0] == Cell::Words("dose model".into())).unwrap();
-        let place = study.tables[0].columns.iter().position(|column| column.key == "share_percent").unwrap();
-        estimate(&row[place])
+    let within = |study: &StudyReport| {
+        estimate(&rows(study, "dates")[0], "exceeded_within_percent", "exceeded_within_error_percent")
     };
-    let within = |study: &Study| estimate(&study.tables[1].rows[0][6]);
-    for (name, one) in [("share", &share as &dyn Fn(&Study) -> (f64, f64)), ("within", &within)] {
+    for (name, one) in [("share", &share as &dyn Fn(&StudyReport) -> (f64, f64)), ("within", &within)] {
         let ratio = scatter_over_error(&studies.iter().map(one).collect::<Vec<_>>());
         assert!((0.5..1.8).contains(&ratio), "{name}: {ratio}");
     }
     let correction = |seed| {
-        let asked = Correction { draws: 40, iterations: 1, realisations: 0, seed: Some(seed), ..defaults() };
+        let asked = Correction { draws: 40, iterations: 1, realisations: 0, seed: Some(seed), ..Default::default() };
         ask(&asked, &trades)
     };
     check(&correction, &[("earned_factor", "earned_factor_error"), ("corrected_percent", "corrected_error_percent")]);
@@ -474,9 +476,9 @@ fn decimals(number: &str) -> usize {
 fn digits_of_what_is_drawn_match_its_error() {
     let trades = small();
     let studies = [
-        ask(&ErrorBudget { draws: 100, ..defaults() }, &trades),
-        ask(&Correction { draws: 20, iterations: 2, realisations: 5, ..defaults() }, &trades),
-        ask(&PocketPumping { temperature_k: Some("153".into()), dipoles: 5, ..defaults() }, &trades),
+        ask(&ErrorBudget { draws: 100, ..Default::default() }, &trades),
+        ask(&Correction { draws: 20, iterations: 2, realisations: 5, ..Default::default() }, &trades),
+        ask(&PocketPumping { temperatures_k: Some(vec![153.0]), dipoles: 5, ..Default::default() }, &trades),
     ];
     let (mut numbers, mut dates) = (0, 0);
     for study in &studies {
@@ -505,7 +507,7 @@ fn digits_of_what_is_drawn_match_its_error() {
 
 #[test]
 fn more_aluminium_and_less_confidence_leave_more_margin() {
-    let asked = Shielding { thickness_mm: "10,20,40".into(), confidence: "0.5,0.95".into() };
+    let asked = Shielding { thicknesses_mm: vec![10.0, 20.0, 40.0], confidences: vec![0.5, 0.95] };
     let study = ask(&asked, &mission(SNAP, &[]));
     let (low, high) =
         (numbers(&study, "margins", "margin_percent_at_50"), numbers(&study, "margins", "margin_percent_at_95"));
@@ -532,8 +534,10 @@ fn an_error_budget_without_uncertainty_is_a_single_date() {
     ];
     let names = keys.map(|key| format!("uncertainty.{key}"));
     let mut settings: Vec<(&str, toml::Value)> = names.iter().map(|name| (name.as_str(), 0.0.into())).collect();
-    let asked = ErrorBudget { draws: 60, ..defaults::<ErrorBudget>() };
-    let words = |study: &Study| study.tables[1].rows[0][1..6].to_vec();
+    let asked = ErrorBudget { draws: 60, ..ErrorBudget::default() };
+    let words = |study: &StudyReport| {
+        ["p05", "p16", "p50", "p84", "p95"].map(|percent| rows(study, "dates")[0][&format!("{percent}_date")].clone())
+    };
     let single = words(&ask(&asked, &mission(SNAP, &settings)));
     assert!(single.iter().all(|date| *date == single[0]), "{single:?}");
     // The dose alone: all of the variance, and |Δe| as unsure as the dose.
@@ -546,7 +550,7 @@ fn an_error_budget_without_uncertainty_is_a_single_date() {
 
 #[test]
 fn shares_of_an_error_budget_add_up_and_do_not_depend_on_threads() {
-    let asked = ErrorBudget { draws: 60, ..defaults::<ErrorBudget>() };
+    let asked = ErrorBudget { draws: 60, ..ErrorBudget::default() };
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| ask(&asked, &mission(SNAP, &[])))
@@ -566,14 +570,14 @@ fn a_mission_without_dose_or_beyond_its_budget_is_told_so_in_words() {
     // A hundred times the dose: exceeded within days.
     let beyond = mission(SNAP, &[("environment.active_dose_rate_mev_g_yr", 2.54e8.into())]);
     for mission in [none, beyond] {
-        let clock = Clock { line_time_ms: Some("5,25".into()) };
-        let pumping = PocketPumping { temperature_k: Some("153".into()), dipoles: 5, ..defaults::<PocketPumping>() };
+        let clock = Clock { line_times_ms: Some(vec![5.0, 25.0]) };
+        let pumping = PocketPumping { temperatures_k: Some(vec![153.0]), dipoles: 5, ..PocketPumping::default() };
         let launch = launches("2009-01-01,2012-01-01");
-        let correction = Correction { draws: 2, iterations: 2, ..defaults::<Correction>() };
-        let preflash = Preflash { electrons: "100".into() };
+        let correction = Correction { draws: 2, iterations: 2, ..Correction::default() };
+        let preflash = Preflash { electrons: vec![100.0] };
         let studies = [
             ask(&clock, &mission),
-            ask(&Distance { dither: vec!["1650,825".into()] }, &mission),
+            ask(&Distance { dithers: vec![dither(vec![1650.0, 825.0])] }, &mission),
             ask(&correction, &mission),
             ask(&preflash, &mission),
             ask(&pumping, &mission),
@@ -585,7 +589,7 @@ fn a_mission_without_dose_or_beyond_its_budget_is_told_so_in_words() {
             assert!(!text.contains("NaN") && !text.contains("inf "), "{}: {text}", study.name);
         }
     }
-    let leo = ask(&defaults::<Shielding>(), &mission("missions/hst_leo.toml", &[]));
+    let leo = ask(&Shielding::default(), &mission("missions/hst_leo.toml", &[]));
     assert!(leo.findings[0].contains("low Earth orbit"));
 }
 

@@ -5,8 +5,8 @@ use std::process::Command;
 
 use ctiplan::evaluate;
 use ctiplan::mission::Mission;
+use ctiplan::study::Study;
 use ctiplan::study::error_budget::ErrorBudget;
-use ctiplan::study::{Cell, Kind, defaults};
 use serde_json::Value;
 
 /// SNAP launched on a day, under the cycle, with one galaxy, coarsely.
@@ -72,26 +72,15 @@ fn every_output_says_which_maxima_it_assumed() {
 #[test]
 fn an_error_budget_draws_the_maxima_that_are_not_known() {
     let mission = launched("2042-01-01");
-    let study = ErrorBudget { draws: 100, horizon_yr: Some(5.0), ..defaults() }.study(&mission, &|| {}).unwrap();
-    let table = &study.tables[0];
-    let place = |key: &str| table.columns.iter().position(|column| column.key == key).unwrap();
-    let (input, years) = (place("input"), place("sigma_yr"));
-    let of_sun: Vec<_> = table
-        .rows
-        .iter()
-        .filter(|row| matches!(&row[input], Cell::Words(words) if words.starts_with("solar maximum")))
-        .collect();
+    let asked = ErrorBudget { draws: 100, horizon_yr: Some(5.0), ..Default::default() };
+    let inputs = asked.study(&mission, &|| {}).unwrap().own.inputs;
+    let of_sun: Vec<_> = inputs.iter().filter(|input| input.name.starts_with("solar maximum")).collect();
     // The maxima of 2035.8 and 2046.8; each length of a cycle scatters by a year.
     assert!(of_sun.len() >= 2, "{of_sun:?}");
-    assert!(of_sun.iter().all(|row| row[years] == Cell::Number(1.0)));
+    assert!(of_sun.iter().all(|input| input.sigma_yr == Some(1.0)));
     // A launch into quiet years: when the next active ones begin is what the date hangs on.
-    let share = |row: &Vec<Cell>| match &row[place("share_percent")] {
-        Cell::Estimate(estimate) => estimate.value,
-        other => panic!("{other:?}"),
-    };
-    assert!(of_sun.iter().map(|row| share(row)).sum::<f64>() > 20.0);
+    assert!(of_sun.iter().filter_map(|input| input.share_percent).sum::<f64>() > 20.0);
     // With known maxima there is nothing of the kind.
-    let known = ErrorBudget { draws: 100, horizon_yr: Some(5.0), ..defaults() }.study(&launched("2009-01-01"), &|| {});
-    let rows = &known.unwrap().tables[0].rows;
-    assert!(rows.iter().all(|row| !matches!(&row[input], Cell::Words(words) if words.starts_with("solar maximum"))));
+    let known = asked.study(&launched("2009-01-01"), &|| {}).unwrap().own.inputs;
+    assert!(known.iter().all(|input| !input.name.starts_with("solar maximum")));
 }

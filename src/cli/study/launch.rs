@@ -1,0 +1,31 @@
+use chrono::NaiveDate;
+use clap::Args;
+
+use super::Options;
+use crate::error::InputError;
+use crate::mission::Date;
+use crate::plan::scenario::{Axis, sun};
+use crate::study::launch;
+
+#[derive(Debug, Args)]
+pub(super) struct Launch {
+    /// Launch dates: 2009-01-01,2012-01-01 or 2009-01-01..2020-01-01:1 (step in years) [default: every half year of 22 years
+    /// from the mission's launch]
+    #[arg(long, value_name = "DATES")]
+    launch: Option<String>,
+}
+
+impl Options for Launch {
+    type Study = launch::Launch;
+
+    fn study(&self, keys_set: &[&str]) -> Result<launch::Launch, InputError> {
+        // An average over the solar cycle that was asked for in the same command was asked for on purpose.
+        let keep_average = keys_set.contains(&sun::MODEL);
+        Ok(launch::Launch { launches: self.launch.as_deref().map(dates).transpose()?, keep_average })
+    }
+}
+
+fn dates(text: &str) -> Result<Vec<NaiveDate>, InputError> {
+    let day = |value: toml::Value| Some(Date::try_from(*value.as_datetime()?).ok()?.0);
+    Ok(Axis::parse("mission.launch", text)?.values.into_iter().filter_map(day).collect())
+}

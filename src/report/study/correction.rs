@@ -1,0 +1,167 @@
+//! `ctiplan study correction`.
+
+use serde::Serialize;
+
+use super::estimate::{days, known_date, plus_minus, scientific};
+use super::table::{column, words};
+use super::{DataTable, Digits, Shown, StudyReport, short, when};
+use crate::mission::Mission;
+use crate::report::plot::{Figure, Panel, level, line};
+use crate::study::Estimate;
+use crate::study::correction::{Cause, Earned, Left, Remainder, Results};
+
+/// Standard errors beyond which a mean is not chance.
+const STANDS_OUT: f64 = 3.0;
+
+impl Shown for Results {
+    fn shown(&self, mission: &Mission) -> StudyReport {
+        let title = format!(
+            "what correction leaves of the shape error of \"{}\" at the end of the mission",
+            mission.requirement.galaxy
+        );
+        let mut report = StudyReport::of("correction", mission, title, &self.warnings);
+        report.cite(
+            "Correction by iterating the readout",
+            "Bristow 2003; Massey et al. 2010 (MNRAS 401, 371); Massey et al. 2014 (MNRAS 439, 887)",
+        );
+        let Some(remainder) = &self.remainder else {
+            report.tables = vec![causes(&[])];
+            report.find("There is nothing to correct at the end of the mission: no traps, or no shape left.");
+            return report;
+        };
+        report.tables = vec![causes(&remainder.causes)];
+        report.result("uncorrected_delta_e", remainder.uncorrected_delta_e);
+        report.result("needed_factor", remainder.needed_factor);
+        report.result("assumed_factor", remainder.assumed_factor);
+        match &remainder.earned {
+            None => report.find("Correction with what is known leaves no shape to measure."),
+            Some(earned) => {
+                describe(&mut report, remainder, earned, mission);
+                report.draw(figure(remainder, earned, mission));
+            }
+        }
+        report
+    }
+}
+
+/// A cause by its name.
+fn name(cause: &Cause) -> String {
+    match cause {
+        Cause::PerfectKnowledge => "perfect knowledge".into(),
+        Cause::Parameter(key) => key.strip_prefix("detector.").unwrap_or(key).into(),
+        Cause::Together => "all together, rms".into(),
+        Cause::Noise(read_noise_e) => format!("noise, {} e- of reading", short(*read_noise_e)),
+    }
+}
+
+/// What a cause leaves, with its name.
+#[derive(Serialize)]
+struct Named<'a> {
+    cause: String,
+    #[serde(flatten)]
+    left: &'a Left,
+}
+
+fn causes(causes: &[Left]) -> DataTable {
+    let columns = vec![
+        words("cause", "imperfect"),
+        column("error_percent", "by [%]", Digits::Significant(3)),
+        column("delta_e", "|delta e| left", Digits::Scientific(2)).with_error("delta_e_sigma"),
+        column("left_percent", "left [%]", Digits::Significant(3)).with_error("left_error_percent"),
+        column("factor", "factor", Digits::Significant(3)).with_error("factor_error"),
+    ];
+    DataTable::of("causes", causes.iter().map(|left| Named { cause: name(&left.cause), left }), columns)
+}
+
+fn figure(remainder: &Remainder, earned: &Earned, mission: &Mission) -> Figure {
+    let points = &remainder.timeline.points;
+    let x: Vec<f64> = points.iter().map(|point| point.0).collect();
+    let curve = |factor: f64| -> Vec<f64> {
+        points.iter().map(|point| point.1.map_or(f64::NAN, |delta_e| delta_e / factor)).collect()
+    };
+    let assumed = remainder.assumed_factor;
+    let panel = Panel {
+        x_label: "years since launch".into(),
+        y_label: "|delta e|".into(),
+        series: vec![
+            line("uncorrected", 2, &x, curve(1.0)),
+            line(&format!("assumed factor {assumed}"), 1, &x, curve(assumed)),
+            line(&format!("earned factor {}", plus_minus(earned.factor)), 3, &x, curve(earned.factor.value)),
+            level("budget", mission.requirement.delta_e),
+        ],
+        ..Panel::default()
+    };
+    Figure { title: format!("{}: correction", mission.mission.name), panels: vec![panel] }
+}
+
+fn describe(report: &mut StudyReport, remainder: &Remainder, earned: &Earned, mission: &Mission) {
+    report.result("earned_factor", earned.factor.value);
+    report.result("earned_factor_error", earned.factor.error);
+    report.result("corrected_percent", earned.removed_percent.value);
+    report.result("corrected_error_percent", earned.removed_percent.error);
+    limit(report, remainder);
+    report.find(noise(remainder.noise_delta_e));
+    let (needed, assumed) = (remainder.needed_factor, remainder.assumed_factor);
+    let within = if needed <= 1.0 {
+        "no correction is needed to the end of the mission".to_string()
+    } else {
+        format!("a factor {needed:.2} is needed to stay within the budget to the end")
+    };
+    report.find(format!(
+        "The correction earns a factor {} ({} % removed), where the mission assumes {assumed}; {within}. Published: a factor 10 \
+         (Massey et al. 2009, ACS), 98 % removed (Massey et al. 2014, ACS), 99.68 % in simulations with a perfect model (Israel \
+         et al. 2015, Euclid).",
+        plus_minus(earned.factor),
+        plus_minus(earned.removed_percent)
+    ));
+    let date = |factor: f64| when(remainder.timeline.date(mission.requirement.delta_e * factor));
+    report.find(format!(
+        "The budget is exceeded: uncorrected {}, with the assumed factor {}, with the earned one {}.",
+        date(1.0),
+        date(assumed),
+        earned_date(earned)
+    ));
+}
+
+/// The parameter whose error leaves most.
+fn limit(report: &mut StudyReport, remainder: &Remainder) {
+    let square = |left: &Left| left.delta_e.map_or(0.0, |delta_e| delta_e * delta_e);
+    let parameters = || remainder.causes.iter().filter(|left| left.error_percent.is_some());
+    let all: f64 = parameters().map(square).sum();
+    let most = parameters().max_by(|a, b| square(a).total_cmp(&square(b)));
+    if let Some(most) = most.filter(|_| all > 0.0) {
+        report.result("limited_by", name(&most.cause));
+        report.find(format!(
+            "What limits the correction is {}: its error of {} % alone leaves {:.2} % of the shape error, {:.0} % of the squares \
+             of all.",
+            name(&most.cause),
+            short(most.error_percent.unwrap_or(0.0)),
+            100.0 * most.delta_e.unwrap_or(0.0) / remainder.uncorrected_delta_e,
+            100.0 * square(most) / all
+        ));
+    }
+}
+
+/// What noise leaves with the true model.
+fn noise(delta_e: Option<Estimate>) -> String {
+    match delta_e {
+        Some(noise) if noise.value > STANDS_OUT * noise.error => format!(
+            "Noise leaves {} even with the true model: read noise was not trailed, but is corrected as if it were.",
+            scientific(noise)
+        ),
+        Some(noise) => format!(
+            "Noise leaves nothing that stands out of its standard error, {:.0e}; more --realisations would tell more.",
+            noise.error
+        ),
+        None => "Read noise is not in these figures: --read-noise-e, [readout.noise] or the galaxy's read_noise_e would give it."
+            .into(),
+    }
+}
+
+fn earned_date(earned: &Earned) -> String {
+    match (earned.exceeded_date, earned.exceeded_error_d) {
+        (Some(date), Some(error_d)) => format!("{} ({})", known_date(date, Some(error_d)), days(error_d)),
+        (Some(date), None) => known_date(date, None),
+        (None, _) => when(None),
+    }
+}

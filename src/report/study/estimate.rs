@@ -1,0 +1,84 @@
+//! Numbers and dates that are estimated from draws, to the digits that their errors leave.
+
+use chrono::NaiveDate;
+
+use super::short;
+use crate::study::Estimate;
+
+/// Days of a month.
+const MONTH_D: f64 = 365.25 / 12.0;
+
+/// A date that is known to so many days (1 sigma), to the unit that they leave: a day, a month, or a year.
+pub(super) fn known_date(date: NaiveDate, error_d: Option<f64>) -> String {
+    let format = match error_d {
+        Some(error_d) if error_d < 0.5 * MONTH_D => "%Y-%m-%d",
+        Some(error_d) if error_d < 6.0 * MONTH_D => "%Y-%m",
+        _ => "%Y",
+    };
+    date.format(format).to_string()
+}
+
+/// An error in days, to one digit or two.
+pub(super) fn days(error_d: f64) -> String {
+    let unit = if error_d < 100.0 { 1.0 } else { 10.0 };
+    format!("+- {} d", (error_d / unit).ceil() * unit)
+}
+
+/// Without an exponent, to the digits that the error leaves; without an error if that is 0.
+pub(super) fn plus_minus(estimate: Estimate) -> String {
+    let Estimate { value, error } = estimate;
+    if !is_known(error) {
+        return short(value);
+    }
+    // The digits of a double at most.
+    let last = last_digit(error).max(-12);
+    let unit = 10_f64.powi(last.max(0));
+    match usize::try_from(-last) {
+        Ok(decimals) => format!("{value:.decimals$} +- {error:.decimals$}"),
+        Err(_) => format!("{} +- {}", (value / unit).round() * unit, (error / unit).round() * unit),
+    }
+}
+
+/// The same in scientific notation.
+pub(super) fn scientific(estimate: Estimate) -> String {
+    let Estimate { value, error } = estimate;
+    if !is_known(error) {
+        return format!("{value:.2e}");
+    }
+    let exponent = value.abs().max(error).log10().floor() as i32;
+    let decimals = (exponent - last_digit(error)).max(0) as usize;
+    let own = usize::from(leads_with_1(error));
+    format!("{value:.decimals$e} +- {error:.own$e}")
+}
+
+fn is_known(error: f64) -> bool {
+    error > 0.0 && error.is_finite()
+}
+
+/// The power of ten of the last digit that the error leaves: its first one, or the one behind a leading 1.
+fn last_digit(error: f64) -> i32 {
+    error.log10().floor() as i32 - i32::from(leads_with_1(error))
+}
+
+fn leads_with_1(error: f64) -> bool {
+    error / 10_f64.powf(error.log10().floor()) < 2.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digits_match_the_error() {
+        let shown = |value, error| plus_minus(Estimate { value, error });
+        assert_eq!(shown(16.5618, 0.412), "16.6 +- 0.4");
+        assert_eq!(shown(16.5618, 0.1712), "16.56 +- 0.17");
+        assert_eq!(shown(16.5618, 2.3), "17 +- 2");
+        assert_eq!(shown(1234.5, 56.0), "1230 +- 60");
+        assert_eq!(shown(0.0372, 0.00313), "0.037 +- 0.003");
+        assert_eq!(shown(0.999, 0.0996), "1.00 +- 0.10");
+        assert_eq!(scientific(Estimate { value: 7.934e-5, error: 3.1e-6 }), "7.9e-5 +- 3e-6");
+        assert_eq!(scientific(Estimate { value: 7.934e-5, error: 1.31e-6 }), "7.93e-5 +- 1.3e-6");
+        assert_eq!(scientific(Estimate { value: 1.13e-6, error: 1.2e-5 }), "1.1e-6 +- 1.2e-5");
+    }
+}

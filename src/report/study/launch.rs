@@ -1,0 +1,153 @@
+//! `ctiplan study launch`.
+
+use super::table::{column, words};
+use super::{DataTable, Digits, Shown, StudyReport, when};
+use crate::environment::solar_cycle::{self, ActiveYears};
+use crate::mission::Mission;
+use crate::numeric::calendar::decimal_year;
+use crate::plan::scenario::sun;
+use crate::plan::sources;
+use crate::report::plot::{Figure, Kind, Panel, Series, level, line};
+use crate::study::launch::{Launched, Results};
+
+/// Most ties that are named.
+const NAMED: usize = 6;
+
+impl Shown for Results {
+    fn shown(&self, mission: &Mission) -> StudyReport {
+        let title = format!(
+            "launch date against shape error of \"{}\" after {} yr",
+            mission.requirement.galaxy, mission.mission.duration_yr
+        );
+        let mut report = StudyReport::of("launch", mission, title, &self.warnings);
+        if sun::model(&self.compared) != sun::model(mission) {
+            report.sources.push(sources::over_time(&self.compared));
+        }
+        report.tables = vec![launches(self)];
+        report.draw(figure(self, mission));
+        report.findings.extend(self.note.map(String::from));
+        let names = |places: &[usize]| -> Vec<String> { places.iter().map(|place| self.name(*place)).collect() };
+        let ranking = &self.ranking;
+        report.result("dose_model", sun::model(&self.compared));
+        report.result("best_launch", self.name(ranking.best[0]));
+        report.result("worst_launch", self.name(ranking.worst[0]));
+        report.result("tied_best_launches", names(&ranking.best));
+        report.result("tied_worst_launches", names(&ranking.worst));
+        match ranking.by {
+            None => {
+                let fate = fate(&self.launches[0], false);
+                report.find(format!("{} launches were tried, all alike: {fate}.", self.launches.len()));
+            }
+            Some(_) => compare(&mut report, self),
+        }
+        report
+    }
+}
+
+impl Results {
+    fn name(&self, place: usize) -> String {
+        self.launches[place].launch.to_string()
+    }
+}
+
+fn launches(results: &Results) -> DataTable {
+    let exceeded = results.launches.iter().any(|launched| launched.corrected_t_yr.is_some());
+    let columns = vec![
+        words("launch", "launch"),
+        column("active_yr", "active [yr]", Digits::Fixed(2)),
+        column("dose_mev_g", "dose [MeV/g]", Digits::Scientific(2)),
+        column("delta_e", "|delta e|", Digits::Scientific(3)),
+        column("exceeded_t_yr", "after [yr]", Digits::Fixed(2)),
+        words("exceeded_date", "exceeded"),
+        column("corrected_t_yr", if exceeded { "after [yr]" } else { "" }, Digits::Fixed(2)),
+        words("corrected_date", "corrected"),
+        words("dose_model", ""),
+    ];
+    let table = DataTable::of("launches", &results.launches, columns);
+    // Many rows of the same are nothing to read.
+    DataTable { programs_only: results.ranking.by.is_none() && results.launches.len() > 2, ..table }
+}
+
+fn figure(results: &Results, mission: &Mission) -> Figure {
+    let x: Vec<f64> = results.launches.iter().map(|launched| decimal_year(launched.launch)).collect();
+    let of = |value: fn(&Launched) -> Option<f64>| -> Vec<f64> {
+        results.launches.iter().map(|launched| value(launched).unwrap_or(f64::NAN)).collect()
+    };
+    let panel = |y_label: &str, mut series: Vec<Series>| {
+        series.extend(active_years(&results.compared, &x));
+        Panel { x_label: "launch [year]".into(), y_label: y_label.into(), series, ..Panel::default() }
+    };
+    let shapes = vec![
+        line("at the end of life", 1, &x, of(|launched| launched.delta_e)),
+        level("budget", mission.requirement.delta_e),
+    ];
+    let times = vec![
+        line("uncorrected budget exceeded", 2, &x, of(|launched| launched.exceeded_t_yr)),
+        level("end of the mission", mission.mission.duration_yr),
+    ];
+    Figure {
+        title: format!("{}: launch date; dose: {}", mission.mission.name, sun::model(&results.compared)),
+        panels: vec![panel("|delta e| at the end", shapes), panel("exceeded after [yr]", times)],
+    }
+}
+
+/// Active years of the Sun between the first and the last of some years, as shades; an average knows none.
+fn active_years(compared: &Mission, years: &[f64]) -> Vec<Series> {
+    if sun::model(compared) == "constant" {
+        return Vec::new();
+    }
+    let (first, last) =
+        (years.iter().copied().fold(f64::INFINITY, f64::min), years.iter().copied().fold(0.0, f64::max));
+    let stretches = solar_cycle::active_years(&solar_cycle::maxima(&compared.environment.solar_maximum, last));
+    let shade = |stretch: ActiveYears| Series {
+        label: Some(if stretch.extrapolated { "active Sun, extrapolated" } else { "active Sun" }.into()),
+        color: 7,
+        kind: Kind::Shade { from: stretch.from.max(first), to: stretch.to.min(last) },
+    };
+    stretches.into_iter().filter(|stretch| stretch.to > first && stretch.from < last).map(shade).collect()
+}
+
+/// What becomes of a launch, with dates where these are wanted.
+fn fate(launched: &Launched, dated: bool) -> String {
+    let lasts = |name: &str, t_yr: Option<f64>, date| match t_yr {
+        Some(t_yr) => {
+            let day = if dated { format!(", on {}", when(date)) } else { String::new() };
+            format!("{name} budget exceeded after {t_yr:.2} yr{day}")
+        }
+        None => format!("{name} budget not exceeded within the mission"),
+    };
+    let mut words = vec![
+        format!("{:.2} active years", launched.active_yr),
+        lasts("uncorrected", launched.exceeded_t_yr, launched.exceeded_date),
+    ];
+    if launched.corrected_t_yr.is_some() {
+        words.push(lasts("corrected", launched.corrected_t_yr, launched.corrected_date));
+    }
+    words.push(launched.delta_e.map_or("no shape left".into(), |end| format!("|delta e| {end:.3e} at the end")));
+    words.join("; ")
+}
+
+fn compare(report: &mut StudyReport, results: &Results) {
+    for (side, alike, places) in [("best", "good", &results.ranking.best), ("worst", "bad", &results.ranking.worst)] {
+        let (first, ties) = (places[0], &places[1..]);
+        let fate = fate(&results.launches[first], true);
+        report.find(format!("The {side} launch is {} ({fate}).", results.name(first)));
+        if !ties.is_empty() {
+            let mut names: Vec<String> = ties.iter().take(NAMED).map(|place| results.name(*place)).collect();
+            if ties.len() > NAMED {
+                names.push(format!("{} more", ties.len() - NAMED));
+            }
+            report.find(format!("Equally {alike}: {}.", names.join(", ")));
+        }
+    }
+    let ends: Option<Vec<f64>> = results.launches.iter().map(|launched| launched.delta_e).collect();
+    let ends = ends.unwrap_or_default();
+    let (least, most) = (ends.iter().copied().fold(f64::INFINITY, f64::min), ends.iter().copied().fold(0.0, f64::max));
+    if least > 0.0 && least.is_finite() {
+        report.result("worst_over_best", most / least);
+        report.find(format!("The launch date is worth a factor {:.2} in |delta e| at the end.", most / least));
+    }
+    let all = results.launches.len();
+    let lasting = results.launches.iter().filter(|launched| launched.exceeded_t_yr.is_none()).count();
+    report.find(format!("{lasting} of {all} launches stay within the uncorrected budget to their end."));
+}

@@ -1,0 +1,147 @@
+//! `ctiplan study shielding`.
+
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use super::table::{column, words};
+use super::{DataTable, Digits, Shown, StudyReport};
+use crate::environment::shielding::Geometry;
+use crate::mission::keys::plain;
+use crate::mission::{Mission, Orbit};
+use crate::plan::sources;
+use crate::report::plot::{Figure, Panel, level, line};
+use crate::study::budgets;
+use crate::study::shielding::{Case, GEOMETRIES, Needed, Results};
+
+impl Shown for Results {
+    fn shown(&self, mission: &Mission) -> StudyReport {
+        let [_, corrected] = budgets(mission);
+        let title = format!(
+            "aluminium against margin: what is left of the corrected budget ({}) of \"{}\" at the end of the mission",
+            plain(corrected),
+            mission.requirement.galaxy
+        );
+        let mut report = StudyReport::of("shielding", mission, title, &self.warnings);
+        report.sources = sources::of_dose(mission);
+        report.tables = vec![margins(self)];
+        if mission.mission.orbit == Orbit::Leo {
+            report.find(
+                "A low Earth orbit is dosed by trapped protons, for which there is no model here: no dose can be derived from \
+                 shielding. --set mission.orbit=l2 would show the same detector outside the magnetosphere.",
+            );
+            return report;
+        }
+        report.tables.extend([needed(self), cases(self)]);
+        report.draw(figure(self, mission, corrected));
+        for geometry in GEOMETRIES {
+            report.find(described(self, geometry));
+        }
+        if mission.environment.active_dose_rate_mev_g_yr.is_some() {
+            report.find("The mission gives its dose rate; here doses are derived from the shield instead.");
+        }
+        report
+    }
+}
+
+fn percent(confidence: f64) -> String {
+    format!("{}", (100.0 * confidence * 1e6).round() / 1e6)
+}
+
+/// Margins of one shield, a column for each confidence.
+#[derive(Serialize)]
+struct Margins {
+    geometry: Geometry,
+    thickness_mm: f64,
+    #[serde(flatten)]
+    margins: Map<String, Value>,
+}
+
+fn margins(results: &Results) -> DataTable {
+    let key = |confidence: f64| format!("margin_percent_at_{}", percent(confidence));
+    let mut columns = vec![words("geometry", "shield"), column("thickness_mm", "Al [mm]", Digits::Significant(4))];
+    columns.extend(
+        results
+            .confidences
+            .iter()
+            .map(|confidence| column(key(*confidence), format!("at {} %", percent(*confidence)), Digits::Fixed(1))),
+    );
+    let margin = |case: &Case| {
+        let margin = case.margin.map_or(Value::from("lost"), |margin| (100.0 * margin).into());
+        (key(case.confidence), margin)
+    };
+    let rows = results.cases.chunks(results.confidences.len()).map(|shield| Margins {
+        geometry: shield[0].geometry,
+        thickness_mm: shield[0].thickness_mm,
+        margins: shield.iter().map(margin).collect(),
+    });
+    DataTable::of("margins", rows, columns).titled("Margin in % of the budget")
+}
+
+fn needed(results: &Results) -> DataTable {
+    let columns = vec![
+        column("confidence_percent", "confidence [%]", Digits::Significant(6)),
+        column("sphere_mm", "sphere [mm Al]", Digits::Fixed(1)),
+        column("slab_mm", "slab [mm Al]", Digits::Fixed(1)),
+    ];
+    let title = "Least thickness that was tried, or lies between two, with which the corrected budget lasts";
+    DataTable::of("needed", &results.needed, columns).titled(title)
+}
+
+/// Every case, for programs and for those who plot themselves.
+fn cases(results: &Results) -> DataTable {
+    let columns = vec![
+        words("geometry", "shield"),
+        column("thickness_mm", "Al [mm]", Digits::Significant(4)),
+        column("confidence", "confidence", Digits::Significant(6)),
+        column("dose_mev_g", "dose [MeV/g]", Digits::Scientific(2)),
+        column("delta_e", "|delta e|", Digits::Scientific(3)),
+        words("exceeded_date", "exceeded"),
+        words("corrected_date", "corrected"),
+    ];
+    DataTable { programs_only: true, ..DataTable::of("cases", &results.cases, columns).titled("Every case") }
+}
+
+fn figure(results: &Results, mission: &Mission, corrected: f64) -> Figure {
+    let panel = |geometry: &Geometry| {
+        let series = results.confidences.iter().enumerate().map(|(index, confidence)| {
+            let of = |case: &&Case| case.geometry == *geometry && case.confidence == *confidence;
+            let curve = || results.cases.iter().filter(of);
+            let x: Vec<f64> = curve().map(|case| case.thickness_mm).collect();
+            let y = curve().map(|case| case.delta_e.unwrap_or(f64::NAN)).collect();
+            line(&format!("{} %", percent(*confidence)), index + 1, &x, y)
+        });
+        Panel {
+            x_label: "aluminium [mm]".into(),
+            y_label: format!("|delta e|, {geometry}"),
+            x_log: true,
+            y_log: true,
+            series: series.chain([level("corrected budget", corrected)]).collect(),
+            ..Panel::default()
+        }
+    };
+    Figure { title: format!("{}: shielding", mission.mission.name), panels: GEOMETRIES.iter().map(panel).collect() }
+}
+
+/// What a geometry needs.
+fn described(results: &Results, geometry: Geometry) -> String {
+    let (thinnest, thickest) = (results.thicknesses_mm[0], results.thicknesses_mm[results.thicknesses_mm.len() - 1]);
+    let said = |thickness_mm: f64| {
+        if thickness_mm.is_infinite() {
+            format!("more than {thickest} mm")
+        } else if thickness_mm <= thinnest {
+            format!("{thinnest} mm, the least that was tried, or less")
+        } else {
+            format!("{thickness_mm:.1} mm")
+        }
+    };
+    let all = || results.needed.iter().map(|needed: &Needed| needed.thickness_mm(geometry));
+    let (least, most) = (all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max));
+    if least == most {
+        return format!("As a {geometry}, every confidence that was asked for needs {}.", said(most));
+    }
+    format!(
+        "As a {geometry}, the corrected budget needs {} at the lowest confidence that was asked for, and {} at the highest.",
+        said(least),
+        said(most)
+    )
+}

@@ -1,0 +1,155 @@
+//! Rows of a study → a table for people, JSON, CSV.
+
+use chrono::NaiveDate;
+use comfy_table::Table;
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use super::estimate::{days, known_date, plus_minus, scientific};
+use crate::mission::keys::plain;
+use crate::report::{or_dash, table};
+use crate::study::Estimate;
+
+/// Rows of one kind, and which of their values are shown.
+#[derive(Clone, Debug)]
+pub struct DataTable {
+    /// Its key in JSON.
+    pub name: &'static str,
+    /// What it shows, in words; may be empty.
+    pub title: String,
+    /// Columns, in order.
+    pub columns: Vec<Column>,
+    /// Rows: values by the keys of the columns.
+    pub rows: Vec<Map<String, Value>>,
+    /// Whether it is for programs alone: too long to be read.
+    pub programs_only: bool,
+}
+
+/// One column.
+#[derive(Clone, Debug)]
+pub struct Column {
+    /// Key with its unit, for programs.
+    pub key: String,
+    /// Name with its unit, for people; a column without one is for programs alone.
+    pub head: String,
+    /// How numbers are shown to people.
+    pub digits: Digits,
+    /// Key of the standard errors, if its values are estimated from draws: errors of numbers in their unit, of dates in days.
+    pub error_key: Option<String>,
+}
+
+/// How a number is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Digits {
+    /// So many decimals.
+    Fixed(usize),
+    /// So many decimals and an exponent.
+    Scientific(usize),
+    /// So many digits in all, without an exponent where that is readable.
+    Significant(usize),
+}
+
+/// A column of numbers.
+pub(super) fn column(key: impl Into<String>, head: impl Into<String>, digits: Digits) -> Column {
+    Column { key: key.into(), head: head.into(), digits, error_key: None }
+}
+
+/// A column of words or dates.
+pub(super) fn words(key: impl Into<String>, head: impl Into<String>) -> Column {
+    column(key, head, Digits::Fixed(0))
+}
+
+impl Column {
+    /// The same with values that are estimated from draws, whose errors have a key of their own.
+    pub(super) fn with_error(self, key: impl Into<String>) -> Column {
+        Column { error_key: Some(key.into()), ..self }
+    }
+
+    /// A value of a row as people read it.
+    fn shown(&self, row: &Map<String, Value>) -> String {
+        let error = self.error_key.as_ref().map(|key| row.get(key).and_then(Value::as_f64));
+        match (row.get(&self.key), error) {
+            (Some(Value::String(words)), Some(error_d)) => match words.parse::<NaiveDate>() {
+                Ok(date) => format!("{}\n{}", known_date(date, error_d), error_d.map_or("+- ?".into(), days)),
+                Err(_) => words.clone(),
+            },
+            (Some(Value::String(words)), None) => words.clone(),
+            (value, error) => or_dash(value.and_then(Value::as_f64).map(|value| match error.flatten() {
+                Some(error) => self.estimate(Estimate { value, error }),
+                None => self.number(value),
+            })),
+        }
+    }
+
+    fn estimate(&self, estimate: Estimate) -> String {
+        match self.digits {
+            Digits::Scientific(_) => scientific(estimate),
+            _ => plus_minus(estimate),
+        }
+    }
+
+    fn number(&self, number: f64) -> String {
+        match self.digits {
+            Digits::Fixed(decimals) => format!("{number:.decimals$}"),
+            Digits::Scientific(decimals) => format!("{number:.decimals$e}"),
+            Digits::Significant(digits) => {
+                let decimals = digits.saturating_sub(1);
+                plain(format!("{number:.decimals$e}").parse().expect("a number that was printed"))
+            }
+        }
+    }
+}
+
+impl DataTable {
+    /// A table of rows that serialise to values by their keys.
+    pub(super) fn of<R: Serialize>(
+        name: &'static str,
+        rows: impl IntoIterator<Item = R>,
+        columns: Vec<Column>,
+    ) -> DataTable {
+        let values = |row: R| match serde_json::to_value(row) {
+            Ok(Value::Object(values)) => values,
+            other => unreachable!("a row serialises to values by their keys: {other:?}"),
+        };
+        let rows = rows.into_iter().map(values).collect();
+        DataTable { name, title: String::new(), columns, rows, programs_only: false }
+    }
+
+    /// The same under a title.
+    pub(super) fn titled(self, title: impl Into<String>) -> DataTable {
+        DataTable { title: title.into(), ..self }
+    }
+
+    /// Keys of its values: those of the columns, each before that of its errors.
+    fn keys(&self) -> impl Iterator<Item = &String> {
+        self.columns.iter().flat_map(|column| [Some(&column.key), column.error_key.as_ref()]).flatten()
+    }
+
+    /// Rows with the values of the columns alone; null if there is no such value.
+    pub(super) fn json(&self) -> Value {
+        let value = |row: &Map<String, Value>, key: &String| (key.clone(), row.get(key).cloned().unwrap_or_default());
+        let row = |row: &Map<String, Value>| Value::Object(self.keys().map(|key| value(row, key)).collect());
+        self.rows.iter().map(row).collect()
+    }
+
+    /// The keys, and the rows.
+    pub(super) fn csv(&self) -> Vec<Vec<String>> {
+        let value = |value: Option<&Value>| match value {
+            Some(Value::String(words)) => words.clone(),
+            value => value.and_then(Value::as_f64).map_or(String::new(), |number| number.to_string()),
+        };
+        let mut records = vec![self.keys().cloned().collect::<Vec<_>>()];
+        records.extend(self.rows.iter().map(|row| self.keys().map(|key| value(row.get(key))).collect()));
+        records
+    }
+
+    /// For people.
+    pub(super) fn text(&self) -> Table {
+        let read = || self.columns.iter().filter(|column| !column.head.is_empty());
+        let mut shown = table(&read().map(|column| column.head.as_str()).collect::<Vec<_>>());
+        for row in &self.rows {
+            shown.add_row(read().map(|column| column.shown(row)));
+        }
+        shown
+    }
+}

@@ -1,0 +1,63 @@
+//! Dipoles of single traps against phase time, and the release times that fit them.
+
+use crate::numeric::minimum::golden_section;
+use crate::study::ratios;
+
+/// Release times on which a fit starts, and steps of its golden section.
+const STARTS: usize = 240;
+const SECTIONS: usize = 40;
+
+/// Intensity of a dipole (e-) after so many cycles with a phase time, of a trap with a release time (both ms) that catches with
+/// a probability.
+pub fn dipole_e(cycles: f64, probability: f64, phase_ms: f64, release_ms: f64) -> f64 {
+    let left = (-phase_ms / release_ms).exp();
+    // exp(−t/τ) − exp(−2t/τ)
+    cycles * probability * left * (1.0 - left)
+}
+
+/// One phase time of a series of images.
+#[derive(Clone, Copy, Debug)]
+pub struct Phase {
+    /// Time of one phase, ms.
+    pub phase_ms: f64,
+    /// Cycles of an image.
+    pub cycles: f64,
+}
+
+/// Release times between which a fit chooses, with the shape of the dipole against phase time for each.
+pub struct Grid<'a> {
+    phases: &'a [Phase],
+    nodes: Vec<(f64, Vec<f64>)>,
+}
+
+impl Grid<'_> {
+    /// With release times around the phase times, and beyond.
+    pub fn new(phases: &[Phase]) -> Grid<'_> {
+        let ends = |pick: fn(f64, f64) -> f64| phases.iter().map(|phase| phase.phase_ms).reduce(pick).expect("a phase");
+        let times = ratios(ends(f64::min) / 10.0, ends(f64::max) * 10.0, STARTS);
+        let nodes = times.into_iter().map(|release_ms| (release_ms.ln(), shape(phases, release_ms))).collect();
+        Grid { phases, nodes }
+    }
+
+    /// Release time (ms) that fits dipoles with errors best, whatever the probability of capture.
+    pub fn fit(&self, measured: &[(f64, f64)]) -> f64 {
+        let chi2 = |shape: &[f64]| {
+            // χ² of the best amplitude: Σ y²w − (Σ y m w)²/Σ m²w, the first of which is always the same.
+            let sums = measured.iter().zip(shape).fold((0.0, 0.0), |(across, own), ((dipole, sigma), model)| {
+                let weight = 1.0 / (sigma * sigma);
+                (across + weight * dipole * model, own + weight * model * model)
+            });
+            if sums.1 > 0.0 && sums.0 > 0.0 { -sums.0 * sums.0 / sums.1 } else { 0.0 }
+        };
+        let best = |a: &usize, b: &usize| chi2(&self.nodes[*a].1).total_cmp(&chi2(&self.nodes[*b].1));
+        let node = (0..self.nodes.len()).min_by(best).expect("many nodes");
+        let place = |node: usize| self.nodes[node].0;
+        let ends = [place(node.saturating_sub(1)), place((node + 1).min(self.nodes.len() - 1))];
+        golden_section(ends, SECTIONS, |log_ms| chi2(&shape(self.phases, log_ms.exp()))).exp()
+    }
+}
+
+/// Dipoles at each phase time for a capture that is certain, e-.
+fn shape(phases: &[Phase], release_ms: f64) -> Vec<f64> {
+    phases.iter().map(|phase| dipole_e(phase.cycles, 1.0, phase.phase_ms, release_ms)).collect()
+}
