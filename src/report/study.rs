@@ -160,16 +160,16 @@ fn short(number: f64) -> String {
 
 /// When the budget is exceeded, in words.
 fn when(date: Option<NaiveDate>) -> String {
-    date.map_or("not within the mission".into(), |date| date.to_string())
+    date.map_or("not exceeded".into(), |date| format!("exceeded on {date}"))
 }
 
 /// What S/N and area leave out because it is not in the mission, in sentences.
 fn left_out(mission: &Mission) -> impl Iterator<Item = String> {
     let noise = mission.readout.noise.is_none().then(|| {
         let read_noise_e = short(mission.judged_galaxy().read_noise_e);
-        format!("[readout.noise] is not in the mission: S/N is with the galaxy's read noise, {read_noise_e} e-.")
+        format!("The mission has no [readout.noise]: S/N is with the galaxy's read noise, {read_noise_e} e-.")
     });
     let survey =
-        mission.survey.is_none().then(|| "[survey] is not in the mission: area counts exposure time alone.".into());
+        mission.survey.is_none().then(|| "The mission has no [survey]: area counts exposure time alone.".into());
     noise.into_iter().chain(survey)
 }

@@ -86,8 +86,8 @@ fn describe(report: &mut StudyReport, spacing: &Spacing, best: &Best, without: f
     report.result("best_spacing_rows", rows as u32);
     report.result("best_over_none", change(spacing) / without);
     report.find(format!(
-        "Of the spacings that were tried, lines every {rows} rows leave least: {:.3} of the shape error without lines. They \
-         cost {:.1} % of the rows and {:.2} % of S/N: {:.3} of the survey's area at equal depth are left.",
+        "The best spacing tried, a line every {rows} rows, leaves {:.3} of the shape error without lines. It costs {:.1} % of \
+         the rows and {:.2} % of S/N. {:.3} of the survey's area remains at equal depth.",
         change(spacing) / without,
         spacing.rows_lost_percent,
         spacing.snr_loss_percent,
@@ -98,21 +98,21 @@ fn describe(report: &mut StudyReport, spacing: &Spacing, best: &Best, without: f
     }
     let kept: Vec<String> = best.kept.iter().map(|(name, share)| format!("{name} {:.0} %", 100.0 * share)).collect();
     report.find(format!(
-        "Half way between such lines the traps that a line filled are still full to: {}. Only slow traps are kept so.",
+        "Traps filled by a line and still full half way to the next: {}. Only slow traps stay full.",
         kept.join(", ")
     ));
 }
 
-/// The spacing with which a budget lasts at the largest area.
+/// The spacing that meets a budget at the largest area.
 fn needed(results: &Results, name: &str, budget: f64) -> String {
     let lasting = results.all().filter(|spacing| change(spacing) < budget);
     match lasting.max_by(|a, b| a.area_equal_depth.total_cmp(&b.area_equal_depth)) {
         Some(Spacing { spacing_rows: None, .. }) => {
-            format!("The {name} budget lasts without lines: for it, none are best.")
+            format!("The {name} budget is already met without injection.")
         }
         Some(Spacing { spacing_rows: Some(rows), area_equal_depth, .. }) => format!(
-            "The {name} budget lasts with lines every {rows} rows, at {area_equal_depth:.3} of the survey's area."
+            "The {name} budget is met with a line every {rows} rows, at {area_equal_depth:.3} of the survey's area."
         ),
-        None => format!("No spacing that was tried makes the {name} budget last to the end of the mission."),
+        None => format!("No spacing tried meets the {name} budget."),
     }
 }

@@ -125,11 +125,12 @@ fn compare(report: &mut StudyReport, results: &Results, comparison: &Comparison,
     }
     report.find(worst_clock(results, worst));
     let end = match is_last(results, best) {
-        true => " It is the last that was tried: beyond it shapes may get better still.",
+        true => " It is at the end of the range tried: a line time beyond may be better still.",
         false => "",
     };
     report.find(format!(
-        "The best for shapes is {} ms: {:.2} of the worst; it takes {:.3} % of the flux, against {:.3} %.{end}",
+        "The best clock for shapes is {} ms, with {:.2} of the worst |delta e|. It loses {:.3} % of the flux, the worst {:.3} \
+         %.{end}",
         short(best.line_time_ms),
         least / most,
         best.flux_loss_percent.unwrap_or(0.0),
@@ -138,13 +139,13 @@ fn compare(report: &mut StudyReport, results: &Results, comparison: &Comparison,
     if let Some(own) = comparison.own_delta_e {
         report.result("own_delta_e", own);
         let own_ms = short(mission.readout.line_time_ms);
-        report.find(format!("The mission's own {own_ms} ms has {:.2} of the worst.", own / most));
+        report.find(format!("The mission's own {own_ms} ms has {:.2} of the worst |delta e|.", own / most));
     }
     for species in 0..results.species.len() {
         report.findings.extend(worst_alone(results, species));
     }
     report.find(format!(
-        "Uncorrected, the budget is exceeded: with the worst clock {}, with the best {}, with the mission's own {}.",
+        "Uncorrected budget: {} with the worst clock, {} with the best, {} with the mission's own.",
         when(comparison.worst_date),
         when(comparison.best_date),
         when(comparison.own_date)
@@ -167,7 +168,7 @@ fn alone(one: &LineTime, species: usize) -> f64 {
 
 fn worst_clock(results: &Results, worst: &LineTime) -> String {
     let mut words = format!(
-        "The worst clock of those tried is {} ms, with |delta e| {:.3e}",
+        "The worst clock is {} ms, with |delta e| {:.3e}",
         short(worst.line_time_ms),
         worst.delta_e.unwrap_or(0.0)
     );
@@ -176,14 +177,14 @@ fn worst_clock(results: &Results, worst: &LineTime) -> String {
     let largest = species.max_by(|a, b| alone(worst, *a).total_cmp(&alone(worst, *b)));
     if let Some(index) = largest.filter(|_| total > 0.0) {
         words += &format!(
-            ", because there {}, released after {} transfers, makes {:.0} % of it",
+            "; {}, released after {} transfers, contributes {:.0} % of it",
             results.species[index].name,
             short(results.species[index].release_ms / worst.line_time_ms),
             100.0 * alone(worst, index) / total
         );
     }
     if is_last(results, worst) {
-        words += "; it is the last that was tried";
+        words += ". It is at the end of the range tried";
     }
     words + "."
 }
@@ -207,22 +208,20 @@ fn worst_alone(results: &Results, species: usize) -> Option<String> {
 /// What survey and noise have to say.
 fn price(report: &mut StudyReport, results: &Results, comparison: &Comparison, mission: &Mission) {
     let Some(noise) = &mission.readout.noise else {
-        report.find(
-            "What a clock costs in read noise and time is not in the mission: [readout.noise] and [survey] would say it.",
-        );
+        report.find("The cost of a clock in read noise and time is not known: the mission has no [readout.noise].");
         return;
     };
     let beyond = results.line_times.iter().filter(|one| one.cost.is_none()).count();
     if beyond > 0 {
         report.find(format!(
-            "{beyond} of {} line times have no read noise: the rate of {} pixels per line is beyond the table, or no time is \
-             left for them.",
+            "{beyond} of {} line times have no read noise: the pixel rate for {} pixels per line is outside the table, or \
+             the line time is too short for them.",
             results.line_times.len(),
             noise.columns
         ));
     }
     let Some(own) = &comparison.own_cost else {
-        report.find("The mission's own clock has no read noise in the mission's table: nothing to compare areas with.");
+        report.find("The mission's own clock is outside its table of read noise: there is no area to compare with.");
         return;
     };
     report.result("own_read_noise_e", own.read_noise_e);
@@ -231,7 +230,7 @@ fn price(report: &mut StudyReport, results: &Results, comparison: &Comparison, m
         Some(LineTime { line_time_ms, delta_e, cost: Some(cost), .. }) => {
             report.result("best_area_line_time_ms", *line_time_ms);
             report.find(format!(
-                "Of the clocks that stay within the corrected budget, {} ms covers most area at equal depth: {:.3} of the \
+                "Of the clocks within the corrected budget, {} ms covers the largest area at equal depth: {:.3} of the \
                  mission's own, with |delta e| {:.3e} and {:.2} e- of read noise.",
                 short(*line_time_ms),
                 cost.area_equal_depth.unwrap_or(0.0),
@@ -239,7 +238,9 @@ fn price(report: &mut StudyReport, results: &Results, comparison: &Comparison, m
                 cost.read_noise_e
             ));
         }
-        _ if mission.survey.is_none() => report.find("[survey] would say what readout time costs in area."),
-        _ => report.find("No clock that was tried stays within the corrected budget to the end of the mission."),
+        _ if mission.survey.is_none() => {
+            report.find("The cost of readout time in area is not known: the mission has no [survey].")
+        }
+        _ => report.find("No clock tried stays within the corrected budget to the end of the mission."),
     }
 }

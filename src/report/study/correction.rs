@@ -34,7 +34,7 @@ impl Shown for Results {
         report.result("needed_factor", remainder.needed_factor);
         report.result("assumed_factor", remainder.assumed_factor);
         match &remainder.earned {
-            None => report.find("Correction with what is known leaves no shape to measure."),
+            None => report.find("Corrected with these errors of the parameters, no shape is left to measure."),
             Some(earned) => {
                 describe(&mut report, remainder, earned, mission);
                 report.draw(figure(remainder, earned, mission));
@@ -103,12 +103,12 @@ fn describe(report: &mut StudyReport, remainder: &Remainder, earned: &Earned, mi
     report.find(noise(remainder.noise_delta_e));
     let (needed, assumed) = (remainder.needed_factor, remainder.assumed_factor);
     let within = if needed <= 1.0 {
-        "no correction is needed to the end of the mission".to_string()
+        "No correction is needed to meet the budget".to_string()
     } else {
-        format!("a factor {needed:.2} is needed to stay within the budget to the end")
+        format!("A factor {needed:.2} is needed to meet the budget")
     };
     report.find(format!(
-        "The correction earns a factor {} ({} % removed), where the mission assumes {assumed}; {within}. Published: a factor 10 \
+        "The correction achieves a factor {} ({} % removed); the mission assumes {assumed}. {within}. Published: a factor 10 \
          (Massey et al. 2009, ACS), 98 % removed (Massey et al. 2014, ACS), 99.68 % in simulations with a perfect model (Israel \
          et al. 2015, Euclid).",
         plus_minus(earned.factor),
@@ -116,7 +116,7 @@ fn describe(report: &mut StudyReport, remainder: &Remainder, earned: &Earned, mi
     ));
     let date = |factor: f64| when(remainder.timeline.date(mission.requirement.delta_e * factor));
     report.find(format!(
-        "The budget is exceeded: uncorrected {}, with the assumed factor {}, with the earned one {}.",
+        "Budget: {} without correction, {} with the assumed factor, {} with the achieved factor.",
         date(1.0),
         date(assumed),
         earned_date(earned)
@@ -132,8 +132,8 @@ fn limit(report: &mut StudyReport, remainder: &Remainder) {
     if let Some(most) = most.filter(|_| all > 0.0) {
         report.result("limited_by", name(&most.cause));
         report.find(format!(
-            "What limits the correction is {}: its error of {} % alone leaves {:.2} % of the shape error, {:.0} % of the squares \
-             of all.",
+            "The correction is limited by {}: its error of {} % alone leaves {:.2} % of the shape error, {:.0} % of the sum of \
+             squares.",
             name(&most.cause),
             short(most.error_percent.unwrap_or(0.0)),
             100.0 * most.delta_e.unwrap_or(0.0) / remainder.uncorrected_delta_e,
@@ -146,22 +146,22 @@ fn limit(report: &mut StudyReport, remainder: &Remainder) {
 fn noise(delta_e: Option<Estimate>) -> String {
     match delta_e {
         Some(noise) if noise.value > STANDS_OUT * noise.error => format!(
-            "Noise leaves {} even with the true model: read noise was not trailed, but is corrected as if it were.",
+            "Noise leaves {} even with the true model: read noise is added after the transfers, but corrected as if before them.",
             scientific(noise)
         ),
         Some(noise) => format!(
-            "Noise leaves nothing that stands out of its standard error, {:.0e}; more --realisations would tell more.",
+            "Noise leaves no significant error (standard error {:.0e}); more --realisations make that smaller.",
             noise.error
         ),
-        None => "Read noise is not in these figures: --read-noise-e, [readout.noise] or the galaxy's read_noise_e would give it."
+        None => "Noise is not included: it needs --read-noise-e, [readout.noise] or the galaxy's read_noise_e, and --realisations."
             .into(),
     }
 }
 
 fn earned_date(earned: &Earned) -> String {
     match (earned.exceeded_date, earned.exceeded_error_d) {
-        (Some(date), Some(error_d)) => format!("{} ({})", known_date(date, Some(error_d)), days(error_d)),
-        (Some(date), None) => known_date(date, None),
+        (Some(date), Some(error_d)) => format!("exceeded {} ({})", known_date(date, Some(error_d)), days(error_d)),
+        (Some(date), None) => format!("exceeded {}", known_date(date, None)),
         (None, _) => when(None),
     }
 }

@@ -66,8 +66,8 @@ fn compare(report: &mut StudyReport, results: &Results) {
     let (farthest, mean) = (results.farthest(), results.mean());
     if let Some(over) = mean.over_farthest {
         report.find(format!(
-            "Galaxies evenly spread over the detector have {over:.3} of the farthest's error in the mean; proportional to the \
-             distance it would be 0.5. Uncorrected, the budget is exceeded: by the farthest {}, by the mean {}.",
+            "The mean error over the detector is {over:.3} of the farthest galaxy's. An error proportional to the distance would \
+             give 0.5. Uncorrected budget: {} by the farthest, {} by the mean.",
             when(farthest.exceeded_date),
             when(mean.exceeded_date)
         ));
@@ -75,10 +75,10 @@ fn compare(report: &mut StudyReport, results: &Results) {
     let left = |place: &Place| place.over_farthest.unwrap_or(f64::INFINITY);
     for dither in results.dithers() {
         report.find(format!(
-            "Dither \"{}\" leaves {:.3} of the farthest's error: it buys {:.0} %; exceeded: {}.",
+            "Dither \"{}\" reduces the worst-case error by {:.0} %, to {:.3} of the farthest galaxy's. Uncorrected budget: {}.",
             dither.name,
-            left(dither),
             100.0 * (1.0 - left(dither)),
+            left(dither),
             when(dither.exceeded_date)
         ));
     }
@@ -86,8 +86,8 @@ fn compare(report: &mut StudyReport, results: &Results) {
         report.result("best_dither", best.name.clone());
         report.result("best_dither_over_farthest", left(best));
         report.find(
-            "No dither takes the mean over the detector away: patterns that move every galaxy over the whole register \
-             only make all galaxies alike, at that mean.",
+            "No dither removes the mean over the detector. A pattern that moves every galaxy over the whole register gives all \
+             galaxies that mean.",
         );
     }
 }

@@ -128,20 +128,20 @@ fn describe(report: &mut StudyReport, results: &Results) {
     report.result("nominal_exceeded_t_yr", budget.nominal.exceeded_yr[0]);
     report.result("nominal_delta_e", budget.nominal.delta_e);
     if !results.has_shield {
-        report.find("The shield is no input: no thickness of aluminium stands for the dose that the mission gives.");
+        report.find("The shield is not an input: no thickness of aluminium gives the mission's dose.");
     }
     let lost = budget.fates.iter().filter(|fate| fate.delta_e.is_none()).count();
     if lost > 0 {
         report.find(format!(
-            "In {lost} of {} draws no shape is left at the end of the mission: they count as exceeded when it is lost, and not in \
-             the shares.",
+            "In {lost} of {} draws no shape is left at the end of the mission. They count as exceeded from then on, and are left \
+             out of the shares.",
             budget.fates.len()
         ));
     }
     match budget.rest_share {
         Some(rest) => dominant(report, budget, rest),
         None if budget.inputs.is_empty() => report.find("No input is uncertain: there is a single date."),
-        None => report.find("The inputs change nothing that can be measured at the end of the mission."),
+        None => report.find("No input changes |delta e| at the end of the mission."),
     }
     for (name, exceeded) in BUDGETS.into_iter().zip(&budget.exceeded) {
         spread(report, name, exceeded, results.horizon_yr);
@@ -160,10 +160,10 @@ fn dominant(report: &mut StudyReport, budget: &Budget, rest: Estimate) {
     let mut words = format!("The dominant uncertainty is {}", said(&budget.inputs[0]));
     let next: Vec<String> = budget.inputs.iter().skip(1).take(2).map(said).collect();
     if !next.is_empty() {
-        words += &format!(", before {}", next.join(" and "));
+        words += &format!(", followed by {}", next.join(" and "));
     }
     let rest = plus_minus(rest.times(100.0));
-    report.find(format!("{words}; {rest} % of the variance is not linear in the inputs."));
+    report.find(format!("{words}. {rest} % of the variance is not linear in the inputs."));
     if let Some(sigma) = budget.sigma_ln {
         report.result("sigma_ln_delta_e", sigma.value);
         report.result("sigma_ln_delta_e_error", sigma.error);
@@ -189,7 +189,7 @@ fn spread(report: &mut StudyReport, name: &str, exceeded: &Exceeded, horizon_yr:
         format!("The {name} budget is exceeded {} in 95 % of the draws.", said(low))
     } else {
         format!(
-            "The {name} budget is exceeded in half of the draws by {}; in nine of ten between {} and {}.",
+            "Date on which the {name} budget is exceeded: median {}, 90 % interval from {} to {}.",
             said(middle),
             said(low),
             said(high)
@@ -209,8 +209,8 @@ fn side_by_side(report: &mut StudyReport, own: &Budget, name: &str, other: &Budg
         None => "nothing".into(),
     };
     report.find(format!(
-        "The detector of \"{name}\" has {:.2} times the shape error under the same dose, clock, sky and galaxy; its date hangs on \
-         {} most, that of the mission's own on {}.",
+        "The detector of \"{name}\" has {:.2} times the shape error under the same dose, clock, sky and galaxy; its date depends \
+         most on {}, that of the mission's own on {}.",
         theirs / mine,
         dominant(other),
         dominant(own)

@@ -1,7 +1,9 @@
 //! `ctiplan study launch`.
 
+use chrono::NaiveDate;
+
 use super::table::{column, words};
-use super::{DataTable, Digits, Shown, StudyReport, when};
+use super::{DataTable, Digits, Shown, StudyReport};
 use crate::environment::solar_cycle::{self, ActiveYears};
 use crate::mission::Mission;
 use crate::numeric::calendar::decimal_year;
@@ -36,7 +38,7 @@ impl Shown for Results {
         match ranking.by {
             None => {
                 let fate = fate(&self.launches[0], false);
-                report.find(format!("{} launches were tried, all alike: {fate}.", self.launches.len()));
+                report.find(format!("All {} launch dates tried are alike: {fate}.", self.launches.len()));
             }
             Some(_) => compare(&mut report, self),
         }
@@ -109,12 +111,12 @@ fn active_years(compared: &Mission, years: &[f64]) -> Vec<Series> {
 
 /// What becomes of a launch, with dates where these are wanted.
 fn fate(launched: &Launched, dated: bool) -> String {
-    let lasts = |name: &str, t_yr: Option<f64>, date| match t_yr {
+    let lasts = |name: &str, t_yr: Option<f64>, date: Option<NaiveDate>| match t_yr {
         Some(t_yr) => {
-            let day = if dated { format!(", on {}", when(date)) } else { String::new() };
+            let day = if dated { date.map_or(String::new(), |date| format!(", on {date}")) } else { String::new() };
             format!("{name} budget exceeded after {t_yr:.2} yr{day}")
         }
-        None => format!("{name} budget not exceeded within the mission"),
+        None => format!("{name} budget not exceeded"),
     };
     let mut words = vec![
         format!("{:.2} active years", launched.active_yr),
@@ -145,9 +147,9 @@ fn compare(report: &mut StudyReport, results: &Results) {
     let (least, most) = (ends.iter().copied().fold(f64::INFINITY, f64::min), ends.iter().copied().fold(0.0, f64::max));
     if least > 0.0 && least.is_finite() {
         report.result("worst_over_best", most / least);
-        report.find(format!("The launch date is worth a factor {:.2} in |delta e| at the end.", most / least));
+        report.find(format!("The worst |delta e| at the end of the mission is {:.2} times the best.", most / least));
     }
     let all = results.launches.len();
     let lasting = results.launches.iter().filter(|launched| launched.exceeded_t_yr.is_none()).count();
-    report.find(format!("{lasting} of {all} launches stay within the uncorrected budget to their end."));
+    report.find(format!("{lasting} of {all} launches meet the uncorrected budget."));
 }

@@ -69,7 +69,7 @@ fn known(results: &Results) -> DataTable {
         column("release_error_percent", "release to [%]", Digits::Significant(2)),
     ];
     DataTable::of("known", &results.known, columns)
-        .titled("What becomes known of all traps in reach; release times at the operating temperature")
+        .titled("Errors for all traps within reach; release times at the operating temperature")
 }
 
 fn figure(results: &Results, mission: &Mission) -> Figure {
@@ -100,11 +100,11 @@ fn figure(results: &Results, mission: &Mission) -> Figure {
 fn found(results: &Results, known: &Known) -> String {
     let release = match known.release_error_percent {
         Some(percent) => format!("to {percent:.2} % (thermometer {} K)", results.options.temperature_error_k),
-        None => "not: its energy level needs a second temperature".into(),
+        None => "is unknown: the energy level needs a second temperature".into(),
     };
     format!(
-        "{} is found best at {} K with phases of {} ms: {} traps in reach of the flat; density known to {:.2} %, release time at \
-         {} K {release}.",
+        "{} is detected best at {} K with phases of {} ms: {} traps within reach of the flat. Its density is known to {:.2} %, its \
+         release time at {} K {release}.",
         known.species,
         short(known.temperature_k),
         short(known.phase_ms),
@@ -120,13 +120,13 @@ fn not_found(results: &Results, species: &SpeciesState) -> Option<String> {
         return None;
     }
     if species.density_per_px <= 0.0 {
-        return Some(format!("{} is not there at the end of the mission.", species.name));
+        return Some(format!("{} has no traps at the end of the mission.", species.name));
     }
     let own = results.dipoles.iter().filter(|dipole| dipole.species == species.name);
     let best = own.max_by(|a, b| a.snr.total_cmp(&b.snr))?;
     Some(format!(
-        "{} is not found: its best dipole, {} e- at {} K with phases of {} ms and {} cycles, is {:.1} sigma of the flat's noise, \
-         with a release time of {} ms.",
+        "{} is not detected. Its best dipole is {} e- at {} K with phases of {} ms and {} cycles, {:.1} sigma of the flat's noise; \
+         its release time there is {} ms.",
         species.name,
         short(best.dipole_e),
         short(best.temperature_k),
@@ -143,8 +143,8 @@ fn earned(report: &mut StudyReport, results: &Results, before: Estimate, after: 
         report.result(&format!("{key}_error"), factor.error);
     }
     report.find(format!(
-        "With every density and release time known to {} %, the correction earns a factor {}; with what pumping tells, {} (well \
-         fill taken as known; read noise apart: see `study correction`).",
+        "With every density and release time known to {} %, the correction achieves a factor {}. With what pumping measures it \
+         achieves {}. The well fill power counts as known; `study correction` includes its error and noise.",
         100.0 * results.options.known_to,
         plus_minus(before),
         plus_minus(after)

@@ -63,8 +63,8 @@ fn compare(report: &mut StudyReport, levels: &[Level], dark: f64) {
     if let Some((least, with)) = levels.get(1).and_then(|least| Some((least, least.delta_e?))) {
         let (gain, cost) = (100.0 * (1.0 - with / dark), least.snr_loss_percent);
         report.find(format!(
-            "The least flash that was tried, {} e-, lowers |delta e| by {gain:.1} % and S/N by {cost:.1} %: {:.1} % of shape \
-             error for each % of S/N.",
+            "The smallest flash tried, {} e-, lowers |delta e| by {gain:.1} % and S/N by {cost:.1} %: {:.1} % of shape error for \
+             each % of S/N.",
             short(least.electrons),
             gain / cost
         ));
@@ -74,28 +74,28 @@ fn compare(report: &mut StudyReport, levels: &[Level], dark: f64) {
     needed(report, "corrected", corrected, when(levels[0].corrected_date));
     if let Some(pair) = levels.windows(2).find(|pair| pair[1].delta_e > pair[0].delta_e) {
         report.find(format!(
-            "More is not always better: |delta e| rises from {} to {} e-.",
+            "A larger flash is not always better: |delta e| rises from {} to {} e-.",
             short(pair[0].electrons),
             short(pair[1].electrons)
         ));
     }
 }
 
-/// The least flash with which a budget lasts, given when it is exceeded without.
+/// The smallest flash that meets a budget, given when it is exceeded without.
 fn needed(report: &mut StudyReport, budget: &str, least: Option<&Level>, without: String) {
     let key = format!("least_{budget}_electrons");
     report.result(&key, least.map_or(Value::Null, |level| level.electrons.into()));
     report.find(match least {
         Some(level) if level.electrons == 0.0 => {
-            format!("The {budget} budget lasts without a flash: for it, none is best.")
+            format!("The {budget} budget is already met without a flash.")
         }
         Some(level) => format!(
-            "The {budget} budget lasts with {} e- at the least of those tried (without: exceeded on {without}): it costs {:.1} % \
-             of S/N, or {:.1} % of the survey's area at equal depth.",
+            "The {budget} budget is met with {} e-, the smallest flash tried that meets it (without a flash: {without}). This \
+             costs {:.1} % of S/N, or {:.1} % of the survey's area at equal depth.",
             short(level.electrons),
             level.snr_loss_percent,
             100.0 * (1.0 - level.area_equal_depth)
         ),
-        None => format!("No flash that was tried makes the {budget} budget last to the end of the mission."),
+        None => format!("No flash tried meets the {budget} budget."),
     });
 }

@@ -26,8 +26,8 @@ impl Shown for Results {
         report.tables = vec![margins(self)];
         if mission.mission.orbit == Orbit::Leo {
             report.find(
-                "A low Earth orbit is dosed by trapped protons, for which there is no model here: no dose can be derived from \
-                 shielding. --set mission.orbit=l2 would show the same detector outside the magnetosphere.",
+                "In low Earth orbit trapped protons do the damage. There is no model of them here, so no dose can be derived from \
+                 shielding. --set mission.orbit=l2 shows the same detector outside the magnetosphere.",
             );
             return report;
         }
@@ -37,7 +37,7 @@ impl Shown for Results {
             report.find(described(self, geometry));
         }
         if mission.environment.active_dose_rate_mev_g_yr.is_some() {
-            report.find("The mission gives its dose rate; here doses are derived from the shield instead.");
+            report.find("The mission gives its dose rate. This study derives the dose from the shield instead.");
         }
         report
     }
@@ -83,7 +83,7 @@ fn needed(results: &Results) -> DataTable {
         column("sphere_mm", "sphere [mm Al]", Digits::Fixed(1)),
         column("slab_mm", "slab [mm Al]", Digits::Fixed(1)),
     ];
-    let title = "Least thickness that was tried, or lies between two, with which the corrected budget lasts";
+    let title = "Least thickness that meets the corrected budget, interpolated between those tried";
     DataTable::of("needed", &results.needed, columns).titled(title)
 }
 
@@ -129,7 +129,7 @@ fn described(results: &Results, geometry: Geometry) -> String {
         if thickness_mm.is_infinite() {
             format!("more than {thickest} mm")
         } else if thickness_mm <= thinnest {
-            format!("{thinnest} mm, the least that was tried, or less")
+            format!("{thinnest} mm (the least tried) or less")
         } else {
             format!("{thickness_mm:.1} mm")
         }
@@ -137,10 +137,10 @@ fn described(results: &Results, geometry: Geometry) -> String {
     let all = || results.needed.iter().map(|needed: &Needed| needed.thickness_mm(geometry));
     let (least, most) = (all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max));
     if least == most {
-        return format!("As a {geometry}, every confidence that was asked for needs {}.", said(most));
+        return format!("A {geometry} meets the corrected budget with {} at every confidence tried.", said(most));
     }
     format!(
-        "As a {geometry}, the corrected budget needs {} at the lowest confidence that was asked for, and {} at the highest.",
+        "A {geometry} meets the corrected budget with {} at the lowest confidence tried, and with {} at the highest.",
         said(least),
         said(most)
     )
