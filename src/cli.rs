@@ -38,7 +38,7 @@ use crate::report::{Format, Report};
 /// trap densities year by year; the readout trails galaxies through those traps; the change of their shape is held against
 /// the budget.
 #[derive(Debug, Parser)]
-#[command(name = "ctiplan", version, max_term_width = 100)]
+#[command(name = "ctiplan", version, max_term_width = 80)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -54,7 +54,7 @@ enum Command {
     Sweep(sweep::Sweep),
     /// Proton spectrum, shielding and displacement damage dose of a mission
     Dose(dose::Dose),
-    /// Model against measurements: how far off, and against which condition the residuals lean
+    /// Model against measurements: residuals, and the conditions with which they vary
     Validate(validate::Validate),
     /// Adjust what [fit] or --free names to measurements: values with errors and correlations
     Fit(fit::Fit),
@@ -183,7 +183,9 @@ fn say(text: &str) -> Result<(), Failure> {
 /// A bar on standard error where that is a terminal, and nothing where it is not.
 fn progress(length: u64, unit: &str) -> ProgressBar {
     let style = ProgressStyle::with_template(&format!("{{msg}} {{bar:30}} {{pos}}/{{len}} {unit}, {{eta}} left"));
-    ProgressBar::new(length).with_style(style.expect("a template that a test has drawn"))
+    // Of a length that is not known yet a bar is empty, of length 0 it would be full.
+    let bar = if length == 0 { ProgressBar::no_length() } else { ProgressBar::new(length) };
+    bar.with_style(style.expect("a template that a test has drawn"))
 }
 
 /// A sign of life on standard error for work of unknown length, where that is a terminal.
