@@ -1,6 +1,7 @@
 //! The same mission under other circumstances, side by side: the product of `ctiplan compare`.
 
 mod axis;
+mod cause;
 mod json;
 mod ranking;
 pub(crate) mod sun;
@@ -11,11 +12,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 pub use axis::Axis;
+pub use cause::Cause;
+use cause::{State, why};
 pub use ranking::{Criterion, Merit, Ranking};
 
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::model::Model;
 use crate::physics::SpeciesState;
 use crate::plan::evaluate::{Verdict, evaluate};
 use crate::warning::{self, Warning};
@@ -73,7 +75,7 @@ pub struct Comparison {
     #[serde(skip)]
     pub ratio: Option<f64>,
     /// Why the best is better than the worst at those times; empty where all are alike.
-    pub why: Vec<String>,
+    pub why: Vec<Cause>,
     /// What else a reader has to know.
     pub notes: Vec<String>,
     /// Warnings of all scenarios, each said once.
@@ -125,7 +127,7 @@ pub fn compare(candidates: &[Candidate], axes: &[Axis], progress: impl Fn() + Sy
     };
     let compared_at_yr = [at(best), at(worst)];
     let (ratio, why) = match ranking.by {
-        Some(_) => why(&State::of(best, compared_at_yr[0])?, &State::of(worst, compared_at_yr[1])?),
+        Some(_) => why(&State::of(&best.mission, compared_at_yr[0])?, &State::of(&worst.mission, compared_at_yr[1])?),
         None => (None, Vec::new()),
     };
     let warnings = warning::together(scenarios.iter().flat_map(|scenario| &scenario.warnings));
@@ -206,88 +208,4 @@ impl Scenario {
     pub fn dose_model(&self) -> &'static str {
         sun::model(&self.mission)
     }
-}
-
-/// A scenario at one time.
-struct State {
-    delta_e: Option<f64>,
-    dose_mev_g: f64,
-    active_yr: f64,
-    /// For each species its share of |Δe| were it alone, and its release time in transfers.
-    shares: Vec<(String, f64, f64)>,
-}
-
-impl State {
-    fn of(scenario: &Scenario, t_yr: f64) -> Result<State, InputError> {
-        let judged = Mission { galaxies: vec![scenario.mission.judged_galaxy().clone()], ..scenario.mission.clone() };
-        let model = Model::new(&judged);
-        Ok(State {
-            delta_e: model.change(0, t_yr)?.map(|change| change.magnitude()),
-            dose_mev_g: model.dose_mev_g(t_yr)?,
-            active_yr: model.history().active_years(t_yr),
-            shares: shares(&model, t_yr)?,
-        })
-    }
-}
-
-/// |Δe| of the better over that of the worse, and what makes it so: dose, and what the same dose does; species by species.
-fn why(better: &State, worse: &State) -> (Option<f64>, Vec<String>) {
-    let (Some(better_e), Some(worse_e)) = (better.delta_e, worse.delta_e) else {
-        return (None, vec!["in the worst the galaxy has no measurable shape left".into()]);
-    };
-    if worse_e <= 0.0 || worse_e.is_nan() {
-        return (None, Vec::new());
-    }
-    let ratio = better_e / worse_e;
-    let mut reasons = Vec::new();
-    let alike = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
-    // A difference the other way round than that of |Δe| is no reason for it.
-    let although = |more: bool| if more == (ratio < 1.0) { "although " } else { "" };
-    if !alike(better.dose_mev_g, worse.dose_mev_g) {
-        reasons.push(format!(
-            "{}dose {:.3e} against {:.3e} MeV/g ({:.2} against {:.2} active years)",
-            although(better.dose_mev_g > worse.dose_mev_g),
-            better.dose_mev_g,
-            worse.dose_mev_g,
-            better.active_yr,
-            worse.active_yr
-        ));
-    }
-    if better.dose_mev_g > 0.0 && worse.dose_mev_g > 0.0 {
-        let (better_per, worse_per) = (better_e / better.dose_mev_g, worse_e / worse.dose_mev_g);
-        if (better_per / worse_per - 1.0).abs() > 0.01 {
-            reasons.push(format!(
-                "{}the same dose does {:.3} of the change of shape",
-                although(better_per > worse_per),
-                better_per / worse_per
-            ));
-        }
-        for ((name, worse_share, worse_transfers), (_, better_share, better_transfers)) in
-            worse.shares.iter().zip(&better.shares).filter(|(from, to)| from.0 == to.0 && (from.1 - to.1).abs() > 0.02)
-        {
-            reasons.push(format!(
-                "{name}, released after {better_transfers:.3} against {worse_transfers:.3} transfers, makes {:.0} % of it \
-                 against {:.0} %",
-                100.0 * better_share,
-                100.0 * worse_share
-            ));
-        }
-    }
-    (Some(ratio), reasons)
-}
-
-/// For each species its share of |Δe| were it alone, and its release time in transfers.
-fn shares(model: &Model, t_yr: f64) -> Result<Vec<(String, f64, f64)>, InputError> {
-    let device = model.device_at(t_yr)?;
-    let alone = |index: usize| -> Result<f64, InputError> {
-        Ok(model.change_by(0, &device.with_species(index))?.map_or(0.0, |change| change.magnitude()))
-    };
-    let alone = (0..device.traps.len()).map(alone).collect::<Result<Vec<f64>, _>>()?;
-    let total: f64 = alone.iter().sum();
-    let line_time_ms = device.at.line_time_ms;
-    let shares = device.traps.iter().zip(&alone).map(|(species, alone)| {
-        let share = if total > 0.0 { alone / total } else { 0.0 };
-        (species.name.clone(), share, species.release_ms / line_time_ms)
-    });
-    Ok(shares.collect())
 }

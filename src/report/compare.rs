@@ -1,5 +1,6 @@
 //! `ctiplan compare`.
 
+mod cause;
 mod figures;
 
 use super::{Page, Parts, Report, keep_words, or_dash, table};

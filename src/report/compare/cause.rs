@@ -1,0 +1,37 @@
+//! Why one scenario is better than another, in words.
+
+use std::fmt;
+
+use serde::ser::{Serialize, Serializer};
+
+use crate::plan::scenario::Cause;
+
+impl fmt::Display for Cause {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let but = |although: &bool| if *although { "although " } else { "" };
+        match self {
+            Cause::Lost => out.write_str("in the worst the galaxy has no measurable shape left"),
+            Cause::Dose { although, dose_mev_g: [better, worse], active_yr: [better_yr, worse_yr] } => write!(
+                out,
+                "{}dose {better:.3e} against {worse:.3e} MeV/g ({better_yr:.2} against {worse_yr:.2} active years)",
+                but(although)
+            ),
+            Cause::PerDose { although, ratio } => {
+                write!(out, "{}the same dose does {ratio:.3} of the change of shape", but(although))
+            }
+            Cause::Species { name, release_transfers: [better, worse], share } => write!(
+                out,
+                "{name}, released after {better:.3} against {worse:.3} transfers, makes {:.0} % of it against {:.0} %",
+                100.0 * share[0],
+                100.0 * share[1]
+            ),
+        }
+    }
+}
+
+/// As people read it.
+impl Serialize for Cause {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_str(self)
+    }
+}
