@@ -16,7 +16,7 @@ pub mod mask;
 pub mod uncertain;
 pub mod unit;
 
-pub use correct::{Corrected, Residual, Stop, correct};
+pub use correct::{Corrected, Residual, Stop, correct, iterated};
 pub use frame::{Corner, Geometry, Split, Transfers};
 pub use uncertain::{Uncertain, uncertain};
 pub use unit::Unit;

@@ -106,6 +106,24 @@ pub(super) fn solve_from<E>(
     steps(image, observed, held, iterations, |_| wanted_e, trail)
 }
 
+/// The image that `trail` turns into what was observed, after so many steps, all of which are kept: what is linear in the image
+/// stays linear, as a mean over noise needs.
+///
+/// # Errors
+/// Those of the readout.
+pub fn iterated<E>(
+    observed: &Array2<f64>,
+    iterations: u32,
+    trail: impl Fn(&Array2<f64>) -> Result<Array2<f64>, E>,
+) -> Result<Array2<f64>, E> {
+    let mut image = observed.clone();
+    for _ in 0..iterations {
+        let trailed = trail(&image)?;
+        image = image + observed - trailed;
+    }
+    Ok(image)
+}
+
 /// Improves an image until its largest residual is as wanted, which may depend on the first.
 fn steps<E>(
     mut image: Array2<f64>,

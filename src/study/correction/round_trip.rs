@@ -7,6 +7,7 @@ use rand_distr::{Distribution, Normal, Poisson};
 
 use super::Knowledge;
 use crate::error::InputError;
+use crate::image::iterated;
 use crate::model::{Above, Beside, Device, Model, Scene, downstream};
 use crate::physics::galaxy::{Profile, snr};
 use crate::physics::shape::{Moments, ShapeChange};
@@ -28,12 +29,7 @@ pub fn corrected(
     beside: Beside,
     iterations: u32,
 ) -> Result<Array2<f64>, InputError> {
-    let mut image = observed_e.clone();
-    for _ in 0..iterations {
-        let trailed = believed.read(&image, downstream, beside)?;
-        image = image + observed_e - trailed;
-    }
-    Ok(image)
+    iterated(observed_e, iterations, |image| believed.read(image, downstream, beside))
 }
 
 /// A galaxy on its way through a detector and back.
