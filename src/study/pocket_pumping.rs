@@ -153,9 +153,10 @@ pub struct Dipole {
     pub found_percent: f64,
     /// Root mean square of ln(fitted release time/true one) of a single trap, %; None if none is found.
     pub release_error_percent: Option<f64>,
-    /// The two before as fractions.
+    /// Share found, as a fraction.
     #[serde(skip)]
     found: f64,
+    /// Error of the release time, as a fraction.
     #[serde(skip)]
     scatter: Option<f64>,
 }
@@ -176,9 +177,10 @@ pub struct Known {
     /// Relative error of its release time at the operating temperature, %; None if the energy level that leads there is not
     /// measured.
     pub release_error_percent: Option<f64>,
-    /// The two before as fractions.
+    /// Error of the density, as a fraction.
     #[serde(skip)]
     density_error: f64,
+    /// Error of the release time, as a fraction.
     #[serde(skip)]
     release_error: Option<f64>,
 }

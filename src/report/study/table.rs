@@ -112,7 +112,11 @@ impl DataTable {
             other => unreachable!("a row serialises to values by their keys: {other:?}"),
         };
         let rows = rows.into_iter().map(values).collect();
-        DataTable { name, title: String::new(), columns, rows, programs_only: false }
+        let table = DataTable { name, title: String::new(), columns, rows, programs_only: false };
+        let is_misspelt = |key: &&String| table.rows.iter().all(|row| !row.contains_key(*key));
+        let misspelt = table.keys().find(is_misspelt).filter(|_| !table.rows.is_empty());
+        debug_assert!(misspelt.is_none(), "no row of `{name}` has {misspelt:?}");
+        table
     }
 
     /// The same under a title.
