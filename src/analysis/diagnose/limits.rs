@@ -79,10 +79,11 @@ fn crossing(excess: impl Fn(f64) -> f64) -> Option<f64> {
     let mut here = (0.0, excess(0.0));
     let is_up = here.1 <= 0.0;
     let longest = if is_up { GROWTH.ln() } else { FARTHEST.ln() };
-    let mut stride = 0.5 * LEAST;
+    let mut least = LEAST;
     loop {
-        // Twice as far as before, where it hardly changes.
-        stride = (BEYOND * here.1.abs()).clamp(2.0 * stride, f64::INFINITY).min(longest);
+        let stride = (BEYOND * here.1.abs()).max(least).min(longest);
+        // Farther each time, where the signature hardly changes.
+        least *= 2.0;
         let place = here.0 + if is_up { stride } else { -stride };
         if place.abs() > FARTHEST.ln() {
             return None;
