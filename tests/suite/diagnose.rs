@@ -358,7 +358,7 @@ fn a_limit_is_where_an_effect_is_seen() {
 fn a_real_ccd_lacks_a_third_species() {
     let folder = Path::new("../shared/practice/real-ccd");
     if !folder.exists() {
-        println!("not tested: {} is not there", folder.display());
+        crate::skipped::for_want_of(folder.display().to_string());
         return;
     }
     let mission = Mission::read(folder.join("mission.toml")).unwrap();

@@ -280,7 +280,7 @@ fn chromium(profile: &Path, arguments: &[&str]) -> Option<Output> {
     }
 }
 
-/// Skipped, with a word, where Chromium is not installed (Debian and Ubuntu: chromium).
+/// Skipped where Chromium is not installed (Debian and Ubuntu: chromium).
 #[test]
 fn a_browser_shows_the_pages() {
     for arguments in [
@@ -295,7 +295,7 @@ fn a_browser_shows_the_pages() {
         fs::write(&measured, made.page.replace("</body>", &format!("{MEASURE}</body>"))).unwrap();
         let url = format!("file://{}", measured.display());
         let Some(shown) = chromium(&folder.join("profile"), &["--dump-dom", &url]) else {
-            eprintln!("skipped: chromium is not installed");
+            crate::skipped::for_want_of("Chromium");
             return;
         };
         let shown = Html::parse_document(&String::from_utf8(shown.stdout).unwrap());

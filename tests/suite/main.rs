@@ -26,6 +26,7 @@ mod predict;
 mod properties;
 mod readout;
 mod robust;
+mod skipped;
 mod slurm;
 mod start;
 mod steady_state;

@@ -237,7 +237,7 @@ fn a_fit_says_what_the_data_do_not_determine() {
 fn a_real_ccd_is_read_and_fitted() {
     let folder = Path::new("../shared/practice/real-ccd");
     if !folder.exists() {
-        eprintln!("not tested: {} is not there", folder.display());
+        crate::skipped::for_want_of(folder.display().to_string());
         return;
     }
     let mission = Mission::read(folder.join("mission.toml")).unwrap();

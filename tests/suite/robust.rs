@@ -67,7 +67,7 @@ fn readout<'a>(output: &'a str, at: &'a str) -> Vec<&'a str> {
 #[test]
 fn a_full_disk_behind_standard_output_is_said() {
     if !Path::new("/dev/full").exists() {
-        eprintln!("skipped: there is no /dev/full");
+        crate::skipped::for_want_of("/dev/full");
         return;
     }
     for arguments in [&["evaluate", SNAP][..], &["effects"], &["schema"], &["completions", "bash"]] {

@@ -1,6 +1,6 @@
 //! A sweep on a real Slurm: four nodes on this machine, one of which dies with its tasks.
 //!
-//! Skipped, with a word, where Slurm or munge is not installed (Debian and Ubuntu: slurm-wlm and munge). Runs as root and as
+//! Skipped where Slurm or munge is not installed (Debian and Ubuntu: slurm-wlm and munge). Runs as root and as
 //! any user; everything is in a temporary folder and listens on 127.0.0.1 alone, and all of it is ended afterwards.
 
 #![cfg(target_os = "linux")]
@@ -199,8 +199,8 @@ fn find(program: &str) -> Option<PathBuf> {
 #[test]
 fn a_job_array_loses_nothing_and_doubles_nothing_when_a_node_dies() {
     let needed = ["slurmctld", "slurmd", "sbatch", "squeue", "sinfo", "munged"];
-    if let Some(absent) = needed.iter().find(|program| find(program).is_none()) {
-        eprintln!("skipped: there is no {absent} here (apt-get install slurm-wlm munge)");
+    if needed.iter().any(|program| find(program).is_none()) {
+        crate::skipped::for_want_of("Slurm and munge");
         return;
     }
     let cluster = Cluster::start();

@@ -17,11 +17,11 @@ fn stdout(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// Whether a program is there; where not, what is not tested is said.
-fn there(program: &str, what: &str) -> bool {
+/// Whether a program is there.
+fn there(program: &str) -> bool {
     let there = Command::new(program).arg("--version").output().is_ok();
     if !there {
-        eprintln!("skipped: there is no {program} to test {what} with");
+        crate::skipped::for_want_of(program);
     }
     there
 }
@@ -135,7 +135,7 @@ fn the_schema_says_what_the_definitions_say() {
 
 #[test]
 fn bash_completes_commands_and_options() {
-    if !there("bash", "completions") {
+    if !there("bash") {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -172,7 +172,7 @@ fn every_command_has_a_manual_page() {
         let text = fs::read_to_string(man.join(format!("{page}.1"))).unwrap_or_else(|_| panic!("{page}"));
         assert!(text.contains(".SH NAME") && text.contains(".SH SYNOPSIS"), "{page}");
     }
-    if !there("groff", "manual pages") {
+    if !there("groff") {
         return;
     }
     for page in fs::read_dir(&man).unwrap() {
