@@ -1,6 +1,7 @@
 //! All tests of the program and the library as users meet them: one program, so that there is one to link. Each module says what it
 //! tests; `cargo test --test suite paper::` runs one.
 
+mod alike;
 mod architecture;
 mod astropy;
 mod book;

@@ -9,6 +9,8 @@ use std::fs;
 
 use figures::*;
 
+use crate::alike::first_difference;
+
 /// To renew the block: `RENEW=1 cargo test --test suite paper::`.
 #[test]
 fn the_document_shows_what_the_example_prints() {
@@ -20,7 +22,7 @@ fn the_document_shows_what_the_example_prints() {
     if std::env::var_os("RENEW").is_some() {
         fs::write(path, format!("{before}```text\n{printed}```\n{after}")).unwrap();
     } else {
-        assert_eq!(shown, printed);
+        assert_eq!(first_difference(shown, &printed), None);
     }
 }
 

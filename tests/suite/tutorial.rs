@@ -10,6 +10,8 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+use crate::alike::first_difference;
+
 const TOP: &str = env!("CARGO_MANIFEST_DIR");
 
 /// A fenced block of a document.
@@ -94,10 +96,8 @@ fn shows_what_is_printed(document: &str) {
         });
         let output = output.unwrap_or_else(|| panic!("{at}: no block of text follows the command"));
         let printed: String = commands.iter().map(|command| shown(command)).collect();
-        let expected = &lines[output.lines.clone()];
-        if printed.lines().ne(expected.iter().copied()) {
-            let differs = printed.lines().zip(expected).find(|(printed, expected)| printed != *expected);
-            let (printed, expected) = differs.map_or(("(more or fewer lines)", ""), |(a, b)| (a, *b));
+        let expected = lines[output.lines.clone()].join("\n");
+        if let Some((expected, printed)) = first_difference(&expected, &printed) {
             stale.push(format!("{at}: {}\n  shown:   {expected}\n  printed: {printed}", commands.join("; ")));
         }
         for line in &lines[copied..output.lines.start] {
