@@ -245,9 +245,15 @@ fn a_notch_just_below_the_background_is_among_the_rivals() {
 /// is the matter with the model, nor with the errors.
 #[test]
 fn what_is_not_borne_out_is_neither_missing_nor_unfit() {
+    use statrs::distribution::{ChiSquared, ContinuousCDF};
     let found = diagnosed(Path::new("tests/corpus/edge/faint-flare"), "");
     assert_eq!((found.verdict, found.steps.len()), (Verdict::Complete, 0), "{}", found.reason);
-    assert!(found.reason.to_string().contains("solar-flare would lower chi2 by 12"), "{}", found.reason);
+    let chance = ChiSquared::new(found.baseline.n as f64).unwrap().sf(found.baseline.chi2);
+    assert!(chance > 0.01, "chi2 is {} of {} rows: {chance}", found.baseline.chi2, found.baseline.n);
+    let reason = found.reason.to_string();
+    let gain = reason.split_once("solar-flare would lower chi2 by ").and_then(|(_, rest)| rest.split(',').next());
+    let gain = gain.and_then(|gain| gain.parse::<f64>().ok());
+    assert!(gain.is_some_and(|gain| (gain - 12.0).abs() <= 0.5), "{reason}");
     assert!(found.limits.len() > 10);
 }
 
@@ -326,11 +332,14 @@ fn json_has_what_the_contract_asks_for() {
     assert!(limits.values().filter(|limit| limit.is_object()).count() > 8, "{limits:?}");
 }
 
-/// An effect at its limit is found in nine of ten data sets or more: 95 % of them, and ten tell little.
+/// An effect at its limit is seen in 95 % of data sets: 16 of 20 or more, for fewer have a chance of 0.3 % then. (The seed is
+/// fixed.) Of diagnoses that see 70 %, three in four fail here.
 #[test]
 fn a_limit_is_where_an_effect_is_seen() {
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
+    use statrs::distribution::{Binomial, DiscreteCDF};
+    const DATA_SETS: u64 = 20;
     let folder = corpus("complete-p-channel-epochs-1");
     let (mission, data) = read(&folder, "");
     let complete = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
@@ -338,7 +347,7 @@ fn a_limit_is_where_an_effect_is_seen() {
     let (with, _) = ctiplan::mission_file::add_effect(&mission, "annealing", limit).unwrap();
     let truth = validate(&with, &data, 1).unwrap();
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(3);
-    let seen = (0..10).filter(|_| {
+    let seen = (0..DATA_SETS).filter(|_| {
         let mut noisy = data.clone();
         for (set, result) in noisy.iter_mut().zip(&truth.sets) {
             for (row, model) in set.rows.iter_mut().zip(&result.model) {
@@ -348,8 +357,9 @@ fn a_limit_is_where_an_effect_is_seen() {
         }
         diagnose(&mission, &noisy, &options(&mission), &SILENT).unwrap().verdict != Verdict::Complete
     });
-    let seen = seen.count();
-    assert!(seen >= 8, "{seen} of 10");
+    let seen = seen.count() as u64;
+    let chance = Binomial::new(0.95, DATA_SETS).unwrap().cdf(seen);
+    assert!(chance >= 0.01, "{seen} of {DATA_SETS}: as few have a chance of {chance:.1e} at a power of 95 %");
 }
 
 /// `cargo test --release --test suite diagnose:: -- --ignored`
