@@ -6,16 +6,26 @@ use crate::cli::file_argument::{OutputFile, OutputFolder};
 use crate::error::InputError;
 use crate::io::atomic_file;
 use crate::mission::Mission;
+use crate::report::plot::Format;
 use crate::report::{Page, page};
 
 #[derive(Debug, Args)]
 pub(super) struct Drawn {
-    /// Draw the figures as SVG into this folder
+    /// Draw the figures into this folder
     #[arg(long, value_name = "DIR", value_parser = OutputFolder::of_figures())]
     plots: Option<OutputFolder>,
+    /// Kinds of files of the figures: svg, pdf (as wide as a column of a paper), png
+    #[arg(long, value_name = "KINDS", value_delimiter = ',', value_parser = plot_format, default_value = "svg")]
+    #[arg(requires = "plots")]
+    plots_as: Vec<Format>,
     /// Write verdict, figures, tables, mission and sources as one page, for screen and paper, that needs no other file
     #[arg(long, value_name = "FILE")]
     html: Option<OutputFile>,
+}
+
+fn plot_format(text: &str) -> Result<Format, String> {
+    let known = |format: &Format| format.ending() == text;
+    Format::ALL.into_iter().find(known).ok_or_else(|| "figures can be svg, pdf and png".into())
 }
 
 impl Drawn {
@@ -36,7 +46,10 @@ impl Drawn {
     pub fn write(&self, result: &impl Page, missions: &[Mission]) -> Result<(), InputError> {
         if let Some(folder) = &self.plots {
             for (name, figure) in result.figures() {
-                atomic_file::write(folder.join(name), &figure.svg())?;
+                for format in &self.plots_as {
+                    let path = folder.join(&name).with_extension(format.ending());
+                    atomic_file::write(path, &figure.to(*format))?;
+                }
             }
         }
         match &self.html {

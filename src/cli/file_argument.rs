@@ -12,6 +12,7 @@ use clap::builder::{OsStringValueParser, TypedValueParser};
 
 use crate::error::InputError;
 use crate::io::atomic_file::{self, Written};
+use crate::report::plot::Format;
 
 /// A file that is read.
 #[derive(Clone, Debug)]
@@ -30,9 +31,9 @@ pub struct OutputFolder {
 }
 
 impl OutputFolder {
-    /// A folder for figures, `*.svg`.
+    /// A folder for figures, `*.svg`, `*.pdf` or `*.png`.
     pub fn of_figures() -> impl TypedValueParser<Value = OutputFolder> {
-        OutputFolder::of(|name| has_ending(name, "svg"))
+        OutputFolder::of(|name| Format::ALL.iter().any(|format| has_ending(name, format.ending())))
     }
 
     /// A folder for tables of residuals, `1-NAME.ecsv`.

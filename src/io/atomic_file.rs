@@ -13,9 +13,9 @@ use crate::error::InputError;
 ///
 /// # Errors
 /// Where the folder is not there, or cannot be written to.
-pub fn write(path: impl AsRef<Path>, text: &str) -> Result<(), InputError> {
+pub fn write(path: impl AsRef<Path>, content: impl AsRef<[u8]>) -> Result<(), InputError> {
     let path = path.as_ref();
-    write_by_way_of(folder_of(path), path, |file| file.write_all(text.as_bytes()))
+    write_by_way_of(folder_of(path), path, |file| file.write_all(content.as_ref()))
 }
 
 /// The same for a file that is written bit by bit, and perhaps must not replace another.

@@ -26,6 +26,8 @@ pub struct Card {
     pub name: &'static str,
     /// Unit of its values; empty for pure numbers.
     pub unit: &'static str,
+    /// Symbol or words, with the unit, for the axis of a figure.
+    pub label: &'static str,
     /// Conditions that a row must give; what the mission knows need not be given.
     pub requires: &'static [&'static str],
     /// All conditions that it depends on, as they are listed for people.

@@ -1,18 +1,23 @@
-//! Numbers → figures as SVG. Nothing here knows what the numbers mean.
+//! Numbers → figures as SVG, PDF or PNG. Nothing here knows what the numbers mean.
 //!
 //! Values that cannot be shown (not finite, beyond 1e±250, not positive on a logarithmic axis) are left out: a point is
 //! missing, a line or a band has a gap, an error bar is absent or ends at the frame.
 
 mod axis;
+mod drawing;
+mod font;
+pub mod label;
 mod legend;
+mod pdf;
 mod pen;
-
-use plotters::coord::cartesian::Cartesian2d;
-use plotters::prelude::*;
+mod png;
+mod svg;
 
 use axis::Axis;
+use drawing::{Anchor, Drawing, Point};
+use font::{fitted, wrapped};
 use legend::Legend;
-use pen::{Canvas, LARGE, NORMAL, Pen, Pixel, SMALL, clean, fitted, px, style, write};
+use pen::{LARGE, NORMAL, Pen, SMALL};
 
 /// Panels below one another under a title.
 #[derive(Clone, Debug, Default)]
@@ -35,6 +40,8 @@ pub struct Panel {
     pub x_log: bool,
     /// Whether y is logarithmic.
     pub y_log: bool,
+    /// Whether x counts something: its axis has no fractions.
+    pub x_counts: bool,
     /// What is shown; shades lie lowest, then bands, points, levels and lines.
     pub series: Vec<Series>,
     /// Height relative to the other panels; one that is not positive counts as 1.
@@ -89,45 +96,83 @@ pub fn level(label: &str, y: f64) -> Series {
     Series { label: Some(label.into()), color: 0, kind: Kind::Level { y, dashed: true } }
 }
 
-/// Width of a figure, px; as all lengths below.
-const WIDTH: f64 = 900.0;
+/// Width of a figure, px; as all lengths below. In a paper's column it is half as wide, in pt.
+const WIDTH: f64 = 480.0;
 /// Mean and least height of a frame.
-const FRAME: f64 = 256.0;
+const FRAME: f64 = 220.0;
 const FRAME_LEAST: f64 = 60.0;
-/// Heights of the title, and of numbers and label of an x axis.
-const HEAD: f64 = 28.0;
-const FOOT: f64 = 42.0;
+/// Heights of a line of the title, and of numbers and label of an x axis.
+const HEAD: f64 = 20.0;
+const FOOT: f64 = 44.0;
 /// Room around frames, and between labels and the left edge of the figure.
-const GAP: f64 = 14.0;
-const EDGE: f64 = 6.0;
+const GAP: f64 = 12.0;
+const EDGE: f64 = 4.0;
+/// Length of a tick.
+const TICK: f64 = 4.0;
 /// More points than this are drawn smaller.
 const MANY: usize = 200;
-/// Opacity of bands and of shades.
+/// Opacity of bands, of shades, and of grid lines with and without a number.
 const BAND: f64 = 0.25;
 const SHADE: f64 = 0.12;
-/// Drawing fails only where a file cannot be written.
-const TAKES_ALL: &str = "a buffer takes all";
+const GRID: f64 = 0.14;
+const MINOR_GRID: f64 = 0.06;
+
+/// Kinds of files that hold a figure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// For browsers, and for programs that edit figures.
+    Svg,
+    /// For papers: as wide as a column.
+    Pdf,
+    /// For slides: 1920 pixels wide.
+    Png,
+}
+
+impl Format {
+    /// All.
+    pub const ALL: [Format; 3] = [Format::Svg, Format::Pdf, Format::Png];
+
+    /// How a file's name ends.
+    pub fn ending(self) -> &'static str {
+        match self {
+            Format::Svg => "svg",
+            Format::Pdf => "pdf",
+            Format::Png => "png",
+        }
+    }
+}
 
 impl Figure {
-    /// The figure as an SVG document, 900 px wide and about 320 px high for each panel.
+    /// The figure as a file. The same figure is the same bytes.
+    pub fn to(&self, format: Format) -> Vec<u8> {
+        match format {
+            Format::Svg => self.svg().into_bytes(),
+            Format::Pdf => pdf::pdf(&self.drawing()),
+            Format::Png => png::png(&self.drawing()),
+        }
+    }
+
+    /// The figure as an SVG document, 480 px wide and about 300 px high for each panel.
     pub fn svg(&self) -> String {
+        svg::svg(&self.drawing())
+    }
+
+    fn drawing(&self) -> Drawing {
         let layouts = self.layouts();
-        let head = if self.title.is_empty() { 0.0 } else { HEAD };
+        let title = wrapped(&self.title, LARGE, WIDTH - 2.0 * GAP);
+        let head = HEAD * title.len() as f64;
         let height = head + layouts.iter().map(Layout::height).sum::<f64>() + GAP;
-        let size = (px(WIDTH) as u32, px(height) as u32);
-        let mut svg = String::new();
-        let canvas = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-        canvas.fill(&WHITE).expect(TAKES_ALL);
-        let left = layouts.first().map_or(GAP, |layout| layout.left);
-        write(&canvas, &self.title, LARGE, (left, head / 2.0 + 3.0), WIDTH - left - GAP);
+        let mut drawing = Drawing { width: WIDTH, height, marks: vec![] };
+        for (index, line) in title.iter().enumerate() {
+            let size = fitted(line, LARGE, WIDTH - 2.0 * GAP);
+            drawing.write(line, size, (GAP, HEAD * (index as f64 + 0.6)), Anchor::Start);
+        }
         let mut top = head;
         for layout in &layouts {
-            layout.draw(&canvas, top);
+            layout.draw(&mut drawing, top);
             top += layout.height();
         }
-        drop(canvas);
-        let drawn = format!("width=\"{}\" height=\"{}\"", size.0, size.1);
-        svg.replacen(&drawn, &format!("width=\"{WIDTH}\" height=\"{height}\" stroke-linejoin=\"round\""), 1)
+        drawing
     }
 
     fn layouts(&self) -> Vec<Layout<'_>> {
@@ -136,13 +181,14 @@ impl Figure {
         let frame = |panel: &Panel| (room * panel.share() / total).max(FRAME_LEAST).round();
         let y: Vec<Axis> = self.panels.iter().map(|panel| panel.y_axis(frame(panel))).collect();
         // Frames stand exactly below one another.
-        let left = y.iter().map(Axis::width).fold(0.0, f64::max) + EDGE + 2.4 * NORMAL;
+        let left = y.iter().map(Axis::width).fold(0.0, f64::max) + EDGE + 2.0 * NORMAL;
         let width = WIDTH - left - GAP;
         let layout = |(index, (panel, y)): (usize, (_, Axis))| {
             let panel: &Panel = panel;
             let peers = self.panels.iter().filter(|other| panel.shares_x(other));
             let values = peers.flat_map(|peer| &peer.series).flat_map(|series| series.kind.extent().0);
-            let x = Axis::new(values, panel.x_log, |count, widest| count * (widest + 2.0 * SMALL) <= width);
+            let x =
+                Axis::new(values, panel.x_log, panel.x_counts, |count, widest| count * (widest + 1.5 * SMALL) <= width);
             let shared = self.panels.get(index + 1).is_some_and(|next| panel.shares_x(next));
             let foot = if shared { 0.0 } else { FOOT };
             Layout { panel, x, y, left, frame: frame(panel), foot, legend: Legend::new(&panel.series, width) }
@@ -159,7 +205,7 @@ impl Panel {
     /// The y axis of a frame of a height.
     fn y_axis(&self, frame: f64) -> Axis {
         let values = self.series.iter().flat_map(|series| series.kind.extent().1);
-        Axis::new(values, self.y_log, |count, _| count * 2.8 * SMALL <= frame)
+        Axis::new(values, self.y_log, false, |count, _| count * 2.8 * SMALL <= frame)
     }
 
     fn shares_x(&self, other: &Panel) -> bool {
@@ -191,47 +237,63 @@ impl Layout<'_> {
         GAP + self.legend.height()
     }
 
-    fn draw(&self, canvas: &Canvas, top: f64) {
-        self.legend.draw(canvas, self.left, top + GAP);
-        let size = (px(WIDTH - GAP - EDGE), px(self.frame + self.foot));
-        let area = canvas.clone().shrink((px(EDGE), px(top + self.above())), size);
-        let mut chart = ChartBuilder::on(&area)
-            .y_label_area_size(px(self.left - EDGE))
-            .x_label_area_size(px(self.foot))
-            .build_cartesian_2d(self.x.clone(), self.y.clone())
-            .expect(TAKES_ALL);
-        self.mesh(&mut chart);
-        let plot = chart.plotting_area();
-        let at = |x, y| plot.map_coordinate(&(x, y));
+    fn draw(&self, drawing: &mut Drawing, top: f64) {
+        self.legend.draw(drawing, self.left, top + GAP);
+        let (right, upper) = (WIDTH - GAP, top + self.above());
+        let lower = upper + self.frame;
+        let at =
+            |x: f64, y: f64| (self.left + self.x.place(x) * (right - self.left), lower - self.y.place(y) * self.frame);
+        self.grid(drawing, at);
         let mut series: Vec<&Series> = self.panel.series.iter().collect();
         series.sort_by_key(|series| series.kind.layer());
         for series in series {
-            self.series(&Pen { canvas, color: series.color }, &series.kind, at);
+            self.series(&mut Pen { drawing, color: series.color }, &series.kind, at);
         }
-        Pen { canvas, color: 0 }.frame(at(-f64::INFINITY, -f64::INFINITY), at(f64::INFINITY, f64::INFINITY));
+        Pen { drawing, color: 0 }.frame((self.left, lower), (right, upper));
+        self.numbers(drawing, at);
+        let label = &self.panel.y_label;
+        let place = (EDGE + 0.6 * NORMAL, 0.5 * (upper + lower));
+        drawing.write(label, fitted(label, NORMAL, self.frame), place, Anchor::Upwards);
+        if self.foot > 0.0 {
+            let label = &self.panel.x_label;
+            let place = (0.5 * (self.left + right), lower + self.foot - 0.7 * NORMAL);
+            drawing.write(label, fitted(label, NORMAL, right - self.left), place, Anchor::Middle);
+        }
     }
 
-    /// Grid, ticks, numbers and labels.
-    fn mesh(&self, chart: &mut ChartContext<SVGBackend, Cartesian2d<Axis, Axis>>) {
-        // Plotters knows one size for both labels.
-        let wide = fitted(&self.panel.x_label, NORMAL, WIDTH - GAP - self.left);
-        let high = fitted(&self.panel.y_label, NORMAL, self.frame);
-        chart
-            .configure_mesh()
-            .bold_line_style(BLACK.mix(0.16).stroke_width(6))
-            .light_line_style(BLACK.mix(0.07).stroke_width(5))
-            .axis_style(BLACK.stroke_width(10))
-            .set_all_tick_mark_size(px(4.0))
-            .label_style(style(SMALL))
-            .axis_desc_style(style(wide.min(high)))
-            .x_desc(clean(&self.panel.x_label))
-            .y_desc(clean(&self.panel.y_label))
-            .draw()
-            .expect(TAKES_ALL);
+    /// Lines across the frame; `at` says where a point of the plane lies on the drawing.
+    fn grid(&self, drawing: &mut Drawing, at: impl Fn(f64, f64) -> Point) {
+        const END: f64 = f64::INFINITY;
+        let mut pen = Pen { drawing, color: 0 };
+        let minor = |axis: &Axis| axis.minor.iter().map(|value| (*value, MINOR_GRID)).collect::<Vec<_>>();
+        let lines = |axis: &Axis| {
+            let numbered = axis.numbers().map(|(value, _)| (value, GRID));
+            minor(axis).into_iter().chain(numbered).collect::<Vec<_>>()
+        };
+        for (x, opacity) in lines(&self.x) {
+            pen.hairline(at(x, -END), at(x, END), opacity);
+        }
+        for (y, opacity) in lines(&self.y) {
+            pen.hairline(at(-END, y), at(END, y), opacity);
+        }
+    }
+
+    /// Ticks and numbers.
+    fn numbers(&self, drawing: &mut Drawing, at: impl Fn(f64, f64) -> Point) {
+        for (value, number) in self.y.numbers() {
+            let (left, y) = at(-f64::INFINITY, value);
+            Pen { drawing, color: 0 }.hairline((left - TICK, y), (left, y), 1.0);
+            drawing.write(number, SMALL, (left - 1.6 * TICK, y), Anchor::End);
+        }
+        for (value, number) in self.x.numbers().filter(|_| self.foot > 0.0) {
+            let (x, lower) = at(value, -f64::INFINITY);
+            Pen { drawing, color: 0 }.hairline((x, lower), (x, lower + TICK), 1.0);
+            drawing.write(number, SMALL, (x, lower + TICK + 0.7 * SMALL), Anchor::Middle);
+        }
     }
 
     /// What a series shows; `at` says where a point of the plane lies on the canvas.
-    fn series(&self, pen: &Pen, kind: &Kind, at: impl Fn(f64, f64) -> Pixel) {
+    fn series(&self, pen: &mut Pen, kind: &Kind, at: impl Fn(f64, f64) -> Point) {
         let shows = |x: &f64, y: &f64| self.x.shows(*x) && self.y.shows(*y);
         match kind {
             Kind::Points { x, y, sigma } => {
@@ -351,6 +413,7 @@ mod tests {
             y_label: text(random),
             x_log: random.random(),
             y_log: random.random(),
+            x_counts: random.random(),
             series: (0..random.random_range(0..5)).map(|_| series(random)).collect(),
             height_share: number(random),
         }
@@ -359,13 +422,16 @@ mod tests {
     #[test]
     fn nothing_breaks_it() {
         let mut random = ChaCha8Rng::seed_from_u64(1);
-        for _ in 0..100 {
+        for index in 0..100 {
             let panels = (0..random.random_range(0..4)).map(|_| panel(&mut random)).collect();
             let figure = Figure { title: text(&mut random), panels };
             let svg = figure.svg();
             assert_eq!(svg, figure.svg());
-            assert!(svg.starts_with("<svg width=\"900\"") && svg.ends_with("</svg>\n"));
-            assert!(!svg.contains("NaN"), "{figure:?}");
+            assert!(svg.starts_with("<svg width=\"480\"") && svg.ends_with("</svg>\n"));
+            assert!(!svg.contains("NaN") && !svg.contains("inf"), "{figure:?}");
+            assert!(figure.to(Format::Pdf).starts_with(b"%PDF"));
+            // A picture takes long.
+            assert!(index % 20 > 0 || figure.to(Format::Png).starts_with(b"\x89PNG"));
         }
     }
 

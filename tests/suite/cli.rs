@@ -411,16 +411,31 @@ fn validate_draws_and_writes_what_it_found() {
         &format!("{case}/trails.ecsv"),
         "--plots",
         &plots,
+        "--plots-as",
+        "svg,pdf,png",
         "--residuals",
         &tables,
     ]);
     let drawn: Vec<_> = std::fs::read_dir(&plots).unwrap().map(|entry| entry.unwrap().path()).collect();
-    // The data, and residuals against each of three conditions.
-    assert_eq!(drawn.len(), 4);
+    // The data, and residuals against each of three conditions, each as three files.
+    assert_eq!(drawn.len(), 3 * 4);
     for figure in drawn {
-        let svg = std::fs::read_to_string(figure).unwrap();
-        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+        let bytes = std::fs::read(&figure).unwrap();
+        let (start, end): (&[u8], &[u8]) = match figure.extension().unwrap().to_str().unwrap() {
+            "svg" => (b"<svg ", b"</svg>\n"),
+            "pdf" => (b"%PDF-", b"%%EOF"),
+            _ => (b"\x89PNG", b"IEND\xaeB`\x82"),
+        };
+        assert!(bytes.starts_with(start) && bytes.ends_with(end), "{}", figure.display());
     }
+    let svg = std::fs::read_to_string(format!("{plots}/1-trails.svg")).unwrap();
+    for label in ["distance behind the packet [px]", "(data − model)/σ", ">model<"] {
+        assert!(svg.contains(label), "{label}");
+    }
+    let refused = ctiplan(&["evaluate", SNAP, "--plots", &plots, "--plots-as", "eps"]);
+    let stderr = String::from_utf8(refused.stderr).unwrap();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(stderr.contains("'eps'") && stderr.contains("figures can be svg, pdf and png"), "{stderr}");
     let table = ctiplan::io::table::Table::read(format!("{tables}/1-trails.ecsv")).unwrap();
     let column =
         |name: &str| table.column(name).unwrap().cells.iter().map(|cell| cell.number().unwrap()).collect::<Vec<_>>();

@@ -5,6 +5,7 @@ use super::{Card, Probe};
 pub(super) const CARD: Card = Card {
     name: "delta_size",
     unit: "",
+    label: "ΔR/R",
     requires: &["galaxy"],
     conditions: &["transfers", "background_e", "t_yr", "dose_mev_g", "temperature_k", "line_time_ms"],
     probe: Probe::Galaxy(|change| &mut change.delta_size),

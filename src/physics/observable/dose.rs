@@ -5,6 +5,7 @@ use super::{Card, Probe};
 pub(super) const CARD: Card = Card {
     name: "dose",
     unit: "MeV/g",
+    label: "dose D [MeV/g]",
     requires: &["t_yr"],
     conditions: &["t_yr"],
     probe: Probe::Dose,

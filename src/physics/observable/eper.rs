@@ -5,6 +5,7 @@ use super::{Card, Probe, behind};
 pub(super) const CARD: Card = Card {
     name: "eper",
     unit: "e-",
+    label: "charge behind the block [e⁻]",
     requires: &["trail_px", "signal_e", "block_px"],
     conditions: &[
         "trail_px",

@@ -5,6 +5,7 @@ use super::{Card, Probe};
 pub(super) const CARD: Card = Card {
     name: "packet_charge",
     unit: "e-",
+    label: "charge read [e⁻]",
     requires: &["signal_e"],
     conditions: &["signal_e", "background_e", "transfers", "t_yr", "dose_mev_g", "temperature_k", "line_time_ms"],
     probe: Probe::Packet(|charge_e, _| charge_e[0]),

@@ -5,6 +5,7 @@ use super::{Card, Probe, behind};
 pub(super) const CARD: Card = Card {
     name: "trail",
     unit: "",
+    label: "trail, fraction of the packet",
     requires: &["trail_px", "signal_e"],
     conditions: &[
         "trail_px",

@@ -5,6 +5,7 @@ use crate::mission::Date;
 use crate::mission::keys::plain;
 use crate::numeric::calendar::decimal_year;
 use crate::plan::scenario::{Comparison, Scenario};
+use crate::report::plot::label::{counts, label};
 use crate::report::plot::{Figure, Panel, Series, level, line, points};
 
 /// Groups of scenarios that colours tell apart; more are not drawn.
@@ -25,10 +26,11 @@ impl Comparison {
         let x_label = along.map_or("row of the table", |index| short(&self.scenarios[0].settings[index].0));
         let x_log = wide(groups.iter().flat_map(|group| &group.x));
         let panel = |y_label: &str, y_log, series| Panel {
-            x_label: x_label.into(),
+            x_label: label(x_label),
             y_label: y_label.into(),
             x_log,
             y_log,
+            x_counts: along.is_none() || counts(x_label),
             series,
             height_share: 1.0,
         };
@@ -47,7 +49,7 @@ impl Comparison {
         if self.scenarios.iter().all(|scenario| budget(scenario) == first) {
             at_the_end.push(level(&format!("budget {}", plain(first)), first));
         }
-        let mut panels = vec![panel("|delta e| at the end", wide(&delta_e), at_the_end)];
+        let mut panels = vec![panel("|Δe| at the end", wide(&delta_e), at_the_end)];
         let limits: [(&str, Limit); 2] = [
             ("exceeded after [yr]", |verdict| &verdict.uncorrected),
             ("after correction [yr]", |verdict| &verdict.corrected),
@@ -60,7 +62,8 @@ impl Comparison {
         let left_out = groups.len().saturating_sub(COLOURS);
         let not_drawn = if left_out > 0 { format!(" ({left_out} groups more are not drawn)") } else { String::new() };
         let sun = self.notes.first().map_or(String::new(), |_| format!("; dose: {}", self.dose_models()));
-        let title = format!("Change of ellipticity, and when it exceeds the budget, against {x_label}{not_drawn}{sun}");
+        let against = label(x_label).split(" [").next().unwrap_or_default().to_string();
+        let title = format!("Change of ellipticity, and when it exceeds the budget, against {against}{not_drawn}{sun}");
         vec![("compare.svg".into(), Figure { title, panels })]
     }
 

@@ -42,9 +42,10 @@ impl Diagnosis {
             title: format!("{}: added {}", self.verdict.name(), names.join(", then ")),
             panels: vec![Panel {
                 x_label: "effects added".into(),
-                y_label: "rms of (data - model)/sigma".into(),
+                y_label: "rms of (data − model)/σ".into(),
                 x_log: false,
                 y_log: wide,
+                x_counts: true,
                 series,
                 height_share: 1.0,
             }],

@@ -94,11 +94,11 @@ impl Survey {
         }
         Figure {
             title: format!("Solar protons above an energy, at {} % confidence", 100.0 * self.confidence),
-            panels: vec![logarithmic("energy [MeV]", "protons above it [1/cm2]", series)],
+            panels: vec![logarithmic("energy [MeV]", "protons above it [1/cm²]", series)],
         }
     }
 }
 
 fn logarithmic(x_label: &str, y_label: &str, series: Vec<Series>) -> Panel {
-    Panel { x_label: x_label.into(), y_label: y_label.into(), x_log: true, y_log: true, series, height_share: 1.0 }
+    Panel { x_label: x_label.into(), y_label: y_label.into(), x_log: true, y_log: true, series, ..Panel::default() }
 }

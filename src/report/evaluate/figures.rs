@@ -43,13 +43,13 @@ impl EvaluateReport {
         series.push(level(&format!("budget {}", plain(requirement.delta_e)), requirement.delta_e));
         series.extend(self.exceeded("exceeded", &verdict.uncorrected));
         series.extend(self.exceeded("exceeded after correction", &verdict.corrected));
-        against_time(format!("Change of ellipticity against time{}", not_drawn(galaxies.len())), "|delta e|", series)
+        against_time(format!("Change of ellipticity against time{}", not_drawn(galaxies.len())), "|Δe|", series)
     }
 
     fn dose(&self, time_series: &TimeSeries) -> Figure {
         let mut series = self.active(time_series);
         series.extend(self.over_time(time_series, "dose", 1, &time_series.dose_mev_g, |year| year.dose_mev_g));
-        against_time("Displacement damage dose".into(), "dose since launch [MeV/g]", series)
+        against_time("Displacement damage dose".into(), "dose D since launch [MeV/g]", series)
     }
 
     fn traps(&self, time_series: &TimeSeries) -> Figure {
@@ -59,7 +59,7 @@ impl EvaluateReport {
                 .extend(self.over_time(time_series, name, index + 1, density, |year| year.traps[index].density_per_px));
         }
         let species = time_series.traps_per_px.len();
-        against_time(format!("Traps of each species{}", not_drawn(species)), "traps [1/px]", series)
+        against_time(format!("Traps of each species{}", not_drawn(species)), "traps ρ [1/px]", series)
     }
 
     /// A line, with markers at the ends of the years.

@@ -1,10 +1,7 @@
 //! Ranges of axes, and where numbers and grid lines stand.
 
-use std::ops::Range;
-
-use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
-
-use super::pen::{SMALL, length};
+use super::font::length;
+use super::pen::SMALL;
 
 /// Numbers on an axis: fewer where they do not fit, but not less than the least.
 const MOST: usize = 8;
@@ -16,18 +13,20 @@ const LARGEST: f64 = 1e250;
 #[derive(Clone, Debug)]
 pub struct Axis {
     log: bool,
+    /// Whether its values are counts, which have no fractions.
+    counts: bool,
     low: f64,
     high: f64,
     ticks: Vec<f64>,
     labels: Vec<String>,
     /// Values of thinner grid lines.
-    minor: Vec<f64>,
+    pub minor: Vec<f64>,
 }
 
 impl Axis {
     /// An axis that reaches all values it can show, with as many numbers as fit, given their count and their width.
-    pub fn new(values: impl Iterator<Item = f64>, log: bool, fits: impl Fn(f64, f64) -> bool) -> Axis {
-        let mut axis = Axis { log, low: 0.0, high: 1.0, ticks: vec![], labels: vec![], minor: vec![] };
+    pub fn new(values: impl Iterator<Item = f64>, log: bool, counts: bool, fits: impl Fn(f64, f64) -> bool) -> Axis {
+        let mut axis = Axis { log, counts, low: 0.0, high: 1.0, ticks: vec![], labels: vec![], minor: vec![] };
         let (low, high) = values
             .filter(|value| axis.shows(*value))
             .map(|value| if log { value.log10() } else { value })
@@ -55,6 +54,17 @@ impl Axis {
         value.abs() <= LARGEST && (!self.log || value >= 1.0 / LARGEST)
     }
 
+    /// Where a value is between the ends of the axis, 0 to 1. What lies beyond the ends is held there.
+    pub fn place(&self, value: f64) -> f64 {
+        let value = if self.log { value.max(0.0).log10() } else { value };
+        ((value - self.low) / (self.high - self.low)).clamp(0.0, 1.0)
+    }
+
+    /// Values that carry numbers, and these.
+    pub fn numbers(&self) -> impl Iterator<Item = (f64, &str)> {
+        self.ticks.iter().copied().zip(self.labels.iter().map(String::as_str))
+    }
+
     /// Sets about `most` numbers.
     fn number(&mut self, most: usize) {
         // 1, 2, 5 are too few within a decade.
@@ -63,35 +73,9 @@ impl Axis {
             self.labels = labels(&self.ticks, false);
         } else {
             let value = |place: f64| if self.log { 10f64.powf(place) } else { place };
-            self.ticks = steps(value(self.low), value(self.high), most);
+            self.ticks = steps(value(self.low), value(self.high), most, self.counts);
             self.labels = labels(&self.ticks, true);
         }
-    }
-}
-
-impl Ranged for Axis {
-    type FormatOption = NoDefaultFormatting;
-    type ValueType = f64;
-
-    fn map(&self, value: &f64, (low, high): (i32, i32)) -> i32 {
-        let value = if self.log { value.max(0.0).log10() } else { *value };
-        // What lies beyond the ends is held there.
-        let place = ((value - self.low) / (self.high - self.low)).clamp(0.0, 1.0);
-        low + (place * f64::from(high - low)).round() as i32
-    }
-
-    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        if hint.weight().allow_light_points() { self.minor.clone() } else { self.ticks.clone() }
-    }
-
-    fn range(&self) -> Range<f64> {
-        self.low..self.high
-    }
-}
-
-impl ValueFormatter<f64> for Axis {
-    fn format_ext(&self, value: &f64) -> String {
-        self.ticks.iter().position(|tick| tick == value).map_or(String::new(), |index| self.labels[index].clone())
     }
 }
 
@@ -110,8 +94,8 @@ fn margin(low: f64, high: f64, log: bool) -> f64 {
 
 /// At most about `most` multiples of 1, 2 or 5 times a power of ten. Read from text, they are the numbers next to the
 /// decimal ones, and written they have no more digits than needed.
-fn steps(low: f64, high: f64, most: usize) -> Vec<f64> {
-    let least = (high - low) / most as f64;
+fn steps(low: f64, high: f64, most: usize, counts: bool) -> Vec<f64> {
+    let least = ((high - low) / most as f64).max(if counts { 1.0 } else { 0.0 });
     let exponent = least.log10().floor() as i32;
     let unit = 10f64.powi(exponent);
     let step = [1, 2, 5].into_iter().find(|step| f64::from(*step) * unit >= least).unwrap_or(10);
@@ -167,7 +151,15 @@ mod tests {
     use super::*;
 
     fn labels(values: &[f64], log: bool) -> Vec<String> {
-        Axis::new(values.iter().copied(), log, |_, _| true).labels
+        Axis::new(values.iter().copied(), log, false, |_, _| true).labels
+    }
+
+    #[test]
+    fn counts_have_no_fractions() {
+        let counted = |values: &[f64]| Axis::new(values.iter().copied(), false, true, |_, _| true).labels;
+        assert_eq!(counted(&[0.0, 1.0]), ["0", "1"]);
+        assert_eq!(counted(&[0.0, 3.0]), ["0", "1", "2", "3"]);
+        assert_eq!(counted(&[0.0, 40.0]), ["0", "10", "20", "30", "40"]);
     }
 
     #[test]
@@ -184,7 +176,7 @@ mod tests {
     #[test]
     fn one_value_or_none_still_has_an_axis() {
         for (values, log) in [(&[][..], false), (&[], true), (&[0.0], false), (&[0.0], true), (&[3e-9], true)] {
-            let axis = Axis::new(values.iter().copied(), log, |_, _| false);
+            let axis = Axis::new(values.iter().copied(), log, false, |_, _| false);
             assert!(axis.low < axis.high && axis.labels.len() >= 2, "{values:?} {log}: {axis:?}");
         }
     }

@@ -1,10 +1,12 @@
 //! Names of series with samples of what they look like, in rows.
 
-use super::pen::{Canvas, Pen, SMALL, length, px, write};
+use super::drawing::{Anchor, Drawing};
+use super::font::{fitted, length};
+use super::pen::{Pen, SMALL};
 use super::{BAND, Kind, SHADE, Series};
 
 /// Height of a row, px.
-const ROW: f64 = 20.0;
+const ROW: f64 = 19.0;
 /// Width of a sample, px.
 const SAMPLE: f64 = 28.0;
 
@@ -34,7 +36,7 @@ impl<'a> Legend<'a> {
                 entry.samples.push(series);
                 continue;
             }
-            let advance = SAMPLE + 3.0 * SMALL + length(label, SMALL);
+            let advance = SAMPLE + 2.0 * SMALL + length(label, SMALL);
             if left > 0.0 && left + advance > width {
                 (row, left) = (row + 1, 0.0);
             }
@@ -50,21 +52,22 @@ impl<'a> Legend<'a> {
     }
 
     /// Draws it from an upper left corner, px.
-    pub fn draw(&self, canvas: &Canvas, left: f64, top: f64) {
+    pub fn draw(&self, drawing: &mut Drawing, left: f64, top: f64) {
         for entry in &self.entries {
             let middle = top + ROW * (entry.row as f64 + 0.3);
             for series in &entry.samples {
-                sample(&Pen { canvas, color: series.color }, &series.kind, left + entry.left, middle);
+                sample(&mut Pen { drawing, color: series.color }, &series.kind, left + entry.left, middle);
             }
             let indent = entry.left + SAMPLE + 0.6 * SMALL;
-            write(canvas, entry.label, SMALL, (left + indent, middle), self.width - indent);
+            let size = fitted(entry.label, SMALL, self.width - indent);
+            drawing.write(entry.label, size, (left + indent, middle), Anchor::Start);
         }
     }
 }
 
 /// What stands for a series.
-fn sample(pen: &Pen, kind: &Kind, left: f64, middle: f64) {
-    let at = |x: f64, y: f64| (px(left + x * SAMPLE), px(middle + y));
+fn sample(pen: &mut Pen, kind: &Kind, left: f64, middle: f64) {
+    let at = |x: f64, y: f64| (left + x * SAMPLE, middle + y);
     match kind {
         Kind::Points { sigma, .. } => {
             if sigma.is_some() {

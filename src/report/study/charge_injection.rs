@@ -41,7 +41,7 @@ impl Shown for Results {
 fn spacings(results: &Results) -> DataTable {
     let columns = vec![
         column("spacing_rows", "line every", Digits::Fixed(0)),
-        column("delta_e", "|delta e|", Digits::Scientific(3)),
+        column("delta_e", "|Δe|", Digits::Scientific(3)),
         column("over_none", "of none", Digits::Fixed(3)),
         column("trail_e", "trail [e-]", Digits::Fixed(3)),
         column("snr", "S/N", Digits::Fixed(2)),
@@ -72,7 +72,7 @@ fn figure(results: &Results, mission: &Mission) -> Figure {
     };
     Figure {
         title: format!("{}: injected lines", mission.mission.name),
-        panels: vec![panel("|delta e| at the end", shapes), panel("area at equal depth", areas)],
+        panels: vec![panel("|Δe| at the end", shapes), panel("area at equal depth", areas)],
     }
 }
 

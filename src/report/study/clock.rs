@@ -40,7 +40,7 @@ fn has_area(results: &Results) -> bool {
 fn line_times(results: &Results) -> DataTable {
     let mut columns = vec![
         column("line_time_ms", "line [ms]", Digits::Significant(4)),
-        column("delta_e", "|delta e|", Digits::Scientific(3)),
+        column("delta_e", "|Δe|", Digits::Scientific(3)),
         column("flux_loss_percent", "flux lost [%]", Digits::Fixed(4)),
     ];
     if has_cost(results) {
@@ -99,12 +99,12 @@ fn figure(results: &Results, mission: &Mission) -> Figure {
         ..Panel::default()
     };
     let mut panels = vec![
-        Panel { height_share: 1.4, ..panel("|delta e| at the end", shapes) },
+        Panel { height_share: 1.4, ..panel("|Δe| at the end", shapes) },
         panel("flux lost [%]", vec![line("flux lost", 2, &x, of(&|one| one.flux_loss_percent))]),
     ];
     if has_cost(results) {
         let noise = cost(|cost| Some(cost.read_noise_e));
-        panels.push(panel("read noise [e-]", vec![line("read noise", 3, &x, noise)]));
+        panels.push(panel("read noise [e⁻]", vec![line("read noise", 3, &x, noise)]));
     }
     if has_area(results) {
         let (equal_time, equal_depth) = (cost(|cost| cost.area), cost(|cost| cost.area_equal_depth));

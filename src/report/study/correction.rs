@@ -82,7 +82,7 @@ fn figure(remainder: &Remainder, earned: &Earned, mission: &Mission) -> Figure {
     let assumed = remainder.assumed_factor;
     let panel = Panel {
         x_label: "years since launch".into(),
-        y_label: "|delta e|".into(),
+        y_label: "|Δe|".into(),
         series: vec![
             line("uncorrected", 2, &x, curve(1.0)),
             line(&format!("assumed factor {assumed}"), 1, &x, curve(assumed)),

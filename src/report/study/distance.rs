@@ -31,7 +31,7 @@ fn places(results: &Results) -> DataTable {
     let columns = vec![
         words("place", "galaxies"),
         column("mean_transfers", "mean transfers", Digits::Fixed(1)),
-        column("delta_e", "|delta e|", Digits::Scientific(3)),
+        column("delta_e", "|Δe|", Digits::Scientific(3)),
         column("over_farthest", "of farthest", Digits::Fixed(3)),
         words("exceeded_date", "exceeded"),
         words("corrected_date", "corrected"),
@@ -41,7 +41,7 @@ fn places(results: &Results) -> DataTable {
 
 fn distances(results: &Results) -> DataTable {
     let columns =
-        vec![column("transfers", "transfers", Digits::Fixed(0)), column("delta_e", "|delta e|", Digits::Scientific(3))];
+        vec![column("transfers", "transfers", Digits::Fixed(0)), column("delta_e", "|Δe|", Digits::Scientific(3))];
     DataTable::of("distances", &results.curve, columns).titled("Against distance")
 }
 
@@ -55,7 +55,7 @@ fn figure(results: &Results, mission: &Mission) -> Figure {
     }
     let panel = Panel {
         x_label: "transfers to the register".into(),
-        y_label: "|delta e| at the end".into(),
+        y_label: "|Δe| at the end".into(),
         series,
         ..Panel::default()
     };

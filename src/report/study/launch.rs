@@ -58,7 +58,7 @@ fn launches(results: &Results) -> DataTable {
         words("launch", "launch"),
         column("active_yr", "active [yr]", Digits::Fixed(2)),
         column("dose_mev_g", "dose [MeV/g]", Digits::Scientific(2)),
-        column("delta_e", "|delta e|", Digits::Scientific(3)),
+        column("delta_e", "|Δe|", Digits::Scientific(3)),
         column("exceeded_t_yr", "after [yr]", Digits::Fixed(2)),
         words("exceeded_date", "exceeded"),
         column("corrected_t_yr", if exceeded { "after [yr]" } else { "" }, Digits::Fixed(2)),
@@ -89,7 +89,7 @@ fn figure(results: &Results, mission: &Mission) -> Figure {
     ];
     Figure {
         title: format!("{}: launch date; dose: {}", mission.mission.name, sun::model(&results.compared)),
-        panels: vec![panel("|delta e| at the end", shapes), panel("exceeded after [yr]", times)],
+        panels: vec![panel("|Δe| at the end", shapes), panel("exceeded after [yr]", times)],
     }
 }
 

@@ -31,7 +31,7 @@ impl Shown for Results {
 fn levels(results: &Results) -> DataTable {
     let columns = vec![
         column("electrons", "flash [e-]", Digits::Significant(4)),
-        column("delta_e", "|delta e|", Digits::Scientific(3)),
+        column("delta_e", "|Δe|", Digits::Scientific(3)),
         column("flux_loss_percent", "flux lost [%]", Digits::Fixed(3)),
         column("snr", "S/N", Digits::Fixed(2)),
         column("snr_loss_percent", "lost [%]", Digits::Fixed(1)),
@@ -55,7 +55,7 @@ fn figure(results: &Results, mission: &Mission) -> Figure {
     let shapes = vec![line("shape error", 1, &x, ends), level("budget", mission.requirement.delta_e)];
     Figure {
         title: format!("{}: a flash before each exposure", mission.mission.name),
-        panels: vec![panel("|delta e| at the end", shapes), panel("S/N", vec![line("S/N", 2, &x, snr)])],
+        panels: vec![panel("|Δe| at the end", shapes), panel("S/N", vec![line("S/N", 2, &x, snr)])],
     }
 }
 

@@ -94,7 +94,7 @@ fn cases(results: &Results) -> DataTable {
         column("thickness_mm", "Al [mm]", Digits::Significant(4)),
         column("confidence", "confidence", Digits::Significant(6)),
         column("dose_mev_g", "dose [MeV/g]", Digits::Scientific(2)),
-        column("delta_e", "|delta e|", Digits::Scientific(3)),
+        column("delta_e", "|Δe|", Digits::Scientific(3)),
         words("exceeded_date", "exceeded"),
         words("corrected_date", "corrected"),
     ];
@@ -112,7 +112,7 @@ fn figure(results: &Results, mission: &Mission, corrected: f64) -> Figure {
         });
         Panel {
             x_label: "aluminium [mm]".into(),
-            y_label: format!("|delta e|, {geometry}"),
+            y_label: format!("|Δe|, {geometry}"),
             x_log: true,
             y_log: true,
             series: series.chain([level("corrected budget", corrected)]).collect(),

@@ -5,6 +5,7 @@ use crate::analysis::validate::lean::Lean;
 use crate::analysis::validate::{SetResult, Validation, file_stem, plain_name};
 use crate::report::chance;
 use crate::report::plot::{Figure, Kind, Panel, Series};
+use crate::report::plot::label::{counts, label, setting};
 
 /// Groups of rows that are told apart by colour; more are not drawn.
 const COLOURS: usize = 6;
@@ -32,8 +33,6 @@ impl Validation {
 fn data_and_model(set: &SetResult, along: &str) -> Figure {
     let at = set.data.against(along);
     let residuals = set.residuals();
-    let unit = set.data.observable.unit();
-    let label = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
     let (groups, left_out) = groups(&set.data, along);
     let not_drawn =
         if left_out > 0 { format!(" ({left_out} rows are left to the other figures)") } else { String::new() };
@@ -56,7 +55,7 @@ fn data_and_model(set: &SetResult, along: &str) -> Figure {
         };
         data.push(Series { label: Some(name.clone()), color, kind: points });
         data.push(Series {
-            label: None,
+            label: (color == 0).then(|| "model".into()),
             color,
             kind: Kind::Line { x: x.clone(), y: pick(&|row| set.model[row]), dashed: false },
         });
@@ -64,21 +63,23 @@ fn data_and_model(set: &SetResult, along: &str) -> Figure {
         below.push(Series { label: None, color, kind: Kind::Points { x, y, sigma: None } });
     }
     Figure {
-        title: format!("{}: points are data, lines the model{not_drawn}", set.name()),
+        title: format!("{}: data and model{not_drawn}", set.name()),
         panels: vec![
             Panel {
-                x_label: along.to_string(),
-                y_label: format!("{}{label}", set.data.observable),
+                x_label: label(along),
+                y_label: set.data.observable.card().label.into(),
                 x_log: log,
                 y_log: all_positive && wide,
+                x_counts: counts(along),
                 series: data,
                 height_share: 1.6,
             },
             Panel {
-                x_label: along.to_string(),
-                y_label: "(data - model)/sigma".into(),
+                x_label: label(along),
+                y_label: "(data − model)/σ".into(),
                 x_log: log,
                 y_log: false,
+                x_counts: counts(along),
                 series: below,
                 height_share: 1.0,
             },
@@ -111,10 +112,11 @@ fn residuals(set: &SetResult, lean: &Lean) -> Figure {
     Figure {
         title: format!("{}: residuals against {} (false alarm {})", set.name(), lean.name, chance(lean.false_alarm)),
         panels: vec![Panel {
-            x_label: lean.name.clone(),
-            y_label: "(data - model)/sigma".into(),
+            x_label: label(&lean.name),
+            y_label: "(data − model)/σ".into(),
             x_log: is_log(&at),
             y_log: false,
+            x_counts: counts(&lean.name),
             series,
             height_share: 1.0,
         }],
@@ -132,7 +134,7 @@ fn groups(data: &DataSet, along: &str) -> (Vec<(String, Vec<usize>)>, usize) {
             .iter()
             .map(|(name, at)| match measured.word(name) {
                 Some(word) => word.to_string(),
-                None => format!("{name} {}", at[row]),
+                None => setting(name, at[row]),
             })
             .collect();
         let name = if said.is_empty() { "data".into() } else { said.join(", ") };

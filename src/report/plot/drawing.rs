@@ -1,0 +1,69 @@
+//! Lines, areas and text in the plane: what a figure is before it becomes a file.
+
+/// A place, px to the right of and below the upper left corner.
+pub type Point = (f64, f64);
+
+/// Red, green and blue, 0 to 255.
+pub type Color = [u8; 3];
+
+/// Marks in the order in which they cover one another.
+#[derive(Clone, Debug)]
+pub struct Drawing {
+    /// Its width, px; as all lengths here.
+    pub width: f64,
+    /// Its height.
+    pub height: f64,
+    /// What is on it.
+    pub marks: Vec<Mark>,
+}
+
+/// A line, an area or text.
+#[derive(Clone, Debug)]
+pub enum Mark {
+    /// Points joined, with dashes and gaps of these lengths if it is dashed.
+    Line { points: Vec<Point>, width: f64, dashes: Option<[f64; 2]>, color: Color, opacity: f64 },
+    /// The area between points.
+    Area { points: Vec<Point>, color: Color, opacity: f64 },
+    /// Text at a point, which is in the middle of its height.
+    Text { text: String, size: f64, at: Point, anchor: Anchor },
+}
+
+/// Where text is, seen from its point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Anchor {
+    /// To the right of it.
+    Start,
+    /// Around it.
+    Middle,
+    /// To the left of it.
+    End,
+    /// Around it, read from below.
+    Upwards,
+}
+
+impl Anchor {
+    /// Part of the text's length that is before its point.
+    pub fn before(self) -> f64 {
+        match self {
+            Anchor::Start => 0.0,
+            Anchor::Middle | Anchor::Upwards => 0.5,
+            Anchor::End => 1.0,
+        }
+    }
+}
+
+impl Drawing {
+    /// Writes text.
+    pub fn write(&mut self, text: &str, size: f64, at: Point, anchor: Anchor) {
+        if !text.is_empty() {
+            self.marks.push(Mark::Text { text: clean(text), size, at, anchor });
+        }
+    }
+}
+
+/// Text without characters that XML cannot hold.
+fn clean(text: &str) -> String {
+    text.chars()
+        .map(|letter| if letter.is_control() || ('\u{fffe}'..='\u{ffff}').contains(&letter) { ' ' } else { letter })
+        .collect()
+}
