@@ -110,7 +110,7 @@ fn residuals(set: &SetResult, lean: &Lean) -> Figure {
         Series { label: None, color: 0, kind: Kind::Level { y: 0.0, dashed: false } },
     ];
     Figure {
-        title: format!("{}: residuals against {} (false alarm {})", set.name(), lean.name, chance(lean.false_alarm)),
+        title: format!("{}: residuals against {} (p-value {})", set.name(), lean.name, chance(lean.false_alarm)),
         panels: vec![Panel {
             x_label: label(&lean.name),
             y_label: "(data − model)/σ".into(),
