@@ -19,13 +19,13 @@ pub struct Annealing {
 impl Kind for Annealing {
     const CARD: Card = Card {
         kind: "annealing",
-        adds: "traps disappear with a first-order time constant, each counted from when it was made",
-        physics: "ρ(t) = (ρ_ref/D_ref) ∫ D'(s) exp(−(t − s)/time_yr) ds; traps at launch count from launch, those of a \
+        adds: "first-order annealing: each trap disappears with a time constant, counted from its creation",
+        physics: "ρ(t) = (ρ_ref/D_ref) ∫ D'(s) exp(−(t − s)/time_yr) ds. Traps at launch count from launch, those of a \
                   laboratory dose from the irradiation (t_yr = 0).",
         source: "first-order kinetics: Srour et al. 2003 (IEEE TNS 50, 653), section II",
-        holds: "At the temperature of operation, all species alike. time_yr = inf is no annealing.",
-        residuals: "Trails and losses that fall behind the model as the mission goes on, most in quiet years; the dose \
-                    itself right.",
+        holds: "At the operating temperature, the same for all species. time_yr = inf means no annealing.",
+        residuals: "The model's trails and losses become too large as the mission goes on, most of all in quiet years. The \
+                    dose is correct.",
         keys: &[key("time_yr", "time constant", "yr", keys::Kind::Positive(0.0, f64::INFINITY), Required)],
     };
 

@@ -19,13 +19,13 @@ pub struct Bakeout {
 impl Kind for Bakeout {
     const CARD: Card = Card {
         kind: "bakeout",
-        adds: "a fraction of the traps present disappears on one day",
-        physics: "Of the traps made before t_yr (at launch too), 1 − fraction remain from that day on.",
+        adds: "loss of a fraction of the traps on one day",
+        physics: "Of the traps made before t_yr (including those at launch), 1 − fraction remain from that day on.",
         source: "Holland 1990 (IEEE TNS 37, 2042); warm-ups of ACS and of Chandra's CCDs",
-        holds: "All species alike: real ones anneal at temperatures of their own, which a formula on density_per_px.NAME can \
-                say. Several are several [[effects.bakeout]].",
-        residuals: "Trails and losses right before one day, and too large after it by a fraction that shrinks as new traps \
-                    are made; the dose itself right.",
+        holds: "The same fraction for all species. Real species anneal at different temperatures, which a formula for \
+                density_per_px.NAME can describe. Several bakeouts are several [[effects.bakeout]].",
+        residuals: "The model's trails and losses are correct before one day. After it they are too large, by a fraction \
+                    that decreases as new traps are made. The dose is correct.",
         keys: &[
             key("t_yr", "time of the bakeout since launch", "yr", Number(0.0, 100.0), Required),
             Key {

@@ -16,11 +16,12 @@ pub struct CosmicRayFloor {
 impl Kind for CosmicRayFloor {
     const CARD: Card = Card {
         kind: "cosmic-ray-floor",
-        adds: "a constant dose rate in every year, quiet ones too, which the dose monitor sees",
-        physics: "D(t) grows by rate_mev_g_yr t.",
-        source: "galactic cosmic rays: ISO 15390 (2004); their slow change against the solar cycle is left out",
-        holds: "On top of environment.cosmic_ray_floor_mev_g_yr, where the mission has one.",
-        residuals: "Dose and traps too small by an amount that grows with t_yr, in quiet years as in active ones.",
+        adds: "a constant dose rate in all years, also quiet ones, seen by the dose monitor",
+        physics: "D(t) increases by rate_mev_g_yr t.",
+        source: "galactic cosmic rays: ISO 15390 (2004); their slow modulation by the solar cycle is neglected",
+        holds: "Added to environment.cosmic_ray_floor_mev_g_yr, if the mission has one.",
+        residuals: "The model's dose and trap densities are too small by an amount that increases with t_yr, in quiet and \
+                    active years.",
         keys: &[key("rate_mev_g_yr", "dose rate of cosmic rays", "MeV/g/yr", Number(0.0, 1e12), Required)],
     };
 

@@ -16,15 +16,15 @@ pub struct DoseScale {
 impl Kind for DoseScale {
     const CARD: Card = Card {
         kind: "dose-scale",
-        adds: "traps per unit of dose times a factor, which the dose monitor does not see",
-        physics: "ρ = factor ρ_ref D/D_ref, for all species alike: secondaries from the shield, shielding that differs from \
-                  the model's, damage of another particle than the one the densities were measured with.",
+        adds: "a factor on the traps per unit of dose, not seen by the dose monitor",
+        physics: "ρ = factor ρ_ref D/D_ref, for all species. Possible causes: secondaries from the shield, shielding that \
+                  differs from the model's, damage by another particle than that of the reference irradiation.",
         source: "Dale et al. 1994 (IEEE TNS 41, 1974) on secondaries; Rhodes et al. 2010, section 4.1",
-        holds: "Traps at launch are not scaled. With one epoch alone it cannot be told from other ways to have more traps.",
-        residuals: "Everything that traps do too small (or large) by the same factor at every time, distance and signal; the \
-                    dose itself right.",
+        holds: "Traps at launch are not scaled. With one epoch alone it is degenerate with other effects that add traps.",
+        residuals: "All effects of traps in the model are too small (or too large) by the same factor at every time, \
+                    distance and signal. The dose is correct.",
         keys: &[Key {
-            help: |value| (value == 0.0).then(|| "no traps at all: take the species out instead".into()),
+            help: |value| (value == 0.0).then(|| "this means no traps: remove the species instead".into()),
             ..key("factor", "traps per unit of dose over the model's", "", keys::Kind::Positive(0.0, 1000.0), Required)
         }],
     };

@@ -19,14 +19,15 @@ pub struct ExtraSpecies {
 impl Kind for ExtraSpecies {
     const CARD: Card = Card {
         kind: "extra-species",
-        adds: "one more trap species",
-        physics: "A species like those of [[detector.traps]]: density at the reference dose, release time at the reference \
-                  temperature, energy level.",
+        adds: "one additional trap species",
+        physics: "A species with the parameters of [[detector.traps]]: density at the reference dose, release time at the \
+                  reference temperature, energy level.",
         source: "Rhodes et al. 2010, section 3: two species left a residual in the trails that a third, slow one explained",
-        holds: "The energy level is of no consequence where all data are taken at the reference temperature. It may be named; \
-                several are several [[effects.extra-species]], with names of their own.",
-        residuals: "A trail that is too faint around trail_px of the release time in transfers; where that is longer than \
-                    any trail measured, a loss that grows with transfers and is not found in the trail.",
+        holds: "The energy level has no influence if all data are taken at the reference temperature. The species may have a \
+                name. Several species are several [[effects.extra-species]] with different names.",
+        residuals: "The model's trail is too faint where trail_px is near the release time in transfers. If that is longer \
+                    than any measured trail, the model lacks a loss that increases with transfers and is absent from the \
+                    trail.",
         keys: &[
             key("name", "name of the species", "", keys::Kind::Text, Default("\"extra\"")),
             key("density_per_px", "trap density at the reference dose", "per pixel", Number(0.0, 1e4), Required),

@@ -19,14 +19,14 @@ pub struct FiniteCapture {
 impl Kind for FiniteCapture {
     const CARD: Card = Card {
         kind: "finite-capture",
-        adds: "capture takes time: traps inside the cloud fill with a time constant",
-        physics: "Inside the cloud, whose height is that of the charge on arrival, d(fill)/dt = (1 − fill)/capture_ms − fill/τ \
-                  during one line time; above it there is release alone.",
+        adds: "a finite capture time of the traps inside the cloud",
+        physics: "Inside the cloud, d(fill)/dt = (1 − fill)/capture_ms − fill/τ during one line time; above it, traps only \
+                  release. The height of the cloud is that of the charge on arrival.",
         source: "Massey et al. 2014 (MNRAS 439, 887), appendix A; Short et al. 2013 (MNRAS 430, 3078)",
-        holds: "The same time for all species, at any depth of the cloud. capture_ms = 0 is instantaneous capture. Traps \
-                slower than the line time make readouts some ten times slower to compute.",
-        residuals: "Losses that are too large where clocks are fast or release times short, and trails too bright next to \
-                    the packet; more of it at a shorter line_time_ms.",
+        holds: "The same capture time for all species and at any depth of the cloud. capture_ms = 0 is instantaneous \
+                capture. With traps slower than the line time, a readout takes about ten times longer.",
+        residuals: "The model's losses are too large if clocks are fast or release times short, and its trails are too \
+                    bright next to the packet. Both residuals increase at a shorter line_time_ms.",
         keys: &[key("capture_ms", "capture time", "ms", Number(0.0, 1e7), Required)],
     };
 

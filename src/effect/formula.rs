@@ -115,22 +115,24 @@ const TARGETS: [&str; 10] = [
 impl Kind for Formula {
     const CARD: Card = Card {
         kind: "formula",
-        adds: "the user's own: an expression that changes a named quantity of the model, without compiling",
-        physics: "`target` names the quantity: background_e and temperature_k (the row's, as they really were), dose_rate_mev_g_yr, dose_mev_g (as a dose monitor sees it), density_per_px and \
-                  release_ms (of all species, or density_per_px.NAME of one), cloud_height (0 to 1), charge_e (of every \
-                  pixel before transfer), read_e (of every pixel as read), value (of all observables, or value.trail of \
-                  one). `expression` is what becomes of it, in terms of the quantity itself (by the target's name), of \
-                  the row's conditions (t_yr, dose_mev_g, temperature_k, line_time_ms, background_e, transfers, signal_e, \
-                  trail_px, block_px, and any other numeric column of the data) and of parameters, which are all other \
-                  keys of the table. + - * / ^, comparisons, `if a { b } else { c }`, sqrt, exp, ln, log10, sin, cos, tan, \
-                  asin, acos, atan, sinh, cosh, tanh, abs, floor, ceiling, round, min, max, hypot, and PI are known.",
-        source: "the user's",
-        holds: "Names carry units, and there are no others: a condition in another unit has no name. Doses depend on t_yr \
-                alone. cloud_height knows charge_e as well, and is tabulated.",
-        residuals: "What remains when no other effect explains the data, in terms of the conditions it leans on.",
+        adds: "a user's expression that changes a named quantity of the model, without compiling",
+        physics: "`target` names the quantity: background_e and temperature_k (the true conditions of the row), \
+                  dose_rate_mev_g_yr, dose_mev_g (as seen by a dose monitor), density_per_px and release_ms (of all species, \
+                  or density_per_px.NAME of one), cloud_height (0 to 1), charge_e (of every pixel before transfer), read_e \
+                  (of every pixel as read), value (of all observables, or value.trail of one). `expression` gives its new \
+                  value as a function of the old value (by the target's name), of the row's conditions (t_yr, dose_mev_g, \
+                  temperature_k, line_time_ms, background_e, transfers, signal_e, trail_px, block_px, and any other numeric \
+                  column of the data) and of parameters, which are all other keys of the table. Operators and functions are \
+                  + - * / ^, comparisons, `if a { b } else { c }`, sqrt, exp, ln, log10, sin, cos, tan, asin, acos, atan, \
+                  sinh, cosh, tanh, abs, floor, ceiling, round, min, max, hypot, and PI.",
+        source: "the user",
+        holds: "Names include units, and conditions in other units have no names. Doses depend on t_yr and parameters alone. \
+                cloud_height may also depend on charge_e, and is tabulated.",
+        residuals: "The residuals that remain if no other effect explains the data, as a function of the conditions with \
+                    residual trends.",
         keys: &[
-            key("target", "quantity that changes", "", keys::Kind::Text, Required),
-            key("expression", "expression that gives its new value", "", keys::Kind::Text, Required),
+            key("target", "quantity that is changed", "", keys::Kind::Text, Required),
+            key("expression", "expression for its new value", "", keys::Kind::Text, Required),
             key("*", "parameter", "", Number(f64::NEG_INFINITY, f64::INFINITY), Optional),
         ],
     };

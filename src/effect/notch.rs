@@ -16,11 +16,12 @@ pub struct Notch {
 impl Kind for Notch {
     const CARD: Card = Card {
         kind: "notch",
-        adds: "a supplementary buried channel, in which small packets meet no traps",
-        physics: "h(n) = ((n − notch_e)/(w − notch_e))^α, 0 at and below notch_e: in place of detector.notch_e.",
+        adds: "a supplementary buried channel, in which small packets reach no traps",
+        physics: "h(n) = ((n − notch_e)/(w − notch_e))^α, and 0 at and below notch_e. It replaces detector.notch_e.",
         source: "Rhodes et al. 2010, equation 1; Seabroke et al. 2013 (MNRAS 430, 3155): Gaia's supplementary buried channels",
         holds: "The channel itself is free of traps.",
-        residuals: "Losses and trails too large at small signal_e and small background_e, and right for large packets.",
+        residuals: "The model's losses and trails are too large at small signal_e and small background_e, and correct for \
+                    large packets.",
         keys: &[key("notch_e", "charge that the channel holds", "e-", Number(0.0, 1e9), Required)],
     };
 

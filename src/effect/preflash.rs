@@ -18,13 +18,13 @@ pub struct Preflash {
 impl Kind for Preflash {
     const CARD: Card = Card {
         kind: "preflash",
-        adds: "background that the mission file does not know of: a flash, stray light, dark current",
-        physics: "Every pixel holds so many electrons more before transfer; they keep the lowest traps full.",
+        adds: "background that is not in the mission file: a preflash, stray light, dark current",
+        physics: "Every pixel holds this additional charge before transfer. It keeps the lowest traps full.",
         source: "Rhodes et al. 2010, section 6; Massey et al. 2010 on the background's effect",
-        holds: "On top of background_e, in every row of every file.",
-        residuals: "Losses and trails too large where the background is small, most of all for faint packets and far behind \
-                    them; right where background_e is large.",
-        keys: &[key("electrons", "charge in every pixel", "e-", Number(0.0, 1e7), Required)],
+        holds: "Added to background_e, in every row of every file.",
+        residuals: "The model's losses and trails are too large at small background_e, most of all for faint packets and far \
+                    behind them. They are correct at large background_e.",
+        keys: &[key("electrons", "additional charge in every pixel", "e-", Number(0.0, 1e7), Required)],
     };
 
     fn nothing(_: &Mission) -> toml::Table {

@@ -21,11 +21,12 @@ impl Kind for PrelaunchTraps {
     const CARD: Card = Card {
         kind: "prelaunch-traps",
         adds: "traps at launch, a density for each species",
-        physics: "ρ(t) = ρ_0 + ρ_ref D(t)/D_ref. Traps of the manufacturing, or of tests before launch; they anneal and are \
-                  baked out like any others.",
+        physics: "ρ(t) = ρ_0 + ρ_ref D(t)/D_ref. The traps come from manufacturing, or from tests before launch. They anneal \
+                  and are baked out like any others.",
         source: "Rhodes et al. 2010, section 2.3; Massey et al. 2014 (MNRAS 439, 887), table 1: ACS at launch",
-        holds: "Traps measured after a laboratory dose have them too. Species that are not named have none.",
-        residuals: "Trails and losses too small by the same amount at every time, launch included; the dose itself right.",
+        holds: "Traps measured after a laboratory dose include them. Species that are not named have none.",
+        residuals: "The model's trails and losses are too small by the same amount at every time, including launch. The dose \
+                    is correct.",
         keys: &[key("*", "density at launch of that species", "per pixel", Number(0.0, 1e4), Optional)],
     };
 

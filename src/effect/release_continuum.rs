@@ -18,13 +18,13 @@ pub struct ReleaseContinuum {
 impl Kind for ReleaseContinuum {
     const CARD: Card = Card {
         kind: "release-continuum",
-        adds: "release times of each species spread log-normally about their median",
-        physics: "ln τ is normal about ln τ_i with standard deviation sigma; each trap keeps its release time.",
+        adds: "a log-normal distribution of release times about the median of each species",
+        physics: "ln τ is normally distributed about ln τ_i with standard deviation sigma. Each trap keeps its release time.",
         source: "Hall et al. 2014 (IEEE TNS 61, 1826): spread of the divacancy's release time from pocket pumping; Nightingale et \
                  al. 2024 (ArCTIc's continuum species)",
-        holds: "The same sigma for all species. Spread by fields and stress, not by temperature.",
-        residuals: "Trails too faint both next to the packet and far behind it, and too bright around the release time: \
-                    rounder in log-log than a sum of exponentials.",
+        holds: "The same sigma for all species. The spread comes from electric fields and stress, not from temperature.",
+        residuals: "The model's trails are too faint both next to the packet and far behind it, and too bright near the \
+                    release time. The measured trail is smoother in log-log than a sum of exponentials.",
         keys: &[key(
             "sigma",
             "standard deviation of the logarithm of the release time",

@@ -18,16 +18,16 @@ pub struct SerialTraps {
 impl Kind for SerialTraps {
     const CARD: Card = Card {
         kind: "serial-traps",
-        adds: "trailing along the serial register as well, by the same physics with the axes swapped",
+        adds: "trailing along the serial register, by the same physics with the axes exchanged",
         physics: "After the parallel transfers each row makes `transfers` transfers of pixel_time_ms through the species of \
-                  [[effects.serial-traps.traps]], whose densities grow with dose like those of the pixels. Packets are \
-                  alone in their rows, blocks fill theirs evenly, galaxies are read as they are.",
+                  [[effects.serial-traps.traps]]. Their densities increase with dose like those of the pixels. Packets are \
+                  alone in their rows, blocks fill their rows evenly, and galaxies are read out as they are.",
         source: "Rhodes et al. 2010, section 3 (rotate and repeat); Massey et al. 2014 on serial CTI in ACS",
-        holds: "Wells of the serial register are as deep as the pixels'. Charge trailed across columns is lost to a packet \
-                and to its parallel trail. Data know the density times the number of transfers only: a search assumes 1000 \
-                transfers, and a thousandth of the line time for each.",
-        residuals: "packet_charge too small for any number of (parallel) transfers; shapes stretched along x, which makes \
-                    delta_e1 more positive.",
+        holds: "The wells of the serial register are as deep as those of the pixels. Charge trailed across columns is lost \
+                from a packet and from its parallel trail. Data determine only the density times the number of transfers. A \
+                search assumes 1000 transfers, each with a thousandth of the line time.",
+        residuals: "Measured values of packet_charge are smaller than the model's, at all numbers of (parallel) transfers. \
+                    Measured shapes are elongated along x, which makes delta_e1 more positive.",
         keys: &[
             key("pixel_time_ms", "time between two serial transfers", "ms", keys::Kind::Positive(0.0, 1e7), Required),
             key("transfers", "number of serial transfers", "", Integer(1, 100_000), Required),

@@ -20,16 +20,16 @@ pub struct SignalBounce {
 impl Kind for SignalBounce {
     const CARD: Card = Card {
         kind: "signal-bounce",
-        adds: "the amplifier's own trail, the same for any number of transfers",
-        physics: "Pixel k behind a packet shows fraction exp(−(k − 1)/length_px) of the packet on top; blocks and images are \
-                  sums of packets. The packet's charge is that before transfer.",
+        adds: "the trail of the amplifier, independent of the number of transfers",
+        physics: "Pixel k behind a packet shows, in addition, fraction exp(−(k − 1)/length_px) times the packet. Blocks and \
+                  images are sums of packets. The charge of a packet is that before transfer.",
         source: "Toyozumi & Ashley 2005 (PASA 22, 257) on the slow response of output stages",
-        holds: "Linear in the signal, along the direction of the parallel trail, without loss of the packet's own charge; a \
-                negative fraction is an undershoot. That packets arrive a little smaller than they left is of second order.",
-        residuals: "A trail that is too bright in the first pixels by a fraction that does not depend on transfers, signal, \
-                    time or temperature.",
+        holds: "Linear in the signal, in the direction of the parallel trail, without loss of the packet's own charge. A \
+                negative fraction is an undershoot. The loss of charge during transfer is a correction of second order.",
+        residuals: "The measured trail is brighter than the model's in the first pixels, by a fraction that does not depend \
+                    on transfers, signal, time or temperature.",
         keys: &[
-            key("fraction", "share of the packet in the next pixel", "", Number(-1.0, 1.0), Required),
+            key("fraction", "fraction of the packet in the next pixel", "", Number(-1.0, 1.0), Required),
             key("length_px", "length of the trail", "px", keys::Kind::Positive(0.0, 1e4), Required),
         ],
     };

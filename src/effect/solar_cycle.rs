@@ -13,13 +13,13 @@ pub struct SolarCycle {}
 impl Kind for SolarCycle {
     const CARD: Card = Card {
         kind: "solar-cycle",
-        adds: "dose in 7 years of 11 instead of a constant average, for missions on the `constant` model",
-        physics: "The dose rate is the active one from 2.5 years before to 4.5 years after each solar maximum, and 0 in \
-                  between.",
+        adds: "dose in 7 of 11 years instead of a constant average, for missions with the `constant` model",
+        physics: "The dose rate is the active one from 2.5 years before to 4.5 years after each solar maximum, and 0 \
+                  otherwise.",
         source: "ECSS-E-ST-10-04C (2008), annex B.1; solar maxima from environment.solar_maximum",
-        holds: "Changes nothing in a mission whose model is `solar-cycle`. Single events are another effect, solar-flare.",
-        residuals: "Dose and everything made by it too large in quiet years and too small in active ones: a staircase \
-                    against t_yr, with steps where the cycle turns.",
+        holds: "No effect in a mission whose model is `solar-cycle`. Single events are a separate effect, solar-flare.",
+        residuals: "The model's dose, and all damage, is too large in quiet years and too small in active ones. Residuals \
+                    against t_yr are a staircase, with steps where active years begin and end.",
         keys: &[],
     };
 

@@ -17,11 +17,12 @@ pub struct SolarFlare {
 impl Kind for SolarFlare {
     const CARD: Card = Card {
         kind: "solar-flare",
-        adds: "a step of dose on one day, which the dose monitor sees",
-        physics: "D(t) grows by dose_mev_g at t_yr. The traps it makes are those of any other dose.",
+        adds: "a step of dose on one day, seen by the dose monitor",
+        physics: "D(t) increases by dose_mev_g at t_yr. Its traps are those of any other dose.",
         source: "Feynman et al. 2002 (JGR 107, 1303): most of a cycle's fluence comes in a few events",
-        holds: "An event of days counts as one moment. Several events are several [[effects.solar-flare]].",
-        residuals: "Dose, trails and shapes right before one day and too small, by a constant, after it.",
+        holds: "An event of several days counts as one time. Several events are several [[effects.solar-flare]].",
+        residuals: "The model's dose, trails and changes of shape are correct before one day and too small by a constant \
+                    after it.",
         keys: &[
             key("t_yr", "time of the event since launch", "yr", Number(0.0, 100.0), Required),
             Key {

@@ -17,15 +17,16 @@ pub struct TemperatureOffset {
 impl Kind for TemperatureOffset {
     const CARD: Card = Card {
         kind: "temperature-offset",
-        adds: "the detector is warmer (or colder, below 0) than its thermometer says",
-        physics: "Release times are those at temperature_k + kelvin; the reference temperature is not touched.",
+        adds: "an offset of the detector temperature from the thermometer (positive if warmer)",
+        physics: "Release times are those at temperature_k + kelvin. The reference temperature is not changed.",
         source: "release times: Shockley & Read 1952 (Phys. Rev. 87, 835) and Hall 1952 (Phys. Rev. 87, 387)",
         holds: "The same offset at every time and temperature.",
-        residuals: "Trails of all species too steep (too flat), as if each clock were slower (faster); deep levels more than \
-                    shallow ones. Looks like other release times where the temperature does not vary.",
+        residuals: "Measured trails of all species are steeper than the model's (flatter if the offset is negative), as with \
+                    a slower (faster) clock; deep levels more than shallow ones. If the temperature does not vary, the \
+                    effect looks like other release times.",
         keys: &[Key {
             help: |value| (value > 100.0).then(|| "a difference in kelvin, not a temperature".into()),
-            ..key("kelvin", "temperature above what the thermometer says", "K", Number(-100.0, 100.0), Required)
+            ..key("kelvin", "offset of the temperature from the thermometer", "K", Number(-100.0, 100.0), Required)
         }],
     };
 

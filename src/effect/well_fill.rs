@@ -15,12 +15,13 @@ pub struct WellFill {
 impl Kind for WellFill {
     const CARD: Card = Card {
         kind: "well-fill",
-        adds: "another exponent of the charge cloud",
-        physics: "h(n) = ((n − d)/(w − d))^well_fill_power: in place of detector.well_fill_power.",
+        adds: "a different well fill power of the charge cloud",
+        physics: "h(n) = ((n − d)/(w − d))^well_fill_power. It replaces detector.well_fill_power.",
         source: "Rhodes et al. 2010, equation 1; Massey et al. 2010 (MNRAS 401, 371), equation 1",
-        holds: "All species alike. An incomplete base fakes it: exponents of one's own for each species look decisive where \
-                recapture is left out.",
-        residuals: "Losses and trails with a trend in signal_e at every trail_px: too small at one end, too large at the other.",
+        holds: "The same for all species. An incomplete model mimics it: separate exponents for each species seem \
+                significant if recapture is neglected.",
+        residuals: "Losses and trails have a residual trend against signal_e at every trail_px: the model is too small at \
+                    one end and too large at the other.",
         keys: &[key("well_fill_power", "well fill power", "", keys::Kind::Positive(0.0, 5.0), Required)],
     };
 
