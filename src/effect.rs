@@ -148,7 +148,7 @@ impl Card {
 }
 
 /// A kind of effect: what the catalogue holds.
-pub trait Kind: Effect + DeserializeOwned + 'static {
+pub trait Catalogued: Effect + DeserializeOwned + 'static {
     /// What a reader needs to know.
     const CARD: Card;
 
@@ -206,8 +206,8 @@ pub struct Entry {
     check: fn(&toml::Table, &Mission) -> Result<(), Refusal>,
 }
 
-const fn entry<K: Kind>() -> Entry {
-    fn typed<K: Kind>(table: &toml::Table) -> Result<K, String> {
+const fn entry<K: Catalogued>() -> Entry {
+    fn typed<K: Catalogued>(table: &toml::Table) -> Result<K, String> {
         table.clone().try_into().map_err(|error: toml::de::Error| error.message().to_string())
     }
     Entry {

@@ -35,7 +35,7 @@ use crate::physics::SpeciesState;
 use crate::physics::conditions::Conditions;
 use crate::readout::Method;
 use crate::warning::Warning;
-use fits::{Fits, Hdu, Kind};
+use fits::{Fits, Hdu, HduKind};
 
 /// What is done to frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -272,36 +272,36 @@ impl Job {
             }
         }
         let chosen = |hdu: &&Hdu| match &self.hdus[..] {
-            [] => hdu.kind != Kind::Empty && hdu.kind != Kind::NoImage && !says_other_than_charge(hdu),
+            [] => hdu.kind != HduKind::Empty && hdu.kind != HduKind::NoImage && !says_other_than_charge(hdu),
             choices => choices.iter().any(|choice| choice.is(hdu)),
         };
         let mut frames = Vec::new();
         for hdu in hdus.iter().filter(chosen) {
             let refusal = |problem: &str, help: &str| Err(InputError::new(hdu.to_string(), problem).with_help(help));
             match hdu.kind {
-                Kind::Image { bitpix: 64, .. } => {
+                HduKind::Image { bitpix: 64, .. } => {
                     return refusal(
                         "its pixels are integers of 64 bits, which are not computed with exactly",
                         "write the image as 32-bit integers or 64-bit floats, or leave it out with --hdu",
                     );
                 }
-                Kind::Image { rows, columns, .. } => {
+                HduKind::Image { rows, columns, .. } => {
                     self.geometry
                         .check((rows, columns))
                         .map_err(|error| InputError { refused: format!("{hdu}, {}", error.refused), ..error })?;
                     frames.push((hdu.index, self.unit.scale(hdu, &hdus[0])?));
                 }
-                Kind::OtherAxes(axes) => {
+                HduKind::OtherAxes(axes) => {
                     return refusal(
                         &format!("it has {axes} axes; a frame has two, columns and rows"),
                         "write each plane of a cube as an image of its own, or leave it out with --hdu",
                     );
                 }
-                Kind::Compressed => {
+                HduKind::Compressed => {
                     return refusal("it is compressed by tiles", "unpack the file first, with funpack or astropy");
                 }
-                Kind::Empty => return refusal("it has no data", "choose others with --hdu"),
-                Kind::NoImage => return refusal("it is no image", "choose others with --hdu"),
+                HduKind::Empty => return refusal("it has no data", "choose others with --hdu"),
+                HduKind::NoImage => return refusal("it is no image", "choose others with --hdu"),
             }
         }
         if frames.is_empty() {

@@ -44,7 +44,7 @@ pub struct Mission {
     /// How well the inputs are known.
     pub uncertainty: Uncertainty,
     /// What may be adjusted to measurements.
-    pub fit: Fit,
+    pub fit: FitSettings,
 }
 
 /// `[mission]`
@@ -358,7 +358,7 @@ pub enum ReadoutMethod {
 
 /// `[fit]`
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Fit {
+pub struct FitSettings {
     /// Dotted keys.
     pub free: Vec<String>,
 }

@@ -19,7 +19,7 @@ mod signal;
 use rayon::prelude::*;
 
 use crate::error::InputError;
-use crate::mission::{Fit, Mission};
+use crate::mission::{FitSettings, Mission};
 use crate::mission_file::lookup;
 use crate::model::Model;
 use crate::physics::accuracy::Purpose;
@@ -55,7 +55,7 @@ fn warnings(mission: &Mission) -> Vec<Warning> {
 /// The mission as studies look at it: its judged galaxy alone, read out as accurately as differences between choices need.
 fn judged(mission: &Mission) -> Mission {
     let mission = Purpose::ManyShapes.of(mission);
-    Mission { galaxies: vec![mission.judged_galaxy().clone()], fit: Fit::default(), ..mission }
+    Mission { galaxies: vec![mission.judged_galaxy().clone()], fit: FitSettings::default(), ..mission }
 }
 
 /// A model of the mission as studies look at it.

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::sync::LazyLock;
 
 use ctiplan::analysis::measurement::DataSet;
-use ctiplan::image::fits::{Fits, Kind};
+use ctiplan::image::fits::{Fits, HduKind};
 use ctiplan::io::table::Table;
 use ctiplan::mission::Mission;
 use ctiplan::numeric::expression::Expression;
@@ -48,7 +48,7 @@ pub fn fits(bytes: &[u8]) {
     for index in 0..fits.hdus.len() {
         let hdu = fits.hdus[index].clone();
         match hdu.kind {
-            Kind::Image { .. } => {
+            HduKind::Image { .. } => {
                 let Ok(mut pixels) = fits.pixels(index) else { continue };
                 let physical = pixels.physical();
                 pixels.set(physical.iter().map(|value| (!value.is_nan()).then_some(*value)));

@@ -40,7 +40,7 @@ use crate::model::Model;
 use case::{Case, Node};
 pub use hypothesis::Hypothesis;
 pub use options::{EVALUATIONS, Options, Progress};
-pub use result::{Diagnosis, Leaning, Limit, Next, Note, Reason, Row, Rung, Step, Suggestion, Tried, Verdict};
+pub use result::{Diagnosis, Leaning, Limit, Next, Note, Reason, RowPlace, Rung, Step, Suggestion, Tried, Verdict};
 use search::Search;
 use told::{Found, Told};
 use work::Work;

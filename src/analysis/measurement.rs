@@ -11,7 +11,7 @@ use chrono::{NaiveDate, NaiveDateTime};
 
 use crate::error::{InputError, nearest};
 use crate::io::table::{Cell, Column, Table};
-use crate::mission::keys::Kind::{self, Integer, Number, Positive};
+use crate::mission::keys::Allowed::{self, Integer, Number, Positive};
 use crate::mission::{Mission, keys};
 use crate::mission_file::lookup;
 use crate::model::predict::Question;
@@ -71,7 +71,7 @@ pub fn questions(data: &[DataSet]) -> Vec<Question<'_>> {
 struct Known {
     name: &'static str,
     unit: Unit,
-    kind: Kind,
+    kind: Allowed,
     help: fn(f64) -> Option<String>,
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::Deserialize;
 
 use super::reach::ratios;
-use super::{Card, Effect, Kind, Reach, numbers};
+use super::{Card, Catalogued, Effect, Reach, numbers};
 use crate::mission::Mission;
 use crate::mission::keys::{self, Need::Required, key};
 use crate::physics::{Damage, Loss};
@@ -16,7 +16,7 @@ pub struct Annealing {
     time_yr: f64,
 }
 
-impl Kind for Annealing {
+impl Catalogued for Annealing {
     const CARD: Card = Card {
         kind: "annealing",
         adds: "first-order annealing: each trap disappears with a time constant, counted from its creation",
@@ -26,7 +26,7 @@ impl Kind for Annealing {
         holds: "At the operating temperature, the same for all species. time_yr = inf means no annealing.",
         residuals: "The model's trails and losses become too large as the mission goes on, most of all in quiet years. The \
                     dose is correct.",
-        keys: &[key("time_yr", "time constant", "yr", keys::Kind::Positive(0.0, f64::INFINITY), Required)],
+        keys: &[key("time_yr", "time constant", "yr", keys::Allowed::Positive(0.0, f64::INFINITY), Required)],
     };
 
     fn nothing(_: &Mission) -> toml::Table {

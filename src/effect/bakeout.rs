@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, MOMENTS, Reach, numbers};
+use super::{Card, Catalogued, Effect, MOMENTS, Reach, numbers};
 use crate::mission::Mission;
-use crate::mission::keys::{Key, Kind::Number, Need::Required, key};
+use crate::mission::keys::{Allowed::Number, Key, Need::Required, key};
 use crate::physics::{Damage, Loss};
 
 /// `[effects.bakeout]`
@@ -16,7 +16,7 @@ pub struct Bakeout {
     fraction: f64,
 }
 
-impl Kind for Bakeout {
+impl Catalogued for Bakeout {
     const CARD: Card = Card {
         kind: "bakeout",
         adds: "loss of a fraction of the traps on one day",

@@ -2,9 +2,9 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, Reach, numbers};
+use super::{Card, Catalogued, Effect, Reach, numbers};
 use crate::mission::Mission;
-use crate::mission::keys::{Kind::Number, Need::Required, key};
+use crate::mission::keys::{Allowed::Number, Need::Required, key};
 use crate::physics::DoseHistory;
 
 /// `[effects.cosmic-ray-floor]`
@@ -13,7 +13,7 @@ pub struct CosmicRayFloor {
     rate_mev_g_yr: f64,
 }
 
-impl Kind for CosmicRayFloor {
+impl Catalogued for CosmicRayFloor {
     const CARD: Card = Card {
         kind: "cosmic-ray-floor",
         adds: "a constant dose rate in all years, also quiet ones, seen by the dose monitor",

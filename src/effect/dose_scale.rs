@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, Reach, numbers};
+use super::{Card, Catalogued, Effect, Reach, numbers};
 use crate::mission::Mission;
 use crate::mission::keys::{self, Key, Need::Required, key};
 use crate::physics::Damage;
@@ -13,7 +13,7 @@ pub struct DoseScale {
     factor: f64,
 }
 
-impl Kind for DoseScale {
+impl Catalogued for DoseScale {
     const CARD: Card = Card {
         kind: "dose-scale",
         adds: "a factor on the traps per unit of dose, not seen by the dose monitor",
@@ -25,7 +25,13 @@ impl Kind for DoseScale {
                     distance and signal. The dose is correct.",
         keys: &[Key {
             help: |value| (value == 0.0).then(|| "this means no traps: remove the species instead".into()),
-            ..key("factor", "traps per unit of dose over the model's", "", keys::Kind::Positive(0.0, 1000.0), Required)
+            ..key(
+                "factor",
+                "traps per unit of dose over the model's",
+                "",
+                keys::Allowed::Positive(0.0, 1000.0),
+                Required,
+            )
         }],
     };
 

@@ -3,8 +3,8 @@
 use serde::Deserialize;
 
 use super::reach::ratios;
-use super::{Card, Effect, Kind, Reach, Refusal, numbers, tables};
-use crate::mission::keys::{self, Kind::Number, Need::Default, Need::Required, key};
+use super::{Card, Catalogued, Effect, Reach, Refusal, numbers, tables};
+use crate::mission::keys::{self, Allowed::Number, Need::Default, Need::Required, key};
 use crate::mission::{Detector, Mission, Species};
 
 /// `[effects.extra-species]`
@@ -16,7 +16,7 @@ pub struct ExtraSpecies {
     energy_ev: f64,
 }
 
-impl Kind for ExtraSpecies {
+impl Catalogued for ExtraSpecies {
     const CARD: Card = Card {
         kind: "extra-species",
         adds: "one additional trap species",
@@ -29,9 +29,9 @@ impl Kind for ExtraSpecies {
                     than any measured trail, the model lacks a loss that increases with transfers and is absent from the \
                     trail.",
         keys: &[
-            key("name", "name of the species", "", keys::Kind::Text, Default("\"extra\"")),
+            key("name", "name of the species", "", keys::Allowed::Text, Default("\"extra\"")),
             key("density_per_px", "trap density at the reference dose", "per pixel", Number(0.0, 1e4), Required),
-            key("release_ms", "release time", "ms", keys::Kind::Positive(0.0, 1e12), Required),
+            key("release_ms", "release time", "ms", keys::Allowed::Positive(0.0, 1e12), Required),
             key("energy_ev", "energy level below the band", "eV", Number(0.0, 1.2), Default("0.4")),
         ],
     };

@@ -3,10 +3,10 @@
 use serde::Deserialize;
 
 use super::reach::ratios;
-use super::{Card, Effect, Kind, Reach, numbers};
+use super::{Card, Catalogued, Effect, Reach, numbers};
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::mission::keys::{Kind::Number, Need::Required, key};
+use crate::mission::keys::{Allowed::Number, Need::Required, key};
 use crate::physics::SpeciesState;
 use crate::physics::conditions::Conditions;
 
@@ -16,7 +16,7 @@ pub struct FiniteCapture {
     capture_ms: f64,
 }
 
-impl Kind for FiniteCapture {
+impl Catalogued for FiniteCapture {
     const CARD: Card = Card {
         kind: "finite-capture",
         adds: "a finite capture time of the traps inside the cloud",

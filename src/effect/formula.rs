@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use ndarray::Array2;
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, Refusal};
+use super::{Card, Catalogued, Effect, Refusal};
 use crate::error::{InputError, nearest, shortened};
 use crate::mission::Mission;
-use crate::mission::keys::{self, Kind::Number, Need::Optional, Need::Required, key};
+use crate::mission::keys::{self, Allowed::Number, Need::Optional, Need::Required, key};
 use crate::numeric::expression::{Expression, ExpressionError};
 use crate::physics::conditions::{self, Conditions};
 use crate::physics::observable::Observable;
@@ -48,7 +48,7 @@ impl From<Written> for Formula {
 #[derive(Clone, Debug)]
 struct Compiled {
     expression: Expression,
-    /// Values of the slots, as far as they never change: those of parameters.
+    /// Allowed of the slots, as far as they never change: those of parameters.
     slots: Vec<f64>,
     /// The slot of the quantity that changes.
     quantity: Option<usize>,
@@ -73,7 +73,7 @@ impl Compiled {
         Compiled { slots, quantity: expression.slot(quantity), charge_e, conditions, expression }
     }
 
-    /// Values of all slots under given conditions, but for those that [`Compiled::value`] fills.
+    /// Allowed of all slots under given conditions, but for those that [`Compiled::value`] fills.
     fn slots(&self, known: impl Fn(&str) -> Option<f64>) -> Result<Vec<f64>, InputError> {
         let mut slots = self.slots.clone();
         for (slot, name) in &self.conditions {
@@ -112,7 +112,7 @@ const TARGETS: [&str; 10] = [
     "value",
 ];
 
-impl Kind for Formula {
+impl Catalogued for Formula {
     const CARD: Card = Card {
         kind: "formula",
         adds: "a user's expression that changes a named quantity of the model, without compiling",
@@ -131,8 +131,8 @@ impl Kind for Formula {
         residuals: "The residuals that remain if no other effect explains the data, as a function of the conditions with \
                     residual trends.",
         keys: &[
-            key("target", "quantity that is changed", "", keys::Kind::Text, Required),
-            key("expression", "expression for its new value", "", keys::Kind::Text, Required),
+            key("target", "quantity that is changed", "", keys::Allowed::Text, Required),
+            key("expression", "expression for its new value", "", keys::Allowed::Text, Required),
             key("*", "parameter", "", Number(f64::NEG_INFINITY, f64::INFINITY), Optional),
         ],
     };

@@ -3,8 +3,8 @@
 use serde::Deserialize;
 
 use super::reach::ratios;
-use super::{Card, Effect, Kind, Reach, Refusal, numbers};
-use crate::mission::keys::{self, Kind::Number, Need::Required, key};
+use super::{Card, Catalogued, Effect, Reach, Refusal, numbers};
+use crate::mission::keys::{self, Allowed::Number, Need::Required, key};
 use crate::mission::{Detector, Mission};
 
 /// `[effects.notch]`
@@ -13,7 +13,7 @@ pub struct Notch {
     notch_e: f64,
 }
 
-impl Kind for Notch {
+impl Catalogued for Notch {
     const CARD: Card = Card {
         kind: "notch",
         adds: "a supplementary buried channel, in which small packets reach no traps",

@@ -3,10 +3,10 @@
 use serde::Deserialize;
 
 use super::reach::ratios;
-use super::{Card, Effect, Kind, Reach, numbers};
+use super::{Card, Catalogued, Effect, Reach, numbers};
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::mission::keys::{Kind::Number, Need::Required, key};
+use crate::mission::keys::{Allowed::Number, Need::Required, key};
 use crate::physics::conditions::Conditions;
 
 /// `[effects.preflash]`
@@ -15,7 +15,7 @@ pub struct Preflash {
     electrons: f64,
 }
 
-impl Kind for Preflash {
+impl Catalogued for Preflash {
     const CARD: Card = Card {
         kind: "preflash",
         adds: "background that is not in the mission file: a preflash, stray light, dark current",

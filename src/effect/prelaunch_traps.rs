@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, Reach, Refusal};
+use super::{Card, Catalogued, Effect, Reach, Refusal};
 use crate::error::nearest;
 use crate::mission::Mission;
-use crate::mission::keys::{Kind::Number, Need::Optional, key};
+use crate::mission::keys::{Allowed::Number, Need::Optional, key};
 use crate::physics::Damage;
 
 /// `[effects.prelaunch-traps]`
@@ -17,7 +17,7 @@ pub struct PrelaunchTraps {
     per_px: BTreeMap<String, f64>,
 }
 
-impl Kind for PrelaunchTraps {
+impl Catalogued for PrelaunchTraps {
     const CARD: Card = Card {
         kind: "prelaunch-traps",
         adds: "traps at launch, a density for each species",

@@ -2,10 +2,10 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, Reach, numbers};
+use super::{Card, Catalogued, Effect, Reach, numbers};
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::mission::keys::{Kind::Number, Need::Required, key};
+use crate::mission::keys::{Allowed::Number, Need::Required, key};
 use crate::physics::SpeciesState;
 use crate::physics::conditions::Conditions;
 
@@ -15,7 +15,7 @@ pub struct ReleaseContinuum {
     sigma: f64,
 }
 
-impl Kind for ReleaseContinuum {
+impl Catalogued for ReleaseContinuum {
     const CARD: Card = Card {
         kind: "release-continuum",
         adds: "a log-normal distribution of release times about the median of each species",

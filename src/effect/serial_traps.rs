@@ -3,8 +3,8 @@
 use serde::Deserialize;
 
 use super::reach::ratios;
-use super::{Card, Effect, Kind, Reach, SerialRegister, numbers};
-use crate::mission::keys::{self, Kind::Integer, Kind::Number, Need::Required, key};
+use super::{Card, Catalogued, Effect, Reach, SerialRegister, numbers};
+use crate::mission::keys::{self, Allowed::Integer, Allowed::Number, Need::Required, key};
 use crate::mission::{Mission, Species};
 
 /// `[effects.serial-traps]`
@@ -15,7 +15,7 @@ pub struct SerialTraps {
     transfers: u32,
 }
 
-impl Kind for SerialTraps {
+impl Catalogued for SerialTraps {
     const CARD: Card = Card {
         kind: "serial-traps",
         adds: "trailing along the serial register, by the same physics with the axes exchanged",
@@ -29,9 +29,15 @@ impl Kind for SerialTraps {
         residuals: "Measured values of packet_charge are smaller than the model's, at all numbers of (parallel) transfers. \
                     Measured shapes are elongated along x, which makes delta_e1 more positive.",
         keys: &[
-            key("pixel_time_ms", "time between two serial transfers", "ms", keys::Kind::Positive(0.0, 1e7), Required),
+            key(
+                "pixel_time_ms",
+                "time between two serial transfers",
+                "ms",
+                keys::Allowed::Positive(0.0, 1e7),
+                Required,
+            ),
             key("transfers", "number of serial transfers", "", Integer(1, 100_000), Required),
-            key("traps[].name", "name of the species", "", keys::Kind::Text, Required),
+            key("traps[].name", "name of the species", "", keys::Allowed::Text, Required),
             key(
                 "traps[].density_per_px",
                 "trap density at the reference dose",
@@ -39,7 +45,7 @@ impl Kind for SerialTraps {
                 Number(0.0, 1e4),
                 Required,
             ),
-            key("traps[].release_ms", "release time", "ms", keys::Kind::Positive(0.0, 1e12), Required),
+            key("traps[].release_ms", "release time", "ms", keys::Allowed::Positive(0.0, 1e12), Required),
             key("traps[].energy_ev", "energy level below the band", "eV", Number(0.0, 1.2), Required),
         ],
     };

@@ -4,10 +4,10 @@ use ndarray::{Array2, Axis};
 use serde::Deserialize;
 
 use super::reach::ratios;
-use super::{Card, Effect, Kind, Reach, numbers};
+use super::{Card, Catalogued, Effect, Reach, numbers};
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::mission::keys::{self, Kind::Number, Need::Required, key};
+use crate::mission::keys::{self, Allowed::Number, Need::Required, key};
 use crate::physics::conditions::Conditions;
 
 /// `[effects.signal-bounce]`
@@ -17,7 +17,7 @@ pub struct SignalBounce {
     length_px: f64,
 }
 
-impl Kind for SignalBounce {
+impl Catalogued for SignalBounce {
     const CARD: Card = Card {
         kind: "signal-bounce",
         adds: "the trail of the amplifier, independent of the number of transfers",
@@ -30,7 +30,7 @@ impl Kind for SignalBounce {
                     on transfers, signal, time or temperature.",
         keys: &[
             key("fraction", "fraction of the packet in the next pixel", "", Number(-1.0, 1.0), Required),
-            key("length_px", "length of the trail", "px", keys::Kind::Positive(0.0, 1e4), Required),
+            key("length_px", "length of the trail", "px", keys::Allowed::Positive(0.0, 1e4), Required),
         ],
     };
 

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind};
+use super::{Card, Catalogued, Effect};
 use crate::mission::Mission;
 use crate::physics::DoseHistory;
 
@@ -10,7 +10,7 @@ use crate::physics::DoseHistory;
 #[derive(Debug, Deserialize)]
 pub struct SolarCycle {}
 
-impl Kind for SolarCycle {
+impl Catalogued for SolarCycle {
     const CARD: Card = Card {
         kind: "solar-cycle",
         adds: "dose in 7 of 11 years instead of a constant average, for missions with the `constant` model",

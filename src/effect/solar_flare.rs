@@ -2,9 +2,9 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, MOMENTS, Reach, numbers};
+use super::{Card, Catalogued, Effect, MOMENTS, Reach, numbers};
 use crate::mission::Mission;
-use crate::mission::keys::{Key, Kind::Number, Need::Required, key};
+use crate::mission::keys::{Allowed::Number, Key, Need::Required, key};
 use crate::physics::DoseHistory;
 
 /// `[effects.solar-flare]`
@@ -14,7 +14,7 @@ pub struct SolarFlare {
     dose_mev_g: f64,
 }
 
-impl Kind for SolarFlare {
+impl Catalogued for SolarFlare {
     const CARD: Card = Card {
         kind: "solar-flare",
         adds: "a step of dose on one day, seen by the dose monitor",

@@ -2,10 +2,10 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, Reach, Refusal, numbers};
+use super::{Card, Catalogued, Effect, Reach, Refusal, numbers};
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::mission::keys::{Key, Kind::Number, Need::Required, key};
+use crate::mission::keys::{Allowed::Number, Key, Need::Required, key};
 use crate::physics::conditions::Conditions;
 
 /// `[effects.temperature-offset]`
@@ -14,7 +14,7 @@ pub struct TemperatureOffset {
     kelvin: f64,
 }
 
-impl Kind for TemperatureOffset {
+impl Catalogued for TemperatureOffset {
     const CARD: Card = Card {
         kind: "temperature-offset",
         adds: "an offset of the detector temperature from the thermometer (positive if warmer)",

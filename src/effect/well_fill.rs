@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::{Card, Effect, Kind, Reach, numbers};
+use super::{Card, Catalogued, Effect, Reach, numbers};
 use crate::mission::keys::{self, Need::Required, key};
 use crate::mission::{Detector, Mission};
 
@@ -12,7 +12,7 @@ pub struct WellFill {
     well_fill_power: f64,
 }
 
-impl Kind for WellFill {
+impl Catalogued for WellFill {
     const CARD: Card = Card {
         kind: "well-fill",
         adds: "a different well fill power of the charge cloud",
@@ -22,7 +22,7 @@ impl Kind for WellFill {
                 significant if recapture is neglected.",
         residuals: "Losses and trails have a residual trend against signal_e at every trail_px: the model is too small at \
                     one end and too large at the other.",
-        keys: &[key("well_fill_power", "well fill power", "", keys::Kind::Positive(0.0, 5.0), Required)],
+        keys: &[key("well_fill_power", "well fill power", "", keys::Allowed::Positive(0.0, 5.0), Required)],
     };
 
     fn nothing(mission: &Mission) -> toml::Table {

@@ -35,7 +35,7 @@ pub struct Hdu {
     /// Place in the file; 0 is the primary one.
     pub index: usize,
     /// What its data are.
-    pub kind: Kind,
+    pub kind: HduKind,
     header: Vec<u8>,
     cards: Vec<Card>,
     start: u64,
@@ -44,7 +44,7 @@ pub struct Hdu {
 
 /// What an HDU holds.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum HduKind {
     /// An image of two axes.
     Image {
         /// NAXIS2.
@@ -136,7 +136,7 @@ impl Fits {
     /// Where the file cannot be read, or its scaling cannot be undone.
     pub fn pixels(&mut self, index: usize) -> Result<Pixels, InputError> {
         let hdu = self.hdus[index].clone();
-        let Kind::Image { rows, columns, .. } = hdu.kind else { panic!("HDU {index} holds an image") };
+        let HduKind::Image { rows, columns, .. } = hdu.kind else { panic!("HDU {index} holds an image") };
         let data = self.bytes(hdu.data_start(), hdu.data_len)?;
         let decoded = fitsio_pure::hdu::Hdu::from_cards(hdu.cards.clone(), 0, 0)
             .and_then(|known| image::read_image_data(&data, &known));
@@ -203,7 +203,7 @@ impl Hdu {
         let plain: Vec<u8> =
             header.iter().map(|byte| if (b' '..=b'~').contains(byte) { *byte } else { b'?' }).collect();
         let cards = parse_header_blocks(&plain).map_err(|error| error.to_string())?;
-        let mut hdu = Hdu { index, kind: Kind::Empty, header, cards, start, data_len: 0 };
+        let mut hdu = Hdu { index, kind: HduKind::Empty, header, cards, start, data_len: 0 };
         let bitpix = hdu.integer("BITPIX")?;
         if ![8, 16, 32, 64, -32, -64].contains(&bitpix) {
             return Err(format!("BITPIX = {bitpix}: 8, 16, 32, 64, -32 or -64 is needed"));
@@ -230,13 +230,13 @@ impl Hdu {
         hdu.data_len = bytes.ok_or("its axes make more pixels than a file can hold")?;
         let image = index == 0 || hdu.text("XTENSION").is_some_and(|kind| kind.trim() == "IMAGE");
         hdu.kind = match lengths[..] {
-            _ if hdu.value("ZIMAGE") == Some(&Value::Logical(true)) => Kind::Compressed,
-            _ if random_groups || !image => Kind::NoImage,
-            _ if hdu.data_len == 0 => Kind::Empty,
+            _ if hdu.value("ZIMAGE") == Some(&Value::Logical(true)) => HduKind::Compressed,
+            _ if random_groups || !image => HduKind::NoImage,
+            _ if hdu.data_len == 0 => HduKind::Empty,
             // Groups and parameters are for other kinds of HDU.
-            _ if (parameters, groups) != (0, 1) => Kind::NoImage,
-            [columns, rows] => Kind::Image { rows: rows as usize, columns: columns as usize, bitpix },
-            _ => Kind::OtherAxes(lengths.len()),
+            _ if (parameters, groups) != (0, 1) => HduKind::NoImage,
+            [columns, rows] => HduKind::Image { rows: rows as usize, columns: columns as usize, bitpix },
+            _ => HduKind::OtherAxes(lengths.len()),
         };
         Ok(hdu)
     }

@@ -1,6 +1,6 @@
 //! All keys of a mission file: unit, allowed values, default, and the mistakes that people make with them.
 
-use Kind::{Choice, Date, Integer, Number, Numbers, Text, Texts};
+use Allowed::{Choice, Date, Integer, Number, Numbers, Text, Texts};
 use Need::{Default, Optional, Required};
 
 /// One key of the mission file.
@@ -13,7 +13,7 @@ pub struct Key {
     /// Unit of the value, empty for pure numbers and words.
     pub unit: &'static str,
     /// What values are allowed.
-    pub kind: Kind,
+    pub kind: Allowed,
     /// Whether it must be there.
     pub need: Need,
     /// Advice on a number that is out of range: recognises other units and other notations.
@@ -29,7 +29,7 @@ impl Key {
 
 /// What a key's value may be.
 #[derive(Clone, Copy, Debug)]
-pub enum Kind {
+pub enum Allowed {
     /// A number from the first to the second, ends included.
     Number(f64, f64),
     /// A number above the first, up to the second.
@@ -86,7 +86,7 @@ pub const OPTIONAL_TABLES: [&str; 3] = ["shielding", "readout.noise", "survey"];
 pub const ARRAYS: [(&str, &str); 2] = [("detector.traps", "trap species"), ("galaxies", "galaxy")];
 
 /// Relative uncertainties: beyond a factor e, a number is not known.
-const SIGMA: Kind = Number(0.0, 1.0);
+const SIGMA: Allowed = Number(0.0, 1.0);
 
 /// All keys, in the order of the file.
 pub const KEYS: &[Key] = &[
@@ -94,7 +94,7 @@ pub const KEYS: &[Key] = &[
     key("mission.launch", "day of launch", "", Date, Required),
     Key {
         help: |value| (value > 100.0).then(|| format!("in days? {value} days are {:.2} years", value / 365.25)),
-        ..key("mission.duration_yr", "duration", "yr", Kind::Positive(0.0, 100.0), Required)
+        ..key("mission.duration_yr", "duration", "yr", Allowed::Positive(0.0, 100.0), Required)
     },
     key("mission.orbit", "orbit", "", Choice(&["l1", "l2", "interplanetary", "geo", "leo"]), Default("\"l2\"")),
     key("environment.model", "dose model", "", Choice(&["constant", "solar-cycle"]), Required),
@@ -148,11 +148,11 @@ pub const KEYS: &[Key] = &[
                 "the proton model begins at 1 MeV, which 0.015 mm stop: there is no dose behind nothing".into()
             })
         },
-        ..key("shielding.thickness_mm", "thickness of the shield", "mm", Kind::Positive(0.0, 300.0), Required)
+        ..key("shielding.thickness_mm", "thickness of the shield", "mm", Allowed::Positive(0.0, 300.0), Required)
     },
-    key("detector.full_well_e", "full well", "e-", Kind::Positive(0.0, 1e9), Required),
+    key("detector.full_well_e", "full well", "e-", Allowed::Positive(0.0, 1e9), Required),
     key("detector.notch_e", "notch", "e-", Number(0.0, 1e9), Default("0.0")),
-    key("detector.well_fill_power", "well fill power", "", Kind::Positive(0.0, 5.0), Required),
+    key("detector.well_fill_power", "well fill power", "", Allowed::Positive(0.0, 5.0), Required),
     Key { help: celsius, ..key("detector.temperature_k", "operating temperature", "K", Number(40.0, 400.0), Required) },
     Key {
         help: celsius,
@@ -168,7 +168,7 @@ pub const KEYS: &[Key] = &[
         "detector.reference_dose_mev_g",
         "dose of the quoted trap densities",
         "MeV/g",
-        Kind::Positive(0.0, 1e15),
+        Allowed::Positive(0.0, 1e15),
         Required,
     ),
     key("detector.traps[].name", "name of the species", "", Text, Required),
@@ -176,12 +176,12 @@ pub const KEYS: &[Key] = &[
         help: |value| (value > 1e4).then(|| "traps per pixel, not per cm3: multiply by the volume of a pixel".into()),
         ..key("detector.traps[].density_per_px", "trap density", "per pixel", Number(0.0, 1e4), Required)
     },
-    key("detector.traps[].release_ms", "release time", "ms", Kind::Positive(0.0, 1e12), Required),
+    key("detector.traps[].release_ms", "release time", "ms", Allowed::Positive(0.0, 1e12), Required),
     Key {
         help: |value| (value > 1.2).then(|| format!("in meV? {value} meV are {} eV", value / 1000.0)),
         ..key("detector.traps[].energy_ev", "energy level below the band", "eV", Number(0.0, 1.2), Required)
     },
-    key("readout.line_time_ms", "time between two parallel transfers", "ms", Kind::Positive(0.0, 1e7), Required),
+    key("readout.line_time_ms", "time between two parallel transfers", "ms", Allowed::Positive(0.0, 1e7), Required),
     Key {
         help: |value| (value > 1e5).then(|| "counted in rows to the register: 4096 for a large detector".into()),
         ..key("readout.transfers", "number of parallel transfers", "", Integer(1, 100_000), Required)
@@ -211,11 +211,11 @@ pub const KEYS: &[Key] = &[
     ),
     Key {
         help: |value| (value > 1e5).then(|| format!("in Hz? {value} Hz are {} kHz", value / 1000.0)),
-        ..key("readout.noise.reference_rate_khz", "pixel rate of white_e", "kHz", Kind::Positive(0.0, 1e5), Optional)
+        ..key("readout.noise.reference_rate_khz", "pixel rate of white_e", "kHz", Allowed::Positive(0.0, 1e5), Optional)
     },
     key("readout.noise.pixel_rate_khz", "pixel rate", "kHz", Numbers(1e-6, 1e5), Optional),
     key("readout.noise.read_noise_e", "read noise at a pixel rate", "e-", Numbers(0.0, 1e4), Optional),
-    key("survey.exposure_s", "length of one exposure", "s", Kind::Positive(0.0, 1e7), Required),
+    key("survey.exposure_s", "length of one exposure", "s", Allowed::Positive(0.0, 1e7), Required),
     key(
         "survey.slew_s",
         "time from one exposure to the next that reading out may fill",
@@ -235,15 +235,15 @@ pub const KEYS: &[Key] = &[
         help: |value| (value == 0.0).then(|| "a star is a galaxy of 0.001 px".into()),
         ..key("galaxies[].half_light_px", "half-light radius", "px", Number(0.001, 100.0), Required)
     },
-    key("galaxies[].flux_e", "flux", "e-", Kind::Positive(0.0, 1e9), Optional),
-    key("galaxies[].snr", "signal-to-noise ratio", "", Kind::Positive(0.0, 1e5), Optional),
-    key("galaxies[].aperture_px", "radius of the aperture", "px", Kind::Positive(0.0, 1000.0), Optional),
+    key("galaxies[].flux_e", "flux", "e-", Allowed::Positive(0.0, 1e9), Optional),
+    key("galaxies[].snr", "signal-to-noise ratio", "", Allowed::Positive(0.0, 1e5), Optional),
+    key("galaxies[].aperture_px", "radius of the aperture", "px", Allowed::Positive(0.0, 1000.0), Optional),
     key("galaxies[].read_noise_e", "read noise", "e- per pixel", Number(0.0, 1e4), Default("0.0")),
     key("galaxies[].e1", "ellipticity", "", Number(-0.9, 0.9), Default("0.0")),
     key("galaxies[].weight_px", "width (sigma) of the weight", "px", Number(0.5, 50.0), Required),
     Key {
         help: |value| (value >= 1.0).then(|| "a change of ellipticity: 1 % is 0.01".into()),
-        ..key("requirement.delta_e", "largest change of ellipticity", "", Kind::Positive(0.0, 0.999), Required)
+        ..key("requirement.delta_e", "largest change of ellipticity", "", Allowed::Positive(0.0, 0.999), Required)
     },
     Key {
         help: |value| {
@@ -295,7 +295,7 @@ pub const KEYS: &[Key] = &[
 ];
 
 /// A key without advice.
-pub const fn key(path: &'static str, what: &'static str, unit: &'static str, kind: Kind, need: Need) -> Key {
+pub const fn key(path: &'static str, what: &'static str, unit: &'static str, kind: Allowed, need: Need) -> Key {
     Key { path, what, unit, kind, need, help: |_| None }
 }
 
@@ -304,12 +304,12 @@ fn celsius(value: f64) -> Option<String> {
     (value < 0.0 && value > -273.15).then(|| format!("this key is in kelvin: {value} °C is {:.2} K", value + 273.15))
 }
 
-impl Kind {
+impl Allowed {
     /// Why a number is not allowed, or None.
     pub fn refuses(&self, value: f64) -> bool {
         match *self {
             Number(low, high) | Numbers(low, high) => !(low..=high).contains(&value),
-            Kind::Positive(low, high) => !(value > low && value <= high),
+            Allowed::Positive(low, high) => !(value > low && value <= high),
             Integer(low, high) => value.fract() != 0.0 || !(low as f64..=high as f64).contains(&value),
             _ => false,
         }
@@ -320,7 +320,7 @@ impl Kind {
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
         match *self {
             Number(low, high) | Numbers(low, high) => format!("{} to {}{unit}", plain(low), plain(high)),
-            Kind::Positive(low, high) => format!("above {} and up to {}{unit}", plain(low), plain(high)),
+            Allowed::Positive(low, high) => format!("above {} and up to {}{unit}", plain(low), plain(high)),
             Integer(low, i64::MAX) => format!("whole numbers from {low}"),
             Integer(low, high) => format!("whole numbers from {low} to {high}"),
             Choice(words) => words.iter().map(|word| format!("\"{word}\"")).collect::<Vec<_>>().join(", "),

@@ -9,7 +9,7 @@ use toml::Value;
 
 use super::lookup;
 use crate::effect;
-use crate::mission::keys::{self, Key, Kind};
+use crate::mission::keys::{self, Allowed, Key};
 use crate::mission::{Galaxy, Mission, Species};
 
 impl Mission {
@@ -85,7 +85,7 @@ impl Handle {
         } else {
             (Place::Plain(plain(key)?), lookup::find(key)?)
         };
-        let is_real = matches!(known.kind, Kind::Number(..) | Kind::Positive(..));
+        let is_real = matches!(known.kind, Allowed::Number(..) | Allowed::Positive(..));
         is_real.then_some(Handle { place, known })
     }
 

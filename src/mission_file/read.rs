@@ -12,7 +12,7 @@ use crate::effect;
 use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, CYCLE_YR};
 use crate::error::{InputError, nearest, shortened};
 use crate::io::input;
-use crate::mission::keys::{self, ARRAYS, KEYS, Kind, Need, OPTIONAL_TABLES};
+use crate::mission::keys::{self, ARRAYS, Allowed, KEYS, Need, OPTIONAL_TABLES};
 use crate::mission::{DoseModel, Mission, Orbit};
 use crate::numeric::calendar;
 use crate::readout::MAX_SPECIES;
@@ -491,30 +491,30 @@ pub(crate) fn check_value(
         Ok(())
     };
     match (key.kind, value) {
-        (Kind::Number(..) | Kind::Positive(..), value) => check_number(value),
-        (Kind::Integer(..), value @ DeValue::Integer(_)) => check_number(value),
-        (Kind::Numbers(..), DeValue::Array(members)) if !members.is_empty() => {
+        (Allowed::Number(..) | Allowed::Positive(..), value) => check_number(value),
+        (Allowed::Integer(..), value @ DeValue::Integer(_)) => check_number(value),
+        (Allowed::Numbers(..), DeValue::Array(members)) if !members.is_empty() => {
             members.iter().try_for_each(|member| check_number(member.get_ref()))
         }
-        (Kind::Choice(words), DeValue::String(word)) if !words.contains(&word.as_ref()) => {
+        (Allowed::Choice(words), DeValue::String(word)) if !words.contains(&word.as_ref()) => {
             let help = nearest(word, words.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
             let problem = format!("the {} is \"{word}\"; allowed: {allowed}", key.what);
             Err(InputError { help, ..fault(problem) })
         }
-        (Kind::Choice(_), DeValue::String(_)) => Ok(()),
-        (Kind::Text, DeValue::String(word)) if key.is_name() && word.contains(char::is_control) => {
+        (Allowed::Choice(_), DeValue::String(_)) => Ok(()),
+        (Allowed::Text, DeValue::String(word)) if key.is_name() && word.contains(char::is_control) => {
             Err(fault(format!("the {} holds an end of a line, a tab or another control character", key.what)))
         }
-        (Kind::Text, DeValue::String(word)) if !word.trim().is_empty() => Ok(()),
-        (Kind::Texts, DeValue::Array(members))
+        (Allowed::Text, DeValue::String(word)) if !word.trim().is_empty() => Ok(()),
+        (Allowed::Texts, DeValue::Array(members))
             if members.iter().all(|member| matches!(member.get_ref(), DeValue::String(_))) =>
         {
             Ok(())
         }
-        (Kind::Date, DeValue::Datetime(datetime)) => crate::mission::Date::try_from(*datetime)
+        (Allowed::Date, DeValue::Datetime(datetime)) => crate::mission::Date::try_from(*datetime)
             .map(|_| ())
             .map_err(|problem| fault(format!("the {}: {problem}", key.what))),
-        (Kind::Date, DeValue::String(word)) => {
+        (Allowed::Date, DeValue::String(word)) => {
             let help = word.parse::<chrono::NaiveDate>().ok().map(|date| format!("without quotes: {date}"));
             Err(InputError { help, ..wrong_kind() })
         }

@@ -5,7 +5,7 @@
 use serde_json::{Map, Value, json};
 
 use crate::effect;
-use crate::mission::keys::{KEYS, Key, Kind, Need, OPTIONAL_TABLES, TABLES};
+use crate::mission::keys::{Allowed, KEYS, Key, Need, OPTIONAL_TABLES, TABLES};
 
 /// The schema: tables, keys, units, what is allowed, defaults.
 pub fn schema() -> Value {
@@ -83,21 +83,21 @@ fn below<'a>(key: &'a str, table: &str) -> Option<&'a str> {
 /// What a key's value may be.
 fn value(key: &Key) -> Value {
     let mut value = match key.kind {
-        Kind::Number(low, high) => number(low, high),
-        Kind::Positive(low, high) => above(low, high),
-        Kind::Integer(low, high) => {
+        Allowed::Number(low, high) => number(low, high),
+        Allowed::Positive(low, high) => above(low, high),
+        Allowed::Integer(low, high) => {
             let mut integer = json!({"type": "integer", "minimum": low});
             if high < i64::MAX {
                 integer["maximum"] = high.into();
             }
             integer
         }
-        Kind::Numbers(low, high) => json!({"type": "array", "minItems": 1, "items": number(low, high)}),
-        Kind::Choice(words) => json!({"enum": words}),
-        Kind::Text if key.is_name() => json!({"type": "string", "pattern": "^[^\\p{Cc}]*[^\\p{Cc}\\s][^\\p{Cc}]*$"}),
-        Kind::Text => json!({"type": "string", "pattern": "\\S"}),
-        Kind::Texts => json!({"type": "array", "items": {"type": "string"}}),
-        Kind::Date => json!({"type": "string", "format": "date"}),
+        Allowed::Numbers(low, high) => json!({"type": "array", "minItems": 1, "items": number(low, high)}),
+        Allowed::Choice(words) => json!({"enum": words}),
+        Allowed::Text if key.is_name() => json!({"type": "string", "pattern": "^[^\\p{Cc}]*[^\\p{Cc}\\s][^\\p{Cc}]*$"}),
+        Allowed::Text => json!({"type": "string", "pattern": "\\S"}),
+        Allowed::Texts => json!({"type": "array", "items": {"type": "string"}}),
+        Allowed::Date => json!({"type": "string", "format": "date"}),
     };
     let unit = if key.unit.is_empty() { String::new() } else { format!(", {}", key.unit) };
     value["description"] = format!("{}{unit}", key.what).into();

@@ -5,7 +5,7 @@
 use super::lookup;
 use crate::effect;
 use crate::mission::Mission;
-use crate::mission::keys::{Key, Kind, Need, TABLES};
+use crate::mission::keys::{Allowed, Key, Need, TABLES};
 
 /// The mission without what is said about its keys. Defaults and what is optional are behind a `#`.
 const EXAMPLE: &str = include_str!("example.toml");
@@ -73,7 +73,7 @@ fn about_table(table: &str) -> Option<String> {
 
 fn about_key(key: &Key, behind: bool) -> String {
     let what = match key.kind {
-        Kind::Text => key.what.to_string(),
+        Allowed::Text => key.what.to_string(),
         kind => format!("{}: {}", key.what, kind.allowed(key.unit)),
     };
     match key.need {

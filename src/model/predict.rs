@@ -60,9 +60,9 @@ pub fn predict(model: &Model, questions: &[Question]) -> Result<Vec<f64>, InputE
         .zip(&devices)
         .zip(charges.into_iter().zip(changes))
         .map(|((reading, device), (charges, change))| match reading.kind {
-            Kind::Dose => Read::Dose(device.at.dose_mev_g.expect("a device knows the dose behind its traps")),
-            Kind::Packet | Kind::Block => Read::Charges(charges.expect("packets and blocks have been read")),
-            Kind::Galaxy(_) => Read::Shape(change),
+            Probed::Dose => Read::Dose(device.at.dose_mev_g.expect("a device knows the dose behind its traps")),
+            Probed::Packet | Probed::Block => Read::Charges(charges.expect("packets and blocks have been read")),
+            Probed::Galaxy(_) => Read::Shape(change),
         })
         .collect();
     let answer = |(question, index): (&Question, &usize)| {
@@ -82,7 +82,8 @@ pub fn predict(model: &Model, questions: &[Question]) -> Result<Vec<f64>, InputE
 /// # Errors
 /// Where a formula has no value.
 pub fn changes(model: &Model, galaxy: usize, at: &[Conditions]) -> Result<Vec<Option<ShapeChange>>, InputError> {
-    let readings: Vec<Reading> = at.iter().map(|at| Reading { kind: Kind::Galaxy(galaxy), at, trail_px: 0 }).collect();
+    let readings: Vec<Reading> =
+        at.iter().map(|at| Reading { kind: Probed::Galaxy(galaxy), at, trail_px: 0 }).collect();
     let devices = devices(model, &readings)?;
     let changes = shapes::changes(model, &readings, &devices)?;
     let observed = devices.iter().zip(changes);
@@ -99,7 +100,7 @@ fn devices(model: &Model, readings: &[Reading]) -> Result<Vec<Device>, InputErro
 
 /// What one readout gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum Probed {
     Dose,
     /// A lone packet.
     Packet,
@@ -111,7 +112,7 @@ enum Kind {
 
 /// One readout, to be shared.
 struct Reading<'a> {
-    kind: Kind,
+    kind: Probed,
     at: &'a Conditions,
     /// Pixels behind the packet that are asked for.
     trail_px: usize,
@@ -125,12 +126,12 @@ enum Read {
     Shape(Option<ShapeChange>),
 }
 
-fn kind(question: &Question) -> Kind {
+fn kind(question: &Question) -> Probed {
     match question.observable.card().probe {
-        Probe::Dose => Kind::Dose,
-        Probe::Packet(_) => Kind::Packet,
-        Probe::Block(_) => Kind::Block,
-        Probe::Galaxy(_) => Kind::Galaxy(question.galaxy.expect("a change of shape is that of a galaxy")),
+        Probe::Dose => Probed::Dose,
+        Probe::Packet(_) => Probed::Packet,
+        Probe::Block(_) => Probed::Block,
+        Probe::Galaxy(_) => Probed::Galaxy(question.galaxy.expect("a change of shape is that of a galaxy")),
     }
 }
 
@@ -138,10 +139,10 @@ fn kind(question: &Question) -> Kind {
 fn identity(question: &Question, depends_on: &[String]) -> Vec<u64> {
     let at = question.at;
     let (kind, galaxy) = match kind(question) {
-        Kind::Dose => (0, 0),
-        Kind::Packet => (1, 0),
-        Kind::Block => (2, 0),
-        Kind::Galaxy(galaxy) => (3, galaxy as u64),
+        Probed::Dose => (0, 0),
+        Probed::Packet => (1, 0),
+        Probed::Block => (2, 0),
+        Probed::Galaxy(galaxy) => (3, galaxy as u64),
     };
     let bits = |value: Option<f64>| value.map_or(u64::MAX, f64::to_bits);
     let mut identity = vec![kind, galaxy, u64::from(at.transfers), u64::from(at.block_px.unwrap_or(0))];

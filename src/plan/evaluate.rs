@@ -23,7 +23,7 @@ pub struct Evaluation {
     /// State at the end of each year of the mission, and at its end.
     pub years: Vec<Year>,
     /// When the budget is exceeded.
-    pub verdict: Verdict,
+    pub verdict: BudgetVerdict,
     /// Things seen that are not errors.
     pub warnings: Vec<Warning>,
 }
@@ -45,7 +45,7 @@ pub struct Year {
 
 /// What becomes of the requirement.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Verdict {
+pub struct BudgetVerdict {
     /// Without software correction.
     pub uncorrected: Crossing,
     /// With it.
@@ -68,7 +68,7 @@ impl Evaluation {
     }
 }
 
-impl Verdict {
+impl BudgetVerdict {
     /// Whether the requirement is met, with correction, to the end of the mission.
     pub fn met(&self) -> bool {
         self.corrected.crossings_yr.is_empty()
@@ -122,13 +122,13 @@ pub(crate) fn rate_at_launch_per_yr(model: &Model) -> Result<Option<f64>, InputE
 }
 
 /// Judges the requirement; `years` (rising) are reused.
-fn verdict(model: &Model, years: &[Year]) -> Result<Verdict, InputError> {
+fn verdict(model: &Model, years: &[Year]) -> Result<BudgetVerdict, InputError> {
     let magnitude = |year: &Year| year.galaxies[model.judged()].map(|change| change.magnitude());
     let known: Vec<Point> = years.iter().map(|year| (year.t_yr, magnitude(year))).collect();
     let requirement = &model.mission.requirement;
     let limits = [requirement.delta_e, requirement.delta_e * requirement.correction_factor];
     let [uncorrected, corrected] = crossings(model, limits, &known)?;
-    Ok(Verdict {
+    Ok(BudgetVerdict {
         uncorrected,
         corrected,
         rate_at_launch_per_yr: rate_at_launch_per_yr(model)?,

@@ -19,7 +19,7 @@ pub use ranking::{Criterion, Merit, Ranking};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::physics::SpeciesState;
-use crate::plan::evaluate::{Verdict, evaluate};
+use crate::plan::evaluate::{BudgetVerdict, evaluate};
 use crate::warning::{self, Warning};
 
 /// A mission that is to be compared.
@@ -49,7 +49,7 @@ pub struct Scenario {
     /// |Δe| of the judged galaxy at the end of the mission; None where no shape is left.
     pub delta_e: Option<f64>,
     /// When the budget is exceeded.
-    pub verdict: Verdict,
+    pub verdict: BudgetVerdict,
     /// Traps at the end of the mission.
     pub traps: Vec<SpeciesState>,
     /// Things seen that are not errors.

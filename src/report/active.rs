@@ -2,7 +2,7 @@
 
 use crate::environment::solar_cycle::ActiveYears;
 use crate::physics::DoseHistory;
-use crate::report::plot::{Kind, Series};
+use crate::report::plot::{Mark, Series};
 
 /// A shade over each active stretch of a mission, which flies between two decimal calendar years.
 pub(super) fn shades(dose: &DoseHistory, launch: f64, end: f64) -> Vec<Series> {
@@ -10,7 +10,7 @@ pub(super) fn shades(dose: &DoseHistory, launch: f64, end: f64) -> Vec<Series> {
     let shade = |stretch: &ActiveYears| Series {
         label: Some(if stretch.extrapolated { "active Sun, extrapolated" } else { "active Sun" }.into()),
         color: 7,
-        kind: Kind::Shade { from: launch + stretch.from, to: (launch + stretch.to).min(end) },
+        kind: Mark::Shade { from: launch + stretch.from, to: (launch + stretch.to).min(end) },
     };
     flown.map(shade).collect()
 }

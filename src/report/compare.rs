@@ -5,7 +5,7 @@ mod figures;
 
 use super::{Page, Parts, Report, keep_words, or_dash, table};
 use crate::mission::Mission;
-use crate::plan::evaluate::Verdict;
+use crate::plan::evaluate::BudgetVerdict;
 use crate::plan::requirement::Crossing;
 use crate::plan::scenario::{Comparison, Criterion, Ranking, Scenario};
 use crate::plan::sources::{self, Source};
@@ -134,7 +134,7 @@ impl Page for Comparison {
 const NAMED: usize = 4;
 
 /// One of the limits of a verdict.
-type Limit = fn(&Verdict) -> &Crossing;
+type Limit = fn(&BudgetVerdict) -> &Crossing;
 
 impl Comparison {
     fn several_missions(&self) -> bool {

@@ -57,13 +57,13 @@ pub struct Series {
     /// triangle, 5 orange star, 6 sky-blue cross, 7 yellow plus, 8 as 0.
     pub color: usize,
     /// What is drawn.
-    pub kind: Kind,
+    pub kind: Mark,
 }
 
 /// What is drawn; of vectors of unequal length, as much as all have.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)]
-pub enum Kind {
+pub enum Mark {
     /// Markers, with bars of one `sigma` up and down.
     Points { x: Vec<f64>, y: Vec<f64>, sigma: Option<Vec<f64>> },
     /// Points joined in their order.
@@ -78,22 +78,22 @@ pub enum Kind {
 
 /// A line through points.
 pub fn line(label: &str, color: usize, x: &[f64], y: Vec<f64>) -> Series {
-    Series { label: Some(label.into()), color, kind: Kind::Line { x: x.to_vec(), y, dashed: false } }
+    Series { label: Some(label.into()), color, kind: Mark::Line { x: x.to_vec(), y, dashed: false } }
 }
 
 /// A line that is to be told from another of its colour.
 pub fn dashed(label: &str, color: usize, x: &[f64], y: Vec<f64>) -> Series {
-    Series { label: Some(label.into()), color, kind: Kind::Line { x: x.to_vec(), y, dashed: true } }
+    Series { label: Some(label.into()), color, kind: Mark::Line { x: x.to_vec(), y, dashed: true } }
 }
 
 /// Markers.
 pub fn points(label: &str, color: usize, x: &[f64], y: Vec<f64>) -> Series {
-    Series { label: Some(label.into()), color, kind: Kind::Points { x: x.to_vec(), y, sigma: None } }
+    Series { label: Some(label.into()), color, kind: Mark::Points { x: x.to_vec(), y, sigma: None } }
 }
 
 /// A limit: dashed, in black, from edge to edge.
 pub fn level(label: &str, y: f64) -> Series {
-    Series { label: Some(label.into()), color: 0, kind: Kind::Level { y, dashed: true } }
+    Series { label: Some(label.into()), color: 0, kind: Mark::Level { y, dashed: true } }
 }
 
 /// Width of a figure, px; as all lengths below. In a paper's column it is half as wide, in pt.
@@ -293,10 +293,10 @@ impl Layout<'_> {
     }
 
     /// What a series shows; `at` says where a point of the plane lies on the canvas.
-    fn series(&self, pen: &mut Pen, kind: &Kind, at: impl Fn(f64, f64) -> Point) {
+    fn series(&self, pen: &mut Pen, kind: &Mark, at: impl Fn(f64, f64) -> Point) {
         let shows = |x: &f64, y: &f64| self.x.shows(*x) && self.y.shows(*y);
         match kind {
-            Kind::Points { x, y, sigma } => {
+            Mark::Points { x, y, sigma } => {
                 let many = x.len() > MANY;
                 for (index, (x, y)) in x.iter().zip(y).enumerate().filter(|(_, (x, y))| shows(x, y)) {
                     if let Some(bar) = sigma.as_ref().and_then(|sigma| sigma.get(index)).filter(|bar| bar.is_finite()) {
@@ -305,50 +305,50 @@ impl Layout<'_> {
                     pen.marker(at(*x, *y), if many { 0.55 } else { 1.0 });
                 }
             }
-            Kind::Line { x, y, dashed } => {
+            Mark::Line { x, y, dashed } => {
                 let points = x.iter().zip(y).map(|(x, y)| shows(x, y).then(|| at(*x, *y)));
                 runs(points).into_iter().for_each(|run| pen.line(run, *dashed));
             }
-            Kind::Band { x, low, high } => {
+            Mark::Band { x, low, high } => {
                 let ends = x.iter().zip(low.iter().zip(high));
                 let pairs = ends
                     .map(|(x, (low, high))| (shows(x, high) && low.is_finite()).then(|| (at(*x, *low), at(*x, *high))));
                 runs(pairs).into_iter().for_each(|run| pen.band(run, BAND));
             }
-            Kind::Level { y, dashed } if self.y.shows(*y) => {
+            Mark::Level { y, dashed } if self.y.shows(*y) => {
                 pen.line(vec![at(-f64::INFINITY, *y), at(f64::INFINITY, *y)], *dashed);
             }
-            Kind::Shade { from, to } if !from.is_nan() && !to.is_nan() => {
+            Mark::Shade { from, to } if !from.is_nan() && !to.is_nan() => {
                 pen.rectangle(at(*from, -f64::INFINITY), at(*to, f64::INFINITY), SHADE);
             }
-            Kind::Level { .. } | Kind::Shade { .. } => {}
+            Mark::Level { .. } | Mark::Shade { .. } => {}
         }
     }
 }
 
-impl Kind {
+impl Mark {
     /// Low layers are covered by higher ones. Lines lie above points, where many points would bury a model.
     fn layer(&self) -> usize {
         match self {
-            Kind::Shade { .. } => 0,
-            Kind::Band { .. } => 1,
-            Kind::Points { .. } => 2,
-            Kind::Level { .. } => 3,
-            Kind::Line { .. } => 4,
+            Mark::Shade { .. } => 0,
+            Mark::Band { .. } => 1,
+            Mark::Points { .. } => 2,
+            Mark::Level { .. } => 3,
+            Mark::Line { .. } => 4,
         }
     }
 
     /// The values of x and of y that axes should reach.
     fn extent(&self) -> (Vec<f64>, Vec<f64>) {
         match self {
-            Kind::Points { x, y, sigma: None } | Kind::Line { x, y, .. } => (x.clone(), y.clone()),
-            Kind::Points { x, y, sigma: Some(sigma) } => {
+            Mark::Points { x, y, sigma: None } | Mark::Line { x, y, .. } => (x.clone(), y.clone()),
+            Mark::Points { x, y, sigma: Some(sigma) } => {
                 let ends = y.iter().zip(sigma).flat_map(|(y, bar)| [y - bar, y + bar]);
                 (x.clone(), y.iter().copied().chain(ends).collect())
             }
-            Kind::Band { x, low, high } => (x.clone(), [low.as_slice(), high].concat()),
-            Kind::Level { y, .. } => (vec![], vec![*y]),
-            Kind::Shade { from, to } => (vec![*from, *to], vec![]),
+            Mark::Band { x, low, high } => (x.clone(), [low.as_slice(), high].concat()),
+            Mark::Level { y, .. } => (vec![], vec![*y]),
+            Mark::Shade { from, to } => (vec![*from, *to], vec![]),
         }
     }
 }
@@ -374,7 +374,7 @@ mod tests {
     use super::*;
 
     fn scatter(x: Vec<f64>, y: Vec<f64>) -> Figure {
-        let series = Series { label: None, color: 1, kind: Kind::Points { x, y, sigma: None } };
+        let series = Series { label: None, color: 1, kind: Mark::Points { x, y, sigma: None } };
         Figure { panels: vec![Panel { series: vec![series], ..Panel::default() }], ..Figure::default() }
     }
 
@@ -400,11 +400,11 @@ mod tests {
         let series = |random: &mut ChaCha8Rng| {
             let (x, y, last, dashed) = (numbers(random), numbers(random), numbers(random), random.random::<bool>());
             let kind = match random.random_range(0..5) {
-                0 => Kind::Points { x, y, sigma: dashed.then_some(last) },
-                1 => Kind::Line { x, y, dashed },
-                2 => Kind::Band { x, low: y, high: last },
-                3 => Kind::Level { y: number(random), dashed },
-                _ => Kind::Shade { from: number(random), to: number(random) },
+                0 => Mark::Points { x, y, sigma: dashed.then_some(last) },
+                1 => Mark::Line { x, y, dashed },
+                2 => Mark::Band { x, low: y, high: last },
+                3 => Mark::Level { y: number(random), dashed },
+                _ => Mark::Shade { from: number(random), to: number(random) },
             };
             Series { label: dashed.then(|| text(random)), color: random.random::<u64>() as usize, kind }
         };

@@ -14,7 +14,7 @@ use super::output::Output;
 use super::sample::{Sample, Sampling};
 use crate::error::InputError;
 use crate::io::input;
-use crate::mission::keys::Kind;
+use crate::mission::keys::Allowed;
 use crate::mission::{Date, Mission};
 
 mod read;
@@ -241,10 +241,10 @@ impl Values {
 }
 
 /// Whether a key takes numbers, and whether whole ones.
-fn whole(kind: Kind) -> Option<bool> {
+fn whole(kind: Allowed) -> Option<bool> {
     match kind {
-        Kind::Number(..) | Kind::Positive(..) => Some(false),
-        Kind::Integer(..) => Some(true),
+        Allowed::Number(..) | Allowed::Positive(..) => Some(false),
+        Allowed::Integer(..) => Some(true),
         _ => None,
     }
 }

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::grid::Holds;
 use super::parts::Parts;
 use super::slurm;
-use super::write::{Kind, TableWriter};
+use super::write::{ColumnKind, TableWriter};
 use crate::error::InputError;
 use crate::io::atomic_file;
 use crate::io::table::Cell;
@@ -77,7 +77,7 @@ pub fn collect(parts: &Parts) -> Result<Merged, InputError> {
         ));
     }
     let columns = grid.columns();
-    let kind = Kind::of(&parts.result)?;
+    let kind = ColumnKind::of(&parts.result)?;
     let mut summary = Summary::new(&columns, grid.outputs().len());
     // What went wrong with a part, while errors are those of writing.
     let mut damaged = None;

@@ -9,7 +9,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use super::grid::{Grid, Holds};
-use super::write::{Kind, written};
+use super::write::{ColumnKind, written};
 use crate::error::InputError;
 use crate::io::atomic_file::{self, Written};
 use crate::io::table::Cell;
@@ -33,7 +33,7 @@ impl<'a> Parts<'a> {
     /// parts would replace a file that the sweep reads.
     pub fn of(grid: &'a Grid, result: impl Into<PathBuf>) -> Result<Parts<'a>, InputError> {
         let result = result.into();
-        let kind = Kind::of(&result)?;
+        let kind = ColumnKind::of(&result)?;
         let parts = Parts { grid, folder: with_suffix(&result, ".parts"), result };
         let read = grid.files();
         // The folder of the parts is removed at the end, with all that is in it.

@@ -27,17 +27,17 @@ const FINGERPRINT: &str = "ctiplan.sweep";
 
 /// A file format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum ColumnKind {
     Parquet,
     Csv,
 }
 
-impl Kind {
+impl ColumnKind {
     /// By the end of the file's name.
-    pub fn of(path: &Path) -> Result<Kind, InputError> {
+    pub fn of(path: &Path) -> Result<ColumnKind, InputError> {
         match path.extension().and_then(|extension| extension.to_str()) {
-            Some("parquet") => Ok(Kind::Parquet),
-            Some("csv") => Ok(Kind::Csv),
+            Some("parquet") => Ok(ColumnKind::Parquet),
+            Some("csv") => Ok(ColumnKind::Csv),
             _ => Err(InputError::new(
                 format!("cannot write `{}`", path.display()),
                 "the name of the result must end in .parquet or .csv",
@@ -57,8 +57,8 @@ impl Kind {
             return Err(InputError::new(format!("cannot use `{}`", path.display()), "this is a folder, not a file"));
         }
         Ok(Some(match self {
-            Kind::Parquet => of_parquet(file).unwrap_or_default(),
-            Kind::Csv => of_csv(file).unwrap_or_default(),
+            ColumnKind::Parquet => of_parquet(file).unwrap_or_default(),
+            ColumnKind::Csv => of_csv(file).unwrap_or_default(),
         }))
     }
 }
@@ -92,15 +92,15 @@ pub(super) enum TableWriter<'a> {
 }
 
 impl<'a> TableWriter<'a> {
-    pub fn new(kind: Kind, file: &'a mut File, grid: &Grid) -> io::Result<TableWriter<'a>> {
+    pub fn new(kind: ColumnKind, file: &'a mut File, grid: &Grid) -> io::Result<TableWriter<'a>> {
         let columns = grid.columns();
         match kind {
-            Kind::Csv => {
+            ColumnKind::Csv => {
                 let mut writer = csv::Writer::from_writer(file);
                 writer.write_record(columns.iter().map(|(name, _)| name))?;
                 Ok(TableWriter::Csv(Box::new(writer)))
             }
-            Kind::Parquet => {
+            ColumnKind::Parquet => {
                 let fields = columns.iter().map(|(name, holds)| field(name, *holds)).collect::<Result<Vec<_>, _>>();
                 let schema = fields.and_then(|fields| Type::group_type_builder("sweep").with_fields(fields).build());
                 let said = [(FINGERPRINT, grid.fingerprint.as_str()), ("ctiplan.version", env!("CARGO_PKG_VERSION"))];

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use ctiplan::image::fits::{Fits, Kind};
+use ctiplan::image::fits::{Fits, HduKind};
 use ctiplan::image::{Corner, Geometry, Split, Stop, Transfers, correct, frame};
 use ctiplan::mission::Mission;
 use ctiplan::model::Device;
@@ -352,8 +352,8 @@ fn without_a_choice_images_of_charge_are_read_out_and_those_beside_them_copied()
     let copied: Vec<bool> = report["hdus"].as_array().unwrap().iter().map(|hdu| hdu["copied"] == true).collect();
     assert_eq!(copied, [true, false, true, true, true, false]);
     let mut fits = Fits::open(&output).unwrap();
-    assert_eq!(fits.hdus[1].kind, Kind::Image { rows: 65, columns: 47, bitpix: 16 });
-    assert_eq!((&fits.hdus[0].kind, &fits.hdus[4].kind), (&Kind::Empty, &Kind::NoImage));
+    assert_eq!(fits.hdus[1].kind, HduKind::Image { rows: 65, columns: 47, bitpix: 16 });
+    assert_eq!((&fits.hdus[0].kind, &fits.hdus[4].kind), (&HduKind::Empty, &HduKind::NoImage));
     assert!(fits.pixels(5).unwrap().physical().iter().any(|value| value.is_nan()));
     // The same without a choice: ERR and DQ are known by their names.
     let all = folder.path().join("all.fits");

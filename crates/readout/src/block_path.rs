@@ -13,15 +13,15 @@ use std::ops::{Add, Mul, Sub};
 
 use fearless_simd::prelude::*;
 
-use super::simd::{LANES, Mask, Row, Vector};
+use super::simd::{LANES, Mask, Packets, Vector};
 
 /// How packets change along their path through a block, to first order, as far as the second order needs to know.
 pub(super) struct PathMeans {
     /// Change of every packet until it is in a pixel of its path, on average over the path, e-. The pixel it starts in, where
     /// everything is known, is left out.
-    pub mean_e: Vec<Row>,
+    pub mean_e: Vec<Packets>,
     /// How much more that is, with what is released there, in the pixels of the watermark that the packet reached into, e-.
-    pub further_e: Vec<Row>,
+    pub further_e: Vec<Packets>,
 }
 
 impl PathMeans {

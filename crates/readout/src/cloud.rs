@@ -6,7 +6,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 
 use super::power::power;
-use super::simd::{LANES, Row, Vector};
+use super::simd::{LANES, Packets, Vector};
 
 /// The volume-driven model of a pixel's potential well: a cloud of n electrons fills the well up to a height h(n), in
 /// units of the full well's height, and meets every trap below it.
@@ -91,7 +91,7 @@ impl Cloud {
     }
 
     /// Heights in place of charges (e-).
-    pub(super) fn heights_in_place(&self, numbers: &mut [Row]) {
+    pub(super) fn heights_in_place(&self, numbers: &mut [Packets]) {
         dispatch!(Level::new(), simd => {
             for row in numbers {
                 self.heights(simd, Vector::load(simd, row)).store(row);
@@ -102,7 +102,7 @@ impl Cloud {
     /// Heights in place of charges (e-), one by one; what is below the notch or above the full well may have any.
     // Not part of the caller, whose commonest case must not be burdened with this one.
     #[inline(never)]
-    fn each_height(&self, numbers: &mut Row) {
+    fn each_height(&self, numbers: &mut Packets) {
         match &self.law {
             Law::Table(table) => numbers.iter_mut().for_each(|number| *number = table.height(*number)),
             _ => dispatch!(Level::new(), _simd => {
@@ -191,7 +191,7 @@ mod tests {
             Cloud::new(1e5, 90.0, 0.31),
             Cloud::tabulated(|charge_e| Ok::<_, Infallible>((charge_e / 1e5).powf(0.4))).unwrap(),
         ];
-        let charge_e: Row = std::array::from_fn(|lane| [-3.0, 0.0, 1e-9, 0.7, 90.0, 90.1, 4e4, 3e5][lane % 8]);
+        let charge_e: Packets = std::array::from_fn(|lane| [-3.0, 0.0, 1e-9, 0.7, 90.0, 90.1, 4e4, 3e5][lane % 8]);
         for cloud in laws {
             let heights = |level| {
                 let mut heights = [0.0; LANES];

@@ -7,10 +7,10 @@ use fearless_simd::{Level, dispatch};
 
 use super::Cloud;
 use super::passage::Stage;
-use super::simd::{LANES, Row, Vector};
+use super::simd::{LANES, Packets, Vector};
 
 /// Adds multiples of changes to the charges.
-pub(super) fn add(charge_e: &mut [Row], changes: &[(f64, &Stage)]) {
+pub(super) fn add(charge_e: &mut [Packets], changes: &[(f64, &Stage)]) {
     dispatch!(Level::new(), simd => {
         for (row, charge_e) in charge_e.iter_mut().enumerate() {
             plus(simd, Vector::load(simd, charge_e), row, changes).store(charge_e);
@@ -19,7 +19,7 @@ pub(super) fn add(charge_e: &mut [Row], changes: &[(f64, &Stage)]) {
 }
 
 /// Charges with multiples of changes added.
-pub(super) fn sum(charge_e: &[Row], changes: &[(f64, &Stage)], sum_e: &mut [Row]) {
+pub(super) fn sum(charge_e: &[Packets], changes: &[(f64, &Stage)], sum_e: &mut [Packets]) {
     dispatch!(Level::new(), simd => {
         for (row, (charge_e, sum_e)) in charge_e.iter().zip(sum_e).enumerate() {
             plus(simd, Vector::load(simd, charge_e), row, changes).store(sum_e);
@@ -36,7 +36,7 @@ fn plus<S: Simd>(simd: S, mut charge_e: Vector<S>, row: usize, changes: &[(f64, 
 }
 
 /// By how much packets change. None loses more than it has, although a first-order change may.
-pub(super) fn moved(charge_e: &[Row], k1: &Stage) -> f64 {
+pub(super) fn moved(charge_e: &[Packets], k1: &Stage) -> f64 {
     dispatch!(Level::new(), simd => {
         let zero = Vector::all(simd, 0.0);
         let mut moved = MeanSquare::new(simd);
@@ -50,7 +50,7 @@ pub(super) fn moved(charge_e: &[Row], k1: &Stage) -> f64 {
 
 /// Error of a first-order result: how far it moves a packet, times the steepest change with that of what so many traps
 /// capture, and as much again for its neighbours' moves; half of all that on average over the path.
-pub(super) fn first(cloud: &Cloud, traps: f64, charge_e: &[Row], k1: &Stage) -> f64 {
+pub(super) fn first(cloud: &Cloud, traps: f64, charge_e: &[Packets], k1: &Stage) -> f64 {
     dispatch!(Level::new(), simd => {
         let zero = Vector::all(simd, 0.0);
         let mut error = MeanSquare::new(simd);
@@ -117,7 +117,12 @@ pub(super) fn second(k1: &Stage, k2: &Stage) -> Second {
 /// orders one and two foretell it, so many ratios e2/e1 further down (in the manner of DOP853, which combines two embedded
 /// estimates: Hairer, Nørsett & Wanner 1993, II.10); where it has a kink, a
 /// share of e2 is the error, twice over: there may be several kinks. The stages are the first two and the last.
-pub(super) fn higher([k1, k2, last]: [&Stage; 3], charge_e: &[Row], after_e: &[Row], ratios: i32) -> (f64, f64) {
+pub(super) fn higher(
+    [k1, k2, last]: [&Stage; 3],
+    charge_e: &[Packets],
+    after_e: &[Packets],
+    ratios: i32,
+) -> (f64, f64) {
     dispatch!(Level::new(), simd => {
         let zero = Vector::all(simd, 0.0);
         let [mut smooth, mut kinked] = [(); 2].map(|()| MeanSquare::new(simd));

@@ -6,7 +6,7 @@ use super::{Cloud, Downstream, Trap};
 /// Traps between the next level below and `height`, last filled by one packet.
 struct Level {
     height: f64,
-    /// Row of that packet, plus one; 0 for the last one downstream.
+    /// Packets of that packet, plus one; 0 for the last one downstream.
     packet: usize,
 }
 

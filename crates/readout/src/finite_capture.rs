@@ -25,7 +25,7 @@ use fearless_simd::dispatch;
 
 use super::block_path::BlockPath;
 use super::passage::{Block, Lead, Passage, Stage};
-use super::simd::{LANES, Row};
+use super::simd::{LANES, Packets};
 use super::{Cloud, Downstream, Trap};
 
 /// The traps of one pixel, for `S` species (padded with species of no density).
@@ -316,7 +316,7 @@ impl<const S: usize> Passage for FiniteCapturePixel<S> {
 
     fn pass(
         &self,
-        charge_e: &[Row],
+        charge_e: &[Packets],
         _: BlockPath,
         block: Block,
         downstream: &Lead,

@@ -49,7 +49,7 @@ use finite_capture::FiniteCapturePixel;
 use multirevolution::Workspace;
 use passage::{Lead, Passage};
 use pixel::Pixel;
-use simd::{LANES, Row};
+use simd::{LANES, Packets};
 
 /// One trap species as the readout meets it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -350,7 +350,7 @@ fn side_by_side<P: Passage>(
     let aim = multirevolution::aim(pixel, &brightest_e, &lead(brightest), relative, &mut work);
 
     let mut trailed = Array2::zeros((rows, columns.distinct.len()));
-    let read = |(charge_e, work): &mut (Vec<Row>, Workspace<P::Watermarks>), group, mut out: ArrayViewMut2<f64>| {
+    let read = |(charge_e, work): &mut (Vec<Packets>, Workspace<P::Watermarks>), group, mut out: ArrayViewMut2<f64>| {
         simd::gather(image, group, charge_e);
         multirevolution::columns(pixel, charge_e, &lead(group), aim, work);
         for (mut out, charge_e) in out.rows_mut().into_iter().zip(charge_e) {

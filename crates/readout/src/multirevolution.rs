@@ -29,7 +29,7 @@ use std::ops::Range;
 use super::block_path::{BlockPath, PathMeans};
 use super::estimate;
 use super::passage::{Block, Lead, Passage, Stage};
-use super::simd::{LANES, Row};
+use super::simd::{LANES, Packets};
 
 /// Transfers up to which a step is done one by one: it would need as many passes anyway.
 const SINGLY: i64 = 4;
@@ -57,7 +57,7 @@ const SHARE: f64 = 0.02;
 pub(super) struct Workspace<L> {
     watermarks: L,
     stages: [Stage; 4],
-    stage_e: Vec<Row>,
+    stage_e: Vec<Packets>,
     path: PathMeans,
 }
 
@@ -101,7 +101,7 @@ const HOPELESS_FIRST: f64 = 1000.0;
 /// An accuracy relative to the change of these packets, both as root mean squares. Costs one pass.
 pub(super) fn aim<P: Passage>(
     pixel: &P,
-    charge_e: &[Row],
+    charge_e: &[Packets],
     downstream: &Lead,
     relative: f64,
     work: &mut Workspace<P::Watermarks>,
@@ -117,7 +117,7 @@ pub(super) fn aim<P: Passage>(
 /// Clocks columns out with an error of at most about what is aimed at.
 pub(super) fn columns<P: Passage>(
     pixel: &P,
-    charge_e: &mut [Row],
+    charge_e: &mut [Packets],
     downstream: &Lead,
     aim: Aim,
     work: &mut Workspace<P::Watermarks>,
@@ -167,7 +167,7 @@ pub(super) fn columns<P: Passage>(
 /// Clocks columns through some pixels (0 is nearest to the register), the farthest first, one by one.
 fn singly<P: Passage>(
     pixel: &P,
-    charge_e: &mut [Row],
+    charge_e: &mut [Packets],
     pixels: Range<i64>,
     downstream: &Lead,
     work: &mut Workspace<P::Watermarks>,
@@ -204,14 +204,14 @@ struct Attempt {
 
 impl<P: Passage> Step<'_, P> {
     /// Advances the charges if that can be done with the error allowed, by the lowest order that will do.
-    fn attempt(&self, charge_e: &mut [Row], work: &mut Workspace<P::Watermarks>) -> Attempt {
+    fn attempt(&self, charge_e: &mut [Packets], work: &mut Workspace<P::Watermarks>) -> Attempt {
         let Step { pixel, block, downstream, .. } = *self;
         if block.pixels <= SINGLY {
             singly(pixel, charge_e, block.nearest..block.nearest + block.pixels, downstream, work);
             return Attempt { ratio: 0.0, order: 5.0, by_first: false };
         }
         let Workspace { watermarks, stages: [k1, k2, k3, k4], stage_e, path } = work;
-        let mut pass = |charge_e: &[Row], path: BlockPath, found: &mut Stage| {
+        let mut pass = |charge_e: &[Packets], path: BlockPath, found: &mut Stage| {
             pixel.pass(charge_e, path, block, downstream, watermarks, found);
         };
 
@@ -408,7 +408,7 @@ mod tests {
     /// Errors (rms, e-) of the first and the second order for a whole image, against its transfers one by one.
     fn block_errors(charges_e: &[f64], traps: &[Trap]) -> [f64; 2] {
         let pixel = Pixel::<3>::new(traps, Cloud::new(84_700.0, 0.0, 0.5), charges_e.len());
-        let charge_e: Vec<Row> = charges_e.iter().map(|charge_e| [*charge_e; LANES]).collect();
+        let charge_e: Vec<Packets> = charges_e.iter().map(|charge_e| [*charge_e; LANES]).collect();
         let block = Block { nearest: 0, pixels: charge_e.len() as i64 };
         let mut work = Workspace::new(charge_e.len());
         let mut singles_e = charge_e.clone();

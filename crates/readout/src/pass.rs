@@ -12,7 +12,7 @@ use super::block_path::{BlockPath, PathMeans, Reached, Summed, ahead};
 use super::home_watermarks::HomeWatermarks;
 use super::passage::{Block, Lead, Passage, Stage};
 use super::pixel::Pixel;
-use super::simd::{LANES, Mask, Row, Vector};
+use super::simd::{LANES, Mask, Packets, Vector};
 use super::spent::{Passed, Short};
 use super::watermarks::{BACKGROUND, NONE, PACKETS, Watermarks};
 
@@ -145,7 +145,7 @@ impl<'a, T: Simd, const S: usize, const SEEK: bool, const KNOWN: bool> Pass<'a, 
 
     /// Down the stack: the watermarks that some lane meets, one after another.
     #[inline(always)]
-    pub fn descend(&mut self, arrival: &Arrival<T, SEEK>, doubtful_e: &mut Row) -> Met<T, SEEK> {
+    pub fn descend(&mut self, arrival: &Arrival<T, SEEK>, doubtful_e: &mut Packets) -> Met<T, SEEK> {
         let Arrival { row, before, visits, height, present_e, most_e, short, .. } = *arrival;
         let (simd, pixel) = (self.simd, self.pixel);
         let (zero, one) = (Vector::all(simd, 0.0), Vector::all(simd, 1.0));
@@ -290,7 +290,7 @@ impl<const S: usize> Pixel<S> {
     fn pass_by<T: Simd, const SEEK: bool, const KNOWN: bool>(
         &self,
         simd: T,
-        charge_e: &[Row],
+        charge_e: &[Packets],
         path: BlockPath,
         block: Block,
         downstream: &Lead,
@@ -339,7 +339,7 @@ impl<const S: usize> Passage for Pixel<S> {
     #[inline(never)]
     fn pass(
         &self,
-        charge_e: &[Row],
+        charge_e: &[Packets],
         path: BlockPath,
         block: Block,
         downstream: &Lead,

@@ -2,13 +2,13 @@
 
 use super::Cloud;
 use super::block_path::BlockPath;
-use super::simd::{LANES, Row};
+use super::simd::{LANES, Packets};
 
 /// What lies between row 0 and the register (see [`super::Downstream`]), in columns side by side.
 pub(super) struct Lead {
     pub rows: i64,
     /// Charge of its packets, e-.
-    pub charge_e: Row,
+    pub charge_e: Packets,
 }
 
 /// A run of pixels: those from `nearest` (pixels from the register) up to `nearest + pixels`.
@@ -44,7 +44,7 @@ pub(super) trait Passage: Sync {
     /// `found` has the length of `charge_e` and is overwritten.
     fn pass(
         &self,
-        charge_e: &[Row],
+        charge_e: &[Packets],
         path: BlockPath,
         block: Block,
         downstream: &Lead,
@@ -66,14 +66,14 @@ pub(super) trait Passage: Sync {
 /// What one pass finds.
 pub(super) struct Stage {
     /// Change of every packet, e-.
-    pub change_e: Vec<Row>,
+    pub change_e: Vec<Packets>,
     /// The same without what it leaves in the empty pixel that it starts in, which is known exactly, e-.
-    pub drift_e: Vec<Row>,
+    pub drift_e: Vec<Packets>,
     /// What it took of watermarks at home (see [`super::home_watermarks`]) that it did not cover, e-: they are known on average only.
-    pub doubtful_e: Vec<Row>,
+    pub doubtful_e: Vec<Packets>,
     /// At which earlier packet's watermark each packet ended, as a number. While these stay the same, the change is a smooth
     /// function of the charges; where they differ from one pass to another, it has a kink in between.
-    pub meets: Vec<Row>,
+    pub meets: Vec<Packets>,
 }
 
 impl Stage {

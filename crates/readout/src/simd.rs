@@ -16,10 +16,10 @@ use ndarray::{ArrayView1, ArrayView2};
 pub(super) const LANES: usize = 16;
 
 /// Numbers of one row, one for each of the columns.
-pub(super) type Row = [f64; LANES];
+pub(super) type Packets = [f64; LANES];
 
 /// Some columns of an image (`[[row, column]]`, e-; at most [`LANES`], rising), one array for each row; the last is repeated.
-pub(super) fn gather(image: ArrayView2<f64>, columns: &[usize], lanes: &mut Vec<Row>) {
+pub(super) fn gather(image: ArrayView2<f64>, columns: &[usize], lanes: &mut Vec<Packets>) {
     let (first, last) = (columns[0], columns[columns.len() - 1]);
     let neighbours = last - first + 1 == columns.len();
     lanes.clear();
@@ -40,7 +40,7 @@ pub(super) fn in_one_piece(charge_e: ArrayView1<f64>) -> Cow<[f64]> {
 }
 
 /// Numbers of some columns, the last of them repeated.
-pub(super) fn side_by_side(numbers: &[f64], columns: &[usize]) -> Row {
+pub(super) fn side_by_side(numbers: &[f64], columns: &[usize]) -> Packets {
     std::array::from_fn(|lane| numbers[columns[lane.min(columns.len() - 1)]])
 }
 
@@ -64,13 +64,13 @@ impl<S: Simd> Vector<S> {
 
     /// From memory.
     #[inline(always)]
-    pub fn load(simd: S, values: &Row) -> Self {
+    pub fn load(simd: S, values: &Packets) -> Self {
         Vector(from_fn(|n| f64x8::from_slice(simd, &values[8 * n..8 * n + 8])))
     }
 
     /// To memory.
     #[inline(always)]
-    pub fn store(self, values: &mut Row) {
+    pub fn store(self, values: &mut Packets) {
         for n in 0..N {
             self.0[n].store_slice(&mut values[8 * n..8 * n + 8]);
         }
@@ -78,7 +78,7 @@ impl<S: Simd> Vector<S> {
 
     /// To memory of its own.
     #[inline(always)]
-    pub fn row(self) -> Row {
+    pub fn row(self) -> Packets {
         let mut row = [0.0; LANES];
         self.store(&mut row);
         row

@@ -2,7 +2,7 @@
 
 use super::block_path::{PathMeans, ahead};
 use super::pixel::Pixel;
-use super::simd::{LANES, Row};
+use super::simd::{LANES, Packets};
 use super::watermarks::{NONE, PACKETS, Watermarks};
 
 /// Added to the place of the last watermark met by a packet that is spent.
@@ -10,13 +10,13 @@ const SPENT: f64 = 0.25;
 
 /// What packets of a row do to the watermarks.
 pub(super) struct Passed {
-    pub height: Row,
+    pub height: Packets,
     /// In all pixels of the block.
-    pub captured_e: Row,
+    pub captured_e: Packets,
     /// The places of the watermarks that they leave above their own.
-    pub below: Row,
+    pub below: Packets,
     /// The last watermarks they met, with a mark for those that are spent.
-    pub met: Row,
+    pub met: Packets,
 }
 
 /// Packets of a row of which some have less than the traps in their reach would take.
@@ -26,9 +26,9 @@ pub(super) struct Short {
     pub before: usize,
     pub visits: f64,
     /// Charge that meets the traps in each pixel, e-.
-    pub present_e: Row,
+    pub present_e: Packets,
     /// The same in all pixels together, e-.
-    pub has_e: Row,
+    pub has_e: Packets,
 }
 
 impl<const S: usize> Pixel<S> {
@@ -37,7 +37,7 @@ impl<const S: usize> Pixel<S> {
     pub(super) fn spend(
         &self,
         short: Short,
-        (stored, stored_ahead): (&mut [Row; S], &mut [Row; S]),
+        (stored, stored_ahead): (&mut [Packets; S], &mut [Packets; S]),
         path: Option<&PathMeans>,
         watermarks: &mut Watermarks<S>,
         passed: &mut Passed,

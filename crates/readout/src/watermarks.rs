@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 use super::block_path::{Summed, ahead};
 use super::passage::{Block, Lead};
 use super::pixel::Pixel;
-use super::simd::{LANES, Row};
+use super::simd::{LANES, Packets};
 
 /// The place of a watermark that is higher than all and exists nowhere; and as the number that links hold.
 pub(super) const NONE: usize = 0;
@@ -18,23 +18,23 @@ pub(super) const PACKETS: usize = 2;
 /// Watermarks in the order of the packets that left them: none, the background, and from there on one for each row.
 pub(super) struct Watermarks<const S: usize> {
     /// Height of the packet's cloud in the pixels that it passed after its own.
-    pub height: Vec<Row>,
+    pub height: Vec<Packets>,
     /// The same in the pixel that it started in.
-    pub home_height: Vec<Row>,
+    pub home_height: Vec<Packets>,
     /// Height of what has been filled anew since, in the pixels of the watermark; only where the packets' path is known.
-    pub floor: Vec<Row>,
+    pub floor: Vec<Packets>,
     /// Floors that the packets of this row have moved, with their places, should some of the packets turn out to be spent.
-    pub moved: Vec<(usize, Row)>,
+    pub moved: Vec<(usize, Packets)>,
     /// The next higher watermark on the stack below, by its place.
-    pub below: Vec<Row>,
+    pub below: Vec<Packets>,
     /// Pixels of the block in which the watermark exists, the packet's own not among them.
     pub visits: Vec<f64>,
     /// 1 where the packet's own pixel is in the block, else 0.
     pub starts: Vec<f64>,
     /// Electrons in the traps of all the block's pixels, by species.
-    pub stored: [Row; S],
+    pub stored: [Packets; S],
     /// The same, each counted as often as there are pixels of the block ahead of its own.
-    pub stored_ahead: [Row; S],
+    pub stored_ahead: [Packets; S],
 }
 
 impl<const S: usize> Watermarks<S> {

@@ -8,7 +8,7 @@ use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Gam
 
 use super::case::{Case, Node};
 use super::holdout;
-use super::result::{Reason, Row};
+use super::result::{Reason, RowPlace};
 use crate::analysis::validate::along_neighbours;
 
 /// Chance below which something is no accident.
@@ -127,10 +127,10 @@ fn contradictory(case: &Case) -> Option<Reason> {
 }
 
 /// A row by its place among all.
-fn named(case: &Case, row: usize) -> Row {
+fn named(case: &Case, row: usize) -> RowPlace {
     let index = case.set_of[row];
     let (set, row) = (&case.data[index], row - case.rows(index).start);
-    Row { file: set.file.clone(), line: set.table.lines.get(row).copied(), row }
+    RowPlace { file: set.file.clone(), line: set.table.lines.get(row).copied(), row }
 }
 
 /// Errors that are far larger than the scatter.

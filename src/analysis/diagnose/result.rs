@@ -72,12 +72,12 @@ pub enum Reason {
         /// How many.
         count: usize,
         /// The first two.
-        such_as: [Row; 2],
+        such_as: [RowPlace; 2],
     },
     /// Unfit: rows under the same conditions that differ.
     Contradictory {
         /// The two that differ most.
-        rows: [Row; 2],
+        rows: [RowPlace; 2],
         /// By how much, in units of their errors.
         apart_sigma: f64,
     },
@@ -98,7 +98,7 @@ pub enum Reason {
     /// Unfit: rows far from a model that explains all others.
     OddRows {
         /// Each with how far off it is, in sigma.
-        rows: Vec<(Row, f64)>,
+        rows: Vec<(RowPlace, f64)>,
         /// Kinds of the effects that the model was given.
         with: Vec<String>,
     },
@@ -106,7 +106,7 @@ pub enum Reason {
 
 /// A row of a measurement file.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Row {
+pub struct RowPlace {
     /// The file as given.
     pub file: String,
     /// Its line in there, from 1; None for a table that was not read from a file.
@@ -139,7 +139,7 @@ pub struct Rung {
     /// rms of (value − model)/sigma over groups left out in turn; None where nothing can be left out.
     pub holdout_rms_sigma: Option<f64>,
     /// When the budget is exceeded with this model; None where the mission's galaxies lose their shapes.
-    pub budget: Option<evaluate::Verdict>,
+    pub budget: Option<evaluate::BudgetVerdict>,
 }
 
 impl Rung {

@@ -124,6 +124,6 @@ impl Told<'_> {
 }
 
 /// When the budget is exceeded.
-fn budget(mission: &Mission) -> Option<evaluate::Verdict> {
+fn budget(mission: &Mission) -> Option<evaluate::BudgetVerdict> {
     evaluate(&Purpose::Dates.of(mission)).ok().map(|evaluation| evaluation.verdict)
 }

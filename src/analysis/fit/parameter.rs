@@ -64,10 +64,10 @@ impl Parameter {
         })?;
         let known = lookup::find(&path).expect("a key that was found");
         let (scale, low, high) = match known.kind {
-            keys::Kind::Positive(low, high) => (Scale::Log, low, high),
-            keys::Kind::Number(low, high) if low.is_infinite() && high.is_infinite() => (Scale::Linear, low, high),
-            keys::Kind::Number(low, high) if high > BOUNDLESS => (Scale::From, low, high),
-            keys::Kind::Number(low, high) => (Scale::Between, low, high),
+            keys::Allowed::Positive(low, high) => (Scale::Log, low, high),
+            keys::Allowed::Number(low, high) if low.is_infinite() && high.is_infinite() => (Scale::Linear, low, high),
+            keys::Allowed::Number(low, high) if high > BOUNDLESS => (Scale::From, low, high),
+            keys::Allowed::Number(low, high) => (Scale::Between, low, high),
             _ => return Err(refusal("only keys with real numbers can be fitted".into())),
         };
         let is_moment = key.starts_with("effects.") && key.ends_with(".t_yr");
@@ -141,7 +141,7 @@ impl Parameter {
         }
     }
 
-    /// Values around one for derivatives with respect to the parameter itself, within bounds.
+    /// Allowed around one for derivatives with respect to the parameter itself, within bounds.
     pub fn around(&self, value: f64) -> (f64, f64) {
         let size = match self.scale {
             Scale::Log => value.abs(),
@@ -166,7 +166,7 @@ impl Parameter {
         value.min(self.high)
     }
 
-    /// Values at some distances to either side of one, in ordinary changes or, above 0, in logarithms; and that of the mission.
+    /// Allowed at some distances to either side of one, in ordinary changes or, above 0, in logarithms; and that of the mission.
     pub fn around_it(&self, value: f64, distances: &[f64]) -> Vec<f64> {
         let at = |distance: f64| {
             let moved = match self.scale {

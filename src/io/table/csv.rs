@@ -6,7 +6,7 @@ use super::columns::{Cell, Column, Datatype, Meta, PARTS, Table, scalar};
 use crate::error::InputError;
 
 /// A line of cells.
-pub(super) struct Row {
+pub(super) struct Record {
     /// Its first line in the file, from 1.
     pub line: usize,
     pub cells: Vec<String>,
@@ -17,7 +17,7 @@ pub(super) struct Row {
 ///
 /// Cells are split as astropy splits them (Python's `csv` with `skipinitialspace`): blanks before a cell are skipped,
 /// so several blanks are one delimiter, and a cell that begins with a quote may go on over the next line.
-pub(super) fn rows(text: &str, skip: usize, delimiter: char) -> impl Iterator<Item = Result<Row, usize>> {
+pub(super) fn rows(text: &str, skip: usize, delimiter: char) -> impl Iterator<Item = Result<Record, usize>> {
     // A tab at the end of a line is an empty cell where tabs delimit.
     let trimmed =
         move |line| str::trim_matches(line, |c| c == ' ' || c == '\r' || (c == '\t' && c != delimiter)).chars();
@@ -25,7 +25,7 @@ pub(super) fn rows(text: &str, skip: usize, delimiter: char) -> impl Iterator<It
     std::iter::from_fn(move || {
         let (index, first) = lines.find(|(_, line)| !line.trim().is_empty() && !is_comment(line))?;
         let mut rest = trimmed(first);
-        let mut row = Row { line: index + 1, cells: Vec::new() };
+        let mut row = Record { line: index + 1, cells: Vec::new() };
         let mut cell = String::new();
         let mut state = State::Start;
         loop {
@@ -82,7 +82,11 @@ pub(super) fn is_comment(line: &str) -> bool {
 
 impl Table {
     /// The names of the columns.
-    pub(super) fn names(&mut self, first: Option<Result<Row, usize>>, text: &str) -> Result<Vec<String>, InputError> {
+    pub(super) fn names(
+        &mut self,
+        first: Option<Result<Record, usize>>,
+        text: &str,
+    ) -> Result<Vec<String>, InputError> {
         match first {
             Some(Ok(row)) => {
                 self.header_line = row.line;
@@ -96,7 +100,7 @@ impl Table {
     /// Reads rows, whose number of cells must be that of the columns; notes their lines.
     pub(super) fn records(
         &mut self,
-        rows: impl Iterator<Item = Result<Row, usize>>,
+        rows: impl Iterator<Item = Result<Record, usize>>,
         text: &str,
     ) -> Result<Vec<Vec<String>>, InputError> {
         let help = "an empty cell is \"\" where blanks delimit, and a cell that holds the delimiter must be in quotes";

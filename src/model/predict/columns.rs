@@ -3,7 +3,7 @@
 use ndarray::{Array2, ArrayView1, Axis, s};
 use rayon::prelude::*;
 
-use super::{Kind, Reading};
+use super::{Probed, Reading};
 use crate::error::InputError;
 use crate::model::{Beside, Device};
 use crate::readout::Readout;
@@ -20,7 +20,7 @@ const TOGETHER: usize = 16;
 pub(super) fn read(readings: &[Reading], devices: &[Device]) -> Result<Vec<Option<Vec<f64>>>, InputError> {
     let devices: Vec<Option<Device>> = (readings, devices)
         .into_par_iter()
-        .map(|(reading, device)| matches!(reading.kind, Kind::Packet | Kind::Block).then(|| device.expected()))
+        .map(|(reading, device)| matches!(reading.kind, Probed::Packet | Probed::Block).then(|| device.expected()))
         .collect();
     let columns: Vec<Column> = readings
         .iter()
@@ -89,14 +89,14 @@ impl<'a> Column<'a> {
     /// Rows that hold the signal.
     fn block_px(&self) -> usize {
         match self.reading.kind {
-            Kind::Block => self.device.at.block_px.expect("a block has rows") as usize,
+            Probed::Block => self.device.at.block_px.expect("a block has rows") as usize,
             _ => 1,
         }
     }
 
     /// What stands beside it in a serial register.
     fn beside(&self) -> Beside {
-        if self.reading.kind == Kind::Block { Beside::Same } else { Beside::Background }
+        if self.reading.kind == Probed::Block { Beside::Same } else { Beside::Background }
     }
 
     /// The last row of the signal makes the device's transfers; background lies downstream.

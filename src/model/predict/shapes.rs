@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::{Kind, Reading};
+use super::{Probed, Reading};
 use crate::error::InputError;
 use crate::mission::ReadoutMethod;
 use crate::model::{Device, Model};
@@ -45,7 +45,7 @@ pub(super) fn changes(
     let changes: Vec<Result<Option<ShapeChange>, InputError>> = (readings, devices, interpolated)
         .into_par_iter()
         .map(|(reading, device, interpolated)| match (reading.kind, interpolated) {
-            (Kind::Galaxy(galaxy), None) => model.trailed(galaxy, &device.fit_for(Purpose::Measurement)),
+            (Probed::Galaxy(galaxy), None) => model.trailed(galaxy, &device.fit_for(Purpose::Measurement)),
             (_, interpolated) => Ok(interpolated),
         })
         .collect();
@@ -65,7 +65,7 @@ fn interpolated(
     }
     let mut lines: Vec<(Conditions, Vec<usize>)> = Vec::new();
     for (index, reading) in readings.iter().enumerate() {
-        if !matches!(reading.kind, Kind::Galaxy(_)) {
+        if !matches!(reading.kind, Probed::Galaxy(_)) {
             continue;
         }
         let at = but_for_dose(&devices[index].at);
@@ -80,7 +80,7 @@ fn interpolated(
         }
     }
     for (_, members) in lines.into_iter().filter(|(_, members)| members.len() >= FEW) {
-        let Kind::Galaxy(galaxy) = readings[members[0]].kind else { continue };
+        let Probed::Galaxy(galaxy) = readings[members[0]].kind else { continue };
         let Some(places) = places(devices, &members) else { continue };
         let ends = [0.0, 1.0].map(|end| members[places.iter().position(|place| *place == end).expect("both ends")]);
         let [low, high] = ends.map(|end| devices[end].fit_for(Purpose::Measurement));

@@ -1,7 +1,7 @@
 //! An expression's text → its program, in one pass by operator precedence (Pratt 1973).
 
 use super::function::{FUNCTIONS, Function};
-use super::token::{Kind, Token, next_token};
+use super::token::{Token, TokenKind, next_token};
 use super::{Binary, Expression, ExpressionError, NESTED, Step};
 use crate::error::nearest;
 
@@ -206,8 +206,8 @@ impl<'a> Compiler<'a> {
     fn operand(&mut self) -> Result<Type, Fault> {
         let token = self.advance();
         match token.kind {
-            Kind::Number(number) => self.number(number, &token),
-            Kind::Name => match token.text {
+            TokenKind::Number(number) => self.number(number, &token),
+            TokenKind::Name => match token.text {
                 "if" => self.branch(&token),
                 "true" => self.number(1.0, &token).map(|_| Type::Truth),
                 "false" => self.number(0.0, &token).map(|_| Type::Truth),
@@ -216,13 +216,13 @@ impl<'a> Compiler<'a> {
                 _ if self.token.text == "(" => self.call(&token),
                 _ => self.variable(&token),
             },
-            Kind::Symbol if token.text == "(" => {
+            TokenKind::Symbol if token.text == "(" => {
                 let value = self.value(0)?;
                 self.close(&token)?;
                 Ok(value)
             }
-            Kind::Symbol => unexpected(&token),
-            Kind::End => fault(token.at, "something is missing at the end"),
+            TokenKind::Symbol => unexpected(&token),
+            TokenKind::End => fault(token.at, "something is missing at the end"),
         }
     }
 
@@ -293,7 +293,7 @@ impl<'a> Compiler<'a> {
         let open = self.advance();
         match open.kind {
             _ if open.text == "{" => {}
-            Kind::Symbol => return unexpected(&open),
+            TokenKind::Symbol => return unexpected(&open),
             _ => return fault(open.at, "a `{` is missing here"),
         }
         let value = self.value(0)?;
@@ -307,7 +307,7 @@ impl<'a> Compiler<'a> {
             return Ok(());
         }
         match self.token.kind {
-            Kind::End => fault(open.at, format!("this `{}` is not closed", open.text)),
+            TokenKind::End => fault(open.at, format!("this `{}` is not closed", open.text)),
             _ => unexpected_after_value(&self.token),
         }
     }
@@ -315,8 +315,8 @@ impl<'a> Compiler<'a> {
     /// Nothing may follow the whole, which is a number.
     fn end(&mut self, whole: Type) -> Result<(), Fault> {
         match (self.token.kind, whole) {
-            (Kind::End, Type::Number) => Ok(()),
-            (Kind::End, Type::Truth) => {
+            (TokenKind::End, Type::Number) => Ok(()),
+            (TokenKind::End, Type::Truth) => {
                 Err(Fault { at: None, problem: "the result is not a number".into(), help: None })
             }
             _ => unexpected_after_value(&self.token),
@@ -334,7 +334,9 @@ fn expect(value: Type, wanted: Type, of: &Token) -> Result<(), Fault> {
 
 fn unexpected_after_value<T>(token: &Token) -> Result<T, Fault> {
     match token.kind {
-        Kind::Number(_) | Kind::Name => fault(token.at, format!("an operator is missing before `{}`", token.text)),
+        TokenKind::Number(_) | TokenKind::Name => {
+            fault(token.at, format!("an operator is missing before `{}`", token.text))
+        }
         _ if token.text == "(" => fault(token.at, "an operator is missing before `(`"),
         _ => unexpected(token),
     }

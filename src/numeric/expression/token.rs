@@ -3,14 +3,14 @@
 /// A word and where it stands.
 #[derive(Clone, Copy, Debug)]
 pub struct Token<'a> {
-    pub kind: Kind,
+    pub kind: TokenKind,
     pub text: &'a str,
     /// Bytes before it.
     pub at: usize,
 }
 
 #[derive(Clone, Copy, Debug)]
-pub enum Kind {
+pub enum TokenKind {
     Number(f64),
     Name,
     Symbol,
@@ -25,17 +25,17 @@ pub fn next_token(text: &str, from: usize) -> Token<'_> {
     let rest = text[from..].trim_start();
     let at = text.len() - rest.len();
     let token = |kind, length| Token { kind, text: &rest[..length], at };
-    let Some(first) = rest.chars().next() else { return token(Kind::End, 0) };
+    let Some(first) = rest.chars().next() else { return token(TokenKind::End, 0) };
     if first.is_ascii_digit() {
         let length = number_length(rest);
         let number = rest[..length].replace('_', "").parse().expect("digits, point and exponent are a number");
-        token(Kind::Number(number), length)
+        token(TokenKind::Number(number), length)
     } else if first.is_ascii_alphabetic() || first == '_' {
-        token(Kind::Name, run(rest, |letter| letter.is_ascii_alphanumeric() || letter == b'_'))
+        token(TokenKind::Name, run(rest, |letter| letter.is_ascii_alphanumeric() || letter == b'_'))
     } else if PAIRS.iter().any(|pair| rest.starts_with(pair)) {
-        token(Kind::Symbol, 2)
+        token(TokenKind::Symbol, 2)
     } else {
-        token(Kind::Symbol, first.len_utf8())
+        token(TokenKind::Symbol, first.len_utf8())
     }
 }
 

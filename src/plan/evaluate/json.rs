@@ -3,7 +3,7 @@
 use chrono::NaiveDate;
 use serde::ser::{Serialize, Serializer};
 
-use super::{Evaluation, Verdict, Year};
+use super::{BudgetVerdict, Evaluation, Year};
 use crate::io::json;
 use crate::mission::Mission;
 use crate::physics::SpeciesState;
@@ -126,7 +126,7 @@ impl<'a> NamedChange<'a> {
     }
 }
 
-impl Verdict {
+impl BudgetVerdict {
     /// For JSON.
     pub(crate) fn dated(&self, mission: &Mission) -> DatedVerdict<'_> {
         let launch = mission.mission.launch.0;

@@ -5,7 +5,7 @@ use toml::Value;
 
 use crate::error::{InputError, nearest};
 use crate::mission::Date;
-use crate::mission::keys::{KEYS, Kind};
+use crate::mission::keys::{Allowed, KEYS};
 use crate::mission_file::lookup;
 
 /// A key and the values it is to take.
@@ -50,7 +50,7 @@ impl Axis {
 }
 
 /// What kind of value a key takes; names of members stand for any.
-fn kind_of(key: &str) -> Option<Kind> {
+fn kind_of(key: &str) -> Option<Allowed> {
     let known = lookup::find(key).or_else(|| {
         KEYS.iter().find(|known| {
             known.path.split_once("[].").is_some_and(|(array, field)| {
@@ -62,29 +62,29 @@ fn kind_of(key: &str) -> Option<Kind> {
     Some(known.kind)
 }
 
-fn value(kind: Kind, item: &str) -> Result<Value, String> {
+fn value(kind: Allowed, item: &str) -> Result<Value, String> {
     let number =
         || item.parse::<f64>().ok().filter(|number| number.is_finite()).ok_or(format!("`{item}` is no number"));
     match kind {
-        Kind::Integer(..) => match item.parse::<i64>() {
+        Allowed::Integer(..) => match item.parse::<i64>() {
             Ok(integer) => Ok(Value::Integer(integer)),
             Err(_) => whole(number()?).ok_or(format!("`{item}` is no whole number")),
         },
-        Kind::Number(..) | Kind::Positive(..) => Ok(Value::Float(number()?)),
-        Kind::Numbers(..) => Ok(Value::Array(vec![Value::Float(number()?)])),
-        Kind::Date => Ok(Value::Datetime(Date(day(item)?).into())),
-        Kind::Choice(_) | Kind::Text => Ok(Value::String(item.to_string())),
-        Kind::Texts => Ok(Value::Array(vec![Value::String(item.to_string())])),
+        Allowed::Number(..) | Allowed::Positive(..) => Ok(Value::Float(number()?)),
+        Allowed::Numbers(..) => Ok(Value::Array(vec![Value::Float(number()?)])),
+        Allowed::Date => Ok(Value::Datetime(Date(day(item)?).into())),
+        Allowed::Choice(_) | Allowed::Text => Ok(Value::String(item.to_string())),
+        Allowed::Texts => Ok(Value::Array(vec![Value::String(item.to_string())])),
     }
 }
 
-fn range(kind: Kind, from: &str, rest: &str) -> Result<Vec<Value>, String> {
+fn range(kind: Allowed, from: &str, rest: &str) -> Result<Vec<Value>, String> {
     let parts: Vec<&str> = rest.split(':').map(str::trim).collect();
     let count = |text: &str| match text.parse::<usize>() {
         Ok(count) if (2..=MOST_VALUES).contains(&count) => Ok(count),
         _ => Err(format!("`{text}` is no number of values from 2 to {MOST_VALUES}")),
     };
-    if let Kind::Date = kind {
+    if let Allowed::Date = kind {
         let [to, step] = parts[..] else { return Err("a range of dates needs a step in years, such as `:1`".into()) };
         let months = step.parse::<f64>().ok().map(|years| (years * 12.0).round()).filter(|months| *months >= 1.0);
         let months = Months::new(months.ok_or(format!("`{step}` is no step in years (at least a month)"))? as u32);
@@ -98,7 +98,7 @@ fn range(kind: Kind, from: &str, rest: &str) -> Result<Vec<Value>, String> {
         }
         return Ok(dates.into_iter().map(|date| Value::Datetime(Date(date).into())).collect());
     }
-    let number = |text: &str| match value(Kind::Number(f64::MIN, f64::MAX), text)? {
+    let number = |text: &str| match value(Allowed::Number(f64::MIN, f64::MAX), text)? {
         Value::Float(number) => Ok::<f64, String>(number),
         _ => unreachable!("a number is a float"),
     };
@@ -125,13 +125,13 @@ fn range(kind: Kind, from: &str, rest: &str) -> Result<Vec<Value>, String> {
         _ => return Err("a range needs a step".into()),
     };
     match kind {
-        Kind::Integer(..) => {
+        Allowed::Integer(..) => {
             // Equal ratios of whole numbers are the nearest whole numbers, each once.
             let mut whole: Vec<i64> = numbers.iter().map(|number| number.round() as i64).collect();
             whole.dedup();
             Ok(whole.into_iter().map(Value::Integer).collect())
         }
-        Kind::Number(..) | Kind::Positive(..) => Ok(numbers.into_iter().map(Value::Float).collect()),
+        Allowed::Number(..) | Allowed::Positive(..) => Ok(numbers.into_iter().map(Value::Float).collect()),
         _ => Err("this key takes no range".into()),
     }
 }

@@ -1,7 +1,7 @@
 //! Figures of a diagnosis: data and model before and after, and the error falling.
 
 use crate::analysis::diagnose::{Diagnosis, Rung};
-use crate::report::plot::{Figure, Kind, Panel, Series};
+use crate::report::plot::{Figure, Mark, Panel, Series};
 
 impl Diagnosis {
     /// Figures with the names of their files: the falling error, where anything was added, and all of `validate` for the model as given (fitted) and
@@ -28,14 +28,14 @@ impl Diagnosis {
             let points = Series {
                 label: Some(label.into()),
                 color,
-                kind: Kind::Points { x: x.clone(), y: y.clone(), sigma: None },
+                kind: Mark::Points { x: x.clone(), y: y.clone(), sigma: None },
             };
-            [points, Series { label: None, color, kind: Kind::Line { x: x.clone(), y, dashed: false } }]
+            [points, Series { label: None, color, kind: Mark::Line { x: x.clone(), y, dashed: false } }]
         };
         let mut series = line("all rows, fitted", 1, rungs.iter().map(|rung| rung.rms_sigma()).collect()).to_vec();
         let held_out: Vec<f64> = rungs.iter().map(|rung| rung.holdout_rms_sigma.unwrap_or(f64::NAN)).collect();
         series.extend(line("rows left out", 2, held_out));
-        series.push(Series { label: Some("noise alone".into()), color: 0, kind: Kind::Level { y: 1.0, dashed: true } });
+        series.push(Series { label: Some("noise alone".into()), color: 0, kind: Mark::Level { y: 1.0, dashed: true } });
         let names: Vec<&str> = self.steps.iter().map(|step| step.effect.as_str()).collect();
         let wide = rungs[0].rms_sigma() > 5.0;
         Figure {

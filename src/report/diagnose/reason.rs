@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::ser::{Serialize, Serializer};
 
-use crate::analysis::diagnose::{Note, Reason, Row};
+use crate::analysis::diagnose::{Note, Reason, RowPlace};
 use crate::mission::keys::plain;
 
 impl fmt::Display for Reason {
@@ -62,7 +62,7 @@ impl fmt::Display for Reason {
     }
 }
 
-fn odd_rows(out: &mut fmt::Formatter<'_>, rows: &[(Row, f64)], with: &[String]) -> fmt::Result {
+fn odd_rows(out: &mut fmt::Formatter<'_>, rows: &[(RowPlace, f64)], with: &[String]) -> fmt::Result {
     let each: Vec<String> = rows.iter().map(|(row, off)| format!("{row} ({off:+.1} sigma)")).collect();
     let with = if with.is_empty() { String::new() } else { format!(" with {}", with.join(" and ")) };
     let (lies, it) = if rows.len() == 1 { ("lies", "it") } else { ("lie", "them") };
@@ -71,7 +71,7 @@ fn odd_rows(out: &mut fmt::Formatter<'_>, rows: &[(Row, f64)], with: &[String]) 
 }
 
 /// `line 17 of trails.ecsv`
-impl fmt::Display for Row {
+impl fmt::Display for RowPlace {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.line {
             Some(line) => write!(out, "line {line} of {}", self.file),

@@ -3,7 +3,7 @@
 use crate::physics::RateOrigin;
 use crate::plan::dose::{AtEnergy, CalendarYear, Survey};
 use crate::report::active::shades;
-use crate::report::plot::{Figure, Kind, Panel, Series, dashed, level, line};
+use crate::report::plot::{Figure, Mark, Panel, Series, dashed, level, line};
 
 /// Room on both sides of the column of a year, as a share of what is flown of it.
 const BESIDE: f64 = 0.08;
@@ -27,7 +27,7 @@ impl Survey {
         let column = |(index, (start, year)): (usize, (f64, &CalendarYear))| Series {
             label: (index == 0).then(|| "dose within the year".into()),
             color: 1,
-            kind: Kind::Band {
+            kind: Mark::Band {
                 x: vec![start + BESIDE * year.flown_yr, start + (1.0 - BESIDE) * year.flown_yr],
                 low: vec![0.0; 2],
                 high: vec![year.dose_mev_g; 2],

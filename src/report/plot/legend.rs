@@ -3,7 +3,7 @@
 use super::drawing::{Anchor, Drawing};
 use super::font::{fitted, length};
 use super::pen::{Pen, SMALL};
-use super::{BAND, Kind, SHADE, Series};
+use super::{BAND, Mark, SHADE, Series};
 
 /// Height of a row, px.
 const ROW: f64 = 19.0;
@@ -66,17 +66,17 @@ impl<'a> Legend<'a> {
 }
 
 /// What stands for a series.
-fn sample(pen: &mut Pen, kind: &Kind, left: f64, middle: f64) {
+fn sample(pen: &mut Pen, kind: &Mark, left: f64, middle: f64) {
     let at = |x: f64, y: f64| (left + x * SAMPLE, middle + y);
     match kind {
-        Kind::Points { sigma, .. } => {
+        Mark::Points { sigma, .. } => {
             if sigma.is_some() {
                 pen.whisker(at(0.5, 8.0), at(0.5, -8.0));
             }
             pen.marker(at(0.5, 0.0), 1.0);
         }
-        Kind::Line { dashed, .. } | Kind::Level { dashed, .. } => pen.line(vec![at(0.0, 0.0), at(1.0, 0.0)], *dashed),
-        Kind::Band { .. } => pen.rectangle(at(0.0, 6.0), at(1.0, -6.0), BAND),
-        Kind::Shade { .. } => pen.rectangle(at(0.0, 6.0), at(1.0, -6.0), SHADE),
+        Mark::Line { dashed, .. } | Mark::Level { dashed, .. } => pen.line(vec![at(0.0, 0.0), at(1.0, 0.0)], *dashed),
+        Mark::Band { .. } => pen.rectangle(at(0.0, 6.0), at(1.0, -6.0), BAND),
+        Mark::Shade { .. } => pen.rectangle(at(0.0, 6.0), at(1.0, -6.0), SHADE),
     }
 }

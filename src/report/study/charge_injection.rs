@@ -3,7 +3,7 @@
 use super::table::column;
 use super::{DataTable, Digits, Shown, StudyReport, left_out, short};
 use crate::mission::Mission;
-use crate::report::plot::{Figure, Kind, Panel, Series, level, line};
+use crate::report::plot::{Figure, Mark, Panel, Series, level, line};
 use crate::study::budgets;
 use crate::study::charge_injection::{Best, Results, Spacing};
 
@@ -60,7 +60,7 @@ fn figure(results: &Results, mission: &Mission) -> Figure {
         level("budget", mission.requirement.delta_e),
     ];
     if let Some(y) = results.without_lines.delta_e {
-        shapes.push(Series { label: Some("without".into()), color: 2, kind: Kind::Level { y, dashed: false } });
+        shapes.push(Series { label: Some("without".into()), color: 2, kind: Mark::Level { y, dashed: false } });
     }
     let areas = vec![line("area", 3, &x, of(|spacing| spacing.area_equal_depth))];
     let panel = |y_label: &str, series| Panel {

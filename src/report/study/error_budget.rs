@@ -7,7 +7,7 @@ use super::table::{column, words};
 use super::{DataTable, Digits, Shown, StudyReport, short};
 use crate::mission::Mission;
 use crate::numeric::calendar::decimal_year;
-use crate::report::plot::{Figure, Kind, Panel, Series, line};
+use crate::report::plot::{Figure, Mark, Panel, Series, line};
 use crate::study::Estimate;
 use crate::study::error_budget::{Budget, Exceeded, InputShare, PERCENTILES, Percentile, Results};
 
@@ -93,7 +93,7 @@ fn figure(budget: &Budget, mission: &Mission) -> Figure {
     let series = vec![
         curve("uncorrected", 2, 0),
         curve("corrected", 1, 1),
-        Series { label: Some("mission".into()), color: 3, kind: Kind::Shade { from: launch, to: end } },
+        Series { label: Some("mission".into()), color: 3, kind: Mark::Shade { from: launch, to: end } },
     ];
     let dates = Panel {
         x_label: "date [year]".into(),
@@ -110,8 +110,8 @@ fn shares(budget: &Budget) -> Option<Panel> {
     budget.rest_share?;
     let bars = budget.inputs.iter().enumerate().map(|(place, input)| {
         let (x, y) = (place as f64 + 1.0, input.share_percent.unwrap_or(f64::NAN));
-        let kind = Kind::Line { x: vec![x, x], y: vec![0.0, y], dashed: false };
-        let points = Kind::Points { x: vec![x], y: vec![y], sigma: None };
+        let kind = Mark::Line { x: vec![x, x], y: vec![0.0, y], dashed: false };
+        let points = Mark::Points { x: vec![x], y: vec![y], sigma: None };
         let label = (y >= 1.0).then(|| format!("{}: {}", place + 1, input.name));
         [Series { label: None, color: place % 8, kind }, Series { label, color: place % 8, kind: points }]
     });

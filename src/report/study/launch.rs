@@ -9,7 +9,7 @@ use crate::mission::Mission;
 use crate::numeric::calendar::decimal_year;
 use crate::plan::scenario::sun;
 use crate::plan::sources;
-use crate::report::plot::{Figure, Kind, Panel, Series, level, line};
+use crate::report::plot::{Figure, Mark, Panel, Series, level, line};
 use crate::study::launch::{Launched, Results};
 
 /// Most ties that are named.
@@ -104,7 +104,7 @@ fn active_years(compared: &Mission, years: &[f64]) -> Vec<Series> {
     let shade = |stretch: ActiveYears| Series {
         label: Some(if stretch.extrapolated { "active Sun, extrapolated" } else { "active Sun" }.into()),
         color: 7,
-        kind: Kind::Shade { from: stretch.from.max(first), to: stretch.to.min(last) },
+        kind: Mark::Shade { from: stretch.from.max(first), to: stretch.to.min(last) },
     };
     stretches.into_iter().filter(|stretch| stretch.to > first && stretch.from < last).map(shade).collect()
 }

@@ -4,8 +4,8 @@ use crate::analysis::measurement::DataSet;
 use crate::analysis::validate::lean::Lean;
 use crate::analysis::validate::{SetResult, Validation, file_stem, plain_name};
 use crate::report::chance;
-use crate::report::plot::{Figure, Kind, Panel, Series};
 use crate::report::plot::label::{counts, label, setting};
+use crate::report::plot::{Figure, Mark, Panel, Series};
 
 /// Groups of rows that are told apart by colour; more are not drawn.
 const COLOURS: usize = 6;
@@ -44,11 +44,11 @@ fn data_and_model(set: &SetResult, along: &str) -> Figure {
         high > 30.0 * low
     };
     let mut data = Vec::new();
-    let mut below = vec![Series { label: None, color: 0, kind: Kind::Level { y: 0.0, dashed: false } }];
+    let mut below = vec![Series { label: None, color: 0, kind: Mark::Level { y: 0.0, dashed: false } }];
     for (color, (name, rows)) in groups.iter().enumerate() {
         let pick = |value: &dyn Fn(usize) -> f64| rows.iter().map(|&row| value(row)).collect::<Vec<f64>>();
         let x = pick(&|row| at[row]);
-        let points = Kind::Points {
+        let points = Mark::Points {
             x: x.clone(),
             y: pick(&|row| set.data.rows[row].value),
             sigma: Some(pick(&|row| set.data.rows[row].sigma)),
@@ -57,10 +57,10 @@ fn data_and_model(set: &SetResult, along: &str) -> Figure {
         data.push(Series {
             label: (color == 0).then(|| "model".into()),
             color,
-            kind: Kind::Line { x: x.clone(), y: pick(&|row| set.model[row]), dashed: false },
+            kind: Mark::Line { x: x.clone(), y: pick(&|row| set.model[row]), dashed: false },
         });
         let y = pick(&|row| residuals[row]);
-        below.push(Series { label: None, color, kind: Kind::Points { x, y, sigma: None } });
+        below.push(Series { label: None, color, kind: Mark::Points { x, y, sigma: None } });
     }
     Figure {
         title: format!("{}: data and model{not_drawn}", set.name()),
@@ -99,15 +99,15 @@ fn residuals(set: &SetResult, lean: &Lean) -> Figure {
         Series {
             label: Some("95 % of bin means of noise alone".into()),
             color: 6,
-            kind: Kind::Band { x: x.clone(), low: band(-1.0), high: band(1.0) },
+            kind: Mark::Band { x: x.clone(), low: band(-1.0), high: band(1.0) },
         },
         Series {
             label: Some("rows".into()),
             color: 0,
-            kind: Kind::Points { x: at.clone(), y: set.residuals(), sigma: None },
+            kind: Mark::Points { x: at.clone(), y: set.residuals(), sigma: None },
         },
-        Series { label: Some("bin means".into()), color: 2, kind: Kind::Points { x, y: means, sigma: Some(errors) } },
-        Series { label: None, color: 0, kind: Kind::Level { y: 0.0, dashed: false } },
+        Series { label: Some("bin means".into()), color: 2, kind: Mark::Points { x, y: means, sigma: Some(errors) } },
+        Series { label: None, color: 0, kind: Mark::Level { y: 0.0, dashed: false } },
     ];
     Figure {
         title: format!("{}: residuals against {} (p-value {})", set.name(), lean.name, chance(lean.false_alarm)),

@@ -9,7 +9,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::{Axis, Grid, MOST_POINTS, Values, whole};
 use crate::error::{InputError, NO_SUCH_FILE, nearest};
-use crate::mission::keys::{self, Kind, plain};
+use crate::mission::keys::{self, Allowed, plain};
 use crate::mission::{Date, Mission};
 use crate::mission_file::lookup;
 use crate::mission_file::{check_value, line_at};
@@ -399,7 +399,7 @@ impl Source<'_> {
             }
             return self.list(entry, key, values).map(Values::Chosen);
         }
-        if matches!(key.kind, Kind::Date) {
+        if matches!(key.kind, Allowed::Date) {
             return self.days(entry, kind, find("from"), find("to"));
         }
         let Some(whole) = whole(key.kind) else {
@@ -564,7 +564,7 @@ impl Source<'_> {
     /// 5 stands for 5.0 where a key takes any number: a column holds one kind.
     fn number_as_wanted(&self, key: &keys::Key, value: Value) -> Value {
         match (key.kind, value) {
-            (Kind::Number(..) | Kind::Positive(..), Value::Integer(integer)) => Value::Float(integer as f64),
+            (Allowed::Number(..) | Allowed::Positive(..), Value::Integer(integer)) => Value::Float(integer as f64),
             (_, value) => value,
         }
     }
