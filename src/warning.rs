@@ -1,4 +1,4 @@
-//! Things seen that are not errors: what was seen, why it matters, what to try.
+//! Warnings: observation, consequence and remedy.
 
 use std::fmt;
 
@@ -6,7 +6,7 @@ use serde::ser::{Serialize, Serializer};
 
 use crate::environment::solar_cycle::{CYCLE_YR, Maximum};
 
-/// Release times below so many line times are released in place ([`Warning::ReleasesInPlace`]).
+/// Number of line times below which a release time counts as release in place ([`Warning::ReleasesInPlace`]).
 ///
 /// A packet leaves a pixel by way of the pixel's phases, three of them in most CCDs, one in each third of a line time Δt. An
 /// electron that its trap releases meanwhile falls back into the packet: of a species with release time τ the share
@@ -44,26 +44,26 @@ pub enum Warning {
     },
     /// The dose of solar protons is shown for an orbit that they do not reach unhindered.
     ShieldedByField,
-    /// The readout has random traps, and this is one set of them.
+    /// The readout has one realisation of random traps.
     OneSetOfTraps,
-    /// The accuracy of the readout is coarser than the requirement can bear.
+    /// The accuracy of the readout is too low for the requirement.
     CoarseAccuracy {
         /// `[accuracy] relative`.
         relative: f64,
     },
-    /// A frame's header says that the same was done to it before.
+    /// According to its header, the same task was applied to a frame before.
     DoneBefore {
         /// The frame.
         name: String,
         /// What was done.
         task: &'static str,
     },
-    /// A FITS file goes on after its last HDU.
+    /// A FITS file has bytes after its last HDU.
     AfterLastHdu {
         /// Bytes that were copied.
         bytes: u64,
     },
-    /// Packets were emptied on the way, and a correction cannot tell what they held.
+    /// Packets were emptied by traps, and a correction cannot determine their charge.
     UncertainPixels {
         /// The frame.
         name: String,
@@ -74,7 +74,7 @@ pub enum Warning {
         /// The extension in which they are marked.
         marked: String,
     },
-    /// A correction has left more than was asked for.
+    /// A correction has left a residual above the tolerance.
     NotCorrected {
         /// The frame.
         name: String,
@@ -118,24 +118,24 @@ impl fmt::Display for Warning {
                 let (be, s) = if years.len() == 1 { ("is", "um") } else { ("are", "a") };
                 write!(
                     out,
-                    "the solar maxim{s} {} {be} extrapolated at the mean cycle of {CYCLE_YR} yr: the dose then is that of a Sun \
-                     that nobody knows yet; better dates go into environment.solar_maximum",
+                    "the solar maxim{s} {} {be} extrapolated with the mean cycle of {CYCLE_YR} yr: the dose in these cycles is \
+                     uncertain; put better dates into environment.solar_maximum",
                     years.join(", ")
                 )
             }
             Warning::Saturated { name, peak_e } => write!(
                 out,
-                "{name} puts {peak_e:.3e} e- into a pixel, more than the full well: a cloud is then as high as it gets, and \
-                 what overflows is not modelled"
+                "{name} puts {peak_e:.3e} e- into a pixel, more than the full well: the cloud then has its largest height, \
+                 and blooming is not modelled"
             ),
             Warning::ShieldedByField => write!(
                 out,
-                "solar protons do not reach a low Earth orbit unhindered: the ESP figures hold outside the magnetosphere"
+                "the magnetosphere shields a low Earth orbit from part of the solar protons: the ESP values hold outside it"
             ),
             Warning::OneSetOfTraps => write!(
                 out,
-                "accuracy.readout = \"monte-carlo\" reads out through one set of random traps: its scatter is in every \
-                 figure, the verdict's too; compare several values of accuracy.seed"
+                "accuracy.readout = \"monte-carlo\" has one realisation of random traps: its scatter affects every \
+                 value and the verdict; compare several values of accuracy.seed"
             ),
             Warning::NeverReleases { species, over_readout } => write!(
                 out,
@@ -145,30 +145,31 @@ impl fmt::Display for Warning {
             Warning::ReleasesInPlace { species, over_line } => write!(
                 out,
                 "{species} releases after {over_line:.3e} line times, before its packet has left the pixel: in a CCD nearly \
-                 all of these electrons return to their own packet; here, where a transfer is one step, they go to the \
-                 packet behind, which makes the trail of {species} too strong: leave the species out"
+                 all of these electrons return to their own packet; here a transfer is one step, and they join the packet \
+                 behind, so the trail of {species} is too strong: remove the species"
             ),
             Warning::DoneBefore { name, task } => {
-                write!(out, "the header of {name} says that `ctiplan {task}` was done to it before: it is done again")
+                write!(
+                    out,
+                    "according to its header, `ctiplan {task}` was applied to {name} before: it is applied again"
+                )
             }
-            Warning::AfterLastHdu { bytes } => write!(
-                out,
-                "{bytes} bytes after the last HDU do not start with XTENSION: they are copied, and no image is looked for there"
-            ),
+            Warning::AfterLastHdu { bytes } => {
+                write!(out, "{bytes} bytes after the last HDU do not start with XTENSION: they are copied unchanged")
+            }
             Warning::UncertainPixels { name, pixels, error_e, marked } => write!(
                 out,
-                "{pixels} pixels of {name} are uncertain by more than {error_e:.3e} e-: their packets, or some ahead of them, \
-                 were emptied into traps, and the frame does not tell what those held; they are marked in the extension \
+                "{pixels} pixels of {name} are uncertain by more than {error_e:.3e} e-: their packets, or packets ahead of \
+                 them, were emptied by traps, and the frame does not determine their charge; they are marked in the extension \
                  {marked}"
             ),
             Warning::NotCorrected { name, max_e, of_e } => write!(
                 out,
-                "the correction of {name} leaves up to {max_e:.3e} e- of {of_e:.3e} e- that the forward model moves: allow \
-                 more --iterations, compute finer with --relative, or ask for less with --tolerance; faint pixels without \
-                 a sky settle slowly"
+                "the correction of {name} leaves up to {max_e:.3e} e- of {of_e:.3e} e- that the forward model moves: increase \
+                 --iterations, decrease --relative, or increase --tolerance; faint pixels without sky converge slowly"
             ),
             Warning::CoarseAccuracy { relative } => {
-                write!(out, "accuracy.relative = {relative} may show in the shapes: 1e-6 costs little more")
+                write!(out, "accuracy.relative = {relative} may affect the shapes: 1e-6 takes little more time")
             }
         }
     }

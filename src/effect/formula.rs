@@ -191,7 +191,7 @@ impl Catalogued for Formula {
         let conditions = ["background_e", "temperature_k"].contains(&target);
         if conditions && expression.variables().any(|name| name == "dose_mev_g") {
             let problem = "`dose_mev_g` is not known here: conditions come before the dose".to_string();
-            return refusal("expression", problem, Some("say it in terms of t_yr".into()));
+            return refusal("expression", problem, Some("write it as a function of t_yr".into()));
         }
         let unused = self.parameters.keys().find(|name| !expression.variables().any(|used| used == *name));
         if let Some(name) = unused {

@@ -1,34 +1,33 @@
-//! All keys of a mission file: unit, allowed values, default, and the mistakes that people make with them.
+//! All keys of a mission file: unit, allowed values, default, and advice on frequent mistakes.
 
 use Allowed::{Choice, Date, Integer, Number, Numbers, Text, Texts};
 use Need::{Default, Optional, Required};
 
 /// One key of the mission file.
-#[derive(Debug)]
 pub struct Key {
     /// Dotted path; `[]` stands for any member of an array of tables.
     pub path: &'static str,
-    /// What it is, in words.
+    /// Description.
     pub what: &'static str,
     /// Unit of the value, empty for pure numbers and words.
     pub unit: &'static str,
     /// What values are allowed.
     pub kind: Allowed,
-    /// Whether it must be there.
+    /// Whether it must be given.
     pub need: Need,
-    /// Advice on a number that is out of range: recognises other units and other notations.
+    /// Advice on a number that is out of range, such as one in another unit.
     pub help: fn(f64) -> Option<String>,
 }
 
 impl Key {
-    /// Whether its value is what something is called.
+    /// Whether its value is a name.
     pub fn is_name(&self) -> bool {
         self.path.rsplit('.').next() == Some("name")
     }
 }
 
 /// What a key's value may be.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub enum Allowed {
     /// A number from the first to the second, ends included.
     Number(f64, f64),
@@ -48,8 +47,8 @@ pub enum Allowed {
     Date,
 }
 
-/// Whether a key must be there.
-#[derive(Clone, Copy, Debug)]
+/// Whether a key must be given.
+#[derive(Clone, Copy)]
 pub enum Need {
     /// Nothing sensible can be assumed.
     Required,
@@ -59,33 +58,33 @@ pub enum Need {
     Optional,
 }
 
-/// All tables, in the order of the file, and what each says; `[]` is a member of an array of tables. Effects have tables of
+/// All tables, in the order of the file, with a description; `[]` is a member of an array of tables. Effects have tables of
 /// their own, known to the catalogue of effects.
 pub const TABLES: [(&str, &str); 15] = [
     ("mission", "name, launch, duration, orbit"),
     ("environment", "displacement damage dose: given, or derived from ESP solar protons behind [shielding]"),
-    ("shielding", "aluminium around the detector; needed where the dose is derived"),
-    ("detector", "wells, and the conditions for which trap densities and release times are quoted"),
+    ("shielding", "aluminium around the detector; needed if the dose is derived"),
+    ("detector", "wells, and the reference conditions of trap densities and release times"),
     ("detector.traps[]", "one trap species"),
     ("readout", "clocking"),
-    ("readout.noise", "read noise against pixel rate, as a law or as a table; for trade studies"),
-    ("survey", "what a survey does with its time; for trade studies"),
+    ("readout.noise", "read noise against pixel rate, as a formula or as a table; for trade studies"),
+    ("survey", "exposure and slew times of a survey; for trade studies"),
     ("sky", "background"),
     ("psf", "point spread function: a Moffat profile"),
-    ("galaxies[]", "one galaxy whose shape is followed; its brightness is flux_e, or snr within aperture_px"),
-    ("requirement", "what is judged: the change of ellipticity of one galaxy"),
-    ("accuracy", "how accurate the numbers are to be; no physics"),
-    ("uncertainty", "how well the inputs are known, for trade studies"),
-    ("fit", "what may be adjusted to measurements"),
+    ("galaxies[]", "one galaxy; its brightness is flux_e, or snr within aperture_px"),
+    ("requirement", "the budget: the largest change of ellipticity of one galaxy"),
+    ("accuracy", "numerical accuracy; no physics"),
+    ("uncertainty", "relative uncertainties of the inputs; for trade studies"),
+    ("fit", "free parameters of fits to measurements"),
 ];
 
-/// Tables that may be absent as a whole; their required keys are required only where the table is there.
+/// Tables that may be absent as a whole; their required keys are required only if the table is given.
 pub const OPTIONAL_TABLES: [&str; 3] = ["shielding", "readout.noise", "survey"];
 
-/// Arrays of tables, each with what one member is called.
+/// Arrays of tables, each with the name of one member.
 pub const ARRAYS: [(&str, &str); 2] = [("detector.traps", "trap species"), ("galaxies", "galaxy")];
 
-/// Relative uncertainties: beyond a factor e, a number is not known.
+/// Relative uncertainties: at most a factor e.
 const SIGMA: Allowed = Number(0.0, 1.0);
 
 /// All keys, in the order of the file.
@@ -100,7 +99,8 @@ pub const KEYS: &[Key] = &[
     key("environment.model", "dose model", "", Choice(&["constant", "solar-cycle"]), Required),
     Key {
         help: |value| {
-            (value > 0.0).then(|| "displacement damage dose, not ionising dose: 1 krad is no such dose".into())
+            (value > 0.0)
+                .then(|| "displacement damage dose, not ionising dose: values in krad cannot be converted".into())
         },
         ..key(
             "environment.active_dose_rate_mev_g_yr",
@@ -126,7 +126,7 @@ pub const KEYS: &[Key] = &[
     },
     key(
         "environment.accumulate",
-        "way in which quantiles of years add up",
+        "accumulation of the quantiles of years",
         "",
         Choice(&["yearly", "mission"]),
         Default("\"yearly\""),
@@ -145,7 +145,7 @@ pub const KEYS: &[Key] = &[
     Key {
         help: |value| {
             (value == 0.0).then(|| {
-                "the proton model begins at 1 MeV, which 0.015 mm stop: there is no dose behind nothing".into()
+                "the proton model starts at 1 MeV, which 0.015 mm stop: no dose can be derived without a shield".into()
             })
         },
         ..key("shielding.thickness_mm", "thickness of the shield", "mm", Allowed::Positive(0.0, 300.0), Required)
@@ -183,12 +183,12 @@ pub const KEYS: &[Key] = &[
     },
     key("readout.line_time_ms", "time between two parallel transfers", "ms", Allowed::Positive(0.0, 1e7), Required),
     Key {
-        help: |value| (value > 1e5).then(|| "counted in rows to the register: 4096 for a large detector".into()),
+        help: |value| (value > 1e5).then(|| "the number of rows to the register: 4096 for a large detector".into()),
         ..key("readout.transfers", "number of parallel transfers", "", Integer(1, 100_000), Required)
     },
     key(
         "readout.noise.columns",
-        "number of pixels that one amplifier reads of a row",
+        "number of pixels per row that one amplifier reads",
         "",
         Integer(1, 100_000),
         Required,
@@ -201,7 +201,7 @@ pub const KEYS: &[Key] = &[
         Number(0.0, 1e7),
         Default("0.0"),
     ),
-    key("readout.noise.floor_e", "read noise of a slow amplifier", "e-", Number(0.0, 1e4), Optional),
+    key("readout.noise.floor_e", "read noise in the limit of slow readout", "e-", Number(0.0, 1e4), Optional),
     key(
         "readout.noise.white_e",
         "white part of the read noise at the reference rate",
@@ -215,10 +215,10 @@ pub const KEYS: &[Key] = &[
     },
     key("readout.noise.pixel_rate_khz", "pixel rate", "kHz", Numbers(1e-6, 1e5), Optional),
     key("readout.noise.read_noise_e", "read noise at a pixel rate", "e-", Numbers(0.0, 1e4), Optional),
-    key("survey.exposure_s", "length of one exposure", "s", Allowed::Positive(0.0, 1e7), Required),
+    key("survey.exposure_s", "exposure time", "s", Allowed::Positive(0.0, 1e7), Required),
     key(
         "survey.slew_s",
-        "time from one exposure to the next that reading out may fill",
+        "slew time between exposures, during which the detector may be read out",
         "s",
         Number(0.0, 1e7),
         Default("0.0"),
@@ -226,9 +226,9 @@ pub const KEYS: &[Key] = &[
     key("sky.background_e", "background", "e- per pixel", Number(0.0, 1e7), Required),
     Key {
         help: |value| (value > 0.0).then(|| "in pixels, not in arcseconds".into()),
-        ..key("psf.fwhm_px", "width of the PSF", "px", Number(0.5, 50.0), Required)
+        ..key("psf.fwhm_px", "full width at half maximum of the PSF", "px", Number(0.5, 50.0), Required)
     },
-    key("psf.moffat_beta", "Moffat's beta", "", Number(1.1, 100.0), Required),
+    key("psf.moffat_beta", "Moffat beta", "", Number(1.1, 100.0), Required),
     key("galaxies[].name", "name of the galaxy", "", Text, Required),
     key("galaxies[].sersic_index", "Sersic index", "", Number(0.5, 8.0), Required),
     Key {
@@ -240,15 +240,16 @@ pub const KEYS: &[Key] = &[
     key("galaxies[].aperture_px", "radius of the aperture", "px", Allowed::Positive(0.0, 1000.0), Optional),
     key("galaxies[].read_noise_e", "read noise", "e- per pixel", Number(0.0, 1e4), Default("0.0")),
     key("galaxies[].e1", "ellipticity", "", Number(-0.9, 0.9), Default("0.0")),
-    key("galaxies[].weight_px", "width (sigma) of the weight", "px", Number(0.5, 50.0), Required),
+    key("galaxies[].weight_px", "width (sigma) of the weight function", "px", Number(0.5, 50.0), Required),
     Key {
         help: |value| (value >= 1.0).then(|| "a change of ellipticity: 1 % is 0.01".into()),
         ..key("requirement.delta_e", "largest change of ellipticity", "", Allowed::Positive(0.0, 0.999), Required)
     },
     Key {
         help: |value| {
-            (value > 0.0 && value < 1.0)
-                .then(|| format!("by how much it is divided: to leave {value} of it, say {}", 1.0 / value))
+            (value > 0.0 && value < 1.0).then(|| {
+                format!("the change is divided by this factor: if {value} of it remains, write {}", 1.0 / value)
+            })
         },
         ..key(
             "requirement.correction_factor",
@@ -261,14 +262,14 @@ pub const KEYS: &[Key] = &[
     key("requirement.galaxy", "galaxy that is judged", "", Text, Required),
     key(
         "accuracy.readout",
-        "way to compute transfers",
+        "readout method",
         "",
         Choice(&["fast", "exact", "fractional", "monte-carlo"]),
         Default("\"fast\""),
     ),
     key("accuracy.relative", "relative accuracy of the readout", "", Number(1e-12, 0.1), Default("1e-6")),
-    key("accuracy.levels", "heights of the fractional traps", "", Integer(10, 1_000_000), Default("10000")),
-    key("accuracy.seed", "seed of everything random", "", Integer(0, i64::MAX), Default("1")),
+    key("accuracy.levels", "number of heights of the fractional traps", "", Integer(10, 1_000_000), Default("10000")),
+    key("accuracy.seed", "seed of all random numbers", "", Integer(0, i64::MAX), Default("1")),
     key("accuracy.subpixel_grid", "sub-pixel positions in x and in y", "", Integer(1, 64), Default("4")),
     key("uncertainty.dose_model", "relative uncertainty (1 sigma) of the dose", "", SIGMA, Default("0.2")),
     key("uncertainty.shielding", "relative uncertainty (1 sigma) of the shield's thickness", "", SIGMA, Default("0.1")),
@@ -291,7 +292,7 @@ pub const KEYS: &[Key] = &[
         SIGMA,
         Default("0.1"),
     ),
-    key("fit.free", "key that a fit may change", "", Texts, Default("[]")),
+    key("fit.free", "free parameter of a fit", "", Texts, Default("[]")),
 ];
 
 /// A key without advice.
@@ -315,7 +316,7 @@ impl Allowed {
         }
     }
 
-    /// What is allowed, in words.
+    /// Description of the allowed values.
     pub fn allowed(&self, unit: &str) -> String {
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
         match *self {
@@ -331,7 +332,7 @@ impl Allowed {
     }
 }
 
-/// A number as people write it: 0.001 or 1e9, not 1000000000.
+/// A number in common notation: 0.001 or 1e9, not 1000000000.
 pub fn plain(value: f64) -> String {
     let magnitude = value.abs();
     if value != 0.0 && !(1e-4..1e6).contains(&magnitude) { format!("{value:e}") } else { format!("{value}") }

@@ -340,7 +340,7 @@ fn headers_keep_their_cards_and_other_hdus_their_bytes() {
     // A second time is told.
     let twice = folder.path().join("twice.fits");
     let report = work("readout", &output, &twice, &[&LIES[..], &gain].concat());
-    assert!(report["warnings"][0].as_str().unwrap().contains("done to it before"));
+    assert!(report["warnings"][0].as_str().unwrap().contains("was applied to"));
 }
 
 #[test]
