@@ -1,7 +1,7 @@
 //! The command line: arguments → results → standard output, and the exit status.
 //!
 //! 0: done. 2: a bad command line or bad input, one message on standard error. 1: anything else, and a requirement that is
-//! not met where `--check` asks for it.
+//! not met with `--check`.
 
 mod compare;
 mod diagnose;
@@ -32,11 +32,11 @@ use crate::cli::file_argument::refuse_clashes;
 use crate::error::InputError;
 use crate::report::{Format, Report};
 
-/// When will radiation damage to the CCDs have spoiled the shapes of galaxies?
+/// Predicts when radiation damage to CCDs changes the shapes of galaxies by more than the budget
 ///
-/// A mission file (launch, orbit, shielding, detector, clocking) goes in; solar-cycle and displacement-damage models give
-/// trap densities year by year; the readout trails galaxies through those traps; the change of their shape is held against
-/// the budget.
+/// The input is a mission file (launch, orbit, shielding, detector, clocking). Solar-cycle and displacement-damage models give
+/// the trap densities year by year. The readout model trails galaxies through those traps. The change of their shapes is
+/// compared with the budget.
 #[derive(Debug, Parser)]
 #[command(name = "ctiplan", version, max_term_width = 80)]
 struct Cli {
@@ -48,29 +48,29 @@ struct Cli {
 enum Command {
     /// Dose and traps per year, shape error against time, and when the budget is exceeded
     Evaluate(evaluate::Evaluate),
-    /// A mission side by side over launch epochs, clock speeds, register distances, or any other key
+    /// Compare a mission at several launch dates, clock speeds, distances to the register, or values of any key
     Compare(compare::Compare),
-    /// Any keys over lists, ranges and distributions: resumable, on one machine or a Slurm cluster; Parquet or CSV
+    /// Evaluate any keys over lists, ranges and distributions: resumable, on one machine or a Slurm cluster; Parquet or CSV
     Sweep(sweep::Sweep),
     /// Proton spectrum, shielding and displacement damage dose of a mission
     Dose(dose::Dose),
-    /// Model against measurements: residuals, and the conditions with which they vary
+    /// Compare the model with measurements: residuals, and their trends against each condition
     Validate(validate::Validate),
-    /// Adjust what [fit] or --free names to measurements: values with errors and correlations
+    /// Fit the parameters in [fit] free or --free to measurements: values with errors and correlations
     Fit(fit::Fit),
-    /// Which physical effect the model is missing: found, calibrated against noise, confirmed on rows left out, and added
+    /// Find the physical effect that the model lacks: calibrated against noise, confirmed on held-out rows, and added
     Diagnose(diagnose::Diagnose),
-    /// Charge transfer inefficiency added to whole frames (FITS): trails as the detector would make them
+    /// Add the trails of charge transfer inefficiency to whole frames (FITS)
     Readout(frames::Readout),
-    /// Charge transfer inefficiency taken out of whole frames (FITS), with what is left of it
+    /// Remove the trails of charge transfer inefficiency from whole frames (FITS), and report the residual
     Correct(frames::Correct),
-    /// Trade studies: clock, distance, correction, preflash, pumping, launch, shielding, and what the date hangs on
+    /// Trade studies: clock, distance, correction, preflash, charge injection, pumping, launch, shielding, error budget
     Study(study::Study),
-    /// The catalogue of effects, or one of them: its physics, its parameters, and what it looks like in residuals
+    /// List the catalogue of effects, or describe one: its physics, its parameters, and its residuals
     Effects(effects::Effects),
-    /// Write a mission file to start from, with every key, its unit and what is allowed in comments
+    /// Write a mission file to start from, with every key, its unit and its allowed values in comments
     Init(init::Init),
-    /// Print the JSON Schema of mission files, with which editors complete and check keys
+    /// Print the JSON Schema of mission files, for the completion and check of keys in editors
     Schema(schema::Schema),
     /// Print completions for a shell
     Completions(shell::Completions),
@@ -98,7 +98,7 @@ impl Output {
     }
 }
 
-/// What a command comes to.
+/// Result of a command.
 enum Outcome {
     Done,
     NotMet,
@@ -180,7 +180,7 @@ fn say(text: &str) -> Result<(), Failure> {
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::Output)
 }
 
-/// A bar on standard error where that is a terminal, and nothing where it is not.
+/// A progress bar on standard error if that is a terminal, and nothing otherwise.
 fn progress(length: u64, unit: &str) -> ProgressBar {
     let style = ProgressStyle::with_template(&format!("{{msg}} {{bar:30}} {{pos}}/{{len}} {unit}, {{eta}} left"));
     // Of a length that is not known yet a bar is empty, of length 0 it would be full.
@@ -188,7 +188,7 @@ fn progress(length: u64, unit: &str) -> ProgressBar {
     bar.with_style(style.expect("a template that a test has drawn"))
 }
 
-/// A sign of life on standard error for work of unknown length, where that is a terminal.
+/// A progress message on standard error for work of unknown length, if that is a terminal.
 fn searching(what: &str) -> ProgressBar {
     let style = ProgressStyle::with_template(&format!("{{spinner}} {{pos}} evaluations, {{elapsed}}, {what} {{msg}}"));
     ProgressBar::new_spinner().with_style(style.expect("a template that a test has drawn"))

@@ -21,22 +21,22 @@ pub(super) struct Diagnose {
     measured: Measured,
     #[command(flatten)]
     adjust: Adjust,
-    /// False alarms allowed, as a share of complete models
+    /// Level of significance: fraction of complete models to which an effect is added by chance
     #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = level)]
     level: f64,
-    /// Seed of all simulations, in place of the mission's
+    /// Seed of all simulations, instead of the mission's
     #[arg(long, value_name = "SEED")]
     seed: Option<u64>,
-    /// Effects of your own, as [effects.formula] or [[effects.formula]] in a file of their own; they compete on equal terms
+    /// File with additional candidates, [effects.formula] or [[effects.formula]]; all candidates compete on equal terms
     #[arg(long, value_name = "FILE.toml")]
     candidates: Option<InputFile>,
-    /// What could be measured next, such as trail,packet_charge; anything by default
+    /// Observables that could be measured next, such as trail,packet_charge; by default all
     #[arg(long, value_name = "OBSERVABLES", value_delimiter = ',', value_parser = observable)]
     can: Vec<Observable>,
-    /// Evaluations of the model at all rows after which no further step of the search is begun
+    /// Evaluations of the model at all rows after which no further step of the search begins
     #[arg(long, value_name = "N", default_value_t = diagnose::EVALUATIONS, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: u64,
-    /// Write the mission with the fitted values and the effects found; comments and order are kept
+    /// Write the mission with the fitted values and the added effects; comments and order are kept
     #[arg(long, value_name = "NEW.toml")]
     write: Option<OutputFile>,
     #[command(flatten)]
@@ -112,7 +112,7 @@ fn candidates(path: &Path, mission: &Mission) -> Result<toml::Table, InputError>
 fn level(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(level) if level > 0.0 && level <= 0.5 => Ok(level),
-        _ => Err("a share between 0 and 0.5 is needed, such as 0.01".into()),
+        _ => Err("a fraction between 0 and 0.5 is needed, such as 0.01".into()),
     }
 }
 

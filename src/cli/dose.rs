@@ -11,7 +11,7 @@ use crate::plan::dose;
 pub(super) struct Dose {
     #[command(flatten)]
     mission: OneMission,
-    /// Energies of the spectrum, MeV
+    /// Energies at which the spectrum is printed, MeV
     #[arg(long, value_name = "MEV", value_delimiter = ',', value_parser = energy)]
     energies_mev: Vec<f64>,
     #[command(flatten)]

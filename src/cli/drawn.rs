@@ -1,4 +1,4 @@
-//! Figures and pages of a result, beside what is printed.
+//! Figures and pages of a result, in addition to the printed output.
 
 use clap::Args;
 
@@ -11,14 +11,14 @@ use crate::report::{Page, page};
 
 #[derive(Debug, Args)]
 pub(super) struct Drawn {
-    /// Draw the figures into this folder
+    /// Write the figures into this folder
     #[arg(long, value_name = "DIR", value_parser = OutputFolder::of_figures())]
     plots: Option<OutputFolder>,
-    /// Kinds of files of the figures: svg, pdf (as wide as a column of a paper), png
+    /// File formats of the figures: svg, pdf (as wide as a column of a paper), png
     #[arg(long, value_name = "KINDS", value_delimiter = ',', value_parser = plot_format, default_value = "svg")]
     #[arg(requires = "plots")]
     plots_as: Vec<Format>,
-    /// Write verdict, figures, tables, mission and sources as one page, for screen and paper, that needs no other file
+    /// Write verdict, figures, tables, mission and sources as one HTML page that needs no other file
     #[arg(long, value_name = "FILE")]
     html: Option<OutputFile>,
 }

@@ -9,9 +9,9 @@ use crate::report;
 
 #[derive(Debug, Args)]
 pub(super) struct Effects {
-    /// The effect of which more is to be told
+    /// Effect to describe
     kind: Option<String>,
-    /// Print the whole catalogue as a page of documentation
+    /// Print the whole catalogue as a Markdown page
     #[arg(long, conflicts_with_all = ["kind", "json", "csv"])]
     markdown: bool,
     #[command(flatten)]
@@ -31,7 +31,7 @@ impl Effects {
         let kinds = || effect::CATALOGUE.iter().map(|entry| entry.card.kind);
         let entry = effect::find(kind).ok_or_else(|| {
             let problem = format!("no effect is called `{kind}`");
-            let refusal = InputError::new("cannot tell of an effect", problem);
+            let refusal = InputError::new("cannot describe an effect", problem);
             match nearest(kind, kinds()) {
                 Some(near) => refusal.with_help(format!("did you mean `{near}`?")),
                 None => refusal.with_help(format!("there are: {}", kinds().collect::<Vec<_>>().join(", "))),

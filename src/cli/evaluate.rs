@@ -14,13 +14,13 @@ use crate::report::EvaluateReport;
 pub(super) struct Evaluate {
     #[command(flatten)]
     mission: OneMission,
-    /// Also read out so many galaxies with photon and read noise at the end of the mission
+    /// Also read out this number of galaxies with photon and read noise at the end of the mission
     #[arg(long, value_name = "REALISATIONS", value_parser = clap::value_parser!(u32).range(2..=10_000_000))]
     monte_carlo: Option<u32>,
-    /// Seed of the realisations, in place of the mission's
+    /// Seed of the realisations, instead of the mission's
     #[arg(long, value_name = "SEED")]
     seed: Option<u64>,
-    /// Exit with status 1 where the corrected requirement is not met to the end of the mission
+    /// Exit with status 1 if the corrected budget is exceeded during the mission
     #[arg(long)]
     check: bool,
     #[command(flatten)]

@@ -1,7 +1,7 @@
-//! Files that a command line names: every path among its arguments is one that is read, or one that is written.
+//! Files of a command line: every path among its arguments is an input or an output.
 //!
-//! So the types of the arguments tell all inputs and outputs of a command, whichever it is, and one function
-//! ([`refuse_clashes`]) sees to it, before any work, that no output replaces an input or another output.
+//! The types of the arguments give all inputs and outputs of any command. Before any computation, one function
+//! ([`refuse_clashes`]) checks that no output replaces an input or another output.
 
 use std::ffi::{OsStr, OsString};
 use std::ops::Deref;

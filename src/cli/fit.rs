@@ -20,13 +20,13 @@ pub(super) struct Fit {
     measured: Measured,
     #[command(flatten)]
     adjust: Adjust,
-    /// Starting points: the mission's values, and random ones around them; each parameter is scanned for other minima besides
+    /// Number of starting points: the mission's values and random ones around them; each parameter is also scanned for minima
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     starts: u32,
-    /// Seed of the random starting points, in place of the mission's
+    /// Seed of the random starting points, instead of the mission's
     #[arg(long, value_name = "SEED")]
     seed: Option<u64>,
-    /// Also fit without each value of this column in turn, and predict it
+    /// Also hold out each group of values of this column in turn, fit the rest, and predict the group
     #[arg(long, value_name = "COLUMN")]
     holdout: Option<String>,
     /// Write the mission with the fitted values; comments and order are kept

@@ -1,4 +1,4 @@
-//! How a frame lies on the detector, in the words of the command line.
+//! Geometry of a frame on the detector, as options of the command line.
 
 use clap::ValueEnum;
 use clap::builder::PossibleValue;

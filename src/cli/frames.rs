@@ -1,4 +1,4 @@
-//! `ctiplan readout` and `ctiplan correct`: what they have in common, and where they differ.
+//! `ctiplan readout` and `ctiplan correct`.
 
 use clap::Args;
 
@@ -21,16 +21,16 @@ pub(super) struct Readout {
 pub(super) struct Correct {
     #[command(flatten)]
     frames: Frames,
-    /// Most iterations
+    /// Largest number of iterations
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=1000))]
     iterations: u32,
-    /// Residual of the forward model at which iterations end, over the largest before the first
+    /// Largest residual of the forward model at which iterations end, over its initial value
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-4, value_parser = fraction)]
     tolerance: f64,
-    /// Measure how much noise of the amplifier (e- rms) is amplified: corrects each frame again, with noise added
+    /// Read noise (e- rms) for which the amplification by the correction is measured, by correcting each frame with added noise
     #[arg(long, value_name = "E", value_parser = positive)]
     noise_e: Option<f64>,
-    /// Seed of that noise, in place of the mission's
+    /// Seed of that noise, instead of the mission's
     #[arg(long, value_name = "SEED", requires = "noise_e")]
     seed: Option<u64>,
 }
@@ -49,73 +49,73 @@ impl Correct {
     }
 }
 
-/// What is read, how it lies on the detector, and where the result goes.
+/// Input, geometry on the detector, and output.
 #[derive(Debug, Args)]
 struct Frames {
-    /// FITS file
+    /// FITS file to read
     #[arg(value_name = "IN.fits")]
     input: InputFile,
-    /// FITS file to be written: all HDUs of the first, headers kept
+    /// FITS file to write: all HDUs of the input, with their headers
     #[arg(value_name = "OUT.fits")]
     output: OutputFile,
     /// Mission file (TOML)
     #[arg(long, value_name = "MISSION")]
     mission: InputFile,
-    /// Another value of a key, such as detector.temperature_k=150; may be given several times
+    /// Value of a key, instead of the file's, such as detector.temperature_k=150; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Time of the exposure, years since launch
     #[arg(long, value_name = "YEARS", value_parser = years, required_unless_present = "dose_mev_g")]
     at: Option<f64>,
-    /// Dose behind the traps, MeV/g, in place of the mission's: of a detector irradiated in a laboratory, --at years ago
+    /// Dose of the traps, MeV/g, instead of the mission's: for a detector irradiated in a laboratory --at years ago
     #[arg(long, value_name = "DOSE", value_parser = at_least_0)]
     dose_mev_g: Option<f64>,
-    /// HDUs to work on, by number (0 is the primary one) or EXTNAME; without it all images but those called DQ, ERR, ...
+    /// HDUs to process, by number (0 is the primary one) or EXTNAME; by default all images except DQ, ERR, ...
     #[arg(long, value_name = "HDU", value_delimiter = ',')]
     hdu: Vec<Choice>,
     /// Directions of transfer to model; serial ones need [effects.serial-traps]
     #[arg(long, value_name = "AXIS", default_value = "parallel")]
     axis: Transfers,
-    /// Corner that is read first, the frame's first pixel being at the lower left
+    /// Corner that is read first; the frame's first pixel is at the lower left
     #[arg(long, value_name = "CORNER", default_value = "lower-left")]
     corner: Corner,
-    /// Halves that are read to both sides, each by an amplifier of its own
+    /// Halves or quarters that are read out to their own sides, each by its own amplifier
     #[arg(long, value_name = "HALVES")]
     split: Option<Split>,
-    /// Columns of prescan in the frame, of the serial register alone, nearest the amplifier
+    /// Columns of prescan in the frame: pixels of the serial register alone, nearest the amplifier
     #[arg(long, value_name = "COLUMNS", default_value_t = 0)]
     prescan_px: usize,
-    /// Columns of overscan in the frame, read after those of the image
+    /// Columns of overscan in the frame, read after the image
     #[arg(long, value_name = "COLUMNS", default_value_t = 0)]
     overscan_columns: usize,
-    /// Rows of overscan in the frame, read after those of the image
+    /// Rows of overscan in the frame, read after the image
     #[arg(long, value_name = "ROWS", default_value_t = 0)]
     overscan_rows: usize,
     /// Rows between the frame's first row and the serial register
     #[arg(long, value_name = "ROWS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=1_000_000))]
     transfers_before: u32,
-    /// Charge per pixel in those rows, e-: 0 where they are dark, the sky where the frame was cut out of a larger one
+    /// Charge per pixel in those rows, e-: 0 if they are dark, the sky if the frame was cut out of a larger one
     #[arg(long, value_name = "E", default_value_t = 0.0, value_parser = at_least_0)]
     charge_before_e: f64,
     /// Pixels of the serial register between the frame's first column and the amplifier
     #[arg(long, value_name = "COLUMNS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=1_000_000))]
     serial_transfers_before: u32,
-    /// Electrons per DN; not needed where BUNIT says electrons
+    /// Gain, electrons per DN; not needed if BUNIT is electrons
     #[arg(long, value_name = "GAIN", conflicts_with = "gain_keyword", value_parser = positive)]
     gain_e_per_dn: Option<f64>,
-    /// Header keyword that holds the electrons per DN
+    /// Header keyword of the gain, electrons per DN
     #[arg(long, value_name = "KEYWORD")]
     gain_keyword: Option<String>,
-    /// Level of no charge, in the unit of the frame
+    /// Bias: value of a pixel without charge, in the unit of the frame
     #[arg(long, value_name = "DN", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
     bias_dn: f64,
-    /// Value from which on the converter tells no more, in the unit of the frame: such pixels count as saturated
+    /// Value at which the converter saturates, in the unit of the frame; such pixels count as saturated
     #[arg(long, value_name = "DN", allow_negative_numbers = true, value_parser = finite)]
     saturated_dn: Option<f64>,
-    /// Accuracy of the readout: error of a packet over the largest displacement of charge, in place of accuracy.relative
+    /// Accuracy of the readout, instead of accuracy.relative: error of a packet over the largest displacement of charge
     #[arg(long, value_name = "FRACTION", default_value_t = OF_FRAMES, value_parser = fraction)]
     relative: f64,
-    /// Replace OUT.fits where it exists
+    /// Replace OUT.fits if it exists
     #[arg(long, visible_alias = "force")]
     overwrite: bool,
     #[command(flatten)]
@@ -153,7 +153,7 @@ impl Frames {
                 format!("cannot use --charge-before-e {}", self.charge_before_e),
                 "there are no rows between the frame and the register",
             )
-            .with_help("say how many with --transfers-before"));
+            .with_help("give their number with --transfers-before"));
         }
         Ok(Geometry {
             transfers: self.axis,

@@ -12,10 +12,10 @@ use crate::sweep::quoted;
 
 #[derive(Debug, Args)]
 pub(super) struct Init {
-    /// The new mission file
+    /// New mission file
     #[arg(value_name = "FILE", default_value = "mission.toml")]
     path: OutputFile,
-    /// Replace FILE where it exists
+    /// Replace FILE if it exists
     #[arg(long, visible_alias = "force")]
     overwrite: bool,
 }

@@ -1,4 +1,4 @@
-//! What several commands read in the same way.
+//! Inputs that several commands share.
 
 use std::fmt;
 use std::path::Path;
@@ -20,7 +20,7 @@ pub(super) struct OneMission {
     /// Mission file (TOML)
     #[arg(value_name = "MISSION")]
     path: InputFile,
-    /// Another value of a key, such as detector.temperature_k=150; may be given several times
+    /// Value of a key, instead of the file's, such as detector.temperature_k=150; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
 }
@@ -106,10 +106,10 @@ impl Measured {
 
 #[derive(Debug, Args)]
 pub(super) struct Adjust {
-    /// A key to adjust, such as detector.traps.VV.release_ms, in addition to [fit] free; may be given several times
+    /// Key to fit, such as detector.traps.VV.release_ms, in addition to [fit] free; may be given several times
     #[arg(long, value_name = "KEY")]
     free: Vec<String>,
-    /// Adjust only the keys given with --free, and not those of [fit] free
+    /// Fit only the keys given with --free, and not those of [fit] free
     #[arg(long, requires = "free")]
     only: bool,
 }

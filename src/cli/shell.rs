@@ -1,4 +1,4 @@
-//! `ctiplan completions` and `ctiplan man`: what the definitions of the command line give besides.
+//! `ctiplan completions` and `ctiplan man`, from the definitions of the command line.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::io::atomic_file;
 
 #[derive(Debug, Args)]
 pub(super) struct Completions {
-    /// The shell that is to complete commands and options
+    /// Shell for which completions are printed
     shell: Shell,
 }
 
@@ -27,7 +27,7 @@ impl Completions {
 
 #[derive(Debug, Args)]
 pub(super) struct ManPages {
-    /// The folder, such as ~/.local/share/man/man1
+    /// Folder, such as ~/.local/share/man/man1
     #[arg(value_name = "DIR", value_parser = OutputFolder::of_manual_pages())]
     folder: OutputFolder,
 }

@@ -50,7 +50,7 @@ struct Asked<O: Args> {
     output: Output,
 }
 
-/// The list of all studies: what each asks, its name, and its arguments.
+/// The list of all studies: description, name, and options.
 macro_rules! studies {
     ($($(#[$what:meta])+ $name:ident($options:ty),)+) => {
         #[derive(Debug, Subcommand)]
@@ -71,21 +71,21 @@ macro_rules! studies {
 studies! {
     /// Line time: shape error, photometric loss, read noise, readout time and survey area; the worst clock and the best
     Clock(clock::Clock),
-    /// Distance to the register: the farthest, the mean over the detector, and what a dither pattern buys
+    /// Distance to the register: worst case, mean over the detector, and the reduction by a dither pattern
     Distance(distance::Distance),
-    /// Software correction: what imperfect knowledge of traps and read noise leave, and the factor that is earned
+    /// Software correction: residual from imperfect knowledge of traps and from read noise, and the correction factor
     Correction(correction::Correction),
-    /// A flash before each exposure: shape error against signal-to-noise ratio
+    /// Preflash before each exposure: shape error against signal-to-noise ratio
     Preflash(preflash::Preflash),
     /// Injected lines of charge: shape error against signal-to-noise ratio and lost rows
     ChargeInjection(charge_injection::ChargeInjection),
-    /// Pocket pumping: which traps it finds at which temperature, and what that adds to the correction
+    /// Pocket pumping: traps found at each temperature, and the improvement of the correction
     PocketPumping(pocket_pumping::PocketPumping),
     /// Launch date over two solar cycles: shape error at the end of life, and when the budget is exceeded
     Launch(launch::Launch),
-    /// Aluminium against margin, as sphere and slab, at each confidence
+    /// Shielding: margin against thickness of aluminium, as sphere and slab, at each confidence
     Shielding(shielding::Shielding),
-    /// Which uncertain input dominates the date on which the budget is exceeded
+    /// Error budget: contribution of each uncertain input to the date on which the budget is exceeded
     ErrorBudget(error_budget::ErrorBudget),
 }
 

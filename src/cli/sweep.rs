@@ -11,21 +11,21 @@ use crate::sweep::{self, Grid, Parts, Shard};
 
 #[derive(Debug, Args)]
 pub(super) struct Sweep {
-    /// Grid file (TOML): missions, keys with lists, ranges and distributions, and what to record
+    /// Grid file (TOML): missions, keys with lists, ranges and distributions, and outputs
     grid: InputFile,
-    /// The result; its parts are in FILE.parts until all are there
+    /// Result; its parts are in FILE.parts until all exist
     #[arg(long, value_name = "FILE.parquet|FILE.csv")]
     output: OutputFile,
     /// Compute one of N equal parts of the sweep, for a job array; --collect makes one file of them
     #[arg(long, value_name = "K/N", group = "what")]
     shard: Option<Shard>,
-    /// Make the result of the parts; refused where some are missing
+    /// Combine the parts into the result; refused if some are missing
     #[arg(long, group = "what")]
     collect: bool,
-    /// Print which of N shards lack points, as `sbatch --array` takes them: 3,7-9
+    /// Print which of N shards lack points, in the format of `sbatch --array`: 3,7-9
     #[arg(long, value_name = "N", group = "what", value_parser = clap::value_parser!(u64).range(1..))]
     missing: Option<u64>,
-    /// Print a script for sbatch: the sweep as a job array of N tasks
+    /// Print a script for sbatch that runs the sweep as a job array of N tasks
     #[arg(long, value_name = "N", group = "what", value_parser = clap::value_parser!(u64).range(1..))]
     slurm: Option<u64>,
     #[command(flatten)]

@@ -18,7 +18,7 @@ pub(super) struct Validate {
     /// Write each measurement file with columns `model` and `residual_sigma` into this folder, as ECSV
     #[arg(long, value_name = "DIR", value_parser = OutputFolder::of_tables())]
     residuals: Option<OutputFolder>,
-    /// Seed of the simulated noise that leanings are compared with, in place of the mission's
+    /// Seed of the simulated noise with which residual trends are compared, instead of the mission's
     #[arg(long, value_name = "SEED")]
     seed: Option<u64>,
     #[command(flatten)]

@@ -4,6 +4,7 @@ use Allowed::{Choice, Date, Integer, Number, Numbers, Text, Texts};
 use Need::{Default, Optional, Required};
 
 /// One key of the mission file.
+#[derive(Debug)]
 pub struct Key {
     /// Dotted path; `[]` stands for any member of an array of tables.
     pub path: &'static str,
@@ -27,7 +28,7 @@ impl Key {
 }
 
 /// What a key's value may be.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub enum Allowed {
     /// A number from the first to the second, ends included.
     Number(f64, f64),
@@ -48,7 +49,7 @@ pub enum Allowed {
 }
 
 /// Whether a key must be given.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub enum Need {
     /// Nothing sensible can be assumed.
     Required,
