@@ -46,13 +46,13 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Dose and traps per year, shape error against time, and when the budget is exceeded
+    /// Compute dose and traps per year, shape error against time, and the date on which the budget is exceeded
     Evaluate(evaluate::Evaluate),
-    /// Compare a mission at several launch dates, clock speeds, distances to the register, or values of any key
+    /// Compare missions, launch dates, clock speeds, distances to the register, or values of any key
     Compare(compare::Compare),
     /// Evaluate any keys over lists, ranges and distributions: resumable, on one machine or a Slurm cluster; Parquet or CSV
     Sweep(sweep::Sweep),
-    /// Proton spectrum, shielding and displacement damage dose of a mission
+    /// Compute proton spectrum, shielding and displacement damage dose of a mission
     Dose(dose::Dose),
     /// Compare the model with measurements: residuals, and their trends against each condition
     Validate(validate::Validate),
@@ -64,7 +64,7 @@ enum Command {
     Readout(frames::Readout),
     /// Remove the trails of charge transfer inefficiency from whole frames (FITS), and report the residual
     Correct(frames::Correct),
-    /// Trade studies: clock, distance, correction, preflash, charge injection, pumping, launch, shielding, error budget
+    /// Run a trade study: clock, distance, correction, preflash, charge injection, pumping, launch, shielding, error budget
     Study(study::Study),
     /// List the catalogue of effects, or describe one: its physics, its parameters, and its residuals
     Effects(effects::Effects),
