@@ -25,7 +25,7 @@ pub trait Page: Report {
     }
 }
 
-/// The look of a page: one column of the width of a figure, black on white, without fonts of its own.
+/// The look of a page: one column, figures narrower than it, black on white, without fonts of its own.
 const STYLE: &str = include_str!("page.css");
 
 /// The page of a result, which was made of these missions.
