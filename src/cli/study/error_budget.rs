@@ -30,7 +30,7 @@ impl Options for ErrorBudget {
         Ok(error_budget::ErrorBudget {
             draws: self.draws,
             horizon_yr: self.horizon_yr,
-            detector_of: self.detector_of.as_ref().map(|path| Mission::read(path)).transpose()?,
+            detector_of: self.detector_of.as_ref().map(Mission::read).transpose()?,
             seed: self.seed,
         })
     }
