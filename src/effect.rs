@@ -277,8 +277,8 @@ pub fn of(mission: &Mission) -> Vec<Arc<dyn Effect>> {
     CATALOGUE.iter().flat_map(read).collect()
 }
 
-/// Most moments at which a search looks for an event.
-pub(crate) const MOMENTS: usize = 48;
+/// Most epochs at which a search looks for an event.
+pub(crate) const EVENT_EPOCHS: usize = 48;
 
 /// A table of numbers.
 fn numbers(values: &[(&str, f64)]) -> toml::Table {

@@ -1,32 +1,32 @@
 //! Mission and measurements → which physical effect the model lacks.
 //!
-//! In the order in which mistakes are avoided: whether the data can carry a verdict (`audit`), whether the readout is
-//! computed finely enough (`numerics`), the fit of what is free, every effect on top of it and pairs (`hunt`, with
-//! `hypothesis`, `search`, `pairs`) until nothing more is called for (`calls`); of what was found how often noise does as well
-//! (`adopt`, `chance`), groups of rows left out (`holdout`), rivals (`rivals`), and the measurement that would tell them apart
-//! (`next`); or what is left (`unexplained`, `formula`). Then everything that is told of it (`tell`). Nothing is called missing
+//! In the order in which mistakes are avoided: whether the data can carry a verdict (`data_quality`), whether the readout is
+//! computed finely enough (`numerics`), the fit of what is free, every effect on top of it and pairs (`forward_selection`, with
+//! `hypothesis`, `search`, `pairs`) until nothing more is called for (`stopping_rule`); of what was found how often noise does as well
+//! (`adopt`, `significance`), groups of rows left out (`holdout`), rivals (`rivals`), and the measurement that would tell them apart
+//! (`experiment_design`); or what is left (`unexplained`, `formula`). Then everything that is told of it (`summary`). Nothing is called missing
 //! that noise could have made, and nothing is called certain that has a rival.
 
 mod adopt;
-mod audit;
-mod calls;
-mod case;
-pub mod chance;
+mod data_quality;
+mod evidence;
+pub mod experiment_design;
+mod fitted_model;
 mod formula;
+mod forward_selection;
 mod holdout;
-mod hunt;
 pub mod hypothesis;
 mod json;
 mod limits;
-pub mod next;
 mod numerics;
 mod options;
 mod pairs;
 mod result;
 mod rivals;
 mod search;
-mod tell;
-mod told;
+pub mod significance;
+mod stopping_rule;
+mod summary;
 mod unexplained;
 mod work;
 
@@ -37,12 +37,12 @@ use crate::analysis::measurement::DataSet;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
-use case::{Case, Node};
+use evidence::{Evidence, Found};
+use fitted_model::{Case, Node};
 pub use hypothesis::Hypothesis;
 pub use options::{EVALUATIONS, Options, Progress};
 pub use result::{Diagnosis, Leaning, Limit, Next, Note, Reason, RowPlace, Rung, Step, Suggestion, Tried, Verdict};
 use search::Search;
-use told::{Found, Told};
 use work::Work;
 
 /// Random starting points of the base fit.
@@ -63,15 +63,16 @@ pub fn diagnose(
     for key in &options.free {
         fit::parameter::Parameter::of(mission, key)?;
     }
-    let refusal = audit::refusal(&case, options.free.len());
+    let refusal = data_quality::refusal(&case, options.free.len());
     let free = if refusal.is_some() { Vec::new() } else { options.free.clone() };
     (progress.stage)("numerics and base fit", 0);
     let (accurate, notes) = numerics::accurate(&case, mission)?;
     let base = Arc::new(base_fit(&case, &Model::new(&accurate), &free, options.seed)?);
     let search = Search::new(&case, &hypotheses, free, options.seed, progress);
     let split = holdout::split(&case);
-    let told = Told { search: &search, options, base: &base, groups: split.as_ref().map(|(_, groups)| &groups[..]) };
-    let found = match refusal.or_else(|| audit::sigma_too_large(&case, &base)) {
+    let told =
+        Evidence { search: &search, options, base: &base, groups: split.as_ref().map(|(_, groups)| &groups[..]) };
+    let found = match refusal.or_else(|| data_quality::sigma_too_large(&case, &base)) {
         Some(reason) => Found::of(Verdict::Unfit, reason, vec![base.clone()]),
         None => told.hunt()?,
     };

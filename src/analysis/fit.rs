@@ -3,20 +3,20 @@
 //! Weighted least squares by Levenberg and Marquardt's method (the crate's port of MINPACK), in coordinates in which bounds
 //! are out of reach (`problem`, `parameter`, `minimise`), from one start or several (`solve`, `elsewhere`). Errors are those
 //! of the linear theory at the optimum, from derivatives with respect to the parameters themselves (`errors`), larger where
-//! the model is curved (`sides`). The moment of an event (a flare, a bakeout) has no derivative: data only tell between which
+//! the model is curved (`profile_errors`). The moment of an event (a flare, a bakeout) has no derivative: data only tell between which
 //! two of their epochs it lies, so that these are tried one after another; what is given is the middle of all that do as well
-//! (`moments`).
+//! (`event_epochs`).
 
 mod advice;
 mod elsewhere;
 mod errors;
+mod event_epochs;
 pub mod holdout;
 mod minimise;
-mod moments;
 pub mod parameter;
 mod problem;
+pub(crate) mod profile_errors;
 mod result;
-pub(crate) mod sides;
 mod solve;
 
 use crate::analysis::measurement::DataSet;
@@ -42,5 +42,5 @@ pub fn fit(
 ) -> Result<Fit, InputError> {
     let model = Model::new(mission);
     let fit = fit_rows(&model, data, keys, options, progress, |_| true)?;
-    Ok(Fit { parameters: sides::widened(&model.like(&fit.mission), data, &fit)?, ..fit })
+    Ok(Fit { parameters: profile_errors::widened(&model.like(&fit.mission), data, &fit)?, ..fit })
 }

@@ -1,10 +1,10 @@
-//! Model against measurements: how far off, where, and against which condition the residuals lean.
+//! Model against measurements: how far off, where, and against which condition the residuals trend.
 //!
 //! Nothing is adjusted here. A residual is (value − model)/sigma.
 
 mod findings;
 mod json;
-pub mod lean;
+pub mod residual_trend;
 mod result;
 mod scatter;
 
@@ -15,7 +15,7 @@ use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
 use crate::model::predict::predict;
-use lean::Trial;
+use residual_trend::Trial;
 pub use result::{Claim, Finding, SetResult, Validation};
 pub(crate) use result::{file_stem, plain_name};
 pub(crate) use scatter::along_neighbours;
@@ -47,7 +47,7 @@ pub fn validate(mission: &Mission, data: &[DataSet], seed: u64) -> Result<Valida
         .collect();
     let residuals: Vec<Vec<f64>> = sets.iter().map(SetResult::residuals).collect();
     let scatter: Vec<f64> = sets.iter().map(SetResult::noise_sigma).collect();
-    let leans = lean::all(&trials, &residuals, &scatter, seed);
-    let findings = findings::of(&sets, &leans);
-    Ok(Validation { mission: mission.clone(), sets, chi2, n, leans, findings })
+    let trends = residual_trend::all(&trials, &residuals, &scatter, seed);
+    let findings = findings::of(&sets, &trends);
+    Ok(Validation { mission: mission.clone(), sets, chi2, n, trends, findings })
 }

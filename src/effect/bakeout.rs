@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 
-use super::{Card, Catalogued, Effect, MOMENTS, Reach, numbers};
+use super::{Card, Catalogued, EVENT_EPOCHS, Effect, Reach, numbers};
 use crate::mission::Mission;
 use crate::mission::keys::{Allowed::Number, Key, Need::Required, key};
 use crate::physics::{Damage, Loss};
@@ -47,7 +47,7 @@ impl Catalogued for Bakeout {
 
     fn trials(_: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
         let on = |t_yr: f64| vec![numbers(&[("t_yr", t_yr), ("fraction", 0.3)])];
-        reach.between_epochs(MOMENTS).into_iter().map(on).collect()
+        reach.between_epochs(EVENT_EPOCHS).into_iter().map(on).collect()
     }
 }
 

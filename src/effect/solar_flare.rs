@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::{Card, Catalogued, Effect, MOMENTS, Reach, numbers};
+use super::{Card, Catalogued, EVENT_EPOCHS, Effect, Reach, numbers};
 use crate::mission::Mission;
 use crate::mission::keys::{Allowed::Number, Key, Need::Required, key};
 use crate::physics::DoseHistory;
@@ -44,7 +44,7 @@ impl Catalogued for SolarFlare {
         // A third of a mean year's dose, on a day between any two epochs.
         let dose_mev_g = (reach.dose_mev_g / reach.last_yr().max(1.0) / 3.0).max(1e4);
         let on = |t_yr: f64| vec![numbers(&[("t_yr", t_yr), ("dose_mev_g", dose_mev_g)])];
-        reach.between_epochs(MOMENTS).into_iter().map(on).collect()
+        reach.between_epochs(EVENT_EPOCHS).into_iter().map(on).collect()
     }
 }
 

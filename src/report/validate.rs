@@ -6,7 +6,7 @@ mod words;
 use serde::ser::{Serialize, Serializer};
 
 use super::{Page, Parts, Report, chance, table};
-use crate::analysis::validate::lean::Lean;
+use crate::analysis::validate::residual_trend::Trend;
 use crate::analysis::validate::{SetResult, Validation};
 use crate::report::plot::Figure;
 
@@ -22,7 +22,7 @@ struct Document<'a> {
     rms: f64,
     rms_sigma: f64,
     datasets: &'a [SetResult],
-    covariates: &'a [Lean],
+    covariates: &'a [Trend],
     words: Vec<String>,
     conclusion: String,
 }
@@ -36,7 +36,7 @@ impl Serialize for Validation {
             rms: self.rms_sigma(),
             rms_sigma: self.rms_sigma(),
             datasets: &self.sets,
-            covariates: &self.leans,
+            covariates: &self.trends,
             words: self.words(),
             conclusion: self.conclusion(),
         };
@@ -107,27 +107,27 @@ impl Page for Validation {
             ),
             4,
         );
-        if !self.leans.is_empty() {
+        if !self.trends.is_empty() {
             out.heading("Residual trends");
-            let mut leans = table(&["data", "condition", "first to last bin [sigma]", "bin means [sigma]", "p-value"]);
-            for lean in &self.leans {
-                let extremes = lean.bins.iter().map(|bin| bin.mean_sigma);
+            let mut trends = table(&["data", "condition", "first to last bin [sigma]", "bin means [sigma]", "p-value"]);
+            for trend in &self.trends {
+                let extremes = trend.bins.iter().map(|bin| bin.mean_sigma);
                 let low = extremes.clone().fold(f64::INFINITY, f64::min);
                 let high = extremes.fold(f64::NEG_INFINITY, f64::max);
-                leans.add_row(vec![
-                    self.sets[lean.set].name().to_string(),
-                    lean.name.clone(),
-                    format!("{:+.2} +- {:.2}", lean.slope_sigma, lean.slope_error_sigma),
+                trends.add_row(vec![
+                    self.sets[trend.set].name().to_string(),
+                    trend.name.clone(),
+                    format!("{:+.2} +- {:.2}", trend.slope_sigma, trend.slope_error_sigma),
                     format!("{low:+.1} to {high:+.1}"),
-                    chance(lean.false_alarm),
+                    chance(trend.false_alarm),
                 ]);
             }
-            out.table(leans);
+            out.table(trends);
             out.words(
                 format!(
                     "  p-value: probability that noise alone gives as strong a trend, corrected for {} {} tested",
-                    self.leans.len(),
-                    if self.leans.len() == 1 { "condition" } else { "conditions" }
+                    self.trends.len(),
+                    if self.trends.len() == 1 { "condition" } else { "conditions" }
                 ),
                 4,
             );

@@ -58,10 +58,10 @@ fn name(kinds: &[usize]) -> String {
 }
 
 /// What was told, and by whom.
-type Told = Vec<(&'static str, f64)>;
+type Evidence = Vec<(&'static str, f64)>;
 
 /// Everything that tells a dose (MeV/g) and |Δe| of the judged galaxy at the end of a mission.
-fn doses_and_shapes(mission: &Mission) -> (Told, Told) {
+fn doses_and_shapes(mission: &Mission) -> (Evidence, Evidence) {
     let survey = dose::survey(mission, &[]).unwrap();
     let evaluation = evaluate(mission).unwrap();
     let end = evaluation.model.conditions(mission.mission.duration_yr);

@@ -65,7 +65,7 @@ fn the_truth_is_within_the_noise() {
     }
 }
 
-/// Without it the residuals lean where they should, and the words say so.
+/// Without it the residuals trend where they should, and the words say so.
 #[test]
 fn what_is_missing_shows_where_it_should() {
     for (case, set, condition, said) in [
@@ -79,18 +79,18 @@ fn what_is_missing_shows_where_it_should() {
         ("flare", 0, "t_yr", "dose.ecsv: model's dose too small from t_yr 2.75 on"),
     ] {
         let validation = validated(case, "");
-        let lean = validation.leans.iter().find(|lean| lean.set == set).unwrap();
-        assert_eq!(lean.name, condition, "{case}");
-        assert!(lean.false_alarm < 1e-6, "{case}: {}", lean.false_alarm);
+        let trend = validation.trends.iter().find(|trend| trend.set == set).unwrap();
+        assert_eq!(trend.name, condition, "{case}");
+        assert!(trend.false_alarm < 1e-6, "{case}: {}", trend.false_alarm);
         assert!(validation.words().iter().any(|word| word == said), "{case}: {:#?}", validation.words());
     }
     let drift = validated("gain-drift", "");
-    assert_eq!(drift.leans[0].name, "t_yr");
+    assert_eq!(drift.trends[0].name, "t_yr");
     let notch = validated("notch", "");
-    assert_eq!(notch.leans[0].name, "signal_e");
+    assert_eq!(notch.trends[0].name, "signal_e");
 }
 
-/// The paper's own story: two species fitted to trails and packets leave a residual that leans on trail_px and on
+/// The paper's own story: two species fitted to trails and packets leave a residual that trends on trail_px and on
 /// transfers; a third, slow one brings chi2 per row to 1, and comes out within its errors.
 #[test]
 fn the_story_of_the_paper() {
@@ -102,8 +102,8 @@ fn the_story_of_the_paper() {
     let left = validate(&two.mission, &data, 1).unwrap();
     // What free densities could not absorb: nearly all of it in the trail.
     for (condition, alarm) in [("trail_px", 1e-6), ("transfers", 0.05)] {
-        let lean = left.leans.iter().find(|lean| lean.name == condition).unwrap();
-        assert!(lean.false_alarm < alarm, "{condition}: {}", lean.false_alarm);
+        let trend = left.trends.iter().find(|trend| trend.name == condition).unwrap();
+        assert!(trend.false_alarm < alarm, "{condition}: {}", trend.false_alarm);
     }
     let (mission, data) = read("slow-trap", "[effects.extra-species]\ndensity_per_px = 0.2\nrelease_ms = 1000.0\n");
     let mut keys = free.to_vec();

@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use super::case::Node;
-use super::chance::Noise;
+use super::evidence::{Ended, Evidence, Found};
+use super::fitted_model::Node;
 use super::result::{Reason, Verdict};
-use super::told::{Ended, Found, Told};
-use super::{holdout, next, rivals};
+use super::significance::Noise;
+use super::{experiment_design, holdout, rivals};
 use crate::error::InputError;
 
-impl Told<'_> {
+impl Evidence<'_> {
     /// The models from the base to one with several effects, that with the larger gain first.
     fn ladder(&self, node: &Arc<Node>) -> Result<Vec<Arc<Node>>, InputError> {
         let mut rest: Vec<usize> = node.added.iter().map(|added| added.hypothesis).collect();
@@ -70,7 +70,7 @@ impl Told<'_> {
         let mut found = Found::of(Verdict::Missing, reason, self.ladder(&node)?);
         if !rivals.is_empty() {
             found.verdict = Verdict::Ambiguous;
-            found.next = next::best(self.search, &node, &rivals[0].node, &rivals, &self.options.can)?;
+            found.next = experiment_design::best(self.search, &node, &rivals[0].node, &rivals, &self.options.can)?;
             for adopted in node.added.iter().map(|added| added.hypothesis) {
                 let others: Vec<String> = rivals
                     .iter()

@@ -32,8 +32,8 @@ fn forms(validation: &Validation) -> Vec<Form> {
     }
 }
 
-/// A parabola in the condition that residuals lean on most, or a constant where they lean on none, added to the values or
-/// multiplied with them, of one observable or of all, whichever explains most. None where they lean on words alone.
+/// A parabola in the condition that residuals trend on most, or a constant where they trend on none, added to the values or
+/// multiplied with them, of one observable or of all, whichever explains most. None where they trend on words alone.
 pub(super) fn suggest(validation: &Validation, covariates: &[Leaning]) -> Option<Suggestion> {
     let words = |name: &str| validation.sets.iter().any(|set| set.data.is_words(name));
     let leaning = covariates.iter().find(|leaning| !words(&leaning.name));

@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
-use super::case::{Case, Node};
+use super::fitted_model::{Case, Node};
 use crate::analysis::fit::holdout::groups;
 
 /// Eigenvalue of 1 − H_gg below which a group cannot be predicted from the others: a parameter hangs on it alone.

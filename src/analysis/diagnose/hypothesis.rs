@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, DVectorView};
 use rayon::prelude::*;
 use toml::{Table, Value};
 
-use super::case::{Case, Node, orthonormal};
+use super::fitted_model::{Case, Node, orthonormal};
 use crate::effect::{self, CATALOGUE, Reach};
 use crate::error::InputError;
 use crate::mission::Mission;

@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::case::Node;
-use super::chance::Noise;
+use super::fitted_model::Node;
 use super::hypothesis::{Hypothesis, Trial};
 use super::result::Limit;
 use super::search::Search;
+use super::significance::Noise;
 use crate::error::InputError;
 use crate::mission_file;
 use crate::numeric::root_finding;
@@ -37,7 +37,7 @@ pub(super) fn all(search: &Search, base: &Arc<Node>, level: f64) -> Result<Vec<L
     let expansion = search.expand(base);
     let limit = |(place, trials): (usize, &Vec<Trial>)| {
         search.progress.step();
-        let needed = null.threshold(place, super::calls::SEARCH * level).sqrt() + POWER;
+        let needed = null.threshold(place, super::stopping_rule::SEARCH * level).sqrt() + POWER;
         limit(search, base, &search.hypotheses[place], trials, needed)
     };
     Ok(expansion.trials.par_iter().enumerate().map(limit).collect())

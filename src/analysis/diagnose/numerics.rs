@@ -4,7 +4,7 @@
 //! hundredths of a sigma in any row is too much. A readout that steps over many transfers at a time may choose other steps
 //! where parameters have moved, so that for it a third of that is: derivatives must not feel it.
 
-use super::case::Case;
+use super::fitted_model::Case;
 use super::result::Note;
 use crate::error::InputError;
 use crate::mission::{Mission, ReadoutMethod};

@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::case::FLAT;
+use super::fitted_model::FLAT;
 use super::hypothesis::{FARTHEST, Hypothesis, Trial};
 use super::search::Expansion;
 use crate::numeric::least_squares::Span;

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::chance::Noise;
+use super::significance::Noise;
 use crate::analysis::fit::{Advice, Fitted};
 use crate::analysis::validate::Validation;
 use crate::mission::Mission;
@@ -173,16 +173,16 @@ pub struct Tried {
     pub chi2: Option<f64>,
 }
 
-/// A condition or covariate that residuals lean on.
+/// A condition or covariate that residuals trend on.
 #[derive(Clone, Debug, Serialize)]
 pub struct Leaning {
     /// Its name.
     pub name: String,
-    /// Chance that noise alone leans as much on anything.
+    /// Chance that noise alone trends as much on anything.
     pub false_alarm: f64,
 }
 
-/// An effect that would describe what residuals lean on. It says nothing of the cause.
+/// An effect that would describe what residuals trend on. It says nothing of the cause.
 #[derive(Clone, Debug)]
 pub struct Suggestion {
     /// `[effects.formula]`, ready for a mission or for `--candidates`.
@@ -240,7 +240,7 @@ pub struct Diagnosis {
     pub tried: Vec<Tried>,
     /// Sets of effects that explain the data as well, the adopted one first.
     pub alternatives: Vec<Vec<String>>,
-    /// What residuals lean on, the most significant first.
+    /// What residuals trend on, the most significant first.
     pub covariates: Vec<Leaning>,
     /// A formula that describes what is left, where something is.
     pub suggestion: Option<Suggestion>,

@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::case::Node;
-use super::told::Told;
+use super::evidence::Evidence;
+use super::fitted_model::Node;
 use crate::error::InputError;
 
 /// An effect in the place of an adopted one.
@@ -34,7 +34,7 @@ const LITTLE: f64 = 0.2;
 const ROUGH: f64 = 3.0;
 
 /// A model's rivals, least chi2 first; and the model itself, or a rival with so much less freedom that it is to be preferred.
-pub(super) fn of(told: &Told, node: &Arc<Node>) -> Result<(Arc<Node>, Vec<Rival>), InputError> {
+pub(super) fn of(told: &Evidence, node: &Arc<Node>) -> Result<(Arc<Node>, Vec<Rival>), InputError> {
     let mut adopted = node.clone();
     // A preferred rival has rivals of its own.
     for _ in 0..3 {
@@ -49,7 +49,7 @@ pub(super) fn of(told: &Told, node: &Arc<Node>) -> Result<(Arc<Node>, Vec<Rival>
     Ok((adopted, rivals))
 }
 
-fn around(told: &Told, node: &Arc<Node>) -> Result<Vec<Rival>, InputError> {
+fn around(told: &Evidence, node: &Arc<Node>) -> Result<Vec<Rival>, InputError> {
     let margin = margin(told.options.level);
     let mut rivals: Vec<Rival> = Vec::new();
     for (place, added) in node.added.iter().enumerate() {

@@ -10,10 +10,10 @@ use std::sync::{Arc, Mutex};
 
 use rayon::prelude::*;
 
-use super::case::{Added, Case, Node};
-use super::chance::{Noise, Null};
+use super::fitted_model::{Added, Case, Node};
 use super::hypothesis::{FARTHEST, Hypothesis, Trial};
 use super::options::Progress;
+use super::significance::{Noise, Null};
 use crate::analysis::fit::{self, Problem};
 use crate::effect;
 use crate::error::InputError;
@@ -146,7 +146,7 @@ impl<'a> Search<'a> {
 
     fn fit(&self, model: &Model, added: &[Added], settled: bool) -> Result<Arc<Node>, InputError> {
         // A search has tried all intervals, unless they are too many.
-        let moments = self.case.reach.epochs_yr.len() > effect::MOMENTS;
+        let moments = self.case.reach.epochs_yr.len() > effect::EVENT_EPOCHS;
         let options = fit::Options { starts: 1, scan: false, seed: self.seed, moments, settled };
         let node = Arc::new(Node::fit(self.case, model, added.to_vec(), &self.base, &options)?);
         let mut nodes = self.nodes.lock().expect("nobody panics");

@@ -2,29 +2,29 @@
 
 use std::sync::Arc;
 
-use super::audit;
-use super::calls::LEAN;
-use super::case::Node;
-use super::chance::Noise;
+use super::data_quality;
+use super::evidence::{Evidence, Found, newest};
+use super::fitted_model::Node;
 use super::result::{Reason, Verdict};
-use super::told::{Found, Told, newest};
+use super::significance::Noise;
+use super::stopping_rule::LEAN;
 use crate::analysis::validate::validate;
 use crate::error::InputError;
 
 /// Share of what chi2 has in excess that an effect must explain to be named although the data remain unexplained.
 const MOST_OF_IT: f64 = 0.95;
 
-impl Told<'_> {
-    /// No combination explains the data: what helps most, if it helps much, and what residuals lean on; or errors that are
-    /// too small, where they lean on nothing and are not off in the mean.
+impl Evidence<'_> {
+    /// No combination explains the data: what helps most, if it helps much, and what residuals trend on; or errors that are
+    /// too small, where they trend on nothing and are not off in the mean.
     pub(super) fn unexplained(&self, tried: &[Arc<Node>]) -> Result<Found, InputError> {
         let validation = validate(self.base.mission(), self.case().data, self.options.seed)?;
-        let leans = validation.leans.iter().any(|lean| lean.false_alarm < LEAN * self.options.level);
+        let trends = validation.trends.iter().any(|trend| trend.false_alarm < LEAN * self.options.level);
         let off = validation.sets.iter().any(|set| set.bias_alarm(validation.sets.len()) < LEAN * self.options.level);
-        let white = !leans && !off && Noise::left_at(self.case(), self.base).correlation == 0.0;
+        let white = !trends && !off && Noise::left_at(self.case(), self.base).correlation == 0.0;
         if white {
             let best = tried.iter().min_by(|a, b| a.chi2().total_cmp(&b.chi2())).unwrap_or(self.base);
-            let reason = audit::sigma_too_small(self.case(), best);
+            let reason = data_quality::sigma_too_small(self.case(), best);
             return Ok(Found::of(Verdict::Unfit, reason, vec![self.base.clone()]));
         }
         let mut ladder = vec![self.base.clone()];

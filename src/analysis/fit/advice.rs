@@ -18,7 +18,7 @@ pub(super) fn on(
     for direction in flat {
         let mut members: Vec<usize> = (0..direction.len()).filter(|&index| direction[index].abs() > 0.1).collect();
         members.sort_by(|a, b| direction[*b].abs().total_cmp(&direction[*a].abs()));
-        advice.push(Advice::Flat { keys: members.into_iter().map(key).collect() });
+        advice.push(Advice::Degenerate { keys: members.into_iter().map(key).collect() });
     }
     let in_flat = |index: usize| flat.iter().any(|direction| direction[index].abs() > 0.01);
     for (index, fitted) in fitted.iter().enumerate() {
@@ -27,9 +27,9 @@ pub(super) fn on(
             advice.push(Advice::AtBound { key: key(index), bound });
         }
         match fitted.sigma {
-            None if !in_flat(index) && bound.is_none() => advice.push(Advice::Dead { key: key(index) }),
+            None if !in_flat(index) && bound.is_none() => advice.push(Advice::Unconstrained { key: key(index) }),
             Some(sigma) if sigma > fitted.value.abs() && bound.is_none() => {
-                advice.push(Advice::Loose { key: key(index), relative: sigma / fitted.value.abs() });
+                advice.push(Advice::PoorlyConstrained { key: key(index), relative: sigma / fitted.value.abs() });
             }
             _ => {}
         }
@@ -37,7 +37,7 @@ pub(super) fn on(
     for (a, row) in correlation.iter().enumerate() {
         for (b, &correlation) in row.iter().enumerate().skip(a + 1) {
             if correlation.abs() > TRADED_OFF && !(in_flat(a) && in_flat(b)) {
-                advice.push(Advice::TradedOff { keys: [key(a), key(b)], correlation });
+                advice.push(Advice::Correlated { keys: [key(a), key(b)], correlation });
             }
         }
     }

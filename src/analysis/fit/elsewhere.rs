@@ -56,7 +56,7 @@ impl Problem<'_> {
     /// Places from which another minimum may be reached, those of least chi2 first.
     fn valleys(&self, optimum: &Optimum) -> Vec<Vec<f64>> {
         let Ok(jacobian) = self.jacobian(&optimum.at) else { return Vec::new() };
-        let moving = |index: &usize| !self.parameters[*index].is_moment;
+        let moving = |index: &usize| !self.parameters[*index].is_event_epoch;
         let mut starts: Vec<(f64, Vec<f64>)> = Vec::new();
         for index in (0..optimum.at.len()).filter(moving) {
             let span = Span::of(&jacobian.clone().remove_column(index), LOOSE);

@@ -83,7 +83,7 @@ impl Problem<'_> {
 
     /// One minimisation; with derivatives by Broyden's update where some `known` ones are given.
     fn minimise_once(&self, start: &[f64], solver: LevenbergMarquardt<f64>, known: Option<&DMatrix<f64>>) -> Optimum {
-        let moving: Vec<usize> = (0..start.len()).filter(|&index| !self.parameters[index].is_moment).collect();
+        let moving: Vec<usize> = (0..start.len()).filter(|&index| !self.parameters[index].is_event_epoch).collect();
         let state = |at: &[f64]| -> Optimum {
             let chi2 = self.residuals(at).map_or(f64::INFINITY, |residuals| chi2(&residuals));
             Optimum { at: at.to_vec(), chi2 }
@@ -138,12 +138,12 @@ impl Run<'_> {
     }
 
     /// By how much each parameter is drawn to where it came from.
-    fn pulls(&self) -> Vec<f64> {
-        let pull = |&index: &usize| {
+    fn priors(&self) -> Vec<f64> {
+        let prior = |&index: &usize| {
             let parameter = &self.problem.parameters[index];
-            parameter.pull() * (parameter.inner(self.at[index]) - parameter.inner(parameter.start))
+            parameter.prior() * (parameter.inner(self.at[index]) - parameter.inner(parameter.start))
         };
-        self.moving.iter().map(pull).collect()
+        self.moving.iter().map(prior).collect()
     }
 
     /// Derivatives of the residuals of the data with respect to the inner coordinates.
@@ -206,16 +206,16 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Run<'_> {
     }
 
     fn residuals(&self) -> Option<DVector<f64>> {
-        let pulls = self.pulls();
+        let priors = self.priors();
         let residuals = self.residuals.as_ref()?;
-        Some(DVector::from_iterator(residuals.len() + pulls.len(), residuals.iter().copied().chain(pulls)))
+        Some(DVector::from_iterator(residuals.len() + priors.len(), residuals.iter().copied().chain(priors)))
     }
 
     fn jacobian(&self) -> Option<DMatrix<f64>> {
         let (of_data, rows) = (self.jacobian_of_data()?, self.problem.values.len());
         let mut jacobian = of_data.resize_vertically(rows + self.moving.len(), 0.0);
         for (column, &index) in self.moving.iter().enumerate() {
-            jacobian[(rows + column, column)] = self.problem.parameters[index].pull();
+            jacobian[(rows + column, column)] = self.problem.parameters[index].prior();
         }
         Some(jacobian)
     }

@@ -27,7 +27,7 @@ pub struct Parameter {
     /// Largest value allowed.
     pub high: f64,
     /// Whether it is the moment of an event, which data know only between two epochs.
-    pub is_moment: bool,
+    pub is_event_epoch: bool,
     /// Its place in the mission; None where it can only be set by way of the text.
     pub(crate) handle: Option<Handle>,
     scale: Scale,
@@ -70,9 +70,9 @@ impl Parameter {
             keys::Allowed::Number(low, high) => (Scale::Between, low, high),
             _ => return Err(refusal("only keys with real numbers can be fitted".into())),
         };
-        let is_moment = key.starts_with("effects.") && key.ends_with(".t_yr");
+        let is_event_epoch = key.starts_with("effects.") && key.ends_with(".t_yr");
         let handle = Handle::of(mission, key);
-        Ok(Parameter { key: key.to_string(), unit: known.unit, start, low, high, is_moment, handle, scale })
+        Ok(Parameter { key: key.to_string(), unit: known.unit, start, low, high, is_event_epoch, handle, scale })
     }
 
     /// Size of what is an ordinary change.
@@ -118,7 +118,7 @@ impl Parameter {
     }
 
     /// Sigma, for each unit of the inner coordinate, by which it is drawn to where it came from.
-    pub fn pull(&self) -> f64 {
+    pub fn prior(&self) -> f64 {
         if self.is_log() { FEATHER } else { 0.0 }
     }
 
@@ -234,6 +234,6 @@ mod tests {
         }
         assert!(Parameter::of(&mission, "readout.transfers").is_err());
         assert!(Parameter::of(&mission, "mission.name").is_err());
-        assert!(Parameter::of(&mission, "effects.bakeout.t_yr").unwrap().is_moment);
+        assert!(Parameter::of(&mission, "effects.bakeout.t_yr").unwrap().is_event_epoch);
     }
 }

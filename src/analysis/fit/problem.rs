@@ -130,7 +130,7 @@ impl<'a> Problem<'a> {
     /// moments, which have none.
     pub(super) fn jacobian(&self, at: &[f64]) -> Result<DMatrix<f64>, InputError> {
         let derivative = |(index, parameter): (usize, &Parameter)| -> Result<DVector<f64>, InputError> {
-            if parameter.is_moment {
+            if parameter.is_event_epoch {
                 return Ok(DVector::zeros(self.values.len()));
             }
             let (low, high) = parameter.around(at[index]);

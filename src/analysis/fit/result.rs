@@ -86,24 +86,24 @@ impl Fit {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Advice {
     /// The data do not change with it.
-    Dead {
+    Unconstrained {
         /// The key.
         key: String,
     },
     /// It is less well known than it is large.
-    Loose {
+    PoorlyConstrained {
         /// The key.
         key: String,
         /// Error over value.
         relative: f64,
     },
     /// Several keys can be changed together without a change of chi2.
-    Flat {
+    Degenerate {
         /// The keys, those that matter most first.
         keys: Vec<String>,
     },
     /// Two keys are known together but not each for itself.
-    TradedOff {
+    Correlated {
         /// The keys.
         keys: [String; 2],
         /// Their correlation.

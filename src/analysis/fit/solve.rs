@@ -77,7 +77,7 @@ pub(crate) fn fit_rows(
     let jacobian = problem.jacobian(&best.at)?;
     let errors = Errors::of(&jacobian);
     let mut sigmas = errors.sigmas.clone();
-    problem.add_moments(&best, &mut sigmas);
+    problem.add_event_epochs(&best, &mut sigmas);
     let parameters: Vec<Fitted> = problem
         .parameters
         .iter()
@@ -129,7 +129,7 @@ impl Problem<'_> {
                 .zip(here)
                 .map(|(parameter, value)| if start == 0 { *value } else { parameter.elsewhere(random.random()) })
                 .collect();
-            optima.push(if options.moments { self.with_moments(&at) } else { self.minimise(&at) });
+            optima.push(if options.moments { self.with_event_epochs(&at) } else { self.minimise(&at) });
         }
         if options.scan {
             let best = optima.iter().min_by(|a, b| a.chi2.total_cmp(&b.chi2)).expect("a start").clone();

@@ -1,16 +1,16 @@
 //! What is significant of residuals.
 
-use super::lean::Lean;
+use super::residual_trend::Trend;
 use super::result::{Claim, Finding, SPOKEN, SetResult, chi2_chances, strongest};
 
 /// All that is significant: for each data set its strongest trend, or its offset; and errors that are not those quoted.
-pub(super) fn of(sets: &[SetResult], leans: &[Lean]) -> Vec<Finding> {
+pub(super) fn of(sets: &[SetResult], trends: &[Trend]) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (index, set) in sets.iter().enumerate() {
         let mut find = |claim: Claim, chance: f64| findings.push(Finding { set: index, claim, chance });
-        let offset = set.bias_alarm(sets.len() + leans.len());
-        if let Some(lean) = strongest(leans, index) {
-            find(Claim::Trend, lean.false_alarm);
+        let offset = set.bias_alarm(sets.len() + trends.len());
+        if let Some(trend) = strongest(trends, index) {
+            find(Claim::Trend, trend.false_alarm);
         } else if offset < SPOKEN {
             find(Claim::Offset, offset);
         }

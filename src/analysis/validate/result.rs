@@ -3,7 +3,7 @@
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use statrs::function::erf::erfc;
 
-use super::lean::Lean;
+use super::residual_trend::Trend;
 use super::scatter::scatter;
 use crate::analysis::measurement::DataSet;
 use crate::io::table::{Cell, Column, Datatype, Table};
@@ -48,7 +48,7 @@ pub struct Validation {
     /// Rows.
     pub n: usize,
     /// Leanings on all conditions and covariates that vary, the most significant first.
-    pub leans: Vec<Lean>,
+    pub trends: Vec<Trend>,
     /// Where the model fails; empty where it does not.
     pub findings: Vec<Finding>,
 }
@@ -158,8 +158,8 @@ impl Validation {
     }
 
     /// The most significant trend of a data set, by its place; None where none is significant.
-    pub fn trend(&self, set: usize) -> Option<&Lean> {
-        strongest(&self.leans, set)
+    pub fn trend(&self, set: usize) -> Option<&Trend> {
+        strongest(&self.trends, set)
     }
 
     /// Whether chi2 of all rows is more than noise makes.
@@ -202,8 +202,8 @@ pub(crate) fn plain_name(name: &str) -> String {
 }
 
 /// The most significant trend of a data set; None where none is significant.
-pub(super) fn strongest(leans: &[Lean], set: usize) -> Option<&Lean> {
-    leans.iter().find(|lean| lean.set == set && lean.false_alarm < SPOKEN)
+pub(super) fn strongest(trends: &[Trend], set: usize) -> Option<&Trend> {
+    trends.iter().find(|trend| trend.set == set && trend.false_alarm < SPOKEN)
 }
 
 /// Chances that noise alone has no more, and no less, chi2 in that many rows.

@@ -2,7 +2,7 @@
 
 use serde::ser::{Serialize, Serializer};
 
-use crate::analysis::diagnose::chance::Noise;
+use crate::analysis::diagnose::significance::Noise;
 use crate::analysis::diagnose::{Diagnosis, Leaning, Limit, Next, Note, Reason, Rung, Step, Verdict};
 use crate::analysis::fit::{Advice, Fitted};
 use crate::effect::CATALOGUE;

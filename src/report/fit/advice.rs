@@ -10,16 +10,18 @@ use crate::mission::keys::plain;
 impl fmt::Display for Advice {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Advice::Dead { key } => write!(out, "{key}: unconstrained, the data are insensitive to it; hold it fixed"),
-            Advice::Loose { key, relative } => {
+            Advice::Unconstrained { key } => {
+                write!(out, "{key}: unconstrained, the data are insensitive to it; hold it fixed")
+            }
+            Advice::PoorlyConstrained { key, relative } => {
                 write!(out, "{key}: poorly constrained, its error is {relative:.1} times its value")
             }
-            Advice::Flat { keys } => write!(
+            Advice::Degenerate { keys } => write!(
                 out,
                 "{}: degenerate, chi2 is flat along one combination of them; hold one of them fixed",
                 keys.join(", ")
             ),
-            Advice::TradedOff { keys, correlation } => write!(
+            Advice::Correlated { keys, correlation } => write!(
                 out,
                 "{} and {}: correlated ({correlation:+.3}); only their combination is constrained",
                 keys[0], keys[1]

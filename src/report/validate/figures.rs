@@ -1,7 +1,7 @@
 //! Data, model and residuals as figures.
 
 use crate::analysis::measurement::DataSet;
-use crate::analysis::validate::lean::Lean;
+use crate::analysis::validate::residual_trend::Trend;
 use crate::analysis::validate::{SetResult, Validation, file_stem, plain_name};
 use crate::report::chance;
 use crate::report::plot::label::{counts, label, setting};
@@ -21,8 +21,8 @@ impl Validation {
             if let Some(along) = along {
                 figures.push((format!("{name}.svg"), data_and_model(set, along)));
             }
-            for lean in self.leans.iter().filter(|lean| lean.set == index) {
-                figures.push((format!("{name}-{}.svg", plain_name(&lean.name)), residuals(set, lean)));
+            for trend in self.trends.iter().filter(|trend| trend.set == index) {
+                figures.push((format!("{name}-{}.svg", plain_name(&trend.name)), residuals(set, trend)));
             }
         }
         figures
@@ -88,13 +88,13 @@ fn data_and_model(set: &SetResult, along: &str) -> Figure {
 }
 
 /// Residuals of all rows against one condition, the means of its bins, and where those of noise alone would be.
-fn residuals(set: &SetResult, lean: &Lean) -> Figure {
-    let at = set.data.against(&lean.name);
+fn residuals(set: &SetResult, trend: &Trend) -> Figure {
+    let at = set.data.against(&trend.name);
     let centre = |rows: &[usize]| rows.iter().map(|&row| at[row]).sum::<f64>() / rows.len() as f64;
-    let x: Vec<f64> = lean.bins.iter().map(|bin| centre(&bin.rows)).collect();
-    let band = |sign: f64| lean.bins.iter().map(|bin| sign * 2.0 * bin.error_sigma).collect::<Vec<f64>>();
-    let means = lean.bins.iter().map(|bin| bin.mean_sigma).collect();
-    let errors = lean.bins.iter().map(|bin| bin.error_sigma).collect();
+    let x: Vec<f64> = trend.bins.iter().map(|bin| centre(&bin.rows)).collect();
+    let band = |sign: f64| trend.bins.iter().map(|bin| sign * 2.0 * bin.error_sigma).collect::<Vec<f64>>();
+    let means = trend.bins.iter().map(|bin| bin.mean_sigma).collect();
+    let errors = trend.bins.iter().map(|bin| bin.error_sigma).collect();
     let series = vec![
         Series {
             label: Some("95 % of bin means of noise alone".into()),
@@ -110,13 +110,13 @@ fn residuals(set: &SetResult, lean: &Lean) -> Figure {
         Series { label: None, color: 0, kind: Mark::Level { y: 0.0, dashed: false } },
     ];
     Figure {
-        title: format!("{}: residuals against {} (p-value {})", set.name(), lean.name, chance(lean.false_alarm)),
+        title: format!("{}: residuals against {} (p-value {})", set.name(), trend.name, chance(trend.false_alarm)),
         panels: vec![Panel {
-            x_label: label(&lean.name),
+            x_label: label(&trend.name),
             y_label: "(data − model)/σ".into(),
             x_log: is_log(&at),
             y_log: false,
-            x_counts: counts(&lean.name),
+            x_counts: counts(&trend.name),
             series,
             height_share: 1.0,
         }],

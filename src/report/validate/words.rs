@@ -1,6 +1,6 @@
 //! Where a model fails, in words.
 
-use crate::analysis::validate::lean::{Bin, Lean};
+use crate::analysis::validate::residual_trend::{Bin, Trend};
 use crate::analysis::validate::{Claim, Finding, SetResult, Validation};
 use crate::mission::keys::plain;
 use crate::report::chance;
@@ -86,10 +86,10 @@ fn fault(set: &SetResult, rows: &[usize]) -> &'static str {
     if more { observable.card().more } else { observable.card().less }
 }
 
-fn trend_in_words(set: &SetResult, lean: &Lean) -> String {
+fn trend_in_words(set: &SetResult, trend: &Trend) -> String {
     let clear = |sign: f64| -> Vec<usize> {
         let beyond = |bin: &Bin| sign * bin.mean_sigma > CLEAR * bin.error_sigma;
-        (0..lean.bins.len()).filter(|&bin| beyond(&lean.bins[bin])).collect()
+        (0..trend.bins.len()).filter(|&bin| beyond(&trend.bins[bin])).collect()
     };
     let mut parts = Vec::new();
     for sign in [1.0, -1.0] {
@@ -97,45 +97,45 @@ fn trend_in_words(set: &SetResult, lean: &Lean) -> String {
         if bins.is_empty() {
             continue;
         }
-        let rows: Vec<usize> = bins.iter().flat_map(|&bin| lean.bins[bin].rows.clone()).collect();
-        let most = bins.iter().map(|&bin| lean.bins[bin].mean_sigma.abs()).fold(0.0, f64::max);
-        parts.push((most, format!("{} {}{}", fault(set, &rows), place(lean, &bins), elsewhere(set, lean, &rows))));
+        let rows: Vec<usize> = bins.iter().flat_map(|&bin| trend.bins[bin].rows.clone()).collect();
+        let most = bins.iter().map(|&bin| trend.bins[bin].mean_sigma.abs()).fold(0.0, f64::max);
+        parts.push((most, format!("{} {}{}", fault(set, &rows), place(trend, &bins), elsewhere(set, trend, &rows))));
     }
     parts.sort_by(|a, b| b.0.total_cmp(&a.0));
     let said: Vec<String> = parts.into_iter().map(|(_, said)| said).collect();
     if said.is_empty() {
-        let way = if lean.slope_sigma > 0.0 { "rise" } else { "fall" };
-        return format!("{}: residuals {way} with {}, but no bin is significant by itself", set.name(), lean.name);
+        let way = if trend.slope_sigma > 0.0 { "rise" } else { "fall" };
+        return format!("{}: residuals {way} with {}, but no bin is significant by itself", set.name(), trend.name);
     }
     format!("{}: {}", set.name(), said.join("; "))
 }
 
 /// Where some bins of a condition lie: `beyond trail_px 20`.
-fn place(lean: &Lean, bins: &[usize]) -> String {
-    let name = &lean.name;
-    let last = lean.bins.len() - 1;
+fn place(trend: &Trend, bins: &[usize]) -> String {
+    let name = &trend.name;
+    let last = trend.bins.len() - 1;
     let (first_bin, last_bin) = (bins[0], bins[bins.len() - 1]);
-    if lean.bins[0].word.is_some() {
-        let words: Vec<&str> = bins.iter().filter_map(|&bin| lean.bins[bin].word.as_deref()).collect();
+    if trend.bins[0].word.is_some() {
+        let words: Vec<&str> = bins.iter().filter_map(|&bin| trend.bins[bin].word.as_deref()).collect();
         return format!("for {name} {}", words.join(", "));
     }
-    if bins.len() == lean.bins.len() {
+    if bins.len() == trend.bins.len() {
         let worst = bins.iter().max_by(|a, b| {
-            let size = |bin: usize| lean.bins[bin].mean_sigma.abs();
+            let size = |bin: usize| trend.bins[bin].mean_sigma.abs();
             size(**a).total_cmp(&size(**b))
         });
-        let bin = &lean.bins[*worst.expect("bins")];
+        let bin = &trend.bins[*worst.expect("bins")];
         return format!("at all {name}, most at {}", range(bin.low, bin.high));
     }
     let contiguous = last_bin - first_bin + 1 == bins.len();
     if !contiguous {
-        let each: Vec<String> = bins.iter().map(|&bin| range(lean.bins[bin].low, lean.bins[bin].high)).collect();
+        let each: Vec<String> = bins.iter().map(|&bin| range(trend.bins[bin].low, trend.bins[bin].high)).collect();
         return format!("at {name} {}", each.join(", "));
     }
     match (first_bin, last_bin) {
-        (first, end) if end == last && first > 0 => format!("from {name} {} on", number(lean.bins[first].low)),
-        (0, end) => format!("up to {name} {}", number(lean.bins[end].high)),
-        (first, end) => match (lean.bins[first].low, lean.bins[end].high) {
+        (first, end) if end == last && first > 0 => format!("from {name} {} on", number(trend.bins[first].low)),
+        (0, end) => format!("up to {name} {}", number(trend.bins[end].high)),
+        (first, end) => match (trend.bins[first].low, trend.bins[end].high) {
             (low, high) if low == high => format!("at {name} {}", number(low)),
             (low, high) => format!("between {name} {} and {}", number(low), number(high)),
         },
@@ -143,10 +143,10 @@ fn place(lean: &Lean, bins: &[usize]) -> String {
 }
 
 /// Whether that is so at all values of the other conditions: `, at all signal_e`.
-fn elsewhere(set: &SetResult, lean: &Lean, rows: &[usize]) -> String {
+fn elsewhere(set: &SetResult, trend: &Trend, rows: &[usize]) -> String {
     let residuals = set.residuals();
     let mut said = String::new();
-    for name in set.data.varying.iter().filter(|name| **name != lean.name) {
+    for name in set.data.varying.iter().filter(|name| **name != trend.name) {
         let at = set.data.against(name);
         let mut values: Vec<f64> = rows.iter().map(|&row| at[row]).filter(|at| at.is_finite()).collect();
         values.sort_by(f64::total_cmp);

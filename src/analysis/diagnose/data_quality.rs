@@ -6,7 +6,7 @@
 
 use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Gamma};
 
-use super::case::{Case, Node};
+use super::fitted_model::{Case, Node};
 use super::holdout;
 use super::result::{Reason, RowPlace};
 use crate::analysis::validate::along_neighbours;
@@ -195,7 +195,7 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
     Some(Odd { fall: fall - 2.0 * rows.len() as f64, reason: Reason::OddRows { rows: each, with } })
 }
 
-/// Errors that are smaller than a scatter which leans on nothing.
+/// Errors that are smaller than a scatter which trends on nothing.
 pub(super) fn sigma_too_small(case: &Case, node: &Node) -> Reason {
     let (mut file, mut worst) = (String::new(), 0.0);
     for (index, set) in case.data.iter().enumerate() {

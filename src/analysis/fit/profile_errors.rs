@@ -34,7 +34,7 @@ pub(crate) fn widened(model: &Model, data: &[DataSet], fit: &Fit) -> Result<Vec<
     let problem = Problem::new(model, data, &keys, &|_| (), |_| true)?;
     let widen = |(index, fitted): (usize, &Fitted)| {
         let sides = |sigma: f64| [1.0, -1.0].map(|sign| side(&problem, fit, index, sign * sigma));
-        let moment = problem.parameters[index].is_moment;
+        let moment = problem.parameters[index].is_event_epoch;
         let sigma =
             fitted.sigma.map(|sigma| if moment { sigma } else { sides(sigma).into_iter().fold(sigma, f64::max) });
         Fitted { sigma, ..fitted.clone() }

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Gamma};
 
-use super::case::{Case, Node};
+use super::fitted_model::{Case, Node};
 use super::hypothesis::Trial;
 
 /// Simulations of noise.

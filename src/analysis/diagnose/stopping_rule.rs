@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use super::case::Node;
-use super::chance::{Noise, Null};
+use super::evidence::Evidence;
+use super::fitted_model::Node;
 use super::search::Sketch;
-use super::told::Told;
+use super::significance::{Noise, Null};
 use crate::analysis::validate::validate;
 use crate::error::InputError;
 
@@ -21,8 +21,8 @@ const FURTHER: f64 = 0.2;
 /// False alarm to first order below which an effect is fitted to see.
 const NEAR: f64 = 0.3;
 
-impl Told<'_> {
-    /// Whether a model calls for nothing more: by chi2, by what residuals lean on, by any effect on top.
+impl Evidence<'_> {
+    /// Whether a model calls for nothing more: by chi2, by what residuals trend on, by any effect on top.
     pub(super) fn is_enough(&self, node: &Arc<Node>) -> Result<bool, InputError> {
         let Some(null) = self.mere_noise(node)? else { return Ok(false) };
         let expansion = self.search.expand(node);
@@ -34,7 +34,7 @@ impl Told<'_> {
         Ok(!sketches.iter().any(calls))
     }
 
-    /// Noise as the data state it, where neither chi2 nor what residuals lean on says that there is more; None elsewhere.
+    /// Noise as the data state it, where neither chi2 nor what residuals trend on says that there is more; None elsewhere.
     pub(super) fn mere_noise(&self, node: &Arc<Node>) -> Result<Option<Null>, InputError> {
         let noise = Noise::left_at(self.case(), node);
         let white = Noise { scale: vec![1.0; self.case().data.len()], correlation: noise.correlation };
@@ -47,8 +47,8 @@ impl Told<'_> {
             return Ok(None);
         }
         let validation = validate(node.mission(), self.case().data, self.options.seed)?;
-        let leans = validation.leans.iter().any(|lean| lean.false_alarm < LEAN * self.level(node));
-        Ok((!leans).then_some(null))
+        let trends = validation.trends.iter().any(|trend| trend.false_alarm < LEAN * self.level(node));
+        Ok((!trends).then_some(null))
     }
 
     fn level(&self, node: &Node) -> f64 {

@@ -17,8 +17,8 @@ const EVERY: usize = 4;
 
 impl Problem<'_> {
     /// Minimises from a start, trying every interval between epochs for each moment.
-    pub(super) fn with_moments(&self, start: &[f64]) -> Optimum {
-        let moments: Vec<usize> = (0..start.len()).filter(|&index| self.parameters[index].is_moment).collect();
+    pub(super) fn with_event_epochs(&self, start: &[f64]) -> Optimum {
+        let moments: Vec<usize> = (0..start.len()).filter(|&index| self.parameters[index].is_event_epoch).collect();
         let mut best = self.minimise(start);
         if moments.is_empty() {
             return best;
@@ -61,7 +61,7 @@ impl Problem<'_> {
     /// An optimum with each moment in the middle of where chi2 is as good: its mean, where the data do not tell more.
     pub(super) fn centred(&self, optimum: Optimum) -> Result<Optimum, InputError> {
         let (mut found, most) = (optimum.clone(), optimum.chi2 + AS_GOOD);
-        for index in (0..found.at.len()).filter(|&index| self.parameters[index].is_moment) {
+        for index in (0..found.at.len()).filter(|&index| self.parameters[index].is_event_epoch) {
             let around = self.around(&found, index, AS_GOOD);
             let moment = found.at[index];
             let from_yr = around.iter().map(|one| one.from_yr).fold(moment, f64::min);
@@ -105,8 +105,8 @@ impl Problem<'_> {
 
     /// Errors of moments, and what they add to those of all others: every interval between epochs is as likely as it is
     /// long, times exp(−chi2/2).
-    pub(super) fn add_moments(&self, optimum: &Optimum, sigmas: &mut [Option<f64>]) {
-        for index in (0..optimum.at.len()).filter(|&index| self.parameters[index].is_moment) {
+    pub(super) fn add_event_epochs(&self, optimum: &Optimum, sigmas: &mut [Option<f64>]) {
+        for index in (0..optimum.at.len()).filter(|&index| self.parameters[index].is_event_epoch) {
             let around = self.around(optimum, index, UNLIKELY);
             let likely = |one: &Interval| (one.to_yr - one.from_yr) * (-0.5 * one.rise).exp();
             let all: f64 = around.iter().map(likely).sum();

@@ -1,4 +1,4 @@
-//! Whether residuals lean on a condition.
+//! Whether residuals trend on a condition.
 //!
 //! Rows are binned in a condition (its values themselves where they are few). Two figures tell a leaning: chi2 of the bins'
 //! means about the common one, for any shape, and the square of the slope against the bins' order, for a trend. Each has a
@@ -15,9 +15,9 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use crate::analysis::measurement::DataSet;
 use crate::io::json;
 
-/// How the residuals of one data set lean on one condition or covariate.
+/// How the residuals of one data set trend on one condition or covariate.
 #[derive(Clone, Debug, Serialize)]
-pub struct Lean {
+pub struct Trend {
     /// The data set, by its place.
     #[serde(skip)]
     pub set: usize,
@@ -29,9 +29,9 @@ pub struct Lean {
     pub slope_sigma: f64,
     /// Error of it.
     pub slope_error_sigma: f64,
-    /// Chance that noise alone leans as much on this condition.
+    /// Chance that noise alone trends as much on this condition.
     pub chance: f64,
-    /// Chance that noise alone leans as much on any of the conditions looked at.
+    /// Chance that noise alone trends as much on any of the conditions looked at.
     pub false_alarm: f64,
     /// Bins in rising order (words in order of appearance).
     pub bins: Vec<Bin>,
@@ -129,8 +129,8 @@ impl Trial {
     }
 }
 
-/// Leanings of all trials, the most significant first. `scatter` is that of each data set's residuals where nothing leans.
-pub fn all(trials: &[Trial], residuals: &[Vec<f64>], scatter: &[f64], seed: u64) -> Vec<Lean> {
+/// Leanings of all trials, the most significant first. `scatter` is that of each data set's residuals where nothing trends.
+pub fn all(trials: &[Trial], residuals: &[Vec<f64>], scatter: &[f64], seed: u64) -> Vec<Trend> {
     let scaled: Vec<Vec<f64>> = residuals
         .iter()
         .zip(scatter)
@@ -148,7 +148,7 @@ pub fn all(trials: &[Trial], residuals: &[Vec<f64>], scatter: &[f64], seed: u64)
             trials.iter().map(|trial| trial.chance(&noise[trial.set]).0).fold(1.0, f64::min)
         })
         .collect();
-    let mut leans: Vec<Lean> = trials
+    let mut trends: Vec<Trend> = trials
         .iter()
         .map(|trial| {
             let scatter = scatter[trial.set];
@@ -163,7 +163,7 @@ pub fn all(trials: &[Trial], residuals: &[Vec<f64>], scatter: &[f64], seed: u64)
                 let mean_sigma = bin.rows.iter().map(|&row| residuals[trial.set][row]).sum::<f64>() / n;
                 Bin { mean_sigma, error_sigma: scatter / n.sqrt(), ..bin.clone() }
             });
-            Lean {
+            Trend {
                 set: trial.set,
                 file: trial.file.clone(),
                 name: trial.name.clone(),
@@ -175,6 +175,6 @@ pub fn all(trials: &[Trial], residuals: &[Vec<f64>], scatter: &[f64], seed: u64)
             }
         })
         .collect();
-    leans.sort_by(|a, b| a.chance.total_cmp(&b.chance));
-    leans
+    trends.sort_by(|a, b| a.chance.total_cmp(&b.chance));
+    trends
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::case::{Case, Node};
+use super::fitted_model::{Case, Node};
 use super::options::Options;
 use super::result::{Limit, Next, Reason, Verdict};
 use super::search::Search;
@@ -36,14 +36,14 @@ pub(super) enum Ended {
 }
 
 /// All that a verdict is made from.
-pub(super) struct Told<'a> {
+pub(super) struct Evidence<'a> {
     pub search: &'a Search<'a>,
     pub options: &'a Options,
     pub base: &'a Arc<Node>,
     pub groups: Option<&'a [Vec<usize>]>,
 }
 
-impl Told<'_> {
+impl Evidence<'_> {
     pub fn case(&self) -> &Case<'_> {
         self.search.case
     }

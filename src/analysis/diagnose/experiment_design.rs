@@ -6,7 +6,7 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::case::{Case, FLAT, Node};
+use super::fitted_model::{Case, FLAT, Node};
 use super::result::Next;
 use super::rivals::Rival;
 use super::search::Search;

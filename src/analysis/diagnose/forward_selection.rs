@@ -5,12 +5,12 @@ use std::sync::Arc;
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::case::Node;
+use super::evidence::{Ended, Evidence, Found};
+use super::fitted_model::Node;
 use super::pairs::{self, Pair};
 use super::result::{Reason, Verdict};
 use super::search::{BREADTH, LINES, Sketch};
-use super::told::{Ended, Found, Told};
-use super::{audit, limits, rivals};
+use super::{data_quality, limits, rivals};
 use crate::error::InputError;
 
 /// Effects added at most.
@@ -28,7 +28,7 @@ const WORTH_GOING_ON: f64 = 0.5;
 /// By how much less chi2 and parameters must come to with rows left out than with an effect more, for the rows to be to blame.
 const MUCH_SIMPLER: f64 = 15.0;
 
-impl Told<'_> {
+impl Evidence<'_> {
     /// Searches until a model calls for nothing more, or nothing more helps.
     pub(super) fn hunt(&self) -> Result<Found, InputError> {
         let hypotheses = self.search.hypotheses.len() as u64;
@@ -129,7 +129,7 @@ impl Told<'_> {
         let adopted = found.and_then(|found| found.ladder.last());
         let simpler = tried.iter().filter(|node| adopted.is_none_or(|adopted| node.added.len() < adopted.added.len()));
         let odd = simpler.filter_map(|node| {
-            audit::odd_rows(self.case(), node).map(|odd| (node.added.len(), self.score(node) - odd.fall, odd))
+            data_quality::odd_rows(self.case(), node).map(|odd| (node.added.len(), self.score(node) - odd.fall, odd))
         });
         let (_, score, odd) = odd.min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)))?;
         let clear = adopted.is_none_or(|adopted| score + MUCH_SIMPLER < self.score(adopted));

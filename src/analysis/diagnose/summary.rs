@@ -1,9 +1,9 @@
 //! Everything that is told of what was found.
 
-use super::case::{Added, Node};
-use super::chance::Noise;
+use super::evidence::{Evidence, Found, newest};
+use super::fitted_model::{Added, Node};
 use super::result::{Diagnosis, Leaning, Note, Rung, Step, Tried, Verdict};
-use super::told::{Found, Told, newest};
+use super::significance::Noise;
 use super::{formula, holdout};
 use crate::analysis::fit::{self, Advice};
 use crate::analysis::validate::validate;
@@ -13,7 +13,7 @@ use crate::mission::Mission;
 use crate::physics::accuracy::Purpose;
 use crate::plan::evaluate::{self, evaluate};
 
-impl Told<'_> {
+impl Evidence<'_> {
     /// Everything that is told of what was found.
     pub(super) fn diagnosis(
         &self,
@@ -46,7 +46,7 @@ impl Told<'_> {
                 }
             })
             .collect();
-        let values = fit::sides::widened(&node.model, self.case().data, &node.fit)?;
+        let values = fit::profile_errors::widened(&node.model, self.case().data, &node.fit)?;
         rungs.last_mut().expect("the base").parameters = values.clone();
         let mut steps = Vec::new();
         let mut told: Vec<usize> = Vec::new();
@@ -70,9 +70,9 @@ impl Told<'_> {
         let mut covariates: Vec<Leaning> = Vec::new();
         let mut suggestion = None;
         if verdict == Verdict::Unexplained {
-            for lean in after.leans.iter().filter(|lean| lean.false_alarm < self.options.level) {
-                if covariates.iter().all(|known| known.name != lean.name) {
-                    covariates.push(Leaning { name: lean.name.clone(), false_alarm: lean.false_alarm });
+            for trend in after.trends.iter().filter(|trend| trend.false_alarm < self.options.level) {
+                if covariates.iter().all(|known| known.name != trend.name) {
+                    covariates.push(Leaning { name: trend.name.clone(), false_alarm: trend.false_alarm });
                 }
             }
             suggestion = formula::suggest(&after, &covariates);
