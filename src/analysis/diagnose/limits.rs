@@ -26,6 +26,9 @@ const GROWTH: f64 = 3.2;
 const BEYOND: f64 = 1.1;
 const LEAST: f64 = 0.05;
 
+/// Share of its steepest slope at which a signature levels off.
+const LEVELLED: f64 = 0.5;
+
 /// How exactly a limit is found, as a logarithm of the strength and of the signature.
 const EXACT: f64 = 1e-3;
 
@@ -74,12 +77,13 @@ fn limit(search: &Search, base: &Node, hypothesis: &Hypothesis, trials: &[Trial]
 }
 
 /// Logarithm of the strength at which a function of it, near to itself up to a constant, is 0: first from a strength of 1 to one
-/// on the other side, then in between. None where that is too far away.
+/// on the other side, then in between. None where that is too far away, or the function levels off before it.
 fn crossing(excess: impl Fn(f64) -> f64) -> Option<f64> {
     let mut here = (0.0, excess(0.0));
     let is_up = here.1 <= 0.0;
     let longest = if is_up { GROWTH.ln() } else { FARTHEST.ln() };
     let mut least = LEAST;
+    let mut steepest = 0.0_f64;
     loop {
         let stride = (BEYOND * here.1.abs()).max(least).min(longest);
         // Farther each time, where the signature hardly changes.
@@ -93,6 +97,45 @@ fn crossing(excess: impl Fn(f64) -> f64) -> Option<f64> {
             let found = root_finding::try_between([here, there], EXACT, |log| Ok::<_, Infallible>(excess(log)));
             return Some(found.unwrap_or_else(|never| match never {}));
         }
+        // A signature that has begun to level off does not grow faster again.
+        let slope = (there.1 - here.1) / stride;
+        let is_hopeless = there.1 + slope.max(0.0) * (FARTHEST.ln() - place) < 0.0;
+        if is_up && slope < LEVELLED * steepest && is_hopeless {
+            return None;
+        }
+        if slope.is_finite() {
+            steepest = steepest.max(slope);
+        }
         here = there;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+
+    #[test]
+    fn a_crossing_is_found_below_above_and_behind_a_flat_start() {
+        for root in [-5.0_f64, -0.3, 0.4, 6.0] {
+            let found = crossing(|log| log - root).unwrap();
+            assert!((found - root).abs() < 2.0 * EXACT, "{found}, not {root}");
+        }
+        // Nothing at all up to a threshold, as of a notch below the background.
+        let found = crossing(|log| if log < 3.0 { f64::NEG_INFINITY } else { 10.0 * (log - 3.2) }).unwrap();
+        assert!((found - 3.2).abs() < 2.0 * EXACT, "{found}");
+    }
+
+    #[test]
+    fn a_signature_that_levels_off_too_low_has_none() {
+        let asked = Cell::new(0);
+        let levels_off = |log: f64| {
+            asked.set(asked.get() + 1);
+            // Grows in proportion to the strength, and ends at 1/e of what is needed.
+            -1.0 - (1.0 + (2.0 - log).exp()).ln()
+        };
+        assert_eq!(crossing(levels_off), None);
+        assert!(asked.get() < 8, "{} evaluations", asked.get());
     }
 }
