@@ -127,3 +127,19 @@ fn paths_in_documents_exist() {
         }
     }
 }
+
+/// Lengths of files that the page gives as examples.
+#[test]
+fn examples_are_as_long_as_the_page_says() {
+    let page = read("docs/architecture.md");
+    let mut compared = 0;
+    for line in page.lines() {
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        let [_, _, path, lines, ..] = &cells[..] else { continue };
+        let Ok(said) = lines.parse::<f64>() else { continue };
+        let found = read(path.trim_matches('`')).lines().count() as f64;
+        assert!((found - said).abs() <= 0.1 * found, "{path} has {found} lines, not {said}");
+        compared += 1;
+    }
+    assert!(compared >= 5, "{compared}");
+}
