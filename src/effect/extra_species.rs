@@ -77,7 +77,7 @@ impl Catalogued for ExtraSpecies {
         if species.filter(|name| *name == self.name).count() > 1 {
             return Err(Refusal {
                 key: "name".into(),
-                problem: format!("there is another species called \"{}\"; names must differ", self.name),
+                problem: format!("duplicate name \"{}\": another species has it", self.name),
                 help: None,
             });
         }

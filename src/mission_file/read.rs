@@ -213,7 +213,7 @@ impl<'a> Source<'a> {
         let problem = if parent == "effects" {
             format!("no effect is called `{name}`")
         } else if siblings.is_empty() {
-            format!("{parent} has no keys, and `{name}` is none")
+            format!("{parent} takes no keys; found `{name}`")
         } else if parent.is_empty() {
             format!("no section is called `{name}`")
         } else {
@@ -274,7 +274,7 @@ impl<'a> Source<'a> {
         }
         let names = |array: &str, names: Vec<&str>| {
             (1..names.len()).find(|&index| names[..index].contains(&names[index])).map_or(Ok(()), |index| {
-                let problem = format!("the name \"{}\" stands twice; names must differ", names[index]);
+                let problem = format!("duplicate name \"{}\"", names[index]);
                 Err(self.fault(&format!("{array}[{index}].name"), problem))
             })
         };

@@ -36,7 +36,6 @@ impl Page for Survey {
     }
 
     fn parts(&self) -> Parts {
-        let percent = 100.0 * self.confidence;
         let mut out = Parts::default();
         out.verdict(
             format!(
@@ -46,6 +45,27 @@ impl Page for Survey {
             ),
             2,
         );
+        self.year_by_year(&mut out);
+        self.against_confidence(&mut out);
+        self.against_depth(&mut out);
+        self.protons(&mut out);
+        for warning in &self.warnings {
+            out.verdict(format!("Warning: {warning}"), 2);
+        }
+        out
+    }
+
+    fn figures(&self) -> Vec<(String, Figure)> {
+        self.drawn()
+    }
+
+    fn sources(&self, missions: &[Mission]) -> Vec<Source> {
+        sources::once(missions.iter().flat_map(sources::of_dose))
+    }
+}
+
+impl Survey {
+    fn year_by_year(&self, out: &mut Parts) {
         out.gap();
         let mut years = table(&["year", "Sun", "active [yr]", "flown [yr]", "dose [MeV/g]", "since launch [MeV/g]"]);
         for year in &self.years {
@@ -65,36 +85,41 @@ impl Page for Survey {
             ]);
         }
         out.table(years);
+    }
 
-        if !self.confidences.is_empty() {
-            out.gap();
-            out.words(
-                format!(
-                    "Dose behind the shield against confidence, for the mission's {:.2} active years: the quantile of \
-                     one year times years, and the quantile of the sum{}",
-                    self.active_years,
-                    match (self.origin(), self.accumulate) {
-                        (RateOrigin::Given, _) => " (neither is used: the mission file gives its dose rate)",
-                        (_, Accumulate::Yearly) => " (the mission uses the first)",
-                        (_, Accumulate::Mission) => " (the mission uses the second)",
-                    }
-                ),
-                2,
-            );
-            let mut confidences =
-                table(&["confidence [%]", "one active year [MeV/g]", "year x years [MeV/g]", "sum [MeV/g]"]);
-            for at in &self.confidences {
-                confidences.add_row(vec![
-                    format!("{:.0}", 100.0 * at.confidence),
-                    format!("{:.3e}", at.active_year_mev_g),
-                    format!("{:.3e}", at.yearly_mev_g),
-                    format!("{:.3e}", at.mission_mev_g),
-                ]);
-            }
-            out.table(confidences);
+    fn against_confidence(&self, out: &mut Parts) {
+        if self.confidences.is_empty() {
+            return;
         }
+        out.gap();
+        out.words(
+            format!(
+                "Dose behind the shield against confidence, for the mission's {:.2} active years: the quantile of \
+                 one year times years, and the quantile of the sum{}",
+                self.active_years,
+                match (self.origin(), self.accumulate) {
+                    (RateOrigin::Given, _) => " (neither is used: the mission file gives its dose rate)",
+                    (_, Accumulate::Yearly) => " (the mission uses the first)",
+                    (_, Accumulate::Mission) => " (the mission uses the second)",
+                }
+            ),
+            2,
+        );
+        let mut confidences =
+            table(&["confidence [%]", "one active year [MeV/g]", "year x years [MeV/g]", "sum [MeV/g]"]);
+        for at in &self.confidences {
+            confidences.add_row(vec![
+                format!("{:.0}", 100.0 * at.confidence),
+                format!("{:.3e}", at.active_year_mev_g),
+                format!("{:.3e}", at.yearly_mev_g),
+                format!("{:.3e}", at.mission_mev_g),
+            ]);
+        }
+        out.table(confidences);
+    }
 
-        out.heading(format!("Dose of one active year at {percent} % behind aluminium"));
+    fn against_depth(&self, out: &mut Parts) {
+        out.heading(format!("Dose of one active year at {} % behind aluminium", 100.0 * self.confidence));
         let mut depths = table(&["mm Al", "sphere [MeV/g]", "slab [MeV/g]"]);
         for at in &self.depths {
             depths.add_row(vec![
@@ -113,12 +138,15 @@ impl Page for Survey {
                 2,
             );
         }
+    }
 
+    fn protons(&self, out: &mut Parts) {
         out.gap();
         out.words(
             format!(
-                "Solar protons above an energy at {percent} %, per cm2: in one active year, and in the mission's {:.2} \
-                 active years together",
+                "Solar protons above an energy at {} %, per cm2: in one active year, and in the mission's {:.2} active \
+                 years together",
+                100.0 * self.confidence,
                 self.active_years
             ),
             2,
@@ -135,17 +163,5 @@ impl Page for Survey {
             ]);
         }
         out.table(spectrum);
-        for warning in &self.warnings {
-            out.verdict(format!("Warning: {warning}"), 2);
-        }
-        out
-    }
-
-    fn figures(&self) -> Vec<(String, Figure)> {
-        self.drawn()
-    }
-
-    fn sources(&self, missions: &[Mission]) -> Vec<Source> {
-        sources::once(missions.iter().flat_map(sources::of_dose))
     }
 }

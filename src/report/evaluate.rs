@@ -108,8 +108,8 @@ impl Page for EvaluateReport {
     }
 
     fn parts(&self) -> Parts {
-        let Evaluation { model, years, verdict, warnings } = &self.evaluation;
-        let (mission, dose) = (&model.mission, model.history());
+        let Evaluation { model, years, warnings, .. } = &self.evaluation;
+        let mission = &model.mission;
         let header = &mission.mission;
         let mut out = Parts::default();
         out.title(
@@ -126,6 +126,35 @@ impl Page for EvaluateReport {
         );
         out.gap();
 
+        self.doses(&mut out);
+        out.heading("Change of ellipticity, delta e1");
+        for changes in changes(years, mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect()) {
+            out.table(changes);
+        }
+
+        self.at_the_end(&mut out);
+        if !self.noisy.is_empty() {
+            self.realisations(&mut out);
+        }
+
+        self.budget(&mut out);
+        out.gap();
+        out.words(format!("Dose: {}", self.dose_origin()), 2);
+        for warning in warnings {
+            out.verdict(format!("Warning: {warning}"), 2);
+        }
+        out
+    }
+
+    fn figures(&self) -> Vec<(String, Figure)> {
+        self.drawn()
+    }
+}
+
+impl EvaluateReport {
+    fn doses(&self, out: &mut Parts) {
+        let Evaluation { model, years, .. } = &self.evaluation;
+        let dose = model.history();
         let mut doses = table(&["t [yr]", "date", "active [yr]", "dose [MeV/g]", "traps [1/px]"]);
         for year in years {
             doses.add_row(vec![
@@ -146,13 +175,12 @@ impl Page for EvaluateReport {
                 out.table(densities);
             }
         }
+    }
 
-        out.heading("Change of ellipticity, delta e1");
-        for changes in changes(years, mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect()) {
-            out.table(changes);
-        }
-
-        out.heading(format!("At the end of the mission, after {} yr", header.duration_yr));
+    fn at_the_end(&self, out: &mut Parts) {
+        let Evaluation { model, years, .. } = &self.evaluation;
+        let mission = &model.mission;
+        out.heading(format!("At the end of the mission, after {} yr", mission.mission.duration_yr));
         let mut end_table = table(&["galaxy", "delta e1", "delta y [px]", "delta size [%]", "delta flux [%]"]);
         let end = years.last().expect("a mission has an end");
         for (galaxy, change) in mission.galaxies.iter().zip(&end.galaxies) {
@@ -166,17 +194,18 @@ impl Page for EvaluateReport {
             ]);
         }
         out.table(end_table);
-        if !self.noisy.is_empty() {
-            self.realisations(&mut out);
-        }
+    }
 
+    fn budget(&self, out: &mut Parts) {
+        let Evaluation { model, verdict, .. } = &self.evaluation;
+        let mission = &model.mission;
         let requirement = &mission.requirement;
         out.gap();
         out.verdict(format!("Budget: |delta e| of \"{}\" below {}", requirement.galaxy, plain(requirement.delta_e)), 2);
         let corrected = format!("corrected, factor {}", requirement.correction_factor);
         let width = corrected.len();
         for (name, crossing) in [("uncorrected", &verdict.uncorrected), (corrected.as_str(), &verdict.corrected)] {
-            out.outcome(name, width, exceeded(crossing, header.launch.0));
+            out.outcome(name, width, exceeded(crossing, mission.mission.launch.0));
         }
         let rate = |rate: Option<f64>| or_dash(rate.map(|rate| format!("{rate:.3e}")));
         out.verdict(
@@ -187,20 +216,8 @@ impl Page for EvaluateReport {
             ),
             4,
         );
-        out.gap();
-        out.words(format!("Dose: {}", self.dose_origin()), 2);
-        for warning in warnings {
-            out.verdict(format!("Warning: {warning}"), 2);
-        }
-        out
     }
 
-    fn figures(&self) -> Vec<(String, Figure)> {
-        self.drawn()
-    }
-}
-
-impl EvaluateReport {
     fn realisations(&self, out: &mut Parts) {
         let mission = self.evaluation.mission();
         let mut noisy_table = table(&["galaxy", "delta e1", "+-", "delta y [px]", "+-", "measured", "lost"]);

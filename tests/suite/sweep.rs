@@ -461,7 +461,7 @@ fn a_grid_that_makes_no_sense_is_refused_with_line_key_value_and_what_to_try() {
         (with("environment.model = [\"constant\", \"solar-cycles\"]"), &["did you mean \"solar-cycle\"?"]),
         (with("detector.traps.Cii.release_ms = [1.0, 2.0]"), &["no trap species \"Cii\"", "did you mean \"Ci\"?"]),
         (with("effects.annealing.time_yr = [1.0, 2.0]"), &["has no [effects.annealing]", "add [effects.annealing]"]),
-        (with("\"readout.transfers\" = [1]\nreadout.transfers = [2]"), &["line 4", "stands twice"]),
+        (with("\"readout.transfers\" = [1]\nreadout.transfers = [2]"), &["line 4", "duplicate key"]),
         (
             with("sky.background_e = { distribution = \"uniform\", from = 1, to = 2 }"),
             &["`sampling` is missing", "sky.background_e"],

@@ -110,7 +110,7 @@ fn a_table_that_is_written_is_read_again() {
 const BROKEN: [(&str, &str, &str); 20] = [
     ("bad_yaml.ecsv", "line 10: # meta: observable: {", "the header is not YAML: mapping values are not allowed"),
     ("decimal_comma.ecsv", "line 13: value = \"0,0031\"", "the header says float64, and this is no number"),
-    ("duplicate_column.ecsv", "line 9: column value", "the name `value` stands twice"),
+    ("duplicate_column.ecsv", "line 9: column value", "duplicate name `value`"),
     ("empty_file.ecsv", "", "the file is empty"),
     ("end_of_line_in_a_key.ecsv", "line 7: meta.", "the key holds an end of a line, a tab or another control"),
     ("header_only.ecsv", "", "there is no line with the names of the columns"),

@@ -54,7 +54,7 @@ impl<'a> Problem<'a> {
         let parameters = keys.iter().map(|key| Parameter::of(&model.mission, key)).collect::<Result<Vec<_>, _>>()?;
         for (index, key) in keys.iter().enumerate() {
             if keys[..index].contains(key) {
-                return Err(InputError::new("cannot fit", format!("the key `{key}` stands twice")));
+                return Err(InputError::new("cannot fit", format!("duplicate key `{key}`")));
             }
         }
         let rows = || data.iter().flat_map(|set| &set.rows).enumerate().filter(|(index, _)| wanted(*index));

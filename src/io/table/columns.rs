@@ -173,7 +173,7 @@ impl Table {
                 );
             }
             if !known.insert(column.name.as_str()) {
-                let problem = format!("the name `{}` stands twice; names must differ", column.name);
+                let problem = format!("duplicate name `{}`", column.name);
                 let place = Some(format!("{}column {}", line_before(column.line), column.name));
                 return Err(InputError { place, ..self.refuse(problem) });
             }
@@ -187,7 +187,7 @@ impl Table {
             }
             if !known.insert(meta.name.as_str()) {
                 let place = Some(format!("{}meta.{} = {}", line_before(meta.line), meta.name, meta.value));
-                let problem = format!("the key `{}` stands twice in meta", meta.name);
+                let problem = format!("duplicate key `{}` in meta", meta.name);
                 return Err(InputError { place, ..self.refuse(problem) });
             }
         }

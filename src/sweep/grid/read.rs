@@ -193,7 +193,7 @@ impl Source<'_> {
             .filter(|paths| !paths.is_empty())
             .ok_or_else(|| self.fault(entry, "allowed: the path of a mission file in quotes, or a list of several"))?;
         if let Some(twice) = (1..paths.len()).find(|&index| paths[..index].contains(&paths[index])) {
-            return Err(self.fault(entry, format!("the mission \"{}\" stands twice", paths[twice])));
+            return Err(self.fault(entry, format!("duplicate mission \"{}\"", paths[twice])));
         }
         paths
             .into_iter()
@@ -262,7 +262,7 @@ impl Source<'_> {
                 return Err(self.fault(entry, format!("no output is called \"{name}\"")).with_help(help));
             };
             if records.contains(&output) {
-                return Err(self.fault(entry, format!("\"{name}\" stands twice")));
+                return Err(self.fault(entry, format!("duplicate \"{name}\"")));
             }
             records.push(output);
         }
@@ -289,7 +289,7 @@ impl Source<'_> {
                 return Err(self.fault_at(&entry, format!("no key is called `{}`", entry.key)));
             };
             if axes.iter().any(|placed| placed.axis.key == entry.key) {
-                return Err(self.fault_at(&entry, "the key stands twice under [axes]"));
+                return Err(self.fault_at(&entry, "duplicate key under [axes]"));
             }
             let values = self.values(&entry, key)?;
             let axis_key = entry.key.clone();
