@@ -54,6 +54,7 @@ fn exceeds(crossing: &Crossing, t_yr: f64) -> bool {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn no_crossing_of_a_dense_scan_is_missed() {
     let mut random = ChaCha8Rng::seed_from_u64(17);
     let (mut exceeded, mut came_back) = (0, 0);

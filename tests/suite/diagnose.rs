@@ -123,6 +123,7 @@ fn practice_cases_are_told_as_they_are() {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn cases_of_another_simulator_are_told_as_they_are() {
     let mut cases = 0;
     for entry in fs::read_dir("tests/corpus/cases").unwrap() {
@@ -167,6 +168,7 @@ fn the_mission_that_is_written_explains_the_data() {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn free_values_are_written_where_they_stand() {
     let folder = practice("notch");
     let found = diagnosed(&folder, "");
@@ -191,6 +193,7 @@ fn the_number_of_threads_changes_no_bit() {
 
 /// At one temperature other release times are another temperature, by however much the trails change.
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn what_free_parameters_absorb_is_said_not_to_be_told() {
     let (mission, data) = read(&practice("slow-trap"), "");
     let told = |free: &[&str]| {
@@ -226,6 +229,7 @@ fn a_pair_that_hangs_on_two_epochs_of_trails_is_found() {
 /// Two effects together would come nearer to one wrong row than none, but the row asks for less; whether the model lacks
 /// something besides or not.
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn a_row_that_is_wrong_is_named() {
     let folder = practice("slow-trap-and-annealing");
     for (missing, with) in
@@ -286,6 +290,7 @@ fn a_constant_offset_is_unexplained_and_told_as_a_formula() {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn a_hypothesis_of_the_users_competes_on_equal_terms() {
     let (mission, data) = read(&practice("gain-drift"), "");
     let alone = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
@@ -346,6 +351,7 @@ fn json_has_what_the_contract_asks_for() {
 /// An effect at its limit is seen in 95 % of data sets: 16 of 20 or more, for fewer have a chance of 0.3 % then. (The seed is
 /// fixed.) Of diagnoses that see 70 %, three in four fail here.
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn a_limit_is_where_an_effect_is_seen() {
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
@@ -373,9 +379,8 @@ fn a_limit_is_where_an_effect_is_seen() {
     assert!(chance >= 0.01, "{seen} of {DATA_SETS}: as few have a chance of {chance:.1e} at a power of 95 %");
 }
 
-/// `cargo test --release --test suite diagnose:: -- --ignored`
 #[test]
-#[ignore = "minutes"]
+#[ignore = "slow: .ci/run runs it"]
 fn a_real_ccd_lacks_a_third_species() {
     let folder = Path::new("../shared/practice/real-ccd");
     if !folder.exists() {

@@ -177,6 +177,7 @@ fn the_page_of_a_comparison() {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn the_pages_of_measurements() {
     let made = Made::by(&["validate", NOTCH[0], NOTCH[1]]);
     check(&made, &NOTCH[..1]);

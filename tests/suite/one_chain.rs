@@ -116,6 +116,7 @@ fn agree(of: &str, told: &[(&str, f64)], tolerance: f64) {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn all_tell_the_same_dose_and_change_of_shape() {
     for kinds in alone_and_in_pairs() {
         let (doses, shapes) = doses_and_shapes(&with("solar-cycle", &kinds));
@@ -139,6 +140,7 @@ fn the_solar_cycle_is_the_same_as_an_effect_and_as_a_model() {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn an_error_budget_starts_from_the_mission() {
     for kind in 0..CATALOGUE.len() {
         let mission = with("solar-cycle", &[kind]);

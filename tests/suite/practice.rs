@@ -135,6 +135,7 @@ fn within(fit: &Fit, truths: &[f64]) {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn known_parameters_come_out_within_their_errors() {
     let (mission, data) = read("prelaunch", "[effects.prelaunch-traps]\nfast = 0.01\nmid = 0.01\nslow = 0.01\n");
     let keys = ["fast", "mid", "slow"].map(|name| format!("effects.prelaunch-traps.{name}"));
@@ -163,6 +164,7 @@ fn known_parameters_come_out_within_their_errors() {
 
 /// A flare between epochs of which the data say next to nothing lies in their middle, with the error of a uniform chance.
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn a_moment_lies_in_the_middle_of_where_the_data_leave_it() {
     let (mission, mut data) = read("flare", "[effects.solar-flare]\nt_yr = 5.0\ndose_mev_g = 1.0e5\n");
     for row in data.iter_mut().flat_map(|set| &mut set.rows).filter(|row| (1.9..3.6).contains(&row.at.t_yr)) {
@@ -181,6 +183,7 @@ fn a_moment_lies_in_the_middle_of_where_the_data_leave_it() {
 /// The error of a moment is that of fits with the moment held in every interval between epochs, each as likely as it is long,
 /// times exp(-chi2/2).
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn the_error_of_a_moment_is_that_of_all_places_where_it_may_be() {
     let (mission, mut data) = read("flare", "[effects.solar-flare]\nt_yr = 5.0\ndose_mev_g = 1.0e5\n");
     for row in data.iter_mut().flat_map(|set| &mut set.rows) {
@@ -234,6 +237,7 @@ fn a_fit_says_what_the_data_do_not_determine() {
 
 /// A real irradiated CCD; its data have a licence of their own and are not part of this project.
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn a_real_ccd_is_read_and_fitted() {
     let folder = Path::new("../shared/practice/real-ccd");
     if !folder.exists() {

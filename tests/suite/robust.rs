@@ -260,7 +260,7 @@ fn a_million_rows_are_read() {
 /// Time and memory of a million rows: `cargo test --release --test suite robust:: -- --ignored --nocapture`
 #[test]
 #[ignore = "takes a minute"]
-fn a_million_rows_are_validated() {
+fn expensive_a_million_rows_are_validated() {
     let (folder, path) = scratch("long.csv");
     long_file(Path::new(&path), 1_000_000);
     let start = std::time::Instant::now();

@@ -197,6 +197,7 @@ fn find(program: &str) -> Option<PathBuf> {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn a_job_array_loses_nothing_and_doubles_nothing_when_a_node_dies() {
     let needed = ["slurmctld", "slurmd", "sbatch", "squeue", "sinfo", "munged"];
     if needed.iter().any(|program| find(program).is_none()) {

@@ -84,6 +84,7 @@ fn a_species_is_worst_where_it_releases_after_a_few_transfers() {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn a_slower_clock_reads_less_noise_and_less_area() {
     let study = ask(&Clock { line_times_ms: Some(vec![5.0, 10.0, 25.0, 50.0, 100.0]) }, &mission(TRADES, &[]));
     let falls = |key: &str| numbers(&study, "line_times", key).windows(2).all(|pair| pair[0] >= pair[1]);
@@ -250,6 +251,7 @@ fn a_dipole_is_largest_at_tau_ln_2() {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn pumping_finds_traps_whose_phase_time_it_reaches() {
     let snap = mission(SNAP, &[]);
     // 0.65 ms is τ ln 2 of VV at 153 K (0.94 ms).
@@ -408,6 +410,7 @@ fn scatter_over_error(estimates: &[(f64, f64)]) -> f64 {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn errors_of_draws_cover_the_scatter_between_seeds() {
     const SEEDS: u64 = 12;
     let trades = small();
@@ -565,6 +568,7 @@ fn shares_of_an_error_budget_add_up_and_do_not_depend_on_threads() {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn a_mission_without_dose_or_beyond_its_budget_is_told_so_in_words() {
     let none = mission(SNAP, &[("environment.active_dose_rate_mev_g_yr", 0.0.into())]);
     // A hundred times the dose: exceeded within days.
@@ -594,6 +598,7 @@ fn a_mission_without_dose_or_beyond_its_budget_is_told_so_in_words() {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn every_study_prints_json_csv_and_figures() {
     let folder = tempfile::tempdir().unwrap();
     let plots = folder.path().to_str().unwrap();
