@@ -20,9 +20,6 @@
 
 use std::mem::take;
 
-use fearless_simd as simd;
-use fearless_simd::dispatch;
-
 use super::block_path::BlockPath;
 use super::passage::{Block, Lead, Passage, Stage};
 use super::simd::{LANES, Packets};
@@ -83,13 +80,11 @@ impl<const S: usize> Default for Watermarks<S> {
 }
 
 /// Top of the uppermost of some watermarks.
-#[inline(always)]
 fn top<const S: usize>(watermarks: &[Watermark<S>]) -> f64 {
     watermarks.last().map_or(0.0, |watermark| watermark.top)
 }
 
 /// Which packet's cloud ended at the top of a watermark, as a number.
-#[inline(always)]
 fn mark<const S: usize>(watermark: Option<&Watermark<S>>) -> f64 {
     watermark.map_or(0.0, |watermark| (watermark.packet + 1) as f64)
 }
@@ -148,7 +143,6 @@ impl<const S: usize> FiniteCapturePixel<S> {
     }
 
     /// The same for a packet whose height is known.
-    #[inline(always)]
     fn packet_of(&self, watermarks: &mut Watermarks<S>, charge_e: f64, height: f64, packet: usize) -> (f64, f64) {
         self.reach(watermarks, height, packet);
         let below = watermarks.inside.iter().rev().nth(1);
@@ -157,7 +151,6 @@ impl<const S: usize> FiniteCapturePixel<S> {
     }
 
     /// Capture inside and release everywhere for one transfer; the packet's change, e-.
-    #[inline(always)]
     fn exchange(&self, watermarks: &mut Watermarks<S>, charge_e: f64, height: f64) -> f64 {
         let (mut captured, mut released) = ([0.0; S], [0.0; S]);
         let (mut captured_e, mut released_e) = (0.0, 0.0);
@@ -188,21 +181,18 @@ impl<const S: usize> FiniteCapturePixel<S> {
     }
 
     /// Fractions of a watermark inside the cloud after so many packets.
-    #[inline(always)]
     fn filled_inside(&self, watermark: &Watermark<S>, packets: usize) -> [f64; S] {
         let approach = &self.approach[packets - watermark.since];
         std::array::from_fn(|s| self.full[s] + (watermark.fill[s] - self.full[s]) * approach[s])
     }
 
     /// Fractions of a watermark above the cloud after so many packets.
-    #[inline(always)]
     fn filled_above(&self, watermark: &Watermark<S>, packets: usize) -> [f64; S] {
         let keep = &self.keep[packets - watermark.since];
         std::array::from_fn(|s| watermark.fill[s] * keep[s])
     }
 
     /// Makes `height` the top of the uppermost watermark inside.
-    #[inline(always)]
     fn reach(&self, watermarks: &mut Watermarks<S>, height: f64, packet: usize) {
         let since = watermarks.packets;
         // Down: what lies above the height leaves the cloud.
@@ -247,7 +237,6 @@ impl<const S: usize> FiniteCapturePixel<S> {
     }
 
     /// Adds a watermark on top of those inside; one that is filled almost as its neighbour joins it, without loss of charge.
-    #[inline(always)]
     fn put_inside(&self, watermarks: &mut Watermarks<S>, upper: Watermark<S>) {
         if let Some(lower) = watermarks.inside.pop() {
             let fill = self.filled_inside(&lower, upper.since);
@@ -262,7 +251,6 @@ impl<const S: usize> FiniteCapturePixel<S> {
     }
 
     /// Adds a watermark, which starts at `floor`, below those above; as [`FiniteCapturePixel::put_inside`].
-    #[inline(always)]
     fn put_above(&self, watermarks: &mut Watermarks<S>, lower: Watermark<S>, floor: f64) {
         if let Some(upper) = watermarks.above.last_mut() {
             let fill = self.filled_above(upper, lower.since);
@@ -276,7 +264,6 @@ impl<const S: usize> FiniteCapturePixel<S> {
     }
 
     /// Whether two neighbours, the thinner one so thick, may be taken for one.
-    #[inline(always)]
     fn alike(&self, one: &[f64; S], other: &[f64; S], thickness: f64) -> bool {
         let apart: f64 = (0..S).map(|s| self.density[s] * (one[s] - other[s]).abs()).sum();
         apart * thickness < self.merge_e
@@ -294,7 +281,6 @@ impl<const S: usize> FiniteCapturePixel<S> {
     }
 
     /// Watermarks of a pixel (counted from the register) as the background has left them before row 0 comes.
-    #[inline(always)]
     pub fn start(&self, pixel: i64, rows_downstream: i64, watermarks: &mut Watermarks<S>) {
         let passed = (rows_downstream - pixel).max(0) as usize;
         let left = &self.background[passed.min(self.background.len() - 1)];
@@ -305,7 +291,6 @@ impl<const S: usize> FiniteCapturePixel<S> {
 }
 
 /// Fractions filled of two watermarks together, by their thicknesses.
-#[inline(always)]
 fn joined<const S: usize>(lower: &[f64; S], below: f64, upper: &[f64; S], above: f64) -> [f64; S] {
     let share = above / (above + below);
     std::array::from_fn(|s| lower[s] + share * (upper[s] - lower[s]))
@@ -331,29 +316,26 @@ impl<const S: usize> Passage for FiniteCapturePixel<S> {
         let heights = drift_e;
         heights.copy_from_slice(charge_e);
         self.cloud.heights_in_place(heights);
-        // Species side by side, by the widest instructions that the processor has.
-        dispatch!(simd::Level::new(), _simd => {
-            for lane in 0..LANES {
-                // Vector without a column of their own repeat the last one.
-                if lane > 0 && charge_e.iter().all(|row| row[lane] == row[lane - 1]) {
-                    change_e.iter_mut().chain(meets.iter_mut()).for_each(|row| row[lane] = row[lane - 1]);
-                    continue;
-                }
-                let mut nearest = block.nearest;
-                while nearest < block.nearest + block.pixels {
-                    // Pixels that all packets pass, and that the background has left alike, count as one.
-                    let pixels = (identical.min(block.nearest + block.pixels) - nearest).max(1);
-                    self.start(nearest, downstream.rows, watermarks);
-                    let first = (nearest - downstream.rows).clamp(0, charge_e.len() as i64) as usize;
-                    for row in first..charge_e.len() {
-                        let (change, met) = self.packet_of(watermarks, charge_e[row][lane], heights[row][lane], row + 1);
-                        change_e[row][lane] += pixels as f64 * change;
-                        meets[row][lane] += met;
-                    }
-                    nearest += pixels;
-                }
+        for lane in 0..LANES {
+            // Vector without a column of their own repeat the last one.
+            if lane > 0 && charge_e.iter().all(|row| row[lane] == row[lane - 1]) {
+                change_e.iter_mut().chain(meets.iter_mut()).for_each(|row| row[lane] = row[lane - 1]);
+                continue;
             }
-        });
+            let mut nearest = block.nearest;
+            while nearest < block.nearest + block.pixels {
+                // Pixels that all packets pass, and that the background has left alike, count as one.
+                let pixels = (identical.min(block.nearest + block.pixels) - nearest).max(1);
+                self.start(nearest, downstream.rows, watermarks);
+                let first = (nearest - downstream.rows).clamp(0, charge_e.len() as i64) as usize;
+                for row in first..charge_e.len() {
+                    let (change, met) = self.packet_of(watermarks, charge_e[row][lane], heights[row][lane], row + 1);
+                    change_e[row][lane] += pixels as f64 * change;
+                    meets[row][lane] += met;
+                }
+                nearest += pixels;
+            }
+        }
         heights.copy_from_slice(change_e);
         doubtful_e.fill([0.0; LANES]);
     }
