@@ -48,12 +48,12 @@ impl Drawn {
             for (name, figure) in result.figures() {
                 for format in &self.plots_as {
                     let path = folder.join(&name).with_extension(format.ending());
-                    atomic_file::write(path, &figure.to(*format))?;
+                    atomic_file::write(path, figure.to(*format))?;
                 }
             }
         }
         match &self.html {
-            Some(path) => atomic_file::write(path, &page(result, missions)),
+            Some(path) => atomic_file::write(path, page(result, missions)),
             None => Ok(()),
         }
     }

@@ -70,7 +70,7 @@ impl<'a> NewMission<'a> {
 
     /// Writes what becomes of the text.
     pub fn write(&self, edited: impl FnOnce(&str) -> String) -> Result<(), InputError> {
-        atomic_file::write(self.path, &edited(&self.text))
+        atomic_file::write(self.path, edited(&self.text))
     }
 }
 

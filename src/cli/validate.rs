@@ -34,7 +34,7 @@ impl Validate {
         if let Some(folder) = &self.residuals {
             atomic_file::folder(folder)?;
             for (name, table) in validation.tables() {
-                atomic_file::write(folder.join(name), &table.to_ecsv())?;
+                atomic_file::write(folder.join(name), table.to_ecsv())?;
             }
         }
         let fails = !validation.within_noise() && !validation.falls_short_of_noise();

@@ -287,6 +287,7 @@ impl<const S: usize> Pixel<S> {
     /// See [`Passage::pass`]. `SEEK`: the path of the packets is to be found; `KNOWN`: it is known.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)] // those of the trait's method, and the processor
+    #[allow(clippy::needless_range_loop)] // rows index several arrays at once
     fn pass_by<T: Simd, const SEEK: bool, const KNOWN: bool>(
         &self,
         simd: T,
