@@ -2,7 +2,7 @@
 //!
 //! Each stands in one file, with all that the program knows of it: its name and unit in measurement files, the conditions that
 //! it needs, and how it is taken from a readout. To add one: a file beside the others, its `mod` line, its line in
-//! [`observables!`].
+//! `observables!`.
 
 mod delta_e1;
 mod delta_flux;

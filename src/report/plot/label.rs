@@ -1,4 +1,4 @@
-//! A key or a column, such as `line_time_ms`, as the label of an axis: "line time [ms]".
+//! A key or a column, such as `line_time_ms`, as the label of an axis: `line time [ms]`.
 
 /// Units at the ends of keys, longest first, and how they are written.
 const UNITS: [(&str, &str); 14] = [
