@@ -196,7 +196,7 @@ impl Best {
     }
 }
 
-/// The mean of all galaxies between two lines that are so many rows apart, rows that are lost beside the lines left out.
+/// The mean of all galaxies between two lines `spacing_rows` apart, without the `guard_rows` beside each of them.
 fn between_lines(
     device: &Device,
     scene: &Scene,

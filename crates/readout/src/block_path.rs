@@ -25,7 +25,7 @@ pub(super) struct PathMeans {
 }
 
 impl PathMeans {
-    /// For so many rows.
+    /// For columns of `rows` packets.
     pub fn new(rows: usize) -> PathMeans {
         PathMeans { mean_e: vec![[0.0; LANES]; rows], further_e: vec![[0.0; LANES]; rows] }
     }
@@ -162,7 +162,7 @@ impl<T: Simd> Reached<T> {
         self.released = self.released + released;
     }
 
-    /// The watermark that lanes end at exists in so many pixels.
+    /// The watermark that lanes end at exists in `pixels` pixels.
     #[inline(always)]
     pub fn ends(&mut self, simd: T, at: Mask<T>, pixels: f64) {
         self.pixels = at.select(Vector::all(simd, pixels), self.pixels);

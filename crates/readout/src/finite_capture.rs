@@ -60,7 +60,7 @@ pub(super) struct Watermarks<const S: usize> {
 #[derive(Clone, Copy)]
 struct Watermark<const S: usize> {
     top: f64,
-    /// Fractions filled after so many packets.
+    /// Fractions filled after `since` packets, by species.
     fill: [f64; S],
     since: usize,
     /// Which packet's cloud ended at the top: its row plus one.
@@ -180,13 +180,13 @@ impl<const S: usize> FiniteCapturePixel<S> {
         released_e - share * captured_e
     }
 
-    /// Fractions of a watermark inside the cloud after so many packets.
+    /// Fractions of a watermark inside the cloud after n packets.
     fn filled_inside(&self, watermark: &Watermark<S>, packets: usize) -> [f64; S] {
         let approach = &self.approach[packets - watermark.since];
         std::array::from_fn(|s| self.full[s] + (watermark.fill[s] - self.full[s]) * approach[s])
     }
 
-    /// Fractions of a watermark above the cloud after so many packets.
+    /// Fractions of a watermark above the cloud after n packets.
     fn filled_above(&self, watermark: &Watermark<S>, packets: usize) -> [f64; S] {
         let keep = &self.keep[packets - watermark.since];
         std::array::from_fn(|s| watermark.fill[s] * keep[s])

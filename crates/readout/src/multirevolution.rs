@@ -62,7 +62,7 @@ pub(super) struct Workspace<L> {
 }
 
 impl<L: Default> Workspace<L> {
-    /// For so many rows.
+    /// For columns of `rows` packets.
     pub fn new(rows: usize) -> Workspace<L> {
         let stages = [(); 4].map(|()| Stage::new(rows));
         Workspace { watermarks: L::default(), stages, stage_e: vec![[0.0; LANES]; rows], path: PathMeans::new(rows) }

@@ -230,7 +230,7 @@ impl<'a, T: Simd, const S: usize, const SEEK: bool, const KNOWN: bool> Pass<'a, 
 
     /// Follows those packets of a row one by one that have less than the traps in their reach would take.
     #[inline(always)]
-    pub fn mend(&mut self, arrival: &Arrival<T, SEEK>, met: &mut Met<T, SEEK>, further_e: &mut Vector<T>) {
+    pub fn mend(&mut self, arrival: &Arrival<T, SEEK>, met: &mut Met<T, SEEK>) {
         let Arrival { row, before, visits, present_e, .. } = *arrival;
         let (simd, pixel) = (self.simd, self.pixel);
         let zero = Vector::all(simd, 0.0);
@@ -260,7 +260,7 @@ impl<'a, T: Simd, const S: usize, const SEEK: bool, const KNOWN: bool> Pass<'a, 
         met.last = Vector::load(simd, &passed.met);
         met.captured.once = Vector::load(simd, &passed.captured_e);
         met.captured.twice = spent.select(met.captured.once * (ahead(visits) * arrival.per_visit), met.captured.twice);
-        *further_e = spent.select(zero, *further_e);
+        met.further_e = spent.select(zero, met.further_e);
     }
 
     /// The row leaves its watermark; its change in the block, e-.
@@ -317,13 +317,12 @@ impl<const S: usize> Pixel<S> {
             let (starts, visits) = block.passage_of(row as i64, downstream);
             let arrival = pass.arrive(Vector::load(simd, &charge_e[row]), row, before, (starts, visits));
             let mut met = pass.descend(&arrival, &mut found.doubtful_e[row]);
-            let mut further_e = met.further_e;
             if arrival.short {
-                pass.mend(&arrival, &mut met, &mut further_e);
+                pass.mend(&arrival, &mut met);
             }
             let changed = pass.leave(&arrival, &met);
             if let Some(path) = &mut sought {
-                further_e.store(&mut path.further_e[row]);
+                met.further_e.store(&mut path.further_e[row]);
                 (changed.twice * arrival.per_visit - arrival.left_e).store(&mut path.mean_e[row]);
             }
             changed.once.store(&mut found.drift_e[row]);

@@ -77,7 +77,7 @@ pub(super) struct Stage {
 }
 
 impl Stage {
-    /// For so many rows.
+    /// For columns of `rows` packets.
     pub fn new(rows: usize) -> Stage {
         Stage {
             change_e: vec![[0.0; LANES]; rows],

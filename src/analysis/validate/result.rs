@@ -177,7 +177,7 @@ impl Validation {
         !self.exceeds_noise() && !self.falls_short_of_noise() && self.findings.is_empty()
     }
 
-    /// Rows that are farthest off: data set, row, residual.
+    /// Rows with the largest residuals: data set, row, residual.
     pub fn worst(&self, count: usize) -> Vec<(usize, usize, f64)> {
         let rows = self.sets.iter().enumerate().flat_map(|(set, result)| {
             result.residuals().into_iter().enumerate().map(move |(row, residual)| (set, row, residual))

@@ -39,7 +39,7 @@ impl Grid<'_> {
         Grid { phases, nodes }
     }
 
-    /// Release time (ms) that fits dipoles with errors best, whatever the probability of capture.
+    /// Release time (ms) that fits dipoles with errors best, for any probability of capture.
     pub fn fit(&self, measured: &[(f64, f64)]) -> f64 {
         let chi2 = |shape: &[f64]| {
             // χ² of the best amplitude: Σ y²w − (Σ y m w)²/Σ m²w, the first of which is always the same.
