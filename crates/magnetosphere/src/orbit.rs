@@ -1,0 +1,123 @@
+//! Elements of an orbit → places and the shares of time spent there.
+//!
+//! Trapped protons depend only on the place in the field that turns with the Earth. Over months the node visits every longitude
+//! evenly, and the perigee, unless it is held, every argument. So the mean is one over anomaly, longitude and, if it is free,
+//! argument of perigee; the eccentric anomaly E counts with 1 − e cos E, as Kepler's equation says.
+
+use std::f64::consts::{PI, TAU};
+
+use crate::EARTH_RADIUS_KM;
+
+/// Radius (km) above which altitudes are counted.
+pub const SPHERE_KM: f64 = 6371.0;
+
+/// Gravitational parameter of the Earth, km³ s⁻².
+const GM: f64 = 398_600.44;
+
+/// Period of the Earth's rotation against the stars, h.
+const SIDEREAL_DAY_H: f64 = 23.934_47;
+
+/// An orbit around the Earth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Elements {
+    /// Lowest altitude above a sphere of 6371 km, km.
+    pub perigee_km: f64,
+    /// Highest altitude, km.
+    pub apogee_km: f64,
+    /// Inclination to the equator, degrees.
+    pub inclination_deg: f64,
+    /// Argument of perigee, degrees; all of them, evenly, if it is None.
+    pub argument_of_perigee_deg: Option<f64>,
+}
+
+/// The geostationary orbit.
+pub const GEOSTATIONARY: Elements =
+    Elements { perigee_km: 35_793.2, apogee_km: 35_793.2, inclination_deg: 0.0, argument_of_perigee_deg: None };
+
+/// A geocentric place with its share of the time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Visit {
+    /// Place, RE.
+    pub place: [f64; 3],
+    /// Share of the time, over that of all visits together.
+    pub weight: f64,
+}
+
+impl Elements {
+    /// Semi-major axis, km.
+    pub fn semi_major_axis_km(&self) -> f64 {
+        SPHERE_KM + 0.5 * (self.perigee_km + self.apogee_km)
+    }
+
+    /// Eccentricity.
+    pub fn eccentricity(&self) -> f64 {
+        (self.apogee_km - self.perigee_km) / (2.0 * self.semi_major_axis_km())
+    }
+
+    /// Period, h.
+    pub fn period_h(&self) -> f64 {
+        TAU * (self.semi_major_axis_km().powi(3) / GM).sqrt() / 3600.0
+    }
+
+    /// Rate at which the Earth's oblateness turns the perigee, degrees a year. Sun and Moon turn those of high orbits as fast.
+    pub fn perigee_drift_deg_yr(&self) -> f64 {
+        const J2: f64 = 1.082_63e-3;
+        let parameter_km = self.semi_major_axis_km() * (1.0 - self.eccentricity().powi(2));
+        let mean_motion = TAU / (self.period_h() * 3600.0);
+        let sin = self.inclination_deg.to_radians().sin();
+        let rate = 1.5 * J2 * (6378.137 / parameter_km).powi(2) * mean_motion * (2.0 - 2.5 * sin * sin);
+        rate.to_degrees() * 3600.0 * 24.0 * 365.25
+    }
+
+    /// Revolutions a sidereal day if they are one or two, to 5 %: the same longitudes are then met again and again, and a mean
+    /// over all of them is only right for the mean of many such orbits.
+    pub fn repeats_longitudes(&self) -> Option<u32> {
+        let revolutions = SIDEREAL_DAY_H / self.period_h();
+        [1, 2].into_iter().find(|count| (revolutions / f64::from(*count) - 1.0).abs() < 0.05)
+    }
+
+    /// Whether perigee and apogee differ by less than counts.
+    fn is_circular(&self) -> bool {
+        self.eccentricity() < 1e-6
+    }
+
+    /// A place on the orbit below a distance (RE) from the centre, by its number, from 0 on. The mean of a quantity over the orbit
+    /// is the mean of weight times quantity over the first visits; it has converged when more of them change nothing.
+    ///
+    /// Anomaly, longitude of the node and, if it is free, argument of perigee follow the additive sequence of the powers of 1/φ,
+    /// with φ³ = φ + 1 in two dimensions and φ⁴ = φ + 1 in three, which fills the square or cube as evenly as can be (Niederreiter
+    /// 1992, Random Number Generation and Quasi-Monte Carlo Methods).
+    pub fn visit(&self, number: usize, below: f64) -> Visit {
+        let free = !self.is_circular() && self.argument_of_perigee_deg.is_none();
+        let golden: f64 = if free { 1.220_744_084_605_76 } else { 1.324_717_957_244_746 };
+        let part = |dimension: i32| ((number + 1) as f64 * golden.powi(-dimension)).fract();
+        let node = TAU * part(1);
+        let radius = self.semi_major_axis_km() / EARTH_RADIUS_KM;
+        if self.is_circular() {
+            let weight = if radius < below { 1.0 } else { 0.0 };
+            return Visit { place: self.place(radius, TAU * part(2), node), weight };
+        }
+        let eccentricity = self.eccentricity();
+        // r = a (1 − e cos E)
+        let reach = ((1.0 - below / radius) / eccentricity).clamp(-1.0, 1.0).acos();
+        // More places near the perigee, where fast protons are: E = reach · (y − c (y − y³)), −1 < y < 1.
+        let (y, crowding) = (2.0 * part(2) - 1.0, 0.75 * eccentricity);
+        let anomaly = reach * (y - crowding * (y - y * y * y));
+        let density = 1.0 - crowding * (1.0 - 3.0 * y * y);
+        let stretch = 1.0 - eccentricity * anomaly.cos();
+        let ratio = ((1.0 + eccentricity) / (1.0 - eccentricity)).sqrt();
+        let perigee = self.argument_of_perigee_deg.map_or(TAU * part(3), f64::to_radians);
+        let argument = perigee + 2.0 * (ratio * (0.5 * anomaly).tan()).atan();
+        Visit { place: self.place(radius * stretch, argument, node), weight: density * stretch * reach / PI }
+    }
+
+    /// The place at a distance (RE) and an argument of latitude (rad), where the node has a longitude (rad).
+    fn place(&self, radius: f64, argument: f64, node: f64) -> [f64; 3] {
+        let (sin, cos) = argument.sin_cos();
+        let inclination = self.inclination_deg.to_radians();
+        let sin_latitude = inclination.sin() * sin;
+        let cos_latitude = (1.0 - sin_latitude * sin_latitude).max(0.0).sqrt();
+        let (east, towards) = ((inclination.cos() * sin).atan2(cos) + node).sin_cos();
+        [radius * cos_latitude * towards, radius * cos_latitude * east, radius * sin_latitude]
+    }
+}
