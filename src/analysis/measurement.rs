@@ -7,10 +7,8 @@ mod units;
 
 use std::path::Path;
 
-use chrono::{NaiveDate, NaiveDateTime};
-
 use crate::error::{InputError, nearest};
-use crate::io::table::{Cell, Column, Table};
+use crate::io::table::{Cell, Table};
 use crate::mission::keys::Allowed::{self, Integer, Number, Positive};
 use crate::mission::{Mission, keys};
 use crate::mission_file::lookup;
@@ -414,7 +412,7 @@ impl Reader<'_> {
         if *cell == Cell::Missing {
             return Ok(None);
         }
-        let moment = moment(cell, column).ok_or_else(|| {
+        let moment = cell.moment(column.and_then(|column| column.time.as_ref())).ok_or_else(|| {
             let help = "write 2030-06-01, or 2030-06-01T12:00:00; numbers need astropy's Time (mjd, jd, decimalyear)";
             self.table.fault(Some(row), Some(place), "this is no date").with_help(help)
         })?;
@@ -440,33 +438,6 @@ impl Reader<'_> {
 
     fn names(&self) -> String {
         self.table.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ")
-    }
-}
-
-/// A point in time: text as ISO 8601 has it, or a number as astropy's time formats do.
-fn moment(cell: &Cell, column: Option<&Column>) -> Option<NaiveDateTime> {
-    if let Cell::Text(text) = cell {
-        let text = text.trim().trim_end_matches('Z');
-        let day = || text.parse::<NaiveDate>().ok()?.and_hms_opt(0, 0, 0);
-        let time = |format| NaiveDateTime::parse_from_str(text, format).ok();
-        return day().or_else(|| time("%Y-%m-%dT%H:%M:%S%.f")).or_else(|| time("%Y-%m-%d %H:%M:%S%.f"));
-    }
-    let number = cell.number().filter(|number| number.is_finite())?;
-    let days_after = |date: NaiveDate, days: f64| {
-        date.and_hms_opt(0, 0, 0)?
-            .checked_add_signed(chrono::TimeDelta::try_milliseconds((days * 86_400_000.0).round() as i64)?)
-    };
-    match column?.time.as_ref()?.format.as_str() {
-        "mjd" => days_after(NaiveDate::from_ymd_opt(1858, 11, 17)?, number),
-        // Julian dates start at noon.
-        "jd" => days_after(NaiveDate::from_ymd_opt(1858, 11, 17)?, number - 2_400_000.5),
-        "unix" => days_after(NaiveDate::from_ymd_opt(1970, 1, 1)?, number / 86_400.0),
-        "decimalyear" | "jyear" => {
-            let first = NaiveDate::from_ymd_opt(number.floor() as i32, 1, 1)?;
-            let days = if first.leap_year() { 366.0 } else { 365.0 };
-            days_after(first, number.fract() * days)
-        }
-        _ => None,
     }
 }
 

@@ -12,6 +12,7 @@
 mod columns;
 mod csv;
 mod ecsv;
+mod moment;
 mod write;
 
 use std::path::Path;
