@@ -3,4 +3,5 @@
 pub mod atomic_file;
 pub(crate) mod input;
 pub(crate) mod json;
+pub mod radiation_file;
 pub mod table;

@@ -25,6 +25,7 @@ mod paper;
 mod practice;
 mod predict;
 mod properties;
+mod radiation_files;
 mod readout;
 mod robust;
 mod skipped;

@@ -1,0 +1,65 @@
+//! What other radiation programs write: proton spectra, dose histories, dose-depth curves, shielding by sectors.
+//!
+//! The program is recognised by what its file says, never by the file's name. All of them may have line ends of Windows,
+//! a byte order mark and up to 100 MiB; all refusals are one message with file, line, column and value. Read are:
+//!
+//! * SPENVIS: orbit-averaged fluxes of trapped protons (`spenvis_tri.txt`), mission fluences of solar protons
+//!   (`spenvis_sef.txt`), cosmic rays (`spenvis_gcf.txt`);
+//! * OMERE: spectra under a header of comments, and the input fluences in its outputs of displacement damage;
+//! * CREME96 and CREME-MC: `.flx`, `.tfx` and `.trp`;
+//! * ECSV and CSV with columns named here; for histories, dose-depth curves and sectors these alone.
+//!
+//! Not read is what has no mean over the mission (worst days and weeks), what is not displacement damage (ionising dose in
+//! rad or Gy), and what is already behind something else (LET spectra, equivalent fluences).
+
+mod columns;
+mod creme;
+mod dose_depth;
+mod dose_history;
+mod omere;
+mod sectors;
+mod spectrum;
+mod spenvis;
+mod text;
+mod unit;
+
+pub use dose_depth::{DoseDepth, read_dose_depth};
+pub use dose_history::{DoseHistoryFile, Times, read_dose_history};
+pub use sectors::{Sectors, read_sectors};
+pub use spectrum::{Program, Quantity, SpectrumFile, Time, read_spectrum};
+
+/// Displacement damage dose, row by row; not negative.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Doses {
+    /// In MeV/g: since launch in a history, over the mission in a dose-depth curve.
+    Total(Vec<f64>),
+    /// In MeV/g/yr.
+    Rate(Vec<f64>),
+}
+
+impl Doses {
+    /// The numbers, in MeV/g or MeV/g/yr.
+    pub fn values(&self) -> &[f64] {
+        match self {
+            Doses::Total(values) | Doses::Rate(values) => values,
+        }
+    }
+}
+
+/// How much material stands in front, row by row; not negative.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Depths {
+    /// Thickness in mm, of the material that whoever reads the file takes it to be.
+    ThicknessMm(Vec<f64>),
+    /// Areal density in g/cm2.
+    ArealDensityGCm2(Vec<f64>),
+}
+
+impl Depths {
+    /// The numbers, in mm or g/cm2.
+    pub fn values(&self) -> &[f64] {
+        match self {
+            Depths::ThicknessMm(values) | Depths::ArealDensityGCm2(values) => values,
+        }
+    }
+}

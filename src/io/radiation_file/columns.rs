@@ -1,0 +1,146 @@
+//! Columns of ECSV and CSV with our names, in our units.
+
+use super::text::Source;
+use super::unit::Unit;
+use super::{Depths, Doses};
+use crate::error::{InputError, nearest};
+use crate::io::table::{Cell, Table};
+
+/// A table of a radiation file.
+pub(super) struct Columns<'a> {
+    source: &'a Source,
+    table: Table,
+}
+
+impl<'a> Columns<'a> {
+    /// Reads the text as a table with at least one row.
+    pub fn of(source: &'a Source) -> Result<Columns<'a>, InputError> {
+        let table = Table::parse(&source.name, &source.text).map_err(|error| source.refused(error))?;
+        if table.rows() == 0 {
+            return Err(source.refuse("the table has no rows"));
+        }
+        Ok(Columns { source, table })
+    }
+
+    pub fn table(&self) -> &Table {
+        &self.table
+    }
+
+    /// A refusal for what stands in a row (from 0) and column.
+    pub fn fault(&self, row: Option<usize>, column: &str, problem: impl Into<String>) -> InputError {
+        self.source.refused(self.table.fault(row, Some(column), problem))
+    }
+
+    /// The one of these columns that there is. All of a list are the same in other words, so only one may stand.
+    pub fn one_of(&self, names: &[&'static str]) -> Result<&'static str, InputError> {
+        match self.present(names)[..] {
+            [one] => Ok(one),
+            [] => Err(self.absent(names)),
+            [first, second, ..] => {
+                let problem = format!("columns {first} and {second} say the same in other words");
+                Err(self.fault(None, second, problem).with_help("give one of them"))
+            }
+        }
+    }
+
+    /// Those of these columns that there are.
+    pub fn present(&self, names: &[&'static str]) -> Vec<&'static str> {
+        names.iter().copied().filter(|name| self.table.column(name).is_some()).collect()
+    }
+
+    /// None of these columns is there.
+    pub fn absent(&self, names: &[&str]) -> InputError {
+        let known = || self.table.columns.iter().map(|column| column.name.as_str());
+        let columns = known().collect::<Vec<_>>().join(", ");
+        let error = self.source.refuse(format!("there is no column {}; columns: {columns}", names.join(" or ")));
+        let near = known().find_map(|column| Some((column, nearest(column, names.iter().copied())?)));
+        match near {
+            Some((column, name)) => error.with_help(format!("is `{column}` meant to be `{name}`?")),
+            None => error,
+        }
+    }
+
+    /// The column's numbers in the unit of its name, from the unit that its header states. None may be negative.
+    pub fn numbers(&self, name: &str, unit: &str) -> Result<Vec<f64>, InputError> {
+        let ours = Unit::parse(unit).expect("a unit of this crate");
+        self.converted(name, unit, |theirs| theirs.to(ours))
+    }
+
+    /// The column's fluxes or fluences, omnidirectional and in the unit of its name, of the same kind as that.
+    pub fn fluxes(&self, name: &str, unit: &str) -> Result<Vec<f64>, InputError> {
+        let (quantity, time, _) = Unit::parse(unit).and_then(Unit::flux).expect("a unit of this crate");
+        let factor = |theirs: Unit| theirs.flux().filter(|flux| (flux.0, flux.1) == (quantity, time));
+        self.converted(name, unit, |theirs| factor(theirs).map(|flux| flux.2))
+    }
+
+    /// The column's numbers times what makes ours of the unit that its header states.
+    fn converted(&self, name: &str, unit: &str, factor: impl Fn(Unit) -> Option<f64>) -> Result<Vec<f64>, InputError> {
+        let stated = self.table.column(name).and_then(|column| column.unit.as_ref());
+        let factor = match stated {
+            None => 1.0,
+            Some(theirs) => Unit::parse(theirs)
+                .and_then(factor)
+                .ok_or_else(|| self.fault(None, name, format!("`{theirs}` cannot be turned into {unit}")))?,
+        };
+        Ok(self.plain_numbers(name)?.into_iter().map(|number| factor * number).collect())
+    }
+
+    /// The column's numbers in whatever unit they have. None may be negative.
+    pub fn plain_numbers(&self, name: &str) -> Result<Vec<f64>, InputError> {
+        let column = self.table.column(name).ok_or_else(|| self.absent(&[name]))?;
+        let number = |(row, cell): (usize, &Cell)| match cell.number().filter(|number| number.is_finite()) {
+            Some(number) if number < 0.0 => Err(self.fault(Some(row), name, "this must not be negative")),
+            Some(number) => Ok(number),
+            None => Err(self.fault(Some(row), name, "a number is needed here")),
+        };
+        column.cells.iter().enumerate().map(number).collect()
+    }
+
+    /// The thickness in mm or the areal density in g/cm2 of each row.
+    pub fn depths(&self) -> Result<Depths, InputError> {
+        match self.one_of(&["thickness_mm", "areal_density_g_cm2"])? {
+            "thickness_mm" => Ok(Depths::ThicknessMm(self.numbers("thickness_mm", "mm")?)),
+            name => Ok(Depths::ArealDensityGCm2(self.numbers(name, "g/cm2")?)),
+        }
+    }
+
+    /// The doses in MeV/g or dose rates in MeV/g/yr of each row, by the names of their columns.
+    pub fn doses(&self, total: &'static str, rate: &'static str) -> Result<Doses, InputError> {
+        match self.one_of(&[total, rate])? {
+            name if name == total => Ok(Doses::Total(self.numbers(name, "MeV/g")?)),
+            name => Ok(Doses::Rate(self.numbers(name, "MeV/g/yr")?)),
+        }
+    }
+
+    /// At least two rows, so that there is something between them.
+    pub fn check_two_rows(&self) -> Result<(), InputError> {
+        match self.table.rows() {
+            0 | 1 => Err(self.source.refuse("there is one row, and at least two are needed")),
+            _ => Ok(()),
+        }
+    }
+
+    /// Each value is larger than the one before.
+    pub fn check_rising<T: PartialOrd>(&self, name: &str, values: &[T]) -> Result<(), InputError> {
+        match values.windows(2).position(|pair| pair[0] >= pair[1]) {
+            None => Ok(()),
+            Some(row) => Err(self.fault(Some(row + 1), name, format!("this must be {}", self.than("more", row, name)))),
+        }
+    }
+
+    /// No value is less than the one before.
+    pub fn check_not_falling(&self, name: &str, values: &[f64]) -> Result<(), InputError> {
+        match values.windows(2).position(|pair| pair[0] > pair[1]) {
+            None => Ok(()),
+            Some(row) => {
+                Err(self.fault(Some(row + 1), name, format!("this must not be {}", self.than("less", row, name))))
+            }
+        }
+    }
+
+    /// `less than in the row before, 3.0`
+    fn than(&self, how: &str, row: usize, name: &str) -> String {
+        let before = self.table.column(name).and_then(|column| column.cells.get(row)).unwrap_or(&Cell::Missing);
+        format!("{how} than in the row before, {before}")
+    }
+}

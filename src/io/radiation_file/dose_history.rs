@@ -1,0 +1,73 @@
+//! Dose histories: displacement damage dose against time, as ECSV or CSV.
+
+use std::path::Path;
+
+use chrono::NaiveDateTime;
+
+use super::Doses;
+use super::columns::Columns;
+use super::text::Source;
+use crate::error::InputError;
+use crate::io::table::Cell;
+
+/// A dose history as its file has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DoseHistoryFile {
+    /// When, row by row, each later than the one before; at least two.
+    pub times: Times,
+    /// The dose since launch, which never falls, or the dose rate; as many as times.
+    pub doses: Doses,
+}
+
+/// Points in time, each later than the one before.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Times {
+    /// Years of 365.25 d since launch; not negative.
+    SinceLaunchYr(Vec<f64>),
+    /// Dates, with the time of day where the file has it.
+    Dates(Vec<NaiveDateTime>),
+}
+
+impl Times {
+    /// The number of rows.
+    pub fn rows(&self) -> usize {
+        match self {
+            Times::SinceLaunchYr(years) => years.len(),
+            Times::Dates(dates) => dates.len(),
+        }
+    }
+}
+
+/// Reads a dose history from ECSV or CSV with the columns `t_yr` (years since launch) or `date`, and `dose_mev_g` (the
+/// dose since launch, MeV/g) or `rate_mev_g_yr` (MeV/g/yr). Units that a header states are converted.
+///
+/// # Errors
+/// Where the file cannot be read or is no such table: one message with file, line, column and value.
+pub fn read_dose_history(path: impl AsRef<Path>) -> Result<DoseHistoryFile, InputError> {
+    let source = Source::read(path.as_ref(), "dose history")?;
+    let columns = Columns::of(&source)?;
+    columns.check_two_rows()?;
+    let times = times(&columns)?;
+    let doses = columns.doses("dose_mev_g", "rate_mev_g_yr")?;
+    if let Doses::Total(totals) = &doses {
+        columns.check_not_falling("dose_mev_g", totals)?;
+    }
+    Ok(DoseHistoryFile { times, doses })
+}
+
+fn times(columns: &Columns) -> Result<Times, InputError> {
+    if columns.one_of(&["t_yr", "date"])? == "t_yr" {
+        let years = columns.numbers("t_yr", "yr")?;
+        columns.check_rising("t_yr", &years)?;
+        return Ok(Times::SinceLaunchYr(years));
+    }
+    let column = columns.table().column("date").ok_or_else(|| columns.absent(&["date"]))?;
+    let date = |(row, cell): (usize, &Cell)| {
+        cell.moment(column.time.as_ref()).ok_or_else(|| {
+            columns.fault(Some(row), "date", "this is no date").with_help("write 2030-06-01, or 2030-06-01T12:00:00")
+        })
+    };
+    let dates = column.cells.iter().enumerate().map(date).collect::<Result<Vec<_>, _>>()?;
+    columns.check_rising("date", &dates)?;
+    Ok(Times::Dates(dates))
+}

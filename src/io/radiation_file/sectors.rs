@@ -1,0 +1,36 @@
+//! Shielding by sectors: how much material stands in which part of the solid angle, as ray tracing finds it.
+
+use std::path::Path;
+
+use super::Depths;
+use super::columns::Columns;
+use super::text::Source;
+use crate::error::InputError;
+
+/// Shielding by sectors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sectors {
+    /// The fraction of all solid angle that each sector is; their sum is 1.
+    pub weights: Vec<f64>,
+    /// The material in front, as many as weights.
+    pub depths: Depths,
+}
+
+/// Reads sectors from ECSV or CSV with the columns `weight` (solid angle in any unit or scale) and `thickness_mm` or
+/// `areal_density_g_cm2`, which are converted from a unit that the header states.
+///
+/// # Errors
+/// Where the file cannot be read or is no such table, and where the weights are zero: one message with file, line, column
+/// and value.
+pub fn read_sectors(path: impl AsRef<Path>) -> Result<Sectors, InputError> {
+    let source = Source::read(path.as_ref(), "sectors")?;
+    let columns = Columns::of(&source)?;
+    let mut weights = columns.plain_numbers("weight")?;
+    let depths = columns.depths()?;
+    let sum: f64 = weights.iter().sum();
+    if sum == 0.0 || !sum.is_finite() {
+        return Err(columns.fault(None, "weight", format!("the sum of the weights is {sum}, and must be positive")));
+    }
+    weights.iter_mut().for_each(|weight| *weight /= sum);
+    Ok(Sectors { weights, depths })
+}

@@ -1,0 +1,187 @@
+//! Proton spectra: which program wrote one, and what all have in common.
+
+use std::path::Path;
+
+use super::columns::Columns;
+use super::text::Source;
+use super::{creme, omere, spenvis};
+use crate::error::InputError;
+
+/// A spectrum of protons before any shielding of ours: omnidirectional, cm-2.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpectrumFile {
+    /// Who wrote it.
+    pub program: Program,
+    /// What the values are of.
+    pub quantity: Quantity,
+    /// What the values are summed over.
+    pub time: Time,
+    /// How long the mission is in the file, in s, where it says so.
+    pub duration_s: Option<f64>,
+    /// What the file says the spectrum is behind, such as `ALUMINUM`. None where it says nothing: then it is outside.
+    pub shield: Option<String>,
+    /// Energies in MeV, positive, each more than the one before; at least two.
+    pub energies_mev: Vec<f64>,
+    /// One for each energy, not negative: cm-2, cm-2 MeV-1, cm-2 s-1 or cm-2 s-1 MeV-1. Those that are integral never
+    /// rise with the energy.
+    pub values: Vec<f64>,
+}
+
+/// Who writes spectra.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Program {
+    /// SPENVIS of ESA and BIRA-IASB.
+    Spenvis,
+    /// OMERE of TRAD and CNES.
+    Omere,
+    /// CREME96 of NRL and CREME-MC of Vanderbilt University.
+    Creme,
+    /// Any, as ECSV or CSV.
+    Table,
+}
+
+impl Program {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Program::Spenvis => "SPENVIS",
+            Program::Omere => "OMERE",
+            Program::Creme => "CREME",
+            Program::Table => "table",
+        }
+    }
+}
+
+/// What a value of a spectrum is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// All protons above the energy.
+    Integral,
+    /// The protons per MeV at the energy.
+    Differential,
+}
+
+/// What the values of a spectrum are summed over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Time {
+    /// The whole mission: a fluence.
+    Mission,
+    /// A second: a flux, the mean over the mission.
+    PerSecond,
+}
+
+/// One point of a spectrum, and where it stands.
+pub(super) struct Point {
+    pub energy_mev: f64,
+    /// In the unit of the file.
+    pub value: f64,
+    /// The line in the file, from 1.
+    pub line: usize,
+}
+
+/// Reads a proton spectrum of SPENVIS, OMERE or CREME, or an ECSV or CSV table with the columns `energy_mev` and
+/// `integral_cm2` or `differential_cm2_mev` (fluences of the mission), or `integral_cm2_s` or `differential_cm2_s_mev`
+/// (fluxes), whose `meta` may have `duration_yr`. Where there are both, the integral column is read.
+///
+/// # Errors
+/// Where the file cannot be read or holds no such spectrum: one message with file, line, column and value.
+pub fn read_spectrum(path: impl AsRef<Path>) -> Result<SpectrumFile, InputError> {
+    let source = Source::read(path.as_ref(), "spectrum")?;
+    if spenvis::is_spenvis(&source.text) {
+        spenvis::read(&source)
+    } else if omere::is_omere(&source.text) {
+        omere::read(&source)
+    } else if creme::is_creme(&source.text) {
+        creme::read(&source)
+    } else {
+        of_table(&source)
+    }
+}
+
+/// The columns that a table may have, the preferred ones first.
+const COLUMNS: [(&str, &str, Quantity, Time); 4] = [
+    ("integral_cm2", "cm-2", Quantity::Integral, Time::Mission),
+    ("integral_cm2_s", "cm-2 s-1", Quantity::Integral, Time::PerSecond),
+    ("differential_cm2_mev", "cm-2 MeV-1", Quantity::Differential, Time::Mission),
+    ("differential_cm2_s_mev", "cm-2 s-1 MeV-1", Quantity::Differential, Time::PerSecond),
+];
+
+fn of_table(source: &Source) -> Result<SpectrumFile, InputError> {
+    let columns = Columns::of(source)?;
+    let energies = columns.numbers("energy_mev", "MeV")?;
+    let names = COLUMNS.map(|(name, ..)| name);
+    let present = columns.present(&names);
+    // Fluences and fluxes side by side contradict one another, or at least say which the mission has.
+    let has = |time: Time| COLUMNS.iter().any(|column| column.3 == time && present.contains(&column.0));
+    if has(Time::Mission) && has(Time::PerSecond) {
+        let problem = format!("columns {} are fluences and fluxes, and only one of the two can be", present.join(", "));
+        return Err(source.refuse(problem).with_help("give fluences of the mission (cm-2), or fluxes (cm-2 s-1)"));
+    }
+    let &name = present.first().ok_or_else(|| columns.absent(&names))?;
+    let (_, unit, quantity, time) = COLUMNS.into_iter().find(|column| column.0 == name).expect("one of them");
+    let values = columns.fluxes(name, unit)?;
+    let lines = &columns.table().lines;
+    let points = energies.into_iter().zip(values).zip(lines);
+    let points = points.map(|((energy_mev, value), &line)| Point { energy_mev, value, line }).collect();
+    let duration_s = match columns.table().meta("duration_yr").map(|cell| cell.number()) {
+        None => None,
+        Some(Some(years)) if years > 0.0 && years.is_finite() => Some(years * super::unit::YEAR_S),
+        Some(_) => {
+            return Err(columns.fault(None, "meta.duration_yr", "the duration must be a positive number of years"));
+        }
+    };
+    Spectrum { program: Program::Table, quantity, time, duration_s, shield: None, factor: 1.0, points }
+        .checked(source, name)
+}
+
+/// A spectrum before it is checked.
+pub(super) struct Spectrum {
+    pub program: Program,
+    pub quantity: Quantity,
+    pub time: Time,
+    pub duration_s: Option<f64>,
+    pub shield: Option<String>,
+    /// What makes the values omnidirectional and in our unit.
+    pub factor: f64,
+    pub points: Vec<Point>,
+}
+
+impl Spectrum {
+    /// The spectrum where it is one: energies positive and rising, values not negative, integral ones not rising.
+    /// `column` is what the file calls the values.
+    pub fn checked(self, source: &Source, column: &str) -> Result<SpectrumFile, InputError> {
+        let at = |point: &Point, column: &str, value: f64, problem: &str| {
+            source.refuse_value(point.line, column, &format!("{value:?}"), problem)
+        };
+        if self.points.len() < 2 {
+            return Err(source.refuse(format!("a spectrum needs at least two energies, not {}", self.points.len())));
+        }
+        for point in &self.points {
+            if !(point.energy_mev > 0.0 && point.energy_mev.is_finite()) {
+                return Err(at(point, "energy", point.energy_mev, "an energy must be positive, in MeV"));
+            }
+            if !(point.value >= 0.0 && point.value.is_finite()) {
+                return Err(at(point, column, point.value, "this must be a number that is not negative"));
+            }
+        }
+        for pair in self.points.windows(2) {
+            if pair[0].energy_mev >= pair[1].energy_mev {
+                let problem = format!("energies must rise, and the one before is {:?} MeV", pair[0].energy_mev);
+                return Err(at(&pair[1], "energy", pair[1].energy_mev, &problem));
+            }
+            if self.quantity == Quantity::Integral && pair[0].value < pair[1].value {
+                let problem = "an integral spectrum, of all protons above an energy, must not rise with the energy";
+                return Err(at(&pair[1], column, pair[1].value, problem));
+            }
+        }
+        Ok(SpectrumFile {
+            program: self.program,
+            quantity: self.quantity,
+            time: self.time,
+            duration_s: self.duration_s,
+            shield: self.shield,
+            energies_mev: self.points.iter().map(|point| point.energy_mev).collect(),
+            values: self.points.iter().map(|point| self.factor * point.value).collect(),
+        })
+    }
+}
