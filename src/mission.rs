@@ -2,6 +2,8 @@
 //! [`crate::mission_file`] reads it.
 
 pub mod keys;
+mod orbit;
+mod shielding;
 
 use std::fmt;
 
@@ -9,16 +11,21 @@ use chrono::NaiveDate;
 use serde::{Deserialize, Serialize};
 
 use crate::environment::Niel;
-use crate::environment::shielding::Geometry;
+use crate::environment::spectrum::Spectrum;
+pub use orbit::{Header, Orbit, OrbitElements, OrbitKind};
+pub use shielding::{Layer, SecondariesCounted, Shielding};
 
 /// Everything a mission file says, defaults filled in. Keys carry their units; see [`keys::KEYS`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mission {
     /// Name, launch, duration, orbit.
     pub mission: Header,
+    /// Orbit by its elements.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub orbit: Option<OrbitElements>,
     /// Dose model.
     pub environment: Environment,
-    /// Aluminium around the detector; needed where the dose is derived.
+    /// Matter around the detector; needed where the dose is derived.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shielding: Option<Shielding>,
     /// Wells and traps.
@@ -45,35 +52,35 @@ pub struct Mission {
     pub uncertainty: Uncertainty,
     /// What may be adjusted to measurements.
     pub fit: FitSettings,
+    /// What the files hold that the mission names.
+    #[serde(skip)]
+    pub imported: Imported,
 }
 
-/// `[mission]`
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Header {
-    /// Name in reports.
-    pub name: String,
-    /// Day of launch.
-    pub launch: Date,
-    /// Length of the mission, years of 365.25 days.
-    pub duration_yr: f64,
-    /// Where it flies.
-    pub orbit: Orbit,
+/// What the files hold that a mission file names; read with it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Imported {
+    /// `environment.history`: years since launch, rising from 0, and dose since launch, MeV/g.
+    pub history: Vec<(f64, f64)>,
+    /// `environment.spectra`.
+    pub spectra: Vec<ImportedSpectrum>,
+    /// `environment.dose_depth`: areal density of aluminium (g/cm², rising) and dose of the mission behind a sphere of it, MeV/g.
+    pub dose_depth: Vec<(f64, f64)>,
+    /// `shielding.sectors`: share of the sky and areal density, g/cm².
+    pub sectors: Vec<(f64, f64)>,
 }
 
-/// Where a mission flies: what decides whether solar protons reach it unhindered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Orbit {
-    /// Sun-Earth Lagrange point 1.
-    L1,
-    /// Sun-Earth Lagrange point 2.
-    L2,
-    /// Around the Sun at 1 AU.
-    Interplanetary,
-    /// Geostationary: solar protons arrive, trapped ones are not modelled.
-    Geo,
-    /// Low Earth orbit: shielded by the magnetic field, dosed by trapped protons. No dose model; the mission gives it.
-    Leo,
+/// A proton spectrum of another program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImportedSpectrum {
+    /// The file.
+    pub file: String,
+    /// The program that wrote it.
+    pub program: String,
+    /// Omnidirectional fluence of the mission, or of a second, cm⁻².
+    pub spectrum: Spectrum,
+    /// Whether it is that of a second.
+    pub per_second: bool,
 }
 
 /// `[environment]`
@@ -86,14 +93,53 @@ pub struct Environment {
     pub active_dose_rate_mev_g_yr: Option<f64>,
     /// Probability that the solar proton fluence is not exceeded.
     pub confidence: f64,
-    /// How quantiles of years add up.
-    pub accumulate: Accumulate,
+    /// How quantiles of years add up, if the file says it; see [`Environment::accumulate`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accumulate: Option<Accumulate>,
+    /// Factor on the whole dose, such as a radiation design margin.
+    pub dose_factor: f64,
     /// Dose rate of cosmic rays in every year, on top, MeV/g/yr.
     pub cosmic_ray_floor_mev_g_yr: f64,
     /// Solar maxima, decimal years.
     pub solar_maximum: Vec<f64>,
+    /// Active years of the mission, whatever the calendar says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub active_years: Option<f64>,
+    /// Phase of the solar cycle at which trapped protons and cosmic rays are held.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub solar_phase: Option<SolarPhase>,
     /// Damage curve of protons in silicon.
     pub niel: Niel,
+    /// Sources of protons, by name; all that reach the orbit where it is None.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sources: Option<Vec<String>>,
+    /// File of the dose over time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub history: Option<String>,
+    /// Files of proton spectra, in place of sources.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spectra: Option<Vec<String>>,
+    /// File of the dose against thickness, in place of sources.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dose_depth: Option<String>,
+}
+
+impl Environment {
+    /// How quantiles of years add up: the quantile of the sum where all sources are derived, the paper's way in its models.
+    pub fn accumulate(&self) -> Accumulate {
+        let default = if self.model == DoseModel::Derived { Accumulate::Mission } else { Accumulate::Yearly };
+        self.accumulate.unwrap_or(default)
+    }
+}
+
+/// A phase of the solar cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SolarPhase {
+    /// Solar minimum.
+    Min,
+    /// Solar maximum.
+    Max,
 }
 
 /// How the dose is spread over the years.
@@ -104,6 +150,10 @@ pub enum DoseModel {
     Constant,
     /// The active rate in active years, nothing in quiet ones.
     SolarCycle,
+    /// From orbit, Sun, shield and NIEL: each source at its own times.
+    Derived,
+    /// As a file says.
+    History,
 }
 
 /// How quantiles of years add up.
@@ -115,25 +165,6 @@ pub enum Accumulate {
     Yearly,
     /// The quantile of the sum over the mission, spread evenly over its active years.
     Mission,
-}
-
-/// `[shielding]`
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Shielding {
-    /// Sphere or slab.
-    pub geometry: Geometry,
-    /// Aluminium.
-    pub material: Material,
-    /// Thickness, mm.
-    pub thickness_mm: f64,
-}
-
-/// What a shield is made of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Material {
-    /// 2.699 g/cm³.
-    Aluminium,
 }
 
 /// `[detector]`
@@ -150,7 +181,14 @@ pub struct Detector {
     /// Temperature at which the release times are quoted, K.
     pub reference_temperature_k: f64,
     /// Dose at which the densities are quoted, MeV/g.
-    pub reference_dose_mev_g: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference_dose_mev_g: Option<f64>,
+    /// Fluence of protons at which they are quoted instead, cm⁻².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference_fluence_cm2: Option<f64>,
+    /// Energy of those protons, MeV.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference_energy_mev: Option<f64>,
     /// Trap species.
     pub traps: Vec<Species>,
 }
@@ -396,6 +434,17 @@ impl fmt::Display for Date {
 }
 
 impl Mission {
+    /// Dose at which the densities are quoted, MeV/g: as given, or that of the reference fluence by the mission's own damage curve,
+    /// which at 10 MeV is that of the table.
+    pub fn reference_dose_mev_g(&self) -> f64 {
+        let detector = &self.detector;
+        let of_fluence = || {
+            let (fluence_cm2, energy_mev) = (detector.reference_fluence_cm2?, detector.reference_energy_mev?);
+            Some(fluence_cm2 * self.environment.niel.at(energy_mev))
+        };
+        detector.reference_dose_mev_g.or_else(of_fluence).expect("a mission that was read has a reference")
+    }
+
     /// The galaxy that the requirement judges.
     pub fn judged_galaxy(&self) -> &Galaxy {
         self.galaxies

@@ -8,6 +8,8 @@ pub mod dose_history;
 pub mod galaxy;
 pub mod observable;
 pub mod shape;
+pub mod source_dose;
 
 pub use damage::{BOLTZMANN_EV_K, Damage, Loss, SpeciesState, release_factor};
 pub use dose_history::{DoseHistory, Law, RateOrigin};
+pub use source_dose::SourceDose;

@@ -44,6 +44,35 @@ pub enum Warning {
     },
     /// The dose of solar protons is shown for an orbit that they do not reach unhindered.
     ShieldedByField,
+    /// Nuclear reactions in the shield change the dose.
+    Secondaries {
+        /// Share of the dose that is lost with protons that react.
+        lost: f64,
+        /// Share that neutrons add.
+        neutrons: f64,
+        /// Whether both are counted.
+        counted: bool,
+    },
+    /// The orbit meets the same longitudes again and again.
+    RepeatsLongitudes {
+        /// Revolutions a sidereal day.
+        revolutions: u32,
+    },
+    /// The mean of the trapped protons over the orbit has not converged.
+    OrbitMean {
+        /// Its estimated relative error.
+        relative_error: f64,
+    },
+    /// Trapped protons are counted where the belt ends in the atmosphere.
+    LowAltitude {
+        /// Altitude of the perigee, km.
+        perigee_km: f64,
+    },
+    /// Sun and Moon move the perigee of a long ellipse.
+    PerigeeMoves {
+        /// Whether its argument is held.
+        held: bool,
+    },
     /// The readout has one realisation of random traps.
     OneSetOfTraps,
     /// The accuracy of the readout is too low for the requirement.
@@ -131,6 +160,38 @@ impl fmt::Display for Warning {
             Warning::ShieldedByField => write!(
                 out,
                 "the magnetosphere shields a low Earth orbit from part of the solar protons: the ESP values hold outside it"
+            ),
+            Warning::Secondaries { lost, neutrons, counted } => write!(
+                out,
+                "nuclear reactions in the shield take {:.0} % of the dose and add {:.0} % by neutrons, to a factor of 2: they are \
+                 {}counted{}",
+                100.0 * lost,
+                100.0 * neutrons,
+                if *counted { "" } else { "not " },
+                if *counted { "" } else { "; shielding.secondaries = \"estimated\" counts them" }
+            ),
+            Warning::RepeatsLongitudes { revolutions } => write!(
+                out,
+                "the orbit makes {revolutions} revolution{} a day and meets the same longitudes again and again: its trapped protons \
+                 may be half or twice the mean over all longitudes that is used",
+                if *revolutions == 1 { "" } else { "s" }
+            ),
+            Warning::OrbitMean { relative_error } => write!(
+                out,
+                "the mean of the trapped protons over the orbit has an estimated error of {:.1} %: few of them are met, in a small \
+                 part of the orbit",
+                100.0 * relative_error
+            ),
+            Warning::LowAltitude { perigee_km } => write!(
+                out,
+                "at {perigee_km} km the flux of trapped protons doubles within 50 to 70 km: AP-8 is uncertain by more than its \
+                 factor of 2, and the orbit decays"
+            ),
+            Warning::PerigeeMoves { held } => write!(
+                out,
+                "Sun and Moon move the perigee of so long an ellipse by thousands of km within years: the dose of trapped protons {} \
+                 may change by a factor of 10; give the orbit of each part of the mission, or import a spectrum",
+                if *held { "at this perigee" } else { "as a mean over all arguments of perigee" }
             ),
             Warning::OneSetOfTraps => write!(
                 out,

@@ -37,7 +37,7 @@ fn main() {
     let model = Model::new(&mission);
     println!("| case | program | threads | time | error | ArCTIc's time over ctiplan's |");
     println!("| --- | --- | --- | --- | --- | --- |");
-    let doses = [("5 yr", model.dose_mev_g(5.0).unwrap()), ("110 yr", mission.detector.reference_dose_mev_g)];
+    let doses = [("5 yr", model.dose_mev_g(5.0).unwrap()), ("110 yr", mission.reference_dose_mev_g())];
     for (name, dose_mev_g) in doses {
         let at = Conditions { dose_mev_g: Some(dose_mev_g), ..model.conditions(5.0) };
         let readout = model.device(&at).unwrap().readout();

@@ -207,7 +207,7 @@ fn loss_e(readout: &Readout) -> f64 {
 /// The detector as irradiated in the laboratory, for a galaxy so many transfers from the register.
 pub fn irradiated(mission: &Mission, transfers: u32) -> Device {
     let model = Model::new(mission);
-    let dose_mev_g = Some(mission.detector.reference_dose_mev_g);
+    let dose_mev_g = Some(mission.reference_dose_mev_g());
     model.device(&Conditions { dose_mev_g, transfers, ..model.conditions(0.0) }).unwrap()
 }
 

@@ -1,10 +1,12 @@
 //! `ctiplan dose`.
 
 use clap::Args;
+use toml::Value;
 
 use super::drawn::Drawn;
 use super::inputs::OneMission;
 use super::{Failure, Outcome, Output, print};
+use crate::mission::Mission;
 use crate::plan::dose;
 
 #[derive(Debug, Args)]
@@ -12,8 +14,17 @@ pub(super) struct Dose {
     #[command(flatten)]
     mission: OneMission,
     /// Energies at which the spectrum is printed, MeV
-    #[arg(long, value_name = "MEV", value_delimiter = ',', value_parser = energy)]
+    #[arg(long = "energies", alias = "energies-mev", value_name = "MEV", value_delimiter = ',', value_parser = energy)]
     energies_mev: Vec<f64>,
+    /// Active years of the Sun in the mission, whatever the calendar says
+    #[arg(long, value_name = "YR")]
+    active_years: Option<f64>,
+    /// Phase of the solar cycle at which trapped protons and cosmic rays are held
+    #[arg(long, value_name = "PHASE", value_parser = ["min", "max"])]
+    solar_phase: Option<String>,
+    /// The way from the particle spectrum to the dose, in ten lines with their numbers
+    #[arg(long)]
+    explain: bool,
     #[command(flatten)]
     drawn: Drawn,
     #[command(flatten)]
@@ -22,13 +33,24 @@ pub(super) struct Dose {
 
 impl Dose {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
-        let mission = self.mission.read()?;
+        let mission = self.of_sun(self.mission.read()?)?;
         self.drawn.check()?;
         let energies_mev: &[f64] = if self.energies_mev.is_empty() { &dose::ENERGIES_MEV } else { &self.energies_mev };
-        let survey = dose::survey(&mission, energies_mev)?;
+        let mut survey = dose::survey(&mission, energies_mev)?;
+        survey.explained = survey.explained.filter(|_| self.explain);
         self.drawn.write(&survey, &[mission])?;
         print(&survey, &self.output)?;
         Ok(Outcome::Done)
+    }
+}
+
+impl Dose {
+    /// The mission under the Sun that was asked for.
+    fn of_sun(&self, mission: Mission) -> Result<Mission, Failure> {
+        let years = self.active_years.map(|years| ("environment.active_years".to_string(), Value::Float(years)));
+        let phase = self.solar_phase.clone().map(|phase| ("environment.solar_phase".to_string(), Value::String(phase)));
+        let settings: Vec<(String, Value)> = years.into_iter().chain(phase).collect();
+        Ok(if settings.is_empty() { mission } else { mission.with(&settings)? })
     }
 }
 

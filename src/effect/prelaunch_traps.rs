@@ -40,7 +40,7 @@ impl Catalogued for PrelaunchTraps {
 
     fn trials(mission: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
         // A fifth of what the mission makes, species by species.
-        let share = 0.2 * reach.dose_mev_g / mission.detector.reference_dose_mev_g;
+        let share = 0.2 * reach.dose_mev_g / mission.reference_dose_mev_g();
         let species = mission.detector.traps.iter();
         let alone = |alone: &str| {
             let density = |per_px: f64, name: &str| if name == alone { (share * per_px).clamp(1e-4, 1e4) } else { 0.0 };

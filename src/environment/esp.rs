@@ -12,6 +12,8 @@
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
+use super::spectrum::{Law, Spectrum};
+
 /// Threshold energy (MeV), mean fluence of an active year (cm⁻²), relative variance of a year. ECSS table B-7.
 const YEARLY: [(f64, f64, f64); 19] = [
     (1.0, 8.877e10, 0.940),
@@ -47,58 +49,21 @@ const ABOVE_100_MEV: [(f64, f64); 8] = [
     (300.0, 0.0647),
 ];
 
-/// Integral fluence spectrum of solar protons: a power law between the model's energies.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Spectrum {
-    /// ln(E / MeV) and ln(F(>E) cm²), by energy.
-    nodes: Vec<(f64, f64)>,
-}
-
-impl Spectrum {
-    /// Fluence over `active_years` of solar activity that is not exceeded with probability `confidence`, over all
-    /// directions (4π), at 1 AU.
-    ///
-    /// The model's shortest time is one year: less counts as one. `confidence` lies between 0 and 1, both excluded.
-    pub fn esp(confidence: f64, active_years: f64) -> Spectrum {
-        let years = active_years.max(1.0);
-        let z = Normal::standard().inverse_cdf(confidence);
-        let fluence = |mean: f64, relative_variance: f64| {
-            // σ² = ln(1 + RV/T)   μ = ln(T mean) − σ²/2   F = exp(μ + z σ)
-            let variance = (relative_variance / years).ln_1p();
-            ((years * mean).ln() - variance / 2.0 + z * variance.sqrt()).exp()
-        };
-        let mut nodes: Vec<(f64, f64)> = YEARLY
-            .iter()
-            .map(|&(energy_mev, mean, variance)| (energy_mev.ln(), fluence(mean, variance).ln()))
-            .collect();
-        let above_100 = nodes[nodes.len() - 1].1;
-        nodes.extend(ABOVE_100_MEV.iter().map(|&(energy_mev, factor)| (energy_mev.ln(), above_100 + factor.ln())));
-        Spectrum { nodes }
-    }
-
-    /// Fluence above an energy (MeV), cm⁻².
-    pub fn above(&self, energy_mev: f64) -> f64 {
-        let (slope, log_energy, log_fluence) = self.segment(energy_mev);
-        (log_fluence + slope * (energy_mev.ln() - log_energy)).exp()
-    }
-
-    /// Differential fluence at an energy (MeV), cm⁻² MeV⁻¹: the slope of [`Self::above`], which steps at the model's
-    /// energies.
-    pub fn differential(&self, energy_mev: f64) -> f64 {
-        let (slope, ..) = self.segment(energy_mev);
-        -slope * self.above(energy_mev) / energy_mev
-    }
-
-    /// Energies (MeV) between which the spectrum is one power law each.
-    pub fn energies_mev(&self) -> impl Iterator<Item = f64> {
-        self.nodes.iter().map(|(log_energy, _)| log_energy.exp())
-    }
-
-    /// Slope and starting point of the power law that holds at an energy.
-    fn segment(&self, energy_mev: f64) -> (f64, f64, f64) {
-        let log_energy = energy_mev.ln();
-        let upper = self.nodes.partition_point(|node| node.0 <= log_energy).clamp(1, self.nodes.len() - 1);
-        let (low, high) = (self.nodes[upper - 1], self.nodes[upper]);
-        ((high.1 - low.1) / (high.0 - low.0), low.0, low.1)
-    }
+/// Fluence over `active_years` of solar activity that is not exceeded with probability `confidence`, over all
+/// directions (4π), at 1 AU.
+///
+/// The model's shortest time is one year: less counts as one. `confidence` lies between 0 and 1, both excluded.
+pub fn fluence(confidence: f64, active_years: f64) -> Spectrum {
+    let years = active_years.max(1.0);
+    let z = Normal::standard().inverse_cdf(confidence);
+    let fluence = |mean: f64, relative_variance: f64| {
+        // σ² = ln(1 + RV/T)   μ = ln(T mean) − σ²/2   F = exp(μ + z σ)
+        let variance = (relative_variance / years).ln_1p();
+        ((years * mean).ln() - variance / 2.0 + z * variance.sqrt()).exp()
+    };
+    let mut nodes: Vec<(f64, f64)> =
+        YEARLY.iter().map(|&(energy_mev, mean, variance)| (energy_mev, fluence(mean, variance))).collect();
+    let above_100 = nodes[nodes.len() - 1].1;
+    nodes.extend(ABOVE_100_MEV.iter().map(|&(energy_mev, factor)| (energy_mev, above_100 * factor)));
+    Spectrum::of(nodes, Law::Power)
 }

@@ -17,6 +17,8 @@ pub struct Curve {
     /// Exponent of the power law that continues the curve below the fitted energies: the tables' own mean slope from
     /// there down to 1 keV. (The slope of a Chebyshev fit at its very end is not to be trusted.)
     exponent_below: f64,
+    /// Growth per MeV above the fitted energies.
+    slope_above: f64,
     coefficients: [f64; 9],
 }
 
@@ -25,6 +27,8 @@ pub const RANGE_ALUMINIUM: Curve = Curve {
     low_mev: 0.1,
     high_mev: 1000.0,
     exponent_below: 0.626,
+    // Protons of 1 GeV and more lose 1.75 MeV cm²/g.
+    slope_above: 1.0 / 1.75,
     coefficients: [
         -1.4418853,
         7.3734315,
@@ -44,6 +48,7 @@ pub const NIEL_SR: Curve = Curve {
     low_mev: 0.01,
     high_mev: 1000.0,
     exponent_below: -0.34,
+    slope_above: 0.0,
     coefficients: [
         -3.2415256,
         -3.9882593,
@@ -62,6 +67,7 @@ pub const NIEL_RD50: Curve = Curve {
     low_mev: 0.01,
     high_mev: 1000.0,
     exponent_below: -0.66,
+    slope_above: 0.0,
     coefficients: [
         -3.2086093,
         -4.0771296,
@@ -76,22 +82,24 @@ pub const NIEL_RD50: Curve = Curve {
 };
 
 impl Curve {
-    /// Value at an energy (MeV); beyond the fitted energies a power law.
+    /// Value at an energy (MeV); below the fitted energies a power law, above them a straight line.
     pub fn at(&self, energy_mev: f64) -> f64 {
         let inside_mev = energy_mev.clamp(self.low_mev, self.high_mev);
-        let (value, _) = self.log_value_and_slope(inside_mev);
-        if energy_mev == inside_mev {
-            return value.exp();
+        let value = self.log_value_and_slope(inside_mev).0.exp();
+        if energy_mev < self.low_mev {
+            return value * (energy_mev / self.low_mev).powf(self.exponent_below);
         }
-        (value + self.log_slope(energy_mev) * (energy_mev / inside_mev).ln()).exp()
+        value + self.slope_above * (energy_mev - inside_mev)
     }
 
     /// Slope d ln y / d ln E at an energy (MeV).
     pub fn log_slope(&self, energy_mev: f64) -> f64 {
         if energy_mev < self.low_mev {
             self.exponent_below
+        } else if energy_mev > self.high_mev {
+            self.slope_above * energy_mev / self.at(energy_mev)
         } else {
-            self.log_value_and_slope(energy_mev.min(self.high_mev)).1
+            self.log_value_and_slope(energy_mev).1
         }
     }
 

@@ -1,12 +1,14 @@
-//! Spectrum and aluminium → spectrum behind the aluminium and its displacement damage dose.
+//! Spectrum and shield → spectrum behind the shield and its displacement damage dose.
 //!
-//! Straight ahead, continuous slowing down, no secondaries: a proton that leaves with E_out entered with
-//! E_in = R⁻¹(R(E_out) + t). A sphere has the same thickness t in every direction. A slab is seen under the angle
-//! arccos μ, has thickness t/μ, and covers half of the sky; nothing comes from the other half.
+//! Straight ahead, continuous slowing down: a proton that leaves with E_out entered with E_in = R⁻¹(R(E_out) + t). A shield is a
+//! list of directions, each with its share of the sky and a thickness t. A sphere has one. A slab is seen under the angle arccos μ,
+//! has thickness t/μ and covers half of the sky; nothing comes from the other half.
 //!
 //! ```text
-//! D = ∫ NIEL(E_out) f(E_in) dE_in        slab: D = ½ ∫₀¹ D_sphere(t/μ) dμ
+//! D = Σ share ∫ NIEL(E_out) f(E_in) dE_in        slab: D = ½ ∫₀¹ D_sphere(t/μ) dμ
 //! ```
+//!
+//! What this leaves out is in [`super::secondaries`].
 
 use std::fmt;
 use std::num::NonZeroUsize;
@@ -14,10 +16,10 @@ use std::num::NonZeroUsize;
 use gauss_quad::GaussLegendre;
 use serde::{Deserialize, Serialize};
 
-use super::esp::Spectrum;
 use super::proton::{ALUMINIUM_G_CM3, Curve, RANGE_ALUMINIUM};
+use super::spectrum::Spectrum;
 
-/// Shape of the aluminium around the detector.
+/// Shape of the shield around the detector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Geometry {
@@ -36,57 +38,145 @@ impl fmt::Display for Geometry {
     }
 }
 
-/// Emerging energies (MeV) over which a dose is integrated. Slower protons, of less than 1 keV, displace next to nothing
-/// (SR-NIEL falls to 0 at 0.15 keV); above, the fits end.
-const EMERGING_MEV: (f64, f64) = (1e-3, 1000.0);
-
-/// Fluence above an energy (MeV) behind aluminium (mm), cm⁻².
-pub fn fluence_behind(spectrum: &Spectrum, geometry: Geometry, thickness_mm: f64, energy_mev: f64) -> f64 {
-    let sphere = |thickness_g_cm2: f64| {
-        spectrum.above(RANGE_ALUMINIUM.inverse(RANGE_ALUMINIUM.at(energy_mev) + thickness_g_cm2))
-    };
-    over_directions(geometry, thickness_mm, sphere)
+/// A direction, or several alike.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Direction {
+    /// Share of the sky (4π).
+    pub share: f64,
+    /// Areal density, g/cm².
+    pub areal_g_cm2: f64,
+    /// Areal density of the aluminium that slows protons down as much, g/cm².
+    pub aluminium_g_cm2: f64,
 }
 
-/// Displacement damage dose in silicon (MeV/g) behind aluminium (mm).
-pub fn dose_behind(spectrum: &Spectrum, geometry: Geometry, thickness_mm: f64, niel: &Curve) -> f64 {
-    let legendre = GaussLegendre::new(NonZeroUsize::new(10).expect("ten points"));
-    let sphere = |thickness_g_cm2: f64| {
-        let entering = |emerging_mev: f64| RANGE_ALUMINIUM.inverse(RANGE_ALUMINIUM.at(emerging_mev) + thickness_g_cm2);
-        let emerging = |entering_mev: f64| {
-            let left = RANGE_ALUMINIUM.at(entering_mev) - thickness_g_cm2;
-            if left > 0.0 { RANGE_ALUMINIUM.inverse(left) } else { 0.0 }
+/// Matter around the detector, by direction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shield {
+    /// Directions from which protons come.
+    pub directions: Vec<Direction>,
+}
+
+impl Shield {
+    /// A shape with a thickness in its normal direction: areal density, and that of the aluminium it is worth, g/cm².
+    pub fn of(geometry: Geometry, areal_g_cm2: f64, aluminium_g_cm2: f64) -> Shield {
+        let direction = |share: f64, cosine: f64| Direction {
+            share,
+            areal_g_cm2: areal_g_cm2 / cosine,
+            aluminium_g_cm2: aluminium_g_cm2 / cosine,
         };
-        // Where the spectrum's power law changes, and at least every factor of two, as NIEL bends.
-        let (low, high) = EMERGING_MEV;
-        let mut cuts: Vec<f64> = spectrum.energies_mev().map(emerging).filter(|e| *e > low && *e < high).collect();
-        cuts.extend((0..=20).map(|k| low * 2_f64.powi(k)).filter(|e| *e < high));
-        cuts.push(high);
-        cuts.sort_by(f64::total_cmp);
-        cuts.windows(2)
-            .map(|cut| {
-                legendre.integrate(cut[0].ln(), cut[1].ln(), |log_energy| {
-                    let energy_mev = log_energy.exp();
-                    let entering_mev = entering(energy_mev);
-                    // dE_in/dE_out = (R/E · slope) at E_out over the same at E_in
-                    let stretch = RANGE_ALUMINIUM.at(energy_mev) * RANGE_ALUMINIUM.log_slope(energy_mev) * entering_mev
-                        / (RANGE_ALUMINIUM.at(entering_mev) * RANGE_ALUMINIUM.log_slope(entering_mev) * energy_mev);
-                    niel.at(energy_mev) * spectrum.differential(entering_mev) * stretch * energy_mev
-                })
-            })
-            .sum()
-    };
-    over_directions(geometry, thickness_mm, sphere)
+        let directions = match geometry {
+            Geometry::Sphere => vec![direction(1.0, 1.0)],
+            Geometry::Slab => {
+                let legendre = GaussLegendre::new(NonZeroUsize::new(24).expect("24 points"));
+                // Nodes and weights of −1 to 1.
+                legendre.iter().map(|(node, weight)| direction(0.25 * weight, 0.5 * (1.0 + node))).collect()
+            }
+        };
+        Shield { directions }
+    }
+
+    /// Aluminium of a shape and thickness (mm).
+    pub fn aluminium(geometry: Geometry, thickness_mm: f64) -> Shield {
+        let areal_g_cm2 = thickness_mm / 10.0 * ALUMINIUM_G_CM3;
+        Shield::of(geometry, areal_g_cm2, areal_g_cm2)
+    }
+
+    /// The same with all thicknesses multiplied.
+    pub fn scaled(&self, factor: f64) -> Shield {
+        let scaled = |direction: &Direction| Direction {
+            areal_g_cm2: factor * direction.areal_g_cm2,
+            aluminium_g_cm2: factor * direction.aluminium_g_cm2,
+            ..*direction
+        };
+        Shield { directions: self.directions.iter().map(scaled).collect() }
+    }
+
+    /// Mean over the sky of what arrives behind a direction. From as many directions as ray tracing gives, only thicknesses are
+    /// looked at, and those between by interpolation.
+    pub fn mean(&self, arriving: impl Fn(&Direction) -> f64) -> f64 {
+        self.directions.iter().map(|direction| direction.share * arriving(direction)).sum()
+    }
+
+    /// Fluence above an energy (MeV) behind the shield, cm⁻².
+    pub fn fluence(&self, spectrum: &Spectrum, energy_mev: f64) -> f64 {
+        let range = RANGE_ALUMINIUM.at(energy_mev);
+        self.mean(|direction| spectrum.above(RANGE_ALUMINIUM.inverse(range + direction.aluminium_g_cm2)))
+    }
+
+    /// Displacement damage dose in silicon (MeV/g) behind the shield.
+    pub fn dose(&self, spectrum: &Spectrum, niel: &Curve) -> f64 {
+        if self.directions.len() <= DIRECTIONS {
+            return self.mean(|direction| dose_behind(spectrum, direction.aluminium_g_cm2, niel));
+        }
+        let curve = DepthCurve::of(self, spectrum, niel);
+        self.mean(|direction| curve.at(direction.aluminium_g_cm2))
+    }
+
+    /// Mean areal density over the directions from which protons come, g/cm².
+    pub fn mean_areal_g_cm2(&self) -> f64 {
+        let seen: f64 = self.mean(|_| 1.0);
+        if seen > 0.0 { self.mean(|direction| direction.areal_g_cm2) / seen } else { 0.0 }
+    }
 }
 
-/// Mean over directions of what arrives behind a thickness (g/cm²).
-fn over_directions(geometry: Geometry, thickness_mm: f64, arriving: impl Fn(f64) -> f64) -> f64 {
-    let thickness_g_cm2 = thickness_mm / 10.0 * ALUMINIUM_G_CM3;
-    match geometry {
-        Geometry::Sphere => arriving(thickness_g_cm2),
-        Geometry::Slab => {
-            let legendre = GaussLegendre::new(NonZeroUsize::new(24).expect("24 points"));
-            0.5 * legendre.integrate(0.0, 1.0, |mu| arriving(thickness_g_cm2 / mu))
-        }
+/// Directions up to which each is computed by itself.
+const DIRECTIONS: usize = 48;
+
+/// Dose against thickness, on straight lines of the logarithms.
+struct DepthCurve {
+    /// ln g/cm², ln MeV/g.
+    points: Vec<(f64, f64)>,
+}
+
+impl DepthCurve {
+    /// Between the least and the greatest thickness of a shield.
+    fn of(shield: &Shield, spectrum: &Spectrum, niel: &Curve) -> DepthCurve {
+        let thicknesses = || shield.directions.iter().map(|direction| direction.aluminium_g_cm2);
+        let least = thicknesses().fold(f64::INFINITY, f64::min).max(1e-4);
+        let most = thicknesses().fold(0.0, f64::max).max(1.001 * least);
+        let point = |index: usize| {
+            let thickness = least * (most / least).powf(index as f64 / DIRECTIONS as f64);
+            (thickness.ln(), dose_behind(spectrum, thickness, niel).max(f64::MIN_POSITIVE).ln())
+        };
+        DepthCurve { points: (0..=DIRECTIONS).map(point).collect() }
     }
+
+    fn at(&self, thickness_g_cm2: f64) -> f64 {
+        let log = thickness_g_cm2.max(1e-4).ln();
+        let after = self.points.partition_point(|point| point.0 <= log).clamp(1, self.points.len() - 1);
+        let ((from, low), (to, high)) = (self.points[after - 1], self.points[after]);
+        (low + (high - low) * (log - from) / (to - from)).exp()
+    }
+}
+
+/// Emerging energies (MeV) over which a dose is integrated. Slower protons, of less than 1 keV, displace next to nothing
+/// (SR-NIEL falls to 0 at 0.15 keV).
+const EMERGING_MEV: (f64, f64) = (1e-3, 1e5);
+
+/// Displacement damage dose in silicon (MeV/g) behind aluminium (g/cm²) in all directions.
+fn dose_behind(spectrum: &Spectrum, thickness_g_cm2: f64, niel: &Curve) -> f64 {
+    let legendre = GaussLegendre::new(NonZeroUsize::new(10).expect("ten points"));
+    let entering = |emerging_mev: f64| RANGE_ALUMINIUM.inverse(RANGE_ALUMINIUM.at(emerging_mev) + thickness_g_cm2);
+    let emerging = |entering_mev: f64| {
+        let left = RANGE_ALUMINIUM.at(entering_mev) - thickness_g_cm2;
+        if left > 0.0 { RANGE_ALUMINIUM.inverse(left) } else { 0.0 }
+    };
+    // Where the law of the spectrum changes, and at least every factor of two, as NIEL bends.
+    let (low, high) = EMERGING_MEV;
+    let mut cuts: Vec<f64> = spectrum.kinks_mev().map(emerging).filter(|e| *e > low && *e < high).collect();
+    cuts.extend((0..=26).map(|k| low * 2_f64.powi(k)).filter(|e| *e < high));
+    cuts.push(high);
+    cuts.sort_by(f64::total_cmp);
+    cuts.windows(2)
+        .map(|cut| {
+            legendre.integrate(cut[0].ln(), cut[1].ln(), |log_energy| {
+                let energy_mev = log_energy.exp();
+                let entering_mev = entering(energy_mev);
+                // dE_in/dE_out = (R/E · slope) at E_out over the same at E_in
+                let stretch = RANGE_ALUMINIUM.at(energy_mev) * RANGE_ALUMINIUM.log_slope(energy_mev) * entering_mev
+                    / (RANGE_ALUMINIUM.at(entering_mev) * RANGE_ALUMINIUM.log_slope(entering_mev) * energy_mev);
+                niel.at(energy_mev) * spectrum.differential(entering_mev) * stretch * energy_mev
+            })
+        })
+        .sum()
 }

@@ -4,6 +4,8 @@
 //! years after it; the other 4 add nothing. After the last maximum that is known the Sun goes on at the mean length of a
 //! cycle.
 
+use std::f64::consts::TAU;
+
 /// Years before a maximum in which the Sun is already active.
 pub const ACTIVE_BEFORE_YR: f64 = 2.5;
 /// Years after a maximum in which it is still active.
@@ -77,6 +79,68 @@ pub fn active_years(maxima: &[Maximum]) -> Vec<ActiveYears> {
     stretches
 }
 
+/// Minima of the solar cycle, decimal years; that of 2031 is assumed.
+const MINIMA: [f64; 8] = [1954.3, 1964.8, 1976.2, 1986.7, 1996.6, 2008.9, 2019.9, 2031.0];
+
+/// The solar cycle from minimum to minimum, as seen by something that follows it later.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Phase {
+    /// Delay behind the Sun, yr.
+    pub lag_yr: f64,
+}
+
+impl Phase {
+    /// Phase at a decimal year: 0 at minimum, ½ in the middle between two minima, up to 1.
+    pub fn at(self, year: f64) -> f64 {
+        let (from, to) = around(year - self.lag_yr);
+        (year - self.lag_yr - from) / (to - from)
+    }
+
+    /// Σ c_k cos 2πkx at a decimal year; x is the phase.
+    pub fn value(self, cosines: &[f64], year: f64) -> f64 {
+        let angle = TAU * self.at(year);
+        cosines.iter().enumerate().map(|(k, cosine)| cosine * (k as f64 * angle).cos()).sum()
+    }
+
+    /// ∫ Σ c_k cos 2πkx dt between two decimal years, in years; x is the phase.
+    pub fn integral(self, cosines: &[f64], from: f64, to: f64) -> f64 {
+        let (mut start, stop) = (from - self.lag_yr, to - self.lag_yr);
+        let mut sum = 0.0;
+        while start < stop {
+            let (minimum, next) = around(start);
+            let end = stop.min(next);
+            let length = next - minimum;
+            let primitive = |year: f64| {
+                let angle = TAU * (year - minimum) / length;
+                let term = |(k, cosine): (usize, &f64)| match k {
+                    0 => cosine * angle,
+                    k => cosine * (k as f64 * angle).sin() / k as f64,
+                };
+                cosines.iter().enumerate().map(term).sum::<f64>() * length / TAU
+            };
+            sum += primitive(end) - primitive(start);
+            start = end;
+        }
+        sum
+    }
+}
+
+/// Minima before (or at) and after a decimal year; beyond those that are known every [`CYCLE_YR`].
+fn around(year: f64) -> (f64, f64) {
+    let (first, last) = (MINIMA[0], MINIMA[MINIMA.len() - 1]);
+    if year < first {
+        let back = first - CYCLE_YR * ((first - year) / CYCLE_YR).ceil();
+        return (back, back + CYCLE_YR);
+    }
+    if year >= last {
+        let on = last + CYCLE_YR * ((year - last) / CYCLE_YR).floor();
+        // Rounding may leave the year at the end.
+        return if year < on + CYCLE_YR { (on, on + CYCLE_YR) } else { (on + CYCLE_YR, on + 2.0 * CYCLE_YR) };
+    }
+    let after = MINIMA.partition_point(|minimum| *minimum <= year);
+    (MINIMA[after - 1], MINIMA[after])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -110,5 +174,22 @@ mod tests {
         // Six cycles: the mean to scatter/√6, the scatter to 30 %.
         assert!((mean - CYCLE_YR).abs() < 2.0 * CYCLE_SCATTER_YR / 6_f64.sqrt(), "{mean}");
         assert!((variance.sqrt() / CYCLE_SCATTER_YR - 1.0).abs() < 0.6, "{}", variance.sqrt());
+    }
+
+    #[test]
+    fn the_phase_is_that_of_the_minima_and_its_integral_is_one() {
+        let sun = Phase { lag_yr: 0.0 };
+        assert!(sun.at(1996.6).abs() < 1e-9 && (sun.at(2014.4) - 0.5).abs() < 1e-9);
+        let late = Phase { lag_yr: 430.0 / 365.25 };
+        assert!((late.at(1997.0 + 430.0 / 365.25) - sun.at(1997.0)).abs() < 1e-9);
+        for (from, to) in [(1990.0, 1990.0), (1990.3, 2044.7), (1900.0, 1960.0), (2100.0, 2111.0)] {
+            for phase in [sun, late] {
+                let steps = 200_000;
+                let step = (to - from) / f64::from(steps);
+                let value = |year: f64| 0.7 - 0.3 * (TAU * phase.at(year)).cos() + 0.1 * (2.0 * TAU * phase.at(year)).cos();
+                let sum: f64 = (0..steps).map(|index| step * value(from + (f64::from(index) + 0.5) * step)).sum();
+                assert!((phase.integral(&[0.7, -0.3, 0.1], from, to) - sum).abs() < 1e-5, "{from} to {to}");
+            }
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! All keys of a mission file: unit, allowed values, default, and advice on frequent mistakes.
 
+use crate::environment::material::Material;
 use Allowed::{Choice, Date, Integer, Number, Numbers, Text, Texts};
 use Need::{Default, Optional, Required};
 
@@ -61,10 +62,12 @@ pub enum Need {
 
 /// All tables, in the order of the file, with a description; `[]` is a member of an array of tables. Effects have tables of
 /// their own, known to the catalogue of effects.
-pub const TABLES: [(&str, &str); 15] = [
+pub const TABLES: [(&str, &str); 17] = [
     ("mission", "name, launch, duration, orbit"),
-    ("environment", "displacement damage dose: given, or derived from ESP solar protons behind [shielding]"),
-    ("shielding", "aluminium around the detector; needed if the dose is derived"),
+    ("orbit", "orbit, by its elements; in place of mission.orbit"),
+    ("environment", "displacement damage dose: given, or derived from orbit, Sun, [shielding] and NIEL"),
+    ("shielding", "matter around the detector; needed if the dose is derived"),
+    ("shielding.layers[]", "one layer of the shield, in place of material and thickness_mm"),
     ("detector", "wells, and the reference conditions of trap densities and release times"),
     ("detector.traps[]", "one trap species"),
     ("readout", "clocking"),
@@ -80,7 +83,7 @@ pub const TABLES: [(&str, &str); 15] = [
 ];
 
 /// Tables that may be absent as a whole; their required keys are required only if the table is given.
-pub const OPTIONAL_TABLES: [&str; 3] = ["shielding", "readout.noise", "survey"];
+pub const OPTIONAL_TABLES: [&str; 5] = ["orbit", "shielding", "shielding.layers[]", "readout.noise", "survey"];
 
 /// Arrays of tables, each with the name of one member.
 pub const ARRAYS: [(&str, &str); 2] = [("detector.traps", "trap species"), ("galaxies", "galaxy")];
@@ -96,8 +99,29 @@ pub const KEYS: &[Key] = &[
         help: |value| (value > 100.0).then(|| format!("in days? {value} days are {:.2} years", value / 365.25)),
         ..key("mission.duration_yr", "duration", "yr", Allowed::Positive(0.0, 100.0), Required)
     },
-    key("mission.orbit", "orbit", "", Choice(&["l1", "l2", "interplanetary", "geo", "leo"]), Default("\"l2\"")),
-    key("environment.model", "dose model", "", Choice(&["constant", "solar-cycle"]), Required),
+    key("mission.orbit", "orbit; l2 if no [orbit] is given", "", Choice(&["l1", "l2", "interplanetary", "geo", "leo"]), Optional),
+    key("orbit.kind", "kind of orbit", "", Choice(&["l1", "l2", "interplanetary", "geo", "elements"]), Required),
+    Key { help: altitude, ..key("orbit.perigee_km", "lowest altitude above a sphere of 6371 km", "km", ALTITUDE, Optional) },
+    Key { help: altitude, ..key("orbit.apogee_km", "highest altitude above a sphere of 6371 km", "km", ALTITUDE, Optional) },
+    key("orbit.inclination_deg", "inclination", "degrees", Number(0.0, 180.0), Optional),
+    key(
+        "orbit.argument_of_perigee_deg",
+        "argument of perigee, if it is held; averaged over otherwise",
+        "degrees",
+        Number(-360.0, 360.0),
+        Optional,
+    ),
+    key(
+        "environment.model",
+        "dose model",
+        "",
+        Choice(&["constant", "solar-cycle", "derived", "history"]),
+        Required,
+    ),
+    key("environment.sources", "source of protons; all that reach the orbit if none is given", "", Texts, Optional),
+    key("environment.history", "file of the dose over time, for the model history", "", Text, Optional),
+    key("environment.spectra", "file of a proton spectrum of another program, in place of sources", "", Texts, Optional),
+    key("environment.dose_depth", "file of dose against thickness, in place of sources", "", Text, Optional),
     Key {
         help: |value| {
             (value > 0.0)
@@ -127,11 +151,21 @@ pub const KEYS: &[Key] = &[
     },
     key(
         "environment.accumulate",
-        "accumulation of the quantiles of years",
+        "accumulation of the quantiles of years; mission for the model derived, yearly for the others",
         "",
         Choice(&["yearly", "mission"]),
-        Default("\"yearly\""),
+        Optional,
     ),
+    Key {
+        help: |value| (value > 10.0).then(|| "a factor: a margin of 20 % is 1.2".into()),
+        ..key(
+            "environment.dose_factor",
+            "factor on the whole dose, such as a radiation design margin",
+            "",
+            Number(0.0, 10.0),
+            Default("1.0"),
+        )
+    },
     key(
         "environment.cosmic_ray_floor_mev_g_yr",
         "dose rate of cosmic rays",
@@ -140,17 +174,49 @@ pub const KEYS: &[Key] = &[
         Default("0.0"),
     ),
     key("environment.solar_maximum", "solar maximum", "(decimal year)", Numbers(1700.0, 2300.0), Optional),
+    key(
+        "environment.active_years",
+        "active years of the Sun in the mission, whatever the calendar says",
+        "yr",
+        Number(0.0, 100.0),
+        Optional,
+    ),
+    key(
+        "environment.solar_phase",
+        "phase of the solar cycle at which trapped protons and cosmic rays are held",
+        "",
+        Choice(&["min", "max"]),
+        Optional,
+    ),
     key("environment.niel", "damage curve of protons in silicon", "", Choice(&["sr", "rd50"]), Default("\"sr\"")),
-    key("shielding.geometry", "shape of the shield", "", Choice(&["sphere", "slab"]), Required),
-    key("shielding.material", "material of the shield", "", Choice(&["aluminium"]), Default("\"aluminium\"")),
+    key("shielding.geometry", "shape of the shield", "", Choice(&["sphere", "slab"]), Optional),
+    key("shielding.material", "material of the shield", "", Choice(Material::NAMES), Default("\"aluminium\"")),
     Key {
         help: |value| {
             (value == 0.0).then(|| {
                 "the proton model starts at 1 MeV, which 0.015 mm stop: no dose can be derived without a shield".into()
             })
         },
-        ..key("shielding.thickness_mm", "thickness of the shield", "mm", Allowed::Positive(0.0, 300.0), Required)
+        ..key("shielding.thickness_mm", "thickness of the shield", "mm", Allowed::Positive(0.0, 300.0), Optional)
     },
+    key("shielding.areal_density_g_cm2", "areal density of the shield", "g/cm2", Allowed::Positive(0.0, 100.0), Optional),
+    key("shielding.sectors", "file of thicknesses against solid angle, in place of geometry", "", Text, Optional),
+    key(
+        "shielding.secondaries",
+        "nuclear reactions in the shield",
+        "",
+        Choice(&["neglected", "estimated"]),
+        Default("\"neglected\""),
+    ),
+    key("shielding.layers[].material", "material of the layer", "", Choice(Material::NAMES), Required),
+    key("shielding.layers[].thickness_mm", "thickness of the layer", "mm", Allowed::Positive(0.0, 300.0), Optional),
+    key(
+        "shielding.layers[].areal_density_g_cm2",
+        "areal density of the layer",
+        "g/cm2",
+        Allowed::Positive(0.0, 100.0),
+        Optional,
+    ),
     key("detector.full_well_e", "full well", "e-", Allowed::Positive(0.0, 1e9), Required),
     key("detector.notch_e", "notch", "e-", Number(0.0, 1e9), Default("0.0")),
     key("detector.well_fill_power", "well fill power", "", Allowed::Positive(0.0, 5.0), Required),
@@ -170,8 +236,16 @@ pub const KEYS: &[Key] = &[
         "dose of the quoted trap densities",
         "MeV/g",
         Allowed::Positive(0.0, 1e15),
-        Required,
+        Optional,
     ),
+    key(
+        "detector.reference_fluence_cm2",
+        "proton fluence of the quoted trap densities, in place of their dose",
+        "cm-2",
+        Allowed::Positive(0.0, 1e18),
+        Optional,
+    ),
+    key("detector.reference_energy_mev", "energy of those protons", "MeV", Number(0.01, 1e4), Optional),
     key("detector.traps[].name", "name of the species", "", Text, Required),
     Key {
         help: |value| (value > 1e4).then(|| "traps per pixel, not per cm3: multiply by the volume of a pixel".into()),
@@ -295,6 +369,13 @@ pub const KEYS: &[Key] = &[
     ),
     key("fit.free", "free parameter of a fit", "", Texts, Default("[]")),
 ];
+
+/// Altitudes: from where orbits last for months to where the Sun takes over.
+const ALTITUDE: Allowed = Number(100.0, 1.5e6);
+
+fn altitude(value: f64) -> Option<String> {
+    (value < 100.0).then(|| "an altitude in km, not a distance in Earth radii; orbits below 100 km do not last".into())
+}
 
 /// A key without advice.
 pub const fn key(path: &'static str, what: &'static str, unit: &'static str, kind: Allowed, need: Need) -> Key {

@@ -19,8 +19,10 @@ impl Mission {
         for (handle, value) in numbers {
             handle.set(&mut mission, value)?;
         }
-        let agrees =
-            mission.notch_problem().is_none() && effect::CATALOGUE.iter().all(|entry| entry.check(&mission).is_ok());
+        let agrees = mission.notch_problem().is_none()
+            && mission.orbit_problem().is_none()
+            && mission.history_problem().is_none()
+            && effect::CATALOGUE.iter().all(|entry| entry.check(&mission).is_ok());
         agrees.then_some(mission)
     }
 
@@ -33,6 +35,22 @@ impl Mission {
         let number = |(key, value): &(String, Value)| Some((Handle::of(self, key)?, value.as_float()?));
         let numbers: Vec<(Handle, f64)> = settings.iter().map(number).collect::<Option<_>>()?;
         self.with_handles(numbers.iter().map(|(handle, value)| (handle, *value)))
+    }
+
+    /// What is wrong with the elements of the orbit, where the perigee is above the apogee.
+    pub(super) fn orbit_problem(&self) -> Option<String> {
+        let (perigee_km, apogee_km) = (self.orbit.as_ref()?.perigee_km?, self.orbit.as_ref()?.apogee_km?);
+        (perigee_km > apogee_km)
+            .then(|| format!("the perigee ({perigee_km} km) must not be above the apogee ({apogee_km} km)"))
+    }
+
+    /// What is wrong with the dose history, where it ends before the mission.
+    pub(super) fn history_problem(&self) -> Option<String> {
+        let (last_yr, _) = self.imported.history.last()?;
+        let duration_yr = self.mission.duration_yr;
+        // A day is left for dates.
+        (*last_yr + 0.003 < duration_yr)
+            .then(|| format!("the history ends after {last_yr:.2} yr, but the mission lasts {duration_yr} yr"))
     }
 
     /// What is wrong with the notch, where it is not below the full well.
@@ -121,13 +139,22 @@ fn plain(key: &str) -> Option<fn(&mut Mission) -> Option<&mut f64>> {
         "environment.active_dose_rate_mev_g_yr" => |mission| mission.environment.active_dose_rate_mev_g_yr.as_mut(),
         "environment.confidence" => |mission| Some(&mut mission.environment.confidence),
         "environment.cosmic_ray_floor_mev_g_yr" => |mission| Some(&mut mission.environment.cosmic_ray_floor_mev_g_yr),
-        "shielding.thickness_mm" => |mission| Some(&mut mission.shielding.as_mut()?.thickness_mm),
+        "environment.dose_factor" => |mission| Some(&mut mission.environment.dose_factor),
+        "environment.active_years" => |mission| mission.environment.active_years.as_mut(),
+        "orbit.perigee_km" => |mission| mission.orbit.as_mut()?.perigee_km.as_mut(),
+        "orbit.apogee_km" => |mission| mission.orbit.as_mut()?.apogee_km.as_mut(),
+        "orbit.inclination_deg" => |mission| mission.orbit.as_mut()?.inclination_deg.as_mut(),
+        "orbit.argument_of_perigee_deg" => |mission| mission.orbit.as_mut()?.argument_of_perigee_deg.as_mut(),
+        "shielding.thickness_mm" => |mission| mission.shielding.as_mut()?.thickness_mm.as_mut(),
+        "shielding.areal_density_g_cm2" => |mission| mission.shielding.as_mut()?.areal_density_g_cm2.as_mut(),
         "detector.full_well_e" => |mission| Some(&mut mission.detector.full_well_e),
         "detector.notch_e" => |mission| Some(&mut mission.detector.notch_e),
         "detector.well_fill_power" => |mission| Some(&mut mission.detector.well_fill_power),
         "detector.temperature_k" => |mission| Some(&mut mission.detector.temperature_k),
         "detector.reference_temperature_k" => |mission| Some(&mut mission.detector.reference_temperature_k),
-        "detector.reference_dose_mev_g" => |mission| Some(&mut mission.detector.reference_dose_mev_g),
+        "detector.reference_dose_mev_g" => |mission| mission.detector.reference_dose_mev_g.as_mut(),
+        "detector.reference_fluence_cm2" => |mission| mission.detector.reference_fluence_cm2.as_mut(),
+        "detector.reference_energy_mev" => |mission| mission.detector.reference_energy_mev.as_mut(),
         "readout.line_time_ms" => |mission| Some(&mut mission.readout.line_time_ms),
         "sky.background_e" => |mission| Some(&mut mission.sky.background_e),
         "psf.fwhm_px" => |mission| Some(&mut mission.psf.fwhm_px),

@@ -7,13 +7,14 @@ use std::path::Path;
 use toml::Value;
 use toml::de::{DeTable, DeValue};
 
-use super::lookup;
+use super::{imported, lookup};
 use crate::effect;
+use crate::environment::source::{self, SOURCES};
 use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, CYCLE_YR};
 use crate::error::{InputError, nearest, shortened};
 use crate::io::input;
 use crate::mission::keys::{self, ARRAYS, Allowed, KEYS, Need, OPTIONAL_TABLES};
-use crate::mission::{DoseModel, Mission, Orbit};
+use crate::mission::{DoseModel, Mission, Orbit, OrbitKind};
 use crate::numeric::calendar;
 use crate::readout::MAX_SPECIES;
 
@@ -24,7 +25,8 @@ impl Mission {
     /// Where the file cannot be read, or what it says makes no sense: one message with line, key, value and what is
     /// allowed.
     pub fn read(path: impl AsRef<Path>) -> Result<Mission, InputError> {
-        Source::parse(refused(path.as_ref()), &read_text(path.as_ref())?, true)?.mission()
+        let folder = path.as_ref().parent().unwrap_or(Path::new(""));
+        Source { folder, ..Source::parse(refused(path.as_ref()), &read_text(path.as_ref())?, true)? }.mission()
     }
 
     /// Reads a mission from text.
@@ -109,6 +111,8 @@ struct Source<'a> {
     refused: String,
     text: &'a str,
     document: DeTable<'a>,
+    /// Folder from which the files that it names are counted.
+    folder: &'a Path,
     /// Whether lines of the text mean something to the user.
     lines: bool,
 }
@@ -125,7 +129,7 @@ impl<'a> Source<'a> {
                 help: Some("the file must be TOML: [section] lines and key = value lines, words in quotes".into()),
             }
         })?;
-        Ok(Source { refused, text, document: document.into_inner(), lines })
+        Ok(Source { refused, text, document: document.into_inner(), folder: Path::new(""), lines })
     }
 
     fn mission(&self) -> Result<Mission, InputError> {
@@ -145,9 +149,13 @@ impl<'a> Source<'a> {
             let maxima = solar_cycle::MAXIMA.iter().map(|&year| Value::Float(year)).collect();
             set(&mut table, "environment.solar_maximum", Value::Array(maxima));
         }
-        let mission: Mission =
+        let mut mission: Mission =
             table.clone().try_into().map_err(|error: toml::de::Error| self.fault("", error.message()))?;
         self.check_together(&mission, &table)?;
+        imported::import(&mut mission, self.folder).map_err(|(key, error)| match key {
+            Some(key) => InputError { place: self.place(key), refused: self.refused.clone(), ..error },
+            None => error,
+        })?;
         Ok(mission)
     }
 
@@ -228,6 +236,9 @@ impl<'a> Source<'a> {
         let paths = match path.split_once("[]") {
             Some((array, field)) => {
                 let members = get(table, array).and_then(Value::as_array).map_or(0, Vec::len);
+                if members == 0 && OPTIONAL_TABLES.contains(&format!("{array}[]").as_str()) {
+                    return Ok(());
+                }
                 if members == 0 {
                     let called = if array == "galaxies" { "galaxy" } else { "trap species" };
                     let written = keys::pattern_of(array).replace("[]", "");
@@ -350,23 +361,191 @@ impl<'a> Source<'a> {
     }
 
     fn check_dose(&self, mission: &Mission) -> Result<(), InputError> {
-        let environment = &mission.environment;
-        if environment.active_dose_rate_mev_g_yr.is_none() {
-            if mission.mission.orbit == Orbit::Leo {
-                let problem = "a low Earth orbit is dosed by trapped protons, for which there is no model here: the dose \
-                               cannot be derived";
-                return Err(self.fault("mission.orbit", problem).with_help(
-                    "give environment.active_dose_rate_mev_g_yr, from SPENVIS or from CTI measured in flight",
-                ));
-            }
-            if mission.shielding.is_none() {
-                let problem =
-                    "no dose: neither environment.active_dose_rate_mev_g_yr nor [shielding] to derive it from";
-                return Err(InputError { place: self.place("environment"), ..self.fault("", problem) }.with_help(
-                    "add [shielding] with geometry = \"sphere\" or \"slab\" and thickness_mm, in mm of aluminium",
-                ));
+        self.check_orbit(mission)?;
+        self.check_shielding(mission)?;
+        self.check_sources(mission)?;
+        self.check_reference(mission)?;
+        self.check_sun(mission)
+    }
+
+    /// The orbit is said once, and its elements are all there.
+    fn check_orbit(&self, mission: &Mission) -> Result<(), InputError> {
+        let Some(orbit) = &mission.orbit else { return Ok(()) };
+        if let Some(named) = mission.mission.orbit {
+            let same = match named {
+                Orbit::L1 => orbit.kind == OrbitKind::L1,
+                Orbit::L2 => orbit.kind == OrbitKind::L2,
+                Orbit::Interplanetary => orbit.kind == OrbitKind::Interplanetary,
+                Orbit::Geo => orbit.kind == OrbitKind::Geo,
+                Orbit::Leo => orbit.kind == OrbitKind::Elements,
+            };
+            if !same {
+                let problem = format!("mission.orbit and [orbit] disagree: [orbit] says {orbit}");
+                return Err(self.fault("mission.orbit", problem).with_help("remove mission.orbit"));
             }
         }
+        let elements = [
+            ("perigee_km", orbit.perigee_km),
+            ("apogee_km", orbit.apogee_km),
+            ("inclination_deg", orbit.inclination_deg),
+            ("argument_of_perigee_deg", orbit.argument_of_perigee_deg),
+        ];
+        for (index, (key, value)) in elements.iter().enumerate() {
+            if orbit.kind != OrbitKind::Elements && value.is_some() {
+                let problem = "elements belong to kind = \"elements\"";
+                return Err(self.fault(&format!("orbit.{key}"), problem));
+            }
+            if orbit.kind == OrbitKind::Elements && value.is_none() && index < 3 {
+                let problem = format!("`orbit.{key}` is missing: kind = \"elements\" needs perigee, apogee and inclination");
+                return Err(InputError { place: self.place("orbit"), ..self.fault("", problem) });
+            }
+        }
+        match mission.orbit_problem() {
+            Some(problem) => Err(self.fault("orbit.perigee_km", problem)),
+            None => Ok(()),
+        }
+    }
+
+    /// A shield is a shape with one thickness, a shape with layers, or sectors.
+    fn check_shielding(&self, mission: &Mission) -> Result<(), InputError> {
+        let Some(shielding) = &mission.shielding else { return Ok(()) };
+        let help = "geometry with thickness_mm or areal_density_g_cm2; geometry with [[shielding.layers]]; or sectors";
+        let refuse = |key: &str, problem: &str| Err(self.fault(key, problem).with_help(help));
+        let thicknesses = [
+            shielding.thickness_mm.is_some(),
+            shielding.areal_density_g_cm2.is_some(),
+            !shielding.layers.is_empty(),
+            shielding.sectors.is_some(),
+        ];
+        match (shielding.geometry, &shielding.sectors) {
+            (Some(_), Some(_)) => return refuse("shielding.sectors", "sectors stand in place of geometry"),
+            (None, None) => {
+                let problem = "`shielding.geometry` is missing: the shape of the shield (\"sphere\" or \"slab\")";
+                return Err(InputError { place: self.place("shielding"), ..self.fault("", problem) }.with_help(help));
+            }
+            _ => {}
+        }
+        match thicknesses.iter().filter(|given| **given).count() {
+            0 => {
+                let problem = "`shielding.thickness_mm` is missing: the thickness of the shield (mm)";
+                return Err(InputError { place: self.place("shielding"), ..self.fault("", problem) }.with_help(help));
+            }
+            1 => {}
+            _ => {
+                let key = if thicknesses[1] { "shielding.areal_density_g_cm2" } else { "shielding.thickness_mm" };
+                return refuse(key, "the thickness of the shield is given twice");
+            }
+        }
+        for (index, layer) in shielding.layers.iter().enumerate() {
+            if layer.thickness_mm.is_some() == layer.areal_density_g_cm2.is_some() {
+                let problem = "a layer needs thickness_mm (mm) or areal_density_g_cm2 (g/cm2), one of them";
+                return Err(self.fault(&format!("shielding.layers[{index}].material"), problem));
+            }
+        }
+        Ok(())
+    }
+
+    /// The dose is given, derived or read, in one way.
+    fn check_sources(&self, mission: &Mission) -> Result<(), InputError> {
+        let environment = &mission.environment;
+        let model = environment.model;
+        let given = environment.active_dose_rate_mev_g_yr.is_some();
+        for (key, is_there, of) in [
+            ("history", environment.history.is_some(), DoseModel::History),
+            ("sources", environment.sources.is_some(), DoseModel::Derived),
+            ("spectra", environment.spectra.is_some(), DoseModel::Derived),
+            ("dose_depth", environment.dose_depth.is_some(), DoseModel::Derived),
+        ] {
+            if is_there && model != of {
+                let word = if of == DoseModel::History { "history" } else { "derived" };
+                let problem = format!("{key} is for environment.model = \"{word}\"");
+                return Err(self.fault(&format!("environment.{key}"), problem));
+            }
+        }
+        let ways = [environment.sources.is_some(), environment.spectra.is_some(), environment.dose_depth.is_some()];
+        if ways.iter().filter(|given| **given).count() > 1 {
+            let key = if ways[1] { "environment.spectra" } else { "environment.dose_depth" };
+            return Err(self.fault(key, "give one of sources, spectra and dose_depth: each makes the whole dose"));
+        }
+        if model == DoseModel::History {
+            if environment.history.is_none() {
+                let problem = "`environment.history` is missing: the file of the dose over time";
+                return Err(InputError { place: self.place("environment"), ..self.fault("", problem) });
+            }
+            return Ok(());
+        }
+        if given && model == DoseModel::Derived {
+            return Err(self
+                .fault("environment.active_dose_rate_mev_g_yr", "the model \"derived\" derives the dose rate")
+                .with_help("remove it, or take the model \"solar-cycle\""));
+        }
+        if given {
+            return Ok(());
+        }
+        let imports = ways[1] || ways[2];
+        let place = mission.place();
+        if place.is_none() && !imports {
+            let problem = "a low Earth orbit is dosed by trapped protons, which depend on its altitude and inclination: \
+                           the dose cannot be derived";
+            return Err(self.fault("mission.orbit", problem).with_help(
+                "add [orbit] with kind = \"elements\", perigee_km, apogee_km and inclination_deg, and take the model \
+                 \"derived\"; or give environment.active_dose_rate_mev_g_yr",
+            ));
+        }
+        if model != DoseModel::Derived && mission.orbit.as_ref().is_some_and(|orbit| orbit.kind == OrbitKind::Elements) {
+            let problem = "this model knows solar protons alone: trapped protons would be missing";
+            return Err(self
+                .fault("environment.model", problem)
+                .with_help("take \"derived\", or give environment.active_dose_rate_mev_g_yr"));
+        }
+        if mission.shielding.is_none() {
+            let problem = "no dose: neither environment.active_dose_rate_mev_g_yr nor [shielding] to derive it from";
+            return Err(InputError { place: self.place("environment"), ..self.fault("", problem) }.with_help(
+                "add [shielding] with geometry = \"sphere\" or \"slab\" and thickness_mm, in mm of aluminium",
+            ));
+        }
+        for (index, name) in environment.sources.iter().flatten().enumerate() {
+            let names = || SOURCES.iter().map(|source| source.card().name);
+            let refuse = |problem: String| self.fault(&format!("environment.sources[{index}]"), problem);
+            let Some(source) = source::source(name) else {
+                let near = nearest(name, names()).map(|near| format!("did you mean \"{near}\"?"));
+                let problem = format!("no source is called \"{name}\"; there are: {}", names().collect::<Vec<_>>().join(", "));
+                return Err(InputError { help: near, ..refuse(problem) });
+            };
+            if place.is_some_and(|place| !source.reaches(&place)) {
+                return Err(refuse(format!("{name} do not reach this orbit: {}", mission.orbit_name())));
+            }
+        }
+        Ok(())
+    }
+
+    /// Densities are quoted at a dose or at a fluence of protons of an energy.
+    fn check_reference(&self, mission: &Mission) -> Result<(), InputError> {
+        let detector = &mission.detector;
+        let of_fluence = (detector.reference_fluence_cm2.is_some(), detector.reference_energy_mev.is_some());
+        match (detector.reference_dose_mev_g.is_some(), of_fluence) {
+            (true, (false, false)) | (false, (true, true)) => Ok(()),
+            (true, (true, _)) => {
+                Err(self.fault("detector.reference_fluence_cm2", "give it or reference_dose_mev_g, not both"))
+            }
+            (true, (false, true)) => {
+                Err(self.fault("detector.reference_energy_mev", "it belongs to reference_fluence_cm2, which is not given"))
+            }
+            (false, (true, false)) => {
+                Err(self.fault("detector.reference_fluence_cm2", "it needs reference_energy_mev, the energy of the protons (MeV)"))
+            }
+            (false, (false, _)) => {
+                let problem = "`detector.reference_dose_mev_g` is missing: the dose of the quoted trap densities (above 0 and \
+                               up to 1e15 MeV/g)";
+                Err(InputError { place: self.place("detector"), ..InputError::new(&self.refused, problem) }
+                    .with_help("or give reference_fluence_cm2 and reference_energy_mev"))
+            }
+        }
+    }
+
+    /// Solar maxima are far enough apart, and known at launch.
+    fn check_sun(&self, mission: &Mission) -> Result<(), InputError> {
+        let environment = &mission.environment;
         let mut maxima = environment.solar_maximum.clone();
         maxima.sort_by(f64::total_cmp);
         // A hair is left for decimal years, which are not exact.
@@ -383,7 +562,8 @@ impl<'a> Source<'a> {
                 .fault("environment.solar_maximum", problem)
                 .with_help("give one maximum for each cycle: maxima of the Sun were never less than 7 yr apart"));
         }
-        if environment.model == DoseModel::SolarCycle || mission.effects.contains_key("solar-cycle") {
+        let follows = matches!(environment.model, DoseModel::SolarCycle | DoseModel::Derived);
+        if follows || mission.effects.contains_key("solar-cycle") {
             let first = environment.solar_maximum.iter().copied().fold(f64::INFINITY, f64::min);
             let start = first - ACTIVE_BEFORE_YR - (1.0 - solar_cycle::ACTIVE_SHARE) * CYCLE_YR;
             if calendar::decimal_year(mission.mission.launch.0) < start {

@@ -96,7 +96,7 @@ impl Damage {
     ) -> Result<Vec<SpeciesState>, InputError> {
         let dose_mev_g = self.traps_per_dose * self.effective_dose_mev_g(history, at)?;
         let kept = self.survives(0.0, at.t_yr);
-        let mut traps = after(detector, dose_mev_g, at.temperature_k);
+        let mut traps = after(detector, history.reference_dose_mev_g, dose_mev_g, at.temperature_k);
         for species in &mut traps {
             for (_, at_launch) in self.at_launch_per_px.iter().filter(|(name, _)| *name == species.name) {
                 species.density_per_px += at_launch * kept;
@@ -127,11 +127,11 @@ impl Damage {
     }
 }
 
-/// Traps of a detector after a dose (MeV/g), at a temperature (K).
-fn after(detector: &Detector, dose_mev_g: f64, temperature_k: f64) -> Vec<SpeciesState> {
+/// Traps of a detector after a dose, densities being quoted at another (MeV/g), at a temperature (K).
+fn after(detector: &Detector, reference_dose_mev_g: f64, dose_mev_g: f64, temperature_k: f64) -> Vec<SpeciesState> {
     let state = |species: &Species| SpeciesState {
         name: species.name.clone(),
-        density_per_px: species.density_per_px * dose_mev_g / detector.reference_dose_mev_g,
+        density_per_px: species.density_per_px * dose_mev_g / reference_dose_mev_g,
         release_ms: species.release_ms
             * release_factor(species.energy_ev, temperature_k, detector.reference_temperature_k),
         release_sigma: 0.0,

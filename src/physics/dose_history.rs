@@ -5,11 +5,16 @@ use std::sync::Arc;
 
 use gauss_quad::GaussLegendre;
 
-use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, ActiveYears, Maximum};
-use crate::environment::{esp, shielding};
+use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, ActiveYears, Maximum, Phase};
+use ctiplan_magnetosphere::Activity;
+
+use crate::environment::secondaries::{self, Secondaries};
+use crate::environment::source::{Place, When, averaged};
+use crate::environment::spectrum::Spectrum;
 use crate::error::InputError;
-use crate::mission::{Accumulate, DoseModel, Environment, Mission, Shielding};
+use crate::mission::{Accumulate, DoseModel, Mission, SecondariesCounted};
 use crate::numeric::calendar::decimal_year;
+use crate::physics::source_dose::{SourceDose, source_doses, sources};
 use crate::warning::Warning;
 
 /// Dose rate over time.
@@ -25,6 +30,10 @@ pub struct DoseHistory {
     pub active_rate_mev_g_yr: f64,
     /// Dose rate in every year, MeV/g/yr.
     pub floor_mev_g_yr: f64,
+    /// Dose rates that follow the phase of the solar cycle.
+    cyclic: Vec<Cyclic>,
+    /// Dose since launch (MeV/g) against years since launch, where a file gives it.
+    table: Vec<(f64, f64)>,
     /// Doses (MeV/g) that come at once, each with its time in years since launch.
     pub steps: Vec<(f64, f64)>,
     /// What becomes of the dose rate (MeV/g/yr), in turn.
@@ -33,12 +42,23 @@ pub struct DoseHistory {
     pub dose_laws: Vec<Law>,
     /// Where the active rate comes from.
     pub origin: RateOrigin,
-    /// What the rate is derived from; None if the mission gives it.
-    derived: Option<Derived>,
+    /// Where the dose is derived: the sources, each with its dose.
+    pub sources: Arc<Vec<SourceDose>>,
+    /// What it is derived from; None if the mission gives its dose.
+    derived: Option<Arc<Mission>>,
+    /// Dose at which trap densities are quoted, MeV/g.
+    pub reference_dose_mev_g: f64,
     /// Decimal year.
     launch: f64,
     /// Maxima of the Sun after launch that are not known yet.
     extrapolated: Vec<Maximum>,
+}
+
+/// A dose rate that follows the phase x of the solar cycle: Σ c_k cos 2πkx, MeV/g/yr.
+#[derive(Clone, Debug, PartialEq)]
+struct Cyclic {
+    phase: Phase,
+    cosines: Vec<f64>,
 }
 
 /// What a quantity becomes, from the time (years since launch) and what it was.
@@ -74,6 +94,17 @@ pub enum RateOrigin {
         /// Active years whose sum's quantile was taken.
         active_years: f64,
     },
+    /// Derived from all sources of the orbit, solar protons for so many active years at once.
+    Sources {
+        /// Active years whose sum's quantile was taken.
+        active_years: f64,
+    },
+    /// Derived from spectra of other programs.
+    Spectra,
+    /// From a dose-depth curve of another program.
+    DoseDepth,
+    /// From a dose history.
+    History,
 }
 
 impl DoseHistory {
@@ -90,36 +121,34 @@ impl DoseHistory {
         };
         let cycle: Vec<ActiveYears> = solar_cycle::active_years(&maxima).iter().map(since_launch).collect();
         let cycle: Vec<ActiveYears> = cycle.into_iter().filter(|stretch| stretch.to > 0.0).collect();
-        let (windows, active_share) = match environment.model {
-            // One endless stretch at 7/11 of the rate.
-            DoseModel::Constant => (vec![(0.0, f64::INFINITY)], solar_cycle::ACTIVE_SHARE),
-            DoseModel::SolarCycle => (windows(&cycle), 1.0),
+        let (windows, active_share) = match (environment.active_years, environment.model) {
+            // One endless stretch at a share of the rate.
+            (Some(years), _) => (vec![(0.0, f64::INFINITY)], years / duration_yr),
+            (None, DoseModel::Constant) => (vec![(0.0, f64::INFINITY)], solar_cycle::ACTIVE_SHARE),
+            (None, _) => (windows(&cycle), 1.0),
         };
         let ahead = |maximum: &Maximum| maximum.cycles_ahead > 0 && maximum.year + ACTIVE_AFTER_YR > launch;
         let extrapolated = maxima.into_iter().filter(ahead).collect();
-        let derived = match environment.active_dose_rate_mev_g_yr {
-            Some(_) => None,
-            None => mission.shielding.clone().map(|shield| Derived {
-                environment: environment.clone(),
-                shield,
-                duration_yr,
-            }),
-        };
+        let gives = environment.active_dose_rate_mev_g_yr.is_some() || environment.model == DoseModel::History;
         let mut history = DoseHistory {
             cycle,
             windows,
             active_share,
-            active_rate_mev_g_yr: environment.active_dose_rate_mev_g_yr.unwrap_or(0.0),
-            floor_mev_g_yr: environment.cosmic_ray_floor_mev_g_yr,
+            active_rate_mev_g_yr: environment.dose_factor * environment.active_dose_rate_mev_g_yr.unwrap_or(0.0),
+            floor_mev_g_yr: environment.dose_factor * environment.cosmic_ray_floor_mev_g_yr,
+            cyclic: Vec::new(),
+            table: mission.imported.history.iter().map(|(t_yr, dose)| (*t_yr, environment.dose_factor * dose)).collect(),
             steps: Vec::new(),
             rate_laws: Vec::new(),
             dose_laws: Vec::new(),
-            origin: RateOrigin::Given,
-            derived,
+            origin: if environment.model == DoseModel::History { RateOrigin::History } else { RateOrigin::Given },
+            sources: Arc::default(),
+            derived: (!gives).then(|| Arc::new(mission.clone())),
+            reference_dose_mev_g: mission.reference_dose_mev_g(),
             launch,
             extrapolated,
         };
-        history.derive_rate();
+        history.derive();
         history
     }
 
@@ -129,15 +158,78 @@ impl DoseHistory {
             self.windows = windows(&self.cycle);
             self.active_share = 1.0;
             // The quantile of a sum depends on the active years that are summed.
-            self.derive_rate();
+            self.derive();
         }
     }
 
-    /// Derives the active rate, unless the mission gives it.
-    fn derive_rate(&mut self) {
-        if let Some(derived) = &self.derived {
-            (self.active_rate_mev_g_yr, self.origin) = derived.rate(self.active_years(derived.duration_yr));
+    /// Derives the rates of all sources, unless the mission gives its dose.
+    fn derive(&mut self) {
+        let Some(mission) = self.derived.clone() else { return };
+        let environment = &mission.environment;
+        let active_years = self.active_years(mission.mission.duration_yr);
+        self.sources = source_doses(&mission, active_years);
+        self.active_rate_mev_g_yr = 0.0;
+        self.floor_mev_g_yr = environment.dose_factor * environment.cosmic_ray_floor_mev_g_yr;
+        self.cyclic.clear();
+        let sources = Arc::clone(&self.sources);
+        for dosed in sources.iter().flat_map(|source| &source.streams) {
+            let rate = environment.dose_factor * dosed.dose_mev_g_yr;
+            match &dosed.stream.when {
+                When::ActiveYears => self.active_rate_mev_g_yr += rate,
+                When::Always => self.floor_mev_g_yr += rate,
+                When::Cycle { cosines, phase } => self.add_cyclic(*phase, cosines, rate),
+            }
         }
+        let quantile_years = match environment.accumulate() {
+            Accumulate::Mission if active_years > 0.0 => active_years.max(1.0),
+            _ => 1.0,
+        };
+        self.origin = match environment.model {
+            _ if environment.dose_depth.is_some() => RateOrigin::DoseDepth,
+            _ if environment.spectra.is_some() => RateOrigin::Spectra,
+            DoseModel::Derived => RateOrigin::Sources { active_years: quantile_years },
+            _ => RateOrigin::Esp { active_years: quantile_years },
+        };
+    }
+
+    fn add_cyclic(&mut self, phase: Phase, cosines: &[f64], rate: f64) {
+        let index = self.cyclic.iter().position(|known| known.phase == phase).unwrap_or_else(|| {
+            self.cyclic.push(Cyclic { phase, cosines: Vec::new() });
+            self.cyclic.len() - 1
+        });
+        let known = &mut self.cyclic[index].cosines;
+        known.resize(known.len().max(cosines.len()), 0.0);
+        for (sum, cosine) in known.iter_mut().zip(cosines) {
+            *sum += rate * cosine;
+        }
+    }
+
+    /// Dose (MeV/g) of each source between two times (years since launch), before effects.
+    pub fn of_source_mev_g(&self, source: &SourceDose, from_yr: f64, to_yr: f64) -> f64 {
+        let active = self.active_years(to_yr) - self.active_years(from_yr);
+        self.dose_factor() * source.dose_mev_g(self.launch, from_yr, to_yr, active)
+    }
+
+    /// Factor on the whole dose.
+    fn dose_factor(&self) -> f64 {
+        self.derived.as_ref().map_or(1.0, |mission| mission.environment.dose_factor)
+    }
+
+    /// A linear function of the spectrum of a source, such as the fluence above an energy, over the first years since launch.
+    pub fn of_spectrum(&self, source: &SourceDose, until_yr: f64, of: impl Fn(&Spectrum) -> f64) -> f64 {
+        source.total(self.launch, 0.0, until_yr, self.active_years(until_yr), of)
+    }
+
+    /// What nuclear reactions in the shield take and add over the first years since launch, counted or not.
+    pub fn secondaries(&self, until_yr: f64) -> Secondaries {
+        let active = self.active_years(until_yr);
+        let mut sum = Secondaries::default();
+        for source in self.sources.iter() {
+            let one = source.secondaries(self.launch, 0.0, until_yr, active);
+            sum.lost_mev_g += one.lost_mev_g;
+            sum.neutrons_mev_g += one.neutrons_mev_g;
+        }
+        sum
     }
 
     /// Maxima of the Sun that are not known yet and on which the dose up to a time (years since launch) depends.
@@ -149,7 +241,26 @@ impl DoseHistory {
     /// What is doubtful about the dose up to a time (years since launch).
     pub fn warnings(&self, until_yr: f64) -> Vec<Warning> {
         let maxima = self.extrapolated(until_yr);
-        if maxima.is_empty() { Vec::new() } else { vec![Warning::SunExtrapolated { maxima }] }
+        let sun = (!maxima.is_empty() && self.follows_active_years()).then_some(Warning::SunExtrapolated { maxima });
+        let shield = self.derived.as_ref().and_then(|mission| self.secondaries_warning(mission, until_yr));
+        let orbit = self.derived.as_ref().map_or(Vec::new(), |mission| orbit_warnings(mission));
+        sun.into_iter().chain(shield).chain(orbit).collect()
+    }
+
+    /// Whether part of the dose comes in active years alone.
+    fn follows_active_years(&self) -> bool {
+        self.active_rate_mev_g_yr > 0.0
+    }
+
+    fn secondaries_warning(&self, mission: &Mission, until_yr: f64) -> Option<Warning> {
+        let sum = self.secondaries(until_yr);
+        let slowed: f64 = self.sources.iter().map(|source| self.of_source_mev_g(source, 0.0, until_yr)).sum::<f64>()
+            / mission.environment.dose_factor.max(f64::MIN_POSITIVE);
+        let counted =
+            mission.shielding.as_ref().is_some_and(|shield| shield.secondaries == SecondariesCounted::Estimated);
+        let slowed = if counted { slowed + sum.lost_mev_g - sum.neutrons_mev_g } else { slowed };
+        let (lost, neutrons) = (sum.lost_mev_g / slowed, sum.neutrons_mev_g / slowed);
+        (lost.max(neutrons) > secondaries::MATTERS).then_some(Warning::Secondaries { lost, neutrons, counted })
     }
 
     /// Dose since launch, MeV/g, at a time in years since launch.
@@ -162,7 +273,10 @@ impl DoseHistory {
 
     fn dose_with_steps(&self, t_yr: f64, counts: impl Fn(f64) -> bool) -> Result<f64, InputError> {
         let streamed = if self.rate_laws.is_empty() {
-            self.active_rate_mev_g_yr * self.active_years(t_yr) + self.floor_mev_g_yr * t_yr
+            self.active_rate_mev_g_yr * self.active_years(t_yr)
+                + self.floor_mev_g_yr * t_yr
+                + self.cyclic_mev_g(t_yr)
+                + tabulated(&self.table, t_yr).0
         } else {
             self.integral(t_yr, 0.0, |_| 1.0)?
         };
@@ -171,12 +285,21 @@ impl DoseHistory {
         self.dose_laws.iter().try_fold(dose, |dose, Law(law)| law(t_yr, dose))
     }
 
+    /// Dose (MeV/g) of what follows the phase of the solar cycle.
+    fn cyclic_mev_g(&self, t_yr: f64) -> f64 {
+        let of = |cyclic: &Cyclic| cyclic.phase.integral(&cyclic.cosines, self.launch, self.launch + t_yr);
+        self.cyclic.iter().map(of).sum()
+    }
+
     /// Dose rate, MeV/g/yr, at a time in years since launch, without what comes at once.
     fn rate_mev_g_yr(&self, t_yr: f64) -> Result<f64, InputError> {
         let after = self.windows.partition_point(|(start, _)| *start <= t_yr);
         let active = after > 0 && t_yr < self.windows[after - 1].1;
         let active_rate = if active { self.active_share * self.active_rate_mev_g_yr } else { 0.0 };
-        self.rate_laws.iter().try_fold(active_rate + self.floor_mev_g_yr, |rate, Law(law)| law(t_yr, rate))
+        let cyclic: f64 =
+            self.cyclic.iter().map(|cyclic| cyclic.phase.value(&cyclic.cosines, self.launch + t_yr)).sum();
+        let rate = active_rate + self.floor_mev_g_yr + cyclic + tabulated(&self.table, t_yr).1;
+        self.rate_laws.iter().try_fold(rate, |rate, Law(law)| law(t_yr, rate))
     }
 
     /// ∫ w(made) dD(made) over the dose (MeV/g) that came up to `t_yr`, weighted with a function of the time it came.
@@ -256,7 +379,8 @@ impl DoseHistory {
     /// Times (years since launch) up to `t_yr` at which the dose rate changes, in order.
     pub fn changes_yr(&self, t_yr: f64) -> Vec<f64> {
         let windows = self.windows.iter().flat_map(|(start, end)| [*start, *end]);
-        let mut changes: Vec<f64> = windows.chain(self.steps.iter().map(|(at, _)| *at)).collect();
+        let steps = self.steps.iter().chain(&self.table).map(|(at, _)| *at);
+        let mut changes: Vec<f64> = windows.chain(steps).collect();
         changes.retain(|t| *t > 0.0 && *t < t_yr);
         changes.sort_by(f64::total_cmp);
         changes
@@ -264,7 +388,7 @@ impl DoseHistory {
 
     /// Whether the dose comes at the mean rate of a solar cycle, 7/11 of that of an active year, in every year.
     pub fn averages_the_cycle(&self) -> bool {
-        self.active_share < 1.0
+        self.active_share != 1.0
     }
 
     /// Active years of the Sun, in years since launch, whether the dose follows them or not.
@@ -301,30 +425,49 @@ fn years_within(windows: &[(f64, f64)], t_yr: f64) -> f64 {
     begun.fold(0.0, |sum, (start, end)| sum + (end.min(t_yr) - start.max(0.0)).max(0.0))
 }
 
-/// What an active dose rate is derived from.
-#[derive(Clone, Debug, PartialEq)]
-struct Derived {
-    environment: Environment,
-    shield: Shielding,
-    duration_yr: f64,
+/// What is doubtful about the orbit's trapped protons.
+fn orbit_warnings(mission: &Mission) -> Vec<Warning> {
+    /// Altitude (km) below which the belt ends in the atmosphere.
+    const LOW_KM: f64 = 500.0;
+    /// Altitude (km) of an apogee from which Sun and Moon move the orbit.
+    const HIGH_KM: f64 = 50_000.0;
+    let Some(Place::Earth(elements)) = mission.place() else { return Vec::new() };
+    let counts = sources(&mission.environment, &Place::Earth(elements)).iter().any(|one| one.card().name == TRAPPED);
+    let imported = mission.environment.spectra.is_some() || mission.environment.dose_depth.is_some();
+    let error = || [Activity::Minimum, Activity::Maximum].map(|activity| averaged(&elements, activity).relative_error);
+    if !counts || imported {
+        return Vec::new();
+    }
+    let relative_error = error().into_iter().fold(0.0, f64::max);
+    let held = elements.argument_of_perigee_deg.is_some();
+    let reached = elements.perigee_km < 20_000.0;
+    let long = elements.apogee_km > HIGH_KM && elements.eccentricity() > 0.3;
+    [
+        elements
+            .repeats_longitudes()
+            .filter(|_| reached)
+            .map(|revolutions| Warning::RepeatsLongitudes { revolutions }),
+        (relative_error > 0.005).then_some(Warning::OrbitMean { relative_error }),
+        (elements.perigee_km < LOW_KM).then_some(Warning::LowAltitude { perigee_km: elements.perigee_km }),
+        long.then_some(Warning::PerigeeMoves { held }),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
 }
 
-impl Derived {
-    /// Dose rate of an active year behind the shield, MeV/g/yr. `active_years` of the mission are those whose quantile is taken at
-    /// once with `accumulate = "mission"`.
-    fn rate(&self, active_years: f64) -> (f64, RateOrigin) {
-        let (environment, shield) = (&self.environment, &self.shield);
-        let dose_of = |years: f64| {
-            let spectrum = esp::Spectrum::esp(environment.confidence, years);
-            shielding::dose_behind(&spectrum, shield.geometry, shield.thickness_mm, environment.niel.curve())
-        };
-        match environment.accumulate {
-            Accumulate::Mission if active_years > 0.0 => {
-                // Less than one active year counts as one, and all of it arrives within the active time there is.
-                let years = active_years.max(1.0);
-                (dose_of(years) / active_years, RateOrigin::Esp { active_years: years })
-            }
-            _ => (dose_of(1.0), RateOrigin::Esp { active_years: 1.0 }),
+/// The source that depends on the orbit most.
+const TRAPPED: &str = "trapped-protons";
+
+/// Dose (MeV/g) and dose rate (MeV/g/yr) of a table at a time, on straight lines; nothing more after its end.
+fn tabulated(table: &[(f64, f64)], t_yr: f64) -> (f64, f64) {
+    let after = table.partition_point(|(at, _)| *at <= t_yr);
+    match (after.checked_sub(1).map(|before| table[before]), table.get(after)) {
+        (None, _) => (0.0, 0.0),
+        (Some((_, dose)), None) => (dose, 0.0),
+        (Some((from, low)), Some((to, high))) => {
+            let rate = (high - low) / (to - from);
+            (low + rate * (t_yr - from), rate)
         }
     }
 }

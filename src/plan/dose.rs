@@ -1,16 +1,23 @@
 //! Everything about a mission's dose that a radiation engineer asks for: the product of `ctiplan dose`.
 
-use chrono::{Datelike, NaiveDate};
+mod explain;
+mod source;
+
+pub use explain::{Explained, Step};
+pub use source::{SourceSpectrum, SourceSurvey, SourceYear};
+
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::environment::esp::Spectrum;
+use crate::environment::esp;
 use crate::environment::proton::NIEL_NEUTRON_1MEV;
-use crate::environment::shielding::{Geometry, dose_behind, fluence_behind};
+use crate::environment::secondaries::Secondaries;
+use crate::environment::shielding::{Geometry, Shield};
+use crate::environment::spectrum::Spectrum;
 use crate::error::InputError;
-use crate::mission::{Accumulate, Mission, Orbit};
+use crate::mission::{Accumulate, DoseModel, Mission, SecondariesCounted, Shielding};
 use crate::model::Model;
-use crate::numeric::calendar::{date_after, decimal_year, years_between};
+use crate::numeric::calendar::decimal_year;
 use crate::numeric::root_finding;
 use crate::physics::{DoseHistory, RateOrigin};
 use crate::warning::Warning;
@@ -53,12 +60,27 @@ pub struct Survey {
     pub accumulate: Accumulate,
     /// Dose against confidence, behind the mission's shield; none without a shield.
     pub confidences: Vec<AtConfidence>,
-    /// Dose of one active year against thickness.
+    /// Dose against thickness: of one active year, or where all sources are counted of the mission.
     pub depths: Vec<AtDepth>,
+    /// Whether [`Self::depths`] is of the mission.
+    #[serde(skip)]
+    pub depths_of_mission: bool,
     /// Aluminium that makes the mission's active dose rate at its confidence.
     pub equivalent_mm: Equivalent,
     /// Spectrum before and behind the shield.
     pub spectrum: Vec<AtEnergy>,
+    /// Each source of protons by itself, before effects; none where the mission gives its dose.
+    pub sources: Vec<SourceSurvey>,
+    /// What nuclear reactions in the shield take and add over the mission; None without sources.
+    pub secondaries: Option<Secondaries>,
+    /// Whether they are counted.
+    #[serde(skip)]
+    pub secondaries_counted: bool,
+    /// What imports stand beside: the dose that would be derived in their place, MeV/g.
+    pub derived_mev_g: Option<f64>,
+    /// From the spectrum to the dose, step by step; None where the mission gives its dose.
+    #[serde(skip)]
+    pub explained: Option<Explained>,
     /// What is doubtful about it.
     pub warnings: Vec<Warning>,
 }
@@ -90,7 +112,7 @@ pub struct CalendarYear {
 /// A displacement damage dose as fluences of particles that do the same damage in silicon.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Equivalents {
-    /// Protons of 10 MeV, cm⁻². Good to 4 %, as is the fitted NIEL at one energy.
+    /// Protons of 10 MeV, cm⁻², by the table's own NIEL there.
     pub protons_10mev_cm2: f64,
     /// Neutrons of 1 MeV, cm⁻².
     pub neutrons_1mev_cm2: f64,
@@ -109,7 +131,7 @@ pub struct AtConfidence {
     pub mission_mev_g: f64,
 }
 
-/// Dose of one active year behind a thickness.
+/// Dose behind a thickness.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AtDepth {
     /// Aluminium, mm.
@@ -149,41 +171,67 @@ pub struct Over<T> {
 pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputError> {
     let model = Model::new(mission);
     let history = model.history().clone();
-    let mut warnings = history.warnings(mission.mission.duration_yr);
-    if mission.mission.orbit == Orbit::Leo {
-        warnings.push(Warning::ShieldedByField);
-    }
     let environment = &mission.environment;
-    let niel = environment.niel.curve();
     let duration_yr = mission.mission.duration_yr;
     let total_mev_g = model.dose_mev_g(duration_yr)?;
     let active_years = history.active_years(duration_yr);
-    let year = Spectrum::esp(environment.confidence, 1.0);
-    let sum = Spectrum::esp(environment.confidence, active_years);
-    // A mission without an active year meets no solar protons, although the model's shortest time is a year.
-    let flown = if active_years > 0.0 { 1.0 } else { 0.0 };
-    let shield = mission.shielding.as_ref();
-    let behind = |spectrum: &Spectrum, energy_mev: f64| {
-        shield.map(|shield| fluence_behind(spectrum, shield.geometry, shield.thickness_mm, energy_mev))
-    };
-    let confidences = CONFIDENCES.into_par_iter().filter_map(|confidence| {
-        let shield = shield?;
-        let dose =
-            |years: f64| dose_behind(&Spectrum::esp(confidence, years), shield.geometry, shield.thickness_mm, niel);
-        let active_year_mev_g = dose(1.0);
-        Some(AtConfidence {
-            confidence,
-            active_year_mev_g,
-            yearly_mev_g: active_year_mev_g * active_years,
-            mission_mev_g: flown * dose(active_years),
-        })
-    });
+    let all_sources = environment.model == DoseModel::Derived;
     let depths = DEPTHS_MM.into_par_iter().map(|thickness_mm| AtDepth {
         thickness_mm,
-        sphere_mev_g: dose_behind(&year, Geometry::Sphere, thickness_mm, niel),
-        slab_mev_g: dose_behind(&year, Geometry::Slab, thickness_mm, niel),
+        sphere_mev_g: at_depth(mission, Geometry::Sphere, thickness_mm),
+        slab_mev_g: at_depth(mission, Geometry::Slab, thickness_mm),
     });
-    let spectrum = energies_mev.par_iter().map(|&energy_mev| AtEnergy {
+    let shielding = mission.shielding.as_ref();
+    Ok(Survey {
+        launch: decimal_year(mission.mission.launch.0),
+        years: calendar_years(&model)?,
+        over_time: over_time(&model)?,
+        total_mev_g,
+        equivalents: Equivalents {
+            protons_10mev_cm2: total_mev_g / environment.niel.at_10_mev(),
+            neutrons_1mev_cm2: total_mev_g / NIEL_NEUTRON_1MEV,
+        },
+        confidence: environment.confidence,
+        active_years,
+        accumulate: environment.accumulate(),
+        confidences: CONFIDENCES
+            .into_par_iter()
+            .filter_map(|confidence| AtConfidence::of(mission, confidence, active_years))
+            .collect(),
+        depths: depths.collect(),
+        depths_of_mission: all_sources,
+        spectrum: spectrum(mission, active_years, energies_mev),
+        equivalent_mm: Equivalent {
+            sphere: equivalent_mm(mission, Geometry::Sphere),
+            slab: equivalent_mm(mission, Geometry::Slab),
+        },
+        sources: SourceSurvey::all(mission, &history, energies_mev),
+        secondaries: (!history.sources.is_empty()).then(|| history.secondaries(duration_yr)),
+        secondaries_counted: shielding.is_some_and(|shield| shield.secondaries == SecondariesCounted::Estimated),
+        derived_mev_g: derived_in_place_of_imports(mission),
+        explained: Explained::of(mission, &history),
+        warnings: warnings(mission, &history),
+        history,
+    })
+}
+
+fn warnings(mission: &Mission, history: &DoseHistory) -> Vec<Warning> {
+    let mut warnings = history.warnings(mission.mission.duration_yr);
+    if mission.place().is_none() {
+        warnings.push(Warning::ShieldedByField);
+    }
+    warnings
+}
+
+/// Solar protons at 1 AU, in one active year and in the mission's, before and behind the shield.
+fn spectrum(mission: &Mission, active_years: f64, energies_mev: &[f64]) -> Vec<AtEnergy> {
+    let confidence = mission.environment.confidence;
+    let (year, sum) = (esp::fluence(confidence, 1.0), esp::fluence(confidence, active_years));
+    // A mission without an active year meets no solar protons, although the model's shortest time is a year.
+    let flown = if active_years > 0.0 { 1.0 } else { 0.0 };
+    let shield = mission.shield();
+    let behind = |spectrum: &Spectrum, energy_mev: f64| Some(shield.as_ref()?.fluence(spectrum, energy_mev));
+    let at = |energy_mev: f64| AtEnergy {
         energy_mev,
         integral_cm2: Over { year: year.above(energy_mev), mission: flown * sum.above(energy_mev) },
         differential_cm2_mev: Over {
@@ -194,29 +242,73 @@ pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputEr
             year: behind(&year, energy_mev),
             mission: behind(&sum, energy_mev).map(|fluence| flown * fluence),
         },
-    });
-    Ok(Survey {
-        launch: decimal_year(mission.mission.launch.0),
-        years: calendar_years(&model)?,
-        over_time: over_time(&model)?,
-        total_mev_g,
-        equivalents: Equivalents {
-            protons_10mev_cm2: total_mev_g / niel.at(10.0),
-            neutrons_1mev_cm2: total_mev_g / NIEL_NEUTRON_1MEV,
-        },
-        confidence: environment.confidence,
-        active_years,
-        accumulate: environment.accumulate,
-        confidences: confidences.collect(),
-        depths: depths.collect(),
-        spectrum: spectrum.collect(),
-        equivalent_mm: Equivalent {
-            sphere: equivalent_mm(mission, Geometry::Sphere),
-            slab: equivalent_mm(mission, Geometry::Slab),
-        },
-        history,
-        warnings,
-    })
+    };
+    energies_mev.par_iter().map(|energy_mev| at(*energy_mev)).collect()
+}
+
+/// The mission without effects, its dose derived: in its own model, or in the one that follows the solar cycle.
+fn derived(mission: &Mission) -> Mission {
+    let mut derived = mission.clone();
+    derived.effects.clear();
+    derived.environment.active_dose_rate_mev_g_yr = None;
+    if derived.environment.model == DoseModel::History {
+        derived.environment.model = DoseModel::Derived;
+    }
+    derived
+}
+
+/// Dose (MeV/g) of a mission with nothing imported in place of its sources; None where nothing is imported, or nothing can be
+/// derived.
+fn derived_in_place_of_imports(mission: &Mission) -> Option<f64> {
+    let environment = &mission.environment;
+    let imports = [environment.history.is_some(), environment.spectra.is_some(), environment.dose_depth.is_some()];
+    if !imports.contains(&true) || mission.place().is_none() || mission.shielding.is_none() {
+        return None;
+    }
+    let mut own = derived(mission);
+    (own.environment.history, own.environment.spectra, own.environment.dose_depth) = (None, None, None);
+    let sectors = std::mem::take(&mut own.imported).sectors;
+    own.imported.sectors = sectors;
+    Some(total(&own))
+}
+
+/// Dose (MeV/g) at the end of a mission without effects.
+fn total(mission: &Mission) -> f64 {
+    Model::new(mission).dose_mev_g(mission.mission.duration_yr).expect("a mission without effects has no formula")
+}
+
+/// Dose (MeV/g) of a mission behind aluminium: of one active year, or, where all sources are counted, of the mission.
+fn at_depth(mission: &Mission, geometry: Geometry, thickness_mm: f64) -> f64 {
+    let environment = &mission.environment;
+    if environment.model != DoseModel::Derived {
+        let year = esp::fluence(environment.confidence, 1.0);
+        return Shield::aluminium(geometry, thickness_mm).dose(&year, environment.niel.curve());
+    }
+    let mut behind = derived(mission);
+    behind.shielding = Some(Shielding::aluminium(geometry, thickness_mm));
+    total(&behind)
+}
+
+impl AtConfidence {
+    /// None without a shield, or where no dose can be derived.
+    fn of(mission: &Mission, confidence: f64, active_years: f64) -> Option<AtConfidence> {
+        mission.shielding.as_ref()?;
+        let dose = |accumulate: Accumulate| {
+            let mut mission = derived(mission);
+            mission.environment.confidence = confidence;
+            mission.environment.accumulate = Some(accumulate);
+            mission.environment.active_years = Some(active_years);
+            total(&mission)
+        };
+        mission.place()?;
+        let year = esp::fluence(confidence, 1.0);
+        Some(AtConfidence {
+            confidence,
+            active_year_mev_g: mission.shield()?.dose(&year, mission.environment.niel.curve()),
+            yearly_mev_g: dose(Accumulate::Yearly),
+            mission_mev_g: dose(Accumulate::Mission),
+        })
+    }
 }
 
 /// Thickness of aluminium (mm) behind which solar protons make the dose rate that a mission gives for an active year; None
@@ -224,8 +316,8 @@ pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputEr
 pub fn equivalent_mm(mission: &Mission, geometry: Geometry) -> Option<f64> {
     let environment = &mission.environment;
     let rate = environment.active_dose_rate_mev_g_yr?;
-    let year = Spectrum::esp(environment.confidence, 1.0);
-    let dose = |thickness_mm: f64| dose_behind(&year, geometry, thickness_mm, environment.niel.curve());
+    let year = esp::fluence(environment.confidence, 1.0);
+    let dose = |thickness_mm: f64| Shield::aluminium(geometry, thickness_mm).dose(&year, environment.niel.curve());
     (dose(300.0)..dose(0.1)).contains(&rate).then(|| {
         root_finding::between(0.1_f64.ln(), 300_f64.ln(), 1e-6, |log_mm| (dose(log_mm.exp()) / rate).ln()).exp()
     })
@@ -240,30 +332,21 @@ impl Survey {
 
 /// The mission cut at every new year.
 fn calendar_years(model: &Model) -> Result<Vec<CalendarYear>, InputError> {
-    let launch = model.mission.mission.launch.0;
-    let duration_yr = model.mission.mission.duration_yr;
-    let last = date_after(launch, duration_yr).map_or(launch.year() + duration_yr.ceil() as i32, |date| date.year());
-    let mut years = Vec::new();
     let history = model.history();
-    let (mut start_yr, mut before_mev_g) = (0.0, 0.0);
-    for year in launch.year()..=last {
-        let end_yr = NaiveDate::from_ymd_opt(year + 1, 1, 1)
-            .map_or(duration_yr, |new_year| years_between(launch, new_year))
-            .min(duration_yr);
-        if end_yr > start_yr {
-            let cumulative_mev_g = model.dose_mev_g(end_yr)?;
-            years.push(CalendarYear {
-                year,
-                flown_yr: end_yr - start_yr,
-                active_yr: history.active_years(end_yr) - history.active_years(start_yr),
-                dose_mev_g: cumulative_mev_g - before_mev_g,
-                cumulative_mev_g,
-            });
-            before_mev_g = cumulative_mev_g;
-        }
-        start_yr = end_yr;
-    }
-    Ok(years)
+    let mut before_mev_g = 0.0;
+    let of = |(year, start_yr, end_yr): (i32, f64, f64)| {
+        let cumulative_mev_g = model.dose_mev_g(end_yr)?;
+        let dose_mev_g = cumulative_mev_g - before_mev_g;
+        before_mev_g = cumulative_mev_g;
+        Ok(CalendarYear {
+            year,
+            flown_yr: end_yr - start_yr,
+            active_yr: history.active_years(end_yr) - history.active_years(start_yr),
+            dose_mev_g,
+            cumulative_mev_g,
+        })
+    };
+    source::calendar_years(&model.mission).map(of).collect()
 }
 
 /// Times of the curve of the dose besides those at which it bends or jumps.

@@ -2,7 +2,9 @@
 
 use crate::effect::CATALOGUE;
 use crate::environment::Niel;
+use crate::environment::source::Place;
 use crate::mission::{DoseModel, Mission, ReadoutMethod};
+use crate::physics::source_dose;
 
 /// A model and where it is from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -68,24 +70,35 @@ pub fn of(mission: &Mission) -> Vec<Source> {
 
 /// Solar protons, shield and damage.
 pub fn of_dose(mission: &Mission) -> Vec<Source> {
-    vec![
-        over_time(mission),
+    let mut all = vec![over_time(mission)];
+    let environment = &mission.environment;
+    if environment.model == DoseModel::History {
+        return all;
+    }
+    let place = mission.place().unwrap_or(Place::Interplanetary);
+    let imports = environment.spectra.is_some() || environment.dose_depth.is_some();
+    all.extend(environment.spectra.iter().flatten().map(|file| Source::new("Proton spectrum, imported", file.as_str())));
+    all.extend(environment.dose_depth.iter().map(|file| Source::new("Dose against thickness, imported", file.as_str())));
+    for source in source_dose::sources(environment, &place).iter().filter(|_| !imports) {
+        let card = source.card();
+        let mut what: String = card.what.into();
+        what[..1].make_ascii_uppercase();
+        all.push(Source::new(format!("{what}: {}", card.law), card.citation));
+    }
+    all.extend([
         Source::new(
-            "Fluence of solar protons: ESP",
-            "Xapsos et al. 1999, 2000 (IEEE Trans. Nucl. Sci. 46, 1481; 47, 486); ECSS-E-ST-10-04C (2008), tables B-7 and B-8",
-        ),
-        Source::new(
-            "Shielding: protons slow down continuously, straight through aluminium",
-            "ranges: NIST PSTAR; sphere and slab as in docs/physics.md, section 4",
+            "Shielding: protons slow down continuously, straight through aluminium; other materials by their areal density",
+            "ranges: NIST PSTAR; equivalences: docs/physics.md, section 4",
         ),
         Source::new(
             "Displacement damage in silicon: NIEL of protons",
-            match mission.environment.niel {
+            match environment.niel {
                 Niel::Sr => "SR-NIEL, displacement threshold 21 eV",
                 Niel::Rd50 => "compilation of the RD50 collaboration",
             },
         ),
-    ]
+    ]);
+    all
 }
 
 /// The effects of a mission.
@@ -116,6 +129,13 @@ pub fn over_time(mission: &Mission) -> Source {
             "Dose over time: 7/11 of the rate of active years, always",
             "Rhodes et al. 2010 (PASP 122, 439), section 4.1",
         ),
+        DoseModel::Derived => Source::new(
+            "Dose over time: each source by its own law of the solar cycle",
+            "active years: ECSS-E-ST-10-04C (2008), annex B.1; minima: 13-month smoothed sunspot number (NOAA/SWPC)",
+        ),
+        DoseModel::History => {
+            Source::new("Dose over time, imported", mission.environment.history.as_deref().unwrap_or("a file"))
+        }
     }
 }
 

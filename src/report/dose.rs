@@ -1,11 +1,12 @@
 //! `ctiplan dose`.
 
+mod explain;
 mod figures;
 
 use super::{Page, Parts, Report, or_dash, table};
 use crate::mission::{Accumulate, Mission};
 use crate::physics::RateOrigin;
-use crate::plan::dose::Survey;
+use crate::plan::dose::{SourceSpectrum, Survey};
 use crate::plan::sources::{self, Source};
 use crate::report::plot::Figure;
 
@@ -45,6 +46,9 @@ impl Page for Survey {
             ),
             2,
         );
+        explain::said(self, &mut out);
+        self.by_source(&mut out);
+        self.beside_imports(&mut out);
         self.year_by_year(&mut out);
         self.against_confidence(&mut out);
         self.against_depth(&mut out);
@@ -65,6 +69,58 @@ impl Page for Survey {
 }
 
 impl Survey {
+    /// The sources, each with its dose and its limits; where there is more than one.
+    fn by_source(&self, out: &mut Parts) {
+        if self.sources.len() < 2 {
+            return;
+        }
+        out.heading("Dose by source, before effects");
+        let mut sources = table(&["source", "dose [MeV/g]", "share [%]"]);
+        let sum: f64 = self.sources.iter().map(|source| source.total_mev_g).sum();
+        for source in &self.sources {
+            sources.add_row(vec![
+                source.name.clone(),
+                format!("{:.3e}", source.total_mev_g),
+                format!("{:.1}", 100.0 * source.total_mev_g / sum),
+            ]);
+        }
+        out.table(sources);
+        for source in &self.sources {
+            out.words(format!("{}: {}.", source.name, source.card.map_or("as imported", |card| card.range)), 2);
+        }
+        if let Some(secondaries) = self.secondaries {
+            out.words(
+                format!(
+                    "Nuclear reactions in the shield take {:.1e} MeV/g and add {:.1e} MeV/g by neutrons, to a factor of 2: {}.",
+                    secondaries.lost_mev_g,
+                    secondaries.neutrons_mev_g,
+                    if self.secondaries_counted { "counted" } else { "not counted" }
+                ),
+                2,
+            );
+        }
+    }
+
+    /// What is imported beside what would be derived.
+    fn beside_imports(&self, out: &mut Parts) {
+        let Some(derived_mev_g) = self.derived_mev_g else { return };
+        out.gap();
+        out.words(
+            format!(
+                "The dose is imported. Derived from orbit, Sun, shield and NIEL it is {derived_mev_g:.3e} MeV/g: imported over \
+                 derived is {:.2}.",
+                self.total_mev_g / derived_mev_g
+            ),
+            2,
+        );
+    }
+
+    /// What the curve of the dose against thickness shows.
+    fn depth_title(&self) -> String {
+        let of = if self.depths_of_mission { "the mission" } else { "one active year" };
+        format!("Dose of {of} behind aluminium, at {} % confidence", 100.0 * self.confidence)
+    }
+
     fn year_by_year(&self, out: &mut Parts) {
         out.gap();
         let mut years = table(&["year", "Sun", "active [yr]", "flown [yr]", "dose [MeV/g]", "since launch [MeV/g]"]);
@@ -73,6 +129,7 @@ impl Survey {
                 year.year.to_string(),
                 match (self.history.averages_the_cycle(), year.active_yr) {
                     (true, _) => "mean",
+                    _ if self.origin() == RateOrigin::History => "-",
                     (false, 0.0) => "quiet",
                     (false, active) if active < year.flown_yr - 1e-9 => "partly",
                     _ => "active",
@@ -99,27 +156,38 @@ impl Survey {
                 self.active_years,
                 match (self.origin(), self.accumulate) {
                     (RateOrigin::Given, _) => " (neither is used: the mission file gives its dose rate)",
+                    (RateOrigin::Spectra | RateOrigin::DoseDepth | RateOrigin::History, _) => {
+                        " (neither is used: the dose is imported)"
+                    }
                     (_, Accumulate::Yearly) => " (the mission uses the first)",
                     (_, Accumulate::Mission) => " (the mission uses the second)",
                 }
             ),
             2,
         );
-        let mut confidences =
-            table(&["confidence [%]", "one active year [MeV/g]", "year x years [MeV/g]", "sum [MeV/g]"]);
+        // With all sources there is no such thing as an active year by itself.
+        let alone = !self.depths_of_mission;
+        let mut columns = vec!["confidence [%]", "year x years [MeV/g]", "sum [MeV/g]"];
+        if alone {
+            columns.insert(1, "one active year [MeV/g]");
+        }
+        let mut confidences = table(&columns);
         for at in &self.confidences {
-            confidences.add_row(vec![
+            let mut row = vec![
                 format!("{:.0}", 100.0 * at.confidence),
-                format!("{:.3e}", at.active_year_mev_g),
                 format!("{:.3e}", at.yearly_mev_g),
                 format!("{:.3e}", at.mission_mev_g),
-            ]);
+            ];
+            if alone {
+                row.insert(1, format!("{:.3e}", at.active_year_mev_g));
+            }
+            confidences.add_row(row);
         }
         out.table(confidences);
     }
 
     fn against_depth(&self, out: &mut Parts) {
-        out.heading(format!("Dose of one active year at {} % behind aluminium", 100.0 * self.confidence));
+        out.heading(self.depth_title());
         let mut depths = table(&["mm Al", "sphere [MeV/g]", "slab [MeV/g]"]);
         for at in &self.depths {
             depths.add_row(vec![
@@ -140,11 +208,31 @@ impl Survey {
         }
     }
 
+    /// Fluences of each source.
+    fn by_energy_and_source(&self, out: &mut Parts) {
+        let fluences: [(&str, fn(&SourceSpectrum) -> f64); 2] =
+            [("at the spacecraft", |at| at.integral_cm2), ("behind the shield", |at| at.shielded_integral_cm2)];
+        for (place, fluence) in fluences {
+            out.heading(format!("Protons above an energy over the mission {place}, per cm2"));
+            let columns = self.sources.iter().map(|source| source.name.as_str());
+            let mut spectrum = table(&std::iter::once("E [MeV]").chain(columns).collect::<Vec<_>>());
+            for (index, at) in self.spectrum.iter().enumerate() {
+                let mut row = vec![format!("{}", at.energy_mev)];
+                row.extend(self.sources.iter().map(|source| format!("{:.3e}", fluence(&source.spectrum[index]))));
+                spectrum.add_row(row);
+            }
+            out.table(spectrum);
+        }
+    }
+
     fn protons(&self, out: &mut Parts) {
+        if self.depths_of_mission {
+            return self.by_energy_and_source(out);
+        }
         out.gap();
         out.words(
             format!(
-                "Solar protons above an energy at {} %, per cm2: in one active year, and in the mission's {:.2} active \
+                "Solar protons outside the magnetosphere above an energy at {} %, per cm2: in one active year, and in the mission's {:.2} active \
                  years together",
                 100.0 * self.confidence,
                 self.active_years

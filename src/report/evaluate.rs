@@ -118,7 +118,7 @@ impl Page for EvaluateReport {
                 "{} yr from {}, orbit {}; {} transfers of {} ms, {} K",
                 header.duration_yr,
                 header.launch,
-                format!("{:?}", header.orbit).to_uppercase(),
+                mission.orbit_name(),
                 mission.readout.transfers,
                 mission.readout.line_time_ms,
                 mission.detector.temperature_k
@@ -245,17 +245,21 @@ impl EvaluateReport {
     fn dose_origin(&self) -> String {
         let (mission, dose) = (self.evaluation.mission(), self.evaluation.model.history());
         let environment = &mission.environment;
-        let origin = match (dose.origin, &mission.shielding) {
-            (RateOrigin::Esp { active_years }, Some(shield)) => format!(
-                "ESP solar protons at {} % confidence for {:.2} active years behind {} mm of aluminium ({}), damage curve {}",
+        let shield = mission.shielding.as_ref().map_or(String::new(), |shielding| shielding.words());
+        let niel = environment.niel;
+        let origin = match dose.origin {
+            RateOrigin::Given => "given by the mission file".into(),
+            RateOrigin::Esp { active_years } | RateOrigin::Sources { active_years } => format!(
+                "ESP solar protons at {} % confidence for {active_years:.2} active years behind a {shield}, damage curve {niel}",
                 100.0 * environment.confidence,
-                active_years,
-                shield.thickness_mm,
-                shield.geometry,
-                environment.niel
             ),
-            _ => "given by the mission file".into(),
+            RateOrigin::Spectra => format!("imported spectra behind a {shield}, damage curve {niel}, spread evenly"),
+            RateOrigin::DoseDepth => "an imported dose-depth curve, spread evenly".into(),
+            RateOrigin::History => return format!("imported: {}", environment.history.as_deref().unwrap_or("a file")),
         };
+        if matches!(dose.origin, RateOrigin::Spectra | RateOrigin::DoseDepth) {
+            return format!("{:.3e} MeV/g/yr in every year; {origin}", dose.floor_mev_g_yr);
+        }
         let spread = match dose.averages_the_cycle() {
             true => "in active years, averaged over the solar cycle (x 7/11)",
             false => "in active years, nothing in quiet ones",
@@ -268,6 +272,11 @@ impl EvaluateReport {
     fn added_dose(&self) -> Vec<String> {
         let (mission, dose) = (self.evaluation.mission(), self.evaluation.model.history());
         let mut added = Vec::new();
+        let duration_yr = mission.mission.duration_yr;
+        for source in dose.sources.iter().filter(|source| source.name != "solar-protons" && source.card.is_some()) {
+            let total = dose.of_source_mev_g(source, 0.0, duration_yr);
+            added.push(format!("{:.3e} MeV/g/yr on average of {}", total / duration_yr, source.name.replace('-', " ")));
+        }
         if dose.floor_mev_g_yr != 0.0 {
             added.push(format!("{:.3e} MeV/g/yr of cosmic rays in every year", dose.floor_mev_g_yr));
         }

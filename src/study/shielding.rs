@@ -5,7 +5,7 @@
 //! ```
 //!
 //! with the dose derived from the ESP fluence at each confidence (`environment/esp.rs`) behind each thickness
-//! (`environment/shielding.rs`: no secondaries, no trapped protons), whatever dose rate the mission gives.
+//! (`environment/shielding.rs`), and what other sources the mission's model has, whatever dose rate the mission gives.
 
 use chrono::NaiveDate;
 use serde::Serialize;
@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::{Study, budgets, check, each, ready, warnings};
 use crate::environment::shielding::Geometry;
 use crate::error::InputError;
-use crate::mission::{Material, Mission, Orbit, Shielding as Shield};
+use crate::mission::{Mission, Shielding as Shield};
 use crate::model::Model;
 use crate::plan::timeline::Timeline;
 use crate::warning::Warning;
@@ -108,20 +108,19 @@ impl Study for Shielding {
         thicknesses_mm.sort_by(f64::total_cmp);
         let confidences = self.confidences.clone();
         let warnings = warnings(mission);
-        if mission.mission.orbit == Orbit::Leo {
+        if mission.place().is_none() {
             return Ok(Results { thicknesses_mm, confidences, cases: Vec::new(), needed: Vec::new(), warnings });
         }
         let model = ready(mission)?;
         let mut shields = Vec::new();
         for geometry in GEOMETRIES {
             for &thickness_mm in &thicknesses_mm {
-                let shield = Shield { geometry, material: Material::Aluminium, thickness_mm };
-                shields.extend(confidences.iter().map(|confidence| (shield.clone(), *confidence)));
+                shields.extend(confidences.iter().map(|confidence| (geometry, thickness_mm, *confidence)));
             }
         }
-        let cases = each(&shields, |(shield, confidence)| {
+        let cases = each(&shields, |&(geometry, thickness_mm, confidence)| {
             advance();
-            Case::of(&model, shield, *confidence)
+            Case::of(&model, geometry, thickness_mm, confidence)
         })?;
         let needed = confidences.iter().map(|confidence| Needed {
             confidence_percent: 100.0 * confidence,
@@ -133,17 +132,17 @@ impl Study for Shielding {
 }
 
 impl Case {
-    fn of(model: &Model, shield: &Shield, confidence: f64) -> Result<Case, InputError> {
+    fn of(model: &Model, geometry: Geometry, thickness_mm: f64, confidence: f64) -> Result<Case, InputError> {
         let mut mission = model.mission.clone();
-        mission.shielding = Some(shield.clone());
+        mission.shielding = Some(Shield::aluminium(geometry, thickness_mm));
         mission.environment.active_dose_rate_mev_g_yr = None;
         mission.environment.confidence = confidence;
         let model = model.like(&mission);
         let timeline = Timeline::of(&model)?;
         let [uncorrected, corrected] = budgets(&mission);
         Ok(Case {
-            geometry: shield.geometry,
-            thickness_mm: shield.thickness_mm,
+            geometry,
+            thickness_mm,
             confidence,
             dose_mev_g: model.dose_mev_g(mission.mission.duration_yr)?,
             delta_e: timeline.end(),

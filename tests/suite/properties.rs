@@ -171,7 +171,7 @@ proptest! {
                 prop_assert!((twice - 2.0 * dose).abs() <= 1e-9 * twice);
             }
             (Some(shield), None) => {
-                let thicker = set(&mission, "shielding.thickness_mm", 1.2 * shield.thickness_mm);
+                let thicker = set(&mission, "shielding.thickness_mm", 1.2 * shield.thickness_mm.unwrap());
                 prop_assert!(last_dose(&thicker) <= dose);
                 let surer = set(&mission, "environment.confidence", 0.5 + 0.5 * mission.environment.confidence);
                 prop_assert!(last_dose(&surer) >= dose);

@@ -3,7 +3,7 @@
 //! With `environment.model = "constant"` the dose is an average over the solar cycle: every launch date has the same, and there
 //! is nothing to compare. Comparisons of launch dates take the cycle instead, unless the average is asked for beside them.
 
-use crate::mission::{DoseModel, Mission, Orbit};
+use crate::mission::{DoseModel, Mission};
 
 /// Key of the model of the dose over time.
 pub(crate) const MODEL: &str = "environment.model";
@@ -28,7 +28,7 @@ pub(crate) fn of_launches(mission: &Mission, kept: bool) -> (Mission, Option<&'s
     if model(mission) != "constant" {
         return (flown, None);
     }
-    if mission.mission.orbit == Orbit::Leo {
+    if mission.place().is_none() {
         return (flown, Some(LOW_ORBIT));
     }
     if kept {
@@ -42,6 +42,8 @@ pub(crate) fn of_launches(mission: &Mission, kept: bool) -> (Mission, Option<&'s
 pub(crate) fn model(mission: &Mission) -> &'static str {
     match mission.environment.model {
         DoseModel::Constant if !mission.effects.contains_key("solar-cycle") => "constant",
-        _ => "solar-cycle",
+        DoseModel::Constant | DoseModel::SolarCycle => "solar-cycle",
+        DoseModel::Derived => "derived",
+        DoseModel::History => "history",
     }
 }

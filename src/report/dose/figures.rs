@@ -61,17 +61,18 @@ impl Survey {
     /// The dose of an active year against thickness.
     fn by_depth(&self) -> Figure {
         let thickness: Vec<f64> = self.depths.iter().map(|at| at.thickness_mm).collect();
-        let rate = match self.origin() {
-            RateOrigin::Given => "rate of the mission file",
-            RateOrigin::Esp { .. } => "rate of the mission",
-        };
-        let series = vec![
+        let mut series = vec![
             line("sphere", 1, &thickness, self.depths.iter().map(|at| at.sphere_mev_g).collect()),
             line("slab", 2, &thickness, self.depths.iter().map(|at| at.slab_mev_g).collect()),
-            level(rate, self.history.active_rate_mev_g_yr),
         ];
+        series.extend(match self.origin() {
+            RateOrigin::Given => Some(level("rate of the mission file", self.history.active_rate_mev_g_yr)),
+            RateOrigin::Esp { .. } => Some(level("rate of the mission", self.history.active_rate_mev_g_yr)),
+            RateOrigin::Sources { .. } => Some(level("dose of the mission", self.total_mev_g)),
+            RateOrigin::Spectra | RateOrigin::DoseDepth | RateOrigin::History => None,
+        });
         Figure {
-            title: format!("Dose of one active year behind aluminium, at {} % confidence", 100.0 * self.confidence),
+            title: self.depth_title(),
             panels: vec![logarithmic("thickness [mm Al]", "dose [MeV/g]", series)],
         }
     }

@@ -7,7 +7,7 @@ use super::table::{column, words};
 use super::{DataTable, Digits, Shown, StudyReport};
 use crate::environment::shielding::Geometry;
 use crate::mission::keys::plain;
-use crate::mission::{Mission, Orbit};
+use crate::mission::Mission;
 use crate::plan::sources;
 use crate::report::plot::{Figure, Panel, level, line};
 use crate::study::budgets;
@@ -24,7 +24,7 @@ impl Shown for Results {
         let mut report = StudyReport::of("shielding", mission, title, &self.warnings);
         report.sources = sources::of_dose(mission);
         report.tables = vec![margins(self)];
-        if mission.mission.orbit == Orbit::Leo {
+        if mission.place().is_none() {
             report.find(
                 "In low Earth orbit trapped protons do the damage. There is no model of them here, so no dose can be derived from \
                  shielding. --set mission.orbit=l2 shows the same detector outside the magnetosphere.",

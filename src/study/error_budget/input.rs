@@ -1,10 +1,12 @@
 //! Uncertain inputs of a mission, and how to change a mission by one of them.
 
-use crate::environment::Niel;
-use crate::environment::esp::Spectrum;
-use crate::environment::shielding::{Geometry, dose_behind};
+use rayon::prelude::*;
+
+use crate::environment::esp;
+use crate::environment::shielding::{self, Geometry};
 use crate::environment::solar_cycle::{CYCLE_SCATTER_YR, Maximum};
-use crate::mission::{Mission, Orbit};
+use crate::mission::{DoseModel, Mission};
+use crate::model::Model;
 use crate::plan::dose;
 
 /// Changes a mission by a deviation of an input.
@@ -55,22 +57,17 @@ pub fn cycles(maxima: &[Maximum]) -> Vec<Input> {
     ahead.map(shift).collect()
 }
 
-/// The inputs of a mission whose dose rate is given as a number, those known exactly left out. `shield` says by how much the
+/// The inputs of a mission, those known exactly left out. `shield` says by how much the
 /// dose changes with the shield's thickness.
 pub fn inputs(mission: &Mission, shield: Option<Shield>) -> Vec<Input> {
     let known = &mission.uncertainty;
-    let scale_dose = |mission: &mut Mission, factor: f64| {
-        if let Some(rate) = &mut mission.environment.active_dose_rate_mev_g_yr {
-            *rate *= factor;
-        }
-    };
-    let mut inputs = vec![input("dose model", known.dose_model, move |mission, factor| {
-        scale_dose(mission, factor);
-        mission.environment.cosmic_ray_floor_mev_g_yr *= factor;
+    let mut inputs = vec![input("dose model", known.dose_model, |mission, factor| {
+        mission.environment.dose_factor *= factor;
     })];
     if let Some(shield) = shield {
-        inputs
-            .push(input("shielding", known.shielding, move |mission, factor| scale_dose(mission, shield.dose(factor))));
+        inputs.push(input("shielding", known.shielding, move |mission, factor| {
+            mission.environment.dose_factor *= shield.dose(factor);
+        }));
     }
     for (index, species) in mission.detector.traps.iter().enumerate() {
         inputs.push(input(format!("density {}", species.name), known.density, move |mission, factor| {
@@ -97,39 +94,55 @@ pub fn inputs(mission: &Mission, shield: Option<Shield>) -> Vec<Input> {
     inputs
 }
 
-/// Dose of an active year behind a shield whose thickness is not quite known.
+/// Dose of a mission behind a shield whose thickness is not quite known, over that behind the shield as it is: its logarithm, at
+/// logarithms of the factor on the thickness.
 #[derive(Clone)]
 pub struct Shield {
-    spectrum: Spectrum,
-    geometry: Geometry,
-    thickness_mm: f64,
-    niel: Niel,
+    curve: Vec<(f64, f64)>,
 }
 
+/// Logarithms of factors on a thickness between which its dose is followed: rarer ones are continued on a straight line.
+const FACTORS: (f64, f64, usize) = (-2.0, 2.0, 33);
+
 impl Shield {
-    /// The mission's shield, or the sphere that makes the dose rate it gives. None where there is none: in a low Earth orbit,
-    /// or where no thickness makes that rate.
+    /// The mission's shield, or the sphere that makes the dose rate it gives. None where there is none: where no thickness makes
+    /// that rate, or the dose is imported.
     pub fn of(mission: &Mission) -> Option<Shield> {
+        mission.place()?;
         let environment = &mission.environment;
-        let spectrum = Spectrum::esp(environment.confidence, 1.0);
-        let of = |geometry, thickness_mm| Shield {
-            spectrum: spectrum.clone(),
-            geometry,
-            thickness_mm,
-            niel: environment.niel,
-        };
-        match &mission.shielding {
-            _ if mission.mission.orbit == Orbit::Leo => None,
-            Some(shield) => Some(of(shield.geometry, shield.thickness_mm)),
+        let shield = match mission.shield() {
+            Some(shield) => shield,
             None => {
-                dose::equivalent_mm(mission, Geometry::Sphere).map(|thickness_mm| of(Geometry::Sphere, thickness_mm))
+                let thickness_mm = dose::equivalent_mm(mission, Geometry::Sphere)?;
+                shielding::Shield::aluminium(Geometry::Sphere, thickness_mm)
             }
+        };
+        if environment.model == DoseModel::History || environment.dose_depth.is_some() {
+            return None;
         }
+        let year = esp::fluence(environment.confidence, 1.0);
+        let model = Model::new(mission);
+        let (history, duration_yr) = (model.history(), mission.mission.duration_yr);
+        let niel = environment.niel.curve();
+        let dose = |log: f64| -> f64 {
+            let shield = shield.scaled(log.exp());
+            if history.sources.is_empty() {
+                return shield.dose(&year, niel);
+            }
+            let of = |source| history.of_spectrum(source, duration_yr, |spectrum| shield.dose(spectrum, niel));
+            history.sources.iter().map(of).sum()
+        };
+        let (from, to, count) = FACTORS;
+        let logs: Vec<f64> = (0..count).map(|index| from + (to - from) * index as f64 / (count - 1) as f64).collect();
+        let itself = dose(0.0).ln();
+        itself.is_finite().then(|| Shield { curve: logs.into_par_iter().map(|log| (log, dose(log).ln() - itself)).collect() })
     }
 
     /// Dose behind so many times the thickness, over the dose behind it.
     fn dose(&self, factor: f64) -> f64 {
-        let dose = |thickness_mm: f64| dose_behind(&self.spectrum, self.geometry, thickness_mm, self.niel.curve());
-        dose(factor * self.thickness_mm) / dose(self.thickness_mm)
+        let log = factor.ln();
+        let after = self.curve.partition_point(|point| point.0 <= log).clamp(1, self.curve.len() - 1);
+        let ((from, low), (to, high)) = (self.curve[after - 1], self.curve[after]);
+        (low + (high - low) * (log - from) / (to - from)).exp()
     }
 }

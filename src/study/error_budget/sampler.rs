@@ -7,7 +7,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::input::{Input, Shield, cycles, inputs};
 use crate::environment::solar_cycle::{self, ACTIVE_YR};
 use crate::error::InputError;
-use crate::mission::Mission;
+use crate::mission::{DoseModel, Mission};
 use crate::model::Model;
 use crate::numeric::calendar::decimal_year;
 use crate::physics::accuracy::Purpose;
@@ -41,8 +41,11 @@ impl Sampler {
     pub fn new(mission: &Mission, horizon_yr: f64) -> Result<Sampler, InputError> {
         let model = ready(mission)?;
         let mut base = model.mission.clone();
-        // Draws differ by factors: what is derived is made a number first.
-        base.environment.active_dose_rate_mev_g_yr = Some(model.history().active_rate_mev_g_yr);
+        // Draws differ by factors: in the models of the paper what is derived is made a number first.
+        if matches!(base.environment.model, DoseModel::Constant | DoseModel::SolarCycle) {
+            base.environment.active_dose_rate_mev_g_yr =
+                Some(model.history().active_rate_mev_g_yr / base.environment.dose_factor);
+        }
         let galaxy = &base.galaxies[0];
         let flux_e = snr::flux_e(&base, galaxy);
         base.galaxies[0].flux_e = Some(flux_e);

@@ -1,0 +1,162 @@
+//! Sources of protons: each a card and a law, one file and one line.
+//!
+//! ```text
+//! orbit, Sun, date → source → streams: a spectrum for each law of time → shield → dose rate
+//! ```
+
+mod cosmic_ray_nuclei;
+mod cosmic_rays;
+mod solar_protons;
+mod trapped_protons;
+
+pub use trapped_protons::averaged;
+
+use std::f64::consts::PI;
+
+use ctiplan_magnetosphere::{Activity, Elements};
+
+use super::solar_cycle::Phase;
+use super::spectrum::Spectrum;
+
+/// All sources, in the order of the output.
+pub static SOURCES: [&dyn Source; 4] = [
+    &solar_protons::SolarProtons,
+    &trapped_protons::TrappedProtons,
+    &cosmic_rays::CosmicRays,
+    &cosmic_ray_nuclei::CosmicRayNuclei,
+];
+
+/// What a source is, for people.
+#[derive(Debug, PartialEq)]
+pub struct Card {
+    /// Name in mission files.
+    pub name: &'static str,
+    /// What it is.
+    pub what: &'static str,
+    /// The law, in one sentence.
+    pub law: &'static str,
+    /// Where it holds, and how well.
+    pub range: &'static str,
+    /// Papers and standards.
+    pub citation: &'static str,
+}
+
+/// A source of protons.
+pub trait Source: Sync {
+    /// What it is.
+    fn card(&self) -> &'static Card;
+
+    /// Whether protons of it arrive at a place.
+    fn reaches(&self, place: &Place) -> bool;
+
+    /// Its spectra, each with the time at which it comes.
+    fn streams(&self, setting: &Setting) -> Vec<Stream>;
+
+    /// Neutrons that a nuclear reaction of one of its protons makes.
+    fn neutrons(&self) -> f64 {
+        2.0
+    }
+}
+
+/// Where a mission flies, as far as protons are concerned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    /// Around the Sun at 1 AU, or far enough from the Earth.
+    Interplanetary,
+    /// Around the Earth.
+    Earth(Elements),
+}
+
+/// What sources depend on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setting {
+    /// Where.
+    pub place: Place,
+    /// Decimal year of the middle of the mission: the magnetic field is of then.
+    pub middle: f64,
+    /// Probability that the fluence of solar protons is not exceeded.
+    pub confidence: f64,
+    /// Active years whose quantile is taken at once, above 0.
+    pub active_years: f64,
+}
+
+/// A spectrum and when it comes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stream {
+    /// Omnidirectional fluence of a year of it, cm⁻².
+    pub yearly: Spectrum,
+    /// How much of it comes when.
+    pub when: When,
+}
+
+/// A share of a stream over time.
+#[derive(Clone, Debug, PartialEq)]
+pub enum When {
+    /// All in the active years of the Sun, nothing in the others.
+    ActiveYears,
+    /// Σ c_k cos 2πkx with the phase x of the solar cycle.
+    Cycle {
+        /// c_k.
+        cosines: Vec<f64>,
+        /// The phase.
+        phase: Phase,
+    },
+    /// Always.
+    Always,
+}
+
+impl When {
+    /// The same with the Sun held at a phase of its cycle.
+    pub fn held(&self, activity: Activity) -> When {
+        match self {
+            When::Cycle { cosines, phase } => {
+                let sign = |k: usize| if activity == Activity::Maximum && k % 2 == 1 { -1.0 } else { 1.0 };
+                let share = cosines.iter().enumerate().map(|(k, cosine)| sign(k) * cosine).sum();
+                When::Cycle { cosines: vec![share], phase: *phase }
+            }
+            other => other.clone(),
+        }
+    }
+}
+
+/// For each of so many phases from minimum to maximum, the cosines of the share that interpolates between spectra there: a
+/// quantity that is even in the phase is met at all of them.
+pub(crate) fn interpolation(nodes: usize) -> Vec<Vec<f64>> {
+    let last = nodes - 1;
+    let half = |index: usize| if index == 0 || index == last { 0.5 } else { 1.0 };
+    let cosine = |node: usize, k: usize| {
+        2.0 / last as f64 * half(node) * half(k) * (PI * (node * k) as f64 / last as f64).cos()
+    };
+    (0..nodes).map(|node| (0..nodes).map(|k| cosine(node, k)).collect()).collect()
+}
+
+/// The source of a name.
+pub fn source(name: &str) -> Option<&'static dyn Source> {
+    SOURCES.into_iter().find(|source| source.card().name == name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_interpolate_at_their_phases() {
+        let all = interpolation(5);
+        for node in 0..5 {
+            for (other, cosines) in all.iter().enumerate() {
+                let angle = PI * f64::from(node) / 4.0;
+                let share: f64 = cosines.iter().enumerate().map(|(k, c)| c * (k as f64 * angle).cos()).sum();
+                assert!((share - if other == node as usize { 1.0 } else { 0.0 }).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn cards_have_different_names() {
+        let mut names: Vec<&str> = SOURCES.iter().map(|source| source.card().name).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), SOURCES.len());
+        assert!(names.iter().all(|name| source(name).is_some()) && source("neutrons").is_none());
+    }
+}

@@ -1,0 +1,32 @@
+//! Helium and heavier nuclei of galactic cosmic rays: an allowance.
+
+use super::cosmic_rays::CosmicRays;
+use super::{Card, Place, Setting, Source, Stream};
+use crate::environment::cosmic_rays::NUCLEI_OVER_PROTONS;
+
+pub(super) struct CosmicRayNuclei;
+
+impl Source for CosmicRayNuclei {
+    fn card(&self) -> &'static Card {
+        &Card {
+            name: "cosmic-ray-nuclei",
+            what: "helium and heavier nuclei of galactic cosmic rays, as protons that do the same damage",
+            law: "0.75 times the protons of cosmic rays",
+            range: "an allowance: 0.5 to 1 times the protons",
+            citation: "an estimate of this project; abundances: Simpson 1983 (Ann. Rev. Nucl. Part. Sci. 33, 323)",
+        }
+    }
+
+    fn reaches(&self, place: &Place) -> bool {
+        CosmicRays.reaches(place)
+    }
+
+    fn streams(&self, setting: &Setting) -> Vec<Stream> {
+        let protons = CosmicRays.streams(setting).into_iter();
+        protons.map(|stream| Stream { yearly: stream.yearly.times(NUCLEI_OVER_PROTONS), ..stream }).collect()
+    }
+
+    fn neutrons(&self) -> f64 {
+        CosmicRays.neutrons()
+    }
+}

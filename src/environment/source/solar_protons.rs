@@ -1,0 +1,40 @@
+//! Protons of solar events.
+
+use ctiplan_magnetosphere::Exposure;
+
+use super::{Card, Place, Setting, Source, Stream, When};
+use crate::environment::esp;
+
+pub(super) struct SolarProtons;
+
+impl Source for SolarProtons {
+    fn card(&self) -> &'static Card {
+        &Card {
+            name: "solar-protons",
+            what: "protons of solar events",
+            law: "ESP fluence at the mission's confidence, in the seven active years of each cycle; around the Earth times the \
+                  share that passes the geomagnetic cutoff (quiet field, eccentric dipole of the date) and the Earth's shadow",
+            range: "1 to 300 MeV at 1 AU; a factor of 2 at 95 %; nothing in quiet years",
+            citation: "Xapsos et al. 1999, 2000 (IEEE Trans. Nucl. Sci. 46, 1481; 47, 486); ECSS-E-ST-10-04C (2008), tables B-7 and \
+                       B-8; cutoff: Stassinopoulos & King 1974, Smart & Shea 2005, Fraser-Smith 1987",
+        }
+    }
+
+    fn reaches(&self, _: &Place) -> bool {
+        true
+    }
+
+    fn streams(&self, setting: &Setting) -> Vec<Stream> {
+        let years = setting.active_years.max(1.0);
+        // Less than one active year counts as one, and all of it arrives within the active time there is.
+        let outside = esp::fluence(setting.confidence, years).times(1.0 / setting.active_years);
+        let yearly = match &setting.place {
+            Place::Interplanetary => outside,
+            Place::Earth(elements) => {
+                let exposure = Exposure::along(elements, setting.middle);
+                outside.attenuated(|energy_mev| exposure.at(energy_mev))
+            }
+        };
+        vec![Stream { yearly, when: When::ActiveYears }]
+    }
+}

@@ -1,0 +1,155 @@
+//! The files that a mission names: read with it, so that a mission that exists is complete.
+
+use std::path::Path;
+
+use crate::environment::spectrum::{Law, Spectrum};
+use crate::error::InputError;
+use crate::io::radiation_file::{
+    Depths, Doses, Quantity, SpectrumFile, Time, Times, read_dose_depth, read_dose_history, read_sectors, read_spectrum,
+};
+use crate::mission::{Imported, ImportedSpectrum, Mission};
+use crate::numeric::calendar::years_between;
+
+/// What is wrong with a file: the key that names it, where the problem is not within the file alone.
+type Refusal = (Option<&'static str>, InputError);
+
+/// Reads the files that a mission names, counted from a folder; their names become those that were read.
+pub(super) fn import(mission: &mut Mission, folder: &Path) -> Result<(), Refusal> {
+    let environment = &mut mission.environment;
+    let sectors = mission.shielding.as_mut().and_then(|shielding| shielding.sectors.as_mut());
+    let named = [environment.history.as_mut(), environment.dose_depth.as_mut(), sectors].into_iter().flatten();
+    for file in named.chain(environment.spectra.iter_mut().flatten()) {
+        *file = folder.join(&file).display().to_string();
+    }
+    mission.imported = Imported {
+        history: history(mission)?,
+        spectra: spectra(mission)?,
+        dose_depth: dose_depth(mission)?,
+        sectors: sectors_of(mission)?,
+    };
+    match mission.history_problem() {
+        Some(problem) => Err(wrong("environment.history", problem)),
+        None => Ok(()),
+    }
+}
+
+fn wrong(key: &'static str, problem: impl Into<String>) -> Refusal {
+    (Some(key), InputError::new("", problem.into()))
+}
+
+fn within(error: InputError) -> Refusal {
+    (None, error)
+}
+
+/// Years since launch, from 0 on, and dose since launch, MeV/g.
+fn history(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
+    const KEY: &str = "environment.history";
+    let Some(file) = &mission.environment.history else { return Ok(Vec::new()) };
+    let read = read_dose_history(file).map_err(within)?;
+    let launch = mission.mission.launch.0;
+    let times: Vec<f64> = match &read.times {
+        Times::SinceLaunchYr(times) => times.clone(),
+        Times::Dates(dates) => dates
+            .iter()
+            .map(|date| {
+                let seconds = f64::from(chrono::Timelike::num_seconds_from_midnight(&date.time()));
+                years_between(launch, date.date()) + seconds / crate::environment::SECONDS_PER_YEAR
+            })
+            .collect(),
+    };
+    if times[0] < 0.0 {
+        return Err(wrong(KEY, format!("{file} begins before launch, at {:.3} yr", times[0])));
+    }
+    match &read.doses {
+        Doses::Total(doses) => {
+            if times[0] == 0.0 && doses[0] > 0.0 {
+                return Err(wrong(KEY, format!("{file} has a dose of {} MeV/g at launch: it must begin at 0", doses[0])));
+            }
+            let mut table = vec![(0.0, 0.0)];
+            table.extend(times.into_iter().zip(doses.iter().copied()).filter(|(t_yr, _)| *t_yr > 0.0));
+            Ok(table)
+        }
+        Doses::Rate(rates) => {
+            // A day is left for dates.
+            if times[0] > 0.003 {
+                return Err(wrong(KEY, format!("{file} has no dose rate before {:.3} yr after launch", times[0])));
+            }
+            let mut table = vec![(0.0, 0.0)];
+            for (pair, rate) in times.windows(2).zip(rates.windows(2)) {
+                let before = table[table.len() - 1].1;
+                table.push((pair[1], before + 0.5 * (rate[0] + rate[1]) * (pair[1] - pair[0])));
+            }
+            Ok(table)
+        }
+    }
+}
+
+fn spectra(mission: &Mission) -> Result<Vec<ImportedSpectrum>, Refusal> {
+    const KEY: &str = "environment.spectra";
+    let duration_yr = mission.mission.duration_yr;
+    let of = |file: &String| {
+        let read = read_spectrum(file).map_err(within)?;
+        if let Some(shield) = &read.shield {
+            return Err(wrong(KEY, format!("{file} is a spectrum behind a shield ({shield}): [shielding] would count twice")));
+        }
+        let own_yr = read.duration_s.map(|seconds| seconds / crate::environment::SECONDS_PER_YEAR);
+        if let Some(own_yr) = own_yr.filter(|own| read.time == Time::Mission && (own / duration_yr - 1.0).abs() > 0.02) {
+            let problem = format!("{file} is of a mission of {own_yr:.2} yr, but this one lasts {duration_yr} yr");
+            return Err(wrong(KEY, problem));
+        }
+        Ok(ImportedSpectrum {
+            file: file.clone(),
+            program: format!("{:?}", read.program),
+            spectrum: spectrum(&read),
+            per_second: read.time == Time::PerSecond,
+        })
+    };
+    mission.environment.spectra.iter().flatten().map(of).collect()
+}
+
+/// Power laws between the energies of a file.
+fn spectrum(read: &SpectrumFile) -> Spectrum {
+    let points: Vec<(f64, f64)> = read.energies_mev.iter().copied().zip(read.values.iter().copied()).collect();
+    if read.quantity == Quantity::Integral {
+        return Spectrum::of(points, Law::Power);
+    }
+    let differential = |energy_mev: f64| {
+        let after = points.partition_point(|point| point.0 <= energy_mev).clamp(1, points.len() - 1);
+        let ((from, low), (to, high)) = (points[after - 1], points[after]);
+        if low <= 0.0 || high <= 0.0 { 0.0 } else { low * (high / low).powf((energy_mev / from).ln() / (to / from).ln()) }
+    };
+    Spectrum::of_differential(differential, points[0].0, points[points.len() - 1].0)
+}
+
+/// Areal density of aluminium (g/cm², rising) and dose of the mission, MeV/g.
+fn dose_depth(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
+    let Some(file) = &mission.environment.dose_depth else { return Ok(Vec::new()) };
+    let read = read_dose_depth(file).map_err(within)?;
+    let years = match read.doses {
+        Doses::Total(_) => 1.0,
+        Doses::Rate(_) => mission.mission.duration_yr,
+    };
+    let doses = read.doses.values().iter().map(|dose| years * dose);
+    Ok(areal(&read.depths, crate::environment::proton::ALUMINIUM_G_CM3).zip(doses).collect())
+}
+
+/// Share of the sky and areal density, g/cm².
+fn sectors_of(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
+    let Some((file, shielding)) =
+        mission.shielding.as_ref().and_then(|shielding| Some((shielding.sectors.as_ref()?, shielding)))
+    else {
+        return Ok(Vec::new());
+    };
+    let read = read_sectors(file).map_err(within)?;
+    let areal = areal(&read.depths, shielding.material.density_g_cm3());
+    Ok(read.weights.iter().copied().zip(areal).collect())
+}
+
+/// Areal densities (g/cm²) of a material of a density (g/cm³).
+fn areal(depths: &Depths, density_g_cm3: f64) -> impl Iterator<Item = f64> {
+    let scale = match depths {
+        Depths::ThicknessMm(_) => density_g_cm3 / 10.0,
+        Depths::ArealDensityGCm2(_) => 1.0,
+    };
+    depths.values().iter().map(move |value| scale * value)
+}

@@ -1,0 +1,211 @@
+//! Orbit, Sun, shield and NIEL of a mission → dose rate of each of its sources.
+
+use std::sync::{Arc, Mutex};
+
+use ctiplan_magnetosphere::Activity;
+
+use crate::environment::SECONDS_PER_YEAR;
+use crate::environment::secondaries::Secondaries;
+use crate::environment::shielding::Shield;
+use crate::environment::source::{self, Card, Place, SOURCES, Setting, Source, Stream, When};
+use crate::environment::spectrum::{Law, Spectrum};
+use crate::mission::{Accumulate, DoseModel, Environment, Imported, Mission, SecondariesCounted, Shielding, SolarPhase};
+use crate::numeric::calendar::decimal_year;
+
+/// A source of protons, and the dose it makes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SourceDose {
+    /// Name: that of its card, or the file it comes from.
+    pub name: String,
+    /// What it is; None of what is imported.
+    pub card: Option<&'static Card>,
+    /// Its spectra, each with its law of time and its dose behind the shield.
+    pub streams: Vec<StreamDose>,
+}
+
+/// A stream of a source behind the shield.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StreamDose {
+    /// Spectrum and law of time.
+    pub stream: Stream,
+    /// Dose of a year of it, MeV/g, as the mission counts it.
+    pub dose_mev_g_yr: f64,
+    /// What nuclear reactions take and add in a year of it, counted or not.
+    pub secondaries: Secondaries,
+}
+
+impl SourceDose {
+    /// Years' worth of each stream between two times (years since launch), where `active` of them are active years of the Sun.
+    fn weights(&self, launch: f64, from_yr: f64, to_yr: f64, active: f64) -> impl Iterator<Item = (&StreamDose, f64)> {
+        self.streams.iter().map(move |dosed| {
+            let years = match &dosed.stream.when {
+                When::ActiveYears => active,
+                When::Always => to_yr - from_yr,
+                When::Cycle { cosines, phase } => phase.integral(cosines, launch + from_yr, launch + to_yr),
+            };
+            (dosed, years)
+        })
+    }
+
+    /// Dose (MeV/g) between two times.
+    pub fn dose_mev_g(&self, launch: f64, from_yr: f64, to_yr: f64, active: f64) -> f64 {
+        self.weights(launch, from_yr, to_yr, active).map(|(dosed, years)| years * dosed.dose_mev_g_yr).sum()
+    }
+
+    /// What nuclear reactions take and add between two times.
+    pub fn secondaries(&self, launch: f64, from_yr: f64, to_yr: f64, active: f64) -> Secondaries {
+        let mut sum = Secondaries::default();
+        for (dosed, years) in self.weights(launch, from_yr, to_yr, active) {
+            sum.lost_mev_g += years * dosed.secondaries.lost_mev_g;
+            sum.neutrons_mev_g += years * dosed.secondaries.neutrons_mev_g;
+        }
+        sum
+    }
+
+    /// A linear function of the spectrum, such as the fluence above an energy, summed between two times.
+    pub fn total(
+        &self,
+        launch: f64,
+        from_yr: f64,
+        to_yr: f64,
+        active: f64,
+        of: impl Fn(&Spectrum) -> f64,
+    ) -> f64 {
+        let weights = self.weights(launch, from_yr, to_yr, active);
+        weights.map(|(dosed, years)| years * of(&dosed.stream.yearly)).sum()
+    }
+}
+
+/// What sources and their doses depend on.
+#[derive(Clone, Debug, PartialEq)]
+struct Inputs {
+    environment: Environment,
+    shielding: Option<Shielding>,
+    imported: Imported,
+    place: Option<Place>,
+    launch: f64,
+    duration_yr: f64,
+    active_years: f64,
+}
+
+/// Sources of a mission with so many active years, and their doses behind its shield; none where it gives its dose.
+///
+/// It takes milliseconds to seconds and is asked for by every fit and study, mostly for the same mission: the last ones are kept.
+pub(crate) fn source_doses(mission: &Mission, active_years: f64) -> Arc<Vec<SourceDose>> {
+    const KEPT: usize = 64;
+    type Known = Vec<(Inputs, Arc<Vec<SourceDose>>)>;
+    static KNOWN: Mutex<Known> = Mutex::new(Vec::new());
+    let known = || KNOWN.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let inputs = Inputs {
+        environment: Environment { dose_factor: 1.0, ..mission.environment.clone() },
+        shielding: mission.shielding.clone(),
+        imported: mission.imported.clone(),
+        place: mission.place(),
+        launch: decimal_year(mission.mission.launch.0),
+        duration_yr: mission.mission.duration_yr,
+        active_years,
+    };
+    if let Some((_, found)) = known().iter().find(|(other, _)| *other == inputs) {
+        return Arc::clone(found);
+    }
+    let found = Arc::new(computed(mission, &inputs));
+    let mut kept = known();
+    if kept.len() == KEPT {
+        kept.remove(0);
+    }
+    kept.push((inputs, Arc::clone(&found)));
+    found
+}
+
+fn computed(mission: &Mission, inputs: &Inputs) -> Vec<SourceDose> {
+    let environment = &inputs.environment;
+    let Some(shield) = mission.shield() else { return Vec::new() };
+    if environment.active_dose_rate_mev_g_yr.is_some() || environment.model == DoseModel::History {
+        return Vec::new();
+    }
+    if !inputs.imported.dose_depth.is_empty() {
+        return vec![of_depth(inputs, &shield)];
+    }
+    if !inputs.imported.spectra.is_empty() {
+        return of_spectra(inputs, &shield);
+    }
+    let Some(place) = inputs.place else { return Vec::new() };
+    let setting = Setting {
+        place,
+        middle: inputs.launch + 0.5 * inputs.duration_yr,
+        confidence: environment.confidence,
+        active_years: match environment.accumulate() {
+            Accumulate::Mission if inputs.active_years > 0.0 => inputs.active_years,
+            _ => 1.0,
+        },
+    };
+    let of = |source: &&'static dyn Source| SourceDose {
+        name: source.card().name.to_string(),
+        card: Some(source.card()),
+        streams: source.streams(&setting).into_iter().map(|stream| behind(stream, *source, inputs, &shield)).collect(),
+    };
+    sources(environment, &place).iter().map(of).collect()
+}
+
+/// The sources that a mission counts: those it names, or all that reach it; in the models of the paper solar protons alone.
+pub(crate) fn sources(environment: &Environment, place: &Place) -> Vec<&'static dyn Source> {
+    if environment.model != DoseModel::Derived {
+        return vec![SOURCES[0]];
+    }
+    match &environment.sources {
+        Some(names) => names.iter().filter_map(|name| source::source(name)).collect(),
+        None => SOURCES.into_iter().filter(|source| source.reaches(place)).collect(),
+    }
+}
+
+/// A stream behind the shield.
+fn behind(stream: Stream, source: &dyn Source, inputs: &Inputs, shield: &Shield) -> StreamDose {
+    let when = match inputs.environment.solar_phase {
+        None => stream.when,
+        Some(SolarPhase::Min) => stream.when.held(Activity::Minimum),
+        Some(SolarPhase::Max) => stream.when.held(Activity::Maximum),
+    };
+    dosed(Stream { when, ..stream }, source.neutrons(), inputs, shield)
+}
+
+fn dosed(stream: Stream, neutrons: f64, inputs: &Inputs, shield: &Shield) -> StreamDose {
+    let slowed = shield.dose(&stream.yearly, inputs.environment.niel.curve());
+    let secondaries = Secondaries::of(shield, &stream.yearly, slowed, neutrons);
+    let counted = inputs.shielding.as_ref().map(|shielding| shielding.secondaries);
+    let dose_mev_g_yr = match counted {
+        Some(SecondariesCounted::Estimated) => slowed - secondaries.lost_mev_g + secondaries.neutrons_mev_g,
+        _ => slowed,
+    };
+    StreamDose { stream, dose_mev_g_yr, secondaries }
+}
+
+/// Spectra of other programs, which say nothing of time: spread evenly over the mission.
+fn of_spectra(inputs: &Inputs, shield: &Shield) -> Vec<SourceDose> {
+    let of = |imported: &crate::mission::ImportedSpectrum| {
+        let per_year = if imported.per_second { SECONDS_PER_YEAR } else { 1.0 / inputs.duration_yr };
+        let stream = Stream { yearly: imported.spectrum.times(per_year), when: When::Always };
+        SourceDose { name: imported.file.clone(), card: None, streams: vec![dosed(stream, 2.0, inputs, shield)] }
+    };
+    inputs.imported.spectra.iter().map(of).collect()
+}
+
+/// A dose-depth curve of another program, for the mission: spread evenly over it.
+fn of_depth(inputs: &Inputs, shield: &Shield) -> SourceDose {
+    let curve = &inputs.imported.dose_depth;
+    let total = shield.mean(|direction| interpolated(curve, direction.aluminium_g_cm2));
+    let stream = Stream { yearly: Spectrum::of([], Law::Power), when: When::Always };
+    let dosed =
+        StreamDose { stream, dose_mev_g_yr: total / inputs.duration_yr, secondaries: Secondaries::default() };
+    let name = inputs.environment.dose_depth.clone().unwrap_or_default();
+    SourceDose { name, card: None, streams: vec![dosed] }
+}
+
+/// A curve between its points, on straight lines of the logarithms; beyond its ends the line of the end pair.
+fn interpolated(curve: &[(f64, f64)], at: f64) -> f64 {
+    let after = curve.partition_point(|point| point.0 <= at).clamp(1, curve.len() - 1);
+    let ((from, low), (to, high)) = (curve[after - 1], curve[after]);
+    if low <= 0.0 || high <= 0.0 || from <= 0.0 {
+        return (low + (high - low) * (at - from) / (to - from)).max(0.0);
+    }
+    low * (high / low).powf((at / from).ln() / (to / from).ln())
+}
