@@ -48,8 +48,7 @@ impl Catalogued for ExtraSpecies {
         // From release within a fraction of a transfer to release long after the last pixel of any trail.
         let [shortest_ms, longest_ms] = reach.line_time_ms;
         let last_ms = 30.0 * longest_ms * f64::from(reach.trail_px.max(10));
-        let density_per_px =
-            (0.03 * mission.reference_dose_mev_g() / reach.dose_mev_g.max(1.0)).clamp(0.01, 10.0);
+        let density_per_px = (0.03 * mission.reference_dose_mev_g() / reach.dose_mev_g.max(1.0)).clamp(0.01, 10.0);
         let energies: &[f64] = if reach.varies_in_temperature() { &[0.21, 0.34, 0.45] } else { &[0.4] };
         let taken: Vec<String> =
             mission.detector.traps.iter().map(|species| species.name.clone()).chain(names(mission)).collect();

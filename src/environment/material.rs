@@ -111,7 +111,8 @@ mod tests {
     #[test]
     fn every_name_is_a_material() {
         for name in Material::NAMES {
-            let material = Material::deserialize(serde::de::value::StrDeserializer::<serde::de::value::Error>::new(name));
+            let material =
+                Material::deserialize(serde::de::value::StrDeserializer::<serde::de::value::Error>::new(name));
             assert_eq!(material.expect(name).to_string(), *name);
         }
     }

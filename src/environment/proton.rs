@@ -103,14 +103,24 @@ impl Curve {
         }
     }
 
+    /// Value and slope d ln y / d ln E at an energy (MeV).
+    pub fn value_and_slope(&self, energy_mev: f64) -> (f64, f64) {
+        if (self.low_mev..=self.high_mev).contains(&energy_mev) {
+            let (value, slope) = self.log_value_and_slope(energy_mev);
+            return (value.exp(), slope);
+        }
+        (self.at(energy_mev), self.log_slope(energy_mev))
+    }
+
     /// Energy (MeV) at which a rising curve has a value.
     pub fn inverse(&self, value: f64) -> f64 {
         // Newton's method in logarithms: the curves that are inverted are close to a power law.
         let mut energy_mev = (self.low_mev * self.high_mev).sqrt();
         for _ in 0..60 {
-            let step = (value / self.at(energy_mev)).ln() / self.log_slope(energy_mev);
-            energy_mev *= step.clamp(-2.0, 2.0).exp();
-            if step.abs() < 1e-13 {
+            let (here, slope) = self.value_and_slope(energy_mev);
+            let step = (value / here).ln() / slope;
+            energy_mev *= step.clamp(-4.0, 4.0).exp();
+            if step.abs() < 1e-9 {
                 break;
             }
         }

@@ -108,7 +108,9 @@ impl Shield {
         if self.directions.len() <= DIRECTIONS {
             return self.mean(|direction| dose_behind(spectrum, direction.aluminium_g_cm2, niel));
         }
-        let curve = DepthCurve::of(self, spectrum, niel);
+        let thicknesses = || self.directions.iter().map(|direction| direction.aluminium_g_cm2);
+        let (least, most) = (thicknesses().fold(f64::INFINITY, f64::min), thicknesses().fold(0.0, f64::max));
+        let curve = DepthCurve::of(spectrum, niel, least, most);
         self.mean(|direction| curve.at(direction.aluminium_g_cm2))
     }
 
@@ -122,32 +124,38 @@ impl Shield {
 /// Directions up to which each is computed by itself.
 const DIRECTIONS: usize = 48;
 
-/// Dose against thickness, on straight lines of the logarithms.
-struct DepthCurve {
-    /// ln g/cm², ln MeV/g.
+/// Dose against thickness of aluminium, tabulated.
+pub struct DepthCurve {
+    /// ln g/cm², evenly spaced, and ln MeV/g.
     points: Vec<(f64, f64)>,
 }
 
 impl DepthCurve {
-    /// Between the least and the greatest thickness of a shield.
-    fn of(shield: &Shield, spectrum: &Spectrum, niel: &Curve) -> DepthCurve {
-        let thicknesses = || shield.directions.iter().map(|direction| direction.aluminium_g_cm2);
-        let least = thicknesses().fold(f64::INFINITY, f64::min).max(1e-4);
-        let most = thicknesses().fold(0.0, f64::max).max(1.001 * least);
+    /// Between two thicknesses, g/cm².
+    pub fn of(spectrum: &Spectrum, niel: &Curve, least: f64, most: f64) -> DepthCurve {
+        let (from, to) = (least.max(THINNEST).ln(), most.max(1.5 * least).max(1.5 * THINNEST).ln());
         let point = |index: usize| {
-            let thickness = least * (most / least).powf(index as f64 / DIRECTIONS as f64);
-            (thickness.ln(), dose_behind(spectrum, thickness, niel).max(f64::MIN_POSITIVE).ln())
+            let log = from + (to - from) * index as f64 / DIRECTIONS as f64;
+            (log, dose_behind(spectrum, log.exp(), niel).max(f64::MIN_POSITIVE).ln())
         };
         DepthCurve { points: (0..=DIRECTIONS).map(point).collect() }
     }
 
-    fn at(&self, thickness_g_cm2: f64) -> f64 {
-        let log = thickness_g_cm2.max(1e-4).ln();
-        let after = self.points.partition_point(|point| point.0 <= log).clamp(1, self.points.len() - 1);
-        let ((from, low), (to, high)) = (self.points[after - 1], self.points[after]);
-        (low + (high - low) * (log - from) / (to - from)).exp()
+    /// Dose (MeV/g) behind a thickness (g/cm²): a cubic of the logarithms through the four nearest points.
+    pub fn at(&self, thickness_g_cm2: f64) -> f64 {
+        let log = thickness_g_cm2.max(THINNEST).ln();
+        let first = self.points.partition_point(|point| point.0 <= log).saturating_sub(2).min(self.points.len() - 4);
+        let near = &self.points[first..first + 4];
+        let weight = |index: usize| {
+            let others = near.iter().enumerate().filter(|(other, _)| *other != index);
+            others.map(|(_, point)| (log - point.0) / (near[index].0 - point.0)).product::<f64>()
+        };
+        (0..4).map(|index| weight(index) * near[index].1).sum::<f64>().exp()
     }
 }
+
+/// Thickness (g/cm²) below which all are alike: protons that 0.4 µm stop make no damage that is counted.
+const THINNEST: f64 = 1e-4;
 
 /// Emerging energies (MeV) over which a dose is integrated. Slower protons, of less than 1 keV, displace next to nothing
 /// (SR-NIEL falls to 0 at 0.15 keV).
@@ -156,7 +164,6 @@ const EMERGING_MEV: (f64, f64) = (1e-3, 1e5);
 /// Displacement damage dose in silicon (MeV/g) behind aluminium (g/cm²) in all directions.
 fn dose_behind(spectrum: &Spectrum, thickness_g_cm2: f64, niel: &Curve) -> f64 {
     let legendre = GaussLegendre::new(NonZeroUsize::new(10).expect("ten points"));
-    let entering = |emerging_mev: f64| RANGE_ALUMINIUM.inverse(RANGE_ALUMINIUM.at(emerging_mev) + thickness_g_cm2);
     let emerging = |entering_mev: f64| {
         let left = RANGE_ALUMINIUM.at(entering_mev) - thickness_g_cm2;
         if left > 0.0 { RANGE_ALUMINIUM.inverse(left) } else { 0.0 }
@@ -171,10 +178,11 @@ fn dose_behind(spectrum: &Spectrum, thickness_g_cm2: f64, niel: &Curve) -> f64 {
         .map(|cut| {
             legendre.integrate(cut[0].ln(), cut[1].ln(), |log_energy| {
                 let energy_mev = log_energy.exp();
-                let entering_mev = entering(energy_mev);
+                let (range, slope) = RANGE_ALUMINIUM.value_and_slope(energy_mev);
+                let entering_mev = RANGE_ALUMINIUM.inverse(range + thickness_g_cm2);
+                let (range_in, slope_in) = RANGE_ALUMINIUM.value_and_slope(entering_mev);
                 // dE_in/dE_out = (R/E · slope) at E_out over the same at E_in
-                let stretch = RANGE_ALUMINIUM.at(energy_mev) * RANGE_ALUMINIUM.log_slope(energy_mev) * entering_mev
-                    / (RANGE_ALUMINIUM.at(entering_mev) * RANGE_ALUMINIUM.log_slope(entering_mev) * energy_mev);
+                let stretch = range * slope * entering_mev / (range_in * slope_in * energy_mev);
                 niel.at(energy_mev) * spectrum.differential(entering_mev) * stretch * energy_mev
             })
         })

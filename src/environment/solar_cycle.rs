@@ -186,7 +186,8 @@ mod tests {
             for phase in [sun, late] {
                 let steps = 200_000;
                 let step = (to - from) / f64::from(steps);
-                let value = |year: f64| 0.7 - 0.3 * (TAU * phase.at(year)).cos() + 0.1 * (2.0 * TAU * phase.at(year)).cos();
+                let value =
+                    |year: f64| 0.7 - 0.3 * (TAU * phase.at(year)).cos() + 0.1 * (2.0 * TAU * phase.at(year)).cos();
                 let sum: f64 = (0..steps).map(|index| step * value(from + (f64::from(index) + 0.5) * step)).sum();
                 assert!((phase.integral(&[0.7, -0.3, 0.1], from, to) - sum).abs() < 1e-5, "{from} to {to}");
             }

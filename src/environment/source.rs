@@ -124,9 +124,8 @@ impl When {
 pub(crate) fn interpolation(nodes: usize) -> Vec<Vec<f64>> {
     let last = nodes - 1;
     let half = |index: usize| if index == 0 || index == last { 0.5 } else { 1.0 };
-    let cosine = |node: usize, k: usize| {
-        2.0 / last as f64 * half(node) * half(k) * (PI * (node * k) as f64 / last as f64).cos()
-    };
+    let cosine =
+        |node: usize, k: usize| 2.0 / last as f64 * half(node) * half(k) * (PI * (node * k) as f64 / last as f64).cos();
     (0..nodes).map(|node| (0..nodes).map(|k| cosine(node, k)).collect()).collect()
 }
 

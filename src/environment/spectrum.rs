@@ -52,7 +52,8 @@ impl Spectrum {
         let mut sum = 0.0;
         let mut nodes = Vec::new();
         for index in (0..energies_mev.len() - 1).rev() {
-            sum += power_law_integral((energies_mev[index], values[index]), (energies_mev[index + 1], values[index + 1]));
+            sum +=
+                power_law_integral((energies_mev[index], values[index]), (energies_mev[index + 1], values[index + 1]));
             nodes.push((energies_mev[index], sum));
         }
         nodes.reverse();
@@ -168,7 +169,10 @@ mod tests {
     fn what_arrives_is_between_nothing_and_all() {
         let spectrum = Spectrum::of([(1.0, 1e9), (10.0, 2e8), (100.0, 1e6), (300.0, 2e4)], Law::Power);
         for energy_mev in [1.0, 5.0, 50.0, 200.0] {
-            assert!((spectrum.attenuated(|_| 0.25).above(energy_mev) / (0.25 * spectrum.above(energy_mev)) - 1.0).abs() < 1e-9);
+            assert!(
+                (spectrum.attenuated(|_| 0.25).above(energy_mev) / (0.25 * spectrum.above(energy_mev)) - 1.0).abs()
+                    < 1e-9
+            );
             // All above a threshold: the same above it, and constant below.
             let gate = spectrum.attenuated(|energy_mev| if energy_mev > 20.0 { 1.0 } else { 0.0 });
             let expected = spectrum.above(energy_mev.max(20.0));

@@ -99,10 +99,22 @@ pub const KEYS: &[Key] = &[
         help: |value| (value > 100.0).then(|| format!("in days? {value} days are {:.2} years", value / 365.25)),
         ..key("mission.duration_yr", "duration", "yr", Allowed::Positive(0.0, 100.0), Required)
     },
-    key("mission.orbit", "orbit; l2 if no [orbit] is given", "", Choice(&["l1", "l2", "interplanetary", "geo", "leo"]), Optional),
+    key(
+        "mission.orbit",
+        "orbit; l2 if no [orbit] is given",
+        "",
+        Choice(&["l1", "l2", "interplanetary", "geo", "leo"]),
+        Optional,
+    ),
     key("orbit.kind", "kind of orbit", "", Choice(&["l1", "l2", "interplanetary", "geo", "elements"]), Required),
-    Key { help: altitude, ..key("orbit.perigee_km", "lowest altitude above a sphere of 6371 km", "km", ALTITUDE, Optional) },
-    Key { help: altitude, ..key("orbit.apogee_km", "highest altitude above a sphere of 6371 km", "km", ALTITUDE, Optional) },
+    Key {
+        help: altitude,
+        ..key("orbit.perigee_km", "lowest altitude above a sphere of 6371 km", "km", ALTITUDE, Optional)
+    },
+    Key {
+        help: altitude,
+        ..key("orbit.apogee_km", "highest altitude above a sphere of 6371 km", "km", ALTITUDE, Optional)
+    },
     key("orbit.inclination_deg", "inclination", "degrees", Number(0.0, 180.0), Optional),
     key(
         "orbit.argument_of_perigee_deg",
@@ -111,16 +123,16 @@ pub const KEYS: &[Key] = &[
         Number(-360.0, 360.0),
         Optional,
     ),
-    key(
-        "environment.model",
-        "dose model",
-        "",
-        Choice(&["constant", "solar-cycle", "derived", "history"]),
-        Required,
-    ),
+    key("environment.model", "dose model", "", Choice(&["constant", "solar-cycle", "derived", "history"]), Required),
     key("environment.sources", "source of protons; all that reach the orbit if none is given", "", Texts, Optional),
     key("environment.history", "file of the dose over time, for the model history", "", Text, Optional),
-    key("environment.spectra", "file of a proton spectrum of another program, in place of sources", "", Texts, Optional),
+    key(
+        "environment.spectra",
+        "file of a proton spectrum of another program, in place of sources",
+        "",
+        Texts,
+        Optional,
+    ),
     key("environment.dose_depth", "file of dose against thickness, in place of sources", "", Text, Optional),
     Key {
         help: |value| {
@@ -199,7 +211,13 @@ pub const KEYS: &[Key] = &[
         },
         ..key("shielding.thickness_mm", "thickness of the shield", "mm", Allowed::Positive(0.0, 300.0), Optional)
     },
-    key("shielding.areal_density_g_cm2", "areal density of the shield", "g/cm2", Allowed::Positive(0.0, 100.0), Optional),
+    key(
+        "shielding.areal_density_g_cm2",
+        "areal density of the shield",
+        "g/cm2",
+        Allowed::Positive(0.0, 100.0),
+        Optional,
+    ),
     key("shielding.sectors", "file of thicknesses against solid angle, in place of geometry", "", Text, Optional),
     key(
         "shielding.secondaries",

@@ -63,7 +63,10 @@ fn history(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
     match &read.doses {
         Doses::Total(doses) => {
             if times[0] == 0.0 && doses[0] > 0.0 {
-                return Err(wrong(KEY, format!("{file} has a dose of {} MeV/g at launch: it must begin at 0", doses[0])));
+                return Err(wrong(
+                    KEY,
+                    format!("{file} has a dose of {} MeV/g at launch: it must begin at 0", doses[0]),
+                ));
             }
             let mut table = vec![(0.0, 0.0)];
             table.extend(times.into_iter().zip(doses.iter().copied()).filter(|(t_yr, _)| *t_yr > 0.0));
@@ -90,10 +93,14 @@ fn spectra(mission: &Mission) -> Result<Vec<ImportedSpectrum>, Refusal> {
     let of = |file: &String| {
         let read = read_spectrum(file).map_err(within)?;
         if let Some(shield) = &read.shield {
-            return Err(wrong(KEY, format!("{file} is a spectrum behind a shield ({shield}): [shielding] would count twice")));
+            return Err(wrong(
+                KEY,
+                format!("{file} is a spectrum behind a shield ({shield}): [shielding] would count twice"),
+            ));
         }
         let own_yr = read.duration_s.map(|seconds| seconds / crate::environment::SECONDS_PER_YEAR);
-        if let Some(own_yr) = own_yr.filter(|own| read.time == Time::Mission && (own / duration_yr - 1.0).abs() > 0.02) {
+        if let Some(own_yr) = own_yr.filter(|own| read.time == Time::Mission && (own / duration_yr - 1.0).abs() > 0.02)
+        {
             let problem = format!("{file} is of a mission of {own_yr:.2} yr, but this one lasts {duration_yr} yr");
             return Err(wrong(KEY, problem));
         }
@@ -116,7 +123,11 @@ fn spectrum(read: &SpectrumFile) -> Spectrum {
     let differential = |energy_mev: f64| {
         let after = points.partition_point(|point| point.0 <= energy_mev).clamp(1, points.len() - 1);
         let ((from, low), (to, high)) = (points[after - 1], points[after]);
-        if low <= 0.0 || high <= 0.0 { 0.0 } else { low * (high / low).powf((energy_mev / from).ln() / (to / from).ln()) }
+        if low <= 0.0 || high <= 0.0 {
+            0.0
+        } else {
+            low * (high / low).powf((energy_mev / from).ln() / (to / from).ln())
+        }
     };
     Spectrum::of_differential(differential, points[0].0, points[points.len() - 1].0)
 }

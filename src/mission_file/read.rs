@@ -9,8 +9,8 @@ use toml::de::{DeTable, DeValue};
 
 use super::{imported, lookup};
 use crate::effect;
-use crate::environment::source::{self, SOURCES};
 use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, CYCLE_YR};
+use crate::environment::source::{self, SOURCES};
 use crate::error::{InputError, nearest, shortened};
 use crate::io::input;
 use crate::mission::keys::{self, ARRAYS, Allowed, KEYS, Need, OPTIONAL_TABLES};
@@ -396,7 +396,8 @@ impl<'a> Source<'a> {
                 return Err(self.fault(&format!("orbit.{key}"), problem));
             }
             if orbit.kind == OrbitKind::Elements && value.is_none() && index < 3 {
-                let problem = format!("`orbit.{key}` is missing: kind = \"elements\" needs perigee, apogee and inclination");
+                let problem =
+                    format!("`orbit.{key}` is missing: kind = \"elements\" needs perigee, apogee and inclination");
                 return Err(InputError { place: self.place("orbit"), ..self.fault("", problem) });
             }
         }
@@ -492,7 +493,8 @@ impl<'a> Source<'a> {
                  \"derived\"; or give environment.active_dose_rate_mev_g_yr",
             ));
         }
-        if model != DoseModel::Derived && mission.orbit.as_ref().is_some_and(|orbit| orbit.kind == OrbitKind::Elements) {
+        if model != DoseModel::Derived && mission.orbit.as_ref().is_some_and(|orbit| orbit.kind == OrbitKind::Elements)
+        {
             let problem = "this model knows solar protons alone: trapped protons would be missing";
             return Err(self
                 .fault("environment.model", problem)
@@ -507,13 +509,11 @@ impl<'a> Source<'a> {
         for (index, name) in environment.sources.iter().flatten().enumerate() {
             let names = || SOURCES.iter().map(|source| source.card().name);
             let refuse = |problem: String| self.fault(&format!("environment.sources[{index}]"), problem);
-            let Some(source) = source::source(name) else {
+            if source::source(name).is_none() {
                 let near = nearest(name, names()).map(|near| format!("did you mean \"{near}\"?"));
-                let problem = format!("no source is called \"{name}\"; there are: {}", names().collect::<Vec<_>>().join(", "));
+                let problem =
+                    format!("no source is called \"{name}\"; there are: {}", names().collect::<Vec<_>>().join(", "));
                 return Err(InputError { help: near, ..refuse(problem) });
-            };
-            if place.is_some_and(|place| !source.reaches(&place)) {
-                return Err(refuse(format!("{name} do not reach this orbit: {}", mission.orbit_name())));
             }
         }
         Ok(())
@@ -529,11 +529,13 @@ impl<'a> Source<'a> {
                 Err(self.fault("detector.reference_fluence_cm2", "give it or reference_dose_mev_g, not both"))
             }
             (true, (false, true)) => {
-                Err(self.fault("detector.reference_energy_mev", "it belongs to reference_fluence_cm2, which is not given"))
+                Err(self
+                    .fault("detector.reference_energy_mev", "it belongs to reference_fluence_cm2, which is not given"))
             }
-            (false, (true, false)) => {
-                Err(self.fault("detector.reference_fluence_cm2", "it needs reference_energy_mev, the energy of the protons (MeV)"))
-            }
+            (false, (true, false)) => Err(self.fault(
+                "detector.reference_fluence_cm2",
+                "it needs reference_energy_mev, the energy of the protons (MeV)",
+            )),
             (false, (false, _)) => {
                 let problem = "`detector.reference_dose_mev_g` is missing: the dose of the quoted trap densities (above 0 and \
                                up to 1e15 MeV/g)";

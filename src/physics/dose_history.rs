@@ -137,7 +137,12 @@ impl DoseHistory {
             active_rate_mev_g_yr: environment.dose_factor * environment.active_dose_rate_mev_g_yr.unwrap_or(0.0),
             floor_mev_g_yr: environment.dose_factor * environment.cosmic_ray_floor_mev_g_yr,
             cyclic: Vec::new(),
-            table: mission.imported.history.iter().map(|(t_yr, dose)| (*t_yr, environment.dose_factor * dose)).collect(),
+            table: mission
+                .imported
+                .history
+                .iter()
+                .map(|(t_yr, dose)| (*t_yr, environment.dose_factor * dose))
+                .collect(),
             steps: Vec::new(),
             rate_laws: Vec::new(),
             dose_laws: Vec::new(),
@@ -443,10 +448,7 @@ fn orbit_warnings(mission: &Mission) -> Vec<Warning> {
     let reached = elements.perigee_km < 20_000.0;
     let long = elements.apogee_km > HIGH_KM && elements.eccentricity() > 0.3;
     [
-        elements
-            .repeats_longitudes()
-            .filter(|_| reached)
-            .map(|revolutions| Warning::RepeatsLongitudes { revolutions }),
+        elements.repeats_longitudes().filter(|_| reached).map(|revolutions| Warning::RepeatsLongitudes { revolutions }),
         (relative_error > 0.005).then_some(Warning::OrbitMean { relative_error }),
         (elements.perigee_km < LOW_KM).then_some(Warning::LowAltitude { perigee_km: elements.perigee_km }),
         long.then_some(Warning::PerigeeMoves { held }),

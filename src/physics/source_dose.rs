@@ -9,7 +9,9 @@ use crate::environment::secondaries::Secondaries;
 use crate::environment::shielding::Shield;
 use crate::environment::source::{self, Card, Place, SOURCES, Setting, Source, Stream, When};
 use crate::environment::spectrum::{Law, Spectrum};
-use crate::mission::{Accumulate, DoseModel, Environment, Imported, Mission, SecondariesCounted, Shielding, SolarPhase};
+use crate::mission::{
+    Accumulate, DoseModel, Environment, Imported, Mission, SecondariesCounted, Shielding, SolarPhase,
+};
 use crate::numeric::calendar::decimal_year;
 
 /// A source of protons, and the dose it makes.
@@ -63,14 +65,7 @@ impl SourceDose {
     }
 
     /// A linear function of the spectrum, such as the fluence above an energy, summed between two times.
-    pub fn total(
-        &self,
-        launch: f64,
-        from_yr: f64,
-        to_yr: f64,
-        active: f64,
-        of: impl Fn(&Spectrum) -> f64,
-    ) -> f64 {
+    pub fn total(&self, launch: f64, from_yr: f64, to_yr: f64, active: f64, of: impl Fn(&Spectrum) -> f64) -> f64 {
         let weights = self.weights(launch, from_yr, to_yr, active);
         weights.map(|(dosed, years)| years * of(&dosed.stream.yearly)).sum()
     }
@@ -194,8 +189,7 @@ fn of_depth(inputs: &Inputs, shield: &Shield) -> SourceDose {
     let curve = &inputs.imported.dose_depth;
     let total = shield.mean(|direction| interpolated(curve, direction.aluminium_g_cm2));
     let stream = Stream { yearly: Spectrum::of([], Law::Power), when: When::Always };
-    let dosed =
-        StreamDose { stream, dose_mev_g_yr: total / inputs.duration_yr, secondaries: Secondaries::default() };
+    let dosed = StreamDose { stream, dose_mev_g_yr: total / inputs.duration_yr, secondaries: Secondaries::default() };
     let name = inputs.environment.dose_depth.clone().unwrap_or_default();
     SourceDose { name, card: None, streams: vec![dosed] }
 }

@@ -12,10 +12,10 @@ use serde::Serialize;
 use crate::environment::esp;
 use crate::environment::proton::NIEL_NEUTRON_1MEV;
 use crate::environment::secondaries::Secondaries;
-use crate::environment::shielding::{Geometry, Shield};
+use crate::environment::shielding::{DepthCurve, Geometry, Shield};
 use crate::environment::spectrum::Spectrum;
 use crate::error::InputError;
-use crate::mission::{Accumulate, DoseModel, Mission, SecondariesCounted, Shielding};
+use crate::mission::{Accumulate, DoseModel, Mission, SecondariesCounted};
 use crate::model::Model;
 use crate::numeric::calendar::decimal_year;
 use crate::numeric::root_finding;
@@ -176,11 +176,6 @@ pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputEr
     let total_mev_g = model.dose_mev_g(duration_yr)?;
     let active_years = history.active_years(duration_yr);
     let all_sources = environment.model == DoseModel::Derived;
-    let depths = DEPTHS_MM.into_par_iter().map(|thickness_mm| AtDepth {
-        thickness_mm,
-        sphere_mev_g: at_depth(mission, Geometry::Sphere, thickness_mm),
-        slab_mev_g: at_depth(mission, Geometry::Slab, thickness_mm),
-    });
     let shielding = mission.shielding.as_ref();
     Ok(Survey {
         launch: decimal_year(mission.mission.launch.0),
@@ -198,7 +193,7 @@ pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputEr
             .into_par_iter()
             .filter_map(|confidence| AtConfidence::of(mission, confidence, active_years))
             .collect(),
-        depths: depths.collect(),
+        depths: depths(mission, &history),
         depths_of_mission: all_sources,
         spectrum: spectrum(mission, active_years, energies_mev),
         equivalent_mm: Equivalent {
@@ -277,16 +272,39 @@ fn total(mission: &Mission) -> f64 {
     Model::new(mission).dose_mev_g(mission.mission.duration_yr).expect("a mission without effects has no formula")
 }
 
-/// Dose (MeV/g) of a mission behind aluminium: of one active year, or, where all sources are counted, of the mission.
-fn at_depth(mission: &Mission, geometry: Geometry, thickness_mm: f64) -> f64 {
+/// Dose (MeV/g) behind aluminium: of one active year, or, where all sources are counted, of the mission.
+fn depths(mission: &Mission, history: &DoseHistory) -> Vec<AtDepth> {
     let environment = &mission.environment;
-    if environment.model != DoseModel::Derived {
+    let niel = environment.niel.curve();
+    let at = |sphere: &(dyn Fn(f64) -> f64 + Sync), slab: &(dyn Fn(&Shield) -> f64 + Sync)| -> Vec<AtDepth> {
+        let of = |thickness_mm: f64| AtDepth {
+            thickness_mm,
+            sphere_mev_g: sphere(thickness_mm),
+            slab_mev_g: slab(&Shield::aluminium(Geometry::Slab, thickness_mm)),
+        };
+        DEPTHS_MM.into_par_iter().map(of).collect()
+    };
+    if environment.model != DoseModel::Derived || history.sources.is_empty() {
         let year = esp::fluence(environment.confidence, 1.0);
-        return Shield::aluminium(geometry, thickness_mm).dose(&year, environment.niel.curve());
+        return at(&|mm| Shield::aluminium(Geometry::Sphere, mm).dose(&year, niel), &|slab| slab.dose(&year, niel));
     }
-    let mut behind = derived(mission);
-    behind.shielding = Some(Shielding::aluminium(geometry, thickness_mm));
-    total(&behind)
+    // A slab is seen under all angles: many thicknesses, which a table gives.
+    let duration_yr = mission.mission.duration_yr;
+    let factor = environment.dose_factor;
+    let sum = |of: &dyn Fn(&Spectrum) -> f64| -> f64 {
+        factor * history.sources.iter().map(|source| history.of_spectrum(source, duration_yr, of)).sum::<f64>()
+    };
+    let streams: Vec<&Spectrum> =
+        history.sources.iter().flat_map(|source| &source.streams).map(|dosed| &dosed.stream.yearly).collect();
+    let curves: Vec<DepthCurve> =
+        streams.par_iter().map(|spectrum| DepthCurve::of(spectrum, niel, 0.1, 2000.0)).collect();
+    let curve = |spectrum: &Spectrum| {
+        let index = streams.iter().position(|other| std::ptr::eq(*other, spectrum)).expect("a stream of the mission");
+        &curves[index]
+    };
+    at(&|mm| sum(&|spectrum| Shield::aluminium(Geometry::Sphere, mm).dose(spectrum, niel)), &|slab| {
+        sum(&|spectrum| slab.mean(|direction| curve(spectrum).at(direction.aluminium_g_cm2)))
+    })
 }
 
 impl AtConfidence {

@@ -77,8 +77,12 @@ pub fn of_dose(mission: &Mission) -> Vec<Source> {
     }
     let place = mission.place().unwrap_or(Place::Interplanetary);
     let imports = environment.spectra.is_some() || environment.dose_depth.is_some();
-    all.extend(environment.spectra.iter().flatten().map(|file| Source::new("Proton spectrum, imported", file.as_str())));
-    all.extend(environment.dose_depth.iter().map(|file| Source::new("Dose against thickness, imported", file.as_str())));
+    all.extend(
+        environment.spectra.iter().flatten().map(|file| Source::new("Proton spectrum, imported", file.as_str())),
+    );
+    all.extend(
+        environment.dose_depth.iter().map(|file| Source::new("Dose against thickness, imported", file.as_str())),
+    );
     for source in source_dose::sources(environment, &place).iter().filter(|_| !imports) {
         let card = source.card();
         let mut what: String = card.what.into();

@@ -15,6 +15,7 @@ use crate::environment::shielding::Geometry;
 use crate::error::InputError;
 use crate::mission::{Mission, Shielding as Shield};
 use crate::model::Model;
+use crate::numeric::root_finding;
 use crate::plan::timeline::Timeline;
 use crate::warning::Warning;
 
@@ -46,8 +47,7 @@ pub struct Results {
     pub thicknesses_mm: Vec<f64>,
     /// Probabilities that the solar proton fluence is not exceeded.
     pub confidences: Vec<f64>,
-    /// Each geometry, thickness and confidence, the last of them fastest; none in a low Earth orbit, where trapped protons do
-    /// the damage, for which there is no model here.
+    /// Each geometry, thickness and confidence, the last of them fastest; none in a low Earth orbit of unknown elements.
     pub cases: Vec<Case>,
     /// What each confidence needs; none without cases.
     pub needed: Vec<Needed>,
@@ -75,6 +75,9 @@ pub struct Case {
     /// Share of the corrected budget that is left at the end of the mission.
     #[serde(skip)]
     pub margin: Option<f64>,
+    /// What is doubtful about its dose.
+    #[serde(skip)]
+    pub warnings: Vec<Warning>,
 }
 
 /// Least thickness with which the corrected budget lasts, mm of aluminium; infinite if none that was tried is enough.
@@ -124,19 +127,18 @@ impl Study for Shielding {
         })?;
         let needed = confidences.iter().map(|confidence| Needed {
             confidence_percent: 100.0 * confidence,
-            sphere_mm: needed_mm(&cases, Geometry::Sphere, *confidence),
-            slab_mm: needed_mm(&cases, Geometry::Slab, *confidence),
+            sphere_mm: needed_mm(&model, &cases, Geometry::Sphere, *confidence),
+            slab_mm: needed_mm(&model, &cases, Geometry::Slab, *confidence),
         });
-        Ok(Results { needed: needed.collect(), thicknesses_mm, confidences, cases, warnings })
+        let needed = needed.collect();
+        let warnings = warnings.into_iter().chain(thick_shields(&cases)).collect();
+        Ok(Results { needed, thicknesses_mm, confidences, cases, warnings })
     }
 }
 
 impl Case {
     fn of(model: &Model, geometry: Geometry, thickness_mm: f64, confidence: f64) -> Result<Case, InputError> {
-        let mut mission = model.mission.clone();
-        mission.shielding = Some(Shield::aluminium(geometry, thickness_mm));
-        mission.environment.active_dose_rate_mev_g_yr = None;
-        mission.environment.confidence = confidence;
+        let mission = behind(&model.mission, geometry, thickness_mm, confidence);
         let model = model.like(&mission);
         let timeline = Timeline::of(&model)?;
         let [uncorrected, corrected] = budgets(&mission);
@@ -149,24 +151,52 @@ impl Case {
             exceeded_date: timeline.date(uncorrected),
             corrected_date: timeline.date(corrected),
             margin: timeline.end().map(|end| 1.0 - end / corrected),
+            warnings: model.history().warnings(mission.mission.duration_yr),
         })
     }
 }
 
-/// Least thickness (mm) without a negative margin, on straight lines of the margin in the logarithm of the thickness; infinite
-/// if none that was tried is enough.
-fn needed_mm(cases: &[Case], geometry: Geometry, confidence: f64) -> f64 {
-    let curve: Vec<(f64, f64)> = cases
-        .iter()
-        .filter(|case| case.geometry == geometry && case.confidence == confidence)
-        .map(|case| (case.thickness_mm, case.margin.unwrap_or(f64::NEG_INFINITY)))
-        .collect();
-    match curve.iter().position(|(_, margin)| *margin >= 0.0) {
+/// Least thickness (mm) without a negative margin; infinite if none that was tried is enough.
+///
+/// Between two thicknesses |Δe| is a power law of the dose, to a good approximation; the dose against thickness is computed.
+fn needed_mm(model: &Model, cases: &[Case], geometry: Geometry, confidence: f64) -> f64 {
+    let [_, corrected] = budgets(&model.mission);
+    let curve: Vec<&Case> =
+        cases.iter().filter(|case| case.geometry == geometry && case.confidence == confidence).collect();
+    let enough = |case: &&Case| case.delta_e.is_some_and(|delta_e| delta_e <= corrected);
+    match curve.iter().position(|case| enough(case)) {
         None => f64::INFINITY,
-        Some(0) => curve[0].0,
+        Some(0) => curve[0].thickness_mm,
         Some(after) => {
-            let ((from, below), (to, above)) = (curve[after - 1], curve[after]);
-            if below.is_finite() { from * (to / from).powf(below / (below - above)) } else { to }
+            let (thin, thick) = (curve[after - 1], curve[after]);
+            let (Some(more), Some(less)) = (thin.delta_e, thick.delta_e) else { return thick.thickness_mm };
+            let place = (corrected / less).ln() / (more / less).ln();
+            let wanted = thick.dose_mev_g * (thin.dose_mev_g / thick.dose_mev_g).powf(place);
+            let excess = |log_mm: f64| {
+                let behind = behind(&model.mission, geometry, log_mm.exp(), confidence);
+                let dose = model.like(&behind).dose_mev_g(behind.mission.duration_yr);
+                dose.map_or(0.0, |dose| (dose / wanted).ln())
+            };
+            root_finding::between(thin.thickness_mm.ln(), thick.thickness_mm.ln(), 1e-4, excess).exp()
         }
     }
+}
+
+/// What the thickest shields are warned of: nuclear reactions that the dose does not count.
+fn thick_shields(cases: &[Case]) -> Option<Warning> {
+    let most = |warning: &Warning| match warning {
+        Warning::Secondaries { neutrons, .. } => Some(*neutrons),
+        _ => None,
+    };
+    let all = cases.iter().flat_map(|case| &case.warnings).filter_map(|warning| Some((most(warning)?, warning)));
+    all.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, warning)| warning.clone())
+}
+
+/// The mission behind aluminium, its dose derived at a confidence.
+fn behind(mission: &Mission, geometry: Geometry, thickness_mm: f64, confidence: f64) -> Mission {
+    let mut behind = mission.clone();
+    behind.shielding = Some(Shield::aluminium(geometry, thickness_mm));
+    behind.environment.active_dose_rate_mev_g_yr = None;
+    behind.environment.confidence = confidence;
+    behind
 }

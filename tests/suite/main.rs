@@ -19,6 +19,7 @@ mod laws;
 mod measurements;
 mod missions;
 mod one_chain;
+mod orbit_dose;
 mod outputs;
 mod packets_golden;
 mod paper;

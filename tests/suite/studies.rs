@@ -593,7 +593,7 @@ fn a_mission_without_dose_or_beyond_its_budget_is_told_so_in_words() {
             assert!(!text.contains("NaN") && !text.contains("inf "), "{}: {text}", study.name);
         }
     }
-    let leo = ask(&Shielding::default(), &mission("missions/hst_leo.toml", &[]));
+    let leo = ask(&Shielding::default(), &mission(SNAP, &[("mission.orbit", "leo".into())]));
     assert!(leo.findings[0].contains("low Earth orbit"));
 }
 

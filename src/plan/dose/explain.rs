@@ -114,11 +114,7 @@ impl Explained {
         let most = (0..doses.len()).max_by(|a, b| doses[*a].1.total_cmp(&doses[*b].1))?;
         let source = &history.sources[most];
         let mut steps = vec![
-            Step::Orbit {
-                orbit: mission.orbit_name(),
-                duration_yr,
-                active_years: history.active_years(duration_yr),
-            },
+            Step::Orbit { orbit: mission.orbit_name(), duration_yr, active_years: history.active_years(duration_yr) },
             Step::Source {
                 name: source.name.clone(),
                 law: source.card.map(|card| card.law),

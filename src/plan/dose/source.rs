@@ -80,7 +80,9 @@ pub(super) fn calendar_years(mission: &Mission) -> impl Iterator<Item = (i32, f6
     let (launch, duration_yr) = (mission.mission.launch.0, mission.mission.duration_yr);
     let last = date_after(launch, duration_yr).map_or(launch.year() + duration_yr.ceil() as i32, |date| date.year());
     let new_year = move |year: i32| {
-        chrono::NaiveDate::from_ymd_opt(year, 1, 1).map_or(duration_yr, |day| years_between(launch, day)).clamp(0.0, duration_yr)
+        chrono::NaiveDate::from_ymd_opt(year, 1, 1)
+            .map_or(duration_yr, |day| years_between(launch, day))
+            .clamp(0.0, duration_yr)
     };
     (launch.year()..=last).map(move |year| (year, new_year(year), new_year(year + 1))).filter(|(_, from, to)| to > from)
 }

@@ -8,9 +8,8 @@ pub(super) fn said(survey: &Survey, out: &mut Parts) {
     let Some(explained) = &survey.explained else { return };
     out.heading("From the particles to the dose");
     let steps = explained.steps.iter().map(|step| words(step, survey.confidence));
-    let last = ((survey.total_mev_g / sum(&explained.steps) - 1.0).abs() > 1e-9).then(|| {
-        format!("effects of the mission change the dose to {:.4e} MeV/g", survey.total_mev_g)
-    });
+    let last = ((survey.total_mev_g / sum(&explained.steps) - 1.0).abs() > 1e-9)
+        .then(|| format!("effects of the mission change the dose to {:.4e} MeV/g", survey.total_mev_g));
     for (index, line) in steps.chain(last).enumerate() {
         out.words(format!("{:2}. {line}", index + 1), 4);
     }
@@ -32,7 +31,11 @@ fn words(step: &Step, confidence: f64) -> String {
         }
         Step::Source { name, law, share } => {
             let law = law.map_or(String::new(), |law| format!(": {law}"));
-            format!("{:.0} % of the dose is from {name} (confidence {} %){law}", 100.0 * share, 100.0 * confidence)
+            format!(
+                "{:.1} % of the dose is from {name}{law}; confidence of solar protons {} %",
+                100.0 * share,
+                100.0 * confidence
+            )
         }
         Step::Fluence { above_cm2 } => {
             let fluences: Vec<String> =
@@ -49,22 +52,24 @@ fn words(step: &Step, confidence: f64) -> String {
              {behind_mev:.4} MeV"
         ),
         Step::Behind { fluence_cm2 } => format!("fluence behind it: {fluence_cm2:.4e} per cm2 above 0.1 MeV"),
-        Step::Niel { curve, mean_mev_cm2_g, dose_mev_g } => format!(
-            "times their mean damage of {mean_mev_cm2_g:.4e} MeV cm2/g ({curve}) = {dose_mev_g:.4e} MeV/g"
-        ),
+        Step::Niel { curve, mean_mev_cm2_g, dose_mev_g } => {
+            format!("times their mean damage of {mean_mev_cm2_g:.4e} MeV cm2/g ({curve}) = {dose_mev_g:.4e} MeV/g")
+        }
         Step::Sum { sources, factor, total_mev_g } => {
             let all: Vec<String> = sources.iter().map(|(name, dose)| format!("{dose:.4e} ({name})")).collect();
             let times = if *factor == 1.0 { String::new() } else { format!(", with the factor {factor}") };
             format!("all sources: {} = {total_mev_g:.4e} MeV/g{times}", all.join(" + "))
         }
-        Step::Equivalent { niel_10_mev, protons_cm2 } => format!(
-            "over {niel_10_mev} MeV cm2/g at 10 MeV: as much as {protons_cm2:.4e} protons of 10 MeV per cm2"
-        ),
+        Step::Equivalent { niel_10_mev, protons_cm2 } => {
+            format!("over {niel_10_mev} MeV cm2/g at 10 MeV: as much as {protons_cm2:.4e} protons of 10 MeV per cm2")
+        }
         Step::Traps { reference_mev_g, reference_of, ratio } => {
             let of = reference_of.map_or(String::new(), |(fluence, energy, niel)| {
                 format!(" ({fluence:e} protons of {energy} MeV per cm2 x {niel:.4e} MeV cm2/g)")
             });
-            format!("over the reference dose of {reference_mev_g:.4e} MeV/g{of} = {ratio:.4e} of the quoted trap densities")
+            format!(
+                "over the reference dose of {reference_mev_g:.4e} MeV/g{of} = {ratio:.4e} of the quoted trap densities"
+            )
         }
     }
 }

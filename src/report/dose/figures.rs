@@ -71,10 +71,7 @@ impl Survey {
             RateOrigin::Sources { .. } => Some(level("dose of the mission", self.total_mev_g)),
             RateOrigin::Spectra | RateOrigin::DoseDepth | RateOrigin::History => None,
         });
-        Figure {
-            title: self.depth_title(),
-            panels: vec![logarithmic("thickness [mm Al]", "dose [MeV/g]", series)],
-        }
+        Figure { title: self.depth_title(), panels: vec![logarithmic("thickness [mm Al]", "dose [MeV/g]", series)] }
     }
 
     /// Protons above an energy, before and behind the shield.

@@ -6,8 +6,8 @@ use serde_json::{Map, Value};
 use super::table::{column, words};
 use super::{DataTable, Digits, Shown, StudyReport};
 use crate::environment::shielding::Geometry;
-use crate::mission::keys::plain;
 use crate::mission::Mission;
+use crate::mission::keys::plain;
 use crate::plan::sources;
 use crate::report::plot::{Figure, Panel, level, line};
 use crate::study::budgets;
@@ -26,8 +26,9 @@ impl Shown for Results {
         report.tables = vec![margins(self)];
         if mission.place().is_none() {
             report.find(
-                "In low Earth orbit trapped protons do the damage. There is no model of them here, so no dose can be derived from \
-                 shielding. --set mission.orbit=l2 shows the same detector outside the magnetosphere.",
+                "In low Earth orbit trapped protons do the damage, which depend on altitude and inclination: add [orbit] with \
+                 kind = \"elements\" to derive the dose from shielding. --set mission.orbit=l2 shows the same detector outside the \
+                 magnetosphere.",
             );
             return report;
         }

@@ -135,7 +135,9 @@ impl Shield {
         let (from, to, count) = FACTORS;
         let logs: Vec<f64> = (0..count).map(|index| from + (to - from) * index as f64 / (count - 1) as f64).collect();
         let itself = dose(0.0).ln();
-        itself.is_finite().then(|| Shield { curve: logs.into_par_iter().map(|log| (log, dose(log).ln() - itself)).collect() })
+        itself
+            .is_finite()
+            .then(|| Shield { curve: logs.into_par_iter().map(|log| (log, dose(log).ln() - itself)).collect() })
     }
 
     /// Dose behind so many times the thickness, over the dose behind it.
