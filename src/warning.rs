@@ -114,15 +114,33 @@ pub enum Warning {
     },
 }
 
-/// Warnings of several missions, each said once; what is extrapolated for any of them is said together.
+impl Warning {
+    /// Share of the dose that neutrons add, of a warning about nuclear reactions.
+    pub fn neutrons(&self) -> Option<f64> {
+        match self {
+            Warning::Secondaries { neutrons, .. } => Some(*neutrons),
+            _ => None,
+        }
+    }
+}
+
+/// Warnings of several missions, each said once; what is extrapolated for any of them is said together, and of nuclear reactions
+/// those that matter most.
 pub fn together<'a>(warnings: impl IntoIterator<Item = &'a Warning>) -> Vec<Warning> {
     let mut maxima: Vec<Maximum> = Vec::new();
     let mut others: Vec<Warning> = Vec::new();
     for warning in warnings {
-        match warning {
-            Warning::SunExtrapolated { maxima: more } => maxima.extend(more),
-            other if !others.contains(other) => others.push(other.clone()),
-            _ => {}
+        let known = others.iter_mut().find(|known| matches!(known, Warning::Secondaries { .. }));
+        match (warning, known) {
+            (Warning::Secondaries { neutrons, .. }, Some(known)) if known.neutrons() < Some(*neutrons) => {
+                *known = warning.clone();
+            }
+            (Warning::Secondaries { .. }, Some(_)) => {}
+            (warning, _) => match warning {
+                Warning::SunExtrapolated { maxima: more } => maxima.extend(more),
+                other if !others.contains(other) => others.push(other.clone()),
+                _ => {}
+            },
         }
     }
     maxima.sort_by(|a, b| a.year.total_cmp(&b.year));

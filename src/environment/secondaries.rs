@@ -39,9 +39,7 @@ impl Secondaries {
     /// Behind a shield, of a spectrum with a dose (MeV/g) behind each direction, and neutrons per reaction.
     pub fn of(shield: &Shield, spectrum: &Spectrum, dose_mev_g: f64, neutrons: f64) -> Secondaries {
         let range = RANGE_ALUMINIUM.at(COUNTED_MEV);
-        let behind = |direction: &Direction| {
-            spectrum.above(RANGE_ALUMINIUM.inverse(range + direction.aluminium_g_cm2))
-        };
+        let behind = |direction: &Direction| spectrum.above(RANGE_ALUMINIUM.inverse(range + direction.aluminium_g_cm2));
         let depth = |direction: &Direction| direction.areal_g_cm2 / INTERACTION_G_CM2;
         let all = shield.mean(behind);
         let reacting = shield.mean(|direction| behind(direction) * -(-depth(direction)).exp_m1());

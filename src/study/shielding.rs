@@ -17,7 +17,7 @@ use crate::mission::{Mission, Shielding as Shield};
 use crate::model::Model;
 use crate::numeric::root_finding;
 use crate::plan::timeline::Timeline;
-use crate::warning::Warning;
+use crate::warning::{Warning, together};
 
 /// Shields that are compared.
 pub const GEOMETRIES: [Geometry; 2] = [Geometry::Sphere, Geometry::Slab];
@@ -184,12 +184,8 @@ fn needed_mm(model: &Model, cases: &[Case], geometry: Geometry, confidence: f64)
 
 /// What the thickest shields are warned of: nuclear reactions that the dose does not count.
 fn thick_shields(cases: &[Case]) -> Option<Warning> {
-    let most = |warning: &Warning| match warning {
-        Warning::Secondaries { neutrons, .. } => Some(*neutrons),
-        _ => None,
-    };
-    let all = cases.iter().flat_map(|case| &case.warnings).filter_map(|warning| Some((most(warning)?, warning)));
-    all.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, warning)| warning.clone())
+    let all = cases.iter().flat_map(|case| &case.warnings);
+    together(all.filter(|warning| warning.neutrons().is_some())).pop()
 }
 
 /// The mission behind aluminium, its dose derived at a confidence.
