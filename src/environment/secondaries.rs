@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! primaries left   exp(−t/λ)              λ = 107 g/cm², the interaction length of aluminium
-//! neutrons made    ν t/λ of the protons that get through; ν = 2 for protons of the belts and the Sun, 5.5 for cosmic rays
+//! neutrons made    ν (1 − exp(−t/λ)) of the protons that get through; ν = 2 for protons of the belts and the Sun, 5.5 for cosmic rays
 //! their damage     NIEL of neutrons of some MeV, 2.5e-3 MeV cm²/g
 //! ```
 //!
@@ -40,12 +40,12 @@ impl Secondaries {
     pub fn of(shield: &Shield, spectrum: &Spectrum, dose_mev_g: f64, neutrons: f64) -> Secondaries {
         let range = RANGE_ALUMINIUM.at(COUNTED_MEV);
         let behind = |direction: &Direction| spectrum.above(RANGE_ALUMINIUM.inverse(range + direction.aluminium_g_cm2));
-        let depth = |direction: &Direction| direction.areal_g_cm2 / INTERACTION_G_CM2;
         let all = shield.mean(behind);
-        let reacting = shield.mean(|direction| behind(direction) * -(-depth(direction)).exp_m1());
+        let react = |direction: &Direction| -(-direction.areal_g_cm2 / INTERACTION_G_CM2).exp_m1();
+        let reacting = shield.mean(|direction| behind(direction) * react(direction));
         Secondaries {
             lost_mev_g: if all > 0.0 { dose_mev_g * reacting / all } else { 0.0 },
-            neutrons_mev_g: neutrons * NIEL_NEUTRONS * shield.mean(|direction| behind(direction) * depth(direction)),
+            neutrons_mev_g: neutrons * NIEL_NEUTRONS * reacting,
         }
     }
 }

@@ -52,6 +52,11 @@ pub trait Source: Sync {
     /// Its spectra, each with the time at which it comes.
     fn streams(&self, setting: &Setting) -> Vec<Stream>;
 
+    /// Whether its spectra depend on confidence and active years.
+    fn depends_on_events(&self) -> bool {
+        false
+    }
+
     /// Neutrons that a nuclear reaction of one of its protons makes.
     fn neutrons(&self) -> f64 {
         2.0

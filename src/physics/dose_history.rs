@@ -43,7 +43,7 @@ pub struct DoseHistory {
     /// Where the active rate comes from.
     pub origin: RateOrigin,
     /// Where the dose is derived: the sources, each with its dose.
-    pub sources: Arc<Vec<SourceDose>>,
+    pub sources: Vec<Arc<SourceDose>>,
     /// What it is derived from; None if the mission gives its dose.
     derived: Option<Arc<Mission>>,
     /// Dose at which trap densities are quoted, MeV/g.
@@ -147,7 +147,7 @@ impl DoseHistory {
             rate_laws: Vec::new(),
             dose_laws: Vec::new(),
             origin: if environment.model == DoseModel::History { RateOrigin::History } else { RateOrigin::Given },
-            sources: Arc::default(),
+            sources: Vec::new(),
             derived: (!gives).then(|| Arc::new(mission.clone())),
             reference_dose_mev_g: mission.reference_dose_mev_g(),
             launch,
@@ -176,7 +176,7 @@ impl DoseHistory {
         self.active_rate_mev_g_yr = 0.0;
         self.floor_mev_g_yr = environment.dose_factor * environment.cosmic_ray_floor_mev_g_yr;
         self.cyclic.clear();
-        let sources = Arc::clone(&self.sources);
+        let sources = self.sources.clone();
         for dosed in sources.iter().flat_map(|source| &source.streams) {
             let rate = environment.dose_factor * dosed.dose_mev_g_yr;
             match &dosed.stream.when {

@@ -4,14 +4,12 @@ use std::sync::{Arc, Mutex};
 
 use ctiplan_magnetosphere::Activity;
 
-use crate::environment::SECONDS_PER_YEAR;
 use crate::environment::secondaries::Secondaries;
 use crate::environment::shielding::Shield;
 use crate::environment::source::{self, Card, Place, SOURCES, Setting, Source, Stream, When};
 use crate::environment::spectrum::{Law, Spectrum};
-use crate::mission::{
-    Accumulate, DoseModel, Environment, Imported, Mission, SecondariesCounted, Shielding, SolarPhase,
-};
+use crate::environment::{Niel, SECONDS_PER_YEAR};
+use crate::mission::{Accumulate, DoseModel, Environment, ImportedSpectrum, Mission, SecondariesCounted, SolarPhase};
 use crate::numeric::calendar::decimal_year;
 
 /// A source of protons, and the dose it makes.
@@ -71,75 +69,76 @@ impl SourceDose {
     }
 }
 
-/// What sources and their doses depend on.
+/// What the dose of a source depends on.
 #[derive(Clone, Debug, PartialEq)]
 struct Inputs {
-    environment: Environment,
-    shielding: Option<Shielding>,
-    imported: Imported,
-    place: Option<Place>,
-    launch: f64,
-    duration_yr: f64,
-    active_years: f64,
+    source: &'static str,
+    setting: Setting,
+    shield: Shield,
+    niel: Niel,
+    secondaries: SecondariesCounted,
+    phase: Option<SolarPhase>,
 }
 
 /// Sources of a mission with so many active years, and their doses behind its shield; none where it gives its dose.
-///
-/// It takes milliseconds to seconds and is asked for by every fit and study, mostly for the same mission: the last ones are kept.
-pub(crate) fn source_doses(mission: &Mission, active_years: f64) -> Arc<Vec<SourceDose>> {
+pub(crate) fn source_doses(mission: &Mission, active_years: f64) -> Vec<Arc<SourceDose>> {
+    let environment = &mission.environment;
+    let (Some(shield), Some(shielding)) = (mission.shield(), &mission.shielding) else { return Vec::new() };
+    if environment.active_dose_rate_mev_g_yr.is_some() || environment.model == DoseModel::History {
+        return Vec::new();
+    }
+    if !mission.imported.dose_depth.is_empty() {
+        return vec![Arc::new(of_depth(mission, &shield))];
+    }
+    if !mission.imported.spectra.is_empty() {
+        return of_spectra(mission, &shield, shielding.secondaries);
+    }
+    let Some(place) = mission.place() else { return Vec::new() };
+    let setting = Setting {
+        place,
+        middle: decimal_year(mission.mission.launch.0) + 0.5 * mission.mission.duration_yr,
+        confidence: environment.confidence,
+        active_years: match environment.accumulate() {
+            Accumulate::Mission if active_years > 0.0 => active_years,
+            _ => 1.0,
+        },
+    };
+    let inputs = |source: &dyn Source| Inputs {
+        source: source.card().name,
+        setting: if source.depends_on_events() {
+            setting.clone()
+        } else {
+            Setting { confidence: 0.5, active_years: 1.0, ..setting.clone() }
+        },
+        shield: shield.clone(),
+        niel: environment.niel,
+        secondaries: shielding.secondaries,
+        phase: environment.solar_phase,
+    };
+    sources(environment, &place).into_iter().map(|source| known(source, inputs(source))).collect()
+}
+
+/// The dose of a source. It takes milliseconds to seconds and is asked for by every fit and study, mostly for the same mission: the
+/// last ones are kept.
+fn known(source: &'static dyn Source, inputs: Inputs) -> Arc<SourceDose> {
     const KEPT: usize = 64;
-    type Known = Vec<(Inputs, Arc<Vec<SourceDose>>)>;
+    type Known = Vec<(Inputs, Arc<SourceDose>)>;
     static KNOWN: Mutex<Known> = Mutex::new(Vec::new());
     let known = || KNOWN.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let inputs = Inputs {
-        environment: Environment { dose_factor: 1.0, ..mission.environment.clone() },
-        shielding: mission.shielding.clone(),
-        imported: mission.imported.clone(),
-        place: mission.place(),
-        launch: decimal_year(mission.mission.launch.0),
-        duration_yr: mission.mission.duration_yr,
-        active_years,
-    };
     if let Some((_, found)) = known().iter().find(|(other, _)| *other == inputs) {
         return Arc::clone(found);
     }
-    let found = Arc::new(computed(mission, &inputs));
+    let found = Arc::new(SourceDose {
+        name: source.card().name.to_string(),
+        card: Some(source.card()),
+        streams: source.streams(&inputs.setting).into_iter().map(|stream| behind(stream, source, &inputs)).collect(),
+    });
     let mut kept = known();
     if kept.len() == KEPT {
         kept.remove(0);
     }
     kept.push((inputs, Arc::clone(&found)));
     found
-}
-
-fn computed(mission: &Mission, inputs: &Inputs) -> Vec<SourceDose> {
-    let environment = &inputs.environment;
-    let Some(shield) = mission.shield() else { return Vec::new() };
-    if environment.active_dose_rate_mev_g_yr.is_some() || environment.model == DoseModel::History {
-        return Vec::new();
-    }
-    if !inputs.imported.dose_depth.is_empty() {
-        return vec![of_depth(inputs, &shield)];
-    }
-    if !inputs.imported.spectra.is_empty() {
-        return of_spectra(inputs, &shield);
-    }
-    let Some(place) = inputs.place else { return Vec::new() };
-    let setting = Setting {
-        place,
-        middle: inputs.launch + 0.5 * inputs.duration_yr,
-        confidence: environment.confidence,
-        active_years: match environment.accumulate() {
-            Accumulate::Mission if inputs.active_years > 0.0 => inputs.active_years,
-            _ => 1.0,
-        },
-    };
-    let of = |source: &&'static dyn Source| SourceDose {
-        name: source.card().name.to_string(),
-        card: Some(source.card()),
-        streams: source.streams(&setting).into_iter().map(|stream| behind(stream, *source, inputs, &shield)).collect(),
-    };
-    sources(environment, &place).iter().map(of).collect()
 }
 
 /// The sources that a mission counts: those it names, or all that reach it; in the models of the paper solar protons alone.
@@ -154,44 +153,44 @@ pub(crate) fn sources(environment: &Environment, place: &Place) -> Vec<&'static 
 }
 
 /// A stream behind the shield.
-fn behind(stream: Stream, source: &dyn Source, inputs: &Inputs, shield: &Shield) -> StreamDose {
-    let when = match inputs.environment.solar_phase {
+fn behind(stream: Stream, source: &dyn Source, inputs: &Inputs) -> StreamDose {
+    let when = match inputs.phase {
         None => stream.when,
         Some(SolarPhase::Min) => stream.when.held(Activity::Minimum),
         Some(SolarPhase::Max) => stream.when.held(Activity::Maximum),
     };
-    dosed(Stream { when, ..stream }, source.neutrons(), inputs, shield)
+    dosed(Stream { when, ..stream }, source.neutrons(), &inputs.shield, inputs.niel, inputs.secondaries)
 }
 
-fn dosed(stream: Stream, neutrons: f64, inputs: &Inputs, shield: &Shield) -> StreamDose {
-    let slowed = shield.dose(&stream.yearly, inputs.environment.niel.curve());
+fn dosed(stream: Stream, neutrons: f64, shield: &Shield, niel: Niel, counted: SecondariesCounted) -> StreamDose {
+    let slowed = shield.dose(&stream.yearly, niel.curve());
     let secondaries = Secondaries::of(shield, &stream.yearly, slowed, neutrons);
-    let counted = inputs.shielding.as_ref().map(|shielding| shielding.secondaries);
     let dose_mev_g_yr = match counted {
-        Some(SecondariesCounted::Estimated) => slowed - secondaries.lost_mev_g + secondaries.neutrons_mev_g,
-        _ => slowed,
+        SecondariesCounted::Estimated => slowed - secondaries.lost_mev_g + secondaries.neutrons_mev_g,
+        SecondariesCounted::Neglected => slowed,
     };
     StreamDose { stream, dose_mev_g_yr, secondaries }
 }
 
 /// Spectra of other programs, which say nothing of time: spread evenly over the mission.
-fn of_spectra(inputs: &Inputs, shield: &Shield) -> Vec<SourceDose> {
-    let of = |imported: &crate::mission::ImportedSpectrum| {
-        let per_year = if imported.per_second { SECONDS_PER_YEAR } else { 1.0 / inputs.duration_yr };
+fn of_spectra(mission: &Mission, shield: &Shield, counted: SecondariesCounted) -> Vec<Arc<SourceDose>> {
+    let of = |imported: &ImportedSpectrum| {
+        let per_year = if imported.per_second { SECONDS_PER_YEAR } else { 1.0 / mission.mission.duration_yr };
         let stream = Stream { yearly: imported.spectrum.times(per_year), when: When::Always };
-        SourceDose { name: imported.file.clone(), card: None, streams: vec![dosed(stream, 2.0, inputs, shield)] }
+        let dosed = dosed(stream, 2.0, shield, mission.environment.niel, counted);
+        Arc::new(SourceDose { name: imported.file.clone(), card: None, streams: vec![dosed] })
     };
-    inputs.imported.spectra.iter().map(of).collect()
+    mission.imported.spectra.iter().map(of).collect()
 }
 
 /// A dose-depth curve of another program, for the mission: spread evenly over it.
-fn of_depth(inputs: &Inputs, shield: &Shield) -> SourceDose {
-    let curve = &inputs.imported.dose_depth;
+fn of_depth(mission: &Mission, shield: &Shield) -> SourceDose {
+    let curve = &mission.imported.dose_depth;
     let total = shield.mean(|direction| interpolated(curve, direction.aluminium_g_cm2));
     let stream = Stream { yearly: Spectrum::of([], Law::Power), when: When::Always };
-    let dosed = StreamDose { stream, dose_mev_g_yr: total / inputs.duration_yr, secondaries: Secondaries::default() };
-    let name = inputs.environment.dose_depth.clone().unwrap_or_default();
-    SourceDose { name, card: None, streams: vec![dosed] }
+    let dose_mev_g_yr = total / mission.mission.duration_yr;
+    let dosed = StreamDose { stream, dose_mev_g_yr, secondaries: Secondaries::default() };
+    SourceDose { name: mission.environment.dose_depth.clone().unwrap_or_default(), card: None, streams: vec![dosed] }
 }
 
 /// A curve between its points, on straight lines of the logarithms; beyond its ends the line of the end pair.

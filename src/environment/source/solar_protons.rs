@@ -24,6 +24,10 @@ impl Source for SolarProtons {
         true
     }
 
+    fn depends_on_events(&self) -> bool {
+        true
+    }
+
     fn streams(&self, setting: &Setting) -> Vec<Stream> {
         let years = setting.active_years.max(1.0);
         // Less than one active year counts as one, and all of it arrives within the active time there is.

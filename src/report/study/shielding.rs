@@ -84,7 +84,7 @@ fn needed(results: &Results) -> DataTable {
         column("sphere_mm", "sphere [mm Al]", Digits::Fixed(1)),
         column("slab_mm", "slab [mm Al]", Digits::Fixed(1)),
     ];
-    let title = "Least thickness that meets the corrected budget, interpolated between those tried";
+    let title = "Least thickness that meets the corrected budget, solved for between those tried";
     DataTable::of("needed", &results.needed, columns).titled(title)
 }
 

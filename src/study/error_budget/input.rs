@@ -1,5 +1,7 @@
 //! Uncertain inputs of a mission, and how to change a mission by one of them.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use crate::environment::esp;
@@ -7,6 +9,7 @@ use crate::environment::shielding::{self, Geometry};
 use crate::environment::solar_cycle::{CYCLE_SCATTER_YR, Maximum};
 use crate::mission::{DoseModel, Mission};
 use crate::model::Model;
+use crate::physics::SourceDose;
 use crate::plan::dose;
 
 /// Changes a mission by a deviation of an input.
@@ -129,7 +132,9 @@ impl Shield {
             if history.sources.is_empty() {
                 return shield.dose(&year, niel);
             }
-            let of = |source| history.of_spectrum(source, duration_yr, |spectrum| shield.dose(spectrum, niel));
+            let of = |source: &Arc<SourceDose>| {
+                history.of_spectrum(source, duration_yr, |spectrum| shield.dose(spectrum, niel))
+            };
             history.sources.iter().map(of).sum()
         };
         let (from, to, count) = FACTORS;
