@@ -53,6 +53,7 @@ fn tables_fit_80_columns_and_have_no_lines_when_piped() {
         &["evaluate", "missions/survey_nchannel_l2.toml"],
         &["evaluate", "missions/rhodes2010_galaxies.toml"],
         &["dose", "missions/snap_l2_shielded.toml"],
+        &["dose", "missions/hst_leo.toml", "--explain"],
         &["compare", SNAP, "--transfers", "825,1650", "--line-time-ms", "10,25"],
         &["compare", SNAP, "missions/hst_leo.toml"],
         &["diagnose", &practice("one-epoch/mission.toml"), &practice("one-epoch/trails.ecsv")],

@@ -1,7 +1,7 @@
 //! Dose year by year, behind aluminium, and the spectrum it comes from.
 
 use crate::physics::RateOrigin;
-use crate::plan::dose::{AtEnergy, CalendarYear, Survey};
+use crate::plan::dose::{AtEnergy, CalendarYear, SourceSpectrum, Survey};
 use crate::report::active::shades;
 use crate::report::plot::{Figure, Mark, Panel, Series, dashed, level, line};
 
@@ -76,6 +76,9 @@ impl Survey {
 
     /// Protons above an energy, before and behind the shield.
     fn by_energy(&self) -> Figure {
+        if self.depths_of_mission {
+            return self.spectra_by_source();
+        }
         let mut spectrum = self.spectrum.clone();
         spectrum.sort_by(|a, b| a.energy_mev.total_cmp(&b.energy_mev));
         let energy: Vec<f64> = spectrum.iter().map(|at| at.energy_mev).collect();
@@ -92,6 +95,29 @@ impl Survey {
         }
         Figure {
             title: format!("Solar protons above an energy, at {} % confidence", 100.0 * self.confidence),
+            panels: vec![logarithmic("energy [MeV]", "protons above it [1/cm²]", series)],
+        }
+    }
+}
+
+impl Survey {
+    /// Protons of each source above an energy, before and behind the shield.
+    fn spectra_by_source(&self) -> Figure {
+        let mut series = Vec::new();
+        for (index, source) in self.sources.iter().enumerate() {
+            let mut spectrum = source.spectrum.clone();
+            spectrum.sort_by(|a, b| a.energy_mev.total_cmp(&b.energy_mev));
+            let energy: Vec<f64> = spectrum.iter().map(|at| at.energy_mev).collect();
+            let above = |fluence: fn(&SourceSpectrum) -> f64| -> Vec<f64> {
+                let positive = |fluence: f64| if fluence > 0.0 { fluence } else { f64::NAN };
+                spectrum.iter().map(|at| positive(fluence(at))).collect()
+            };
+            series.push(line(&source.name, index + 1, &energy, above(|at| at.integral_cm2)));
+            let shielded = format!("{}, shielded", source.name);
+            series.push(dashed(&shielded, index + 1, &energy, above(|at| at.shielded_integral_cm2)));
+        }
+        Figure {
+            title: "Protons above an energy over the mission, by source".into(),
             panels: vec![logarithmic("energy [MeV]", "protons above it [1/cm²]", series)],
         }
     }
