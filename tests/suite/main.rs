@@ -13,6 +13,7 @@ mod environment;
 mod fit;
 mod fuzzed;
 mod galaxy_golden;
+mod hindcast;
 mod html;
 mod images;
 mod laws;

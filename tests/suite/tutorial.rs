@@ -75,7 +75,8 @@ fn shown(command: &str) -> String {
     [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap()).concat()
 }
 
-fn shows_what_is_printed(document: &str) {
+/// Runs the commands of a document (a path from the top of the repository) and compares what they print with what it shows.
+pub fn shows_what_is_printed(document: &str) {
     let top = Path::new(TOP);
     // What the commands write goes there.
     fs::create_dir_all(top.join("target")).unwrap();

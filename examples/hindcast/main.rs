@@ -1,0 +1,23 @@
+//! Four cameras that flew: dose derived from what was known before launch, beside the published growth of damage.
+//!
+//! `cargo run --release --example hindcast -- hst` (or `xmm`, `chandra`, `gaia`, `goals`); docs/hindcast.md shows what it prints and
+//! discusses it.
+
+mod chandra;
+mod events;
+mod flown;
+mod gaia;
+mod hst;
+mod report;
+mod xmm;
+
+fn main() {
+    let name = std::env::args().nth(1).unwrap_or_default();
+    match report::of(&name) {
+        Some(report) => print!("{report}"),
+        None => {
+            eprintln!("error: no report is called `{name}`; there are: {}", report::REPORTS.join(", "));
+            std::process::exit(2);
+        }
+    }
+}
