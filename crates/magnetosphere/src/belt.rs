@@ -8,8 +8,9 @@
 use std::f64::consts::FRAC_PI_2;
 use std::sync::LazyLock;
 
+use crate::dipole::Dipole;
 use crate::drift_shell::MOMENT;
-use crate::field::{Field, GSFC_1266_1970, JENSEN_CAIN_1960};
+use crate::field::{Field, GSFC_1266_1970, JENSEN_CAIN_1960, igrf};
 use crate::{number, rows};
 
 /// Phase of the solar cycle that a map holds for.
@@ -42,12 +43,25 @@ impl Activity {
     }
 }
 
+impl Activity {
+    /// The eccentric dipole of the map's epoch.
+    pub fn dipole(self) -> &'static Dipole {
+        static MINIMUM: LazyLock<Dipole> = LazyLock::new(|| Dipole::of(&igrf(1960.0)));
+        static MAXIMUM: LazyLock<Dipole> = LazyLock::new(|| Dipole::of(&igrf(1970.0)));
+        match self {
+            Activity::Minimum => &MINIMUM,
+            Activity::Maximum => &MAXIMUM,
+        }
+    }
+}
+
 /// A map of trapped protons.
 #[derive(Debug)]
 pub struct Map {
     /// By rising energy.
     sheets: Vec<Sheet>,
-    strongest_field_nt: f64,
+    /// L, rising, and the strongest field (nT) that has protons on a shell up to the next L.
+    reach: Vec<(f64, f64)>,
 }
 
 /// The map of one energy.
@@ -79,14 +93,31 @@ impl Map {
         let sheet =
             |rows: &[[f64; 4]]| Sheet { energy_mev: rows[0][0], strings: rows.chunk_by(same(1)).map(string).collect() };
         let sheets: Vec<Sheet> = rows.chunk_by(same(0)).map(sheet).collect();
-        let edges = sheets.iter().flat_map(|sheet| &sheet.strings).map(String::edge_over_l3);
-        let strongest_field_nt = MOMENT * edges.fold(0.0, f64::max);
-        Map { sheets, strongest_field_nt }
+        let mut reach: Vec<(f64, f64)> = sheets
+            .iter()
+            .flat_map(|sheet| &sheet.strings)
+            .map(|string| (string.l, MOMENT * string.edge_over_l3()))
+            .collect();
+        reach.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Between two shells the edge lies between theirs.
+        for index in 0..reach.len() {
+            let next = reach.get(index + 1).map_or(0.0, |next| next.1);
+            let before = index.checked_sub(1).map_or(0.0, |before| reach[before].1);
+            reach[index].1 = reach[index].1.max(next).max(before);
+        }
+        Map { sheets, reach }
     }
 
-    /// Field (nT) beyond which the map has no proton, on no shell: the place is in the atmosphere's reach.
-    pub fn strongest_field_nt(&self) -> f64 {
-        self.strongest_field_nt
+    /// Field (nT) beyond which the map has no proton on any shell up to an L: such places are in the atmosphere's reach.
+    fn strongest_field_nt(&self, l: f64) -> f64 {
+        let after = self.reach.partition_point(|shell| shell.0 <= l);
+        after.checked_sub(1).map_or(0.0, |index| self.reach[index].1)
+    }
+
+    /// Whether a place with a field (nT) may have protons, by its L in the eccentric dipole of the map's epoch: a quick look that
+    /// spares the field line. McIlwain's L is at most 1.32 times that of the dipole (measured; a test looks again).
+    pub fn may_have_protons(&self, b_nt: f64, dipole_l: f64) -> bool {
+        b_nt <= self.strongest_field_nt(1.4 * dipole_l)
     }
 
     /// Energies of the map, MeV, rising.

@@ -129,3 +129,27 @@ fn perigees_drift_as_satellites_show() {
     assert_eq!(elements(20_200.0, 20_200.0, 55.0, None).repeats_longitudes(), Some(2));
     assert_eq!(elements(540.0, 540.0, 28.5, None).repeats_longitudes(), None);
 }
+
+#[test]
+fn the_quick_look_passes_over_no_proton() {
+    for orbit in [
+        elements(410.0, 410.0, 51.6, None),
+        elements(540.0, 540.0, 28.5, None),
+        elements(825.0, 825.0, 98.8, None),
+        elements(300.0, 36_000.0, 63.4, None),
+    ] {
+        for activity in [Activity::Minimum, Activity::Maximum] {
+            let (map, field) = (activity.map(), activity.field());
+            let (mut with_flux, mut passed_over) = (0, 0);
+            for visit in (0..6000).map(|number| orbit.visit(number, 7.5)).filter(|visit| visit.weight > 0.0) {
+                let may = map.may_have_protons(length(field.at(visit.place)), activity.dipole().l(visit.place));
+                let Some(shell) = shell(field, visit.place) else { continue };
+                let any = map.fluxes(shell.l, shell.b_over_b0).any(|flux| flux > 0.0);
+                with_flux += usize::from(any);
+                passed_over += usize::from(!may);
+                assert!(may || !any, "{orbit:?}: {shell:?}");
+            }
+            assert!(with_flux > 300 && passed_over > 300, "{with_flux} {passed_over}");
+        }
+    }
+}
