@@ -22,8 +22,8 @@ pub struct TrappedProtons {
     pub places: usize,
 }
 
-/// Estimated relative error at which the mean is good enough: half of what is promised.
-const CONVERGED: f64 = 0.0025;
+/// Estimated relative error at which the mean is good enough.
+const CONVERGED: f64 = 0.005;
 
 /// Energy (MeV) from which the flux has to be converged: slower protons are stopped by 0.015 mm of aluminium.
 const FROM_MEV: f64 = 1.0;
@@ -32,13 +32,13 @@ const FROM_MEV: f64 = 1.0;
 const SMALL_FLUX: f64 = 0.03;
 
 /// Places from which and up to which their number is doubled; the error is said in any case.
-const PLACES: (usize, usize) = (1024, 131_072);
+const PLACES: (usize, usize) = (2048, 131_072);
 
 /// Distance from the centre (RE) beyond which no map has a proton: with it the lines that leave the maps are not followed.
 const FARTHEST: f64 = 7.5;
 
 /// Mean over an orbit, in the field in which the map was made: the number of places is doubled until the flux above 1 MeV has
-/// converged to 0.25 % by its own estimate.
+/// converged to 0.5 % by its own estimate.
 pub fn trapped_protons(elements: &Elements, activity: Activity) -> TrappedProtons {
     let energies_mev = activity.map().energies_mev();
     let mut sums = vec![0.0; energies_mev.len()];
