@@ -14,6 +14,7 @@ pub mod proton;
 pub mod secondaries;
 pub mod shielding;
 pub mod solar_cycle;
+pub mod solar_events;
 pub mod source;
 pub mod spectrum;
 

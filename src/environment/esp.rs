@@ -54,16 +54,44 @@ const ABOVE_100_MEV: [(f64, f64); 8] = [
 ///
 /// The model's shortest time is one year: less counts as one. `confidence` lies between 0 and 1, both excluded.
 pub fn fluence(confidence: f64, active_years: f64) -> Spectrum {
+    fluence_at(Normal::standard().inverse_cdf(confidence), active_years)
+}
+
+/// The same, where the confidence is given as the quantile z of the standard normal law.
+pub fn fluence_at(z: f64, active_years: f64) -> Spectrum {
     let years = active_years.max(1.0);
-    let z = Normal::standard().inverse_cdf(confidence);
-    let fluence = |mean: f64, relative_variance: f64| {
+    spectrum(|yearly| {
         // σ² = ln(1 + RV/T)   μ = ln(T mean) − σ²/2   F = exp(μ + z σ)
-        let variance = (relative_variance / years).ln_1p();
-        ((years * mean).ln() - variance / 2.0 + z * variance.sqrt()).exp()
-    };
-    let mut nodes: Vec<(f64, f64)> =
-        YEARLY.iter().map(|&(energy_mev, mean, variance)| (energy_mev, fluence(mean, variance))).collect();
-    let above_100 = nodes[nodes.len() - 1].1;
-    nodes.extend(ABOVE_100_MEV.iter().map(|&(energy_mev, factor)| (energy_mev, above_100 * factor)));
+        let variance = (yearly.relative_variance / years).ln_1p();
+        ((years * yearly.mean_cm2).ln() - variance / 2.0 + z * variance.sqrt()).exp()
+    })
+}
+
+/// Fluence of an active year above an energy.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Yearly {
+    /// Mean, cm⁻².
+    pub mean_cm2: f64,
+    /// Variance over the square of the mean, RV.
+    pub relative_variance: f64,
+}
+
+impl Yearly {
+    /// Above an energy (MeV) of the table; None between them.
+    pub fn above(energy_mev: f64) -> Option<Yearly> {
+        let row = YEARLY.iter().find(|row| row.0 == energy_mev)?;
+        Some(Yearly { mean_cm2: row.1, relative_variance: row.2 })
+    }
+}
+
+/// The spectrum of a fluence (cm⁻²) that is known where a year's mean and variance are. It never rises with energy.
+pub(super) fn spectrum(fluence: impl Fn(Yearly) -> f64) -> Spectrum {
+    let mut least = f64::INFINITY;
+    let mut nodes: Vec<(f64, f64)> = Vec::with_capacity(YEARLY.len() + ABOVE_100_MEV.len());
+    for (energy_mev, mean_cm2, relative_variance) in YEARLY {
+        least = least.min(fluence(Yearly { mean_cm2, relative_variance }));
+        nodes.push((energy_mev, least));
+    }
+    nodes.extend(ABOVE_100_MEV.iter().map(|&(energy_mev, factor)| (energy_mev, least * factor)));
     Spectrum::of(nodes, Law::Power)
 }

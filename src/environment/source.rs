@@ -9,6 +9,7 @@ mod cosmic_rays;
 mod solar_protons;
 mod trapped_protons;
 
+pub use solar_protons::Arrival;
 pub use trapped_protons::averaged;
 
 use std::f64::consts::PI;

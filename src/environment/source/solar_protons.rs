@@ -4,6 +4,7 @@ use ctiplan_magnetosphere::Exposure;
 
 use super::{Card, Place, Setting, Source, Stream, When};
 use crate::environment::esp;
+use crate::environment::spectrum::Spectrum;
 
 pub(super) struct SolarProtons;
 
@@ -32,13 +33,29 @@ impl Source for SolarProtons {
         let years = setting.active_years.max(1.0);
         // Less than one active year counts as one, and all of it arrives within the active time there is.
         let outside = esp::fluence(setting.confidence, years).times(1.0 / setting.active_years);
-        let yearly = match &setting.place {
-            Place::Interplanetary => outside,
-            Place::Earth(elements) => {
-                let exposure = Exposure::along(elements, setting.middle);
-                outside.attenuated(|energy_mev| exposure.at(energy_mev))
-            }
-        };
+        let yearly = Arrival::at(&setting.place, setting.middle).of(outside);
         vec![Stream { yearly, when: When::ActiveYears }]
+    }
+}
+
+/// What of the protons of solar events arrives at a place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Arrival(Option<Exposure>);
+
+impl Arrival {
+    /// At a place, in the magnetic field of a decimal year.
+    pub fn at(place: &Place, year: f64) -> Arrival {
+        match place {
+            Place::Interplanetary => Arrival(None),
+            Place::Earth(elements) => Arrival(Some(Exposure::along(elements, year))),
+        }
+    }
+
+    /// Of a spectrum of interplanetary space.
+    pub fn of(&self, outside: Spectrum) -> Spectrum {
+        match &self.0 {
+            None => outside,
+            Some(exposure) => outside.attenuated(|energy_mev| exposure.at(energy_mev)),
+        }
     }
 }
