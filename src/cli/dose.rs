@@ -7,7 +7,7 @@ use super::drawn::Drawn;
 use super::inputs::OneMission;
 use super::{Failure, Outcome, Output, print};
 use crate::mission::Mission;
-use crate::plan::dose;
+use crate::plan::dose::{self, Samples};
 
 #[derive(Debug, Args)]
 pub(super) struct Dose {
@@ -25,6 +25,12 @@ pub(super) struct Dose {
     /// The way from the particle spectrum to the dose, in ten lines with their numbers
     #[arg(long)]
     explain: bool,
+    /// Draw the Sun as events so many times, and print quantiles of the dose, year by year
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=100_000))]
+    samples: Option<u32>,
+    /// Seed of the samples, in place of the mission's
+    #[arg(long, value_name = "SEED", requires = "samples")]
+    seed: Option<u64>,
     #[command(flatten)]
     drawn: Drawn,
     #[command(flatten)]
@@ -38,6 +44,8 @@ impl Dose {
         let energies_mev: &[f64] = if self.energies_mev.is_empty() { &dose::ENERGIES_MEV } else { &self.energies_mev };
         let mut survey = dose::survey(&mission, energies_mev)?;
         survey.explained = survey.explained.filter(|_| self.explain);
+        let seed = self.seed.unwrap_or(mission.accuracy.seed);
+        survey.samples = self.samples.map(|samples| Samples::of(&mission, samples, seed)).transpose()?;
         self.drawn.write(&survey, &[mission])?;
         print(&survey, &self.output)?;
         Ok(Outcome::Done)

@@ -162,7 +162,14 @@ fn behind(stream: Stream, source: &dyn Source, inputs: &Inputs) -> StreamDose {
     dosed(Stream { when, ..stream }, source.neutrons(), &inputs.shield, inputs.niel, inputs.secondaries)
 }
 
-fn dosed(stream: Stream, neutrons: f64, shield: &Shield, niel: Niel, counted: SecondariesCounted) -> StreamDose {
+/// A stream behind a shield, whose nuclear reactions are counted or not.
+pub(crate) fn dosed(
+    stream: Stream,
+    neutrons: f64,
+    shield: &Shield,
+    niel: Niel,
+    counted: SecondariesCounted,
+) -> StreamDose {
     let slowed = shield.dose(&stream.yearly, niel.curve());
     let secondaries = Secondaries::of(shield, &stream.yearly, slowed, neutrons);
     let dose_mev_g_yr = match counted {

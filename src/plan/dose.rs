@@ -1,9 +1,11 @@
 //! Everything about a mission's dose that a radiation engineer asks for: the product of `ctiplan dose`.
 
 mod explain;
+mod samples;
 mod source;
 
 pub use explain::{Explained, Step};
+pub use samples::{QUANTILES, Quantile, SampledYear, Samples};
 pub use source::{SourceSpectrum, SourceSurvey, SourceYear};
 
 use rayon::prelude::*;
@@ -81,6 +83,9 @@ pub struct Survey {
     /// From the spectrum to the dose, step by step; None where the mission gives its dose.
     #[serde(skip)]
     pub explained: Option<Explained>,
+    /// The dose with the Sun drawn; None where that is not asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub samples: Option<Samples>,
     /// What is doubtful about it.
     pub warnings: Vec<Warning>,
 }
@@ -205,6 +210,7 @@ pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputEr
         secondaries_counted: shielding.is_some_and(|shield| shield.secondaries == SecondariesCounted::Estimated),
         derived_mev_g: derived_in_place_of_imports(mission),
         explained: Explained::of(mission, &history),
+        samples: None,
         warnings: warnings(mission, &history),
         history,
     })

@@ -2,11 +2,12 @@
 
 mod explain;
 mod figures;
+mod samples;
 
 use super::{Page, Parts, Report, or_dash, table};
 use crate::mission::{Accumulate, Mission};
 use crate::physics::RateOrigin;
-use crate::plan::dose::{SourceSpectrum, Survey};
+use crate::plan::dose::{CalendarYear, SourceSpectrum, Survey};
 use crate::plan::sources::{self, Source};
 use crate::report::plot::Figure;
 
@@ -16,18 +17,20 @@ impl Report for Survey {
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
-        let mut rows =
-            vec![["year", "flown_yr", "active_yr", "dose_mev_g", "cumulative_mev_g"].map(str::to_string).to_vec()];
-        rows.extend(self.years.iter().map(|year| {
-            vec![
+        let mut header = ["year", "flown_yr", "active_yr", "dose_mev_g", "cumulative_mev_g"].map(str::to_string).to_vec();
+        header.extend(samples::columns(self));
+        let row = |(index, year): (usize, &CalendarYear)| {
+            let mut row = vec![
                 year.year.to_string(),
                 year.flown_yr.to_string(),
                 year.active_yr.to_string(),
                 year.dose_mev_g.to_string(),
                 year.cumulative_mev_g.to_string(),
-            ]
-        }));
-        rows
+            ];
+            row.extend(samples::cells(self, index));
+            row
+        };
+        std::iter::once(header).chain(self.years.iter().enumerate().map(row)).collect()
     }
 }
 
@@ -50,6 +53,7 @@ impl Page for Survey {
         self.by_source(&mut out);
         self.beside_imports(&mut out);
         self.year_by_year(&mut out);
+        samples::said(self, &mut out);
         self.against_confidence(&mut out);
         self.against_depth(&mut out);
         self.protons(&mut out);
@@ -64,7 +68,8 @@ impl Page for Survey {
     }
 
     fn sources(&self, missions: &[Mission]) -> Vec<Source> {
-        sources::once(missions.iter().flat_map(sources::of_dose))
+        let drawn = self.samples.iter().map(|_| samples::source());
+        sources::once(missions.iter().flat_map(sources::of_dose).chain(drawn))
     }
 }
 

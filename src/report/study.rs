@@ -7,7 +7,7 @@ mod clock;
 mod correction;
 mod distance;
 mod error_budget;
-mod estimate;
+pub(super) mod estimate;
 mod launch;
 mod pocket_pumping;
 mod preflash;

@@ -40,15 +40,23 @@ pub(super) fn plus_minus(estimate: Estimate) -> String {
 }
 
 /// The same in scientific notation.
-pub(super) fn scientific(estimate: Estimate) -> String {
-    let Estimate { value, error } = estimate;
+pub(in crate::report) fn scientific(estimate: Estimate) -> String {
+    let value = scientific_value(estimate);
+    if !is_known(estimate.error) {
+        return value;
+    }
+    let own = usize::from(leads_with_1(estimate.error));
+    format!("{value} +- {:.own$e}", estimate.error)
+}
+
+/// The value alone, in scientific notation, to the digits that the error leaves.
+pub(in crate::report) fn scientific_value(Estimate { value, error }: Estimate) -> String {
     if !is_known(error) {
         return format!("{value:.2e}");
     }
     let exponent = value.abs().max(error).log10().floor() as i32;
     let decimals = (exponent - last_digit(error)).max(0) as usize;
-    let own = usize::from(leads_with_1(error));
-    format!("{value:.decimals$e} +- {error:.own$e}")
+    format!("{value:.decimals$e}")
 }
 
 fn is_known(error: f64) -> bool {

@@ -1,0 +1,291 @@
+//! Solar events, orbit, shield and NIEL of a mission → the dose of each event.
+//!
+//! The dose d(z) of an event behind cutoff and shield, and ESP's dose D(T, p) of T active years at a confidence p, are tabulated
+//! once; a sample of the Sun is a sum then. Event i of the active years of a sample makes
+//!
+//! ```text
+//! D(T, p) · d(z_i)/Σ d(z)
+//! ```
+//!
+//! The sum of a mission is the dose of ESP's spectrum of the sample's confidence, exactly. Within a mission, events share it in
+//! proportion to their own doses; ESP scales each energy by itself, which would change these shares where events of different
+//! hardness meet. Events of quiet years keep their own dose.
+
+use std::ops::RangeInclusive;
+
+use rayon::prelude::*;
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use crate::environment::Niel;
+use crate::environment::esp;
+use crate::environment::shielding::Shield;
+use crate::environment::solar_cycle::{self, ACTIVE_YR};
+use crate::environment::solar_events::{Activity, SolarEvents, Sun};
+use crate::environment::source::{Arrival, Source, Stream, When, source};
+use crate::environment::spectrum::Spectrum;
+use crate::error::InputError;
+use crate::mission::{DoseModel, Mission, SecondariesCounted};
+use crate::numeric::calendar::decimal_year;
+use crate::physics::DoseHistory;
+use crate::physics::source_dose::{dosed, sources};
+
+/// Name of the source whose events are drawn.
+pub const SOLAR_PROTONS: &str = "solar-protons";
+
+/// Samples of the Sun over a mission, with the dose of each event behind its shield.
+#[derive(Clone, Debug)]
+pub struct SolarEventDoses {
+    /// The samples.
+    pub events: SolarEvents,
+    /// ln d of an event, against its size z.
+    active: Curve,
+    quiet: Curve,
+    totals: Totals,
+    /// Active years of the mission with the maxima that are expected.
+    active_years: f64,
+    /// The mission's factor on all doses.
+    factor: f64,
+}
+
+impl SolarEventDoses {
+    /// So many samples of a mission whose dose history is known.
+    ///
+    /// # Errors
+    /// If its dose is not derived from solar protons.
+    pub fn of(
+        mission: &Mission,
+        history: &DoseHistory,
+        samples: u32,
+        seed: u64,
+    ) -> Result<SolarEventDoses, InputError> {
+        let behind = Behind::of(mission)?;
+        let active_years = history.active_years(mission.mission.duration_yr);
+        let events = SolarEvents::new(sun(mission, history, active_years), mission.mission.duration_yr, samples, seed);
+        let event = |activity: Activity| Curve::of(SIZES, SIZE_NODES, |z| behind.log_dose(activity.event(z)));
+        let (least, most) = events.active_years().unwrap_or((1.0, 1.0));
+        // With the expected number among them.
+        let expected = active_years.max(1.0);
+        Ok(SolarEventDoses {
+            active: event(Activity::Active),
+            quiet: event(Activity::Quiet),
+            totals: Totals::of(&behind, least.min(expected)..=most.max(expected)),
+            events,
+            active_years,
+            factor: mission.environment.dose_factor,
+        })
+    }
+
+    /// Doses (MeV/g) that come at once in a sample, each with its time in years since launch: first those of active years, then
+    /// those of quiet ones.
+    ///
+    /// # Panics
+    /// If there are not so many samples.
+    pub fn steps(&self, index: usize) -> Vec<(f64, f64)> {
+        let sample = self.events.sample(index);
+        let own = |activity: Activity, z: f64| match activity {
+            Activity::Active => self.active.at(z).exp(),
+            Activity::Quiet => self.quiet.at(z).exp(),
+        };
+        let mut steps: Vec<(f64, f64)> =
+            sample.events.iter().map(|event| (event.t_yr, own(event.activity, event.z))).collect();
+        let active = sample.events.iter().take_while(|event| event.activity == Activity::Active).count();
+        let sum: f64 = steps[..active].iter().map(|(_, dose)| dose).sum();
+        let total = self.totals.at(sample.active_years, normal_quantile(sample.confidence));
+        steps[..active].iter_mut().for_each(|(_, dose)| *dose *= total / sum);
+        steps.iter_mut().for_each(|(_, dose)| *dose *= self.factor);
+        steps
+    }
+
+    /// ESP's dose (MeV/g) of the mission's active years, with the maxima that are expected, at a confidence.
+    pub fn esp_mev_g(&self, confidence: f64) -> f64 {
+        if self.active_years > 0.0 {
+            self.factor * self.totals.at(self.active_years.max(1.0), normal_quantile(confidence))
+        } else {
+            0.0
+        }
+    }
+}
+
+/// The Sun over a mission.
+fn sun(mission: &Mission, history: &DoseHistory, active_yr: f64) -> Sun {
+    let environment = &mission.environment;
+    if environment.active_years.is_some() || history.averages_the_cycle() {
+        return Sun::Mean { active_yr };
+    }
+    let launch = decimal_year(mission.mission.launch.0);
+    // Those whose active years may begin before the end.
+    let maxima = solar_cycle::maxima(&environment.solar_maximum, launch + mission.mission.duration_yr + ACTIVE_YR);
+    Sun::Cycle { maxima, launch }
+}
+
+fn normal_quantile(probability: f64) -> f64 {
+    Normal::standard().inverse_cdf(probability)
+}
+
+/// What turns a spectrum of interplanetary space into a dose.
+struct Behind {
+    shield: Shield,
+    secondaries: SecondariesCounted,
+    niel: Niel,
+    arrival: Arrival,
+    source: &'static dyn Source,
+}
+
+impl Behind {
+    fn of(mission: &Mission) -> Result<Behind, InputError> {
+        let refuse = |problem: &str, help: &str| {
+            let refused = format!("cannot draw the Sun of mission \"{}\"", mission.mission.name);
+            Err(InputError::new(refused, problem).with_help(help))
+        };
+        let environment = &mission.environment;
+        if environment.active_dose_rate_mev_g_yr.is_some() {
+            return refuse(
+                "environment.active_dose_rate_mev_g_yr gives its dose: events are drawn where the dose is derived",
+                "remove active_dose_rate_mev_g_yr and give a [shielding] table, or leave out --samples",
+            );
+        }
+        let imported = environment.spectra.is_some() || environment.dose_depth.is_some();
+        if environment.model == DoseModel::History || imported {
+            return refuse(
+                "its dose is imported, which says nothing of single events",
+                "remove history, spectra and dose_depth from [environment], or leave out --samples",
+            );
+        }
+        let (Some(place), Some(shield), Some(shielding)) = (mission.place(), mission.shield(), &mission.shielding)
+        else {
+            return refuse(
+                "it has no shield or no orbit to derive a dose from",
+                "give [shielding] and [orbit], or leave out --samples",
+            );
+        };
+        let counted = sources(environment, &place).into_iter().any(|source| source.card().name == SOLAR_PROTONS);
+        let Some(source) = source(SOLAR_PROTONS).filter(|_| counted) else {
+            return refuse(
+                "environment.sources has no \"solar-protons\", whose events are drawn",
+                "add \"solar-protons\" to environment.sources, or leave out --samples",
+            );
+        };
+        let middle = decimal_year(mission.mission.launch.0) + 0.5 * mission.mission.duration_yr;
+        Ok(Behind {
+            shield,
+            secondaries: shielding.secondaries,
+            niel: environment.niel,
+            arrival: Arrival::at(&place, middle),
+            source,
+        })
+    }
+
+    /// ln of the dose (MeV/g) of a spectrum of interplanetary space.
+    fn log_dose(&self, outside: Spectrum) -> f64 {
+        let stream = Stream { yearly: self.arrival.of(outside), when: When::ActiveYears };
+        let dosed = dosed(stream, self.source.neutrons(), &self.shield, self.niel, self.secondaries);
+        dosed.dose_mev_g_yr.max(f64::MIN_POSITIVE).ln()
+    }
+}
+
+/// Sizes z at which events are tabulated, and quantiles z of totals.
+const SIZES: RangeInclusive<f64> = -5.0..=5.0;
+
+/// Nodes of a table against z: the logarithm of a dose bends slowly.
+const SIZE_NODES: usize = 21;
+
+/// Nodes of a table against the logarithm of active years.
+const YEAR_NODES: usize = 5;
+
+/// ln of ESP's dose against active years and the quantile z.
+#[derive(Clone, Debug)]
+struct Totals {
+    /// Logarithms of active years, each with its curve; one where all samples have the same.
+    curves: Vec<Curve>,
+    log_years: RangeInclusive<f64>,
+}
+
+impl Totals {
+    fn of(behind: &Behind, years: RangeInclusive<f64>) -> Totals {
+        let log_years = years.start().ln()..=years.end().ln();
+        let nodes = if log_years.end() - log_years.start() < 1e-9 { 1 } else { YEAR_NODES };
+        let curve = |node: usize| {
+            let years = place(&log_years, nodes, node).exp();
+            Curve::of(SIZES, SIZE_NODES, |z| behind.log_dose(esp::fluence_at(z, years)))
+        };
+        Totals { curves: (0..nodes).into_par_iter().map(curve).collect(), log_years }
+    }
+
+    /// Dose (MeV/g) of so many active years, at least 1, at a quantile z.
+    fn at(&self, years: f64, z: f64) -> f64 {
+        let values: Vec<f64> = self.curves.iter().map(|curve| curve.at(z)).collect();
+        match &values[..] {
+            [only] => only.exp(),
+            values => cubic(values, &self.log_years, years.ln()).exp(),
+        }
+    }
+}
+
+/// A smooth function between evenly spaced places.
+#[derive(Clone, Debug)]
+struct Curve {
+    range: RangeInclusive<f64>,
+    values: Vec<f64>,
+}
+
+impl Curve {
+    fn of(range: RangeInclusive<f64>, nodes: usize, value: impl Fn(f64) -> f64 + Sync) -> Curve {
+        let values = (0..nodes).into_par_iter().map(|node| value(place(&range, nodes, node))).collect();
+        Curve { range, values }
+    }
+
+    fn at(&self, x: f64) -> f64 {
+        cubic(&self.values, &self.range, x)
+    }
+}
+
+/// A node of a range with so many, evenly spaced.
+fn place(range: &RangeInclusive<f64>, nodes: usize, node: usize) -> f64 {
+    let step = (range.end() - range.start()) / (nodes.max(2) - 1) as f64;
+    range.start() + step * node as f64
+}
+
+/// The cubic through the four nearest of evenly spaced values, four or more.
+fn cubic(values: &[f64], range: &RangeInclusive<f64>, x: f64) -> f64 {
+    let place = (x - range.start()) / (range.end() - range.start()) * (values.len() - 1) as f64;
+    let first = (place.floor() - 1.0).clamp(0.0, (values.len() - 4) as f64);
+    let at = place - first;
+    let [a, b, c, d] = [0, 1, 2, 3].map(|node| values[first as usize + node]);
+    let [u, v, w, t] = [at, at - 1.0, at - 2.0, at - 3.0];
+    -a * v * w * t / 6.0 + b * u * w * t / 2.0 - c * u * v * t / 2.0 + d * u * v * w / 6.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cubics_are_met() {
+        let cubic = |x: f64| 0.3 * x.powi(3) - x * x + 2.0 * x - 5.0;
+        let curve = Curve::of(-2.0..=4.0, 7, cubic);
+        for x in [-2.5, -2.0, -1.3, 0.0, 2.2, 4.0, 4.5] {
+            assert!((curve.at(x) - cubic(x)).abs() < 1e-9, "{x}");
+        }
+    }
+
+    /// Where doses are tabulated, and where not.
+    #[test]
+    fn tables_are_as_good_as_what_they_hold() {
+        let mission = Mission::parse(include_str!("../../missions/snap_l2_shielded.toml")).unwrap();
+        let behind = Behind::of(&mission).unwrap();
+        let totals = Totals::of(&behind, 1.0..=7.0);
+        for (years, z) in [(1.0, 0.0), (1.2, 1.6449), (3.3, -1.3), (6.5, 3.09)] {
+            let direct = behind.log_dose(esp::fluence_at(z, years));
+            assert!(
+                (totals.at(years, z).ln() - direct).abs() < 1e-4,
+                "{years} {z}: {} {direct}",
+                totals.at(years, z).ln()
+            );
+        }
+        let events = Curve::of(SIZES, SIZE_NODES, |z| behind.log_dose(Activity::Active.event(z)));
+        for z in [-3.77, -0.26, 0.6, 1.9, 4.2] {
+            let direct = behind.log_dose(Activity::Active.event(z));
+            assert!((events.at(z) - direct).abs() < 1e-4, "{z}: {} {direct}", events.at(z));
+        }
+    }
+}

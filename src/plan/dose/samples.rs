@@ -1,0 +1,172 @@
+//! The dose of a mission with the Sun drawn: `ctiplan dose --samples`.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::source::calendar_years;
+use crate::error::InputError;
+use crate::mission::Mission;
+use crate::model::Model;
+use crate::physics::DoseHistory;
+use crate::physics::solar_event_dose::{SOLAR_PROTONS, SolarEventDoses};
+
+/// Probabilities of the quantiles.
+pub const QUANTILES: [f64; 5] = [0.05, 0.25, 0.50, 0.75, 0.95];
+
+/// Quantiles of a mission's dose with the Sun drawn, before effects.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Samples {
+    /// Seed of the random numbers.
+    pub seed: u64,
+    /// Number of samples.
+    pub samples: u32,
+    /// Of the mission's dose.
+    pub quantiles: Vec<Quantile>,
+    /// Of the dose since launch at the end of each calendar year.
+    pub years: Vec<SampledYear>,
+    /// Mean number of solar events of a mission.
+    pub events: f64,
+    /// Mean share of the largest event in the dose of all events; None where no sample has an event.
+    pub largest_event_share: Option<f64>,
+    /// Dose (MeV/g) of everything else than solar protons, the same in all samples.
+    pub others_mev_g: f64,
+}
+
+/// A quantile of a dose.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Quantile {
+    /// Probability that it is not exceeded.
+    pub p: f64,
+    /// MeV/g.
+    pub dose_mev_g: f64,
+    /// Standard error from the finite number of samples, MeV/g.
+    pub error: f64,
+    /// The same with ESP's quantile of the sum over the active years that are expected, MeV/g; None within the mission.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub esp_mev_g: Option<f64>,
+}
+
+/// Quantiles at the end of a calendar year.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SampledYear {
+    /// The year.
+    pub year: i32,
+    /// Of the dose since launch.
+    pub quantiles: Vec<Quantile>,
+}
+
+/// What becomes of one sample.
+struct Course {
+    /// Dose of solar events (MeV/g) since launch at the end of each calendar year.
+    doses_mev_g: Vec<f64>,
+    events: usize,
+    /// Share of the largest event; None without events.
+    largest: Option<f64>,
+}
+
+impl Samples {
+    /// Draws the Sun of a mission so many times.
+    ///
+    /// # Errors
+    /// If its dose is not derived from solar protons.
+    pub fn of(mission: &Mission, samples: u32, seed: u64) -> Result<Samples, InputError> {
+        let model = Model::new(mission);
+        let history = model.history();
+        let doses = SolarEventDoses::of(mission, history, samples, seed)?;
+        let years: Vec<(i32, f64)> = calendar_years(mission).map(|(year, _, end_yr)| (year, end_yr)).collect();
+        let course = |index: usize| Course::of(&doses.steps(index), &years);
+        let courses: Vec<Course> = (0..doses.events.samples()).into_par_iter().map(course).collect();
+        let quantiles = |place: usize| {
+            let others_mev_g = others_mev_g(mission, history, years[place].1);
+            let mut sorted: Vec<f64> = courses.iter().map(|course| others_mev_g + course.doses_mev_g[place]).collect();
+            sorted.sort_by(f64::total_cmp);
+            QUANTILES.map(|p| Quantile::of(&sorted, p)).to_vec()
+        };
+        let others_mev_g = others_mev_g(mission, history, mission.mission.duration_yr);
+        let years: Vec<SampledYear> = (years.iter().enumerate())
+            .map(|(place, (year, _))| SampledYear { year: *year, quantiles: quantiles(place) })
+            .collect();
+        let mut at_end = years.last().map_or(Vec::new(), |year| year.quantiles.clone());
+        at_end.iter_mut().for_each(|at| at.esp_mev_g = Some(others_mev_g + doses.esp_mev_g(at.p)));
+        Ok(Samples {
+            seed,
+            samples,
+            quantiles: at_end,
+            years,
+            events: mean(courses.iter().map(|course| course.events as f64)).unwrap_or(0.0),
+            largest_event_share: mean(courses.iter().filter_map(|course| course.largest)),
+            others_mev_g,
+        })
+    }
+}
+
+impl Course {
+    /// Of doses (MeV/g), each with its time, at the end of calendar years (years since launch).
+    fn of(steps: &[(f64, f64)], years: &[(i32, f64)]) -> Course {
+        let mut doses_mev_g = vec![0.0; years.len()];
+        for (t_yr, dose_mev_g) in steps {
+            let year = years.partition_point(|(_, end_yr)| end_yr < t_yr).min(years.len() - 1);
+            doses_mev_g[year] += dose_mev_g;
+        }
+        let mut sum = 0.0;
+        for dose_mev_g in &mut doses_mev_g {
+            sum += *dose_mev_g;
+            *dose_mev_g = sum;
+        }
+        let most = steps.iter().map(|(_, dose_mev_g)| *dose_mev_g).fold(0.0, f64::max);
+        Course { doses_mev_g, events: steps.len(), largest: (sum > 0.0).then(|| most / sum) }
+    }
+}
+
+impl Quantile {
+    /// Of doses in order. Its error is half the distance of the quantiles at p ± √(p(1 − p)/n), as the number of n samples below a
+    /// quantile is binomial.
+    fn of(sorted: &[f64], p: f64) -> Quantile {
+        let spread = (p * (1.0 - p) / sorted.len() as f64).sqrt();
+        let (low, high) = (quantile(sorted, p - spread), quantile(sorted, p + spread));
+        Quantile { p, dose_mev_g: quantile(sorted, p), error: 0.5 * (high - low), esp_mev_g: None }
+    }
+}
+
+/// A quantile of numbers in order: number r of n is that at (r + ½)/n, between two on a straight line.
+fn quantile(sorted: &[f64], p: f64) -> f64 {
+    let place = (p * sorted.len() as f64 - 0.5).clamp(0.0, (sorted.len() - 1) as f64);
+    let (low, high) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
+    low + place.fract() * (high - low)
+}
+
+/// Dose (MeV/g) up to a time (years since launch) of all sources but solar protons.
+fn others_mev_g(mission: &Mission, history: &DoseHistory, until_yr: f64) -> f64 {
+    let environment = &mission.environment;
+    let others = history.sources.iter().filter(|source| source.name != SOLAR_PROTONS);
+    let derived: f64 = others.map(|source| history.of_source_mev_g(source, 0.0, until_yr)).sum();
+    derived + environment.dose_factor * environment.cosmic_ray_floor_mev_g_yr * until_yr
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (count, sum) = values.fold((0.0, 0.0), |(count, sum), value| (count + 1.0, sum + value));
+    (count > 0.0).then(|| sum / count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_have_the_errors_of_the_textbook() {
+        let n = 4000;
+        let sorted: Vec<f64> = (0..n).map(|index| (f64::from(index) + 0.5) / f64::from(n)).collect();
+        for p in QUANTILES {
+            let found = Quantile::of(&sorted, p);
+            assert!((found.dose_mev_g - p).abs() < 1e-12, "{found:?}");
+            assert!((found.error / (p * (1.0 - p) / f64::from(n)).sqrt() - 1.0).abs() < 1e-9, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn doses_add_up_year_by_year() {
+        let course =
+            Course::of(&[(1.5, 2.0), (0.2, 1.0), (2.0, 4.0), (0.1, 1.0)], &[(2030, 0.5), (2031, 1.5), (2032, 2.0)]);
+        assert_eq!((course.doses_mev_g, course.events, course.largest), (vec![2.0, 4.0, 8.0], 4, Some(0.5)));
+    }
+}
