@@ -32,6 +32,7 @@ mod readout;
 mod robust;
 mod skipped;
 mod slurm;
+mod solar_events;
 mod start;
 mod steady_state;
 mod studies;
