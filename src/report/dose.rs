@@ -17,7 +17,8 @@ impl Report for Survey {
     }
 
     fn csv(&self) -> Vec<Vec<String>> {
-        let mut header = ["year", "flown_yr", "active_yr", "dose_mev_g", "cumulative_mev_g"].map(str::to_string).to_vec();
+        let mut header =
+            ["year", "flown_yr", "active_yr", "dose_mev_g", "cumulative_mev_g"].map(str::to_string).to_vec();
         header.extend(samples::columns(self));
         let row = |(index, year): (usize, &CalendarYear)| {
             let mut row = vec![
@@ -215,9 +216,8 @@ impl Survey {
 
     /// Fluences of each source.
     fn by_energy_and_source(&self, out: &mut Parts) {
-        let fluences: [(&str, fn(&SourceSpectrum) -> f64); 2] =
-            [("at the spacecraft", |at| at.integral_cm2), ("behind the shield", |at| at.shielded_integral_cm2)];
-        for (place, fluence) in fluences {
+        for (place, shielded) in [("at the spacecraft", false), ("behind the shield", true)] {
+            let fluence = |at: &SourceSpectrum| if shielded { at.shielded_integral_cm2 } else { at.integral_cm2 };
             out.heading(format!("Protons above an energy over the mission {place}, per cm2"));
             let columns = self.sources.iter().map(|source| source.name.as_str());
             let mut spectrum = table(&std::iter::once("E [MeV]").chain(columns).collect::<Vec<_>>());

@@ -164,7 +164,7 @@ fn needed_mm(model: &Model, cases: &[Case], geometry: Geometry, confidence: f64)
     let curve: Vec<&Case> =
         cases.iter().filter(|case| case.geometry == geometry && case.confidence == confidence).collect();
     let enough = |case: &&Case| case.delta_e.is_some_and(|delta_e| delta_e <= corrected);
-    match curve.iter().position(|case| enough(case)) {
+    match curve.iter().position(enough) {
         None => f64::INFINITY,
         Some(0) => curve[0].thickness_mm,
         Some(after) => {

@@ -17,11 +17,11 @@ pub(super) fn said(survey: &Survey, out: &mut Parts) {
 
 /// The sum of all sources, MeV/g.
 fn sum(steps: &[Step]) -> f64 {
-    let sums = steps.iter().filter_map(|step| match step {
+    let sum = steps.iter().find_map(|step| match step {
         Step::Sum { total_mev_g, .. } => Some(*total_mev_g),
         _ => None,
     });
-    sums.last().unwrap_or(0.0)
+    sum.unwrap_or(0.0)
 }
 
 fn words(step: &Step, confidence: f64) -> String {
