@@ -15,7 +15,7 @@ use crate::mission_file::lookup;
 use crate::model::predict::Question;
 use crate::numeric::calendar::DAYS_PER_YEAR;
 use crate::physics::conditions::{self, Conditions};
-use crate::physics::observable::Observable;
+use crate::physics::observable::{Observable, Probe};
 use units::Unit;
 
 /// The rows of one measurement file.
@@ -44,6 +44,8 @@ pub struct Row {
     pub at: Conditions,
     /// The galaxy, by its place in the mission.
     pub galaxy: Option<usize>,
+    /// The species of a trap density, by its place in the mission.
+    pub species: Option<usize>,
     /// Columns of words that the model does not know, and the galaxy: name and word.
     pub words: Vec<(String, String)>,
 }
@@ -51,7 +53,7 @@ pub struct Row {
 impl Row {
     /// What a model is asked for this row.
     pub fn question(&self, observable: Observable) -> Question<'_> {
-        Question { observable, at: &self.at, galaxy: self.galaxy }
+        Question { observable, at: &self.at, galaxy: self.galaxy, species: self.species }
     }
 
     /// A word of it, by the column's name.
@@ -90,6 +92,8 @@ fn known(name: &str) -> Option<Known> {
         "signal_e" => plain("signal_e", Unit::Electrons, Positive(0.0, 1e9)),
         "trail_px" => plain("trail_px", Unit::Pixels, Integer(1, 100_000)),
         "block_px" => plain("block_px", Unit::Pixels, Integer(1, 100_000)),
+        "first_px" => plain("first_px", Unit::Pixels, Integer(1, 100_000)),
+        "last_px" => plain("last_px", Unit::Pixels, Integer(1, 100_000)),
         _ => return None,
     })
 }
@@ -106,7 +110,7 @@ fn slip_of(name: &str) -> Option<&'static str> {
 }
 
 /// Columns that are neither conditions nor covariates.
-const OTHERS: [&str; 4] = ["value", "sigma", "galaxy", "date"];
+const OTHERS: [&str; 6] = ["value", "sigma", "galaxy", "date", "mjd", "jd"];
 
 impl DataSet {
     /// Reads a measurement file, ECSV or CSV, for a mission.
@@ -217,6 +221,7 @@ impl Reader<'_> {
             return Err(self.table.fault(Some(row), Some("sigma"), problem).with_help(help));
         }
         let galaxy = self.galaxy(row)?;
+        let species = self.species(row)?;
         let name = |galaxy: usize| ("galaxy".to_string(), self.mission.galaxies[galaxy].name.clone());
         let mut words: Vec<(String, String)> = galaxy.map(name).into_iter().collect();
         let at = self.conditions(row)?;
@@ -228,7 +233,7 @@ impl Reader<'_> {
                 words.push((column.name.clone(), word.clone()));
             }
         }
-        Ok(Row { value, sigma, at, galaxy, words })
+        Ok(Row { value, sigma, at, galaxy, species, words })
     }
 
     /// `value` or `sigma`.
@@ -255,25 +260,37 @@ impl Reader<'_> {
         if !self.observable.is_shape() {
             return Ok(None);
         }
-        let column = self.table.column("galaxy");
-        let said = column.map(|column| &column.cells[row]).or_else(|| self.table.meta("galaxy"));
-        let place = if column.is_some() { "galaxy" } else { "meta.galaxy" };
-        let Some(name) = said.and_then(Cell::text) else {
-            return Err(self.missing("galaxy", row));
-        };
-        let galaxies = || self.mission.galaxies.iter().map(|galaxy| galaxy.name.as_str());
-        match galaxies().position(|galaxy| galaxy == name) {
+        let names: Vec<&str> = self.mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect();
+        match self.named(row, "galaxy", &names)? {
             Some(galaxy) => Ok(Some(galaxy)),
-            None => {
-                let there = galaxies().collect::<Vec<_>>().join(", ");
-                let problem = format!("the mission has no galaxy \"{name}\"; it has: {there}");
-                let fault = self.table.fault(Some(row), Some(place), problem);
-                Err(match nearest(name, galaxies()) {
-                    Some(near) => fault.with_help(format!("did you mean \"{near}\"?")),
-                    None => fault,
-                })
-            }
+            None => Err(self.missing("galaxy", row)),
         }
+    }
+
+    /// The species of a trap density, by its place in the mission; None where a row names none.
+    fn species(&self, row: usize) -> Result<Option<usize>, InputError> {
+        if !matches!(self.observable.card().probe, Probe::Traps) {
+            return Ok(None);
+        }
+        let names: Vec<&str> = self.mission.detector.traps.iter().map(|species| species.name.as_str()).collect();
+        self.named(row, "species", &names)
+    }
+
+    /// The place of the name that a column, or `meta`, gives; None where neither does.
+    fn named(&self, row: usize, what: &str, names: &[&str]) -> Result<Option<usize>, InputError> {
+        let column = self.table.column(what);
+        let said = column.map(|column| &column.cells[row]).or_else(|| self.table.meta(what));
+        let place = if column.is_some() { what.to_string() } else { format!("meta.{what}") };
+        let Some(name) = said.and_then(Cell::text) else { return Ok(None) };
+        if let Some(found) = names.iter().position(|known| *known == name) {
+            return Ok(Some(found));
+        }
+        let problem = format!("the mission has no {what} \"{name}\"; it has: {}", names.join(", "));
+        let fault = self.table.fault(Some(row), Some(&place), problem);
+        Err(match nearest(name, names.iter().copied()) {
+            Some(near) => fault.with_help(format!("did you mean \"{near}\"?")),
+            None => fault,
+        })
     }
 
     fn conditions(&self, row: usize) -> Result<Conditions, InputError> {
@@ -303,8 +320,11 @@ impl Reader<'_> {
             signal_e: self.condition(row, "signal_e")?,
             trail_px: self.condition(row, "trail_px")?.map(whole),
             block_px: self.condition(row, "block_px")?.map(whole),
+            first_px: self.condition(row, "first_px")?.map(whole),
+            last_px: self.condition(row, "last_px")?.map(whole),
             ..believed
         };
+        self.check_edge(row, &at)?;
         for name in self.observable.card().requires {
             if *name != "galaxy" && at.get(name).is_none() {
                 return Err(self.missing(name, row));
@@ -319,6 +339,24 @@ impl Reader<'_> {
         }
         at.covariates = self.covariates(row);
         Ok(at)
+    }
+
+    /// The CTI of an edge needs the pixels behind it.
+    fn check_edge(&self, row: usize, at: &Conditions) -> Result<(), InputError> {
+        if !self.observable.depends_on("first_px") {
+            return Ok(());
+        }
+        match (at.block_px, at.first_px, at.last_px) {
+            (None, None, None) => Ok(()),
+            (None, _, _) => Err(self.missing("block_px", row)),
+            (_, None, _) => Err(self.missing("first_px", row)),
+            (_, _, None) => Err(self.missing("last_px", row)),
+            (_, Some(first), Some(last)) if first > last => {
+                let problem = format!("first_px is {first}, behind last_px, {last}");
+                Err(self.table.fault(Some(row), Some("first_px"), problem))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Numeric columns, and numbers of `meta`, that the model does not know.
@@ -406,7 +444,7 @@ impl Reader<'_> {
             Some(column) => (&column.cells[row], "date"),
             None => match self.table.meta("date") {
                 Some(cell) => (cell, "meta.date"),
-                None => return Ok(None),
+                None => return self.julian_date(row),
             },
         };
         if *cell == Cell::Missing {
@@ -423,6 +461,26 @@ impl Reader<'_> {
             return Err(self.table.fault(Some(row), Some(place), problem));
         }
         Ok(Some(t_yr))
+    }
+
+    /// The row's `mjd` or `jd` in years since launch.
+    fn julian_date(&self, row: usize) -> Result<Option<f64>, InputError> {
+        /// Modified Julian date 0 is this Julian date.
+        const MODIFIED: f64 = 2_400_000.5;
+        let mjd = self.number(row, "mjd", Unit::Pure)?;
+        let Some((mjd, place)) = mjd.or(self.number(row, "jd", Unit::Pure)?.map(|(jd, place)| (jd - MODIFIED, place)))
+        else {
+            return Ok(None);
+        };
+        let epoch = chrono::NaiveDate::from_ymd_opt(1858, 11, 17).expect("a day");
+        let launch = self.mission.mission.launch.0;
+        let t_yr = (mjd - (launch - epoch).num_days() as f64) / DAYS_PER_YEAR;
+        if (0.0..=1000.0).contains(&t_yr) {
+            return Ok(Some(t_yr));
+        }
+        let problem = format!("this is {t_yr:.3} yr after launch, {launch}; allowed: 0 to 1000 yr");
+        let help = "mjd counts days from 1858-11-17, jd is 2400000.5 more";
+        Err(self.table.fault(Some(row), Some(&place), problem).with_help(help))
     }
 
     fn missing(&self, name: &str, row: usize) -> InputError {
@@ -447,7 +505,9 @@ fn varying(table: &Table, rows: &[Row]) -> Vec<String> {
         let first = (rows[0].at.get(name).map(f64::to_bits), rows[0].word(name));
         rows.iter().any(|row| (row.at.get(name).map(f64::to_bits), row.word(name)) != first)
     };
-    let columns = table.columns.iter().map(|column| if column.name == "date" { "t_yr" } else { column.name.as_str() });
+    let columns = table.columns.iter().map(|column| {
+        if ["date", "mjd", "jd"].contains(&column.name.as_str()) { "t_yr" } else { column.name.as_str() }
+    });
     let mut names: Vec<String> = columns.filter(|name| differs(name)).map(str::to_string).collect();
     names.dedup();
     names

@@ -18,8 +18,8 @@ use crate::physics::conditions::Conditions;
 use crate::physics::observable::{Observable, Probe};
 use crate::physics::shape::ShapeChange;
 
-/// What is to be predicted: an observable under conditions, and of which galaxy (by its place in the mission) if it is a
-/// change of shape.
+/// What is to be predicted: an observable under conditions, and of which galaxy or species (by its place in the mission) if
+/// it is that of one.
 #[derive(Clone, Copy, Debug)]
 pub struct Question<'a> {
     /// The quantity.
@@ -28,6 +28,8 @@ pub struct Question<'a> {
     pub at: &'a Conditions,
     /// The galaxy of a change of shape.
     pub galaxy: Option<usize>,
+    /// The species of a trap density; all together if it is None.
+    pub species: Option<usize>,
 }
 
 /// Predicted values, in the observables' units and in the order of the questions. NaN for the shape of a galaxy that has
@@ -48,7 +50,7 @@ pub fn predict(model: &Model, questions: &[Question]) -> Result<Vec<f64>, InputE
             readings.push(Reading::of(question));
             readings.len() - 1
         });
-        let rows = question.at.trail_px.unwrap_or(0) as usize;
+        let rows = question.at.trail_px.max(question.at.last_px).unwrap_or(0) as usize;
         readings[index].trail_px = readings[index].trail_px.max(rows);
         of_question.push(index);
     }
@@ -61,6 +63,7 @@ pub fn predict(model: &Model, questions: &[Question]) -> Result<Vec<f64>, InputE
         .zip(charges.into_iter().zip(changes))
         .map(|((reading, device), (charges, change))| match reading.kind {
             Probed::Dose => Read::Dose(device.at.dose_mev_g.expect("a device knows the dose behind its traps")),
+            Probed::Traps => Read::Traps(device.traps.iter().map(|species| species.density_per_px).collect()),
             Probed::Packet | Probed::Block => Read::Charges(charges.expect("packets and blocks have been read")),
             Probed::Galaxy(_) => Read::Shape(change),
         })
@@ -69,6 +72,8 @@ pub fn predict(model: &Model, questions: &[Question]) -> Result<Vec<f64>, InputE
         let (device, read) = (&devices[*index], &read[*index]);
         let at = Conditions {
             trail_px: question.at.trail_px,
+            first_px: question.at.first_px,
+            last_px: question.at.last_px,
             covariates: question.at.covariates.clone(),
             ..device.at.clone()
         };
@@ -102,6 +107,7 @@ fn devices(model: &Model, readings: &[Reading]) -> Result<Vec<Device>, InputErro
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Probed {
     Dose,
+    Traps,
     /// A lone packet.
     Packet,
     /// A flat block.
@@ -121,6 +127,8 @@ struct Reading<'a> {
 /// What was read.
 enum Read {
     Dose(f64),
+    /// Traps per pixel of each species.
+    Traps(Vec<f64>),
     /// Charge less the trailed background, e-: of the packet or the block's last row, and of the pixels behind it.
     Charges(Vec<f64>),
     Shape(Option<ShapeChange>),
@@ -129,7 +137,9 @@ enum Read {
 fn kind(question: &Question) -> Probed {
     match question.observable.card().probe {
         Probe::Dose => Probed::Dose,
-        Probe::Packet(_) => Probed::Packet,
+        Probe::Traps => Probed::Traps,
+        Probe::PacketOrBlock { .. } if question.at.block_px.is_some() => Probed::Block,
+        Probe::Packet(_) | Probe::PacketOrBlock { .. } => Probed::Packet,
         Probe::Block(_) => Probed::Block,
         Probe::Galaxy(_) => Probed::Galaxy(question.galaxy.expect("a change of shape is that of a galaxy")),
     }
@@ -143,6 +153,7 @@ fn identity(question: &Question, depends_on: &[String]) -> Vec<u64> {
         Probed::Packet => (1, 0),
         Probed::Block => (2, 0),
         Probed::Galaxy(galaxy) => (3, galaxy as u64),
+        Probed::Traps => (4, 0),
     };
     let bits = |value: Option<f64>| value.map_or(u64::MAX, f64::to_bits);
     let mut identity = vec![kind, galaxy, u64::from(at.transfers), u64::from(at.block_px.unwrap_or(0))];
@@ -171,7 +182,15 @@ impl Read {
     fn value(&self, question: &Question) -> f64 {
         match (self, &question.observable.card().probe) {
             (Read::Dose(dose_mev_g), Probe::Dose) => *dose_mev_g,
+            (Read::Traps(densities), Probe::Traps) => match question.species {
+                Some(species) => densities[species],
+                None => densities.iter().sum(),
+            },
             (Read::Charges(charge_e), Probe::Packet(value) | Probe::Block(value)) => value(charge_e, question.at),
+            (Read::Charges(charge_e), Probe::PacketOrBlock { packet, block }) => match question.at.block_px {
+                None => packet(charge_e, question.at),
+                Some(_) => block(charge_e, question.at),
+            },
             (Read::Shape(change), Probe::Galaxy(member)) => change.map_or(f64::NAN, |mut change| *member(&mut change)),
             _ => unreachable!("a readout is that of its observable"),
         }

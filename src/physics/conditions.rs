@@ -23,12 +23,16 @@ pub struct Conditions {
     pub trail_px: Option<u32>,
     /// Rows of a block.
     pub block_px: Option<u32>,
+    /// First of several pixels behind a block; 1 is next to it.
+    pub first_px: Option<u32>,
+    /// Last of them.
+    pub last_px: Option<u32>,
     /// Numeric columns that the model does not know, by name: formulas may.
     pub covariates: Vec<(String, f64)>,
 }
 
 /// Names of the conditions that are numbers.
-pub const NAMES: [&str; 9] = [
+pub const NAMES: [&str; 11] = [
     "t_yr",
     "dose_mev_g",
     "temperature_k",
@@ -38,6 +42,8 @@ pub const NAMES: [&str; 9] = [
     "signal_e",
     "trail_px",
     "block_px",
+    "first_px",
+    "last_px",
 ];
 
 impl Conditions {
@@ -53,6 +59,8 @@ impl Conditions {
             signal_e: None,
             trail_px: None,
             block_px: None,
+            first_px: None,
+            last_px: None,
             covariates: Vec::new(),
         }
     }
@@ -69,6 +77,8 @@ impl Conditions {
             "signal_e" => self.signal_e,
             "trail_px" => self.trail_px.map(f64::from),
             "block_px" => self.block_px.map(f64::from),
+            "first_px" => self.first_px.map(f64::from),
+            "last_px" => self.last_px.map(f64::from),
             _ => self.covariates.iter().find(|(known, _)| known == name).map(|(_, value)| *value),
         }
     }

@@ -4,6 +4,7 @@
 //! it needs, and how it is taken from a readout. To add one: a file beside the others, its `mod` line, its line in
 //! `observables!`.
 
+mod cti;
 mod delta_e1;
 mod delta_flux;
 mod delta_size;
@@ -12,6 +13,7 @@ mod dose;
 mod eper;
 mod packet_charge;
 mod trail;
+mod trap_density;
 
 use std::fmt;
 
@@ -46,10 +48,19 @@ pub struct Card {
 pub enum Probe {
     /// No readout: the dose behind the traps, MeV/g.
     Dose,
+    /// No readout: the traps per pixel, of a species or of all.
+    Traps,
     /// A lone packet: of the charges (e-, less the trailed background) in its own pixel and in those behind it.
     Packet(fn(&[f64], &Conditions) -> f64),
     /// A flat block: of the charges (e-, less the trailed background) in its last row and in those behind it.
     Block(fn(&[f64], &Conditions) -> f64),
+    /// A lone packet, or a flat block where a row gives `block_px`.
+    PacketOrBlock {
+        /// Of the charges of a packet, as above.
+        packet: fn(&[f64], &Conditions) -> f64,
+        /// Of those of a block.
+        block: fn(&[f64], &Conditions) -> f64,
+    },
     /// A galaxy: of the change of its shape.
     Galaxy(fn(&mut ShapeChange) -> &mut f64),
 }
@@ -84,6 +95,8 @@ macro_rules! observables {
 
 observables! {
     Dose: dose,
+    TrapDensity: trap_density,
+    Cti: cti,
     Trail: trail,
     PacketCharge: packet_charge,
     Eper: eper,
@@ -112,6 +125,11 @@ impl Observable {
     /// Whether it depends on a condition.
     pub fn depends_on(self, condition: &str) -> bool {
         self.card().conditions.contains(&condition)
+    }
+
+    /// Whether it is what others have made of their measurements: it is read from files, but nobody is told to measure it.
+    pub fn is_derived(self) -> bool {
+        matches!(self.card().probe, Probe::Traps | Probe::PacketOrBlock { .. })
     }
 
     /// Whether it is a change of a galaxy's shape.

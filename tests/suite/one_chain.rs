@@ -66,7 +66,7 @@ fn doses_and_shapes(mission: &Mission) -> (Evidence, Evidence) {
     let evaluation = evaluate(mission).unwrap();
     let end = evaluation.model.conditions(mission.mission.duration_yr);
     let predicted = |observable: Observable, galaxy: Option<usize>| {
-        predict(&Model::new(mission), &[Question { observable, at: &end, galaxy }]).unwrap()[0]
+        predict(&Model::new(mission), &[Question { observable, at: &end, galaxy, species: None }]).unwrap()[0]
     };
     let launch = Launch { launches: Some(vec![mission.mission.launch.0]), ..Default::default() };
     let (launch, shielded) = (ask(&launch, mission), shielded(mission));

@@ -13,7 +13,7 @@ fn shapes_are_those_of_evaluate() {
         let model = Model::new(&Mission::parse(text).unwrap());
         let at = model.conditions(4.0);
         for galaxy in 0..4 {
-            let question = Question { observable: Observable::DeltaE1, at: &at, galaxy: Some(galaxy) };
+            let question = Question { observable: Observable::DeltaE1, at: &at, galaxy: Some(galaxy), species: None };
             let here = predict(&model, &[question]).unwrap()[0];
             let there = model.change(galaxy, 4.0).unwrap().unwrap().delta_e1;
             assert!((here / there - 1.0).abs() < 2e-5, "{here}, {there}");
@@ -44,7 +44,8 @@ fn shapes_at_many_doses_are_those_computed_one_by_one() {
             })
             .collect();
         for observable in [Observable::DeltaE1, Observable::DeltaY, Observable::DeltaFlux, Observable::DeltaSize] {
-            let questions: Vec<Question> = ats.iter().map(|at| Question { observable, at, galaxy: Some(0) }).collect();
+            let questions: Vec<Question> =
+                ats.iter().map(|at| Question { observable, at, galaxy: Some(0), species: None }).collect();
             let together = predict(&model, &questions).unwrap();
             let largest = together.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
             for (question, together) in questions.iter().zip(&together).step_by(9) {
@@ -72,7 +73,7 @@ fn order_and_threads_change_no_bit() {
     let questions: Vec<Question> = ats
         .iter()
         .enumerate()
-        .map(|(row, at)| Question { observable: observables[row % 4], at, galaxy: Some(row % 4) })
+        .map(|(row, at)| Question { observable: observables[row % 4], at, galaxy: Some(row % 4), species: None })
         .collect();
     let here = predict(&model, &questions).unwrap();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(5).build().unwrap();

@@ -28,12 +28,12 @@ pub(super) fn best(
     can: &[Observable],
 ) -> Result<Option<Next>, InputError> {
     let observables: Vec<Observable> =
-        Observable::ALL.into_iter().filter(|observable| can.is_empty() || can.contains(observable)).collect();
+        Observable::ALL.into_iter().filter(|one| can.contains(one) || (can.is_empty() && !one.is_derived())).collect();
     let wanted: Vec<(Observable, Conditions, Option<usize>)> =
         observables.into_iter().flat_map(|observable| possible(search.case, node, observable)).collect();
     let questions: Vec<Question> = wanted
         .iter()
-        .map(|(observable, at, galaxy)| Question { observable: *observable, at, galaxy: *galaxy })
+        .map(|(observable, at, galaxy)| Question { observable: *observable, at, galaxy: *galaxy, species: None })
         .collect();
     if questions.is_empty() {
         return Ok(None);
@@ -88,7 +88,9 @@ fn possible(case: &Case, node: &Node, observable: Observable) -> Vec<(Observable
     let mut here = like.at.clone();
     here.t_yr = case.reach.last_yr().max(here.t_yr);
     here.signal_e = here.signal_e.or(Some(10.0 * here.background_e.max(100.0)));
-    here.block_px = observable.depends_on("block_px").then(|| here.block_px.unwrap_or(200).min(here.transfers));
+    let a_block = observable.card().requires.contains(&"block_px");
+    (here.first_px, here.last_px) = (None, None);
+    here.block_px = a_block.then(|| here.block_px.unwrap_or(200).min(here.transfers));
     let in_lab = here.dose_mev_g.is_some() && observable.depends_on("dose_mev_g");
     let mut around = vec![here.clone()];
     let signal_e = here.signal_e.expect("set above");

@@ -19,7 +19,7 @@ const UNITS: [(&str, &str); 14] = [
 ];
 
 /// Keys whose words alone would not say what they are.
-const NAMED: [(&str, &str); 9] = [
+const NAMED: [(&str, &str); 11] = [
     ("launch", "launch [year]"),
     ("t_yr", "time since launch t [yr]"),
     ("dose_mev_g", "dose D [MeV/g]"),
@@ -29,6 +29,8 @@ const NAMED: [(&str, &str); 9] = [
     ("background_e", "background [e⁻/px]"),
     ("trail_px", "distance behind the packet [px]"),
     ("block_px", "rows of the block [px]"),
+    ("first_px", "first pixel behind the block"),
+    ("last_px", "last pixel behind the block"),
 ];
 
 /// The label of a key's axis, with the unit that its name ends with.
@@ -54,7 +56,7 @@ pub fn setting(key: &str, value: f64) -> String {
 
 /// Whether a key counts something.
 pub fn counts(key: &str) -> bool {
-    ["transfers", "trail_px", "block_px"].contains(&key)
+    ["transfers", "trail_px", "block_px", "first_px", "last_px"].contains(&key)
 }
 
 #[test]

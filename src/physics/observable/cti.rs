@@ -1,0 +1,42 @@
+//! Charge transfer inefficiency: the fraction of charge that is lost in a transfer.
+//!
+//! Of a lone packet with charge S before and S' after n transfers: 1 − (S'/S)^(1/n), as X-ray lines of known energy give it. Of an
+//! edge (a row gives `block_px`, `first_px` and `last_px`): the charge in those pixels behind it, over n S, as extended pixel edge
+//! response gives it (Janesick 2001, Scientific Charge-Coupled Devices, section 5.2).
+
+use super::{Card, Probe};
+use crate::physics::conditions::Conditions;
+
+pub(super) const CARD: Card = Card {
+    name: "cti",
+    unit: "",
+    label: "CTI per transfer",
+    requires: &["signal_e"],
+    conditions: &[
+        "signal_e",
+        "background_e",
+        "transfers",
+        "block_px",
+        "first_px",
+        "last_px",
+        "t_yr",
+        "dose_mev_g",
+        "temperature_k",
+        "line_time_ms",
+    ],
+    probe: Probe::PacketOrBlock { packet: of_packet, block: of_edge },
+    least_sigma: 1e-7,
+    more: "model loses too little charge",
+    less: "model loses too much charge",
+};
+
+fn of_packet(charge_e: &[f64], at: &Conditions) -> f64 {
+    let signal_e = at.signal_e.expect("a packet has a charge");
+    1.0 - (charge_e[0].max(0.0) / signal_e).powf(1.0 / f64::from(at.transfers))
+}
+
+fn of_edge(charge_e: &[f64], at: &Conditions) -> f64 {
+    let (first, last) = (at.first_px.expect("a first pixel") as usize, at.last_px.expect("a last pixel") as usize);
+    let signal_e = at.signal_e.expect("a block has a charge");
+    charge_e[first..=last].iter().sum::<f64>() / (signal_e * f64::from(at.transfers))
+}
