@@ -468,6 +468,18 @@ impl<'a> Source<'a> {
             let key = if ways[1] { "environment.spectra" } else { "environment.dose_depth" };
             return Err(self.fault(key, "give one of sources, spectra and dose_depth: each makes the whole dose"));
         }
+        for (key, list) in [("sources", &environment.sources), ("spectra", &environment.spectra)] {
+            let list = list.as_deref().unwrap_or(&[]);
+            if list.is_empty() && ways[if key == "sources" { 0 } else { 1 }] {
+                return Err(self
+                    .fault(&format!("environment.{key}"), "the list is empty: no dose would come")
+                    .with_help("name at least one, or remove the key"));
+            }
+            if let Some(index) = (1..list.len()).find(|index| list[..*index].contains(&list[*index])) {
+                let problem = format!("\"{}\" stands twice, and would count twice", list[index]);
+                return Err(self.fault(&format!("environment.{key}[{index}]"), problem));
+            }
+        }
         if model == DoseModel::History {
             if environment.history.is_none() {
                 let problem = "`environment.history` is missing: the file of the dose over time";
