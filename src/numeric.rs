@@ -4,4 +4,5 @@ pub mod calendar;
 pub mod expression;
 pub(crate) mod least_squares;
 pub(crate) mod minimum;
+pub(crate) mod recent;
 pub(crate) mod root_finding;

@@ -1,6 +1,6 @@
 //! Orbit, Sun, shield and NIEL of a mission → dose rate of each of its sources.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use ctiplan_magnetosphere::Activity;
 
@@ -11,6 +11,7 @@ use crate::environment::spectrum::{Law, Spectrum};
 use crate::environment::{Niel, SECONDS_PER_YEAR};
 use crate::mission::{Accumulate, DoseModel, Environment, ImportedSpectrum, Mission, SecondariesCounted, SolarPhase};
 use crate::numeric::calendar::decimal_year;
+use crate::numeric::recent::Recent;
 
 /// A source of protons, and the dose it makes.
 #[derive(Clone, Debug, PartialEq)]
@@ -118,27 +119,16 @@ pub(crate) fn source_doses(mission: &Mission, active_years: f64) -> Vec<Arc<Sour
     sources(environment, &place).into_iter().map(|source| known(source, inputs(source))).collect()
 }
 
-/// The dose of a source. It takes milliseconds to seconds and is asked for by every fit and study, mostly for the same mission: the
-/// last ones are kept.
+/// The dose of a source. It takes milliseconds to seconds and is asked for by every fit and study, mostly for the same mission.
 fn known(source: &'static dyn Source, inputs: Inputs) -> Arc<SourceDose> {
-    const KEPT: usize = 64;
-    type Known = Vec<(Inputs, Arc<SourceDose>)>;
-    static KNOWN: Mutex<Known> = Mutex::new(Vec::new());
-    let known = || KNOWN.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    if let Some((_, found)) = known().iter().find(|(other, _)| *other == inputs) {
-        return Arc::clone(found);
-    }
-    let found = Arc::new(SourceDose {
-        name: source.card().name.to_string(),
-        card: Some(source.card()),
-        streams: source.streams(&inputs.setting).into_iter().map(|stream| behind(stream, source, &inputs)).collect(),
-    });
-    let mut kept = known();
-    if kept.len() == KEPT {
-        kept.remove(0);
-    }
-    kept.push((inputs, Arc::clone(&found)));
-    found
+    static KNOWN: Recent<Inputs, Arc<SourceDose>> = Recent::new(64);
+    KNOWN.get(inputs, |inputs| {
+        Arc::new(SourceDose {
+            name: source.card().name.to_string(),
+            card: Some(source.card()),
+            streams: source.streams(&inputs.setting).into_iter().map(|stream| behind(stream, source, inputs)).collect(),
+        })
+    })
 }
 
 /// The sources that a mission counts: those it names, or all that reach it; in the models of the paper solar protons alone.

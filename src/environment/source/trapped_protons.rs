@@ -1,13 +1,12 @@
 //! Protons of the inner radiation belt.
 
-use std::sync::Mutex;
-
 use ctiplan_magnetosphere::{Activity, Elements, trapped_protons};
 
 use super::{Card, Place, Setting, Source, Stream, When};
 use crate::environment::SECONDS_PER_YEAR;
 use crate::environment::solar_cycle::Phase;
 use crate::environment::spectrum::{Law, Spectrum};
+use crate::numeric::recent::Recent;
 
 pub(super) struct TrappedProtons;
 
@@ -51,23 +50,13 @@ pub struct Averaged {
     pub relative_error: f64,
 }
 
-/// Mean over an orbit. It takes half a second and is asked for again and again by fits and studies, with few orbits: the last ones
-/// are kept.
+/// Mean over an orbit. It takes half a second and is asked for again and again by fits and studies, with few orbits.
 pub fn averaged(elements: &Elements, activity: Activity) -> Averaged {
-    const KEPT: usize = 32;
-    static KNOWN: Mutex<Vec<(Elements, Activity, Averaged)>> = Mutex::new(Vec::new());
-    let known = || KNOWN.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    if let Some((.., found)) = known().iter().find(|entry| (entry.0, entry.1) == (*elements, activity)) {
-        return found.clone();
-    }
-    let mean = trapped_protons(elements, activity);
-    let yearly = mean.flux_cm2_s.iter().map(|flux| flux * SECONDS_PER_YEAR);
-    let nodes: Vec<(f64, f64)> = mean.energies_mev.iter().copied().zip(yearly).collect();
-    let found = Averaged { yearly: Spectrum::of(nodes, Law::Exponential), relative_error: mean.relative_error };
-    let mut kept = known();
-    if kept.len() == KEPT {
-        kept.remove(0);
-    }
-    kept.push((*elements, activity, found.clone()));
-    found
+    static KNOWN: Recent<(Elements, Activity), Averaged> = Recent::new(32);
+    KNOWN.get((*elements, activity), |(elements, activity)| {
+        let mean = trapped_protons(elements, *activity);
+        let yearly = mean.flux_cm2_s.iter().map(|flux| flux * SECONDS_PER_YEAR);
+        let nodes: Vec<(f64, f64)> = mean.energies_mev.iter().copied().zip(yearly).collect();
+        Averaged { yearly: Spectrum::of(nodes, Law::Exponential), relative_error: mean.relative_error }
+    })
 }

@@ -1,0 +1,52 @@
+//! Results that take long and are asked for again and again with few inputs: the last ones are kept for the process.
+
+use std::sync::Mutex;
+
+/// The last results of a function of its inputs alone. Whether a result is kept changes its time, never its value.
+pub(crate) struct Recent<K, V> {
+    kept: Mutex<Vec<(K, V)>>,
+    most: usize,
+}
+
+impl<K: PartialEq, V: Clone> Recent<K, V> {
+    /// At most so many.
+    pub const fn new(most: usize) -> Recent<K, V> {
+        Recent { kept: Mutex::new(Vec::new()), most }
+    }
+
+    /// The result for an input; made where it is not kept. Threads that ask for it at once may each make it.
+    pub fn get(&self, input: K, make: impl FnOnce(&K) -> V) -> V {
+        let kept = || self.kept.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        if let Some((_, found)) = kept().iter().find(|(known, _)| *known == input) {
+            return found.clone();
+        }
+        let made = make(&input);
+        let mut kept = kept();
+        if kept.len() == self.most {
+            kept.remove(0);
+        }
+        kept.push((input, made.clone()));
+        made
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_results_are_kept_and_no_more() {
+        let recent: Recent<u32, u32> = Recent::new(2);
+        let made = std::cell::Cell::new(0);
+        let ask = |input: u32| {
+            recent.get(input, |input| {
+                made.set(made.get() + 1);
+                input * input
+            })
+        };
+        assert_eq!((ask(3), ask(3), ask(4)), (9, 9, 16));
+        assert_eq!(made.get(), 2);
+        assert_eq!((ask(5), ask(4), ask(3)), (25, 16, 9));
+        assert_eq!(made.get(), 4);
+    }
+}
