@@ -2,6 +2,7 @@
 
 use ctiplan::mission::Mission;
 
+use super::drawn::{self, Band, Drawn};
 use super::events;
 use super::flown::*;
 
@@ -23,7 +24,7 @@ pub fn mission() -> Mission {
 }
 
 /// Slopes up to the dates, over that of 2006; that of 2006 itself left out.
-pub fn slopes(flown: &Flown) -> Vec<(f64, Compared)> {
+pub fn slopes(flown: &impl Dose) -> Vec<(f64, Compared)> {
     let (scale_year, scale) = SLOPES[SCALE];
     let model_scale = flown.slope(START, scale_year);
     let of = |(year, slope): (f64, f64)| {
@@ -32,6 +33,12 @@ pub fn slopes(flown: &Flown) -> Vec<(f64, Compared)> {
         (year, Compared { published, error, model: flown.slope(START, year) / model_scale })
     };
     SLOPES.into_iter().enumerate().filter(|(index, _)| *index != SCALE).map(|(_, slope)| of(slope)).collect()
+}
+
+/// The same behind a sphere of aluminium, under drawn Suns.
+pub fn bands(thickness_mm: f64) -> Vec<Band> {
+    let slopes = |course: &drawn::Course| slopes(course).into_iter().map(|(_, slope)| slope).collect();
+    Drawn::of(&behind(&mission(), thickness_mm)).bands(slopes)
 }
 
 /// Mean growth per year from 2006 to 2015.7 over that from the start to 2006.
@@ -43,7 +50,7 @@ pub fn late_over_early(flown: &Flown) -> f64 {
 pub fn step_yr() -> f64 {
     let flown = Flown::new(&mission()).with_events();
     let (start, end) = (START, 2015.67);
-    let solar = (end - start) * flown.rate_of(&["solar-protons"], start, end);
+    let solar = (end - start) * flown.rate_of(&[SOLAR_PROTONS], start, end);
     solar * events::OCTOBER_2003 / events::sum(start, end) / flown.rate(start, 2006.0)
 }
 
@@ -74,7 +81,7 @@ pub fn report() -> Vec<String> {
         let from = f64::from(year);
         let rate = |names: &[&str]| 1e-5 * flown.rate_of(names, from, from + 1.0);
         let growth = flown.rate(from, from + 1.0) / mean;
-        let (solar, cosmic_rays) = (rate(&["solar-protons"]), rate(&COSMIC_RAYS));
+        let (solar, cosmic_rays) = (rate(&[SOLAR_PROTONS]), rate(&COSMIC_RAYS));
         lines.push(format!(" {year} {growth:>6.2} {solar:>21.2} {cosmic_rays:>27.2}"));
     }
     lines.push(String::new());
@@ -82,5 +89,12 @@ pub fn report() -> Vec<String> {
         "Step in October 2003 in years of growth: published below 1; model 0; by the peak flux of the event {:.1}",
         step_yr()
     ));
+    for thickness_mm in [40.0, 80.0] {
+        let what = format!("Slope of a line from 1999-09 to a date over that to 2006.0, behind {thickness_mm} mm");
+        let dates = SLOPES.into_iter().enumerate().filter(|(index, _)| *index != SCALE);
+        let names: Vec<String> = dates.map(|(_, (year, _))| format!("{year:.1}")).collect();
+        lines.push(String::new());
+        lines.extend(drawn::table(&what, "date  ", &names, &bands(thickness_mm)));
+    }
     lines
 }

@@ -5,15 +5,38 @@ use ctiplan::environment::shielding::Geometry;
 use ctiplan::mission::{Mission, Shielding};
 use ctiplan::model::Model;
 use ctiplan::numeric::calendar::decimal_year;
+use ctiplan::physics::DoseHistory;
 
 use super::events;
 
 /// Errors (1 sigma) by which a model may differ from each published number.
 pub const WITHIN_SIGMA: f64 = 2.0;
 
-/// The dose of a mission against the calendar.
+/// A dose against the calendar.
+pub trait Dose {
+    /// Dose since launch (MeV/g) at a decimal year.
+    fn dose(&self, year: f64) -> f64;
+
+    /// Mean dose rate (MeV/g/yr) between two decimal years.
+    fn rate(&self, from: f64, to: f64) -> f64 {
+        (self.dose(to) - self.dose(from)) / (to - from)
+    }
+
+    /// Slope (MeV/g/yr) of a straight line through the dose at evenly spaced times between two decimal years.
+    fn slope(&self, from: f64, to: f64) -> f64 {
+        const POINTS: u32 = 200;
+        let points: Vec<(f64, f64)> = (0..POINTS)
+            .map(|point| from + (to - from) * (f64::from(point) + 0.5) / f64::from(POINTS))
+            .map(|year| (year - 0.5 * (from + to), self.dose(year)))
+            .collect();
+        points.iter().map(|(x, y)| x * y).sum::<f64>() / points.iter().map(|(x, _)| x * x).sum::<f64>()
+    }
+}
+
+/// The dose of a mission under the median Sun.
 pub struct Flown {
-    launch: f64,
+    /// Decimal year.
+    pub launch: f64,
     duration_yr: f64,
     model: Model,
     /// Whether solar protons come in proportion to the events of each year, known afterwards, and not evenly in active years.
@@ -38,46 +61,49 @@ impl Flown {
 
     /// The same mission behind a sphere of aluminium.
     pub fn behind(mission: &Mission, thickness_mm: f64) -> Flown {
-        let mut mission = mission.clone();
-        mission.shielding = Some(Shielding::aluminium(Geometry::Sphere, thickness_mm));
-        Flown::new(&mission)
-    }
-
-    /// Dose since launch (MeV/g) at a decimal year.
-    pub fn dose(&self, year: f64) -> f64 {
-        let dose = self.model.dose_mev_g(year - self.launch).expect("a mission without a formula");
-        if !self.events {
-            return dose;
-        }
-        let end = self.launch + self.duration_yr;
-        let solar = |to: f64| (to - self.launch) * self.rate_of(&["solar-protons"], self.launch, to);
-        dose - solar(year) + solar(end) * events::sum(self.launch, year) / events::sum(self.launch, end)
-    }
-
-    /// Mean dose rate (MeV/g/yr) between two decimal years.
-    pub fn rate(&self, from: f64, to: f64) -> f64 {
-        (self.dose(to) - self.dose(from)) / (to - from)
+        Flown::new(&behind(mission, thickness_mm))
     }
 
     /// Mean dose rate (MeV/g/yr) of some sources between two decimal years, events left alone.
     pub fn rate_of(&self, names: &[&str], from: f64, to: f64) -> f64 {
-        let history = self.model.history();
+        let history = self.history();
         let (start, end) = (from - self.launch, to - self.launch);
         let named = history.sources.iter().filter(|source| names.contains(&source.name.as_str()));
         let sum: f64 = named.map(|source| history.of_source_mev_g(source, start, end)).sum();
         sum / (to - from)
     }
 
-    /// Slope (MeV/g/yr) of a straight line through the dose at evenly spaced times between two decimal years.
-    pub fn slope(&self, from: f64, to: f64) -> f64 {
-        const POINTS: u32 = 200;
-        let points: Vec<(f64, f64)> = (0..POINTS)
-            .map(|point| from + (to - from) * (f64::from(point) + 0.5) / f64::from(POINTS))
-            .map(|year| (year - 0.5 * (from + to), self.dose(year)))
-            .collect();
-        points.iter().map(|(x, y)| x * y).sum::<f64>() / points.iter().map(|(x, _)| x * x).sum::<f64>()
+    /// Dose (MeV/g) of everything but solar protons up to a time in years since launch.
+    pub fn without_sun(&self, t_yr: f64) -> f64 {
+        let history = self.history();
+        let others = history.sources.iter().filter(|source| source.name != SOLAR_PROTONS);
+        others.map(|source| history.of_source_mev_g(source, 0.0, t_yr)).sum()
+    }
+
+    pub fn history(&self) -> &DoseHistory {
+        self.model.history()
     }
 }
+
+impl Dose for Flown {
+    fn dose(&self, year: f64) -> f64 {
+        let dose = self.model.dose_mev_g(year - self.launch).expect("a mission without a formula");
+        if !self.events {
+            return dose;
+        }
+        let end = self.launch + self.duration_yr;
+        let solar = |to: f64| (to - self.launch) * self.rate_of(&[SOLAR_PROTONS], self.launch, to);
+        dose - solar(year) + solar(end) * events::sum(self.launch, year) / events::sum(self.launch, end)
+    }
+}
+
+/// The same mission behind a sphere of aluminium.
+pub fn behind(mission: &Mission, thickness_mm: f64) -> Mission {
+    Mission { shielding: Some(Shielding::aluminium(Geometry::Sphere, thickness_mm)), ..mission.clone() }
+}
+
+/// The source that is drawn as events.
+pub const SOLAR_PROTONS: &str = "solar-protons";
 
 /// Protons and nuclei of cosmic rays.
 pub const COSMIC_RAYS: [&str; 2] = ["cosmic-rays", "cosmic-ray-nuclei"];

@@ -2,6 +2,7 @@
 
 use ctiplan::mission::Mission;
 
+use super::drawn::{self, Band, Drawn};
 use super::flown::*;
 
 /// What is compared: 2014 to 2019.
@@ -16,13 +17,94 @@ pub fn solar_share(thickness_mm: f64, confidence: f64) -> f64 {
     let mut mission = mission();
     mission.environment.confidence = confidence;
     let flown = Flown::behind(&mission, thickness_mm);
-    flown.rate_of(&["solar-protons"], YEARS.0, YEARS.1) / flown.rate(YEARS.0, YEARS.1)
+    flown.rate_of(&[SOLAR_PROTONS], YEARS.0, YEARS.1) / flown.rate(YEARS.0, YEARS.1)
 }
 
 /// Largest confidence (steps of 0.01) at which cosmic rays make most of the dose behind a sphere of aluminium.
 pub fn cosmic_ray_confidence(thickness_mm: f64) -> Option<f64> {
     let steps = (1..=99).map(|percent| f64::from(percent) / 100.0);
     steps.take_while(|confidence| solar_share(thickness_mm, *confidence) < 0.5).last()
+}
+
+/// Dose (1e6 MeV/g) since launch at the end of 2019 under the median Sun.
+pub fn dose() -> f64 {
+    1e-6 * Flown::new(&mission()).dose(YEARS.1)
+}
+
+/// Dose (1e6 MeV/g) of the damage that was seen: a tenth of 2.5e7 to 3.4e7 MeV/g, which were expected before launch (from memory).
+pub const SEEN: (f64, f64) = (2.5, 3.4);
+
+/// Under drawn Suns, behind a sphere of aluminium.
+pub struct Suns {
+    /// Share (%) of cosmic rays in the dose of 2014 to 2019, beside one half.
+    pub share: Band,
+    /// Dose (1e6 MeV/g) since launch at the end of 2019, beside the middle of what was seen.
+    pub dose: Band,
+}
+
+impl Suns {
+    pub fn behind(thickness_mm: f64) -> Suns {
+        let (from, to) = YEARS;
+        let seen = 0.5 * (SEEN.0 + SEEN.1);
+        let numbers = |course: &drawn::Course| {
+            let share = 100.0 * (course.others(to) - course.others(from)) / (course.dose(to) - course.dose(from));
+            vec![
+                Compared { published: 50.0, error: 0.0, model: share },
+                Compared { published: seen, error: SEEN.1 - seen, model: 1e-6 * course.dose(to) },
+            ]
+        };
+        let mut bands = Drawn::of(&behind(&mission(), thickness_mm)).bands(numbers).into_iter();
+        let mut next = || bands.next().expect("two numbers");
+        Suns { share: next(), dose: next() }
+    }
+
+    /// Share of the Suns with which cosmic rays are most of the dose.
+    pub fn cosmic_rays_most(&self) -> f64 {
+        1.0 - self.share.below(50.0)
+    }
+
+    /// Quantiles at which the least and the greatest of what was seen lie.
+    pub fn seen(&self) -> (f64, f64) {
+        (self.dose.below(SEEN.0), self.dose.below(SEEN.1))
+    }
+}
+
+/// Least and greatest ratio of a dose (1e6 MeV/g) and the dose that was seen.
+pub fn over_seen(dose: f64) -> (f64, f64) {
+    (dose / SEEN.1, dose / SEEN.0)
+}
+
+/// Whether a dose (1e6 MeV/g) is within a factor of 2 of whatever was seen.
+pub fn within_two(dose: f64) -> bool {
+    let (least, greatest) = over_seen(dose);
+    least >= 0.5 && greatest <= 2.0
+}
+
+fn drawn_tables() -> Vec<String> {
+    let thicknesses_mm = [10.0, 15.0, 20.0];
+    let cases = thicknesses_mm.map(Suns::behind);
+    let quantiles = |band: &Band| band.quantiles().map(|at| format!("{at:>6.1}")).join(" ");
+    let mut lines = vec![
+        format!("Share of cosmic rays in the dose of 2014 to 2019 [%], published: above 50: {}", drawn::suns()),
+        " mm Al    5 %   50 %   95 %  width  Suns with more than 50 [%]".into(),
+    ];
+    for (thickness_mm, case) in thicknesses_mm.iter().zip(&cases) {
+        let share = &case.share;
+        let above = 100.0 * case.cosmic_rays_most();
+        lines.push(format!(" {thickness_mm:<5} {} {:>6.1} {above:>8.1}", quantiles(share), share.width()));
+    }
+    lines.push(String::new());
+    lines.push(format!("Dose at the end of 2019 [1e6 MeV/g], seen: 2.5 to 3.4 (from memory): {}", drawn::suns()));
+    lines.push(" mm Al    5 %   50 %   95 %  95 over 5 %  seen at quantile [%]  Suns within a factor of 2 [%]".into());
+    for (thickness_mm, case) in thicknesses_mm.iter().zip(&cases) {
+        let dose = &case.dose;
+        let [low, _, high] = dose.quantiles();
+        let (from, to) = case.seen();
+        let seen = format!("{:.1} to {:.1}", 100.0 * from, 100.0 * to);
+        let within = 100.0 * dose.mean(|draw| f64::from(u8::from(within_two(draw))));
+        lines.push(format!(" {thickness_mm:<5} {} {:>12.1}  {seen:>20} {within:>10.1}", quantiles(dose), high / low));
+    }
+    lines
 }
 
 pub fn report() -> Vec<String> {
@@ -36,7 +118,7 @@ pub fn report() -> Vec<String> {
         let from = f64::from(year);
         let rate = |names: &[&str]| 1e-5 * flown.rate_of(names, from, from + 1.0);
         let growth = flown.rate(from, from + 1.0) / flown.rate(YEARS.0, YEARS.1);
-        lines.push(format!(" {year} {:>6.2} {:>12.2} {growth:>21.2}", rate(&["solar-protons"]), rate(&COSMIC_RAYS)));
+        lines.push(format!(" {year} {:>6.2} {:>12.2} {growth:>21.2}", rate(&[SOLAR_PROTONS]), rate(&COSMIC_RAYS)));
     }
     lines.push(String::new());
     lines.push("Share of solar protons in the dose of 2014 to 2019; published: below 50 %".into());
@@ -47,5 +129,7 @@ pub fn report() -> Vec<String> {
         let most = cosmic_ray_confidence(thickness_mm).map_or("none".into(), |most| format!("{:.0} %", 100.0 * most));
         lines.push(format!(" {thickness_mm:<5} {least:>11.1} {low:>8.1} {median:>8.1} {high:>8.1}  {most}"));
     }
+    lines.push(String::new());
+    lines.extend(drawn_tables());
     lines
 }

@@ -2,6 +2,7 @@
 
 use ctiplan::mission::{Mission, SolarPhase};
 
+use super::drawn::{self, Band, Drawn};
 use super::flown::*;
 
 /// Launch of the camera, decimal year.
@@ -44,7 +45,7 @@ pub struct Stretch {
 }
 
 /// Growth between published dates, over that from launch to the last.
-pub fn stretches(flown: &Flown) -> Vec<Stretch> {
+pub fn stretches(flown: &impl Dose) -> Vec<Stretch> {
     let dates = densities();
     let (first, last) = (dates[0], dates[dates.len() - 1]);
     let mean = last.1 / (last.0 - first.0);
@@ -60,6 +61,12 @@ pub fn stretches(flown: &Flown) -> Vec<Stretch> {
         Stretch { from, to, growth }
     };
     dates.windows(2).map(between).collect()
+}
+
+/// The same under drawn Suns.
+pub fn bands() -> Vec<Band> {
+    let growth = |course: &drawn::Course| stretches(course).into_iter().map(|stretch| stretch.growth).collect();
+    Drawn::of(&mission()).bands(growth)
 }
 
 /// Ratio of growth before a date to growth after it, by several analyses.
@@ -138,6 +145,10 @@ pub fn report() -> Vec<String> {
     }
     let growth: Vec<Compared> = stretches.iter().map(|stretch| stretch.growth).collect();
     lines.push(format!(" {}", verdict(&growth)));
+    let names: Vec<String> =
+        stretches.iter().map(|stretch| format!("{:.1}  {:.1}", stretch.from, stretch.to)).collect();
+    lines.push(String::new());
+    lines.extend(drawn::table("Growth over the mean growth, behind 15 mm", "from     to   ", &names, &bands()));
     lines.push(String::new());
     lines.push("Growth before over growth after".into());
     lines.push(format!(" {:<66} published     model  diff [sigma]", "analysis"));

@@ -4,6 +4,7 @@
 //! discusses it.
 
 mod chandra;
+mod drawn;
 mod events;
 mod flown;
 mod gaia;

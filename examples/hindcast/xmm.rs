@@ -2,6 +2,7 @@
 
 use ctiplan::mission::Mission;
 
+use super::drawn::{self, Band, Drawn};
 use super::flown::*;
 
 pub fn mission() -> Mission {
@@ -29,7 +30,7 @@ fn mean_growth(rows: &[(f64, f64, f64)]) -> f64 {
 }
 
 /// Growth from the start of one published year to that of another, per year over the mean.
-pub fn growth(flown: &Flown, from: usize, to: usize) -> Compared {
+pub fn growth(flown: &impl Dose, from: usize, to: usize) -> Compared {
     let rows = cti();
     let [(start, low, low_error), (end, high, high_error)] = [rows[from], rows[to]];
     let scale = 1.0 / ((end - start) * mean_growth(&rows));
@@ -48,8 +49,13 @@ pub fn years(flown: &Flown) -> Vec<Compared> {
 /// Years that are summed: first, and first after.
 pub const SUMS: [(usize, usize); 5] = [(2000, 2003), (2003, 2007), (2007, 2011), (2011, 2015), (2015, 2016)];
 
-pub fn sums(flown: &Flown) -> Vec<Compared> {
+pub fn sums(flown: &impl Dose) -> Vec<Compared> {
     SUMS.iter().map(|(from, to)| growth(flown, from - 2000, to - 2000)).collect()
+}
+
+/// The same behind a sphere of aluminium, under drawn Suns.
+pub fn bands(thickness_mm: f64) -> Vec<Band> {
+    Drawn::of(&behind(&mission(), thickness_mm)).bands(|course| sums(course))
 }
 
 /// Growth of 2004-2006 over that of 2007-2010: published, and of cosmic rays alone in the model.
@@ -72,7 +78,7 @@ pub fn report() -> Vec<String> {
         lines.push(format!(
             " {from:.0}  {} {:>10.2} {:>8.2} {:>12.2}",
             growth.words(),
-            rate(&["solar-protons"]),
+            rate(&[SOLAR_PROTONS]),
             rate(&["trapped-protons"]),
             rate(&COSMIC_RAYS)
         ));
@@ -97,5 +103,11 @@ pub fn report() -> Vec<String> {
     lines.push(format!(
         "Growth of 2004-2006 over that of 2007-2010: published {published:.2}, cosmic rays alone {cosmic_rays:.2}"
     ));
+    for thickness_mm in [30.0, 20.0] {
+        let what = format!("Growth over several years over the mean, behind {thickness_mm} mm");
+        let names = SUMS.map(|(from, to)| format!("{from}-{}", to - 1));
+        lines.push(String::new());
+        lines.extend(drawn::table(&what, "years    ", &names, &bands(thickness_mm)));
+    }
     lines
 }
