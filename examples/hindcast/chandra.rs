@@ -35,10 +35,10 @@ pub fn slopes(flown: &impl Dose) -> Vec<(f64, Compared)> {
     SLOPES.into_iter().enumerate().filter(|(index, _)| *index != SCALE).map(|(_, slope)| of(slope)).collect()
 }
 
-/// The same behind a sphere of aluminium, under drawn Suns.
-pub fn bands(thickness_mm: f64) -> Vec<Band> {
+/// The same of a mission under drawn Suns.
+pub fn bands(mission: &Mission) -> Vec<Band> {
     let slopes = |course: &drawn::Course| slopes(course).into_iter().map(|(_, slope)| slope).collect();
-    Drawn::of(&behind(&mission(), thickness_mm)).bands(slopes)
+    Drawn::of(mission).bands(slopes)
 }
 
 /// Mean growth per year from 2006 to 2015.7 over that from the start to 2006.
@@ -89,12 +89,17 @@ pub fn report() -> Vec<String> {
         "Step in October 2003 in years of growth: published below 1; model 0; by the peak flux of the event {:.1}",
         step_yr()
     ));
-    for thickness_mm in [40.0, 80.0] {
-        let what = format!("Slope of a line from 1999-09 to a date over that to 2006.0, behind {thickness_mm} mm");
+    let mission = mission();
+    for (words, mission) in [
+        ("behind 40 mm", &mission),
+        ("behind 80 mm", &behind(&mission, 80.0)),
+        ("behind 40 mm, neutrons counted", &with_neutrons(&mission)),
+    ] {
+        let what = format!("Slope of a line from 1999-09 to a date over that to 2006.0, {words}");
         let dates = SLOPES.into_iter().enumerate().filter(|(index, _)| *index != SCALE);
         let names: Vec<String> = dates.map(|(_, (year, _))| format!("{year:.1}")).collect();
         lines.push(String::new());
-        lines.extend(drawn::table(&what, "date  ", &names, &bands(thickness_mm)));
+        lines.extend(drawn::table(&what, "date  ", &names, &bands(mission)));
     }
     lines
 }

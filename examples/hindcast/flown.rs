@@ -2,7 +2,7 @@
 
 use chrono::NaiveDate;
 use ctiplan::environment::shielding::Geometry;
-use ctiplan::mission::{Mission, Shielding};
+use ctiplan::mission::{Mission, SecondariesCounted, Shielding};
 use ctiplan::model::Model;
 use ctiplan::numeric::calendar::decimal_year;
 use ctiplan::physics::DoseHistory;
@@ -100,6 +100,13 @@ impl Dose for Flown {
 /// The same mission behind a sphere of aluminium.
 pub fn behind(mission: &Mission, thickness_mm: f64) -> Mission {
     Mission { shielding: Some(Shielding::aluminium(Geometry::Sphere, thickness_mm)), ..mission.clone() }
+}
+
+/// The same mission with nuclear reactions in the shield counted: protons lost, damage by neutrons added.
+pub fn with_neutrons(mission: &Mission) -> Mission {
+    let mut mission = mission.clone();
+    mission.shielding.as_mut().expect("a shield").secondaries = SecondariesCounted::Estimated;
+    mission
 }
 
 /// The source that is drawn as events.

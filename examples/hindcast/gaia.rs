@@ -34,7 +34,7 @@ pub fn dose() -> f64 {
 /// Dose (1e6 MeV/g) of the damage that was seen: a tenth of 2.5e7 to 3.4e7 MeV/g, which were expected before launch (from memory).
 pub const SEEN: (f64, f64) = (2.5, 3.4);
 
-/// Under drawn Suns, behind a sphere of aluminium.
+/// Under drawn Suns.
 pub struct Suns {
     /// Share (%) of cosmic rays in the dose of 2014 to 2019, beside one half.
     pub share: Band,
@@ -43,7 +43,7 @@ pub struct Suns {
 }
 
 impl Suns {
-    pub fn behind(thickness_mm: f64) -> Suns {
+    pub fn of(mission: &Mission) -> Suns {
         let (from, to) = YEARS;
         let seen = 0.5 * (SEEN.0 + SEEN.1);
         let numbers = |course: &drawn::Course| {
@@ -53,7 +53,7 @@ impl Suns {
                 Compared { published: seen, error: SEEN.1 - seen, model: 1e-6 * course.dose(to) },
             ]
         };
-        let mut bands = Drawn::of(&behind(&mission(), thickness_mm)).bands(numbers).into_iter();
+        let mut bands = Drawn::of(mission).bands(numbers).into_iter();
         let mut next = || bands.next().expect("two numbers");
         Suns { share: next(), dose: next() }
     }
@@ -61,6 +61,12 @@ impl Suns {
     /// Share of the Suns with which cosmic rays are most of the dose.
     pub fn cosmic_rays_most(&self) -> f64 {
         1.0 - self.share.below(50.0)
+    }
+
+    /// Ratio of the doses at the ends of the band.
+    pub fn spread(&self) -> f64 {
+        let [low, _, high] = self.dose.quantiles();
+        high / low
     }
 
     /// Quantiles at which the least and the greatest of what was seen lie.
@@ -81,28 +87,35 @@ pub fn within_two(dose: f64) -> bool {
 }
 
 fn drawn_tables() -> Vec<String> {
-    let thicknesses_mm = [10.0, 15.0, 20.0];
-    let cases = thicknesses_mm.map(Suns::behind);
+    let mission = mission();
+    let cases = [
+        ("10", behind(&mission, 10.0)),
+        ("15", mission.clone()),
+        ("20", behind(&mission, 20.0)),
+        ("15, neutrons counted", with_neutrons(&mission)),
+    ]
+    .map(|(words, mission)| (words, Suns::of(&mission)));
     let quantiles = |band: &Band| band.quantiles().map(|at| format!("{at:>6.1}")).join(" ");
     let mut lines = vec![
         format!("Share of cosmic rays in the dose of 2014 to 2019 [%], published: above 50: {}", drawn::suns()),
-        " mm Al    5 %   50 %   95 %  width  Suns with more than 50 [%]".into(),
+        " mm Al                   5 %   50 %   95 %  width  Suns with more than 50 [%]".into(),
     ];
-    for (thickness_mm, case) in thicknesses_mm.iter().zip(&cases) {
-        let share = &case.share;
+    for (words, case) in &cases {
         let above = 100.0 * case.cosmic_rays_most();
-        lines.push(format!(" {thickness_mm:<5} {} {:>6.1} {above:>8.1}", quantiles(share), share.width()));
+        lines.push(format!(" {words:<20} {} {:>6.1} {above:>8.1}", quantiles(&case.share), case.share.width()));
     }
     lines.push(String::new());
     lines.push(format!("Dose at the end of 2019 [1e6 MeV/g], seen: 2.5 to 3.4 (from memory): {}", drawn::suns()));
-    lines.push(" mm Al    5 %   50 %   95 %  95 over 5 %  seen at quantile [%]  Suns within a factor of 2 [%]".into());
-    for (thickness_mm, case) in thicknesses_mm.iter().zip(&cases) {
-        let dose = &case.dose;
-        let [low, _, high] = dose.quantiles();
+    lines.push(
+        " mm Al                   5 %   50 %   95 %  95 over 5 %  seen at quantile [%]  Suns within a factor of 2 [%]"
+            .into(),
+    );
+    for (words, case) in &cases {
         let (from, to) = case.seen();
         let seen = format!("{:.1} to {:.1}", 100.0 * from, 100.0 * to);
-        let within = 100.0 * dose.mean(|draw| f64::from(u8::from(within_two(draw))));
-        lines.push(format!(" {thickness_mm:<5} {} {:>12.1}  {seen:>20} {within:>10.1}", quantiles(dose), high / low));
+        let within = 100.0 * case.dose.mean(|draw| f64::from(u8::from(within_two(draw))));
+        let spread = case.spread();
+        lines.push(format!(" {words:<20} {} {spread:>12.1}  {seen:>20} {within:>10.1}", quantiles(&case.dose)));
     }
     lines
 }

@@ -29,7 +29,7 @@ pub struct Goal {
 
 impl Goal {
     fn words(&self) -> String {
-        format!("{:<66} {:<31} {}", self.what, self.result, if self.met { "met" } else { "not met" })
+        format!("{:<66} {:<34} {}", self.what, self.result, if self.met { "met" } else { "not met" })
     }
 }
 
@@ -93,22 +93,25 @@ fn median() -> Vec<Goal> {
 
 /// The same with the Sun drawn as events.
 fn drawn_suns() -> Vec<Goal> {
-    let at_l2 = gaia::Suns::behind(15.0);
+    let at_l2 = gaia::Suns::of(&gaia::mission());
     let most = at_l2.cosmic_rays_most();
     let (from, to) = at_l2.seen();
     let [low, _, high] = drawn::QUANTILES;
     vec![
         banded("HST: growth between dates, within 5 to 95 % of drawn Suns", &hst::bands()),
-        banded("XMM: growth over several years, within 5 to 95 % of drawn Suns", &xmm::bands(30.0)),
-        banded("Chandra: slopes over that to 2006, within 5 to 95 % of drawn Suns", &chandra::bands(40.0)),
+        banded("XMM: growth over several years, within 5 to 95 % of drawn Suns", &xmm::bands(&xmm::mission())),
+        banded(
+            "Chandra: slopes over that to 2006, within 5 to 95 % of drawn Suns",
+            &chandra::bands(&chandra::mission()),
+        ),
         Goal {
             what: "Gaia: most by cosmic rays with at least 5 % of drawn Suns",
-            result: format!("{:.1} % of the Suns", 100.0 * most),
+            result: format!("{:.1} % of the Suns, width {:.1} %", 100.0 * most, at_l2.share.width()),
             met: most >= low,
         },
         Goal {
             what: "Gaia: absolute, within 5 to 95 % of drawn Suns (from memory)",
-            result: format!("quantile {:.0} to {:.0} %", 100.0 * from, 100.0 * to),
+            result: format!("quantile {:.0} to {:.0} %, width x {:.0}", 100.0 * from, 100.0 * to, at_l2.spread()),
             met: from >= low && to <= high,
         },
     ]

@@ -53,9 +53,9 @@ pub fn sums(flown: &impl Dose) -> Vec<Compared> {
     SUMS.iter().map(|(from, to)| growth(flown, from - 2000, to - 2000)).collect()
 }
 
-/// The same behind a sphere of aluminium, under drawn Suns.
-pub fn bands(thickness_mm: f64) -> Vec<Band> {
-    Drawn::of(&behind(&mission(), thickness_mm)).bands(|course| sums(course))
+/// The same of a mission under drawn Suns.
+pub fn bands(mission: &Mission) -> Vec<Band> {
+    Drawn::of(mission).bands(|course| sums(course))
 }
 
 /// Growth of 2004-2006 over that of 2007-2010: published, and of cosmic rays alone in the model.
@@ -103,11 +103,16 @@ pub fn report() -> Vec<String> {
     lines.push(format!(
         "Growth of 2004-2006 over that of 2007-2010: published {published:.2}, cosmic rays alone {cosmic_rays:.2}"
     ));
-    for thickness_mm in [30.0, 20.0] {
-        let what = format!("Growth over several years over the mean, behind {thickness_mm} mm");
+    let mission = mission();
+    for (words, mission) in [
+        ("behind 30 mm", &mission),
+        ("behind 20 mm", &behind(&mission, 20.0)),
+        ("behind 30 mm, neutrons counted", &with_neutrons(&mission)),
+    ] {
+        let what = format!("Growth over several years over the mean, {words}");
         let names = SUMS.map(|(from, to)| format!("{from}-{}", to - 1));
         lines.push(String::new());
-        lines.extend(drawn::table(&what, "years    ", &names, &bands(thickness_mm)));
+        lines.extend(drawn::table(&what, "years    ", &names, &bands(mission)));
     }
     lines
 }
