@@ -5,6 +5,7 @@ use std::process::Command;
 
 use ctiplan::environment::source::SOURCES;
 use ctiplan::mission::Mission;
+use ctiplan::model::Model;
 use ctiplan::plan::dose::{Survey, survey};
 use serde_json::Value;
 
@@ -254,8 +255,8 @@ fn a_reference_fluence_is_turned_into_dose_by_the_curve_that_is_used() {
         let text = text("kind = \"l2\"", &format!("niel = \"{niel}\""), SPHERE)
             .replace("reference_dose_mev_g = 1.78e8          # 2e10 protons/cm2 of 12.5 MeV", reference);
         let mission = Mission::parse(&text).unwrap_or_else(|error| panic!("{error}"));
-        let end = ctiplan::evaluate(&mission).unwrap();
-        (mission.reference_dose_mev_g(), end.end().traps[0].density_per_px)
+        let traps = Model::new(&mission).traps(10.0).unwrap();
+        (mission.reference_dose_mev_g(), traps[0].density_per_px)
     };
     let fluence = "reference_fluence_cm2 = 2e10\nreference_energy_mev = 12.5";
     let ((sr, sr_traps), (rd50, rd50_traps)) = (with("sr", fluence), with("rd50", fluence));
