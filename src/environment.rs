@@ -55,9 +55,26 @@ impl Niel {
         }
     }
 
-    /// NIEL of protons of an energy (MeV), MeV cm²/g: at 10 MeV that of the table, else that of the curve.
+    /// NIEL of protons of an energy (MeV), MeV cm²/g, as a reference: the tables' own values at 10 and 12.5 MeV, with which most
+    /// detectors are irradiated, and between 7 and 20 MeV the curve with their deviation from it.
     pub fn at(self, energy_mev: f64) -> f64 {
-        if energy_mev == 10.0 { self.at_10_mev() } else { self.curve().at(energy_mev) }
+        let known = [(10.0, self.at_10_mev()), (12.5, self.at_12_5_mev())];
+        let curve = self.curve();
+        let [low, high] = known.map(|(energy_mev, value): (f64, f64)| (energy_mev.ln(), value / curve.at(energy_mev)));
+        let corrections = [(7_f64.ln(), 1.0), low, high, (20_f64.ln(), 1.0)];
+        let log = energy_mev.ln();
+        let between = corrections.windows(2).find(|pair| (pair[0].0..=pair[1].0).contains(&log));
+        let correction = between
+            .map_or(1.0, |pair| pair[0].1 + (pair[1].1 - pair[0].1) * (log - pair[0].0) / (pair[1].0 - pair[0].0));
+        correction * curve.at(energy_mev)
+    }
+
+    /// NIEL of protons of 12.5 MeV, MeV cm²/g, of the same tables.
+    pub fn at_12_5_mev(self) -> f64 {
+        match self {
+            Niel::Sr => 8.44e-3,
+            Niel::Rd50 => 7.31e-3,
+        }
     }
 
     /// NIEL of protons of 10 MeV, MeV cm²/g, as the tables print it: SR-NIEL-7 v11.0 (Boschini et al.), and the RD50 compilation

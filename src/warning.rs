@@ -58,6 +58,18 @@ pub enum Warning {
         /// Revolutions a sidereal day.
         revolutions: u32,
     },
+    /// Sources are counted that do not reach the orbit.
+    DoesNotReach {
+        /// Their names.
+        sources: Vec<&'static str>,
+        /// The orbit, in words.
+        orbit: String,
+    },
+    /// Cosmic rays are derived, and given by hand besides.
+    CosmicRaysTwice {
+        /// Dose rate given by hand, MeV/g/yr.
+        floor_mev_g_yr: f64,
+    },
     /// The mean of the trapped protons over the orbit has not converged.
     OrbitMean {
         /// Its estimated relative error.
@@ -194,6 +206,14 @@ impl fmt::Display for Warning {
                  may be half or twice the mean over all longitudes that is used",
                 if *revolutions == 1 { "" } else { "s" }
             ),
+            Warning::DoesNotReach { sources, orbit } => {
+                write!(out, "{} do not reach the orbit ({orbit}) and add nothing", sources.join(" and "))
+            }
+            Warning::CosmicRaysTwice { floor_mev_g_yr } => write!(
+                out,
+                "environment.cosmic_ray_floor_mev_g_yr = {floor_mev_g_yr:e} comes on top of the cosmic rays that are derived: remove \
+                 it, or name environment.sources without them"
+            ),
             Warning::OrbitMean { relative_error } => write!(
                 out,
                 "the mean of the trapped protons over the orbit has an estimated error of {:.1} %: few of them are met, in a small \
@@ -202,8 +222,8 @@ impl fmt::Display for Warning {
             ),
             Warning::LowAltitude { perigee_km } => write!(
                 out,
-                "at {perigee_km} km the flux of trapped protons doubles within 50 to 70 km: AP-8 is uncertain by more than its \
-                 factor of 2, and the orbit decays"
+                "at {perigee_km} km the flux of trapped protons doubles within 50 to 70 km of altitude: AP-8 is uncertain by \
+                 more than its factor of 2"
             ),
             Warning::PerigeeMoves { held } => write!(
                 out,

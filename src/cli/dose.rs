@@ -43,7 +43,7 @@ impl Dose {
         self.drawn.check()?;
         let energies_mev: &[f64] = if self.energies_mev.is_empty() { &dose::ENERGIES_MEV } else { &self.energies_mev };
         let mut survey = dose::survey(&mission, energies_mev)?;
-        survey.explained = survey.explained.filter(|_| self.explain);
+        survey.explain = self.explain;
         let seed = self.seed.unwrap_or(mission.accuracy.seed);
         survey.samples = self.samples.map(|samples| Samples::of(&mission, samples, seed)).transpose()?;
         self.drawn.write(&survey, &[mission])?;

@@ -141,7 +141,8 @@ impl DepthCurve {
         DepthCurve { points: (0..=DIRECTIONS).map(point).collect() }
     }
 
-    /// Dose (MeV/g) behind a thickness (g/cm²): a cubic of the logarithms through the four nearest points.
+    /// Dose (MeV/g) behind a thickness (g/cm²): a cubic of the logarithms through the four nearest points, between the two next to
+    /// it. (Where a spectrum ends a cubic overshoots.)
     pub fn at(&self, thickness_g_cm2: f64) -> f64 {
         let log = thickness_g_cm2.max(THINNEST).ln();
         let first = self.points.partition_point(|point| point.0 <= log).saturating_sub(2).min(self.points.len() - 4);
@@ -150,7 +151,10 @@ impl DepthCurve {
             let others = near.iter().enumerate().filter(|(other, _)| *other != index);
             others.map(|(_, point)| (log - point.0) / (near[index].0 - point.0)).product::<f64>()
         };
-        (0..4).map(|index| weight(index) * near[index].1).sum::<f64>().exp()
+        let cubic: f64 = (0..4).map(|index| weight(index) * near[index].1).sum();
+        let after = self.points.partition_point(|point| point.0 <= log).clamp(1, self.points.len() - 1);
+        let (thinner, thicker) = (self.points[after - 1].1, self.points[after].1);
+        cubic.clamp(thicker.min(thinner), thicker.max(thinner)).exp()
     }
 }
 

@@ -32,6 +32,9 @@ impl Law {
     }
 }
 
+/// Fluence (cm⁻²) that is none: what a law leaves far beyond its last energy.
+const NOTHING_CM2: f64 = 1e-12;
+
 /// Energies of a decade at which a spectrum is tabulated that is a product or a formula.
 const PER_DECADE: f64 = 40.0;
 
@@ -90,7 +93,8 @@ impl Spectrum {
     /// Fluence above an energy (MeV), cm⁻².
     pub fn above(&self, energy_mev: f64) -> f64 {
         let Some((slope, variable, log_fluence)) = self.segment(energy_mev) else { return 0.0 };
-        (log_fluence + slope * (self.law.variable(energy_mev) - variable)).exp()
+        let fluence = (log_fluence + slope * (self.law.variable(energy_mev) - variable)).exp();
+        if fluence < NOTHING_CM2 { 0.0 } else { fluence }
     }
 
     /// Differential fluence at an energy (MeV), cm⁻² MeV⁻¹: the slope of [`Self::above`], which steps at the nodes.

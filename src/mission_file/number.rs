@@ -50,7 +50,7 @@ impl Mission {
         let duration_yr = self.mission.duration_yr;
         // A day is left for dates.
         (*last_yr + 0.003 < duration_yr)
-            .then(|| format!("the history ends after {last_yr:.2} yr, but the mission lasts {duration_yr} yr"))
+            .then(|| format!("the history ends after {last_yr:.3} yr, but the mission lasts {duration_yr} yr"))
     }
 
     /// What is wrong with the notch, where it is not below the full well.

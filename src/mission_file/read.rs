@@ -485,6 +485,16 @@ impl<'a> Source<'a> {
                 let problem = "`environment.history` is missing: the file of the dose over time";
                 return Err(InputError { place: self.place("environment"), ..self.fault("", problem) });
             }
+            for (key, is_there) in [
+                ("active_dose_rate_mev_g_yr", given),
+                ("active_years", environment.active_years.is_some()),
+                ("solar_phase", environment.solar_phase.is_some()),
+            ] {
+                if is_there {
+                    let problem = "the model \"history\" takes its dose from the file alone";
+                    return Err(self.fault(&format!("environment.{key}"), problem).with_help("remove it"));
+                }
+            }
             return Ok(());
         }
         if given && model == DoseModel::Derived {

@@ -9,7 +9,7 @@ use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, A
 use ctiplan_magnetosphere::Activity;
 
 use crate::environment::secondaries::{self, Secondaries};
-use crate::environment::source::{Place, When, averaged};
+use crate::environment::source::{Place, Source, When, averaged};
 use crate::environment::spectrum::Spectrum;
 use crate::error::InputError;
 use crate::mission::{Accumulate, DoseModel, Mission, SecondariesCounted};
@@ -213,6 +213,11 @@ impl DoseHistory {
     pub fn of_source_mev_g(&self, source: &SourceDose, from_yr: f64, to_yr: f64) -> f64 {
         let active = self.active_years(to_yr) - self.active_years(from_yr);
         self.dose_factor() * source.dose_mev_g(self.launch, from_yr, to_yr, active)
+    }
+
+    /// Dose since launch (MeV/g) of an imported history, before effects.
+    pub fn imported_mev_g(&self, t_yr: f64) -> f64 {
+        tabulated(&self.table, t_yr).0
     }
 
     /// Factor on the whole dose.
@@ -430,32 +435,48 @@ fn years_within(windows: &[(f64, f64)], t_yr: f64) -> f64 {
     begun.fold(0.0, |sum, (start, end)| sum + (end.min(t_yr) - start.max(0.0)).max(0.0))
 }
 
-/// What is doubtful about the orbit's trapped protons.
+/// What is doubtful about the sources and the orbit's trapped protons.
 fn orbit_warnings(mission: &Mission) -> Vec<Warning> {
     /// Altitude (km) below which the belt ends in the atmosphere.
     const LOW_KM: f64 = 500.0;
     /// Altitude (km) of an apogee from which Sun and Moon move the orbit.
     const HIGH_KM: f64 = 50_000.0;
-    let Some(Place::Earth(elements)) = mission.place() else { return Vec::new() };
-    let counts = sources(&mission.environment, &Place::Earth(elements)).iter().any(|one| one.card().name == TRAPPED);
+    let Some(place) = mission.place() else { return Vec::new() };
     let imported = mission.environment.spectra.is_some() || mission.environment.dose_depth.is_some();
-    let error = || [Activity::Minimum, Activity::Maximum].map(|activity| averaged(&elements, activity).relative_error);
-    if !counts || imported {
+    if imported {
         return Vec::new();
+    }
+    let mut warnings = source_warnings(mission, &place);
+    let Place::Earth(elements) = place else { return warnings };
+    let counts = sources(&mission.environment, &Place::Earth(elements)).iter().any(|one| one.card().name == TRAPPED);
+    let error = || [Activity::Minimum, Activity::Maximum].map(|activity| averaged(&elements, activity).relative_error);
+    if !counts {
+        return warnings;
     }
     let relative_error = error().into_iter().fold(0.0, f64::max);
     let held = elements.argument_of_perigee_deg.is_some();
     let reached = elements.perigee_km < 20_000.0;
     let long = elements.apogee_km > HIGH_KM && elements.eccentricity() > 0.3;
-    [
+    let of_orbit = [
         elements.repeats_longitudes().filter(|_| reached).map(|revolutions| Warning::RepeatsLongitudes { revolutions }),
         (relative_error > 0.005).then_some(Warning::OrbitMean { relative_error }),
         (elements.perigee_km < LOW_KM).then_some(Warning::LowAltitude { perigee_km: elements.perigee_km }),
         long.then_some(Warning::PerigeeMoves { held }),
-    ]
-    .into_iter()
-    .flatten()
-    .collect()
+    ];
+    warnings.extend(of_orbit.into_iter().flatten());
+    warnings
+}
+
+/// What is doubtful about the sources that are counted.
+fn source_warnings(mission: &Mission, place: &Place) -> Vec<Warning> {
+    let counted = sources(&mission.environment, place);
+    let name = |source: &&dyn Source| source.card().name;
+    let unreached: Vec<&'static str> = counted.iter().filter(|source| !source.reaches(place)).map(name).collect();
+    let floor_mev_g_yr = mission.environment.cosmic_ray_floor_mev_g_yr;
+    let twice = floor_mev_g_yr > 0.0 && counted.iter().any(|source| name(source) == "cosmic-rays");
+    let unreached =
+        (!unreached.is_empty()).then(|| Warning::DoesNotReach { sources: unreached, orbit: mission.orbit_name() });
+    unreached.into_iter().chain(twice.then_some(Warning::CosmicRaysTwice { floor_mev_g_yr })).collect()
 }
 
 /// The source that depends on the orbit most.

@@ -50,7 +50,8 @@ impl SourceDose {
 
     /// Dose (MeV/g) between two times.
     pub fn dose_mev_g(&self, launch: f64, from_yr: f64, to_yr: f64, active: f64) -> f64 {
-        self.weights(launch, from_yr, to_yr, active).map(|(dosed, years)| years * dosed.dose_mev_g_yr).sum()
+        // From 0 on: the sum of nothing would be −0.
+        self.weights(launch, from_yr, to_yr, active).fold(0.0, |sum, (dosed, years)| sum + years * dosed.dose_mev_g_yr)
     }
 
     /// What nuclear reactions take and add between two times.
@@ -66,7 +67,7 @@ impl SourceDose {
     /// A linear function of the spectrum, such as the fluence above an energy, summed between two times.
     pub fn total(&self, launch: f64, from_yr: f64, to_yr: f64, active: f64, of: impl Fn(&Spectrum) -> f64) -> f64 {
         let weights = self.weights(launch, from_yr, to_yr, active);
-        weights.map(|(dosed, years)| years * of(&dosed.stream.yearly)).sum()
+        weights.fold(0.0, |sum, (dosed, years)| sum + years * of(&dosed.stream.yearly))
     }
 }
 

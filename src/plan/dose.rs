@@ -83,6 +83,9 @@ pub struct Survey {
     /// From the spectrum to the dose, step by step; None where the mission gives its dose.
     #[serde(skip)]
     pub explained: Option<Explained>,
+    /// Whether the steps are to be shown.
+    #[serde(skip)]
+    pub explain: bool,
     /// The dose with the Sun drawn; None where that is not asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub samples: Option<Samples>,
@@ -180,7 +183,7 @@ pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputEr
     let duration_yr = mission.mission.duration_yr;
     let total_mev_g = model.dose_mev_g(duration_yr)?;
     let active_years = history.active_years(duration_yr);
-    let all_sources = environment.model == DoseModel::Derived;
+    let all_sources = matches!(environment.model, DoseModel::Derived | DoseModel::History);
     let shielding = mission.shielding.as_ref();
     Ok(Survey {
         launch: decimal_year(mission.mission.launch.0),
@@ -198,7 +201,7 @@ pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputEr
             .into_par_iter()
             .filter_map(|confidence| AtConfidence::of(mission, confidence, active_years))
             .collect(),
-        depths: depths(mission, &history),
+        depths: depths_of(mission, &history),
         depths_of_mission: all_sources,
         spectrum: spectrum(mission, active_years, energies_mev),
         equivalent_mm: Equivalent {
@@ -210,6 +213,7 @@ pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputEr
         secondaries_counted: shielding.is_some_and(|shield| shield.secondaries == SecondariesCounted::Estimated),
         derived_mev_g: derived_in_place_of_imports(mission),
         explained: Explained::of(mission, &history),
+        explain: false,
         samples: None,
         warnings: warnings(mission, &history),
         history,
@@ -254,6 +258,8 @@ fn derived(mission: &Mission) -> Mission {
     derived.environment.active_dose_rate_mev_g_yr = None;
     if derived.environment.model == DoseModel::History {
         derived.environment.model = DoseModel::Derived;
+        derived.environment.history = None;
+        derived.imported.history.clear();
     }
     derived
 }
@@ -276,6 +282,18 @@ fn derived_in_place_of_imports(mission: &Mission) -> Option<f64> {
 /// Dose (MeV/g) at the end of a mission without effects.
 fn total(mission: &Mission) -> f64 {
     Model::new(mission).dose_mev_g(mission.mission.duration_yr).expect("a mission without effects has no formula")
+}
+
+/// Dose behind aluminium; of a history, what would be derived in its place.
+fn depths_of(mission: &Mission, history: &DoseHistory) -> Vec<AtDepth> {
+    if mission.environment.model != DoseModel::History {
+        return depths(mission, history);
+    }
+    if mission.place().is_none() || mission.shielding.is_none() {
+        return Vec::new();
+    }
+    let derived = derived(mission);
+    depths(&derived, Model::new(&derived).history())
 }
 
 /// Dose (MeV/g) behind aluminium: of one active year, or, where all sources are counted, of the mission.

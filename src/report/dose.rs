@@ -193,6 +193,9 @@ impl Survey {
     }
 
     fn against_depth(&self, out: &mut Parts) {
+        if self.depths.is_empty() {
+            return;
+        }
         out.heading(self.depth_title());
         let mut depths = table(&["mm Al", "sphere [MeV/g]", "slab [MeV/g]"]);
         for at in &self.depths {
@@ -232,7 +235,10 @@ impl Survey {
 
     fn protons(&self, out: &mut Parts) {
         if self.depths_of_mission {
-            return self.by_energy_and_source(out);
+            if self.sources.iter().all(|source| source.spectrum.len() == self.spectrum.len()) {
+                self.by_energy_and_source(out);
+            }
+            return;
         }
         out.gap();
         out.words(

@@ -4,7 +4,7 @@
 //! evenly, and the perigee, unless it is held, every argument. So the mean is one over anomaly, longitude and, if it is free,
 //! argument of perigee; the eccentric anomaly E counts with 1 − e cos E, as Kepler's equation says.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{PI, SQRT_2, TAU};
 
 use crate::EARTH_RADIUS_KM;
 
@@ -84,30 +84,34 @@ impl Elements {
     /// A place on the orbit below a distance (RE) from the centre, by its number, from 0 on. The mean of a quantity over the orbit
     /// is the mean of weight times quantity over the first visits; it has converged when more of them change nothing.
     ///
-    /// Anomaly, longitude of the node and, if it is free, argument of perigee follow the additive sequence of the powers of 1/φ,
-    /// with φ³ = φ + 1 in two dimensions and φ⁴ = φ + 1 in three, which fills the square or cube as evenly as can be (Niederreiter
-    /// 1992, Random Number Generation and Quasi-Monte Carlo Methods).
+    /// Longitude of the node and argument of latitude, or anomaly where the perigee is held, follow the additive sequence of the
+    /// powers of 1/φ with φ³ = φ + 1, which fills the square as evenly as can be (Niederreiter 1992, Random Number Generation and
+    /// Quasi-Monte Carlo Methods). Where the perigee is free all arguments of latitude belong to any anomaly, which follows √2.
     pub fn visit(&self, number: usize, below: f64) -> Visit {
-        let free = !self.is_circular() && self.argument_of_perigee_deg.is_none();
-        let golden: f64 = if free { 1.220_744_084_605_76 } else { 1.324_717_957_244_746 };
-        let part = |dimension: i32| ((number + 1) as f64 * golden.powi(-dimension)).fract();
-        let node = TAU * part(1);
+        const GOLDEN: f64 = 1.324_717_957_244_746;
+        let count = (number + 1) as f64;
+        let (first, second) = ((count / GOLDEN).fract(), (count / (GOLDEN * GOLDEN)).fract());
+        let node = TAU * first;
         let radius = self.semi_major_axis_km() / EARTH_RADIUS_KM;
         if self.is_circular() {
             let weight = if radius < below { 1.0 } else { 0.0 };
-            return Visit { place: self.place(radius, TAU * part(2), node), weight };
+            return Visit { place: self.place(radius, TAU * second, node), weight };
         }
+        let free = self.argument_of_perigee_deg.is_none();
         let eccentricity = self.eccentricity();
         // r = a (1 − e cos E)
         let reach = ((1.0 - below / radius) / eccentricity).clamp(-1.0, 1.0).acos();
         // More places near the perigee, where fast protons are: E = reach · (y − c (y − y³)), −1 < y < 1.
-        let (y, crowding) = (2.0 * part(2) - 1.0, 0.75 * eccentricity);
+        let y = 2.0 * (if free { (count * SQRT_2).fract() } else { second }) - 1.0;
+        let crowding = 0.75 * eccentricity;
         let anomaly = reach * (y - crowding * (y - y * y * y));
         let density = 1.0 - crowding * (1.0 - 3.0 * y * y);
         let stretch = 1.0 - eccentricity * anomaly.cos();
         let ratio = ((1.0 + eccentricity) / (1.0 - eccentricity)).sqrt();
-        let perigee = self.argument_of_perigee_deg.map_or(TAU * part(3), f64::to_radians);
-        let argument = perigee + 2.0 * (ratio * (0.5 * anomaly).tan()).atan();
+        let argument = match self.argument_of_perigee_deg {
+            None => TAU * second,
+            Some(perigee_deg) => perigee_deg.to_radians() + 2.0 * (ratio * (0.5 * anomaly).tan()).atan(),
+        };
         Visit { place: self.place(radius * stretch, argument, node), weight: density * stretch * reach / PI }
     }
 

@@ -48,7 +48,23 @@ pub struct SourceSpectrum {
 impl SourceSurvey {
     /// All sources of a mission.
     pub(super) fn all(mission: &Mission, history: &DoseHistory, energies_mev: &[f64]) -> Vec<SourceSurvey> {
+        if let Some(file) = &mission.environment.history {
+            return vec![SourceSurvey::of_history(mission, history, file)];
+        }
         history.sources.iter().map(|source| SourceSurvey::of(mission, history, source, energies_mev)).collect()
+    }
+
+    /// A dose history, which has no spectrum.
+    fn of_history(mission: &Mission, history: &DoseHistory, file: &str) -> SourceSurvey {
+        let dose = |from_yr: f64, to_yr: f64| history.imported_mev_g(to_yr) - history.imported_mev_g(from_yr);
+        let years = calendar_years(mission);
+        SourceSurvey {
+            name: file.to_string(),
+            card: None,
+            total_mev_g: dose(0.0, mission.mission.duration_yr),
+            years: years.map(|(year, from, to)| SourceYear { year, dose_mev_g: dose(from, to) }).collect(),
+            spectrum: Vec::new(),
+        }
     }
 
     fn of(mission: &Mission, history: &DoseHistory, source: &SourceDose, energies_mev: &[f64]) -> SourceSurvey {

@@ -5,11 +5,19 @@ use crate::report::Parts;
 
 /// The steps, where they were asked for.
 pub(super) fn said(survey: &Survey, out: &mut Parts) {
-    let Some(explained) = &survey.explained else { return };
+    if !survey.explain {
+        return;
+    }
+    let Some(explained) = &survey.explained else {
+        out.gap();
+        out.words("The dose is given, not derived: there are no steps to explain.", 2);
+        return;
+    };
     out.heading("From the particles to the dose");
     let steps = explained.steps.iter().map(|step| words(step, survey.confidence));
-    let last = ((survey.total_mev_g / sum(&explained.steps) - 1.0).abs() > 1e-9)
-        .then(|| format!("effects of the mission change the dose to {:.4e} MeV/g", survey.total_mev_g));
+    let last = ((survey.total_mev_g / sum(&explained.steps) - 1.0).abs() > 1e-9).then(|| {
+        format!("effects and what the mission gives by hand change the dose to {:.4e} MeV/g", survey.total_mev_g)
+    });
     for (index, line) in steps.chain(last).enumerate() {
         out.words(format!("{:2}. {line}", index + 1), 4);
     }
