@@ -102,7 +102,7 @@ pub struct Environment {
     pub cosmic_ray_floor_mev_g_yr: f64,
     /// Solar maxima, decimal years.
     pub solar_maximum: Vec<f64>,
-    /// Active years of the mission, whatever the calendar says.
+    /// Active years of the mission, in place of those of the calendar.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub active_years: Option<f64>,
     /// Phase of the solar cycle at which trapped protons and cosmic rays are held.

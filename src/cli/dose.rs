@@ -16,7 +16,7 @@ pub(super) struct Dose {
     /// Energies at which the spectrum is printed, MeV
     #[arg(long = "energies", alias = "energies-mev", value_name = "MEV", value_delimiter = ',', value_parser = energy)]
     energies_mev: Vec<f64>,
-    /// Active years of the Sun in the mission, whatever the calendar says
+    /// Active years of the Sun in the mission, in place of those of the calendar
     #[arg(long, value_name = "YR")]
     active_years: Option<f64>,
     /// Phase of the solar cycle at which trapped protons and cosmic rays are held

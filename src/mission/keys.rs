@@ -188,7 +188,7 @@ pub const KEYS: &[Key] = &[
     key("environment.solar_maximum", "solar maximum", "(decimal year)", Numbers(1700.0, 2300.0), Optional),
     key(
         "environment.active_years",
-        "active years of the Sun in the mission, whatever the calendar says",
+        "active years of the Sun in the mission, in place of those of the calendar",
         "yr",
         Number(0.0, 100.0),
         Optional,

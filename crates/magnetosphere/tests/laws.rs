@@ -1,4 +1,4 @@
-//! What must hold whatever the maps say.
+//! What must hold for any map.
 
 use ctiplan_magnetosphere::drift_shell::{MOMENT, shell};
 use ctiplan_magnetosphere::field::{Coefficients, Field, igrf};

@@ -159,7 +159,7 @@ impl<'a> Comments<'a> {
         }
     }
 
-    /// The units of so many columns: the last comment that has them, one for each column, bare or in brackets.
+    /// The units of some columns: the last comment that has them, one for each column, bare or in brackets.
     fn units(&self, columns: usize) -> Option<Vec<Unit>> {
         self.paragraph.iter().rev().find_map(|comment| {
             let bare = comment.split_whitespace().collect();

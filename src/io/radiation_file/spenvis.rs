@@ -19,7 +19,7 @@
 //! ```
 //!
 //! The first line counts: lines of the header with itself, lines of text, metadata, lines of annotation, variables,
-//! columns, rows, blocks that follow. A variable has a name, a unit, so many columns, and a title; `SPECIES` names the
+//! columns, rows, blocks that follow. A variable has a name, a unit, a number of columns, and a title; `SPECIES` names the
 //! columns where ions share a block (`-92,'H ','He',...`). The last block ends with `'End of File'`.
 //!
 //! Of a segment of the mission are blocks that have its orbit (`ORB_MJD` to `ORB_TSE`, days); others are of the whole
