@@ -65,6 +65,22 @@ pub enum Warning {
         /// The orbit, in words.
         orbit: String,
     },
+    /// An imported spectrum ends before the energies that get through the shield.
+    SpectrumEnds {
+        /// The file.
+        file: String,
+        /// Its last energy, MeV.
+        last_mev: f64,
+        /// Energy (MeV) below which the shield stops protons where it is thinnest.
+        stopped_mev: f64,
+    },
+    /// A shield is thinner or thicker than an imported dose-depth curve.
+    BeyondDepths {
+        /// The file.
+        file: String,
+        /// Its thinnest and thickest aluminium, g/cm².
+        depths_g_cm2: (f64, f64),
+    },
     /// Cosmic rays are derived, and given by hand besides.
     CosmicRaysTwice {
         /// Dose rate given by hand, MeV/g/yr.
@@ -209,6 +225,16 @@ impl fmt::Display for Warning {
             Warning::DoesNotReach { sources, orbit } => {
                 write!(out, "{} do not reach the orbit ({orbit}) and add nothing", sources.join(" and "))
             }
+            Warning::SpectrumEnds { file, last_mev, stopped_mev } => write!(
+                out,
+                "{file} ends at {last_mev} MeV, but the shield stops protons below {stopped_mev:.0} MeV: what gets through is mostly \
+                 extrapolated"
+            ),
+            Warning::BeyondDepths { file, depths_g_cm2: (least, most) } => write!(
+                out,
+                "part of the shield is thinner or thicker than {file}, {least:.3} to {most:.3} g/cm2 of aluminium: its dose is \
+                 extrapolated"
+            ),
             Warning::CosmicRaysTwice { floor_mev_g_yr } => write!(
                 out,
                 "environment.cosmic_ray_floor_mev_g_yr = {floor_mev_g_yr:e} comes on top of the cosmic rays that are derived: remove \

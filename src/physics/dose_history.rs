@@ -8,6 +8,7 @@ use gauss_quad::GaussLegendre;
 use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, ActiveYears, Maximum, Phase};
 use ctiplan_magnetosphere::Activity;
 
+use crate::environment::proton::RANGE_ALUMINIUM;
 use crate::environment::secondaries::{self, Secondaries};
 use crate::environment::source::{Place, Source, When, averaged};
 use crate::environment::spectrum::Spectrum;
@@ -441,11 +442,10 @@ fn orbit_warnings(mission: &Mission) -> Vec<Warning> {
     const LOW_KM: f64 = 500.0;
     /// Altitude (km) of an apogee from which Sun and Moon move the orbit.
     const HIGH_KM: f64 = 50_000.0;
-    let Some(place) = mission.place() else { return Vec::new() };
-    let imported = mission.environment.spectra.is_some() || mission.environment.dose_depth.is_some();
-    if imported {
-        return Vec::new();
+    if mission.environment.spectra.is_some() || mission.environment.dose_depth.is_some() {
+        return import_warnings(mission);
     }
+    let Some(place) = mission.place() else { return Vec::new() };
     let mut warnings = source_warnings(mission, &place);
     let Place::Earth(elements) = place else { return warnings };
     let counts = sources(&mission.environment, &Place::Earth(elements)).iter().any(|one| one.card().name == TRAPPED);
@@ -465,6 +465,28 @@ fn orbit_warnings(mission: &Mission) -> Vec<Warning> {
     ];
     warnings.extend(of_orbit.into_iter().flatten());
     warnings
+}
+
+/// What is doubtful about imported spectra and dose-depth curves: doses beyond their ends.
+fn import_warnings(mission: &Mission) -> Vec<Warning> {
+    /// The last energy of a spectrum over the energy that the shield stops, below which most of the dose is extrapolated.
+    const ENOUGH: f64 = 1.5;
+    let Some(shield) = mission.shield() else { return Vec::new() };
+    let open = || shield.directions.iter().map(|direction| direction.aluminium_g_cm2);
+    let (thinnest, thickest) = (open().fold(f64::INFINITY, f64::min), open().fold(0.0, f64::max));
+    let stopped_mev = RANGE_ALUMINIUM.inverse(thinnest);
+    let ends = mission.imported.spectra.iter().filter_map(|imported| {
+        let last_mev = imported.spectrum.last_mev()?;
+        let file = imported.file.clone();
+        (last_mev < ENOUGH * stopped_mev).then_some(Warning::SpectrumEnds { file, last_mev, stopped_mev })
+    });
+    let curve = &mission.imported.dose_depth;
+    let beyond = curve.first().zip(curve.last()).and_then(|(first, last)| {
+        let outside = thinnest < 0.999 * first.0 || thickest > 1.001 * last.0;
+        let file = mission.environment.dose_depth.clone().unwrap_or_default();
+        outside.then_some(Warning::BeyondDepths { file, depths_g_cm2: (first.0, last.0) })
+    });
+    ends.chain(beyond).collect()
 }
 
 /// What is doubtful about the sources that are counted.

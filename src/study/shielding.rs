@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::{Study, budgets, check, each, ready, warnings};
 use crate::environment::shielding::Geometry;
 use crate::error::InputError;
-use crate::mission::{Mission, Shielding as Shield};
+use crate::mission::{DoseModel, Mission, Shielding as Shield};
 use crate::model::Model;
 use crate::numeric::root_finding;
 use crate::plan::timeline::Timeline;
@@ -110,6 +110,13 @@ impl Study for Shielding {
         let mut thicknesses_mm = self.thicknesses_mm.clone();
         thicknesses_mm.sort_by(f64::total_cmp);
         let confidences = self.confidences.clone();
+        let environment = &mission.environment;
+        if environment.model == DoseModel::History || environment.spectra.is_some() || environment.dose_depth.is_some()
+        {
+            let problem = "the dose is imported: it says nothing of other shields and confidences";
+            return Err(InputError::new("cannot compare shields", problem)
+                .with_help("take environment.model = \"derived\" without history, spectra and dose_depth"));
+        }
         let warnings = warnings(mission);
         if mission.place().is_none() {
             return Ok(Results { thicknesses_mm, confidences, cases: Vec::new(), needed: Vec::new(), warnings });

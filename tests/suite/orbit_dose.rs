@@ -8,6 +8,8 @@ use ctiplan::environment::source::SOURCES;
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
 use ctiplan::plan::dose::{Survey, survey};
+use ctiplan::study::Study;
+use ctiplan::study::shielding::Shielding;
 use serde_json::Value;
 
 /// A mission of ten years behind 10 mm of aluminium, with an orbit and more lines of its environment.
@@ -362,4 +364,27 @@ fn what_adds_nothing_or_counts_twice_is_warned_of() {
     assert!(warned("sources = [\"trapped-protons\", \"cosmic-rays\"]", "trapped-protons do not reach the orbit (L2)"));
     assert!(!warned("sources = [\"cosmic-rays\"]", "do not reach"));
     assert!(warned("cosmic_ray_floor_mev_g_yr = 1e5", "comes on top of the cosmic rays"));
+}
+
+#[test]
+fn imports_are_not_extrapolated_in_silence() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mission.toml");
+    let read = |environment: &str, mm: f64| {
+        let shield = format!("geometry = \"sphere\"\nthickness_mm = {mm:.1}");
+        fs::write(&path, text("kind = \"l2\"", environment, &shield)).unwrap();
+        Mission::read(&path).unwrap()
+    };
+    let warned = |mission: &Mission, what: &str| {
+        asked(mission).warnings.iter().any(|warning| warning.to_string().contains(what))
+    };
+    // 10 mm stop protons below 48 MeV.
+    fs::write(folder.path().join("narrow.csv"), "energy_mev,integral_cm2\n10,1e10\n30,1e9\n60,1e8\n").unwrap();
+    assert!(warned(&read("spectra = [\"narrow.csv\"]", 10.0), "ends at 60 MeV"));
+    assert!(!warned(&read("spectra = [\"narrow.csv\"]", 1.0), "ends at 60 MeV"));
+    fs::write(folder.path().join("depth.csv"), "thickness_mm,dose_mev_g\n5,1e7\n10,5e6\n20,2e6\n").unwrap();
+    assert!(warned(&read("dose_depth = \"depth.csv\"", 50.0), "is extrapolated"));
+    assert!(!warned(&read("dose_depth = \"depth.csv\"", 10.0), "is extrapolated"));
+    let refused = Shielding::default().study(&read("dose_depth = \"depth.csv\"", 10.0), &|| {});
+    assert!(refused.unwrap_err().to_string().contains("the dose is imported"));
 }
