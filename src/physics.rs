@@ -5,6 +5,7 @@ pub mod accuracy;
 pub mod conditions;
 pub mod damage;
 pub mod dose_history;
+mod dose_warnings;
 pub mod galaxy;
 pub mod observable;
 pub mod shape;

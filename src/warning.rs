@@ -158,17 +158,15 @@ pub fn together<'a>(warnings: impl IntoIterator<Item = &'a Warning>) -> Vec<Warn
     let mut maxima: Vec<Maximum> = Vec::new();
     let mut others: Vec<Warning> = Vec::new();
     for warning in warnings {
-        let known = others.iter_mut().find(|known| matches!(known, Warning::Secondaries { .. }));
-        match (warning, known) {
-            (Warning::Secondaries { neutrons, .. }, Some(known)) if known.neutrons() < Some(*neutrons) => {
-                *known = warning.clone();
+        let reactions = others.iter().position(|known| known.neutrons().is_some());
+        match (warning, reactions) {
+            (Warning::SunExtrapolated { maxima: more }, _) => maxima.extend(more),
+            (Warning::Secondaries { .. }, Some(place)) if others[place].neutrons() < warning.neutrons() => {
+                others[place] = warning.clone();
             }
             (Warning::Secondaries { .. }, Some(_)) => {}
-            (warning, _) => match warning {
-                Warning::SunExtrapolated { maxima: more } => maxima.extend(more),
-                other if !others.contains(other) => others.push(other.clone()),
-                _ => {}
-            },
+            (other, _) if !others.contains(other) => others.push(other.clone()),
+            _ => {}
         }
     }
     maxima.sort_by(|a, b| a.year.total_cmp(&b.year));

@@ -91,8 +91,7 @@ impl Shield {
         Shield { directions: self.directions.iter().map(scaled).collect() }
     }
 
-    /// Mean over the sky of what arrives behind a direction. From as many directions as ray tracing gives, only thicknesses are
-    /// looked at, and those between by interpolation.
+    /// Mean over the sky of what arrives behind a direction; nothing comes from where there is none.
     pub fn mean(&self, arriving: impl Fn(&Direction) -> f64) -> f64 {
         self.directions.iter().map(|direction| direction.share * arriving(direction)).sum()
     }
@@ -103,7 +102,8 @@ impl Shield {
         self.mean(|direction| spectrum.above(RANGE_ALUMINIUM.inverse(range + direction.aluminium_g_cm2)))
     }
 
-    /// Displacement damage dose in silicon (MeV/g) behind the shield.
+    /// Displacement damage dose in silicon (MeV/g) behind the shield. Behind as many directions as ray tracing gives it is
+    /// interpolated between thicknesses.
     pub fn dose(&self, spectrum: &Spectrum, niel: &Curve) -> f64 {
         if self.directions.len() <= DIRECTIONS {
             return self.mean(|direction| dose_behind(spectrum, direction.aluminium_g_cm2, niel));

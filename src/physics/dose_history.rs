@@ -5,17 +5,15 @@ use std::sync::Arc;
 
 use gauss_quad::GaussLegendre;
 
-use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, ActiveYears, Maximum, Phase};
-use ctiplan_magnetosphere::Activity;
-
-use crate::environment::proton::RANGE_ALUMINIUM;
 use crate::environment::secondaries::{self, Secondaries};
-use crate::environment::source::{Place, Source, When, averaged};
+use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, ActiveYears, Maximum, Phase};
+use crate::environment::source::When;
 use crate::environment::spectrum::Spectrum;
 use crate::error::InputError;
 use crate::mission::{Accumulate, DoseModel, Mission, SecondariesCounted};
 use crate::numeric::calendar::decimal_year;
-use crate::physics::source_dose::{SourceDose, source_doses, sources};
+use crate::physics::dose_warnings;
+use crate::physics::source_dose::{SourceDose, source_doses};
 use crate::warning::Warning;
 
 /// Dose rate over time.
@@ -254,7 +252,7 @@ impl DoseHistory {
         let maxima = self.extrapolated(until_yr);
         let sun = (!maxima.is_empty() && self.follows_active_years()).then_some(Warning::SunExtrapolated { maxima });
         let shield = self.derived.as_ref().and_then(|mission| self.secondaries_warning(mission, until_yr));
-        let orbit = self.derived.as_ref().map_or(Vec::new(), |mission| orbit_warnings(mission));
+        let orbit = self.derived.as_ref().map_or(Vec::new(), |mission| dose_warnings::of(mission));
         sun.into_iter().chain(shield).chain(orbit).collect()
     }
 
@@ -435,74 +433,6 @@ fn years_within(windows: &[(f64, f64)], t_yr: f64) -> f64 {
     // From 0 on: the sum of nothing would be −0.
     begun.fold(0.0, |sum, (start, end)| sum + (end.min(t_yr) - start.max(0.0)).max(0.0))
 }
-
-/// What is doubtful about the sources and the orbit's trapped protons.
-fn orbit_warnings(mission: &Mission) -> Vec<Warning> {
-    /// Altitude (km) below which the belt ends in the atmosphere.
-    const LOW_KM: f64 = 500.0;
-    /// Altitude (km) of an apogee from which Sun and Moon move the orbit.
-    const HIGH_KM: f64 = 50_000.0;
-    if mission.environment.spectra.is_some() || mission.environment.dose_depth.is_some() {
-        return import_warnings(mission);
-    }
-    let Some(place) = mission.place() else { return Vec::new() };
-    let mut warnings = source_warnings(mission, &place);
-    let Place::Earth(elements) = place else { return warnings };
-    let counts = sources(&mission.environment, &Place::Earth(elements)).iter().any(|one| one.card().name == TRAPPED);
-    let error = || [Activity::Minimum, Activity::Maximum].map(|activity| averaged(&elements, activity).relative_error);
-    if !counts {
-        return warnings;
-    }
-    let relative_error = error().into_iter().fold(0.0, f64::max);
-    let held = elements.argument_of_perigee_deg.is_some();
-    let reached = elements.perigee_km < 20_000.0;
-    let long = elements.apogee_km > HIGH_KM && elements.eccentricity() > 0.3;
-    let of_orbit = [
-        elements.repeats_longitudes().filter(|_| reached).map(|revolutions| Warning::RepeatsLongitudes { revolutions }),
-        (relative_error > 0.005).then_some(Warning::OrbitMean { relative_error }),
-        (elements.perigee_km < LOW_KM).then_some(Warning::LowAltitude { perigee_km: elements.perigee_km }),
-        long.then_some(Warning::PerigeeMoves { held }),
-    ];
-    warnings.extend(of_orbit.into_iter().flatten());
-    warnings
-}
-
-/// What is doubtful about imported spectra and dose-depth curves: doses beyond their ends.
-fn import_warnings(mission: &Mission) -> Vec<Warning> {
-    /// The last energy of a spectrum over the energy that the shield stops, below which most of the dose is extrapolated.
-    const ENOUGH: f64 = 1.5;
-    let Some(shield) = mission.shield() else { return Vec::new() };
-    let open = || shield.directions.iter().map(|direction| direction.aluminium_g_cm2);
-    let (thinnest, thickest) = (open().fold(f64::INFINITY, f64::min), open().fold(0.0, f64::max));
-    let stopped_mev = RANGE_ALUMINIUM.inverse(thinnest);
-    let ends = mission.imported.spectra.iter().filter_map(|imported| {
-        let last_mev = imported.spectrum.last_mev()?;
-        let file = imported.file.clone();
-        (last_mev < ENOUGH * stopped_mev).then_some(Warning::SpectrumEnds { file, last_mev, stopped_mev })
-    });
-    let curve = &mission.imported.dose_depth;
-    let beyond = curve.first().zip(curve.last()).and_then(|(first, last)| {
-        let outside = thinnest < 0.999 * first.0 || thickest > 1.001 * last.0;
-        let file = mission.environment.dose_depth.clone().unwrap_or_default();
-        outside.then_some(Warning::BeyondDepths { file, depths_g_cm2: (first.0, last.0) })
-    });
-    ends.chain(beyond).collect()
-}
-
-/// What is doubtful about the sources that are counted.
-fn source_warnings(mission: &Mission, place: &Place) -> Vec<Warning> {
-    let counted = sources(&mission.environment, place);
-    let name = |source: &&dyn Source| source.card().name;
-    let unreached: Vec<&'static str> = counted.iter().filter(|source| !source.reaches(place)).map(name).collect();
-    let floor_mev_g_yr = mission.environment.cosmic_ray_floor_mev_g_yr;
-    let twice = floor_mev_g_yr > 0.0 && counted.iter().any(|source| name(source) == "cosmic-rays");
-    let unreached =
-        (!unreached.is_empty()).then(|| Warning::DoesNotReach { sources: unreached, orbit: mission.orbit_name() });
-    unreached.into_iter().chain(twice.then_some(Warning::CosmicRaysTwice { floor_mev_g_yr })).collect()
-}
-
-/// The source that depends on the orbit most.
-const TRAPPED: &str = "trapped-protons";
 
 /// Dose (MeV/g) and dose rate (MeV/g/yr) of a table at a time, on straight lines; nothing more after its end.
 fn tabulated(table: &[(f64, f64)], t_yr: f64) -> (f64, f64) {

@@ -78,7 +78,7 @@ fn in_low_orbit_growth_is_least_around_maximum() {
     assert!(growth[0].model > growth[0].published);
 }
 
-/// The median Sun is too weak in 2000 to 2002 and too strong in 2003 to 2006, whatever the shield and the belt.
+/// The median Sun is too weak in 2000 to 2002 and too strong in 2003 to 2006, behind any shield and with or without the belt.
 #[test]
 fn on_the_ellipse_the_first_years_are_too_weak_and_the_next_too_strong() {
     let mission = xmm::mission();
