@@ -1,7 +1,7 @@
 //! From the particle spectrum to MeV/g, in steps that can be checked by hand.
 
 use crate::environment::proton::RANGE_ALUMINIUM;
-use crate::mission::Mission;
+use crate::mission::{Mission, SolarPhase};
 use crate::physics::{DoseHistory, SourceDose};
 
 /// The largest source of a mission, step by step; and what makes the sum.
@@ -31,6 +31,8 @@ pub enum Step {
         law: Option<&'static str>,
         /// Share of the dose.
         share: f64,
+        /// Phase at which the Sun is held.
+        held: Option<SolarPhase>,
     },
     /// Fluences of the mission above 10, 30 and 100 MeV, cm⁻².
     Fluence {
@@ -119,6 +121,7 @@ impl Explained {
                 name: source.name.clone(),
                 law: source.card.map(|card| card.law),
                 share: doses[most].1 / total_mev_g,
+                held: mission.environment.solar_phase,
             },
         ];
         let factor = mission.environment.dose_factor;

@@ -1,5 +1,6 @@
 //! `ctiplan dose --explain`: from the particle spectrum to MeV/g, a numbered line for each step.
 
+use crate::mission::SolarPhase;
 use crate::plan::dose::{Step, Survey};
 use crate::report::Parts;
 
@@ -37,10 +38,15 @@ fn words(step: &Step, confidence: f64) -> String {
         Step::Orbit { orbit, duration_yr, active_years } => {
             format!("orbit {orbit}; {duration_yr} yr, of which {active_years:.2} are active years of the Sun")
         }
-        Step::Source { name, law, share } => {
+        Step::Source { name, law, share, held } => {
             let law = law.map_or(String::new(), |law| format!(": {law}"));
+            let held = match held {
+                None => "",
+                Some(SolarPhase::Min) => "; the Sun is held at minimum",
+                Some(SolarPhase::Max) => "; the Sun is held at maximum",
+            };
             format!(
-                "{:.1} % of the dose is from {name}{law}; confidence of solar protons {} %",
+                "{:.1} % of the dose is from {name}{law}{held}; confidence of solar protons {} %",
                 100.0 * share,
                 100.0 * confidence
             )
