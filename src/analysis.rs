@@ -4,3 +4,4 @@ pub mod diagnose;
 pub mod fit;
 pub mod measurement;
 pub mod validate;
+pub mod whitening;

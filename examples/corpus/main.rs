@@ -4,6 +4,7 @@
 //! `tests/corpus/make.py`.
 
 mod judge;
+mod rough;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -13,6 +14,7 @@ use std::time::Instant;
 use clap::Parser;
 use ctiplan::analysis::diagnose::{Diagnosis, Options, Progress, Verdict, diagnose};
 use ctiplan::analysis::measurement::{DataSet, questions};
+use ctiplan::analysis::whitening::{Shared, Whitening};
 use ctiplan::error::InputError;
 use ctiplan::mission::{Mission, ReadoutMethod};
 use ctiplan::model::Model;
@@ -20,6 +22,7 @@ use ctiplan::model::predict::predict;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use rough::Rough;
 use serde_json::Value;
 
 #[derive(Parser)]
@@ -33,6 +36,15 @@ struct Arguments {
     /// Replace the values of the cases by those with every transfer done, all that is true (true.toml) and fresh noise
     #[arg(long)]
     exact: bool,
+    /// Make errors wrong in one of these ways
+    #[arg(long)]
+    rough: Option<Rough>,
+    /// Repeat each search under other assumptions
+    #[arg(long)]
+    stability: bool,
+    /// Only every so many cases
+    #[arg(long, default_value_t = 1)]
+    every: usize,
     /// Seed of that noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -47,18 +59,21 @@ fn main() -> Result<(), InputError> {
         .map_err(unreadable)?
         .filter_map(|entry| Some(entry.ok()?.path()))
         .filter(|path| path.join("truth.json").exists() && name(path).contains(&arguments.only))
-        .filter(|path| !arguments.exact || path.join("true.toml").exists())
+        .filter(|path| !arguments.remade() || path.join("true.toml").exists())
         .collect();
     cases.sort();
     let mut counts = Counts::default();
-    for case in cases {
+    for case in cases.into_iter().step_by(arguments.every.max(1)) {
         let truth: Value = serde_json::from_str(&fs::read_to_string(case.join("truth.json")).unwrap()).unwrap();
         let (mission, mut data) = read(&case, &truth)?;
-        if arguments.exact {
-            replace(&mut data, &case, arguments.seed)?;
+        if arguments.remade() {
+            replace(&mut data, &case, &arguments)?;
+        }
+        if let Some(rough) = arguments.rough {
+            rough.apply(&mut data, stream(&case) ^ arguments.seed);
         }
         let start = Instant::now();
-        let options = Options { free: mission.fit.free.clone(), ..Options::default() };
+        let options = Options { free: mission.fit.free.clone(), stability: arguments.stability, ..Options::default() };
         let stage = |name: &str, _| eprintln!("{:6.1} {name}", start.elapsed().as_secs_f64());
         let found = diagnose(&mission, &data, &options, &Progress { stage: &stage, advance: &|| () })?;
         let seconds = start.elapsed().as_secs_f64();
@@ -80,18 +95,38 @@ fn read(case: &Path, truth: &Value) -> Result<(Mission, Vec<DataSet>), InputErro
     Ok((mission, data))
 }
 
-/// Values as the true mission gives them with every transfer done, with noise of the quoted sigma.
-fn replace(data: &mut [DataSet], case: &Path, seed: u64) -> Result<(), InputError> {
+/// A number of its own for each case.
+fn stream(case: &Path) -> u64 {
+    name(case).bytes().fold(0_u64, |sum, byte| sum.wrapping_mul(31).wrapping_add(byte.into()))
+}
+
+impl Arguments {
+    /// Whether values are computed here.
+    fn remade(&self) -> bool {
+        self.exact || self.rough == Some(Rough::Correlated)
+    }
+}
+
+/// Values as the true mission gives them, with noise of the quoted sigma: with every transfer done, or correlated along trails.
+fn replace(data: &mut [DataSet], case: &Path, arguments: &Arguments) -> Result<(), InputError> {
     let mut mission = Mission::read(case.join("true.toml"))?;
-    mission.accuracy.readout = ReadoutMethod::Exact;
+    if arguments.exact {
+        mission.accuracy.readout = ReadoutMethod::Exact;
+    }
     let values = predict(&Model::new(&mission), &questions(data)).expect("no formulas");
-    // Each case its own noise.
-    let stream = name(case).bytes().fold(0_u64, |sum, byte| sum.wrapping_mul(31).wrapping_add(byte.into()));
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    random.set_stream(stream);
-    for (row, value) in data.iter_mut().flat_map(|set| &mut set.rows).zip(values) {
-        let noise: f64 = StandardNormal.sample(&mut random);
-        row.value = value + row.sigma * noise;
+    let mut random = ChaCha8Rng::seed_from_u64(arguments.seed);
+    random.set_stream(stream(case));
+    let mut values = values.into_iter();
+    for set in data {
+        if arguments.rough == Some(Rough::Correlated) {
+            set.shared.correlation = rough::CORRELATION;
+        }
+        let white: Vec<f64> = set.rows.iter().map(|_| StandardNormal.sample(&mut random)).collect();
+        let noise = Whitening::of(std::slice::from_ref(set), |_| true).undone(&white);
+        set.shared = Shared::default();
+        for (row, noise) in set.rows.iter_mut().zip(noise) {
+            row.value = values.next().expect("one for each row") + row.sigma * noise;
+        }
     }
     Ok(())
 }
@@ -111,8 +146,14 @@ fn print_case(name: &str, truth: &Value, found: &Diagnosis, seconds: f64) {
         .collect();
     let last = found.steps.last().map_or(&found.baseline, |step| &step.rung);
     let (near, of) = judge::pulls(truth, found);
+    let unstable: Vec<&str> = found.stability.iter().filter(|one| !one.holds).map(|one| one.change.as_str()).collect();
+    let noise = found.noise.iter().map(|noise| {
+        let pedestal = noise.pedestal.zip(noise.pedestal_sigma).map_or(0.0, |(value, sigma)| value / sigma);
+        let wrong = noise.wrong.len();
+        format!("{:.2} r{:.2} p{pedestal:.1} w{wrong}", noise.scale, noise.correlation)
+    });
     println!(
-        "{} {name:38} {:11} {seconds:5.1} s {:6}  chi2/n {:.2} -> {:.2}  [{}] alt {:?} cov {:?} {} {}",
+        "{} {name:38} {:11} {seconds:5.1} s {:6}  chi2/n {:.2} -> {:.2}  [{}] alt {:?} cov {:?} noise {:?} unstable {unstable:?} {} {}",
         if judge::is_right(truth, found) { "  ok " } else { "WRONG" },
         found.verdict.name(),
         found.evaluations[0],
@@ -121,6 +162,7 @@ fn print_case(name: &str, truth: &Value, found: &Diagnosis, seconds: f64) {
         steps.join("; "),
         found.alternatives,
         found.covariates.iter().take(3).map(|leaning| leaning.name.as_str()).collect::<Vec<_>>(),
+        noise.collect::<Vec<_>>(),
         if found.verdict == Verdict::Unfit { found.reason.to_string() } else { String::new() },
         if of > near { format!("PULL {}", truth["parameters"]) } else { String::new() },
     );

@@ -18,13 +18,15 @@ mod holdout;
 pub mod hypothesis;
 mod json;
 mod limits;
+pub mod noise;
 mod numerics;
 mod options;
 mod pairs;
 mod result;
 mod rivals;
 mod search;
-pub mod significance;
+mod significance;
+mod stability;
 mod stopping_rule;
 mod summary;
 mod unexplained;
@@ -40,13 +42,18 @@ use crate::model::Model;
 use evidence::{Evidence, Found};
 use fitted_model::{Case, Node};
 pub use hypothesis::Hypothesis;
+use noise::SetNoise;
 pub use options::{EVALUATIONS, Options, Progress};
 pub use result::{Diagnosis, Leaning, Limit, Next, Note, Reason, RowPlace, Rung, Step, Suggestion, Tried, Verdict};
 use search::Search;
+pub use stability::Changed;
 use work::Work;
 
 /// Random starting points of the base fit.
 const ELSEWHERE: usize = 3;
+
+/// Times that a search is repeated at most, each time with the errors that were told at the end of the one before.
+const ROUNDS: usize = 4;
 
 /// Finds out what a mission's model lacks.
 ///
@@ -58,25 +65,101 @@ pub fn diagnose(
     options: &Options,
     progress: &Progress,
 ) -> Result<Diagnosis, InputError> {
-    let case = Case { work: Work::of_at_most(options.evaluations), ..Case::of(data) };
-    let hypotheses = hypothesis::all(mission, options.candidates.as_ref())?;
     for key in &options.free {
         fit::parameter::Parameter::of(mission, key)?;
     }
-    let refusal = data_quality::refusal(&case, options.free.len());
-    let free = if refusal.is_some() { Vec::new() } else { options.free.clone() };
-    (progress.stage)("numerics and base fit", 0);
-    let (accurate, notes) = numerics::accurate(&case, mission)?;
-    let base = Arc::new(base_fit(&case, &Model::new(&accurate), &free, options.seed)?);
-    let search = Search::new(&case, &hypotheses, free, options.seed, progress);
-    let split = holdout::split(&case);
-    let told =
-        Evidence { search: &search, options, base: &base, groups: split.as_ref().map(|(_, groups)| &groups[..]) };
-    let found = match refusal.or_else(|| data_quality::sigma_too_large(&case, &base)) {
-        Some(reason) => Found::of(Verdict::Unfit, reason, vec![base.clone()]),
-        None => told.hunt()?,
+    let task = Task {
+        mission,
+        quoted: data,
+        hypotheses: hypothesis::all(mission, options.candidates.as_ref())?,
+        options,
+        progress,
+        work: Arc::new(Work::of_at_most(options.evaluations)),
     };
-    told.diagnosis(mission, found, split.as_ref().map(|(column, _)| column.to_string()), notes)
+    let mut noise = noise::as_quoted(data);
+    for round in 0..ROUNDS {
+        match task.attempt(&noise, round)? {
+            Attempt::Done(found) => {
+                let stability = task.stability(&found)?;
+                let (evaluations, undone) = ([task.work.done(), options.evaluations], task.work.undone());
+                return Ok(Diagnosis { stability, evaluations, undone, ..*found });
+            }
+            Attempt::Again(better) => noise = better,
+        }
+    }
+    unreachable!("the last round is done")
+}
+
+/// What stays the same from round to round.
+struct Task<'a> {
+    mission: &'a Mission,
+    quoted: &'a [DataSet],
+    hypotheses: Vec<Hypothesis>,
+    options: &'a Options,
+    progress: &'a Progress<'a>,
+    work: Arc<Work>,
+}
+
+/// What a round comes to.
+enum Attempt {
+    Done(Box<Diagnosis>),
+    /// The errors are others.
+    Again(Vec<SetNoise>),
+}
+
+impl Task<'_> {
+    /// Does something with the base fit and all that a search of some data needs.
+    fn with_evidence<T>(
+        &self,
+        data: &[DataSet],
+        then: impl FnOnce(&Evidence, Vec<Note>) -> Result<T, InputError>,
+    ) -> Result<T, InputError> {
+        let case = Case { work: self.work.clone(), ..Case::of(data) };
+        // Too few rows to fit what is free are refused later.
+        let free = if case.n() < self.options.free.len() { Vec::new() } else { self.options.free.clone() };
+        (self.progress.stage)("numerics and base fit", 0);
+        let (accurate, notes) = numerics::accurate(&case, self.mission)?;
+        let base = Arc::new(base_fit(&case, &Model::new(&accurate), &free, self.options.seed)?);
+        let search = Search::new(&case, &self.hypotheses, free, self.options.seed, self.progress);
+        let split = holdout::split(&case);
+        then(&Evidence { search: &search, options: self.options, base: &base, split: split.as_ref() }, notes)
+    }
+
+    /// The whole search, with errors that are believed in.
+    fn attempt(&self, noise: &[SetNoise], round: usize) -> Result<Attempt, InputError> {
+        let data = noise::allowed_for(self.quoted, noise);
+        self.with_evidence(&data, |told, notes| {
+            let again = |node: &Arc<Node>| {
+                let found = noise::estimate(told.case(), self.quoted, &told.search.expand(node), noise);
+                (round + 1 < ROUNDS && !noise::is_same(&found, noise)).then_some(found)
+            };
+            let refusal = data_quality::refusal(told.case(), self.options.free.len());
+            if refusal.is_none()
+                && round == 0
+                && let Some(better) = again(told.base)
+            {
+                return Ok(Attempt::Again(better));
+            }
+            let refusal = refusal
+                .or_else(|| data_quality::errors_beyond(noise))
+                .or_else(|| data_quality::contradictory(told.case()));
+            let mut found = match refusal {
+                Some(reason) => Found::of(Verdict::Unfit, reason, vec![told.base.clone()]),
+                None => told.hunt()?,
+            };
+            let better = match &found.wrong[..] {
+                [] if found.verdict == Verdict::Unfit => None,
+                [] => again(found.ladder.last().expect("the base")),
+                wrong => (round + 1 < ROUNDS).then(|| noise::with_wrong(self.quoted, noise, wrong)),
+            };
+            if let Some(better) = better {
+                return Ok(Attempt::Again(better));
+            }
+            found.noise = noise::with_pedestals(told.case(), found.ladder.last().expect("the base"), noise);
+            told.explain(&mut found)?;
+            Ok(Attempt::Done(Box::new(told.diagnosis(self.mission, found, notes)?)))
+        })
+    }
 }
 
 /// The fit of what is free: from elsewhere too where it does not explain the data.

@@ -7,6 +7,7 @@ mod units;
 
 use std::path::Path;
 
+use crate::analysis::whitening::Shared;
 use crate::error::{InputError, nearest};
 use crate::io::table::{Cell, Table};
 use crate::mission::keys::Allowed::{self, Integer, Number, Positive};
@@ -31,6 +32,8 @@ pub struct DataSet {
     pub varying: Vec<String>,
     /// The file's table, with everything that the model does not know.
     pub table: Table,
+    /// What the errors of its rows have in common: nothing, as it is read.
+    pub shared: Shared,
 }
 
 /// One measurement.
@@ -135,7 +138,7 @@ impl DataSet {
         reader.check_names()?;
         let rows = (0..table.rows()).map(|row| reader.row(row)).collect::<Result<Vec<_>, _>>()?;
         let varying = varying(&table, &rows);
-        Ok(DataSet { file: table.name.clone(), observable, rows, varying, table })
+        Ok(DataSet { file: table.name.clone(), observable, rows, varying, table, shared: Shared::default() })
     }
 
     /// A condition, a covariate or a column of words of every row, as numbers; NaN where a row has none. Words are numbered

@@ -18,7 +18,7 @@ use crate::model::predict::predict;
 use residual_trend::Trial;
 pub use result::{Claim, Finding, SetResult, Validation};
 pub(crate) use result::{file_stem, plain_name};
-pub(crate) use scatter::along_neighbours;
+pub(crate) use scatter::{along_neighbours, second_differences};
 
 /// Holds a mission against data. The seed is that of the simulated noise with which leanings are compared.
 ///

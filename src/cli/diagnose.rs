@@ -36,6 +36,9 @@ pub(super) struct Diagnose {
     /// Evaluations of the model at all rows after which no further step of the search begins
     #[arg(long, value_name = "N", default_value_t = diagnose::EVALUATIONS, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: u64,
+    /// Do not repeat the search with larger errors, another seed, other starts and other free keys
+    #[arg(long)]
+    no_stability: bool,
     /// Write the mission with the fitted values and the added effects; comments and order are kept
     #[arg(long, value_name = "NEW.toml")]
     write: Option<OutputFile>,
@@ -57,6 +60,7 @@ impl Diagnose {
             candidates: self.candidates.as_ref().map(|path| candidates(path, &mission)).transpose()?,
             can: self.can.clone(),
             evaluations: self.evaluations,
+            stability: !self.no_stability,
         };
         let bar = progress(0, "steps");
         let stage = |name: &str, steps| {

@@ -2,12 +2,15 @@
 
 mod figures;
 mod json;
+mod noise;
 mod reason;
 
 use super::fit::value_and_error;
 use super::{Page, Parts, Report, chance, or_dash, table};
-use crate::analysis::diagnose::{Diagnosis, Next, Rung, Tried, Verdict};
+use crate::analysis::diagnose::noise::SetNoise;
+use crate::analysis::diagnose::{Changed, Diagnosis, Next, Rung, Tried, Verdict};
 use crate::analysis::fit::Fitted;
+use crate::analysis::validate::SetResult;
 use crate::mission::Mission;
 use crate::mission::keys::plain;
 use crate::numeric::calendar::date_after;
@@ -84,6 +87,7 @@ impl Page for Diagnosis {
         out.title(&self.mission.mission.name, "which effect is missing?");
         out.gap();
         out.verdict(format!("Verdict: {}. {}.", self.verdict.name(), sentence(&self.reason.to_string())), 2);
+        self.errors(&mut out);
         self.ladder(&mut out);
         if !self.steps.is_empty() {
             self.added(&mut out);
@@ -107,15 +111,7 @@ impl Page for Diagnosis {
         if !self.tried.is_empty() {
             self.what_was_tried(&mut out);
         }
-        if self.noise.correlation > 0.0 {
-            out.words(
-                format!(
-                    "Note: errors of neighbouring pixels are correlated ({:.2}); the simulated noise is, too.",
-                    self.noise.correlation
-                ),
-                2,
-            );
-        }
+        self.stands(&mut out);
         if !self.undone.is_empty() {
             out.words(
                 format!(
@@ -156,6 +152,32 @@ fn sentence(text: &str) -> String {
 }
 
 impl Diagnosis {
+    /// Where they are not as quoted.
+    fn errors(&self, out: &mut Parts) {
+        let of = |(noise, set): (&SetNoise, &SetResult)| noise::words(noise, set.data.observable.unit());
+        for words in self.noise.iter().zip(&self.after.sets).filter_map(of) {
+            out.words(words, 2);
+        }
+    }
+
+    /// Under which other assumptions the verdict is the same.
+    fn stands(&self, out: &mut Parts) {
+        let (holds, fails): (Vec<&Changed>, Vec<&Changed>) = self.stability.iter().partition(|changed| changed.holds);
+        if self.stability.is_empty() {
+            return;
+        }
+        out.heading("Stability of the verdict");
+        let names = |changed: &[&Changed]| changed.iter().map(|one| one.change.as_str()).collect::<Vec<_>>().join(", ");
+        if !holds.is_empty() {
+            out.words(format!("  the same with: {}", names(&holds)), 4);
+        }
+        for changed in fails {
+            let effects =
+                if changed.effects.is_empty() { String::new() } else { format!(", {}", changed.effects.join(" and ")) };
+            out.words(format!("  with {}: {}{effects}", changed.change, changed.verdict.name()), 4);
+        }
+    }
+
     fn ladder(&self, out: &mut Parts) {
         out.gap();
         let header = ["model", "chi2", "free", "rms [sigma]", "held out", "budget exceeded", "p-value"];

@@ -6,7 +6,7 @@ use super::evidence::{Ended, Evidence, Found};
 use super::fitted_model::Node;
 use super::result::{Reason, Verdict};
 use super::significance::Noise;
-use super::{experiment_design, holdout, rivals};
+use super::{experiment_design, holdout, limits, rivals};
 use crate::error::InputError;
 
 impl Evidence<'_> {
@@ -49,7 +49,19 @@ impl Evidence<'_> {
     pub(super) fn confirmed(&self, node: &Node, place: usize) -> Result<bool, InputError> {
         let parent = self.without(node, place)?;
         let better = |groups| holdout::surprise(groups, node) < holdout::surprise(groups, &parent);
-        Ok(self.groups.is_none_or(better))
+        Ok(self.groups().is_none_or(better))
+    }
+
+    /// What is told besides a verdict: of complete data what they would have shown, of rivals what would tell them apart.
+    pub(super) fn explain(&self, found: &mut Found) -> Result<(), InputError> {
+        let node = found.ladder.last().expect("the base");
+        if found.verdict == Verdict::Complete {
+            found.limits = limits::all(self.search, self.base, self.options.level)?;
+        }
+        if let Some(rival) = found.rivals.first() {
+            found.next = experiment_design::best(self.search, node, &rival.node, &found.rivals, &self.options.can)?;
+        }
+        Ok(())
     }
 
     /// Adopts a model that explains the data, if noise or a few rows alone did not make it.
@@ -70,7 +82,6 @@ impl Evidence<'_> {
         let mut found = Found::of(Verdict::Missing, reason, self.ladder(&node)?);
         if !rivals.is_empty() {
             found.verdict = Verdict::Ambiguous;
-            found.next = experiment_design::best(self.search, &node, &rivals[0].node, &rivals, &self.options.can)?;
             for adopted in node.added.iter().map(|added| added.hypothesis) {
                 let others: Vec<String> = rivals
                     .iter()
@@ -82,6 +93,7 @@ impl Evidence<'_> {
                 }
             }
         }
+        found.rivals = rivals;
         Ok(Ended::Adopted(Box::new(found)))
     }
 }

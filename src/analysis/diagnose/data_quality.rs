@@ -4,36 +4,26 @@
 //! than what neighbouring rows scatter by. (Errors that are too small can only be told from a missing effect once effects
 //! have been tried: see [`sigma_too_small`].)
 
-use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Gamma};
+use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF};
 
 use super::fitted_model::{Case, Node};
 use super::holdout;
+use super::noise::SetNoise;
 use super::result::{Reason, RowPlace};
-use crate::analysis::validate::along_neighbours;
 
 /// Chance below which something is no accident.
 const NO_ACCIDENT: f64 = 1e-5;
 
-/// Rows of a data set below which its scatter is not judged.
-const FEW: usize = 15;
-
-/// Scatter of neighbouring rows, over the quoted error, below which the error is far too large.
-const FAR_TOO_LARGE: f64 = 0.5;
-
-/// Degrees of freedom that a row is worth in the mean square of second differences, which share rows: normal noise has
-/// 2 (1 + 2 (4/6)² + 2 (1/6)²)/n for the relative variance of it.
-const WORTH: f64 = 1.0 / (1.0 + 2.0 * (16.0 + 1.0) / 36.0);
-
 /// Sigma from which on a row is far off, and of how many rows one may be: of fewer, one may be all that shows an effect.
 const ODD_SIGMA: f64 = 5.0;
-const ONE_IN: usize = 50;
+const ONE_IN: usize = 20;
 
 /// Share of a row's residual that free parameters take, from which on one of them hangs on it.
 const HANGS_ON_IT: f64 = 0.3;
 
 /// Why the data cannot carry a verdict; None where they can.
 pub(super) fn refusal(case: &Case, free: usize) -> Option<Reason> {
-    too_few(case, free).or_else(|| repeated(case)).or_else(|| contradictory(case))
+    too_few(case, free).or_else(|| repeated(case))
 }
 
 fn too_few(case: &Case, free: usize) -> Option<Reason> {
@@ -104,7 +94,7 @@ fn decimals(value: f64) -> i32 {
 }
 
 /// Rows under the same circumstances that differ by far more than their errors.
-fn contradictory(case: &Case) -> Option<Reason> {
+pub(super) fn contradictory(case: &Case) -> Option<Reason> {
     let (mut chi2, mut freedom, mut worst) = (0.0, 0usize, (0.0, 0, 0));
     for members in alike(case) {
         let weight = |row: usize| case.sigmas[row].powi(-2);
@@ -133,41 +123,23 @@ fn named(case: &Case, row: usize) -> RowPlace {
     RowPlace { file: set.file.clone(), line: set.table.lines.get(row).copied(), row }
 }
 
-/// Errors that are far larger than the scatter.
-pub(super) fn sigma_too_large(case: &Case, node: &Node) -> Option<Reason> {
-    for (index, set) in case.data.iter().enumerate() {
-        let rows = case.rows(index);
-        if set.rows.len() < FEW {
-            continue;
-        }
-        let residuals: Vec<f64> = rows.map(|row| node.residuals[row]).collect();
-        let between = along_neighbours(set, &residuals, roughness).sqrt();
-        // A mean square of k degrees of freedom.
-        let half = 0.5 * WORTH * (set.rows.len() - 2) as f64;
-        let smooth = Gamma::new(half, half).map_or(1.0, |law| law.cdf(between * between));
-        let freedom = (set.rows.len() as f64 * node.freedom() / case.n() as f64).max(1.0);
-        let chi2: f64 = residuals.iter().map(|residual| residual * residual).sum();
-        let chance = ChiSquared::new(freedom).map_or(1.0, |law| law.cdf(chi2));
-        let all = (chi2 / freedom).sqrt();
-        if (between < FAR_TOO_LARGE && smooth < NO_ACCIDENT) || (chance < NO_ACCIDENT && all < 0.75) {
-            let factor = (10.0 / between.min(all)).round() / 10.0;
-            return Some(Reason::LargeErrors { file: set.file.clone(), factor });
-        }
-    }
-    None
-}
-
-/// Mean square of second differences, 1 for normal noise of standard deviation 1.
-fn roughness(residuals: &[f64]) -> f64 {
-    let squares = residuals.windows(3).map(|three| (three[0] - 2.0 * three[1] + three[2]).powi(2) / 6.0);
-    squares.sum::<f64>() / (residuals.len() - 2) as f64
+/// Errors that are farther from the scatter than can be allowed for.
+pub(super) fn errors_beyond(noise: &[SetNoise]) -> Option<Reason> {
+    let beyond = noise.iter().find(|noise| noise.is_beyond())?;
+    let file = beyond.file.clone();
+    Some(match beyond.scale {
+        scale if scale < 1.0 => Reason::LargeErrors { file, factor: (10.0 / scale).round() / 10.0 },
+        scale => Reason::SmallErrors { file, factor: scale },
+    })
 }
 
 /// Rows that are far from a model which explains all others.
 pub(super) struct Odd {
     /// By how much chi2 falls without them, each counted as a parameter.
     pub fall: f64,
-    /// Which, and how far.
+    /// Which, by their places among all, and how far, in sigma.
+    pub rows: Vec<(usize, f64)>,
+    /// The same as words.
     pub reason: Reason,
 }
 
@@ -192,7 +164,8 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
     let (rows, (fall, off)) = least?;
     let with = node.added.iter().filter_map(|added| added.key.split('.').nth(1)).map(str::to_string).collect();
     let each = rows.iter().zip(off.iter()).map(|(&row, off)| (named(case, row), *off)).collect();
-    Some(Odd { fall: fall - 2.0 * rows.len() as f64, reason: Reason::OddRows { rows: each, with } })
+    let rows: Vec<(usize, f64)> = rows.iter().copied().zip(off.iter().copied()).collect();
+    Some(Odd { fall: fall - 2.0 * rows.len() as f64, rows, reason: Reason::OddRows { rows: each, with } })
 }
 
 /// Errors that are smaller than a scatter which trends on nothing.

@@ -3,8 +3,10 @@
 use std::sync::Arc;
 
 use super::fitted_model::{Case, Node};
+use super::noise::SetNoise;
 use super::options::Options;
 use super::result::{Limit, Next, Reason, Verdict};
+use super::rivals::Rival;
 use super::search::Search;
 use super::work::Work;
 
@@ -17,11 +19,27 @@ pub(super) struct Found {
     pub alternatives: Vec<Vec<String>>,
     pub next: Option<Next>,
     pub limits: Vec<Limit>,
+    /// Models with others in the place of one of its effects, the nearest first.
+    pub rivals: Vec<Rival>,
+    /// Rows that are wrong (by their places among all), each with how far it is off, in sigma: the search is to be repeated without.
+    pub wrong: Vec<(usize, f64)>,
+    /// The errors that the search saw.
+    pub noise: Vec<SetNoise>,
 }
 
 impl Found {
     pub fn of(verdict: Verdict, reason: Reason, ladder: Vec<Arc<Node>>) -> Found {
-        Found { verdict, reason, ladder, alternatives: Vec::new(), next: None, limits: Vec::new() }
+        Found {
+            verdict,
+            reason,
+            ladder,
+            alternatives: Vec::new(),
+            next: None,
+            limits: Vec::new(),
+            rivals: Vec::new(),
+            wrong: Vec::new(),
+            noise: Vec::new(),
+        }
     }
 }
 
@@ -40,12 +58,18 @@ pub(super) struct Evidence<'a> {
     pub search: &'a Search<'a>,
     pub options: &'a Options,
     pub base: &'a Arc<Node>,
-    pub groups: Option<&'a [Vec<usize>]>,
+    /// A column, and the groups of rows that are left out by it.
+    pub split: Option<&'a (&'static str, Vec<Vec<usize>>)>,
 }
 
 impl Evidence<'_> {
     pub fn case(&self) -> &Case<'_> {
         self.search.case
+    }
+
+    /// Groups of rows that are left out.
+    pub fn groups(&self) -> Option<&[Vec<usize>]> {
+        self.split.map(|(_, groups)| &groups[..])
     }
 
     pub fn work(&self) -> &Work {

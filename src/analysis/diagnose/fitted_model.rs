@@ -1,12 +1,14 @@
 //! The data of a diagnosis, and a model fitted to them.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
 use super::work::Work;
 use crate::analysis::fit::{self, Fit, Fitted};
 use crate::analysis::measurement::{DataSet, questions};
+use crate::analysis::whitening::{Link, Whitening, trails};
 use crate::effect::Reach;
 use crate::error::InputError;
 use crate::mission::Mission;
@@ -22,13 +24,12 @@ pub(super) struct Case<'a> {
     pub sigmas: Vec<f64>,
     /// Data set of each row.
     pub set_of: Vec<usize>,
-    /// For each row the row before it in the same trail, and how many pixels lie between: their errors may be shared.
-    pub before: Vec<Option<(usize, i32)>>,
-    /// Rows in an order in which those come first.
-    pub order: Vec<usize>,
+    /// For each row the row before it in the same trail, and how many pixels lie between.
+    pub before: Vec<Link>,
+    pub(super) whitening: Whitening,
     pub reach: Reach,
     /// Evaluations of the model at all rows.
-    pub work: Work,
+    pub work: Arc<Work>,
 }
 
 impl<'a> Case<'a> {
@@ -36,17 +37,16 @@ impl<'a> Case<'a> {
         let rows = || data.iter().flat_map(|set| &set.rows);
         let set_of: Vec<usize> = data.iter().enumerate().flat_map(|(index, set)| vec![index; set.rows.len()]).collect();
         let questions = questions(data);
-        let (before, order) = trails(data);
         Case {
             data,
             values: rows().map(|row| row.value).collect(),
             sigmas: rows().map(|row| row.sigma).collect(),
             set_of,
-            before,
-            order,
+            before: neighbours(data),
+            whitening: Whitening::of(data, |_| true),
             reach: Reach::of(questions.iter().map(|question| question.at)),
             questions,
-            work: Work::of_at_most(u64::MAX),
+            work: Arc::new(Work::of_at_most(u64::MAX)),
         }
     }
 
@@ -60,7 +60,7 @@ impl<'a> Case<'a> {
         self.values.len()
     }
 
-    /// Predictions in units of each row's sigma.
+    /// Predictions in units of each row's sigma, without what the errors of rows have in common.
     ///
     /// # Errors
     /// Where the model has no value for a row.
@@ -73,37 +73,48 @@ impl<'a> Case<'a> {
                 "the model has no value for a row; `ctiplan validate` tells which",
             ));
         }
-        Ok(self.over_sigma(&values))
+        Ok(self.white(&values))
     }
 
-    pub fn over_sigma(&self, values: &[f64]) -> DVector<f64> {
-        DVector::from_iterator(values.len(), values.iter().zip(&self.sigmas).map(|(value, sigma)| value / sigma))
+    /// Values in units of each row's sigma, without what the errors of rows have in common; pedestals are kept.
+    pub fn white(&self, values: &[f64]) -> DVector<f64> {
+        DVector::from_vec(self.whitening.linear(&self.over_sigma(values)))
+    }
+
+    /// By how much another model's predictions are larger than a fitted one's, as residuals feel it.
+    ///
+    /// # Errors
+    /// As [`Case::predict_sigma`].
+    pub fn change(&self, node: &Node, model: &Model) -> Result<DVector<f64>, InputError> {
+        let mut change = self.predict_sigma(model)? - self.white(&node.fit.values);
+        self.whitening.change(change.as_mut_slice(), &node.levels);
+        Ok(change)
+    }
+
+    fn over_sigma(&self, values: &[f64]) -> Vec<f64> {
+        values.iter().zip(&self.sigmas).map(|(value, sigma)| value / sigma).collect()
+    }
+
+    /// A change of residuals with what the errors of rows have in common put back.
+    pub fn coloured(&self, white: &[f64]) -> DVector<f64> {
+        DVector::from_vec(self.whitening.undone(white))
+    }
+
+    /// Data set, value and error of the pedestal of each file that may have one, at a fitted model.
+    pub fn pedestals(&self, node: &Node) -> Vec<(usize, f64, f64)> {
+        let residuals = self.white(&self.values) - self.white(&node.fit.values);
+        self.whitening.pedestals(residuals.as_slice(), &node.fit.jacobian)
     }
 }
 
-/// The row before each in its trail, and an order in which trails are followed from the packet on.
-fn trails(data: &[DataSet]) -> (Vec<Option<(usize, i32)>>, Vec<usize>) {
-    let (mut before, mut order) = (Vec::new(), Vec::new());
+/// For each row of all data sets the row before it in the same trail.
+fn neighbours(data: &[DataSet]) -> Vec<Link> {
+    let mut all: Vec<Link> = Vec::new();
     for set in data {
-        let first = before.len();
-        let others: Vec<Vec<f64>> =
-            set.varying.iter().filter(|name| *name != "trail_px").map(|name| set.against(name)).collect();
-        let pixel = |row: usize| set.rows[row].at.trail_px.unwrap_or(0) as i32;
-        let trail = |a: usize, b: usize| {
-            others.iter().map(|column| column[a].total_cmp(&column[b])).find(|order| order.is_ne())
-        };
-        let mut rows: Vec<usize> = (0..set.rows.len()).collect();
-        rows.sort_by(|&a, &b| trail(a, b).unwrap_or(pixel(a).cmp(&pixel(b))).then(a.cmp(&b)));
-        before.resize(first + set.rows.len(), None);
-        for pair in rows.windows(2) {
-            let apart = pixel(pair[1]) - pixel(pair[0]);
-            if trail(pair[0], pair[1]).is_none() && apart > 0 {
-                before[first + pair[1]] = Some((first + pair[0], apart));
-            }
-        }
-        order.extend(rows.into_iter().map(|row| first + row));
+        let first = all.len();
+        all.extend(trails(set, |_| true).into_iter().map(|link| link.map(|(row, apart)| (first + row, apart))));
     }
-    (before, order)
+    all
 }
 
 /// An effect that was added.
@@ -123,8 +134,10 @@ pub(super) struct Node {
     pub added: Vec<Added>,
     pub model: Model,
     pub fit: Fit,
-    /// (value − model)/sigma.
+    /// (value − model)/sigma, without what the errors of rows have in common.
     pub residuals: DVector<f64>,
+    /// How high the pedestals are, in their errors.
+    levels: Vec<f64>,
     /// Orthonormal directions that the free parameters can absorb, `[(row, direction)]`.
     pub basis: DMatrix<f64>,
 }
@@ -141,9 +154,11 @@ impl Node {
         let keys: Vec<String> = base.iter().chain(added.iter().flat_map(|added| &added.free)).cloned().collect();
         let fit = fit::fit_rows(model, case.data, &keys, options, &|_| case.work.count(), |_| true)?;
         let model = model.like(&fit.mission);
-        let residuals = case.over_sigma(&case.values) - case.over_sigma(&fit.values);
+        let off: Vec<f64> = case.values.iter().zip(&fit.values).map(|(value, model)| value - model).collect();
+        let residuals = DVector::from_vec(case.whitening.residuals(&case.over_sigma(&off)));
+        let levels = case.whitening.levels(case.white(&off).as_slice());
         let basis = orthonormal(&fit.jacobian);
-        Ok(Node { added, model, fit, residuals, basis })
+        Ok(Node { added, model, fit, residuals, levels, basis })
     }
 
     pub fn mission(&self) -> &Mission {

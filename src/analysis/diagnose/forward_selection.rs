@@ -5,12 +5,13 @@ use std::sync::Arc;
 use nalgebra::DVector;
 use rayon::prelude::*;
 
+use super::data_quality::Odd;
 use super::evidence::{Ended, Evidence, Found};
 use super::fitted_model::Node;
 use super::pairs::{self, Pair};
 use super::result::{Reason, Verdict};
 use super::search::{BREADTH, LINES, Sketch};
-use super::{data_quality, limits, rivals};
+use super::{data_quality, rivals};
 use crate::error::InputError;
 
 /// Effects added at most.
@@ -35,7 +36,7 @@ impl Evidence<'_> {
         (self.search.progress.stage)("every effect", 2 * hypotheses);
         self.search.expand(self.base);
         if self.is_enough(self.base)? {
-            return self.complete(Reason::Explained);
+            return Ok(self.complete(Reason::Explained));
         }
         let mut tried = vec![self.base.clone()];
         let ended = self.lines(&mut tried)?;
@@ -44,20 +45,18 @@ impl Evidence<'_> {
             Ended::ByChance => (None, true),
             Ended::Nothing => (None, false),
         };
-        if let Some(reason) = self.odd_rows(found.as_ref(), &tried) {
-            return Ok(Found::of(Verdict::Unfit, reason, vec![self.base.clone()]));
+        if let Some(odd) = self.odd_rows(found.as_ref(), &tried) {
+            return Ok(Found { wrong: odd.rows, ..Found::of(Verdict::Unfit, odd.reason, vec![self.base.clone()]) });
         }
         match found {
             Some(found) => Ok(found),
-            None if by_chance || self.mere_noise(self.base)?.is_some() => self.complete(self.not_borne_out(&tried)),
+            None if by_chance || self.mere_noise(self.base)?.is_some() => Ok(self.complete(self.not_borne_out(&tried))),
             None => self.unexplained(&tried),
         }
     }
 
-    fn complete(&self, reason: Reason) -> Result<Found, InputError> {
-        let mut found = Found::of(Verdict::Complete, reason, vec![self.base.clone()]);
-        found.limits = limits::all(self.search, self.base, self.options.level)?;
-        Ok(found)
+    fn complete(&self, reason: Reason) -> Found {
+        Found::of(Verdict::Complete, reason, vec![self.base.clone()])
     }
 
     /// That an effect does better than noise mostly does, and is not believed all the same.
@@ -125,7 +124,7 @@ impl Evidence<'_> {
 
     /// Rows that are wrong, where that asks for less than the effects that were found: a row left out counts as a parameter. The
     /// model with the fewest effects has the word.
-    fn odd_rows(&self, found: Option<&Found>, tried: &[Arc<Node>]) -> Option<Reason> {
+    fn odd_rows(&self, found: Option<&Found>, tried: &[Arc<Node>]) -> Option<Odd> {
         let adopted = found.and_then(|found| found.ladder.last());
         let simpler = tried.iter().filter(|node| adopted.is_none_or(|adopted| node.added.len() < adopted.added.len()));
         let odd = simpler.filter_map(|node| {
@@ -133,7 +132,7 @@ impl Evidence<'_> {
         });
         let (_, score, odd) = odd.min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)))?;
         let clear = adopted.is_none_or(|adopted| score + MUCH_SIMPLER < self.score(adopted));
-        clear.then_some(odd.reason)
+        clear.then_some(odd)
     }
 
     /// The best models with one effect more, in full.

@@ -205,12 +205,11 @@ impl Hypothesis {
 
     /// Its trials at a fitted model; none where the free parameters absorb it, or it changes nothing.
     pub(super) fn trials(&self, place: usize, case: &Case, node: &Node) -> Vec<Trial> {
-        let here = case.over_sigma(&node.fit.values);
         let reach = case.reach.with_dose(|t_yr| node.model.dose_mev_g(t_yr).ok());
         let ways = self.ways(node.mission(), &reach);
         let signature = |mission: &Mission, table: &Table| -> Option<DVector<f64>> {
             let (mission, _) = mission_file::add_effect(mission, self.kind, table.clone()).ok()?;
-            Some(case.predict_sigma(&node.model.like(&mission)).ok()? - &here)
+            case.change(node, &node.model.like(&mission)).ok()
         };
         let trial = |tables: &Vec<Table>| -> Option<Trial> {
             let beyond = |table: &Table| -> Option<(f64, DVector<f64>)> {

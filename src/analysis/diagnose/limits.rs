@@ -58,13 +58,12 @@ fn limit(search: &Search, base: &Node, hypothesis: &Hypothesis, trials: &[Trial]
         let seen = trial.moved_sigma > 2.0 * needed_sigma;
         return Limit { table: seen.then(|| trial.table.clone()), ..none };
     };
-    let here = search.case.over_sigma(&base.fit.values);
     let at = |log: f64| scaled(log.exp()).map_or_else(|| trial.table.clone(), |(table, _)| table);
     // Logarithm of what it moves the predictions by over what is needed; of nothing where the model has no value.
     let excess = |log: f64| -> f64 {
         let moved_sigma = || -> Option<f64> {
             let (mission, _) = mission_file::add_effect(base.mission(), hypothesis.kind, at(log)).ok()?;
-            let signature = search.case.predict_sigma(&base.model.like(&mission)).ok()? - &here;
+            let signature = search.case.change(base, &base.model.like(&mission)).ok()?;
             Some(base.beyond(&signature).norm())
         };
         let excess = (moved_sigma().unwrap_or(0.0) / needed_sigma).ln();

@@ -17,11 +17,21 @@ pub struct Options {
     pub can: Vec<Observable>,
     /// Evaluations of the model at all rows after which no further step of the search is begun.
     pub evaluations: u64,
+    /// Whether the search is repeated under other assumptions.
+    pub stability: bool,
 }
 
 impl Default for Options {
     fn default() -> Options {
-        Options { level: 0.01, seed: 1, free: Vec::new(), candidates: None, can: Vec::new(), evaluations: EVALUATIONS }
+        Options {
+            level: 0.01,
+            seed: 1,
+            free: Vec::new(),
+            candidates: None,
+            can: Vec::new(),
+            evaluations: EVALUATIONS,
+            stability: true,
+        }
     }
 }
 

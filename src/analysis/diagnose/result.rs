@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::significance::Noise;
+use super::noise::SetNoise;
+use super::stability::Changed;
 use crate::analysis::fit::{Advice, Fitted};
 use crate::analysis::validate::Validation;
 use crate::mission::Mission;
@@ -250,8 +251,10 @@ pub struct Diagnosis {
     pub limits: Vec<Limit>,
     /// The column whose groups were left out.
     pub held_out: Option<String>,
-    /// Noise as the residuals of the final model show it.
-    pub noise: Noise,
+    /// The errors of each file as the search saw them.
+    pub noise: Vec<SetNoise>,
+    /// What is said under assumptions that are as good.
+    pub stability: Vec<Changed>,
     /// Things seen on the way.
     pub notes: Vec<Note>,
     /// Evaluations of the model at all rows that the search made, and after how many it begins no further step.

@@ -1,6 +1,6 @@
 //! How often noise alone does as well, over everything that was tried.
 //!
-//! Noise as measured (its scale in each data set, its correlation along trails) is drawn many times, what the free
+//! Noise of residuals that were made independent (`whitening`) is drawn many times, what the free
 //! parameters absorb of it is taken out, and the whole search is repeated on it: every effect, every trial, to first order in
 //! the strength (a fit to pure noise finds weak effects only, for which the first order is all there is; see
 //! `docs/diagnosis.md` for how well that holds). Each effect's largest gain in chi2 is put on the scale of its own chance,
@@ -11,7 +11,6 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
-use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Gamma};
 
 use super::fitted_model::{Case, Node};
@@ -23,20 +22,31 @@ const SIMULATIONS: u64 = 4000;
 /// Simulations that must be beyond a value for their number to tell its chance.
 const ENOUGH: usize = 20;
 
-/// The noise of the data, as residuals show it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Noise {
-    /// Standard deviation in each data set, in units of the quoted sigma; 1 unless it is clearly larger.
-    pub scale: Vec<f64>,
-    /// Correlation of neighbouring pixels of a trail; 0 unless it is clear.
-    pub correlation: f64,
+/// The noise of whitened residuals.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Noise {
+    /// Standard deviation in each data set, in units of its sigma.
+    scale: Vec<f64>,
+    /// Degrees of freedom from which that sigma was estimated, in each data set; None where it is as quoted.
+    freedom: Vec<Option<f64>>,
 }
 
 /// Errors by which a scale or a correlation must differ to be clear.
 const CLEAR: f64 = 3.5;
 
 impl Noise {
-    /// The noise that is left at a fitted model.
+    /// As the errors say, those that were estimated being as uncertain as they are.
+    pub(super) fn of(case: &Case) -> Noise {
+        let freedom = case.data.iter().map(|set| set.shared.freedom).collect();
+        Noise { scale: vec![1.0; case.data.len()], freedom }
+    }
+
+    /// Whether no error was estimated.
+    pub(super) fn is_as_quoted(&self) -> bool {
+        self.freedom.iter().all(Option::is_none)
+    }
+
+    /// The noise that is left at a fitted model: more than the errors say, where it clearly is.
     pub(super) fn left_at(case: &Case, node: &Node) -> Noise {
         let taken = node.freedom() / case.n() as f64;
         let scale = (0..case.data.len()).map(|set| {
@@ -45,30 +55,25 @@ impl Noise {
             let chi2: f64 = rows.map(|row| node.residuals[row].powi(2)).sum();
             if chi2 > freedom + CLEAR * (2.0 * freedom).sqrt() { (chi2 / freedom).sqrt() } else { 1.0 }
         });
-        Noise { scale: scale.collect(), correlation: correlation(case, &node.residuals) }
+        Noise { scale: scale.collect(), ..Noise::of(case) }
     }
 
     fn sample(&self, case: &Case, random: &mut ChaCha8Rng) -> DVector<f64> {
-        let mut noise = DVector::zeros(case.n());
-        for &row in &case.order {
+        let scale = self.scale.iter().zip(&self.freedom).map(|(scale, freedom)| {
+            // What was estimated from noise is wrong by noise: Student's t.
+            let squares = freedom.map(|freedom| (freedom, rand_distr::ChiSquared::new(freedom).expect("above 0")));
+            scale * squares.map_or(1.0, |(freedom, law)| (freedom / law.sample(random)).sqrt())
+        });
+        let scale: Vec<f64> = scale.collect();
+        DVector::from_fn(case.n(), |row, _| {
             let fresh: f64 = StandardNormal.sample(random);
-            noise[row] = match case.before[row] {
-                Some((before, apart)) if self.correlation != 0.0 => {
-                    let shared = self.correlation.powi(apart);
-                    shared * noise[before] + (1.0 - shared * shared).sqrt() * fresh
-                }
-                _ => fresh,
-            };
-        }
-        for row in 0..case.n() {
-            noise[row] *= self.scale[case.set_of[row]];
-        }
-        noise
+            scale[case.set_of[row]] * fresh
+        })
     }
 }
 
 /// Correlation of residuals of neighbouring pixels, where it is clearly above 0.
-fn correlation(case: &Case, residuals: &DVector<f64>) -> f64 {
+pub(super) fn correlation(case: &Case, residuals: &DVector<f64>) -> f64 {
     let pairs = (0..case.n())
         .filter_map(|row| case.before[row].filter(|(_, apart)| *apart == 1).map(|(before, _)| (before, row)));
     let (mut product, mut squares, mut count) = (0.0, 0.0, 0.0);

@@ -36,13 +36,12 @@ impl Evidence<'_> {
 
     /// Noise as the data state it, where neither chi2 nor what residuals trend on says that there is more; None elsewhere.
     pub(super) fn mere_noise(&self, node: &Arc<Node>) -> Result<Option<Null>, InputError> {
-        let noise = Noise::left_at(self.case(), node);
-        let white = Noise { scale: vec![1.0; self.case().data.len()], correlation: noise.correlation };
+        let noise = Noise::of(self.case());
         // By the textbook first: far beyond it nothing need be simulated.
-        if noise.correlation == 0.0 && node.chi2() > node.freedom() + 8.0 * (2.0 * node.freedom()).sqrt() {
+        if noise.is_as_quoted() && node.chi2() > node.freedom() + 8.0 * (2.0 * node.freedom()).sqrt() {
             return Ok(None);
         }
-        let null = self.search.null(node, &white);
+        let null = self.search.null(node, &noise);
         if null.chi2_above(node.chi2()) < CHI2 * self.level(node) {
             return Ok(None);
         }

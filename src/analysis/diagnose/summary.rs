@@ -3,7 +3,6 @@
 use super::evidence::{Evidence, Found, newest};
 use super::fitted_model::{Added, Node};
 use super::result::{Diagnosis, Leaning, Note, Rung, Step, Tried, Verdict};
-use super::significance::Noise;
 use super::{formula, holdout};
 use crate::analysis::fit::{self, Advice};
 use crate::analysis::validate::validate;
@@ -15,14 +14,8 @@ use crate::plan::evaluate::{self, evaluate};
 
 impl Evidence<'_> {
     /// Everything that is told of what was found.
-    pub(super) fn diagnosis(
-        &self,
-        mission: &Mission,
-        found: Found,
-        held_out: Option<String>,
-        notes: Vec<Note>,
-    ) -> Result<Diagnosis, InputError> {
-        let Found { verdict, reason, ladder, alternatives, next, limits } = found;
+    pub(super) fn diagnosis(&self, mission: &Mission, found: Found, notes: Vec<Note>) -> Result<Diagnosis, InputError> {
+        let Found { verdict, reason, ladder, alternatives, next, limits, noise, .. } = found;
         let node = ladder.last().expect("the base");
         (self.search.progress.stage)("budget", ladder.len() as u64);
         let improved = Mission { accuracy: mission.accuracy.clone(), ..node.mission().clone() };
@@ -41,7 +34,7 @@ impl Evidence<'_> {
                     n: self.case().n(),
                     free: node.fit.parameters.len(),
                     parameters: node.fit.parameters.clone(),
-                    holdout_rms_sigma: self.groups.and_then(|groups| holdout::rms_sigma(groups, node)),
+                    holdout_rms_sigma: self.groups().and_then(|groups| holdout::rms_sigma(groups, node)),
                     budget: budget(node.mission()),
                 }
             })
@@ -92,8 +85,9 @@ impl Evidence<'_> {
             suggestion,
             next,
             limits,
-            held_out,
-            noise: Noise::left_at(self.case(), node),
+            held_out: self.split.map(|(column, _)| column.to_string()),
+            noise,
+            stability: Vec::new(),
             notes,
             evaluations: [self.case().work.done(), self.options.evaluations],
             undone: self.case().work.undone(),

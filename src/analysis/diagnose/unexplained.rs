@@ -6,7 +6,7 @@ use super::data_quality;
 use super::evidence::{Evidence, Found, newest};
 use super::fitted_model::Node;
 use super::result::{Reason, Verdict};
-use super::significance::Noise;
+use super::significance::correlation;
 use super::stopping_rule::LEAN;
 use crate::analysis::validate::validate;
 use crate::error::InputError;
@@ -21,7 +21,7 @@ impl Evidence<'_> {
         let validation = validate(self.base.mission(), self.case().data, self.options.seed)?;
         let trends = validation.trends.iter().any(|trend| trend.false_alarm < LEAN * self.options.level);
         let off = validation.sets.iter().any(|set| set.bias_alarm(validation.sets.len()) < LEAN * self.options.level);
-        let white = !trends && !off && Noise::left_at(self.case(), self.base).correlation == 0.0;
+        let white = !trends && !off && correlation(self.case(), &self.base.residuals) == 0.0;
         if white {
             let best = tried.iter().min_by(|a, b| a.chi2().total_cmp(&b.chi2())).unwrap_or(self.base);
             let reason = data_quality::sigma_too_small(self.case(), best);

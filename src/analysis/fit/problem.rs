@@ -6,6 +6,7 @@ use toml::Value;
 
 use super::parameter::Parameter;
 use crate::analysis::measurement::{DataSet, questions};
+use crate::analysis::whitening::Whitening;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
@@ -18,6 +19,7 @@ pub(crate) struct Problem<'a> {
     pub(super) questions: Vec<Question<'a>>,
     pub(super) values: Vec<f64>,
     pub(super) sigmas: Vec<f64>,
+    whitening: Whitening,
     pub(super) progress: &'a (dyn Fn(f64) + Sync),
 }
 
@@ -64,6 +66,7 @@ impl<'a> Problem<'a> {
             questions: questions.filter(|(index, _)| wanted(*index)).map(|(_, question)| question).collect(),
             values: rows().map(|(_, row)| row.value).collect(),
             sigmas: rows().map(|(_, row)| row.sigma).collect(),
+            whitening: Whitening::of(data, &wanted),
             parameters,
             progress,
         };
@@ -92,7 +95,7 @@ impl<'a> Problem<'a> {
         self.base.mission.with(&self.parameters.iter().zip(at).map(setting).collect::<Vec<_>>())
     }
 
-    /// (value − model)/sigma of every row.
+    /// (value − model)/sigma of every row, without what the errors of rows have in common.
     ///
     /// # Errors
     /// Where the model has no value.
@@ -122,6 +125,7 @@ impl<'a> Problem<'a> {
             .zip(&self.sigmas)
             .map(|((value, model), sigma)| (value - model) / sigma)
             .collect();
+        let residuals = self.whitening.residuals(&residuals);
         (self.progress)(chi2(&residuals));
         Ok(residuals)
     }

@@ -6,6 +6,7 @@ use statrs::function::erf::erfc;
 use super::residual_trend::Trend;
 use super::scatter::scatter;
 use crate::analysis::measurement::DataSet;
+use crate::analysis::whitening::Whitening;
 use crate::io::table::{Cell, Column, Datatype, Table};
 use crate::mission::Mission;
 
@@ -109,14 +110,15 @@ impl SetResult {
         self.data.file.rsplit(['/', '\\']).next().expect("a last part")
     }
 
-    /// (value − model)/sigma, row by row.
+    /// (value − model)/sigma, row by row, without what the errors of rows have in common.
     pub fn residuals(&self) -> Vec<f64> {
         residuals(&self.data, &self.model)
     }
 }
 
 fn residuals(data: &DataSet, model: &[f64]) -> Vec<f64> {
-    data.rows.iter().zip(model).map(|(row, model)| (row.value - model) / row.sigma).collect()
+    let residuals: Vec<f64> = data.rows.iter().zip(model).map(|(row, model)| (row.value - model) / row.sigma).collect();
+    Whitening::of(std::slice::from_ref(data), |_| true).residuals(&residuals)
 }
 
 impl Validation {

@@ -27,7 +27,8 @@ pub(crate) fn along_neighbours(data: &DataSet, residuals: &[f64], roughness: fn(
 /// Rows below which a scatter is not estimated.
 const FEW: usize = 8;
 
-fn second_differences(residuals: &[f64]) -> f64 {
+/// Median second difference, 1 for normal noise of standard deviation 1.
+pub(crate) fn second_differences(residuals: &[f64]) -> f64 {
     if residuals.len() < FEW {
         return 1.0;
     }

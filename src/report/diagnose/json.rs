@@ -2,8 +2,8 @@
 
 use serde::ser::{Serialize, Serializer};
 
-use crate::analysis::diagnose::significance::Noise;
-use crate::analysis::diagnose::{Diagnosis, Leaning, Limit, Next, Note, Reason, Rung, Step, Verdict};
+use crate::analysis::diagnose::noise::SetNoise;
+use crate::analysis::diagnose::{Changed, Diagnosis, Leaning, Limit, Next, Note, Reason, Rung, Step, Verdict};
 use crate::analysis::fit::{Advice, Fitted};
 use crate::effect::CATALOGUE;
 use crate::io::json;
@@ -21,7 +21,8 @@ struct Document<'a> {
     parameters: Vec<Parameter<'a>>,
     tried: Vec<Attempt<'a>>,
     held_out: Option<&'a str>,
-    noise: &'a Noise,
+    noise: &'a [SetNoise],
+    stability: &'a [Changed],
     leaning: Vec<String>,
     formula: Option<&'a str>,
     notes: &'a [Note],
@@ -77,6 +78,7 @@ impl Serialize for Diagnosis {
             tried: self.tried.iter().map(|tried| Attempt::of(&tried.effect, tried.chi2, &self.baseline)).collect(),
             held_out: self.held_out.as_deref(),
             noise: &self.noise,
+            stability: &self.stability,
             leaning: self.after.words(),
             formula: self.suggestion.as_ref().map(|suggestion| suggestion.toml.as_str()),
             notes: &self.notes,

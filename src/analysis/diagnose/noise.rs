@@ -1,0 +1,239 @@
+//! Errors as the rows tell them, file by file: scale, correlation along trails, rows that are wrong, a constant pedestal.
+//!
+//! Quoted errors of flown data are wrong by a factor, shared along trails, and some rows are wrong altogether. All of that is
+//! told from how rows differ from what is smooth around them (`smooth`): never from what a model leaves, or a missing effect
+//! would hide in it. The search then sees data with these errors (`allowed_for`). At the model that a search adopts they are
+//! estimated once more; where they come out otherwise, it is repeated with these.
+
+mod restricted_likelihood;
+mod smooth;
+mod wrong_rows;
+
+use nalgebra::{DMatrix, DVector};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::fitted_model::{Case, Node};
+use super::search::Expansion;
+use crate::analysis::measurement::DataSet;
+use crate::analysis::validate::along_neighbours;
+use crate::analysis::whitening::{Neighbours, Shared, trails};
+use restricted_likelihood::Likeliest;
+
+/// Rows of a file below which its errors are taken as quoted.
+const FEW: usize = 16;
+
+/// Chances below which quoted errors are not believed: too small ones make effects out of noise, too large ones only hide them.
+const TOO_SMALL: f64 = 0.02;
+const TOO_LARGE: f64 = 1e-4;
+
+/// The same where they were not believed before: a search is not to go back and forth.
+const STILL: f64 = 0.2;
+
+/// Factor by which errors may be wrong; beyond it (by more than its own error) nothing is to be made of the data.
+const AT_MOST: f64 = 3.4;
+
+/// Logarithm of scales, and difference of correlations, below which two estimates are one.
+const SAME_SCALE: f64 = 0.15;
+const SAME_CORRELATION: f64 = 0.15;
+
+/// Pedestals from so many of their errors on are told.
+const CLEAR: f64 = 3.5;
+
+/// The errors of one file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SetNoise {
+    /// The file as given.
+    pub file: String,
+    /// True errors over quoted ones, of all rows alike; 1 where the scatter does not contradict them.
+    pub scale: f64,
+    /// Correlation of neighbours in a trail; 0 where it is not clear.
+    pub correlation: f64,
+    /// Which neighbours that is meant of.
+    pub neighbours: Neighbours,
+    /// Rows that are wrong, each with how far off it is, in sigma.
+    pub wrong: Vec<WrongRow>,
+    /// A constant that all values have in common, in their unit; None where there is none.
+    pub pedestal: Option<f64>,
+    /// Error of a constant; None where the file cannot tell one.
+    pub pedestal_sigma: Option<f64>,
+    /// Degrees of freedom that a scale other than 1 was estimated from.
+    freedom: Option<f64>,
+}
+
+/// A row that is wrong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WrongRow {
+    /// Its place among the rows of the file.
+    pub row: usize,
+    /// Its line in the file; None for a table that was not read from a file.
+    pub line: Option<usize>,
+    /// How far it is from what the others foretell, in sigma.
+    pub off_sigma: f64,
+    /// Whether that is known from a model which explains all others, not from the rows around it.
+    pub(super) by_model: bool,
+}
+
+impl WrongRow {
+    fn over(self, scale: f64) -> WrongRow {
+        WrongRow { off_sigma: self.off_sigma / scale, ..self }
+    }
+}
+
+impl SetNoise {
+    fn as_quoted(set: &DataSet) -> SetNoise {
+        SetNoise {
+            file: set.file.clone(),
+            scale: 1.0,
+            correlation: 0.0,
+            neighbours: Neighbours::default(),
+            wrong: Vec::new(),
+            pedestal: None,
+            pedestal_sigma: None,
+            freedom: None,
+        }
+    }
+
+    /// Whether the errors are too far from the quoted ones: by which factor they are too large, or too small.
+    pub(super) fn is_beyond(&self) -> bool {
+        self.scale > AT_MOST || self.scale < 1.0 / AT_MOST
+    }
+
+    fn is_like(&self, other: &SetNoise) -> bool {
+        let rows = |noise: &SetNoise| noise.wrong.iter().map(|wrong| wrong.row).collect::<Vec<_>>();
+        (self.scale / other.scale).ln().abs() < SAME_SCALE
+            && (self.correlation - other.correlation).abs() < SAME_CORRELATION
+            && rows(self) == rows(other)
+    }
+}
+
+/// Errors as they are quoted.
+pub(super) fn as_quoted(data: &[DataSet]) -> Vec<SetNoise> {
+    data.iter().map(SetNoise::as_quoted).collect()
+}
+
+/// Errors so many times larger.
+pub(super) fn larger(noise: &[SetNoise], factor: f64) -> Vec<SetNoise> {
+    noise.iter().map(|noise| SetNoise { scale: factor * noise.scale, ..noise.clone() }).collect()
+}
+
+/// Whether two estimates are the same for a search.
+pub(super) fn is_same(one: &[SetNoise], other: &[SetNoise]) -> bool {
+    one.iter().zip(other).all(|(one, other)| one.is_like(other))
+}
+
+/// Data with the errors that were estimated, and pedestals allowed for.
+pub(super) fn allowed_for(quoted: &[DataSet], noise: &[SetNoise]) -> Vec<DataSet> {
+    let with = |(set, noise): (&DataSet, &SetNoise)| {
+        let mut set = set.clone();
+        for row in &mut set.rows {
+            row.sigma *= noise.scale;
+        }
+        for wrong in &noise.wrong {
+            // As far off as its error is then.
+            set.rows[wrong.row].sigma *= wrong.off_sigma.abs().max(1.0);
+        }
+        set.shared = Shared {
+            correlation: noise.correlation,
+            neighbours: noise.neighbours,
+            pedestal: true,
+            wrong: noise.wrong.iter().map(|wrong| wrong.row).collect(),
+            freedom: noise.freedom,
+        };
+        set
+    };
+    quoted.iter().zip(noise).map(with).collect()
+}
+
+/// The errors of all files, told from residuals at a fitted model and every way in which an effect could change them. Rows that
+/// are known to be wrong from a model stay so.
+pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, known: &[SetNoise]) -> Vec<SetNoise> {
+    let node = &expansion.node;
+    let signatures: Vec<DVector<f64>> = node
+        .basis
+        .column_iter()
+        .chain(expansion.trials.iter().flatten().flat_map(|trial| trial.basis.column_iter()))
+        .map(|column| case.coloured(column.as_slice()))
+        .collect();
+    let of = |(index, set): (usize, &DataSet)| {
+        let rows = case.rows(index);
+        if rows.len() < FEW {
+            return SetNoise::as_quoted(set);
+        }
+        let model = &node.fit.values[rows.clone()];
+        let as_quoted = |signature: &DVector<f64>| {
+            let signature = signature.rows_range(rows.clone());
+            let column = signature.iter().zip(&set.rows).zip(&case.sigmas[rows.clone()]);
+            DVector::from_iterator(rows.len(), column.map(|((value, row), sigma)| value * sigma / row.sigma))
+        };
+        let columns = signatures.iter().map(as_quoted).chain(smooth::columns(set, model)).collect();
+        let residuals = set.rows.iter().zip(model).map(|(row, model)| (row.value - model) / row.sigma);
+        let residuals = DVector::from_iterator(rows.len(), residuals);
+        of_set(set, &residuals, &smooth::directions(columns), &known[index])
+    };
+    quoted.iter().enumerate().map(of).collect()
+}
+
+/// The errors of one file, told from its residuals (in quoted errors) about what is smooth.
+fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known: &SetNoise) -> SetNoise {
+    let mut wrong: Vec<WrongRow> = known.wrong.iter().filter(|wrong| wrong.by_model).copied().collect();
+    for (row, off_sigma) in wrong_rows::of(residuals, smooth) {
+        if wrong.iter().all(|known| known.row != row) {
+            wrong.push(WrongRow { row, line: set.table.lines.get(row).copied(), off_sigma, by_model: false });
+        }
+    }
+    wrong.sort_by_key(|wrong| wrong.row);
+    let is_wrong = |row: usize| wrong.iter().any(|wrong| wrong.row == row);
+    let links = trails(set, |row| !is_wrong(row));
+    let right: Vec<usize> = (0..residuals.len()).filter(|row| !is_wrong(*row)).collect();
+    let found = Likeliest::of(residuals, smooth, &links, &right);
+    let law = ChiSquared::new(found.freedom).expect("above 0");
+    let squares = found.freedom * found.scale * found.scale;
+    let [too_small, too_large] = if known.freedom.is_some() { [STILL; 2] } else { [TOO_SMALL, TOO_LARGE] };
+    let believed = law.sf(squares) > too_small && law.cdf(squares) > too_large;
+    let scale = if believed { 1.0 } else { found.scale.min(roughness(set, residuals, &found)) };
+    SetNoise {
+        scale,
+        correlation: found.correlation,
+        neighbours: found.neighbours,
+        // In errors as they are.
+        wrong: wrong.into_iter().map(|wrong| wrong.over(if wrong.by_model { 1.0 } else { scale })).collect(),
+        freedom: (!believed).then_some(found.freedom),
+        ..SetNoise::as_quoted(set)
+    }
+}
+
+/// Scatter from row to row beyond which errors are not enlarged: what is left of a strong effect where it is not smooth is no
+/// noise. Without bound where neighbours share their errors, and where the scatter is not clearly less than the scale.
+fn roughness(set: &DataSet, residuals: &DVector<f64>, found: &Likeliest) -> f64 {
+    let scatter = along_neighbours(set, residuals.as_slice(), crate::analysis::validate::second_differences);
+    // A scatter estimated from n rows is good to 1.6/√n (simulated).
+    let clearly = scatter * (1.0 + 3.2 / (residuals.len() as f64).sqrt());
+    if found.correlation > 0.0 || clearly > found.scale { f64::INFINITY } else { scatter.max(1.0) }
+}
+
+/// The same with more rows that are wrong, by their places among all, each with how far it is off, in sigma.
+pub(super) fn with_wrong(quoted: &[DataSet], noise: &[SetNoise], wrong: &[(usize, f64)]) -> Vec<SetNoise> {
+    let mut all = noise.to_vec();
+    for &(place, off_sigma) in wrong {
+        let (mut set, mut row) = (0, place);
+        while row >= quoted[set].rows.len() {
+            row -= quoted[set].rows.len();
+            set += 1;
+        }
+        let line = quoted[set].table.lines.get(row).copied();
+        all[set].wrong.retain(|known| known.row != row);
+        all[set].wrong.push(WrongRow { row, line, off_sigma, by_model: true });
+        all[set].wrong.sort_by_key(|wrong| wrong.row);
+    }
+    all
+}
+
+/// The same with the pedestals at a fitted model.
+pub(super) fn with_pedestals(case: &Case, node: &Node, noise: &[SetNoise]) -> Vec<SetNoise> {
+    let mut all = noise.to_vec();
+    for (set, value, sigma) in case.pedestals(node) {
+        all[set].pedestal = (value.abs() > CLEAR * sigma).then_some(value);
+        all[set].pedestal_sigma = Some(sigma);
+    }
+    all
+}

@@ -1,0 +1,79 @@
+//! Scale and correlation of errors by restricted maximum likelihood.
+//!
+//! Of residuals r = B b + e with anything smooth in B, and errors e of covariance s² V(ρ) along trails, the likelihood of what is
+//! left of r beyond B (Patterson & Thompson 1971, Biometrika 58, 545) is
+//!
+//! ```text
+//! −2 ln L = (n − k) ln s² + ln |V| + ln |Bᵀ V⁻¹ B|,   s² = rᵀ P r/(n − k)
+//! ```
+//!
+//! It is not led astray by B taking away slow noise, as the correlation of what is left would be.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::analysis::whitening::{Link, Neighbours, Shared};
+
+/// Correlations that are tried.
+const STEP: f64 = 0.05;
+const STEPS: usize = 18;
+
+/// Rise of 2 ln L that a correlation must bring: one in two hundred of white noise.
+const CLEAR: f64 = 6.6;
+
+/// The likeliest errors.
+pub(super) struct Likeliest {
+    /// Their standard deviation, in quoted errors.
+    pub scale: f64,
+    pub correlation: f64,
+    pub neighbours: Neighbours,
+    /// Degrees of freedom that are left beyond what is smooth.
+    pub freedom: f64,
+}
+
+impl Likeliest {
+    /// Of residuals of some rows (those that are right), smooth directions, and the row before each in its trail.
+    pub fn of(residuals: &DVector<f64>, smooth: &DMatrix<f64>, links: &[Link], right: &[usize]) -> Likeliest {
+        let white = likelihood(residuals, smooth, links, right, &Shared::default());
+        let mut best = (white.1 + CLEAR, white, Shared::default());
+        if links.iter().any(Option::is_some) {
+            for neighbours in [Neighbours::Pixels, Neighbours::Rows] {
+                for step in 1..=STEPS {
+                    let shared = Shared { correlation: STEP * step as f64, neighbours, ..Shared::default() };
+                    let found = likelihood(residuals, smooth, links, right, &shared);
+                    if found.1 > best.0 {
+                        best = (found.1, found, shared);
+                    }
+                }
+            }
+        }
+        let (_, (scale, _, freedom), Shared { correlation, neighbours, .. }) = best;
+        Likeliest { scale, correlation, neighbours, freedom }
+    }
+}
+
+/// Scale, 2 ln L and degrees of freedom at a correlation.
+fn likelihood(
+    residuals: &DVector<f64>,
+    smooth: &DMatrix<f64>,
+    links: &[Link],
+    right: &[usize],
+    shared: &Shared,
+) -> (f64, f64, f64) {
+    let link = |row: usize| links[row].map(|(before, apart)| (before, shared.between(apart)));
+    let determinant: f64 = right.iter().filter_map(|&row| link(row)).map(|(_, r)| (1.0 - r * r).ln()).sum();
+    let white = |at: &dyn Fn(usize) -> f64, row: usize| match link(row) {
+        Some((before, r)) => (at(row) - r * at(before)) / (1.0 - r * r).sqrt(),
+        None => at(row),
+    };
+    let residuals = DVector::from_fn(right.len(), |place, _| white(&|row| residuals[row], right[place]));
+    let smooth = DMatrix::from_fn(right.len(), smooth.ncols(), |place, column| {
+        white(&|row| smooth[(row, column)], right[place])
+    });
+    let qr = smooth.qr();
+    let (directions, triangle) = (qr.q(), qr.r());
+    let left = &residuals - &directions * directions.tr_mul(&residuals);
+    let freedom = (right.len() - directions.ncols()).max(1) as f64;
+    let square = left.norm_squared() / freedom;
+    let smooth_determinant: f64 = triangle.diagonal().iter().map(|size| 2.0 * size.abs().max(1e-300).ln()).sum();
+    (square.sqrt(), -(freedom * square.ln() + determinant + smooth_determinant), freedom)
+}

@@ -1,0 +1,77 @@
+//! What may be smooth in the residuals of a file: all that effects can do, and whatever else follows its conditions.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::analysis::measurement::DataSet;
+use crate::numeric::least_squares::Span;
+
+/// Highest power of a condition.
+const DEGREE: usize = 3;
+
+/// Part of a column that others leave, below which it adds nothing: a hundred sigma of an effect leave two.
+const FLAT: f64 = 0.02;
+
+/// Share of the directions of the rows that may be smooth.
+const MOST: f64 = 0.4;
+
+/// Words of a column, one for so many rows at most, that each have a constant of their own.
+const ROWS_OF_A_WORD: usize = 4;
+
+/// Polynomials in every condition, products of two, and a constant for every word, as they stand and times the model; in quoted
+/// errors.
+pub(super) fn columns(set: &DataSet, model: &[f64]) -> Vec<DVector<f64>> {
+    let rows = set.rows.len();
+    let mut shapes: Vec<Vec<f64>> = vec![vec![1.0; rows]];
+    let mut places: Vec<Vec<f64>> = Vec::new();
+    for name in &set.varying {
+        let values = set.against(name);
+        if set.is_words(name) {
+            shapes.extend(of_words(&values));
+            continue;
+        }
+        let (place, distinct) = in_order(&values);
+        let power = |power: usize| place.iter().map(|place| place.powi(power as i32)).collect();
+        shapes.extend((1..=DEGREE.min(distinct - 1)).map(power));
+        places.push(place);
+    }
+    for (index, one) in places.iter().enumerate() {
+        for other in &places[index + 1..] {
+            shapes.push(one.iter().zip(other).map(|(one, other)| one * other).collect());
+        }
+    }
+    let over_sigma = |shape: &Vec<f64>, times_model: bool| {
+        let value = |row: usize| shape[row] * if times_model { model[row] } else { 1.0 } / set.rows[row].sigma;
+        DVector::from_fn(rows, |row, _| value(row))
+    };
+    shapes.iter().flat_map(|shape| [over_sigma(shape, false), over_sigma(shape, true)]).collect()
+}
+
+/// Places of values in their order, from −1 to 1, and how many differ; 0 of those that are no numbers.
+fn in_order(values: &[f64]) -> (Vec<f64>, usize) {
+    let mut distinct: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    distinct.sort_by(f64::total_cmp);
+    distinct.dedup();
+    let last = (distinct.len().max(2) - 1) as f64;
+    let place = |value: &f64| match distinct.binary_search_by(|known| known.total_cmp(value)) {
+        Ok(place) => 2.0 * place as f64 / last - 1.0,
+        Err(_) => 0.0,
+    };
+    (values.iter().map(place).collect(), distinct.len().max(1))
+}
+
+/// One column for every word, which are numbered; none where they are too many.
+fn of_words(words: &[f64]) -> Vec<Vec<f64>> {
+    let count = words.iter().copied().fold(-1.0, f64::max) as i64 + 1;
+    if count as usize * ROWS_OF_A_WORD > words.len() {
+        return Vec::new();
+    }
+    (0..count).map(|word| words.iter().map(|other| f64::from(u8::from(*other == word as f64))).collect()).collect()
+}
+
+/// Orthonormal directions that columns span, those that matter most first.
+pub(super) fn directions(columns: Vec<DVector<f64>>) -> DMatrix<f64> {
+    let span = Span::of(&DMatrix::from_columns(&columns), FLAT);
+    let directions = span.directions();
+    let most = (MOST * directions.nrows() as f64) as usize;
+    directions.columns(0, directions.ncols().min(most)).into_owned()
+}

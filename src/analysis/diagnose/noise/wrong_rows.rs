@@ -1,0 +1,56 @@
+//! Rows that are wrong, found one by one.
+//!
+//! A row is wrong where it is far from what all others foretell about what is smooth (an externally studentised residual: Cook &
+//! Weisberg 1982, Residuals and Influence in Regression, section 2.2), in units of a scatter that a few wrong rows do not move: the
+//! median. The farthest is left out, the rest is smoothed again, until none is far, or more than one in twenty is: then it is
+//! no accident of single rows.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::numeric::least_squares::Span;
+
+/// Distance from which on a row is wrong, in units of the scatter.
+const FAR: f64 = 5.0;
+
+/// Of so many rows one may be wrong.
+const ONE_IN: usize = 20;
+
+/// Part of a row's residual that is its own, below which nothing is told of it: it may be all that shows an effect.
+const ITS_OWN: f64 = 0.3;
+
+/// Median of |x| of normal x.
+const MEDIAN: f64 = 0.674_489_750_196;
+
+/// Rows that are wrong, each with how far it is from what the others foretell, in quoted errors; rising.
+pub(super) fn of(residuals: &DVector<f64>, smooth: &DMatrix<f64>) -> Vec<(usize, f64)> {
+    let most = residuals.len().div_ceil(ONE_IN);
+    let mut wrong: Vec<usize> = Vec::new();
+    loop {
+        let right: Vec<usize> = (0..residuals.len()).filter(|row| !wrong.contains(row)).collect();
+        let directions = Span::of(&smooth.select_rows(&right), 1e-6).directions().clone();
+        let here = residuals.select_rows(&right);
+        let left = &here - &directions * directions.tr_mul(&here);
+        let studentised = |place: usize| {
+            let own = 1.0 - directions.row(place).norm_squared();
+            (own > ITS_OWN).then(|| left[place] / own.sqrt())
+        };
+        let all: Vec<(usize, f64)> =
+            (0..right.len()).filter_map(|place| Some((right[place], studentised(place)?.abs()))).collect();
+        let Some(farthest) = all.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else { return Vec::new() };
+        let mut sizes: Vec<f64> = all.iter().map(|(_, size)| *size).collect();
+        sizes.sort_by(f64::total_cmp);
+        // Noise of less than the quoted errors does not make rows wrong.
+        let scatter = (sizes[sizes.len() / 2] / MEDIAN).max(1e-9);
+        if farthest.1 < FAR * scatter {
+            break;
+        }
+        if wrong.len() == most {
+            return Vec::new();
+        }
+        wrong.push(farthest.0);
+    }
+    wrong.sort_unstable();
+    let right: Vec<usize> = (0..residuals.len()).filter(|row| !wrong.contains(row)).collect();
+    let found = Span::of(&smooth.select_rows(&right), 1e-6).solve(&residuals.select_rows(&right));
+    wrong.into_iter().map(|row| (row, residuals[row] - (smooth.row(row) * &found)[0])).collect()
+}

@@ -1,0 +1,132 @@
+//! Whether a verdict also holds under assumptions that are as good: larger errors, another seed, other starts, other free keys.
+
+use serde::Serialize;
+
+use super::evidence::Evidence;
+use super::noise::{self, SetNoise};
+use super::result::{Diagnosis, Verdict};
+use super::{Options, Task};
+use crate::analysis::fit::parameter::Parameter;
+use crate::error::InputError;
+use crate::mission::Mission;
+
+/// What a search comes to under another assumption.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Changed {
+    /// What was changed.
+    pub change: String,
+    /// The verdict then.
+    pub verdict: Verdict,
+    /// The effects that are added then, in the order of the catalogue.
+    pub effects: Vec<String>,
+    /// Whether that is what is said without the change; of an ambiguous one, where the adopted effects are among the rivals.
+    pub holds: bool,
+}
+
+/// Factor by which errors are made larger.
+const LARGER: f64 = 1.35;
+
+/// Factor by which free keys start elsewhere, one up, the next down.
+const ELSEWHERE: f64 = 1.25;
+
+/// A search with one assumption changed.
+struct Change {
+    name: String,
+    mission: Mission,
+    options: Options,
+    noise: Vec<SetNoise>,
+}
+
+impl Task<'_> {
+    /// What becomes of a diagnosis under each change; those that are left undone for want of evaluations are noted.
+    ///
+    /// # Errors
+    /// As [`super::diagnose`].
+    pub(super) fn stability(&self, found: &Diagnosis) -> Result<Vec<Changed>, InputError> {
+        if found.verdict == Verdict::Unfit || !self.options.stability {
+            return Ok(Vec::new());
+        }
+        let mut all = Vec::new();
+        for change in self.changes(&found.noise) {
+            if !self.work.allows(&format!("stability against {}", change.name)) {
+                continue;
+            }
+            all.push(self.changed(found, change)?);
+        }
+        Ok(all)
+    }
+
+    fn changes(&self, noise: &[SetNoise]) -> Vec<Change> {
+        let (mission, options) = (self.mission.clone(), self.options.clone());
+        let same = Change { name: String::new(), mission, options, noise: noise.to_vec() };
+        let free = &self.options.free;
+        let with = |name: String| Change {
+            name,
+            mission: same.mission.clone(),
+            options: same.options.clone(),
+            noise: same.noise.clone(),
+        };
+        let seed = self.options.seed.wrapping_add(1);
+        let mut changes = vec![
+            Change { noise: noise::larger(noise, LARGER), ..with(format!("errors x {LARGER}")) },
+            Change { options: Options { seed, ..self.options.clone() }, ..with(format!("seed {seed}")) },
+        ];
+        if free.is_empty() {
+            let densities: Vec<String> = self
+                .mission
+                .detector
+                .traps
+                .iter()
+                .map(|species| format!("detector.traps.{}.density_per_px", species.name))
+                .collect();
+            changes.push(Change {
+                options: Options { free: densities, ..self.options.clone() },
+                ..with("densities free".into())
+            });
+        } else {
+            if let Some(mission) = self.started_elsewhere() {
+                changes
+                    .push(Change { mission, ..with(format!("free keys start {ELSEWHERE} times larger or smaller")) });
+            }
+            changes.push(Change {
+                options: Options { free: Vec::new(), ..self.options.clone() },
+                ..with("no key free".into())
+            });
+        }
+        changes
+    }
+
+    /// The mission with free keys that start elsewhere; None where such a mission makes no sense.
+    fn started_elsewhere(&self) -> Option<Mission> {
+        let settings = self.options.free.iter().enumerate().map(|(index, key)| {
+            let parameter = Parameter::of(self.mission, key).ok()?;
+            let factor = if index % 2 == 0 { ELSEWHERE } else { 1.0 / ELSEWHERE };
+            let value = (factor * parameter.start).clamp(parameter.low, parameter.high);
+            Some((key.clone(), value.into()))
+        });
+        self.mission.with(&settings.collect::<Option<Vec<_>>>()?).ok()
+    }
+
+    fn changed(&self, found: &Diagnosis, change: Change) -> Result<Changed, InputError> {
+        let data = noise::allowed_for(self.quoted, &change.noise);
+        let task = Task {
+            mission: &change.mission,
+            quoted: self.quoted,
+            hypotheses: self.hypotheses.clone(),
+            options: &change.options,
+            progress: self.progress,
+            work: self.work.clone(),
+        };
+        task.with_evidence(&data, |told: &Evidence, _| {
+            let other = told.hunt()?;
+            let last = other.ladder.last().expect("the base");
+            let effects: Vec<String> = last.set().into_iter().map(|place| told.name(place)).collect();
+            let known = found.steps.iter().map(|step| &step.effect);
+            let rivals: Vec<&String> = found.alternatives.iter().chain(&other.alternatives).flatten().collect();
+            let agree = effects.len() == found.steps.len()
+                && known.clone().all(|effect| effects.contains(effect) || rivals.contains(&effect));
+            let verdict = other.verdict;
+            Ok(Changed { change: change.name, verdict, holds: verdict == found.verdict && agree, effects })
+        })
+    }
+}

@@ -1,0 +1,229 @@
+//! What the errors of a data set's rows have in common, taken out of its residuals.
+//!
+//! Residuals (value − model)/sigma of independent rows are what they are. Where errors of neighbouring pixels of a trail are
+//! correlated by r (r^d at a distance of d), each but the first is replaced by what the one before does not foretell,
+//! (e_k − r^d e_(k−1))/√(1 − r^2d): the Cholesky factor of a first-order autoregressive process. A constant pedestal of a file
+//! is allowed for by counting its mean residual z (in its own error) as z/√(1 + z²/C): up to a few sigma as it is, beyond that
+//! no more than √C. All of that is smooth, so that a fit can follow it.
+
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::analysis::measurement::DataSet;
+use crate::numeric::least_squares::Span;
+
+/// What the errors of a data set's rows have in common; nothing by default.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Shared {
+    /// Correlation of neighbours in a trail.
+    pub correlation: f64,
+    /// Which neighbours that is meant of.
+    pub neighbours: Neighbours,
+    /// Whether the file may carry a constant pedestal.
+    pub pedestal: bool,
+    /// Rows that are wrong, by their places in the data set: they are nobody's neighbours.
+    pub wrong: Vec<usize>,
+    /// Degrees of freedom from which the scale of the errors was estimated; None where it was not.
+    pub freedom: Option<f64>,
+}
+
+/// Between which rows of a trail errors are correlated by the number given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Neighbours {
+    /// Pixels next to one another: those d pixels apart by its power d.
+    #[default]
+    Pixels,
+    /// Rows of the file next to one another in the trail, whatever their distance.
+    Rows,
+}
+
+/// The largest part of chi2 that a pedestal costs, C: three standard errors.
+const PEDESTAL: f64 = 9.0;
+
+/// Part of a column that others leave, below which it is none.
+const FLAT: f64 = 1e-5;
+
+/// Rows of a file below which nothing is told of a pedestal: one of a few values may be all that an effect does.
+const FEW: usize = 8;
+
+/// A row, and the one before it in its trail with how many pixels lie between.
+pub(crate) type Link = Option<(usize, i32)>;
+
+/// Makes errors of rows independent, and allows for pedestals.
+pub struct Whitening {
+    /// For each row the row before, and its correlation with it.
+    before: Vec<Option<(usize, f64)>>,
+    pedestals: Vec<Pedestal>,
+}
+
+/// The direction of a file's constant, and how long it is for one unit of the value.
+struct Pedestal {
+    set: usize,
+    rows: Range<usize>,
+    along: DVector<f64>,
+    length: f64,
+}
+
+impl Whitening {
+    /// That of those rows (by their place among all) that are wanted.
+    pub fn of(data: &[DataSet], wanted: impl Fn(usize) -> bool) -> Whitening {
+        let (mut before, mut ends, mut first) = (Vec::new(), Vec::new(), 0);
+        for set in data {
+            let rows: Vec<usize> = (0..set.rows.len()).filter(|row| wanted(first + row)).collect();
+            let start = before.len();
+            let shared = &set.shared;
+            if shared.correlation == 0.0 {
+                before.resize(start + rows.len(), None);
+            } else {
+                let links = trails(set, |row| wanted(first + row) && !shared.wrong.contains(&row));
+                let place = |row: usize| start + rows.binary_search(&row).expect("a row that is wanted");
+                before.extend(rows.iter().map(|&row| {
+                    let (neighbour, apart) = links[row]?;
+                    Some((place(neighbour), shared.between(apart)))
+                }));
+            }
+            ends.push((rows, start..before.len()));
+            first += set.rows.len();
+        }
+        let mut whitening = Whitening { before, pedestals: Vec::new() };
+        let pedestals =
+            data.iter().zip(ends).enumerate().filter(|(_, (set, (rows, _)))| set.shared.pedestal && rows.len() >= FEW);
+        let pedestals = pedestals.map(|(index, (set, (rows, range)))| {
+            let mut constant = vec![0.0; whitening.before.len()];
+            for (place, row) in range.clone().zip(rows) {
+                constant[place] = 1.0 / set.rows[row].sigma;
+            }
+            let along = DVector::from_vec(whitening.linear(&constant)).rows_range(range.clone()).into_owned();
+            let length = along.norm();
+            Pedestal { set: index, rows: range, along: along / length, length }
+        });
+        whitening.pedestals = pedestals.collect();
+        whitening
+    }
+
+    /// A change of the residuals as it is without what rows have in common, pedestals kept.
+    pub fn linear(&self, residuals: &[f64]) -> Vec<f64> {
+        let one = |(row, link): (usize, &Option<(usize, f64)>)| match link {
+            None => residuals[row],
+            Some((before, shared)) => (residuals[row] - shared * residuals[*before]) / (1.0 - shared * shared).sqrt(),
+        };
+        self.before.iter().enumerate().map(one).collect()
+    }
+
+    /// What [`Whitening::linear`] makes this of.
+    pub fn undone(&self, white: &[f64]) -> Vec<f64> {
+        let mut found: Vec<Option<f64>> = vec![None; white.len()];
+        for row in 0..white.len() {
+            // From the row back to the first of its trail that is known, and on again.
+            let mut way = vec![row];
+            while let Some((before, _)) =
+                self.before[*way.last().expect("a row")].filter(|(before, _)| found[*before].is_none())
+            {
+                way.push(before);
+            }
+            for row in way.into_iter().rev() {
+                let value = match self.before[row] {
+                    None => white[row],
+                    Some((before, shared)) => {
+                        white[row] * (1.0 - shared * shared).sqrt()
+                            + shared * found[before].expect("the way leads there")
+                    }
+                };
+                found[row] = Some(value);
+            }
+        }
+        found.into_iter().map(|value| value.expect("every row")).collect()
+    }
+
+    /// Residuals with errors that are independent, pedestals allowed for.
+    pub fn residuals(&self, residuals: &[f64]) -> Vec<f64> {
+        let mut white = self.linear(residuals);
+        for pedestal in &self.pedestals {
+            let level = pedestal.level(&white);
+            let counted = level / (1.0 + level * level / PEDESTAL).sqrt();
+            pedestal.add(&mut white, counted - level);
+        }
+        white
+    }
+
+    /// A change of such residuals as small changes of residuals make it, where pedestals are as high as levels say.
+    pub fn change(&self, linear: &mut [f64], levels: &[f64]) {
+        for (pedestal, level) in self.pedestals.iter().zip(levels) {
+            let along = pedestal.level(linear);
+            pedestal.add(linear, (slope(*level) - 1.0) * along);
+        }
+    }
+
+    /// How high each pedestal is, in its own error, in linear residuals.
+    pub fn levels(&self, linear: &[f64]) -> Vec<f64> {
+        self.pedestals.iter().map(|pedestal| pedestal.level(linear)).collect()
+    }
+
+    /// Data set, value and error of each pedestal, in the unit of the values, in linear residuals of a fit with those
+    /// derivatives (of its residuals, pedestals allowed for); the error is that with all parameters free.
+    pub fn pedestals(&self, linear: &[f64], jacobian: &DMatrix<f64>) -> Vec<(usize, f64, f64)> {
+        let levels = self.levels(linear);
+        let mut derivatives = jacobian.clone();
+        for mut column in derivatives.column_iter_mut() {
+            for (pedestal, level) in self.pedestals.iter().zip(&levels) {
+                let along = pedestal.level(column.as_slice());
+                pedestal.add(column.as_mut_slice(), (1.0 / slope(*level) - 1.0) * along);
+            }
+        }
+        let span = Span::of(&derivatives, FLAT);
+        let of = |(pedestal, level): (&Pedestal, f64)| {
+            let mut constant = vec![0.0; linear.len()];
+            pedestal.add(&mut constant, 1.0);
+            let known = (1.0 - span.directions().tr_mul(&DVector::from_vec(constant)).norm_squared()).max(FLAT);
+            (pedestal.set, level / pedestal.length, 1.0 / (pedestal.length * known.sqrt()))
+        };
+        self.pedestals.iter().zip(levels).map(of).collect()
+    }
+}
+
+/// Derivative of how a pedestal's level counts with respect to the level.
+fn slope(level: f64) -> f64 {
+    (1.0 + level * level / PEDESTAL).powf(-1.5)
+}
+
+impl Pedestal {
+    fn level(&self, white: &[f64]) -> f64 {
+        white[self.rows.clone()].iter().zip(self.along.iter()).map(|(white, along)| white * along).sum()
+    }
+
+    fn add(&self, white: &mut [f64], amount: f64) {
+        for (white, along) in white[self.rows.clone()].iter_mut().zip(self.along.iter()) {
+            *white += amount * along;
+        }
+    }
+}
+
+impl Shared {
+    /// Correlation of two rows of a trail that stand next to one another in it, so many pixels apart.
+    pub fn between(&self, apart: i32) -> f64 {
+        match self.neighbours {
+            Neighbours::Pixels => self.correlation.powi(apart),
+            Neighbours::Rows => self.correlation,
+        }
+    }
+}
+
+/// For each row of a data set the row before it in the same trail, among those wanted, and how many pixels lie between.
+pub(crate) fn trails(set: &DataSet, wanted: impl Fn(usize) -> bool) -> Vec<Link> {
+    let others: Vec<Vec<f64>> =
+        set.varying.iter().filter(|name| *name != "trail_px").map(|name| set.against(name)).collect();
+    let pixel = |row: usize| set.rows[row].at.trail_px.unwrap_or(0) as i32;
+    let trail =
+        |a: usize, b: usize| others.iter().map(|column| column[a].total_cmp(&column[b])).find(|order| order.is_ne());
+    let mut rows: Vec<usize> = (0..set.rows.len()).filter(|row| wanted(*row)).collect();
+    rows.sort_by(|&a, &b| trail(a, b).unwrap_or(pixel(a).cmp(&pixel(b))).then(a.cmp(&b)));
+    let mut before = vec![None; set.rows.len()];
+    for pair in rows.windows(2) {
+        let apart = pixel(pair[1]) - pixel(pair[0]);
+        if trail(pair[0], pair[1]).is_none() && apart > 0 {
+            before[pair[1]] = Some((pair[0], apart));
+        }
+    }
+    before
+}
