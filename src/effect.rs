@@ -25,6 +25,7 @@ mod signal_bounce;
 mod solar_cycle;
 mod solar_flare;
 mod temperature_offset;
+mod volume_at_zero;
 mod well_fill;
 
 use std::fmt;
@@ -43,7 +44,7 @@ use crate::readout::Cloud;
 pub use reach::Reach;
 
 /// All effects there are, in the order in which the physics happens.
-pub static CATALOGUE: [Entry; 17] = [
+pub static CATALOGUE: [Entry; 18] = [
     entry::<solar_cycle::SolarCycle>(),
     entry::<solar_flare::SolarFlare>(),
     entry::<cosmic_ray_floor::CosmicRayFloor>(),
@@ -56,6 +57,7 @@ pub static CATALOGUE: [Entry; 17] = [
     entry::<finite_capture::FiniteCapture>(),
     entry::<notch::Notch>(),
     entry::<well_fill::WellFill>(),
+    entry::<volume_at_zero::VolumeAtZero>(),
     entry::<preflash::Preflash>(),
     entry::<temperature_offset::TemperatureOffset>(),
     entry::<serial_traps::SerialTraps>(),

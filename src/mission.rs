@@ -176,6 +176,8 @@ pub struct Detector {
     pub notch_e: f64,
     /// Exponent α of the cloud's height.
     pub well_fill_power: f64,
+    /// Fraction of the well that any charge fills, a.
+    pub volume_at_zero: f64,
     /// Operating temperature, K.
     pub temperature_k: f64,
     /// Temperature at which the release times are quoted, K.

@@ -152,7 +152,8 @@ impl Model {
             at.dose_mev_g = Some(dose_mev_g.map_err(|error| self.effects.of_mission(error))?);
         }
         let detector = &self.detector;
-        let mut cloud = Cloud::new(detector.full_well_e, detector.notch_e, detector.well_fill_power);
+        let mut cloud = Cloud::new(detector.full_well_e, detector.notch_e, detector.well_fill_power)
+            .with_volume_at_zero(detector.volume_at_zero);
         self.effects.apply(|effect| effect.cloud(&mut cloud, &at))?;
         self.effects.apply(|effect| effect.traps(&mut traps, &at))?;
         Ok(Device { at, traps, cloud, method: self.method(), registers, effects: self.effects.clone() })

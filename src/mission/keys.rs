@@ -238,6 +238,10 @@ pub const KEYS: &[Key] = &[
     key("detector.full_well_e", "full well", "e-", Allowed::Positive(0.0, 1e9), Required),
     key("detector.notch_e", "notch", "e-", Number(0.0, 1e9), Default("0.0")),
     key("detector.well_fill_power", "well fill power", "", Allowed::Positive(0.0, 5.0), Required),
+    Key {
+        help: percentage,
+        ..key("detector.volume_at_zero", "fraction of the well that any charge fills", "", FRACTION, Default("0.0"))
+    },
     Key { help: celsius, ..key("detector.temperature_k", "operating temperature", "K", Number(40.0, 400.0), Required) },
     Key {
         help: celsius,
@@ -387,6 +391,14 @@ pub const KEYS: &[Key] = &[
     ),
     key("fit.free", "free parameter of a fit", "", Texts, Default("[]")),
 ];
+
+/// A fraction below 1.
+pub const FRACTION: Allowed = Number(0.0, 0.999);
+
+/// A fraction written as a percentage.
+pub fn percentage(value: f64) -> Option<String> {
+    (1.0..=100.0).contains(&value).then(|| format!("a fraction, not a percentage: {value} % is {}", value / 100.0))
+}
 
 /// Altitudes: from where orbits last for months to where the Sun takes over.
 const ALTITUDE: Allowed = Number(100.0, 1.5e6);

@@ -150,6 +150,7 @@ fn plain(key: &str) -> Option<fn(&mut Mission) -> Option<&mut f64>> {
         "detector.full_well_e" => |mission| Some(&mut mission.detector.full_well_e),
         "detector.notch_e" => |mission| Some(&mut mission.detector.notch_e),
         "detector.well_fill_power" => |mission| Some(&mut mission.detector.well_fill_power),
+        "detector.volume_at_zero" => |mission| Some(&mut mission.detector.volume_at_zero),
         "detector.temperature_k" => |mission| Some(&mut mission.detector.temperature_k),
         "detector.reference_temperature_k" => |mission| Some(&mut mission.detector.reference_temperature_k),
         "detector.reference_dose_mev_g" => |mission| mission.detector.reference_dose_mev_g.as_mut(),

@@ -101,9 +101,10 @@ fn every_effect_changes_something_and_no_two_do_the_same() {
 #[test]
 fn charge_is_conserved_where_it_should_be() {
     // A linear cloud, so that no trail lasts for ever; traps that release soon, and rows enough behind.
-    for entry in
-        CATALOGUE.iter().filter(|entry| !["serial-traps", "signal-bounce", "formula"].contains(&entry.card.kind))
-    {
+    let elsewhere = ["serial-traps", "signal-bounce", "formula"];
+    // Without background, the smallest packets do not get past the traps that any charge reaches: a trail lasts for ever.
+    let for_ever = ["volume-at-zero"];
+    for entry in CATALOGUE.iter().filter(|entry| ![&elsewhere[..], &for_ever].concat().contains(&entry.card.kind)) {
         let mut table = (entry.example)(&mission(""));
         if entry.card.kind == "extra-species" {
             table.insert("release_ms".into(), 50.0.into());

@@ -12,15 +12,17 @@ use super::simd::{LANES, Packets, Vector};
 /// units of the full well's height, and meets every trap below it.
 ///
 /// ```text
-/// h(n) = ((n − d) / (w − d))^α,   0 at and below the notch d, never above 1
+/// h(n) = a + (1 − a) ((n − d) / (w − d))^α,   a at and below the notch d, 0 without charge, never above 1
 /// ```
 ///
-/// Rhodes et al. 2010, equation 1. A notch (supplementary buried channel) is taken to be free of traps.
+/// Rhodes et al. 2010, equation 1, with the volume at zero charge a of Clarke et al. 2012 (V = a + c n^β). A notch
+/// (supplementary buried channel) is taken to be free of traps but for those in a, which any charge reaches.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cloud {
     notch_e: f64,
     per_full_well: f64,
     power: f64,
+    volume_at_zero: f64,
     law: Law,
 }
 
@@ -40,7 +42,17 @@ impl Cloud {
     pub fn new(full_well_e: f64, notch_e: f64, power: f64) -> Cloud {
         assert!(full_well_e > notch_e, "full well {full_well_e} e- must be above the notch {notch_e} e-");
         let law = if power == 0.5 { Law::SquareRoot } else { Law::Power };
-        Cloud { notch_e, per_full_well: 1.0 / (full_well_e - notch_e), power, law }
+        Cloud { notch_e, per_full_well: 1.0 / (full_well_e - notch_e), power, volume_at_zero: 0.0, law }
+    }
+
+    /// The same well, of which any charge fills the fraction `volume_at_zero` (a, from 0 to below 1).
+    pub fn with_volume_at_zero(self, volume_at_zero: f64) -> Cloud {
+        Cloud { volume_at_zero, ..self }
+    }
+
+    /// The fraction of the well that any charge fills, a.
+    pub fn volume_at_zero(&self) -> f64 {
+        self.volume_at_zero
     }
 
     /// A cloud of another law, given as height against charge (e-) and kept as a table (see [`Cloud::height`]). The
@@ -50,15 +62,25 @@ impl Cloud {
     /// Where the law has no value.
     pub fn tabulated<E>(height: impl Fn(f64) -> Result<f64, E>) -> Result<Cloud, E> {
         let law = Law::Table(Arc::new(Table::of(height)?));
-        Ok(Cloud { notch_e: 0.0, per_full_well: 1.0, power: 1.0, law })
+        Ok(Cloud { notch_e: 0.0, per_full_well: 1.0, power: 1.0, volume_at_zero: 0.0, law })
     }
 
     /// Height of a cloud of `charge_e` electrons, 0 to 1. A tabulated one is right to 1e-6 of itself where the law is as
     /// smooth as a power (a kink is rounded over 0.2 % of its charge), and is held constant beyond 1e9 e-.
     #[inline]
     pub fn height(&self, charge_e: f64) -> f64 {
+        // Written so that NaN has no height, here and below.
+        if charge_e > 0.0 {
+            self.volume_at_zero + (1.0 - self.volume_at_zero) * self.height_above_notch(charge_e)
+        } else {
+            0.0
+        }
+    }
+
+    /// ((n − d) / (w − d))^α, 0 to 1.
+    #[inline]
+    fn height_above_notch(&self, charge_e: f64) -> f64 {
         let filled = (charge_e - self.notch_e) * self.per_full_well;
-        // Written so that NaN has no height.
         if filled > 0.0 {
             let height = match &self.law {
                 Law::SquareRoot => filled.sqrt(),
@@ -87,7 +109,12 @@ impl Cloud {
                 Vector::load(simd, &heights)
             }
         };
-        tiny.below(filled).select(heights.min(one), zero)
+        let above_notch = tiny.below(filled).select(heights.min(one), zero);
+        if self.volume_at_zero == 0.0 {
+            return above_notch;
+        }
+        let all = above_notch * (1.0 - self.volume_at_zero) + self.volume_at_zero;
+        zero.below(charge_e).select(all, zero)
     }
 
     /// Heights in place of charges (e-).
@@ -122,12 +149,18 @@ impl Cloud {
         if matches!(self.law, Law::Table(_)) {
             return unlimited;
         }
+        let (lower_e, upper_e) = (from_e.min(to_e), from_e.max(to_e));
         // A power below 1 is steepest at the lower end.
-        let nearest_e = if self.power < 1.0 { from_e.min(to_e) } else { from_e.max(to_e) };
+        let nearest_e = if self.power < 1.0 { lower_e } else { upper_e };
         let above_e = nearest_e + -self.notch_e;
-        let steep = self.heights(simd, nearest_e) * self.power / above_e;
+        let steep = (self.heights(simd, nearest_e) + -self.volume_at_zero) * self.power / above_e;
         let steep = zero.below(above_e).select(steep, unlimited);
-        Vector::all(simd, self.notch_e).below(from_e.max(to_e)).select(steep, zero)
+        let steep = Vector::all(simd, self.notch_e).below(upper_e).select(steep, zero);
+        if self.volume_at_zero == 0.0 {
+            return steep;
+        }
+        // The height jumps where charge begins.
+        zero.below(lower_e).select(steep, zero.below(upper_e).select(unlimited, zero))
     }
 }
 
@@ -184,11 +217,26 @@ mod tests {
     }
 
     #[test]
+    fn any_charge_fills_the_volume_at_zero() {
+        let cloud = Cloud::new(1000.0, 100.0, 0.7).with_volume_at_zero(0.3);
+        for nothing in [-5.0, 0.0, f64::NAN] {
+            assert_eq!(cloud.height(nothing), 0.0);
+        }
+        for within_the_notch in [1e-20, 50.0, 100.0] {
+            assert_eq!(cloud.height(within_the_notch), 0.3);
+        }
+        assert!((cloud.height(550.0) - (0.3 + 0.7 * 0.5_f64.powf(0.7))).abs() < 1e-15);
+        assert_eq!(cloud.height(1e9), 1.0);
+    }
+
+    #[test]
     fn clouds_side_by_side_are_as_high_as_alone_and_the_same_by_all_instructions() {
         let laws = [
             Cloud::new(1e5, 0.0, 0.5),
             Cloud::new(1e5, 90.0, 0.5),
             Cloud::new(1e5, 90.0, 0.31),
+            Cloud::new(1e5, 0.0, 0.5).with_volume_at_zero(0.09),
+            Cloud::new(1e5, 90.0, 0.31).with_volume_at_zero(0.51),
             Cloud::tabulated(|charge_e| Ok::<_, Infallible>((charge_e / 1e5).powf(0.4))).unwrap(),
         ];
         let charge_e: Packets = std::array::from_fn(|lane| [-3.0, 0.0, 1e-9, 0.7, 90.0, 90.1, 4e4, 3e5][lane % 8]);

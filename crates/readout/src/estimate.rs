@@ -36,15 +36,35 @@ fn plus<S: Simd>(simd: S, mut charge_e: Vector<S>, row: usize, changes: &[(f64, 
 }
 
 /// By how much packets change. None loses more than it has, although a first-order change may.
-pub(super) fn moved(charge_e: &[Packets], k1: &Stage) -> f64 {
+///
+/// Where any charge fills part of the wells, most of the change is what a packet leaves in the empty pixel that it starts in, which is
+/// known exactly: an accuracy relative to that would leave nothing of all the rest, and is not meant.
+pub(super) fn moved(cloud: &Cloud, charge_e: &[Packets], k1: &Stage) -> f64 {
+    let changes = if cloud.volume_at_zero() > 0.0 { &k1.drift_e } else { &k1.change_e };
     dispatch!(Level::new(), simd => {
         let zero = Vector::all(simd, 0.0);
         let mut moved = MeanSquare::new(simd);
-        for (charge_e, change_e) in charge_e.iter().zip(&k1.change_e) {
+        for (charge_e, change_e) in charge_e.iter().zip(changes) {
             let (charge_e, change_e) = (Vector::load(simd, charge_e), Vector::load(simd, change_e));
             moved.add(change_e.max(zero - charge_e.max(zero)));
         }
         moved.root()
+    })
+}
+
+/// Whether some packet ends with less charge than a pixel's traps that any charge reaches would take (`least_e`, e-): its loss
+/// stops somewhere on the way, where it has nothing left, and no pass over all pixels sees where.
+pub(super) fn exhausted(least_e: f64, charge_e: &[Packets], k1: &Stage) -> bool {
+    if least_e == 0.0 {
+        return false;
+    }
+    dispatch!(Level::new(), simd => {
+        let (zero, least_e) = (Vector::all(simd, 0.0), Vector::all(simd, least_e));
+        charge_e.iter().zip(&k1.change_e).any(|(charge_e, change_e)| {
+            let (charge_e, change_e) = (Vector::load(simd, charge_e), Vector::load(simd, change_e));
+            let ends = (charge_e + change_e).below(least_e);
+            (ends & zero.below(charge_e.abs().max(change_e.abs()))).any()
+        })
     })
 }
 
