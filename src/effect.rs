@@ -11,6 +11,7 @@
 mod annealing;
 mod bakeout;
 mod cosmic_ray_floor;
+mod cycle;
 mod dose_scale;
 mod extra_species;
 mod finite_capture;
@@ -22,6 +23,7 @@ mod reach;
 mod release_continuum;
 mod serial_traps;
 mod signal_bounce;
+mod signal_ringing;
 mod solar_cycle;
 mod solar_flare;
 mod temperature_offset;
@@ -44,8 +46,9 @@ use crate::readout::Cloud;
 pub use reach::Reach;
 
 /// All effects there are, in the order in which the physics happens.
-pub static CATALOGUE: [Entry; 18] = [
+pub static CATALOGUE: [Entry; 20] = [
     entry::<solar_cycle::SolarCycle>(),
+    entry::<cycle::Cycle>(),
     entry::<solar_flare::SolarFlare>(),
     entry::<cosmic_ray_floor::CosmicRayFloor>(),
     entry::<dose_scale::DoseScale>(),
@@ -62,6 +65,7 @@ pub static CATALOGUE: [Entry; 18] = [
     entry::<temperature_offset::TemperatureOffset>(),
     entry::<serial_traps::SerialTraps>(),
     entry::<signal_bounce::SignalBounce>(),
+    entry::<signal_ringing::SignalRinging>(),
     entry::<formula::Formula>(),
 ];
 

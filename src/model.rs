@@ -88,6 +88,7 @@ impl Model {
         let jumps = self.history.steps.iter().map(|(t_yr, _)| *t_yr).chain(self.damage.losses_yr());
         let mut times = vec![0.0, duration_yr];
         times.extend(self.history.changes_yr(duration_yr));
+        times.extend(self.history.turns_yr(duration_yr));
         times.extend(jumps.filter(within).flat_map(|t_yr| [t_yr.next_down(), t_yr]));
         // A formula of the time may do anything.
         if self.depends_on().iter().any(|name| name == "t_yr") {

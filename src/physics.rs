@@ -13,6 +13,6 @@ pub mod solar_event_dose;
 pub mod source_dose;
 
 pub use damage::{BOLTZMANN_EV_K, Damage, Loss, SpeciesState, release_factor};
-pub use dose_history::{DoseHistory, Law, RateOrigin};
+pub use dose_history::{DoseHistory, Law, Modulation, RateOrigin};
 pub use solar_event_dose::SolarEventDoses;
 pub use source_dose::SourceDose;

@@ -1,5 +1,7 @@
 //! The amplifier's own trail.
 
+use std::f64::consts::PI;
+
 use ndarray::{Array2, Axis};
 use serde::Deserialize;
 
@@ -53,15 +55,31 @@ impl Catalogued for SignalBounce {
 
 impl Effect for SignalBounce {
     fn read(&self, before_e: &Array2<f64>, read_e: &mut Array2<f64>, _: &Conditions) -> Result<(), InputError> {
-        let keep = (-1.0 / self.length_px).exp();
-        for (before_e, mut read_e) in before_e.axis_iter(Axis(1)).zip(read_e.axis_iter_mut(Axis(1))) {
-            // Σ_j exp(−(k − j − 1)/length) n_j over the packets j in front of pixel k
-            let mut behind_e = 0.0;
-            for (before, read) in before_e.iter().zip(&mut read_e) {
-                *read += self.fraction * behind_e;
-                behind_e = behind_e * keep + before;
-            }
-        }
+        add_trail(self.fraction, self.length_px, f64::INFINITY, before_e, read_e);
         Ok(())
+    }
+}
+
+/// Adds to what is read (e-) a trail behind each packet: fraction exp(−(k − 1)/length) cos(2π (k − 1)/period) of it in pixel k
+/// behind it. Lengths and periods are in pixels; an infinite period is none.
+pub(super) fn add_trail(
+    fraction: f64,
+    length_px: f64,
+    period_px: f64,
+    before_e: &Array2<f64>,
+    read_e: &mut Array2<f64>,
+) {
+    let keep = (-1.0 / length_px).exp();
+    let (sine, cosine) = (2.0 * PI / period_px).sin_cos();
+    for (before_e, mut read_e) in before_e.axis_iter(Axis(1)).zip(read_e.axis_iter_mut(Axis(1))) {
+        // Σ_j exp(−(k − j − 1)/length) exp(2πi (k − j − 1)/period) n_j over the packets j in front of pixel k: its real part is
+        // read.
+        let (mut real_e, mut imaginary_e) = (0.0, 0.0);
+        for (before, read) in before_e.iter().zip(&mut read_e) {
+            *read += fraction * real_e;
+            let turned_e = cosine * imaginary_e + sine * real_e;
+            real_e = (cosine * real_e - sine * imaginary_e) * keep + before;
+            imaginary_e = turned_e * keep;
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! Dose rate and steps of dose over time → dose since launch.
 
+use std::f64::consts::PI;
 use std::fmt;
 use std::sync::Arc;
 
@@ -31,6 +32,8 @@ pub struct DoseHistory {
     pub floor_mev_g_yr: f64,
     /// Dose rates that follow the phase of the solar cycle.
     cyclic: Vec<Cyclic>,
+    /// Factors on the dose rate.
+    pub modulations: Vec<Modulation>,
     /// Dose since launch (MeV/g) against years since launch, where a file gives it.
     table: Vec<(f64, f64)>,
     /// Doses (MeV/g) that come at once, each with its time in years since launch.
@@ -58,6 +61,34 @@ pub struct DoseHistory {
 struct Cyclic {
     phase: Phase,
     cosines: Vec<f64>,
+}
+
+/// A factor on the dose rate, 1 + A cos(2π (t − t_peak)/P).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Modulation {
+    /// A, from 0 to 1.
+    pub amplitude: f64,
+    /// P, yr.
+    pub period_yr: f64,
+    /// t_peak, decimal year.
+    pub peak: f64,
+}
+
+impl Modulation {
+    /// 2π (t − t_peak)/P at a decimal year.
+    fn angle(&self, year: f64) -> f64 {
+        2.0 * PI * (year - self.peak) / self.period_yr
+    }
+
+    fn factor(&self, year: f64) -> f64 {
+        1.0 + self.amplitude * self.angle(year).cos()
+    }
+
+    /// The factor integrated between two times (years since launch, a decimal year), yr.
+    fn integral_yr(&self, launch: f64, from_yr: f64, to_yr: f64) -> f64 {
+        let sine = |t_yr: f64| self.angle(launch + t_yr).sin();
+        to_yr - from_yr + self.amplitude * self.period_yr / (2.0 * PI) * (sine(to_yr) - sine(from_yr))
+    }
 }
 
 /// What a quantity becomes, from the time (years since launch) and what it was.
@@ -136,6 +167,7 @@ impl DoseHistory {
             active_rate_mev_g_yr: environment.dose_factor * environment.active_dose_rate_mev_g_yr.unwrap_or(0.0),
             floor_mev_g_yr: environment.dose_factor * environment.cosmic_ray_floor_mev_g_yr,
             cyclic: Vec::new(),
+            modulations: Vec::new(),
             table: mission
                 .imported
                 .history
@@ -281,13 +313,17 @@ impl DoseHistory {
     }
 
     fn dose_with_steps(&self, t_yr: f64, counts: impl Fn(f64) -> bool) -> Result<f64, InputError> {
-        let streamed = if self.rate_laws.is_empty() {
-            self.active_rate_mev_g_yr * self.active_years(t_yr)
-                + self.floor_mev_g_yr * t_yr
-                + self.cyclic_mev_g(t_yr)
-                + tabulated(&self.table, t_yr).0
-        } else {
-            self.integral(t_yr, 0.0, |_| 1.0)?
+        let streamed = match &self.modulations[..] {
+            [] if self.rate_laws.is_empty() => {
+                self.active_rate_mev_g_yr * self.active_years(t_yr)
+                    + self.floor_mev_g_yr * t_yr
+                    + self.cyclic_mev_g(t_yr)
+                    + tabulated(&self.table, t_yr).0
+            }
+            [modulation] if self.rate_laws.is_empty() && self.cyclic.is_empty() => {
+                self.modulated_mev_g(modulation, t_yr)
+            }
+            _ => self.integral(t_yr, 0.0, |_| 1.0)?,
         };
         let steps = self.steps.iter().filter(|(step_yr, _)| counts(*step_yr));
         let dose = steps.fold(streamed, |dose, (_, step)| dose + step);
@@ -300,6 +336,22 @@ impl DoseHistory {
         self.cyclic.iter().map(of).sum()
     }
 
+    /// Dose (MeV/g) at rates that are constant in between, all times a modulation.
+    fn modulated_mev_g(&self, modulation: &Modulation, t_yr: f64) -> f64 {
+        let mean = |from: f64, to: f64| modulation.integral_yr(self.launch, from, to);
+        let windows = self.windows.iter().take_while(|(start, _)| *start < t_yr);
+        let active: f64 = windows.map(|(start, end)| mean(*start, end.min(t_yr))).sum();
+        let segments = self.table.windows(2).take_while(|pair| pair[0].0 < t_yr);
+        let tabulated: f64 = segments
+            .map(|pair| {
+                let ((from, low), (to, high)) = (pair[0], pair[1]);
+                (high - low) / (to - from) * mean(from, to.min(t_yr))
+            })
+            .sum();
+        let always = if self.floor_mev_g_yr > 0.0 { self.floor_mev_g_yr * mean(0.0, t_yr) } else { 0.0 };
+        self.active_rate_mev_g_yr * self.active_share * active + always + tabulated
+    }
+
     /// Dose rate, MeV/g/yr, at a time in years since launch, without what comes at once.
     fn rate_mev_g_yr(&self, t_yr: f64) -> Result<f64, InputError> {
         let after = self.windows.partition_point(|(start, _)| *start <= t_yr);
@@ -308,6 +360,8 @@ impl DoseHistory {
         let cyclic: f64 =
             self.cyclic.iter().map(|cyclic| cyclic.phase.value(&cyclic.cosines, self.launch + t_yr)).sum();
         let rate = active_rate + self.floor_mev_g_yr + cyclic + tabulated(&self.table, t_yr).1;
+        let factors = self.modulations.iter().map(|modulation| modulation.factor(self.launch + t_yr));
+        let rate = rate * factors.product::<f64>();
         self.rate_laws.iter().try_fold(rate, |rate, Law(law)| law(t_yr, rate))
     }
 
@@ -362,6 +416,7 @@ impl DoseHistory {
         ends.retain(|at| *at > from_yr);
         ends.push(until_yr);
         let rule = GaussLegendre::new(NODES);
+        let longest_yr = self.modulations.iter().fold(LONGEST_STEP_YR, |step, wave| step.min(0.25 * wave.period_yr));
         let piece = |start: f64, stop: f64| -> Result<f64, InputError> {
             let (middle, half) = (0.5 * (start + stop), 0.5 * (stop - start));
             rule.iter().try_fold(0.0, |sum, (node, share)| {
@@ -375,7 +430,7 @@ impl DoseHistory {
             while start < end {
                 let age = until_yr - start;
                 // The last thousandth of a second is one step.
-                let step = if age > 1e-10 { (0.5 * age).min(end - start).min(LONGEST_STEP_YR) } else { end - start };
+                let step = if age > 1e-10 { (0.5 * age).min(end - start).min(longest_yr) } else { end - start };
                 // So that the end is met.
                 let stop = if end - start - step < 1e-11 { end } else { start + step };
                 sum += piece(start, stop)?;
@@ -393,6 +448,16 @@ impl DoseHistory {
         changes.retain(|t| *t > 0.0 && *t < t_yr);
         changes.sort_by(f64::total_cmp);
         changes
+    }
+
+    /// Times (years since launch) up to `t_yr` between which the dose rate is modulated smoothly: eighths of the shortest period, as
+    /// many as are of use.
+    pub fn turns_yr(&self, t_yr: f64) -> Vec<f64> {
+        let Some(shortest_yr) = self.modulations.iter().map(|wave| wave.period_yr).min_by(f64::total_cmp) else {
+            return Vec::new();
+        };
+        let count = (8.0 * t_yr / shortest_yr).ceil().min(MOST_TURNS);
+        (1..count as u32).map(|turn| t_yr * f64::from(turn) / count).collect()
     }
 
     /// Whether the dose comes at the mean rate of a solar cycle, 7/11 of that of an active year, in every year.
@@ -413,6 +478,9 @@ impl DoseHistory {
 
 /// Longest step of an integral over time, yr: a law of the dose rate may follow the seasons.
 const LONGEST_STEP_YR: f64 = 0.5;
+
+/// Times at which the curve of a modulated dose rate is looked at, at most.
+const MOST_TURNS: f64 = 240.0;
 
 /// Nodes of a step.
 const NODES: std::num::NonZeroUsize = std::num::NonZeroUsize::new(12).expect("above 0");

@@ -286,6 +286,14 @@ impl EvaluateReport {
             let events = if steps.len() == 1 { "1 event".into() } else { format!("{} events", steps.len()) };
             added.push(format!("{:.3e} MeV/g of {events} on single days", steps.iter().sum::<f64>()));
         }
+        for wave in &dose.modulations {
+            added.push(format!(
+                "the rate times 1 + {} cos(2 pi (t - {})/{} yr)",
+                plain(wave.amplitude),
+                plain(wave.peak),
+                plain(wave.period_yr)
+            ));
+        }
         if !dose.rate_laws.is_empty() || !dose.dose_laws.is_empty() {
             added.push("a formula ([effects.formula]) changes that".into());
         }

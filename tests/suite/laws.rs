@@ -101,7 +101,7 @@ fn every_effect_changes_something_and_no_two_do_the_same() {
 #[test]
 fn charge_is_conserved_where_it_should_be() {
     // A linear cloud, so that no trail lasts for ever; traps that release soon, and rows enough behind.
-    let elsewhere = ["serial-traps", "signal-bounce", "formula"];
+    let elsewhere = ["serial-traps", "signal-bounce", "signal-ringing", "formula"];
     // Without background, the smallest packets do not get past the traps that any charge reaches: a trail lasts for ever.
     let for_ever = ["volume-at-zero"];
     for entry in CATALOGUE.iter().filter(|entry| ![&elsewhere[..], &for_ever].concat().contains(&entry.card.kind)) {
@@ -205,6 +205,35 @@ fn several_of_a_kind_add_up() {
     }
     let at = Conditions { dose_mev_g: Some(1e7), ..plain.conditions(3.0) };
     assert_eq!(plain.device(&at).unwrap().traps, two.device(&at).unwrap().traps);
+}
+
+/// A cosine has a closed form over windows, at constant rates and in annealing, and rates with a law are integrated by themselves.
+#[test]
+fn a_cycle_of_the_dose_rate_is_the_one_known_on_paper() {
+    const CYCLE: &str = "\n[effects.cycle]\namplitude = 0.4\nperiod_yr = 9.0\npeak = 2011.5\n";
+    let dose = |effects: &str, t_yr: f64| Model::new(&mission(effects)).dose_mev_g(t_yr).unwrap();
+    let launch = 2009.0;
+    let turn = 2.0 * std::f64::consts::PI / 9.0;
+    let wave = |t_yr: f64| ((launch + t_yr - 2011.5) * turn).sin() / turn;
+    for t_yr in [0.3, 4.0, 15.0] {
+        let expected = dose("", 1.0) * (t_yr + 0.4 * (wave(t_yr) - wave(0.0)));
+        let found = dose(CYCLE, t_yr);
+        assert!((found / expected - 1.0).abs() < 1e-9, "{t_yr}: {found}, {expected}");
+    }
+    // With windows, a floor and an event; the same integrated step by step, as a law of the rate asks for.
+    let others = format!(
+        "{CYCLE}[effects.solar-cycle]\n[effects.cosmic-ray-floor]\nrate_mev_g_yr = 3.0e5\n\
+         [effects.solar-flare]\nt_yr = 3.0\ndose_mev_g = 2.0e6\n"
+    );
+    let law =
+        format!("{others}[effects.formula]\ntarget = \"dose_rate_mev_g_yr\"\nexpression = \"dose_rate_mev_g_yr\"\n");
+    for t_yr in [0.4, 2.9, 3.1, 15.0] {
+        let (closed, stepped) = (dose(&others, t_yr), dose(&law, t_yr));
+        assert!((closed / stepped - 1.0).abs() < 1e-9, "{t_yr}: {closed}, {stepped}");
+    }
+    let slow = format!("{CYCLE}[effects.annealing]\ntime_yr = 1.0e9\n");
+    let density = |effects: &str| Model::new(&mission(effects)).traps(12.0).unwrap()[1].density_per_px;
+    assert!((density(&slow) / density(CYCLE) - 1.0).abs() < 1e-7);
 }
 
 /// First-order annealing of a constant dose rate has a closed form.
