@@ -17,6 +17,7 @@ mod galaxy_golden;
 mod hindcast;
 mod html;
 mod images;
+mod intervals;
 mod laws;
 mod measurements;
 mod missions;

@@ -117,6 +117,32 @@ impl Parameter {
         if self.is_log() { 1e-12 * self.high.min(1.0) } else { self.low }
     }
 
+    /// The coordinate along which a parameter is followed, and in which a flat prior is flat: ln x where x must be above 0, else x.
+    pub fn coordinate(&self, value: f64) -> f64 {
+        if self.is_log() { value.max(self.least()).ln() } else { value }
+    }
+
+    /// The value at such a coordinate, within the bounds.
+    pub fn at_coordinate(&self, coordinate: f64) -> f64 {
+        let value = if self.is_log() { coordinate.exp() } else { coordinate };
+        value.max(self.least()).min(self.high)
+    }
+
+    /// Least and largest such coordinate.
+    pub fn coordinates(&self) -> (f64, f64) {
+        (self.coordinate(self.least()), self.coordinate(self.high))
+    }
+
+    /// A 1-sigma error of a value along that coordinate; an ordinary change where it is not known or larger than a factor e.
+    pub fn coordinate_error(&self, value: f64, sigma: Option<f64>) -> f64 {
+        match sigma.filter(|sigma| sigma.is_finite() && *sigma > 0.0) {
+            Some(sigma) if self.is_log() => (sigma / value).min(1.0),
+            Some(sigma) => sigma,
+            None if self.is_log() => 1.0,
+            None => self.size(),
+        }
+    }
+
     /// Sigma, for each unit of the inner coordinate, by which it is drawn to where it came from.
     pub fn prior(&self) -> f64 {
         if self.is_log() { FEATHER } else { 0.0 }

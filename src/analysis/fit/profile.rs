@@ -1,0 +1,354 @@
+//! Intervals by profile likelihood.
+//!
+//! A parameter θ is held at one value after another, and all other free parameters φ are fitted again at each:
+//!
+//! ```text
+//! Δχ²(θ) = min over φ of χ²(θ, φ) − χ²(at the optimum)
+//! ```
+//!
+//! With Gaussian noise the values with Δχ² ≤ 1 are an interval of 68.3 % confidence, those with Δχ² ≤ 4 of 95.4 % (Wilks 1938,
+//! Ann. Math. Stat. 9, 60; Cash 1976, A&A 52, 307). Each side is followed outwards in growing steps until Δχ² is above, or to
+//! the bound of what is allowed, and the crossing is found as a root. Of several crossings on one side it is the first that a
+//! step shows. The number of fits is limited.
+
+use std::cell::{Cell, RefCell};
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::parameter::Parameter;
+use super::problem::Problem;
+use super::result::{Fit, SAME};
+use crate::analysis::measurement::DataSet;
+use crate::error::{InputError, nearest};
+use crate::model::Model;
+use crate::numeric::root_finding::try_between;
+
+/// Rises of chi2, each with the confidence of the interval that they end.
+pub const LEVELS: [(f64, f64); 2] = [(1.0, 0.6827), (4.0, 0.9545)];
+
+/// Fits on one side of the optimum at most.
+const FITS: usize = 40;
+
+/// Fits that are added between the ends of the widest interval, for the curve.
+const ADDED: usize = 12;
+
+/// How exactly an end is found: share of its distance from the optimum.
+const EXACT: f64 = 1e-3;
+
+/// Least and largest factor from one distance to the next.
+const GROWTH: (f64, f64) = (1.3, 4.0);
+
+/// Rise of chi2 from which on it does not matter how large it is; also where the model has no value.
+const VERY_HIGH: f64 = 1e6;
+
+/// A scan of chi2 along one parameter.
+#[derive(Clone, Debug, Serialize)]
+pub struct Profile {
+    /// Dotted key.
+    pub key: String,
+    /// Unit of its values; empty for pure numbers.
+    pub unit: &'static str,
+    /// Value at the optimum.
+    pub value: f64,
+    /// Intervals, in the order of [`LEVELS`].
+    pub intervals: Vec<Interval>,
+    /// Values of the parameter, rising, with the rise of chi2 when all others are fitted.
+    pub curve: Vec<CurvePoint>,
+    /// Fits that were made.
+    pub refits: usize,
+    /// Least chi2 below that of the optimum that was found on the way, with the parameter's value there; None if there is none.
+    pub lower: Option<CurvePoint>,
+}
+
+/// A value of the parameter, and chi2 there.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CurvePoint {
+    /// Value, in the unit of the key.
+    pub value: f64,
+    /// chi2 less that of the optimum.
+    pub delta_chi2: f64,
+}
+
+/// An interval of confidence.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Interval {
+    /// Its confidence, between 0 and 1.
+    pub confidence: f64,
+    /// Rise of chi2 at its ends.
+    pub delta_chi2: f64,
+    /// Its lower end.
+    pub low: End,
+    /// Its upper end.
+    pub high: End,
+}
+
+/// Where an interval ends.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(tag = "end", rename_all = "kebab-case")]
+pub enum End {
+    /// Where chi2 has risen by what was asked for.
+    Crossing {
+        /// In the unit of the key.
+        value: f64,
+    },
+    /// It does not within what is allowed.
+    Bound {
+        /// The bound, in the unit of the key.
+        value: f64,
+    },
+    /// It does not up to there; beyond that it was not looked for.
+    Undone {
+        /// In the unit of the key.
+        value: f64,
+    },
+}
+
+impl End {
+    /// The value at which chi2 has risen by what was asked for; None where none was found.
+    pub fn crossing(&self) -> Option<f64> {
+        match self {
+            End::Crossing { value } => Some(*value),
+            End::Bound { .. } | End::Undone { .. } => None,
+        }
+    }
+}
+
+/// Scans chi2 along one of the free parameters of a fit.
+///
+/// # Errors
+/// Where the key is not among those that were fitted.
+pub fn profile(
+    model: &Model,
+    data: &[DataSet],
+    fit: &Fit,
+    key: &str,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Profile, InputError> {
+    let index = place(fit, key)?;
+    let others = (0..fit.parameters.len()).filter(|other| *other != index);
+    let scan = Scan {
+        model: &model.like(&fit.mission),
+        data,
+        fit,
+        parameter: Parameter::of(&fit.mission, key)?,
+        sigma: fit.parameters[index].sigma,
+        others: others.clone().map(|other| fit.parameters[other].key.clone()).collect(),
+        progress,
+    };
+    let optimum = Refit {
+        coordinate: scan.parameter.coordinate(fit.parameters[index].value),
+        rise: 0.0,
+        others: others.map(|other| fit.parameters[other].value).collect(),
+    };
+    let (below, above) = rayon::join(|| Side::of(&scan, &optimum, -1.0), || Side::of(&scan, &optimum, 1.0));
+    let ends = below.ends.into_iter().zip(above.ends);
+    let interval = |((delta_chi2, confidence), (low, high))| Interval { confidence, delta_chi2, low, high };
+    let intervals: Vec<Interval> = LEVELS.into_iter().zip(ends).map(interval).collect();
+    let mut refits: Vec<Refit> = below.refits.into_iter().chain(above.refits).chain([optimum]).collect();
+    refits.extend(scan.between(&refits, &intervals));
+    let made = refits.len() - 1;
+    refits.sort_by(|a, b| a.coordinate.total_cmp(&b.coordinate));
+    let curve: Vec<CurvePoint> = refits.iter().map(|refit| scan.point(refit)).collect();
+    let least = curve.iter().copied().min_by(|a, b| a.delta_chi2.total_cmp(&b.delta_chi2));
+    Ok(Profile {
+        key: key.to_string(),
+        unit: scan.parameter.unit,
+        value: fit.parameters[index].value,
+        intervals,
+        lower: least.filter(|point| point.delta_chi2 < -SAME),
+        curve,
+        refits: made,
+    })
+}
+
+/// The place of a key among the fitted ones.
+fn place(fit: &Fit, key: &str) -> Result<usize, InputError> {
+    let keys = || fit.parameters.iter().map(|fitted| fitted.key.as_str());
+    keys().position(|known| known == key).ok_or_else(|| {
+        let listed = keys().collect::<Vec<_>>().join(", ");
+        let refusal = InputError::new(format!("cannot profile `{key}`"), format!("it is not free; free are: {listed}"));
+        match nearest(key, keys()) {
+            Some(near) => refusal.with_help(format!("did you mean `{near}`?")),
+            None => refusal.with_help("name it with --free, too"),
+        }
+    })
+}
+
+/// What stays the same while a parameter is moved.
+struct Scan<'a> {
+    /// With the values at the optimum.
+    model: &'a Model,
+    data: &'a [DataSet],
+    fit: &'a Fit,
+    /// The parameter that is moved, and its error.
+    parameter: Parameter,
+    sigma: Option<f64>,
+    /// Keys of all others.
+    others: Vec<String>,
+    progress: &'a (dyn Fn(f64) + Sync),
+}
+
+/// A fit with the parameter held.
+#[derive(Clone)]
+struct Refit {
+    /// Where it is held.
+    coordinate: f64,
+    /// chi2 less that of the optimum.
+    rise: f64,
+    /// Values of the other parameters.
+    others: Vec<f64>,
+}
+
+impl Scan<'_> {
+    /// A fit of the others from a start, the parameter held. Where the model has no value, chi2 is very high.
+    fn refit(&self, coordinate: f64, start: &[f64]) -> Refit {
+        let value = self.parameter.at_coordinate(coordinate);
+        let held = [(self.parameter.key.clone(), value.into())];
+        let found = self.model.mission.with(&held).and_then(|mission| {
+            let model = self.model.like(&mission);
+            let problem = Problem::new(&model, self.data, &self.others, self.progress, |_| true)?;
+            Ok(problem.with_event_epochs(start))
+        });
+        let (others, chi2) = found.map_or((start.to_vec(), f64::INFINITY), |optimum| (optimum.at, optimum.chi2));
+        let rise = chi2 - self.fit.chi2;
+        Refit { coordinate, rise: if rise < VERY_HIGH { rise } else { VERY_HIGH }, others }
+    }
+
+    fn point(&self, refit: &Refit) -> CurvePoint {
+        CurvePoint { value: self.parameter.at_coordinate(refit.coordinate), delta_chi2: refit.rise }
+    }
+
+    /// Fits evenly between the ends of the widest interval, each from the nearest that is known.
+    fn between(&self, known: &[Refit], intervals: &[Interval]) -> Vec<Refit> {
+        let Some(widest) = intervals.last() else { return Vec::new() };
+        let farthest = |end: End| match end {
+            End::Crossing { value } | End::Undone { value } => Some(self.parameter.coordinate(value)),
+            // A logarithm has no place for a bound at 0.
+            End::Bound { .. } => None,
+        };
+        let all = || known.iter().map(|refit| refit.coordinate);
+        let low = farthest(widest.low).unwrap_or(all().fold(f64::INFINITY, f64::min));
+        let high = farthest(widest.high).unwrap_or(all().fold(f64::NEG_INFINITY, f64::max));
+        let places: Vec<f64> =
+            (1..=ADDED).map(|step| low + (high - low) * step as f64 / (ADDED + 1) as f64).collect();
+        let nearest = |place: f64| {
+            let distance = |refit: &&Refit| (refit.coordinate - place).abs();
+            known.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("the optimum is known")
+        };
+        places.into_par_iter().map(|place| self.refit(place, &nearest(place).others)).collect()
+    }
+}
+
+/// One side of the optimum.
+struct Side {
+    /// In the order of [`LEVELS`].
+    ends: Vec<End>,
+    /// All fits, without the optimum.
+    refits: Vec<Refit>,
+}
+
+/// A side on the way.
+struct Search<'a> {
+    scan: &'a Scan<'a>,
+    optimum: &'a Refit,
+    /// −1 below, 1 above.
+    sign: f64,
+    /// The last coordinate that is allowed.
+    last: f64,
+    /// By their distance from the optimum, which is the first.
+    refits: RefCell<Vec<Refit>>,
+    left: Cell<usize>,
+}
+
+/// No fit is left.
+struct Exhausted;
+
+impl Side {
+    fn of(scan: &Scan, optimum: &Refit, sign: f64) -> Side {
+        let (low, high) = scan.parameter.coordinates();
+        let search = Search {
+            scan,
+            optimum,
+            sign,
+            last: if sign < 0.0 { low } else { high },
+            refits: RefCell::new(vec![optimum.clone()]),
+            left: Cell::new(FITS),
+        };
+        let ends = LEVELS.iter().map(|(rise, _)| search.end(*rise)).collect();
+        let mut refits = search.refits.into_inner();
+        refits.remove(0);
+        Side { ends, refits }
+    }
+}
+
+impl Search<'_> {
+    /// Where chi2 has risen by so much.
+    fn end(&self, rise: f64) -> End {
+        let value = |coordinate: f64| self.scan.parameter.at_coordinate(coordinate);
+        match self.bracket(rise) {
+            Ok((inside, outside)) => {
+                let above = |refit: &Refit| refit.rise.max(0.0).sqrt() - rise.sqrt();
+                let tolerance = EXACT * (outside.coordinate - self.optimum.coordinate).abs();
+                let ends = [(inside.coordinate, above(&inside)), (outside.coordinate, above(&outside))];
+                let root = try_between(ends, tolerance, |at| self.refit(at).map(|refit| above(&refit)));
+                match root {
+                    Ok(root) => End::Crossing { value: value(root) },
+                    Err(Exhausted) => End::Undone { value: value(inside.coordinate) },
+                }
+            }
+            Err(inside) if inside.coordinate == self.last => {
+                let parameter = &self.scan.parameter;
+                End::Bound { value: if self.sign < 0.0 { parameter.low } else { parameter.high } }
+            }
+            Err(inside) => End::Undone { value: value(inside.coordinate) },
+        }
+    }
+
+    /// Two neighbours between which chi2 has risen by so much; the last fit below that where there are none.
+    fn bracket(&self, rise: f64) -> Result<(Refit, Refit), Refit> {
+        let mut reached = 0;
+        loop {
+            let known = self.refits.borrow();
+            while known.get(reached + 1).is_some_and(|next| next.rise < rise) {
+                reached += 1;
+            }
+            let inside = known[reached].clone();
+            if let Some(outside) = known.get(reached + 1) {
+                return Ok((inside, outside.clone()));
+            }
+            drop(known);
+            if inside.coordinate == self.last || self.refit(self.farther(&inside, rise)).is_err() {
+                return Err(inside);
+            }
+        }
+    }
+
+    /// Where to look next for a rise of chi2, beyond a fit with a smaller one: as a parabola says.
+    fn farther(&self, inside: &Refit, rise: f64) -> f64 {
+        let distance = (inside.coordinate - self.optimum.coordinate).abs();
+        let next = if distance > 0.0 {
+            distance * (1.1 * (rise / inside.rise.max(1e-9)).sqrt()).clamp(GROWTH.0, GROWTH.1)
+        } else {
+            let value = self.scan.parameter.at_coordinate(self.optimum.coordinate);
+            self.scan.parameter.coordinate_error(value, self.scan.sigma) * rise.sqrt()
+        };
+        let place = self.optimum.coordinate + self.sign * next;
+        if self.sign < 0.0 { place.max(self.last) } else { place.min(self.last) }
+    }
+
+    /// A fit at a place, from the nearest that is known.
+    fn refit(&self, coordinate: f64) -> Result<Refit, Exhausted> {
+        self.left.set(self.left.get().checked_sub(1).ok_or(Exhausted)?);
+        let distance = |refit: &Refit| (refit.coordinate - coordinate).abs();
+        let nearest = |known: &[Refit]| {
+            known.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("the optimum").others.clone()
+        };
+        let start = nearest(&self.refits.borrow());
+        let found = self.scan.refit(coordinate, &start);
+        let mut known = self.refits.borrow_mut();
+        known.push(found.clone());
+        known.sort_by(|a, b| (self.sign * a.coordinate).total_cmp(&(self.sign * b.coordinate)));
+        Ok(found)
+    }
+}
