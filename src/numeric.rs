@@ -1,6 +1,8 @@
 //! Numbers and dates: what any program of numbers needs, and nothing of CCDs.
 
+pub(crate) mod autocorrelation;
 pub mod calendar;
+pub mod estimate;
 pub mod expression;
 pub(crate) mod least_squares;
 pub(crate) mod minimum;

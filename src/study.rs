@@ -9,7 +9,6 @@ pub mod clock;
 pub mod correction;
 pub mod distance;
 pub mod error_budget;
-mod estimate;
 pub mod launch;
 pub mod pocket_pumping;
 pub mod preflash;
@@ -26,7 +25,7 @@ use crate::physics::accuracy::Purpose;
 use crate::plan::evaluate::unmeasurable;
 use crate::warning::Warning;
 
-pub use estimate::Estimate;
+pub use crate::numeric::estimate::Estimate;
 pub use signal::{Aperture, Exposure};
 
 /// A question that can be asked of a mission. The fields of the type are its options.

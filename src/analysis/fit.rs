@@ -15,6 +15,7 @@ pub mod holdout;
 mod minimise;
 pub mod parameter;
 mod problem;
+pub mod posterior;
 pub mod profile;
 pub(crate) mod profile_errors;
 mod result;

@@ -4,11 +4,16 @@ use std::sync::Mutex;
 
 use clap::Args;
 
+use super::drawn::Drawn;
 use super::inputs::{Adjust, Measured, NewMission};
 use super::{Failure, Outcome, Output, print_and_suggest, searching};
 use crate::analysis::fit;
+use crate::analysis::fit::posterior::Posterior;
+use crate::analysis::fit::profile::{self, Profile};
+use crate::analysis::measurement::DataSet;
 use crate::cli::file_argument::OutputFile;
 use crate::error::InputError;
+use crate::io::atomic_file;
 use crate::mission_file;
 use crate::model::Model;
 use crate::report::FitReport;
@@ -23,15 +28,29 @@ pub(super) struct Fit {
     /// Number of starting points: the mission's values and random ones around them; each parameter is also scanned for minima
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     starts: u32,
-    /// Seed of the random starting points, instead of the mission's
+    /// Seed of the random starting points and of the posterior's sample, instead of the mission's
     #[arg(long, value_name = "SEED")]
     seed: Option<u64>,
     /// Also hold out each group of values of this column in turn, fit the rest, and predict the group
     #[arg(long, value_name = "COLUMN")]
     holdout: Option<String>,
+    /// Also scan chi2 along these free keys, all others fitted again: intervals of 68 and 95 %; --csv prints the curves
+    #[arg(long, value_name = "KEYS", value_delimiter = ',')]
+    profile: Vec<String>,
+    /// Also sample the posterior: number of independent draws
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(10..=1_000_000))]
+    posterior: Option<u32>,
+    /// Evaluations of the model for that sample at most [default: 100 for each draw, and at least 20000]
+    #[arg(long, value_name = "N", requires = "posterior", value_parser = clap::value_parser!(u32).range(1..))]
+    posterior_evaluations: Option<u32>,
+    /// Write the sample (ECSV), for `ctiplan evaluate --posterior`
+    #[arg(long, value_name = "FILE", requires = "posterior")]
+    out: Option<OutputFile>,
     /// Write the mission with the fitted values; comments and order are kept
     #[arg(long, value_name = "NEW.toml")]
     write: Option<OutputFile>,
+    #[command(flatten)]
+    drawn: Drawn,
     #[command(flatten)]
     output: Output,
 }
@@ -46,6 +65,9 @@ impl Fit {
                 .with_help("name some with --free, such as --free detector.traps.VV.density_per_px, or in [fit] free")
                 .into());
         }
+        self.profile.iter().try_for_each(|key| profile::place(&keys, key).map(|_| ()))?;
+        self.drawn.check()?;
+        self.out.as_ref().map_or(Ok(()), |path| atomic_file::refuse_unwritable(path))?;
         let seed = self.seed.unwrap_or(mission.accuracy.seed);
         let options = fit::Options { starts: self.starts as usize, seed, ..fit::Options::default() };
         let bar = searching("chi2");
@@ -65,6 +87,8 @@ impl Fit {
             }
             None => None,
         };
+        let profiles = self.profiles(&fitted, &data, &progress)?;
+        let posterior = self.posterior(&fitted, &data, seed, &progress)?;
         bar.finish_and_clear();
         if let Some(new) = new {
             let values: Vec<_> =
@@ -76,7 +100,40 @@ impl Fit {
             Some(new) => Some(self.measured.command_with("validate", &quoted(new))),
             None => None,
         };
-        print_and_suggest(&FitReport { fit: fitted, holdout }, &self.output, next)?;
+        let fitted_mission = fitted.mission.clone();
+        let report = FitReport { fit: fitted, holdout, profiles, posterior };
+        self.drawn.write(&report, &[fitted_mission])?;
+        print_and_suggest(&report, &self.output, next)?;
         Ok(Outcome::Done)
+    }
+
+    fn profiles(
+        &self,
+        fitted: &fit::Fit,
+        data: &[DataSet],
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Vec<Profile>, InputError> {
+        let model = Model::new(&fitted.mission);
+        self.profile.iter().map(|key| profile::profile(&model, data, fitted, key, progress)).collect()
+    }
+
+    /// The sample, which is written where that was asked for.
+    fn posterior(
+        &self,
+        fitted: &fit::Fit,
+        data: &[DataSet],
+        seed: u64,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Option<Posterior>, InputError> {
+        let Some(samples) = self.posterior else { return Ok(None) };
+        let evaluations = self.posterior_evaluations.map(|evaluations| evaluations as usize);
+        let options = fit::posterior::Options { samples: samples as usize, seed, evaluations };
+        let model = Model::new(&fitted.mission);
+        let found = fit::posterior::posterior(&model, data, fitted, &options, progress)?;
+        if let Some(path) = &self.out {
+            let files: Vec<String> = data.iter().map(|set| set.file.clone()).collect();
+            atomic_file::write(path, found.table(&fitted.mission.mission.name, &files).to_ecsv())?;
+        }
+        Ok(Some(found))
     }
 }

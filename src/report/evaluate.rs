@@ -1,5 +1,6 @@
 //! `ctiplan evaluate`.
 
+mod distribution;
 mod figures;
 
 use comfy_table::Table;
@@ -10,6 +11,7 @@ use crate::mission::keys::plain;
 use crate::model::noise::NoisyChange;
 use crate::physics::RateOrigin;
 use crate::physics::shape::ShapeChange;
+use crate::plan::date_distribution::DateDistribution;
 use crate::plan::evaluate::json::NamedChange;
 use crate::plan::evaluate::{Evaluation, Year};
 use crate::plan::time_series::TimeSeries;
@@ -21,6 +23,8 @@ pub struct EvaluateReport {
     pub evaluation: Evaluation,
     /// In the mission's order; empty where none were asked for; None where fewer than two could be measured.
     pub noisy: Vec<Option<NoisyChange>>,
+    /// The date as a distribution, where that was asked for.
+    pub distribution: Option<DateDistribution>,
     /// What happens between the years, for figures; there are none without it.
     pub time_series: Option<TimeSeries>,
 }
@@ -32,6 +36,8 @@ struct Document<'a> {
     evaluation: &'a Evaluation,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     monte_carlo: Vec<Realisations<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    distribution: Option<&'a DateDistribution>,
 }
 
 /// Realisations of one galaxy.
@@ -62,7 +68,8 @@ impl Serialize for EvaluateReport {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         let galaxies = self.evaluation.mission().galaxies.iter().zip(&self.noisy);
         let monte_carlo = galaxies.map(|(galaxy, noisy)| Realisations::of(&galaxy.name, noisy.as_ref())).collect();
-        Document { evaluation: &self.evaluation, monte_carlo }.serialize(to)
+        let distribution = self.distribution.as_ref();
+        Document { evaluation: &self.evaluation, monte_carlo, distribution }.serialize(to)
     }
 }
 
@@ -138,6 +145,9 @@ impl Page for EvaluateReport {
         }
 
         self.budget(&mut out);
+        if let Some(distribution) = &self.distribution {
+            distribution::say(distribution, mission, &mut out);
+        }
         out.gap();
         out.words(format!("Dose: {}", self.dose_origin()), 2);
         for warning in warnings {

@@ -1,20 +1,32 @@
 //! `ctiplan fit`.
 
 mod advice;
+mod figures;
+mod posterior;
+mod profile;
 
 use serde::ser::{Serialize, Serializer};
 
-use super::{Report, lines, table, wrapped};
+use super::{Page, Parts, Report, table};
 use crate::analysis::fit::holdout::Holdout;
+use crate::analysis::fit::posterior::Posterior;
+use crate::analysis::fit::profile::Profile;
 use crate::analysis::fit::{Advice, Fit, Fitted, Minimum};
+use crate::mission::Mission;
 use crate::mission::keys::plain;
+use crate::plan::sources::{self, Source};
+use crate::report::plot::Figure;
 
-/// A fit, with the error on rows it has not seen where that was asked for.
+/// A fit, with what else was asked for: the error on rows it has not seen, intervals, a sample.
 pub struct FitReport {
     /// The fit.
     pub fit: Fit,
     /// Held-out errors.
     pub holdout: Option<Holdout>,
+    /// Scans of chi2.
+    pub profiles: Vec<Profile>,
+    /// A sample of the posterior.
+    pub posterior: Option<Posterior>,
 }
 
 /// A fit in JSON.
@@ -32,6 +44,10 @@ struct Document<'a> {
     chi2_from_mission: f64,
     other_minima: &'a [Minimum],
     holdout: Option<&'a Holdout>,
+    #[serde(skip_serializing_if = "<[Profile]>::is_empty")]
+    profiles: &'a [Profile],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    posterior: Option<&'a Posterior>,
     advice: &'a [Advice],
 }
 
@@ -51,6 +67,8 @@ impl Serialize for FitReport {
             chi2_from_mission: fit.chi2_from_mission,
             other_minima: &fit.minima,
             holdout: self.holdout.as_ref(),
+            profiles: &self.profiles,
+            posterior: self.posterior.as_ref(),
             advice: &fit.advice,
         };
         document.serialize(to)
@@ -59,86 +77,125 @@ impl Serialize for FitReport {
 
 impl Report for FitReport {
     fn text(&self) -> String {
-        let fit = &self.fit;
-        let mut out = wrapped(&format!("{}: fitted to {} rows", fit.mission.mission.name, fit.n), 2);
-        out.push('\n');
-        if !fit.parameters.is_empty() {
-            let mut values = table(&["key", "before", "fitted", "error", "unit"]);
-            for parameter in &fit.parameters {
-                let (value, error) = value_and_error(parameter);
-                values.add_row(vec![
-                    parameter.key.clone(),
-                    plain(parameter.before),
-                    value,
-                    error,
-                    parameter.unit.into(),
-                ]);
-            }
-            out.push_str(&lines(&values));
-        }
-        let freedom = fit.degrees_of_freedom().max(1);
-        out.push('\n');
-        out.push_str(&wrapped(
-            &format!(
-                "chi2 {:.1} before, {:.1} after, {:.2} per degree of freedom; rms of residuals {:.2} sigma",
-                fit.chi2_before,
-                fit.chi2,
-                fit.chi2 / freedom as f64,
-                fit.rms_sigma()
-            ),
-            2,
-        ));
-        if fit.excess() > 3.0 {
-            out.push_str(&wrapped(
-                "The model does not explain the data within their errors. The errors above are then too small, and parameters \
-                 may stand in for a missing effect. `ctiplan validate` shows where.",
-                2,
-            ));
-        }
-        for said in minima(fit) {
-            out.push_str(&wrapped(&said, 2));
-        }
-        let n = fit.parameters.len();
-        if n > 1 {
-            out.push_str("\nCorrelations\n");
-            let numbers: Vec<String> = (1..=n).map(|number| number.to_string()).collect();
-            let mut header = vec!["key"];
-            header.extend(numbers.iter().map(String::as_str));
-            let mut correlations = table(&header);
-            for (index, parameter) in fit.parameters.iter().enumerate() {
-                let mut row = vec![format!("{} {}", index + 1, parameter.key)];
-                row.extend((0..n).map(|other| {
-                    if other <= index { format!("{:+.2}", fit.correlation[index][other]) } else { String::new() }
-                }));
-                correlations.add_row(row);
-            }
-            out.push_str(&lines(&correlations));
-        }
-        if let Some(holdout) = &self.holdout {
-            out.push_str(&held_out(holdout, fit));
-        }
-        if !fit.advice.is_empty() {
-            out.push_str("\nNot determined by these data\n");
-            for advice in &fit.advice {
-                out.push_str(&wrapped(&format!("  - {advice}"), 4));
-            }
-        }
-        out
+        self.parts().text()
     }
 
+    /// The curves of the profiles where there are any; else the parameters.
     fn csv(&self) -> Vec<Vec<String>> {
-        let mut records = vec![["key", "unit", "before", "value", "sigma"].map(str::to_string).to_vec()];
-        for parameter in &self.fit.parameters {
-            records.push(vec![
+        if !self.profiles.is_empty() {
+            return profile::curves(&self.profiles);
+        }
+        let mut header = ["key", "unit", "before", "value", "sigma"].map(str::to_string).to_vec();
+        header.extend(self.posterior.iter().flat_map(|_| posterior::COLUMNS.map(str::to_string)));
+        let mut records = vec![header];
+        for (place, parameter) in self.fit.parameters.iter().enumerate() {
+            let mut record = vec![
                 parameter.key.clone(),
                 parameter.unit.into(),
                 parameter.before.to_string(),
                 parameter.value.to_string(),
                 parameter.sigma.map_or(String::new(), |sigma| sigma.to_string()),
-            ]);
+            ];
+            record.extend(self.posterior.iter().flat_map(|sample| posterior::cells(&sample.parameters[place])));
+            records.push(record);
         }
         records
     }
+}
+
+impl Page for FitReport {
+    fn command(&self) -> String {
+        "fit".into()
+    }
+
+    fn parts(&self) -> Parts {
+        let fit = &self.fit;
+        let mut out = Parts::default();
+        out.title(&fit.mission.mission.name, format!("fitted to {} rows", fit.n));
+        out.gap();
+        if !fit.parameters.is_empty() {
+            out.table(values(fit));
+        }
+        out.gap();
+        for said in quality(fit).into_iter().chain(minima(fit)) {
+            out.verdict(said, 2);
+        }
+        if fit.parameters.len() > 1 {
+            out.heading("Correlations");
+            out.table(correlations(fit.parameters.iter().map(|one| one.key.as_str()), &fit.correlation));
+        }
+        if let Some(holdout) = &self.holdout {
+            held_out(holdout, fit, &mut out);
+        }
+        profile::say(&self.profiles, &mut out);
+        if let Some(sample) = &self.posterior {
+            posterior::say(sample, &mut out);
+        }
+        if !fit.advice.is_empty() {
+            out.heading("Not determined by these data");
+            for advice in &fit.advice {
+                out.words(format!("  - {advice}"), 4);
+            }
+        }
+        out
+    }
+
+    fn figures(&self) -> Vec<(String, Figure)> {
+        self.drawn()
+    }
+
+    fn sources(&self, missions: &[Mission]) -> Vec<Source> {
+        let mut found: Vec<Source> = missions.iter().flat_map(sources::of).collect();
+        found.extend((!self.profiles.is_empty()).then(profile::source));
+        found.extend(self.posterior.as_ref().map(|_| posterior::source()));
+        sources::once(found.into_iter())
+    }
+}
+
+fn values(fit: &Fit) -> comfy_table::Table {
+    let mut values = table(&["key", "before", "fitted", "error", "unit"]);
+    for parameter in &fit.parameters {
+        let (value, error) = value_and_error(parameter);
+        values.add_row(vec![parameter.key.clone(), plain(parameter.before), value, error, parameter.unit.into()]);
+    }
+    values
+}
+
+/// How well the model explains the data, in sentences.
+fn quality(fit: &Fit) -> Vec<String> {
+    let freedom = fit.degrees_of_freedom().max(1);
+    let mut said = vec![format!(
+        "chi2 {:.1} before, {:.1} after, {:.2} per degree of freedom; rms of residuals {:.2} sigma",
+        fit.chi2_before,
+        fit.chi2,
+        fit.chi2 / freedom as f64,
+        fit.rms_sigma()
+    )];
+    if fit.excess() > 3.0 {
+        said.push(
+            "The model does not explain the data within their errors. The errors above are then too small, and parameters \
+             may stand in for a missing effect. `ctiplan validate` shows where."
+                .into(),
+        );
+    }
+    said
+}
+
+/// The lower triangle of a matrix of correlations.
+fn correlations<'a>(keys: impl Iterator<Item = &'a str> + Clone, correlation: &[Vec<f64>]) -> comfy_table::Table {
+    let n = keys.clone().count();
+    let numbers: Vec<String> = (1..=n).map(|number| number.to_string()).collect();
+    let mut header = vec!["key"];
+    header.extend(numbers.iter().map(String::as_str));
+    let mut correlations = table(&header);
+    for (index, key) in keys.enumerate() {
+        let mut row = vec![format!("{} {key}", index + 1)];
+        row.extend((0..n).map(|other| {
+            if other <= index { format!("{:+.2}", correlation[index][other]) } else { String::new() }
+        }));
+        correlations.add_row(row);
+    }
+    correlations
 }
 
 /// Other minima listed.
@@ -176,21 +233,16 @@ pub(super) fn value_and_error(parameter: &Fitted) -> (String, String) {
     let value = parameter.value;
     match parameter.sigma {
         Some(sigma) if sigma > 0.0 && sigma.is_finite() => {
-            let decimals = 1 - sigma.log10().floor() as i32;
-            if (0..=8).contains(&decimals) && value.abs() < 1e6 {
-                let decimals = decimals as usize;
-                (format!("{value:.decimals$}"), format!("{sigma:.decimals$}"))
-            } else {
-                let digits = ((value.abs().max(sigma) / sigma).log10().floor() as usize + 1).min(12);
-                (format!("{value:.digits$e}"), format!("{sigma:.1e}"))
-            }
+            let shown = to_digits_of(value, sigma);
+            let error = if shown.contains('e') { format!("{sigma:.1e}") } else { to_digits_of(sigma, sigma) };
+            (shown, error)
         }
         _ => (format!("{value:.6}"), "not known".into()),
     }
 }
 
-fn held_out(holdout: &Holdout, fit: &Fit) -> String {
-    let mut out = format!("\nHeld out: fitted without each group of {} in turn, and predicted\n", holdout.column);
+fn held_out(holdout: &Holdout, fit: &Fit, out: &mut Parts) {
+    out.heading(format!("Held out: fitted without each group of {} in turn, and predicted", holdout.column));
     let mut groups = table(&[&holdout.column, "rows", "rms [sigma]", ""]);
     for group in &holdout.groups {
         groups.add_row(vec![
@@ -200,10 +252,10 @@ fn held_out(holdout: &Holdout, fit: &Fit) -> String {
             if group.at_end { "extrapolated".into() } else { String::new() },
         ]);
     }
-    out.push_str(&lines(&groups));
+    out.table(groups);
     let rms = |rms: Option<f64>| rms.map_or("-".into(), |rms| format!("{rms:.2}"));
-    out.push_str(&wrapped(
-        &format!(
+    out.words(
+        format!(
             "  rms {:.2} sigma ({} interpolated, {} extrapolated); {:.2} sigma if all rows are fitted",
             holdout.rms_sigma,
             rms(holdout.interpolated_rms_sigma),
@@ -211,6 +263,19 @@ fn held_out(holdout: &Holdout, fit: &Fit) -> String {
             fit.rms_sigma()
         ),
         4,
-    ));
-    out
+    );
+}
+
+/// A number to two digits of what it is known to.
+fn to_digits_of(value: f64, spread: f64) -> String {
+    if !(spread > 0.0 && spread.is_finite()) {
+        return plain(value);
+    }
+    let decimals = 1 - spread.log10().floor() as i32;
+    if (0..=8).contains(&decimals) && value.abs() < 1e6 {
+        format!("{value:.*}", decimals as usize)
+    } else {
+        let digits = ((value.abs().max(spread) / spread).log10().floor() as usize + 1).min(12);
+        format!("{value:.digits$e}")
+    }
 }

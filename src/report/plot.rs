@@ -19,7 +19,7 @@ use font::{fitted, wrapped};
 use legend::Legend;
 use pen::{LARGE, NORMAL, Pen, SMALL};
 
-/// Panels below one another under a title.
+/// Panels below one another, or in rows, under a title.
 #[derive(Clone, Debug, Default)]
 pub struct Figure {
     /// Above the panels; may be empty.
@@ -46,6 +46,9 @@ pub struct Panel {
     pub series: Vec<Series>,
     /// Height relative to the other panels; one that is not positive counts as 1.
     pub height_share: f64,
+    /// Panels to the right of it. Where a figure has any, all are squares in columns; those of a row with the same `y_label` and
+    /// `y_log` show the same range of y, and only the first of a row carries its label and numbers.
+    pub beside: Vec<Panel>,
 }
 
 /// Numbers that belong together.
@@ -107,6 +110,8 @@ const FOOT: f64 = 44.0;
 /// Room around frames, and between labels and the left edge of the figure.
 const GAP: f64 = 12.0;
 const EDGE: f64 = 4.0;
+/// Room between frames beside one another.
+const COLUMN_GAP: f64 = 6.0;
 /// Length of a tick.
 const TICK: f64 = 4.0;
 /// More points than this are drawn smaller.
@@ -158,42 +163,63 @@ impl Figure {
     }
 
     fn drawing(&self) -> Drawing {
-        let layouts = self.layouts();
+        let rows = self.layouts();
         let title = wrapped(&self.title, LARGE, WIDTH - 2.0 * GAP);
         let head = HEAD * title.len() as f64;
-        let height = head + layouts.iter().map(Layout::height).sum::<f64>() + GAP;
+        let height_of = |row: &[Layout]| row.iter().map(Layout::height).fold(0.0, f64::max);
+        let height = head + rows.iter().map(|row| height_of(row)).sum::<f64>() + GAP;
         let mut drawing = Drawing { width: WIDTH, height, marks: vec![] };
         for (index, line) in title.iter().enumerate() {
             let size = fitted(line, LARGE, WIDTH - 2.0 * GAP);
             drawing.write(line, size, (GAP, HEAD * (index as f64 + 0.6)), Anchor::Start);
         }
         let mut top = head;
-        for layout in &layouts {
-            layout.draw(&mut drawing, top);
-            top += layout.height();
+        for row in &rows {
+            row.iter().for_each(|layout| layout.draw(&mut drawing, top));
+            top += height_of(row);
         }
         drawing
     }
 
-    fn layouts(&self) -> Vec<Layout<'_>> {
+    /// Rows of panels.
+    fn layouts(&self) -> Vec<Vec<Layout<'_>>> {
+        let rows: Vec<Vec<&Panel>> = self.panels.iter().map(Panel::row).collect();
+        let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
         let total: f64 = self.panels.iter().map(Panel::share).sum();
         let room = FRAME * self.panels.len() as f64;
-        let frame = |panel: &Panel| (room * panel.share() / total).max(FRAME_LEAST).round();
-        let y: Vec<Axis> = self.panels.iter().map(|panel| panel.y_axis(frame(panel))).collect();
-        // Frames stand exactly below one another.
-        let left = y.iter().map(Axis::width).fold(0.0, f64::max) + EDGE + 2.0 * NORMAL;
-        let width = WIDTH - left - GAP;
-        let layout = |(index, (panel, y)): (usize, (_, Axis))| {
-            let panel: &Panel = panel;
-            let peers = self.panels.iter().filter(|other| panel.shares_x(other));
-            let values = peers.flat_map(|peer| &peer.series).flat_map(|series| series.kind.extent().0);
-            let x =
-                Axis::new(values, panel.x_log, panel.x_counts, |count, widest| count * (widest + 1.5 * SMALL) <= width);
-            let shared = self.panels.get(index + 1).is_some_and(|next| panel.shares_x(next));
-            let foot = if shared { 0.0 } else { FOOT };
-            Layout { panel, x, y, left, frame: frame(panel), foot, legend: Legend::new(&panel.series, width) }
+        let frame = |panel: &Panel| match columns {
+            0 | 1 => (room * panel.share() / total).max(FRAME_LEAST).round(),
+            _ => (FRAME.min(WIDTH / columns as f64) - GAP).max(FRAME_LEAST).round(),
         };
-        self.panels.iter().zip(y).enumerate().map(layout).collect()
+        let y: Vec<Vec<Axis>> =
+            rows.iter().map(|row| row.iter().map(|panel| panel.y_axis(row, frame(panel))).collect()).collect();
+        // Frames stand exactly below one another.
+        let left = y.iter().filter_map(|row| row.first()).map(Axis::width).fold(0.0, f64::max) + EDGE + 2.0 * NORMAL;
+        let width = (WIDTH - left - GAP + COLUMN_GAP) / columns.max(1) as f64 - COLUMN_GAP;
+        let x = |panel: &Panel| {
+            let peers = rows.iter().flatten().filter(|other| panel.shares_x(other));
+            let values = peers.flat_map(|peer| &peer.series).flat_map(|series| series.kind.extent().0);
+            Axis::new(values, panel.x_log, panel.x_counts, |count, widest| count * (widest + 1.5 * SMALL) <= width)
+        };
+        let row = |(index, y): (usize, Vec<Axis>)| {
+            let layout = |(column, y): (usize, Axis)| {
+                let panel = rows[index][column];
+                let below = rows.get(index + 1).and_then(|row| row.get(column));
+                Layout {
+                    panel,
+                    x: x(panel),
+                    y,
+                    left: left + column as f64 * (width + COLUMN_GAP),
+                    width,
+                    frame: frame(panel),
+                    foot: if below.is_some_and(|below| panel.shares_x(below)) { 0.0 } else { FOOT },
+                    says_y: column == 0 && (columns == 1 || !panel.y_label.is_empty()),
+                    legend: Legend::new(&panel.series, width),
+                }
+            };
+            y.into_iter().enumerate().map(layout).collect()
+        };
+        y.into_iter().enumerate().map(row).collect()
     }
 }
 
@@ -202,9 +228,19 @@ impl Panel {
         if self.height_share > 0.0 { self.height_share.clamp(0.01, 100.0) } else { 1.0 }
     }
 
-    /// The y axis of a frame of a height.
-    fn y_axis(&self, frame: f64) -> Axis {
-        let values = self.series.iter().flat_map(|series| series.kind.extent().1);
+    /// The panel and those beside it.
+    fn row(&self) -> Vec<&Panel> {
+        [self].into_iter().chain(&self.beside).collect()
+    }
+
+    /// The y axis of a frame of a height, in a row.
+    fn y_axis(&self, row: &[&Panel], frame: f64) -> Axis {
+        let shares = |other: &&&Panel| {
+            std::ptr::eq(**other, self)
+                || (!self.y_label.is_empty() && self.y_label == other.y_label && self.y_log == other.y_log)
+        };
+        let peers = row.iter().filter(shares);
+        let values = peers.flat_map(|peer| &peer.series).flat_map(|series| series.kind.extent().1);
         Axis::new(values, self.y_log, false, |count, _| count * 2.8 * SMALL <= frame)
     }
 
@@ -218,11 +254,14 @@ struct Layout<'a> {
     panel: &'a Panel,
     x: Axis,
     y: Axis,
-    /// Left edge and height of the frame.
+    /// Left edge, width and height of the frame.
     left: f64,
+    width: f64,
     frame: f64,
     /// Room for numbers and label of the x axis, if it carries any.
     foot: f64,
+    /// Whether it carries numbers and label of the y axis.
+    says_y: bool,
     legend: Legend<'a>,
 }
 
@@ -239,7 +278,7 @@ impl Layout<'_> {
 
     fn draw(&self, drawing: &mut Drawing, top: f64) {
         self.legend.draw(drawing, self.left, top + GAP);
-        let (right, upper) = (WIDTH - GAP, top + self.above());
+        let (right, upper) = (self.left + self.width, top + self.above());
         let lower = upper + self.frame;
         let at =
             |x: f64, y: f64| (self.left + self.x.place(x) * (right - self.left), lower - self.y.place(y) * self.frame);
@@ -253,7 +292,9 @@ impl Layout<'_> {
         self.numbers(drawing, at);
         let label = &self.panel.y_label;
         let place = (EDGE + 0.6 * NORMAL, 0.5 * (upper + lower));
-        drawing.write(label, fitted(label, NORMAL, self.frame), place, Anchor::Upwards);
+        if self.says_y {
+            drawing.write(label, fitted(label, NORMAL, self.frame), place, Anchor::Upwards);
+        }
         if self.foot > 0.0 {
             let label = &self.panel.x_label;
             let place = (0.5 * (self.left + right), lower + self.foot - 0.7 * NORMAL);
@@ -280,7 +321,7 @@ impl Layout<'_> {
 
     /// Ticks and numbers.
     fn numbers(&self, drawing: &mut Drawing, at: impl Fn(f64, f64) -> Point) {
-        for (value, number) in self.y.numbers() {
+        for (value, number) in self.y.numbers().filter(|_| self.says_y) {
             let (left, y) = at(-f64::INFINITY, value);
             Pen { drawing, color: 0 }.hairline((left - TICK, y), (left, y), 1.0);
             drawing.write(number, SMALL, (left - 1.6 * TICK, y), Anchor::End);
@@ -416,6 +457,7 @@ mod tests {
             x_counts: random.random(),
             series: (0..random.random_range(0..5)).map(|_| series(random)).collect(),
             height_share: number(random),
+            beside: if random.random_range(0..8) == 0 { vec![panel(random), panel(random)] } else { vec![] },
         }
     }
 

@@ -1,14 +1,22 @@
 //! Intervals by profile likelihood and samples of a posterior, on problems whose answer is known on paper.
 
+use std::fs;
+use std::process::Command;
+
+use ctiplan::analysis::fit::posterior::{self, Posterior, posterior};
 use ctiplan::analysis::fit::profile::{End, Profile, profile};
 use ctiplan::analysis::fit::{Fit, Options, fit};
 use ctiplan::analysis::measurement::DataSet;
+use ctiplan::evaluate;
 use ctiplan::io::table::Table;
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
+use ctiplan::plan::date_distribution::over_sample;
+use ctiplan::plan::mission_sample::MissionSample;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use serde_json::Value;
 
 const OFFSET: &str = "effects.formula.offset";
 const SLOPE: &str = "effects.formula.slope";
@@ -127,4 +135,190 @@ fn a_key_that_is_not_free_is_refused() {
     let fit = fitted(&mission, &data, &[OFFSET]);
     let refusal = profile(&Model::new(&mission), &data, &fit, "effects.formula.ofset", &|_| {}).unwrap_err();
     assert_eq!(refusal.help.as_deref(), Some("did you mean `effects.formula.offset`?"));
+}
+
+fn sampled(mission: &Mission, data: &[DataSet], fit: &Fit, samples: usize, seed: u64) -> Posterior {
+    let options = posterior::Options { samples, seed, evaluations: None };
+    posterior(&Model::new(mission), data, fit, &options, &|_| {}).unwrap()
+}
+
+/// Of a linear model with Gaussian noise and flat priors the posterior is the normal law of the linear theory.
+#[test]
+fn the_posterior_of_a_linear_problem_is_that_of_the_linear_theory() {
+    let (mission, data, values) = doses(3e6, -1e6, 4);
+    let fit = fitted(&mission, &data, &[OFFSET, SLOPE]);
+    let found = sampled(&mission, &data, &fit, 2000, 1);
+    assert!(found.converged && found.effective_samples >= 2000.0 && found.draws.len() == 2000);
+    let (best, sigmas, correlation) = straight_line(&values);
+    // Four standard errors of so many independent draws.
+    let n = found.effective_samples;
+    for (place, marginal) in found.parameters.iter().enumerate() {
+        let off = (marginal.median - best[place]) / sigmas[place];
+        // The variance of a median is π/2 times that of a mean.
+        assert!(off.abs() < 4.0 * 1.2533 / n.sqrt(), "{off} {marginal:?}");
+        let mean = found.draws.iter().map(|draw| draw[place]).sum::<f64>() / found.draws.len() as f64;
+        assert!(((mean - best[place]) / sigmas[place]).abs() < 4.0 / (found.draws.len() as f64).sqrt() * 1.5);
+        let squares: f64 = found.draws.iter().map(|draw| (draw[place] - mean).powi(2)).sum();
+        let sigma = (squares / found.draws.len() as f64).sqrt();
+        assert!((sigma / sigmas[place] - 1.0).abs() < 4.0 / (2.0 * n).sqrt() * 1.5, "{sigma} {sigmas:?}");
+        for (interval, reach) in [(marginal.interval_68, 1.0), (marginal.interval_95, 2.0)] {
+            let ends = [best[place] - reach * sigmas[place], best[place] + reach * sigmas[place]];
+            for (found, expected) in interval.into_iter().zip(ends) {
+                // √(p (1 − p)) over the density there, in sigma: 1.5 at 1 sigma, 2.8 at 2.
+                assert!(((found - expected) / sigmas[place]).abs() < 4.0 * 2.8 / n.sqrt(), "{found} {expected}");
+            }
+        }
+    }
+    assert!((found.correlation[0][1] - correlation).abs() < 4.0 * (1.0 - correlation.powi(2)) / n.sqrt());
+    // ln p = −χ²/2
+    let draw = &found.draws[7];
+    let chi2: f64 =
+        times().iter().zip(&values).map(|(t, y)| ((y - draw[0] - draw[1] * t) / SIGMA).powi(2)).sum();
+    assert!((draw[2] + 0.5 * chi2).abs() < 1e-6 * chi2, "{draw:?} {chi2}");
+}
+
+/// A rate that cannot be negative: the posterior is a normal law cut at 0, and that its prior ends it is said.
+#[test]
+fn the_posterior_keeps_to_the_bounds() {
+    let (mission, data, values) = doses(0.0, -1e5, 2);
+    let fit = fitted(&mission, &data, &[FLOOR]);
+    let found = sampled(&mission, &data, &fit, 1000, 1);
+    let marginal = &found.parameters[0];
+    assert!(found.draws.iter().all(|draw| draw[0] >= 0.0) && marginal.ended_by_prior);
+    assert_eq!(marginal.prior.to_string(), "flat in the value from 0 to 1e12");
+    let tt: f64 = times().iter().map(|t| t * t).sum();
+    let centre = times().iter().zip(&values).map(|(t, y)| t * y).sum::<f64>() / tt;
+    let sigma = SIGMA / tt.sqrt();
+    let kept = ctiplan::sweep::distribution::Distribution::Normal {
+        mean: centre,
+        sigma,
+        ends: (0.0, f64::INFINITY),
+    };
+    let (low, median) = (kept.quantile(0.4), kept.quantile(0.5));
+    // The standard error of a median: ½ over density and √n; the density is about 0.1 over the width from 40 to 50 %.
+    let error = 0.5 / (0.1 / (median - low)) / found.effective_samples.sqrt();
+    assert!((marginal.median - median).abs() < 4.0 * error, "{} {median} {error}", marginal.median);
+}
+
+#[test]
+fn a_seed_gives_the_same_sample_with_any_number_of_threads() {
+    let (mission, data, _) = doses(3e6, -1e6, 5);
+    let fit = fitted(&mission, &data, &[OFFSET, SLOPE]);
+    let with = |threads: usize, seed: u64| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| sampled(&mission, &data, &fit, 50, seed)).draws
+    };
+    assert_eq!(with(1, 3), with(2, 3));
+    assert_ne!(with(2, 3), with(2, 4));
+}
+
+/// Too few evaluations: the sample is made of what there is, and that it is too short is known.
+#[test]
+fn a_sample_that_is_too_short_is_known_to_be() {
+    let (mission, data, _) = doses(3e6, -1e6, 6);
+    let fit = fitted(&mission, &data, &[OFFSET, SLOPE]);
+    let options = posterior::Options { samples: 1000, seed: 1, evaluations: Some(320) };
+    let found = posterior(&Model::new(&mission), &data, &fit, &options, &|_| {}).unwrap();
+    assert!(!found.converged && found.evaluations <= 320, "{found:?}");
+}
+
+const DENSITY: &str = "detector.traps.VV.density_per_px";
+
+/// SNAP, coarsely.
+fn snap() -> Mission {
+    let text = include_str!("../../missions/snap_l2.toml")
+        .replace("[requirement]", "[accuracy]\nsubpixel_grid = 1\n[requirement]");
+    Mission::parse(&text).unwrap()
+}
+
+fn read(text: &str) -> Result<MissionSample, ctiplan::error::InputError> {
+    let file = tempfile::Builder::new().suffix(".ecsv").tempfile().unwrap();
+    fs::write(file.path(), text).unwrap();
+    MissionSample::read(file.path(), &snap())
+}
+
+/// Dates under a sample are those of its missions, each evaluated by itself.
+#[test]
+fn dates_under_a_sample_are_those_of_its_missions() {
+    let densities: Vec<f64> = (0..21).map(|index| 0.12 * 1.15_f64.powi(index)).collect();
+    let rows: String = densities.iter().map(|density| format!("{density},-1.0\n")).collect();
+    let sample = read(&format!("{DENSITY},log_posterior\n{rows}")).unwrap();
+    let mission = snap();
+    let found = over_sample(&mission, &sample, 100, || {}).unwrap();
+    assert_eq!((found.samples, found.seed), (21, None));
+    let mut times: Vec<f64> = densities
+        .iter()
+        .map(|density| {
+            let drawn = mission.with(&[(DENSITY.into(), (*density).into())]).unwrap();
+            evaluate(&drawn).unwrap().verdict.uncorrected.t_yr.unwrap_or(f64::INFINITY)
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    let within = times.iter().filter(|t_yr| t_yr.is_finite()).count();
+    assert!(within > 11 && within < 20, "choose densities between which the budget is exceeded: {times:?}");
+    let uncorrected = &found.uncorrected;
+    assert_eq!(uncorrected.probability_exceeded, within as f64 / 21.0);
+    let quantiles: Vec<Option<f64>> = uncorrected.quantiles.iter().map(|at| at.t_yr).collect();
+    // Of 21 rows the quantiles of 5, 50 and 95 % are the second, the middle and the last but one.
+    assert_eq!(quantiles, [Some(times[1]), Some(times[10]), None]);
+    assert!(uncorrected.quantiles[0].error_yr.unwrap() > 0.0);
+    let half = over_sample(&mission, &sample, 7, || {}).unwrap();
+    assert_eq!(half.samples, 7);
+}
+
+#[test]
+fn a_sample_that_does_not_fit_the_mission_is_refused() {
+    let refusal = |text: &str| read(text).unwrap_err().to_string();
+    let unknown = refusal("detector.traps.VX.density_per_px,log_posterior\n0.1,-1\n");
+    assert!(unknown.contains("cannot use posterior") && unknown.contains("VX"), "{unknown}");
+    let unit = refusal("detector.temperature_k [ms],log_posterior\n150,-1\n");
+    assert!(unit.contains("the unit is `ms`; the key is in K"), "{unit}");
+    let cell = refusal(&format!("{DENSITY}\n0.1\nmany\n"));
+    assert!(cell.contains("line 3") && cell.contains(DENSITY), "{cell}");
+    let empty = refusal("log_posterior\n-1\n");
+    assert!(empty.contains("no draw of any key"), "{empty}");
+    let beyond = read(&format!("{DENSITY}\n0.1\n-0.1\n")).unwrap();
+    let beyond = over_sample(&snap(), &beyond, 10, || {}).unwrap_err().to_string();
+    assert!(beyond.contains("line 3") && beyond.contains(DENSITY), "{beyond}");
+}
+
+/// From the command line: fit, intervals and sample, then the date under the sample.
+#[test]
+fn a_sample_goes_from_fit_to_evaluate() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (mission, _, values) = doses(3e6, -1e6, 7);
+    fs::write(path("mission.toml"), mission.to_toml()).unwrap();
+    let rows: String = times().iter().zip(&values).map(|(t_yr, value)| format!("{t_yr},{value},{SIGMA}\n")).collect();
+    fs::write(path("doses.csv"), format!("# observable: dose\nt_yr,value,sigma\n{rows}")).unwrap();
+    let run = |words: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_ctiplan")).args(words).output().unwrap();
+        let [stdout, stderr] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+        (output.status.code(), stdout, stderr)
+    };
+    let (file, html) = (path("posterior.ecsv"), path("fit.html"));
+    let (mission, data) = (path("mission.toml"), path("doses.csv"));
+    let fit = ["fit", &mission, &data, "--free", OFFSET, "--free", SLOPE];
+    let keys = format!("{OFFSET},{SLOPE}");
+    let words = [&fit[..], &["--profile", &keys, "--posterior", "40", "--seed", "3", "--out", &file]].concat();
+    let (status, text, stderr) = run(&[&words[..], &["--html", &html]].concat());
+    assert_eq!(status, Some(0), "{stderr}");
+    assert!(text.contains("Profile likelihood") && text.contains("Posterior: a sample of 40 draws, seed 3"), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    assert!(fs::read_to_string(&html).unwrap().contains("Goodman"));
+    let first = fs::read_to_string(&file).unwrap();
+    let (_, json, _) = run(&[&words[..], &["--json"]].concat());
+    assert_eq!(fs::read_to_string(&file).unwrap(), first, "another sample from the same seed");
+    let json: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["profiles"][1]["intervals"][0]["low"]["end"], "crossing");
+    assert_eq!(json["posterior"]["parameters"][0]["key"], OFFSET);
+    let (_, csv, _) = run(&[&words[..], &["--csv"]].concat());
+    assert!(csv.starts_with("key,unit,value,delta_chi2\n") && csv.lines().count() > 30, "{csv}");
+    let (status, json, stderr) = run(&["evaluate", &mission, "--posterior", &file, "--json"]);
+    assert_eq!(status, Some(0), "{stderr}");
+    let json: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!((&json["distribution"]["samples"], &json["distribution"]["seed"]), (&40.into(), &Value::Null));
+    assert_eq!(json["distribution"]["corrected"]["quantiles"][2]["p"], 0.95);
+    let (status, _, stderr) = run(&[&fit[..], &["--profile", "effects.formula.slop"]].concat());
+    assert_eq!((status, stderr.contains("did you mean `effects.formula.slope`?")), (Some(2), true), "{stderr}");
 }

@@ -125,7 +125,8 @@ pub fn profile(
     key: &str,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Profile, InputError> {
-    let index = place(fit, key)?;
+    let keys: Vec<String> = fit.parameters.iter().map(|fitted| fitted.key.clone()).collect();
+    let index = place(&keys, key)?;
     let others = (0..fit.parameters.len()).filter(|other| *other != index);
     let scan = Scan {
         model: &model.like(&fit.mission),
@@ -133,7 +134,7 @@ pub fn profile(
         fit,
         parameter: Parameter::of(&fit.mission, key)?,
         sigma: fit.parameters[index].sigma,
-        others: others.clone().map(|other| fit.parameters[other].key.clone()).collect(),
+        others: others.clone().map(|other| keys[other].clone()).collect(),
         progress,
     };
     let optimum = Refit {
@@ -162,13 +163,15 @@ pub fn profile(
     })
 }
 
-/// The place of a key among the fitted ones.
-fn place(fit: &Fit, key: &str) -> Result<usize, InputError> {
-    let keys = || fit.parameters.iter().map(|fitted| fitted.key.as_str());
-    keys().position(|known| known == key).ok_or_else(|| {
-        let listed = keys().collect::<Vec<_>>().join(", ");
-        let refusal = InputError::new(format!("cannot profile `{key}`"), format!("it is not free; free are: {listed}"));
-        match nearest(key, keys()) {
+/// The place of a key among the free ones.
+///
+/// # Errors
+/// Where it is not one of them.
+pub fn place(free: &[String], key: &str) -> Result<usize, InputError> {
+    free.iter().position(|known| known == key).ok_or_else(|| {
+        let problem = format!("it is not free; free are: {}", free.join(", "));
+        let refusal = InputError::new(format!("cannot profile `{key}`"), problem);
+        match nearest(key, free.iter().map(String::as_str)) {
             Some(near) => refusal.with_help(format!("did you mean `{near}`?")),
             None => refusal.with_help("name it with --free, too"),
         }

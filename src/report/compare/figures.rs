@@ -32,7 +32,7 @@ impl Comparison {
             y_log,
             x_counts: along.is_none() || counts(x_label),
             series,
-            height_share: 1.0,
+            ..Panel::default()
         };
         let draw = |value: &dyn Fn(&Scenario) -> Option<f64>| -> Vec<Series> {
             groups

@@ -47,7 +47,7 @@ impl Diagnosis {
                 y_log: wide,
                 x_counts: true,
                 series,
-                height_share: 1.0,
+                ..Panel::default()
             }],
         }
     }

@@ -1,6 +1,6 @@
 //! Change of shape against time, with the budget; dose and traps.
 
-use super::EvaluateReport;
+use super::{EvaluateReport, distribution};
 use crate::mission::keys::plain;
 use crate::numeric::calendar::decimal_year;
 use crate::plan::evaluate::Year;
@@ -16,11 +16,14 @@ impl EvaluateReport {
     /// Figures with the names of their files; none without the time series.
     pub(super) fn drawn(&self) -> Vec<(String, Figure)> {
         let Some(time_series) = &self.time_series else { return Vec::new() };
-        vec![
+        let mut figures = vec![
             ("shape.svg".into(), self.shape(time_series)),
             ("dose.svg".into(), self.dose(time_series)),
             ("traps.svg".into(), self.traps(time_series)),
-        ]
+        ];
+        let dates = self.distribution.as_ref().map(|found| distribution::figure(found, self.evaluation.mission()));
+        figures.extend(dates.map(|figure| ("dates.svg".into(), figure)));
+        figures
     }
 
     /// |Δe| of the galaxies, the judged one first; its line after correction is held against the same budget.

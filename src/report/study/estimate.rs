@@ -9,7 +9,7 @@ use crate::study::Estimate;
 const MONTH_D: f64 = 365.25 / 12.0;
 
 /// A date that is known to so many days (1 sigma), to the unit that they leave: a day, a month, or a year.
-pub(super) fn known_date(date: NaiveDate, error_d: Option<f64>) -> String {
+pub(in crate::report) fn known_date(date: NaiveDate, error_d: Option<f64>) -> String {
     let format = match error_d {
         Some(error_d) if error_d < 0.5 * MONTH_D => "%Y-%m-%d",
         Some(error_d) if error_d < 6.0 * MONTH_D => "%Y-%m",
@@ -19,13 +19,13 @@ pub(super) fn known_date(date: NaiveDate, error_d: Option<f64>) -> String {
 }
 
 /// An error in days, to one digit or two.
-pub(super) fn days(error_d: f64) -> String {
+pub(in crate::report) fn days(error_d: f64) -> String {
     let unit = if error_d < 100.0 { 1.0 } else { 10.0 };
     format!("+- {} d", (error_d / unit).ceil() * unit)
 }
 
 /// Without an exponent, to the digits that the error leaves; without an error if that is 0.
-pub(super) fn plus_minus(estimate: Estimate) -> String {
+pub(in crate::report) fn plus_minus(estimate: Estimate) -> String {
     let Estimate { value, error } = estimate;
     if !is_known(error) {
         return short(value);

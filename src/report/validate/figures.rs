@@ -73,6 +73,7 @@ fn data_and_model(set: &SetResult, along: &str) -> Figure {
                 x_counts: counts(along),
                 series: data,
                 height_share: 1.6,
+                ..Panel::default()
             },
             Panel {
                 x_label: label(along),
@@ -81,7 +82,7 @@ fn data_and_model(set: &SetResult, along: &str) -> Figure {
                 y_log: false,
                 x_counts: counts(along),
                 series: below,
-                height_share: 1.0,
+                ..Panel::default()
             },
         ],
     }
@@ -118,7 +119,7 @@ fn residuals(set: &SetResult, trend: &Trend) -> Figure {
             y_log: false,
             x_counts: counts(&trend.name),
             series,
-            height_share: 1.0,
+            ..Panel::default()
         }],
     }
 }

@@ -6,7 +6,7 @@ use super::PERCENTILES;
 use super::sampler::Fate;
 use crate::numeric::least_squares::Span;
 use crate::study::Estimate;
-use crate::study::estimate::with_errors;
+use crate::numeric::estimate::{quantile, with_errors};
 
 /// Statistics of the draws, each number with its standard error.
 pub struct Statistics {
@@ -37,7 +37,7 @@ impl Statistics {
                 let mut times: Vec<f64> =
                     places.iter().map(|place| fates[*place].exceeded_yr[limit].unwrap_or(f64::INFINITY)).collect();
                 times.sort_by(f64::total_cmp);
-                values.extend(PERCENTILES.map(|percent| percentile(&times, percent)));
+                values.extend(PERCENTILES.map(|percent| quantile(&times, percent / 100.0)));
                 let within = times.partition_point(|t_yr| *t_yr <= duration_yr);
                 values.push(within as f64 / times.len() as f64);
             }
@@ -58,13 +58,6 @@ impl Statistics {
         let rest = shares.pop().expect("what is left");
         Statistics { shares: (inputs > 0 && rest.value.is_finite()).then_some((shares, rest)), sigma_ln, limits }
     }
-}
-
-/// A percentile of sorted times (yr), between two of them on a straight line.
-fn percentile(times: &[f64], percent: f64) -> f64 {
-    let place = percent / 100.0 * (times.len() - 1) as f64;
-    let (low, high) = (times[place.floor() as usize], times[place.ceil() as usize]);
-    if low == high { low } else { low + place.fract() * (high - low) }
 }
 
 /// ln |Δe| at the end of the mission, and the deviations that made it, of draws that have a shape left then.

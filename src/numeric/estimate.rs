@@ -44,6 +44,13 @@ pub fn with_errors(
     values.into_iter().enumerate().map(|(index, value)| (value, error(index))).collect()
 }
 
+/// The quantile of sorted numbers at a probability `p`, between two of them on a straight line. Numbers may be infinite.
+pub fn quantile(sorted: &[f64], p: f64) -> f64 {
+    let place = p * (sorted.len() - 1) as f64;
+    let (low, high) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
+    if low == high { low } else { low + place.fract() * (high - low) }
+}
+
 /// Half the central 68.3 % of values.
 fn spread(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);

@@ -1,0 +1,125 @@
+//! Values of a mission's keys that were drawn together, such as a sample of a posterior: a table ↔ missions.
+//!
+//! A column for each key, under its dotted name, and `log_posterior`; a row for each draw.
+
+use std::path::Path;
+
+use toml::Value;
+
+use crate::error::{InputError, nearest};
+use crate::io::table::{Cell, Column, Datatype, Meta, Table};
+use crate::mission::Mission;
+use crate::mission_file::lookup;
+
+/// The column that is no key: the logarithm of the posterior, up to a constant.
+pub const LOG_POSTERIOR: &str = "log_posterior";
+
+/// What `meta` calls the number of independent draws that the sample is worth.
+pub const EFFECTIVE_SAMPLES: &str = "effective_samples";
+
+/// A sample of a mission's keys, read from a table.
+#[derive(Clone, Debug)]
+pub struct MissionSample {
+    /// Dotted keys, in the order of the columns.
+    pub keys: Vec<String>,
+    /// Number of independent draws that the sample is worth, where the table says so.
+    pub effective_samples: Option<f64>,
+    table: Table,
+}
+
+/// The table of a sample: keys with their units, and a row for each draw, whose last number is the logarithm of the posterior.
+pub fn table(keys: &[(&str, &str)], rows: &[Vec<f64>], meta: Vec<(&str, Cell)>) -> Table {
+    let column = |(place, (name, unit)): (usize, &(&str, &str))| Column {
+        name: (*name).to_string(),
+        unit: (!unit.is_empty()).then(|| (*unit).to_string()),
+        datatype: Datatype::Float(64),
+        cells: rows.iter().map(|row| Cell::Number(row[place])).collect(),
+        ..Column::default()
+    };
+    let meta = meta.into_iter().map(|(name, value)| Meta { name: name.into(), value, line: None });
+    let columns = keys.iter().chain([&(LOG_POSTERIOR, "")]);
+    Table { columns: columns.enumerate().map(column).collect(), meta: meta.collect(), ..Table::default() }
+}
+
+impl MissionSample {
+    /// Reads a sample of a mission's keys.
+    ///
+    /// # Errors
+    /// Where the file is no table, a column is no key of the mission or has another unit, or a cell holds no number.
+    pub fn read(path: impl AsRef<Path>, mission: &Mission) -> Result<MissionSample, InputError> {
+        let refused = format!("cannot use posterior `{}`", path.as_ref().display());
+        let table = Table::read(path).map_err(|error| InputError { refused: refused.clone(), ..error })?;
+        MissionSample::of(table, mission).map_err(|error| InputError { refused, ..error })
+    }
+
+    fn of(table: Table, mission: &Mission) -> Result<MissionSample, InputError> {
+        let columns = || table.columns.iter().filter(|column| column.name != LOG_POSTERIOR);
+        for column in columns() {
+            check(&table, column, mission)?;
+        }
+        if columns().count() == 0 || table.rows() == 0 {
+            let problem = "there is no draw of any key in it";
+            return Err(table.fault(None, None, problem).with_help("`ctiplan fit --posterior N --out FILE` writes one"));
+        }
+        let effective_samples = table.meta(EFFECTIVE_SAMPLES).and_then(Cell::number);
+        let keys = columns().map(|column| column.name.clone()).collect();
+        Ok(MissionSample { keys, effective_samples, table })
+    }
+
+    /// Number of draws.
+    pub fn len(&self) -> usize {
+        self.table.rows()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// So many rows, evenly chosen; all where there are no more.
+    pub fn chosen(&self, count: usize) -> Vec<usize> {
+        let count = count.min(self.len());
+        (0..count).map(|index| index * self.len() / count).collect()
+    }
+
+    /// The mission with the values of a row.
+    ///
+    /// # Errors
+    /// Where the values make no sense to the mission; names the row.
+    pub fn mission(&self, mission: &Mission, row: usize) -> Result<Mission, InputError> {
+        let value = |key: &String| -> Option<(String, Value)> {
+            let number = self.table.column(key)?.cells[row].number()?;
+            Some((key.clone(), Value::Float(number)))
+        };
+        let settings: Vec<(String, Value)> = self.keys.iter().filter_map(value).collect();
+        mission.with(&settings).map_err(|error| self.fault(row, error))
+    }
+
+    /// A refusal of a row, for what was wrong with its mission.
+    pub fn fault(&self, row: usize, error: InputError) -> InputError {
+        let said = [error.place, Some(error.problem)].into_iter().flatten().collect::<Vec<_>>().join(": ");
+        InputError {
+            refused: format!("cannot use posterior `{}`", self.table.name),
+            help: error.help,
+            ..self.table.fault(Some(row), None, said)
+        }
+    }
+}
+
+/// A column is a key of the mission, in its unit, and holds numbers.
+fn check(table: &Table, column: &Column, mission: &Mission) -> Result<(), InputError> {
+    let name = Some(column.name.as_str());
+    let path = mission.path(&column.name).map_err(|(problem, help)| {
+        let known = nearest(&column.name, [LOG_POSTERIOR]).map(|near| format!("did you mean `{near}`?"));
+        InputError { help: help.or(known), ..table.fault(None, name, problem) }
+    })?;
+    let unit = lookup::find(&path).map_or("", |key| key.unit);
+    if let Some(given) = column.unit.as_deref().filter(|given| *given != unit) {
+        let expected = if unit.is_empty() { "the key has none".into() } else { format!("the key is in {unit}") };
+        return Err(table.fault(None, name, format!("the unit is `{given}`; {expected}")));
+    }
+    match column.cells.iter().position(|cell| cell.number().is_none_or(|number| !number.is_finite())) {
+        Some(row) => Err(table.fault(Some(row), name, "a number is needed here")),
+        None => Ok(()),
+    }
+}

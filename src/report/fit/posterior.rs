@@ -1,0 +1,96 @@
+//! A sample of the posterior, in words and tables.
+
+use super::{correlations, to_digits_of};
+use crate::analysis::fit::posterior::{Marginal, Posterior};
+use crate::plan::sources::Source;
+use crate::report::{Parts, table};
+
+/// What spreadsheets are told of each parameter, besides the fit.
+pub(super) const COLUMNS: [&str; 7] =
+    ["median", "low_68", "high_68", "low_95", "high_95", "autocorrelation_steps", "effective_samples"];
+
+/// Their cells.
+pub(super) fn cells(marginal: &Marginal) -> [String; 7] {
+    let ([low_68, high_68], [low_95, high_95]) = (marginal.interval_68, marginal.interval_95);
+    let steps = marginal.autocorrelation_steps.map_or(String::new(), |steps| steps.to_string());
+    let numbers = [marginal.median, low_68, high_68, low_95, high_95].map(|number| number.to_string());
+    let [median, low_68, high_68, low_95, high_95] = numbers;
+    [median, low_68, high_68, low_95, high_95, steps, marginal.effective_samples.to_string()]
+}
+
+/// Intervals, priors, correlations, and whether the sample is long enough.
+pub(super) fn say(sample: &Posterior, out: &mut Parts) {
+    out.heading(format!("Posterior: a sample of {} draws, seed {}", sample.draws.len(), sample.seed));
+    let mut marginals = table(&["key", "median", "68 %", "95 %", "unit"]);
+    let mut chains = table(&["key", "autocorrelation [steps]", "effective samples", "prior"]);
+    for one in &sample.parameters {
+        let spread = 0.5 * (one.interval_68[1] - one.interval_68[0]);
+        let between = |[low, high]: [f64; 2]| format!("{} to {}", to_digits_of(low, spread), to_digits_of(high, spread));
+        marginals.add_row(vec![
+            one.key.clone(),
+            to_digits_of(one.median, spread),
+            between(one.interval_68),
+            between(one.interval_95),
+            one.unit.into(),
+        ]);
+        chains.add_row(vec![
+            one.key.clone(),
+            one.autocorrelation_steps.map_or("not known".into(), |steps| format!("{steps:.1}")),
+            format!("{:.0}", one.effective_samples),
+            one.prior.to_string(),
+        ]);
+    }
+    out.table(marginals);
+    out.gap();
+    out.table(chains);
+    if sample.parameters.len() > 1 {
+        out.heading("Correlations of the posterior");
+        out.table(correlations(sample.parameters.iter().map(|one| one.key.as_str()), &sample.correlation));
+    }
+    out.words(
+        format!(
+            "  {} walkers of {} steps, the first {} of them not used; {} evaluations, {:.0} % of the moves accepted",
+            sample.walkers,
+            sample.steps,
+            sample.burn_in_steps,
+            sample.evaluations,
+            100.0 * sample.acceptance
+        ),
+        4,
+    );
+    for doubt in doubts(sample) {
+        out.verdict(doubt, 2);
+    }
+}
+
+/// What is not as it should be.
+fn doubts(sample: &Posterior) -> Vec<String> {
+    let mut said = Vec::new();
+    if !sample.converged {
+        let shortest = sample.parameters.iter().map(|one| {
+            one.autocorrelation_steps.map_or(0.0, |time| one.steps as f64 / time)
+        });
+        said.push(format!(
+            "Warning: the sample is too short. It is {:.0} autocorrelation times long (50 are needed) and worth {:.0} independent \
+             draws of {} wanted. All evaluations are used up; allow more with --posterior-evaluations.",
+            shortest.fold(f64::INFINITY, f64::min),
+            sample.effective_samples,
+            sample.wanted_samples
+        ));
+    }
+    for one in sample.parameters.iter().filter(|one| one.ended_by_prior) {
+        said.push(format!(
+            "Warning: the posterior of {} reaches an end of its prior ({}); its interval depends on that.",
+            one.key, one.prior
+        ));
+    }
+    said
+}
+
+/// Where the method is from.
+pub(super) fn source() -> Source {
+    Source::new(
+        "Sample of the posterior: affine-invariant ensemble of walkers, stretch move",
+        "Goodman & Weare 2010, Comm. App. Math. Comp. Sci. 5, 65; Foreman-Mackey et al. 2013, PASP 125, 306",
+    )
+}
