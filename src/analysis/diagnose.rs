@@ -9,12 +9,13 @@
 
 mod adopt;
 mod data_quality;
+mod doubts;
 mod evidence;
 pub mod experiment_design;
 mod fitted_model;
 mod formula;
 mod forward_selection;
-mod holdout;
+pub mod holdout;
 pub mod hypothesis;
 mod json;
 mod limits;
@@ -136,7 +137,7 @@ impl Task<'_> {
             let refusal = data_quality::refusal(told.case(), self.options.free.len());
             if refusal.is_none()
                 && round == 0
-                && let Some(better) = again(told.base)
+                && let Some(better) = again(&told.nearest()?)
             {
                 return Ok(Attempt::Again(better));
             }
@@ -149,7 +150,7 @@ impl Task<'_> {
             };
             let better = match &found.wrong[..] {
                 [] if found.verdict == Verdict::Unfit => None,
-                [] => again(found.ladder.last().expect("the base")),
+                [] => again(found.nearest.as_ref().unwrap_or(found.ladder.last().expect("the base"))),
                 wrong => (round + 1 < ROUNDS).then(|| noise::with_wrong(self.quoted, noise, wrong)),
             };
             if let Some(better) = better {

@@ -133,7 +133,7 @@ mod tests {
     fn quantiles_and_shares_are_those_on_paper() {
         let launch = NaiveDate::from_ymd_opt(2030, 1, 1).unwrap();
         // Even between 0 and 10 yr; the mission ends after 6.
-        let times = |n: usize| (0..n).map(|i| 10.0 * (i as f64 + 0.5) / n as f64);
+        let times = |n: usize| (0..n).map(move |i| 10.0 * (i as f64 + 0.5) / n as f64);
         let n = 1000;
         let within: Vec<f64> = times(n).map(|t_yr| if t_yr > 6.0 { f64::INFINITY } else { t_yr }).collect();
         let dates = Dates::of(within.clone(), n as f64, launch, 1);

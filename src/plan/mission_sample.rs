@@ -59,7 +59,9 @@ impl MissionSample {
         }
         if columns().count() == 0 || table.rows() == 0 {
             let problem = "there is no draw of any key in it";
-            return Err(table.fault(None, None, problem).with_help("`ctiplan fit --posterior N --out FILE` writes one"));
+            return Err(table
+                .fault(None, None, problem)
+                .with_help("`ctiplan fit --posterior N --out FILE` writes one"));
         }
         let effective_samples = table.meta(EFFECTIVE_SAMPLES).and_then(Cell::number);
         let keys = columns().map(|column| column.name.clone()).collect();

@@ -190,9 +190,13 @@ fn correlations<'a>(keys: impl Iterator<Item = &'a str> + Clone, correlation: &[
     let mut correlations = table(&header);
     for (index, key) in keys.enumerate() {
         let mut row = vec![format!("{} {key}", index + 1)];
-        row.extend((0..n).map(|other| {
-            if other <= index { format!("{:+.2}", correlation[index][other]) } else { String::new() }
-        }));
+        row.extend(
+            (0..n).map(
+                |other| {
+                    if other <= index { format!("{:+.2}", correlation[index][other]) } else { String::new() }
+                },
+            ),
+        );
         correlations.add_row(row);
     }
     correlations

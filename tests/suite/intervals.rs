@@ -173,8 +173,7 @@ fn the_posterior_of_a_linear_problem_is_that_of_the_linear_theory() {
     assert!((found.correlation[0][1] - correlation).abs() < 4.0 * (1.0 - correlation.powi(2)) / n.sqrt());
     // ln p = −χ²/2
     let draw = &found.draws[7];
-    let chi2: f64 =
-        times().iter().zip(&values).map(|(t, y)| ((y - draw[0] - draw[1] * t) / SIGMA).powi(2)).sum();
+    let chi2: f64 = times().iter().zip(&values).map(|(t, y)| ((y - draw[0] - draw[1] * t) / SIGMA).powi(2)).sum();
     assert!((draw[2] + 0.5 * chi2).abs() < 1e-6 * chi2, "{draw:?} {chi2}");
 }
 

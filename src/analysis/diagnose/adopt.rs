@@ -71,7 +71,7 @@ impl Evidence<'_> {
                 return Ok(Ended::ByChance);
             }
         }
-        let (node, rivals) = rivals::of(self, node)?;
+        let (node, rivals, aside) = rivals::of(self, node)?;
         for place in 0..node.added.len() {
             if self.false_alarm(&node, place)? > self.options.level || !self.confirmed(&node, place)? {
                 return Ok(Ended::Nothing);
@@ -93,7 +93,7 @@ impl Evidence<'_> {
                 }
             }
         }
-        found.rivals = rivals;
+        (found.rivals, found.aside) = (rivals, aside);
         Ok(Ended::Adopted(Box::new(found)))
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::fitted_model::{Case, Node};
 use super::noise::SetNoise;
 use super::options::Options;
-use super::result::{Limit, Next, Reason, Verdict};
+use super::result::{Limit, Next, Note, Reason, Verdict};
 use super::rivals::Rival;
 use super::search::Search;
 use super::work::Work;
@@ -21,6 +21,10 @@ pub(super) struct Found {
     pub limits: Vec<Limit>,
     /// Models with others in the place of one of its effects, the nearest first.
     pub rivals: Vec<Rival>,
+    /// Rivals that are hardly worse, and were set aside.
+    pub aside: Vec<Note>,
+    /// The model nearest to the data, where none explains them.
+    pub nearest: Option<Arc<Node>>,
     /// Rows that are wrong (by their places among all), each with how far it is off, in sigma: the search is to be repeated without.
     pub wrong: Vec<(usize, f64)>,
     /// The errors that the search saw.
@@ -37,6 +41,8 @@ impl Found {
             next: None,
             limits: Vec::new(),
             rivals: Vec::new(),
+            nearest: None,
+            aside: Vec::new(),
             wrong: Vec::new(),
             noise: Vec::new(),
         }

@@ -17,6 +17,9 @@ use crate::error::InputError;
 /// Effects added at most.
 const MOST: usize = 3;
 
+/// Effects that promise most, of which one is added before the errors are told from what is left.
+const NEAREST: usize = 4;
+
 /// Share of the fall of chi2 within which two models that fall as far say the same of the data.
 const THE_SAME: f64 = 0.02;
 
@@ -51,7 +54,10 @@ impl Evidence<'_> {
         match found {
             Some(found) => Ok(found),
             None if by_chance || self.mere_noise(self.base)?.is_some() => Ok(self.complete(self.not_borne_out(&tried))),
-            None => self.unexplained(&tried),
+            None => {
+                let nearest = tried.iter().min_by(|a, b| self.score(a).total_cmp(&self.score(b))).cloned();
+                Ok(Found { nearest, ..self.unexplained(&tried)? })
+            }
         }
     }
 
@@ -171,6 +177,14 @@ impl Evidence<'_> {
         let mut nodes = sketches.iter().map(polish).collect::<Result<Vec<_>, _>>()?;
         self.sort(&mut nodes);
         Ok(nodes)
+    }
+
+    /// The model with one effect at most that is nearest to the data: what is left there is nearer to their noise than at a base
+    /// that lacks much.
+    pub(super) fn nearest(&self) -> Result<Arc<Node>, InputError> {
+        let further = self.further(self.base, NEAREST)?;
+        let best = further.into_iter().next().filter(|node| self.score(node) < self.score(self.base));
+        Ok(best.unwrap_or_else(|| self.base.clone()))
     }
 
     /// Leaves out those that say the same of the data as a better one: another name for it is tried in its place in the end

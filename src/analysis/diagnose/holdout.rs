@@ -6,6 +6,8 @@
 
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
+use serde::Serialize;
+
 use super::fitted_model::{Case, Node};
 use crate::analysis::fit::holdout::groups;
 
@@ -86,6 +88,41 @@ pub(super) fn rms_sigma(groups: &[Vec<usize>], node: &Node) -> Option<f64> {
         }
     }
     (rows > 0).then(|| (squares / rows as f64).sqrt())
+}
+
+/// How well a model predicts rows inside and at the ends of the range of a condition, each group left out in turn.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Carried {
+    /// The condition.
+    pub condition: String,
+    /// Least and largest value of it in the data.
+    pub range: [f64; 2],
+    /// rms of (value − model)/sigma of groups in between; None where the others say nothing of them.
+    pub inside_rms_sigma: Option<f64>,
+    /// The same of the first and the last group, to which the others are extrapolated.
+    pub beyond_rms_sigma: Option<f64>,
+}
+
+/// That of every condition by which groups can be left out.
+pub(super) fn carried(case: &Case, node: &Node) -> Vec<Carried> {
+    let of = |column: &&str| {
+        let groups = groups(case.data, column).ok().filter(|groups| groups.len() > 3)?;
+        let ranges = case.data.iter().filter(|set| !set.is_words(column)).flat_map(|set| set.against(column));
+        let values: Vec<f64> = ranges.filter(|value| value.is_finite()).collect();
+        let rms = |ends: bool| {
+            let wanted = groups.iter().filter(|(_, _, at_end)| *at_end == ends);
+            rms_sigma(&wanted.map(|(_, members, _)| members.clone()).collect::<Vec<_>>(), node)
+        };
+        // Words have no ends.
+        (!values.is_empty()).then(|| Carried {
+            condition: column.to_string(),
+            range: [f64::INFINITY, f64::NEG_INFINITY]
+                .map(|start| values.iter().copied().fold(start, if start > 0.0 { f64::min } else { f64::max })),
+            inside_rms_sigma: rms(false),
+            beyond_rms_sigma: rms(true),
+        })
+    };
+    COLUMNS.iter().filter(|column| **column != "trail_px").filter_map(of).collect()
 }
 
 #[cfg(test)]

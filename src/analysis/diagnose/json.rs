@@ -2,17 +2,19 @@
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
+use super::holdout::Carried;
 use super::result::{Next, Rung, Step};
 use crate::analysis::fit::Fitted;
 use crate::physics::observable::Observable;
 
 #[derive(serde::Serialize)]
-struct OneRung {
+struct OneRung<'a> {
     chi2: f64,
     n: usize,
     free: usize,
     rms_sigma: f64,
     holdout_rms_sigma: Option<f64>,
+    holdout: &'a [Carried],
     budget_exceeded_t_yr: Exceeded,
 }
 
@@ -62,6 +64,7 @@ impl Serialize for Rung {
             free: self.free,
             rms_sigma: self.rms_sigma(),
             holdout_rms_sigma: self.holdout_rms_sigma,
+            holdout: &self.carried,
             budget_exceeded_t_yr: Exceeded {
                 uncorrected: budget.and_then(|budget| budget.uncorrected.t_yr),
                 corrected: budget.and_then(|budget| budget.corrected.t_yr),

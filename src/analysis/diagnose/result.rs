@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::holdout::Carried;
 use super::noise::SetNoise;
 use super::stability::Changed;
 use crate::analysis::fit::{Advice, Fitted};
@@ -124,6 +125,44 @@ pub enum Note {
         /// How far it is off at most, in sigma.
         shift_sigma: f64,
     },
+    /// An effect explains little, and moves the date at which the budget is exceeded far.
+    MovesTheDate {
+        /// The effect.
+        effect: String,
+        /// Share of the fall of chi2 that is its own.
+        share: f64,
+        /// By how many years the date moves; None where one of the two dates is not within the mission.
+        years: Option<f64>,
+    },
+    /// An effect makes predictions at the ends of a condition's range worse than they were without it.
+    DoesNotExtrapolate {
+        /// The effect.
+        effect: String,
+        /// The condition.
+        condition: String,
+        /// rms of what is predicted beyond the other rows, in sigma, without and with it.
+        beyond_rms_sigma: [f64; 2],
+    },
+    /// The final model is only good inside the range of a condition.
+    TrustInside {
+        /// The condition.
+        condition: String,
+        /// Its range in the data.
+        range: [f64; 2],
+        /// rms of what is predicted inside and beyond, in sigma.
+        rms_sigma: [f64; 2],
+    },
+    /// A rival that is hardly worse than the adopted effect, and was set aside.
+    SetAside {
+        /// The rival.
+        effect: String,
+        /// The adopted effect.
+        instead_of: String,
+        /// By how much its chi2 is larger, and by how many parameters it has more.
+        chi2: f64,
+        /// Parameters that it has more.
+        parameters: i64,
+    },
 }
 
 /// One rung of the ladder: a model fitted to all rows.
@@ -139,6 +178,8 @@ pub struct Rung {
     pub parameters: Vec<Fitted>,
     /// rms of (value − model)/sigma over groups left out in turn; None where nothing can be left out.
     pub holdout_rms_sigma: Option<f64>,
+    /// The same inside and at the ends of the range of each condition.
+    pub carried: Vec<Carried>,
     /// When the budget is exceeded with this model; None where the mission's galaxies lose their shapes.
     pub budget: Option<evaluate::BudgetVerdict>,
 }

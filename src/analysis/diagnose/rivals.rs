@@ -11,6 +11,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::evidence::Evidence;
 use super::fitted_model::Node;
+use super::result::Note;
 use crate::error::InputError;
 
 /// An effect in the place of an adopted one.
@@ -30,28 +31,32 @@ pub(super) fn margin(level: f64) -> f64 {
 /// Share of the gain of an effect that a rival must promise to first order, on top of others, to be fitted.
 const LITTLE: f64 = 0.2;
 
+/// Rivals up to so many margins away are said to have been set aside.
+const NEARLY: f64 = 2.0;
+
 /// Sketches are rough: those within so many margins are fitted in full.
 const ROUGH: f64 = 3.0;
 
 /// A model's rivals, least chi2 first; and the model itself, or a rival with so much less freedom that it is to be preferred.
-pub(super) fn of(told: &Evidence, node: &Arc<Node>) -> Result<(Arc<Node>, Vec<Rival>), InputError> {
+pub(super) fn of(told: &Evidence, node: &Arc<Node>) -> Result<(Arc<Node>, Vec<Rival>, Vec<Note>), InputError> {
     let mut adopted = node.clone();
     // A preferred rival has rivals of its own.
     for _ in 0..3 {
-        let rivals = around(told, &adopted)?;
+        let (rivals, aside) = around(told, &adopted)?;
         let best = rivals.iter().min_by(|a, b| told.score(&a.node).total_cmp(&told.score(&b.node)));
         match best {
             Some(best) if told.score(&best.node) < told.score(&adopted) - 1e-6 => adopted = best.node.clone(),
-            _ => return Ok((adopted, rivals)),
+            _ => return Ok((adopted, rivals, aside)),
         }
     }
-    let rivals = around(told, &adopted)?;
-    Ok((adopted, rivals))
+    let (rivals, aside) = around(told, &adopted)?;
+    Ok((adopted, rivals, aside))
 }
 
-fn around(told: &Evidence, node: &Arc<Node>) -> Result<Vec<Rival>, InputError> {
+/// Rivals of a model, and those that are hardly worse.
+fn around(told: &Evidence, node: &Arc<Node>) -> Result<(Vec<Rival>, Vec<Note>), InputError> {
     let margin = margin(told.options.level);
-    let mut rivals: Vec<Rival> = Vec::new();
+    let (mut rivals, mut aside): (Vec<Rival>, Vec<Note>) = Default::default();
     for (place, added) in node.added.iter().enumerate() {
         let parent = told.without(node, place)?;
         let expansion = told.search.expand(&parent);
@@ -68,9 +73,16 @@ fn around(told: &Evidence, node: &Arc<Node>) -> Result<Vec<Rival>, InputError> {
             let freedom = node.fit.parameters.len() as f64 - rival.fit.parameters.len() as f64;
             if rival.chi2() < node.chi2() + margin + 2.0 * freedom.max(0.0) + freedom.min(0.0) {
                 rivals.push(Rival { instead_of: added.hypothesis, hypothesis: sketch.last(), node: rival });
+            } else if rival.chi2() < node.chi2() + NEARLY * margin {
+                aside.push(Note::SetAside {
+                    effect: told.name(sketch.last()),
+                    instead_of: told.name(added.hypothesis),
+                    chi2: rival.chi2() - node.chi2(),
+                    parameters: -freedom as i64,
+                });
             }
         }
     }
     rivals.sort_by(|a, b| a.node.chi2().total_cmp(&b.node.chi2()).then(a.hypothesis.cmp(&b.hypothesis)));
-    Ok(rivals)
+    Ok((rivals, aside))
 }

@@ -3,7 +3,7 @@
 use super::evidence::{Evidence, Found, newest};
 use super::fitted_model::{Added, Node};
 use super::result::{Diagnosis, Leaning, Note, Rung, Step, Tried, Verdict};
-use super::{formula, holdout};
+use super::{doubts, formula, holdout};
 use crate::analysis::fit::{self, Advice};
 use crate::analysis::validate::validate;
 use crate::effect;
@@ -15,7 +15,7 @@ use crate::plan::evaluate::{self, evaluate};
 impl Evidence<'_> {
     /// Everything that is told of what was found.
     pub(super) fn diagnosis(&self, mission: &Mission, found: Found, notes: Vec<Note>) -> Result<Diagnosis, InputError> {
-        let Found { verdict, reason, ladder, alternatives, next, limits, noise, .. } = found;
+        let Found { verdict, reason, ladder, alternatives, next, limits, noise, aside, .. } = found;
         let node = ladder.last().expect("the base");
         (self.search.progress.stage)("budget", ladder.len() as u64);
         let improved = Mission { accuracy: mission.accuracy.clone(), ..node.mission().clone() };
@@ -35,6 +35,7 @@ impl Evidence<'_> {
                     free: node.fit.parameters.len(),
                     parameters: node.fit.parameters.clone(),
                     holdout_rms_sigma: self.groups().and_then(|groups| holdout::rms_sigma(groups, node)),
+                    carried: holdout::carried(self.case(), node),
                     budget: budget(node.mission()),
                 }
             })
@@ -70,6 +71,7 @@ impl Evidence<'_> {
             }
             suggestion = formula::suggest(&after, &covariates);
         }
+        let notes = [notes, aside, doubts::of(&rungs[0], &steps)].concat();
         let parameters = values.iter().filter(|fitted| self.search.base.contains(&fitted.key)).cloned();
         Ok(Diagnosis {
             mission: mission.clone(),

@@ -155,7 +155,8 @@ impl OfProblem<'_> {
             let mut reach = 1.0;
             for _ in 0..TRIES {
                 let normal = DVector::from_fn(n, |_, _| StandardNormal.sample(&mut random));
-                let at: Vec<f64> = (&centre + reach * errors.component_mul(&(&root * normal))).iter().copied().collect();
+                let at: Vec<f64> =
+                    (&centre + reach * errors.component_mul(&(&root * normal))).iter().copied().collect();
                 if self.is_allowed(&at) {
                     return (at, random);
                 }

@@ -233,8 +233,7 @@ impl Scan<'_> {
         let all = || known.iter().map(|refit| refit.coordinate);
         let low = farthest(widest.low).unwrap_or(all().fold(f64::INFINITY, f64::min));
         let high = farthest(widest.high).unwrap_or(all().fold(f64::NEG_INFINITY, f64::max));
-        let places: Vec<f64> =
-            (1..=ADDED).map(|step| low + (high - low) * step as f64 / (ADDED + 1) as f64).collect();
+        let places: Vec<f64> = (1..=ADDED).map(|step| low + (high - low) * step as f64 / (ADDED + 1) as f64).collect();
         let nearest = |place: f64| {
             let distance = |refit: &&Refit| (refit.coordinate - place).abs();
             known.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("the optimum is known")

@@ -88,6 +88,39 @@ impl fmt::Display for Note {
                 "the mission's own readout ([accuracy]) is off by up to {shift_sigma:.1} sigma from a finer one, which is used \
                  here"
             ),
+            Note::MovesTheDate { effect, share, years } => {
+                let by =
+                    years.map_or_else(|| "into or out of the mission".into(), |years| format!("by {years:+.1} yr"));
+                write!(
+                    out,
+                    "{effect} explains {:.1} % of what all effects explain, and moves the date {by}: the date depends on it",
+                    100.0 * share
+                )
+            }
+            Note::DoesNotExtrapolate { effect, condition, beyond_rms_sigma: [without, with] } => write!(
+                out,
+                "{effect} describes, and does not extrapolate: the ends of the range of {condition}, left out of the fit, are \
+                 predicted to {with:.1} sigma with it and to {without:.1} sigma without it"
+            ),
+            Note::TrustInside { condition, range: [low, high], rms_sigma: [inside, beyond] } => write!(
+                out,
+                "rely on the model for {condition} from {} to {} only: groups inside, left out of the fit, are predicted to \
+                 {inside:.1} sigma, those at the ends to {beyond:.1} sigma",
+                plain(*low),
+                plain(*high)
+            ),
+            Note::SetAside { effect, instead_of, chi2, parameters } => {
+                let more = match parameters {
+                    0 => "as many parameters".to_string(),
+                    more if *more > 0 => format!("{more} more"),
+                    fewer => format!("{} fewer", -fewer),
+                };
+                write!(
+                    out,
+                    "{effect} in place of {instead_of} was set aside: chi2 is larger by {chi2:.1}, with {more}; the limit is \
+                     that of a chance below half the level"
+                )
+            }
         }
     }
 }

@@ -60,11 +60,7 @@ pub(super) fn figure(found: &DateDistribution, mission: &Mission) -> Figure {
         curve("corrected", 1, &found.corrected),
         Series { label: Some("mission".into()), color: 3, kind: Mark::Shade { from: launch, to: end } },
     ];
-    let panel = Panel {
-        x_label: "year".into(),
-        y_label: "exceeded by then [% of draws]".into(),
-        series,
-        ..Panel::default()
-    };
+    let panel =
+        Panel { x_label: "year".into(), y_label: "exceeded by then [% of draws]".into(), series, ..Panel::default() };
     Figure { title: "Date on which the budget is exceeded, over the posterior".into(), panels: vec![panel] }
 }

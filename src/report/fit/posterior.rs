@@ -25,7 +25,8 @@ pub(super) fn say(sample: &Posterior, out: &mut Parts) {
     let mut chains = table(&["key", "autocorrelation [steps]", "effective samples", "prior"]);
     for one in &sample.parameters {
         let spread = 0.5 * (one.interval_68[1] - one.interval_68[0]);
-        let between = |[low, high]: [f64; 2]| format!("{} to {}", to_digits_of(low, spread), to_digits_of(high, spread));
+        let between =
+            |[low, high]: [f64; 2]| format!("{} to {}", to_digits_of(low, spread), to_digits_of(high, spread));
         marginals.add_row(vec![
             one.key.clone(),
             to_digits_of(one.median, spread),
@@ -67,9 +68,8 @@ pub(super) fn say(sample: &Posterior, out: &mut Parts) {
 fn doubts(sample: &Posterior) -> Vec<String> {
     let mut said = Vec::new();
     if !sample.converged {
-        let shortest = sample.parameters.iter().map(|one| {
-            one.autocorrelation_steps.map_or(0.0, |time| one.steps as f64 / time)
-        });
+        let shortest =
+            sample.parameters.iter().map(|one| one.autocorrelation_steps.map_or(0.0, |time| one.steps as f64 / time));
         said.push(format!(
             "Warning: the sample is too short. It is {:.0} autocorrelation times long (50 are needed) and worth {:.0} independent \
              draws of {} wanted. All evaluations are used up; allow more with --posterior-evaluations.",

@@ -9,10 +9,10 @@ use super::Knowledge;
 use crate::error::InputError;
 use crate::image::iterated;
 use crate::model::{Above, Beside, Device, Model, Scene, downstream};
+use crate::numeric::estimate::with_errors;
 use crate::physics::galaxy::{Profile, snr};
 use crate::physics::shape::{Moments, ShapeChange};
 use crate::readout::Downstream;
-use crate::numeric::estimate::with_errors;
 use crate::study::{Estimate, each};
 
 /// Share of a difference that is added to a galaxy: small enough for its shape to follow in proportion.

@@ -4,9 +4,9 @@ use nalgebra::{DMatrix, DVector};
 
 use super::PERCENTILES;
 use super::sampler::Fate;
+use crate::numeric::estimate::{quantile, with_errors};
 use crate::numeric::least_squares::Span;
 use crate::study::Estimate;
-use crate::numeric::estimate::{quantile, with_errors};
 
 /// Statistics of the draws, each number with its standard error.
 pub struct Statistics {

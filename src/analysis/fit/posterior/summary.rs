@@ -134,7 +134,13 @@ pub(super) fn correlation(chain: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let product = |a: usize, b: usize| chain.iter().map(|at| (at[a] - mean[a]) * (at[b] - mean[b])).sum::<f64>();
     let of = |a: usize, b: usize| {
         let both = (product(a, a) * product(b, b)).sqrt();
-        if a == b { 1.0 } else if both > 0.0 { (product(a, b) / both).clamp(-1.0, 1.0) } else { 0.0 }
+        if a == b {
+            1.0
+        } else if both > 0.0 {
+            (product(a, b) / both).clamp(-1.0, 1.0)
+        } else {
+            0.0
+        }
     };
     (0..n).map(|a| (0..n).map(|b| of(a, b)).collect()).collect()
 }

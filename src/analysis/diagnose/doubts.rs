@@ -1,0 +1,62 @@
+//! What is doubtful of a model that explains the data: dates that little moves far, predictions that do not carry.
+
+use super::holdout::Carried;
+use super::result::{Note, Rung, Step};
+
+/// Share of what all effects explain below which one explains little.
+const LITTLE: f64 = 0.05;
+
+/// Years by which it moves the date far.
+const FAR_YR: f64 = 0.5;
+
+/// Factor by which predictions at the ends of a range must become worse with an effect, and how bad they must be, in sigma.
+const WORSE: f64 = 1.15;
+const BAD_SIGMA: f64 = 1.5;
+
+/// Doubts about the steps from the mission as given to the final model.
+pub(super) fn of(baseline: &Rung, steps: &[Step]) -> Vec<Note> {
+    let mut notes = Vec::new();
+    let all = baseline.chi2 - steps.last().map_or(baseline.chi2, |step| step.rung.chi2);
+    let mut before = baseline;
+    for step in steps {
+        notes.extend(moves_the_date(before, step, all));
+        notes.extend(does_not_extrapolate(before, step));
+        before = &step.rung;
+    }
+    if !steps.is_empty() {
+        notes.extend(before.carried.iter().filter_map(trust_inside));
+    }
+    notes
+}
+
+fn moves_the_date(before: &Rung, step: &Step, all: f64) -> Option<Note> {
+    let share = (before.chi2 - step.rung.chi2) / all;
+    let date = |rung: &Rung| rung.budget.as_ref().map(|budget| budget.uncorrected.t_yr);
+    let (one, other) = (date(before)?, date(&step.rung)?);
+    let years = one.zip(other).map(|(one, other)| other - one);
+    let far = years.map_or(one.is_some() != other.is_some(), |years| years.abs() > FAR_YR);
+    (share < LITTLE && far).then(|| Note::MovesTheDate { effect: step.effect.clone(), share, years })
+}
+
+fn does_not_extrapolate(before: &Rung, step: &Step) -> Option<Note> {
+    let of = |carried: &Carried| {
+        let known = before.carried.iter().find(|known| known.condition == carried.condition)?.beyond_rms_sigma?;
+        let now = carried.beyond_rms_sigma?;
+        (now > BAD_SIGMA && now > WORSE * known).then(|| Note::DoesNotExtrapolate {
+            effect: step.effect.clone(),
+            condition: carried.condition.clone(),
+            beyond_rms_sigma: [known, now],
+        })
+    };
+    step.rung.carried.iter().find_map(of)
+}
+
+fn trust_inside(carried: &Carried) -> Option<Note> {
+    let (inside, beyond) = (carried.inside_rms_sigma?, carried.beyond_rms_sigma?);
+    let worse = beyond > BAD_SIGMA && beyond > WORSE * inside;
+    worse.then(|| Note::TrustInside {
+        condition: carried.condition.clone(),
+        range: carried.range,
+        rms_sigma: [inside, beyond],
+    })
+}
