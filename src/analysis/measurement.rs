@@ -45,6 +45,9 @@ pub struct Row {
     pub sigma: f64,
     /// The conditions that are believed in; numeric columns that the model does not know are covariates.
     pub at: Conditions,
+    /// 1-sigma errors of conditions, by name, in the units of the conditions; independent from row to row. Only those that the file
+    /// gives as `sigma_CONDITION`.
+    pub condition_sigmas: Vec<(&'static str, f64)>,
     /// The galaxy, by its place in the mission.
     pub galaxy: Option<usize>,
     /// The species of a trap density, by its place in the mission.
@@ -93,6 +96,9 @@ fn known(name: &str) -> Option<Known> {
         "background_e" => as_key("background_e", Unit::Electrons, "sky.background_e"),
         "transfers" => as_key("transfers", Unit::Pure, "readout.transfers"),
         "signal_e" => plain("signal_e", Unit::Electrons, Positive(0.0, 1e9)),
+        "signal_read_e" => plain("signal_read_e", Unit::Electrons, Positive(0.0, 1e9)),
+        "preceding_e" => plain("preceding_e", Unit::Electrons, Number(0.0, 1e9)),
+        "preceding_px" => plain("preceding_px", Unit::Pixels, Integer(1, 100_000)),
         "trail_px" => plain("trail_px", Unit::Pixels, Integer(1, 100_000)),
         "block_px" => plain("block_px", Unit::Pixels, Integer(1, 100_000)),
         "first_px" => plain("first_px", Unit::Pixels, Integer(1, 100_000)),
@@ -101,15 +107,31 @@ fn known(name: &str) -> Option<Known> {
     })
 }
 
-/// A condition of another name, of which this one is a slip: one letter is wrong, missing, too many, or two are swapped.
-/// Capitals do not matter. `date` is a word with many neighbours (`rate`, `gate`, `data`): only its capitals count.
+/// The condition whose error a column of that name holds.
+fn condition_of_sigma(name: &str) -> Option<&'static str> {
+    let condition = name.strip_prefix(SIGMA_OF)?;
+    conditions::NAMES.into_iter().find(|known| *known == condition)
+}
+
+/// Before the name of a condition: its 1-sigma error.
+const SIGMA_OF: &str = "sigma_";
+
+/// A condition of another name, of which this one is a slip: one letter is wrong, missing, too many, or two are swapped, or the unit
+/// of `signal_read_e` or `preceding_e` is missing. Capitals do not matter. `date` is a word with many neighbours (`rate`, `gate`, `data`): only its capitals count.
 fn slip_of(name: &str) -> Option<&'static str> {
     if conditions::NAMES.contains(&name) || OTHERS.contains(&name) {
         return None;
     }
     let allowed = |condition: &str| if condition == "date" { 0 } else { 1 };
-    let like = |condition: &&str| strsim::damerau_levenshtein(&name.to_lowercase(), condition) <= allowed(condition);
-    conditions::NAMES.into_iter().chain(["galaxy", "date"]).find(like)
+    let like = |condition: &&str| {
+        let name = name.to_lowercase();
+        let without_unit =
+            ["signal_read", "preceding"].contains(&name.as_str()) && condition.strip_suffix("_e") == Some(&name);
+        without_unit || strsim::damerau_levenshtein(&name, condition) <= allowed(condition)
+    };
+    // A letter too many or missing is likelier than a wrong one.
+    let letters_apart = |condition: &&str| condition.len().abs_diff(name.len());
+    conditions::NAMES.into_iter().chain(["galaxy", "date"]).rev().filter(like).max_by_key(letters_apart)
 }
 
 /// Columns that are neither conditions nor covariates.
@@ -206,6 +228,7 @@ impl Reader<'_> {
         let numbers = self.table.meta.iter().filter(|meta| meta.value.quantity().is_some());
         let numbers = numbers.map(|meta| (&meta.name, format!("meta.{}", meta.name)));
         for (name, place) in columns.chain(numbers) {
+            self.check_sigma_of(name, &place)?;
             if let Some(condition) = slip_of(name) {
                 let problem = format!("`{name}` is no condition, but nearly `{condition}`, which is one");
                 let help = format!("write `{condition}`, or give a covariate a name that is less like it");
@@ -213,6 +236,21 @@ impl Reader<'_> {
             }
         }
         Ok(())
+    }
+
+    /// A name that says it is the error of a condition names one.
+    fn check_sigma_of(&self, name: &str, place: &str) -> Result<(), InputError> {
+        let lower = name.to_lowercase();
+        let Some(condition) = lower.strip_prefix(SIGMA_OF) else { return Ok(()) };
+        if condition_of_sigma(name).is_some() {
+            return Ok(());
+        }
+        let fault = self.table.fault(None, Some(place), format!("`{name}` is the error of no condition"));
+        let near = slip_of(condition).or(nearest(condition, conditions::NAMES));
+        Err(fault.with_help(match near.or(conditions::NAMES.into_iter().find(|known| *known == condition)) {
+            Some(near) => format!("did you mean `{SIGMA_OF}{near}`?"),
+            None => format!("conditions are: {}", conditions::NAMES.join(", ")),
+        }))
     }
 
     fn row(&self, row: usize) -> Result<Row, InputError> {
@@ -236,7 +274,30 @@ impl Reader<'_> {
                 words.push((column.name.clone(), word.clone()));
             }
         }
-        Ok(Row { value, sigma, at, galaxy, species, words })
+        let condition_sigmas = self.condition_sigmas(row)?;
+        Ok(Row { value, sigma, at, condition_sigmas, galaxy, species, words })
+    }
+
+    /// Errors of the conditions that have one.
+    fn condition_sigmas(&self, row: usize) -> Result<Vec<(&'static str, f64)>, InputError> {
+        let mut sigmas = Vec::new();
+        for condition in conditions::NAMES {
+            let name = format!("{SIGMA_OF}{condition}");
+            let unit = known(condition).expect("a condition").unit;
+            // A difference of temperatures is the same in kelvin and degrees Celsius.
+            let Some((sigma, place)) =
+                self.number_by(row, &name, unit, |conversion, theirs| conversion.scale(theirs))?
+            else {
+                continue;
+            };
+            if !(sigma.is_finite() && sigma >= 0.0) {
+                let problem =
+                    format!("the error of a condition is a number from 0 on; this is {sigma}{}", unit.behind());
+                return Err(self.table.fault(Some(row), Some(&place), problem));
+            }
+            sigmas.push((condition, sigma));
+        }
+        Ok(sigmas)
     }
 
     /// `value` or `sigma`.
@@ -321,6 +382,9 @@ impl Reader<'_> {
             background_e: self.condition(row, "background_e")?.unwrap_or(believed.background_e),
             transfers: self.condition(row, "transfers")?.map_or(believed.transfers, whole),
             signal_e: self.condition(row, "signal_e")?,
+            signal_read_e: self.condition(row, "signal_read_e")?,
+            preceding_e: self.condition(row, "preceding_e")?,
+            preceding_px: self.condition(row, "preceding_px")?.map(whole),
             trail_px: self.condition(row, "trail_px")?.map(whole),
             block_px: self.condition(row, "block_px")?.map(whole),
             first_px: self.condition(row, "first_px")?.map(whole),
@@ -328,8 +392,11 @@ impl Reader<'_> {
             ..believed
         };
         self.check_edge(row, &at)?;
+        self.check_signal_read(row, &at)?;
+        self.check_preceding(row, &at)?;
         for name in self.observable.card().requires {
-            if *name != "galaxy" && at.get(name).is_none() {
+            let as_read = *name == "signal_e" && at.signal_read_e.is_some();
+            if *name != "galaxy" && !as_read && at.get(name).is_none() {
                 return Err(self.missing(name, row));
             }
         }
@@ -342,6 +409,40 @@ impl Reader<'_> {
         }
         at.covariates = self.covariates(row);
         Ok(at)
+    }
+
+    /// The charge of a packet is known before transfer, or as read.
+    fn check_signal_read(&self, row: usize, at: &Conditions) -> Result<(), InputError> {
+        let Some(signal_read_e) = at.signal_read_e else { return Ok(()) };
+        let refuse = |problem: &str, help: &str| {
+            Err(self.table.fault(Some(row), Some("signal_read_e"), problem).with_help(help))
+        };
+        if at.signal_e.is_some() {
+            let help = "give the charge before transfer (signal_e) or the charge as read (signal_read_e)";
+            return refuse("a packet has both signal_e and signal_read_e", help);
+        }
+        if self.observable == Observable::PacketCharge {
+            let problem = format!("packet_charge is the charge as read: it would be {signal_read_e} e- in every model");
+            return refuse(&problem, "give the charge before transfer, signal_e");
+        }
+        Ok(())
+    }
+
+    /// A preceding packet has a charge and a distance, and lies on the detector.
+    fn check_preceding(&self, row: usize, at: &Conditions) -> Result<(), InputError> {
+        match (at.preceding_e, at.preceding_px) {
+            (None, None) => Ok(()),
+            (None, Some(_)) => Err(self.missing("preceding_e", row)),
+            (Some(_), None) => Err(self.missing("preceding_px", row)),
+            (Some(_), Some(ahead_px)) if ahead_px + at.block_px.unwrap_or(1) > at.transfers => {
+                let problem = format!(
+                    "a packet {ahead_px} rows ahead of one that makes {} transfers has been read out before",
+                    at.transfers
+                );
+                Err(self.table.fault(Some(row), Some("preceding_px"), problem))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// The CTI of an edge needs the pixels behind it.
@@ -364,7 +465,8 @@ impl Reader<'_> {
 
     /// Numeric columns, and numbers of `meta`, that the model does not know.
     fn covariates(&self, row: usize) -> Vec<(String, f64)> {
-        let unknown = |name: &str| !OTHERS.contains(&name) && known(name).is_none();
+        let unknown =
+            |name: &str| !OTHERS.contains(&name) && known(name).is_none() && condition_of_sigma(name).is_none();
         let number = |cell: &Cell| match cell {
             Cell::Number(number) => Some(*number),
             Cell::Integer(integer) => Some(*integer as f64),
@@ -401,6 +503,17 @@ impl Reader<'_> {
 
     /// A number of a row or of `meta` in our unit, and where it stands.
     fn number(&self, row: usize, name: &str, unit: Unit) -> Result<Option<(f64, String)>, InputError> {
+        self.number_by(row, name, unit, units::Conversion::apply)
+    }
+
+    /// The same, converted in a way of its own.
+    fn number_by(
+        &self,
+        row: usize,
+        name: &str,
+        unit: Unit,
+        convert: fn(units::Conversion, f64) -> f64,
+    ) -> Result<Option<(f64, String)>, InputError> {
         if let Some(column) = self.table.column(name) {
             let cell = &column.cells[row];
             if *cell == Cell::Missing {
@@ -408,14 +521,14 @@ impl Reader<'_> {
             }
             let number = cell.number().ok_or_else(|| self.not_a_number(Some(row), name))?;
             let factor = self.conversion(name, column.unit.as_deref(), unit, name)?;
-            return Ok(Some((factor.apply(number), name.to_string())));
+            return Ok(Some((convert(factor, number), name.to_string())));
         }
         let place = format!("meta.{name}");
         match self.table.meta(name) {
             None | Some(Cell::Missing) => Ok(None),
             Some(cell) => {
                 let (number, given) = cell.quantity().ok_or_else(|| self.not_a_number(None, &place))?;
-                Ok(Some((self.conversion(name, given, unit, &place)?.apply(number), place)))
+                Ok(Some((convert(self.conversion(name, given, unit, &place)?, number), place)))
             }
         }
     }

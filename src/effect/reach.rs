@@ -35,7 +35,7 @@ impl Reach {
         let mut epochs_yr: Vec<f64> = rows.clone().map(|at| at.t_yr).chain([0.0]).collect();
         epochs_yr.sort_by(f64::total_cmp);
         epochs_yr.dedup();
-        let packets_e = ends(&|at| at.signal_e.map(|signal_e| signal_e + at.background_e));
+        let packets_e = ends(&|at| Some(at.signal_e.or(at.signal_read_e)? + at.background_e));
         let background_e =
             ends(&|at| Some(at.background_e).filter(|background_e| *background_e > 0.0)).map(|ends| ends[0]);
         Reach {

@@ -7,6 +7,7 @@
 
 mod columns;
 mod shapes;
+mod signal_read;
 
 use std::collections::HashMap;
 
@@ -42,10 +43,16 @@ pub struct Question<'a> {
 /// Where a question lacks a condition that its observable requires.
 pub fn predict(model: &Model, questions: &[Question]) -> Result<Vec<f64>, InputError> {
     let depends_on = model.depends_on();
+    let before_transfer = signal_read::before_transfer(model, questions, &depends_on)?;
+    let questions: Vec<Question> = questions
+        .iter()
+        .zip(&before_transfer)
+        .map(|(question, at)| at.as_ref().map_or(*question, |at| Question { at, ..*question }))
+        .collect();
     let mut readings: Vec<Reading> = Vec::new();
     let mut known: HashMap<Vec<u64>, usize> = HashMap::new();
     let mut of_question = Vec::with_capacity(questions.len());
-    for question in questions {
+    for question in &questions {
         let index = *known.entry(identity(question, &depends_on)).or_insert_with(|| {
             readings.push(Reading::of(question));
             readings.len() - 1
@@ -165,6 +172,9 @@ fn identity(question: &Question, depends_on: &[String]) -> Vec<u64> {
             Some(at.line_time_ms),
             Some(at.background_e),
             at.signal_e,
+            at.signal_read_e,
+            at.preceding_e,
+            at.preceding_px.map(f64::from),
         ]
         .map(bits),
     );

@@ -19,6 +19,12 @@ pub struct Conditions {
     pub transfers: u32,
     /// Charge of the packet, or of each row of a block, above the background before transfer, e-.
     pub signal_e: Option<f64>,
+    /// The same as it is read, e-, where that is what is known: the charge before transfer follows from the model.
+    pub signal_read_e: Option<f64>,
+    /// Charge of another packet nearer to the register, above the background before transfer, e-.
+    pub preceding_e: Option<f64>,
+    /// Rows by which that packet is ahead of the packet, or of the first row of the block.
+    pub preceding_px: Option<u32>,
     /// Pixel behind the packet or block; 1 is next to it.
     pub trail_px: Option<u32>,
     /// Rows of a block.
@@ -32,7 +38,7 @@ pub struct Conditions {
 }
 
 /// Names of the conditions that are numbers.
-pub const NAMES: [&str; 11] = [
+pub const NAMES: [&str; 14] = [
     "t_yr",
     "dose_mev_g",
     "temperature_k",
@@ -40,6 +46,9 @@ pub const NAMES: [&str; 11] = [
     "background_e",
     "transfers",
     "signal_e",
+    "signal_read_e",
+    "preceding_e",
+    "preceding_px",
     "trail_px",
     "block_px",
     "first_px",
@@ -57,6 +66,9 @@ impl Conditions {
             background_e: mission.sky.background_e,
             transfers: mission.readout.transfers,
             signal_e: None,
+            signal_read_e: None,
+            preceding_e: None,
+            preceding_px: None,
             trail_px: None,
             block_px: None,
             first_px: None,
@@ -75,6 +87,9 @@ impl Conditions {
             "background_e" => Some(self.background_e),
             "transfers" => Some(f64::from(self.transfers)),
             "signal_e" => self.signal_e,
+            "signal_read_e" => self.signal_read_e,
+            "preceding_e" => self.preceding_e,
+            "preceding_px" => self.preceding_px.map(f64::from),
             "trail_px" => self.trail_px.map(f64::from),
             "block_px" => self.block_px.map(f64::from),
             "first_px" => self.first_px.map(f64::from),

@@ -159,3 +159,57 @@ fn what_is_written_is_what_was_read() {
         }
     }
 }
+
+/// A trail, with more columns.
+fn trail_with(columns: &str, cells: &str) -> Result<DataSet, String> {
+    let text = format!("# observable: trail\n# t_yr: 3.0\ntrail_px,value,sigma,{columns}\n1,0.01,0.001,{cells}\n");
+    DataSet::of(Table::parse("trail.csv", &text).unwrap(), &mission()).map_err(|error| error.to_string())
+}
+
+#[test]
+fn charges_as_read_and_preceding_packets_are_conditions() {
+    let set = trail_with("signal_read_e,preceding_e,preceding_px", "800,5000,30").unwrap();
+    let at = &set.rows[0].at;
+    assert_eq!((at.signal_e, at.signal_read_e), (None, Some(800.0)));
+    assert_eq!((at.preceding_e, at.preceding_px), (Some(5000.0), Some(30)));
+    assert!(at.covariates.is_empty());
+    let refused = |columns: &str, cells: &str, said: &str| {
+        let error = trail_with(columns, cells).expect_err(columns);
+        assert!(error.contains(said), "{error}");
+    };
+    refused("signal_e,signal_read_e", "800,790", "both signal_e and signal_read_e");
+    refused("signal_e,preceding_e", "800,790", "preceding_px");
+    refused("signal_e,preceding_px", "800,7", "preceding_e");
+    refused("signal_e,preceding_e,preceding_px", "800,500,1000000", "allowed: whole numbers");
+    refused("signal_e,preceding_e,preceding_px", "800,500,99999", "has been read out before");
+    refused("signal_read", "800", "write `signal_read_e`");
+    refused("signal_e,preceding,preceding_px", "800,500,3", "write `preceding_e`");
+    refused("signal_e,preceding_pix,preceding_e", "800,5,500", "write `preceding_px`");
+    refused("Signal_Read_e", "800", "write `signal_read_e`");
+    let circular = "# observable: packet_charge\n# t_yr: 3.0\nsignal_read_e,value,sigma\n800,790,2\n";
+    let error = DataSet::of(Table::parse("packets.csv", circular).unwrap(), &mission()).unwrap_err().to_string();
+    assert!(error.contains("the charge as read itself") || error.contains("is the charge as read"), "{error}");
+}
+
+#[test]
+fn errors_of_conditions_are_kept_in_the_units_of_the_conditions() {
+    let columns =
+        "signal_e,sigma_signal_e [ke-],temperature_k [deg_C],sigma_temperature_k [deg_C],sigma_t_yr [d],sigma_trail_px";
+    let set = trail_with(columns, "800,0.02,-140,1.5,36.525,").unwrap();
+    assert_eq!(
+        set.rows[0].condition_sigmas.iter().map(|(name, _)| *name).collect::<Vec<_>>(),
+        ["t_yr", "temperature_k", "signal_e"]
+    );
+    for ((_, sigma), expected) in set.rows[0].condition_sigmas.iter().zip([0.1, 1.5, 20.0]) {
+        assert!((sigma - expected).abs() < 1e-12, "{sigma}, {expected}");
+    }
+    assert!(set.rows[0].at.covariates.is_empty() && set.varying.is_empty());
+    let refused = |columns: &str, cells: &str, said: &str| {
+        let error = trail_with(columns, cells).expect_err(columns);
+        assert!(error.contains(said), "{error}");
+    };
+    refused("signal_e,sigma_signal", "800,3", "did you mean `sigma_signal_e`?");
+    refused("signal_e,Sigma_Signal_e", "800,3", "did you mean `sigma_signal_e`?");
+    refused("signal_e,sigma_seeing", "800,3", "is the error of no condition");
+    refused("signal_e,sigma_signal_e", "800,-3", "a number from 0 on");
+}

@@ -1,10 +1,13 @@
 //! Predictions of many rows at once, against one by one.
 
 use ctiplan::mission::Mission;
+use ctiplan::model::Beside;
 use ctiplan::model::Model;
 use ctiplan::model::predict::{Question, predict};
 use ctiplan::physics::conditions::Conditions;
 use ctiplan::physics::observable::Observable;
+use ctiplan::readout::Downstream;
+use ndarray::Array2;
 
 /// The readout of measured shapes is coarser than that of `evaluate`, which does not show.
 #[test]
@@ -82,4 +85,92 @@ fn order_and_threads_change_no_bit() {
     let mut found = predict(&model, &backwards).unwrap();
     found.reverse();
     assert_eq!(found, here);
+}
+
+fn one(model: &Model, observable: Observable, at: &Conditions) -> f64 {
+    predict(model, &[Question { observable, at, galaxy: None, species: None }]).unwrap()[0]
+}
+
+/// A packet whose charge is known as read is the one whose charge is known before transfer; blocks and ringing amplifiers too.
+#[test]
+fn packets_known_as_read_are_those_known_before_transfer() {
+    let ringing = "[effects.signal-ringing]\nfraction = 0.02\nlength_px = 3.0\nperiod_px = 6.0\n";
+    let noisy = "[effects.preflash]\nelectrons = 20.0\n[effects.prelaunch-traps]\nVV = 0.5\n";
+    for effects in ["", ringing, noisy] {
+        let text = format!("{}\n{effects}", include_str!("../../missions/snap_l2.toml"));
+        let model = Model::new(&Mission::parse(&text).unwrap());
+        for (signal_e, block_px, preceding) in
+            [(300.0, None, None), (4e4, None, Some((700.0, 12))), (900.0, Some(20), None), (15.0, None, None)]
+        {
+            let before = Conditions {
+                signal_e: Some(signal_e),
+                block_px,
+                preceding_e: preceding.map(|(charge_e, _)| charge_e),
+                preceding_px: preceding.map(|(_, ahead_px)| ahead_px),
+                trail_px: Some(2),
+                first_px: Some(1),
+                last_px: Some(3),
+                ..model.conditions(4.0)
+            };
+            // The charge of a packet's own pixel, or of the last row of a block behind its own rows.
+            let read_e = match block_px {
+                None => one(&model, Observable::PacketCharge, &before),
+                Some(rows) => {
+                    let device = model.device(&before).unwrap();
+                    let background_e = device.at.background_e;
+                    let flat = Array2::from_elem((rows as usize, 1), background_e);
+                    let downstream =
+                        Downstream { rows: i64::from(before.transfers) - i64::from(rows), charge_e: background_e };
+                    let read = |charge_e: &Array2<f64>| device.read(charge_e, downstream, Beside::Same).unwrap();
+                    (read(&(&flat + signal_e)) - read(&flat))[[rows as usize - 1, 0]]
+                }
+            };
+            assert!((read_e / signal_e - 1.0).abs() > 1e-6, "{read_e} e- of {signal_e} e-");
+            let as_read = Conditions { signal_e: None, signal_read_e: Some(read_e), ..before.clone() };
+            let observable = if block_px.is_some() { Observable::Eper } else { Observable::Trail };
+            for observable in [observable, Observable::Cti] {
+                let (known, found) = (one(&model, observable, &before), one(&model, observable, &as_read));
+                // To the accuracy of the readout, which is relative to what it changes.
+                assert!((found / known - 1.0).abs() < 1e-5, "{effects} {observable}, {signal_e}: {known}, {found}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_packet_that_the_model_never_reads_is_said_so() {
+    let limited = "[effects.formula]\ntarget = \"read_e\"\nexpression = \"min(read_e, 5000)\"\n";
+    let mission = Mission::parse(&format!("{}\n{limited}", include_str!("../../missions/snap_l2.toml"))).unwrap();
+    let model = Model::new(&mission);
+    let at = Conditions { signal_read_e: Some(9000.0), trail_px: Some(1), ..model.conditions(4.0) };
+    let error = predict(&model, &[Question { observable: Observable::Trail, at: &at, galaxy: None, species: None }]);
+    let error = error.unwrap_err().to_string();
+    assert!(error.contains("reads 9000 e- of no packet"), "{error}");
+}
+
+/// A preceding packet is in the same column: traps that it fills take nothing from the packet, and its own trail is part of the value.
+#[test]
+fn a_preceding_packet_passes_the_same_traps_first() {
+    let model = Model::new(&Mission::parse(include_str!("../../missions/snap_l2.toml")).unwrap());
+    let alone = Conditions { signal_e: Some(1000.0), trail_px: Some(3), ..model.conditions(4.0) };
+    let behind = |preceding_e: f64, preceding_px: u32| Conditions {
+        preceding_e: Some(preceding_e),
+        preceding_px: Some(preceding_px),
+        ..alone.clone()
+    };
+    let read = |at: &Conditions| one(&model, Observable::PacketCharge, at);
+    let nothing = (read(&behind(0.0, 5)) - read(&alone)).abs();
+    assert!(nothing < 1e-5 * (1000.0 - read(&alone)), "{nothing}");
+    assert!(read(&behind(5000.0, 1)) > read(&behind(5000.0, 40)) && read(&behind(5000.0, 40)) > read(&alone));
+    let at = behind(5000.0, 4);
+    let device = model.device(&at).unwrap();
+    let background_e = device.at.background_e;
+    let flat = Array2::from_elem((8, 1), background_e);
+    let mut packets = flat.clone();
+    (packets[[0, 0]], packets[[4, 0]]) = (background_e + 5000.0, background_e + 1000.0);
+    let downstream = Downstream { rows: i64::from(at.transfers) - 5, charge_e: background_e };
+    let difference = device.read(&packets, downstream, Beside::Background).unwrap()
+        - device.read(&flat, downstream, Beside::Background).unwrap();
+    assert!((read(&at) - difference[[4, 0]]).abs() < 1e-4);
+    assert!((one(&model, Observable::Trail, &at) - difference[[7, 0]] / 1000.0).abs() < 1e-7);
 }

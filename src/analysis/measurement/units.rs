@@ -25,6 +25,11 @@ impl Conversion {
     pub fn apply(self, theirs: f64) -> f64 {
         self.factor * theirs + self.offset
     }
+
+    /// A difference of two numbers.
+    pub fn scale(self, theirs: f64) -> f64 {
+        self.factor * theirs
+    }
 }
 
 impl Unit {

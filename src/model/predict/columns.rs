@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::{Probed, Reading};
 use crate::error::InputError;
 use crate::model::{Beside, Device};
+use crate::physics::conditions::Conditions;
 use crate::readout::Readout;
 
 /// Columns of an image, backgrounds among them: as many as are read side by side. The accuracy of a readout is relative to its
@@ -99,22 +100,33 @@ impl<'a> Column<'a> {
         if self.reading.kind == Probed::Block { Beside::Same } else { Beside::Background }
     }
 
+    /// Rows ahead of the signal that are part of the image: from that of a preceding packet on.
+    fn rows_ahead(&self) -> usize {
+        self.device.at.preceding_px.unwrap_or(0) as usize
+    }
+
     /// The last row of the signal makes the device's transfers; background lies downstream.
     fn rows_downstream(&self) -> i64 {
-        i64::from(self.device.at.transfers) - self.block_px() as i64
+        i64::from(self.device.at.transfers) - (self.rows_ahead() + self.block_px()) as i64
     }
 
     fn shares_a_readout_with(&self, other: &Column) -> bool {
         self.block_px() == other.block_px()
+            && self.rows_ahead() == other.rows_ahead()
             && self.rows_downstream() == other.rows_downstream()
             && self.readout == other.readout
     }
 
-    /// Charges (e-) that are clocked out, `[[row, 0]]`: with the signal, and of background alone.
+    /// Charges (e-) that are clocked out, `[[row, 0]]`: with the signal and what precedes it, and of background alone.
     fn before(&self, rows: usize) -> Result<[Array2<f64>; 2], InputError> {
-        let flat = Array2::from_elem((rows, 1), self.device.at.background_e);
+        let Conditions { background_e, preceding_e, .. } = self.device.at;
+        let flat = Array2::from_elem((rows, 1), background_e);
         let mut image = flat.clone();
-        image.slice_mut(s![..self.block_px(), ..]).fill(self.device.at.background_e + self.signal_e());
+        if let Some(preceding_e) = preceding_e {
+            image[[0, 0]] += preceding_e;
+        }
+        let first = self.rows_ahead();
+        image.slice_mut(s![first..first + self.block_px(), ..]).fill(background_e + self.signal_e());
         Ok([self.device.before(image)?, self.device.before(flat)?])
     }
 }
@@ -124,7 +136,7 @@ fn together(columns: &[Column]) -> Result<Vec<(usize, Vec<f64>)>, InputError> {
     let first = &columns[0];
     // Background behind a packet changes nothing before it.
     let behind = columns.iter().map(|column| column.reading.trail_px).max().unwrap_or(0);
-    let rows = first.block_px() + behind;
+    let rows = first.rows_ahead() + first.block_px() + behind;
     let mut image = Array2::zeros((rows, 0));
     let mut downstream_e = Vec::new();
     // Backgrounds are mostly the same.
@@ -150,7 +162,7 @@ fn together(columns: &[Column]) -> Result<Vec<(usize, Vec<f64>)>, InputError> {
                 let clocked_e = clocked.slice(s![.., place..=place]).to_owned();
                 column.device.after(&before_e, clocked_e, column.beside())
             });
-            let last = column.block_px() - 1;
+            let last = column.rows_ahead() + column.block_px() - 1;
             let read_e = signal? - flat?;
             Ok((column.index, read_e.slice(s![last..=last + column.reading.trail_px, 0]).to_vec()))
         })

@@ -23,6 +23,8 @@ pub(super) const CARD: Card = Card {
         "dose_mev_g",
         "temperature_k",
         "line_time_ms",
+        "preceding_e",
+        "preceding_px",
     ],
     probe: Probe::PacketOrBlock { packet: of_packet, block: of_edge },
     least_sigma: 1e-7,

@@ -17,6 +17,8 @@ pub(super) const CARD: Card = Card {
         "dose_mev_g",
         "temperature_k",
         "line_time_ms",
+        "preceding_e",
+        "preceding_px",
     ],
     probe: Probe::Block(behind),
     least_sigma: 2.0,

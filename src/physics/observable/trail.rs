@@ -16,6 +16,8 @@ pub(super) const CARD: Card = Card {
         "dose_mev_g",
         "temperature_k",
         "line_time_ms",
+        "preceding_e",
+        "preceding_px",
     ],
     probe: Probe::Packet(|charge_e, at| behind(charge_e, at) / at.signal_e.expect("a packet has a charge")),
     least_sigma: 3e-4,

@@ -19,13 +19,16 @@ const UNITS: [(&str, &str); 14] = [
 ];
 
 /// Keys whose words alone would not say what they are.
-const NAMED: [(&str, &str); 11] = [
+const NAMED: [(&str, &str); 14] = [
     ("launch", "launch [year]"),
     ("t_yr", "time since launch t [yr]"),
     ("dose_mev_g", "dose D [MeV/g]"),
     ("temperature_k", "temperature T [K]"),
     ("transfers", "transfers N"),
     ("signal_e", "signal S [e⁻]"),
+    ("signal_read_e", "signal as read [e⁻]"),
+    ("preceding_e", "preceding signal [e⁻]"),
+    ("preceding_px", "distance of the preceding packet [px]"),
     ("background_e", "background [e⁻/px]"),
     ("trail_px", "distance behind the packet [px]"),
     ("block_px", "rows of the block [px]"),
@@ -56,7 +59,7 @@ pub fn setting(key: &str, value: f64) -> String {
 
 /// Whether a key counts something.
 pub fn counts(key: &str) -> bool {
-    ["transfers", "trail_px", "block_px", "first_px", "last_px"].contains(&key)
+    ["transfers", "trail_px", "block_px", "first_px", "last_px", "preceding_px"].contains(&key)
 }
 
 #[test]
