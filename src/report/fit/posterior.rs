@@ -21,36 +21,33 @@ pub(super) fn cells(marginal: &Marginal) -> [String; 7] {
 /// Intervals, priors, correlations, and whether the sample is long enough.
 pub(super) fn say(sample: &Posterior, out: &mut Parts) {
     out.heading(format!("Posterior: a sample of {} draws, seed {}", sample.draws.len(), sample.seed));
-    let mut marginals = table(&["key", "median", "68 %", "95 %", "unit"]);
-    let mut chains = table(&["key", "autocorrelation [steps]", "effective samples", "prior"]);
+    let mut intervals = table(&["key", "probability", "from", "to", "unit"]);
+    let mut chains = table(&["key", "median", "autocorrelation [steps]", "effective"]);
     for one in &sample.parameters {
         let spread = 0.5 * (one.interval_68[1] - one.interval_68[0]);
-        let between =
-            |[low, high]: [f64; 2]| format!("{} to {}", to_digits_of(low, spread), to_digits_of(high, spread));
-        marginals.add_row(vec![
-            one.key.clone(),
-            to_digits_of(one.median, spread),
-            between(one.interval_68),
-            between(one.interval_95),
-            one.unit.into(),
-        ]);
+        for (probability, ends) in [("68 %", one.interval_68), ("95 %", one.interval_95)] {
+            let [from, to] = ends.map(|end| to_digits_of(end, spread));
+            intervals.add_row(vec![one.key.clone(), probability.into(), from, to, one.unit.into()]);
+        }
         chains.add_row(vec![
             one.key.clone(),
+            to_digits_of(one.median, spread),
             one.autocorrelation_steps.map_or("not known".into(), |steps| format!("{steps:.1}")),
             format!("{:.0}", one.effective_samples),
-            one.prior.to_string(),
         ]);
     }
-    out.table(marginals);
+    out.table(intervals);
     out.gap();
     out.table(chains);
     if sample.parameters.len() > 1 {
         out.heading("Correlations of the posterior");
         out.table(correlations(sample.parameters.iter().map(|one| one.key.as_str()), &sample.correlation));
     }
+    out.gap();
     out.words(
         format!(
-            "  {} walkers of {} steps, the first {} of them not used; {} evaluations, {:.0} % of the moves accepted",
+            "  effective: independent draws that {} walkers of {} steps are worth, the first {} steps not used; {} \
+             evaluations, {:.0} % of the moves accepted",
             sample.walkers,
             sample.steps,
             sample.burn_in_steps,
@@ -59,6 +56,10 @@ pub(super) fn say(sample: &Posterior, out: &mut Parts) {
         ),
         4,
     );
+    out.gap();
+    for one in &sample.parameters {
+        out.words(format!("Prior of {}: {}", one.key, one.prior), 2);
+    }
     for doubt in doubts(sample) {
         out.verdict(doubt, 2);
     }
@@ -68,8 +69,9 @@ pub(super) fn say(sample: &Posterior, out: &mut Parts) {
 fn doubts(sample: &Posterior) -> Vec<String> {
     let mut said = Vec::new();
     if !sample.converged {
-        let shortest =
-            sample.parameters.iter().map(|one| one.autocorrelation_steps.map_or(0.0, |time| one.steps as f64 / time));
+        let shortest = sample.parameters.iter().map(|one| {
+            one.autocorrelation_steps.map_or(0.0, |time| one.steps as f64 / time)
+        });
         said.push(format!(
             "Warning: the sample is too short. It is {:.0} autocorrelation times long (50 are needed) and worth {:.0} independent \
              draws of {} wanted. All evaluations are used up; allow more with --posterior-evaluations.",

@@ -4,7 +4,7 @@ use super::to_digits_of;
 use crate::analysis::fit::profile::{End, Interval, Profile};
 use crate::mission::keys::plain;
 use crate::plan::sources::Source;
-use crate::report::{Parts, table};
+use crate::report::{Parts, or_dash, table};
 
 /// Intervals, and where they are open why.
 pub(super) fn say(profiles: &[Profile], out: &mut Parts) {
@@ -12,27 +12,41 @@ pub(super) fn say(profiles: &[Profile], out: &mut Parts) {
         return;
     }
     out.heading("Profile likelihood: all other free parameters fitted again at each value");
-    let mut intervals = table(&["key", "fitted", "68 % (chi2 + 1)", "95 % (chi2 + 4)", "unit"]);
+    let mut intervals = table(&["key", "confidence", "from", "to", "unit"]);
     for profile in profiles {
-        let mut row = vec![profile.key.clone(), number(profile, profile.value)];
-        row.extend(profile.intervals.iter().map(|interval| words(profile, interval)));
-        row.push(profile.unit.into());
-        intervals.add_row(row);
+        for interval in &profile.intervals {
+            let end = |end: End| or_dash(end.crossing().map(|value| number(profile, value)));
+            intervals.add_row(vec![
+                profile.key.clone(),
+                percent(interval),
+                end(interval.low),
+                end(interval.high),
+                profile.unit.into(),
+            ]);
+        }
     }
     out.table(intervals);
+    out.words("  68 %: chi2 rises by 1, 95 %: by 4, to the first such value on each side", 4);
     for profile in profiles {
         doubts(profile, out);
     }
 }
 
-/// An interval in words.
-fn words(profile: &Profile, interval: &Interval) -> String {
-    let number = |value: f64| number(profile, value);
+fn percent(interval: &Interval) -> String {
+    format!("{:.0} %", 100.0 * interval.confidence)
+}
+
+/// An interval of which an end is open, in words.
+fn words(profile: &Profile, interval: &Interval) -> Option<String> {
+    let at = |way: &str, value: f64| {
+        let unit = if profile.unit.is_empty() { String::new() } else { format!(" {}", profile.unit) };
+        Some(format!("{way} {}{unit} at {}", number(profile, value), percent(interval)))
+    };
     match (interval.low.crossing(), interval.high.crossing()) {
-        (Some(low), Some(high)) => format!("{} to {}", number(low), number(high)),
-        (None, Some(high)) => format!("below {}", number(high)),
-        (Some(low), None) => format!("above {}", number(low)),
-        (None, None) => "not constrained".into(),
+        (Some(_), Some(_)) => None,
+        (None, Some(high)) => at("below", high),
+        (Some(low), None) => at("above", low),
+        (None, None) => Some(format!("not constrained at {}", percent(interval))),
     }
 }
 
@@ -47,29 +61,30 @@ fn number(profile: &Profile, value: f64) -> String {
 /// Ends that were not found, and a minimum that lies deeper.
 fn doubts(profile: &Profile, out: &mut Parts) {
     let key = &profile.key;
-    let mut said = |said: String| out.words(format!("  - {said}"), 4);
+    let mut said = |said: String| out.verdict(format!("  - {key}: {said}"), 4);
     for interval in &profile.intervals {
-        let rise = interval.delta_chi2;
-        for (end, way) in [(interval.low, "down"), (interval.high, "up")] {
-            match end {
-                End::Crossing { .. } => {}
-                End::Bound { value } => {
-                    said(format!("{key}: chi2 rises by less than {rise} {way} to the bound, {}", plain(value)));
-                }
-                End::Undone { value } => said(format!(
-                    "{key}: chi2 rises by less than {rise} {way} to {value:.3e}; not followed farther, all fits are used up"
-                )),
-            }
-        }
+        let Some(words) = words(profile, interval) else { continue };
+        let ends = [(interval.low, "down"), (interval.high, "up")];
+        let open: Vec<String> = ends.into_iter().filter_map(|(end, way)| reason(end, way)).collect();
+        said(format!("{words}; chi2 rises by less than {} {}", interval.delta_chi2, open.join(" and ")));
     }
     if let Some(lower) = profile.lower {
         said(format!(
-            "{key}: at {} chi2 is {:.2} below that of the fit, which is not the deepest minimum; fit again with \
+            "at {} chi2 is {:.2} below that of the fit, which is not the deepest minimum; fit again with \
              `--set {key}={}`",
             number(profile, lower.value),
             -lower.delta_chi2,
             number(profile, lower.value)
         ));
+    }
+}
+
+/// How far an end was looked for that was not found.
+fn reason(end: End, way: &str) -> Option<String> {
+    match end {
+        End::Crossing { .. } => None,
+        End::Bound { value } => Some(format!("{way} to the bound, {}", plain(value))),
+        End::Undone { value } => Some(format!("{way} to {value:.3e}, beyond which it was not followed")),
     }
 }
 
