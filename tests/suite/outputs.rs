@@ -23,12 +23,15 @@ const DRAWN: &[&str] = &["--plots", "--html"];
 
 /// Every command that reads and writes files. The output without a name is the one that stands behind the words.
 const CASES: &[Case] = &[
-    case("evaluate @mission.toml", DRAWN),
+    case("evaluate @mission.toml --posterior @posterior.ecsv", DRAWN),
     case("compare @mission.toml @other.toml", DRAWN),
     case("dose @mission.toml", DRAWN),
     case("sweep @grid.toml", &["--output"]),
     case("validate @mission.toml @trails.ecsv @packets.ecsv", &["--plots", "--html", "--residuals"]),
-    case("fit @mission.toml @trails.ecsv --free detector.well_fill_power", &["--write"]),
+    case(
+        "fit @mission.toml @trails.ecsv --free detector.well_fill_power --posterior 10",
+        &["--plots", "--html", "--write", "--out"],
+    ),
     case("diagnose @mission.toml @trails.ecsv --candidates @candidates.toml", &["--plots", "--html", "--write"]),
     case("readout --mission @mission.toml --at 1 --hdu 5 --overwrite @frame.fits", &[""]),
     case("correct --mission @mission.toml --at 1 --hdu 5 --overwrite @frame.fits", &[""]),
@@ -63,13 +66,17 @@ const CANDIDATES: &str =
 const FIT: &str =
     "{\"parameters\": [{\"key\": \"detector.well_fill_power\", \"sigma\": 0.01}], \"correlation\": [[1]]}";
 
+const POSTERIOR: &str = "detector.temperature_k\n133.0\n";
+
 /// All inputs in a folder of their own.
 fn inputs() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     for (name, source) in SOURCES {
         fs::copy(source, folder.path().join(name)).unwrap();
     }
-    for (name, text) in [("grid.toml", GRID), ("candidates.toml", CANDIDATES), ("fit.json", FIT)] {
+    let texts =
+        [("grid.toml", GRID), ("candidates.toml", CANDIDATES), ("fit.json", FIT), ("posterior.ecsv", POSTERIOR)];
+    for (name, text) in texts {
         fs::write(folder.path().join(name), text).unwrap();
     }
     folder

@@ -11,22 +11,23 @@ use crate::report::{Parts, table};
 /// Quantiles of the dates, and how probable it is that there is one.
 pub(super) fn say(found: &DateDistribution, mission: &Mission, out: &mut Parts) {
     out.heading(format!("Date as a distribution: {} draws of the posterior", found.samples));
-    let columns: Vec<String> = QUANTILES.iter().map(|p| format!("{:.0} %", 100.0 * p)).collect();
-    let mut header = vec!["budget", "exceeded [%]"];
-    header.extend(columns.iter().map(String::as_str));
-    let mut dates = table(&header);
     let corrected = format!("corrected, factor {}", mission.requirement.correction_factor);
-    for (name, limit) in [("uncorrected", &found.uncorrected), (corrected.as_str(), &found.corrected)] {
+    let mut dates = table(&["", "uncorrected", &corrected]);
+    let limits = [&found.uncorrected, &found.corrected];
+    let mut row = |name: String, cell: &dyn Fn(&Dates) -> String| {
+        dates.add_row([name].into_iter().chain(limits.map(cell)));
+    };
+    row("exceeded within the mission [%]".into(), &|limit| {
         let exceeded = Estimate { value: limit.probability_exceeded, error: limit.probability_error };
-        let mut row = vec![name.to_string(), plus_minus(exceeded.times(100.0))];
-        row.extend(limit.quantiles.iter().map(date));
-        dates.add_row(row);
+        plus_minus(exceeded.times(100.0))
+    });
+    for (place, p) in QUANTILES.iter().enumerate() {
+        row(format!("exceeded by then with {:.0} %", 100.0 * p), &|limit| date(&limit.quantiles[place]));
     }
     out.table(dates);
     out.words(
         format!(
-            "  exceeded: probability within the mission; dates by which it is exceeded with 5, 50 and 95 % (-: not within the \
-             mission); errors from the finite sample, worth {:.0} independent draws",
+            "  -: later than the mission; errors are those of a sample that is worth {:.0} independent draws",
             found.effective_samples
         ),
         4,

@@ -69,9 +69,8 @@ pub(super) fn say(sample: &Posterior, out: &mut Parts) {
 fn doubts(sample: &Posterior) -> Vec<String> {
     let mut said = Vec::new();
     if !sample.converged {
-        let shortest = sample.parameters.iter().map(|one| {
-            one.autocorrelation_steps.map_or(0.0, |time| one.steps as f64 / time)
-        });
+        let shortest =
+            sample.parameters.iter().map(|one| one.autocorrelation_steps.map_or(0.0, |time| one.steps as f64 / time));
         said.push(format!(
             "Warning: the sample is too short. It is {:.0} autocorrelation times long (50 are needed) and worth {:.0} independent \
              draws of {} wanted. All evaluations are used up; allow more with --posterior-evaluations.",
