@@ -165,16 +165,23 @@ impl Task<'_> {
 
 /// The fit of what is free: from elsewhere too where it does not explain the data.
 fn base_fit(case: &Case, model: &Model, free: &[String], seed: u64) -> Result<Node, InputError> {
-    let options = fit::Options { seed, scan: false, ..fit::Options::default() };
-    let fit = |model: &Model| Node::fit(case, model, Vec::new(), free, &options);
-    let mut best = fit(model)?;
+    let fit = |model: &Model, scan: bool| {
+        let options = fit::Options { seed, scan, ..fit::Options::default() };
+        Node::fit(case, model, Vec::new(), free, &options)
+    };
+    let mut best = fit(model, false)?;
     let clear = best.chi2() > best.freedom() + 4.0 * (2.0 * best.freedom()).sqrt();
     if free.is_empty() || !clear {
         return Ok(best);
     }
+    // A parameter with a kink (a notch near the background) has minima that no slope leads to.
+    let scanned = fit(&best.model, true)?;
+    if scanned.chi2() < best.chi2() {
+        best = scanned;
+    }
     let count = |_| case.work.count();
     for mission in Problem::new(model, case.data, free, &count, |_| true)?.elsewhere(ELSEWHERE, seed, best.chi2()) {
-        let other = fit(&model.like(&mission))?;
+        let other = fit(&model.like(&mission), false)?;
         if other.chi2() < best.chi2() {
             best = other;
         }

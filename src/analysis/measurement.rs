@@ -3,6 +3,7 @@
 //! One file, one observable. Conditions are columns, or stand once in `meta`, or are the mission's; columns that the model
 //! does not know are kept, so that residuals can be looked at against them too.
 
+mod condition_errors;
 mod units;
 
 use std::path::Path;
@@ -41,7 +42,7 @@ pub struct DataSet {
 pub struct Row {
     /// The value, in the observable's unit.
     pub value: f64,
-    /// Its 1-sigma error.
+    /// Its 1-sigma error, those of conditions included.
     pub sigma: f64,
     /// The conditions that are believed in; numeric columns that the model does not know are covariates.
     pub at: Conditions,
@@ -158,7 +159,8 @@ impl DataSet {
             return Err(table.fault(None, None, "there are no rows"));
         }
         reader.check_names()?;
-        let rows = (0..table.rows()).map(|row| reader.row(row)).collect::<Result<Vec<_>, _>>()?;
+        let mut rows = (0..table.rows()).map(|row| reader.row(row)).collect::<Result<Vec<_>, _>>()?;
+        condition_errors::add(&mut rows, observable, mission)?;
         let varying = varying(&table, &rows);
         Ok(DataSet { file: table.name.clone(), observable, rows, varying, table, shared: Shared::default() })
     }

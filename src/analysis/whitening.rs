@@ -45,7 +45,7 @@ const PEDESTAL: f64 = 9.0;
 const FLAT: f64 = 1e-5;
 
 /// Rows of a file below which nothing is told of a pedestal: one of a few values may be all that an effect does.
-const FEW: usize = 8;
+const FEW: usize = 4;
 
 /// A row, and the one before it in its trail with how many pixels lie between.
 pub(crate) type Link = Option<(usize, i32)>;
@@ -153,6 +153,11 @@ impl Whitening {
             let along = pedestal.level(linear);
             pedestal.add(linear, (slope(*level) - 1.0) * along);
         }
+    }
+
+    /// Allows for pedestals no more.
+    pub(crate) fn forget_pedestals(&mut self) {
+        self.pedestals.clear();
     }
 
     /// How high each pedestal is, in its own error, in linear residuals.

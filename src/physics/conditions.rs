@@ -77,6 +77,35 @@ impl Conditions {
         }
     }
 
+    /// Whether a condition is a number of pixels or transfers.
+    pub fn is_whole(name: &str) -> bool {
+        name == "transfers" || name.ends_with("_px")
+    }
+
+    /// The same with another value of a condition; None where there is no such condition.
+    pub fn with(&self, name: &str, value: f64) -> Option<Conditions> {
+        let mut other = self.clone();
+        let whole = Some(value.round() as u32);
+        match name {
+            "t_yr" => other.t_yr = value,
+            "dose_mev_g" => other.dose_mev_g = Some(value),
+            "temperature_k" => other.temperature_k = value,
+            "line_time_ms" => other.line_time_ms = value,
+            "background_e" => other.background_e = value,
+            "transfers" => other.transfers = value.round() as u32,
+            "signal_e" => other.signal_e = Some(value),
+            "signal_read_e" => other.signal_read_e = Some(value),
+            "preceding_e" => other.preceding_e = Some(value),
+            "preceding_px" => other.preceding_px = whole,
+            "trail_px" => other.trail_px = whole,
+            "block_px" => other.block_px = whole,
+            "first_px" => other.first_px = whole,
+            "last_px" => other.last_px = whole,
+            _ => return None,
+        }
+        Some(other)
+    }
+
     /// A condition or a covariate by its name.
     pub fn get(&self, name: &str) -> Option<f64> {
         match name {

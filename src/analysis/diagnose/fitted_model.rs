@@ -161,6 +161,11 @@ impl Node {
         Ok(Node { added, model, fit, residuals, levels, basis })
     }
 
+    /// Whether a file's mean residual is beyond what noise makes.
+    pub fn has_pedestal(&self) -> bool {
+        self.levels.iter().any(|level| level.abs() > CLEAR)
+    }
+
     pub fn mission(&self) -> &Mission {
         &self.fit.mission
     }
@@ -195,6 +200,9 @@ impl Node {
         vector - &self.basis * self.basis.tr_mul(vector)
     }
 }
+
+/// Errors from which on a pedestal is no noise.
+const CLEAR: f64 = 3.0;
 
 /// Part of a column that others leave, below which it is none.
 pub(super) const FLAT: f64 = 1e-5;

@@ -8,6 +8,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::fitted_model::{Added, Case, Node};
@@ -236,8 +237,12 @@ impl<'a> Search<'a> {
                 (trial.hypothesis, scaled.map_or_else(|| trial.table.clone(), |(table, _)| table))
             };
             let as_given = |(trial, _): &(&Trial, f64)| (trial.hypothesis, trial.table.clone());
-            self.fit_roughly(node, trials.iter().map(scaled))
-                .or_else(|| self.fit_roughly(node, trials.iter().map(as_given)))
+            self.fit_roughly(node, trials.iter().map(scaled), false)
+                .or_else(|| self.fit_roughly(node, trials.iter().map(as_given), false))
+                .into_iter()
+                // A pedestal that a model lacking the effect seems to need is no slope to follow: without it as well.
+                .chain(node.has_pedestal().then(|| self.fit_roughly(node, trials.iter().map(scaled), true)).flatten())
+                .min_by(|a, b| a.chi2.total_cmp(&b.chi2))
         };
         let sketch = from(1.0)?;
         // More effects cannot do worse: the start was too far away.
@@ -246,7 +251,13 @@ impl<'a> Search<'a> {
         Some(again.filter(|again| again.chi2 < sketch.chi2).unwrap_or(sketch))
     }
 
-    fn fit_roughly(&self, node: &Node, tables: impl Iterator<Item = (usize, toml::Table)>) -> Option<Sketch> {
+    /// A rough fit with more effects; from one in which files have no pedestals, if that is wanted.
+    fn fit_roughly(
+        &self,
+        node: &Node,
+        tables: impl Iterator<Item = (usize, toml::Table)>,
+        without_pedestals: bool,
+    ) -> Option<Sketch> {
         let (mut mission, mut added) = (node.mission().clone(), node.added.clone());
         for (place, table) in tables {
             mission = self.add(&mission, &mut added, place, &table)?;
@@ -254,8 +265,13 @@ impl<'a> Search<'a> {
         let keys: Vec<String> = self.base.iter().chain(added.iter().flat_map(|added| &added.free)).cloned().collect();
         let model = node.model.like(&mission);
         let count = |_| self.case.work.count();
-        let problem = Problem::new(&model, self.case.data, &keys, &count, |_| true).ok()?;
-        let (mission, chi2) = problem.sketch(&node.fit.jacobian).ok()?;
+        let problem = |model| Problem::new(model, self.case.data, &keys, &count, |_| true).ok();
+        let (mission, chi2) = if without_pedestals {
+            let (mission, _) = problem(&model)?.without_pedestals().sketch(&DMatrix::zeros(self.case.n(), 0)).ok()?;
+            problem(&model.like(&mission))?.sketch(&DMatrix::zeros(self.case.n(), 0)).ok()?
+        } else {
+            problem(&model)?.sketch(&node.fit.jacobian).ok()?
+        };
         chi2.is_finite().then_some(Sketch { added, mission, chi2 })
     }
 

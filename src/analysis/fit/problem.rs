@@ -79,6 +79,12 @@ impl<'a> Problem<'a> {
         Ok(problem)
     }
 
+    /// The same problem without pedestals.
+    pub(crate) fn without_pedestals(mut self) -> Problem<'a> {
+        self.whitening.forget_pedestals();
+        self
+    }
+
     /// The mission with other values.
     ///
     /// # Errors

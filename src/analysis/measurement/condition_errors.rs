@@ -1,0 +1,62 @@
+//! Errors of conditions, as errors of the value.
+//!
+//! A value m(c) whose condition c is known to σ_c has, beside its own error, one of |∂m/∂c| σ_c (Taylor 1997, An Introduction to
+//! Error Analysis, section 3.11); independent errors add in squares. The derivative is that of the mission as it is given, over
+//! one σ_c to either side.
+
+use super::Row;
+use crate::error::InputError;
+use crate::mission::Mission;
+use crate::model::Model;
+use crate::model::predict::{Question, predict};
+use crate::physics::conditions::Conditions;
+use crate::physics::observable::Observable;
+
+/// Enlarges the errors of rows by those of their conditions.
+///
+/// # Errors
+/// Where the model has no value.
+pub(super) fn add(rows: &mut [Row], observable: Observable, mission: &Mission) -> Result<(), InputError> {
+    let moved: Vec<(usize, f64, [Conditions; 2])> = rows
+        .iter()
+        .enumerate()
+        .flat_map(|(place, row)| row.condition_sigmas.iter().filter_map(move |one| around(row, one, place)))
+        .collect();
+    if moved.is_empty() {
+        return Ok(());
+    }
+    let question = |(place, _, sides): &(usize, f64, [Conditions; 2]), side: usize| -> (usize, Conditions) {
+        (*place, sides[side].clone())
+    };
+    let sides = [0, 1].map(|side| moved.iter().map(|one| question(one, side)).collect::<Vec<_>>());
+    let model = Model::new(mission);
+    let [low, high] = sides.map(|side| {
+        let ask = |(place, at): &(usize, Conditions)| (rows[*place].galaxy, rows[*place].species, at.clone());
+        let asked: Vec<_> = side.iter().map(ask).collect();
+        let questions: Vec<Question> = asked
+            .iter()
+            .map(|(galaxy, species, at)| Question { observable, at, galaxy: *galaxy, species: *species })
+            .collect();
+        predict(&model, &questions)
+    });
+    let (low, high) = (low?, high?);
+    for (index, (place, share, _)) in moved.iter().enumerate() {
+        let off = share * (high[index] - low[index]);
+        if off.is_finite() {
+            rows[*place].sigma = rows[*place].sigma.hypot(off);
+        }
+    }
+    Ok(())
+}
+
+/// A row's conditions with one of them a standard error lower and higher, and by which share of their difference the value is
+/// uncertain; None where the condition is exact, or the row does not have it.
+fn around(row: &Row, (name, sigma): &(&'static str, f64), place: usize) -> Option<(usize, f64, [Conditions; 2])> {
+    let here = row.at.get(name).filter(|_| *sigma > 0.0)?;
+    // Whole numbers move by one at least.
+    let step = if Conditions::is_whole(name) { sigma.round().max(1.0) } else { *sigma };
+    let least = if Conditions::is_whole(name) { 1.0 } else { 0.0 };
+    let (low, high) = ((here - step).max(least), here + step);
+    let sides = [row.at.with(name, low)?, row.at.with(name, high)?];
+    Some((place, sigma / (high - low), sides))
+}
