@@ -91,7 +91,7 @@ fn doubts(sample: &Posterior) -> Vec<String> {
 /// Where the method is from.
 pub(super) fn source() -> Source {
     Source::new(
-        "Sample of the posterior: affine-invariant ensemble of walkers, stretch move",
-        "Goodman & Weare 2010, Comm. App. Math. Comp. Sci. 5, 65; Foreman-Mackey et al. 2013, PASP 125, 306",
+        "Sample of the posterior: an ensemble of walkers, differential evolution and stretch moves",
+        "ter Braak 2006, Stat. Comput. 16, 239; Goodman & Weare 2010, Comm. App. Math. Comp. Sci. 5, 65; Foreman-Mackey et al. 2013, PASP 125, 306",
     )
 }
