@@ -148,7 +148,7 @@ impl Page for FitReport {
         let mut found: Vec<Source> = missions.iter().flat_map(sources::of).collect();
         found.extend((!self.profiles.is_empty()).then(profile::source));
         found.extend(self.posterior.as_ref().map(|_| posterior::source()));
-        sources::once(found.into_iter())
+        sources::once(found)
     }
 }
 
