@@ -171,8 +171,11 @@ impl<S: Simd> Mask<S> {
 #[inline(always)]
 fn from_fn<T: Copy>(make: impl Fn(usize) -> T) -> [T; N] {
     let mut made = [make(0); N];
-    for (n, made) in made.iter_mut().enumerate().skip(1) {
-        *made = make(n);
+    // Iterators that skip are calls of their own in a build with checks.
+    let mut n = 1;
+    while n < N {
+        made[n] = make(n);
+        n += 1;
     }
     made
 }
