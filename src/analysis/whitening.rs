@@ -147,6 +147,18 @@ impl Whitening {
         white
     }
 
+    /// The same with pedestals that are beyond noise taken away altogether.
+    pub fn levelled(&self, residuals: &[f64]) -> Vec<f64> {
+        let mut white = self.linear(residuals);
+        for pedestal in &self.pedestals {
+            let level = pedestal.level(&white);
+            if level * level > PEDESTAL {
+                pedestal.add(&mut white, -level);
+            }
+        }
+        white
+    }
+
     /// A change of such residuals as small changes of residuals make it, where pedestals are as high as levels say.
     pub fn change(&self, linear: &mut [f64], levels: &[f64]) {
         for (pedestal, level) in self.pedestals.iter().zip(levels) {

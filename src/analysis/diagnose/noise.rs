@@ -165,10 +165,11 @@ pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, k
             let column = signature.iter().zip(&set.rows).zip(&case.sigmas[rows.clone()]);
             DVector::from_iterator(rows.len(), column.map(|((value, row), sigma)| value * sigma / row.sigma))
         };
-        let columns = signatures.iter().map(as_quoted).chain(smooth::columns(set, model)).collect();
         let residuals = set.rows.iter().zip(model).map(|(row, model)| (row.value - model) / row.sigma);
         let residuals = DVector::from_iterator(rows.len(), residuals);
-        of_set(set, &residuals, &smooth::directions(columns), &known[index])
+        let signatures = signatures.iter().map(as_quoted).collect();
+        let smooth = smooth::directions(smooth::columns(set, model), signatures);
+        of_set(set, &residuals, &smooth, &known[index])
     };
     quoted.iter().enumerate().map(of).collect()
 }
@@ -188,7 +189,8 @@ fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known:
     let found = Likeliest::of(residuals, smooth, &links, &right);
     let law = ChiSquared::new(found.freedom).expect("above 0");
     let squares = found.freedom * found.scale * found.scale;
-    let [too_small, too_large] = if known.freedom.is_some() { [STILL; 2] } else { [TOO_SMALL, TOO_LARGE] };
+    let too_small = if known.scale > 1.0 { STILL } else { TOO_SMALL };
+    let too_large = if known.scale < 1.0 { STILL } else { TOO_LARGE };
     let believed = law.sf(squares) > too_small && law.cdf(squares) > too_large;
     let scale = if believed { 1.0 } else { found.scale.min(roughness(set, residuals, &found)) };
     SetNoise {

@@ -118,7 +118,7 @@ impl SetResult {
 
 fn residuals(data: &DataSet, model: &[f64]) -> Vec<f64> {
     let residuals: Vec<f64> = data.rows.iter().zip(model).map(|(row, model)| (row.value - model) / row.sigma).collect();
-    Whitening::of(std::slice::from_ref(data), |_| true).residuals(&residuals)
+    Whitening::of(std::slice::from_ref(data), |_| true).levelled(&residuals)
 }
 
 impl Validation {

@@ -15,7 +15,7 @@ use crate::analysis::whitening::{Link, Neighbours, Shared};
 
 /// Correlations that are tried.
 const STEP: f64 = 0.05;
-const STEPS: usize = 18;
+const STEPS: usize = 16;
 
 /// Rise of 2 ln L that a correlation must bring: one in two hundred of white noise.
 const CLEAR: f64 = 6.6;

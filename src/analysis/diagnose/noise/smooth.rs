@@ -8,6 +8,9 @@ use crate::numeric::least_squares::Span;
 /// Highest power of a condition.
 const DEGREE: usize = 3;
 
+/// Columns that every file may have, whatever its conditions.
+const CONSTANTS: usize = 2;
+
 /// Part of a column that others leave, below which it adds nothing: a hundred sigma of an effect leave two.
 const FLAT: f64 = 0.02;
 
@@ -68,10 +71,22 @@ fn of_words(words: &[f64]) -> Vec<Vec<f64>> {
     (0..count).map(|word| words.iter().map(|other| f64::from(u8::from(*other == word as f64))).collect()).collect()
 }
 
-/// Orthonormal directions that columns span, those that matter most first.
-pub(super) fn directions(columns: Vec<DVector<f64>>) -> DMatrix<f64> {
-    let span = Span::of(&DMatrix::from_columns(&columns), FLAT);
-    let directions = span.directions();
-    let most = (MOST * directions.nrows() as f64) as usize;
-    directions.columns(0, directions.ncols().min(most)).into_owned()
+/// Orthonormal directions that columns span, those that matter most first; the first columns, a constant as it stands and times
+/// the model, whatever the others are: files have pedestals and gains.
+pub(super) fn directions(smooth: Vec<DVector<f64>>, signatures: Vec<DVector<f64>>) -> DMatrix<f64> {
+    let first = Span::of(&DMatrix::from_columns(&smooth[..CONSTANTS]), 1e-6).directions().clone();
+    let most = (MOST * first.nrows() as f64) as usize;
+    // As parts of a length of 1, so that what is nearly constant counts as little as it is.
+    let beyond = |column: &DVector<f64>| {
+        let column = column / column.norm().max(f64::MIN_POSITIVE);
+        &column - &first * first.tr_mul(&column)
+    };
+    let others: Vec<DVector<f64>> =
+        smooth[CONSTANTS..].iter().chain(&signatures).map(beyond).filter(|left| left.norm() > FLAT).collect();
+    if others.is_empty() || first.ncols() >= most {
+        return first;
+    }
+    let others = Span::of(&DMatrix::from_columns(&others), FLAT).directions().clone();
+    let count = others.ncols().min(most - first.ncols());
+    DMatrix::from_columns(&first.column_iter().chain(others.columns(0, count).column_iter()).collect::<Vec<_>>())
 }
