@@ -206,6 +206,9 @@ pub struct Species {
     pub release_ms: f64,
     /// Energy level below the band, eV.
     pub energy_ev: f64,
+    /// Exponent of the cloud's height for this species, where it is not the detector's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub well_fill_power: Option<f64>,
 }
 
 /// `[readout]`

@@ -4,7 +4,7 @@ use serde::Deserialize;
 
 use super::reach::ratios;
 use super::{Card, Catalogued, Effect, Reach, Refusal, numbers, tables};
-use crate::mission::keys::{self, Allowed::Number, Need::Default, Need::Required, key};
+use crate::mission::keys::{self, Allowed::Number, Need::Default, Need::Optional, Need::Required, key};
 use crate::mission::{Detector, Mission, Species};
 
 /// `[effects.extra-species]`
@@ -14,6 +14,7 @@ pub struct ExtraSpecies {
     density_per_px: f64,
     release_ms: f64,
     energy_ev: f64,
+    well_fill_power: Option<f64>,
 }
 
 impl Catalogued for ExtraSpecies {
@@ -33,6 +34,13 @@ impl Catalogued for ExtraSpecies {
             key("density_per_px", "trap density at the reference dose", "per pixel", Number(0.0, 1e4), Required),
             key("release_ms", "release time", "ms", keys::Allowed::Positive(0.0, 1e12), Required),
             key("energy_ev", "energy level below the band", "eV", Number(0.0, 1.2), Default("0.4")),
+            key(
+                "well_fill_power",
+                "well fill power of this species, in place of the detector's",
+                "",
+                keys::Allowed::Positive(0.0, 5.0),
+                Optional,
+            ),
         ],
     };
 
@@ -97,6 +105,7 @@ impl Effect for ExtraSpecies {
             density_per_px: self.density_per_px,
             release_ms: self.release_ms,
             energy_ev: self.energy_ev,
+            well_fill_power: self.well_fill_power,
         });
     }
 }

@@ -24,7 +24,9 @@ impl Catalogued for PrelaunchTraps {
         physics: "ρ(t) = ρ_0 + ρ_ref D(t)/D_ref. The traps come from manufacturing, or from tests before launch. They anneal \
                   and are baked out like any others.",
         source: "Rhodes et al. 2010, section 2.3; Massey et al. 2014 (MNRAS 439, 887), table 1: ACS at launch",
-        holds: "Traps measured after a laboratory dose include them. Species that are not named have none.",
+        holds: "Traps measured after a laboratory dose include them. Species that are not named have none. \
+                Traps that are there at launch alone, with a release time or well fill power of their own, are a species of \
+                density_per_px = 0.",
         residuals: "The model's trails and losses are too small by the same amount at every time, including launch. The dose \
                     is correct.",
         keys: &[key("*", "density at launch of that species", "per pixel", Number(0.0, 1e4), Optional)],

@@ -4,7 +4,7 @@ use serde::Deserialize;
 
 use super::reach::ratios;
 use super::{Card, Catalogued, Effect, Reach, SerialRegister, numbers};
-use crate::mission::keys::{self, Allowed::Integer, Allowed::Number, Need::Required, key};
+use crate::mission::keys::{self, Allowed::Integer, Allowed::Number, Need::Optional, Need::Required, key};
 use crate::mission::{Mission, Species};
 
 /// `[effects.serial-traps]`
@@ -47,6 +47,13 @@ impl Catalogued for SerialTraps {
             ),
             key("traps[].release_ms", "release time", "ms", keys::Allowed::Positive(0.0, 1e12), Required),
             key("traps[].energy_ev", "energy level below the band", "eV", Number(0.0, 1.2), Required),
+            key(
+                "traps[].well_fill_power",
+                "well fill power of this species, in place of the detector's",
+                "",
+                keys::Allowed::Positive(0.0, 5.0),
+                Optional,
+            ),
         ],
     };
 

@@ -278,6 +278,13 @@ pub const KEYS: &[Key] = &[
         help: |value| (value > 1.2).then(|| format!("in meV? {value} meV are {} eV", value / 1000.0)),
         ..key("detector.traps[].energy_ev", "energy level below the band", "eV", Number(0.0, 1.2), Required)
     },
+    key(
+        "detector.traps[].well_fill_power",
+        "well fill power of this species, in place of the detector's",
+        "",
+        Allowed::Positive(0.0, 5.0),
+        Optional,
+    ),
     key("readout.line_time_ms", "time between two parallel transfers", "ms", Allowed::Positive(0.0, 1e7), Required),
     Key {
         help: |value| (value > 1e5).then(|| "the number of rows to the register: 4096 for a large detector".into()),

@@ -78,7 +78,7 @@ pub struct Handle {
 enum Place {
     Plain(fn(&mut Mission) -> Option<&mut f64>),
     /// Of a species or a galaxy, by its place among them.
-    Species(usize, fn(&mut Species) -> &mut f64),
+    Species(usize, fn(&mut Species) -> Option<&mut f64>),
     Galaxy(usize, fn(&mut Galaxy) -> Option<&mut f64>),
     /// Of an effect's table: its kind, its place where there are several tables, that of one of its species, and the name.
     Effect {
@@ -111,7 +111,7 @@ impl Handle {
     fn set(&self, mission: &mut Mission, value: f64) -> Option<()> {
         let number = match &self.place {
             Place::Plain(number) => number(mission)?,
-            Place::Species(index, number) => number(mission.detector.traps.get_mut(*index)?),
+            Place::Species(index, number) => number(mission.detector.traps.get_mut(*index)?)?,
             Place::Galaxy(index, number) => number(mission.galaxies.get_mut(*index)?)?,
             Place::Effect { kind, table, species, name } => {
                 let mut found = mission.effects.get_mut(*kind)?;
@@ -173,11 +173,12 @@ fn member<'a, T>(members: &[T], name: impl Fn(&T) -> &str, key: &'a str) -> Opti
     members.iter().enumerate().find_map(|(index, member)| Some((index, field(member)?)))
 }
 
-fn of_species(field: &str) -> Option<fn(&mut Species) -> &mut f64> {
+fn of_species(field: &str) -> Option<fn(&mut Species) -> Option<&mut f64>> {
     Some(match field {
-        "density_per_px" => |species| &mut species.density_per_px,
-        "release_ms" => |species| &mut species.release_ms,
-        "energy_ev" => |species| &mut species.energy_ev,
+        "density_per_px" => |species| Some(&mut species.density_per_px),
+        "release_ms" => |species| Some(&mut species.release_ms),
+        "energy_ev" => |species| Some(&mut species.energy_ev),
+        "well_fill_power" => |species| species.well_fill_power.as_mut(),
         _ => return None,
     })
 }

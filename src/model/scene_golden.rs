@@ -31,7 +31,14 @@ fn device(traps: Vec<SpeciesState>, cloud: Cloud, background_e: f64, transfers: 
 /// A species of instantaneous capture with one release time.
 fn species(density_per_px: f64, release_transfers: f64) -> SpeciesState {
     let name = String::new();
-    SpeciesState { name, density_per_px, release_ms: release_transfers, release_sigma: 0.0, capture_ms: 0.0 }
+    SpeciesState {
+        name,
+        density_per_px,
+        release_ms: release_transfers,
+        release_sigma: 0.0,
+        capture_ms: 0.0,
+        well_fill_power: None,
+    }
 }
 
 #[test]

@@ -37,6 +37,9 @@ pub struct SpeciesState {
     /// Capture time inside the charge cloud, ms; 0 where capture is instantaneous.
     #[serde(skip)]
     pub capture_ms: f64,
+    /// Exponent of its cloud's height, where it is not the detector's.
+    #[serde(skip)]
+    pub well_fill_power: Option<f64>,
 }
 
 impl SpeciesState {
@@ -47,6 +50,7 @@ impl SpeciesState {
             release_transfers: self.release_ms / transfer_ms,
             release_sigma: self.release_sigma,
             capture_transfers: self.capture_ms / transfer_ms,
+            well_fill_power: self.well_fill_power,
         }
     }
 }
@@ -136,6 +140,7 @@ fn after(detector: &Detector, reference_dose_mev_g: f64, dose_mev_g: f64, temper
             * release_factor(species.energy_ev, temperature_k, detector.reference_temperature_k),
         release_sigma: 0.0,
         capture_ms: 0.0,
+        well_fill_power: species.well_fill_power,
     };
     detector.traps.iter().map(state).collect()
 }

@@ -19,6 +19,7 @@ fn readout(case: &Value, method: Method) -> Readout {
         release_transfers: number(&trap["release_transfers"]),
         release_sigma: trap["release_sigma"].as_f64().unwrap_or(0.0),
         capture_transfers: trap["capture_transfers"].as_f64().unwrap_or(0.0),
+        well_fill_power: None,
     };
     Readout {
         traps: case["traps"].as_array().unwrap().iter().map(trap).collect(),

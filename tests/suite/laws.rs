@@ -328,3 +328,32 @@ fn no_sub_pixel_position_is_left_out_that_counts() {
     // Serial traps, and traps at random places, do tell left from right.
     assert!(asymmetric > CATALOGUE.len(), "{asymmetric}");
 }
+
+/// Traps of launch alone, with a release time and a cloud of their own: a species of no density, and a density at launch.
+#[test]
+fn a_species_may_be_there_at_launch_alone_and_fill_in_its_own_way() {
+    let species = |power: &str| {
+        let launch = "[effects.prelaunch-traps]\nL = 0.4\n";
+        let traps = format!(
+            "[[detector.traps]]\nname = \"L\"\ndensity_per_px = 0\nrelease_ms = 70.0\nenergy_ev = 0.3\n{power}"
+        );
+        mission(&format!("\n{traps}{launch}"))
+    };
+    let packet = |mission: &Mission| {
+        let model = Model::new(mission);
+        assert_eq!(model.traps(9.0).unwrap().last().unwrap().density_per_px, 0.4);
+        let column = Array2::from_shape_fn((20, 1), |(row, _)| if row == 0 { 900.0 } else { 100.0 });
+        let downstream = Downstream { rows: 300, charge_e: 100.0 };
+        model.device_at(0.0).unwrap().read(&column, downstream, Beside::Background).unwrap()[[0, 0]]
+    };
+    let (plain, flat) = (species(""), species("well_fill_power = 0.1\n"));
+    assert!((packet(&plain) - packet(&flat)).abs() > 1e-3);
+    // A fit can set it, and finds the same.
+    let key = "detector.traps.L.well_fill_power";
+    assert_eq!(flat.number(key), Some(0.1));
+    let same = flat.with(&[(key.into(), plain.detector.well_fill_power.into())]).unwrap();
+    assert!((packet(&same) / packet(&plain) - 1.0).abs() < 1e-12);
+    let slow = format!("{}[effects.finite-capture]\ncapture_ms = 3.0\n", flat.to_toml());
+    let error = Mission::parse(&slow).unwrap_err().to_string();
+    assert!(error.contains("one well fill power for all species"), "{error}");
+}

@@ -14,6 +14,15 @@ fn detector_with_volume_at_zero(random: &mut ChaCha8Rng) -> (Vec<Trap>, Cloud) {
     (traps, cloud.with_volume_at_zero(volume_at_zero))
 }
 
+/// Random detectors whose species fill with powers of their own, some with a volume at zero.
+fn detector_with_several_clouds(random: &mut ChaCha8Rng) -> (Vec<Trap>, Cloud) {
+    let (mut traps, cloud) = if random.random() { detector(random) } else { detector_with_volume_at_zero(random) };
+    for trap in traps.iter_mut().skip(1) {
+        trap.well_fill_power = [Some(random.random_range(0.2..1.5)), Some(0.5), None][random.random_range(0..3)];
+    }
+    (traps, cloud)
+}
+
 /// Random detectors, from a clean p-channel one to a worn n-channel one.
 fn detector(random: &mut ChaCha8Rng) -> (Vec<Trap>, Cloud) {
     let species = random.random_range(1..=5);
@@ -89,6 +98,37 @@ fn fast_agrees_with_exact_to_the_accuracy_asked_for() {
 fn fast_agrees_with_exact_where_any_charge_fills_part_of_the_well() {
     for (trial, relative, miss) in misses(60, detector_with_volume_at_zero) {
         assert!(miss <= 1.0, "trial {trial}, {relative:e}: {miss:.2} of what is allowed");
+    }
+}
+
+#[test]
+fn fast_agrees_with_exact_where_species_differ_in_their_clouds() {
+    for (trial, relative, miss) in misses(30, detector_with_several_clouds) {
+        assert!(miss <= 1.0, "trial {trial}, {relative:e}: {miss:.2} of what is allowed");
+    }
+}
+
+/// A species whose power differs by next to nothing from that of the others has a cloud of its own, and loses as much as they do.
+#[test]
+fn clouds_that_hardly_differ_are_as_one() {
+    let mut random = ChaCha8Rng::seed_from_u64(29);
+    for trial in 0..30 {
+        let (mut traps, cloud) = detector_with_volume_at_zero(&mut random);
+        traps.push(Trap::new(0.4, 5.0));
+        let powers = [0.6, 0.6 * (1.0 + 1e-12)];
+        let background_e = [0.0, 3.0, 100.0][trial % 3];
+        let column = column(&mut random, 50, background_e);
+        let downstream = Downstream { rows: random.random_range(-10..60), charge_e: background_e };
+        let read = |powers: [f64; 2]| {
+            let mut traps = traps.clone();
+            for (s, trap) in traps.iter_mut().enumerate() {
+                trap.well_fill_power = Some(powers[s % 2]);
+            }
+            Readout { traps, cloud: cloud.clone(), method: Method::Exact }.column(&column, downstream)
+        };
+        let (one, several) = (read([0.6, 0.6]), read(powers));
+        let difference = largest_difference(&one, &several);
+        assert!(difference < 1e-8, "trial {trial}: {difference} e-");
     }
 }
 
@@ -191,9 +231,13 @@ fn very_fast_capture_is_nearly_instantaneous() {
 #[test]
 fn fractional_traps_agree_to_their_resolution() {
     let mut random = ChaCha8Rng::seed_from_u64(8);
-    for trial in 0..8 {
-        let (traps, cloud) = if trial < 6 { detector(&mut random) } else { detector_with_volume_at_zero(&mut random) };
-        let traps = if trial < 4 { traps } else { complicated(traps, 0, &mut random) };
+    for trial in 0..10 {
+        let (traps, cloud) = match trial {
+            0..6 => detector(&mut random),
+            6..8 => detector_with_volume_at_zero(&mut random),
+            _ => detector_with_several_clouds(&mut random),
+        };
+        let traps = if trial < 4 || trial > 7 { traps } else { complicated(traps, 0, &mut random) };
         let column = column(&mut random, 40, 50.0);
         let downstream = Downstream { rows: 20, charge_e: 50.0 };
         let read =
@@ -215,6 +259,12 @@ fn fractional_traps_agree_to_their_resolution() {
 #[test]
 fn random_whole_traps_agree_in_the_mean() {
     whole_traps_agree(vec![Trap::new(0.6, 2.0), Trap::new(0.3, 30.0)]);
+}
+
+#[test]
+fn random_whole_traps_with_clouds_of_their_own_agree_in_the_mean() {
+    let own = Trap { well_fill_power: Some(0.3), ..Trap::new(0.3, 30.0) };
+    whole_traps_agree(vec![Trap::new(0.6, 2.0), own]);
 }
 
 #[test]

@@ -50,6 +50,15 @@ impl Cloud {
         Cloud { volume_at_zero, ..self }
     }
 
+    /// The same well, filled with another power; a cloud of another law stays as it is.
+    pub fn with_power(&self, power: f64) -> Cloud {
+        match self.law {
+            Law::Table(_) => self.clone(),
+            _ if power == 0.5 => Cloud { power, law: Law::SquareRoot, ..self.clone() },
+            _ => Cloud { power, law: Law::Power, ..self.clone() },
+        }
+    }
+
     /// The fraction of the well that any charge fills, a.
     pub fn volume_at_zero(&self) -> f64 {
         self.volume_at_zero

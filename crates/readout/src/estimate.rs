@@ -39,8 +39,8 @@ fn plus<S: Simd>(simd: S, mut charge_e: Vector<S>, row: usize, changes: &[(f64, 
 ///
 /// Where any charge fills part of the wells, most of the change is what a packet leaves in the empty pixel that it starts in, which is
 /// known exactly: an accuracy relative to that would leave nothing of all the rest, and is not meant.
-pub(super) fn moved(cloud: &Cloud, charge_e: &[Packets], k1: &Stage) -> f64 {
-    let changes = if cloud.volume_at_zero() > 0.0 { &k1.drift_e } else { &k1.change_e };
+pub(super) fn moved(clouds: &[Cloud], charge_e: &[Packets], k1: &Stage) -> f64 {
+    let changes = if clouds[0].volume_at_zero() > 0.0 { &k1.drift_e } else { &k1.change_e };
     dispatch!(Level::new(), simd => {
         let zero = Vector::all(simd, 0.0);
         let mut moved = MeanSquare::new(simd);
@@ -70,14 +70,17 @@ pub(super) fn exhausted(least_e: f64, charge_e: &[Packets], k1: &Stage) -> bool 
 
 /// Error of a first-order result: how far it moves a packet, times the steepest change with that of what so many traps
 /// capture, and as much again for its neighbours' moves; half of all that on average over the path.
-pub(super) fn first(cloud: &Cloud, traps: f64, charge_e: &[Packets], k1: &Stage) -> f64 {
+pub(super) fn first(clouds: &[Cloud], traps: f64, charge_e: &[Packets], k1: &Stage) -> f64 {
     dispatch!(Level::new(), simd => {
         let zero = Vector::all(simd, 0.0);
         let mut error = MeanSquare::new(simd);
         for (row, charge_e) in charge_e.iter().enumerate() {
             let (charge_e, change_e) = (Vector::load(simd, charge_e), Vector::load(simd, &k1.change_e[row]));
             let moved_e = Vector::load(simd, &k1.drift_e[row]).abs();
-            let error_e = cloud.steepest(simd, charge_e, charge_e + change_e) * moved_e * traps;
+            let steepest = clouds
+                .iter()
+                .fold(zero, |most, cloud| most.max(cloud.steepest(simd, charge_e, charge_e + change_e)));
+            let error_e = steepest * moved_e * traps;
             let doubtful_e = Vector::load(simd, &k1.doubtful_e[row]).abs() * DOUBTFUL;
             error.add(zero.below(moved_e).select(error_e, zero) + doubtful_e);
         }

@@ -1,6 +1,7 @@
 //! Every transfer, one by one, as the contract says it: the meaning of all the other methods.
 
 use super::finite_capture::FiniteCapturePixel;
+use super::several_clouds::{SeveralClouds, Stacks};
 use super::{Cloud, Downstream, Trap};
 
 /// Traps between the next level below and `height`, last filled by one packet.
@@ -74,6 +75,18 @@ pub(super) fn slow_column<const S: usize>(pixel: &FiniteCapturePixel<S>, charge_
         let first = (place - rows_downstream).max(0) as usize;
         for (row, charge_e) in charge_e.iter_mut().enumerate().skip(first) {
             *charge_e += pixel.packet(&mut levels, *charge_e, row + 1).0;
+        }
+    }
+}
+
+/// The same where species differ in their clouds.
+pub(super) fn column_of_several_clouds(pixel: &SeveralClouds, charge_e: &mut [f64], downstream: Downstream) {
+    let mut stacks = Stacks::default();
+    for place in (0..charge_e.len() as i64 + downstream.rows).rev() {
+        pixel.start((place < downstream.rows).then_some(downstream.charge_e), &mut stacks);
+        let first = (place - downstream.rows).max(0) as usize;
+        for (row, charge_e) in charge_e.iter_mut().enumerate().skip(first) {
+            *charge_e += pixel.packet(&mut stacks, *charge_e, row).0;
         }
     }
 }

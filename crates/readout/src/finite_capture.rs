@@ -19,6 +19,7 @@
 //! and the one before.
 
 use std::mem::take;
+use std::slice;
 
 use super::block_path::BlockPath;
 use super::passage::{Block, Lead, Passage, Stage};
@@ -344,8 +345,8 @@ impl<const S: usize> Passage for FiniteCapturePixel<S> {
         self.density_all
     }
 
-    fn cloud(&self) -> &Cloud {
-        &self.cloud
+    fn clouds(&self) -> &[Cloud] {
+        slice::from_ref(&self.cloud)
     }
 
     fn identical_below(&self, downstream: &Lead) -> i64 {

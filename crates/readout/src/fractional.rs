@@ -9,26 +9,30 @@ use super::{Cloud, Downstream, Trap};
 /// Clocks one column out through traps at the heights (i + ½)/levels.
 ///
 /// The levels stand in the middle of their slices: multiples of 1/levels, as in the paper, would shift every cloud by
-/// half a level to one side.
-pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downstream: Downstream, levels: usize) {
+/// half a level to one side. `clouds`: that of each species.
+pub(super) fn column(traps: &[Trap], clouds: &[&Cloud], charge_e: &mut [f64], downstream: Downstream, levels: usize) {
     let below = |height: f64| ((height * levels as f64 + 0.5).floor() as usize).min(levels);
     let rows = charge_e.len() as i64;
     let mut filling = vec![vec![0.0; levels]; traps.len()];
     for pixel in (0..rows + downstream.rows).rev() {
         // What passed before row 0 has filled the traps that it reached.
-        let filled_before = if pixel < downstream.rows { below(cloud.height(downstream.charge_e)) } else { 0 };
-        for (trap, species) in traps.iter().zip(&mut filling) {
+        let filled_before =
+            |cloud: &Cloud| if pixel < downstream.rows { below(cloud.height(downstream.charge_e)) } else { 0 };
+        // No trap above the highest cloud so far holds anything.
+        let mut occupied = 0;
+        for ((trap, cloud), species) in traps.iter().zip(clouds).zip(&mut filling) {
+            let filled_before = filled_before(cloud);
             species.fill(0.0);
             species[..filled_before].fill(trap.filled_by(downstream.rows - pixel));
+            occupied = occupied.max(filled_before);
         }
-        // No trap above the highest cloud so far holds anything.
-        let mut occupied = filled_before;
         let first = (pixel - downstream.rows).max(0) as usize;
         for charge in &mut charge_e[first..] {
-            let arrived = below(cloud.height(*charge));
-            for (trap, filling) in traps.iter().zip(&mut filling) {
+            let arrived_e = *charge;
+            for ((trap, cloud), filling) in traps.iter().zip(clouds).zip(&mut filling) {
                 let per_level = trap.density_per_px / levels as f64;
                 if trap.capture_transfers > 0.0 {
+                    let arrived = below(cloud.height(arrived_e));
                     occupied = occupied.max(arrived);
                     let (keep, full, approach) = trap.passage();
                     for (level, fill) in filling[..occupied].iter_mut().enumerate() {
@@ -46,12 +50,15 @@ pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downst
                     *fill -= *fill * release;
                 }
             }
-            let reached = below(cloud.height(*charge));
-            occupied = occupied.max(reached);
+            let reached: Vec<usize> = clouds.iter().map(|cloud| below(cloud.height(*charge))).collect();
+            let highest = reached.iter().copied().max().unwrap_or(0);
+            occupied = occupied.max(highest);
             let mut available = *charge;
-            'capture: for level in 0..reached {
-                for (trap, filling) in traps.iter().zip(&mut filling).filter(|(trap, _)| trap.capture_transfers == 0.0)
-                {
+            'capture: for level in 0..highest {
+                for ((trap, filling), reached) in traps.iter().zip(&mut filling).zip(&reached) {
+                    if trap.capture_transfers > 0.0 || level >= *reached {
+                        continue;
+                    }
                     let per_level = trap.density_per_px / levels as f64;
                     let captured = (per_level * (1.0 - filling[level])).min(available);
                     if captured <= 0.0 {
@@ -64,7 +71,7 @@ pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downst
                     }
                 }
             }
-            if reached > 0 {
+            if highest > 0 {
                 *charge = available;
             }
         }

@@ -35,6 +35,7 @@ mod pass;
 mod passage;
 mod pixel;
 mod power;
+mod several_clouds;
 mod simd;
 mod spent;
 mod watermarks;
@@ -49,6 +50,7 @@ use finite_capture::FiniteCapturePixel;
 use multirevolution::Workspace;
 use passage::{Lead, Passage};
 use pixel::Pixel;
+use several_clouds::SeveralClouds;
 use simd::{LANES, Packets};
 
 /// One trap species as the readout meets it.
@@ -62,12 +64,14 @@ pub struct Trap {
     pub release_sigma: f64,
     /// Capture time constant τc inside the cloud, in units of one transfer; 0 where capture is instantaneous.
     pub capture_transfers: f64,
+    /// Exponent of its cloud's height, where it is not that of the readout's cloud.
+    pub well_fill_power: Option<f64>,
 }
 
 impl Trap {
     /// Traps of one release time (in units of one transfer) that capture at once.
     pub const fn new(density_per_px: f64, release_transfers: f64) -> Trap {
-        Trap { density_per_px, release_transfers, release_sigma: 0.0, capture_transfers: 0.0 }
+        Trap { density_per_px, release_transfers, release_sigma: 0.0, capture_transfers: 0.0, well_fill_power: None }
     }
 
     /// Fraction filled inside the clouds of so many packets of background.
@@ -188,7 +192,7 @@ impl Readout {
     /// independent of one another and are computed in parallel; the result does not depend on the number of threads.
     ///
     /// # Panics
-    /// With more than [`MAX_SPECIES`] species.
+    /// With more than [`MAX_SPECIES`] species; with species whose capture takes time and whose clouds differ.
     pub fn parallel(&self, image: &Array2<f64>, downstream: Downstream) -> Array2<f64> {
         self.along(image, downstream.rows, &vec![downstream.charge_e; image.ncols()], Axis(0))
     }
@@ -205,7 +209,7 @@ impl Readout {
     /// Clocks an image out along its columns, column 0 nearest the amplifier: the same code, the axis swapped.
     ///
     /// # Panics
-    /// With more than [`MAX_SPECIES`] species.
+    /// With more than [`MAX_SPECIES`] species; with species whose capture takes time and whose clouds differ.
     pub fn serial(&self, image: &Array2<f64>, downstream: Downstream) -> Array2<f64> {
         self.along(image, downstream.rows, &vec![downstream.charge_e; image.nrows()], Axis(1))
     }
@@ -222,7 +226,7 @@ impl Readout {
     /// Clocks out one column of packets (e-), packet 0 nearest the register.
     ///
     /// # Panics
-    /// With more than [`MAX_SPECIES`] species.
+    /// With more than [`MAX_SPECIES`] species; with species whose capture takes time and whose clouds differ.
     pub fn column(&self, charge_e: &[f64], downstream: Downstream) -> Vec<f64> {
         let image = Array2::from_shape_vec((charge_e.len(), 1), charge_e.to_vec()).expect("one column");
         self.parallel(&image, downstream).into_raw_vec_and_offset().0
@@ -236,8 +240,14 @@ impl Readout {
     /// Packets downstream as they are when they pass: each has filled the empty traps of the pixel it started in, and
     /// has then met traps that an equal packet had just filled.
     fn settled_e(&self, charge_e: f64) -> f64 {
-        let held = |trap: &Trap| trap.density_per_px * trap.passage().1;
-        let spent_e = self.traps.iter().map(held).sum::<f64>() * self.cloud.height(charge_e);
+        let (clouds, of) = several_clouds::clouds_of(&self.traps, &self.cloud);
+        let spent_e: f64 = (0..clouds.len())
+            .map(|cloud| {
+                let species = self.traps.iter().zip(&of).filter(|(_, of)| **of == cloud);
+                let held = species.map(|(trap, _)| trap.density_per_px * trap.passage().1).sum::<f64>();
+                held * clouds[cloud].height(charge_e)
+            })
+            .sum();
         (charge_e - spent_e).max(0.0)
     }
 
@@ -255,22 +265,36 @@ impl Readout {
         let traps = continuum::resolved(&traps, WIDEST);
         let settled_e: Vec<f64> = charge_e.iter().map(|charge_e| self.settled_e(*charge_e)).collect();
         let settled = |column: u64| Downstream { rows: rows_downstream, charge_e: settled_e[column as usize] };
+        let (clouds, cloud_of) = several_clouds::clouds_of(&traps, &self.cloud);
+        let each_cloud: Vec<&Cloud> = cloud_of.iter().map(|place| &clouds[*place]).collect();
+        let takes_time = traps.iter().any(|trap| trap.capture_transfers > 0.0);
         let by_column = |column: &(dyn Fn(&mut [f64], u64) + Sync)| columns(image, across, column);
         match self.method {
             Method::Fractional { levels } => by_column(&|charge_e, column| {
-                fractional::column(&traps, &self.cloud, charge_e, settled(column), levels);
+                fractional::column(&traps, &each_cloud, charge_e, settled(column), levels);
             }),
             Method::MonteCarlo { seed } => by_column(&|charge_e, column| {
-                monte_carlo::column(&traps, &self.cloud, charge_e, settled(column), seed, column);
+                monte_carlo::column(&traps, &each_cloud, charge_e, settled(column), seed, column);
             }),
-            _ if traps.iter().any(|trap| trap.capture_transfers > 0.0) => {
-                self.slowly(&traps, image, rows_downstream, charge_e, across)
+            _ if takes_time => {
+                assert!(clouds.len() == 1, "capture that takes time needs one cloud for all species");
+                self.slowly(&traps, &clouds[0], image, rows_downstream, charge_e, across)
+            }
+            Method::Exact if clouds.len() > 1 => {
+                let pixel = SeveralClouds::new(&traps, (clouds, cloud_of), rows);
+                by_column(&|charge_e, column| {
+                    every_transfer::column_of_several_clouds(&pixel, charge_e, settled(column));
+                })
+            }
+            Method::Fast { relative } if clouds.len() > 1 => {
+                let pixel = SeveralClouds::new(&traps, (clouds, cloud_of), rows);
+                side_by_side(&pixel, image, rows_downstream, &settled_e, across, relative)
             }
             Method::Exact => {
-                by_column(&|charge_e, column| every_transfer::column(&traps, &self.cloud, charge_e, settled(column)))
+                by_column(&|charge_e, column| every_transfer::column(&traps, &clouds[0], charge_e, settled(column)))
             }
             Method::Fast { relative } => with_width!([3, pixel::FEW, WIDEST], traps.len(), |WIDTH| {
-                let pixel = Pixel::<WIDTH>::new(&traps, self.cloud.clone(), rows);
+                let pixel = Pixel::<WIDTH>::new(&traps, clouds[0].clone(), rows);
                 side_by_side(&pixel, image, rows_downstream, &settled_e, across, relative)
             }),
         }
@@ -280,6 +304,7 @@ impl Readout {
     fn slowly(
         &self,
         traps: &[Trap],
+        cloud: &Cloud,
         image: &Array2<f64>,
         rows_downstream: i64,
         charge_e: &[f64],
@@ -296,12 +321,12 @@ impl Readout {
         let read = |kind: &Vec<usize>| {
             let image = image.select(across, kind);
             let downstream = Downstream { rows: rows_downstream, charge_e: charge_e[kind[0]] };
-            let cloud = self.cloud.clone();
+            let cloud = cloud.clone();
             match self.method {
                 Method::Fast { relative } => {
                     let brightest = image.iter().copied().fold(0.0, f64::max);
                     let density: f64 = traps.iter().map(|trap| trap.density_per_px).sum();
-                    let merge_e = MERGED * relative * density * self.cloud.height(brightest);
+                    let merge_e = MERGED * relative * density * cloud.height(brightest);
                     with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
                         let pixel = FiniteCapturePixel::<WIDTH>::new(traps, cloud, downstream, rows, merge_e);
                         let background_e = vec![downstream.charge_e; kind.len()];

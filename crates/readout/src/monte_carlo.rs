@@ -12,6 +12,8 @@ use super::{Cloud, Downstream, Trap};
 /// One trap of a pixel.
 struct Site {
     height: f64,
+    /// The place of its species.
+    species: usize,
     release: f64,
     /// Chances to be filled after a transfer inside the cloud, if empty and if filled before; where capture takes time.
     inside: Option<[f64; 2]>,
@@ -19,10 +21,10 @@ struct Site {
 }
 
 /// Clocks one column out through one random set of traps; `lane` tells the columns of an image apart, so that each
-/// has its own traps and its own stream of random numbers.
+/// has its own traps and its own stream of random numbers. `clouds`: that of each species.
 pub(super) fn column(
     traps: &[Trap],
-    cloud: &Cloud,
+    clouds: &[&Cloud],
     charge_e: &mut [f64],
     downstream: Downstream,
     seed: u64,
@@ -32,10 +34,18 @@ pub(super) fn column(
     random.set_stream(lane);
     let numbers: Vec<Option<Poisson<f64>>> = traps.iter().map(|trap| Poisson::new(trap.density_per_px).ok()).collect();
     let mut sites = Vec::new();
+    let mut heights = vec![0.0; clouds.len()];
+    // Species mostly share one cloud.
+    let set_heights = |heights: &mut [f64], charge_e: f64| {
+        for species in 0..clouds.len() {
+            let known = species > 0 && std::ptr::eq(clouds[species], clouds[species - 1]);
+            heights[species] = if known { heights[species - 1] } else { clouds[species].height(charge_e) };
+        }
+    };
     for pixel in (0..charge_e.len() as i64 + downstream.rows).rev() {
-        let filled_before = if pixel < downstream.rows { cloud.height(downstream.charge_e) } else { 0.0 };
         sites.clear();
-        for (trap, number) in traps.iter().zip(&numbers) {
+        for (species, (trap, number)) in traps.iter().zip(&numbers).enumerate() {
+            let filled_before = if pixel < downstream.rows { clouds[species].height(downstream.charge_e) } else { 0.0 };
             // No Poisson distribution has mean 0: a species of no density has no traps.
             let count = number.map_or(0.0, |number| number.sample(&mut random)) as usize;
             let release = -(-1.0 / trap.release_transfers).exp_m1();
@@ -46,14 +56,14 @@ pub(super) fn column(
             for _ in 0..count {
                 let height = random.random::<f64>();
                 let filled = height < filled_before && (!slow || random.random::<f64>() < filled);
-                sites.push(Site { height, release, inside, filled });
+                sites.push(Site { height, species, release, inside, filled });
             }
         }
         let first = (pixel - downstream.rows).max(0) as usize;
         for charge in &mut charge_e[first..] {
-            let arrived = cloud.height(*charge);
+            set_heights(&mut heights, *charge);
             for site in &mut sites {
-                if let Some(inside) = site.inside.filter(|_| site.height < arrived) {
+                if let Some(inside) = site.inside.filter(|_| site.height < heights[site.species]) {
                     let fills = random.random::<f64>() < inside[usize::from(site.filled)];
                     if fills && !site.filled && *charge >= 1.0 {
                         site.filled = true;
@@ -67,10 +77,10 @@ pub(super) fn column(
                     *charge += 1.0;
                 }
             }
-            let height = cloud.height(*charge);
+            set_heights(&mut heights, *charge);
             for site in &mut sites {
                 // A whole electron must be there to be caught.
-                if site.inside.is_none() && !site.filled && site.height < height && *charge >= 1.0 {
+                if site.inside.is_none() && !site.filled && site.height < heights[site.species] && *charge >= 1.0 {
                     site.filled = true;
                     *charge -= 1.0;
                 }

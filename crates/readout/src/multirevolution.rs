@@ -109,8 +109,8 @@ pub(super) fn aim<P: Passage>(
     let journey = Block { nearest: 0, pixels: charge_e.len() as i64 + downstream.rows };
     let found = &mut work.stages[0];
     pixel.pass(charge_e, BlockPath::Unknown, journey, downstream, &mut work.watermarks, found);
-    let tolerance_e = relative * estimate::moved(pixel.cloud(), charge_e, found);
-    let bound_e = estimate::first(pixel.cloud(), journey.pixels as f64 * pixel.density(), charge_e, found);
+    let tolerance_e = relative * estimate::moved(pixel.clouds(), charge_e, found);
+    let bound_e = estimate::first(pixel.clouds(), journey.pixels as f64 * pixel.density(), charge_e, found);
     Aim { tolerance_e, first_order: ratio(bound_e, SHARE_OF_BOUNDS * tolerance_e), pixels: journey.pixels }
 }
 
@@ -217,12 +217,12 @@ impl<P: Passage> Step<'_, P> {
 
         let seek = self.staggered && self.first_order > LIKELY_FIRST;
         pass(charge_e, if seek { BlockPath::Sought(path) } else { BlockPath::Unknown }, k1);
-        if estimate::exhausted(pixel.cloud().volume_at_zero() * pixel.density(), charge_e, k1) {
+        if estimate::exhausted(pixel.clouds()[0].volume_at_zero() * pixel.density(), charge_e, k1) {
             return Attempt { ratio: f64::INFINITY, order: 2.0, by_first: self.first_order <= HOPELESS_FIRST };
         }
         if self.first_order <= HOPELESS_FIRST {
             let traps = block.pixels as f64 * pixel.density();
-            let ratio = ratio(estimate::first(pixel.cloud(), traps, charge_e, k1), SHARE_OF_BOUNDS * self.tolerance_e);
+            let ratio = ratio(estimate::first(pixel.clouds(), traps, charge_e, k1), SHARE_OF_BOUNDS * self.tolerance_e);
             if ratio <= 1.0 {
                 estimate::add(charge_e, &[(1.0, k1)]);
                 return Attempt { ratio, order: 2.0, by_first: true };

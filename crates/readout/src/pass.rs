@@ -4,6 +4,8 @@
 //! its clouds reach, and leaves a watermark of its own. Packets that have less charge than the traps in their reach would take
 //! are followed one by one.
 
+use std::slice;
+
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 
@@ -357,8 +359,8 @@ impl<const S: usize> Passage for Pixel<S> {
         self.density_all
     }
 
-    fn cloud(&self) -> &Cloud {
-        &self.cloud
+    fn clouds(&self) -> &[Cloud] {
+        slice::from_ref(&self.cloud)
     }
 
     fn identical_below(&self, _: &Lead) -> i64 {

@@ -55,8 +55,8 @@ pub(super) trait Passage: Sync {
     /// Traps of the pixel.
     fn density(&self) -> f64;
 
-    /// How high packets reach.
-    fn cloud(&self) -> &Cloud;
+    /// How high packets reach, among the traps of each kind.
+    fn clouds(&self) -> &[Cloud];
 
     /// Distance from the register (pixels) below which blocks may be passed in one step; beyond it pixels are too unlike
     /// one another.

@@ -1,0 +1,222 @@
+//! What the traps of a pixel do to the packets that pass it where species differ in their clouds: traps of another origin, or elsewhere
+//! in the pixel, fill with another power of the charge.
+//!
+//! Every cloud has a stack of watermarks of its own (see [`super::pixel`]); what is released from all of them joins the one packet,
+//! whose charge then gives the height of each cloud. A packet that has less than the traps in its reach would take fills every cloud up
+//! to the same share of its height: with one cloud, from the bottom.
+//!
+//! Pixels that all packets pass are alike and count as one; those of the image are done one by one.
+
+use super::block_path::BlockPath;
+use super::passage::{Block, Lead, Passage, Stage};
+use super::simd::{LANES, Packets};
+use super::{Cloud, Trap};
+
+/// The traps of one pixel.
+pub(super) struct SeveralClouds {
+    clouds: Vec<Cloud>,
+    /// The cloud of each species, by its place.
+    cloud_of: Vec<usize>,
+    /// 1 − exp(−1/τ) of each species.
+    released: Vec<f64>,
+    /// ρ exp(−m/τ) of each species, m packets after they were filled.
+    left: Vec<Vec<f64>>,
+}
+
+/// Watermarks of every cloud, and electrons in the traps of every species.
+#[derive(Default)]
+pub(super) struct Stacks {
+    watermarks: Vec<Vec<Watermark>>,
+    stored_e: Vec<f64>,
+}
+
+/// Traps between the next watermark below and `height`, last filled by one packet: its row plus one; 0 for the background.
+#[derive(Clone, Copy)]
+struct Watermark {
+    height: f64,
+    packet: usize,
+}
+
+/// Added to the number of the last watermark met by a packet that is spent.
+const SPENT: f64 = 0.25;
+
+/// The distinct clouds of some species, and the place among them of each species' own.
+pub(super) fn clouds_of(traps: &[Trap], cloud: &Cloud) -> (Vec<Cloud>, Vec<usize>) {
+    let mut clouds: Vec<Cloud> = Vec::new();
+    let mut of = |trap: &Trap| {
+        let own = trap.well_fill_power.map_or_else(|| cloud.clone(), |power| cloud.with_power(power));
+        clouds.iter().position(|known| *known == own).unwrap_or_else(|| {
+            clouds.push(own);
+            clouds.len() - 1
+        })
+    };
+    let places = traps.iter().map(&mut of).collect();
+    (clouds, places)
+}
+
+impl SeveralClouds {
+    /// Tables for columns of `rows` packets.
+    pub fn new(traps: &[Trap], (clouds, cloud_of): (Vec<Cloud>, Vec<usize>), rows: usize) -> SeveralClouds {
+        let after = |m: usize| {
+            let left = |trap: &Trap| trap.density_per_px * (-(m as f64) / trap.release_transfers).exp();
+            traps.iter().map(left).collect()
+        };
+        let released = traps.iter().map(Trap::released).collect();
+        SeveralClouds { clouds, cloud_of, released, left: (0..=rows + 1).map(after).collect() }
+    }
+
+    /// Traps as a background (e-) has left them that has passed, or never came by.
+    pub fn start(&self, background_e: Option<f64>, stacks: &mut Stacks) {
+        stacks.watermarks.resize_with(self.clouds.len(), Vec::new);
+        let heights: Vec<f64> =
+            self.clouds.iter().map(|cloud| background_e.map_or(0.0, |charge_e| cloud.height(charge_e))).collect();
+        for (watermarks, height) in stacks.watermarks.iter_mut().zip(&heights) {
+            watermarks.clear();
+            watermarks.push(Watermark { height: *height, packet: 0 });
+        }
+        stacks.stored_e.clear();
+        stacks
+            .stored_e
+            .extend(self.cloud_of.iter().zip(&self.left[0]).map(|(cloud, density)| heights[*cloud] * density));
+    }
+
+    /// Passes the packet of a row; its change (e-), and what watermarks it met as one number.
+    pub fn packet(&self, stacks: &mut Stacks, charge_e: f64, row: usize) -> (f64, f64) {
+        let mut present_e = charge_e;
+        for (stored_e, released) in stacks.stored_e.iter_mut().zip(&self.released) {
+            let out_e = *stored_e * released;
+            *stored_e -= out_e;
+            present_e += out_e;
+        }
+        let heights: Vec<f64> = self.clouds.iter().map(|cloud| cloud.height(present_e)).collect();
+        let wanted_e = self.wanted_e(stacks, &heights, row);
+        // A packet cannot give more than it has.
+        let spent = wanted_e > present_e;
+        let share = if spent { self.share(stacks, &heights, row, present_e.max(0.0)) } else { 1.0 };
+        let mut met = if spent { SPENT } else { 0.0 };
+        let Stacks { watermarks, stored_e } = stacks;
+        for (cloud, (watermarks, height)) in watermarks.iter_mut().zip(&heights).enumerate() {
+            let height = share * height;
+            layers(watermarks, height, |thickness, packet| {
+                for s in (0..stored_e.len()).filter(|s| self.cloud_of[*s] == cloud) {
+                    stored_e[s] += thickness * self.empty(s, row, packet);
+                }
+            });
+            while watermarks.last().is_some_and(|watermark| watermark.height <= height) {
+                watermarks.pop();
+            }
+            // Distinct for each set of watermarks that was reached.
+            met = met * 1e3 + watermarks.last().map_or(0, |watermark| watermark.packet + 1) as f64;
+            watermarks.push(Watermark { height, packet: row + 1 });
+        }
+        let taken_e = if spent { present_e.max(0.0) } else { wanted_e };
+        (present_e - taken_e - charge_e, met)
+    }
+
+    /// Empty traps of a species, per pixel, where they were last filled by a packet, or never.
+    fn empty(&self, species: usize, row: usize, packet: Option<usize>) -> f64 {
+        self.left[0][species] - packet.map_or(0.0, |packet| self.left[row + 1 - packet][species])
+    }
+
+    /// Charge that the empty traps below some heights would take, e-.
+    fn wanted_e(&self, stacks: &Stacks, heights: &[f64], row: usize) -> f64 {
+        let mut wanted_e = 0.0;
+        for (cloud, (watermarks, height)) in stacks.watermarks.iter().zip(heights).enumerate() {
+            layers(watermarks, *height, |thickness, packet| {
+                let species = (0..self.cloud_of.len()).filter(|s| self.cloud_of[*s] == cloud);
+                wanted_e += thickness * species.map(|s| self.empty(s, row, packet)).sum::<f64>();
+            });
+        }
+        wanted_e
+    }
+
+    /// The share of their heights up to which clouds take so much charge: linear between the places of watermarks.
+    fn share(&self, stacks: &Stacks, heights: &[f64], row: usize, available_e: f64) -> f64 {
+        let at = |share: f64| {
+            let heights: Vec<f64> = heights.iter().map(|height| share * height).collect();
+            self.wanted_e(stacks, &heights, row)
+        };
+        let places = stacks.watermarks.iter().zip(heights);
+        let mut shares: Vec<f64> = places
+            .flat_map(|(watermarks, height)| watermarks.iter().map(move |watermark| watermark.height / height))
+            .filter(|share| *share > 0.0 && *share < 1.0)
+            .chain([1.0])
+            .collect();
+        shares.sort_by(f64::total_cmp);
+        let mut below = (0.0, 0.0);
+        for share in shares {
+            let wanted_e = at(share);
+            if wanted_e > available_e {
+                return below.0 + (share - below.0) * (available_e - below.1) / (wanted_e - below.1);
+            }
+            below = (share, wanted_e);
+        }
+        1.0
+    }
+}
+
+/// The layers of traps below a height, from the bottom up: their thickness and the packet that filled them last, if any did.
+fn layers(watermarks: &[Watermark], height: f64, mut layer: impl FnMut(f64, Option<usize>)) {
+    let mut reached = 0.0;
+    for watermark in watermarks.iter().rev() {
+        let top = watermark.height.min(height);
+        layer(top - reached, Some(watermark.packet));
+        reached = top;
+        if watermark.height > height {
+            return;
+        }
+    }
+    layer(height - reached, None);
+}
+
+impl Passage for SeveralClouds {
+    type Watermarks = Stacks;
+
+    fn pass(
+        &self,
+        charge_e: &[Packets],
+        _: BlockPath,
+        block: Block,
+        downstream: &Lead,
+        stacks: &mut Stacks,
+        found: &mut Stage,
+    ) {
+        let Stage { change_e, drift_e, doubtful_e, meets } = found;
+        for part in [&mut *change_e, &mut *meets, &mut *doubtful_e] {
+            part.fill([0.0; LANES]);
+        }
+        for lane in 0..LANES {
+            // Lanes without a column of their own repeat the last one.
+            let repeats = |row: &Packets| lane > 0 && row[lane] == row[lane - 1];
+            if charge_e.iter().chain([&downstream.charge_e]).all(repeats) {
+                change_e.iter_mut().chain(meets.iter_mut()).for_each(|row| row[lane] = row[lane - 1]);
+                continue;
+            }
+            let mut nearest = block.nearest;
+            while nearest < block.nearest + block.pixels {
+                let pixels = (downstream.rows.min(block.nearest + block.pixels) - nearest).max(1);
+                self.start((nearest < downstream.rows).then_some(downstream.charge_e[lane]), stacks);
+                let first = (nearest - downstream.rows).clamp(0, charge_e.len() as i64) as usize;
+                for row in first..charge_e.len() {
+                    let (change, met) = self.packet(stacks, charge_e[row][lane], row);
+                    change_e[row][lane] += pixels as f64 * change;
+                    meets[row][lane] += met;
+                }
+                nearest += pixels;
+            }
+        }
+        drift_e.copy_from_slice(change_e);
+    }
+
+    fn density(&self) -> f64 {
+        self.left[0].iter().sum()
+    }
+
+    fn clouds(&self) -> &[Cloud] {
+        &self.clouds
+    }
+
+    fn identical_below(&self, downstream: &Lead) -> i64 {
+        downstream.rows
+    }
+}
