@@ -15,6 +15,7 @@ mod frame_argument;
 mod frames;
 mod init;
 mod inputs;
+mod measure;
 mod schema;
 mod shell;
 mod study;
@@ -64,6 +65,8 @@ enum Command {
     Readout(frames::Readout),
     /// Remove the trails of charge transfer inefficiency from whole frames (FITS), and report the residual
     Correct(frames::Correct),
+    /// Make measurement tables from frames (FITS): edges of flat fields, trails of warm pixels, injected charge, dipoles
+    Measure(measure::Measure),
     /// Run a trade study: clock, distance, correction, preflash, charge injection, pumping, launch, shielding, error budget
     Study(study::Study),
     /// List the catalogue of effects, or describe one: its physics, its parameters, and its residuals
@@ -126,6 +129,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Diagnose(command) => command.run(),
         Command::Readout(command) => command.run(),
         Command::Correct(command) => command.run(),
+        Command::Measure(command) => command.run(),
         Command::Study(command) => command.run(),
         Command::Effects(command) => command.run(),
         Command::Init(command) => command.run(),

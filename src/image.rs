@@ -183,7 +183,7 @@ impl Job {
             atomic_file::refuse_existing(output)?;
         }
         let mut fits = Fits::open(input)?;
-        let frames = self.frames(&fits.hdus).map_err(|error| InputError {
+        let frames = frames(&fits.hdus, &self.hdus, &self.geometry, &self.unit).map_err(|error| InputError {
             refused: format!("cannot use `{}`: {}", input.display(), error.refused),
             ..error
         })?;
@@ -258,56 +258,6 @@ impl Job {
             warnings.push(Warning::UncertainPixels { name, pixels, error_e: uncertain.error_e, marked });
         }
         warnings
-    }
-
-    /// Places of the HDUs to work on, and what their numbers mean.
-    fn frames(&self, hdus: &[Hdu]) -> Result<Vec<(usize, unit::Scale)>, InputError> {
-        for choice in &self.hdus {
-            if !hdus.iter().any(|hdu| choice.is(hdu)) {
-                let known: Vec<String> = hdus.iter().map(Hdu::to_string).collect();
-                return Err(InputError::new(
-                    format!("there is no HDU {choice}"),
-                    format!("it has {}", known.join(", ")),
-                ));
-            }
-        }
-        let chosen = |hdu: &&Hdu| match &self.hdus[..] {
-            [] => hdu.kind != HduKind::Empty && hdu.kind != HduKind::NoImage && !says_other_than_charge(hdu),
-            choices => choices.iter().any(|choice| choice.is(hdu)),
-        };
-        let mut frames = Vec::new();
-        for hdu in hdus.iter().filter(chosen) {
-            let refusal = |problem: &str, help: &str| Err(InputError::new(hdu.to_string(), problem).with_help(help));
-            match hdu.kind {
-                HduKind::Image { bitpix: 64, .. } => {
-                    return refusal(
-                        "its pixels are integers of 64 bits, which are not computed with exactly",
-                        "write the image as 32-bit integers or 64-bit floats, or leave it out with --hdu",
-                    );
-                }
-                HduKind::Image { rows, columns, .. } => {
-                    self.geometry
-                        .check((rows, columns))
-                        .map_err(|error| InputError { refused: format!("{hdu}, {}", error.refused), ..error })?;
-                    frames.push((hdu.index, self.unit.scale(hdu, &hdus[0])?));
-                }
-                HduKind::OtherAxes(axes) => {
-                    return refusal(
-                        &format!("it has {axes} axes; a frame has two, columns and rows"),
-                        "write each plane of a cube as an image of its own, or leave it out with --hdu",
-                    );
-                }
-                HduKind::Compressed => {
-                    return refusal("it is compressed by tiles", "unpack the file first, with funpack or astropy");
-                }
-                HduKind::Empty => return refusal("it has no data", "choose others with --hdu"),
-                HduKind::NoImage => return refusal("it is no image", "choose others with --hdu"),
-            }
-        }
-        if frames.is_empty() {
-            return Err(InputError::new("nothing to do", "it has no image of charge"));
-        }
-        Ok(frames)
     }
 
     /// Works on one frame.
@@ -433,6 +383,61 @@ impl Job {
         }
         told.iter().flat_map(|line| cards(line)).collect()
     }
+}
+
+/// Places of the HDUs to work on (those that are chosen, or all that hold charge), and what their numbers mean.
+///
+/// # Errors
+/// Where there is no such HDU, one is no image, does not fit the geometry, or its unit is not known.
+pub(crate) fn frames(
+    hdus: &[Hdu],
+    choices: &[Choice],
+    geometry: &Geometry,
+    unit: &Unit,
+) -> Result<Vec<(usize, unit::Scale)>, InputError> {
+    for choice in choices {
+        if !hdus.iter().any(|hdu| choice.is(hdu)) {
+            let known: Vec<String> = hdus.iter().map(Hdu::to_string).collect();
+            return Err(InputError::new(format!("there is no HDU {choice}"), format!("it has {}", known.join(", "))));
+        }
+    }
+    let chosen = |hdu: &&Hdu| match choices {
+        [] => hdu.kind != HduKind::Empty && hdu.kind != HduKind::NoImage && !says_other_than_charge(hdu),
+        choices => choices.iter().any(|choice| choice.is(hdu)),
+    };
+    let mut frames = Vec::new();
+    for hdu in hdus.iter().filter(chosen) {
+        let refusal = |problem: &str, help: &str| Err(InputError::new(hdu.to_string(), problem).with_help(help));
+        match hdu.kind {
+            HduKind::Image { bitpix: 64, .. } => {
+                return refusal(
+                    "its pixels are integers of 64 bits, which are not computed with exactly",
+                    "write the image as 32-bit integers or 64-bit floats, or leave it out with --hdu",
+                );
+            }
+            HduKind::Image { rows, columns, .. } => {
+                geometry
+                    .check((rows, columns))
+                    .map_err(|error| InputError { refused: format!("{hdu}, {}", error.refused), ..error })?;
+                frames.push((hdu.index, unit.scale(hdu, &hdus[0])?));
+            }
+            HduKind::OtherAxes(axes) => {
+                return refusal(
+                    &format!("it has {axes} axes; a frame has two, columns and rows"),
+                    "write each plane of a cube as an image of its own, or leave it out with --hdu",
+                );
+            }
+            HduKind::Compressed => {
+                return refusal("it is compressed by tiles", "unpack the file first, with funpack or astropy");
+            }
+            HduKind::Empty => return refusal("it has no data", "choose others with --hdu"),
+            HduKind::NoImage => return refusal("it is no image", "choose others with --hdu"),
+        }
+    }
+    if frames.is_empty() {
+        return Err(InputError::new("nothing to do", "it has no image of charge"));
+    }
+    Ok(frames)
 }
 
 /// Names of extensions that go with an image and hold no charge: data quality, errors, variances, weights, masks, as the

@@ -36,8 +36,10 @@ pub mod plan;
 // Measurements → residuals → fit → the effect that is missing.
 pub mod analysis;
 
-// What stands on the chain: frames, trade studies, sweeps.
+// What stands on the chain: frames, measurements on them, trade studies, sweeps.
 pub mod image;
+
+pub mod measure;
 
 pub mod study;
 

@@ -8,6 +8,7 @@ pub mod effects;
 mod evaluate;
 mod fit;
 mod image;
+mod measure;
 mod page;
 mod parts;
 pub mod plot;
@@ -17,6 +18,7 @@ mod validate;
 
 pub use evaluate::EvaluateReport;
 pub use fit::FitReport;
+pub use measure::MeasureReport;
 pub use page::{Page, page};
 pub use parts::Parts;
 pub use sweep::SweepReport;

@@ -140,6 +140,17 @@ pub enum Warning {
         /// Largest residual before the correction, e-.
         of_e: f64,
     },
+    /// Warm pixels were looked for in a single exposure.
+    OneExposure,
+    /// The bias is that of overscan rows in which the trail of the image has not ended.
+    TrailInBias {
+        /// The frame.
+        name: String,
+        /// Charge per pixel in their first half above that in their second, e-.
+        excess_e: f64,
+        /// Its 1-sigma error, e-.
+        sigma_e: f64,
+    },
 }
 
 impl Warning {
@@ -290,6 +301,16 @@ impl fmt::Display for Warning {
                 out,
                 "the correction of {name} leaves up to {max_e:.3e} e- of {of_e:.3e} e- that the forward model moves: increase \
                  --iterations, decrease --relative, or increase --tolerance; faint pixels without sky converge slowly"
+            ),
+            Warning::OneExposure => write!(
+                out,
+                "warm pixels were looked for in a single exposure: cosmic rays that hit one pixel alone count as warm pixels; give \
+                 several exposures of the same date"
+            ),
+            Warning::TrailInBias { name, excess_e, sigma_e } => write!(
+                out,
+                "{name}: the trail reaches into the overscan rows of the bias, whose first half holds {excess_e:.2} +- {sigma_e:.2} e- \
+                 more than the second: values are too small by about that; use --bias-from columns, or more overscan rows"
             ),
             Warning::CoarseAccuracy { relative } => {
                 write!(out, "accuracy.relative = {relative} may affect the shapes: 1e-6 takes little more time")

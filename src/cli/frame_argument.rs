@@ -1,9 +1,81 @@
-//! Geometry of a frame on the detector, as options of the command line.
+//! Frames as options of the command line: which images of a file, where they lie on the detector, and what their numbers mean.
 
-use clap::ValueEnum;
 use clap::builder::PossibleValue;
+use clap::{Args, ValueEnum};
 
-use crate::image::{Corner, Split, Transfers};
+use crate::image::{Choice, Corner, Geometry, Split, Transfers, Unit};
+
+/// Which images, and where they lie on the detector.
+#[derive(Debug, Args)]
+pub(super) struct Layout {
+    /// HDUs to process, by number (0 is the primary one) or EXTNAME; by default all images except DQ, ERR, ...
+    #[arg(long, value_name = "HDU", value_delimiter = ',')]
+    pub hdu: Vec<Choice>,
+    /// Corner that is read first; the frame's first pixel is at the lower left
+    #[arg(long, value_name = "CORNER", default_value = "lower-left")]
+    corner: Corner,
+    /// Halves or quarters that are read out to their own sides, each by its own amplifier
+    #[arg(long, value_name = "HALVES")]
+    split: Option<Split>,
+    /// Columns of prescan in the frame: pixels of the serial register alone, nearest the amplifier
+    #[arg(long, value_name = "COLUMNS", default_value_t = 0)]
+    prescan_px: usize,
+    /// Columns of overscan in the frame, read after the image
+    #[arg(long, value_name = "COLUMNS", default_value_t = 0)]
+    overscan_columns: usize,
+    /// Rows of overscan in the frame, read after the image
+    #[arg(long, value_name = "ROWS", default_value_t = 0)]
+    overscan_rows: usize,
+    /// Rows between the frame's first row and the serial register
+    #[arg(long, value_name = "ROWS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=1_000_000))]
+    pub transfers_before: u32,
+}
+
+impl Layout {
+    /// The geometry of frames that are read along their columns.
+    pub fn geometry(&self) -> Geometry {
+        Geometry {
+            corner: self.corner,
+            split: self.split,
+            prescan_columns: self.prescan_px,
+            overscan_columns: self.overscan_columns,
+            overscan_rows: self.overscan_rows,
+            rows_before: self.transfers_before,
+            ..Geometry::default()
+        }
+    }
+}
+
+/// What the numbers of frames mean, but for the bias.
+#[derive(Debug, Args)]
+pub(super) struct Gain {
+    /// Gain, electrons per DN; not needed if BUNIT is electrons
+    #[arg(long, value_name = "GAIN", conflicts_with = "gain_keyword", value_parser = super::frames::positive)]
+    gain_e_per_dn: Option<f64>,
+    /// Header keyword of the gain, electrons per DN
+    #[arg(long, value_name = "KEYWORD")]
+    gain_keyword: Option<String>,
+    /// Value at which the converter saturates, in the unit of the frame; such pixels count as saturated
+    #[arg(long, value_name = "DN", allow_negative_numbers = true, value_parser = super::frames::finite)]
+    saturated_dn: Option<f64>,
+}
+
+impl Gain {
+    /// The unit of frames with this bias, in their own unit.
+    pub fn unit(&self, bias_dn: f64) -> Unit {
+        Unit {
+            gain_e_per_dn: self.gain_e_per_dn,
+            gain_keyword: self.gain_keyword.as_deref().map(keyword),
+            bias_dn,
+            saturated_dn: self.saturated_dn,
+        }
+    }
+}
+
+/// A keyword of a header as it stands there.
+pub(super) fn keyword(text: &str) -> String {
+    text.trim().to_ascii_uppercase()
+}
 
 impl ValueEnum for Transfers {
     fn value_variants<'a>() -> &'a [Transfers] {

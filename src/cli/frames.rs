@@ -2,11 +2,12 @@
 
 use clap::Args;
 
+use super::frame_argument::{Gain, Layout};
 use super::inputs::mission_with;
 use super::{Failure, Outcome, Output, print, progress};
 use crate::cli::file_argument::{InputFile, OutputFile};
 use crate::error::InputError;
-use crate::image::{Choice, Corner, Geometry, Job, Split, Stop, Task, Transfers, Unit};
+use crate::image::{Geometry, Job, Stop, Task, Transfers};
 use crate::model::Model;
 use crate::physics::accuracy::OF_FRAMES;
 use crate::physics::conditions::Conditions;
@@ -70,48 +71,22 @@ struct Frames {
     /// Dose of the traps, MeV/g, instead of the mission's: for a detector irradiated in a laboratory --at years ago
     #[arg(long, value_name = "DOSE", value_parser = at_least_0)]
     dose_mev_g: Option<f64>,
-    /// HDUs to process, by number (0 is the primary one) or EXTNAME; by default all images except DQ, ERR, ...
-    #[arg(long, value_name = "HDU", value_delimiter = ',')]
-    hdu: Vec<Choice>,
     /// Directions of transfer to model; serial ones need [effects.serial-traps]
     #[arg(long, value_name = "AXIS", default_value = "parallel")]
     axis: Transfers,
-    /// Corner that is read first; the frame's first pixel is at the lower left
-    #[arg(long, value_name = "CORNER", default_value = "lower-left")]
-    corner: Corner,
-    /// Halves or quarters that are read out to their own sides, each by its own amplifier
-    #[arg(long, value_name = "HALVES")]
-    split: Option<Split>,
-    /// Columns of prescan in the frame: pixels of the serial register alone, nearest the amplifier
-    #[arg(long, value_name = "COLUMNS", default_value_t = 0)]
-    prescan_px: usize,
-    /// Columns of overscan in the frame, read after the image
-    #[arg(long, value_name = "COLUMNS", default_value_t = 0)]
-    overscan_columns: usize,
-    /// Rows of overscan in the frame, read after the image
-    #[arg(long, value_name = "ROWS", default_value_t = 0)]
-    overscan_rows: usize,
-    /// Rows between the frame's first row and the serial register
-    #[arg(long, value_name = "ROWS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=1_000_000))]
-    transfers_before: u32,
+    #[command(flatten)]
+    layout: Layout,
     /// Charge per pixel in those rows, e-: 0 if they are dark, the sky if the frame was cut out of a larger one
     #[arg(long, value_name = "E", default_value_t = 0.0, value_parser = at_least_0)]
     charge_before_e: f64,
     /// Pixels of the serial register between the frame's first column and the amplifier
     #[arg(long, value_name = "COLUMNS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=1_000_000))]
     serial_transfers_before: u32,
-    /// Gain, electrons per DN; not needed if BUNIT is electrons
-    #[arg(long, value_name = "GAIN", conflicts_with = "gain_keyword", value_parser = positive)]
-    gain_e_per_dn: Option<f64>,
-    /// Header keyword of the gain, electrons per DN
-    #[arg(long, value_name = "KEYWORD")]
-    gain_keyword: Option<String>,
+    #[command(flatten)]
+    gain: Gain,
     /// Bias: value of a pixel without charge, in the unit of the frame
     #[arg(long, value_name = "DN", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
     bias_dn: f64,
-    /// Value at which the converter saturates, in the unit of the frame; such pixels count as saturated
-    #[arg(long, value_name = "DN", allow_negative_numbers = true, value_parser = finite)]
-    saturated_dn: Option<f64>,
     /// Accuracy of the readout, instead of accuracy.relative: error of a packet over the largest displacement of charge
     #[arg(long, value_name = "FRACTION", default_value_t = OF_FRAMES, value_parser = fraction)]
     relative: f64,
@@ -129,13 +104,7 @@ impl Frames {
             Conditions { dose_mev_g: self.dose_mev_g, ..Conditions::of(&mission, self.at.unwrap_or_default()) };
         let model = Model::new(&mission);
         let job = Job::new(task(mission.accuracy.seed), &model, &conditions, self.relative, self.geometry()?)?;
-        let unit = Unit {
-            gain_e_per_dn: self.gain_e_per_dn,
-            gain_keyword: self.gain_keyword.as_ref().map(|keyword| keyword.trim().to_ascii_uppercase()),
-            bias_dn: self.bias_dn,
-            saturated_dn: self.saturated_dn,
-        };
-        let job = Job { unit, hdus: self.hdu.clone(), ..job };
+        let job = Job { unit: self.gain.unit(self.bias_dn), hdus: self.layout.hdu.clone(), ..job };
         let bar = progress(0, "HDUs");
         let done = job.run(&self.input, &self.output, self.overwrite, &|done, all, what| {
             bar.set_length(all as u64);
@@ -148,7 +117,7 @@ impl Frames {
     }
 
     fn geometry(&self) -> Result<Geometry, InputError> {
-        if self.charge_before_e > 0.0 && self.transfers_before == 0 {
+        if self.charge_before_e > 0.0 && self.layout.transfers_before == 0 {
             return Err(InputError::new(
                 format!("cannot use --charge-before-e {}", self.charge_before_e),
                 "there are no rows between the frame and the register",
@@ -157,19 +126,14 @@ impl Frames {
         }
         Ok(Geometry {
             transfers: self.axis,
-            corner: self.corner,
-            split: self.split,
-            prescan_columns: self.prescan_px,
-            overscan_columns: self.overscan_columns,
-            overscan_rows: self.overscan_rows,
-            rows_before: self.transfers_before,
             charge_before_e: self.charge_before_e,
             columns_before: self.serial_transfers_before,
+            ..self.layout.geometry()
         })
     }
 }
 
-fn number(text: &str, allowed: impl Fn(f64) -> bool, needed: &str) -> Result<f64, String> {
+pub(super) fn number(text: &str, allowed: impl Fn(f64) -> bool, needed: &str) -> Result<f64, String> {
     text.trim()
         .parse()
         .ok()
@@ -177,7 +141,7 @@ fn number(text: &str, allowed: impl Fn(f64) -> bool, needed: &str) -> Result<f64
         .ok_or_else(|| needed.to_string())
 }
 
-fn years(text: &str) -> Result<f64, String> {
+pub(super) fn years(text: &str) -> Result<f64, String> {
     number(text, |years| (0.0..=1000.0).contains(&years), "a time of 0 to 1000 yr since launch is needed")
 }
 
@@ -185,14 +149,14 @@ fn fraction(text: &str) -> Result<f64, String> {
     number(text, |fraction| (1e-12..1.0).contains(&fraction), "a fraction from 1e-12 to below 1 is needed")
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+pub(super) fn positive(text: &str) -> Result<f64, String> {
     number(text, |value| value > 0.0, "a number above 0 is needed")
 }
 
-fn at_least_0(text: &str) -> Result<f64, String> {
+pub(super) fn at_least_0(text: &str) -> Result<f64, String> {
     number(text, |value| value >= 0.0, "a number, 0 or more, is needed")
 }
 
-fn finite(text: &str) -> Result<f64, String> {
+pub(super) fn finite(text: &str) -> Result<f64, String> {
     number(text, |_| true, "a number is needed")
 }

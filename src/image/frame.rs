@@ -169,8 +169,13 @@ impl Geometry {
         }
     }
 
-    /// Rows and columns of the image, in the order of readout.
-    fn image(&self, (rows, columns): (usize, usize)) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
+    /// What each amplifier reads of a frame, in the order of readout.
+    pub fn amplifiers<T: Clone>(&self, frame: &Array2<T>) -> Vec<Array2<T>> {
+        self.parts().into_iter().map(|part| part.of(frame).to_owned()).collect()
+    }
+
+    /// Rows and columns of the image in what an amplifier reads, in the order of readout.
+    pub fn image(&self, (rows, columns): (usize, usize)) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
         (0..rows - self.overscan_rows, self.prescan_columns..columns - self.overscan_columns)
     }
 

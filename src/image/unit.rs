@@ -106,21 +106,22 @@ impl Unit {
 }
 
 fn gain_of(keyword: &str, hdu: &Hdu, primary: &Hdu) -> Result<f64, InputError> {
-    let refused = || hdu.to_string();
-    let value = hdu.value(keyword).or_else(|| primary.value(keyword));
-    let gain = match value {
-        Some(Value::Float(gain)) => *gain,
-        Some(Value::Integer(gain)) => *gain as f64,
-        Some(_) => return Err(InputError::new(refused(), format!("{keyword} is no number"))),
-        None => {
-            return Err(InputError::new(refused(), format!("neither its header nor the primary one has {keyword}"))
-                .with_help("give --gain-e-per-dn instead"));
-        }
-    };
+    let gain = number_of(keyword, hdu, primary, "give --gain-e-per-dn instead")?;
     if gain > 0.0 && gain.is_finite() {
         Ok(gain)
     } else {
-        Err(InputError::new(refused(), format!("{keyword} = {gain}: a gain above 0 e-/DN is needed")))
+        Err(InputError::new(hdu.to_string(), format!("{keyword} = {gain}: a gain above 0 e-/DN is needed")))
+    }
+}
+
+/// A number of an HDU's header, or of the primary one; `help` says what to try if neither has it.
+pub(crate) fn number_of(keyword: &str, hdu: &Hdu, primary: &Hdu, help: &str) -> Result<f64, InputError> {
+    match hdu.value(keyword).or_else(|| primary.value(keyword)) {
+        Some(Value::Float(number)) => Ok(*number),
+        Some(Value::Integer(number)) => Ok(*number as f64),
+        Some(_) => Err(InputError::new(hdu.to_string(), format!("{keyword} is no number"))),
+        None => Err(InputError::new(hdu.to_string(), format!("neither its header nor the primary one has {keyword}"))
+            .with_help(help)),
     }
 }
 

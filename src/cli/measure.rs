@@ -1,0 +1,249 @@
+//! `ctiplan measure`: tables of measurements from frames.
+
+use std::path::{Path, PathBuf};
+
+use chrono::NaiveDateTime;
+use clap::{Args, Subcommand, ValueEnum};
+
+use super::frame_argument::{Gain, Layout, keyword};
+use super::frames::{at_least_0, finite, positive, years};
+use super::{Failure, Outcome, Output, print, progress};
+use crate::cli::file_argument::{InputFile, OutputFile};
+use crate::error::InputError;
+use crate::io::atomic_file;
+use crate::measure::bias::BiasSource;
+use crate::measure::exposure::{Frames, Reading, Source, WhenSource, date};
+use crate::measure::{Measured, eper, trails};
+use crate::report::MeasureReport;
+
+#[derive(Debug, Args)]
+pub(super) struct Measure {
+    #[command(subcommand)]
+    kind: Kind,
+}
+
+#[derive(Debug, Subcommand)]
+enum Kind {
+    /// Extended pixel edge response (and first pixel response) of flat fields with overscan rows
+    Eper(Eper),
+    /// Trails behind warm and hot pixels, stacked in bins of signal, transfers and background
+    Trails(Trails),
+}
+
+impl Measure {
+    pub(super) fn run(&self) -> Result<Outcome, Failure> {
+        match &self.kind {
+            Kind::Eper(command) => command.run(),
+            Kind::Trails(command) => command.run(),
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+struct Eper {
+    #[command(flatten)]
+    input: Input,
+    /// Rows behind the edge to measure [default: overscan rows that the bias does not need, up to 50]
+    #[arg(long, value_name = "ROWS", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    trail_px: Option<u32>,
+    /// Last rows of the flat of which its level is the mean [default: 20, or a quarter of the image]
+    #[arg(long, value_name = "ROWS", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    level_rows: Option<u32>,
+    /// Groups of columns to measure apart, by the level of the flat: for flats that are brighter on one side
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    column_groups: u32,
+    /// Write the charge in the first row, too, into this file, as observable packet_charge
+    #[arg(long, value_name = "FILE")]
+    first_pixel: Option<OutputFile>,
+}
+
+impl Eper {
+    fn run(&self) -> Result<Outcome, Failure> {
+        let eper = eper::Eper {
+            trail_px: self.trail_px.map(|rows| rows as usize),
+            level_rows: self.level_rows.map(|rows| rows as usize),
+            groups: self.column_groups as usize,
+            first_pixel: self.first_pixel.is_some(),
+        };
+        self.input.run(self.first_pixel.as_deref(), |frames, progress| eper.measure(frames, progress))
+    }
+}
+
+#[derive(Debug, Args)]
+struct Trails {
+    #[command(flatten)]
+    input: Input,
+    /// Pixels of a trail; as many in front of a warm pixel tell what is not trail
+    #[arg(long, value_name = "PIXELS", default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    trail_px: u32,
+    /// Least charge of a warm pixel above the background, e-
+    #[arg(long, value_name = "E", default_value_t = 300.0, value_parser = positive)]
+    threshold_e: f64,
+    /// Bins of signal and of background in a factor of ten
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=100))]
+    bins_per_decade: u32,
+    /// Bins of transfers, of equal numbers of rows
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    transfer_bins: u32,
+    /// Fewest warm pixels of a bin; smaller bins are left out
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(5..=1_000_000))]
+    fewest_px: u32,
+    /// Exposures at most so many days after the one before are of one date
+    #[arg(long, value_name = "DAYS", default_value_t = 10.0, value_parser = at_least_0)]
+    epoch_days: f64,
+}
+
+impl Trails {
+    fn run(&self) -> Result<Outcome, Failure> {
+        let trails = trails::Trails {
+            trail_px: self.trail_px as usize,
+            threshold_e: self.threshold_e,
+            bins_per_decade: self.bins_per_decade as usize,
+            transfer_bins: self.transfer_bins as usize,
+            fewest: self.fewest_px as usize,
+            epoch_days: self.epoch_days,
+        };
+        self.input.run(None, |frames, progress| trails.measure(frames, progress))
+    }
+}
+
+/// Input, what headers do not tell, and output.
+#[derive(Debug, Args)]
+struct Input {
+    /// FITS files to read
+    #[arg(value_name = "IN.fits", required = true)]
+    input: Vec<InputFile>,
+    /// Measurement file to write (ECSV)
+    #[arg(value_name = "OUT.ecsv")]
+    output: OutputFile,
+    #[command(flatten)]
+    layout: Layout,
+    #[command(flatten)]
+    gain: Gain,
+    /// Bias: value of a pixel without charge, in the unit of the frame; without it: measured in the overscan
+    #[arg(long, value_name = "DN", allow_negative_numbers = true, value_parser = finite)]
+    bias_dn: Option<f64>,
+    /// Pixels that tell the bias [default: the first of these that the frame has]
+    #[arg(long, value_name = "PIXELS", conflicts_with = "bias_dn")]
+    bias_from: Option<BiasFrom>,
+    #[command(flatten)]
+    conditions: Conditions,
+    /// Replace the files to write if they exist
+    #[arg(long, visible_alias = "force")]
+    overwrite: bool,
+    #[command(flatten)]
+    output_format: Output,
+}
+
+/// Under which conditions the frames were taken.
+#[derive(Debug, Args)]
+struct Conditions {
+    /// Date of the exposures, such as 2030-06-01 or 2030-06-01T12:00:00; without it: DATE-OBS, or MJD-OBS
+    #[arg(long, value_name = "DATE", value_parser = a_date, conflicts_with_all = ["date_keyword", "at", "dose_mev_g", "dose_keyword"])]
+    date: Option<NaiveDateTime>,
+    /// Header keyword of the date, or of the modified Julian date
+    #[arg(long, value_name = "KEYWORD", conflicts_with_all = ["at", "dose_mev_g", "dose_keyword"])]
+    date_keyword: Option<String>,
+    /// Time of the exposures, years since launch; with a dose: since the irradiation
+    #[arg(long, value_name = "YEARS", value_parser = years)]
+    at: Option<f64>,
+    /// Dose of the traps, MeV/g: for a detector irradiated in a laboratory
+    #[arg(long, value_name = "DOSE", value_parser = at_least_0, conflicts_with = "dose_keyword")]
+    dose_mev_g: Option<f64>,
+    /// Header keyword of that dose
+    #[arg(long, value_name = "KEYWORD")]
+    dose_keyword: Option<String>,
+    /// Temperature of the detector, K; without it: the mission's
+    #[arg(long, value_name = "KELVIN", value_parser = positive, conflicts_with = "temperature_keyword")]
+    temperature_k: Option<f64>,
+    /// Header keyword of the temperature, K
+    #[arg(long, value_name = "KEYWORD")]
+    temperature_keyword: Option<String>,
+    /// Time between two parallel transfers, ms; without it: the mission's
+    #[arg(long, value_name = "MS", value_parser = positive, conflicts_with = "line_time_keyword")]
+    line_time_ms: Option<f64>,
+    /// Header keyword of the line time, ms
+    #[arg(long, value_name = "KEYWORD")]
+    line_time_keyword: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum BiasFrom {
+    /// The last half of the overscan columns
+    Columns,
+    /// The prescan columns
+    Prescan,
+    /// The last half of the overscan rows
+    Rows,
+}
+
+impl Input {
+    /// Measures, writes the tables (the second into `second`), and reports.
+    fn run(
+        &self,
+        second: Option<&Path>,
+        measure: impl FnOnce(&Frames, &dyn Fn(usize)) -> Result<Measured, InputError>,
+    ) -> Result<Outcome, Failure> {
+        let outputs: Vec<&Path> = [Some(&*self.output), second].into_iter().flatten().collect();
+        for output in &outputs {
+            if !self.overwrite {
+                atomic_file::refuse_existing(output)?;
+            }
+            atomic_file::refuse_unwritable(output)?;
+        }
+        let files: Vec<PathBuf> = self.input.iter().map(|file| file.to_path_buf()).collect();
+        let bar = progress(files.len() as u64, "files");
+        let measured = measure(&Frames { files, reading: self.reading() }, &|done| bar.set_position(done as u64));
+        bar.finish_and_clear();
+        let measured = measured?;
+        for (output, (_, table)) in outputs.iter().zip(&measured.tables) {
+            atomic_file::write(output, table.to_ecsv())?;
+        }
+        let files = outputs.iter().map(|path| path.display().to_string()).collect();
+        print(&MeasureReport { measured, files }, &self.output_format)?;
+        Ok(Outcome::Done)
+    }
+
+    fn reading(&self) -> Reading {
+        let from = |from: BiasFrom| match from {
+            BiasFrom::Columns => BiasSource::OverscanColumns,
+            BiasFrom::Prescan => BiasSource::Prescan,
+            BiasFrom::Rows => BiasSource::OverscanRows,
+        };
+        let said = &self.conditions;
+        Reading {
+            hdus: self.layout.hdu.clone(),
+            unit: self.gain.unit(0.0),
+            bias: self.bias_dn.map(BiasSource::Given).or(self.bias_from.map(from)),
+            geometry: self.layout.geometry(),
+            when: said.when(),
+            temperature_k: source(said.temperature_k, said.temperature_keyword.as_deref()),
+            line_time_ms: source(said.line_time_ms, said.line_time_keyword.as_deref()),
+        }
+    }
+}
+
+impl Conditions {
+    fn when(&self) -> WhenSource {
+        let dose = source(self.dose_mev_g, self.dose_keyword.as_deref());
+        match (self.date, &self.date_keyword, dose, self.at) {
+            (Some(date), ..) => WhenSource::Date(date),
+            (_, Some(name), ..) => WhenSource::Keyword(keyword(name)),
+            (_, _, Source::Mission, Some(t_yr)) => WhenSource::Since(t_yr),
+            (_, _, Source::Mission, None) => WhenSource::Header,
+            (_, _, dose, t_yr) => WhenSource::Dose(dose, t_yr),
+        }
+    }
+}
+
+fn source(given: Option<f64>, name: Option<&str>) -> Source {
+    match (given, name) {
+        (Some(value), _) => Source::Given(value),
+        (_, Some(name)) => Source::Keyword(keyword(name)),
+        _ => Source::Mission,
+    }
+}
+
+fn a_date(text: &str) -> Result<NaiveDateTime, String> {
+    date(text).ok_or_else(|| "a date is needed, 2030-06-01 or 2030-06-01T12:00:00".to_string())
+}

@@ -1,0 +1,97 @@
+//! From frames to measurements: tables of edge responses, trails, injected charge and dipoles, as `validate`, `fit` and `diagnose`
+//! read them.
+//!
+//! ```text
+//! FITS files ─▶ [exposure] electrons above the bias, in the order of readout ─┬▶ [eper]      ─┐
+//!                  ▲                                                          ├▶ [trails]     ├▶ [table] ─▶ ECSV
+//!               [bias] overscan                                               ├▶ [injection]  │
+//!                                                                             └▶ [dipoles]   ─┘
+//! ```
+//!
+//! Every value is a mean without outliers ([statistic]); its error comes from the scatter of the pixels that it is the mean of.
+
+pub mod bias;
+pub mod edge;
+pub mod eper;
+pub mod exposure;
+pub mod statistic;
+pub mod table;
+pub mod trails;
+
+use serde_json::{Value as Json, json};
+
+use crate::image::Geometry;
+use crate::io::table::Table;
+use crate::physics::observable::Observable;
+use crate::warning::{Warning, together};
+use exposure::About;
+use table::{Measurement, Origin};
+
+/// What was measured.
+#[derive(Clone, Debug)]
+pub struct Measured {
+    /// The command's word for the way it was measured.
+    pub kind: &'static str,
+    /// The tables, the one that was asked for first.
+    pub tables: Vec<(Observable, Table)>,
+    /// The exposures.
+    pub exposures: Vec<About>,
+    /// Numbers of what was used and what was rejected, by name.
+    pub counts: Vec<(&'static str, usize)>,
+    /// Options, as they were understood.
+    pub options: Json,
+    /// Things seen that are not errors.
+    pub warnings: Vec<Warning>,
+}
+
+/// What is found while frames are read.
+#[derive(Default)]
+struct Found {
+    exposures: Vec<About>,
+    counts: Vec<(&'static str, usize)>,
+    warnings: Vec<Warning>,
+}
+
+impl Found {
+    /// Adds to a number of what was used or rejected.
+    fn count(&mut self, name: &'static str, more: usize) {
+        match self.counts.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, count)) => *count += more,
+            None => self.counts.push((name, more)),
+        }
+    }
+
+    /// Adds the pixels of a row.
+    fn count_pixels(&mut self, row: &Measurement) {
+        for (name, count) in row.from.iter().filter(|(name, _)| name.starts_with("pixels_")) {
+            self.count(name, *count);
+        }
+    }
+
+    fn measured(self, kind: &'static str, options: Json, tables: Vec<(Observable, Vec<Measurement>)>) -> Measured {
+        let origin = |observable| Origin {
+            observable,
+            kind,
+            options: options.clone(),
+            counts: &self.counts,
+            exposures: &self.exposures,
+        };
+        let table = |(observable, rows): (Observable, Vec<Measurement>)| {
+            (observable, table::table(observable.name(), &origin(observable), &rows))
+        };
+        let tables = tables.into_iter().map(table).collect();
+        let warnings = together(&self.warnings);
+        Measured { kind, tables, exposures: self.exposures, counts: self.counts, options, warnings }
+    }
+}
+
+/// How frames lay on the detector, for `meta`.
+fn geometry_json(geometry: &Geometry) -> Json {
+    json!({
+        "amplifiers": geometry.sides(),
+        "prescan_px": geometry.prescan_columns,
+        "overscan_columns": geometry.overscan_columns,
+        "overscan_rows": geometry.overscan_rows,
+        "transfers_before": geometry.rows_before,
+    })
+}

@@ -1,0 +1,82 @@
+//! The edge behind a flat block of rows: the level of the block, its first row, and the charge in the rows behind it, averaged over
+//! columns.
+
+use std::ops::Range;
+
+use ndarray::{Array2, s};
+
+use super::exposure::Exposure;
+use super::statistic::{Mean, clipped, inliers, median};
+
+/// A flat block of rows, and how much around it is looked at.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Block {
+    /// Its rows, in the order of readout.
+    pub rows: Range<usize>,
+    /// Last rows of it of which the level is the mean.
+    pub level_rows: usize,
+    /// Rows behind it.
+    pub trail_px: usize,
+}
+
+/// What the columns of a block say together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Edge {
+    /// Charge per pixel in the last rows of the block, e-.
+    pub signal: Mean,
+    /// Charge in its first row, e-.
+    pub first: Mean,
+    /// Charge in the rows behind it, e-; None where too few pixels have one.
+    pub trail: Vec<Option<Mean>>,
+}
+
+impl Block {
+    /// The columns of an image in so many groups of equal size, by their level: what trails depends on the level, and not in
+    /// proportion. Columns with an outlying level (dead ones, hot ones) or an outlying pixel in the rows of the level (a cosmic ray,
+    /// which leaves a trail of its own) are in none.
+    pub fn groups(&self, exposure: &Exposure, groups: usize) -> Vec<Vec<usize>> {
+        let charge_e = &exposure.charge_e;
+        let quantum_e = exposure.about.quantum_e;
+        let rows = self.rows.end - self.level_rows..self.rows.end;
+        let level = |column: usize| median(charge_e.slice(s![rows.clone(), column]).to_vec());
+        let lit: Vec<(usize, f64)> = exposure.columns.clone().filter_map(|c| Some((c, level(c)?))).collect();
+        let from_level = |(column, level): &(usize, f64)| -> Vec<f64> {
+            rows.clone().map(|row| charge_e[[row, *column]] - level).collect()
+        };
+        let within = inliers(&lit.iter().flat_map(from_level).collect::<Vec<f64>>(), quantum_e);
+        let levels: Vec<f64> = lit.iter().map(|(_, level)| *level).collect();
+        let kept = inliers(&levels, quantum_e);
+        let good =
+            kept.iter().zip(within.chunks(self.level_rows)).map(|(kept, pixels)| *kept && pixels.iter().all(|p| *p));
+        let mut columns: Vec<(usize, f64)> =
+            lit.into_iter().zip(good).filter(|(_, good)| *good).map(|(it, _)| it).collect();
+        if groups > 1 {
+            columns.sort_by(|a, b| a.1.total_cmp(&b.1));
+        }
+        let share = |group: usize| group * columns.len() / groups;
+        (0..groups)
+            .map(|group| columns[share(group)..share(group + 1)].iter().map(|(column, _)| *column).collect())
+            .collect()
+    }
+
+    /// The edge of these columns, with a level of no charge (e-) taken off; None if too few pixels have a value.
+    pub fn edge(&self, exposure: &Exposure, columns: &[usize], baseline_e: f64) -> Option<Edge> {
+        let charge_e = &exposure.charge_e;
+        let quantum_e = exposure.about.quantum_e;
+        let row = |row: usize| clipped(columns.iter().map(|column| charge_e[[row, *column]] - baseline_e), quantum_e);
+        let level_rows = self.rows.end - self.level_rows..self.rows.end;
+        let levels = columns.iter().map(|column| mean_of(charge_e, level_rows.clone(), *column) - baseline_e);
+        // Of a mean of several rows the step is finer.
+        let signal = clipped(levels, quantum_e / self.level_rows as f64)?;
+        let trail = (self.rows.end..self.rows.end + self.trail_px).map(row).collect();
+        Some(Edge { signal, first: row(self.rows.start)?, trail })
+    }
+}
+
+/// The mean of the finite charges of a column in some rows; NaN if there are none.
+fn mean_of(charge_e: &Array2<f64>, rows: Range<usize>, column: usize) -> f64 {
+    let charges = charge_e.slice(s![rows, column]);
+    let finite = charges.iter().filter(|charge| charge.is_finite());
+    let (sum, count) = finite.fold((0.0, 0), |(sum, count), charge| (sum + charge, count + 1));
+    sum / f64::from(count)
+}

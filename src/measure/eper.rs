@@ -1,0 +1,188 @@
+//! Extended pixel edge response and first pixel response of flat fields.
+//!
+//! A flat field fills all rows of the image. Its last row is followed by rows of overscan, which hold what traps release behind it:
+//! the mean over columns of the charge in overscan row k, above the bias, is the edge response in pixel k. The level of the flat is
+//! that of its last rows, which lose as much to traps as they get from them: it is the charge before transfer.
+//!
+//! The first row of the flat is the first packet that meets the traps between the frame and the register, and loses charge to them
+//! as a lone packet does: the first pixel response.
+//!
+//! Source: Janesick 2001, Scientific Charge-Coupled Devices, section 5.2 (edge response, first pixel response).
+
+use serde_json::json;
+
+use super::bias::BiasSource;
+use super::edge::{Block, Edge};
+use super::exposure::{About, Exposure, Frames};
+use super::statistic::{Mean, clipped};
+use super::table::Measurement;
+use super::{Found, Measured};
+use crate::error::InputError;
+use crate::image::Geometry;
+use crate::physics::observable::Observable;
+use crate::warning::Warning;
+
+/// Most rows behind the edge that are measured unasked.
+const MOST_TRAIL_PX: usize = 50;
+/// Rows of the level that are taken unasked: so many, or this part of the image.
+const LEVEL_ROWS: usize = 20;
+const LEVEL_SHARE: usize = 4;
+/// A trail in the rows of the bias is told from its noise beyond so many sigma.
+const TRAIL_SIGMA: f64 = 4.0;
+
+/// How edges are measured.
+#[derive(Clone, Debug, Default)]
+pub struct Eper {
+    /// Rows behind the edge; none: all that the bias does not need, up to 50.
+    pub trail_px: Option<usize>,
+    /// Last rows of the flat of which its level is the mean; none: 20, or a quarter of the image.
+    pub level_rows: Option<usize>,
+    /// Groups of columns, by the level of the flat.
+    pub groups: usize,
+    /// First pixel response is wanted, too.
+    pub first_pixel: bool,
+}
+
+impl Eper {
+    /// Measures the edges of all frames. `progress` is told the files that are done.
+    ///
+    /// # Errors
+    /// If the frames have no overscan rows, or too few, or cannot be read as is said.
+    pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
+        let source = frames.reading.bias()?;
+        let trail_px = self.rows_behind(source, &frames.reading.geometry)?;
+        let mut found = Found::default();
+        let (mut edges, mut first, mut level_rows) = (Vec::new(), Vec::new(), 0);
+        frames.each(progress, |exposure| {
+            let block = self.block(&exposure, trail_px)?;
+            level_rows = block.level_rows;
+            let groups = block.groups(&exposure, self.groups.max(1));
+            let columns = exposure.columns.len();
+            found.count("columns_used", groups.iter().map(Vec::len).sum());
+            found.count("columns_rejected", columns - groups.iter().map(Vec::len).sum::<usize>());
+            for columns in groups {
+                let edge = block.edge(&exposure, &columns, 0.0).ok_or_else(|| no_edge(&exposure.about))?;
+                if edge.signal.value <= 0.0 {
+                    return Err(dark(&exposure.about, edge.signal));
+                }
+                edges.extend(behind(&exposure, &edge));
+                first.push(first_pixel(&exposure, &edge));
+            }
+            found.warnings.extend(source_warning(source, &exposure, &frames.reading.geometry));
+            found.exposures.push(exposure.about);
+            Ok(())
+        })?;
+        for row in &edges {
+            found.count_pixels(row);
+        }
+        let options = json!({
+            "trail_px": trail_px, "level_rows": level_rows, "column_groups": self.groups.max(1),
+            "geometry": super::geometry_json(&frames.reading.geometry),
+        });
+        let mut tables = vec![(Observable::Eper, edges)];
+        if self.first_pixel {
+            tables.push((Observable::PacketCharge, first));
+        }
+        Ok(found.measured("eper", options, tables))
+    }
+
+    /// Rows behind the edge that are measured.
+    fn rows_behind(&self, source: BiasSource, geometry: &Geometry) -> Result<usize, InputError> {
+        let free = source.first_overscan_row(geometry).unwrap_or(geometry.overscan_rows);
+        let refused = |wanted: usize| InputError::new("cannot measure an edge", format!("{wanted} rows behind it"));
+        if geometry.overscan_rows == 0 {
+            return Err(InputError::new(
+                "cannot measure an edge",
+                "the frame has no rows behind the image by its options",
+            )
+            .with_help("give their number with --overscan-rows"));
+        }
+        match self.trail_px {
+            Some(wanted) if wanted > free => Err(InputError {
+                problem: format!("{wanted} rows behind it were asked for; {free} are there, less those of the bias"),
+                help: Some("give a smaller --trail-px, or another bias with --bias-from or --bias-dn".into()),
+                ..refused(wanted)
+            }),
+            Some(wanted) => Ok(wanted),
+            None => Ok(free.min(MOST_TRAIL_PX)),
+        }
+    }
+
+    fn block(&self, exposure: &Exposure, trail_px: usize) -> Result<Block, InputError> {
+        let level_rows = self.level_rows.unwrap_or(LEVEL_ROWS.min(exposure.rows / LEVEL_SHARE).max(1));
+        if level_rows > exposure.rows {
+            let problem = format!("the image has {} rows, and its level was to be that of {level_rows}", exposure.rows);
+            return Err(InputError::new(exposure.about.place(), problem).with_help("give a smaller --level-rows"));
+        }
+        Ok(Block { rows: 0..exposure.rows, level_rows, trail_px })
+    }
+}
+
+/// The rows of a table for the charges behind an edge.
+fn behind(exposure: &Exposure, edge: &Edge) -> Vec<Measurement> {
+    let about = &exposure.about;
+    let trail = edge.trail.iter().enumerate().filter_map(|(index, mean)| Some((index + 1, (*mean)?)));
+    let row = |(trail_px, mean): (usize, Mean)| Measurement {
+        conditions: vec![
+            ("trail_px", trail_px as f64),
+            ("signal_e", edge.signal.value),
+            ("sigma_signal_e", edge.signal.sigma.hypot(about.bias_sigma_e())),
+            ("background_e", 0.0),
+            ("block_px", exposure.rows as f64),
+            ("transfers", (exposure.rows + about.rows_before as usize) as f64),
+        ],
+        ..of(about, mean.value, mean.sigma.hypot(about.bias_sigma_e()), mean)
+    };
+    trail.map(row).collect()
+}
+
+/// The row of a table for the charge in the first row. The error is that of the row and of the level, with which it is compared.
+fn first_pixel(exposure: &Exposure, edge: &Edge) -> Measurement {
+    let (about, first) = (&exposure.about, edge.first);
+    Measurement {
+        conditions: vec![
+            ("signal_e", edge.signal.value),
+            ("sigma_signal_e", edge.signal.sigma.hypot(about.bias_sigma_e())),
+            ("background_e", 0.0),
+            ("transfers", f64::from(about.rows_before) + 1.0),
+        ],
+        ..of(about, first.value, first.sigma.hypot(edge.signal.sigma), first)
+    }
+}
+
+/// A row of a table with what an exposure knows, and no conditions yet.
+pub(super) fn of(about: &About, value: f64, sigma: f64, mean: Mean) -> Measurement {
+    Measurement {
+        conditions: Vec::new(),
+        when: about.when,
+        temperature_k: about.temperature_k,
+        line_time_ms: about.line_time_ms,
+        value,
+        sigma,
+        from: vec![("exposure", about.number), ("pixels_used", mean.used), ("pixels_rejected", mean.rejected)],
+    }
+}
+
+/// A trail that has not ended in the rows of the bias makes the bias too large.
+fn source_warning(source: BiasSource, exposure: &Exposure, geometry: &Geometry) -> Option<Warning> {
+    let first = exposure.rows + source.first_overscan_row(geometry)?;
+    let middle = first.midpoint(exposure.charge_e.nrows());
+    let mean = |rows: std::ops::Range<usize>| {
+        let charges = rows.flat_map(|row| exposure.columns.clone().map(move |column| [row, column]));
+        clipped(charges.map(|pixel| exposure.charge_e[pixel]), exposure.about.quantum_e)
+    };
+    let (near, far) = (mean(first..middle)?, mean(middle..exposure.charge_e.nrows())?);
+    let (excess_e, sigma_e) = (near.value - far.value, near.sigma.hypot(far.sigma));
+    (excess_e > TRAIL_SIGMA * sigma_e).then(|| Warning::TrailInBias { name: exposure.about.place(), excess_e, sigma_e })
+}
+
+fn no_edge(about: &About) -> InputError {
+    InputError::new(about.place(), "too few columns of the image have values: five are needed at least")
+        .with_help("give fewer --column-groups, or leave the frame out with --hdu")
+}
+
+fn dark(about: &About, signal: Mean) -> InputError {
+    let problem =
+        format!("the last rows of the image hold {:.1} e- above the bias: this is no flat field", signal.value);
+    InputError::new(about.place(), problem).with_help("check --corner, --overscan-rows and the bias")
+}

@@ -1,0 +1,365 @@
+//! FITS frames → exposures: what one amplifier read, in electrons above the bias, in the order of readout, with the conditions that
+//! headers or options tell.
+
+use std::ops::Range;
+use std::path::PathBuf;
+
+use chrono::NaiveDateTime;
+use ndarray::Array2;
+use serde_json::{Value as Json, json};
+
+use super::bias::{Bias, BiasSource};
+use crate::error::InputError;
+use crate::image::fits::{Fits, Hdu, HduKind};
+use crate::image::unit::number_of;
+use crate::image::{Choice, Geometry, Unit, frames};
+use crate::io::table::{Cell, Time};
+
+/// How frames are to be understood.
+#[derive(Clone, Debug, Default)]
+pub struct Reading {
+    /// Images to take; none: all that hold charge.
+    pub hdus: Vec<Choice>,
+    /// What their numbers mean; its bias is not used.
+    pub unit: Unit,
+    /// The bias; none: the best that the frame offers.
+    pub bias: Option<BiasSource>,
+    /// How the frames lie on the detector.
+    pub geometry: Geometry,
+    /// When they were taken.
+    pub when: WhenSource,
+    /// Temperature of the detector, K.
+    pub temperature_k: Source,
+    /// Time between two parallel transfers, ms.
+    pub line_time_ms: Source,
+}
+
+/// Where a number comes from.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Source {
+    /// Nowhere: the mission's holds.
+    #[default]
+    Mission,
+    /// An option.
+    Given(f64),
+    /// A keyword of the header.
+    Keyword(String),
+}
+
+/// Where the time of an exposure comes from.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum WhenSource {
+    /// `DATE-OBS`, or `MJD-OBS`.
+    #[default]
+    Header,
+    /// Another keyword of the header: a date, or a modified Julian date.
+    Keyword(String),
+    /// A date.
+    Date(NaiveDateTime),
+    /// Years since launch.
+    Since(f64),
+    /// Dose of the traps, MeV/g, and years since it was given.
+    Dose(Source, Option<f64>),
+}
+
+/// When an exposure was taken, as a measurement file says it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum When {
+    /// On a date.
+    Date(NaiveDateTime),
+    /// Years since launch.
+    Since(f64),
+    /// With the traps of a dose (MeV/g), and years since it was given.
+    Dose(f64, Option<f64>),
+}
+
+/// What one amplifier read of a frame.
+#[derive(Clone, Debug)]
+pub struct Exposure {
+    /// What is known of it besides its pixels.
+    pub about: About,
+    /// Charge above the bias, e-, `[[row, column]]` in the order of readout; NaN where a pixel has none or is saturated.
+    pub charge_e: Array2<f64>,
+    /// Columns of the image.
+    pub columns: Range<usize>,
+    /// Rows of the image; those behind are overscan.
+    pub rows: usize,
+}
+
+/// What is known of an exposure besides its pixels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct About {
+    /// Its number among all that were read, from 1.
+    pub number: usize,
+    /// The file as given.
+    pub file: String,
+    /// Place of the HDU in the file.
+    pub hdu: usize,
+    /// The amplifier, from 1: those of lower rows first, from the left.
+    pub amplifier: usize,
+    /// Electrons per unit of the frame.
+    pub gain_e_per_dn: f64,
+    /// Step of the values, e-: one electron, or one DN if that is more and the file holds integers.
+    pub quantum_e: f64,
+    /// The bias.
+    pub bias: Bias,
+    /// When it was taken.
+    pub when: When,
+    /// Temperature of the detector, K, if it was told.
+    pub temperature_k: Option<f64>,
+    /// Time between two parallel transfers, ms, if it was told.
+    pub line_time_ms: Option<f64>,
+    /// Rows between the frame and the register.
+    pub rows_before: u32,
+    /// Pixels without a value, and saturated ones.
+    pub missing_px: usize,
+}
+
+impl About {
+    /// 1-sigma error of the bias, e-.
+    pub fn bias_sigma_e(&self) -> f64 {
+        self.bias.sigma_dn * self.gain_e_per_dn
+    }
+
+    /// Its place: file, HDU, amplifier.
+    pub fn place(&self) -> String {
+        format!("{}, HDU {}, amplifier {}", self.file, self.hdu, self.amplifier)
+    }
+
+    /// The same for the `meta` of a table, as JSON.
+    pub fn json(&self) -> Json {
+        json!({
+            "exposure": self.number,
+            "file": self.file,
+            "hdu": self.hdu,
+            "amplifier": self.amplifier,
+            "time": self.when.words(),
+            "temperature_k": self.temperature_k,
+            "line_time_ms": self.line_time_ms,
+            "gain_e_per_dn": self.gain_e_per_dn,
+            "bias_dn": self.bias.dn,
+            "bias_sigma_dn": self.bias.sigma_dn,
+            "bias_from": self.bias.source.words(),
+            "bias_px": self.bias.pixels,
+            "bias_rejected_px": self.bias.rejected_px,
+            "read_noise_e": self.bias.noise_dn.map(|noise| noise * self.gain_e_per_dn),
+            "missing_px": self.missing_px,
+        })
+    }
+}
+
+impl When {
+    /// Years since launch, if they are told so; since the dose was given otherwise.
+    pub fn t_yr(self) -> Option<f64> {
+        match self {
+            When::Date(_) => None,
+            When::Since(t_yr) => Some(t_yr),
+            When::Dose(_, t_yr) => t_yr,
+        }
+    }
+
+    /// Dose of the traps, MeV/g, if it is told.
+    pub fn dose_mev_g(self) -> Option<f64> {
+        if let When::Dose(dose_mev_g, _) = self { Some(dose_mev_g) } else { None }
+    }
+
+    /// As people write it.
+    pub fn words(self) -> String {
+        match self {
+            When::Date(date) => date_words(date),
+            When::Since(t_yr) => format!("{t_yr} yr"),
+            When::Dose(dose_mev_g, _) => format!("{dose_mev_g:e} MeV/g"),
+        }
+    }
+}
+
+/// A day, with the time if it is not midnight.
+pub(super) fn date_words(date: NaiveDateTime) -> String {
+    let day = date.date().to_string();
+    if date.date().and_hms_opt(0, 0, 0) == Some(date) { day } else { date.format("%Y-%m-%dT%H:%M:%S").to_string() }
+}
+
+/// A date as people or headers write it.
+pub fn date(text: &str) -> Option<NaiveDateTime> {
+    Cell::Text(text.to_string()).moment(None)
+}
+
+/// Files with frames.
+#[derive(Clone, Debug)]
+pub struct Frames {
+    /// The files.
+    pub files: Vec<PathBuf>,
+    /// How they are to be understood.
+    pub reading: Reading,
+}
+
+impl Frames {
+    /// Shows every exposure to `visit`, one after another: a frame is in memory at a time. `progress` is told the files that are
+    /// done.
+    ///
+    /// # Errors
+    /// If a file is no FITS file or has no image, or a gain, bias or time is missing; what `visit` says.
+    pub fn each(
+        &self,
+        progress: &dyn Fn(usize),
+        mut visit: impl FnMut(Exposure) -> Result<(), InputError>,
+    ) -> Result<(), InputError> {
+        let mut number = 0;
+        for (done, file) in self.files.iter().enumerate() {
+            progress(done);
+            let name = file.display().to_string();
+            let of_file = |error: InputError| InputError {
+                refused: format!("cannot measure on `{name}`: {}", error.refused),
+                ..error
+            };
+            let mut fits = Fits::open(file)?;
+            let reading = &self.reading;
+            let chosen = frames(&fits.hdus, &reading.hdus, &reading.geometry, &reading.unit).map_err(of_file)?;
+            for (index, scale) in chosen {
+                let values_dn = fits.pixels(index)?.physical();
+                let (hdu, primary) = (&fits.hdus[index], &fits.hdus[0]);
+                let known = reading.known(hdu, primary).map_err(of_file)?;
+                for (amplifier, part_dn) in reading.geometry.amplifiers(&values_dn).into_iter().enumerate() {
+                    number += 1;
+                    let known = known.clone();
+                    let about = (number, name.clone(), amplifier + 1);
+                    let exposure =
+                        reading.exposure(hdu, scale.gain_e_per_dn, known, about, part_dn).map_err(of_file)?;
+                    visit(exposure)?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a header or an option tells of a frame.
+#[derive(Clone)]
+struct Known {
+    when: When,
+    temperature_k: Option<f64>,
+    line_time_ms: Option<f64>,
+}
+
+impl Reading {
+    /// The bias that is used.
+    ///
+    /// # Errors
+    /// If none is given, and frames offer none.
+    pub fn bias(&self) -> Result<BiasSource, InputError> {
+        self.bias.or_else(|| BiasSource::of(&self.geometry)).ok_or_else(|| {
+            InputError::new("no bias is known", "the frame has no overscan and no prescan by its options").with_help(
+                "give --bias-dn (0 if it is subtracted), --overscan-columns, --prescan-px or --overscan-rows",
+            )
+        })
+    }
+
+    fn known(&self, hdu: &Hdu, primary: &Hdu) -> Result<Known, InputError> {
+        let number = |source: &Source, what: &str| match source {
+            Source::Mission => Ok(None),
+            Source::Given(value) => Ok(Some(*value)),
+            Source::Keyword(keyword) => {
+                let value = number_of(keyword, hdu, primary, &format!("give --{what} instead"))?;
+                let refused = || InputError::new(hdu.to_string(), format!("{keyword} = {value}: {what} is above 0"));
+                if value > 0.0 {
+                    return Ok(Some(value));
+                }
+                let celsius = "if this is in degrees Celsius, add 273.15 and give --temperature-k";
+                Err(if what == "temperature-k" { refused().with_help(celsius) } else { refused() })
+            }
+        };
+        Ok(Known {
+            when: self.when(hdu, primary)?,
+            temperature_k: number(&self.temperature_k, "temperature-k")?,
+            line_time_ms: number(&self.line_time_ms, "line-time-ms")?,
+        })
+    }
+
+    fn when(&self, hdu: &Hdu, primary: &Hdu) -> Result<When, InputError> {
+        let dose_help = "give --dose-mev-g instead";
+        match &self.when {
+            WhenSource::Date(date) => Ok(When::Date(*date)),
+            WhenSource::Since(t_yr) => Ok(When::Since(*t_yr)),
+            WhenSource::Dose(Source::Given(dose_mev_g), t_yr) => Ok(When::Dose(*dose_mev_g, *t_yr)),
+            WhenSource::Dose(Source::Keyword(keyword), t_yr) => {
+                Ok(When::Dose(number_of(keyword, hdu, primary, dose_help)?, *t_yr))
+            }
+            WhenSource::Dose(Source::Mission, _) | WhenSource::Header => {
+                let found = ["DATE-OBS", "MJD-OBS"].into_iter().find_map(|keyword| moment(keyword, hdu, primary));
+                found.unwrap_or_else(|| {
+                    let problem = "its header has neither DATE-OBS nor MJD-OBS, and no time was given";
+                    let help = "give --date, --date-keyword, --at (years since launch), or --dose-mev-g";
+                    Err(InputError::new(hdu.to_string(), problem).with_help(help))
+                })
+            }
+            WhenSource::Keyword(keyword) => moment(keyword, hdu, primary).unwrap_or_else(|| {
+                let problem = format!("neither its header nor the primary one has {keyword}");
+                Err(InputError::new(hdu.to_string(), problem).with_help("give --date instead"))
+            }),
+        }
+    }
+
+    /// What an amplifier read, with its bias taken off. `place` is the number among all exposures, the file, and the amplifier.
+    fn exposure(
+        &self,
+        hdu: &Hdu,
+        gain_e_per_dn: f64,
+        known: Known,
+        place: (usize, String, usize),
+        part_dn: Array2<f64>,
+    ) -> Result<Exposure, InputError> {
+        let integers = matches!(hdu.kind, HduKind::Image { bitpix, .. } if bitpix > 0);
+        let quantum_e = if integers { gain_e_per_dn.max(1.0) } else { 1.0 };
+        let source = self.bias()?;
+        let bias = source.measure(&self.geometry, &part_dn, quantum_e / gain_e_per_dn).ok_or_else(|| {
+            let problem = format!("no bias is known: the frame has no pixels for the {}", source.words());
+            InputError::new(hdu.to_string(), problem).with_help("give --bias-dn, or the sizes of overscan and prescan")
+        })?;
+        let saturated_dn = self.unit.saturated_dn.unwrap_or(f64::INFINITY);
+        let charge = |value: f64| {
+            let holds = value.is_finite() && value < saturated_dn;
+            if holds { (value - bias.dn) * gain_e_per_dn } else { f64::NAN }
+        };
+        let charge_e = part_dn.mapv(charge);
+        let (rows, columns) = self.geometry.image(part_dn.dim());
+        let about = About {
+            number: place.0,
+            file: place.1,
+            hdu: hdu.index,
+            amplifier: place.2,
+            gain_e_per_dn,
+            quantum_e,
+            bias,
+            when: known.when,
+            temperature_k: known.temperature_k,
+            line_time_ms: known.line_time_ms,
+            rows_before: self.geometry.rows_before,
+            missing_px: charge_e.iter().filter(|charge| charge.is_nan()).count(),
+        };
+        Ok(Exposure { about, charge_e, columns, rows: rows.end })
+    }
+}
+
+/// The point in time under a keyword; None if there is no such keyword.
+fn moment(keyword: &str, hdu: &Hdu, primary: &Hdu) -> Option<Result<When, InputError>> {
+    let text = hdu.text(keyword).or_else(|| primary.text(keyword));
+    let (found, said) = match text {
+        Some(text) => (date(&text), format!("'{text}'")),
+        None => {
+            hdu.value(keyword).or_else(|| primary.value(keyword))?;
+            let mjd = match number_of(keyword, hdu, primary, "give --date instead") {
+                Ok(mjd) => mjd,
+                Err(error) => return Some(Err(error)),
+            };
+            let time = Time { format: "mjd".into(), scale: "utc".into() };
+            (Cell::Number(mjd).moment(Some(&time)), mjd.to_string())
+        }
+    };
+    Some(found.map(When::Date).ok_or_else(|| {
+        InputError::new(
+            hdu.to_string(),
+            format!("{keyword} = {said} is no date as FITS writes it, 2030-06-01T12:00:00"),
+        )
+        .with_help("give --date, or another keyword with --date-keyword")
+    }))
+}

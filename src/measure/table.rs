@@ -1,0 +1,133 @@
+//! Measurements → the table of a measurement file, with all that leads to its numbers in `meta`.
+
+use serde_json::{Map, Value as Json, json};
+
+use super::exposure::{About, When, date_words};
+use crate::io::table::{Cell, Column, Datatype, Meta, Table};
+use crate::physics::observable::Observable;
+
+/// One row of a measurement file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measurement {
+    /// Conditions of the row, by name.
+    pub conditions: Vec<(&'static str, f64)>,
+    /// When it was taken.
+    pub when: When,
+    /// Temperature of the detector, K, if it was told.
+    pub temperature_k: Option<f64>,
+    /// Time between two parallel transfers, ms, if it was told.
+    pub line_time_ms: Option<f64>,
+    /// The value, in the unit of the observable.
+    pub value: f64,
+    /// Its 1-sigma error.
+    pub sigma: f64,
+    /// Where it comes from: numbers of pixels, the exposure.
+    pub from: Vec<(&'static str, usize)>,
+}
+
+/// Columns of measurement files: name, unit, and what it is.
+const COLUMNS: [(&str, &str, &str); 22] = [
+    ("trail_px", "pix", "pixel behind the charge; 1 is next to it"),
+    ("signal_e", "electron", "charge before transfer, above the background"),
+    ("sigma_signal_e", "electron", "1-sigma error of signal_e"),
+    ("background_e", "electron", "background per pixel"),
+    ("block_px", "pix", "rows of the block"),
+    ("transfers", "", "parallel transfers"),
+    ("preceding_e", "electron", "charge of the block ahead"),
+    ("preceding_px", "pix", "rows from the block ahead"),
+    ("row_px", "pix", "row of the first pixel, from 0, in the order of readout"),
+    ("column_px", "pix", "column, from 0, in the order of readout"),
+    ("half", "", "+1 if the bright pixel is nearer the register, -1 if it is farther"),
+    ("phase_time_ms", "ms", "time of one phase"),
+    ("cycles", "", "pumping cycles"),
+    ("date", "", "time of the exposure"),
+    ("t_yr", "yr", "time since launch"),
+    ("dose_mev_g", "MeV / g", "dose of the traps"),
+    ("temperature_k", "K", "temperature of the detector"),
+    ("line_time_ms", "ms", "time between two parallel transfers"),
+    ("exposure", "", "number of the exposure in meta.exposures"),
+    ("block", "", "number of the block, from the register"),
+    ("pixels_used", "", "pixels of which the value is the mean"),
+    ("pixels_rejected", "", "pixels rejected as outliers"),
+];
+
+/// What leads to a table's numbers.
+pub(super) struct Origin<'a> {
+    /// What was measured.
+    pub observable: Observable,
+    /// The command's word for the way it was measured.
+    pub kind: &'static str,
+    /// Options and how they were understood.
+    pub options: Json,
+    /// Numbers of what was used and rejected.
+    pub counts: &'a [(&'static str, usize)],
+    /// The exposures.
+    pub exposures: &'a [About],
+}
+
+/// The table of a measurement file.
+pub(super) fn table(name: &str, origin: &Origin, rows: &[Measurement]) -> Table {
+    let mut columns: Vec<Column> = Vec::new();
+    let mut put = |name: &'static str, cells: Vec<Cell>| {
+        if cells.iter().any(|cell| *cell != Cell::Missing) {
+            columns.push(column(name, origin.observable, cells));
+        }
+    };
+    let number = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
+    for (name, _) in rows.first().map(|row| row.conditions.clone()).unwrap_or_default() {
+        let of = |row: &Measurement| row.conditions.iter().find(|(known, _)| *known == name).map(|(_, value)| *value);
+        put(name, rows.iter().map(|row| number(of(row))).collect());
+    }
+    let date = |row: &Measurement| match row.when {
+        When::Date(date) => Cell::Text(date_words(date)),
+        _ => Cell::Missing,
+    };
+    put("date", rows.iter().map(date).collect());
+    put("t_yr", rows.iter().map(|row| number(row.when.t_yr())).collect());
+    put("dose_mev_g", rows.iter().map(|row| number(row.when.dose_mev_g())).collect());
+    put("temperature_k", rows.iter().map(|row| number(row.temperature_k)).collect());
+    put("line_time_ms", rows.iter().map(|row| number(row.line_time_ms)).collect());
+    put("value", rows.iter().map(|row| Cell::Number(row.value)).collect());
+    put("sigma", rows.iter().map(|row| Cell::Number(row.sigma)).collect());
+    for (name, _) in rows.first().map(|row| row.from.clone()).unwrap_or_default() {
+        let of = |row: &Measurement| row.from.iter().find(|(known, _)| *known == name).map(|(_, value)| *value);
+        put(name, rows.iter().map(|row| number(of(row).map(|value| value as f64))).collect());
+    }
+    Table { name: name.to_string(), meta: meta(origin), columns, ..Table::default() }
+}
+
+fn meta(origin: &Origin) -> Vec<Meta> {
+    let entry = |name: &str, value| Meta { name: name.into(), value, line: None };
+    let version = env!("CARGO_PKG_VERSION");
+    let counts: Map<String, Json> =
+        origin.counts.iter().map(|(name, count)| (name.to_string(), json!(count))).collect();
+    vec![
+        entry("observable", Cell::Text(origin.observable.name().into())),
+        entry("measured_by", Cell::Text(format!("ctiplan {version} measure {}", origin.kind))),
+        entry("options", Cell::Other(origin.options.clone())),
+        entry("counts", Cell::Other(Json::Object(counts))),
+        entry("exposures", Cell::Other(Json::Array(origin.exposures.iter().map(About::json).collect()))),
+    ]
+}
+
+fn column(name: &str, observable: Observable, cells: Vec<Cell>) -> Column {
+    let known = COLUMNS.iter().find(|(known, ..)| *known == name);
+    let unit_of_values = match observable.unit() {
+        "e-" => "electron",
+        unit => unit,
+    };
+    let (unit, description) = known.map_or((unit_of_values, None), |(_, unit, words)| (*unit, Some(words.to_string())));
+    let whole = |cell: &Cell| matches!(cell, Cell::Number(number) if number.fract() == 0.0 && number.abs() < 1e15);
+    // A condition that happens to be whole stays a real number; those that count are whole by their nature.
+    let counts = unit.is_empty() && known.is_some() || unit == "pix";
+    let (datatype, cells) = if matches!(cells[0], Cell::Text(_)) {
+        (Datatype::Text, cells)
+    } else if counts && cells.iter().all(whole) {
+        let integer = |cell: Cell| cell.number().map_or(Cell::Missing, |number| Cell::Integer(number as i64));
+        (Datatype::Int(64), cells.into_iter().map(integer).collect())
+    } else {
+        (Datatype::Float(64), cells)
+    };
+    let unit = (!unit.is_empty()).then(|| unit.to_string());
+    Column { name: name.into(), unit, datatype, description, cells, ..Column::default() }
+}

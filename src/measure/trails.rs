@@ -1,0 +1,224 @@
+//! Trails behind warm and hot pixels.
+//!
+//! A warm pixel holds the same charge in every exposure of its date, in one pixel alone, and nothing but background around it: a lone
+//! packet at a known place. Found in several exposures at the same place it is no cosmic ray ([`find`]).
+//!
+//! ```text
+//! T(k) = [q(r + k, c) − q(r − k, c)] − median over columns near c of the same difference
+//! ```
+//!
+//! is the charge in pixel k behind it. Trails are one-sided; faint neighbours, halos and charge seen by neighbours are alike on both
+//! sides, and go with the pixels in front. A background that grows along the columns goes with the columns beside. Trails are
+//! stacked in bins of signal, transfers and background; the error of a mean comes from the scatter between warm pixels ([`stack`]).
+//!
+//! A value is T(k) over the charge before transfer, which is to first order what was read in the pixel and in its trail.
+//!
+//! Source of the method: Massey et al. 2010, MNRAS 401, 371, section 3 (trails behind hot pixels).
+
+mod find;
+mod stack;
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+use chrono::TimeDelta;
+use serde_json::json;
+
+use super::exposure::{About, Exposure, Frames, When};
+use super::table::Measurement;
+use super::{Found, Measured};
+use crate::error::InputError;
+use crate::physics::observable::Observable;
+use crate::warning::Warning;
+use find::{Cut, Search};
+use stack::Bins;
+
+/// How trails are measured.
+#[derive(Clone, Debug)]
+pub struct Trails {
+    /// Pixels of a trail.
+    pub trail_px: usize,
+    /// Least charge of a warm pixel above the background, e-.
+    pub threshold_e: f64,
+    /// Bins of signal and of background in a factor of ten.
+    pub bins_per_decade: usize,
+    /// Bins of transfers.
+    pub transfer_bins: usize,
+    /// Fewest warm pixels of a bin.
+    pub fewest: usize,
+    /// Exposures within so many days of the one before are of one date.
+    pub epoch_days: f64,
+}
+
+impl Default for Trails {
+    fn default() -> Trails {
+        Trails { trail_px: 15, threshold_e: 300.0, bins_per_decade: 4, transfer_bins: 3, fewest: 10, epoch_days: 10.0 }
+    }
+}
+
+/// Amplifier of an HDU: warm pixels are at the same place in all exposures of it.
+type Sensor = (usize, usize);
+type Pixel = (usize, usize);
+
+/// Pixels that look like warm ones in an exposure, and what is known of it.
+struct Seen {
+    about: About,
+    /// Rows of the image.
+    rows: usize,
+    pixels: HashSet<Pixel>,
+}
+
+impl Trails {
+    /// Measures the trails of all frames, which are read twice. `progress` is told the files that are done.
+    ///
+    /// # Errors
+    /// If frames cannot be read as is said, no warm pixels are found, or they are too few.
+    pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
+        let search = Search { trail_px: self.trail_px, threshold_e: self.threshold_e };
+        let mut found = Found::default();
+        let mut seen: Vec<Seen> = Vec::new();
+        frames.each(progress, |exposure| {
+            let pixels = search.candidates(&exposure, &mut found);
+            seen.push(Seen { about: exposure.about, rows: exposure.rows, pixels });
+            Ok(())
+        })?;
+        let epochs = self.epochs(&seen);
+        let warm = warm_pixels(&seen, &epochs, &mut found);
+        let mut cuts: BTreeMap<usize, Vec<Cut>> = BTreeMap::new();
+        let mut index = 0;
+        frames.each(progress, |exposure: Exposure| {
+            let sensor = (exposure.about.hdu, exposure.about.amplifier);
+            let of_epoch = warm.get(&(epochs[index], sensor));
+            let here = seen[index].pixels.iter().filter(|pixel| of_epoch.is_some_and(|warm| warm.contains(pixel)));
+            let mut pixels: Vec<Pixel> = here.copied().collect();
+            pixels.sort_unstable();
+            let trails = pixels.into_iter().filter_map(|pixel| search.cut(&exposure, pixel));
+            cuts.entry(epochs[index]).or_default().extend(trails);
+            index += 1;
+            Ok(())
+        })?;
+        found.count("trails_cut", cuts.values().map(Vec::len).sum());
+        let rows = self.stacked(&seen, &epochs, cuts, &mut found);
+        if rows.is_empty() {
+            return Err(self.nothing(&found));
+        }
+        found.exposures = seen.into_iter().map(|seen| seen.about).collect();
+        let options = json!({
+            "trail_px": self.trail_px, "threshold_e": self.threshold_e, "bins_per_decade": self.bins_per_decade,
+            "transfer_bins": self.transfer_bins, "fewest_px": self.fewest, "epoch_days": self.epoch_days,
+            "mean": "mean over warm pixels within 5 sigma of their median",
+            "signal": "charge read in the pixel and in its trail",
+            "geometry": super::geometry_json(&frames.reading.geometry),
+        });
+        Ok(found.measured("trails", options, vec![(Observable::Trail, rows)]))
+    }
+
+    /// The date of each exposure, numbered.
+    fn epochs(&self, seen: &[Seen]) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..seen.len()).collect();
+        let key = |index: &usize| seen[*index].about.when.order();
+        order.sort_by(|a, b| key(a).partial_cmp(&key(b)).expect("times are finite"));
+        let mut epochs = vec![0; seen.len()];
+        for pair in order.windows(2) {
+            let [before, after] = [pair[0], pair[1]].map(|index| seen[index].about.when);
+            epochs[pair[1]] = epochs[pair[0]] + usize::from(!before.is_near(after, self.epoch_days));
+        }
+        epochs
+    }
+
+    /// The rows of the table, date by date.
+    fn stacked(
+        &self,
+        seen: &[Seen],
+        epochs: &[usize],
+        cuts: BTreeMap<usize, Vec<Cut>>,
+        found: &mut Found,
+    ) -> Vec<Measurement> {
+        let rows = seen.iter().map(|seen| seen.rows).max().unwrap_or(0);
+        let rows_before = seen.first().map_or(0, |seen| seen.about.rows_before);
+        let bins = Bins {
+            per_decade: self.bins_per_decade,
+            transfers: (f64::from(rows_before), f64::from(rows_before) + rows as f64, self.transfer_bins),
+        };
+        let mut table = Vec::new();
+        for (epoch, cuts) in cuts {
+            let abouts: Vec<&About> =
+                seen.iter().zip(epochs).filter(|(_, known)| **known == epoch).map(|(seen, _)| &seen.about).collect();
+            for bin in bins.sorted(cuts) {
+                match stack::stack(&bin, self.fewest, self.trail_px) {
+                    Some(trail) => table.extend(trail.rows(&abouts)),
+                    None => found.count("trails_in_small_bins", bin.len()),
+                }
+            }
+        }
+        for row in &table {
+            found.count_pixels(row);
+        }
+        table
+    }
+
+    fn nothing(&self, found: &Found) -> InputError {
+        let count = |name: &str| found.counts.iter().find(|(known, _)| *known == name).map_or(0, |(_, count)| *count);
+        let problem = format!(
+            "{} pixels above {} e- are isolated, {} of them in too few exposures; no bin holds {} warm pixels",
+            count("candidates"),
+            self.threshold_e,
+            count("candidates_not_repeated"),
+            self.fewest
+        );
+        InputError::new("no trails can be measured", problem).with_help(
+            "give more exposures of the same date, a lower --threshold-e, a smaller --trail-px, fewer bins, or --fewest-px",
+        )
+    }
+}
+
+/// Warm pixels of each date and sensor: those seen in two of three exposures at least, and in two where there are several.
+fn warm_pixels(seen: &[Seen], epochs: &[usize], found: &mut Found) -> HashMap<(usize, Sensor), HashSet<Pixel>> {
+    let mut times: HashMap<(usize, Sensor), (usize, HashMap<Pixel, usize>)> = HashMap::new();
+    for (seen, epoch) in seen.iter().zip(epochs) {
+        let (exposures, pixels) = times.entry((*epoch, (seen.about.hdu, seen.about.amplifier))).or_default();
+        *exposures += 1;
+        for pixel in &seen.pixels {
+            *pixels.entry(*pixel).or_default() += 1;
+        }
+    }
+    let mut warm = HashMap::new();
+    for (key, (exposures, pixels)) in times {
+        if exposures == 1 {
+            found.warnings.push(Warning::OneExposure);
+        }
+        let needed = (2 * exposures).div_ceil(3);
+        let (repeated, single): (Vec<_>, Vec<_>) = pixels.into_iter().partition(|(_, times)| *times >= needed);
+        found.count("warm_pixels", repeated.len());
+        found.count("candidates_not_repeated", single.len());
+        warm.insert(key, repeated.into_iter().map(|(pixel, _)| pixel).collect());
+    }
+    warm
+}
+
+impl When {
+    /// By what exposures are sorted: kinds apart.
+    fn order(self) -> (u8, f64) {
+        match self {
+            When::Date(date) => (0, date.and_utc().timestamp() as f64),
+            When::Since(t_yr) => (1, t_yr),
+            When::Dose(dose_mev_g, _) => (2, dose_mev_g),
+        }
+    }
+
+    /// Whether two exposures are of one date; those with a dose are if it is the same.
+    fn is_near(self, other: When, days: f64) -> bool {
+        match (self, other) {
+            (When::Date(one), When::Date(other)) => (one - other).abs().as_seconds_f64() <= days * 86_400.0,
+            (one, other) => one == other,
+        }
+    }
+
+    /// The mean time of several exposures of one date.
+    pub(super) fn mean(times: &[When]) -> When {
+        let first = times[0];
+        let When::Date(start) = first else { return first };
+        let since = |when: &When| if let When::Date(date) = when { (*date - start).as_seconds_f64() } else { 0.0 };
+        let mean_s = times.iter().map(since).sum::<f64>() / times.len() as f64;
+        When::Date(start + TimeDelta::seconds(mean_s.round() as i64))
+    }
+}
