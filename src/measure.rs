@@ -14,6 +14,7 @@ pub mod bias;
 pub mod edge;
 pub mod eper;
 pub mod exposure;
+pub mod injection;
 pub mod statistic;
 pub mod table;
 pub mod trails;

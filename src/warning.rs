@@ -142,7 +142,7 @@ pub enum Warning {
     },
     /// Warm pixels were looked for in a single exposure.
     OneExposure,
-    /// The bias is that of overscan rows in which the trail of the image has not ended.
+    /// The level of no charge is that of rows in which the trail has not ended.
     TrailInBias {
         /// The frame.
         name: String,
@@ -309,8 +309,9 @@ impl fmt::Display for Warning {
             ),
             Warning::TrailInBias { name, excess_e, sigma_e } => write!(
                 out,
-                "{name}: the trail reaches into the overscan rows of the bias, whose first half holds {excess_e:.2} +- {sigma_e:.2} e- \
-                 more than the second: values are too small by about that; use --bias-from columns, or more overscan rows"
+                "{name}: the trail reaches into the rows that tell the level of no charge, whose first half holds {excess_e:.2} +- \
+                 {sigma_e:.2} e- more than the second: values are too small by about that; use --bias-from columns (of injected charge: \
+                 --background-from front), or more rows"
             ),
             Warning::CoarseAccuracy { relative } => {
                 write!(out, "accuracy.relative = {relative} may affect the shapes: 1e-6 takes little more time")

@@ -13,7 +13,7 @@ use crate::error::InputError;
 use crate::io::atomic_file;
 use crate::measure::bias::BiasSource;
 use crate::measure::exposure::{Frames, Reading, Source, WhenSource, date};
-use crate::measure::{Measured, eper, trails};
+use crate::measure::{Measured, eper, injection, trails};
 use crate::report::MeasureReport;
 
 #[derive(Debug, Args)]
@@ -28,6 +28,8 @@ enum Kind {
     Eper(Eper),
     /// Trails behind warm and hot pixels, stacked in bins of signal, transfers and background
     Trails(Trails),
+    /// Trails behind blocks of injected charge, and the charge of their first rows
+    Injection(Injection),
 }
 
 impl Measure {
@@ -35,6 +37,7 @@ impl Measure {
         match &self.kind {
             Kind::Eper(command) => command.run(),
             Kind::Trails(command) => command.run(),
+            Kind::Injection(command) => command.run(),
         }
     }
 }
@@ -104,6 +107,70 @@ impl Trails {
             epoch_days: self.epoch_days,
         };
         self.input.run(None, |frames, progress| trails.measure(frames, progress))
+    }
+}
+
+#[derive(Debug, Args)]
+struct Injection {
+    #[command(flatten)]
+    input: Input,
+    /// First row of the first block, from 0, in the order of readout; without it: blocks are found by their brightness
+    #[arg(long, value_name = "ROW", requires_all = ["block_px", "period_px"], value_parser = clap::value_parser!(u32).range(..=1_000_000))]
+    first_row: Option<u32>,
+    /// Rows of a block
+    #[arg(long, value_name = "ROWS", requires = "first_row", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    block_px: Option<u32>,
+    /// Rows from the first of a block to the first of the next
+    #[arg(long, value_name = "ROWS", requires = "first_row", value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
+    period_px: Option<u32>,
+    /// Rows behind a block to measure [default: all that the background does not need]
+    #[arg(long, value_name = "ROWS", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    trail_px: Option<u32>,
+    /// Last rows of a block of which its charge is the mean [default: half of them]
+    #[arg(long, value_name = "ROWS", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    level_rows: Option<u32>,
+    /// Groups of columns to measure apart, by their charge
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    column_groups: u32,
+    /// Rows that tell the background
+    #[arg(long, value_name = "ROWS", default_value = "gap")]
+    background_from: BackgroundFrom,
+    /// Write the charge in the first row of each block, too, into this file, as observable packet_charge
+    #[arg(long, value_name = "FILE")]
+    first_pixel: Option<OutputFile>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum BackgroundFrom {
+    /// The last quarter of the gap behind each block
+    Gap,
+    /// The rows in front of the first block
+    Front,
+}
+
+impl Injection {
+    fn run(&self) -> Result<Outcome, Failure> {
+        let pattern = match (self.first_row, self.block_px, self.period_px) {
+            (Some(first), Some(block), Some(period)) if block < period => Some(injection::Pattern {
+                first_row: first as usize,
+                block_px: block as usize,
+                period_px: period as usize,
+            }),
+            (Some(_), Some(block), Some(period)) => {
+                let problem = format!("blocks of {block} rows every {period} rows leave none between them");
+                return Err(InputError::new("cannot use --period-px", problem).with_help("give a larger one").into());
+            }
+            _ => None,
+        };
+        let injection = injection::Injection {
+            pattern,
+            trail_px: self.trail_px.map(|rows| rows as usize),
+            level_rows: self.level_rows.map(|rows| rows as usize),
+            groups: self.column_groups as usize,
+            in_front: matches!(self.background_from, BackgroundFrom::Front),
+            first_pixel: self.first_pixel.is_some(),
+        };
+        self.input.run(self.first_pixel.as_deref(), |frames, progress| injection.measure(frames, progress))
     }
 }
 

@@ -6,7 +6,7 @@ use std::ops::Range;
 use ndarray::{Array2, s};
 
 use super::exposure::Exposure;
-use super::statistic::{Mean, clipped, inliers, median};
+use super::statistic::{Mean, clipped, inliers, mean, median};
 
 /// A flat block of rows, and how much around it is looked at.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,17 +60,37 @@ impl Block {
     }
 
     /// The edge of these columns, with a level of no charge (e-) taken off; None if too few pixels have a value.
+    ///
+    /// What differs from column to column in the level is no error of its mean over the same columns, so that errors come from what
+    /// differs along them: of the level from the scatter of its rows, of the first row from its difference to the level.
     pub fn edge(&self, exposure: &Exposure, columns: &[usize], baseline_e: f64) -> Option<Edge> {
         let charge_e = &exposure.charge_e;
         let quantum_e = exposure.about.quantum_e;
-        let row = |row: usize| clipped(columns.iter().map(|column| charge_e[[row, *column]] - baseline_e), quantum_e);
-        let level_rows = self.rows.end - self.level_rows..self.rows.end;
-        let levels = columns.iter().map(|column| mean_of(charge_e, level_rows.clone(), *column) - baseline_e);
-        // Of a mean of several rows the step is finer.
-        let signal = clipped(levels, quantum_e / self.level_rows as f64)?;
-        let trail = (self.rows.end..self.rows.end + self.trail_px).map(row).collect();
-        Some(Edge { signal, first: row(self.rows.start)?, trail })
+        let rows = self.rows.end - self.level_rows..self.rows.end;
+        let level = |column: usize| mean_of(charge_e, rows.clone(), column);
+        let levels: Vec<f64> = columns.iter().map(|column| level(*column)).collect();
+        let mean_level = mean(&levels, quantum_e)?.value;
+        let of_all = |row: usize, less: &dyn Fn(usize) -> f64| {
+            clipped(columns.iter().enumerate().map(|(place, column)| charge_e[[row, *column]] - less(place)), quantum_e)
+        };
+        let above_level = |row: usize| of_all(row, &|place| levels[place] - mean_level + baseline_e);
+        let of_rows: Vec<Mean> = rows.clone().filter_map(above_level).collect();
+        let trail = (self.rows.end..self.rows.end + self.trail_px).map(|row| of_all(row, &|_| baseline_e)).collect();
+        Some(Edge { signal: together(&of_rows)?, first: above_level(self.rows.start)?, trail })
     }
+}
+
+/// The mean of the means of several rows.
+fn together(rows: &[Mean]) -> Option<Mean> {
+    let sum = |value: fn(&Mean) -> f64| rows.iter().map(value).sum::<f64>();
+    let count = rows.len() as f64;
+    (count > 0.0).then(|| Mean {
+        value: sum(|row| row.value) / count,
+        sigma: sum(|row| row.sigma * row.sigma).sqrt() / count,
+        scatter: (sum(|row| row.scatter * row.scatter) / count).sqrt(),
+        used: rows.iter().map(|row| row.used).sum(),
+        rejected: rows.iter().map(|row| row.rejected).sum(),
+    })
 }
 
 /// The mean of the finite charges of a column in some rows; NaN if there are none.

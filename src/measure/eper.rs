@@ -9,6 +9,8 @@
 //!
 //! Source: Janesick 2001, Scientific Charge-Coupled Devices, section 5.2 (edge response, first pixel response).
 
+use std::ops::Range;
+
 use serde_json::json;
 
 use super::bias::BiasSource;
@@ -27,6 +29,8 @@ const MOST_TRAIL_PX: usize = 50;
 /// Rows of the level that are taken unasked: so many, or this part of the image.
 const LEVEL_ROWS: usize = 20;
 const LEVEL_SHARE: usize = 4;
+/// Most charge in the row behind an edge, over that of the flat.
+const MOST_BEHIND: f64 = 0.5;
 /// A trail in the rows of the bias is told from its noise beyond so many sigma.
 const TRAIL_SIGMA: f64 = 4.0;
 
@@ -62,13 +66,14 @@ impl Eper {
             found.count("columns_rejected", columns - groups.iter().map(Vec::len).sum::<usize>());
             for columns in groups {
                 let edge = block.edge(&exposure, &columns, 0.0).ok_or_else(|| no_edge(&exposure.about))?;
-                if edge.signal.value <= 0.0 {
-                    return Err(dark(&exposure.about, edge.signal));
-                }
+                is_edge(&exposure.about, &edge)?;
                 edges.extend(behind(&exposure, &edge));
                 first.push(first_pixel(&exposure, &edge));
             }
-            found.warnings.extend(source_warning(source, &exposure, &frames.reading.geometry));
+            if let Some(rows) = bias_rows(source, &exposure, &frames.reading.geometry) {
+                let columns: Vec<usize> = exposure.columns.clone().collect();
+                found.warnings.extend(trail_in_bias(&exposure, &[rows], &columns));
+            }
             found.exposures.push(exposure.about);
             Ok(())
         })?;
@@ -136,7 +141,7 @@ fn behind(exposure: &Exposure, edge: &Edge) -> Vec<Measurement> {
     trail.map(row).collect()
 }
 
-/// The row of a table for the charge in the first row. The error is that of the row and of the level, with which it is compared.
+/// The row of a table for the charge in the first row. Its error is that of its difference to the level, with which it is compared.
 fn first_pixel(exposure: &Exposure, edge: &Edge) -> Measurement {
     let (about, first) = (&exposure.about, edge.first);
     Measurement {
@@ -146,7 +151,7 @@ fn first_pixel(exposure: &Exposure, edge: &Edge) -> Measurement {
             ("background_e", 0.0),
             ("transfers", f64::from(about.rows_before) + 1.0),
         ],
-        ..of(about, first.value, first.sigma.hypot(edge.signal.sigma), first)
+        ..of(about, first.value, first.sigma, first)
     }
 }
 
@@ -163,15 +168,20 @@ pub(super) fn of(about: &About, value: f64, sigma: f64, mean: Mean) -> Measureme
     }
 }
 
-/// A trail that has not ended in the rows of the bias makes the bias too large.
-fn source_warning(source: BiasSource, exposure: &Exposure, geometry: &Geometry) -> Option<Warning> {
-    let first = exposure.rows + source.first_overscan_row(geometry)?;
-    let middle = first.midpoint(exposure.charge_e.nrows());
-    let mean = |rows: std::ops::Range<usize>| {
-        let charges = rows.flat_map(|row| exposure.columns.clone().map(move |column| [row, column]));
-        clipped(charges.map(|pixel| exposure.charge_e[pixel]), exposure.about.quantum_e)
+/// Rows of overscan that tell the bias, if they do.
+fn bias_rows(source: BiasSource, exposure: &Exposure, geometry: &Geometry) -> Option<Range<usize>> {
+    Some(exposure.rows + source.first_overscan_row(geometry)?..exposure.charge_e.nrows())
+}
+
+/// A trail that has not ended in the rows of the level of no charge makes that level too large.
+pub(super) fn trail_in_bias(exposure: &Exposure, rows: &[Range<usize>], columns: &[usize]) -> Option<Warning> {
+    let mean = |half: &dyn Fn(&Range<usize>) -> Range<usize>| {
+        let rows = rows.iter().flat_map(half);
+        let charges = rows.flat_map(|row| columns.iter().map(move |column| exposure.charge_e[[row, *column]]));
+        clipped(charges, exposure.about.quantum_e)
     };
-    let (near, far) = (mean(first..middle)?, mean(middle..exposure.charge_e.nrows())?);
+    let near = mean(&|rows| rows.start..rows.start.midpoint(rows.end))?;
+    let far = mean(&|rows| rows.start.midpoint(rows.end)..rows.end)?;
     let (excess_e, sigma_e) = (near.value - far.value, near.sigma.hypot(far.sigma));
     (excess_e > TRAIL_SIGMA * sigma_e).then(|| Warning::TrailInBias { name: exposure.about.place(), excess_e, sigma_e })
 }
@@ -181,8 +191,22 @@ fn no_edge(about: &About) -> InputError {
         .with_help("give fewer --column-groups, or leave the frame out with --hdu")
 }
 
-fn dark(about: &About, signal: Mean) -> InputError {
-    let problem =
-        format!("the last rows of the image hold {:.1} e- above the bias: this is no flat field", signal.value);
-    InputError::new(about.place(), problem).with_help("check --corner, --overscan-rows and the bias")
+/// A flat field is bright, and what is behind it is not.
+fn is_edge(about: &About, edge: &Edge) -> Result<(), InputError> {
+    let refused = |problem: String| {
+        Err(InputError::new(about.place(), problem).with_help("check --corner, --overscan-rows and the bias"))
+    };
+    let signal_e = edge.signal.value;
+    if signal_e <= 0.0 {
+        return refused(format!(
+            "the last rows of the image hold {signal_e:.1} e- above the bias: this is no flat field"
+        ));
+    }
+    match edge.trail.first().copied().flatten() {
+        Some(next) if next.value > MOST_BEHIND * signal_e => refused(format!(
+            "the last rows of the image hold {signal_e:.1} e- above the bias, the row behind them {:.1} e-: this is no edge",
+            next.value
+        )),
+        _ => Ok(()),
+    }
 }

@@ -1,5 +1,7 @@
 //! `ctiplan measure`.
 
+use std::path::Path;
+
 use serde::ser::{Serialize, Serializer};
 use serde_json::{Map, Value as Json, json};
 
@@ -57,7 +59,7 @@ impl Report for MeasureReport {
             let noise = about.bias.noise_dn.map(|noise| format!("{:.2}", noise * about.gain_e_per_dn));
             let amplifier = if about.amplifier == 1 { String::new() } else { format!(".{}", about.amplifier) };
             exposures.add_row(vec![
-                format!("{}[{}]{amplifier}", about.file, about.hdu),
+                format!("{}[{}]{amplifier}", name(&about.file), about.hdu),
                 about.when.words(),
                 about.gain_e_per_dn.to_string(),
                 format!("{:.3} +- {:.3}", about.bias.dn, about.bias.sigma_dn),
@@ -86,4 +88,9 @@ impl Report for MeasureReport {
             |(observable, rows, file): (&str, usize, &str)| vec![observable.into(), rows.to_string(), file.into()];
         [header].into_iter().chain(self.written().map(row)).collect()
     }
+}
+
+/// A file's name without its folders.
+fn name(file: &str) -> &str {
+    Path::new(file).file_name().and_then(|name| name.to_str()).unwrap_or(file)
 }

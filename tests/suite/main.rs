@@ -19,6 +19,7 @@ mod html;
 mod images;
 mod intervals;
 mod laws;
+mod measure;
 mod measurements;
 mod missions;
 mod one_chain;

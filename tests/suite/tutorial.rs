@@ -187,6 +187,11 @@ fn the_page_of_images_shows_what_the_program_prints() {
 }
 
 #[test]
+fn the_page_of_measurements_shows_what_the_program_prints() {
+    shows_what_is_printed("docs/measure.md");
+}
+
+#[test]
 fn the_way_to_an_observable_shows_files_as_they_are_and_names_every_member_of_a_card() {
     quotes_files_as_they_are("docs/adding-an-observable.md");
     let source = fs::read_to_string(Path::new(TOP).join("src/physics/observable.rs")).unwrap();

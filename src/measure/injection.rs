@@ -1,0 +1,240 @@
+//! Charge-injection blocks: rows of injected charge that come again and again, with rows of nothing between them.
+//!
+//! Behind each block is the trail of an edge, as behind a flat field ([`super::edge`]). Its first row is the packet that meets the traps
+//! as those before left them. The level of no charge is the mean of the last rows of the gap behind a block, where its trail has
+//! ended, or of the rows in front of the first block, which have lost charge if rows before them are empty. The charge of the block is the mean of its last rows, whose losses are made up by what traps release.
+//!
+//! Blocks are found by their brightness if their rows are not given: rows whose median is above half of the brightest. Traps that
+//! hold charge for longer than the gap are partly filled by the block ahead; its charge and distance go into the table where the model
+//! knows them.
+
+use std::ops::Range;
+
+use serde_json::json;
+
+use super::edge::{Block, Edge};
+use super::eper::{of, trail_in_bias};
+use super::exposure::{Exposure, Frames};
+use super::statistic::{Mean, clipped, median};
+use super::table::Measurement;
+use super::{Found, Measured};
+use crate::error::InputError;
+use crate::physics::conditions;
+use crate::physics::observable::Observable;
+
+/// The part of a gap between blocks whose last rows tell the level of no charge.
+const GAP_SHARE: usize = 4;
+
+/// Where the blocks are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pattern {
+    /// First row of the first block, from 0, in the order of readout.
+    pub first_row: usize,
+    /// Rows of a block.
+    pub block_px: usize,
+    /// Rows from the first of a block to the first of the next.
+    pub period_px: usize,
+}
+
+/// How blocks are measured.
+#[derive(Clone, Debug, Default)]
+pub struct Injection {
+    /// Where the blocks are; none: they are looked for in each exposure.
+    pub pattern: Option<Pattern>,
+    /// Rows behind a block; none: all that the level of no charge does not need.
+    pub trail_px: Option<usize>,
+    /// Last rows of a block of which its charge is the mean; none: half of them.
+    pub level_rows: Option<usize>,
+    /// Groups of columns, by their charge.
+    pub groups: usize,
+    /// The level of no charge is that of the rows in front of the first block, not of the last quarter of each gap.
+    pub in_front: bool,
+    /// The charge of the first rows is wanted, too.
+    pub first_pixel: bool,
+}
+
+/// The blocks of an exposure, in the order of readout.
+struct Blocks {
+    rows: Vec<Range<usize>>,
+    /// Rows of the level of no charge, before each.
+    empty: Vec<Range<usize>>,
+    trail_px: usize,
+}
+
+impl Injection {
+    /// Measures the blocks of all frames. `progress` is told the files that are done.
+    ///
+    /// # Errors
+    /// If frames cannot be read as is said, or hold no blocks.
+    pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
+        let mut found = Found::default();
+        let (mut edges, mut first) = (Vec::new(), Vec::new());
+        frames.each(progress, |exposure| {
+            let blocks = self.blocks(&exposure)?;
+            found.count("blocks", blocks.rows.len());
+            for (number, (rows, empty)) in blocks.rows.iter().zip(&blocks.empty).enumerate() {
+                let level_rows = self.level_rows.unwrap_or(rows.len().div_ceil(2)).min(rows.len());
+                let block = Block { rows: rows.clone(), level_rows, trail_px: blocks.trail_px };
+                let ahead = number.checked_sub(1).map(|before| &blocks.rows[before]);
+                let groups = block.groups(&exposure, self.groups.max(1));
+                let used: usize = groups.iter().map(Vec::len).sum();
+                found.count("columns_used", used);
+                found.count("columns_rejected", exposure.columns.len() - used);
+                for columns in groups {
+                    let measured = level(&exposure, empty, &columns)
+                        .and_then(|base| Some((base, block.edge(&exposure, &columns, base.value)?)));
+                    let Some((base, edge)) = measured else { continue };
+                    let place = Place { exposure: &exposure, rows, ahead, number: number + 1, base };
+                    edges.extend(place.behind(&edge));
+                    first.push(place.first(&edge));
+                }
+            }
+            if !self.in_front {
+                let columns: Vec<usize> = exposure.columns.clone().collect();
+                found.warnings.extend(trail_in_bias(&exposure, &blocks.empty, &columns));
+            }
+            found.exposures.push(exposure.about);
+            Ok(())
+        })?;
+        if edges.is_empty() {
+            let problem = "no block has five columns with values";
+            return Err(InputError::new("no injected charge can be measured", problem)
+                .with_help("check --first-row, --block-px and --period-px, or give fewer --column-groups"));
+        }
+        for row in &edges {
+            found.count_pixels(row);
+        }
+        let options = json!({
+            "pattern": self.pattern.map(|pattern| json!({
+                "first_row": pattern.first_row, "block_px": pattern.block_px, "period_px": pattern.period_px,
+            })),
+            "trail_px": self.trail_px, "level_rows": self.level_rows, "column_groups": self.groups.max(1),
+            "background": if self.in_front { "rows in front of the first block" } else { "last quarter of the gap behind each block" },
+            "geometry": super::geometry_json(&frames.reading.geometry),
+        });
+        let mut tables = vec![(Observable::Eper, edges)];
+        if self.first_pixel {
+            tables.push((Observable::PacketCharge, first));
+        }
+        Ok(found.measured("injection", options, tables))
+    }
+
+    /// The blocks of an exposure.
+    fn blocks(&self, exposure: &Exposure) -> Result<Blocks, InputError> {
+        let refused = |problem: String| {
+            InputError::new(exposure.about.place(), problem)
+                .with_help("give --first-row, --block-px and --period-px, in the order of readout")
+        };
+        let rows = match self.pattern {
+            Some(pattern) => pattern.blocks(exposure.rows),
+            None => bright_rows(exposure),
+        };
+        let Some(first) = rows.first() else { return Err(refused("there are no blocks of bright rows".into())) };
+        if let Some(other) = rows.iter().find(|block| block.len() != first.len()) {
+            let problem = format!("blocks differ: rows {}, but rows {}", words(first), words(other));
+            return Err(refused(problem));
+        }
+        let ends = rows.iter().skip(1).map(|block| block.start).chain([exposure.rows]);
+        let gap = rows.iter().zip(ends).map(|(block, end)| end - block.end).min().expect("one block at least");
+        if self.in_front && first.start == 0 {
+            return Err(refused("there are no rows in front of the first block".into()));
+        }
+        let kept = if self.in_front { 0 } else { (gap / GAP_SHARE).max(1) };
+        let free = gap - kept;
+        let trail_px = self.trail_px.unwrap_or(free).min(free);
+        if trail_px == 0 {
+            return Err(refused("there are no rows between the blocks".into()));
+        }
+        let of_gap = |block: &Range<usize>| block.end + free..block.end + gap;
+        let empty = rows.iter().map(|block| if self.in_front { 0..first.start } else { of_gap(block) }).collect();
+        Ok(Blocks { rows, empty, trail_px })
+    }
+}
+
+impl Pattern {
+    /// The blocks that lie within so many rows, with the gaps behind them.
+    fn blocks(self, rows: usize) -> Vec<Range<usize>> {
+        let starts = (self.first_row..rows).step_by(self.period_px.max(1));
+        starts.map(|start| start..start + self.block_px).filter(|block| block.end < rows).collect()
+    }
+}
+
+/// Blocks of rows whose median is above half of the brightest, but for one that reaches the last row of the image.
+fn bright_rows(exposure: &Exposure) -> Vec<Range<usize>> {
+    let of_row = |row: usize| {
+        let charges = exposure.columns.clone().map(|column| exposure.charge_e[[row, column]]);
+        median(charges.collect()).unwrap_or(f64::NAN)
+    };
+    let levels: Vec<f64> = (0..exposure.rows).map(of_row).collect();
+    let half = 0.5 * levels.iter().copied().fold(0.0, f64::max);
+    let mut blocks: Vec<Range<usize>> = Vec::new();
+    for row in (0..exposure.rows).filter(|row| levels[*row] > half) {
+        match blocks.last_mut() {
+            Some(block) if block.end == row => block.end += 1,
+            _ => blocks.push(row..row + 1),
+        }
+    }
+    blocks.retain(|block| block.end < exposure.rows);
+    blocks
+}
+
+/// The level of no charge of some columns: their mean in some rows, e-.
+fn level(exposure: &Exposure, rows: &Range<usize>, columns: &[usize]) -> Option<Mean> {
+    let charges = rows.clone().flat_map(|row| columns.iter().map(move |column| exposure.charge_e[[row, *column]]));
+    clipped(charges, exposure.about.quantum_e)
+}
+
+fn words(rows: &Range<usize>) -> String {
+    format!("{} to {}", rows.start, rows.end - 1)
+}
+
+/// A block of an exposure.
+struct Place<'a> {
+    exposure: &'a Exposure,
+    rows: &'a Range<usize>,
+    ahead: Option<&'a Range<usize>>,
+    number: usize,
+    /// Level of no charge, e-.
+    base: Mean,
+}
+
+impl Place<'_> {
+    /// The rows of a table for the charges behind it.
+    fn behind(&self, edge: &Edge) -> Vec<Measurement> {
+        let trail = edge.trail.iter().enumerate().filter_map(|(index, mean)| Some((index + 1, (*mean)?)));
+        let row = |(trail_px, mean): (usize, Mean)| {
+            let conditions = [("trail_px", trail_px as f64), ("block_px", self.rows.len() as f64)];
+            self.row(conditions.to_vec(), edge, self.rows.end, mean, mean.sigma)
+        };
+        trail.map(row).collect()
+    }
+
+    /// The row of a table for the charge in its first row.
+    fn first(&self, edge: &Edge) -> Measurement {
+        self.row(Vec::new(), edge, self.rows.start + 1, edge.first, edge.first.sigma)
+    }
+
+    fn row(
+        &self,
+        mut conditions: Vec<(&'static str, f64)>,
+        edge: &Edge,
+        row: usize,
+        mean: Mean,
+        sigma: f64,
+    ) -> Measurement {
+        let about = &self.exposure.about;
+        conditions.extend([
+            ("signal_e", edge.signal.value),
+            ("sigma_signal_e", edge.signal.sigma.hypot(self.base.sigma)),
+            ("background_e", self.base.value.max(0.0)),
+            ("transfers", (row + about.rows_before as usize) as f64),
+        ]);
+        if let Some(ahead) = self.ahead.filter(|_| conditions::NAMES.contains(&"preceding_e")) {
+            conditions.push(("preceding_e", edge.signal.value * ahead.len() as f64));
+            conditions.push(("preceding_px", (self.rows.start - ahead.start) as f64));
+        }
+        let mut measured = of(about, mean.value, sigma.hypot(self.base.sigma), mean);
+        measured.from.insert(1, ("block", self.number));
+        Measurement { conditions, ..measured }
+    }
+}
