@@ -11,6 +11,7 @@
 //! Every value is a mean without outliers ([statistic]); its error comes from the scatter of the pixels that it is the mean of.
 
 pub mod bias;
+pub mod dipoles;
 pub mod edge;
 pub mod eper;
 pub mod exposure;
@@ -22,7 +23,7 @@ pub mod trails;
 use serde_json::{Value as Json, json};
 
 use crate::image::Geometry;
-use crate::io::table::Table;
+use crate::io::table::{Cell, Meta, Table};
 use crate::physics::observable::Observable;
 use crate::warning::{Warning, together};
 use exposure::About;
@@ -43,6 +44,15 @@ pub struct Measured {
     pub options: Json,
     /// Things seen that are not errors.
     pub warnings: Vec<Warning>,
+}
+
+impl Measured {
+    /// Puts a word into the `meta` of all tables.
+    fn say(&mut self, name: &str, word: &str) {
+        for (_, table) in &mut self.tables {
+            table.meta.push(Meta { name: name.into(), value: Cell::Text(word.into()), line: None });
+        }
+    }
 }
 
 /// What is found while frames are read.

@@ -51,7 +51,7 @@ pub struct Row {
     pub condition_sigmas: Vec<(&'static str, f64)>,
     /// The galaxy, by its place in the mission.
     pub galaxy: Option<usize>,
-    /// The species of a trap density, by its place in the mission.
+    /// The species of a trap density or of a dipole, by its place in the mission.
     pub species: Option<usize>,
     /// Columns of words that the model does not know, and the galaxy: name and word.
     pub words: Vec<(String, String)>,
@@ -104,6 +104,8 @@ fn known(name: &str) -> Option<Known> {
         "block_px" => plain("block_px", Unit::Pixels, Integer(1, 100_000)),
         "first_px" => plain("first_px", Unit::Pixels, Integer(1, 100_000)),
         "last_px" => plain("last_px", Unit::Pixels, Integer(1, 100_000)),
+        "phase_time_ms" => plain("phase_time_ms", Unit::Milliseconds, Positive(0.0, 1e9)),
+        "cycles" => plain("cycles", Unit::Pure, Positive(0.0, 1e9)),
         _ => return None,
     })
 }
@@ -333,13 +335,19 @@ impl Reader<'_> {
         }
     }
 
-    /// The species of a trap density, by its place in the mission; None where a row names none.
+    /// The species of a trap density or of a dipole, by its place in the mission; None where a row of a density names none. A
+    /// dipole is that of one trap.
     fn species(&self, row: usize) -> Result<Option<usize>, InputError> {
-        if !matches!(self.observable.card().probe, Probe::Traps) {
+        let pumped = matches!(self.observable.card().probe, Probe::Pumping(_));
+        if !pumped && !matches!(self.observable.card().probe, Probe::Traps) {
             return Ok(None);
         }
         let names: Vec<&str> = self.mission.detector.traps.iter().map(|species| species.name.as_str()).collect();
-        self.named(row, "species", &names)
+        match self.named(row, "species", &names)? {
+            None if pumped && names.len() > 1 => Err(self.missing("species", row)),
+            None if pumped => Ok(Some(0)),
+            named => Ok(named),
+        }
     }
 
     /// The place of the name that a column, or `meta`, gives; None where neither does.
@@ -391,6 +399,8 @@ impl Reader<'_> {
             block_px: self.condition(row, "block_px")?.map(whole),
             first_px: self.condition(row, "first_px")?.map(whole),
             last_px: self.condition(row, "last_px")?.map(whole),
+            phase_time_ms: self.condition(row, "phase_time_ms")?,
+            cycles: self.condition(row, "cycles")?,
             ..believed
         };
         self.check_edge(row, &at)?;

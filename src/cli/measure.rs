@@ -13,7 +13,7 @@ use crate::error::InputError;
 use crate::io::atomic_file;
 use crate::measure::bias::BiasSource;
 use crate::measure::exposure::{Frames, Reading, Source, WhenSource, date};
-use crate::measure::{Measured, eper, injection, trails};
+use crate::measure::{Measured, dipoles, eper, injection, trails};
 use crate::report::MeasureReport;
 
 #[derive(Debug, Args)]
@@ -30,6 +30,8 @@ enum Kind {
     Trails(Trails),
     /// Trails behind blocks of injected charge, and the charge of their first rows
     Injection(Injection),
+    /// Dipoles of trap pumping in flat fields, at all phase times
+    Dipoles(Dipoles),
 }
 
 impl Measure {
@@ -38,6 +40,7 @@ impl Measure {
             Kind::Eper(command) => command.run(),
             Kind::Trails(command) => command.run(),
             Kind::Injection(command) => command.run(),
+            Kind::Dipoles(command) => command.run(),
         }
     }
 }
@@ -174,6 +177,49 @@ impl Injection {
     }
 }
 
+#[derive(Debug, Args)]
+struct Dipoles {
+    #[command(flatten)]
+    input: Input,
+    /// Time of one phase, ms
+    #[arg(long, value_name = "MS", value_parser = positive, conflicts_with = "phase_time_keyword")]
+    phase_time_ms: Option<f64>,
+    /// Header keyword of the time of one phase, ms
+    #[arg(long, value_name = "KEYWORD")]
+    phase_time_keyword: Option<String>,
+    /// Pumping cycles
+    #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "cycles_keyword")]
+    cycles: Option<f64>,
+    /// Header keyword of the pumping cycles
+    #[arg(long, value_name = "KEYWORD")]
+    cycles_keyword: Option<String>,
+    /// A pair of pixels stands out beyond so many sigma of its noise
+    #[arg(long, value_name = "SIGMA", default_value_t = 6.0, value_parser = positive)]
+    threshold_sigma: f64,
+    /// Frames in which a dipole must be found; it is measured in all
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    found_in: u32,
+    /// Species of the traps, by its name in the mission; needed by validate if that has several
+    #[arg(long, value_name = "NAME")]
+    species: Option<String>,
+}
+
+impl Dipoles {
+    fn run(&self) -> Result<Outcome, Failure> {
+        let dipoles = dipoles::Dipoles {
+            threshold_sigma: self.threshold_sigma,
+            found_in: self.found_in as usize,
+            species: self.species.clone(),
+        };
+        let phase_time_ms = source(self.phase_time_ms, self.phase_time_keyword.as_deref());
+        let cycles = source(self.cycles, self.cycles_keyword.as_deref());
+        self.input.run(None, |frames, progress| {
+            let reading = Reading { phase_time_ms, cycles, ..frames.reading.clone() };
+            dipoles.measure(&Frames { reading, ..frames.clone() }, progress)
+        })
+    }
+}
+
 /// Input, what headers do not tell, and output.
 #[derive(Debug, Args)]
 struct Input {
@@ -286,6 +332,7 @@ impl Input {
             when: said.when(),
             temperature_k: source(said.temperature_k, said.temperature_keyword.as_deref()),
             line_time_ms: source(said.line_time_ms, said.line_time_keyword.as_deref()),
+            ..Reading::default()
         }
     }
 }

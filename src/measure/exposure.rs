@@ -32,12 +32,16 @@ pub struct Reading {
     pub temperature_k: Source,
     /// Time between two parallel transfers, ms.
     pub line_time_ms: Source,
+    /// Time of one phase of trap pumping, ms.
+    pub phase_time_ms: Source,
+    /// Cycles of trap pumping.
+    pub cycles: Source,
 }
 
 /// Where a number comes from.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Source {
-    /// Nowhere: the mission's holds.
+    /// Nowhere: the mission's holds, if it has one.
     #[default]
     Mission,
     /// An option.
@@ -109,6 +113,10 @@ pub struct About {
     pub temperature_k: Option<f64>,
     /// Time between two parallel transfers, ms, if it was told.
     pub line_time_ms: Option<f64>,
+    /// Time of one phase of trap pumping, ms, if it was told.
+    pub phase_time_ms: Option<f64>,
+    /// Cycles of trap pumping, if they were told.
+    pub cycles: Option<f64>,
     /// Rows between the frame and the register.
     pub rows_before: u32,
     /// Pixels without a value, and saturated ones.
@@ -136,6 +144,8 @@ impl About {
             "time": self.when.words(),
             "temperature_k": self.temperature_k,
             "line_time_ms": self.line_time_ms,
+            "phase_time_ms": self.phase_time_ms,
+            "cycles": self.cycles,
             "gain_e_per_dn": self.gain_e_per_dn,
             "bias_dn": self.bias.dn,
             "bias_sigma_dn": self.bias.sigma_dn,
@@ -239,6 +249,8 @@ struct Known {
     when: When,
     temperature_k: Option<f64>,
     line_time_ms: Option<f64>,
+    phase_time_ms: Option<f64>,
+    cycles: Option<f64>,
 }
 
 impl Reading {
@@ -272,6 +284,8 @@ impl Reading {
             when: self.when(hdu, primary)?,
             temperature_k: number(&self.temperature_k, "temperature-k")?,
             line_time_ms: number(&self.line_time_ms, "line-time-ms")?,
+            phase_time_ms: number(&self.phase_time_ms, "phase-time-ms")?,
+            cycles: number(&self.cycles, "cycles")?,
         })
     }
 
@@ -333,6 +347,8 @@ impl Reading {
             when: known.when,
             temperature_k: known.temperature_k,
             line_time_ms: known.line_time_ms,
+            phase_time_ms: known.phase_time_ms,
+            cycles: known.cycles,
             rows_before: self.geometry.rows_before,
             missing_px: charge_e.iter().filter(|charge| charge.is_nan()).count(),
         };

@@ -26,7 +26,7 @@ pub struct Measurement {
 }
 
 /// Columns of measurement files: name, unit, and what it is.
-const COLUMNS: [(&str, &str, &str); 22] = [
+const COLUMNS: [(&str, &str, &str); 23] = [
     ("trail_px", "pix", "pixel behind the charge; 1 is next to it"),
     ("signal_e", "electron", "charge before transfer, above the background"),
     ("sigma_signal_e", "electron", "1-sigma error of signal_e"),
@@ -38,6 +38,7 @@ const COLUMNS: [(&str, &str, &str); 22] = [
     ("row_px", "pix", "row of the first pixel, from 0, in the order of readout"),
     ("column_px", "pix", "column, from 0, in the order of readout"),
     ("half", "", "+1 if the bright pixel is nearer the register, -1 if it is farther"),
+    ("flat_e", "electron", "charge of the flat field near the dipole"),
     ("phase_time_ms", "ms", "time of one phase"),
     ("cycles", "", "pumping cycles"),
     ("date", "", "time of the exposure"),

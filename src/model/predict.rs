@@ -29,7 +29,7 @@ pub struct Question<'a> {
     pub at: &'a Conditions,
     /// The galaxy of a change of shape.
     pub galaxy: Option<usize>,
-    /// The species of a trap density; all together if it is None.
+    /// The species of a trap density (all together if it is None), or of a dipole.
     pub species: Option<usize>,
 }
 
@@ -70,6 +70,7 @@ pub fn predict(model: &Model, questions: &[Question]) -> Result<Vec<f64>, InputE
         .zip(charges.into_iter().zip(changes))
         .map(|((reading, device), (charges, change))| match reading.kind {
             Probed::Dose => Read::Dose(device.at.dose_mev_g.expect("a device knows the dose behind its traps")),
+            Probed::Pumping => Read::Pumping(device.traps.iter().map(|species| species.release_ms).collect()),
             Probed::Traps => Read::Traps(device.traps.iter().map(|species| species.density_per_px).collect()),
             Probed::Packet | Probed::Block => Read::Charges(charges.expect("packets and blocks have been read")),
             Probed::Galaxy(_) => Read::Shape(change),
@@ -81,6 +82,8 @@ pub fn predict(model: &Model, questions: &[Question]) -> Result<Vec<f64>, InputE
             trail_px: question.at.trail_px,
             first_px: question.at.first_px,
             last_px: question.at.last_px,
+            phase_time_ms: question.at.phase_time_ms,
+            cycles: question.at.cycles,
             covariates: question.at.covariates.clone(),
             ..device.at.clone()
         };
@@ -115,6 +118,7 @@ fn devices(model: &Model, readings: &[Reading]) -> Result<Vec<Device>, InputErro
 enum Probed {
     Dose,
     Traps,
+    Pumping,
     /// A lone packet.
     Packet,
     /// A flat block.
@@ -136,6 +140,8 @@ enum Read {
     Dose(f64),
     /// Traps per pixel of each species.
     Traps(Vec<f64>),
+    /// Release time of each species, ms.
+    Pumping(Vec<f64>),
     /// Charge less the trailed background, e-: of the packet or the block's last row, and of the pixels behind it.
     Charges(Vec<f64>),
     Shape(Option<ShapeChange>),
@@ -145,6 +151,7 @@ fn kind(question: &Question) -> Probed {
     match question.observable.card().probe {
         Probe::Dose => Probed::Dose,
         Probe::Traps => Probed::Traps,
+        Probe::Pumping(_) => Probed::Pumping,
         Probe::PacketOrBlock { .. } if question.at.block_px.is_some() => Probed::Block,
         Probe::Packet(_) | Probe::PacketOrBlock { .. } => Probed::Packet,
         Probe::Block(_) => Probed::Block,
@@ -161,6 +168,7 @@ fn identity(question: &Question, depends_on: &[String]) -> Vec<u64> {
         Probed::Block => (2, 0),
         Probed::Galaxy(galaxy) => (3, galaxy as u64),
         Probed::Traps => (4, 0),
+        Probed::Pumping => (5, 0),
     };
     let bits = |value: Option<f64>| value.map_or(u64::MAX, f64::to_bits);
     let mut identity = vec![kind, galaxy, u64::from(at.transfers), u64::from(at.block_px.unwrap_or(0))];
@@ -196,6 +204,9 @@ impl Read {
                 Some(species) => densities[species],
                 None => densities.iter().sum(),
             },
+            (Read::Pumping(release_ms), Probe::Pumping(value)) => {
+                value(release_ms[question.species.expect("a dipole is that of a species")], question.at)
+            }
             (Read::Charges(charge_e), Probe::Packet(value) | Probe::Block(value)) => value(charge_e, question.at),
             (Read::Charges(charge_e), Probe::PacketOrBlock { packet, block }) => match question.at.block_px {
                 None => packet(charge_e, question.at),

@@ -33,12 +33,16 @@ pub struct Conditions {
     pub first_px: Option<u32>,
     /// Last of them.
     pub last_px: Option<u32>,
+    /// Time of one phase of trap pumping, ms.
+    pub phase_time_ms: Option<f64>,
+    /// Cycles of trap pumping.
+    pub cycles: Option<f64>,
     /// Numeric columns that the model does not know, by name: formulas may.
     pub covariates: Vec<(String, f64)>,
 }
 
 /// Names of the conditions that are numbers.
-pub const NAMES: [&str; 14] = [
+pub const NAMES: [&str; 16] = [
     "t_yr",
     "dose_mev_g",
     "temperature_k",
@@ -53,6 +57,8 @@ pub const NAMES: [&str; 14] = [
     "block_px",
     "first_px",
     "last_px",
+    "phase_time_ms",
+    "cycles",
 ];
 
 impl Conditions {
@@ -73,6 +79,8 @@ impl Conditions {
             block_px: None,
             first_px: None,
             last_px: None,
+            phase_time_ms: None,
+            cycles: None,
             covariates: Vec::new(),
         }
     }
@@ -101,6 +109,8 @@ impl Conditions {
             "block_px" => other.block_px = whole,
             "first_px" => other.first_px = whole,
             "last_px" => other.last_px = whole,
+            "phase_time_ms" => other.phase_time_ms = Some(value),
+            "pumping_cycles" => other.pumping_cycles = Some(value),
             _ => return None,
         }
         Some(other)
@@ -123,6 +133,8 @@ impl Conditions {
             "block_px" => self.block_px.map(f64::from),
             "first_px" => self.first_px.map(f64::from),
             "last_px" => self.last_px.map(f64::from),
+            "phase_time_ms" => self.phase_time_ms,
+            "cycles" => self.cycles,
             _ => self.covariates.iter().find(|(known, _)| known == name).map(|(_, value)| *value),
         }
     }

@@ -12,12 +12,15 @@ mod delta_y;
 mod dose;
 mod eper;
 mod packet_charge;
+mod pumping_dipole;
 mod trail;
 mod trap_density;
 
 use std::fmt;
 
 use serde::ser::{Serialize, Serializer};
+
+pub use pumping_dipole::dipole_e;
 
 use crate::physics::conditions::Conditions;
 use crate::physics::shape::ShapeChange;
@@ -61,6 +64,8 @@ pub enum Probe {
         /// Of those of a block.
         block: fn(&[f64], &Conditions) -> f64,
     },
+    /// A dipole of trap pumping, without a readout: of the release time (ms) of the species that a row names.
+    Pumping(fn(f64, &Conditions) -> f64),
     /// A galaxy: of the change of its shape.
     Galaxy(fn(&mut ShapeChange) -> &mut f64),
 }
@@ -100,6 +105,7 @@ observables! {
     Trail: trail,
     PacketCharge: packet_charge,
     Eper: eper,
+    PumpingDipole: pumping_dipole,
     DeltaE1: delta_e1,
     DeltaY: delta_y,
     DeltaFlux: delta_flux,
@@ -129,7 +135,7 @@ impl Observable {
 
     /// Whether it is what others have made of their measurements: it is read from files, but nobody is told to measure it.
     pub fn is_derived(self) -> bool {
-        matches!(self.card().probe, Probe::Traps | Probe::PacketOrBlock { .. })
+        matches!(self.card().probe, Probe::Traps | Probe::Pumping(_) | Probe::PacketOrBlock { .. })
     }
 
     /// Whether it is a change of a galaxy's shape.

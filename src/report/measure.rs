@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::ser::{Serialize, Serializer};
 use serde_json::{Map, Value as Json, json};
 
-use super::{Report, lines, or_dash, table, wrapped};
+use super::{Report, keep_words, lines, or_dash, table, wrapped};
 use crate::measure::Measured;
 use crate::measure::exposure::About;
 
@@ -66,6 +66,7 @@ impl Report for MeasureReport {
                 or_dash(noise),
             ]);
         }
+        keep_words(&mut exposures, 0);
         out.push_str(&lines(&exposures));
         if let Some(first) = self.measured.exposures.first() {
             out.push_str(&wrapped(&format!("Bias: {}.", first.bias.source.words()), 2));

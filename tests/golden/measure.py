@@ -20,6 +20,10 @@ warm-dirty-N.fits       The same warm pixels with other noise, and: faint warm p
                         charge seen in each of its four neighbours (interpixel capacitance, after transfer).
 injection.fits          Blocks of 5 rows of 3000 e- every 40 rows from row 10 on, 10 % different from column to column; 200 rows x
                         64 columns, 8 columns of overscan, 300 rows before, 2 e- of background, 20 cosmic rays.
+pumped-N.fits           A flat of 2000 e- after 2000 cycles of trap pumping with N of ten phase times (header: PHASE in ms, CYCLES), 60 rows
+                        x 48 columns, 8 columns of overscan: 40 traps with the release time of the fast species, each of whose pumps
+                        moves an electron with the probability exp(-t/tau) - exp(-2t/tau) from one pixel to its neighbour along the
+                        column; 10 hot pixels, 5 cosmic rays in each. No other traps.
 """
 import os
 
@@ -53,13 +57,15 @@ def add_noise(charge, rng):
     return np.clip(np.round(noisy / GAIN + BIAS), 0, 65535).astype(np.uint16)
 
 
-def write(name, raw, date):
+def write(name, raw, date, **more):
     from astropy.io import fits
     hdu = fits.PrimaryHDU(raw)
     hdu.header["BUNIT"] = "ADU"
     hdu.header["GAIN"] = (GAIN, "[e-/ADU]")
     hdu.header["DATE-OBS"] = date
     hdu.header["CCDTEMP"] = (150.0, "[K]")
+    for keyword, value in more.items():
+        hdu.header[keyword] = value
     hdu.writeto(os.path.join(FOLDER, name), overwrite=True)
 
 
@@ -129,8 +135,29 @@ def injection():
     write("injection.fits", add_noise(trailed(image, before), rng), "2024-01-01")
 
 
+def pumped():
+    rows, columns, cycles, release = 60, 48, 2000, TRAPS[0][1]
+    rng = np.random.default_rng(500)
+    places = [(r, c) for r in range(2, rows - 3, 4) for c in range(columns)]
+    traps = [places[index] for index in rng.permutation(len(places))[:40]]
+    signs = rng.choice([-1, 1], len(traps))
+    hot = [(rng.integers(rows), rng.integers(columns)) for _ in range(10)]
+    for number, phase in enumerate(np.geomspace(0.2, 12.0, 10).round(3)):
+        image = rng.poisson(2000.0, (rows, columns)).astype(float)
+        share = np.exp(-phase / release) - np.exp(-2.0 * phase / release)
+        for (row, column), sign in zip(traps, signs):
+            moved = sign * rng.binomial(cycles, share)
+            image[row, column] += moved
+            image[row + 1, column] -= moved
+        for row, column in hot:
+            image[row, column] += 1500.0
+        cosmic_rays(image, 5, rng)
+        write("pumped-%d.fits" % (number + 1), add_noise(image, rng), "2024-01-01", PHASE=phase, CYCLES=cycles)
+
+
 if __name__ == "__main__":
     os.makedirs(FOLDER, exist_ok=True)
     flats()
     warm()
     injection()
+    pumped()

@@ -174,6 +174,25 @@ fn blocks_of_injected_charge_give_the_traps_back() {
     assert_eq!(values(&told.path()), values(&measured.path()));
 }
 
+#[test]
+fn dipoles_of_trap_pumping_give_the_release_time_back() {
+    let frames: Vec<String> = (1..=10).flat_map(|number| golden(&[&format!("pumped-{number}")])).collect();
+    let options = "--gain-keyword GAIN --overscan-columns 8 --dose-mev-g 1e8 --species fast --phase-time-keyword PHASE";
+    let measured = measure("dipoles", &frames, &format!("{options} --cycles 2000"));
+    // Hot pixels and cosmic rays are none; traps that share a pixel with them may be missed.
+    let dipoles = measured.said["counts"]["dipoles"].as_u64().unwrap();
+    assert!((37..=40).contains(&dipoles), "{dipoles} of 40 traps");
+    is_noise(against_truth(&[&measured.path()]));
+    let table = measured.path();
+    let [key, free] = ["detector.traps.fast.release_ms=3", "detector.traps.fast.release_ms"];
+    let fit = json(&["fit", TRUTH, table.to_str().unwrap(), "--only", "--set", key, "--free", free]);
+    let release = &fit["parameters"][0];
+    let (value, sigma) = (release["value"].as_f64().unwrap(), release["sigma"].as_f64().unwrap());
+    assert!((value - 1.5).abs() < 3.5 * sigma && sigma < 0.05, "{value} +- {sigma} ms");
+    let message = refused("dipoles", &frames, options);
+    assert!(message.contains("give --cycles, or --cycles-keyword"), "{message}");
+}
+
 /// Values and errors of a table.
 fn values(path: &Path) -> Vec<(f64, f64)> {
     let table = Table::read(path).unwrap();

@@ -37,6 +37,7 @@ const CASES: &[Case] = &[
     case("correct --mission @mission.toml --at 1 --hdu 5 --overwrite @frame.fits", &[""]),
     case("measure eper --bias-dn 0 @frame.fits none.fits", &["", "--first-pixel"]),
     case("measure trails @frame.fits", &[""]),
+    case("measure dipoles @frame.fits", &[""]),
     case("measure injection @frame.fits none.fits", &["", "--first-pixel"]),
     case("study clock @mission.toml", DRAWN),
     case("study distance @mission.toml", DRAWN),

@@ -1,19 +1,12 @@
 //! Dipoles of single traps against phase time, and the release times that fit them.
 
 use crate::numeric::minimum::golden_section;
+pub use crate::physics::observable::dipole_e;
 use crate::study::ratios;
 
 /// Release times on which a fit starts, and steps of its golden section.
 const STARTS: usize = 240;
 const SECTIONS: usize = 40;
-
-/// Intensity of a dipole (e-) after so many cycles with a phase time, of a trap with a release time (both ms) that catches with
-/// a probability.
-pub fn dipole_e(cycles: f64, probability: f64, phase_ms: f64, release_ms: f64) -> f64 {
-    let left = (-phase_ms / release_ms).exp();
-    // exp(−t/τ) − exp(−2t/τ)
-    cycles * probability * left * (1.0 - left)
-}
 
 /// One phase time of a series of images.
 #[derive(Clone, Copy, Debug)]

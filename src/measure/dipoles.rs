@@ -1,0 +1,193 @@
+//! Dipoles of trap pumping: pairs of neighbours along a column of a flat field, one brighter and one darker by the same charge.
+//!
+//! ```text
+//! I = (bright − dark)/2
+//! ```
+//!
+//! A dipole is found where, in several frames, the two pixels lie on opposite sides of the flat near them and their difference stands
+//! out of its noise. What counts is its intensity at all phase times, also where it is faint: so it is measured in every frame, at
+//! its place and with its sign, whether it was found there or not. Its error is that of the flat's noise and of the chance of
+//! every pump, I(1 − I/N) after N cycles. A pair that does not hold the charge of two pixels of the flat, because a cosmic ray has hit
+//! it, is left out.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+use ndarray::s;
+use serde_json::json;
+
+use super::exposure::{Exposure, Frames};
+use super::statistic::{CLIP_SIGMA, median, robust_scatter};
+use super::table::Measurement;
+use super::{Found, Measured};
+use crate::error::InputError;
+use crate::physics::observable::Observable;
+
+/// Rows on each side of a pair that tell the flat.
+const NEAR_ROWS: usize = 10;
+/// Least deviation of each pixel of a pair from the flat, over that of their half difference.
+const EACH: f64 = 0.5;
+
+/// How dipoles are measured.
+#[derive(Clone, Debug)]
+pub struct Dipoles {
+    /// Beyond so many sigma of its noise a pair stands out.
+    pub threshold_sigma: f64,
+    /// Frames in which a dipole must be found; in one, if there are no more.
+    pub found_in: usize,
+    /// The species of the traps, by its name in the mission, for the header.
+    pub species: Option<String>,
+}
+
+impl Default for Dipoles {
+    fn default() -> Dipoles {
+        Dipoles { threshold_sigma: 6.0, found_in: 2, species: None }
+    }
+}
+
+/// Amplifier, and row and column of the pixel of a pair that is nearer the register.
+type Place = (usize, usize, usize, usize);
+
+impl Dipoles {
+    /// Measures the dipoles of all frames, which are read twice. `progress` is told the files that are done.
+    ///
+    /// # Errors
+    /// If frames cannot be read as is said, phase time or cycles are not told, or no dipole is found.
+    pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
+        let mut found = Found::default();
+        // How often a pair was found with its bright pixel nearer the register, less how often farther.
+        let mut seen: HashMap<Place, (usize, i64)> = HashMap::new();
+        let mut of_sensor: HashMap<(usize, usize), usize> = HashMap::new();
+        frames.each(progress, |exposure| {
+            *of_sensor.entry((exposure.about.hdu, exposure.about.amplifier)).or_default() += 1;
+            for (place, half) in self.pairs(&exposure) {
+                let times = seen.entry(place).or_default();
+                *times = (times.0 + 1, times.1 + half);
+            }
+            Ok(())
+        })?;
+        let candidates = seen.len();
+        let enough = |place: &Place| self.found_in.min(of_sensor[&(place.0, place.1)]);
+        // The same sign in all frames but the odd one.
+        seen.retain(|place, (times, halves)| *times >= enough(place) && 2 * halves.unsigned_abs() as usize > *times);
+        let dipoles: BTreeMap<Place, i64> =
+            seen.into_iter().map(|(place, (_, halves))| (place, halves.signum())).collect();
+        found.count("dipoles", dipoles.len());
+        found.count("candidates_not_repeated", candidates - dipoles.len());
+        let mut rows: Vec<(Place, Measurement)> = Vec::new();
+        frames.each(progress, |exposure| {
+            let sensor = (exposure.about.hdu, exposure.about.amplifier);
+            let here = dipoles.iter().filter(|(place, _)| (place.0, place.1) == sensor);
+            for (place, half) in here {
+                match measured(&exposure, *place, *half)? {
+                    Some(row) => rows.push((*place, row)),
+                    None => found.count("dipoles_hit", 1),
+                }
+            }
+            found.exposures.push(exposure.about);
+            Ok(())
+        })?;
+        if rows.is_empty() {
+            let problem = format!(
+                "{candidates} pairs of pixels stand out beyond {} sigma, none of them in {} frames",
+                self.threshold_sigma, self.found_in
+            );
+            return Err(InputError::new("no dipoles can be measured", problem)
+                .with_help("give frames of other phase times, a lower --threshold-sigma or a smaller --found-in"));
+        }
+        // One dipole after another.
+        rows.sort_by_key(|(place, _)| *place);
+        let options = json!({
+            "threshold_sigma": self.threshold_sigma, "found_in": self.found_in,
+            "geometry": super::geometry_json(&frames.reading.geometry),
+        });
+        let rows = rows.into_iter().map(|(_, row)| row).collect();
+        let mut measured = found.measured("dipoles", options, vec![(Observable::PumpingDipole, rows)]);
+        if let Some(species) = &self.species {
+            measured.say("species", species);
+        }
+        Ok(measured)
+    }
+
+    /// Pairs of a frame that stand out, with +1 where the bright pixel is nearer the register, and -1 elsewhere.
+    fn pairs(&self, exposure: &Exposure) -> HashSet<(Place, i64)> {
+        let Some(noise_e) = noise(exposure) else { return HashSet::new() };
+        let about = &exposure.about;
+        // Of half the difference of two pixels.
+        let least_e = self.threshold_sigma * noise_e / 2_f64.sqrt();
+        let mut pairs = HashSet::new();
+        for column in exposure.columns.clone() {
+            let half_e = |row: usize| 0.5 * (exposure.charge_e[[row, column]] - exposure.charge_e[[row + 1, column]]);
+            for row in 1..exposure.rows.saturating_sub(2) {
+                let size_e = half_e(row).abs();
+                // Of overlapping pairs the one that stands out most.
+                let is_largest = size_e > half_e(row - 1).abs() && size_e >= half_e(row + 1).abs();
+                if size_e > least_e && is_largest && is_dipole(exposure, row, column, half_e(row)) {
+                    pairs.insert(((about.hdu, about.amplifier, row, column), half_e(row).signum() as i64));
+                }
+            }
+        }
+        pairs
+    }
+}
+
+/// Noise of a pixel of the flat, e-, from pixels that follow one another in a column.
+fn noise(exposure: &Exposure) -> Option<f64> {
+    let image = exposure.charge_e.slice(s![..exposure.rows, exposure.columns.clone()]);
+    let (below, above) = (image.slice(s![..-1, ..]), image.slice(s![1.., ..]));
+    let differences: Vec<f64> = below.iter().zip(above).map(|(below, above)| above - below).collect();
+    Some((robust_scatter(&differences)? / 2_f64.sqrt()).max(exposure.about.quantum_e))
+}
+
+/// Charge of the flat near a pair, e-.
+fn flat(exposure: &Exposure, row: usize, column: usize) -> Option<f64> {
+    let rows = row.saturating_sub(NEAR_ROWS)..(row + NEAR_ROWS + 2).min(exposure.rows);
+    median(rows.filter(|near| *near != row && *near != row + 1).map(|near| exposure.charge_e[[near, column]]).collect())
+}
+
+/// Whether one pixel is above the flat and the other below, each by at least half of what is expected: hot pixels, dark ones and
+/// cosmic rays are not.
+fn is_dipole(exposure: &Exposure, row: usize, column: usize, half_e: f64) -> bool {
+    let Some(flat_e) = flat(exposure, row, column) else { return false };
+    let near = half_e.signum() * (exposure.charge_e[[row, column]] - flat_e);
+    let far = -half_e.signum() * (exposure.charge_e[[row + 1, column]] - flat_e);
+    near.min(far) > EACH * half_e.abs()
+}
+
+/// The intensity of a dipole in a frame; None if a pixel has no value, or the pair does not hold the charge of two pixels of the flat,
+/// as after a cosmic ray or on a hot pixel.
+fn measured(exposure: &Exposure, (_, _, row, column): Place, half: i64) -> Result<Option<Measurement>, InputError> {
+    let about = &exposure.about;
+    let needed = |value: Option<f64>, what: &str, option: &str, keyword: &str| {
+        value.ok_or_else(|| {
+            InputError::new(about.place(), format!("{what} is not told"))
+                .with_help(format!("give --{option}, or --{keyword} with the keyword of the header that holds it"))
+        })
+    };
+    let phase_time_ms =
+        needed(about.phase_time_ms, "the phase time of the pumping", "phase-time-ms", "phase-time-keyword")?;
+    let cycles = needed(about.cycles, "the number of pumping cycles", "cycles", "cycles-keyword")?;
+    let (Some(noise_e), Some(flat_e)) = (noise(exposure), flat(exposure, row, column)) else { return Ok(None) };
+    let [near_e, far_e] = [row, row + 1].map(|row| exposure.charge_e[[row, column]]);
+    if (near_e + far_e - 2.0 * flat_e).abs() > CLIP_SIGMA * 2_f64.sqrt() * noise_e {
+        return Ok(None);
+    }
+    let value = 0.5 * half as f64 * (near_e - far_e);
+    let pumped = value.clamp(0.0, cycles);
+    let row = Measurement {
+        conditions: vec![
+            ("row_px", row as f64),
+            ("column_px", column as f64),
+            ("half", half as f64),
+            ("flat_e", flat_e),
+            ("phase_time_ms", phase_time_ms),
+            ("cycles", cycles),
+        ],
+        when: about.when,
+        temperature_k: about.temperature_k,
+        line_time_ms: about.line_time_ms,
+        value,
+        sigma: (0.5 * noise_e * noise_e + pumped * (1.0 - pumped / cycles)).sqrt(),
+        from: vec![("exposure", about.number)],
+    };
+    Ok(value.is_finite().then_some(row))
+}
