@@ -105,7 +105,7 @@ fn known(name: &str) -> Option<Known> {
         "first_px" => plain("first_px", Unit::Pixels, Integer(1, 100_000)),
         "last_px" => plain("last_px", Unit::Pixels, Integer(1, 100_000)),
         "phase_time_ms" => plain("phase_time_ms", Unit::Milliseconds, Positive(0.0, 1e9)),
-        "cycles" => plain("cycles", Unit::Pure, Positive(0.0, 1e9)),
+        "pumping_cycles" => plain("pumping_cycles", Unit::Pure, Positive(0.0, 1e9)),
         _ => return None,
     })
 }
@@ -400,7 +400,7 @@ impl Reader<'_> {
             first_px: self.condition(row, "first_px")?.map(whole),
             last_px: self.condition(row, "last_px")?.map(whole),
             phase_time_ms: self.condition(row, "phase_time_ms")?,
-            cycles: self.condition(row, "cycles")?,
+            pumping_cycles: self.condition(row, "pumping_cycles")?,
             ..believed
         };
         self.check_edge(row, &at)?;

@@ -166,6 +166,9 @@ fn measured(exposure: &Exposure, (_, _, row, column): Place, half: i64) -> Resul
     let phase_time_ms =
         needed(about.phase_time_ms, "the phase time of the pumping", "phase-time-ms", "phase-time-keyword")?;
     let cycles = needed(about.cycles, "the number of pumping cycles", "cycles", "cycles-keyword")?;
+    if row + 1 >= exposure.rows || !exposure.columns.contains(&column) {
+        return Ok(None);
+    }
     let (Some(noise_e), Some(flat_e)) = (noise(exposure), flat(exposure, row, column)) else { return Ok(None) };
     let [near_e, far_e] = [row, row + 1].map(|row| exposure.charge_e[[row, column]]);
     if (near_e + far_e - 2.0 * flat_e).abs() > CLIP_SIGMA * 2_f64.sqrt() * noise_e {
@@ -180,7 +183,7 @@ fn measured(exposure: &Exposure, (_, _, row, column): Place, half: i64) -> Resul
             ("half", half as f64),
             ("flat_e", flat_e),
             ("phase_time_ms", phase_time_ms),
-            ("cycles", cycles),
+            ("pumping_cycles", cycles),
         ],
         when: about.when,
         temperature_k: about.temperature_k,

@@ -296,7 +296,12 @@ impl Reading {
             WhenSource::Since(t_yr) => Ok(When::Since(*t_yr)),
             WhenSource::Dose(Source::Given(dose_mev_g), t_yr) => Ok(When::Dose(*dose_mev_g, *t_yr)),
             WhenSource::Dose(Source::Keyword(keyword), t_yr) => {
-                Ok(When::Dose(number_of(keyword, hdu, primary, dose_help)?, *t_yr))
+                let dose_mev_g = number_of(keyword, hdu, primary, dose_help)?;
+                if dose_mev_g < 0.0 {
+                    let problem = format!("{keyword} = {dose_mev_g}: a dose of 0 MeV/g or more is needed");
+                    return Err(InputError::new(hdu.to_string(), problem).with_help(dose_help));
+                }
+                Ok(When::Dose(dose_mev_g, *t_yr))
             }
             WhenSource::Dose(Source::Mission, _) | WhenSource::Header => {
                 let found = ["DATE-OBS", "MJD-OBS"].into_iter().find_map(|keyword| moment(keyword, hdu, primary));

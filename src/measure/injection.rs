@@ -134,20 +134,24 @@ impl Injection {
             let problem = format!("blocks differ: rows {}, but rows {}", words(first), words(other));
             return Err(refused(problem));
         }
-        let ends = rows.iter().skip(1).map(|block| block.start).chain([exposure.rows]);
-        let gap = rows.iter().zip(ends).map(|(block, end)| end - block.end).min().expect("one block at least");
+        let gaps = gaps(&rows, exposure.rows);
+        // The end of the image may have cut the gap behind the last block.
+        let is_cut = gaps.len() > 1 && 2 * gaps[gaps.len() - 1] < gaps[0];
+        let whole = if is_cut { gaps.len() - 1 } else { gaps.len() };
+        let (rows, gap) = (&rows[..whole], gaps[..whole].iter().copied().min().expect("one block at least"));
         if self.in_front && first.start == 0 {
             return Err(refused("there are no rows in front of the first block".into()));
         }
         let kept = if self.in_front { 0 } else { (gap / GAP_SHARE).max(1) };
         let free = gap - kept;
-        let trail_px = self.trail_px.unwrap_or(free).min(free);
-        if trail_px == 0 {
-            return Err(refused("there are no rows between the blocks".into()));
+        let trail_px = self.trail_px.unwrap_or(free);
+        if trail_px > free || free == 0 {
+            let problem = format!("{gap} rows lie behind each block, {free} of them free for a trail of {trail_px}");
+            return Err(refused(problem).with_help("give a smaller --trail-px, or --background-from front"));
         }
         let of_gap = |block: &Range<usize>| block.end + free..block.end + gap;
         let empty = rows.iter().map(|block| if self.in_front { 0..first.start } else { of_gap(block) }).collect();
-        Ok(Blocks { rows, empty, trail_px })
+        Ok(Blocks { rows: rows.to_vec(), empty, trail_px })
     }
 }
 
@@ -176,6 +180,12 @@ fn bright_rows(exposure: &Exposure) -> Vec<Range<usize>> {
     }
     blocks.retain(|block| block.end < exposure.rows);
     blocks
+}
+
+/// Rows behind each block, to the next or to the end of the image.
+fn gaps(blocks: &[Range<usize>], rows: usize) -> Vec<usize> {
+    let ends = blocks.iter().skip(1).map(|block| block.start).chain([rows]);
+    blocks.iter().zip(ends).map(|(block, end)| end - block.end).collect()
 }
 
 /// The level of no charge of some columns: their mean in some rows, e-.

@@ -40,7 +40,7 @@ const COLUMNS: [(&str, &str, &str); 23] = [
     ("half", "", "+1 if the bright pixel is nearer the register, -1 if it is farther"),
     ("flat_e", "electron", "charge of the flat field near the dipole"),
     ("phase_time_ms", "ms", "time of one phase"),
-    ("cycles", "", "pumping cycles"),
+    ("pumping_cycles", "", "cycles of trap pumping"),
     ("date", "", "time of the exposure"),
     ("t_yr", "yr", "time since launch"),
     ("dose_mev_g", "MeV / g", "dose of the traps"),

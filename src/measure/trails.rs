@@ -116,7 +116,7 @@ impl Trails {
     fn epochs(&self, seen: &[Seen]) -> Vec<usize> {
         let mut order: Vec<usize> = (0..seen.len()).collect();
         let key = |index: &usize| seen[*index].about.when.order();
-        order.sort_by(|a, b| key(a).partial_cmp(&key(b)).expect("times are finite"));
+        order.sort_by(|a, b| key(a).0.cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1)));
         let mut epochs = vec![0; seen.len()];
         for pair in order.windows(2) {
             let [before, after] = [pair[0], pair[1]].map(|index| seen[index].about.when);

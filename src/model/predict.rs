@@ -83,7 +83,7 @@ pub fn predict(model: &Model, questions: &[Question]) -> Result<Vec<f64>, InputE
             first_px: question.at.first_px,
             last_px: question.at.last_px,
             phase_time_ms: question.at.phase_time_ms,
-            cycles: question.at.cycles,
+            pumping_cycles: question.at.pumping_cycles,
             covariates: question.at.covariates.clone(),
             ..device.at.clone()
         };

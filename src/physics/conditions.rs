@@ -36,7 +36,7 @@ pub struct Conditions {
     /// Time of one phase of trap pumping, ms.
     pub phase_time_ms: Option<f64>,
     /// Cycles of trap pumping.
-    pub cycles: Option<f64>,
+    pub pumping_cycles: Option<f64>,
     /// Numeric columns that the model does not know, by name: formulas may.
     pub covariates: Vec<(String, f64)>,
 }
@@ -58,7 +58,7 @@ pub const NAMES: [&str; 16] = [
     "first_px",
     "last_px",
     "phase_time_ms",
-    "cycles",
+    "pumping_cycles",
 ];
 
 impl Conditions {
@@ -80,7 +80,7 @@ impl Conditions {
             first_px: None,
             last_px: None,
             phase_time_ms: None,
-            cycles: None,
+            pumping_cycles: None,
             covariates: Vec::new(),
         }
     }
@@ -134,7 +134,7 @@ impl Conditions {
             "first_px" => self.first_px.map(f64::from),
             "last_px" => self.last_px.map(f64::from),
             "phase_time_ms" => self.phase_time_ms,
-            "cycles" => self.cycles,
+            "pumping_cycles" => self.pumping_cycles,
             _ => self.covariates.iter().find(|(known, _)| known == name).map(|(_, value)| *value),
         }
     }

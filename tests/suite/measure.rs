@@ -322,6 +322,11 @@ fn what_is_missing_is_said_with_what_to_give() {
         ("eper", format!("{FLAT} --level-rows 201"), "give a smaller --level-rows"),
         ("trails", "--gain-keyword GAIN --dose-mev-g 1".into(), "give --bias-dn (0 if it is subtracted)"),
         ("trails", WARM.to_string(), "no trails can be measured"),
+        (
+            "injection",
+            format!("{INJECTED} --overscan-rows 24 --first-row 9 --block-px 9 --period-px 20 --trail-px 10"),
+            "9 of them free",
+        ),
         ("injection", format!("{INJECTED} --overscan-rows 24"), "there are no blocks of bright rows"),
         ("injection", format!("{INJECTED} --first-row 1 --block-px 9 --period-px 9"), "leave none between them"),
     ] {

@@ -15,10 +15,10 @@ pub(super) const CARD: Card = Card {
     name: "pumping_dipole",
     unit: "e-",
     label: "dipole of a trap [e⁻]",
-    requires: &["phase_time_ms", "cycles"],
-    conditions: &["phase_time_ms", "cycles", "t_yr", "dose_mev_g", "temperature_k"],
+    requires: &["phase_time_ms", "pumping_cycles"],
+    conditions: &["phase_time_ms", "pumping_cycles", "t_yr", "dose_mev_g", "temperature_k"],
     probe: Probe::Pumping(|release_ms, at| {
-        let cycles = at.cycles.expect("a dipole has cycles");
+        let cycles = at.pumping_cycles.expect("a dipole has cycles");
         dipole_e(cycles, 1.0, at.phase_time_ms.expect("a dipole has a phase time"), release_ms)
     }),
     least_sigma: 5.0,
