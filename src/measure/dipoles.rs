@@ -87,12 +87,7 @@ impl Dipoles {
             Ok(())
         })?;
         if rows.is_empty() {
-            let problem = format!(
-                "{candidates} pairs of pixels stand out beyond {} sigma, none of them in {} frames",
-                self.threshold_sigma, self.found_in
-            );
-            return Err(InputError::new("no dipoles can be measured", problem)
-                .with_help("give frames of other phase times, a lower --threshold-sigma or a smaller --found-in"));
+            return Err(self.nothing(candidates));
         }
         // One dipole after another.
         rows.sort_by_key(|(place, _)| *place);
@@ -106,6 +101,15 @@ impl Dipoles {
             measured.say("species", species);
         }
         Ok(measured)
+    }
+
+    fn nothing(&self, candidates: usize) -> InputError {
+        let problem = format!(
+            "{candidates} pairs of pixels stand out beyond {} sigma, none of them in {} frames",
+            self.threshold_sigma, self.found_in
+        );
+        InputError::new("no dipoles can be measured", problem)
+            .with_help("give frames of other phase times, a lower --threshold-sigma or a smaller --found-in")
     }
 
     /// Pairs of a frame that stand out, with +1 where the bright pixel is nearer the register, and -1 elsewhere.

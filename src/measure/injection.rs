@@ -2,11 +2,11 @@
 //!
 //! Behind each block is the trail of an edge, as behind a flat field ([`super::edge`]). Its first row is the packet that meets the traps
 //! as those before left them. The level of no charge is the mean of the last rows of the gap behind a block, where its trail has
-//! ended, or of the rows in front of the first block, which have lost charge if rows before them are empty. The charge of the block is the mean of its last rows, whose losses are made up by what traps release.
+//! ended, or of the rows in front of the first block, which have lost charge if rows before them are empty. The charge of the
+//! block is the mean of its last rows, whose losses are made up by what traps release.
 //!
 //! Blocks are found by their brightness if their rows are not given: rows whose median is above half of the brightest. Traps that
-//! hold charge for longer than the gap are partly filled by the block ahead; its charge and distance go into the table where the model
-//! knows them.
+//! hold charge for longer than the gap are partly filled by the block ahead, which the model of a lone block does not know.
 
 use std::ops::Range;
 
@@ -19,7 +19,6 @@ use super::statistic::{Mean, clipped, median};
 use super::table::Measurement;
 use super::{Found, Measured};
 use crate::error::InputError;
-use crate::physics::conditions;
 use crate::physics::observable::Observable;
 
 /// The part of a gap between blocks whose last rows tell the level of no charge.
@@ -75,7 +74,6 @@ impl Injection {
             for (number, (rows, empty)) in blocks.rows.iter().zip(&blocks.empty).enumerate() {
                 let level_rows = self.level_rows.unwrap_or(rows.len().div_ceil(2)).min(rows.len());
                 let block = Block { rows: rows.clone(), level_rows, trail_px: blocks.trail_px };
-                let ahead = number.checked_sub(1).map(|before| &blocks.rows[before]);
                 let groups = block.groups(&exposure, self.groups.max(1));
                 let used: usize = groups.iter().map(Vec::len).sum();
                 found.count("columns_used", used);
@@ -84,7 +82,7 @@ impl Injection {
                     let measured = level(&exposure, empty, &columns)
                         .and_then(|base| Some((base, block.edge(&exposure, &columns, base.value)?)));
                     let Some((base, edge)) = measured else { continue };
-                    let place = Place { exposure: &exposure, rows, ahead, number: number + 1, base };
+                    let place = Place { exposure: &exposure, rows, number: number + 1, base };
                     edges.extend(place.behind(&edge));
                     first.push(place.first(&edge));
                 }
@@ -202,7 +200,6 @@ fn words(rows: &Range<usize>) -> String {
 struct Place<'a> {
     exposure: &'a Exposure,
     rows: &'a Range<usize>,
-    ahead: Option<&'a Range<usize>>,
     number: usize,
     /// Level of no charge, e-.
     base: Mean,
@@ -239,10 +236,6 @@ impl Place<'_> {
             ("background_e", self.base.value.max(0.0)),
             ("transfers", (row + about.rows_before as usize) as f64),
         ]);
-        if let Some(ahead) = self.ahead.filter(|_| conditions::NAMES.contains(&"preceding_e")) {
-            conditions.push(("preceding_e", edge.signal.value * ahead.len() as f64));
-            conditions.push(("preceding_px", (self.rows.start - ahead.start) as f64));
-        }
         let mut measured = of(about, mean.value, sigma.hypot(self.base.sigma), mean);
         measured.from.insert(1, ("block", self.number));
         Measurement { conditions, ..measured }

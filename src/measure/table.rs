@@ -26,15 +26,13 @@ pub struct Measurement {
 }
 
 /// Columns of measurement files: name, unit, and what it is.
-const COLUMNS: [(&str, &str, &str); 23] = [
+const COLUMNS: [(&str, &str, &str); 21] = [
     ("trail_px", "pix", "pixel behind the charge; 1 is next to it"),
     ("signal_e", "electron", "charge before transfer, above the background"),
     ("sigma_signal_e", "electron", "1-sigma error of signal_e"),
     ("background_e", "electron", "background per pixel"),
     ("block_px", "pix", "rows of the block"),
     ("transfers", "", "parallel transfers"),
-    ("preceding_e", "electron", "charge of the block ahead"),
-    ("preceding_px", "pix", "rows from the block ahead"),
     ("row_px", "pix", "row of the first pixel, from 0, in the order of readout"),
     ("column_px", "pix", "column, from 0, in the order of readout"),
     ("half", "", "+1 if the bright pixel is nearer the register, -1 if it is farther"),
