@@ -16,7 +16,7 @@ flat-LEVEL-dirty.fits   The same with 1 % of pixel-to-pixel response, two hot co
 warm-N.fits             Warm pixels of 500 to 20000 e- (the same in all N) on 30 e- of background, 192 rows x 384
                         columns, 8 columns of overscan, 600 rows before.
 warm-dirty-N.fits       The same warm pixels with other noise, and: faint warm pixels of 20 to 200 e- in 2 % of all pixels, a
-                        background that grows from 25 to 35 e- along the columns, 120 cosmic rays in each frame, 1 % of each pixel's
+                        background that grows from 20 to 60 e- along the columns, 120 cosmic rays in each frame, 1 % of each pixel's
                         charge seen in each of its four neighbours (interpixel capacitance, after transfer).
 injection.fits          Blocks of 5 rows of 3000 e- every 40 rows from row 10 on, 10 % different from column to column; 200 rows x
                         64 columns, 8 columns of overscan, 300 rows before, 2 e- of background, 20 cosmic rays.
@@ -111,7 +111,7 @@ def warm():
         image = rng.poisson(hot + 30.0).astype(float)
         write("warm-%d.fits" % (frame + 1), add_noise(trailed(image, before), rng), "2024-01-%02d" % (frame + 1))
         rng = np.random.default_rng(320 + frame)
-        sky = np.linspace(25.0, 35.0, rows)[:, None]
+        sky = np.linspace(20.0, 60.0, rows)[:, None]
         image = rng.poisson(hot + faint + sky).astype(float)
         cosmic_rays(image, 120, rng)
         read = trailed(image, before)
