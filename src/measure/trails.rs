@@ -1,7 +1,7 @@
 //! Trails behind warm and hot pixels.
 //!
 //! A warm pixel holds the same charge in every exposure of its date, in one pixel alone, and nothing but background around it: a lone
-//! packet at a known place. Found in several exposures at the same place it is no cosmic ray ([`find`]).
+//! packet at a known place. Found in several exposures at the same place it is no cosmic ray (`find`).
 //!
 //! ```text
 //! T(k) = [q(r + k, c) − q(r − k, c)] − median over columns near c of the same difference
@@ -9,7 +9,7 @@
 //!
 //! is the charge in pixel k behind it. Trails are one-sided; faint neighbours, halos and charge seen by neighbours are alike on both
 //! sides, and go with the pixels in front. A background that grows along the columns goes with the columns beside. Trails are
-//! stacked in bins of signal, transfers and background; the error of a mean comes from the scatter between warm pixels ([`stack`]).
+//! stacked in bins of signal, transfers and background; the error of a mean comes from the scatter between warm pixels (`stack`).
 //!
 //! A value is T(k) over the charge before transfer, which is to first order what was read in the pixel and in its trail.
 //!
