@@ -169,7 +169,17 @@ fn base_fit(case: &Case, model: &Model, free: &[String], seed: u64) -> Result<No
         let options = fit::Options { seed, scan, ..fit::Options::default() };
         Node::fit(case, model, Vec::new(), free, &options)
     };
-    let mut best = fit(model, false)?;
+    // Far from the data what is free is no slope to a pedestal that takes all of it: from where there is none as well.
+    let data: Vec<DataSet> = case.data.iter().map(DataSet::without_pedestal).collect();
+    let level = Case { work: case.work.clone(), ..Case::of(&data) };
+    let near = Node::fit(&level, model, Vec::new(), free, &fit::Options { seed, scan: false, ..fit::Options::default() })?;
+    let mut best = fit(&near.model, false)?;
+    if !free.is_empty() {
+        let other = fit(model, false)?;
+        if other.chi2() < best.chi2() {
+            best = other;
+        }
+    }
     let clear = best.chi2() > best.freedom() + 4.0 * (2.0 * best.freedom()).sqrt();
     if free.is_empty() || !clear {
         return Ok(best);

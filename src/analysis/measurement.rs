@@ -167,6 +167,11 @@ impl DataSet {
         Ok(DataSet { file: table.name.clone(), observable, rows, varying, table, shared: Shared::default() })
     }
 
+    /// The same where no pedestal is allowed for.
+    pub(crate) fn without_pedestal(&self) -> DataSet {
+        DataSet { shared: Shared { pedestal: false, ..self.shared.clone() }, ..self.clone() }
+    }
+
     /// A condition, a covariate or a column of words of every row, as numbers; NaN where a row has none. Words are numbered
     /// in order of appearance.
     pub fn against(&self, name: &str) -> Vec<f64> {

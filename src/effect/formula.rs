@@ -121,8 +121,9 @@ impl Catalogued for Formula {
                   or density_per_px.NAME of one), cloud_height (0 to 1), charge_e (of every pixel before transfer), read_e \
                   (of every pixel as read), value (of all observables, or value.trail of one). `expression` gives its new \
                   value as a function of the old value (by the target's name), of the row's conditions (t_yr, dose_mev_g, \
-                  temperature_k, line_time_ms, background_e, transfers, signal_e, signal_read_e, preceding_e, preceding_px, trail_px, block_px, \
-                  first_px, last_px, phase_time_ms, pumping_cycles, and any other numeric column of the data) and of parameters, which are all other keys of the table. Operators and functions are \
+                  temperature_k, line_time_ms, background_e, transfers, signal_e, signal_read_e, preceding_e, \
+                  preceding_px, trail_px, block_px, first_px, last_px, phase_time_ms, pumping_cycles, and any other numeric \
+                  column of the data) and of parameters, which are all other keys of the table. Operators and functions are \
                   + - * / ^, comparisons, `if a { b } else { c }`, sqrt, exp, ln, log10, sin, cos, tan, asin, acos, atan, \
                   sinh, cosh, tanh, abs, floor, ceiling, round, min, max, hypot, and PI.",
         source: "the user",
