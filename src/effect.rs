@@ -171,6 +171,9 @@ pub trait Catalogued: Effect + DeserializeOwned + 'static {
         vec![vec![Self::example(mission)]]
     }
 
+    /// Kinds of which it is the general case: where it does no better, they are what is meant.
+    const GENERALISES: &'static [&'static str] = &[];
+
     /// Parameters that a search holds at the values of its trials: data do not tell them.
     fn held(_reach: &Reach) -> &'static [&'static str] {
         &[]
@@ -206,6 +209,8 @@ pub struct Entry {
     pub example: fn(&Mission) -> toml::Table,
     /// Where a search starts.
     pub trials: fn(&Mission, &Reach) -> Vec<Vec<toml::Table>>,
+    /// Kinds of which it is the general case.
+    pub generalises: &'static [&'static str],
     /// Parameters that a search holds.
     pub held: fn(&Reach) -> &'static [&'static str],
     read: fn(&toml::Table) -> Result<Arc<dyn Effect>, String>,
@@ -221,6 +226,7 @@ const fn entry<K: Catalogued>() -> Entry {
         nothing: K::nothing,
         example: K::example,
         trials: K::trials,
+        generalises: K::GENERALISES,
         held: K::held,
         read: |table| Ok(Arc::new(typed::<K>(table)?)),
         check: |table, mission| {

@@ -144,6 +144,9 @@ fn print_case(name: &str, truth: &Value, found: &Diagnosis, seconds: f64) {
             format!("{}({}) fa {:.0e}", step.effect, values.join(" "), step.false_alarm)
         })
         .collect();
+    for tried in found.tried.iter().take(4) {
+        eprintln!("       {} {:?}", tried.effect, tried.chi2);
+    }
     let last = found.steps.last().map_or(&found.baseline, |step| &step.rung);
     let (near, of) = judge::pulls(truth, found);
     let unstable: Vec<&str> = found.stability.iter().filter(|one| !one.holds).map(|one| one.change.as_str()).collect();

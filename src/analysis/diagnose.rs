@@ -54,7 +54,7 @@ use work::Work;
 const ELSEWHERE: usize = 3;
 
 /// Times that a search is repeated at most, each time with the errors that were told at the end of the one before.
-const ROUNDS: usize = 4;
+const ROUNDS: usize = 6;
 
 /// Finds out what a mission's model lacks.
 ///
@@ -120,8 +120,10 @@ impl Task<'_> {
         let free = if case.n() < self.options.free.len() { Vec::new() } else { self.options.free.clone() };
         (self.progress.stage)("numerics and base fit", 0);
         let (accurate, notes) = numerics::accurate(&case, self.mission)?;
-        let base = Arc::new(base_fit(&case, &Model::new(&accurate), &free, self.options.seed)?);
-        let search = Search::new(&case, &self.hypotheses, free, self.options.seed, self.progress);
+        let level: Vec<DataSet> = data.iter().map(DataSet::without_pedestal).collect();
+        let level = Case { work: self.work.clone(), ..Case::of(&level) };
+        let base = Arc::new(base_fit([&case, &level], &Model::new(&accurate), &free, self.options.seed)?);
+        let search = Search::new([&case, &level], &self.hypotheses, free, self.options.seed, self.progress);
         let split = holdout::split(&case);
         then(&Evidence { search: &search, options: self.options, base: &base, split: split.as_ref() }, notes)
     }
@@ -164,15 +166,14 @@ impl Task<'_> {
 }
 
 /// The fit of what is free: from elsewhere too where it does not explain the data.
-fn base_fit(case: &Case, model: &Model, free: &[String], seed: u64) -> Result<Node, InputError> {
+fn base_fit([case, level]: [&Case; 2], model: &Model, free: &[String], seed: u64) -> Result<Node, InputError> {
     let fit = |model: &Model, scan: bool| {
         let options = fit::Options { seed, scan, ..fit::Options::default() };
         Node::fit(case, model, Vec::new(), free, &options)
     };
     // Far from the data what is free is no slope to a pedestal that takes all of it: from where there is none as well.
-    let data: Vec<DataSet> = case.data.iter().map(DataSet::without_pedestal).collect();
-    let level = Case { work: case.work.clone(), ..Case::of(&data) };
-    let near = Node::fit(&level, model, Vec::new(), free, &fit::Options { seed, scan: false, ..fit::Options::default() })?;
+    let near =
+        Node::fit(level, model, Vec::new(), free, &fit::Options { seed, scan: false, ..fit::Options::default() })?;
     let mut best = fit(&near.model, false)?;
     if !free.is_empty() {
         let other = fit(model, false)?;

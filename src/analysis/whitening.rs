@@ -38,14 +38,16 @@ pub enum Neighbours {
     Rows,
 }
 
-/// The largest part of chi2 that a pedestal costs, C: three standard errors.
-const PEDESTAL: f64 = 9.0;
+/// The largest part of chi2 that a pedestal costs, C: less than an effect must bring to be claimed, or one would be claimed in place of
+/// a pedestal; more than a rival may be worse by, or one would have rivals that need a pedestal besides.
+const PEDESTAL: f64 = 12.0;
 
 /// Part of a column that others leave, below which it is none.
 const FLAT: f64 = 1e-5;
 
-/// Rows of a file below which nothing is told of a pedestal: one of a few values may be all that an effect does.
+/// Rows of a file, and of all, below which nothing is told of a pedestal: one of a few values may be all that an effect does.
 const FEW: usize = 4;
+const FEW_IN_ALL: usize = 8;
 
 /// A row, and the one before it in its trail with how many pixels lie between.
 pub(crate) type Link = Option<(usize, i32)>;
@@ -87,8 +89,11 @@ impl Whitening {
             first += set.rows.len();
         }
         let mut whitening = Whitening { before, pedestals: Vec::new() };
-        let pedestals =
-            data.iter().zip(ends).enumerate().filter(|(_, (set, (rows, _)))| set.shared.pedestal && rows.len() >= FEW);
+        let pedestals = data
+            .iter()
+            .zip(ends)
+            .enumerate()
+            .filter(|(_, (set, (rows, _)))| set.shared.pedestal && rows.len() >= FEW && first >= FEW_IN_ALL);
         let pedestals = pedestals.map(|(index, (set, (rows, range)))| {
             let mut constant = vec![0.0; whitening.before.len()];
             for (place, row) in range.clone().zip(rows) {
@@ -175,6 +180,12 @@ impl Whitening {
     /// How high each pedestal is, in its own error, in linear residuals.
     pub fn levels(&self, linear: &[f64]) -> Vec<f64> {
         self.pedestals.iter().map(|pedestal| pedestal.level(linear)).collect()
+    }
+
+    /// What pedestals that are beyond noise cost in chi2 all together, at their levels.
+    pub fn cost(&self, levels: &[f64]) -> f64 {
+        let of = |level: &f64| level * level / (1.0 + level * level / PEDESTAL);
+        levels.iter().filter(|level| *level * *level > PEDESTAL).map(of).sum()
     }
 
     /// Data set, value and error of each pedestal, in the unit of the values, in linear residuals of a fit with those

@@ -48,6 +48,8 @@ impl Catalogued for SignalRinging {
         ],
     };
 
+    const GENERALISES: &'static [&'static str] = &["signal-bounce"];
+
     fn nothing(_: &Mission) -> toml::Table {
         table(0.0, 4.0, 5.0)
     }

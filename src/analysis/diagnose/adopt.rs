@@ -42,7 +42,7 @@ impl Evidence<'_> {
         let parent = self.without(node, place)?;
         let noise = Noise::left_at(self.case(), node);
         let null = self.search.null(&parent, &noise);
-        Ok(null.false_alarm(node.added[place].hypothesis, parent.chi2() - node.chi2()))
+        Ok(null.false_alarm(node.added[place].hypothesis, parent.gain_of(node.chi2(), node.chi2_of_rows())))
     }
 
     /// Whether a model also foretells rows that were left out better than without one of its effects.

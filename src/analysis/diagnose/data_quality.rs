@@ -18,6 +18,9 @@ const NO_ACCIDENT: f64 = 1e-5;
 const ODD_SIGMA: f64 = 5.0;
 const ONE_IN: usize = 20;
 
+/// Standard deviations of chi2 within which a model nearly explains all other rows: it is fitted again without them.
+const NEARLY: f64 = 5.0;
+
 /// Share of a row's residual that free parameters take, from which on one of them hangs on it.
 const HANGS_ON_IT: f64 = 0.3;
 
@@ -152,13 +155,13 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
     let mut clear: Vec<usize> = (0..case.n()).filter(|row| size(*row) > ODD_SIGMA && !hangs(row)).collect();
     clear.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
     // What effects leave in several rows may be what they cannot explain: a gain that drifts, in the brightest packets.
-    let most = [usize::MAX, 1, 0][node.added.len().min(2)];
-    clear.truncate(most.min(case.n() / ONE_IN));
+    let most = if node.added.len() < 2 { case.n() / ONE_IN } else { 0 };
+    clear.truncate(most);
     let explained = |rows: &[usize]| {
         let off = holdout::left_out(node, rows)?;
         let fall: f64 = rows.iter().zip(off.iter()).map(|(&row, off)| node.residuals[row] * off).sum();
         let freedom = node.freedom() - rows.len() as f64;
-        (node.chi2() - fall < freedom + 3.0 * (2.0 * freedom).sqrt()).then_some((fall, off))
+        (node.chi2_of_rows() - fall < freedom + NEARLY * (2.0 * freedom).sqrt()).then_some((fall, off))
     };
     let least = (1..=clear.len()).find_map(|count| explained(&clear[..count]).map(|found| (&clear[..count], found)));
     let (rows, (fall, off)) = least?;

@@ -81,6 +81,13 @@ impl<'a> Case<'a> {
         DVector::from_vec(self.whitening.linear(&self.over_sigma(values)))
     }
 
+    /// What pedestals cost in chi2 at a model; 0 where it has no value.
+    pub fn pedestals_cost(&self, model: &Model) -> f64 {
+        let predicted = self.predict_sigma(model);
+        let residuals = predicted.map(|predicted| self.white(&self.values) - predicted);
+        residuals.map_or(0.0, |residuals| self.whitening.cost(&self.whitening.levels(residuals.as_slice())))
+    }
+
     /// By how much another model's predictions are larger than a fitted one's, as residuals feel it.
     ///
     /// # Errors
@@ -138,6 +145,7 @@ pub(super) struct Node {
     pub residuals: DVector<f64>,
     /// How high the pedestals are, in their errors.
     levels: Vec<f64>,
+    pedestals_cost: f64,
     /// Orthonormal directions that the free parameters can absorb, `[(row, direction)]`.
     pub basis: DMatrix<f64>,
 }
@@ -158,7 +166,8 @@ impl Node {
         let residuals = DVector::from_vec(case.whitening.residuals(&case.over_sigma(&off)));
         let levels = case.whitening.levels(case.white(&off).as_slice());
         let basis = orthonormal(&fit.jacobian);
-        Ok(Node { added, model, fit, residuals, levels, basis })
+        let pedestals_cost = case.whitening.cost(&levels);
+        Ok(Node { added, model, fit, residuals, levels, pedestals_cost, basis })
     }
 
     /// Whether a file's mean residual is beyond what noise makes.
@@ -172,6 +181,17 @@ impl Node {
 
     pub fn chi2(&self) -> f64 {
         self.fit.chi2
+    }
+
+    /// chi2 without what pedestals cost in a choice between models: that of the rows.
+    pub fn chi2_of_rows(&self) -> f64 {
+        self.chi2() - self.pedestals_cost
+    }
+
+    /// By how much chi2 falls to that of another model, what is saved by doing without pedestals not counted: that they are there needs
+    /// no effect.
+    pub fn gain_of(&self, chi2: f64, chi2_of_rows: f64) -> f64 {
+        (self.chi2() - chi2).min(self.chi2_of_rows() - chi2_of_rows)
     }
 
     /// Rows that are left when every free parameter has taken one.

@@ -153,6 +153,11 @@ impl Hypothesis {
         SEVERAL.contains(&self.kind) && self.own.is_none()
     }
 
+    /// Whether another is a special case of it.
+    pub(super) fn generalises(&self, other: &Hypothesis) -> bool {
+        self.own.is_none() && effect::find(self.kind).is_some_and(|entry| entry.generalises.contains(&other.kind))
+    }
+
     /// Parameters of a table of this effect that are to be fitted, as dotted keys below that of the table.
     pub fn free(&self, key: &str, table: &Table, reach: &Reach) -> Vec<String> {
         let fitted = |number: &Number| number.value.is_float() && !self.is_held(number.name, reach);

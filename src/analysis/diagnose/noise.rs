@@ -157,7 +157,8 @@ pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, k
     let of = |(index, set): (usize, &DataSet)| {
         let rows = case.rows(index);
         if rows.len() < FEW {
-            return SetNoise::as_quoted(set);
+            let wrong = by_model(&known[index]);
+            return SetNoise { wrong, ..SetNoise::as_quoted(set) };
         }
         let model = &node.fit.values[rows.clone()];
         let as_quoted = |signature: &DVector<f64>| {
@@ -176,7 +177,7 @@ pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, k
 
 /// The errors of one file, told from its residuals (in quoted errors) about what is smooth.
 fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known: &SetNoise) -> SetNoise {
-    let mut wrong: Vec<WrongRow> = known.wrong.iter().filter(|wrong| wrong.by_model).copied().collect();
+    let mut wrong: Vec<WrongRow> = by_model(known);
     for (row, off_sigma) in wrong_rows::of(residuals, smooth) {
         if wrong.iter().all(|known| known.row != row) {
             wrong.push(WrongRow { row, line: set.table.lines.get(row).copied(), off_sigma, by_model: false });
@@ -202,6 +203,11 @@ fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known:
         freedom: (!believed).then_some(found.freedom),
         ..SetNoise::as_quoted(set)
     }
+}
+
+/// Rows that are wrong as a model tells that explains all others.
+fn by_model(noise: &SetNoise) -> Vec<WrongRow> {
+    noise.wrong.iter().filter(|wrong| wrong.by_model).copied().collect()
 }
 
 /// Scatter from row to row beyond which errors are not enlarged: what is left of a strong effect where it is not smooth is no

@@ -69,6 +69,11 @@ fn around(told: &Evidence, node: &Arc<Node>) -> Result<(Vec<Rival>, Vec<Note>), 
                 continue;
             }
             let rival = told.search.settled(&*told.search.node(sketch, &parent)?)?;
+            let [general, special] = [sketch.last(), added.hypothesis].map(|place| &told.search.hypotheses[place]);
+            // Another name of the same.
+            if general.generalises(special) && rival.chi2() > node.chi2() - margin {
+                continue;
+            }
             // Each parameter takes 1 from chi2 in the mean, whether it is needed or not.
             let freedom = node.fit.parameters.len() as f64 - rival.fit.parameters.len() as f64;
             if rival.chi2() < node.chi2() + margin + 2.0 * freedom.max(0.0) + freedom.min(0.0) {

@@ -40,6 +40,8 @@ pub(super) struct Sketch {
     pub added: Vec<Added>,
     pub mission: Mission,
     pub chi2: f64,
+    /// The same without what pedestals cost.
+    pub chi2_of_rows: f64,
 }
 
 impl Sketch {
@@ -88,6 +90,8 @@ impl Expansion {
 /// All that stays the same during a search.
 pub(super) struct Search<'a> {
     pub case: &'a Case<'a>,
+    /// The same data without pedestals.
+    pub level_case: &'a Case<'a>,
     pub hypotheses: &'a [Hypothesis],
     /// Keys that are free from the start.
     pub base: Vec<String>,
@@ -97,11 +101,12 @@ pub(super) struct Search<'a> {
     nodes: Mutex<Vec<Arc<Node>>>,
     settled: Mutex<Vec<Arc<Node>>>,
     expansions: Mutex<Vec<Arc<Expansion>>>,
+    levels: Mutex<Vec<Arc<Node>>>,
 }
 
 impl<'a> Search<'a> {
     pub fn new(
-        case: &'a Case<'a>,
+        [case, level_case]: [&'a Case<'a>; 2],
         hypotheses: &'a [Hypothesis],
         base: Vec<String>,
         seed: u64,
@@ -109,6 +114,8 @@ impl<'a> Search<'a> {
     ) -> Search<'a> {
         Search {
             case,
+            level_case,
+            levels: Mutex::default(),
             hypotheses,
             base,
             seed,
@@ -169,6 +176,7 @@ impl<'a> Search<'a> {
         let (last, before) = hypotheses.split_last().expect("not empty");
         let parent = self.with(base, before)?;
         let trials = self.hypotheses[*last].trials(*last, self.case, &parent);
+        self.make_level(&parent);
         let sketch = self
             .sketch(&parent, &trials)
             .ok_or_else(|| InputError::new("cannot diagnose", "an effect that was there has no trial any more"))?;
@@ -207,6 +215,7 @@ impl<'a> Search<'a> {
             self.progress.step();
             sketch
         };
+        self.make_level(&expansion.node);
         let mut sketches: Vec<Sketch> = wanted.par_iter().filter_map(sketch).collect();
         sketches.sort_by(|a, b| a.chi2.total_cmp(&b.chi2).then(a.last().cmp(&b.last())));
         sketches
@@ -225,7 +234,42 @@ impl<'a> Search<'a> {
             self.sketch_of(node, &[(trial, strength)])
         });
         let fitted: Vec<Option<Sketch>> = fitted.collect();
-        fitted.into_iter().flatten().min_by(|a, b| a.chi2.total_cmp(&b.chi2))
+        let level = wanted.first().and_then(|trial| self.sketch_from_level(node, trial.hypothesis));
+        fitted.into_iter().flatten().chain(level).min_by(|a, b| a.chi2.total_cmp(&b.chi2))
+    }
+
+    /// The same from where files have no pedestals. One that a model seems to need which lacks an effect hides what the effect does,
+    /// and is no slope that a fit could follow. None where the model has none.
+    fn sketch_from_level(&self, node: &Node, place: usize) -> Option<Sketch> {
+        let level = self.level(node)?;
+        let trials = self.hypotheses[place].trials(place, self.level_case, &level);
+        let mut order: Vec<&Trial> = trials.iter().collect();
+        let gain = |trial: &Trial| trial.gain_in_reach(&level.residuals);
+        order.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+        let fitted = order.into_iter().take(FITTED).filter_map(|trial| {
+            let strength = trial.strength(&level.residuals).clamp(0.1, FARTHEST);
+            let scaled = self.hypotheses[place].scaled(level.mission(), &trial.table, strength);
+            let table = scaled.map_or_else(|| trial.table.clone(), |(table, _)| table);
+            self.fit_roughly(&level, std::iter::once((place, table)), true)
+        });
+        fitted.min_by(|a, b| a.chi2.total_cmp(&b.chi2))
+    }
+
+    /// A model fitted to files that have no pedestals, as far as that was done (`make_level`).
+    fn level(&self, node: &Node) -> Option<Arc<Node>> {
+        let levels = self.levels.lock().expect("nobody panics");
+        levels.iter().find(|known| node.has_pedestal() && known.set() == node.set()).cloned()
+    }
+
+    /// Fits a model to files that have no pedestals, where it needs some; not while others run in parallel.
+    fn make_level(&self, node: &Node) {
+        if !node.has_pedestal() || self.level(node).is_some() {
+            return;
+        }
+        let options = fit::Options { scan: false, moments: false, ..fit::Options::default() };
+        if let Ok(level) = Node::fit(self.level_case, &node.model, node.added.clone(), &self.base, &options) {
+            self.levels.lock().expect("nobody panics").push(Arc::new(level));
+        }
     }
 
     /// The rough fit of some trials together, each from so many times as strong as its table.
@@ -239,10 +283,6 @@ impl<'a> Search<'a> {
             let as_given = |(trial, _): &(&Trial, f64)| (trial.hypothesis, trial.table.clone());
             self.fit_roughly(node, trials.iter().map(scaled), false)
                 .or_else(|| self.fit_roughly(node, trials.iter().map(as_given), false))
-                .into_iter()
-                // A pedestal that a model lacking the effect seems to need is no slope to follow: without it as well.
-                .chain(node.has_pedestal().then(|| self.fit_roughly(node, trials.iter().map(scaled), true)).flatten())
-                .min_by(|a, b| a.chi2.total_cmp(&b.chi2))
         };
         let sketch = from(1.0)?;
         // More effects cannot do worse: the start was too far away.
@@ -272,7 +312,9 @@ impl<'a> Search<'a> {
         } else {
             problem(&model)?.sketch(&node.fit.jacobian).ok()?
         };
-        chi2.is_finite().then_some(Sketch { added, mission, chi2 })
+        // Only where the model has pedestals does one need to know of them.
+        let cost = if node.has_pedestal() { self.case.pedestals_cost(&model.like(&mission)) } else { 0.0 };
+        chi2.is_finite().then_some(Sketch { added, mission, chi2, chi2_of_rows: chi2 - cost })
     }
 
     /// A mission with one more effect. Keys of an effect that gets company of its kind get numbers.

@@ -176,9 +176,13 @@ impl Null {
         if beyond >= ENOUGH {
             return beyond as f64 / known.len() as f64;
         }
+        // Where free parameters absorb it, to first order, noise gains nothing.
+        let law = ChiSquared::new(self.freedom[hypothesis]).expect("above 0");
+        if known[known.len() - 1] <= 0.0 {
+            return law.sf(gain);
+        }
         // Beyond the simulations, as a chi2 distribution falls from the last that is well known.
         let last = known[known.len() - ENOUGH];
-        let law = ChiSquared::new(self.freedom[hypothesis]).expect("above 0");
         let at_last = ENOUGH as f64 / known.len() as f64;
         if last <= 0.0 { at_last * law.sf(gain) } else { at_last * (law.sf(gain) / law.sf(last)).min(1.0) }
     }

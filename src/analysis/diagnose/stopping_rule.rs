@@ -30,7 +30,9 @@ impl Evidence<'_> {
         let near: Vec<usize> =
             expansion.promising().into_iter().filter(|&place| alarm(place, expansion.gain(place)) < NEAR).collect();
         let sketches = self.search.sketches(&expansion, &near);
-        let calls = |sketch: &Sketch| alarm(sketch.last(), node.chi2() - sketch.chi2) < SEARCH * self.level(node);
+        let calls = |sketch: &Sketch| {
+            alarm(sketch.last(), node.gain_of(sketch.chi2, sketch.chi2_of_rows)) < SEARCH * self.level(node)
+        };
         Ok(!sketches.iter().any(calls))
     }
 
@@ -38,11 +40,11 @@ impl Evidence<'_> {
     pub(super) fn mere_noise(&self, node: &Arc<Node>) -> Result<Option<Null>, InputError> {
         let noise = Noise::of(self.case());
         // By the textbook first: far beyond it nothing need be simulated.
-        if noise.is_as_quoted() && node.chi2() > node.freedom() + 8.0 * (2.0 * node.freedom()).sqrt() {
+        if noise.is_as_quoted() && node.chi2_of_rows() > node.freedom() + 8.0 * (2.0 * node.freedom()).sqrt() {
             return Ok(None);
         }
         let null = self.search.null(node, &noise);
-        if null.chi2_above(node.chi2()) < CHI2 * self.level(node) {
+        if null.chi2_above(node.chi2_of_rows()) < CHI2 * self.level(node) {
             return Ok(None);
         }
         let validation = validate(node.mission(), self.case().data, self.options.seed)?;
