@@ -404,6 +404,8 @@ pub enum ReadoutMethod {
 pub struct FitSettings {
     /// Dotted keys.
     pub free: Vec<String>,
+    /// Systematic error of every measured value (1 σ), as a share of the value.
+    pub floor: f64,
 }
 
 /// A day; TOML's local date.

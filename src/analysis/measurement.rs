@@ -4,6 +4,7 @@
 //! does not know are kept, so that residuals can be looked at against them too.
 
 mod condition_errors;
+mod floor;
 mod units;
 
 use std::path::Path;
@@ -42,7 +43,7 @@ pub struct DataSet {
 pub struct Row {
     /// The value, in the observable's unit.
     pub value: f64,
-    /// Its 1-sigma error, those of conditions included.
+    /// Its 1-sigma error, floors and those of conditions included.
     pub sigma: f64,
     /// The conditions that are believed in; numeric columns that the model does not know are covariates.
     pub at: Conditions,
@@ -138,7 +139,7 @@ fn slip_of(name: &str) -> Option<&'static str> {
 }
 
 /// Columns that are neither conditions nor covariates.
-const OTHERS: [&str; 6] = ["value", "sigma", "galaxy", "date", "mjd", "jd"];
+const OTHERS: [&str; 7] = ["value", "sigma", "floor", "galaxy", "date", "mjd", "jd"];
 
 impl DataSet {
     /// Reads a measurement file, ECSV or CSV, for a mission.
@@ -270,6 +271,7 @@ impl Reader<'_> {
             let help = "leave the row out, or give the error that the scatter of the data tells";
             return Err(self.table.fault(Some(row), Some("sigma"), problem).with_help(help));
         }
+        let sigma = self.above_floors(row, value, sigma)?;
         let galaxy = self.galaxy(row)?;
         let species = self.species(row)?;
         let name = |galaxy: usize| ("galaxy".to_string(), self.mission.galaxies[galaxy].name.clone());

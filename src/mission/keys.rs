@@ -397,6 +397,16 @@ pub const KEYS: &[Key] = &[
         Default("0.1"),
     ),
     key("fit.free", "free parameter of a fit", "", Texts, Default("[]")),
+    Key {
+        help: percentage,
+        ..key(
+            "fit.floor",
+            "systematic error (1 sigma) as a fraction of each measured value",
+            "",
+            Number(0.0, 1.0),
+            Default("0.0"),
+        )
+    },
 ];
 
 /// A fraction below 1.

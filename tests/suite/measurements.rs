@@ -213,3 +213,43 @@ fn errors_of_conditions_are_kept_in_the_units_of_the_conditions() {
     refused("signal_e,sigma_seeing", "800,3", "is the error of no condition");
     refused("signal_e,sigma_signal_e", "800,-3", "a number from 0 on");
 }
+
+/// σ² = σ_row² + floor² + (share value)², the floor of the file as a number of `meta` or a column of any unit.
+#[test]
+fn floors_enlarge_errors_in_squares() {
+    let read = |meta: &str, columns: &str, cells: &str, mission: &Mission| {
+        let text = format!(
+            "# observable: trail\n# t_yr: 3.0\n# signal_e: 800\n{meta}trail_px,value,sigma{columns}\n\
+             1,0.01,0.001{cells}\n2,-0.02,0.001{cells}\n"
+        );
+        DataSet::of(Table::parse("trail.csv", &text).unwrap(), mission)
+    };
+    let share = mission().with(&[("fit.floor".into(), 0.2.into())]).unwrap();
+    for (mission, meta, columns, cells, parts) in [
+        (mission(), "", "", "", [0.0, 0.0]),
+        (mission(), "# floor: 0.0012\n", "", "", [0.0012, 0.0]),
+        (mission(), "", ",floor [%]", ",0.12", [0.0012, 0.0]),
+        (share.clone(), "", "", "", [0.0, 0.2]),
+        (share, "# floor: 0.0012\n", "", "", [0.0012, 0.2]),
+    ] {
+        let set = read(meta, columns, cells, &mission).unwrap();
+        for row in &set.rows {
+            let expected: f64 = 1e-6 + parts[0] * parts[0] + (parts[1] * row.value).powi(2);
+            assert!((row.sigma / expected.sqrt() - 1.0).abs() < 1e-12, "{}, {expected}", row.sigma);
+            assert!(row.at.covariates.is_empty());
+        }
+        assert_eq!(set.varying, ["trail_px"]);
+    }
+    for (meta, said) in [
+        ("# floor: -0.1\n", "the floor of errors is a number from 0 on; this is -0.1"),
+        ("# floor: wide\n", "a number is needed here"),
+        ("# floor: nan\n", "the floor of errors is a number from 0 on"),
+    ] {
+        let error = read(meta, "", "", &mission()).unwrap_err().to_string();
+        assert!(error.contains(said) && error.contains("meta.floor"), "{error}");
+    }
+    for (floor, said) in [(-0.1, "0 to 1"), (1.5, "1.5 % is 0.015")] {
+        let error = mission().with(&[("fit.floor".into(), floor.into())]).unwrap_err().to_string();
+        assert!(error.contains(said), "{error}");
+    }
+}

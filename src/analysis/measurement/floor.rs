@@ -1,0 +1,38 @@
+//! Floors of systematic errors: what no number of measurements averages away.
+//!
+//! ```text
+//! σ² = σ_row² + floor² + (share value)²
+//! ```
+//!
+//! `floor` is that of the file (`meta.floor`, in the unit of the value), `share` that of the mission (`[fit] floor`). Both are
+//! taken as independent from row to row, and add in squares.
+
+use super::Reader;
+use super::units::Unit;
+use crate::error::InputError;
+
+impl Reader<'_> {
+    /// The error of a row's value (both in the observable's unit) with the floors of the file and of the mission.
+    ///
+    /// # Errors
+    /// Where the file's floor is no number from 0 on.
+    pub(super) fn above_floors(&self, row: usize, value: f64, sigma: f64) -> Result<f64, InputError> {
+        let relative = self.mission.fit.floor * value;
+        Ok(sigma.hypot(self.floor(row)?).hypot(relative))
+    }
+
+    /// The file's floor, in the observable's unit: a column where there is one, else `meta.floor`, else 0.
+    fn floor(&self, row: usize) -> Result<f64, InputError> {
+        let unit = Unit::of(self.observable);
+        let Some((floor, place)) = self.number_by(row, "floor", unit, |conversion, theirs| conversion.scale(theirs))?
+        else {
+            return Ok(0.0);
+        };
+        if floor.is_finite() && floor >= 0.0 {
+            return Ok(floor);
+        }
+        let problem = format!("the floor of errors is a number from 0 on; this is {floor}{}", unit.behind());
+        let help = "give the systematic error of each value (1 sigma), in the unit of the value";
+        Err(self.table.fault(Some(row), Some(&place), problem).with_help(help))
+    }
+}
