@@ -7,26 +7,36 @@ use serde::Deserialize;
 use super::reach::ratios;
 use super::{Card, Catalogued, Effect, Reach, numbers};
 use crate::mission::Mission;
-use crate::mission::keys::{self, Need::Required, key};
+use crate::mission::keys::{self, FRACTION, Key, Need::Optional, Need::Required, key, percentage};
 use crate::physics::{Damage, Loss};
 
 /// `[effects.annealing]`
 #[derive(Debug, Deserialize)]
 pub struct Annealing {
     time_yr: f64,
+    /// Fraction of the traps that never disappears.
+    #[serde(default)]
+    remaining: f64,
 }
 
 impl Catalogued for Annealing {
     const CARD: Card = Card {
         kind: "annealing",
         adds: "first-order annealing: each trap disappears with a time constant, counted from its creation",
-        physics: "ρ(t) = (ρ_ref/D_ref) ∫ D'(s) exp(−(t − s)/time_yr) ds. Traps at launch count from launch, those of a \
-                  laboratory dose from the irradiation (t_yr = 0).",
+        physics: "ρ(t) = (ρ_ref/D_ref) ∫ D'(s) (r + (1 − r) exp(−(t − s)/time_yr)) ds with r = remaining. Traps at launch count \
+                  from launch, those of a laboratory dose from the irradiation (t_yr = 0).",
         source: "first-order kinetics: Srour et al. 2003 (IEEE TNS 50, 653), section II",
-        holds: "At the operating temperature, the same for all species. time_yr = inf means no annealing.",
+        holds: "At the operating temperature, the same for all species. time_yr = inf means no annealing. \
+                Annealing that saturates leaves the fraction remaining; a search adds annealing without it.",
         residuals: "The model's trails and losses become too large as the mission goes on, most of all in quiet years. The \
                     dose is correct.",
-        keys: &[key("time_yr", "time constant", "yr", keys::Allowed::Positive(0.0, f64::INFINITY), Required)],
+        keys: &[
+            key("time_yr", "time constant", "yr", keys::Allowed::Positive(0.0, f64::INFINITY), Required),
+            Key {
+                help: percentage,
+                ..key("remaining", "fraction of the traps that never disappears (0 if absent)", "", FRACTION, Optional)
+            },
+        ],
     };
 
     fn nothing(_: &Mission) -> toml::Table {
@@ -34,7 +44,7 @@ impl Catalogued for Annealing {
     }
 
     fn example(_: &Mission) -> toml::Table {
-        numbers(&[("time_yr", 4.0)])
+        numbers(&[("time_yr", 4.0), ("remaining", 0.2)])
     }
 
     fn trials(_: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
@@ -48,7 +58,10 @@ impl Effect for Annealing {
     fn damage(&self, damage: &mut Damage) {
         if self.time_yr.is_finite() {
             let rate_per_yr = 1.0 / self.time_yr;
-            let survives = move |made_yr: f64, now_yr: f64| (-(now_yr - made_yr) * rate_per_yr).exp();
+            let remaining = self.remaining;
+            let survives = move |made_yr: f64, now_yr: f64| {
+                remaining + (1.0 - remaining) * (-(now_yr - made_yr) * rate_per_yr).exp()
+            };
             damage.losses.push(Loss { on_yr: None, survives: Arc::new(survives) });
         }
     }

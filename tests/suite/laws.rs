@@ -1,6 +1,6 @@
 //! What every effect of the catalogue promises, asked of each.
 
-use ctiplan::effect::{CATALOGUE, Entry};
+use ctiplan::effect::{CATALOGUE, Entry, Reach};
 use ctiplan::evaluate;
 use ctiplan::mission::Mission;
 use ctiplan::model::{Beside, Device, Model};
@@ -251,6 +251,47 @@ fn annealing_and_bakeouts_are_those_known_on_paper() {
         let found = density(bakeout, t_yr);
         assert!((found / (per_year * years) - 1.0).abs() < 1e-9, "{t_yr}: {found}");
     }
+}
+
+/// Annealing that saturates has a closed form at a constant dose rate, at launch and after a dose given at once.
+#[test]
+fn traps_that_remain_are_those_known_on_paper() {
+    let model = |effects: &str| Model::new(&mission(&format!("\n[effects.prelaunch-traps]\nVV = 0.01\n{effects}")));
+    let per_year = model("").traps(1.0).unwrap()[1].density_per_px - 0.01;
+    for (time_yr, t_yr) in [(4.0, 3.0), (0.01, 3.0), (300.0, 15.0), (4.0, 0.4)] {
+        let decayed = f64::exp(-t_yr / time_yr);
+        let young_yr = time_yr * (1.0 - decayed);
+        // What is made in the mission, as years of it, and what is left of one trap of t = 0.
+        let laws = [
+            (format!("[effects.annealing]\ntime_yr = {time_yr:?}\n"), young_yr, decayed),
+            (
+                format!("[effects.annealing]\ntime_yr = {time_yr:?}\nremaining = 0.3\n"),
+                0.3 * t_yr + 0.7 * young_yr,
+                0.3 + 0.7 * decayed,
+            ),
+        ];
+        for (effects, years, left) in laws {
+            let model = model(&effects);
+            let close = |found: f64, expected: f64| {
+                assert!((found / expected - 1.0).abs() < 1e-9, "{effects}{t_yr}: {found}, {expected}");
+            };
+            close(model.traps(t_yr).unwrap()[1].density_per_px, per_year * years + 0.01 * left);
+            let at_once = Conditions { dose_mev_g: Some(model.dose_mev_g(1.0).unwrap()), ..model.conditions(t_yr) };
+            close(model.device(&at_once).unwrap().traps[1].density_per_px, (per_year + 0.01) * left);
+        }
+    }
+    let error =
+        Mission::parse(&format!("{}[effects.annealing]\ntime_yr = 1.0\nremaining = 30\n", mission("").to_toml()));
+    assert!(error.unwrap_err().to_string().contains("30 % is 0.3"));
+}
+
+/// A search does not free a fraction that remains: it starts from tables without it.
+#[test]
+fn trials_of_annealing_leave_nothing_over() {
+    let annealing = CATALOGUE.iter().find(|entry| entry.card.kind == "annealing").unwrap();
+    let at = Model::new(&mission("")).conditions(5.0);
+    let trials = (annealing.trials)(&mission(""), &Reach::of([at].iter()));
+    assert!(trials.len() > 3 && trials.iter().flatten().all(|table| table.keys().eq(["time_yr"])));
 }
 
 /// Change of shape of the first galaxy, over the whole grid of sub-pixel positions: nothing is left out for the sake of symmetry.
