@@ -21,6 +21,7 @@ mod preflash;
 mod prelaunch_traps;
 mod reach;
 mod release_continuum;
+mod reverse_annealing;
 mod serial_traps;
 mod signal_bounce;
 mod signal_ringing;
@@ -46,7 +47,7 @@ use crate::readout::Cloud;
 pub use reach::Reach;
 
 /// All effects there are, in the order in which the physics happens.
-pub static CATALOGUE: [Entry; 20] = [
+pub static CATALOGUE: [Entry; 21] = [
     entry::<solar_cycle::SolarCycle>(),
     entry::<cycle::Cycle>(),
     entry::<solar_flare::SolarFlare>(),
@@ -54,6 +55,7 @@ pub static CATALOGUE: [Entry; 20] = [
     entry::<dose_scale::DoseScale>(),
     entry::<prelaunch_traps::PrelaunchTraps>(),
     entry::<annealing::Annealing>(),
+    entry::<reverse_annealing::ReverseAnnealing>(),
     entry::<bakeout::Bakeout>(),
     entry::<extra_species::ExtraSpecies>(),
     entry::<release_continuum::ReleaseContinuum>(),

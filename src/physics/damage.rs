@@ -62,16 +62,16 @@ pub struct Damage {
     pub traps_per_dose: f64,
     /// Traps per pixel at launch, by the name of their species.
     pub at_launch_per_px: Vec<(String, f64)>,
-    /// Ways in which traps disappear.
+    /// Ways in which traps disappear, or become more.
     pub losses: Vec<Loss>,
 }
 
-/// A way in which traps disappear.
+/// A way in which traps disappear, or become more.
 #[derive(Clone)]
 pub struct Loss {
     /// When it happens, in years since launch, where it happens at once.
     pub on_yr: Option<f64>,
-    /// Fraction left at a time (second argument) of the traps made at an earlier one (first), years since launch.
+    /// Number at a time (second argument) of the traps made at an earlier one (first), over that at first; years since launch.
     pub survives: Arc<dyn Fn(f64, f64) -> f64 + Send + Sync>,
 }
 

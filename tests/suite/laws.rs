@@ -253,9 +253,9 @@ fn annealing_and_bakeouts_are_those_known_on_paper() {
     }
 }
 
-/// Annealing that saturates has a closed form at a constant dose rate, at launch and after a dose given at once.
+/// Annealing that saturates and reverse annealing have closed forms at a constant dose rate, at launch and after a dose given at once.
 #[test]
-fn traps_that_remain_are_those_known_on_paper() {
+fn traps_that_remain_and_traps_that_grow_are_those_known_on_paper() {
     let model = |effects: &str| Model::new(&mission(&format!("\n[effects.prelaunch-traps]\nVV = 0.01\n{effects}")));
     let per_year = model("").traps(1.0).unwrap()[1].density_per_px - 0.01;
     for (time_yr, t_yr) in [(4.0, 3.0), (0.01, 3.0), (300.0, 15.0), (4.0, 0.4)] {
@@ -268,6 +268,11 @@ fn traps_that_remain_are_those_known_on_paper() {
                 format!("[effects.annealing]\ntime_yr = {time_yr:?}\nremaining = 0.3\n"),
                 0.3 * t_yr + 0.7 * young_yr,
                 0.3 + 0.7 * decayed,
+            ),
+            (
+                format!("[effects.reverse-annealing]\ntime_yr = {time_yr:?}\ngrowth = 1.7\n"),
+                2.7 * t_yr - 1.7 * young_yr,
+                2.7 - 1.7 * decayed,
             ),
         ];
         for (effects, years, left) in laws {
