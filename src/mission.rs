@@ -68,6 +68,8 @@ pub struct Imported {
     pub dose_depth: Vec<(f64, f64)>,
     /// `shielding.sectors`: share of the sky and areal density, g/cm².
     pub sectors: Vec<(f64, f64)>,
+    /// `detector.temperature_history`: years since launch, rising, and temperature from then on, K.
+    pub temperatures: Vec<(f64, f64)>,
 }
 
 /// A proton spectrum of another program.
@@ -180,6 +182,9 @@ pub struct Detector {
     pub volume_at_zero: f64,
     /// Operating temperature, K.
     pub temperature_k: f64,
+    /// File of the operating temperature over time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature_history: Option<String>,
     /// Temperature at which the release times are quoted, K.
     pub reference_temperature_k: f64,
     /// Dose at which the densities are quoted, MeV/g.
@@ -450,6 +455,13 @@ impl Mission {
             Some(fluence_cm2 * self.environment.niel.at(energy_mev))
         };
         detector.reference_dose_mev_g.or_else(of_fluence).expect("a mission that was read has a reference")
+    }
+
+    /// Operating temperature (K) at a time (years since launch): that of the last row of the history up to then, and
+    /// `detector.temperature_k` before its first row.
+    pub fn temperature_k(&self, t_yr: f64) -> f64 {
+        let begun = self.imported.temperatures.partition_point(|(from_yr, _)| *from_yr <= t_yr);
+        begun.checked_sub(1).map_or(self.detector.temperature_k, |row| self.imported.temperatures[row].1)
     }
 
     /// The galaxy that the requirement judges.

@@ -89,6 +89,8 @@ impl Model {
         let mut times = vec![0.0, duration_yr];
         times.extend(self.history.changes_yr(duration_yr));
         times.extend(self.history.turns_yr(duration_yr));
+        let warmings = self.mission.imported.temperatures.iter().map(|(t_yr, _)| *t_yr);
+        let jumps = jumps.chain(warmings);
         times.extend(jumps.filter(within).flat_map(|t_yr| [t_yr.next_down(), t_yr]));
         // A formula of the time may do anything.
         if self.depends_on().iter().any(|name| name == "t_yr") {

@@ -390,7 +390,11 @@ impl Reader<'_> {
         if t_yr.is_none() && !(dose_will_do && dose_mev_g.is_some()) {
             return Err(self.missing(if dose_will_do { "t_yr or dose_mev_g" } else { "t_yr" }, row));
         }
-        let believed = Conditions::of(self.mission, t_yr.unwrap_or(0.0));
+        let mut believed = Conditions::of(self.mission, t_yr.unwrap_or(0.0));
+        if dose_mev_g.is_some() {
+            // A laboratory does not follow the mission's history.
+            believed.temperature_k = self.mission.detector.temperature_k;
+        }
         let whole = |number: f64| number as u32;
         let mut at = Conditions {
             dose_mev_g,

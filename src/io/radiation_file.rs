@@ -1,4 +1,4 @@
-//! What other radiation programs write: proton spectra, dose histories, dose-depth curves, shielding by sectors.
+//! What other programs write: proton spectra, dose histories, dose-depth curves, shielding by sectors, temperatures.
 //!
 //! The program is recognised by what its file says, never by the file's name. All of them may have line ends of Windows,
 //! a byte order mark and up to 100 MiB; all refusals are one message with file, line, column and value. Read are:
@@ -7,7 +7,7 @@
 //!   (`spenvis_sef.txt`), cosmic rays (`spenvis_gcf.txt`);
 //! * OMERE: spectra under a header of comments, and the input fluences in its outputs of displacement damage;
 //! * CREME96 and CREME-MC: `.flx`, `.tfx` and `.trp`;
-//! * ECSV and CSV with columns named here; for histories, dose-depth curves and sectors these alone.
+//! * ECSV and CSV with columns named here; for both histories, dose-depth curves and sectors these alone.
 //!
 //! Not read is what has no mean over the mission (worst days and weeks), what is not displacement damage (ionising dose in
 //! rad or Gy), and what is already behind something else (LET spectra, equivalent fluences).
@@ -20,6 +20,7 @@ mod omere;
 mod sectors;
 mod spectrum;
 mod spenvis;
+mod temperature_history;
 mod text;
 mod unit;
 
@@ -27,6 +28,7 @@ pub use dose_depth::{DoseDepth, read_dose_depth};
 pub use dose_history::{DoseHistoryFile, Times, read_dose_history};
 pub use sectors::{Sectors, read_sectors};
 pub use spectrum::{Program, Quantity, SpectrumFile, Time, read_spectrum};
+pub use temperature_history::{TemperatureHistoryFile, read_temperature_history};
 
 /// Displacement damage dose, row by row; not negative.
 #[derive(Clone, Debug, PartialEq)]

@@ -242,16 +242,17 @@ pub const KEYS: &[Key] = &[
         help: percentage,
         ..key("detector.volume_at_zero", "fraction of the well that any charge fills", "", FRACTION, Default("0.0"))
     },
-    Key { help: celsius, ..key("detector.temperature_k", "operating temperature", "K", Number(40.0, 400.0), Required) },
+    Key { help: celsius, ..key("detector.temperature_k", "operating temperature", "K", TEMPERATURE, Required) },
+    key(
+        "detector.temperature_history",
+        "file of the operating temperature over time, in place of temperature_k from its first row on",
+        "",
+        Text,
+        Optional,
+    ),
     Key {
         help: celsius,
-        ..key(
-            "detector.reference_temperature_k",
-            "temperature of the quoted release times",
-            "K",
-            Number(40.0, 400.0),
-            Required,
-        )
+        ..key("detector.reference_temperature_k", "temperature of the quoted release times", "K", TEMPERATURE, Required)
     },
     key(
         "detector.reference_dose_mev_g",
@@ -408,6 +409,9 @@ pub const KEYS: &[Key] = &[
         )
     },
 ];
+
+/// Temperatures of detectors, K.
+pub const TEMPERATURE: Allowed = Number(40.0, 400.0);
 
 /// A fraction below 1.
 pub const FRACTION: Allowed = Number(0.0, 0.999);

@@ -5,7 +5,8 @@ use std::path::Path;
 use crate::environment::spectrum::{Law, Spectrum};
 use crate::error::InputError;
 use crate::io::radiation_file::{
-    Depths, Doses, Quantity, SpectrumFile, Time, Times, read_dose_depth, read_dose_history, read_sectors, read_spectrum,
+    Depths, Doses, Quantity, SpectrumFile, Time, Times, read_dose_depth, read_dose_history, read_sectors,
+    read_spectrum, read_temperature_history,
 };
 use crate::mission::{Imported, ImportedSpectrum, Mission};
 use crate::numeric::calendar::years_between;
@@ -17,7 +18,9 @@ type Refusal = (Option<&'static str>, InputError);
 pub(super) fn import(mission: &mut Mission, folder: &Path) -> Result<(), Refusal> {
     let environment = &mut mission.environment;
     let sectors = mission.shielding.as_mut().and_then(|shielding| shielding.sectors.as_mut());
-    let named = [environment.history.as_mut(), environment.dose_depth.as_mut(), sectors].into_iter().flatten();
+    let warmings = mission.detector.temperature_history.as_mut();
+    let named =
+        [environment.history.as_mut(), environment.dose_depth.as_mut(), sectors, warmings].into_iter().flatten();
     for file in named.chain(environment.spectra.iter_mut().flatten()) {
         *file = folder.join(&file).display().to_string();
     }
@@ -26,6 +29,7 @@ pub(super) fn import(mission: &mut Mission, folder: &Path) -> Result<(), Refusal
         spectra: spectra(mission)?,
         dose_depth: dose_depth(mission)?,
         sectors: sectors_of(mission)?,
+        temperatures: temperatures(mission)?,
     };
     match mission.history_problem() {
         Some(problem) => Err(wrong("environment.history", problem)),
@@ -49,17 +53,7 @@ fn history(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
     const KEY: &str = "environment.history";
     let Some(file) = &mission.environment.history else { return Ok(Vec::new()) };
     let read = read_dose_history(file).map_err(within)?;
-    let launch = mission.mission.launch.0;
-    let times: Vec<f64> = match &read.times {
-        Times::SinceLaunchYr(times) => times.clone(),
-        Times::Dates(dates) => dates
-            .iter()
-            .map(|date| {
-                let seconds = f64::from(chrono::Timelike::num_seconds_from_midnight(&date.time()));
-                years_between(launch, date.date()) + seconds / crate::environment::SECONDS_PER_YEAR
-            })
-            .collect(),
-    };
+    let times = since_launch_yr(mission, &read.times);
     if times[0] < 0.0 {
         return Err(wrong(KEY, format!("{file} begins before launch, at {:.3} yr", times[0])));
     }
@@ -93,6 +87,28 @@ fn history(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
             Ok(table)
         }
     }
+}
+
+/// Times in years since launch.
+fn since_launch_yr(mission: &Mission, times: &Times) -> Vec<f64> {
+    let launch = mission.mission.launch.0;
+    match times {
+        Times::SinceLaunchYr(times) => times.clone(),
+        Times::Dates(dates) => dates
+            .iter()
+            .map(|date| {
+                let seconds = f64::from(chrono::Timelike::num_seconds_from_midnight(&date.time()));
+                years_between(launch, date.date()) + seconds / crate::environment::SECONDS_PER_YEAR
+            })
+            .collect(),
+    }
+}
+
+/// Years since launch, rising, and temperature from then on, K.
+fn temperatures(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
+    let Some(file) = &mission.detector.temperature_history else { return Ok(Vec::new()) };
+    let read = read_temperature_history(file).map_err(within)?;
+    Ok(since_launch_yr(mission, &read.times).into_iter().zip(read.temperatures_k).collect())
 }
 
 fn spectra(mission: &Mission) -> Result<Vec<ImportedSpectrum>, Refusal> {

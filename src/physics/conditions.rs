@@ -67,7 +67,7 @@ impl Conditions {
         Conditions {
             t_yr,
             dose_mev_g: None,
-            temperature_k: mission.detector.temperature_k,
+            temperature_k: mission.temperature_k(t_yr),
             line_time_ms: mission.readout.line_time_ms,
             background_e: mission.sky.background_e,
             transfers: mission.readout.transfers,

@@ -43,6 +43,8 @@ pub fn of(mission: &Mission) -> Vec<Source> {
         ),
         readout(mission.accuracy.readout),
     ]);
+    let temperatures = mission.detector.temperature_history.iter();
+    sources.extend(temperatures.map(|file| Source::new("Temperature over time, imported", file.as_str())));
     if mission.readout.noise.is_some() {
         sources.push(Source::new(
             "Read noise against pixel rate",

@@ -7,6 +7,7 @@ use comfy_table::Table;
 use serde::ser::{Serialize, Serializer};
 
 use super::{Page, Parts, Report, exceeded, or_dash, table};
+use crate::mission::Mission;
 use crate::mission::keys::plain;
 use crate::model::noise::NoisyChange;
 use crate::physics::RateOrigin;
@@ -122,13 +123,13 @@ impl Page for EvaluateReport {
         out.title(
             &header.name,
             format!(
-                "{} yr from {}, orbit {}; {} transfers of {} ms, {} K",
+                "{} yr from {}, orbit {}; {} transfers of {} ms, {}",
                 header.duration_yr,
                 header.launch,
                 mission.orbit_name(),
                 mission.readout.transfers,
                 mission.readout.line_time_ms,
-                mission.detector.temperature_k
+                temperature(mission)
             ),
         );
         out.gap();
@@ -308,6 +309,15 @@ impl EvaluateReport {
             added.push("a formula ([effects.formula]) changes that".into());
         }
         added
+    }
+}
+
+/// The operating temperature.
+fn temperature(mission: &Mission) -> String {
+    let detector = &mission.detector;
+    match &detector.temperature_history {
+        None => format!("{} K", detector.temperature_k),
+        Some(file) => format!("temperature history {file}"),
     }
 }
 

@@ -215,11 +215,11 @@ impl Study for PocketPumping {
         self.temperatures_k.iter().try_for_each(|kelvins| check("detector.temperature_k", kelvins))?;
         let model = ready(mission)?;
         let setup = self.setup(mission)?;
-        let operating_k = mission.detector.temperature_k;
+        let at_end = model.conditions(mission.mission.duration_yr);
+        let operating_k = at_end.temperature_k;
         let temperatures = self.temperatures_k.clone().unwrap_or_else(|| {
             STEPS_K.iter().map(|step| operating_k + step).filter(|kelvin| *kelvin >= COLDEST_K).collect()
         });
-        let at_end = model.conditions(mission.mission.duration_yr);
         let device = |temperature_k: f64| model.device(&Conditions { temperature_k, ..at_end.clone() });
         let devices: Vec<Device> = temperatures.iter().map(|kelvin| device(*kelvin)).collect::<Result<_, _>>()?;
         let cases: Vec<(usize, usize)> = (0..devices.len())

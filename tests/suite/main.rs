@@ -42,4 +42,5 @@ mod studies;
 mod sun;
 mod sweep;
 mod tables;
+mod temperature_history;
 mod tutorial;

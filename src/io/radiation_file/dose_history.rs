@@ -55,7 +55,8 @@ pub fn read_dose_history(path: impl AsRef<Path>) -> Result<DoseHistoryFile, Inpu
     Ok(DoseHistoryFile { times, doses })
 }
 
-fn times(columns: &Columns) -> Result<Times, InputError> {
+/// When, row by row: the column `t_yr` or `date`.
+pub(super) fn times(columns: &Columns) -> Result<Times, InputError> {
     if columns.one_of(&["t_yr", "date"])? == "t_yr" {
         let years = columns.numbers("t_yr", "yr")?;
         columns.check_rising("t_yr", &years)?;

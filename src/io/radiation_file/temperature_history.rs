@@ -1,0 +1,54 @@
+//! Temperature histories: the temperature of a detector against time, as ECSV or CSV.
+
+use std::path::Path;
+
+use super::columns::Columns;
+use super::dose_history::{self, Times};
+use super::text::Source;
+use crate::error::InputError;
+use crate::io::table::Cell;
+use crate::mission::keys::TEMPERATURE;
+
+/// A temperature history as its file has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TemperatureHistoryFile {
+    /// From when, row by row, each later than the one before; at least one.
+    pub times: Times,
+    /// The temperature from then on, K; as many as times.
+    pub temperatures_k: Vec<f64>,
+}
+
+/// The column of temperatures.
+const COLUMN: &str = "temperature_k";
+
+/// Reads a temperature history from ECSV or CSV with the columns `t_yr` (years since launch) or `date`, and `temperature_k`
+/// (K, or degrees Celsius where the header says so).
+///
+/// # Errors
+/// Where the file cannot be read or is no such table: one message with file, line, column and value.
+pub fn read_temperature_history(path: impl AsRef<Path>) -> Result<TemperatureHistoryFile, InputError> {
+    let source = Source::read(path.as_ref(), "temperature history")?;
+    let columns = Columns::of(&source)?;
+    let times = dose_history::times(&columns)?;
+    Ok(TemperatureHistoryFile { times, temperatures_k: temperatures_k(&columns)? })
+}
+
+fn temperatures_k(columns: &Columns) -> Result<Vec<f64>, InputError> {
+    let column = columns.table().column(COLUMN).ok_or_else(|| columns.absent(&[COLUMN]))?;
+    let zero_k = match column.unit.as_deref() {
+        None | Some("K") => 0.0,
+        Some("deg_C" | "degC" | "Celsius" | "°C") => 273.15,
+        Some(other) => return Err(columns.fault(None, COLUMN, format!("`{other}` cannot be turned into K"))),
+    };
+    let kelvin = |(row, cell): (usize, &Cell)| {
+        let fault = |problem: String| columns.fault(Some(row), COLUMN, problem);
+        let number = cell.number().ok_or_else(|| fault("a number is needed here".into()))?;
+        let kelvin = number + zero_k;
+        if !TEMPERATURE.refuses(kelvin) {
+            return Ok(kelvin);
+        }
+        let refusal = fault(format!("allowed: {}", TEMPERATURE.allowed("K")));
+        Err(if number < 0.0 { refusal.with_help("degrees Celsius need the unit deg_C in the header") } else { refusal })
+    };
+    column.cells.iter().enumerate().map(kelvin).collect()
+}
