@@ -45,6 +45,8 @@ pub struct Row {
     pub value: f64,
     /// Its 1-sigma error, floors and those of conditions included.
     pub sigma: f64,
+    /// What of that is a floor of systematic errors, which the scatter of rows need not show.
+    pub floor: f64,
     /// The conditions that are believed in; numeric columns that the model does not know are covariates.
     pub at: Conditions,
     /// 1-sigma errors of conditions, by name, in the units of the conditions; independent from row to row. Only those that the file
@@ -271,7 +273,8 @@ impl Reader<'_> {
             let help = "leave the row out, or give the error that the scatter of the data tells";
             return Err(self.table.fault(Some(row), Some("sigma"), problem).with_help(help));
         }
-        let sigma = self.above_floors(row, value, sigma)?;
+        let floor = self.floor(row, value)?;
+        let sigma = sigma.hypot(floor);
         let galaxy = self.galaxy(row)?;
         let species = self.species(row)?;
         let name = |galaxy: usize| ("galaxy".to_string(), self.mission.galaxies[galaxy].name.clone());
@@ -286,7 +289,7 @@ impl Reader<'_> {
             }
         }
         let condition_sigmas = self.condition_sigmas(row)?;
-        Ok(Row { value, sigma, at, condition_sigmas, galaxy, species, words })
+        Ok(Row { value, sigma, floor, at, condition_sigmas, galaxy, species, words })
     }
 
     /// Errors of the conditions that have one.

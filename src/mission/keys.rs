@@ -410,8 +410,10 @@ pub const KEYS: &[Key] = &[
     },
 ];
 
-/// Temperatures of detectors, K.
-pub const TEMPERATURE: Allowed = Number(40.0, 400.0);
+/// Coldest and warmest detector, K.
+pub const TEMPERATURES_K: [f64; 2] = [40.0, 400.0];
+
+const TEMPERATURE: Allowed = Number(TEMPERATURES_K[0], TEMPERATURES_K[1]);
 
 /// A fraction below 1.
 pub const FRACTION: Allowed = Number(0.0, 0.999);

@@ -8,6 +8,7 @@ use crate::io::radiation_file::{
     Depths, Doses, Quantity, SpectrumFile, Time, Times, read_dose_depth, read_dose_history, read_sectors,
     read_spectrum, read_temperature_history,
 };
+use crate::mission::keys::TEMPERATURES_K;
 use crate::mission::{Imported, ImportedSpectrum, Mission};
 use crate::numeric::calendar::years_between;
 
@@ -107,7 +108,7 @@ fn since_launch_yr(mission: &Mission, times: &Times) -> Vec<f64> {
 /// Years since launch, rising, and temperature from then on, K.
 fn temperatures(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
     let Some(file) = &mission.detector.temperature_history else { return Ok(Vec::new()) };
-    let read = read_temperature_history(file).map_err(within)?;
+    let read = read_temperature_history(file, TEMPERATURES_K).map_err(within)?;
     Ok(since_launch_yr(mission, &read.times).into_iter().zip(read.temperatures_k).collect())
 }
 

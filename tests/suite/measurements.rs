@@ -236,6 +236,7 @@ fn floors_enlarge_errors_in_squares() {
         for row in &set.rows {
             let expected: f64 = 1e-6 + parts[0] * parts[0] + (parts[1] * row.value).powi(2);
             assert!((row.sigma / expected.sqrt() - 1.0).abs() < 1e-12, "{}, {expected}", row.sigma);
+            assert!((row.floor * row.floor - (expected - 1e-6)).abs() < 1e-18, "{}, {expected}", row.floor);
             assert!(row.at.covariates.is_empty());
         }
         assert_eq!(set.varying, ["trail_px"]);

@@ -7,7 +7,6 @@ use super::dose_history::{self, Times};
 use super::text::Source;
 use crate::error::InputError;
 use crate::io::table::Cell;
-use crate::mission::keys::TEMPERATURE;
 
 /// A temperature history as its file has it.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,18 +21,21 @@ pub struct TemperatureHistoryFile {
 const COLUMN: &str = "temperature_k";
 
 /// Reads a temperature history from ECSV or CSV with the columns `t_yr` (years since launch) or `date`, and `temperature_k`
-/// (K, or degrees Celsius where the header says so).
+/// (K, or degrees Celsius where the header says so), none below or above those allowed, K.
 ///
 /// # Errors
 /// Where the file cannot be read or is no such table: one message with file, line, column and value.
-pub fn read_temperature_history(path: impl AsRef<Path>) -> Result<TemperatureHistoryFile, InputError> {
+pub fn read_temperature_history(
+    path: impl AsRef<Path>,
+    allowed_k: [f64; 2],
+) -> Result<TemperatureHistoryFile, InputError> {
     let source = Source::read(path.as_ref(), "temperature history")?;
     let columns = Columns::of(&source)?;
     let times = dose_history::times(&columns)?;
-    Ok(TemperatureHistoryFile { times, temperatures_k: temperatures_k(&columns)? })
+    Ok(TemperatureHistoryFile { times, temperatures_k: temperatures_k(&columns, allowed_k)? })
 }
 
-fn temperatures_k(columns: &Columns) -> Result<Vec<f64>, InputError> {
+fn temperatures_k(columns: &Columns, [coldest_k, warmest_k]: [f64; 2]) -> Result<Vec<f64>, InputError> {
     let column = columns.table().column(COLUMN).ok_or_else(|| columns.absent(&[COLUMN]))?;
     let zero_k = match column.unit.as_deref() {
         None | Some("K") => 0.0,
@@ -44,10 +46,10 @@ fn temperatures_k(columns: &Columns) -> Result<Vec<f64>, InputError> {
         let fault = |problem: String| columns.fault(Some(row), COLUMN, problem);
         let number = cell.number().ok_or_else(|| fault("a number is needed here".into()))?;
         let kelvin = number + zero_k;
-        if !TEMPERATURE.refuses(kelvin) {
+        if (coldest_k..=warmest_k).contains(&kelvin) {
             return Ok(kelvin);
         }
-        let refusal = fault(format!("allowed: {}", TEMPERATURE.allowed("K")));
+        let refusal = fault(format!("allowed: {coldest_k} to {warmest_k} K"));
         Err(if number < 0.0 { refusal.with_help("degrees Celsius need the unit deg_C in the header") } else { refusal })
     };
     column.cells.iter().enumerate().map(kelvin).collect()
