@@ -28,8 +28,8 @@ impl Catalogued for SignalRinging {
         source: "the step response of an underdamped output stage, of second order (Janesick 2001, Scientific Charge-Coupled \
                  Devices, chapter 6, on the bandwidth of output amplifiers)",
         holds: "Linear in the signal, in the direction of the parallel trail, without loss of the packet's own charge. A \
-                negative fraction starts with an undershoot. Periods below 2 px cannot be told from longer ones. A period much \
-                longer than length_px is signal-bounce.",
+                negative fraction starts with an undershoot. Periods below 2 px cannot be told from longer ones; what swings more \
+                slowly than in 30 px is a trail (signal-bounce), no ringing of an output stage that settles within pixels.",
         residuals: "The measured trail is brighter and fainter than the model's in turn, by a fraction that does not depend on \
                     transfers, signal, time or temperature and falls with trail_px.",
         keys: &[
@@ -43,7 +43,7 @@ impl Catalogued for SignalRinging {
             ),
             Key {
                 help: |value| (value > 0.0 && value < 2.0).then(|| "pixels show no period below 2 px".into()),
-                ..key("period_px", "period of the oscillation", "px", Number(2.0, 1e4), Required)
+                ..key("period_px", "period of the oscillation", "px", Number(2.0, 30.0), Required)
             },
         ],
     };
@@ -62,7 +62,7 @@ impl Catalogued for SignalRinging {
         let longest_px = f64::from(reach.trail_px.max(6));
         let mut ways = Vec::new();
         for length_px in ratios(1.0, longest_px, 3) {
-            for period_px in ratios(2.5, 1.5 * longest_px, 4) {
+            for period_px in ratios(2.5, (1.5 * longest_px).min(25.0), 4) {
                 ways.extend([1e-3, -1e-3].map(|fraction| vec![table(fraction, length_px, period_px)]));
             }
         }

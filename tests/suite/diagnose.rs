@@ -32,7 +32,7 @@ fn read(folder: &Path, add: &str) -> (Mission, Vec<DataSet>) {
 }
 
 fn options(mission: &Mission) -> Options {
-    Options { free: mission.fit.free.clone(), ..Options::default() }
+    Options { free: mission.fit.free.clone(), stability: false, ..Options::default() }
 }
 
 /// The measurements of a case as a model makes them, with noise.
@@ -227,24 +227,23 @@ fn a_pair_that_hangs_on_two_epochs_of_trails_is_found() {
 }
 
 /// Two effects together would come nearer to one wrong row than none, but the row asks for less; whether the model lacks
-/// something besides or not.
+/// something besides or not. It is named by its line, and the verdict is that of the others.
 #[test]
 #[ignore = "slow: .ci/run runs it"]
-fn a_row_that_is_wrong_is_named() {
+fn a_row_that_is_wrong_is_named_and_decides_nothing() {
     let folder = practice("slow-trap-and-annealing");
-    for (missing, with) in
-        [("", "off the model, which"), ("[effects.annealing]\ntime_yr = 6.0\n", "with annealing, which")]
-    {
+    for (missing, lacking) in [("", None), ("[effects.annealing]\ntime_yr = 6.0\n", Some("annealing"))] {
         let (mission, mut data) = read(&folder, "");
         let (truth, _) = read(&folder, missing);
         remade(&mut data, &truth, 5);
         let row = data[0].rows.len() - 3;
         data[0].rows[row].value += 14.0 * data[0].rows[row].sigma;
         let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
-        assert_eq!((found.verdict, found.steps.len()), (Verdict::Unfit, 0), "{}", found.reason);
-        let line = format!("line {} of ", data[0].table.lines[row]);
-        let reason = found.reason.to_string();
-        assert!(reason.starts_with(&line) && reason.contains(with), "{reason}");
+        assert_eq!(effects(&found), lacking.into_iter().collect::<Vec<_>>(), "{}", found.reason);
+        let line = data[0].table.lines[row];
+        let wrong: Vec<Option<usize>> = found.noise[0].wrong.iter().map(|wrong| wrong.line).collect();
+        assert_eq!(wrong, [Some(line)]);
+        assert!(found.render(Format::Text).contains(&format!("line {line} (")));
     }
 }
 
@@ -256,37 +255,58 @@ fn a_notch_just_below_the_background_is_among_the_rivals() {
     assert!(rivals.iter().any(|name| *name == "notch"), "{:?} {rivals:?}", effects(&found));
 }
 
-/// Where chi2 is no larger than noise makes it, and what an effect promised does not foretell rows that are left out, nothing
-/// is the matter with the model, nor with the errors.
+/// A flare that noise nearly does as well is either not claimed, or with its rivals, and then the page says that larger errors take
+/// the claim away.
 #[test]
-fn what_is_not_borne_out_is_neither_missing_nor_unfit() {
-    use statrs::distribution::{ChiSquared, ContinuousCDF};
-    let found = diagnosed(Path::new("tests/corpus/edge/faint-flare"), "");
-    assert_eq!((found.verdict, found.steps.len()), (Verdict::Complete, 0), "{}", found.reason);
-    let chance = ChiSquared::new(found.baseline.n as f64).unwrap().sf(found.baseline.chi2);
-    assert!(chance > 0.01, "chi2 is {} of {} rows: {chance}", found.baseline.chi2, found.baseline.n);
-    let reason = found.reason.to_string();
-    let gain = reason.split_once("solar-flare would lower chi2 by ").and_then(|(_, rest)| rest.split(',').next());
-    let gain = gain.and_then(|gain| gain.parse::<f64>().ok());
-    assert!(gain.is_some_and(|gain| (gain - 12.0).abs() <= 0.5), "{reason}");
-    assert!(found.limits.len() > 10);
+fn what_noise_nearly_does_as_well_is_not_called_certain() {
+    let (mission, data) = read(Path::new("tests/corpus/edge/faint-flare"), "");
+    let found = diagnose(&mission, &data, &Options { stability: true, ..options(&mission) }, &SILENT).unwrap();
+    let rivals: Vec<&String> = found.alternatives.iter().flatten().collect();
+    assert!(matches!(found.verdict, Verdict::Complete | Verdict::Ambiguous), "{}", found.reason);
+    if found.verdict == Verdict::Ambiguous {
+        assert!(rivals.iter().any(|name| *name == "solar-flare"), "{rivals:?}");
+        let larger = found.stability.iter().find(|changed| changed.change == "errors x 1.35").unwrap();
+        assert_eq!((larger.verdict, larger.holds), (Verdict::Complete, false), "{:?}", found.stability);
+        assert!(found.render(Format::Text).contains("with errors x 1.35: complete"));
+    }
 }
 
-/// A pedestal is no noise: the errors are not to blame.
+/// A constant that all values of a file have in common needs no effect: it is told, with its error.
 #[test]
-fn a_constant_offset_is_unexplained_and_told_as_a_formula() {
+fn a_constant_offset_is_a_pedestal_and_no_effect() {
     let (mission, mut data) = read(&practice("gain-drift"), "");
     remade(&mut data, &mission, 4);
+    let off = -3.0 * data[0].rows[0].sigma;
     for row in data.iter_mut().flat_map(|set| &mut set.rows) {
-        row.value -= 3.0 * row.sigma;
+        row.value += off;
     }
     let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
-    assert_eq!((found.verdict, found.steps.len()), (Verdict::Unexplained, 0), "{}", found.reason);
-    let table: toml::Table = found.suggestion.unwrap().toml.parse().unwrap();
-    let formula = table["effects"]["formula"].as_table().unwrap();
-    let sigma = data[0].rows[0].sigma;
-    assert!(formula["expression"].as_str() == Some("value + a"), "{formula}");
-    assert!((formula["a"].as_float().unwrap() + 3.0 * sigma).abs() < 0.3 * sigma, "{formula}");
+    assert_eq!((found.verdict, found.steps.len()), (Verdict::Complete, 0), "{}", found.reason);
+    let (pedestal, sigma) = (found.noise[0].pedestal.unwrap(), found.noise[0].pedestal_sigma.unwrap());
+    assert!((pedestal - off).abs() < 4.0 * sigma && sigma < 0.2 * off.abs(), "{pedestal} +- {sigma}, really {off}");
+    let json: Value = serde_json::from_str(&found.render(Format::Json)).unwrap();
+    assert_eq!(json["noise"][0]["pedestal"]["value"].as_f64(), Some(pedestal));
+    assert!(found.render(Format::Text).contains("share a pedestal of"));
+}
+
+/// Errors quoted too small by 1.6, and correlated along trails: the effect is still found alone, and the errors are told.
+#[test]
+fn errors_that_are_wrong_are_told_and_make_no_effects() {
+    let folder = practice("slow-trap-and-annealing");
+    let (mission, _) = read(&folder, "[effects.annealing]\ntime_yr = 6.0\n");
+    let (truth, mut data) = read(&folder, "[effects.annealing]\ntime_yr = 6.0\n[effects.dose-scale]\nfactor = 1.3\n");
+    remade(&mut data, &truth, 8);
+    for row in &mut data[0].rows {
+        row.sigma /= 1.6;
+    }
+    let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
+    assert!((1.35..1.9).contains(&found.noise[0].scale), "{:?}", found.noise);
+    assert_eq!(found.noise[1].scale, 1.0, "{:?}", found.noise);
+    // Trails of one signal cannot tell a dose scale from another exponent.
+    let told: Vec<String> = effects(&found).into_iter().chain(found.alternatives.iter().flatten().cloned()).collect();
+    assert_eq!(found.steps.len(), 1, "{}", found.reason);
+    assert!(told.contains(&"dose-scale".to_string()), "{told:?}");
+    assert!(found.render(Format::Text).contains("times the quoted sigma"));
 }
 
 #[test]
@@ -457,7 +477,8 @@ fn an_effect_that_the_data_rule_out_is_seen_to_be() {
     let (with, _) = ctiplan::mission_file::add_effect(&mission, "solar-cycle", toml::Table::new()).unwrap();
     let really = validate(&mission, &data, 1).unwrap().chi2 - validate(&with, &data, 1).unwrap().chi2;
     assert!(really < -50.0, "{really}");
-    assert!((gain("solar-cycle") - really).abs() < 1e-3 * really.abs(), "{} {really}", gain("solar-cycle"));
+    // A part of the offset may be a pedestal, which is counted less.
+    assert!((gain("solar-cycle") - really).abs() < 0.05 * really.abs(), "{} {really}", gain("solar-cycle"));
     // What can be weaker than any limit is never worse than nothing.
     assert!(gain("well-fill") >= 0.0);
     let text = found.render(Format::Text);

@@ -19,7 +19,7 @@ const ODD_SIGMA: f64 = 5.0;
 const ONE_IN: usize = 20;
 
 /// Standard deviations of chi2 within which a model nearly explains all other rows: it is fitted again without them.
-const NEARLY: f64 = 5.0;
+const NEARLY: f64 = 4.0;
 
 /// Share of a row's residual that free parameters take, from which on one of them hangs on it.
 const HANGS_ON_IT: f64 = 0.3;
@@ -157,7 +157,15 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
     // What effects leave in several rows may be what they cannot explain: a gain that drifts, in the brightest packets.
     let most = if node.added.len() < 2 { case.n() / ONE_IN } else { 0 };
     clear.truncate(most);
+    // Neighbours that are off in the same direction are no accidents of single rows.
+    let together = |rows: &[usize]| {
+        let same = |a: usize, b: usize| a.abs_diff(b) == 1 && node.residuals[a] * node.residuals[b] > 0.0;
+        rows.iter().any(|&a| rows.iter().any(|&b| same(a, b)))
+    };
     let explained = |rows: &[usize]| {
+        if together(rows) {
+            return None;
+        }
         let off = holdout::left_out(node, rows)?;
         let fall: f64 = rows.iter().zip(off.iter()).map(|(&row, off)| node.residuals[row] * off).sum();
         let freedom = node.freedom() - rows.len() as f64;

@@ -214,8 +214,8 @@ fn by_model(noise: &SetNoise) -> Vec<WrongRow> {
 /// noise. Without bound where neighbours share their errors, and where the scatter is not clearly less than the scale.
 fn roughness(set: &DataSet, residuals: &DVector<f64>, found: &Likeliest) -> f64 {
     let scatter = along_neighbours(set, residuals.as_slice(), crate::analysis::validate::second_differences);
-    // A scatter estimated from n rows is good to 1.6/√n (simulated).
-    let clearly = scatter * (1.0 + 3.2 / (residuals.len() as f64).sqrt());
+    // A scatter estimated from n rows is good to 1.6/√n (simulated); this is the least of several.
+    let clearly = scatter * (1.0 + 6.4 / (residuals.len() as f64).sqrt());
     if found.correlation > 0.0 || clearly > found.scale { f64::INFINITY } else { scatter.max(1.0) }
 }
 

@@ -34,6 +34,9 @@ const LITTLE: f64 = 0.2;
 /// Rivals up to so many margins away are said to have been set aside.
 const NEARLY: f64 = 2.0;
 
+/// Share of what the adopted effect explains that they explain as well.
+const MOST_OF_IT: f64 = 0.5;
+
 /// Sketches are rough: those within so many margins are fitted in full.
 const ROUGH: f64 = 3.0;
 
@@ -78,7 +81,9 @@ fn around(told: &Evidence, node: &Arc<Node>) -> Result<(Vec<Rival>, Vec<Note>), 
             let freedom = node.fit.parameters.len() as f64 - rival.fit.parameters.len() as f64;
             if rival.chi2() < node.chi2() + margin + 2.0 * freedom.max(0.0) + freedom.min(0.0) {
                 rivals.push(Rival { instead_of: added.hypothesis, hypothesis: sketch.last(), node: rival });
-            } else if rival.chi2() < node.chi2() + NEARLY * margin {
+            } else if rival.chi2() < node.chi2() + NEARLY * margin
+                && parent.chi2() - rival.chi2() > MOST_OF_IT * (parent.chi2() - node.chi2())
+            {
                 aside.push(Note::SetAside {
                     effect: told.name(sketch.last()),
                     instead_of: told.name(added.hypothesis),

@@ -3,7 +3,7 @@
 //! A row is wrong where it is far from what all others foretell about what is smooth (an externally studentised residual: Cook &
 //! Weisberg 1982, Residuals and Influence in Regression, section 2.2), in units of a scatter that a few wrong rows do not move: the
 //! median. The farthest is left out, the rest is smoothed again, until none is far, or more than one in twenty is: then it is
-//! no accident of single rows.
+//! no accident of single rows; neither are rows next to one another that are off in the same direction.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -52,5 +52,9 @@ pub(super) fn of(residuals: &DVector<f64>, smooth: &DMatrix<f64>) -> Vec<(usize,
     wrong.sort_unstable();
     let right: Vec<usize> = (0..residuals.len()).filter(|row| !wrong.contains(row)).collect();
     let found = Span::of(&smooth.select_rows(&right), 1e-6).solve(&residuals.select_rows(&right));
-    wrong.into_iter().map(|row| (row, residuals[row] - (smooth.row(row) * &found)[0])).collect()
+    let far: Vec<(usize, f64)> =
+        wrong.into_iter().map(|row| (row, residuals[row] - (smooth.row(row) * &found)[0])).collect();
+    // Neighbours that are off in the same direction are no accidents of single rows.
+    let together = far.windows(2).any(|pair| pair[1].0 == pair[0].0 + 1 && pair[0].1.signum() == pair[1].1.signum());
+    if together { Vec::new() } else { far }
 }
