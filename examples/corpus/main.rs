@@ -149,7 +149,8 @@ fn print_case(name: &str, truth: &Value, found: &Diagnosis, seconds: f64) {
     }
     let last = found.steps.last().map_or(&found.baseline, |step| &step.rung);
     let (near, of) = judge::pulls(truth, found);
-    let unstable: Vec<&str> = found.stability.iter().filter(|one| !one.holds).map(|one| one.change.as_str()).collect();
+    let unstable: Vec<&str> =
+        found.stability.done.iter().filter(|one| !one.holds).map(|one| one.change.as_str()).collect();
     let noise = found.noise.iter().map(|noise| {
         let pedestal = noise.pedestal.zip(noise.pedestal_sigma).map_or(0.0, |(value, sigma)| value / sigma);
         let wrong = noise.wrong.len();

@@ -47,7 +47,7 @@ use noise::SetNoise;
 pub use options::{EVALUATIONS, Options, Progress};
 pub use result::{Diagnosis, Leaning, Limit, Next, Note, Reason, RowPlace, Rung, Step, Suggestion, Tried, Verdict};
 use search::Search;
-pub use stability::Changed;
+pub use stability::{Changed, Stability};
 use work::Work;
 
 /// Random starting points of the base fit.
@@ -82,8 +82,7 @@ pub fn diagnose(
         match task.attempt(&noise, round)? {
             Attempt::Done(found) => {
                 let stability = task.stability(&found)?;
-                let (evaluations, undone) = ([task.work.done(), options.evaluations], task.work.undone());
-                return Ok(Diagnosis { stability, evaluations, undone, ..*found });
+                return Ok(Diagnosis { stability, ..*found });
             }
             Attempt::Again(better) => noise = better,
         }
@@ -158,7 +157,11 @@ impl Task<'_> {
             if let Some(better) = better {
                 return Ok(Attempt::Again(better));
             }
-            found.noise = noise::with_pedestals(told.case(), found.ladder.last().expect("the base"), noise);
+            found.noise = match found.verdict {
+                // Of what no model explains nobody knows what is a pedestal.
+                Verdict::Unexplained => noise.to_vec(),
+                _ => noise::with_pedestals(told.case(), found.ladder.last().expect("the base"), noise),
+            };
             told.explain(&mut found)?;
             Ok(Attempt::Done(Box::new(told.diagnosis(self.mission, found, notes)?)))
         })

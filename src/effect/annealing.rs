@@ -62,7 +62,7 @@ impl Effect for Annealing {
             let survives = move |made_yr: f64, now_yr: f64| {
                 remaining + (1.0 - remaining) * (-(now_yr - made_yr) * rate_per_yr).exp()
             };
-            damage.losses.push(Loss { on_yr: None, survives: Arc::new(survives) });
+            damage.losses.push(Loss { spares_launch: false, on_yr: None, survives: Arc::new(survives) });
         }
     }
 }

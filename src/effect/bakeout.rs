@@ -56,7 +56,7 @@ impl Effect for Bakeout {
         let Bakeout { t_yr, fraction } = *self;
         if fraction > 0.0 {
             let survives = move |made_yr, now_yr| if made_yr < t_yr && now_yr >= t_yr { 1.0 - fraction } else { 1.0 };
-            damage.losses.push(Loss { on_yr: Some(t_yr), survives: Arc::new(survives) });
+            damage.losses.push(Loss { spares_launch: false, on_yr: Some(t_yr), survives: Arc::new(survives) });
         }
     }
 }

@@ -21,8 +21,8 @@ impl Catalogued for ReverseAnnealing {
     const CARD: Card = Card {
         kind: "reverse-annealing",
         adds: "reverse annealing: the number of traps grows with a time constant, counted from their creation",
-        physics: "ρ(t) = (ρ_ref/D_ref) ∫ D'(s) (1 + growth (1 − exp(−(t − s)/time_yr))) ds. Traps at launch count from launch, \
-                  those of a laboratory dose from the irradiation (t_yr = 0). Fractions of annealing and bakeout are multiplied \
+        physics: "ρ(t) = (ρ_ref/D_ref) ∫ D'(s) (1 + growth (1 − exp(−(t − s)/time_yr))) ds. Traps at launch are no defects of radiation and do \
+                  not grow; those of a laboratory dose do, from the irradiation (t_yr = 0). Fractions of annealing and bakeout are multiplied \
                   with it.",
         source: "Grant et al. 2008 (arXiv:0807.1721): transfer losses of Chandra's irradiated CCDs grew after they were warmed. \
                  First-order law: that of the effective doping of silicon detectors, Moll 1999 (thesis, \
@@ -37,6 +37,8 @@ impl Catalogued for ReverseAnnealing {
             key("time_yr", "time constant", "yr", keys::Allowed::Positive(0.0, f64::INFINITY), Required),
         ],
     };
+
+    const GENERALISES: &'static [&'static str] = &["dose-scale"];
 
     fn nothing(_: &Mission) -> toml::Table {
         table(0.0, 4.0)
@@ -63,7 +65,7 @@ impl Effect for ReverseAnnealing {
         if growth > 0.0 {
             // 1 + g (1 − exp(−age/time)), exact also at small ages.
             let survives = move |made_yr: f64, now_yr: f64| 1.0 - growth * (-(now_yr - made_yr) / time_yr).exp_m1();
-            damage.losses.push(Loss { on_yr: None, survives: Arc::new(survives) });
+            damage.losses.push(Loss { spares_launch: true, on_yr: None, survives: Arc::new(survives) });
         }
     }
 }

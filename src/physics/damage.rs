@@ -69,6 +69,8 @@ pub struct Damage {
 /// A way in which traps disappear, or become more.
 #[derive(Clone)]
 pub struct Loss {
+    /// Whether traps at launch are spared: those of the fabrication, not of radiation.
+    pub spares_launch: bool,
     /// When it happens, in years since launch, where it happens at once.
     pub on_yr: Option<f64>,
     /// Number at a time (second argument) of the traps made at an earlier one (first), over that at first; years since launch.
@@ -99,7 +101,8 @@ impl Damage {
         at: &Conditions,
     ) -> Result<Vec<SpeciesState>, InputError> {
         let dose_mev_g = self.traps_per_dose * self.effective_dose_mev_g(history, at)?;
-        let kept = self.survives(0.0, at.t_yr);
+        let losses = self.losses.iter().filter(|loss| !loss.spares_launch);
+        let kept: f64 = losses.map(|loss| (loss.survives)(0.0, at.t_yr)).product();
         let mut traps = after(detector, history.reference_dose_mev_g, dose_mev_g, at.temperature_k);
         for species in &mut traps {
             for (_, at_launch) in self.at_launch_per_px.iter().filter(|(name, _)| *name == species.name) {

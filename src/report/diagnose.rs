@@ -8,7 +8,7 @@ mod reason;
 use super::fit::value_and_error;
 use super::{Page, Parts, Report, chance, or_dash, table};
 use crate::analysis::diagnose::noise::SetNoise;
-use crate::analysis::diagnose::{Changed, Diagnosis, Next, Rung, Tried, Verdict};
+use crate::analysis::diagnose::{Changed, Diagnosis, Next, Rung, Stability, Tried, Verdict};
 use crate::analysis::fit::Fitted;
 use crate::analysis::validate::SetResult;
 use crate::mission::Mission;
@@ -162,8 +162,9 @@ impl Diagnosis {
 
     /// Under which other assumptions the verdict is the same.
     fn stands(&self, out: &mut Parts) {
-        let (holds, fails): (Vec<&Changed>, Vec<&Changed>) = self.stability.iter().partition(|changed| changed.holds);
-        if self.stability.is_empty() {
+        let (holds, fails): (Vec<&Changed>, Vec<&Changed>) =
+            self.stability.done.iter().partition(|changed| changed.holds);
+        if self.stability == Stability::default() {
             return;
         }
         out.heading("Stability of the verdict");
@@ -175,6 +176,10 @@ impl Diagnosis {
             let effects =
                 if changed.effects.is_empty() { String::new() } else { format!(", {}", changed.effects.join(" and ")) };
             out.words(format!("  with {}: {}{effects}", changed.change, changed.verdict.name()), 4);
+        }
+        if !self.stability.undone.is_empty() {
+            let undone = self.stability.undone.join(", ");
+            out.words(format!("  not tried within {} evaluations: {undone}", self.evaluations[1]), 4);
         }
     }
 
@@ -203,8 +208,8 @@ impl Diagnosis {
         });
         out.words(
             format!(
-                "  {} rows; free parameters are refitted in every row; p-value: probability that noise alone does as well, \
-                 corrected for all effects tried{held_out}",
+                "  {} rows; free parameters are refitted in every row; a constant that all values of a file share counts for at most \
+                 12 in chi2; p-value: probability that noise alone does as well, corrected for all effects tried{held_out}",
                 self.baseline.n
             ),
             4,

@@ -35,6 +35,11 @@ fn options(mission: &Mission) -> Options {
     Options { free: mission.fit.free.clone(), stability: false, ..Options::default() }
 }
 
+/// The report without its line breaks.
+fn said(found: &Diagnosis) -> String {
+    found.render(Format::Text).split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
 /// The measurements of a case as a model makes them, with noise.
 fn remade(data: &mut [DataSet], truth: &Mission, seed: u64) {
     let model = Model::new(truth);
@@ -243,7 +248,7 @@ fn a_row_that_is_wrong_is_named_and_decides_nothing() {
         let line = data[0].table.lines[row];
         let wrong: Vec<Option<usize>> = found.noise[0].wrong.iter().map(|wrong| wrong.line).collect();
         assert_eq!(wrong, [Some(line)]);
-        assert!(found.render(Format::Text).contains(&format!("line {line} (")));
+        assert!(said(&found).contains(&format!("line {line} (")));
     }
 }
 
@@ -265,9 +270,9 @@ fn what_noise_nearly_does_as_well_is_not_called_certain() {
     assert!(matches!(found.verdict, Verdict::Complete | Verdict::Ambiguous), "{}", found.reason);
     if found.verdict == Verdict::Ambiguous {
         assert!(rivals.iter().any(|name| *name == "solar-flare"), "{rivals:?}");
-        let larger = found.stability.iter().find(|changed| changed.change == "errors x 1.35").unwrap();
+        let larger = found.stability.done.iter().find(|changed| changed.change == "errors x 1.35").unwrap();
         assert_eq!((larger.verdict, larger.holds), (Verdict::Complete, false), "{:?}", found.stability);
-        assert!(found.render(Format::Text).contains("with errors x 1.35: complete"));
+        assert!(said(&found).contains("with errors x 1.35: complete"));
     }
 }
 
@@ -286,7 +291,7 @@ fn a_constant_offset_is_a_pedestal_and_no_effect() {
     assert!((pedestal - off).abs() < 4.0 * sigma && sigma < 0.2 * off.abs(), "{pedestal} +- {sigma}, really {off}");
     let json: Value = serde_json::from_str(&found.render(Format::Json)).unwrap();
     assert_eq!(json["noise"][0]["pedestal"]["value"].as_f64(), Some(pedestal));
-    assert!(found.render(Format::Text).contains("share a pedestal of"));
+    assert!(said(&found).contains("share a pedestal of"));
 }
 
 /// Errors quoted too small by 1.6, and correlated along trails: the effect is still found alone, and the errors are told.
@@ -300,13 +305,14 @@ fn errors_that_are_wrong_are_told_and_make_no_effects() {
         row.sigma /= 1.6;
     }
     let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
-    assert!((1.35..1.9).contains(&found.noise[0].scale), "{:?}", found.noise);
+    // From about a hundred degrees of freedom a scale is known to 7 %.
+    assert!((1.25..2.0).contains(&found.noise[0].scale), "{:?}", found.noise);
     assert_eq!(found.noise[1].scale, 1.0, "{:?}", found.noise);
     // Trails of one signal cannot tell a dose scale from another exponent.
     let told: Vec<String> = effects(&found).into_iter().chain(found.alternatives.iter().flatten().cloned()).collect();
     assert_eq!(found.steps.len(), 1, "{}", found.reason);
     assert!(told.contains(&"dose-scale".to_string()), "{told:?}");
-    assert!(found.render(Format::Text).contains("times the quoted sigma"));
+    assert!(said(&found).contains("times the quoted sigma"));
 }
 
 #[test]

@@ -11,6 +11,7 @@ mod diagnose;
 mod effects_golden;
 mod environment;
 mod fit;
+mod flight;
 mod flight_measurements;
 mod fuzzed;
 mod galaxy_golden;

@@ -237,7 +237,7 @@ fn fractional_traps_agree_to_their_resolution() {
             6..8 => detector_with_volume_at_zero(&mut random),
             _ => detector_with_several_clouds(&mut random),
         };
-        let traps = if trial < 4 || trial > 7 { traps } else { complicated(traps, 0, &mut random) };
+        let traps = if !(4..=7).contains(&trial) { traps } else { complicated(traps, 0, &mut random) };
         let column = column(&mut random, 40, 50.0);
         let downstream = Downstream { rows: 20, charge_e: 50.0 };
         let read =

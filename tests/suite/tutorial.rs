@@ -167,6 +167,11 @@ fn the_page_of_intervals_shows_what_the_program_prints() {
 }
 
 #[test]
+fn the_page_of_flown_measurements_shows_what_the_program_prints() {
+    shows_what_is_printed("docs/flight.md");
+}
+
+#[test]
 fn the_page_of_the_studies_shows_what_the_program_prints() {
     shows_what_is_printed("docs/studies.md");
 }

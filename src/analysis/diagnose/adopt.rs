@@ -71,7 +71,7 @@ impl Evidence<'_> {
                 return Ok(Ended::ByChance);
             }
         }
-        let (node, rivals, aside) = rivals::of(self, node)?;
+        let (node, rivals::Around { rivals, aside }) = rivals::of(self, node)?;
         for place in 0..node.added.len() {
             if self.false_alarm(&node, place)? > self.options.level || !self.confirmed(&node, place)? {
                 return Ok(Ended::Nothing);

@@ -6,7 +6,7 @@ use super::fitted_model::{Case, Node};
 use super::noise::SetNoise;
 use super::options::Options;
 use super::result::{Limit, Next, Note, Reason, Verdict};
-use super::rivals::Rival;
+use super::rivals::{self, Rival};
 use super::search::Search;
 use super::work::Work;
 
@@ -88,7 +88,9 @@ impl Evidence<'_> {
 
     /// A penalty for freedom beside chi2, when models compete.
     pub fn score(&self, node: &Node) -> f64 {
-        node.chi2() + 2.0 * node.fit.parameters.len() as f64
+        let general = node.added.iter().filter(|added| self.search.hypotheses[added.hypothesis].is_general()).count();
+        // A general law must bring more than a rival may be worse by, or its special case is what is meant.
+        node.chi2() + 2.0 * node.fit.parameters.len() as f64 + rivals::margin(self.options.level) * general as f64
     }
 }
 

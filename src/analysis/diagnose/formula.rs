@@ -41,7 +41,7 @@ pub(super) fn suggest(validation: &Validation, covariates: &[Leaning]) -> Option
         return None;
     }
     let powers = if leaning.is_some() { 3 } else { 1 };
-    let residuals = validation.sets.iter().flat_map(|set| set.residuals());
+    let residuals = validation.sets.iter().flat_map(|set| set.off_sigma());
     let residuals = DVector::from_vec(residuals.collect());
     let explained = |form: Form| {
         let columns = validation.sets.iter().flat_map(|set| columns(set, form, leaning, powers));

@@ -153,6 +153,11 @@ impl Hypothesis {
         SEVERAL.contains(&self.kind) && self.own.is_none()
     }
 
+    /// Whether it has a special case that is an effect of its own.
+    pub(super) fn is_general(&self) -> bool {
+        self.own.is_none() && effect::find(self.kind).is_some_and(|entry| !entry.generalises.is_empty())
+    }
+
     /// Whether another is a special case of it.
     pub(super) fn generalises(&self, other: &Hypothesis) -> bool {
         self.own.is_none() && effect::find(self.kind).is_some_and(|entry| entry.generalises.contains(&other.kind))

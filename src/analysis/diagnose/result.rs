@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::holdout::Carried;
 use super::noise::SetNoise;
-use super::stability::Changed;
+use super::stability::Stability;
 use crate::analysis::fit::{Advice, Fitted};
 use crate::analysis::validate::Validation;
 use crate::mission::Mission;
@@ -295,7 +295,7 @@ pub struct Diagnosis {
     /// The errors of each file as the search saw them.
     pub noise: Vec<SetNoise>,
     /// What is said under assumptions that are as good.
-    pub stability: Vec<Changed>,
+    pub stability: Stability,
     /// Things seen on the way.
     pub notes: Vec<Note>,
     /// Evaluations of the model at all rows that the search made, and after how many it begins no further step.

@@ -23,6 +23,14 @@ pub struct Rival {
     pub(super) node: Arc<Node>,
 }
 
+/// What else explains the data.
+pub(super) struct Around {
+    /// As well, least chi2 first.
+    pub rivals: Vec<Rival>,
+    /// Hardly worse.
+    pub aside: Vec<Note>,
+}
+
 /// How much larger chi2 may be for a rival not to be ruled out.
 pub(super) fn margin(level: f64) -> f64 {
     Normal::standard().inverse_cdf(level / 2.0).powi(2)
@@ -41,23 +49,23 @@ const MOST_OF_IT: f64 = 0.5;
 const ROUGH: f64 = 3.0;
 
 /// A model's rivals, least chi2 first; and the model itself, or a rival with so much less freedom that it is to be preferred.
-pub(super) fn of(told: &Evidence, node: &Arc<Node>) -> Result<(Arc<Node>, Vec<Rival>, Vec<Note>), InputError> {
+pub(super) fn of(told: &Evidence, node: &Arc<Node>) -> Result<(Arc<Node>, Around), InputError> {
     let mut adopted = node.clone();
     // A preferred rival has rivals of its own.
     for _ in 0..3 {
-        let (rivals, aside) = around(told, &adopted)?;
-        let best = rivals.iter().min_by(|a, b| told.score(&a.node).total_cmp(&told.score(&b.node)));
+        let around = around(told, &adopted)?;
+        let best = around.rivals.iter().min_by(|a, b| told.score(&a.node).total_cmp(&told.score(&b.node)));
         match best {
             Some(best) if told.score(&best.node) < told.score(&adopted) - 1e-6 => adopted = best.node.clone(),
-            _ => return Ok((adopted, rivals, aside)),
+            _ => return Ok((adopted, around)),
         }
     }
-    let (rivals, aside) = around(told, &adopted)?;
-    Ok((adopted, rivals, aside))
+    let around = around(told, &adopted)?;
+    Ok((adopted, around))
 }
 
 /// Rivals of a model, and those that are hardly worse.
-fn around(told: &Evidence, node: &Arc<Node>) -> Result<(Vec<Rival>, Vec<Note>), InputError> {
+fn around(told: &Evidence, node: &Arc<Node>) -> Result<Around, InputError> {
     let margin = margin(told.options.level);
     let (mut rivals, mut aside): (Vec<Rival>, Vec<Note>) = Default::default();
     for (place, added) in node.added.iter().enumerate() {
@@ -94,5 +102,5 @@ fn around(told: &Evidence, node: &Arc<Node>) -> Result<(Vec<Rival>, Vec<Note>), 
         }
     }
     rivals.sort_by(|a, b| a.node.chi2().total_cmp(&b.node.chi2()).then(a.hypothesis.cmp(&b.hypothesis)));
-    Ok((rivals, aside))
+    Ok(Around { rivals, aside })
 }

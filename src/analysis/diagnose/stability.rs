@@ -1,10 +1,13 @@
 //! Whether a verdict also holds under assumptions that are as good: larger errors, another seed, other starts, other free keys.
 
+use std::sync::Arc;
+
 use serde::Serialize;
 
 use super::evidence::Evidence;
 use super::noise::{self, SetNoise};
 use super::result::{Diagnosis, Verdict};
+use super::work::Work;
 use super::{Options, Task};
 use crate::analysis::fit::parameter::Parameter;
 use crate::error::InputError;
@@ -23,6 +26,15 @@ pub struct Changed {
     pub holds: bool,
 }
 
+/// What searches under other assumptions come to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Stability {
+    /// Those that were made.
+    pub done: Vec<Changed>,
+    /// Assumptions under which none was made, for want of evaluations.
+    pub undone: Vec<String>,
+}
+
 /// Factor by which errors are made larger.
 const LARGER: f64 = 1.35;
 
@@ -38,20 +50,22 @@ struct Change {
 }
 
 impl Task<'_> {
-    /// What becomes of a diagnosis under each change; those that are left undone for want of evaluations are noted.
+    /// What becomes of a diagnosis under each change, in as many evaluations together as the diagnosis itself may make.
     ///
     /// # Errors
     /// As [`super::diagnose`].
-    pub(super) fn stability(&self, found: &Diagnosis) -> Result<Vec<Changed>, InputError> {
+    pub(super) fn stability(&self, found: &Diagnosis) -> Result<Stability, InputError> {
         if found.verdict == Verdict::Unfit || !self.options.stability {
-            return Ok(Vec::new());
+            return Ok(Stability::default());
         }
-        let mut all = Vec::new();
+        let work = Arc::new(Work::of_at_most(self.options.evaluations));
+        let mut all = Stability::default();
         for change in self.changes(&found.noise) {
-            if !self.work.allows(&format!("stability against {}", change.name)) {
-                continue;
+            if work.allows(&change.name) {
+                all.done.push(self.changed(found, change, &work)?);
+            } else {
+                all.undone.push(change.name);
             }
-            all.push(self.changed(found, change)?);
         }
         Ok(all)
     }
@@ -107,7 +121,7 @@ impl Task<'_> {
         self.mission.with(&settings.collect::<Option<Vec<_>>>()?).ok()
     }
 
-    fn changed(&self, found: &Diagnosis, change: Change) -> Result<Changed, InputError> {
+    fn changed(&self, found: &Diagnosis, change: Change, work: &Arc<Work>) -> Result<Changed, InputError> {
         let data = noise::allowed_for(self.quoted, &change.noise);
         let task = Task {
             mission: &change.mission,
@@ -115,7 +129,7 @@ impl Task<'_> {
             hypotheses: self.hypotheses.clone(),
             options: &change.options,
             progress: self.progress,
-            work: self.work.clone(),
+            work: work.clone(),
         };
         task.with_evidence(&data, |told: &Evidence, _| {
             let other = told.hunt()?;

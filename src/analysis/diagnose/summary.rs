@@ -3,6 +3,7 @@
 use super::evidence::{Evidence, Found, newest};
 use super::fitted_model::{Added, Node};
 use super::result::{Diagnosis, Leaning, Note, Rung, Step, Tried, Verdict};
+use super::stability::Stability;
 use super::{doubts, formula, holdout};
 use crate::analysis::fit::{self, Advice};
 use crate::analysis::validate::validate;
@@ -89,7 +90,7 @@ impl Evidence<'_> {
             limits,
             held_out: self.split.map(|(column, _)| column.to_string()),
             noise,
-            stability: Vec::new(),
+            stability: Stability::default(),
             notes,
             evaluations: [self.case().work.done(), self.options.evaluations],
             undone: self.case().work.undone(),

@@ -117,8 +117,18 @@ impl SetResult {
 }
 
 fn residuals(data: &DataSet, model: &[f64]) -> Vec<f64> {
-    let residuals: Vec<f64> = data.rows.iter().zip(model).map(|(row, model)| (row.value - model) / row.sigma).collect();
-    Whitening::of(std::slice::from_ref(data), |_| true).levelled(&residuals)
+    Whitening::of(std::slice::from_ref(data), |_| true).levelled(&off_sigma(data, model))
+}
+
+fn off_sigma(data: &DataSet, model: &[f64]) -> Vec<f64> {
+    data.rows.iter().zip(model).map(|(row, model)| (row.value - model) / row.sigma).collect()
+}
+
+impl SetResult {
+    /// (value − model)/sigma, row by row, as they are.
+    pub(crate) fn off_sigma(&self) -> Vec<f64> {
+        off_sigma(&self.data, &self.model)
+    }
 }
 
 impl Validation {

@@ -78,7 +78,7 @@ impl Serialize for Diagnosis {
             tried: self.tried.iter().map(|tried| Attempt::of(&tried.effect, tried.chi2, &self.baseline)).collect(),
             held_out: self.held_out.as_deref(),
             noise: &self.noise,
-            stability: &self.stability,
+            stability: &self.stability.done,
             leaning: self.after.words(),
             formula: self.suggestion.as_ref().map(|suggestion| suggestion.toml.as_str()),
             notes: &self.notes,

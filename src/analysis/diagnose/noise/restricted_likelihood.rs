@@ -77,3 +77,46 @@ fn likelihood(
     let smooth_determinant: f64 = triangle.diagonal().iter().map(|size| 2.0 * size.abs().max(1e-300).ln()).sum();
     (square.sqrt(), -(freedom * square.ln() + determinant + smooth_determinant), freedom)
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+
+    /// Errors 1.5 times those quoted, correlated by 0.6 along 30 trails of 8 pixels, about three smooth directions that are in the
+    /// data with any strength: both numbers are found without bias, and no correlation where there is none.
+    #[test]
+    fn scale_and_correlation_are_found_without_bias() {
+        let (trails, pixels) = (30, 8);
+        let rows = trails * pixels;
+        let links: Vec<Link> = (0..rows).map(|row| (row % pixels > 0).then(|| (row - 1, 1))).collect();
+        let right: Vec<usize> = (0..rows).collect();
+        let columns =
+            DMatrix::from_fn(rows, 3, |row, power| ((row % pixels) as f64 / pixels as f64).powi(power as i32));
+        let smooth = crate::numeric::least_squares::Span::of(&columns, 1e-6).directions().clone();
+        let mean = |correlation: f64| {
+            let found = (0..40).map(|seed| {
+                let mut random = ChaCha8Rng::seed_from_u64(seed);
+                let mut noise = DVector::zeros(rows);
+                for row in 0..rows {
+                    let fresh: f64 = StandardNormal.sample(&mut random);
+                    let before = links[row].map_or(0.0, |(before, _)| correlation * noise[before]);
+                    let share = if links[row].is_some() { (1.0 - correlation * correlation).sqrt() } else { 1.0 };
+                    noise[row] = before + share * fresh;
+                }
+                let residuals = 1.5 * noise + 100.0 * &columns * DVector::from_element(3, 1.0);
+                let found = Likeliest::of(&residuals, &smooth, &links, &right);
+                [found.scale, found.correlation]
+            });
+            found.fold([0.0; 2], |sum, found| [sum[0] + found[0] / 40.0, sum[1] + found[1] / 40.0])
+        };
+        // One estimate of the scale is good to 5 %, of the correlation to 0.05: their means to a sixth of that.
+        let [scale, correlation] = mean(0.6);
+        assert!((scale - 1.5).abs() < 0.05 && (correlation - 0.6).abs() < 0.04, "{scale}, {correlation}");
+        let [scale, correlation] = mean(0.0);
+        assert!((scale - 1.5).abs() < 0.03 && correlation < 0.03, "{scale}, {correlation}");
+    }
+}
