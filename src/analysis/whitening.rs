@@ -1,7 +1,7 @@
 //! What the errors of a data set's rows have in common, taken out of its residuals.
 //!
 //! Residuals (value − model)/sigma of independent rows are what they are. Where errors of neighbouring pixels of a trail are
-//! correlated by r (r^d at a distance of d), each but the first is replaced by what the one before does not foretell,
+//! correlated by r (r^d at a distance of d), each but the first is replaced by what the one before does not predict,
 //! (e_k − r^d e_(k−1))/√(1 − r^2d): the Cholesky factor of a first-order autoregressive process. A constant pedestal of a file
 //! is allowed for by counting its mean residual z (in its own error) as z/√(1 + z²/C): up to a few sigma as it is, beyond that
 //! no more than √C. All of that is smooth, so that a fit can follow it.
@@ -34,7 +34,7 @@ pub enum Neighbours {
     /// Pixels next to one another: those d pixels apart by its power d.
     #[default]
     Pixels,
-    /// Rows of the file next to one another in the trail, whatever their distance.
+    /// Rows of the file next to one another in the trail, at any distance.
     Rows,
 }
 

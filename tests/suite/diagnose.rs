@@ -490,3 +490,16 @@ fn an_effect_that_the_data_rule_out_is_seen_to_be() {
     let text = found.render(Format::Text);
     assert!(text.contains("ruled out, since chi2 rises: solar-cycle (chi2 +"), "{text}");
 }
+
+/// Errors that are stated as a floor need not show in the scatter: they are not taken back.
+#[test]
+fn a_floor_of_errors_is_not_undone() {
+    let folder = practice("nothing-missing");
+    let (mission, _) = read(&folder, "");
+    let mission = mission.with(&[("fit.floor".to_string(), 0.05.into())]).unwrap();
+    let data = [DataSet::read(folder.join("dose.ecsv"), &mission).unwrap()];
+    assert!(data[0].rows.iter().all(|row| row.floor > 0.0));
+    let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
+    assert_eq!(found.verdict, Verdict::Complete, "{}", found.reason);
+    assert!(found.noise[0].scale == 1.0 && found.noise[0].wrong.is_empty(), "{:?}", found.noise);
+}

@@ -67,7 +67,7 @@ pub struct WrongRow {
     pub row: usize,
     /// Its line in the file; None for a table that was not read from a file.
     pub line: Option<usize>,
-    /// How far it is from what the others foretell, in sigma.
+    /// How far it is from what the others predict, in sigma.
     pub off_sigma: f64,
     /// Whether that is known from a model which explains all others, not from the rows around it.
     pub(super) by_model: bool,
@@ -178,7 +178,10 @@ pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, k
 /// The errors of one file, told from its residuals (in quoted errors) about what is smooth.
 fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known: &SetNoise) -> SetNoise {
     let mut wrong: Vec<WrongRow> = by_model(known);
-    for (row, off_sigma) in wrong_rows::of(residuals, smooth) {
+    // Systematic errors that are stated as a floor need not show in the scatter.
+    let has_floor = set.rows.iter().any(|row| row.floor > 0.0);
+    let least_scatter = if has_floor { 1.0 } else { 1.0 / AT_MOST };
+    for (row, off_sigma) in wrong_rows::of(residuals, smooth, least_scatter) {
         if wrong.iter().all(|known| known.row != row) {
             wrong.push(WrongRow { row, line: set.table.lines.get(row).copied(), off_sigma, by_model: false });
         }
@@ -192,7 +195,7 @@ fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known:
     let squares = found.freedom * found.scale * found.scale;
     let too_small = if known.scale > 1.0 { STILL } else { TOO_SMALL };
     let too_large = if known.scale < 1.0 { STILL } else { TOO_LARGE };
-    let believed = law.sf(squares) > too_small && law.cdf(squares) > too_large;
+    let believed = law.sf(squares) > too_small && (has_floor || law.cdf(squares) > too_large);
     let scale = if believed { 1.0 } else { found.scale.min(roughness(set, residuals, &found)) };
     SetNoise {
         scale,

@@ -17,7 +17,7 @@ const FLAT: f64 = 0.02;
 /// Share of the directions of the rows that may be smooth.
 const MOST: f64 = 0.4;
 
-/// Words of a column, one for so many rows at most, that each have a constant of their own.
+/// Rows for each word of a column, in the mean, from which on words have constants of their own.
 const ROWS_OF_A_WORD: usize = 4;
 
 /// Polynomials in every condition, products of two, and a constant for every word, as they stand and times the model; in quoted
@@ -72,7 +72,7 @@ fn of_words(words: &[f64]) -> Vec<Vec<f64>> {
 }
 
 /// Orthonormal directions that columns span, those that matter most first; the first columns, a constant as it stands and times
-/// the model, whatever the others are: files have pedestals and gains.
+/// the model, always: files have pedestals and gains.
 pub(super) fn directions(smooth: Vec<DVector<f64>>, signatures: Vec<DVector<f64>>) -> DMatrix<f64> {
     let first = Span::of(&DMatrix::from_columns(&smooth[..CONSTANTS]), 1e-6).directions().clone();
     let most = (MOST * first.nrows() as f64) as usize;

@@ -1,6 +1,6 @@
 //! Rows that are wrong, found one by one.
 //!
-//! A row is wrong where it is far from what all others foretell about what is smooth (an externally studentised residual: Cook &
+//! A row is wrong where it is far from what all others predict by what is smooth (an externally studentised residual: Cook &
 //! Weisberg 1982, Residuals and Influence in Regression, section 2.2), in units of a scatter that a few wrong rows do not move: the
 //! median. The farthest is left out, the rest is smoothed again, until none is far, or more than one in twenty is: then it is
 //! no accident of single rows; neither are rows next to one another that are off in the same direction.
@@ -12,7 +12,7 @@ use crate::numeric::least_squares::Span;
 /// Distance from which on a row is wrong, in units of the scatter.
 const FAR: f64 = 5.0;
 
-/// Of so many rows one may be wrong.
+/// One row in this number may be wrong.
 const ONE_IN: usize = 20;
 
 /// Part of a row's residual that is its own, below which nothing is told of it: it may be all that shows an effect.
@@ -21,8 +21,9 @@ const ITS_OWN: f64 = 0.3;
 /// Median of |x| of normal x.
 const MEDIAN: f64 = 0.674_489_750_196;
 
-/// Rows that are wrong, each with how far it is from what the others foretell, in quoted errors; rising.
-pub(super) fn of(residuals: &DVector<f64>, smooth: &DMatrix<f64>) -> Vec<(usize, f64)> {
+/// Rows that are wrong, each with how far it is from what the others predict, in quoted errors; rising.
+/// A scatter of less than the least one, in quoted errors, is not believed.
+pub(super) fn of(residuals: &DVector<f64>, smooth: &DMatrix<f64>, least_scatter: f64) -> Vec<(usize, f64)> {
     let most = residuals.len().div_ceil(ONE_IN);
     let mut wrong: Vec<usize> = Vec::new();
     loop {
@@ -39,8 +40,7 @@ pub(super) fn of(residuals: &DVector<f64>, smooth: &DMatrix<f64>) -> Vec<(usize,
         let Some(farthest) = all.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else { return Vec::new() };
         let mut sizes: Vec<f64> = all.iter().map(|(_, size)| *size).collect();
         sizes.sort_by(f64::total_cmp);
-        // Noise of less than the quoted errors does not make rows wrong.
-        let scatter = (sizes[sizes.len() / 2] / MEDIAN).max(1e-9);
+        let scatter = (sizes[sizes.len() / 2] / MEDIAN).max(least_scatter);
         if farthest.1 < FAR * scatter {
             break;
         }

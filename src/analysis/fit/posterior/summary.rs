@@ -17,7 +17,7 @@ const ENDS: [[f64; 2]; 2] = [[0.1587, 0.8413], [0.0228, 0.9772]];
 const NEXT_TO_END: f64 = 0.1;
 const MANY: f64 = 0.02;
 
-/// The posterior of one parameter, whatever the others are.
+/// The posterior of one parameter, over all values of the others.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Marginal {
     /// Dotted key.
