@@ -181,7 +181,8 @@ fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known:
     // Systematic errors that are stated as a floor need not show in the scatter.
     let has_floor = set.rows.iter().any(|row| row.floor > 0.0);
     let least_scatter = if has_floor { 1.0 } else { 1.0 / AT_MOST };
-    for (row, off_sigma) in wrong_rows::of(residuals, smooth, least_scatter) {
+    let most = wrong_rows::most(residuals.len()).saturating_sub(wrong.len());
+    for (row, off_sigma) in wrong_rows::of(residuals, smooth, least_scatter).into_iter().take(most) {
         if wrong.iter().all(|known| known.row != row) {
             wrong.push(WrongRow { row, line: set.table.lines.get(row).copied(), off_sigma, by_model: false });
         }

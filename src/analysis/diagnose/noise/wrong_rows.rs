@@ -21,10 +21,15 @@ const ITS_OWN: f64 = 0.3;
 /// Median of |x| of normal x.
 const MEDIAN: f64 = 0.674_489_750_196;
 
+/// How many rows of a file may be wrong.
+pub(super) fn most(rows: usize) -> usize {
+    rows.div_ceil(ONE_IN)
+}
+
 /// Rows that are wrong, each with how far it is from what the others predict, in quoted errors; rising.
 /// A scatter of less than the least one, in quoted errors, is not believed.
 pub(super) fn of(residuals: &DVector<f64>, smooth: &DMatrix<f64>, least_scatter: f64) -> Vec<(usize, f64)> {
-    let most = residuals.len().div_ceil(ONE_IN);
+    let most = most(residuals.len());
     let mut wrong: Vec<usize> = Vec::new();
     loop {
         let right: Vec<usize> = (0..residuals.len()).filter(|row| !wrong.contains(row)).collect();
