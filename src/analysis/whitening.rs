@@ -40,7 +40,7 @@ pub enum Neighbours {
 
 /// The largest part of chi2 that a pedestal costs, C: less than an effect must bring to be claimed, or one would be claimed in place of
 /// a pedestal; more than a rival may be worse by, or one would have rivals that need a pedestal besides.
-const PEDESTAL: f64 = 12.0;
+pub(crate) const PEDESTAL: f64 = 12.0;
 
 /// Part of a column that others leave, below which it is none.
 const FLAT: f64 = 1e-5;
@@ -228,7 +228,7 @@ impl Pedestal {
 }
 
 impl Shared {
-    /// Correlation of two rows of a trail that stand next to one another in it, so many pixels apart.
+    /// Correlation of two rows that are neighbours in a trail, at a distance in pixels.
     pub fn between(&self, apart: i32) -> f64 {
         match self.neighbours {
             Neighbours::Pixels => self.correlation.powi(apart),

@@ -154,7 +154,7 @@ impl Injection {
 }
 
 impl Pattern {
-    /// The blocks that lie within so many rows, with the gaps behind them.
+    /// The blocks that lie within a frame's rows, with the gaps behind them.
     fn blocks(self, rows: usize) -> Vec<Range<usize>> {
         let starts = (self.first_row..rows).step_by(self.period_px.max(1));
         starts.map(|start| start..start + self.block_px).filter(|block| block.end < rows).collect()

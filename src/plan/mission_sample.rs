@@ -78,7 +78,7 @@ impl MissionSample {
         self.len() == 0
     }
 
-    /// So many rows, evenly chosen; all where there are no more.
+    /// Rows up to a number, evenly chosen; all where there are no more.
     pub fn chosen(&self, count: usize) -> Vec<usize> {
         let count = count.min(self.len());
         (0..count).map(|index| index * self.len() / count).collect()

@@ -11,6 +11,7 @@ use crate::analysis::diagnose::noise::SetNoise;
 use crate::analysis::diagnose::{Changed, Diagnosis, Next, Rung, Stability, Tried, Verdict};
 use crate::analysis::fit::Fitted;
 use crate::analysis::validate::SetResult;
+use crate::analysis::whitening::PEDESTAL;
 use crate::mission::Mission;
 use crate::mission::keys::plain;
 use crate::numeric::calendar::date_after;
@@ -209,7 +210,7 @@ impl Diagnosis {
         out.words(
             format!(
                 "  {} rows; free parameters are refitted in every row; a constant that all values of a file share counts for at most \
-                 12 in chi2; p-value: probability that noise alone does as well, corrected for all effects tried{held_out}",
+                 {PEDESTAL} in chi2; p-value: probability that noise alone does as well, corrected for all effects tried{held_out}",
                 self.baseline.n
             ),
             4,

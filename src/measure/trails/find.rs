@@ -11,7 +11,7 @@ use super::Pixel;
 
 /// Pixels in front of a warm one count as another source beyond so many sigma of the frame's noise.
 const SOURCE_SIGMA: f64 = 6.0;
-/// A halo: share of a pixel's charge that its neighbours may hold, up to so many pixels away, and beside it.
+/// A halo: share of a pixel's charge that its neighbours may hold, up to a distance in pixels, and beside it.
 const HALO: f64 = 0.05;
 const HALO_PX: usize = 2;
 const BESIDE: f64 = 0.2;
