@@ -52,12 +52,12 @@ pub struct Mission {
     pub uncertainty: Uncertainty,
     /// What may be adjusted to measurements.
     pub fit: FitSettings,
-    /// What the files hold that the mission names.
+    /// What the files hold that the mission names, and a course of the Sun that was drawn.
     #[serde(skip)]
     pub imported: Imported,
 }
 
-/// What the files hold that a mission file names; read with it.
+/// What a mission has besides its file: contents of the files that it names, read with it, and a course of the Sun.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Imported {
     /// `environment.history`: years since launch, rising from 0, and dose since launch, MeV/g.
@@ -70,6 +70,9 @@ pub struct Imported {
     pub sectors: Vec<(f64, f64)>,
     /// `detector.temperature_history`: years since launch, rising, and temperature from then on, K.
     pub temperatures: Vec<(f64, f64)>,
+    /// A course of the Sun that was drawn: years since launch, rising, and dose of solar protons since launch (MeV/g, before
+    /// `environment.dose_factor`). It stands in place of all solar protons that the environment gives.
+    pub sun: Option<Vec<(f64, f64)>>,
 }
 
 /// A proton spectrum of another program.

@@ -8,3 +8,4 @@ pub(crate) mod least_squares;
 pub(crate) mod minimum;
 pub(crate) mod recent;
 pub(crate) mod root_finding;
+pub mod sample_points;

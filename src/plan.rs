@@ -3,6 +3,7 @@
 
 pub mod date_distribution;
 pub mod dose;
+pub mod draws;
 pub mod evaluate;
 pub mod mission_sample;
 pub mod requirement;

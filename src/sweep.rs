@@ -13,7 +13,6 @@ mod output;
 mod parts;
 mod point;
 mod run;
-mod sample;
 mod slurm;
 mod write;
 
@@ -23,6 +22,6 @@ pub use merge::{Merged, Spread, collect};
 pub use output::Output;
 pub use parts::Parts;
 pub use run::{Done, run};
-pub use sample::{Sample, Sampling};
+pub use crate::numeric::sample_points::{Sample, Sampling};
 pub(crate) use slurm::quoted;
 pub use slurm::{Shard, indices, missing, script};

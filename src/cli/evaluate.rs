@@ -9,7 +9,7 @@ use crate::cli::file_argument::InputFile;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::noise;
-use crate::plan::date_distribution::{DateDistribution, over_sample};
+use crate::plan::date_distribution::{DateDistribution, date_distribution};
 use crate::plan::evaluate::evaluate;
 use crate::plan::mission_sample::MissionSample;
 use crate::plan::time_series::TimeSeries;
@@ -22,19 +22,21 @@ pub(super) struct Evaluate {
     /// Also read out this number of galaxies with photon and read noise at the end of the mission
     #[arg(long, value_name = "REALISATIONS", value_parser = clap::value_parser!(u32).range(2..=10_000_000))]
     monte_carlo: Option<u32>,
-    /// Seed of the realisations, instead of the mission's
+    /// Seed of all that is random, instead of the mission's
     #[arg(long, value_name = "SEED")]
     seed: Option<u64>,
-    /// Also evaluate the mission with draws of a posterior (`ctiplan fit --posterior N --out FILE`): distribution of the date
+    /// Draws of the mission, for the date as a distribution: its Sun and its [uncertainty]; 0: none
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(0..=65_536))]
+    samples: u32,
+    /// Draw keys from a posterior (`ctiplan fit --posterior N --out FILE`) in place of their uncertainties
     #[arg(long, value_name = "FILE")]
     posterior: Option<InputFile>,
-    /// Draws that are evaluated at most, evenly chosen
-    #[arg(long, value_name = "N", requires = "posterior", default_value_t = 200)]
-    #[arg(value_parser = clap::value_parser!(u32).range(1..))]
-    posterior_samples: u32,
     /// Exit with status 1 if the corrected budget is exceeded during the mission
     #[arg(long)]
     check: bool,
+    /// With --check: the probability to meet the corrected budget to the end of the mission that is asked for, such as 0.9
+    #[arg(long, value_name = "P", requires = "check", value_parser = probability)]
+    confidence: Option<f64>,
     #[command(flatten)]
     drawn: Drawn,
     #[command(flatten)]
@@ -62,8 +64,15 @@ impl Evaluate {
         };
         let met = evaluation.verdict.met();
         let time_series = self.drawn.wanted().then(|| TimeSeries::of(&evaluation.model)).transpose()?;
-        let distribution = sample.map(|sample| self.distribution(&mission, &sample)).transpose()?;
-        let report = EvaluateReport { evaluation, noisy, distribution, time_series };
+        let distribution = match self.samples {
+            0 => None,
+            _ => Some(self.distribution(&mission, sample.as_ref())?),
+        };
+        let met = match (self.confidence, &distribution) {
+            (Some(asked), Some(found)) => found.probability_met() >= asked,
+            _ => met,
+        };
+        let report = EvaluateReport { evaluation, noisy, distribution, confidence: self.confidence, time_series };
         self.drawn.write(&report, &[mission])?;
         // What the date hangs on is worth knowing where it comes too early.
         let next = (!met).then(|| format!("ctiplan study error-budget {}", self.mission.words()));
@@ -71,11 +80,22 @@ impl Evaluate {
         Ok(if self.check && !met { Outcome::NotMet } else { Outcome::Done })
     }
 
-    fn distribution(&self, mission: &Mission, sample: &MissionSample) -> Result<DateDistribution, InputError> {
-        let count = sample.len().min(self.posterior_samples as usize);
-        let bar = progress(count as u64, "draws");
-        let found = over_sample(mission, sample, count, || bar.inc(1))?;
+    fn distribution(&self, mission: &Mission, sample: Option<&MissionSample>) -> Result<DateDistribution, InputError> {
+        let bar = progress(u64::from(self.samples), "draws");
+        let seed = self.seed.unwrap_or(mission.accuracy.seed);
+        let found = date_distribution(mission, sample, self.samples, seed, || bar.inc(1))?;
         bar.finish_and_clear();
         Ok(found)
+    }
+}
+
+/// A probability that can be asked for.
+fn probability(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value < 1.0 => Ok(value),
+        Ok(value) if (1.0..=100.0).contains(&value) => {
+            Err(format!("allowed: above 0 and below 1; {value} % is {}", value / 100.0))
+        }
+        _ => Err("allowed: a number above 0 and below 1".into()),
     }
 }

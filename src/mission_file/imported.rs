@@ -31,6 +31,7 @@ pub(super) fn import(mission: &mut Mission, folder: &Path) -> Result<(), Refusal
         dose_depth: dose_depth(mission)?,
         sectors: sectors_of(mission)?,
         temperatures: temperatures(mission)?,
+        sun: None,
     };
     match mission.history_problem() {
         Some(problem) => Err(wrong("environment.history", problem)),

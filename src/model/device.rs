@@ -62,6 +62,11 @@ impl Device {
         self.registers.iter().map(of).collect()
     }
 
+    /// Traps of the pixels, then those of the serial registers.
+    pub fn species(&self) -> impl Iterator<Item = &SpeciesState> {
+        self.traps.iter().chain(self.registers.iter().flat_map(|register| &register.traps))
+    }
+
     fn readout_of(&self, traps: &[SpeciesState], transfer_ms: f64) -> Readout {
         Readout {
             traps: traps.iter().map(|species| species.trap(transfer_ms)).collect(),

@@ -34,7 +34,7 @@ pub struct DoseHistory {
     cyclic: Vec<Cyclic>,
     /// Factors on the dose rate.
     pub modulations: Vec<Modulation>,
-    /// Dose since launch (MeV/g) against years since launch, where a file gives it.
+    /// Dose since launch (MeV/g) against years since launch, where a file gives it, or that of a drawn Sun.
     table: Vec<(f64, f64)>,
     /// Doses (MeV/g) that come at once, each with its time in years since launch.
     pub steps: Vec<(f64, f64)>,
@@ -159,21 +159,21 @@ impl DoseHistory {
         };
         let ahead = |maximum: &Maximum| maximum.cycles_ahead > 0 && maximum.year + ACTIVE_AFTER_YR > launch;
         let extrapolated = maxima.into_iter().filter(ahead).collect();
+        let given_rate = match &mission.imported.sun {
+            Some(_) => 0.0,
+            None => environment.active_dose_rate_mev_g_yr.unwrap_or(0.0),
+        };
+        let table = mission.imported.sun.as_ref().unwrap_or(&mission.imported.history);
         let gives = environment.active_dose_rate_mev_g_yr.is_some() || environment.model == DoseModel::History;
         let mut history = DoseHistory {
             cycle,
             windows,
             active_share,
-            active_rate_mev_g_yr: environment.dose_factor * environment.active_dose_rate_mev_g_yr.unwrap_or(0.0),
+            active_rate_mev_g_yr: environment.dose_factor * given_rate,
             floor_mev_g_yr: environment.dose_factor * environment.cosmic_ray_floor_mev_g_yr,
             cyclic: Vec::new(),
             modulations: Vec::new(),
-            table: mission
-                .imported
-                .history
-                .iter()
-                .map(|(t_yr, dose)| (*t_yr, environment.dose_factor * dose))
-                .collect(),
+            table: table.iter().map(|(t_yr, dose)| (*t_yr, environment.dose_factor * dose)).collect(),
             steps: Vec::new(),
             rate_laws: Vec::new(),
             dose_laws: Vec::new(),

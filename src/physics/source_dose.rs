@@ -117,7 +117,10 @@ pub(crate) fn source_doses(mission: &Mission, active_years: f64) -> Vec<Arc<Sour
         secondaries: shielding.secondaries,
         phase: environment.solar_phase,
     };
-    sources(environment, &place).into_iter().map(|source| known(source, inputs(source))).collect()
+    // A drawn Sun stands in place of the quantile of its fluence.
+    let counted = |source: &&dyn Source| mission.imported.sun.is_none() || !source.depends_on_events();
+    let counted = sources(environment, &place).into_iter().filter(counted);
+    counted.map(|source| known(source, inputs(source))).collect()
 }
 
 /// The dose of a source. It takes milliseconds to seconds and is asked for by every fit and study, mostly for the same mission.

@@ -1,10 +1,10 @@
 //! The date on which the budget is exceeded, as a distribution.
 
 use chrono::NaiveDate;
-use rayon::prelude::*;
 use serde::Serialize;
 
-use super::evaluate::evaluate;
+use super::draws::shares::Explained;
+use super::draws::{Draws, Emulated, Fates};
 use super::mission_sample::MissionSample;
 use crate::error::InputError;
 use crate::mission::Mission;
@@ -21,12 +21,32 @@ pub struct DateDistribution {
     pub samples: usize,
     /// Independent missions that they are worth.
     pub effective_samples: f64,
-    /// Seed of the draws; None where they were drawn before.
-    pub seed: Option<u64>,
+    /// Seed of the draws.
+    pub seed: u64,
     /// Without software correction.
     pub uncorrected: Dates,
     /// With it.
     pub corrected: Dates,
+    /// What each input contributes to the variance of ln |Δe| at the end of the mission, the largest first; empty where it
+    /// does not vary.
+    pub shares: Vec<Share>,
+    /// Why the Sun is not among what was drawn; None where it is.
+    pub sun_not_drawn: Option<String>,
+    /// How changes of shape were emulated; None where each was read out, of fewer draws.
+    pub emulated: Option<Emulated>,
+    /// Keys that were drawn from a posterior.
+    pub posterior_keys: Vec<String>,
+}
+
+/// Share of a variance.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Share {
+    /// Name of the input, or [`NOT_LINEAR`].
+    pub input: String,
+    /// Share, from 0 to 1.
+    pub share: f64,
+    /// Its standard error from the finite number of draws.
+    pub error: f64,
 }
 
 /// When a limit is exceeded.
@@ -56,39 +76,72 @@ pub struct DateQuantile {
     pub date: Option<NaiveDate>,
 }
 
-/// Evaluates a mission with so many draws of a sample, evenly chosen. `progress` is called once for each that is done.
+/// Draws a mission so many times: its Sun, its `[uncertainty]`, and a posterior where one is given. `progress` is called once for
+/// each draw that is done.
 ///
 /// # Errors
-/// Where a draw makes no sense to the mission or leaves its galaxy without a shape; names the row of the first.
-pub fn over_sample(
+/// Where a draw makes no sense to the mission or leaves its galaxy without a shape; names the row of the posterior.
+pub fn date_distribution(
     mission: &Mission,
-    sample: &MissionSample,
-    count: usize,
+    posterior: Option<&MissionSample>,
+    samples: u32,
+    seed: u64,
     progress: impl Fn() + Sync,
 ) -> Result<DateDistribution, InputError> {
-    let judged = Mission { galaxies: vec![mission.judged_galaxy().clone()], ..mission.clone() };
-    let rows = sample.chosen(count);
-    let exceeded = |row: &usize| -> Result<[f64; 2], InputError> {
-        let drawn = sample.mission(&judged, *row)?;
-        let verdict = evaluate(&drawn).map_err(|error| sample.fault(*row, error))?.verdict;
-        progress();
-        Ok([&verdict.uncorrected, &verdict.corrected].map(|crossing| crossing.t_yr.unwrap_or(f64::INFINITY)))
-    };
-    let found: Vec<Result<[f64; 2], InputError>> = rows.par_iter().map(exceeded).collect();
-    // The first of several errors, whichever came first.
-    let found = found.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let effective = sample.effective_samples.unwrap_or(f64::INFINITY).clamp(1.0, rows.len() as f64);
+    let draws = Draws::of(mission, posterior, samples, seed)?;
+    let found = draws.fates(progress)?;
+    let count = found.fates.len();
+    // What a posterior is worth limits what all of it is worth; so does its number of draws.
+    let worth = posterior.map(|sample| sample.effective_samples.unwrap_or(f64::INFINITY).min(sample.len() as f64));
+    let effective = worth.unwrap_or(f64::INFINITY).clamp(1.0, count as f64);
     let dates = |limit: usize| {
-        let times_yr = found.iter().map(|times| times[limit]).collect();
-        Dates::of(times_yr, effective, mission.mission.launch.0, mission.accuracy.seed)
+        let times_yr = found.fates.iter().map(|fate| fate.exceeded_yr[limit].unwrap_or(f64::INFINITY)).collect();
+        Dates::of(times_yr, effective, mission.mission.launch.0, seed)
     };
     Ok(DateDistribution {
-        samples: rows.len(),
+        samples: count,
         effective_samples: effective,
-        seed: None,
+        seed,
         uncorrected: dates(0),
         corrected: dates(1),
+        shares: shares(&found, seed),
+        sun_not_drawn: draws.sun.err().map(|why| why.problem),
+        emulated: found.emulated,
+        posterior_keys: posterior.map_or(Vec::new(), |sample| sample.keys.clone()),
     })
+}
+
+/// Shares of the variance of ln |Δe| at the end of the mission, the largest first; empty where it does not vary.
+fn shares(found: &Fates, seed: u64) -> Vec<Share> {
+    let log = |place: &usize| found.fates[*place].delta_e.filter(|delta_e| *delta_e > 0.0).map(f64::ln);
+    let count = found.names.len() + 1;
+    let statistics = |places: &[usize]| {
+        let draws = places.iter().map(|place| (found.deviations[*place].as_slice(), log(place)));
+        Explained::of(draws).shares().unwrap_or(vec![f64::NAN; count])
+    };
+    let names = found.names.iter().map(String::as_str).chain([NOT_LINEAR]);
+    let values = with_errors(found.fates.len(), seed, statistics);
+    let share = |(name, (share, error)): (&str, (f64, Option<f64>))| Share {
+        input: name.to_string(),
+        share,
+        error: error.unwrap_or(0.0),
+    };
+    let mut shares: Vec<Share> = names.zip(values).map(share).collect();
+    if shares.iter().any(|share| !share.share.is_finite()) {
+        return Vec::new();
+    }
+    shares.sort_by(|a, b| b.share.total_cmp(&a.share));
+    shares
+}
+
+/// Name of what inputs together do, or one by itself that is not linear; with a posterior, also what that does.
+pub const NOT_LINEAR: &str = "rest";
+
+impl DateDistribution {
+    /// Probability that the corrected budget is met to the end of the mission.
+    pub fn probability_met(&self) -> f64 {
+        1.0 - self.corrected.probability_exceeded
+    }
 }
 
 impl Dates {

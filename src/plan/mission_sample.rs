@@ -97,6 +97,13 @@ impl MissionSample {
         mission.with(&settings).map_err(|error| self.fault(row, error))
     }
 
+    /// Values of a row that are seen neither in the detector nor in its dose.
+    pub(crate) fn unseen(&self, row: usize) -> Vec<f64> {
+        let unseen = |key: &&String| !["detector.", "environment."].iter().any(|section| key.starts_with(section));
+        let value = |key: &String| self.table.column(key)?.cells[row].number();
+        self.keys.iter().filter(unseen).filter_map(value).collect()
+    }
+
     /// A refusal of a row, for what was wrong with its mission.
     pub fn fault(&self, row: usize, error: InputError) -> InputError {
         let said = [error.place, Some(error.problem)].into_iter().flatten().collect::<Vec<_>>().join(": ");

@@ -26,6 +26,8 @@ pub struct EvaluateReport {
     pub noisy: Vec<Option<NoisyChange>>,
     /// The date as a distribution, where that was asked for.
     pub distribution: Option<DateDistribution>,
+    /// The probability to meet the corrected budget that is asked for.
+    pub confidence: Option<f64>,
     /// What happens between the years, for figures; there are none without it.
     pub time_series: Option<TimeSeries>,
 }
@@ -147,7 +149,7 @@ impl Page for EvaluateReport {
 
         self.budget(&mut out);
         if let Some(distribution) = &self.distribution {
-            distribution::say(distribution, mission, &mut out);
+            distribution::say(distribution, mission, self.confidence, &mut out);
         }
         out.gap();
         out.words(format!("Dose: {}", self.dose_origin()), 2);

@@ -11,7 +11,6 @@
 //! (Saltelli et al. 2008, Global Sensitivity Analysis: squared standardised regression coefficients of independent
 //! inputs.) Confidence of the fluence is no such input: it is chosen, see `study shielding`.
 
-mod input;
 mod sampler;
 mod statistics;
 
@@ -25,7 +24,7 @@ use crate::numeric::calendar::{DAYS_PER_YEAR, date_after};
 use crate::plan::timeline::Timeline;
 use crate::warning::Warning;
 
-use input::{Shield, Sigma};
+use crate::plan::draws::input::{Shield, Sigma};
 pub use sampler::Fate;
 use sampler::Sampler;
 use statistics::Statistics;

@@ -11,7 +11,7 @@ use toml::Value;
 
 use super::distribution::Distribution;
 use super::output::Output;
-use super::sample::{Sample, Sampling};
+use crate::numeric::sample_points::{Sample, Sampling};
 use crate::error::InputError;
 use crate::io::input;
 use crate::mission::keys::Allowed;

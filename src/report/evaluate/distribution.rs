@@ -3,35 +3,88 @@
 use crate::mission::Mission;
 use crate::numeric::calendar::{DAYS_PER_YEAR, decimal_year};
 use crate::numeric::estimate::Estimate;
-use crate::plan::date_distribution::{DateDistribution, DateQuantile, Dates, QUANTILES};
+use crate::plan::date_distribution::{DateDistribution, DateQuantile, Dates, NOT_LINEAR, QUANTILES};
 use crate::report::plot::{Figure, Mark, Panel, Series, line};
 use crate::report::study::estimate::{days, known_date, plus_minus};
 use crate::report::{Parts, table};
 
-/// Quantiles of the dates, and how probable it is that there is one.
-pub(super) fn say(found: &DateDistribution, mission: &Mission, out: &mut Parts) {
-    out.heading(format!("Date as a distribution: {} draws of the posterior", found.samples));
+/// Inputs that are named with their shares, at most.
+const NAMED: usize = 6;
+
+/// Shares below this, of 1, are not named.
+const NAMED_FROM: f64 = 0.01;
+
+/// Quantiles of the dates, how probable it is that there is one, and what that comes from.
+pub(super) fn say(found: &DateDistribution, mission: &Mission, confidence: Option<f64>, out: &mut Parts) {
+    out.heading(format!("Date as a distribution: {} draws of {}", found.samples, drawn(found)));
     let corrected = format!("corrected, factor {}", mission.requirement.correction_factor);
     let mut dates = table(&["", "uncorrected", &corrected]);
     let limits = [&found.uncorrected, &found.corrected];
     let mut row = |name: String, cell: &dyn Fn(&Dates) -> String| {
         dates.add_row([name].into_iter().chain(limits.map(cell)));
     };
-    row("exceeded within the mission [%]".into(), &|limit| {
-        let exceeded = Estimate { value: limit.probability_exceeded, error: limit.probability_error };
-        plus_minus(exceeded.times(100.0))
+    row("met to the end of the mission [%]".into(), &|limit| {
+        let met = Estimate { value: 1.0 - limit.probability_exceeded, error: limit.probability_error };
+        plus_minus(met.times(100.0))
     });
     for (place, p) in QUANTILES.iter().enumerate() {
         row(format!("exceeded by then with {:.0} %", 100.0 * p), &|limit| date(&limit.quantiles[place]));
     }
     out.table(dates);
-    out.words(
-        format!(
-            "  -: later than the mission; errors are those of a sample that is worth {:.0} independent draws",
-            found.effective_samples
+    out.words(format!("  -: later than the mission; {}", conditions(found)), 4);
+    if !found.shares.is_empty() {
+        out.words(format!("  Variance of ln |delta e| at the end: {}", contributions(found)), 4);
+    }
+    if let Some(confidence) = confidence {
+        let met = Estimate { value: found.probability_met(), error: found.corrected.probability_error }.times(100.0);
+        let passed = found.probability_met() >= confidence;
+        let verdict = format!(
+            "  Corrected budget met with {} %; asked for: {} %: {}",
+            plus_minus(met),
+            100.0 * confidence,
+            if passed { "passed" } else { "not passed" }
+        );
+        out.verdict(verdict, 4);
+    }
+}
+
+/// What was drawn.
+fn drawn(found: &DateDistribution) -> String {
+    let sun = if found.sun_not_drawn.is_none() { "the Sun and [uncertainty]" } else { "[uncertainty], not of the Sun" };
+    match &found.posterior_keys[..] {
+        [] => sun.to_string(),
+        keys => format!("{sun}, {} from the posterior", keys.join(", ")),
+    }
+}
+
+/// What the numbers are conditioned on.
+fn conditions(found: &DateDistribution) -> String {
+    let mut said = Vec::new();
+    if let Some(why) = &found.sun_not_drawn {
+        said.push(format!("the Sun is not drawn: {why}"));
+    }
+    said.push(match &found.emulated {
+        Some(emulated) => format!(
+            "changes of shape emulated from {} readouts, {:.1e} off (rms) at {} others",
+            emulated.readouts, emulated.relative_error, emulated.held_back
         ),
-        4,
-    );
+        None => "each draw read out".into(),
+    });
+    if !found.posterior_keys.is_empty() {
+        said.push(format!("errors are those of {:.0} independent draws", found.effective_samples));
+    }
+    said.join("; ")
+}
+
+/// The largest shares, in words.
+fn contributions(found: &DateDistribution) -> String {
+    let large = found.shares.iter().filter(|share| share.share >= NAMED_FROM).take(NAMED);
+    let said = large.map(|share| {
+        let estimate = Estimate { value: share.share, error: share.error }.times(100.0);
+        let name = if share.input == NOT_LINEAR { "what is not linear".into() } else { share.input.replace('-', " ") };
+        format!("{name} {} %", plus_minus(estimate))
+    });
+    said.collect::<Vec<_>>().join(", ")
 }
 
 fn date(at: &DateQuantile) -> String {
@@ -63,5 +116,5 @@ pub(super) fn figure(found: &DateDistribution, mission: &Mission) -> Figure {
     ];
     let panel =
         Panel { x_label: "year".into(), y_label: "exceeded by then [% of draws]".into(), series, ..Panel::default() };
-    Figure { title: "Date on which the budget is exceeded, over the posterior".into(), panels: vec![panel] }
+    Figure { title: "Date on which the budget is exceeded".into(), panels: vec![panel] }
 }

@@ -4,7 +4,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::input::{Input, Shield, cycles, inputs};
+use crate::plan::draws::input::{Input, Shield, cycles, inputs};
 use crate::environment::solar_cycle::{self, ACTIVE_YR};
 use crate::error::InputError;
 use crate::mission::{DoseModel, Mission};

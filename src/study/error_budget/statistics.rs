@@ -1,11 +1,9 @@
 //! Statistics of draws: percentiles of dates, and shares of a variance.
 
-use nalgebra::{DMatrix, DVector};
-
 use super::PERCENTILES;
 use super::sampler::Fate;
 use crate::numeric::estimate::{quantile, with_errors};
-use crate::numeric::least_squares::Span;
+use crate::plan::draws::shares::Explained;
 use crate::study::Estimate;
 
 /// Statistics of the draws, each number with its standard error.
@@ -41,7 +39,7 @@ impl Statistics {
                 let within = times.partition_point(|t_yr| *t_yr <= duration_yr);
                 values.push(within as f64 / times.len() as f64);
             }
-            let logs = Logs::of(places, deviations, fates);
+            let logs = logs(places, deviations, fates);
             values.push(logs.sigma());
             values.extend(logs.shares().unwrap_or(vec![f64::NAN; inputs + 1]));
             values
@@ -60,41 +58,8 @@ impl Statistics {
     }
 }
 
-/// ln |Δe| at the end of the mission, and the deviations that made it, of draws that have a shape left then.
-struct Logs<'a>(Vec<(&'a Vec<f64>, f64)>);
-
-impl Logs<'_> {
-    fn of<'a>(places: &[usize], deviations: &'a [Vec<f64>], fates: &[Fate]) -> Logs<'a> {
-        let log = |place: &usize| {
-            let delta_e = fates[*place].delta_e.filter(|delta_e| *delta_e > 0.0)?;
-            Some((&deviations[*place], delta_e.ln()))
-        };
-        Logs(places.iter().filter_map(log).collect())
-    }
-
-    /// Standard deviation; not a number of fewer than two.
-    fn sigma(&self) -> f64 {
-        let n = self.0.len() as f64;
-        let mean = self.0.iter().map(|(_, log)| log).sum::<f64>() / n;
-        (self.0.iter().map(|(_, log)| (log - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt()
-    }
-
-    /// Shares of the variance of each input, and what is left. None where there are too few, or nothing varies.
-    fn shares(&self) -> Option<Vec<f64>> {
-        let inputs = self.0.first()?.0.len();
-        if inputs == 0 || self.0.len() < 2 * (inputs + 1) {
-            return None;
-        }
-        let design = DMatrix::from_fn(self.0.len(), inputs + 1, |row, column| match column {
-            0 => 1.0,
-            column => self.0[row].0[column - 1],
-        });
-        let values = DVector::from_iterator(self.0.len(), self.0.iter().map(|(_, log)| *log));
-        let found = Span::of(&design, 1e-9).solve(&values);
-        let rest = (&values - design * &found).norm_squared() / (self.0.len() - inputs - 1) as f64;
-        let mut parts: Vec<f64> = found.iter().skip(1).map(|slope| slope * slope).collect();
-        parts.push(rest);
-        let total: f64 = parts.iter().sum();
-        (total > 0.0).then(|| parts.iter().map(|part| part / total).collect())
-    }
+/// ln |Δe| at the end of the mission of the draws that have a shape left then.
+fn logs<'a>(places: &'a [usize], deviations: &'a [Vec<f64>], fates: &'a [Fate]) -> Explained<'a> {
+    let log = |place: &usize| fates[*place].delta_e.filter(|delta_e| *delta_e > 0.0).map(f64::ln);
+    Explained::of(places.iter().map(|place| (deviations[*place].as_slice(), log(place))))
 }

@@ -16,7 +16,7 @@ use crate::mission_file::{check_value, line_at};
 use crate::plan::scenario;
 use crate::sweep::distribution::Distribution;
 use crate::sweep::output::Output;
-use crate::sweep::sample::{Sample, Sampling};
+use crate::numeric::sample_points::{MOST_SOBOL, Sample, Sampling};
 
 /// What stands at the top of a grid file.
 const KNOWN: [&str; 7] = ["mission", "outputs", "sampling", "draws", "seed", "chunk_points", "axes"];
@@ -30,7 +30,7 @@ const DISTRIBUTIONS: [(&str, &[&str], &[&str]); 5] = [
     ("choice", &["values"], &[]),
 ];
 
-const SAMPLINGS: [&str; 3] = ["grid", "latin-hypercube", "monte-carlo"];
+const SAMPLINGS: [&str; 4] = ["grid", "latin-hypercube", "monte-carlo", "sobol"];
 
 /// Least share of a distribution that may be left when it is cut: below that, quantiles lose their digits.
 const LEAST_KEPT: f64 = 1e-6;
@@ -151,6 +151,15 @@ impl Source<'_> {
         let chunk_points = find("chunk_points").map_or(Ok(usual), |entry| {
             self.whole_number(entry, "number of points that are written together", 1, 1_000_000)
         })?;
+        if sampling == Some(Sampling::Sobol) && (draws > MOST_SOBOL.0 || drawn.len() > MOST_SOBOL.1) {
+            let problem = format!(
+                "{draws} draws from {} distributions; allowed with \"sobol\": up to {} draws from {} distributions",
+                drawn.len(),
+                MOST_SOBOL.0,
+                MOST_SOBOL.1
+            );
+            return Err(InputError::new(self.refused, problem).with_help("sampling = \"latin-hypercube\""));
+        }
         let sample = Sample::new(sampling.unwrap_or(Sampling::MonteCarlo), seed, draws, drawn.len());
         self.check_draws(&drawn, &sample, draws)?;
         let axes = axes.into_iter().map(|placed| placed.axis).collect();
@@ -212,7 +221,7 @@ impl Source<'_> {
 
     fn sampling(&self, entry: Option<&Entry>, first_drawn: Option<&str>) -> Result<Option<Sampling>, InputError> {
         let allowed =
-            "allowed: \"latin-hypercube\", \"monte-carlo\", or \"grid\" where there are lists and ranges alone";
+            "allowed: \"latin-hypercube\", \"sobol\", \"monte-carlo\", or \"grid\" where there are lists and ranges alone";
         let Some(entry) = entry else {
             return match first_drawn {
                 None => Ok(None),
@@ -220,7 +229,7 @@ impl Source<'_> {
                     self.refused,
                     format!("`sampling` is missing: how distributions are drawn from, such as that of {key}"),
                 )
-                .with_help("sampling = \"latin-hypercube\" or \"monte-carlo\"")),
+                .with_help("sampling = \"latin-hypercube\", \"sobol\" or \"monte-carlo\"")),
             };
         };
         let DeValue::String(word) = entry.value else {
@@ -230,12 +239,13 @@ impl Source<'_> {
             ("grid", None) => Ok(None),
             ("grid", Some(key)) => Err(self
                 .fault(entry, format!("{key} has a distribution, which cannot be combined in full"))
-                .with_help("sampling = \"latin-hypercube\" or \"monte-carlo\", or a list or range for the key")),
-            ("latin-hypercube" | "monte-carlo", None) => Err(self
+                .with_help("sampling = \"latin-hypercube\", \"sobol\" or \"monte-carlo\", or a list or range for the key")),
+            ("latin-hypercube" | "monte-carlo" | "sobol", None) => Err(self
                 .fault(entry, "there is no distribution to draw from: lists and ranges are combined in full")
                 .with_help("{ distribution = \"choice\", values = [...] } draws from a list")),
             ("latin-hypercube", Some(_)) => Ok(Some(Sampling::LatinHypercube)),
             ("monte-carlo", Some(_)) => Ok(Some(Sampling::MonteCarlo)),
+            ("sobol", Some(_)) => Ok(Some(Sampling::Sobol)),
             (word, _) => {
                 let help = nearest(word, SAMPLINGS).map(|near| format!("did you mean \"{near}\"?"));
                 Err(InputError { help, ..self.fault(entry, format!("the sampling is \"{word}\"; {allowed}")) })

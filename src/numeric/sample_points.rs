@@ -3,7 +3,9 @@
 //! A draw knows of no other: which process computes it, and what it computed before, change nothing. Each has a stream of
 //! random numbers of its own, chosen by its number. In a Latin hypercube (McKay, Beckman & Conover 1979, Technometrics 21,
 //! 239) each distribution is cut into as many strata of equal probability as there are draws, and one permutation per
-//! distribution, from the seed alone, says which draw falls into which: every stratum is met once.
+//! distribution, from the seed alone, says which draw falls into which: every stratum is met once. Sobol's points (Sobol 1967,
+//! with the scrambling of Owen 1995 after Burley 2020, JCGT 9(4), 1) fill all distributions together: means of smooth functions
+//! come closer with n draws than 1/√n.
 
 use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
@@ -16,21 +18,33 @@ pub enum Sampling {
     LatinHypercube,
     /// Independent draws.
     MonteCarlo,
+    /// Scrambled points of Sobol's sequence, [`MOST_SOBOL`] at most.
+    Sobol,
 }
 
-/// The draws of a sweep.
+/// Most points of Sobol's sequence, and most distributions.
+pub const MOST_SOBOL: (u64, usize) = (1 << 16, sobol_burley::NUM_DIMENSIONS as usize);
+
+/// Draws from several distributions together.
 #[derive(Clone, Debug)]
 pub struct Sample {
     seed: u64,
     draws: u64,
     dimensions: usize,
+    sampling: Sampling,
     /// For each distribution the stratum of each draw; empty where draws are independent.
     strata: Vec<Vec<u32>>,
 }
 
 impl Sample {
     /// So many draws from so many distributions.
+    ///
+    /// # Panics
+    /// With more than [`MOST_SOBOL`] points of Sobol's sequence.
     pub fn new(sampling: Sampling, seed: u64, draws: u64, dimensions: usize) -> Sample {
+        if sampling == Sampling::Sobol {
+            assert!(draws <= MOST_SOBOL.0 && dimensions <= MOST_SOBOL.1, "too many points of Sobol's sequence");
+        }
         let permutation = |dimension: usize| {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
             // Streams of draws are counted from below.
@@ -41,13 +55,16 @@ impl Sample {
         };
         let strata = match sampling {
             Sampling::LatinHypercube => (0..dimensions).map(permutation).collect(),
-            Sampling::MonteCarlo => Vec::new(),
+            Sampling::MonteCarlo | Sampling::Sobol => Vec::new(),
         };
-        Sample { seed, draws, dimensions, strata }
+        Sample { seed, draws, dimensions, sampling, strata }
     }
 
     /// Where a draw is in each distribution: above 0 and below 1.
     pub fn places(&self, draw: u64) -> Vec<f64> {
+        if self.sampling == Sampling::Sobol {
+            return (0..self.dimensions).map(|dimension| self.sobol(draw as u32, dimension as u32)).collect();
+        }
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         random.set_stream(draw);
         (0..self.dimensions)
@@ -62,7 +79,17 @@ impl Sample {
             })
             .collect()
     }
+
+    fn sobol(&self, draw: u32, dimension: u32) -> f64 {
+        // Both halves of the seed count.
+        let seed = (self.seed as u32) ^ ((self.seed >> 32) as u32).rotate_left(16);
+        let place = f64::from(sobol_burley::sample(draw, dimension, seed));
+        place.clamp(SOBOL_EDGE, 1.0 - SOBOL_EDGE)
+    }
 }
+
+/// Distance from 0 and from 1 that points of Sobol's sequence, numbers of 24 bits, keep.
+const SOBOL_EDGE: f64 = 1.0 / (1_u64 << 25) as f64;
 
 #[cfg(test)]
 mod tests {
@@ -81,6 +108,27 @@ mod tests {
         // Distributions know nothing of one another: 1/√1000 is a standard deviation.
         let mean = places.iter().map(|place| (place[0] - 0.5) * (place[1] - 0.5) * 12.0).sum::<f64>() / 1000.0;
         assert!(mean.abs() < 4.0 / 1000_f64.sqrt(), "{mean}");
+    }
+
+    #[test]
+    fn points_of_sobol_fill_every_pair_of_distributions() {
+        // Of 2^2k points one falls into each of 2^k × 2^k squares, for the first two dimensions.
+        let sample = Sample::new(Sampling::Sobol, 5, 256, 2);
+        let square = |draw: u64| {
+            let places = sample.places(draw);
+            ((places[0] * 16.0) as usize) * 16 + (places[1] * 16.0) as usize
+        };
+        let mut squares: Vec<usize> = (0..256).map(square).collect();
+        squares.sort();
+        assert_eq!(squares, (0..256).collect::<Vec<_>>());
+        assert_ne!(sample.places(3), Sample::new(Sampling::Sobol, 6, 256, 2).places(3));
+        // A mean of a product over 12 distributions is closer than that of independent draws.
+        let product = |sampling: Sampling| {
+            let sample = Sample::new(sampling, 1, 4096, 12);
+            let value = |draw: u64| sample.places(draw).iter().map(|place| 1.0 + 0.3 * (place - 0.5)).product::<f64>();
+            ((0..4096).map(value).sum::<f64>() / 4096.0 - 1.0).abs()
+        };
+        assert!(product(Sampling::Sobol) < 0.2 * product(Sampling::MonteCarlo));
     }
 
     #[test]

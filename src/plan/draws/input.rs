@@ -21,6 +21,8 @@ pub struct Input {
     pub name: String,
     /// How uncertain it is.
     pub sigma: Sigma,
+    /// Keys of the mission that it stands for: where those are drawn by themselves, it is not.
+    pub keys: Vec<String>,
     apply: Box<Apply>,
 }
 
@@ -42,9 +44,14 @@ impl Input {
 }
 
 /// An input that is multiplied by a factor.
-fn input(name: impl Into<String>, sigma: f64, apply: impl Fn(&mut Mission, f64) + Send + Sync + 'static) -> Input {
+fn input<const N: usize>(
+    name: impl Into<String>,
+    keys: [&str; N],
+    sigma: f64,
+    apply: impl Fn(&mut Mission, f64) + Send + Sync + 'static,
+) -> Input {
     let apply = Box::new(move |mission: &mut Mission, deviation: f64| apply(mission, deviation.exp()));
-    Input { name: name.into(), sigma: Sigma::Relative(sigma), apply }
+    Input { name: name.into(), sigma: Sigma::Relative(sigma), keys: keys.map(String::from).to_vec(), apply }
 }
 
 /// The lengths of cycles to maxima that are not known yet, in a mission that lists them. Each shifts all maxima after it.
@@ -53,6 +60,7 @@ pub fn cycles(maxima: &[Maximum]) -> Vec<Input> {
     let shift = |(index, maximum): (usize, &Maximum)| Input {
         name: format!("solar maximum {:.1}", maximum.year),
         sigma: Sigma::Years(CYCLE_SCATTER_YR),
+        keys: vec!["environment.solar_maximum".into()],
         apply: Box::new(move |mission: &mut Mission, shift_yr: f64| {
             mission.environment.solar_maximum[index..].iter_mut().for_each(|year| *year += shift_yr);
         }),
@@ -64,38 +72,45 @@ pub fn cycles(maxima: &[Maximum]) -> Vec<Input> {
 /// dose changes with the shield's thickness.
 pub fn inputs(mission: &Mission, shield: Option<Shield>) -> Vec<Input> {
     let known = &mission.uncertainty;
-    let mut inputs = vec![input("dose model", known.dose_model, |mission, factor| {
+    let mut inputs = vec![input("dose model", DOSE_KEYS, known.dose_model, |mission, factor| {
         mission.environment.dose_factor *= factor;
     })];
     if let Some(shield) = shield {
-        inputs.push(input("shielding", known.shielding, move |mission, factor| {
+        inputs.push(input("shielding", DOSE_KEYS, known.shielding, move |mission, factor| {
             mission.environment.dose_factor *= shield.dose(factor);
         }));
     }
     for (index, species) in mission.detector.traps.iter().enumerate() {
-        inputs.push(input(format!("density {}", species.name), known.density, move |mission, factor| {
+        let of = |key: &str| format!("detector.traps.{}.{key}", species.name);
+        let (density, release) = (of("density_per_px"), of("release_ms"));
+        inputs.push(input(format!("density {}", species.name), [&density], known.density, move |mission, factor| {
             mission.detector.traps[index].density_per_px *= factor;
         }));
-        inputs.push(input(format!("release {}", species.name), known.release, move |mission, factor| {
+        inputs.push(input(format!("release {}", species.name), [&release], known.release, move |mission, factor| {
             mission.detector.traps[index].release_ms *= factor;
         }));
     }
-    inputs.push(input("full well", known.full_well, |mission, factor| {
+    inputs.push(input("full well", ["detector.full_well_e"], known.full_well, |mission, factor| {
         let detector = &mut mission.detector;
         detector.full_well_e = detector.notch_e + factor * (detector.full_well_e - detector.notch_e);
     }));
-    inputs.push(input("well fill power", known.well_fill_power, |mission, factor| {
+    inputs.push(input("well fill power", ["detector.well_fill_power"], known.well_fill_power, |mission, factor| {
         mission.detector.well_fill_power *= factor;
     }));
-    inputs.push(input("background", known.background, |mission, factor| mission.sky.background_e *= factor));
-    inputs.push(input("galaxy flux", known.galaxy_flux, |mission, factor| {
+    inputs.push(input("background", ["sky.background_e"], known.background, |mission, factor| mission.sky.background_e *= factor));
+    let galaxy = |key: &str| format!("galaxies.{}.{key}", mission.galaxies[0].name);
+    let (flux, size) = (galaxy("flux_e"), galaxy("half_light_px"));
+    inputs.push(input("galaxy flux", [&flux], known.galaxy_flux, |mission, factor| {
         let galaxy = &mut mission.galaxies[0];
         galaxy.flux_e = galaxy.flux_e.map(|flux_e| flux_e * factor);
     }));
-    inputs.push(input("galaxy size", known.galaxy_size, |mission, factor| mission.galaxies[0].half_light_px *= factor));
+    inputs.push(input("galaxy size", [&size], known.galaxy_size, |mission, factor| mission.galaxies[0].half_light_px *= factor));
     inputs.retain(|input| input.sigma != Sigma::Relative(0.0));
     inputs
 }
+
+/// Keys of which the dose is a multiple.
+const DOSE_KEYS: [&str; 2] = ["environment.active_dose_rate_mev_g_yr", "environment.dose_factor"];
 
 /// Dose of a mission behind a shield whose thickness is not quite known, over that behind the shield as it is: its logarithm, at
 /// logarithms of the factor on the thickness.

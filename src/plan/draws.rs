@@ -1,0 +1,305 @@
+//! A mission whose inputs are uncertain → what becomes of many draws of it.
+//!
+//! ```text
+//! uncertainties, posterior, Sun → [`Draws`] → a mission for each draw → when it exceeds its budget ([`Fate`])
+//! ```
+//!
+//! Inputs are multiplied by exp(σ z) with the relative uncertainties σ of `[uncertainty]` and standard normal z, points of Sobol's
+//! sequence. The Sun is drawn as events, with coming maxima: see [`crate::environment::solar_events`]. What a posterior holds is
+//! taken from it in place of the uncertainty of the same key.
+//!
+//! Doses and traps of each draw are those of its own model. Its changes of shape are emulated ([`Emulator`]) from readouts at
+//! some of the draws, where that is good to [`ACCEPTED`], and read out one by one otherwise.
+
+mod course;
+mod emulator;
+pub mod input;
+pub mod shares;
+mod sun;
+
+use rayon::prelude::*;
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use crate::environment::solar_cycle::{self, ACTIVE_YR};
+use crate::error::InputError;
+use crate::mission::{DoseModel, FitSettings, Mission, ReadoutMethod};
+use crate::model::{Device, Model};
+use crate::numeric::calendar::decimal_year;
+use crate::numeric::sample_points::{MOST_SOBOL, Sample, Sampling};
+use crate::physics::accuracy::Purpose;
+use crate::physics::galaxy::snr;
+use crate::physics::shape::ShapeChange;
+use crate::physics::solar_event_dose::SOLAR_PROTONS;
+use crate::plan::evaluate::unmeasurable;
+use crate::plan::mission_sample::MissionSample;
+
+pub use course::Fate;
+use emulator::{Emulator, Place};
+use input::{Input, Shield, cycles, inputs};
+use sun::Suns;
+
+/// Largest error of the emulator that is accepted: relative, of |Δe|, as root mean square over draws that were held back.
+pub const ACCEPTED: f64 = 0.01;
+
+/// Draws at most where each is read out by itself.
+pub const MOST_DIRECT: u32 = 200;
+
+/// Most coefficients of an emulator: those of some twenty numbers.
+const MOST_TERMS: usize = 320;
+
+/// Readouts of an emulator's fit over its coefficients.
+const READOUTS_PER_TERM: f64 = 1.7;
+
+/// Readouts that are held back from the fit.
+const HELD_BACK: usize = 50;
+
+/// |Δe| below this share of the uncorrected limit counts as this in relative errors: its errors move no date.
+const SMALL: f64 = 0.1;
+
+/// Draws of a mission.
+pub struct Draws<'a> {
+    model: Model,
+    posterior: Option<(&'a MissionSample, Vec<usize>)>,
+    /// What is uncertain, by `[uncertainty]`.
+    inputs: Vec<Input>,
+    points: Sample,
+    /// Courses of the Sun, or why there are none.
+    pub sun: Result<(), InputError>,
+    suns: Option<Suns>,
+    /// Number of draws.
+    pub samples: u32,
+}
+
+/// How changes of shape were emulated.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Emulated {
+    /// Readouts that it was fitted to.
+    pub readouts: usize,
+    /// Readouts that it was compared with.
+    pub held_back: usize,
+    /// Relative error of |Δe| at those, as root mean square.
+    pub relative_error: f64,
+}
+
+/// What becomes of all draws.
+pub struct Fates {
+    /// Of each draw.
+    pub fates: Vec<Fate>,
+    /// Names of the uncertain inputs, the Sun among them, and a posterior as one.
+    pub names: Vec<String>,
+    /// Deviations (in σ, or the normal score of a rank) of those in each draw.
+    pub deviations: Vec<Vec<f64>>,
+    /// How shapes were emulated; None where each was read out.
+    pub emulated: Option<Emulated>,
+}
+
+/// One draw.
+struct Draw {
+    model: Model,
+    deviations: Vec<f64>,
+    /// Values of a posterior that no device shows.
+    others: Vec<f64>,
+}
+
+impl<'a> Draws<'a> {
+    /// So many draws of a mission, up to 65 536, with the keys of a posterior drawn from it.
+    ///
+    /// # Errors
+    /// If its galaxy has no measurable shape before the readout.
+    pub fn of(
+        mission: &Mission,
+        posterior: Option<&'a MissionSample>,
+        samples: u32,
+        seed: u64,
+    ) -> Result<Draws<'a>, InputError> {
+        let samples = samples.min(MOST_SOBOL.0 as u32);
+        let coarse = Purpose::Draws.of(mission);
+        let mut base =
+            Mission { galaxies: vec![mission.judged_galaxy().clone()], fit: FitSettings::default(), ..coarse };
+        // All methods of the readout expect the same.
+        base.accuracy.readout = ReadoutMethod::Fast;
+        let nominal = Model::new(&base);
+        if nominal.scene(0).is_none() {
+            return Err(unmeasurable(mission, mission.judged_galaxy()));
+        }
+        let suns = Suns::of(&nominal, samples, seed);
+        as_numbers(&mut base, &nominal, suns.is_ok());
+        let mut inputs = inputs(&base, Shield::of(mission));
+        if suns.is_err() && !nominal.history().averages_the_cycle() {
+            let last = decimal_year(base.mission.launch.0) + base.mission.duration_yr;
+            let maxima = solar_cycle::maxima(&base.environment.solar_maximum, last + ACTIVE_YR);
+            base.environment.solar_maximum = maxima.iter().map(|maximum| maximum.year).collect();
+            inputs.extend(cycles(&maxima));
+        }
+        if let Some(sample) = posterior {
+            inputs.retain(|input| !input.keys.iter().any(|key| sample.keys.contains(key)));
+        }
+        let (sun, suns) = match suns {
+            Ok(suns) => (Ok(()), Some(suns)),
+            Err(why) => (Err(why), None),
+        };
+        Ok(Draws {
+            model: nominal.like(&base),
+            posterior: posterior.map(|sample| (sample, sample.chosen(samples as usize))),
+            points: Sample::new(Sampling::Sobol, seed, u64::from(samples), inputs.len()),
+            inputs,
+            sun,
+            suns,
+            samples,
+        })
+    }
+
+    /// What becomes of each draw. `advance` is called once for each.
+    ///
+    /// # Errors
+    /// Where a draw makes no sense to the mission, or a formula has no value for it; the first draw of which that is true.
+    pub fn fates(&self, advance: impl Fn() + Sync) -> Result<Fates, InputError> {
+        let all: Vec<u32> = (0..self.samples).collect();
+        let fitted = self.emulator(&all)?;
+        let chosen: Vec<u32> = match fitted {
+            Some(_) => all,
+            None => {
+                let count = self.samples.min(MOST_DIRECT);
+                (0..count).map(|place| (u64::from(place) * u64::from(self.samples) / u64::from(count)) as u32).collect()
+            }
+        };
+        let emulator = fitted.as_ref().map(|(emulator, _)| emulator);
+        let found = chosen.par_iter().map(|index| {
+            let draw = self.draw(*index)?;
+            let fate = Fate::of(&draw.model, |device| self.change(&draw, device, emulator));
+            advance();
+            Ok((fate.map_err(|error| self.fault(*index, error))?, draw.deviations))
+        });
+        let found: Vec<Result<_, InputError>> = found.collect();
+        // The first of several errors, whichever came first.
+        let (fates, deviations) = found.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+        let mut all = Fates {
+            fates,
+            names: self.inputs.iter().map(|input| input.name.clone()).collect(),
+            deviations,
+            emulated: fitted.map(|(_, emulated)| emulated),
+        };
+        if self.suns.is_some() {
+            all.add_scores(SOLAR_PROTONS, |fate| fate.solar_mev_g);
+        }
+        Ok(all)
+    }
+
+    /// A draw, by its number.
+    fn draw(&self, index: u32) -> Result<Draw, InputError> {
+        let mut mission = match &self.posterior {
+            Some((sample, rows)) => sample.mission(&self.model.mission, rows[index as usize % rows.len()])?,
+            None => self.model.mission.clone(),
+        };
+        let others = match &self.posterior {
+            Some((sample, rows)) => sample.unseen(rows[index as usize % rows.len()]),
+            None => Vec::new(),
+        };
+        let normal = Normal::standard();
+        let places = self.points.places(u64::from(index));
+        let deviations: Vec<f64> = places.into_iter().map(|place| normal.inverse_cdf(place)).collect();
+        for (input, deviation) in self.inputs.iter().zip(&deviations) {
+            input.deviate(&mut mission, *deviation);
+        }
+        mission.imported.sun = self.suns.as_ref().map(|suns| suns.course(index as usize));
+        Ok(Draw { model: self.model.like(&mission), deviations, others })
+    }
+
+    /// An error that names the row of the posterior.
+    fn fault(&self, index: u32, error: InputError) -> InputError {
+        match &self.posterior {
+            Some((sample, rows)) => sample.fault(rows[index as usize % rows.len()], error),
+            None => error,
+        }
+    }
+
+    /// Change of shape of a draw by a device; None where no shape is left.
+    fn change(
+        &self,
+        draw: &Draw,
+        device: &Device,
+        emulator: Option<&Emulator>,
+    ) -> Result<Option<ShapeChange>, InputError> {
+        let Some(emulator) = emulator else { return draw.model.change_by(0, device) };
+        let [delta_e1, delta_e2] = emulator.at(&Place::of(&draw.model.mission, device, &draw.others));
+        device.observed_change(ShapeChange { delta_e1, delta_e2, ..ShapeChange::default() }).map(Some)
+    }
+
+    /// An emulator of the changes of shape of draws, if a good one is found.
+    fn emulator(&self, draws: &[u32]) -> Result<Option<(Emulator, Emulated)>, InputError> {
+        let without_traps = !self.model.mission.effects.is_empty();
+        let looked_at: Vec<u32> = evenly(draws, MOST_TERMS);
+        let places = looked_at.par_iter().enumerate().map(|(place, index)| Ok(self.place(place, *index)?.0));
+        let places: Vec<Place> = places.collect::<Vec<_>>().into_iter().collect::<Result<_, InputError>>()?;
+        let terms = Emulator::coefficients(&places, without_traps);
+        let readouts = (READOUTS_PER_TERM * terms as f64).ceil() as usize + HELD_BACK;
+        // Few draws are sooner read out one by one.
+        if terms > MOST_TERMS || 10 * self.samples as usize <= readouts {
+            return Ok(None);
+        }
+        let numbers: Vec<u32> = (0..readouts as u32).map(|number| number % self.samples).collect();
+        let known = numbers.par_iter().enumerate().map(|(place, index)| self.read_out(place, *index));
+        let known: Vec<Result<Option<(Place, [f64; 2])>, InputError>> = known.collect();
+        let known: Option<Vec<(Place, [f64; 2])>> = known.into_iter().collect::<Result<_, _>>()?;
+        let Some(known) = known else { return Ok(None) };
+        // Every few, so that both kinds are spread over the draws alike.
+        let every = readouts / HELD_BACK;
+        let (mut fitted, mut held) = (Vec::new(), Vec::new());
+        for (place, one) in known.into_iter().enumerate() {
+            if place % every == 0 && held.len() < HELD_BACK { held.push(one) } else { fitted.push(one) }
+        }
+        let least = SMALL * self.model.mission.requirement.delta_e;
+        let Some(emulator) = Emulator::fitted(&fitted, least, without_traps) else { return Ok(None) };
+        let relative_error = emulator.error(&held, least);
+        let emulated = Emulated { readouts: fitted.len(), held_back: held.len(), relative_error };
+        Ok((relative_error <= ACCEPTED).then_some((emulator, emulated)))
+    }
+
+    /// Where a draw is at some time of its mission, the end for every second: its place, its model and device.
+    fn place(&self, place: usize, index: u32) -> Result<(Place, Draw, Device), InputError> {
+        let draw = self.draw(index)?;
+        let share = if place.is_multiple_of(2) { 1.0 } else { (GOLDEN * place as f64).fract() };
+        let device = draw.model.device_at(share * self.model.mission.mission.duration_yr)?;
+        Ok((Place::of(&draw.model.mission, &device, &draw.others), draw, device))
+    }
+
+    /// The same with its change of shape, read out; None where no shape is left.
+    fn read_out(&self, place: usize, index: u32) -> Result<Option<(Place, [f64; 2])>, InputError> {
+        let (place, draw, device) = self.place(place, index)?;
+        let change = draw.model.trailed(0, &device.fit_for(Purpose::Shape))?;
+        Ok(change.map(|change| (place, [change.delta_e1, change.delta_e2])))
+    }
+}
+
+/// Golden section: its multiples are spread evenly.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// Some of many, evenly chosen.
+fn evenly(all: &[u32], count: usize) -> Vec<u32> {
+    let count = count.min(all.len());
+    (0..count).map(|place| all[place * all.len() / count]).collect()
+}
+
+/// Draws differ by factors: what is derived is made a number first, unless the Sun is drawn in its place.
+fn as_numbers(base: &mut Mission, model: &Model, sun: bool) {
+    if !sun && matches!(base.environment.model, DoseModel::Constant | DoseModel::SolarCycle) {
+        base.environment.active_dose_rate_mev_g_yr =
+            Some(model.history().active_rate_mev_g_yr / base.environment.dose_factor);
+    }
+    let flux_e = snr::flux_e(base, &base.galaxies[0]);
+    base.galaxies[0].flux_e = Some(flux_e);
+    base.galaxies[0].snr = None;
+}
+
+impl Fates {
+    /// Adds an input that is known by a number of each fate, by the normal score of its rank.
+    fn add_scores(&mut self, name: &str, of: impl Fn(&Fate) -> f64) {
+        let mut order: Vec<usize> = (0..self.fates.len()).collect();
+        order.sort_by(|a, b| of(&self.fates[*a]).total_cmp(&of(&self.fates[*b])));
+        let (normal, count) = (Normal::standard(), order.len() as f64);
+        for (rank, place) in order.into_iter().enumerate() {
+            self.deviations[place].push(normal.inverse_cdf((rank as f64 + 0.5) / count));
+        }
+        self.names.push(name.to_string());
+    }
+}

@@ -1,0 +1,75 @@
+//! One draw over time → when its |Δe| exceeds the budget.
+
+use crate::error::InputError;
+use crate::model::{Device, Model};
+use crate::physics::shape::ShapeChange;
+use crate::plan::requirement::{Point, crossing};
+
+/// What becomes of a draw.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fate {
+    /// |Δe| at the end of the mission; None if no shape is left.
+    pub delta_e: Option<f64>,
+    /// First time (years since launch) at which it exceeds the uncorrected and the corrected budget; None if not within the
+    /// mission.
+    pub exceeded_yr: [Option<f64>; 2],
+    /// Dose of the drawn Sun, MeV/g, before factors; 0 without one.
+    pub solar_mev_g: f64,
+}
+
+/// Times of a mission at which |Δe| is looked at, besides those of its jumps.
+const TIMES: usize = 12;
+
+/// Share of the dose of the mission that may pass between two looks.
+const PASSED: f64 = 0.01;
+
+impl Fate {
+    /// Of a model whose changes of shape, by device, are these.
+    ///
+    /// # Errors
+    /// Those of the changes, and where the model has no device.
+    pub fn of(
+        model: &Model,
+        change: impl Fn(&Device) -> Result<Option<ShapeChange>, InputError>,
+    ) -> Result<Fate, InputError> {
+        let magnitude = |t_yr: f64| -> Result<Option<f64>, InputError> {
+            Ok(change(&model.device_at(t_yr)?)?.map(|change| change.magnitude()))
+        };
+        let times = times_yr(model)?;
+        let points = times.into_iter().map(|t_yr| Ok((t_yr, magnitude(t_yr)?)));
+        let points: Vec<Point> = points.collect::<Result<_, InputError>>()?;
+        let requirement = &model.mission.requirement;
+        let limits = [requirement.delta_e, requirement.delta_e * requirement.correction_factor];
+        let first = |limit: f64| Ok(crossing(limit, &points, magnitude)?.t_yr);
+        let sun = model.mission.imported.sun.as_ref().and_then(|course| course.last());
+        Ok(Fate {
+            delta_e: points.last().and_then(|end| end.1),
+            exceeded_yr: [first(limits[0])?, first(limits[1])?],
+            solar_mev_g: sun.map_or(0.0, |end| end.1),
+        })
+    }
+}
+
+/// Times at which a draw is looked at: those of the model, but for events that change little, and some between.
+fn times_yr(model: &Model) -> Result<Vec<f64>, InputError> {
+    let duration_yr = model.mission.mission.duration_yr;
+    let mut times = model.times_yr(duration_yr);
+    times.extend((1..TIMES).map(|index| duration_yr * index as f64 / TIMES as f64));
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    let history = model.history();
+    let Some(sun) = &model.mission.imported.sun else { return Ok(times) };
+    let least = PASSED * history.dose_mev_g(duration_yr)?;
+    let is_of_sun = |t_yr: f64| sun.binary_search_by(|node| node.0.total_cmp(&t_yr)).is_ok();
+    let mut looked_mev_g = 0.0;
+    let mut kept = Vec::with_capacity(times.len());
+    for (place, &t_yr) in times.iter().enumerate() {
+        let next_mev_g = times.get(place + 1).map_or(Ok(f64::INFINITY), |next| history.dose_mev_g(*next))?;
+        // The start of a large event, and its end.
+        if !is_of_sun(t_yr) || next_mev_g - looked_mev_g > least {
+            looked_mev_g = history.dose_mev_g(t_yr)?;
+            kept.push(t_yr);
+        }
+    }
+    Ok(kept)
+}

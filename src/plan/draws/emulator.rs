@@ -1,0 +1,194 @@
+//! The change of shape as a smooth function of a few numbers: fitted to some readouts, and compared with others.
+//!
+//! What a device does to a galaxy depends on its densities ρ_s, release times, wells, background, and on the galaxy's flux and
+//! size. With ρ = Σ ρ_s, and x for ln(1 + ρ/median), the shares ρ_s/ρ and the logarithms of the others,
+//!
+//! ```text
+//! Δe = ρ P(x) + Q(x)
+//! ```
+//!
+//! where P is a polynomial of degree 2 (3 where ρ is involved, 5 in ρ alone) and Q, there with effects alone, one of degree 1: a change that
+//! needs no traps. Coefficients are those of least squares.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::mission::Mission;
+use crate::model::Device;
+use crate::numeric::least_squares::Span;
+use crate::physics::galaxy::snr;
+
+/// What a change of shape depends on.
+#[derive(Clone, Debug)]
+pub struct Place {
+    /// Traps per pixel of all species, ρ.
+    total_per_px: f64,
+    numbers: Vec<f64>,
+}
+
+impl Place {
+    /// Of a device that reads the first galaxy of a mission. `others`: numbers that are drawn and not seen in the device.
+    pub fn of(mission: &Mission, device: &Device, others: &[f64]) -> Place {
+        let densities: Vec<f64> = device.species().map(|species| species.density_per_px).collect();
+        let total_per_px: f64 = densities.iter().sum();
+        let share = |density: f64| if total_per_px > 0.0 { density / total_per_px } else { 0.0 };
+        let mut numbers = vec![total_per_px];
+        numbers.extend(densities.iter().skip(1).map(|density| share(*density)));
+        for species in device.species() {
+            numbers.extend([species.release_ms.ln(), species.release_sigma, species.capture_ms]);
+            numbers.push(species.well_fill_power.unwrap_or(0.0));
+        }
+        let (detector, galaxy) = (&mission.detector, &mission.galaxies[0]);
+        numbers.extend([
+            detector.full_well_e.ln(),
+            detector.notch_e,
+            detector.well_fill_power.ln(),
+            detector.volume_at_zero,
+            device.at.background_e,
+            device.at.line_time_ms.ln(),
+            snr::flux_e(mission, galaxy).ln(),
+            galaxy.half_light_px.ln(),
+        ]);
+        if !mission.effects.is_empty() {
+            numbers.extend([device.at.t_yr, device.at.dose_mev_g.unwrap_or(0.0)]);
+        }
+        numbers.extend(others);
+        Place { total_per_px, numbers }
+    }
+}
+
+/// A fitted function of places, with two values: Δe1 and Δe2.
+#[derive(Clone, Debug)]
+pub struct Emulator {
+    /// Numbers that differ between places, by their index, each with its mean and standard deviation.
+    varying: Vec<(usize, f64, f64)>,
+    /// Median of ρ over the places, 1/px.
+    median_per_px: f64,
+    without_traps: bool,
+    coefficients: [DVector<f64>; 2],
+}
+
+impl Emulator {
+    /// Fitted to the changes (Δe1, Δe2) at some places. Errors below `least` are alike. None where there are fewer places than
+    /// coefficients.
+    pub fn fitted(known: &[(Place, [f64; 2])], least: f64, without_traps: bool) -> Option<Emulator> {
+        let mut emulator = Emulator::unfitted(known.iter().map(|(place, _)| place).collect(), without_traps);
+        let rows: Vec<Vec<f64>> = known.iter().map(|(place, _)| emulator.terms(place)).collect();
+        let terms = rows.first()?.len();
+        if rows.len() < terms {
+            return None;
+        }
+        let weight = |row: usize| 1.0 / (known[row].1[0].hypot(known[row].1[1]) + least);
+        let design = DMatrix::from_fn(rows.len(), terms, |row, term| weight(row) * rows[row][term]);
+        let span = Span::of(&design, 1e-7);
+        let solved = |which: usize| {
+            span.solve(&DVector::from_fn(rows.len(), |row, _| weight(row) * known[row].1[which]))
+        };
+        emulator.coefficients = [solved(0), solved(1)];
+        Some(emulator)
+    }
+
+    /// Number of coefficients of a fit at some places.
+    pub fn coefficients(places: &[Place], without_traps: bool) -> usize {
+        let emulator = Emulator::unfitted(places.iter().collect(), without_traps);
+        places.first().map_or(0, |place| emulator.terms(place).len())
+    }
+
+    fn unfitted(places: Vec<&Place>, without_traps: bool) -> Emulator {
+        let mut totals: Vec<f64> = places.iter().map(|place| place.total_per_px).collect();
+        totals.sort_by(f64::total_cmp);
+        let median_per_px = totals.get(totals.len() / 2).copied().filter(|median| *median > 0.0).unwrap_or(1.0);
+        let scaled: Vec<Vec<f64>> = places.iter().map(|place| scaled(place, median_per_px)).collect();
+        let coefficients = [DVector::zeros(0), DVector::zeros(0)];
+        Emulator { varying: varying(&scaled), median_per_px, without_traps, coefficients }
+    }
+
+    /// Δe1 and Δe2 at a place.
+    pub fn at(&self, place: &Place) -> [f64; 2] {
+        let terms = self.terms(place);
+        [0, 1].map(|which| terms.iter().zip(self.coefficients[which].iter()).map(|(term, share)| term * share).sum())
+    }
+
+    /// Relative error of |Δe| at known places, as root mean square; what is smaller than `least` counts as that.
+    pub fn error(&self, known: &[(Place, [f64; 2])], least: f64) -> f64 {
+        let squared = |(place, expected): &(Place, [f64; 2])| {
+            let [e1, e2] = self.at(place);
+            let expected = expected[0].hypot(expected[1]);
+            ((e1.hypot(e2) - expected) / expected.max(least)).powi(2)
+        };
+        (known.iter().map(squared).sum::<f64>() / known.len().max(1) as f64).sqrt()
+    }
+
+    fn terms(&self, place: &Place) -> Vec<f64> {
+        let numbers = scaled(place, self.median_per_px);
+        let x: Vec<f64> = self.varying.iter().map(|(index, mean, sigma)| (numbers[*index] - mean) / sigma).collect();
+        let mut polynomial = vec![1.0];
+        polynomial.extend(&x);
+        for (index, one) in x.iter().enumerate() {
+            polynomial.extend(x[index..].iter().map(|other| one * other));
+        }
+        if self.varying.first().is_some_and(|(index, ..)| *index == 0) {
+            // Where many traps are met, the packets arrive late.
+            polynomial.extend(x.iter().map(|other| x[0] * x[0] * other));
+            polynomial.extend([4, 5].map(|power| x[0].powi(power)));
+        }
+        let mut terms: Vec<f64> = polynomial.iter().map(|value| place.total_per_px * value).collect();
+        if self.without_traps {
+            terms.push(1.0);
+            terms.extend(x);
+        }
+        terms
+    }
+}
+
+/// The numbers of a place; in place of ρ, whose largest values are far above its median, ln(1 + ρ/median).
+fn scaled(place: &Place, median_per_px: f64) -> Vec<f64> {
+    let mut numbers = place.numbers.clone();
+    numbers[0] = (place.total_per_px / median_per_px).ln_1p();
+    numbers
+}
+
+/// Numbers that differ between places by more than rounding, each with its mean and standard deviation.
+fn varying(places: &[Vec<f64>]) -> Vec<(usize, f64, f64)> {
+    let count = places.len() as f64;
+    let numbers = places.first().map_or(0, Vec::len);
+    let one = |index: usize| {
+        let values = || places.iter().map(|numbers| numbers[index]);
+        let mean = values().sum::<f64>() / count;
+        let sigma = (values().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt();
+        (index, mean, sigma)
+    };
+    (0..numbers).map(one).filter(|(_, mean, sigma)| *sigma > 1e-9 * mean.abs().max(1e-3)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cubic_of_its_kind_is_met() {
+        let law = |numbers: &[f64]| {
+            let [rho, share, log] = numbers[..] else { panic!() };
+            let q = (rho / 0.5).ln_1p();
+            rho * (0.3 - 0.1 * share + 0.2 * log - 0.5 * q + 0.05 * q * q + 0.1 * share * log)
+        };
+        let place = |index: usize| {
+            let x = |step: f64| (index as f64 * step).fract();
+            Place { total_per_px: x(0.618), numbers: vec![x(0.618), x(0.414), x(0.732)] }
+        };
+        // The median is ½.
+        let known: Vec<(Place, [f64; 2])> = (0..61)
+            .map(|index| {
+                let place = place(index);
+                let value = law(&place.numbers);
+                (place, [value, -value])
+            })
+            .collect();
+        let emulator = Emulator::fitted(&known, 1e-3, false).unwrap();
+        for index in 100..120 {
+            let place = place(index);
+            let [e1, e2] = emulator.at(&place);
+            assert!((e1 - law(&place.numbers)).abs() < 1e-10 && (e1 + e2).abs() < 1e-12);
+        }
+        assert!(Emulator::fitted(&known[..5], 1e-3, false).is_none());
+    }
+}

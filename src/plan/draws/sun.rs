@@ -1,0 +1,79 @@
+//! A mission → courses of its Sun, each a dose of solar protons over time.
+//!
+//! Where the mission gives its dose rate, the Sun is drawn behind the aluminium sphere that makes that rate in an active year at
+//! the mission's confidence; behind [`ASSUMED_MM`] and scaled to it, where no sphere does.
+
+use crate::environment::esp;
+use crate::environment::shielding::{Geometry, Shield};
+use crate::error::InputError;
+use crate::mission::{Mission, Orbit, Shielding};
+use crate::model::Model;
+use crate::physics::solar_event_dose::SolarEventDoses;
+use crate::plan::dose::equivalent_mm;
+
+/// Thickness (mm of aluminium) assumed where none makes the dose rate that is given.
+const ASSUMED_MM: f64 = 10.0;
+
+/// Time (yr) in which the dose of an event comes: three days.
+const EVENT_YR: f64 = 3.0 / 365.25;
+
+/// Courses of the Sun.
+pub struct Suns {
+    doses: SolarEventDoses,
+    factor: f64,
+}
+
+impl Suns {
+    /// So many courses of the Sun over a mission.
+    ///
+    /// # Errors
+    /// Where its dose says nothing of single events: it is imported, or has no solar protons.
+    pub fn of(model: &Model, samples: u32, seed: u64) -> Result<Suns, InputError> {
+        let (derived, factor) = derived(&model.mission);
+        let doses = SolarEventDoses::of(&derived, model.history(), samples, seed)?;
+        Ok(Suns { doses, factor })
+    }
+
+    /// A course: years since launch, rising from 0, and dose of solar protons since launch (MeV/g, before the mission's factor on
+    /// all doses).
+    ///
+    /// # Panics
+    /// If there are not so many.
+    pub fn course(&self, index: usize) -> Vec<(f64, f64)> {
+        let mut changes: Vec<(f64, f64)> = Vec::new();
+        for (t_yr, dose_mev_g) in self.doses.steps(index) {
+            let rate = self.factor * dose_mev_g / EVENT_YR;
+            changes.extend([(t_yr, rate), (t_yr + EVENT_YR, -rate)]);
+        }
+        changes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut course, mut rate, mut dose_mev_g) = (vec![(0.0, 0.0)], 0.0_f64, 0.0);
+        for (t_yr, change) in changes {
+            let before_yr = course.last().expect("its start").0;
+            dose_mev_g += rate.max(0.0) * (t_yr - before_yr);
+            rate += change;
+            match course.last_mut() {
+                Some(last) if last.0 == t_yr => last.1 = dose_mev_g,
+                _ => course.push((t_yr, dose_mev_g)),
+            }
+        }
+        course
+    }
+}
+
+/// The mission with a derived dose, without its factor on all doses; and what the doses of its Sun are multiplied by.
+fn derived(mission: &Mission) -> (Mission, f64) {
+    let mut derived = mission.clone();
+    let environment = &mut derived.environment;
+    environment.dose_factor = 1.0;
+    let Some(rate) = environment.active_dose_rate_mev_g_yr.take() else { return (derived, 1.0) };
+    environment.sources = None;
+    // The rate is that behind everything: no orbit takes more of it.
+    derived.orbit = None;
+    derived.mission.orbit = Some(Orbit::L2);
+    let environment = &derived.environment;
+    let thickness_mm = equivalent_mm(mission, Geometry::Sphere).unwrap_or(ASSUMED_MM);
+    let year = esp::fluence(environment.confidence, 1.0);
+    let dose = Shield::aluminium(Geometry::Sphere, thickness_mm).dose(&year, environment.niel.curve());
+    derived.shielding = Some(Shielding::aluminium(Geometry::Sphere, thickness_mm));
+    (derived, rate / dose)
+}
