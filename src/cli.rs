@@ -4,6 +4,7 @@
 //! not met with `--check`.
 
 mod compare;
+mod confidence;
 mod diagnose;
 mod dose;
 mod drawn;

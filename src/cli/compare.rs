@@ -2,6 +2,7 @@
 
 use clap::Args;
 
+use super::confidence::Asked;
 use super::drawn::Drawn;
 use super::inputs::key_and_value;
 use super::{Failure, Outcome, Output, print, progress};
@@ -27,6 +28,8 @@ pub(super) struct Compare {
     /// Values of any key, such as detector.temperature_k=150,153,156; may be given several times
     #[arg(long, value_name = "KEY=VALUES")]
     set: Vec<String>,
+    #[command(flatten)]
+    asked: Asked,
     #[command(flatten)]
     drawn: Drawn,
     #[command(flatten)]
@@ -61,7 +64,7 @@ impl Compare {
         self.drawn.check()?;
         let scenarios = candidates.len() * axes.iter().map(|axis| axis.values.len()).product::<usize>();
         let bar = progress(scenarios as u64, "scenarios");
-        let comparison = compare(&candidates, &axes, || bar.inc(1));
+        let comparison = compare(&candidates, &axes, self.asked.confidence(), || bar.inc(1));
         bar.finish_and_clear();
         let comparison = comparison?;
         let missions: Vec<Mission> = candidates.into_iter().map(|candidate| candidate.mission).collect();

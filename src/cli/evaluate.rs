@@ -2,6 +2,7 @@
 
 use clap::Args;
 
+use super::confidence::probability;
 use super::drawn::Drawn;
 use super::inputs::OneMission;
 use super::{Failure, Outcome, Output, print_and_suggest, progress};
@@ -47,6 +48,10 @@ impl Evaluate {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
         let mission = self.mission.read()?;
         self.drawn.check()?;
+        if self.confidence.is_some() && self.samples == 0 {
+            let error = InputError::new("cannot tell a probability", "--samples is 0: nothing is drawn");
+            return Err(error.with_help("leave out --samples: 1000 draws").into());
+        }
         let sample = self.posterior.as_ref().map(|path| MissionSample::read(path, &mission)).transpose()?;
         let evaluation = evaluate(&mission)?;
         let noisy = match self.monte_carlo {
@@ -86,16 +91,5 @@ impl Evaluate {
         let found = date_distribution(mission, sample, self.samples, seed, || bar.inc(1))?;
         bar.finish_and_clear();
         Ok(found)
-    }
-}
-
-/// A probability that can be asked for.
-fn probability(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value < 1.0 => Ok(value),
-        Ok(value) if (1.0..=100.0).contains(&value) => {
-            Err(format!("allowed: above 0 and below 1; {value} % is {}", value / 100.0))
-        }
-        _ => Err("allowed: a number above 0 and below 1".into()),
     }
 }

@@ -137,6 +137,25 @@ fn shares(found: &Fates, seed: u64) -> Vec<Share> {
 /// Name of what inputs together do, or one by itself that is not linear; with a posterior, also what that does.
 pub const NOT_LINEAR: &str = "rest";
 
+/// With which probability a budget is to be met, and of how many draws that is told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Confidence {
+    /// Probability, between 0 and 1.
+    pub probability: f64,
+    /// Draws of each mission.
+    pub samples: u32,
+}
+
+impl Confidence {
+    /// The date of a mission as a distribution, with the mission's own seed: missions that are compared have the same draws.
+    ///
+    /// # Errors
+    /// As [`date_distribution`].
+    pub fn of(self, mission: &Mission) -> Result<DateDistribution, InputError> {
+        date_distribution(mission, None, self.samples, mission.accuracy.seed, || {})
+    }
+}
+
 impl DateDistribution {
     /// Probability that the corrected budget is met to the end of the mission.
     pub fn probability_met(&self) -> f64 {
@@ -145,6 +164,11 @@ impl DateDistribution {
 }
 
 impl Dates {
+    /// How long (years since launch) the limit is kept with a probability; None where to the end of the mission.
+    pub fn kept_yr(&self, probability: f64) -> Option<f64> {
+        Some(quantile(&self.times_yr, 1.0 - probability)).filter(|t_yr| t_yr.is_finite())
+    }
+
     /// Of times (years since launch, infinite where not within the mission) that are worth so many independent ones. Errors of
     /// quantiles are those of a bootstrap with a seed.
     pub fn of(mut times_yr: Vec<f64>, effective: f64, launch: NaiveDate, seed: u64) -> Dates {

@@ -149,21 +149,35 @@ impl<'a> Draws<'a> {
         })
     }
 
-    /// What becomes of each draw. `advance` is called once for each.
+    /// What becomes of each draw, or of [`MOST_DIRECT`] of them where shapes cannot be emulated. `advance` is called once for
+    /// each.
     ///
     /// # Errors
     /// Where a draw makes no sense to the mission, or a formula has no value for it; the first draw of which that is true.
     pub fn fates(&self, advance: impl Fn() + Sync) -> Result<Fates, InputError> {
-        let all: Vec<u32> = (0..self.samples).collect();
-        let fitted = self.emulator(&all)?;
-        let chosen: Vec<u32> = match fitted {
-            Some(_) => all,
-            None => {
-                let count = self.samples.min(MOST_DIRECT);
-                (0..count).map(|place| (u64::from(place) * u64::from(self.samples) / u64::from(count)) as u32).collect()
+        match self.emulator()? {
+            Some((emulator, emulated)) => {
+                let all: Vec<u32> = (0..self.samples).collect();
+                Ok(Fates { emulated: Some(emulated), ..self.followed(&all, Some(&emulator), advance)? })
             }
-        };
-        let emulator = fitted.as_ref().map(|(emulator, _)| emulator);
+            None => self.read_out(MOST_DIRECT, advance),
+        }
+    }
+
+    /// What becomes of so many draws, evenly chosen, with each change of shape read out.
+    ///
+    /// # Errors
+    /// As [`Draws::fates`].
+    pub fn read_out(&self, count: u32, advance: impl Fn() + Sync) -> Result<Fates, InputError> {
+        self.followed(&evenly(self.samples, count as usize), None, advance)
+    }
+
+    fn followed(
+        &self,
+        chosen: &[u32],
+        emulator: Option<&Emulator>,
+        advance: impl Fn() + Sync,
+    ) -> Result<Fates, InputError> {
         let found = chosen.par_iter().map(|index| {
             let draw = self.draw(*index)?;
             let fate = Fate::of(&draw.model, |device| self.change(&draw, device, emulator));
@@ -173,16 +187,12 @@ impl<'a> Draws<'a> {
         let found: Vec<Result<_, InputError>> = found.collect();
         // The first of several errors, whichever came first.
         let (fates, deviations) = found.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
-        let mut all = Fates {
-            fates,
-            names: self.inputs.iter().map(|input| input.name.clone()).collect(),
-            deviations,
-            emulated: fitted.map(|(_, emulated)| emulated),
-        };
+        let names = self.inputs.iter().map(|input| input.name.clone()).collect();
+        let mut found = Fates { fates, names, deviations, emulated: None };
         if self.suns.is_some() {
-            all.add_scores(SOLAR_PROTONS, |fate| fate.solar_mev_g);
+            found.add_sun();
         }
-        Ok(all)
+        Ok(found)
     }
 
     /// A draw, by its number.
@@ -226,9 +236,9 @@ impl<'a> Draws<'a> {
     }
 
     /// An emulator of the changes of shape of draws, if a good one is found.
-    fn emulator(&self, draws: &[u32]) -> Result<Option<(Emulator, Emulated)>, InputError> {
+    fn emulator(&self) -> Result<Option<(Emulator, Emulated)>, InputError> {
         let without_traps = !self.model.mission.effects.is_empty();
-        let looked_at: Vec<u32> = evenly(draws, MOST_TERMS);
+        let looked_at = evenly(self.samples, MOST_TERMS);
         let places = looked_at.par_iter().enumerate().map(|(place, index)| Ok(self.place(place, *index)?.0));
         let places: Vec<Place> = places.collect::<Vec<_>>().into_iter().collect::<Result<_, InputError>>()?;
         let terms = Emulator::coefficients(&places, without_traps);
@@ -238,7 +248,7 @@ impl<'a> Draws<'a> {
             return Ok(None);
         }
         let numbers: Vec<u32> = (0..readouts as u32).map(|number| number % self.samples).collect();
-        let known = numbers.par_iter().enumerate().map(|(place, index)| self.read_out(place, *index));
+        let known = numbers.par_iter().enumerate().map(|(place, index)| self.example(place, *index));
         let known: Vec<Result<Option<(Place, [f64; 2])>, InputError>> = known.collect();
         let known: Option<Vec<(Place, [f64; 2])>> = known.into_iter().collect::<Result<_, _>>()?;
         let Some(known) = known else { return Ok(None) };
@@ -264,7 +274,7 @@ impl<'a> Draws<'a> {
     }
 
     /// The same with its change of shape, read out; None where no shape is left.
-    fn read_out(&self, place: usize, index: u32) -> Result<Option<(Place, [f64; 2])>, InputError> {
+    fn example(&self, place: usize, index: u32) -> Result<Option<(Place, [f64; 2])>, InputError> {
         let (place, draw, device) = self.place(place, index)?;
         let change = draw.model.trailed(0, &device.fit_for(Purpose::Shape))?;
         Ok(change.map(|change| (place, [change.delta_e1, change.delta_e2])))
@@ -274,10 +284,10 @@ impl<'a> Draws<'a> {
 /// Golden section: its multiples are spread evenly.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-/// Some of many, evenly chosen.
-fn evenly(all: &[u32], count: usize) -> Vec<u32> {
-    let count = count.min(all.len());
-    (0..count).map(|place| all[place * all.len() / count]).collect()
+/// Some of so many draws, evenly chosen.
+fn evenly(samples: u32, count: usize) -> Vec<u32> {
+    let count = count.min(samples as usize);
+    (0..count).map(|place| (place * samples as usize / count) as u32).collect()
 }
 
 /// Draws differ by factors: what is derived is made a number first, unless the Sun is drawn in its place.
@@ -292,14 +302,21 @@ fn as_numbers(base: &mut Mission, model: &Model, sun: bool) {
 }
 
 impl Fates {
-    /// Adds an input that is known by a number of each fate, by the normal score of its rank.
-    fn add_scores(&mut self, name: &str, of: impl Fn(&Fate) -> f64) {
-        let mut order: Vec<usize> = (0..self.fates.len()).collect();
-        order.sort_by(|a, b| of(&self.fates[*a]).total_cmp(&of(&self.fates[*b])));
-        let (normal, count) = (Normal::standard(), order.len() as f64);
-        for (rank, place) in order.into_iter().enumerate() {
-            self.deviations[place].push(normal.inverse_cdf((rank as f64 + 0.5) / count));
+    /// Adds the Sun to the inputs: by the logarithm of the dose at the end that it makes, without other inputs, in units of its
+    /// standard deviation.
+    fn add_sun(&mut self) {
+        let most = self.fates.iter().map(|fate| fate.sun_mev_g).fold(0.0, f64::max);
+        let logs: Vec<f64> =
+            self.fates.iter().map(|fate| fate.sun_mev_g.max(LEAST_DOSE * most).max(f64::MIN_POSITIVE).ln()).collect();
+        let count = logs.len() as f64;
+        let mean = logs.iter().sum::<f64>() / count;
+        let sigma = (logs.iter().map(|log| (log - mean).powi(2)).sum::<f64>() / count).sqrt().max(f64::MIN_POSITIVE);
+        for (deviations, log) in self.deviations.iter_mut().zip(logs) {
+            deviations.push((log - mean) / sigma);
         }
-        self.names.push(name.to_string());
+        self.names.push(SOLAR_PROTONS.to_string());
     }
 }
+
+/// Share of the largest dose below which that of the Sun is as good as none.
+const LEAST_DOSE: f64 = 1e-6;

@@ -19,6 +19,7 @@ pub use ranking::{Criterion, Merit, Ranking};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::physics::SpeciesState;
+use crate::plan::date_distribution::{Confidence, DateDistribution};
 use crate::plan::evaluate::{BudgetVerdict, evaluate};
 use crate::warning::{self, Warning};
 
@@ -52,6 +53,8 @@ pub struct Scenario {
     pub verdict: BudgetVerdict,
     /// Traps at the end of the mission.
     pub traps: Vec<SpeciesState>,
+    /// The date as a distribution, where a confidence is asked for.
+    pub distribution: Option<DateDistribution>,
     /// Things seen that are not errors.
     pub warnings: Vec<Warning>,
 }
@@ -64,6 +67,10 @@ pub struct Comparison {
     /// What tells the missions apart that they are of, in the missions' order.
     #[serde(skip)]
     pub names: Vec<String>,
+    /// Probability with which budgets are to be kept: scenarios are ranked by how long they are. None: by the date that is
+    /// expected.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub confidence: Option<f64>,
     /// The best scenarios and the worst.
     #[serde(flatten)]
     pub ranking: Ranking,
@@ -85,11 +92,17 @@ pub struct Comparison {
 /// Evaluates missions at every combination of the axes' values.
 ///
 /// Where launch dates are compared and no model of the dose is among the axes, missions whose dose is an average over the solar
-/// cycle follow the cycle instead; `notes` say so. `progress` is called once for every scenario that is done.
+/// cycle follow the cycle instead; `notes` say so. With a confidence each date is a distribution, too, and scenarios are ranked
+/// by how long they keep their budgets with that probability. `progress` is called once for every scenario that is done.
 ///
 /// # Errors
 /// Where a key or a value is not one of a mission's, or a galaxy has no measurable shape. The first one in order.
-pub fn compare(candidates: &[Candidate], axes: &[Axis], progress: impl Fn() + Sync) -> Result<Comparison, InputError> {
+pub fn compare(
+    candidates: &[Candidate],
+    axes: &[Axis],
+    confidence: Option<Confidence>,
+    progress: impl Fn() + Sync,
+) -> Result<Comparison, InputError> {
     let (candidates, notes) = under_the_sun(candidates, axes);
     let names = names(&candidates);
     let mut combinations: Vec<Vec<(String, toml::Value)>> = vec![Vec::new()];
@@ -111,9 +124,11 @@ pub fn compare(candidates: &[Candidate], axes: &[Axis], progress: impl Fn() + Sy
         .flat_map(|named| combinations.iter().map(move |settings| (named, settings)))
         .collect::<Vec<_>>()
         .into_par_iter()
-        .map(|((candidate, name), settings)| scenario(candidate, name, settings).inspect(|_| progress()))
+        .map(|((candidate, name), settings)| scenario(candidate, name, settings, confidence).inspect(|_| progress()))
         .collect::<Result<Vec<_>, _>>()?;
-    let ranking = Ranking::of(&scenarios.iter().map(Scenario::merit).collect::<Vec<_>>());
+    let confidence = confidence.map(|asked| asked.probability);
+    let merits: Vec<Merit> = scenarios.iter().map(|scenario| scenario.merit(confidence)).collect();
+    let ranking = Ranking::of(&merits);
     let (best, worst) = (&scenarios[ranking.best[0]], &scenarios[ranking.worst[0]]);
     let exceeded_yr = match ranking.by {
         Some(Criterion::Uncorrected) => worst.verdict.uncorrected.t_yr,
@@ -131,7 +146,7 @@ pub fn compare(candidates: &[Candidate], axes: &[Axis], progress: impl Fn() + Sy
         None => (None, Vec::new()),
     };
     let warnings = warning::together(scenarios.iter().flat_map(|scenario| &scenario.warnings));
-    Ok(Comparison { scenarios, names, ranking, compared_at_yr, ratio, why, notes, warnings })
+    Ok(Comparison { scenarios, names, confidence, ranking, compared_at_yr, ratio, why, notes, warnings })
 }
 
 /// Candidates as their launch dates are compared, where these are, and what a reader has to know of that.
@@ -175,7 +190,12 @@ fn names(candidates: &[Candidate]) -> Vec<String> {
     candidates.iter().map(tell).collect()
 }
 
-fn scenario(candidate: &Candidate, name: &str, settings: &[(String, toml::Value)]) -> Result<Scenario, InputError> {
+fn scenario(
+    candidate: &Candidate,
+    name: &str,
+    settings: &[(String, toml::Value)],
+    confidence: Option<Confidence>,
+) -> Result<Scenario, InputError> {
     let mission = if settings.is_empty() { candidate.mission.clone() } else { candidate.mission.with(settings)? };
     let judged = Mission { galaxies: vec![mission.judged_galaxy().clone()], ..mission.clone() };
     let evaluation = evaluate(&judged)?;
@@ -189,18 +209,25 @@ fn scenario(candidate: &Candidate, name: &str, settings: &[(String, toml::Value)
         delta_e: end.galaxies[0].map(|change| change.magnitude()),
         traps: end.traps.clone(),
         verdict: evaluation.verdict,
+        distribution: confidence.map(|confidence| confidence.of(&judged)).transpose()?,
         warnings: evaluation.warnings,
         mission,
     })
 }
 
 impl Scenario {
-    /// What it is ranked by.
-    fn merit(&self) -> Merit {
-        Merit {
-            uncorrected_yr: self.verdict.uncorrected.t_yr,
-            corrected_yr: self.verdict.corrected.t_yr,
-            delta_e: self.delta_e,
+    /// What it is ranked by: how long it keeps its budgets, as expected or with a probability.
+    fn merit(&self, confidence: Option<f64>) -> Merit {
+        let [uncorrected_yr, corrected_yr] = self.kept_yr(confidence);
+        Merit { uncorrected_yr, corrected_yr, delta_e: self.delta_e }
+    }
+
+    /// How long (years since launch) the uncorrected and the corrected budget are kept, as expected or with a probability; None
+    /// where to the end of the mission.
+    pub fn kept_yr(&self, confidence: Option<f64>) -> [Option<f64>; 2] {
+        match (&self.distribution, confidence) {
+            (Some(found), Some(p)) => [found.uncorrected.kept_yr(p), found.corrected.kept_yr(p)],
+            _ => [self.verdict.uncorrected.t_yr, self.verdict.corrected.t_yr],
         }
     }
 

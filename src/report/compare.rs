@@ -3,8 +3,13 @@
 mod cause;
 mod figures;
 
+use chrono::NaiveDate;
+
+use super::study::estimate::plus_minus;
 use super::{Page, Parts, Report, keep_words, or_dash, table};
 use crate::mission::Mission;
+use crate::numeric::calendar::date_after;
+use crate::numeric::estimate::Estimate;
 use crate::plan::evaluate::BudgetVerdict;
 use crate::plan::requirement::Crossing;
 use crate::plan::scenario::{Comparison, Criterion, Ranking, Scenario};
@@ -33,6 +38,9 @@ impl Report for Comparison {
             ]
             .map(str::to_string),
         );
+        if self.confidence.is_some() {
+            header.extend(["kept_t_yr", "corrected_kept_t_yr", "probability_met"].map(str::to_string));
+        }
         let mut rows = vec![header];
         for scenario in &self.scenarios {
             let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
@@ -46,6 +54,10 @@ impl Report for Comparison {
                 );
             }
             row.extend([scenario.dose_model().to_string(), scenario.file.clone()]);
+            if let Some(found) = &scenario.distribution {
+                row.extend(scenario.kept_yr(self.confidence).map(number));
+                row.push(found.probability_met().to_string());
+            }
             rows.push(row);
         }
         rows
@@ -65,6 +77,11 @@ impl Page for Comparison {
         let limits: [(&str, Limit); 2] =
             [("exceeded", |verdict| &verdict.uncorrected), ("corrected", |verdict| &verdict.corrected)];
         header.extend(limits.map(|(name, _)| name));
+        let percent = self.confidence.map(|confidence| format!("{:.0} %", 100.0 * confidence));
+        let kept = percent.map(|percent| {
+            [format!("kept until with {percent}"), format!("corrected with {percent}"), "met [%]".into()]
+        });
+        header.extend(kept.iter().flatten().map(String::as_str));
         header.push("");
         let mut comparison = table(&header);
         for (index, scenario) in self.scenarios.iter().enumerate() {
@@ -73,6 +90,7 @@ impl Page for Comparison {
             row.push(format!("{:.3e}", scenario.dose_mev_g));
             row.push(scenario.delta_e.map_or("lost".into(), |delta_e| format!("{delta_e:.3e}")));
             row.extend(limits.map(|(_, limit)| when(scenario, limit(&scenario.verdict))));
+            row.extend(self.kept(scenario));
             row.push(self.mark(index).into());
             comparison.add_row(row);
         }
@@ -141,6 +159,19 @@ impl Comparison {
         self.names.len() > 1
     }
 
+    /// Dates until which a scenario keeps its budgets with the confidence that is asked for, and how probable it is that it keeps
+    /// the corrected one to the end, %; nothing where none is asked for.
+    fn kept(&self, scenario: &Scenario) -> Vec<String> {
+        let Some(found) = &scenario.distribution else { return Vec::new() };
+        let launch = scenario.mission.mission.launch.0;
+        let date = |t_yr: Option<f64>| or_dash(t_yr.map(|t_yr| dated(launch, t_yr)));
+        let met = Estimate { value: found.probability_met(), error: found.corrected.probability_error };
+        let mut cells: Vec<String> = scenario.kept_yr(self.confidence).into_iter().map(date).collect();
+        // One number: no line is broken within it.
+        cells.push(plus_minus(met.times(100.0)).replace(" ", "\u{a0}"));
+        cells
+    }
+
     /// Whether any scenario exceeds a limit.
     fn is_exceeded(&self, limit: Limit) -> bool {
         self.scenarios.iter().any(|scenario| limit(&scenario.verdict).t_yr.is_some())
@@ -158,14 +189,18 @@ impl Comparison {
     fn conclusion(&self) -> String {
         let Some(by) = self.ranking.by else { return "All are alike.".into() };
         let of = |places: &[usize]| {
-            let lasts = |limit: &str, crossing: &Crossing| match crossing.t_yr {
-                Some(t_yr) => format!(", which exceeds the {limit} budget after {t_yr:.2} yr"),
-                None => format!(", which does not exceed the {limit} budget"),
+            let lasts = |limit: &str, kept_yr: Option<f64>| match (kept_yr, self.confidence) {
+                (Some(t_yr), None) => format!(", which exceeds the {limit} budget after {t_yr:.2} yr"),
+                (None, None) => format!(", which does not exceed the {limit} budget"),
+                (Some(t_yr), Some(p)) => {
+                    format!(", which keeps the {limit} budget for {t_yr:.2} yr with {:.0} %", 100.0 * p)
+                }
+                (None, Some(p)) => format!(", which keeps the {limit} budget to the end with {:.0} %", 100.0 * p),
             };
-            let verdict = &self.scenarios[places[0]].verdict;
+            let [uncorrected_yr, corrected_yr] = self.scenarios[places[0]].kept_yr(self.confidence);
             let fate = match by {
-                Criterion::Uncorrected => lasts("uncorrected", &verdict.uncorrected),
-                Criterion::Corrected => lasts("corrected", &verdict.corrected),
+                Criterion::Uncorrected => lasts("uncorrected", uncorrected_yr),
+                Criterion::Corrected => lasts("corrected", corrected_yr),
                 Criterion::End => String::new(),
             };
             let said = |place: &usize| name(&self.scenarios[*place], self.several_missions());
@@ -223,9 +258,13 @@ fn setting(value: &toml::Value) -> String {
 
 /// The day and the years after launch: dates of different launches do not tell which lasts longer.
 fn when(scenario: &Scenario, crossing: &Crossing) -> String {
-    or_dash(crossing.t_yr.map(|t_yr| match crossing.date(scenario.mission.mission.launch.0) {
+    or_dash(crossing.t_yr.map(|t_yr| dated(scenario.mission.mission.launch.0, t_yr)))
+}
+
+fn dated(launch: NaiveDate, t_yr: f64) -> String {
+    match date_after(launch, t_yr) {
         // A narrow column breaks between the two, not before the unit.
         Some(date) => format!("{date} {t_yr:.2}\u{a0}yr"),
         None => format!("{t_yr:.2} yr"),
-    }))
+    }
 }

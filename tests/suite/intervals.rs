@@ -11,7 +11,7 @@ use ctiplan::evaluate;
 use ctiplan::io::table::Table;
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
-use ctiplan::plan::date_distribution::over_sample;
+use ctiplan::plan::date_distribution::date_distribution;
 use ctiplan::plan::mission_sample::MissionSample;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -235,15 +235,32 @@ fn read(text: &str) -> Result<MissionSample, ctiplan::error::InputError> {
     MissionSample::read(file.path(), &snap())
 }
 
+/// SNAP with a dose that is known, and nothing else uncertain.
+fn certain(folder: &std::path::Path) -> Mission {
+    let history = folder.join("dose.csv");
+    fs::write(&history, "t_yr,dose_mev_g\n0,0\n5,8.08e6\n").unwrap();
+    let history = format!("model = \"history\"\nhistory = {:?}", history.display().to_string());
+    let uncertainty = "[uncertainty]\ndose_model = 0\nshielding = 0\ndensity = 0\nrelease = 0\nfull_well = 0\nwell_fill_power = 0\n\
+                       background = 0\ngalaxy_flux = 0\ngalaxy_size = 0\n";
+    let text = include_str!("../../missions/snap_l2.toml")
+        .replace("[requirement]", &format!("{uncertainty}[accuracy]\nsubpixel_grid = 1\n[requirement]"))
+        .replace("model = \"constant\"", &history)
+        .replace("active_dose_rate_mev_g_yr = 2.54e6", "");
+    Mission::parse(&text).unwrap()
+}
+
 /// Dates under a sample are those of its missions, each evaluated by itself.
 #[test]
 fn dates_under_a_sample_are_those_of_its_missions() {
     let densities: Vec<f64> = (0..21).map(|index| 0.12 * 1.15_f64.powi(index)).collect();
     let rows: String = densities.iter().map(|density| format!("{density},-1.0\n")).collect();
     let sample = read(&format!("{DENSITY},log_posterior\n{rows}")).unwrap();
-    let mission = snap();
-    let found = over_sample(&mission, &sample, 100, || {}).unwrap();
-    assert_eq!((found.samples, found.seed), (21, None));
+    let folder = tempfile::tempdir().unwrap();
+    let mission = certain(folder.path());
+    let found = date_distribution(&mission, Some(&sample), 21, 1, || {}).unwrap();
+    assert_eq!((found.samples, found.effective_samples), (21, 21.0));
+    assert_eq!(found.posterior_keys, [DENSITY]);
+    assert!(found.sun_not_drawn.is_some());
     let mut times: Vec<f64> = densities
         .iter()
         .map(|density| {
@@ -258,10 +275,17 @@ fn dates_under_a_sample_are_those_of_its_missions() {
     assert_eq!(uncorrected.probability_exceeded, within as f64 / 21.0);
     let quantiles: Vec<Option<f64>> = uncorrected.quantiles.iter().map(|at| at.t_yr).collect();
     // Of 21 rows the quantiles of 5, 50 and 95 % are the second, the middle and the last but one.
-    assert_eq!(quantiles, [Some(times[1]), Some(times[10]), None]);
+    // Draws are read out more coarsely.
+    let close = |found: Option<f64>, expected: f64| (found.unwrap() / expected - 1.0).abs() < 2e-3;
+    assert!(close(quantiles[0], times[1]) && close(quantiles[1], times[10]), "{quantiles:?} {times:?}");
+    assert_eq!(quantiles[2], None);
     assert!(uncorrected.quantiles[0].error_yr.unwrap() > 0.0);
-    let half = over_sample(&mission, &sample, 7, || {}).unwrap();
-    assert_eq!(half.samples, 7);
+    // Emulated, the same rows many times over tell the same.
+    let many = date_distribution(&mission, Some(&sample), 2100, 1, || {}).unwrap();
+    assert!(many.emulated.is_some() && many.effective_samples == 21.0);
+    assert_eq!(many.uncorrected.probability_exceeded, within as f64 / 21.0);
+    let median = many.uncorrected.quantiles[1].t_yr;
+    assert!((median.unwrap() / times[10] - 1.0).abs() < 0.02, "{median:?} {times:?}");
 }
 
 #[test]
@@ -276,7 +300,7 @@ fn a_sample_that_does_not_fit_the_mission_is_refused() {
     let empty = refusal("log_posterior\n-1\n");
     assert!(empty.contains("no draw of any key"), "{empty}");
     let beyond = read(&format!("{DENSITY}\n0.1\n-0.1\n")).unwrap();
-    let beyond = over_sample(&snap(), &beyond, 10, || {}).unwrap_err().to_string();
+    let beyond = date_distribution(&snap(), Some(&beyond), 10, 1, || {}).unwrap_err().to_string();
     assert!(beyond.contains("line 3") && beyond.contains(DENSITY), "{beyond}");
 }
 
@@ -315,7 +339,7 @@ fn a_sample_goes_from_fit_to_evaluate() {
     let (status, json, stderr) = run(&["evaluate", &mission, "--posterior", &file, "--json"]);
     assert_eq!(status, Some(0), "{stderr}");
     let json: Value = serde_json::from_str(&json).unwrap();
-    assert_eq!((&json["distribution"]["samples"], &json["distribution"]["seed"]), (&40.into(), &Value::Null));
+    assert_eq!((&json["distribution"]["samples"], &json["distribution"]["seed"]), (&1000.into(), &1.into()));
     assert_eq!(json["distribution"]["corrected"]["quantiles"][2]["p"], 0.95);
     let (status, _, stderr) = run(&[&fit[..], &["--profile", "effects.formula.slop"]].concat());
     assert_eq!((status, stderr.contains("did you mean `effects.formula.slope`?")), (Some(2), true), "{stderr}");

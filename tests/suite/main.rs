@@ -7,6 +7,7 @@ mod astropy;
 mod book;
 mod cli;
 mod crossings;
+mod date_distribution;
 mod diagnose;
 mod effects_golden;
 mod environment;

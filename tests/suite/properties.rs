@@ -116,7 +116,7 @@ fn set(mission: &Mission, key: &str, value: impl Into<toml::Value>) -> Mission {
 }
 
 fn report(evaluation: Evaluation) -> EvaluateReport {
-    EvaluateReport { evaluation, noisy: Vec::new(), distribution: None, time_series: None }
+    EvaluateReport { evaluation, noisy: Vec::new(), distribution: None, confidence: None, time_series: None }
 }
 
 /// Dose at the end of the mission, MeV/g.

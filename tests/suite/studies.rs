@@ -362,7 +362,7 @@ fn the_best_never_exceeds_its_budget_earlier_than_any_other() {
             let case = format!("{} {effect}", settings[0].1);
             let candidates = [Candidate { file: "snap.toml".into(), mission: mission.clone() }];
             let axes = [Axis::parse("mission.launch", dates).unwrap()];
-            let compared = compare(&candidates, &axes, || {}).unwrap();
+            let compared = compare(&candidates, &axes, None, || {}).unwrap();
             let launched = ask(&launches(dates), &mission);
             // One rule: both commands name the same launches.
             for (places, key) in

@@ -13,8 +13,8 @@ pub struct Fate {
     /// First time (years since launch) at which it exceeds the uncorrected and the corrected budget; None if not within the
     /// mission.
     pub exceeded_yr: [Option<f64>; 2],
-    /// Dose of the drawn Sun, MeV/g, before factors; 0 without one.
-    pub solar_mev_g: f64,
+    /// Dose at the end of the mission over the factor on all doses, MeV/g: what the Sun of this draw makes of it.
+    pub sun_mev_g: f64,
 }
 
 /// Times of a mission at which |Δe| is looked at, besides those of its jumps.
@@ -41,11 +41,12 @@ impl Fate {
         let requirement = &model.mission.requirement;
         let limits = [requirement.delta_e, requirement.delta_e * requirement.correction_factor];
         let first = |limit: f64| Ok(crossing(limit, &points, magnitude)?.t_yr);
-        let sun = model.mission.imported.sun.as_ref().and_then(|course| course.last());
+        let end = &model.mission;
+        let sun_mev_g = model.history().dose_mev_g(end.mission.duration_yr)? / end.environment.dose_factor;
         Ok(Fate {
             delta_e: points.last().and_then(|end| end.1),
             exceeded_yr: [first(limits[0])?, first(limits[1])?],
-            solar_mev_g: sun.map_or(0.0, |end| end.1),
+            sun_mev_g,
         })
     }
 }

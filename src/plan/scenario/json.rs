@@ -5,6 +5,7 @@ use toml::Value;
 
 use super::{Criterion, Ranking, Scenario};
 use crate::io::json;
+use crate::plan::date_distribution::DateDistribution;
 use crate::plan::evaluate::json::DatedVerdict;
 use crate::warning::Warning;
 
@@ -20,6 +21,8 @@ struct OneScenario<'a> {
     delta_e: Option<f64>,
     #[serde(flatten)]
     verdict: DatedVerdict<'a>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    distribution: Option<&'a DateDistribution>,
     warnings: &'a [Warning],
 }
 
@@ -43,6 +46,7 @@ impl Serialize for Scenario {
             active_yr: self.active_yr,
             delta_e: self.delta_e,
             verdict: self.verdict.dated(&self.mission),
+            distribution: self.distribution.as_ref(),
             warnings: &self.warnings,
         };
         scenario.serialize(to)
