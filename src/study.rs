@@ -12,6 +12,7 @@ pub mod error_budget;
 pub mod launch;
 pub mod pocket_pumping;
 pub mod preflash;
+pub mod requirement;
 pub mod shielding;
 mod signal;
 

@@ -16,12 +16,12 @@ mod run;
 mod slurm;
 mod write;
 
+pub use crate::numeric::sample_points::{Sample, Sampling};
 pub use distribution::Distribution;
 pub use grid::{Axis, Grid, Holds, MOST_POINTS, Values};
 pub use merge::{Merged, Spread, collect};
 pub use output::Output;
 pub use parts::Parts;
 pub use run::{Done, run};
-pub use crate::numeric::sample_points::{Sample, Sampling};
 pub(crate) use slurm::quoted;
 pub use slurm::{Shard, indices, missing, script};

@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::confidence::Asked;
+use super::confidence::Confident;
 use super::drawn::Drawn;
 use super::inputs::key_and_value;
 use super::{Failure, Outcome, Output, print, progress};
@@ -29,7 +29,7 @@ pub(super) struct Compare {
     #[arg(long, value_name = "KEY=VALUES")]
     set: Vec<String>,
     #[command(flatten)]
-    asked: Asked,
+    asked: Confident,
     #[command(flatten)]
     drawn: Drawn,
     #[command(flatten)]

@@ -6,7 +6,7 @@ use crate::plan::date_distribution::Confidence;
 
 /// Options of commands that rank missions.
 #[derive(Clone, Copy, Debug, Args)]
-pub(super) struct Asked {
+pub(super) struct Confident {
     /// Rank by how long budgets are kept with this probability, such as 0.9, not as expected: the Sun and [uncertainty] are drawn
     #[arg(long, value_name = "P", value_parser = probability)]
     confidence: Option<f64>,
@@ -16,7 +16,7 @@ pub(super) struct Asked {
     samples: u32,
 }
 
-impl Asked {
+impl Confident {
     /// What is asked for, if anything is.
     pub fn confidence(self) -> Option<Confidence> {
         self.confidence.map(|probability| Confidence { probability, samples: self.samples })

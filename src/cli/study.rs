@@ -8,6 +8,7 @@ mod error_budget;
 mod launch;
 mod pocket_pumping;
 mod preflash;
+mod requirement;
 mod shielding;
 
 use clap::{Args, Subcommand};
@@ -85,6 +86,8 @@ studies! {
     Launch(launch::Launch),
     /// Shielding: margin against thickness of aluminium, as sphere and slab, at each confidence
     Shielding(shielding::Shielding),
+    /// Requirement: what it allows of dose, traps, shielding, transfers, clock and launch
+    Requirement(requirement::Requirement),
     /// Error budget: contribution of each uncertain input to the date on which the budget is exceeded
     ErrorBudget(error_budget::ErrorBudget),
 }

@@ -11,6 +11,7 @@ pub(super) mod estimate;
 mod launch;
 mod pocket_pumping;
 mod preflash;
+mod requirement;
 mod shielding;
 mod table;
 

@@ -10,6 +10,7 @@ use super::{Study, budgets, each, ready};
 use crate::error::InputError;
 use crate::mission::{Date, Mission};
 use crate::model::Model;
+use crate::plan::date_distribution::{Confidence, DateDistribution, Dates};
 use crate::plan::scenario::{Merit, Ranking, sun};
 use crate::plan::timeline::Timeline;
 use crate::warning::{self, Warning};
@@ -25,6 +26,8 @@ pub struct Launch {
     pub launches: Option<Vec<NaiveDate>>,
     /// Whether a dose that is an average over the solar cycle was asked for on purpose, and stays one.
     pub keep_average: bool,
+    /// The probability with which budgets are to be kept, by which launches are ranked then.
+    pub confidence: Option<Confidence>,
 }
 
 /// What the study finds.
@@ -36,6 +39,8 @@ pub struct Results {
     pub ranking: Ranking,
     /// The mission with the dose over time under which launches are compared.
     pub compared: Mission,
+    /// The probability that was asked for.
+    pub confidence: Option<f64>,
     /// What a reader has to know of that.
     pub note: Option<&'static str>,
     /// Warnings about any of the launches.
@@ -61,6 +66,15 @@ pub struct Launched {
     pub corrected_t_yr: Option<f64>,
     /// The same as a day.
     pub corrected_date: Option<NaiveDate>,
+    /// How long the uncorrected budget is kept with the probability that was asked for, years since launch; None if to the end,
+    /// or none was asked for, here and below.
+    pub kept_t_yr: Option<f64>,
+    /// The same of the corrected budget.
+    pub corrected_kept_t_yr: Option<f64>,
+    /// Probability that the uncorrected budget is met to the end, %.
+    pub met_percent: Option<f64>,
+    /// Probability that the corrected budget is met to the end, %.
+    pub corrected_met_percent: Option<f64>,
     /// How the dose is spread over the years.
     pub dose_model: &'static str,
     /// Warnings about this launch.
@@ -76,17 +90,25 @@ impl Study for Launch {
         let model = ready(&flown)?;
         let given = self.launches.clone().filter(|dates| !dates.is_empty());
         let dates = given.unwrap_or_else(|| half_years(mission.mission.launch.0));
-        let launches = each(&dates, |date| Launched::of(&model, *date, advance))?;
-        let merit = |launched: &Launched| Merit {
-            uncorrected_yr: launched.exceeded_t_yr,
-            corrected_yr: launched.corrected_t_yr,
-            delta_e: launched.delta_e,
+        let launches = each(&dates, |date| Launched::of(&model, *date, self.confidence, advance))?;
+        let merit = |launched: &Launched| match self.confidence {
+            None => Merit {
+                uncorrected_yr: launched.exceeded_t_yr,
+                corrected_yr: launched.corrected_t_yr,
+                delta_e: launched.delta_e,
+            },
+            Some(_) => Merit {
+                uncorrected_yr: launched.kept_t_yr,
+                corrected_yr: launched.corrected_kept_t_yr,
+                delta_e: launched.delta_e,
+            },
         };
         Ok(Results {
             ranking: Ranking::of(&launches.iter().map(merit).collect::<Vec<_>>()),
             warnings: warning::together(launches.iter().flat_map(|launched| &launched.warnings)),
             launches,
             compared: model.mission,
+            confidence: self.confidence.map(|asked| asked.probability),
             note,
         })
     }
@@ -100,7 +122,12 @@ fn half_years(first: NaiveDate) -> Vec<NaiveDate> {
 }
 
 impl Launched {
-    fn of(model: &Model, launch: NaiveDate, advance: &(dyn Fn() + Sync)) -> Result<Launched, InputError> {
+    fn of(
+        model: &Model,
+        launch: NaiveDate,
+        confidence: Option<Confidence>,
+        advance: &(dyn Fn() + Sync),
+    ) -> Result<Launched, InputError> {
         let date: toml::value::Datetime = Date(launch).into();
         let mission = model.mission.with(&[("mission.launch".into(), date.into())])?;
         let model = model.like(&mission);
@@ -108,6 +135,11 @@ impl Launched {
         let timeline = Timeline::of(&model)?;
         let duration_yr = mission.mission.duration_yr;
         let [uncorrected, corrected] = budgets(&mission);
+        let found = confidence.map(|asked| Ok((asked.of(&mission)?, asked.probability))).transpose()?;
+        let kept = |of: fn(&DateDistribution) -> &Dates| {
+            found.as_ref().map(|(found, p)| (of(found).kept_yr(*p), 100.0 * (1.0 - of(found).probability_exceeded)))
+        };
+        let (kept_uncorrected, kept_corrected) = (kept(|found| &found.uncorrected), kept(|found| &found.corrected));
         Ok(Launched {
             launch,
             active_yr: model.history().active_years(duration_yr),
@@ -117,6 +149,10 @@ impl Launched {
             exceeded_date: timeline.date(uncorrected),
             corrected_t_yr: timeline.crossing(corrected).t_yr,
             corrected_date: timeline.date(corrected),
+            kept_t_yr: kept_uncorrected.and_then(|kept| kept.0),
+            corrected_kept_t_yr: kept_corrected.and_then(|kept| kept.0),
+            met_percent: kept_uncorrected.map(|kept| kept.1),
+            corrected_met_percent: kept_corrected.map(|kept| kept.1),
             dose_model: sun::model(&mission),
             warnings: model.history().warnings(duration_yr),
         })

@@ -11,11 +11,11 @@ use toml::Value;
 
 use super::distribution::Distribution;
 use super::output::Output;
-use crate::numeric::sample_points::{Sample, Sampling};
 use crate::error::InputError;
 use crate::io::input;
 use crate::mission::keys::Allowed;
 use crate::mission::{Date, Mission};
+use crate::numeric::sample_points::{Sample, Sampling};
 
 mod read;
 

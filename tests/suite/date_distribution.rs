@@ -29,7 +29,14 @@ fn mission(changes: &[(&str, &str)]) -> Mission {
 /// Lines of `[uncertainty]` with so much of everything.
 fn uncertainty(sigma: f64) -> String {
     let keys = [
-        "dose_model", "shielding", "density", "release", "full_well", "well_fill_power", "background", "galaxy_flux",
+        "dose_model",
+        "shielding",
+        "density",
+        "release",
+        "full_well",
+        "well_fill_power",
+        "background",
+        "galaxy_flux",
         "galaxy_size",
     ];
     let lines: String = keys.iter().map(|key| format!("{key} = {sigma}\n")).collect();
@@ -98,7 +105,8 @@ fn the_sun_is_that_of_the_doses() {
     let exceeded = found.uncorrected.probability_exceeded;
     let error = found.uncorrected.probability_error;
     // Between the quantiles of the dose that enclose the critical one.
-    let inside: Vec<f64> = sampled.quantiles.iter().map(|at| at.p).filter(|p| below(*p).dose_mev_g < critical_mev_g).collect();
+    let inside: Vec<f64> =
+        sampled.quantiles.iter().map(|at| at.p).filter(|p| below(*p).dose_mev_g < critical_mev_g).collect();
     let lower = inside.last().copied().unwrap_or(0.0);
     let upper = sampled.quantiles.iter().map(|at| at.p).find(|p| *p > lower).unwrap_or(1.0);
     let met = 1.0 - exceeded;

@@ -53,7 +53,7 @@ fn causes(report: &StudyReport) -> Vec<&str> {
 fn launches(dates: &str) -> Launch {
     let days = |value: toml::Value| value.to_string().parse().unwrap();
     let dates = Axis::parse("mission.launch", dates).unwrap().values.into_iter().map(days).collect();
-    Launch { launches: Some(dates), keep_average: false }
+    Launch { launches: Some(dates), ..Launch::default() }
 }
 
 fn dither(transfers: Vec<f64>) -> Dither {
@@ -602,7 +602,7 @@ fn a_mission_without_dose_or_beyond_its_budget_is_told_so_in_words() {
 fn every_study_prints_json_csv_and_figures() {
     let folder = tempfile::tempdir().unwrap();
     let plots = folder.path().to_str().unwrap();
-    let asked: [(&str, &[&str]); 9] = [
+    let asked: [(&str, &[&str]); 10] = [
         ("clock", &["--line-time-ms", "5,25"]),
         ("distance", &[]),
         ("correction", &["--draws", "2", "--realisations", "2"]),
@@ -612,6 +612,7 @@ fn every_study_prints_json_csv_and_figures() {
         ("launch", &["--launch", "2009-01-01"]),
         ("shielding", &["--thickness-mm", "10,20"]),
         ("error-budget", &["--draws", "30"]),
+        ("requirement", &["--confidence", "0"]),
     ];
     for (name, options) in asked {
         let command = [&["study", name, TRADES, "--plots", plots][..], options].concat();
@@ -629,6 +630,45 @@ fn every_study_prints_json_csv_and_figures() {
         let text = String::from_utf8(ctiplan(&command).stdout).unwrap();
         assert!(text.lines().all(|line| line.chars().count() <= 80), "{name}:\n{text}");
     }
+}
+
+/// What a requirement allows is just kept: by the mission with so many times the dose, transfers, or another clock.
+#[test]
+fn what_a_requirement_allows_is_just_kept() {
+    use ctiplan::study::requirement::Requirement;
+    let mission = mission("missions/snap_l2_shielded.toml", &[("accuracy.subpixel_grid", 2.into())]);
+    let found = Study::study(&Requirement { confidence: None }, &mission, &|| {}).unwrap();
+    let largest = |settings: &[(String, toml::Value)]| {
+        let changed = mission.with(settings).unwrap();
+        let evaluation = ctiplan::plan::evaluate::evaluate(&changed).unwrap();
+        let places = evaluation.years.iter().filter_map(|year| year.galaxies[0]);
+        places.map(|change| change.magnitude()).fold(0.0, f64::max)
+    };
+    for limit in &found.limits {
+        let factor = limit.factor[0].value().unwrap();
+        // As many more traps of each species.
+        let denser = |species: &ctiplan::mission::Species| {
+            let key = format!("detector.traps.{}.density_per_px", species.name);
+            (key, (factor * species.density_per_px).into())
+        };
+        let with = largest(&mission.detector.traps.iter().map(denser).collect::<Vec<_>>());
+        assert!((with / limit.delta_e - 1.0).abs() < 2e-3, "{with} {limit:?}");
+        // The shield of that factor makes the same dose.
+        let thickness_mm = 13.6 * limit.shield[0].value().unwrap();
+        let with = largest(&[("shielding.thickness_mm".into(), thickness_mm.into())]);
+        assert!((with / limit.delta_e - 1.0).abs() < 2e-2, "{with} {limit:?}");
+    }
+    let transfers = found.limits[0].transfers.value().unwrap();
+    for (more, kept) in [(0.0, true), (3.0, false)] {
+        let with = largest(&[("readout.transfers".into(), ((transfers + more) as i64).into())]);
+        assert_eq!(with <= 1e-3, kept, "{transfers} + {more}: {with}");
+    }
+    for [from_ms, to_ms] in &found.limits[0].line_times_ms {
+        assert!(largest(&[("readout.line_time_ms".into(), (0.5 * (from_ms + to_ms)).into())]) < 1e-3);
+        let beyond = largest(&[("readout.line_time_ms".into(), (1.01 * to_ms).into())]);
+        assert!(*to_ms > 700.0 || beyond > 1e-3, "{from_ms} {to_ms}: {beyond}");
+    }
+    assert!(found.limits[0].launches < found.limits[1].launches);
 }
 
 #[test]

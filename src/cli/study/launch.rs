@@ -2,6 +2,7 @@ use chrono::NaiveDate;
 use clap::Args;
 
 use super::Options;
+use crate::cli::confidence::Confident;
 use crate::error::InputError;
 use crate::mission::Date;
 use crate::plan::scenario::{Axis, sun};
@@ -13,6 +14,8 @@ pub(super) struct Launch {
     /// from the mission's launch]
     #[arg(long, value_name = "DATES")]
     launch: Option<String>,
+    #[command(flatten)]
+    asked: Confident,
 }
 
 impl Options for Launch {
@@ -21,7 +24,8 @@ impl Options for Launch {
     fn study(&self, keys_set: &[&str]) -> Result<launch::Launch, InputError> {
         // An average over the solar cycle that was asked for in the same command was asked for on purpose.
         let keep_average = keys_set.contains(&sun::MODEL);
-        Ok(launch::Launch { launches: self.launch.as_deref().map(dates).transpose()?, keep_average })
+        let launches = self.launch.as_deref().map(dates).transpose()?;
+        Ok(launch::Launch { launches, keep_average, confidence: self.asked.confidence() })
     }
 }
 

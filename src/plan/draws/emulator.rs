@@ -80,9 +80,8 @@ impl Emulator {
         let weight = |row: usize| 1.0 / (known[row].1[0].hypot(known[row].1[1]) + least);
         let design = DMatrix::from_fn(rows.len(), terms, |row, term| weight(row) * rows[row][term]);
         let span = Span::of(&design, 1e-7);
-        let solved = |which: usize| {
-            span.solve(&DVector::from_fn(rows.len(), |row, _| weight(row) * known[row].1[which]))
-        };
+        let solved =
+            |which: usize| span.solve(&DVector::from_fn(rows.len(), |row, _| weight(row) * known[row].1[which]));
         emulator.coefficients = [solved(0), solved(1)];
         Some(emulator)
     }

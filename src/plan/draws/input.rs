@@ -97,14 +97,18 @@ pub fn inputs(mission: &Mission, shield: Option<Shield>) -> Vec<Input> {
     inputs.push(input("well fill power", ["detector.well_fill_power"], known.well_fill_power, |mission, factor| {
         mission.detector.well_fill_power *= factor;
     }));
-    inputs.push(input("background", ["sky.background_e"], known.background, |mission, factor| mission.sky.background_e *= factor));
+    inputs.push(input("background", ["sky.background_e"], known.background, |mission, factor| {
+        mission.sky.background_e *= factor
+    }));
     let galaxy = |key: &str| format!("galaxies.{}.{key}", mission.galaxies[0].name);
     let (flux, size) = (galaxy("flux_e"), galaxy("half_light_px"));
     inputs.push(input("galaxy flux", [&flux], known.galaxy_flux, |mission, factor| {
         let galaxy = &mut mission.galaxies[0];
         galaxy.flux_e = galaxy.flux_e.map(|flux_e| flux_e * factor);
     }));
-    inputs.push(input("galaxy size", [&size], known.galaxy_size, |mission, factor| mission.galaxies[0].half_light_px *= factor));
+    inputs.push(input("galaxy size", [&size], known.galaxy_size, |mission, factor| {
+        mission.galaxies[0].half_light_px *= factor
+    }));
     inputs.retain(|input| input.sigma != Sigma::Relative(0.0));
     inputs
 }
@@ -117,6 +121,8 @@ const DOSE_KEYS: [&str; 2] = ["environment.active_dose_rate_mev_g_yr", "environm
 #[derive(Clone)]
 pub struct Shield {
     curve: Vec<(f64, f64)>,
+    /// Areal density, mean over the directions from which protons come, g/cm².
+    pub areal_g_cm2: f64,
 }
 
 /// Logarithms of factors on a thickness between which its dose is followed: rarer ones are continued on a straight line.
@@ -155,9 +161,19 @@ impl Shield {
         let (from, to, count) = FACTORS;
         let logs: Vec<f64> = (0..count).map(|index| from + (to - from) * index as f64 / (count - 1) as f64).collect();
         let itself = dose(0.0).ln();
-        itself
-            .is_finite()
-            .then(|| Shield { curve: logs.into_par_iter().map(|log| (log, dose(log).ln() - itself)).collect() })
+        itself.is_finite().then(|| Shield {
+            curve: logs.into_par_iter().map(|log| (log, dose(log).ln() - itself)).collect(),
+            areal_g_cm2: shield.mean_areal_g_cm2(),
+        })
+    }
+
+    /// Factor on the thickness whose dose is so many times that of the mission.
+    /// None beyond those that are followed, a factor e² either way.
+    pub fn factor_for(&self, dose: f64) -> Option<f64> {
+        let log = dose.ln();
+        let after = self.curve.iter().position(|point| point.1 <= log).filter(|after| *after > 0)?;
+        let ((from, high), (to, low)) = (self.curve[after - 1], self.curve[after]);
+        Some((from + (to - from) * (high - log) / (high - low)).exp())
     }
 
     /// Dose behind so many times the thickness, over the dose behind it.

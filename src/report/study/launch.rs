@@ -54,6 +54,7 @@ impl Results {
 
 fn launches(results: &Results) -> DataTable {
     let exceeded = results.launches.iter().any(|launched| launched.corrected_t_yr.is_some());
+    let with = |name: &str| results.confidence.map_or(String::new(), |p| format!("{name}, {:.0} %", 100.0 * p));
     let columns = vec![
         words("launch", "launch"),
         column("active_yr", "active [yr]", Digits::Fixed(2)),
@@ -63,6 +64,10 @@ fn launches(results: &Results) -> DataTable {
         words("exceeded_date", "exceeded"),
         column("corrected_t_yr", if exceeded { "after [yr]" } else { "" }, Digits::Fixed(2)),
         words("corrected_date", "corrected"),
+        column("kept_t_yr", with("kept [yr]"), Digits::Fixed(2)),
+        column("corrected_kept_t_yr", with("corrected [yr]"), Digits::Fixed(2)),
+        column("met_percent", if results.confidence.is_some() { "met [%]" } else { "" }, Digits::Fixed(1)),
+        column("corrected_met_percent", "", Digits::Fixed(1)),
         words("dose_model", ""),
     ];
     let table = DataTable::of("launches", &results.launches, columns);
@@ -124,6 +129,9 @@ fn fate(launched: &Launched, dated: bool) -> String {
     ];
     if launched.corrected_t_yr.is_some() {
         words.push(lasts("corrected", launched.corrected_t_yr, launched.corrected_date));
+    }
+    if let Some(met) = launched.met_percent {
+        words.push(format!("uncorrected budget met to the end with {met:.1} %"));
     }
     words.push(launched.delta_e.map_or("no shape left".into(), |end| format!("|delta e| {end:.3e} at the end")));
     words.join("; ")

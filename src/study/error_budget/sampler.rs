@@ -4,7 +4,6 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::plan::draws::input::{Input, Shield, cycles, inputs};
 use crate::environment::solar_cycle::{self, ACTIVE_YR};
 use crate::error::InputError;
 use crate::mission::{DoseModel, Mission};
@@ -12,6 +11,7 @@ use crate::model::Model;
 use crate::numeric::calendar::decimal_year;
 use crate::physics::accuracy::Purpose;
 use crate::physics::galaxy::snr;
+use crate::plan::draws::input::{Input, Shield, cycles, inputs};
 use crate::plan::timeline::Timeline;
 use crate::study::{budgets, ready};
 

@@ -13,10 +13,10 @@ use crate::mission::keys::{self, Allowed, plain};
 use crate::mission::{Date, Mission};
 use crate::mission_file::lookup;
 use crate::mission_file::{check_value, line_at};
+use crate::numeric::sample_points::{MOST_SOBOL, Sample, Sampling};
 use crate::plan::scenario;
 use crate::sweep::distribution::Distribution;
 use crate::sweep::output::Output;
-use crate::numeric::sample_points::{MOST_SOBOL, Sample, Sampling};
 
 /// What stands at the top of a grid file.
 const KNOWN: [&str; 7] = ["mission", "outputs", "sampling", "draws", "seed", "chunk_points", "axes"];
@@ -220,8 +220,7 @@ impl Source<'_> {
     }
 
     fn sampling(&self, entry: Option<&Entry>, first_drawn: Option<&str>) -> Result<Option<Sampling>, InputError> {
-        let allowed =
-            "allowed: \"latin-hypercube\", \"sobol\", \"monte-carlo\", or \"grid\" where there are lists and ranges alone";
+        let allowed = "allowed: \"latin-hypercube\", \"sobol\", \"monte-carlo\", or \"grid\" where there are lists and ranges alone";
         let Some(entry) = entry else {
             return match first_drawn {
                 None => Ok(None),
@@ -237,9 +236,11 @@ impl Source<'_> {
         };
         match (word.as_ref(), first_drawn) {
             ("grid", None) => Ok(None),
-            ("grid", Some(key)) => Err(self
-                .fault(entry, format!("{key} has a distribution, which cannot be combined in full"))
-                .with_help("sampling = \"latin-hypercube\", \"sobol\" or \"monte-carlo\", or a list or range for the key")),
+            ("grid", Some(key)) => {
+                Err(self.fault(entry, format!("{key} has a distribution, which cannot be combined in full")).with_help(
+                    "sampling = \"latin-hypercube\", \"sobol\" or \"monte-carlo\", or a list or range for the key",
+                ))
+            }
             ("latin-hypercube" | "monte-carlo" | "sobol", None) => Err(self
                 .fault(entry, "there is no distribution to draw from: lists and ranges are combined in full")
                 .with_help("{ distribution = \"choice\", values = [...] } draws from a list")),

@@ -1,0 +1,31 @@
+use clap::Args;
+
+use super::Options;
+use crate::cli::confidence::probability;
+use crate::error::InputError;
+use crate::plan::date_distribution::Confidence;
+use crate::study::requirement;
+
+#[derive(Debug, Args)]
+pub(super) struct Requirement {
+    /// Also find what keeps the budget with this probability, with the Sun and [uncertainty] drawn; 0: leave that out
+    #[arg(long, value_name = "P", default_value = "0.9", value_parser = probability_or_none)]
+    confidence: f64,
+    /// Draws of each mission
+    #[arg(long, value_name = "N", default_value_t = 400, value_parser = clap::value_parser!(u32).range(20..=65_536))]
+    samples: u32,
+}
+
+impl Options for Requirement {
+    type Study = requirement::Requirement;
+
+    fn study(&self, _: &[&str]) -> Result<requirement::Requirement, InputError> {
+        let asked =
+            (self.confidence > 0.0).then_some(Confidence { probability: self.confidence, samples: self.samples });
+        Ok(requirement::Requirement { confidence: asked })
+    }
+}
+
+fn probability_or_none(text: &str) -> Result<f64, String> {
+    if text.trim() == "0" { Ok(0.0) } else { probability(text) }
+}

@@ -1,0 +1,153 @@
+//! `ctiplan study requirement`.
+
+use serde::Serialize;
+
+use super::table::{column, words};
+use super::{DataTable, Digits, Shown, StudyReport, short};
+use crate::mission::Mission;
+use crate::report::plot::{Figure, Panel, level, line};
+use crate::study::requirement::{Bound, Limit, Results};
+
+/// A quantity that scales with the dose: what the mission has, and what is allowed.
+#[derive(Serialize)]
+struct Row {
+    quantity: &'static str,
+    mission: Option<f64>,
+    uncorrected: Option<f64>,
+    corrected: Option<f64>,
+    uncorrected_confident: Option<f64>,
+    corrected_confident: Option<f64>,
+}
+
+impl Shown for Results {
+    fn shown(&self, mission: &Mission) -> StudyReport {
+        let title = format!(
+            "what is allowed, one quantity at a time, so that |delta e| of \"{}\" stays below {} (uncorrected) and {} (corrected, \
+             factor {}) to the end of the mission",
+            mission.requirement.galaxy,
+            short(self.limits[0].delta_e),
+            short(self.limits[1].delta_e),
+            mission.requirement.correction_factor
+        );
+        let mut report = StudyReport::of("requirement", mission, title, &self.warnings);
+        report.tables = vec![allowed(self), clocks(self)];
+        report.draw(figure(self, mission));
+        for (name, limit) in names().into_iter().zip(&self.limits) {
+            report.find(sentence(self, name, limit));
+            report.result(&format!("{name}_launches"), limit.launches);
+            report.result(&format!("{name}_dose_factor"), limit.factor[0].value());
+            report.result(&format!("{name}_dose_factor_confident"), limit.factor[1].value());
+        }
+        report.result("launches_tried", self.launches.len());
+        if let Some(confidence) = self.confidence {
+            report.result("confidence", confidence);
+        }
+        report.find(
+            "Dose, traps and fluence stand for one another: each is the mission's times the same factor. The shield is the \
+             mission's own, thinner or thicker on all sides.",
+        );
+        report
+    }
+}
+
+fn names() -> [&'static str; 2] {
+    ["uncorrected", "corrected"]
+}
+
+fn allowed(results: &Results) -> DataTable {
+    let own = &results.own;
+    let of = |limit: usize, which: usize, bound: fn(&Limit) -> [Bound; 2], times: f64| {
+        bound(&results.limits[limit])[which].value().map(|value| value * times)
+    };
+    let row = |quantity, own: f64, bound: fn(&Limit) -> [Bound; 2]| Row {
+        quantity,
+        mission: Some(own),
+        uncorrected: of(0, 0, bound, own),
+        corrected: of(1, 0, bound, own),
+        uncorrected_confident: of(0, 1, bound, own),
+        corrected_confident: of(1, 1, bound, own),
+    };
+    let dose: fn(&Limit) -> [Bound; 2] = |limit| limit.factor;
+    let mut rows = vec![
+        row("dose at the end [MeV/g]", own.dose_mev_g, dose),
+        row("protons of 10 MeV [1/cm2]", own.protons_10mev_cm2, dose),
+        row("traps at the end [1/px]", own.traps_per_px, dose),
+        row("factor on the dose", 1.0, dose),
+    ];
+    if let Some(areal) = own.shield_g_cm2 {
+        rows.push(row("shield, at least [g/cm2]", areal, |limit| limit.shield));
+    }
+    rows.push(row("transfers", f64::from(own.transfers), |_| [Bound::NotSought; 2]));
+    if let Some(last) = rows.last_mut() {
+        last.uncorrected = results.limits[0].transfers.value();
+        last.corrected = results.limits[1].transfers.value();
+    }
+    let mut columns = vec![
+        words("quantity", "at most"),
+        column("mission", "mission", Digits::Significant(4)),
+        column("uncorrected", "uncorrected", Digits::Significant(4)),
+        column("corrected", "corrected", Digits::Significant(4)),
+    ];
+    let head = |name: &str| results.confidence.map_or(String::new(), |p| format!("{name}, {:.0} %", 100.0 * p));
+    for name in names() {
+        columns.push(column(format!("{name}_confident"), head(name), Digits::Significant(3)));
+    }
+    DataTable::of("allowed", rows, columns)
+}
+
+/// Line times between which a limit is kept.
+#[derive(Serialize)]
+struct Range {
+    limit: &'static str,
+    from_ms: f64,
+    to_ms: f64,
+}
+
+fn clocks(results: &Results) -> DataTable {
+    let ranges = names().into_iter().zip(&results.limits).flat_map(|(name, limit)| {
+        limit.line_times_ms.iter().map(move |[from_ms, to_ms]| Range { limit: name, from_ms: *from_ms, to_ms: *to_ms })
+    });
+    let columns = vec![
+        words("limit", "line times within it"),
+        column("from_ms", "from [ms]", Digits::Significant(3)),
+        column("to_ms", "to [ms]", Digits::Significant(3)),
+    ];
+    DataTable::of("line_times", ranges, columns)
+}
+
+fn sentence(results: &Results, name: &str, limit: &Limit) -> String {
+    let factor = match limit.factor[0] {
+        Bound::At(factor) if factor >= 1.0 => format!("allows {} times the mission's dose", short(factor)),
+        Bound::At(factor) => format!("allows {} of the mission's dose", short(factor)),
+        Bound::All => "is kept at any dose that was tried, up to 1000 times the mission's".into(),
+        Bound::None | Bound::NotSought => "is not kept by a thousandth of the mission's dose".into(),
+    };
+    let confident = match (limit.factor[1], results.confidence) {
+        (Bound::At(factor), Some(p)) => format!(", {} with {:.0} %", short(factor), 100.0 * p),
+        (Bound::All, Some(p)) => format!(", any with {:.0} %", 100.0 * p),
+        (Bound::None, Some(p)) => format!(", none with {:.0} %", 100.0 * p),
+        _ => String::new(),
+    };
+    format!(
+        "The {name} budget {factor} as expected{confident}; {} of {} launches over a solar cycle keep it.",
+        limit.launches,
+        results.launches.len()
+    )
+}
+
+/// |Δe| at the end of the mission against the line time, and the limits.
+fn figure(results: &Results, mission: &Mission) -> Figure {
+    let (x, y): (Vec<f64>, Vec<f64>) = results.line_times.iter().copied().unzip();
+    let y = y.into_iter().map(|delta_e| if delta_e.is_finite() { delta_e } else { f64::NAN }).collect();
+    let mut series = vec![line("at the end of life", 1, &x, y)];
+    series.extend(names().into_iter().zip(&results.limits).map(|(name, limit)| level(name, limit.delta_e)));
+    let panel = Panel {
+        x_label: "line time [ms]".into(),
+        y_label: "|Δe| at the end".into(),
+        x_log: true,
+        y_log: true,
+        series,
+        ..Panel::default()
+    };
+    Figure { title: format!("{}: line times that the requirement allows", mission.mission.name), panels: vec![panel] }
+}

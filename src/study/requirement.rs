@@ -1,0 +1,305 @@
+//! The requirement → what it allows: the inverse of an evaluation.
+//!
+//! One quantity at a time is changed, all else the same, until the budget is just kept to the end of the mission. Dose, traps
+//! and fluence are in proportion to each other: the factor f on the mission's dose that is allowed is found once,
+//!
+//! ```text
+//! max |Δe|(t; f D) = limit          or          P(max |Δe|(t; f D) ≤ limit) = confidence
+//! ```
+//!
+//! and with it the shield, whose dose is f times that of the mission's. Line times are looked for at the end of the mission.
+
+use chrono::{Months, NaiveDate};
+use serde::Serialize;
+
+use super::{Study, budgets, each, ratios, ready, warnings};
+use crate::error::InputError;
+use crate::mission::Mission;
+use crate::model::Model;
+use crate::numeric::root_finding;
+use crate::physics::conditions::Conditions;
+use crate::plan::date_distribution::Confidence;
+use crate::plan::draws::input::Shield;
+use crate::plan::timeline::Timeline;
+use crate::study::launch::Launch;
+use crate::warning::Warning;
+
+/// Factors on the dose between which that is looked for.
+const FACTORS: [f64; 2] = [1e-3, 1e3];
+
+/// How far the logarithm of a factor may be off.
+const CLOSE: f64 = 1e-4;
+
+/// How far it may be off where it is told by draws.
+const CLOSE_OF_DRAWS: f64 = 0.02;
+
+/// Line times on either side of the mission's own, as a factor, and how many.
+const REACH: f64 = 30.0;
+const LINE_TIMES: usize = 41;
+
+/// Years of launches that are tried, and the months between two.
+const LAUNCHES_YR: u32 = 11;
+const STEP_MONTHS: u32 = 6;
+
+/// Options of the study.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Requirement {
+    /// With which probability the budget is to be kept, in addition to what is expected.
+    pub confidence: Option<Confidence>,
+}
+
+/// What the study finds.
+#[derive(Clone, Debug)]
+pub struct Results {
+    /// What the uncorrected and the corrected budget allow.
+    pub limits: [Limit; 2],
+    /// What the mission has.
+    pub own: Own,
+    /// Line times (ms) that were looked at, with |Δe| at the end of the mission; infinite where no shape is left.
+    pub line_times: Vec<(f64, f64)>,
+    /// The probability that was asked for.
+    pub confidence: Option<f64>,
+    /// Launch dates that were tried, from the mission's own on.
+    pub launches: Vec<NaiveDate>,
+    /// Warnings about the mission.
+    pub warnings: Vec<Warning>,
+}
+
+/// What a mission has, of what a requirement allows.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Own {
+    /// Largest |Δe| of the mission; None if a shape is lost.
+    pub delta_e: Option<f64>,
+    /// Dose at the end, MeV/g.
+    pub dose_mev_g: f64,
+    /// Traps at the end, 1/px.
+    pub traps_per_px: f64,
+    /// Protons of 10 MeV of the same dose, cm⁻².
+    pub protons_10mev_cm2: f64,
+    /// Areal density of the shield, mean over its directions; None where it is not known.
+    pub shield_g_cm2: Option<f64>,
+    /// Transfers.
+    pub transfers: u32,
+    /// Line time, ms.
+    pub line_time_ms: f64,
+}
+
+/// What a limit allows.
+#[derive(Clone, Debug)]
+pub struct Limit {
+    /// Largest |Δe| before correction.
+    pub delta_e: f64,
+    /// Factor on the dose, as expected, and with the probability that is asked for.
+    pub factor: [Bound; 2],
+    /// Factor on the thickness of the shield, the same.
+    pub shield: [Bound; 2],
+    /// Most transfers; None where not even one is allowed, or all are.
+    pub transfers: Bound,
+    /// Line times (ms), from and to, at which |Δe| at the end is within the limit, of those that were looked at.
+    pub line_times_ms: Vec<[f64; 2]>,
+    /// Number of the launch dates that keep it.
+    pub launches: usize,
+}
+
+/// The largest value (the smallest, of a shield) that is allowed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bound {
+    /// It was not asked for, or means nothing to this mission.
+    NotSought,
+    /// None of those that were tried.
+    None,
+    /// This.
+    At(f64),
+    /// All of those that were tried.
+    All,
+}
+
+impl Bound {
+    /// The value.
+    pub fn value(self) -> Option<f64> {
+        if let Bound::At(value) = self { Some(value) } else { None }
+    }
+}
+
+impl Study for Requirement {
+    type Results = Results;
+
+    fn study(&self, mission: &Mission, advance: &(dyn Fn() + Sync)) -> Result<Results, InputError> {
+        let model = ready(mission)?;
+        let shield = Shield::of(mission);
+        let launch = Launch { launches: Some(launches(mission.mission.launch.0)), ..Launch::default() };
+        let launched = super::Study::study(&launch, mission, advance)?;
+        let clocks = self.clocks(&model, advance)?;
+        let limit = |place: usize| -> Result<Limit, InputError> {
+            let delta_e = budgets(mission)[place];
+            let expected = factor(FACTORS, CLOSE, |factor| excess(&with_dose(&model, factor), delta_e))?;
+            let confident = self.confident(mission, place, advance)?;
+            let behind = |factor: Bound| match (factor, &shield) {
+                (Bound::At(factor), Some(shield)) => shield.factor_for(factor).map_or(Bound::None, Bound::At),
+                _ => Bound::NotSought,
+            };
+            let kept = |launch: &crate::study::launch::Launched| {
+                [launch.exceeded_t_yr, launch.corrected_t_yr][place].is_none()
+            };
+            Ok(Limit {
+                delta_e,
+                shield: [expected, confident].map(behind),
+                factor: [expected, confident],
+                transfers: transfers(&model, delta_e)?,
+                line_times_ms: within(&model, &clocks, delta_e)?,
+                launches: launched.launches.iter().filter(|launch| kept(launch)).count(),
+            })
+        };
+        Ok(Results {
+            limits: [limit(0)?, limit(1)?],
+            own: own(&model, shield.as_ref().map(|shield| shield.areal_g_cm2))?,
+            line_times: clocks,
+            confidence: self.confidence.map(|asked| asked.probability),
+            launches: launched.launches.iter().map(|launch| launch.launch).collect(),
+            warnings: warnings(mission),
+        })
+    }
+}
+
+impl Requirement {
+    /// Factor on the dose with which the budget is kept with the probability that is asked for.
+    fn confident(&self, mission: &Mission, place: usize, advance: &(dyn Fn() + Sync)) -> Result<Bound, InputError> {
+        let Some(asked) = self.confidence else { return Ok(Bound::NotSought) };
+        factor(FACTORS, CLOSE_OF_DRAWS, |factor| {
+            advance();
+            let mut scaled = mission.clone();
+            scaled.environment.dose_factor *= factor;
+            let found = asked.of(&scaled)?;
+            let exceeded = [found.uncorrected, found.corrected][place].probability_exceeded;
+            // Half a draw off: no number of draws is exactly what is asked for.
+            Ok(exceeded - (1.0 - asked.probability) + 0.5 / f64::from(asked.samples))
+        })
+    }
+
+    /// Line times (ms) with |Δe| at the end of the mission; infinite where no shape is left.
+    fn clocks(&self, model: &Model, advance: &(dyn Fn() + Sync)) -> Result<Vec<(f64, f64)>, InputError> {
+        let own_ms = model.mission.readout.line_time_ms;
+        each(&ratios(own_ms / REACH, own_ms * REACH, LINE_TIMES), |line_time_ms| {
+            advance();
+            Ok((*line_time_ms, at_line_time(model, *line_time_ms)?))
+        })
+    }
+}
+
+/// Every half year of a solar cycle, from a first launch on.
+fn launches(first: NaiveDate) -> Vec<NaiveDate> {
+    let later = |step: u32| first.checked_add_months(Months::new(STEP_MONTHS * step));
+    (0..12 * LAUNCHES_YR / STEP_MONTHS).filter_map(later).collect()
+}
+
+/// What the mission has.
+fn own(model: &Model, shield_g_cm2: Option<f64>) -> Result<Own, InputError> {
+    let mission = &model.mission;
+    let end_yr = mission.mission.duration_yr;
+    let dose_mev_g = model.dose_mev_g(end_yr)?;
+    let largest = largest(&Timeline::of(model)?);
+    Ok(Own {
+        delta_e: Some(largest).filter(|largest| largest.is_finite()),
+        dose_mev_g,
+        traps_per_px: model.traps(end_yr)?.iter().map(|species| species.density_per_px).sum(),
+        protons_10mev_cm2: dose_mev_g / mission.environment.niel.at_10_mev(),
+        shield_g_cm2,
+        transfers: mission.readout.transfers,
+        line_time_ms: mission.readout.line_time_ms,
+    })
+}
+
+/// Largest |Δe| of a mission; infinite where a shape is lost.
+fn largest(timeline: &Timeline) -> f64 {
+    timeline.points.iter().map(|point| point.1.unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
+}
+
+/// By how much a mission exceeds a limit on |Δe|, in units of it, cut at 1.
+fn excess(model: &Model, limit: f64) -> Result<f64, InputError> {
+    Ok((largest(&Timeline::of(model)?) / limit - 1.0).min(1.0))
+}
+
+/// The mission with so many times the dose.
+fn with_dose(model: &Model, factor: f64) -> Model {
+    let mut mission = model.mission.clone();
+    mission.environment.dose_factor *= factor;
+    model.like(&mission)
+}
+
+/// The largest factor whose excess is not above 0; it is looked for outwards from 1 by factors of 2, then closed in.
+fn factor(
+    [least, most]: [f64; 2],
+    close: f64,
+    excess: impl Fn(f64) -> Result<f64, InputError>,
+) -> Result<Bound, InputError> {
+    let (mut inner, mut at_inner) = (1.0_f64, excess(1.0)?);
+    let outwards = if at_inner <= 0.0 { 2.0 } else { 0.5 };
+    loop {
+        let outer = inner * outwards;
+        if outer > most {
+            return Ok(Bound::All);
+        }
+        if outer < least {
+            return Ok(Bound::None);
+        }
+        let at_outer = excess(outer)?;
+        if (at_outer <= 0.0) != (at_inner <= 0.0) {
+            let ends = [(inner.ln(), at_inner), (outer.ln(), at_outer)];
+            let log = root_finding::try_between(ends, close, |log| excess(log.exp()))?;
+            return Ok(Bound::At(log.exp()));
+        }
+        (inner, at_inner) = (outer, at_outer);
+    }
+}
+
+/// Most transfers within a limit on |Δe|, up to those of the largest detector.
+fn transfers(model: &Model, limit: f64) -> Result<Bound, InputError> {
+    let exceeds = |transfers: u32| -> Result<bool, InputError> {
+        Ok(largest(&Timeline::under(model, |at| at.transfers = transfers)?) > limit)
+    };
+    if exceeds(1)? {
+        return Ok(Bound::None);
+    }
+    if !exceeds(MOST_TRANSFERS)? {
+        return Ok(Bound::All);
+    }
+    let (mut within, mut beyond) = (1, MOST_TRANSFERS);
+    while beyond - within > 1 {
+        let middle = within + (beyond - within) / 2;
+        if exceeds(middle)? { beyond = middle } else { within = middle }
+    }
+    Ok(Bound::At(f64::from(within)))
+}
+
+/// Transfers of a register longer than any that is built.
+const MOST_TRANSFERS: u32 = 16_384;
+
+/// |Δe| at the end of the mission with another line time (ms); infinite where no shape is left.
+fn at_line_time(model: &Model, line_time_ms: f64) -> Result<f64, InputError> {
+    let at = Conditions { line_time_ms, ..model.conditions(model.mission.mission.duration_yr) };
+    let change = model.change_by(0, &model.device(&at)?)?;
+    Ok(change.map_or(f64::INFINITY, |change| change.magnitude()))
+}
+
+/// Line times (ms) from and to, within a limit on |Δe|, told by those that were looked at and closed in between.
+fn within(model: &Model, clocks: &[(f64, f64)], limit: f64) -> Result<Vec<[f64; 2]>, InputError> {
+    let excess = |delta_e: f64| (delta_e / limit - 1.0).min(1.0);
+    let mut found: Vec<[f64; 2]> = Vec::new();
+    let mut from = clocks.first().filter(|first| excess(first.1) <= 0.0).map(|first| first.0);
+    for pair in clocks.windows(2) {
+        let ends = [pair[0], pair[1]].map(|(line_time_ms, delta_e)| (line_time_ms.ln(), excess(delta_e)));
+        if (ends[0].1 <= 0.0) == (ends[1].1 <= 0.0) {
+            continue;
+        }
+        let crossing = |log: f64| Ok::<f64, InputError>(excess(at_line_time(model, log.exp())?));
+        let edge = root_finding::try_between(ends, CLOSE, crossing)?.exp();
+        match from.take() {
+            Some(from) => found.push([from, edge]),
+            None => from = Some(edge),
+        }
+    }
+    if let (Some(from), Some(last)) = (from, clocks.last()) {
+        found.push([from, last.0]);
+    }
+    Ok(found)
+}
