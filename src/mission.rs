@@ -358,7 +358,7 @@ pub struct Galaxy {
     /// Radius of the aperture in which `snr` holds, px.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub aperture_px: Option<f64>,
-    /// Read noise that `snr` counts and `--monte-carlo` adds, e- per pixel.
+    /// Read noise that `snr` counts, and that noise has where `[readout.noise]` says nothing, e- per pixel.
     pub read_noise_e: f64,
     /// Ellipticity before the PSF, (a² − b²)/(a² + b²), positive along the rows' direction x.
     pub e1: f64,
@@ -391,6 +391,8 @@ pub struct Accuracy {
     pub seed: u64,
     /// Sub-pixel positions in x and in y over which shapes are averaged.
     pub subpixel_grid: u32,
+    /// Realisations of the noise of one exposure, of each galaxy; 0 for none.
+    pub noise_realisations: u32,
 }
 
 /// How transfers are computed; see [`crate::readout::Method`].
@@ -465,6 +467,12 @@ impl Mission {
     pub fn temperature_k(&self, t_yr: f64) -> f64 {
         let begun = self.imported.temperatures.partition_point(|(from_yr, _)| *from_yr <= t_yr);
         begun.checked_sub(1).map_or(self.detector.temperature_k, |row| self.imported.temperatures[row].1)
+    }
+
+    /// Read noise of a galaxy's pixels, e-: that of the clock by `[readout.noise]`, or the galaxy's own.
+    pub fn read_noise_e(&self, galaxy: &Galaxy) -> f64 {
+        let of_clock = |noise: &ReadNoise| noise.read_noise_e(noise.pixel_rate_khz(self.readout.line_time_ms)?);
+        self.readout.noise.as_ref().and_then(of_clock).unwrap_or(galaxy.read_noise_e)
     }
 
     /// The galaxy that the requirement judges.

@@ -11,6 +11,7 @@ mod device;
 mod effects;
 pub mod noise;
 pub mod predict;
+pub mod realise;
 mod scene;
 #[cfg(test)]
 mod scene_golden;
@@ -26,6 +27,7 @@ use crate::physics::{Damage, DoseHistory, SpeciesState};
 use crate::readout::{Cloud, Method};
 pub use device::{Beside, Device};
 use effects::Effects;
+use noise::{NoiseTerm, Realisations};
 pub use scene::Scene;
 pub(crate) use scene::{Above, downstream, half_px};
 
@@ -188,6 +190,25 @@ impl Model {
     /// As [`Model::dose_mev_g`].
     pub(crate) fn trailed(&self, galaxy: usize, device: &Device) -> Result<Option<ShapeChange>, InputError> {
         self.scene(galaxy).map_or(Ok(None), |scene| scene.change_by(device))
+    }
+
+    /// What the noise of one exposure adds to the mean change of a galaxy's shape, as a device makes it; see [`noise`]. None where no
+    /// shape is left.
+    ///
+    /// # Errors
+    /// As [`Model::dose_mev_g`].
+    pub fn noise_term(
+        &self,
+        galaxy: usize,
+        device: &Device,
+        realisations: Realisations,
+    ) -> Result<Option<NoiseTerm>, InputError> {
+        let mut mission = self.mission.clone();
+        mission.accuracy.subpixel_grid = mission.accuracy.subpixel_grid.min(noise::GRID);
+        let galaxy = &mission.galaxies[galaxy];
+        let scene = Scene::of(&mission, galaxy);
+        let read_noise_e = mission.read_noise_e(galaxy);
+        scene.map_or(Ok(None), |scene| scene.noise_term(device, read_noise_e, realisations))
     }
 
     /// A galaxy's image, ready to be trailed, by its place in the mission. None where it has no measurable shape.

@@ -6,6 +6,7 @@ pub mod dose;
 pub mod draws;
 pub mod evaluate;
 pub mod mission_sample;
+pub mod noise;
 pub mod requirement;
 pub mod scenario;
 pub mod sources;

@@ -9,7 +9,8 @@ use super::{Failure, Outcome, Output, print_and_suggest, progress};
 use crate::cli::file_argument::InputFile;
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::model::noise;
+use crate::model::noise::Realisations;
+use crate::model::realise::realise;
 use crate::plan::date_distribution::{DateDistribution, date_distribution};
 use crate::plan::evaluate::evaluate;
 use crate::plan::mission_sample::MissionSample;
@@ -53,16 +54,17 @@ impl Evaluate {
             return Err(error.with_help("leave out --samples: 1000 draws").into());
         }
         let sample = self.posterior.as_ref().map(|path| MissionSample::read(path, &mission)).transpose()?;
-        let evaluation = evaluate(&mission)?;
+        let seed = self.seed.unwrap_or(mission.accuracy.seed);
+        let realisations = Realisations { count: mission.accuracy.noise_realisations, seed };
+        let evaluation = evaluate(&mission)?.with_noise(realisations)?;
         let noisy = match self.monte_carlo {
             None => Vec::new(),
             Some(realisations) => {
-                let seed = self.seed.unwrap_or(mission.accuracy.seed);
                 let device = evaluation.model.device_at(mission.mission.duration_yr)?;
                 let bar = progress(u64::from(realisations) * mission.galaxies.len() as u64, "galaxies");
-                let realise =
-                    |galaxy| noise::realise(&mission, galaxy, &device, realisations as usize, seed, || bar.inc(1));
-                let noisy = mission.galaxies.iter().map(realise).collect::<Result<_, _>>()?;
+                let each =
+                    |galaxy| realise(&mission, galaxy, &device, realisations as usize, seed, || bar.inc(1));
+                let noisy = mission.galaxies.iter().map(each).collect::<Result<_, _>>()?;
                 bar.finish_and_clear();
                 noisy
             }

@@ -376,6 +376,13 @@ pub const KEYS: &[Key] = &[
     key("accuracy.levels", "number of heights of the fractional traps", "", Integer(10, 1_000_000), Default("10000")),
     key("accuracy.seed", "seed of all random numbers", "", Integer(0, i64::MAX), Default("1")),
     key("accuracy.subpixel_grid", "sub-pixel positions in x and in y", "", Integer(1, 64), Default("4")),
+    key(
+        "accuracy.noise_realisations",
+        "noise realisations of each galaxy; 0 for no noise",
+        "",
+        Integer(0, 1_000_000),
+        Default("64"),
+    ),
     key("uncertainty.dose_model", "relative uncertainty (1 sigma) of the dose", "", SIGMA, Default("0.2")),
     key("uncertainty.shielding", "relative uncertainty (1 sigma) of the shield's thickness", "", SIGMA, Default("0.1")),
     key("uncertainty.density", "relative uncertainty (1 sigma) of each species' density", "", SIGMA, Default("0.1")),

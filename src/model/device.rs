@@ -130,6 +130,20 @@ impl Device {
         !self.has_serial_traps() && !self.method.is_random()
     }
 
+    /// How many times as many traps this device has as another one, where that is all the difference between them. None where it
+    /// is not, or the other one has no traps.
+    pub(crate) fn traps_over(&self, other: &Device) -> Option<f64> {
+        let bare = |species: &SpeciesState| SpeciesState { density_per_px: 0.0, ..species.clone() };
+        let alike = self.at.but_for_dose() == other.at.but_for_dose()
+            && self.cloud == other.cloud
+            && self.species().map(bare).eq(other.species().map(bare));
+        let densities = |device: &Device| device.species().map(|species| species.density_per_px).collect::<Vec<f64>>();
+        let (ours, theirs) = (densities(self), densities(other));
+        let factor = ours.iter().sum::<f64>() / theirs.iter().sum::<f64>();
+        let proportional = || ours.iter().zip(&theirs).all(|(ours, theirs)| (ours - factor * theirs).abs() <= 1e-9 * ours);
+        (alike && factor.is_finite() && proportional()).then_some(factor)
+    }
+
     /// Whether charge goes from one column to another: a serial register has traps.
     pub fn has_serial_traps(&self) -> bool {
         self.registers.iter().flat_map(|register| &register.traps).any(|species| species.density_per_px > 0.0)

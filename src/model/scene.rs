@@ -152,6 +152,28 @@ impl Scene {
         Ok(changes.map(mean))
     }
 
+    /// Charge above the background (e-) at each sub-pixel position that is read out, with its weight; their sum is 1. Mirror
+    /// images are left out where they are read alike.
+    pub(super) fn positions_read(&self, symmetric: bool) -> Vec<(Array2<f64>, f64)> {
+        let total: f64 = self.positions.iter().map(|position| position.weight).sum();
+        let mut read = Vec::new();
+        for Position { charge_e, weight, centred, .. } in &self.positions {
+            let weight = weight / total;
+            if symmetric || *centred {
+                read.push((charge_e.clone(), weight));
+            } else {
+                let mirrored = charge_e.slice(s![.., ..;-1]).to_owned();
+                read.extend([(charge_e.clone(), 0.5 * weight), (mirrored, 0.5 * weight)]);
+            }
+        }
+        read
+    }
+
+    /// σ of the weight, px.
+    pub(super) fn weight_px(&self) -> f64 {
+        self.weight_px
+    }
+
     /// Rows, and columns, on each side of the central one.
     pub(crate) fn half_px(&self) -> usize {
         self.half_px

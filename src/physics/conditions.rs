@@ -62,6 +62,11 @@ pub const NAMES: [&str; 16] = [
 ];
 
 impl Conditions {
+    /// The same without time, dose and covariates.
+    pub fn but_for_dose(&self) -> Conditions {
+        Conditions { t_yr: 0.0, dose_mev_g: None, covariates: Vec::new(), ..self.clone() }
+    }
+
     /// Those of a mission's own exposures at a time (years since launch).
     pub fn of(mission: &Mission, t_yr: f64) -> Conditions {
         Conditions {

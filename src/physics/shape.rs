@@ -7,6 +7,8 @@
 //! with a round Gaussian weight w on the weighted centroid, which is iterated until it stops moving (Rhodes, Refregier &
 //! Groth 2000, ApJ 536, 79; Rhodes et al. 2010, section 5). The PSF is not deconvolved: only changes are of interest.
 
+pub mod bounded;
+
 use ndarray::Array2;
 
 /// Weighted moments of an image.
@@ -42,12 +44,7 @@ impl Moments {
             if sums.flux.is_nan() || sums.flux <= 0.0 {
                 return None;
             }
-            // Newton's method: where the weight moves by c, the centroid moves by I/σ² c.
-            let newton = |first: f64, second: f64| {
-                let gain = (1.0 - second / sums.flux / (weight_px * weight_px)).clamp(0.1, 1.0);
-                first / sums.flux / gain
-            };
-            let (step_y, step_x) = (newton(sums.y, sums.yy), newton(sums.x, sums.xx));
+            let [step_x, step_y] = sums.newton(weight_px);
             (y, x) = (y + step_y, x + step_x);
             if !(y.abs() < middle.0 + 1.0 && x.abs() < middle.1 + 1.0) {
                 return None;
@@ -87,16 +84,17 @@ struct Sums {
 }
 
 impl Sums {
-    fn of(image: &Array2<f64>, weight_px: f64, centre_y: f64, centre_x: f64) -> Sums {
-        // A round Gaussian is a product of one in x and one in y.
-        let lane = |pixels: usize, centre: f64| -> Vec<(f64, f64)> {
-            (0..pixels)
-                .map(|pixel| {
-                    let offset = pixel as f64 - centre;
-                    (offset, (-0.5 * (offset / weight_px).powi(2)).exp())
-                })
-                .collect()
+    /// Step of the centroid in x and in y by Newton's method: where the weight moves by c, the centroid moves by I/σ² c.
+    fn newton(&self, weight_px: f64) -> [f64; 2] {
+        let step = |first: f64, second: f64| {
+            let gain = (1.0 - second / self.flux / (weight_px * weight_px)).clamp(0.1, 1.0);
+            first / self.flux / gain
         };
+        [step(self.x, self.xx), step(self.y, self.yy)]
+    }
+
+    fn of(image: &Array2<f64>, weight_px: f64, centre_y: f64, centre_x: f64) -> Sums {
+        let lane = |pixels: usize, centre: f64| lane(pixels, weight_px, centre);
         // Down the columns first, all of them side by side.
         let [mut flux, mut first, mut second] = [(); 3].map(|()| vec![0.0; image.ncols()]);
         let image = image.as_standard_layout();
@@ -120,6 +118,16 @@ impl Sums {
         }
         sums
     }
+}
+
+/// Offsets of a row's pixels from a centre (px from its first pixel), and their weights: a round Gaussian is a product of one in x
+/// and one in y.
+fn lane(pixels: usize, weight_px: f64, centre: f64) -> Vec<(f64, f64)> {
+    let of = |pixel: usize| {
+        let offset = pixel as f64 - centre;
+        (offset, (-0.5 * (offset / weight_px).powi(2)).exp())
+    };
+    (0..pixels).map(of).collect()
 }
 
 /// Change of weighted moments: trailed minus untrailed.

@@ -7,11 +7,13 @@ use rayon::prelude::*;
 
 use crate::error::InputError;
 use crate::mission::{Galaxy, Mission, ReadoutMethod};
+use crate::model::noise::Realisations;
 use crate::model::{Model, Scene};
 use crate::numeric::calendar::date_after;
 use crate::physics::SpeciesState;
 use crate::physics::accuracy::SHOWS_IN_SHAPES;
 use crate::physics::shape::ShapeChange;
+use crate::plan::noise::NoisyEvaluation;
 use crate::plan::requirement::{Crossing, Point, crossing, resolved};
 use crate::warning::{RELEASED_IN_PLACE_LINES, Warning};
 
@@ -24,6 +26,8 @@ pub struct Evaluation {
     pub years: Vec<Year>,
     /// When the budget is exceeded.
     pub verdict: BudgetVerdict,
+    /// Changes of shape with noise, where they were asked for.
+    pub noise: Option<NoisyEvaluation>,
     /// Things seen that are not errors.
     pub warnings: Vec<Warning>,
 }
@@ -57,6 +61,15 @@ pub struct BudgetVerdict {
 }
 
 impl Evaluation {
+    /// The same with the noise of one exposure.
+    ///
+    /// # Errors
+    /// Where a formula has no value.
+    pub fn with_noise(self, realisations: Realisations) -> Result<Evaluation, InputError> {
+        let noise = NoisyEvaluation::of(&self, realisations)?;
+        Ok(Evaluation { noise, ..self })
+    }
+
     /// The mission, as resolved.
     pub fn mission(&self) -> &Mission {
         &self.model.mission
@@ -100,16 +113,26 @@ pub(crate) fn crossings<const N: usize>(
     limits: [f64; N],
     known: &[Point],
 ) -> Result<[Crossing; N], InputError> {
+    crossings_of(model, limits, known, |t_yr| magnitude(model, t_yr))
+}
+
+/// When a quantity of a model crosses limits, as in [`crossings`]: one that is smooth where the model's times say nothing else.
+pub(crate) fn crossings_of<const N: usize>(
+    model: &Model,
+    limits: [f64; N],
+    known: &[Point],
+    magnitude: impl Fn(f64) -> Result<Option<f64>, InputError> + Sync,
+) -> Result<[Crossing; N], InputError> {
     let mut times = model.times_yr(model.mission.mission.duration_yr);
     times.retain(|t_yr| known.iter().all(|known| known.0 != *t_yr));
     let added: Vec<Result<Point, InputError>> =
-        times.into_par_iter().map(|t_yr| Ok((t_yr, magnitude(model, t_yr)?))).collect();
+        times.into_par_iter().map(|t_yr| Ok((t_yr, magnitude(t_yr)?))).collect();
     // The first of several errors, whichever came first.
     let mut points = added.into_iter().collect::<Result<Vec<Point>, _>>()?;
     points.extend(known);
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let points = resolved(&points, &limits, |t_yr| magnitude(model, t_yr))?;
-    let found = limits.map(|limit| crossing(limit, &points, |t_yr| magnitude(model, t_yr)));
+    let points = resolved(&points, &limits, &magnitude)?;
+    let found = limits.map(|limit| crossing(limit, &points, &magnitude));
     let found: Vec<Crossing> = found.into_iter().collect::<Result<_, _>>()?;
     Ok(found.try_into().expect("as many crossings as limits"))
 }
@@ -164,7 +187,7 @@ pub(crate) fn evaluated(model: Model) -> Result<Evaluation, InputError> {
     let years = years.into_iter().collect::<Result<Vec<Year>, _>>()?;
     let verdict = verdict(&model, &years)?;
     let warnings = warnings(&model)?;
-    Ok(Evaluation { model, years, verdict, warnings })
+    Ok(Evaluation { model, years, verdict, noise: None, warnings })
 }
 
 /// Ends of the years of a mission, and its end.

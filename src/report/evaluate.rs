@@ -2,6 +2,7 @@
 
 mod distribution;
 mod figures;
+mod noise;
 
 use comfy_table::Table;
 use serde::ser::{Serialize, Serializer};
@@ -9,7 +10,7 @@ use serde::ser::{Serialize, Serializer};
 use super::{Page, Parts, Report, exceeded, or_dash, table};
 use crate::mission::Mission;
 use crate::mission::keys::plain;
-use crate::model::noise::NoisyChange;
+use crate::model::realise::NoisyChange;
 use crate::physics::RateOrigin;
 use crate::physics::shape::ShapeChange;
 use crate::plan::date_distribution::DateDistribution;
@@ -220,6 +221,9 @@ impl EvaluateReport {
         for (name, crossing) in [("uncorrected", &verdict.uncorrected), (corrected.as_str(), &verdict.corrected)] {
             out.outcome(name, width, exceeded(crossing, mission.mission.launch.0));
         }
+        if let Some(noise) = &self.evaluation.noise {
+            noise::say(&self.evaluation, noise, out);
+        }
         let rate = |rate: Option<f64>| or_dash(rate.map(|rate| format!("{rate:.3e}")));
         out.verdict(
             format!(
@@ -248,8 +252,8 @@ impl EvaluateReport {
         }
         out.gap();
         out.words(
-            "The same from realisations with photon and read noise, +- standard error. Noise changes which traps are filled; \
-             the budget is judged without noise.",
+            "The same from realisations with photon and read noise, centroid fitted, |e| bounded by 1; +- standard error. \
+             The budget is judged without noise.",
             0,
         );
         out.table(noisy_table);

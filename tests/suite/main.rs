@@ -24,6 +24,7 @@ mod laws;
 mod measure;
 mod measurements;
 mod missions;
+mod noise;
 mod one_chain;
 mod orbit_dose;
 mod outputs;

@@ -68,7 +68,7 @@ fn interpolated(
         if !matches!(reading.kind, Probed::Galaxy(_)) {
             continue;
         }
-        let at = but_for_dose(&devices[index].at);
+        let at = devices[index].at.but_for_dose();
         let same = |(known, members): &&mut (Conditions, Vec<usize>)| {
             readings[members[0]].kind == reading.kind
                 && *known == at
@@ -93,11 +93,6 @@ fn interpolated(
         }
     }
     Ok(found)
-}
-
-/// Conditions that must be the same along a line.
-fn but_for_dose(at: &Conditions) -> Conditions {
-    Conditions { t_yr: 0.0, dose_mev_g: None, covariates: Vec::new(), ..at.clone() }
 }
 
 fn same_species(a: &Device, b: &Device) -> bool {

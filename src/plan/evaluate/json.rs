@@ -8,6 +8,7 @@ use crate::io::json;
 use crate::mission::Mission;
 use crate::physics::SpeciesState;
 use crate::physics::shape::ShapeChange;
+use crate::plan::noise::{self, NoisyCrossing, NoisyShape, NoisyVerdict};
 use crate::plan::requirement::Crossing;
 use crate::warning::Warning;
 
@@ -20,6 +21,8 @@ struct Document<'a> {
     active_years: f64,
     years: Vec<NamedYear<'a>>,
     budget: Budget<'a>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    noise: Option<NoiseSettings>,
     warnings: &'a [Warning],
     version: &'static str,
     #[serde(serialize_with = "json::table")]
@@ -32,7 +35,49 @@ struct NamedYear<'a> {
     date: Option<NaiveDate>,
     dose_mev_g: f64,
     traps: &'a [SpeciesState],
-    galaxies: Vec<NamedChange<'a>>,
+    galaxies: Vec<WithNoise<'a>>,
+}
+
+/// A galaxy's change of shape, and that of its ellipticity with noise.
+#[derive(serde::Serialize)]
+struct WithNoise<'a> {
+    #[serde(flatten)]
+    change: NamedChange<'a>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    noise: Option<NoisyChange>,
+}
+
+/// A mean change of ellipticity with the noise of one exposure, and its standard error.
+#[derive(serde::Serialize)]
+struct NoisyChange {
+    delta_e1: f64,
+    error: f64,
+    delta_e2: f64,
+    error_e2: f64,
+}
+
+/// How noise was realised.
+#[derive(serde::Serialize)]
+struct NoiseSettings {
+    centroid: &'static str,
+    estimator: &'static str,
+    realisations: u32,
+    seed: u64,
+}
+
+/// When the budget is exceeded with noise.
+#[derive(serde::Serialize)]
+struct NoisyBudget<'a> {
+    uncorrected: NoisyLimit<'a>,
+    corrected: NoisyLimit<'a>,
+}
+
+#[derive(serde::Serialize)]
+struct NoisyLimit<'a> {
+    #[serde(flatten)]
+    crossing: DatedCrossing<'a>,
+    error_yr: Option<f64>,
+    earlier_yr: Option<f64>,
 }
 
 #[derive(serde::Serialize)]
@@ -41,6 +86,8 @@ struct Budget<'a> {
     galaxy: &'a str,
     #[serde(flatten)]
     verdict: DatedVerdict<'a>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    noise: Option<NoisyBudget<'a>>,
 }
 
 /// The change of one galaxy's shape; null where no shape is left.
@@ -85,12 +132,19 @@ impl Serialize for Evaluation {
             duration_yr: header.duration_yr,
             active_dose_rate_mev_g_yr: dose.active_rate_mev_g_yr,
             active_years: dose.active_years(header.duration_yr),
-            years: self.years.iter().map(|year| NamedYear::of(mission, year)).collect(),
+            years: (0..self.years.len()).map(|year| NamedYear::of(self, year)).collect(),
             budget: Budget {
                 delta_e: requirement.delta_e,
                 galaxy: &requirement.galaxy,
                 verdict: self.verdict.dated(mission),
+                noise: self.noise.as_ref().map(|noise| NoisyBudget::of(&noise.verdict, mission)),
             },
+            noise: self.noise.as_ref().map(|noise| NoiseSettings {
+                centroid: noise::CENTROID,
+                estimator: noise::ESTIMATOR,
+                realisations: noise.realisations.count,
+                seed: noise.realisations.seed,
+            }),
             warnings: &self.warnings,
             version: env!("CARGO_PKG_VERSION"),
             resolved_mission: mission.to_table(),
@@ -100,14 +154,42 @@ impl Serialize for Evaluation {
 }
 
 impl<'a> NamedYear<'a> {
-    fn of(mission: &'a Mission, year: &'a Year) -> NamedYear<'a> {
-        let galaxies = mission.galaxies.iter().zip(&year.galaxies);
+    /// A year of an evaluation, by its place.
+    fn of(evaluation: &'a Evaluation, place: usize) -> NamedYear<'a> {
+        let year: &Year = &evaluation.years[place];
+        let noisy = |galaxy: usize| evaluation.noise.as_ref().and_then(|noise| noise.years[place][galaxy]);
+        let galaxies = evaluation.mission().galaxies.iter().zip(&year.galaxies).enumerate();
+        let galaxies = galaxies.map(|(index, (galaxy, change))| WithNoise {
+            change: NamedChange::of(&galaxy.name, change.as_ref()),
+            noise: noisy(index).map(NoisyChange::of),
+        });
         NamedYear {
             t_yr: year.t_yr,
             date: year.date,
             dose_mev_g: year.dose_mev_g,
             traps: &year.traps,
-            galaxies: galaxies.map(|(galaxy, change)| NamedChange::of(&galaxy.name, change.as_ref())).collect(),
+            galaxies: galaxies.collect(),
+        }
+    }
+}
+
+impl NoisyChange {
+    fn of(shape: NoisyShape) -> NoisyChange {
+        let ([delta_e1, delta_e2], [error, error_e2]) = (shape.delta_e, shape.error);
+        NoisyChange { delta_e1, error, delta_e2, error_e2 }
+    }
+}
+
+impl<'a> NoisyBudget<'a> {
+    fn of(verdict: &'a NoisyVerdict, mission: &Mission) -> NoisyBudget<'a> {
+        let limit = |noisy: &'a NoisyCrossing, factor: Option<f64>| NoisyLimit {
+            crossing: DatedCrossing::of(&noisy.crossing, factor, mission.mission.launch.0),
+            error_yr: noisy.error_yr,
+            earlier_yr: noisy.earlier_yr,
+        };
+        NoisyBudget {
+            uncorrected: limit(&verdict.uncorrected, None),
+            corrected: limit(&verdict.corrected, Some(mission.requirement.correction_factor)),
         }
     }
 }

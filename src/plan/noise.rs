@@ -1,0 +1,186 @@
+//! The change of shape with the noise of one exposure, over a mission, and how much earlier the budget is then exceeded.
+//!
+//! What noise adds is to first order proportional to the density of the traps. It is realised at the end of the mission, and in a
+//! few other years where the traps differ from those then by more than their number; in between, that of the nearest such
+//! time is taken in proportion.
+
+use crate::error::InputError;
+use crate::model::noise::{NoiseTerm, Realisations};
+use crate::model::{Device, Model};
+use crate::physics::shape::ShapeChange;
+use crate::plan::evaluate::{Evaluation, Year, crossings_of};
+use crate::plan::requirement::{Crossing, Point};
+
+/// Times at most at which noise is realised.
+const TIMES: usize = 8;
+
+/// Where the centroid is while noise is measured, in words.
+pub const CENTROID: &str = "held where the image without noise has it, before and after the readout";
+
+/// How ellipticity is measured with noise, in words.
+pub const ESTIMATOR: &str = "(A, C)/max(T, sqrt(A^2 + C^2)) of the weighted sums A = sum I w (x^2 - y^2), C = sum I w 2xy, \
+                             T = sum I w (x^2 + y^2): |e| is bounded by 1";
+
+/// Changes of shape with noise.
+#[derive(Clone, Debug)]
+pub struct NoisyEvaluation {
+    /// How much was drawn.
+    pub realisations: Realisations,
+    /// In each year, of each galaxy, in the order of the evaluation. None where no shape is left.
+    pub years: Vec<Vec<Option<NoisyShape>>>,
+    /// When the budget is exceeded with noise.
+    pub verdict: NoisyVerdict,
+}
+
+/// A mean change of ellipticity with noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoisyShape {
+    /// Δe1 and Δe2 with noise.
+    pub delta_e: [f64; 2],
+    /// Standard errors from the finite number of realisations.
+    pub error: [f64; 2],
+}
+
+/// When the budget is exceeded with noise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NoisyVerdict {
+    /// Without software correction.
+    pub uncorrected: NoisyCrossing,
+    /// With it.
+    pub corrected: NoisyCrossing,
+}
+
+/// When |Δe| with noise exceeds a limit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NoisyCrossing {
+    /// As without noise.
+    pub crossing: Crossing,
+    /// Standard error of the first time from the finite number of realisations, yr.
+    pub error_yr: Option<f64>,
+    /// Time without noise less that with noise, yr; None where one of them is not within the mission.
+    pub earlier_yr: Option<f64>,
+}
+
+/// Noise as it was realised at one time.
+struct Realised {
+    device: Device,
+    /// Of each galaxy.
+    terms: Vec<Option<NoiseTerm>>,
+}
+
+impl NoisyEvaluation {
+    /// What noise adds to an evaluation. None without realisations.
+    ///
+    /// # Errors
+    /// Where a formula has no value.
+    pub fn of(evaluation: &Evaluation, realisations: Realisations) -> Result<Option<NoisyEvaluation>, InputError> {
+        if realisations.count == 0 {
+            return Ok(None);
+        }
+        let model = &evaluation.model;
+        let realised = realised(model, &evaluation.years, realisations)?;
+        let years = evaluation.years.iter().map(|year| {
+            let device = model.device_at(year.t_yr)?;
+            let shape = |(galaxy, change): (usize, &Option<ShapeChange>)| {
+                Some(NoisyShape::of(change.as_ref()?, &term(&realised, galaxy, &device)?))
+            };
+            Ok(year.galaxies.iter().enumerate().map(shape).collect())
+        });
+        let years = years.collect::<Result<_, InputError>>()?;
+        let verdict = verdict(evaluation, &realised)?;
+        Ok(Some(NoisyEvaluation { realisations, years, verdict }))
+    }
+}
+
+impl NoisyShape {
+    fn of(change: &ShapeChange, term: &NoiseTerm) -> NoisyShape {
+        let delta_e = [change.delta_e1 + term.added[0], change.delta_e2 + term.added[1]];
+        NoisyShape { delta_e, error: term.error }
+    }
+
+    /// |Δe|.
+    pub fn magnitude(&self) -> f64 {
+        self.delta_e[0].hypot(self.delta_e[1])
+    }
+
+    /// Standard error of |Δe|.
+    pub fn magnitude_error(&self) -> f64 {
+        let along = [0, 1].map(|member| self.delta_e[member] * self.error[member]);
+        if self.magnitude() > 0.0 { along[0].hypot(along[1]) / self.magnitude() } else { self.error[0].hypot(self.error[1]) }
+    }
+}
+
+/// Noise of all galaxies at the end of the mission, and in those years (evenly chosen) whose traps differ from all of these by more
+/// than their number.
+fn realised(model: &Model, years: &[Year], realisations: Realisations) -> Result<Vec<Realised>, InputError> {
+    let mut found: Vec<Realised> = Vec::new();
+    let step = years.len().div_ceil(TIMES);
+    for year in years.iter().rev().step_by(step) {
+        let device = model.device_at(year.t_yr)?;
+        let known = found.iter().any(|realised| device.traps_over(&realised.device).is_some());
+        if known || device.species().all(|species| species.density_per_px == 0.0) {
+            continue;
+        }
+        let galaxies = 0..model.mission.galaxies.len();
+        let terms = galaxies.map(|galaxy| model.noise_term(galaxy, &device, realisations));
+        found.push(Realised { terms: terms.collect::<Result<_, _>>()?, device });
+    }
+    Ok(found)
+}
+
+/// What noise adds to the change of a galaxy by a device. None where no shape is left.
+fn term(realised: &[Realised], galaxy: usize, device: &Device) -> Option<NoiseTerm> {
+    let proportional = realised.iter().find_map(|realised| Some((realised, device.traps_over(&realised.device)?)));
+    let (nearest, factor) = match proportional {
+        Some(found) => found,
+        None => {
+            let distance = |realised: &&Realised| (realised.device.at.t_yr - device.at.t_yr).abs();
+            let Some(nearest) = realised.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
+                // No traps at all.
+                return Some(NoiseTerm::default());
+            };
+            let traps = |device: &Device| device.species().map(|species| species.density_per_px).sum::<f64>();
+            (nearest, traps(device) / traps(&nearest.device))
+        }
+    };
+    Some(nearest.terms[galaxy]?.times(factor))
+}
+
+/// When |Δe| of the judged galaxy with noise exceeds the budget.
+fn verdict(evaluation: &Evaluation, realised: &[Realised]) -> Result<NoisyVerdict, InputError> {
+    let model = &evaluation.model;
+    let judged = model.judged();
+    let shape = |t_yr: f64| -> Result<Option<NoisyShape>, InputError> {
+        let device = model.device_at(t_yr)?;
+        let change = model.change_by(judged, &device)?;
+        Ok(change.zip(term(realised, judged, &device)).map(|(change, term)| NoisyShape::of(&change, &term)))
+    };
+    let magnitude = |t_yr: f64| Ok(shape(t_yr)?.map(|shape| shape.magnitude()));
+    let known = evaluation.years.iter().map(|year| Ok((year.t_yr, magnitude(year.t_yr)?)));
+    let known = known.collect::<Result<Vec<Point>, InputError>>()?;
+    let without = &evaluation.verdict;
+    let [uncorrected, corrected] =
+        crossings_of(model, [without.uncorrected.limit, without.corrected.limit], &known, magnitude)?;
+    let noisy = |crossing: Crossing, without: &Crossing| -> Result<NoisyCrossing, InputError> {
+        let error_yr = crossing.t_yr.map_or(Ok(None), |t_yr| error_yr(t_yr, shape))?;
+        let earlier_yr = without.t_yr.zip(crossing.t_yr).map(|(without, with)| without - with);
+        Ok(NoisyCrossing { crossing, error_yr, earlier_yr })
+    };
+    Ok(NoisyVerdict {
+        uncorrected: noisy(uncorrected, &without.uncorrected)?,
+        corrected: noisy(corrected, &without.corrected)?,
+    })
+}
+
+/// Share of the time of a crossing over which its slope is taken.
+const SLOPE: f64 = 0.02;
+
+/// Standard error of the time (years since launch) of a crossing; None where |Δe| does not grow there.
+fn error_yr(
+    t_yr: f64,
+    shape: impl Fn(f64) -> Result<Option<NoisyShape>, InputError>,
+) -> Result<Option<f64>, InputError> {
+    let (Some(here), Some(before)) = (shape(t_yr)?, shape((1.0 - SLOPE) * t_yr)?) else { return Ok(None) };
+    let slope = (here.magnitude() - before.magnitude()) / (SLOPE * t_yr);
+    Ok((slope > 0.0 && slope.is_finite()).then(|| here.magnitude_error() / slope))
+}
