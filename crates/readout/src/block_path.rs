@@ -129,6 +129,16 @@ pub(super) fn ahead(pixels: f64) -> f64 {
     0.5 * pixels * (pixels - 1.0)
 }
 
+/// What returns to the packets of a row when they leave a pixel.
+pub(super) struct Returned<T: Simd> {
+    /// From below their own height, in each pixel, e-.
+    pub own_e: Vector<T>,
+    /// The same in all pixels.
+    pub own: Summed<T, true>,
+    /// From all heights, in all pixels.
+    pub all: Summed<T, true>,
+}
+
 /// What happens to the packets of a row in the pixels of the watermarks that they reach into.
 pub(super) struct Reached<T: Simd> {
     /// Number of those pixels.
@@ -168,15 +178,23 @@ impl<T: Simd> Reached<T> {
         self.pixels = at.select(Vector::all(simd, pixels), self.pixels);
     }
 
-    /// See [`PathMeans::further_e`]; given all that is released and captured over 1 / `per_visit` pixels.
+    /// See [`PathMeans::further_e`]; given all that is released, captured and returned over 1 / `per_visit` pixels.
     #[inline(always)]
-    pub fn further(self, simd: T, released: Summed<T, true>, captured: Summed<T, true>, per_visit: f64) -> Vector<T> {
+    pub fn further(
+        self,
+        simd: T,
+        released: Summed<T, true>,
+        captured: Summed<T, true>,
+        returned: Returned<T>,
+        per_visit: f64,
+    ) -> Vector<T> {
         let (zero, one) = (Vector::all(simd, 0.0), Vector::all(simd, 1.0));
         let per_pixel = one / self.pixels.max(one);
         // Watermarks that were not covered are in no other pixels.
         let released_there = Summed::over_each(self.released_e, self.pixels) + released - self.released;
-        let changed = released - captured;
-        let changed_there = released_there - Summed::over_each(self.captured_e, self.pixels);
+        let returned_there = Summed::over_each(returned.own_e, self.pixels) + returned.all - returned.own;
+        let changed = released - captured + returned.all;
+        let changed_there = released_there - Summed::over_each(self.captured_e, self.pixels) + returned_there;
         let mean_e = changed.twice * per_visit;
         let mean_there_e = changed.once - changed_there.once + changed_there.twice * per_pixel;
         let more_released_e = released_there.once * per_pixel - released.once * per_visit;

@@ -15,6 +15,7 @@ struct Level {
 pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downstream: Downstream) {
     let rows = charge_e.len();
     let released: Vec<f64> = traps.iter().map(Trap::released).collect();
+    let returned: Vec<f64> = traps.iter().map(Trap::returned).collect();
     // ρ exp(−m/τ), m packets later.
     let left: Vec<Vec<f64>> = (1..=rows + 1)
         .map(|m| traps.iter().map(|trap| trap.density_per_px * (-(m as f64) / trap.release_transfers).exp()).collect())
@@ -26,8 +27,8 @@ pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downst
         let passed_before = pixel < downstream.rows;
         let background = if passed_before { cloud.height(downstream.charge_e) } else { 0.0 };
         levels.push(Level { height: background, packet: 0 });
-        for (stored_e, trap) in stored_e.iter_mut().zip(traps) {
-            *stored_e = background * trap.density_per_px;
+        for ((stored_e, trap), returned) in stored_e.iter_mut().zip(traps).zip(&returned) {
+            *stored_e = background * trap.density_per_px * (1.0 - returned);
         }
         let first = (pixel - downstream.rows).max(0) as usize;
         for row in first..rows {
@@ -63,6 +64,11 @@ pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downst
                 }
             }
             levels.push(Level { height: reached, packet: row + 1 });
+            for (stored_e, returned) in stored_e.iter_mut().zip(&returned) {
+                let back_e = *stored_e * returned;
+                *stored_e -= back_e;
+                charge_e[row] += back_e;
+            }
         }
     }
 }

@@ -44,7 +44,7 @@ pub(super) fn column(traps: &[Trap], clouds: &[&Cloud], charge_e: &mut [f64], do
                     }
                     continue;
                 }
-                let release = -(-1.0 / trap.release_transfers).exp_m1();
+                let release = trap.released();
                 for fill in &mut filling[..occupied] {
                     *charge += per_level * *fill * release;
                     *fill -= *fill * release;
@@ -73,6 +73,15 @@ pub(super) fn column(traps: &[Trap], clouds: &[&Cloud], charge_e: &mut [f64], do
             }
             if highest > 0 {
                 *charge = available;
+            }
+            for (trap, filling) in traps.iter().zip(&mut filling) {
+                let returned = if trap.capture_transfers > 0.0 { 0.0 } else { trap.returned() };
+                if returned > 0.0 {
+                    for fill in &mut filling[..occupied] {
+                        *charge += trap.density_per_px / levels as f64 * *fill * returned;
+                        *fill -= *fill * returned;
+                    }
+                }
             }
         }
     }

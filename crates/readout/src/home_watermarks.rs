@@ -37,10 +37,10 @@ impl<T: Simd, const S: usize> HomeWatermarks<T, S> {
     /// electrons in what they cover in part only come back. `able` is 0 for packets that may not have enough for all the traps
     /// in their reach, and are not followed here.
     #[inline(always)]
-    pub fn pass<const TWICE: bool>(
+    pub fn pass<const TWICE: bool, const RETURNS: bool>(
         &mut self,
         simd: T,
-        pixel: &Pixel<S>,
+        pixel: &Pixel<S, RETURNS>,
         height: Vector<T>,
         able: Vector<T>,
         stored: &mut [Summed<T, TWICE>; S],
@@ -57,7 +57,8 @@ impl<T: Simd, const S: usize> HomeWatermarks<T, S> {
         let ahead = self.ahead / number;
         let mut in_part_e = zero;
         for s in pixel.species() {
-            let still_e = self.stored_e[s] * (1.0 - pixel.release[s]);
+            let lost = if RETURNS { pixel.lost[s] } else { pixel.release[s] };
+            let still_e = self.stored_e[s] * (1.0 - lost);
             let covered_e = still_e * share;
             self.stored_e[s] = still_e - covered_e;
             in_part_e = in_part_e + covered_e;
@@ -75,10 +76,10 @@ impl<T: Simd, const S: usize> HomeWatermarks<T, S> {
 
     /// One more where it has any thickness, on so high a floor, with so many pixels ahead; filled m packets ago.
     #[inline(always)]
-    pub fn leave(
+    pub fn leave<const RETURNS: bool>(
         &mut self,
         simd: T,
-        pixel: &Pixel<S>,
+        pixel: &Pixel<S, RETURNS>,
         thickness: Vector<T>,
         floor: Vector<T>,
         (m, ahead): (usize, f64),

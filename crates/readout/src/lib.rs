@@ -14,11 +14,12 @@
 //! Four ways to do that stand behind one interface, [`Readout`]: [`Method::Fast`] (what everything else uses),
 //! [`Method::Exact`], [`Method::Fractional`] and [`Method::MonteCarlo`].
 //!
-//! Traps that need time to capture follow another law, inside the cloud as the packet arrives: see `finite_capture.rs`. Release
+//! That is a clock of one phase. In a clock of several, part of what is released returns to the packet that has just left: see
+//! `phase.rs`. Traps that need time to capture follow another law, inside the cloud as the packet arrives: see `finite_capture.rs`. Release
 //! times that are spread are resolved into many species of one release time each: see `continuum.rs`.
 //!
 //! Sources: Rhodes et al. 2010 (PASP 122, 439), section 3; Massey et al. 2010 (MNRAS 401, 371) for the cloud that
-//! captures at once. Holds where one transfer is one step (no clock phases).
+//! captures at once.
 
 mod block_path;
 mod cloud;
@@ -33,6 +34,7 @@ mod monte_carlo;
 mod multirevolution;
 mod pass;
 mod passage;
+mod phase;
 mod pixel;
 mod power;
 mod several_clouds;
@@ -41,6 +43,7 @@ mod spent;
 mod watermarks;
 
 pub use cloud::Cloud;
+pub use phase::{Clock, ClockFault, ClockStep, Phase};
 
 use ndarray::{Array2, ArrayView1, ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
@@ -66,12 +69,21 @@ pub struct Trap {
     pub capture_transfers: f64,
     /// Exponent of its cloud's height, where it is not that of the readout's cloud.
     pub well_fill_power: Option<f64>,
+    /// When packets are over it; [`Clock::spread`] divides traps among the phases of a pixel.
+    pub phase: Phase,
 }
 
 impl Trap {
     /// Traps of one release time (in units of one transfer) that capture at once.
     pub const fn new(density_per_px: f64, release_transfers: f64) -> Trap {
-        Trap { density_per_px, release_transfers, release_sigma: 0.0, capture_transfers: 0.0, well_fill_power: None }
+        Trap {
+            density_per_px,
+            release_transfers,
+            release_sigma: 0.0,
+            capture_transfers: 0.0,
+            well_fill_power: None,
+            phase: Phase::SINGLE,
+        }
     }
 
     /// Fraction filled inside the clouds of so many packets of background.
@@ -80,17 +92,54 @@ impl Trap {
         full * (1.0 - approach.powf(packets as f64))
     }
 
-    /// 1 − exp(−1/τ), the fraction released while one packet passes.
-    fn released(&self) -> f64 {
+    /// exp(−1/τ), the fraction that stays filled for the time of one line.
+    fn kept(&self) -> f64 {
+        (-1.0 / self.release_transfers).exp()
+    }
+
+    /// 1 − exp(−1/τ), the fraction that releases in the time of one line.
+    fn lost(&self) -> f64 {
         -(-1.0 / self.release_transfers).exp_m1()
     }
 
-    /// Where capture takes time: exp(−1/τ), f∞ and exp(−1/τc − 1/τ).
+    /// The fraction of filled traps that release to a packet until it captures: 1 − exp(−1/τ) in a clock of one phase.
+    fn released(&self) -> f64 {
+        self.phase.released(self.release_transfers)
+    }
+
+    /// The fraction of filled traps that release to the packet that has just left; 0 in a clock of one phase.
+    fn returned(&self) -> f64 {
+        self.phase.returned(self.release_transfers)
+    }
+
+    /// Whether anything returns to the packet that has just left.
+    fn returns(&self) -> bool {
+        self.phase != Phase::SINGLE
+    }
+
+    /// What one line makes of the fraction f of traps that are filled as a packet has gone for good: outside its cloud
+    /// f ← f exp(−1/τ), inside f ← f∞ + (f − f∞) exp(−1/τc − 1/τ). Gives exp(−1/τ), f∞ and the other factor.
     fn passage(&self) -> (f64, f64, f64) {
         let (release, capture) = (self.release_transfers, self.capture_transfers);
         // A release time of 0 and a capture time of 0 at once: the trap captures.
         let full = if capture == 0.0 { 1.0 } else { release / (release + capture) };
-        ((-1.0 / release).exp(), full, (-1.0 / capture - 1.0 / release).exp())
+        if self.phase == Phase::SINGLE {
+            return (self.kept(), full, (-1.0 / capture - 1.0 / release).exp());
+        }
+        // Inside the cloud for a part of the line, with release alone before and after it.
+        let over = self.phase.over;
+        let approach = (-over / capture - 1.0 / release).exp();
+        let captured = -(-over / capture - over / release).exp_m1();
+        (self.kept(), (1.0 - self.returned()) * full * captured / (1.0 - approach), approach)
+    }
+
+    /// Traps per pixel that a packet leaves filled below its height in a pixel, of those that are filled there in the end.
+    fn held_per_px(&self) -> f64 {
+        if !self.returns() {
+            return self.density_per_px * self.passage().1;
+        }
+        // What returns depends on the release time.
+        continuum::resolved(&[*self], WIDEST).iter().map(|trap| trap.density_per_px * trap.passage().1).sum()
     }
 }
 
@@ -244,7 +293,7 @@ impl Readout {
         let spent_e: f64 = (0..clouds.len())
             .map(|cloud| {
                 let species = self.traps.iter().zip(&of).filter(|(_, of)| **of == cloud);
-                let held = species.map(|(trap, _)| trap.density_per_px * trap.passage().1).sum::<f64>();
+                let held = species.map(|(trap, _)| trap.held_per_px()).sum::<f64>();
                 held * clouds[cloud].height(charge_e)
             })
             .sum();
@@ -293,8 +342,14 @@ impl Readout {
             Method::Exact => {
                 by_column(&|charge_e, column| every_transfer::column(&traps, &clouds[0], charge_e, settled(column)))
             }
+            Method::Fast { relative } if traps.iter().any(Trap::returns) => {
+                with_width!([pixel::FEW, WIDEST], traps.len(), |WIDTH| {
+                    let pixel = Pixel::<WIDTH, true>::new(&traps, clouds[0].clone(), rows);
+                    side_by_side(&pixel, image, rows_downstream, &settled_e, across, relative)
+                })
+            }
             Method::Fast { relative } => with_width!([3, pixel::FEW, WIDEST], traps.len(), |WIDTH| {
-                let pixel = Pixel::<WIDTH>::new(&traps, clouds[0].clone(), rows);
+                let pixel = Pixel::<WIDTH, false>::new(&traps, clouds[0].clone(), rows);
                 side_by_side(&pixel, image, rows_downstream, &settled_e, across, relative)
             }),
         }

@@ -14,7 +14,9 @@ struct Site {
     height: f64,
     /// The place of its species.
     species: usize,
+    /// Chances to be emptied until a packet captures, or while it is elsewhere, and as it leaves.
     release: f64,
+    returned: f64,
     /// Chances to be filled after a transfer inside the cloud, if empty and if filled before; where capture takes time.
     inside: Option<[f64; 2]>,
     filled: bool,
@@ -48,15 +50,17 @@ pub(super) fn column(
             let filled_before = if pixel < downstream.rows { clouds[species].height(downstream.charge_e) } else { 0.0 };
             // No Poisson distribution has mean 0: a species of no density has no traps.
             let count = number.map_or(0.0, |number| number.sample(&mut random)) as usize;
-            let release = -(-1.0 / trap.release_transfers).exp_m1();
             let (_, full, approach) = trap.passage();
             let slow = trap.capture_transfers > 0.0;
+            // Where capture takes time, all that a line does is one step.
+            let (release, returned) = if slow { (trap.lost(), 0.0) } else { (trap.released(), trap.returned()) };
             let inside = slow.then_some([full * (1.0 - approach), full + (1.0 - full) * approach]);
             let filled = trap.filled_by(downstream.rows - pixel);
+            let sure = !slow && filled == 1.0;
             for _ in 0..count {
                 let height = random.random::<f64>();
-                let filled = height < filled_before && (!slow || random.random::<f64>() < filled);
-                sites.push(Site { height, species, release, inside, filled });
+                let filled = height < filled_before && (sure || random.random::<f64>() < filled);
+                sites.push(Site { height, species, release, returned, inside, filled });
             }
         }
         let first = (pixel - downstream.rows).max(0) as usize;
@@ -83,6 +87,12 @@ pub(super) fn column(
                 if site.inside.is_none() && !site.filled && site.height < heights[site.species] && *charge >= 1.0 {
                     site.filled = true;
                     *charge -= 1.0;
+                }
+            }
+            for site in sites.iter_mut().filter(|site| site.returned > 0.0 && site.filled) {
+                if random.random::<f64>() < site.returned {
+                    site.filled = false;
+                    *charge += 1.0;
                 }
             }
         }

@@ -330,7 +330,7 @@ mod tests {
     use super::*;
     use crate::passage::Lead;
     use crate::pixel::Pixel;
-    use crate::{Cloud, Trap};
+    use crate::{Cloud, Phase, Trap};
 
     /// One step of N transfers of the map n ← n + f(n), and N single ones.
     fn step_and_singles(transfers: u32, f: impl Fn([f64; 2]) -> [f64; 2]) -> ([f64; 2], [f64; 2]) {
@@ -409,8 +409,8 @@ mod tests {
     }
 
     /// Errors (rms, e-) of the first and the second order for a whole image, against its transfers one by one.
-    fn block_errors(charges_e: &[f64], traps: &[Trap]) -> [f64; 2] {
-        let pixel = Pixel::<3>::new(traps, Cloud::new(84_700.0, 0.0, 0.5), charges_e.len());
+    fn block_errors<const RETURNS: bool>(charges_e: &[f64], traps: &[Trap]) -> [f64; 2] {
+        let pixel = Pixel::<3, RETURNS>::new(traps, Cloud::new(84_700.0, 0.0, 0.5), charges_e.len());
         let charge_e: Vec<Packets> = charges_e.iter().map(|charge_e| [*charge_e; LANES]).collect();
         let block = Block { nearest: 0, pixels: charge_e.len() as i64 };
         let mut work = Workspace::new(charge_e.len());
@@ -433,10 +433,15 @@ mod tests {
         // Where packets are all alike, what they leave in their own pixels is most of what there is; see `super::home_watermarks`.
         let flat: Vec<f64> = (0..40).map(|row| 120.0 + galaxy(row)).collect();
         let noisy: Vec<f64> = (0..40).map(|row| 120.0 + galaxy(row) + noise(row)).collect();
-        for charges_e in [flat, noisy] {
-            let traps = |scale: f64| [(0.5, 0.6), (0.3, 9.0), (0.2, 60.0)].map(|(d, t)| Trap::new(scale * d, t));
-            let [first, second] = block_errors(&charges_e, &traps(1.0));
-            let [first_of_half, second_of_half] = block_errors(&charges_e, &traps(0.5));
+        let phase = Phase { over: 0.2, ahead: 0.3, tie: 0.1 };
+        for (charges_e, returns) in [(&flat, false), (&noisy, false), (&flat, true), (&noisy, true)] {
+            let traps = |scale: f64| {
+                let phase = if returns { phase } else { Phase::SINGLE };
+                [(0.5, 0.6), (0.3, 9.0), (0.2, 60.0)].map(|(d, t)| Trap { phase, ..Trap::new(scale * d, t) })
+            };
+            let errors = if returns { block_errors::<true> } else { block_errors::<false> };
+            let [first, second] = errors(charges_e, &traps(1.0));
+            let [first_of_half, second_of_half] = errors(charges_e, &traps(0.5));
             // An error of second order in the traps falls by 4 where they are halved, one of third order by 8.
             assert!((3.9..4.1).contains(&(first / first_of_half)), "{first:e}, {first_of_half:e}");
             assert!((7.8..8.2).contains(&(second / second_of_half)), "{second:e}, {second_of_half:e}");

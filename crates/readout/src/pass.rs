@@ -10,7 +10,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 
 use super::Cloud;
-use super::block_path::{BlockPath, PathMeans, Reached, Summed, ahead};
+use super::block_path::{BlockPath, PathMeans, Reached, Returned, Summed, ahead};
 use super::home_watermarks::HomeWatermarks;
 use super::passage::{Block, Lead, Passage, Stage};
 use super::pixel::Pixel;
@@ -19,9 +19,9 @@ use super::spent::{Passed, Short};
 use super::watermarks::{BACKGROUND, NONE, PACKETS, Watermarks};
 
 /// A pass through a block, under way. All that it holds stays in registers where the species are few.
-pub(super) struct Pass<'a, T: Simd, const S: usize, const SEEK: bool, const KNOWN: bool> {
+pub(super) struct Pass<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const KNOWN: bool> {
     simd: T,
-    pixel: &'a Pixel<S>,
+    pixel: &'a Pixel<S, RETURNS>,
     known: Option<&'a PathMeans>,
     watermarks: &'a mut Watermarks<S>,
     /// Electrons in the traps of all the block's pixels, by species.
@@ -42,7 +42,7 @@ pub(super) struct Arrival<T: Simd, const SEEK: bool> {
     pub per_visit: f64,
     /// Height of its clouds in its own pixel.
     home_height: Vector<T>,
-    /// Charge that it leaves in the empty traps of its own pixel, e-.
+    /// Charge that it leaves in the empty traps of its own pixel, without what returns to it, e-.
     pub left_e: Vector<T>,
     /// Charge released to it, e-.
     released: Summed<T, SEEK>,
@@ -73,10 +73,17 @@ pub(super) struct Met<T: Simd, const SEEK: bool> {
 // What is done to vectors must be part of the caller, which knows the processor; closures are not always.
 
 #[allow(clippy::needless_range_loop)] // species index several arrays at once
-impl<'a, T: Simd, const S: usize, const SEEK: bool, const KNOWN: bool> Pass<'a, T, S, SEEK, KNOWN> {
+impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const KNOWN: bool>
+    Pass<'a, T, S, RETURNS, SEEK, KNOWN>
+{
     /// Before the first row, with what the background has left.
     #[inline(always)]
-    pub fn new(simd: T, pixel: &'a Pixel<S>, known: Option<&'a PathMeans>, watermarks: &'a mut Watermarks<S>) -> Self {
+    pub fn new(
+        simd: T,
+        pixel: &'a Pixel<S, RETURNS>,
+        known: Option<&'a PathMeans>,
+        watermarks: &'a mut Watermarks<S>,
+    ) -> Self {
         let mut stored = [Summed::<T, SEEK>::none(simd); S];
         for s in pixel.species() {
             stored[s] = Summed {
@@ -108,7 +115,7 @@ impl<'a, T: Simd, const S: usize, const SEEK: bool, const KNOWN: bool> Pass<'a, 
             let most = arriving_e.max(zero) * (1.0 / pixel.density_all);
             home_height = cloud.heights(simd, arriving_e).min(most);
         }
-        let left_e = home_height * pixel.density_all;
+        let left_e = home_height * if RETURNS { pixel.held_all } else { pixel.density_all };
         let mut released = Summed::none(simd);
         for s in pixel.species() {
             let out = self.stored[s] * pixel.release[s];
@@ -224,10 +231,27 @@ impl<'a, T: Simd, const S: usize, const SEEK: bool, const KNOWN: bool> Pass<'a, 
         }
         let below = stands_before.abs();
         let further_e = match SEEK {
-            true => reached_into.further(simd, arrival.released.all(), captured.all(), arrival.per_visit),
+            true => {
+                let (own_e, returned) =
+                    if RETURNS { self.to_return(height) } else { (zero, Summed::<T, SEEK>::none(simd)) };
+                let returned = Returned { own_e, own: Summed::<T, true>::over(own_e, visits), all: returned.all() };
+                reached_into.further(simd, arrival.released.all(), captured.all(), returned, arrival.per_visit)
+            }
             false => zero,
         };
         Met { height, captured, below, last: below, further_e }
+    }
+
+    /// What returns to packets of so high clouds when they leave: in each pixel from below that height, and in all of them from
+    /// all heights, e-.
+    #[inline(always)]
+    fn to_return(&self, height: Vector<T>) -> (Vector<T>, Summed<T, SEEK>) {
+        let (mut own_e, mut all) = (Vector::all(self.simd, 0.0), Summed::none(self.simd));
+        for s in self.pixel.species() {
+            own_e = own_e + height * (self.pixel.density[s] * self.pixel.returned[s]);
+            all = all + self.stored[s] * self.pixel.returned[s];
+        }
+        (own_e, all)
     }
 
     /// Follows those packets of a row one by one that have less than the traps in their reach would take.
@@ -269,9 +293,18 @@ impl<'a, T: Simd, const S: usize, const SEEK: bool, const KNOWN: bool> Pass<'a, 
     #[inline(always)]
     pub fn leave(&mut self, arrival: &Arrival<T, SEEK>, met: &Met<T, SEEK>) -> Summed<T, SEEK> {
         let packet = arrival.row + PACKETS;
+        let mut changed = arrival.released - met.captured;
+        if RETURNS {
+            for s in self.pixel.species() {
+                let back = self.stored[s] * self.pixel.returned[s];
+                self.stored[s] = self.stored[s] - back;
+                changed = changed + back;
+            }
+        }
         if arrival.starts {
             for s in self.pixel.species() {
-                let left_e = arrival.home_height * self.pixel.density[s];
+                let held = self.pixel.density[s] * if RETURNS { 1.0 - self.pixel.returned[s] } else { 1.0 };
+                let left_e = arrival.home_height * held;
                 self.stored[s] = self.stored[s] + Summed::at(left_e, arrival.visits);
             }
         }
@@ -281,11 +314,11 @@ impl<'a, T: Simd, const S: usize, const SEEK: bool, const KNOWN: bool> Pass<'a, 
         if KNOWN {
             self.watermarks.floor[packet] = [0.0; LANES];
         }
-        arrival.released - met.captured
+        changed
     }
 }
 
-impl<const S: usize> Pixel<S> {
+impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
     /// See [`Passage::pass`]. `SEEK`: the path of the packets is to be found; `KNOWN`: it is known.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)] // those of the trait's method, and the processor
@@ -313,7 +346,7 @@ impl<const S: usize> Pixel<S> {
             path.absent(first);
         }
         watermarks.start(self, first, rows, block, downstream);
-        let mut pass = Pass::<T, S, SEEK, KNOWN>::new(simd, self, known, watermarks);
+        let mut pass = Pass::<T, S, RETURNS, SEEK, KNOWN>::new(simd, self, known, watermarks);
         for row in first..rows {
             let before = if row == first { BACKGROUND } else { row - 1 + PACKETS };
             let (starts, visits) = block.passage_of(row as i64, downstream);
@@ -334,7 +367,7 @@ impl<const S: usize> Pixel<S> {
     }
 }
 
-impl<const S: usize> Passage for Pixel<S> {
+impl<const S: usize, const RETURNS: bool> Passage for Pixel<S, RETURNS> {
     type Watermarks = Watermarks<S>;
 
     // Not part of the caller: this is most of the program's work, and once for each kind of processor is enough.

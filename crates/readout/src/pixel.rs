@@ -17,33 +17,44 @@
 //! by their neighbours, and few more. Only packets that have less than the traps in their reach would take are followed
 //! one by one.
 //!
+//! **Phases.** Where the clock has several phases (`RETURNS`), part of what is released returns to the packet that has just left,
+//! before the next one comes. Traps are still filled to exp(−m/τ) when the m-th packet after theirs captures; only to whom their
+//! electrons went differs. With one phase nothing is computed of that.
+//!
 //! | symbol | here | unit | meaning |
 //! |---|---|---|---|
 //! | ρ | `density` | per pixel | traps of a species |
 //! | 1 − exp(−1/τ) | `release` | 1 | chance to be emptied while one packet passes |
+//! | R | `returned` | 1 | chance that the electron returns to the packet that has just left; see [`super::phase`] |
 //! | ρ exp(−m/τ) | `left[m]` | per pixel | still filled m packets later |
 
 use super::{Cloud, Trap};
 
 /// The traps of one pixel, tabulated for `S` species (padded with species of no density).
-pub(super) struct Pixel<const S: usize> {
+pub(super) struct Pixel<const S: usize, const RETURNS: bool> {
     pub cloud: Cloud,
     pub species: usize,
     pub density: [f64; S],
     pub density_all: f64,
-    /// 1 − exp(−1/τ), the fraction released while a packet passes.
+    /// Traps that stay filled where a packet has filled all, after what returns to it, per pixel, of all species.
+    pub held_all: f64,
+    /// The fraction released to a packet until it captures: 1 − exp(−1/τ) with one phase.
     pub release: [f64; S],
+    /// The fraction released after that, to the same packet; 0 with one phase.
+    pub returned: [f64; S],
+    /// The fraction released from one packet to the next, 1 − exp(−1/τ).
+    pub lost: [f64; S],
     /// Still filled m packets after the one that filled them, per pixel.
     pub left: Vec<[f64; S]>,
     pub left_all: Vec<f64>,
-    /// Released while the m-th packet after the one that filled them passes, per pixel.
+    /// Released to the m-th packet after the one that filled them until it captures, per pixel.
     pub out_all: Vec<f64>,
 }
 
 /// Species up to which they are held in registers.
 pub(super) const FEW: usize = 5;
 
-impl<const S: usize> Pixel<S> {
+impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
     /// Species to go through: all places where they are few and known when the program is compiled, else those there are.
     #[inline(always)]
     pub(super) fn species(&self) -> std::ops::Range<usize> {
@@ -51,14 +62,16 @@ impl<const S: usize> Pixel<S> {
     }
 
     /// Tables for columns of `rows` packets.
-    pub fn new(traps: &[Trap], cloud: Cloud, rows: usize) -> Pixel<S> {
+    pub fn new(traps: &[Trap], cloud: Cloud, rows: usize) -> Pixel<S, RETURNS> {
         let mut density = [0.0; S];
-        let mut release = [0.0; S];
+        let [mut release, mut returned, mut lost] = [[0.0; S]; 3];
         for (s, trap) in traps.iter().enumerate() {
             density[s] = trap.density_per_px;
             release[s] = trap.released();
+            returned[s] = trap.returned();
+            lost[s] = trap.lost();
         }
-        let kept: Vec<f64> = traps.iter().map(|trap| (-1.0 / trap.release_transfers).exp()).collect();
+        let kept: Vec<f64> = traps.iter().map(Trap::kept).collect();
         // ρ exp(−m/τ), by multiplication: exponentials of a stamp's rows would take as long as a pass.
         let mut left = vec![density];
         for m in 0..=rows {
@@ -70,8 +83,22 @@ impl<const S: usize> Pixel<S> {
         }
         let left_all = left.iter().map(|left: &[f64; S]| left.iter().sum()).collect();
         let mut out_all = vec![0.0];
-        out_all.extend(left.iter().map(|left| (0..S).map(|s| left[s] * release[s]).sum::<f64>()));
+        let out = |left: &[f64; S]| (0..S).map(|s| left[s] * (1.0 - returned[s]) * release[s]).sum::<f64>();
+        out_all.extend(left.iter().map(out));
         let density_all = density.iter().sum();
-        Pixel { cloud, species: traps.len(), density, density_all, release, left, left_all, out_all }
+        let held_all = (0..S).map(|s| density[s] * (1.0 - returned[s])).sum();
+        Pixel {
+            cloud,
+            species: traps.len(),
+            density,
+            density_all,
+            held_all,
+            release,
+            returned,
+            lost,
+            left,
+            left_all,
+            out_all,
+        }
     }
 }

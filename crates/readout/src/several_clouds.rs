@@ -17,8 +17,9 @@ pub(super) struct SeveralClouds {
     clouds: Vec<Cloud>,
     /// The cloud of each species, by its place.
     cloud_of: Vec<usize>,
-    /// 1 − exp(−1/τ) of each species.
+    /// Fraction of each species released to a packet until it captures, and after that.
     released: Vec<f64>,
+    returned: Vec<f64>,
     /// ρ exp(−m/τ) of each species, m packets after they were filled.
     left: Vec<Vec<f64>>,
 }
@@ -62,7 +63,8 @@ impl SeveralClouds {
             traps.iter().map(left).collect()
         };
         let released = traps.iter().map(Trap::released).collect();
-        SeveralClouds { clouds, cloud_of, released, left: (0..=rows + 1).map(after).collect() }
+        let returned = traps.iter().map(Trap::returned).collect();
+        SeveralClouds { clouds, cloud_of, released, returned, left: (0..=rows + 1).map(after).collect() }
     }
 
     /// Traps as a background (e-) has left them that has passed, or never came by.
@@ -75,9 +77,8 @@ impl SeveralClouds {
             watermarks.push(Watermark { height: *height, packet: 0 });
         }
         stacks.stored_e.clear();
-        stacks
-            .stored_e
-            .extend(self.cloud_of.iter().zip(&self.left[0]).map(|(cloud, density)| heights[*cloud] * density));
+        let held = |s: usize| heights[self.cloud_of[s]] * self.left[0][s] * (1.0 - self.returned[s]);
+        stacks.stored_e.extend((0..self.cloud_of.len()).map(held));
     }
 
     /// Passes the packet of a row; its change (e-), and what watermarks it met as one number.
@@ -110,7 +111,13 @@ impl SeveralClouds {
             watermarks.push(Watermark { height, packet: row + 1 });
         }
         let taken_e = if spent { present_e.max(0.0) } else { wanted_e };
-        (present_e - taken_e - charge_e, met)
+        let mut left_e = present_e - taken_e;
+        for (stored_e, returned) in stored_e.iter_mut().zip(&self.returned) {
+            let back_e = *stored_e * returned;
+            *stored_e -= back_e;
+            left_e += back_e;
+        }
+        (left_e - charge_e, met)
     }
 
     /// Empty traps of a species, per pixel, where they were last filled by a packet, or never.

@@ -31,7 +31,7 @@ pub(super) struct Short {
     pub has_e: Packets,
 }
 
-impl<const S: usize> Pixel<S> {
+impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
     /// Follows the packets of a row that have less than they would fill. `stored` and `stored_ahead` come as if all had enough,
     /// and are mended where they had not; `watermarks` tells what the traps held before.
     pub(super) fn spend(

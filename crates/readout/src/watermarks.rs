@@ -49,7 +49,14 @@ impl<const S: usize> Watermarks<S> {
     }
 
     /// Watermarks as the background has left them.
-    pub fn start(&mut self, pixel: &Pixel<S>, first: usize, rows: usize, block: Block, downstream: &Lead) {
+    pub fn start<const RETURNS: bool>(
+        &mut self,
+        pixel: &Pixel<S, RETURNS>,
+        first: usize,
+        rows: usize,
+        block: Block,
+        downstream: &Lead,
+    ) {
         self.height.resize(rows + PACKETS, [0.0; LANES]);
         self.home_height.resize(rows + PACKETS, [0.0; LANES]);
         self.floor.resize(rows + PACKETS, [0.0; LANES]);
@@ -74,8 +81,9 @@ impl<const S: usize> Watermarks<S> {
             self.visits[place] = visits;
         }
         for s in pixel.species() {
-            self.stored[s] = height.map(|height| visits * height * pixel.density[s]);
-            self.stored_ahead[s] = height.map(|height| ahead(visits) * height * pixel.density[s]);
+            let held = if RETURNS { pixel.density[s] * (1.0 - pixel.returned[s]) } else { pixel.density[s] };
+            self.stored[s] = height.map(|height| visits * height * held);
+            self.stored_ahead[s] = height.map(|height| ahead(visits) * height * held);
         }
     }
 }
