@@ -59,6 +59,26 @@ impl Cloud {
         }
     }
 
+    /// The same well above a level (e-, below the full well): what a packet fills of it that is larger, in units of what a full
+    /// well fills. Traps at the surface see the charge so.
+    ///
+    /// ```text
+    /// h(n) = ((n − level) / (w − level))^α, 0 below the level
+    /// ```
+    ///
+    /// Of a tabulated cloud h it is (h(n) − h(level)) / (1 − h(level)).
+    ///
+    /// # Panics
+    /// Where the full well is not above the level.
+    pub fn above_level(&self, level_e: f64) -> Cloud {
+        if let Law::Table(table) = &self.law {
+            let law = Law::Table(Arc::new(table.above(table.height(level_e))));
+            return Cloud { law, volume_at_zero: 0.0, ..self.clone() };
+        }
+        let full_well_e = self.notch_e + 1.0 / self.per_full_well;
+        Cloud::new(full_well_e, level_e, self.power)
+    }
+
     /// The fraction of the well that any charge fills, a.
     pub fn volume_at_zero(&self) -> f64 {
         self.volume_at_zero
@@ -192,6 +212,13 @@ impl Table {
         // NaN has no height.
         let cut = |height: f64| if height.is_nan() { 0.0 } else { height.clamp(0.0, 1.0) };
         Ok(Table((0..=knots).map(|knot| at(knot).map(cut)).collect::<Result<_, E>>()?))
+    }
+
+    /// Heights above a level, in units of what is left above it.
+    fn above(&self, level: f64) -> Table {
+        let left = 1.0 - level;
+        let above = |height: &f64| if left > 0.0 { (height - level).max(0.0) / left } else { 0.0 };
+        Table(self.0.iter().map(above).collect())
     }
 
     fn height(&self, charge_e: f64) -> f64 {

@@ -40,7 +40,7 @@ fn plus<S: Simd>(simd: S, mut charge_e: Vector<S>, row: usize, changes: &[(f64, 
 /// Where any charge fills part of the wells, most of the change is what a packet leaves in the empty pixel that it starts in, which is
 /// known exactly: an accuracy relative to that would leave nothing of all the rest, and is not meant.
 pub(super) fn moved(clouds: &[Cloud], charge_e: &[Packets], k1: &Stage) -> f64 {
-    let changes = if clouds[0].volume_at_zero() > 0.0 { &k1.drift_e } else { &k1.change_e };
+    let changes = if volume_at_zero(clouds) > 0.0 { &k1.drift_e } else { &k1.change_e };
     dispatch!(Level::new(), simd => {
         let zero = Vector::all(simd, 0.0);
         let mut moved = MeanSquare::new(simd);
@@ -50,6 +50,11 @@ pub(super) fn moved(clouds: &[Cloud], charge_e: &[Packets], k1: &Stage) -> f64 {
         }
         moved.root()
     })
+}
+
+/// The largest fraction of its well that any charge fills, of some clouds.
+pub(super) fn volume_at_zero(clouds: &[Cloud]) -> f64 {
+    clouds.iter().map(Cloud::volume_at_zero).fold(0.0, f64::max)
 }
 
 /// Whether some packet ends with less charge than a pixel's traps that any charge reaches would take (`least_e`, e-): its loss

@@ -69,6 +69,8 @@ pub struct Trap {
     pub capture_transfers: f64,
     /// Exponent of its cloud's height, where it is not that of the readout's cloud.
     pub well_fill_power: Option<f64>,
+    /// Charge above which a packet reaches the surface, where the trap lies, e-; none for a trap of the bulk.
+    pub surface_level_e: Option<f64>,
     /// When packets are over it; [`Clock::spread`] divides traps among the phases of a pixel.
     pub phase: Phase,
 }
@@ -82,6 +84,7 @@ impl Trap {
             release_sigma: 0.0,
             capture_transfers: 0.0,
             well_fill_power: None,
+            surface_level_e: None,
             phase: Phase::SINGLE,
         }
     }

@@ -217,7 +217,7 @@ impl<P: Passage> Step<'_, P> {
 
         let seek = self.staggered && self.first_order > LIKELY_FIRST;
         pass(charge_e, if seek { BlockPath::Sought(path) } else { BlockPath::Unknown }, k1);
-        if estimate::exhausted(pixel.clouds()[0].volume_at_zero() * pixel.density(), charge_e, k1) {
+        if estimate::exhausted(estimate::volume_at_zero(pixel.clouds()) * pixel.density(), charge_e, k1) {
             return Attempt { ratio: f64::INFINITY, order: 2.0, by_first: self.first_order <= HOPELESS_FIRST };
         }
         if self.first_order <= HOPELESS_FIRST {

@@ -1,5 +1,5 @@
 //! What the traps of a pixel do to the packets that pass it where species differ in their clouds: traps of another origin, or elsewhere
-//! in the pixel, fill with another power of the charge.
+//! in the pixel, fill with another power of the charge, or only where a packet is larger than a level: traps at the surface.
 //!
 //! Every cloud has a stack of watermarks of its own (see [`super::pixel`]); what is released from all of them joins the one packet,
 //! whose charge then gives the height of each cloud. A packet that has less than the traps in its reach would take fills every cloud up
@@ -46,6 +46,7 @@ pub(super) fn clouds_of(traps: &[Trap], cloud: &Cloud) -> (Vec<Cloud>, Vec<usize
     let mut clouds: Vec<Cloud> = Vec::new();
     let mut of = |trap: &Trap| {
         let own = trap.well_fill_power.map_or_else(|| cloud.clone(), |power| cloud.with_power(power));
+        let own = trap.surface_level_e.map_or_else(|| own.clone(), |level_e| own.above_level(level_e));
         clouds.iter().position(|known| *known == own).unwrap_or_else(|| {
             clouds.push(own);
             clouds.len() - 1

@@ -101,6 +101,37 @@ fn every_step_gives_the_same_where_capture_takes_time() {
 }
 
 #[test]
+fn every_step_gives_the_same_where_some_traps_lie_at_the_surface() {
+    let surface = |level_e| Trap { surface_level_e: Some(level_e), ..Trap::new(8.0, 1.5) };
+    let steep = Trap { well_fill_power: Some(1.0), ..surface(1200.0) };
+    let traps = [Trap::new(0.2, 0.4), surface(900.0), steep];
+    let [exact, fast] = worst(&traps, &[(0, 0.0), (25, 60.0)]);
+    assert!(exact < 5e-4 && fast < 1e-5, "{exact:e}, {fast:e}");
+}
+
+#[test]
+fn traps_at_the_surface_do_nothing_to_packets_below_their_level() {
+    let charge_e = scene(60.0);
+    let downstream = Downstream { rows: 300, charge_e: 60.0 };
+    let bulk = [Trap::new(0.4, 0.3), Trap::new(0.6, 9.0)];
+    let largest_e = charge_e.iter().copied().fold(0.0, f64::max);
+    for (level_e, power) in [(largest_e + 1.0, None), (largest_e + 1.0, Some(0.2))] {
+        let surface = Trap { surface_level_e: Some(level_e), well_fill_power: power, ..Trap::new(50.0, 3.0) };
+        for method in [EXACT, FAST] {
+            let without = readout(bulk.to_vec(), method).column(&charge_e, downstream);
+            let with = readout([&bulk[..], &[surface]].concat(), method).column(&charge_e, downstream);
+            assert!(apart(&with, &without, &charge_e) < 1e-5);
+        }
+    }
+    // A tabulated cloud of the same law has the same surface.
+    let surface = [Trap { surface_level_e: Some(900.0), ..Trap::new(8.0, 1.5) }];
+    let law = |charge_e: f64| Ok::<_, std::convert::Infallible>(charge_e / FULL_WELL_E);
+    let column = |cloud| Readout { traps: surface.to_vec(), cloud, method: EXACT }.column(&charge_e, downstream);
+    let [table, power] = [Cloud::tabulated(law).unwrap(), Cloud::new(FULL_WELL_E, 0.0, 1.0)].map(column);
+    assert!(apart(&table, &power, &charge_e) < 1e-4, "{}", apart(&table, &power, &charge_e));
+}
+
+#[test]
 fn an_electron_that_is_released_at_once_returns_to_its_packet() {
     // 3e-4 ms on a line of 10 ms.
     let traps = [Trap::new(5.0, 3e-5)];

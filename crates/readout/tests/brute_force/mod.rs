@@ -11,14 +11,15 @@ pub struct Column<'a> {
     pub background_e: f64,
 }
 
-/// Traps from the level below up to `top`, with the fraction filled of each species.
+/// Traps of a species from the level below up to `top`, with the fraction filled.
 #[derive(Clone)]
 struct Level {
     top: f64,
-    filled: Vec<f64>,
+    filled: f64,
 }
 
 /// What is above or near a trap in one step.
+#[derive(Clone, Copy)]
 enum Near {
     Over(i64),
     /// Packets, with the part of what is released that each gets.
@@ -40,9 +41,13 @@ pub fn clocked_out(
     let pixels = packets.len();
     let line: f64 = steps.iter().map(|step| step.dwell).sum();
     let all_traps: f64 = trap_share.iter().sum();
-    let nothing = vec![Level { top: 1.0, filled: vec![0.0; traps.len()] }];
-    let mut levels = vec![vec![nothing; phases]; pixels];
-    let height = |charge_e: f64| (charge_e.max(0.0) / full_well_e).powf(power).min(1.0);
+    let nothing = vec![Level { top: 1.0, filled: 0.0 }];
+    let mut levels = vec![vec![vec![nothing; traps.len()]; phases]; pixels];
+    let height = |charge_e: f64, trap: &Trap| {
+        let level_e = trap.surface_level_e.unwrap_or(0.0);
+        let above = (charge_e - level_e).max(0.0) / (full_well_e - level_e);
+        above.powf(trap.well_fill_power.unwrap_or(power)).min(1.0)
+    };
     let positions = positions(steps, phases as i64);
     // One line more, in which traps of the last pixels release near the last packet.
     for lines in 0..=pixels as i64 {
@@ -50,26 +55,32 @@ pub fn clocked_out(
             let dwell = step.dwell / line;
             for pixel in 0..pixels {
                 for phase in 0..phases {
-                    let density = |species: usize| traps[species].density_per_px * trap_share[phase] / all_traps;
-                    let levels = &mut levels[pixel][phase];
                     let near = near(pixel as i64, phase as i64, lines, *held, phases as i64);
-                    let kept = |species: usize| (-dwell / traps[species].release_transfers).exp();
-                    match near {
-                        Near::Over(packet) if (0..pixels as i64).contains(&packet) => {
-                            let packet = &mut packets[packet as usize];
-                            let height = height(*packet);
-                            *packet -= captured(levels, height, density, |species| caught(&traps[species], dwell));
-                            *packet += released(levels, height, density, kept);
-                        }
-                        Near::Over(_) => {
-                            released(levels, 0.0, density, kept);
-                        }
-                        Near::Between(near) => {
-                            let out_e = released(levels, 0.0, density, kept);
-                            for (packet, part) in near {
-                                if (0..pixels as i64).contains(&packet) {
-                                    packets[packet as usize] += part * out_e;
-                                }
+                    // Heights are those of the charge that all species meet.
+                    let met_e = match near {
+                        Near::Over(packet) => packets.get(packet as usize).copied().unwrap_or(0.0),
+                        Near::Between(_) => 0.0,
+                    };
+                    for (trap, levels) in traps.iter().zip(&mut levels[pixel][phase]) {
+                        let density = trap.density_per_px * trap_share[phase] / all_traps;
+                        let kept = (-dwell / trap.release_transfers).exp();
+                        let change_e = match near {
+                            Near::Over(_) => {
+                                let height = height(met_e, trap);
+                                let captured = captured(levels, height, caught(trap, dwell));
+                                density * (released(levels, height, kept) - captured)
+                            }
+                            Near::Between(_) => density * released(levels, 0.0, kept),
+                        };
+                        let shares = match near {
+                            Near::Over(packet) => [(packet, 1.0), (packet, 0.0)],
+                            Near::Between(shares) => shares,
+                        };
+                        for (packet, share) in shares {
+                            if let Some(charge_e) =
+                                usize::try_from(packet).ok().and_then(|packet| packets.get_mut(packet))
+                            {
+                                *charge_e += share * change_e;
                             }
                         }
                     }
@@ -128,29 +139,19 @@ fn caught(trap: &Trap, time: f64) -> (f64, f64) {
     (capture / (capture + release), (-time * (capture + release)).exp())
 }
 
-/// Fills traps below a height, each species towards what [`caught`] says; electrons captured.
-fn captured(
-    levels: &mut Vec<Level>,
-    height: f64,
-    density: impl Fn(usize) -> f64,
-    caught: impl Fn(usize) -> (f64, f64),
-) -> f64 {
-    let (mut captured_e, mut floor) = (0.0, 0.0);
+/// Fills traps below a height towards what [`caught`] says; the share of all traps that captures.
+fn captured(levels: &mut Vec<Level>, height: f64, (full, approach): (f64, f64)) -> f64 {
+    let (mut captured, mut floor) = (0.0, 0.0);
     let mut after: Vec<Level> = Vec::new();
     for level in levels.drain(..) {
         let top = level.top.min(height);
         if top > floor {
-            let mut inside = Level { top, filled: level.filled.clone() };
-            for (species, filled) in inside.filled.iter_mut().enumerate() {
-                let (full, approach) = caught(species);
-                let before = *filled;
-                *filled = full + (before - full) * approach;
-                captured_e += (top - floor) * density(species) * (*filled - before);
-            }
+            let filled = full + (level.filled - full) * approach;
+            captured += (top - floor) * (filled - level.filled);
             // Traps that are all full are one level.
-            match after.last_mut().filter(|below| below.filled == inside.filled) {
+            match after.last_mut().filter(|below| below.filled == filled) {
                 Some(below) => below.top = top,
-                None => after.push(inside),
+                None => after.push(Level { top, filled }),
             }
         }
         floor = level.top;
@@ -159,21 +160,19 @@ fn captured(
         }
     }
     *levels = after;
-    captured_e
+    captured
 }
 
-/// Releases from traps above a height, of which the fraction `kept` stays filled; electrons released.
-fn released(levels: &mut [Level], height: f64, density: impl Fn(usize) -> f64, kept: impl Fn(usize) -> f64) -> f64 {
-    let (mut released_e, mut floor) = (0.0, 0.0);
+/// Releases from traps above a height, of which the fraction `kept` stays filled; the share of all traps that releases.
+fn released(levels: &mut [Level], height: f64, kept: f64) -> f64 {
+    let (mut released, mut floor) = (0.0, 0.0);
     for level in levels {
         if level.top > height {
-            for (species, filled) in level.filled.iter_mut().enumerate() {
-                let out = *filled * (1.0 - kept(species));
-                *filled -= out;
-                released_e += (level.top - floor) * density(species) * out;
-            }
+            let out = level.filled * (1.0 - kept);
+            level.filled -= out;
+            released += (level.top - floor) * out;
         }
         floor = level.top;
     }
-    released_e
+    released
 }
