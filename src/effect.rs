@@ -10,6 +10,7 @@
 
 mod annealing;
 mod bakeout;
+mod clocking;
 mod cosmic_ray_floor;
 mod cycle;
 mod dose_scale;
@@ -43,11 +44,11 @@ use crate::mission::{Detector, Mission, Species};
 use crate::physics::conditions::Conditions;
 use crate::physics::observable::Observable;
 use crate::physics::{Damage, DoseHistory, SpeciesState};
-use crate::readout::Cloud;
+use crate::readout::{Clock, Cloud};
 pub use reach::Reach;
 
 /// All effects there are, in the order in which the physics happens.
-pub static CATALOGUE: [Entry; 21] = [
+pub static CATALOGUE: [Entry; 22] = [
     entry::<solar_cycle::SolarCycle>(),
     entry::<cycle::Cycle>(),
     entry::<solar_flare::SolarFlare>(),
@@ -65,6 +66,7 @@ pub static CATALOGUE: [Entry; 21] = [
     entry::<volume_at_zero::VolumeAtZero>(),
     entry::<preflash::Preflash>(),
     entry::<temperature_offset::TemperatureOffset>(),
+    entry::<clocking::Clocking>(),
     entry::<serial_traps::SerialTraps>(),
     entry::<signal_bounce::SignalBounce>(),
     entry::<signal_ringing::SignalRinging>(),
@@ -92,6 +94,10 @@ pub trait Effect: fmt::Debug + Send + Sync {
     }
     /// The height of charge clouds.
     fn cloud(&self, _cloud: &mut Cloud, _at: &Conditions) -> Result<(), InputError> {
+        Ok(())
+    }
+    /// The phases of a pixel.
+    fn clock(&self, _clock: &mut Clock, _at: &Conditions) -> Result<(), InputError> {
         Ok(())
     }
     /// The charges (e-, `[[row, column]]`) before the first transfer.

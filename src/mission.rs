@@ -1,6 +1,7 @@
 //! What a mission file says, as data. [`keys`] is the one list of its keys: unit, allowed values, default, what people get wrong.
 //! [`crate::mission_file`] reads it.
 
+mod clock;
 pub mod keys;
 mod orbit;
 mod shielding;
@@ -12,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::environment::Niel;
 use crate::environment::spectrum::Spectrum;
+pub use clock::{ClockProblem, PhaseClock};
 pub use orbit::{Header, Orbit, OrbitElements, OrbitKind};
 pub use shielding::{Layer, SecondariesCounted, Shielding};
 
@@ -217,6 +219,9 @@ pub struct Species {
     /// Exponent of the cloud's height for this species, where it is not the detector's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub well_fill_power: Option<f64>,
+    /// Charge above which a packet reaches this species, which lies at the surface, e-; none for traps of the bulk.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surface_level_e: Option<f64>,
 }
 
 /// `[readout]`
@@ -226,9 +231,32 @@ pub struct Clocking {
     pub line_time_ms: f64,
     /// Parallel transfers of the object evaluated.
     pub transfers: u32,
+    /// What traps hold when the first packet comes.
+    #[serde(default, skip_serializing_if = "TrapsAtStart::is_empty")]
+    pub traps_at_start: TrapsAtStart,
+    /// The phases of a pixel; none where a transfer is one step.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clock: Option<PhaseClock>,
     /// What the clock costs in read noise; needed where clocks are compared for more than shapes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise: Option<ReadNoise>,
+}
+
+/// What the traps of a pixel hold when its first packet comes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TrapsAtStart {
+    /// Nothing.
+    #[default]
+    Empty,
+    /// What the pixel next to it, nearer to the register, was left with by its own first packet; ArCTIc's default.
+    Carried,
+}
+
+impl TrapsAtStart {
+    fn is_empty(&self) -> bool {
+        *self == TrapsAtStart::Empty
+    }
 }
 
 /// `[readout.noise]`: read noise against pixel rate, as a law or as a table.

@@ -19,12 +19,12 @@ mod scene_golden;
 use std::sync::{Arc, OnceLock};
 
 use crate::error::InputError;
-use crate::mission::{Detector, Mission, ReadoutMethod};
+use crate::mission::{Detector, Mission, ReadoutMethod, TrapsAtStart};
 use crate::physics::accuracy::Purpose;
 use crate::physics::conditions::Conditions;
 use crate::physics::shape::ShapeChange;
 use crate::physics::{Damage, DoseHistory, SpeciesState};
-use crate::readout::{Cloud, Method};
+use crate::readout::{Clock, Cloud, Method};
 pub use device::{Beside, Device};
 use effects::Effects;
 use noise::{NoiseTerm, Realisations};
@@ -160,8 +160,12 @@ impl Model {
         let mut cloud = Cloud::new(detector.full_well_e, detector.notch_e, detector.well_fill_power)
             .with_volume_at_zero(detector.volume_at_zero);
         self.effects.apply(|effect| effect.cloud(&mut cloud, &at))?;
+        let phases = self.mission.readout.clock.as_ref();
+        let mut clock = phases
+            .map_or(Clock::single(), |phases| phases.clock().expect("a mission's clock was checked when it was read"));
+        self.effects.apply(|effect| effect.clock(&mut clock, &at))?;
         self.effects.apply(|effect| effect.traps(&mut traps, &at))?;
-        Ok(Device { at, traps, cloud, method: self.method(), registers, effects: self.effects.clone() })
+        Ok(Device { at, traps, cloud, clock, method: self.method(), registers, effects: self.effects.clone() })
     }
 
     /// Mean change of a galaxy's shape (by its place in the mission) at a time (years since launch). None where no shape
@@ -229,6 +233,9 @@ impl Model {
 
     fn method(&self) -> Method {
         let accuracy = &self.mission.accuracy;
+        if self.mission.readout.traps_at_start == TrapsAtStart::Carried {
+            return Method::CarriedTraps;
+        }
         match accuracy.readout {
             ReadoutMethod::Fast => Method::Fast { relative: accuracy.relative },
             ReadoutMethod::Exact => Method::Exact,

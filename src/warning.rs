@@ -280,7 +280,7 @@ impl fmt::Display for Warning {
                 out,
                 "{species} releases after {over_line:.3e} line times, before its packet has left the pixel: in a CCD nearly \
                  all of these electrons return to their own packet; here a transfer is one step, and they join the packet \
-                 behind, so the trail of {species} is too strong: remove the species"
+                 behind, so the trail of {species} is too strong: name the phases of the clock in [readout.clock]"
             ),
             Warning::DoneBefore { name, task } => {
                 write!(

@@ -106,6 +106,7 @@ impl Effect for ExtraSpecies {
             release_ms: self.release_ms,
             energy_ev: self.energy_ev,
             well_fill_power: self.well_fill_power,
+            surface_level_e: None,
         });
     }
 }

@@ -5,8 +5,8 @@ use serde::Deserialize;
 use super::reach::ratios;
 use super::{Card, Catalogued, Effect, Reach, Refusal, numbers, tables};
 use crate::error::InputError;
-use crate::mission::Mission;
 use crate::mission::keys::{Allowed::Number, Need::Required, key};
+use crate::mission::{Mission, Species};
 use crate::physics::SpeciesState;
 use crate::physics::conditions::Conditions;
 
@@ -50,7 +50,8 @@ impl Catalogued for FiniteCapture {
             let species = table.get("traps").and_then(toml::Value::as_array);
             species.is_some_and(|species| species.iter().filter_map(toml::Value::as_table).any(own_power))
         };
-        let differ = mission.detector.traps.iter().any(|species| species.well_fill_power.is_some())
+        let own_cloud = |species: &Species| species.well_fill_power.is_some() || species.surface_level_e.is_some();
+        let differ = mission.detector.traps.iter().any(own_cloud)
             || tables(mission, "extra-species").into_iter().any(own_power)
             || tables(mission, "serial-traps").into_iter().any(of_register);
         if self.capture_ms == 0.0 || !differ {
@@ -58,8 +59,8 @@ impl Catalogued for FiniteCapture {
         }
         Err(Refusal {
             key: "capture_ms".into(),
-            problem: "a capture time needs one well fill power for all species".into(),
-            help: Some("remove well_fill_power from the species, or set capture_ms = 0".into()),
+            problem: "a capture time needs one well fill power for all species, and none at the surface".into(),
+            help: Some("remove well_fill_power and surface_level_e from the species, or set capture_ms = 0".into()),
         })
     }
 }

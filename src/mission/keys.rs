@@ -1,7 +1,7 @@
 //! All keys of a mission file: unit, allowed values, default, and advice on frequent mistakes.
 
 use crate::environment::material::Material;
-use Allowed::{Choice, Date, Integer, Number, Numbers, Text, Texts};
+use Allowed::{Choice, Date, Integer, IntegerLists, Number, Numbers, Text, Texts};
 use Need::{Default, Optional, Required};
 
 /// One key of the mission file.
@@ -39,6 +39,8 @@ pub enum Allowed {
     Integer(i64, i64),
     /// A list of numbers in that range.
     Numbers(f64, f64),
+    /// A list of lists of whole numbers in that range.
+    IntegerLists(i64, i64),
     /// One of these words.
     Choice(&'static [&'static str]),
     /// Words that are not empty.
@@ -62,7 +64,7 @@ pub enum Need {
 
 /// All tables, in the order of the file, with a description; `[]` is a member of an array of tables. Effects have tables of
 /// their own, known to the catalogue of effects.
-pub const TABLES: [(&str, &str); 17] = [
+pub const TABLES: [(&str, &str); 18] = [
     ("mission", "name, launch, duration, orbit"),
     ("orbit", "orbit, by its elements; in place of mission.orbit"),
     ("environment", "displacement damage dose: given, or derived from orbit, Sun, [shielding] and NIEL"),
@@ -71,6 +73,11 @@ pub const TABLES: [(&str, &str); 17] = [
     ("detector", "wells, and the reference conditions of trap densities and release times"),
     ("detector.traps[]", "one trap species"),
     ("readout", "clocking"),
+    (
+        "readout.clock",
+        "clock phases of a pixel; without it, a transfer is one step. Phases hold the packet in turn, for equal times and \
+         with equal numbers of traps, unless lists say otherwise",
+    ),
     ("readout.noise", "read noise against pixel rate, as a formula or as a table; for trade studies"),
     ("survey", "exposure and slew times of a survey; for trade studies"),
     ("sky", "background"),
@@ -83,7 +90,8 @@ pub const TABLES: [(&str, &str); 17] = [
 ];
 
 /// Tables that may be absent as a whole; their required keys are required only if the table is given.
-pub const OPTIONAL_TABLES: [&str; 5] = ["orbit", "shielding", "shielding.layers[]", "readout.noise", "survey"];
+pub const OPTIONAL_TABLES: [&str; 6] =
+    ["orbit", "shielding", "shielding.layers[]", "readout.clock", "readout.noise", "survey"];
 
 /// Arrays of tables, each with the name of one member.
 pub const ARRAYS: [(&str, &str); 2] = [("detector.traps", "trap species"), ("galaxies", "galaxy")];
@@ -286,11 +294,35 @@ pub const KEYS: &[Key] = &[
         Allowed::Positive(0.0, 5.0),
         Optional,
     ),
+    key(
+        "detector.traps[].surface_level_e",
+        "charge above which a packet reaches this species at the surface",
+        "e-",
+        Number(0.0, 1e9),
+        Optional,
+    ),
     key("readout.line_time_ms", "time between two parallel transfers", "ms", Allowed::Positive(0.0, 1e7), Required),
     Key {
         help: |value| (value > 1e5).then(|| "the number of rows to the register: 4096 for a large detector".into()),
         ..key("readout.transfers", "number of parallel transfers", "", Integer(1, 100_000), Required)
     },
+    key(
+        "readout.traps_at_start",
+        "state of a pixel's traps when its first packet comes: empty, or carried on from the pixel nearer to the register",
+        "",
+        Choice(&["empty", "carried"]),
+        Default("\"empty\""),
+    ),
+    key("readout.clock.phases", "number of phases of a pixel", "", Integer(1, 12), Required),
+    key(
+        "readout.clock.holds",
+        "phase that holds the packet, in a list for each step, in the direction of transfer",
+        "",
+        IntegerLists(1, 12),
+        Optional,
+    ),
+    key("readout.clock.dwell", "duration of each step, in any unit", "", Numbers(1e-9, 1e9), Optional),
+    key("readout.clock.trap_share", "number of traps below each phase, in any unit", "", Numbers(0.0, 1e9), Optional),
     key(
         "readout.noise.columns",
         "number of pixels per row that one amplifier reads",
@@ -453,7 +485,9 @@ impl Allowed {
         match *self {
             Number(low, high) | Numbers(low, high) => !(low..=high).contains(&value),
             Allowed::Positive(low, high) => !(value > low && value <= high),
-            Integer(low, high) => value.fract() != 0.0 || !(low as f64..=high as f64).contains(&value),
+            Integer(low, high) | IntegerLists(low, high) => {
+                value.fract() != 0.0 || !(low as f64..=high as f64).contains(&value)
+            }
             _ => false,
         }
     }
@@ -466,6 +500,7 @@ impl Allowed {
             Allowed::Positive(low, high) => format!("above {} and up to {}{unit}", plain(low), plain(high)),
             Integer(low, i64::MAX) => format!("whole numbers from {low}"),
             Integer(low, high) => format!("whole numbers from {low} to {high}"),
+            IntegerLists(low, high) => format!("lists of whole numbers from {low} to {high}, such as [[1], [2]]"),
             Choice(words) => words.iter().map(|word| format!("\"{word}\"")).collect::<Vec<_>>().join(", "),
             Text => "words in quotes".into(),
             Texts => "a list of words in quotes".into(),

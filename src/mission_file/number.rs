@@ -20,6 +20,7 @@ impl Mission {
             handle.set(&mut mission, value)?;
         }
         let agrees = mission.notch_problem().is_none()
+            && mission.surface_problem().is_none()
             && mission.orbit_problem().is_none()
             && mission.history_problem().is_none()
             && effect::CATALOGUE.iter().all(|entry| entry.check(&mission).is_ok());
@@ -51,6 +52,17 @@ impl Mission {
         // A day is left for dates.
         (*last_yr + 0.003 < duration_yr)
             .then(|| format!("the history ends after {last_yr:.3} yr, but the mission lasts {duration_yr} yr"))
+    }
+
+    /// The first species of the surface whose level is not below the full well, by its place, and what is wrong with it.
+    pub(super) fn surface_problem(&self) -> Option<(usize, String)> {
+        let full_well_e = self.detector.full_well_e;
+        let level = |species: &Species| species.surface_level_e.filter(|level_e| *level_e >= full_well_e);
+        self.detector.traps.iter().enumerate().find_map(|(index, species)| {
+            let level_e = level(species)?;
+            let (level, full_well) = (keys::plain(level_e), keys::plain(full_well_e));
+            Some((index, format!("the level ({level} e-) must be below the full well ({full_well} e-)")))
+        })
     }
 
     /// What is wrong with the notch, where it is not below the full well.
@@ -179,6 +191,7 @@ fn of_species(field: &str) -> Option<fn(&mut Species) -> Option<&mut f64>> {
         "release_ms" => |species| Some(&mut species.release_ms),
         "energy_ev" => |species| Some(&mut species.energy_ev),
         "well_fill_power" => |species| species.well_fill_power.as_mut(),
+        "surface_level_e" => |species| species.surface_level_e.as_mut(),
         _ => return None,
     })
 }

@@ -14,7 +14,7 @@ use crate::environment::source::{self, SOURCES};
 use crate::error::{InputError, nearest, shortened};
 use crate::io::input;
 use crate::mission::keys::{self, ARRAYS, Allowed, KEYS, Need, OPTIONAL_TABLES};
-use crate::mission::{DoseModel, Mission, Orbit, OrbitKind};
+use crate::mission::{DoseModel, Mission, Orbit, OrbitKind, ReadoutMethod, TrapsAtStart};
 use crate::numeric::calendar;
 use crate::readout::MAX_SPECIES;
 
@@ -279,6 +279,9 @@ impl<'a> Source<'a> {
         if let Some(problem) = mission.notch_problem() {
             return Err(self.fault("detector.notch_e", problem));
         }
+        if let Some((index, problem)) = mission.surface_problem() {
+            return Err(self.fault(&format!("detector.traps[{index}].surface_level_e"), problem));
+        }
         if detector.traps.len() > MAX_SPECIES {
             let problem = format!("{} trap species; allowed: up to {MAX_SPECIES}", detector.traps.len());
             return Err(self.fault("detector.traps", problem));
@@ -330,8 +333,35 @@ impl<'a> Source<'a> {
                 return Err(InputError { help, ..self.fault(&format!("fit.free[{index}]"), problem) });
             }
         }
+        self.check_clock(mission)?;
         self.check_noise(mission)?;
         self.check_dose(mission)
+    }
+
+    /// The steps of a clock move a packet by one pixel, and not too many species are divided among the phases.
+    fn check_clock(&self, mission: &Mission) -> Result<(), InputError> {
+        let by_levels = matches!(mission.accuracy.readout, ReadoutMethod::Fractional | ReadoutMethod::MonteCarlo);
+        if by_levels && mission.readout.traps_at_start == TrapsAtStart::Carried {
+            let problem = "traps that carry their state from pixel to pixel are computed one by one";
+            let help = "set accuracy.readout = \"exact\", or traps_at_start = \"empty\"";
+            return Err(self.fault("readout.traps_at_start", problem).with_help(help));
+        }
+        let Some(clock) = &mission.readout.clock else { return Ok(()) };
+        let clock = clock.clock().map_err(|fault| {
+            let key = format!("readout.clock.{}", fault.key);
+            let place = self.place(&key).or_else(|| self.place("readout.clock"));
+            InputError { place, ..self.fault("", fault.problem) }.with_help(fault.help)
+        })?;
+        let divided = clock.kinds() * mission.detector.traps.len();
+        if divided > MAX_SPECIES {
+            let problem = format!(
+                "{} trap species below {} kinds of phases are {divided}; allowed: up to {MAX_SPECIES}",
+                mission.detector.traps.len(),
+                clock.kinds()
+            );
+            return Err(self.fault("readout.clock.phases", problem));
+        }
+        Ok(())
     }
 
     /// Read noise is a law or a table, and a table has as many noises as rates.
@@ -699,6 +729,15 @@ pub(crate) fn check_value(
         (Allowed::Integer(..), value @ DeValue::Integer(_)) => check_number(value),
         (Allowed::Numbers(..), DeValue::Array(members)) if !members.is_empty() => {
             members.iter().try_for_each(|member| check_number(member.get_ref()))
+        }
+        (Allowed::IntegerLists(..), DeValue::Array(lists)) if !lists.is_empty() => {
+            lists.iter().try_for_each(|list| match list.get_ref() {
+                DeValue::Array(members) => members.iter().try_for_each(|member| match member.get_ref() {
+                    number @ DeValue::Integer(_) => check_number(number),
+                    _ => Err(wrong_kind()),
+                }),
+                _ => Err(wrong_kind()),
+            })
         }
         (Allowed::Choice(words), DeValue::String(word)) if !words.contains(&word.as_ref()) => {
             let help = nearest(word, words.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));

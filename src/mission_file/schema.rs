@@ -93,6 +93,10 @@ fn value(key: &Key) -> Value {
             integer
         }
         Allowed::Numbers(low, high) => json!({"type": "array", "minItems": 1, "items": number(low, high)}),
+        Allowed::IntegerLists(low, high) => {
+            let one = json!({"type": "integer", "minimum": low, "maximum": high});
+            json!({"type": "array", "minItems": 1, "items": {"type": "array", "minItems": 1, "items": one}})
+        }
         Allowed::Choice(words) => json!({"enum": words}),
         Allowed::Text if key.is_name() => json!({"type": "string", "pattern": "^[^\\p{Cc}]*[^\\p{Cc}\\s][^\\p{Cc}]*$"}),
         Allowed::Text => json!({"type": "string", "pattern": "\\S"}),

@@ -9,7 +9,7 @@ use crate::physics::conditions::Conditions;
 use crate::physics::damage::SpeciesState;
 use crate::physics::observable::{Observable, Probe};
 use crate::physics::shape::ShapeChange;
-use crate::readout::{Cloud, Downstream, Method, Readout};
+use crate::readout::{Clock, Cloud, Downstream, Method, Readout};
 
 /// Traps, wells, registers and amplifier under given conditions.
 #[derive(Clone, Debug)]
@@ -20,6 +20,8 @@ pub struct Device {
     pub traps: Vec<SpeciesState>,
     /// Heights of charge clouds in the pixels.
     pub cloud: Cloud,
+    /// The phases of a pixel.
+    pub clock: Clock,
     /// How transfers are computed.
     pub method: Method,
     /// Serial registers with traps.
@@ -53,7 +55,8 @@ pub enum Beside {
 impl Device {
     /// The parallel readout.
     pub fn readout(&self) -> Readout {
-        self.readout_of(&self.traps, self.at.line_time_ms)
+        let readout = self.readout_of(&self.traps, self.at.line_time_ms);
+        Readout { traps: self.clock.spread(&readout.traps), ..readout }
     }
 
     /// Serial registers with traps, each with the transfers of the object.
@@ -67,6 +70,7 @@ impl Device {
         self.traps.iter().chain(self.registers.iter().flat_map(|register| &register.traps))
     }
 
+    /// Transfers in one step.
     fn readout_of(&self, traps: &[SpeciesState], transfer_ms: f64) -> Readout {
         Readout {
             traps: traps.iter().map(|species| species.trap(transfer_ms)).collect(),

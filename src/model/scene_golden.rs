@@ -13,7 +13,7 @@ use crate::physics::conditions::Conditions;
 use crate::physics::damage::SpeciesState;
 use crate::physics::galaxy::Profile;
 use crate::physics::shape::{Moments, ShapeChange};
-use crate::readout::{Cloud, Downstream, Method};
+use crate::readout::{Clock, Cloud, Downstream, Method};
 
 /// A detector whose transfers take a millisecond.
 fn device(traps: Vec<SpeciesState>, cloud: Cloud, background_e: f64, transfers: u32) -> Device {
@@ -22,6 +22,7 @@ fn device(traps: Vec<SpeciesState>, cloud: Cloud, background_e: f64, transfers: 
         at: Conditions { line_time_ms: 1.0, background_e, transfers, ..Conditions::of(&mission, 0.0) },
         traps,
         cloud,
+        clock: Clock::single(),
         method: Method::Fast { relative: 1e-6 },
         registers: Vec::new(),
         effects: Effects::of(&mission),
@@ -38,6 +39,7 @@ fn species(density_per_px: f64, release_transfers: f64) -> SpeciesState {
         release_sigma: 0.0,
         capture_ms: 0.0,
         well_fill_power: None,
+        surface_level_e: None,
     }
 }
 

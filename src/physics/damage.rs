@@ -17,7 +17,7 @@ use crate::error::InputError;
 use crate::mission::{Detector, Species};
 use crate::physics::conditions::Conditions;
 use crate::physics::dose_history::DoseHistory;
-use crate::readout::Trap;
+use crate::readout::{Phase, Trap};
 
 /// Boltzmann's constant, eV/K (CODATA 2018).
 pub const BOLTZMANN_EV_K: f64 = 8.617_333_262e-5;
@@ -40,10 +40,13 @@ pub struct SpeciesState {
     /// Exponent of its cloud's height, where it is not the detector's.
     #[serde(skip)]
     pub well_fill_power: Option<f64>,
+    /// Charge above which a packet reaches it at the surface, e-; none in the bulk.
+    #[serde(skip)]
+    pub surface_level_e: Option<f64>,
 }
 
 impl SpeciesState {
-    /// As a readout with so long a transfer (ms) meets it.
+    /// As a readout with so long a transfer (ms), in one step, meets it.
     pub fn trap(&self, transfer_ms: f64) -> Trap {
         Trap {
             density_per_px: self.density_per_px,
@@ -51,6 +54,8 @@ impl SpeciesState {
             release_sigma: self.release_sigma,
             capture_transfers: self.capture_ms / transfer_ms,
             well_fill_power: self.well_fill_power,
+            surface_level_e: self.surface_level_e,
+            phase: Phase::SINGLE,
         }
     }
 }
@@ -144,6 +149,7 @@ fn after(detector: &Detector, reference_dose_mev_g: f64, dose_mev_g: f64, temper
         release_sigma: 0.0,
         capture_ms: 0.0,
         well_fill_power: species.well_fill_power,
+        surface_level_e: species.surface_level_e,
     };
     detector.traps.iter().map(state).collect()
 }

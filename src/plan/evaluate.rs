@@ -15,6 +15,7 @@ use crate::physics::accuracy::SHOWS_IN_SHAPES;
 use crate::physics::shape::ShapeChange;
 use crate::plan::noise::NoisyEvaluation;
 use crate::plan::requirement::{Crossing, Point, crossing, resolved};
+use crate::readout::Clock;
 use crate::warning::{RELEASED_IN_PLACE_LINES, Warning};
 
 /// Everything along the way from a mission to its verdict.
@@ -219,13 +220,15 @@ pub(crate) fn warnings(model: &Model) -> Result<Vec<Warning>, InputError> {
     if mission.accuracy.readout == ReadoutMethod::MonteCarlo {
         warnings.push(Warning::OneSetOfTraps);
     }
-    for species in model.traps(mission.mission.duration_yr)? {
+    let device = model.device_at(mission.mission.duration_yr)?;
+    let one_step = device.clock == Clock::single();
+    for species in device.traps {
         let over_readout = species.release_ms / (mission.readout.line_time_ms * f64::from(mission.readout.transfers));
         if over_readout > 1.0 && species.density_per_px > 0.0 {
             warnings.push(Warning::NeverReleases { species: species.name.clone(), over_readout });
         }
         let over_line = species.release_ms / mission.readout.line_time_ms;
-        if over_line < RELEASED_IN_PLACE_LINES && species.density_per_px > 0.0 {
+        if one_step && over_line < RELEASED_IN_PLACE_LINES && species.density_per_px > 0.0 {
             warnings.push(Warning::ReleasesInPlace { species: species.name, over_line });
         }
     }

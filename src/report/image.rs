@@ -146,6 +146,9 @@ fn accuracy(method: Method) -> String {
         Method::Fast { relative } => {
             format!("Transfers are computed to {relative} of the largest displacement of charge in a frame.")
         }
+        Method::CarriedTraps => {
+            "Every transfer is computed; traps of a pixel start as they were left nearer to the register.".into()
+        }
         Method::Exact => "Every transfer is computed.".into(),
         Method::Fractional { levels } => format!("Every transfer is computed, with {levels} traps of each species."),
         Method::MonteCarlo { seed } => format!("Traps are random (seed {seed})."),

@@ -15,11 +15,9 @@ fn numbers(value: &Value) -> Vec<f64> {
 fn readout(case: &Value, method: Method) -> Readout {
     let detector = &case["detector"];
     let trap = |trap: &Value| Trap {
-        density_per_px: number(&trap["density_per_px"]),
-        release_transfers: number(&trap["release_transfers"]),
         release_sigma: trap["release_sigma"].as_f64().unwrap_or(0.0),
         capture_transfers: trap["capture_transfers"].as_f64().unwrap_or(0.0),
-        well_fill_power: None,
+        ..Trap::new(number(&trap["density_per_px"]), number(&trap["release_transfers"]))
     };
     Readout {
         traps: case["traps"].as_array().unwrap().iter().map(trap).collect(),

@@ -96,3 +96,24 @@ pub(super) fn column_of_several_clouds(pixel: &SeveralClouds, charge_e: &mut [f6
         }
     }
 }
+
+/// Pixels from the register on, each of which starts in the state that the one before was left in by the first packet that passed it;
+/// `start` is that of the first. `pass(state, charge_e, packet)` gives the change of a packet, e-; packets of a state are numbered on.
+pub(super) fn carried<State: Clone>(
+    charge_e: &mut [f64],
+    rows_downstream: i64,
+    start: State,
+    pass: impl Fn(&mut State, f64, usize) -> f64,
+) {
+    let mut start = start;
+    for place in 0..charge_e.len() as i64 + rows_downstream {
+        let mut state = start.clone();
+        let first = (place - rows_downstream).max(0) as usize;
+        for (row, charge_e) in charge_e.iter_mut().enumerate().skip(first) {
+            *charge_e += pass(&mut state, *charge_e, place as usize + row - first);
+            if row == first {
+                start = state.clone();
+            }
+        }
+    }
+}

@@ -53,7 +53,7 @@ use finite_capture::FiniteCapturePixel;
 use multirevolution::Workspace;
 use passage::{Lead, Passage};
 use pixel::Pixel;
-use several_clouds::SeveralClouds;
+use several_clouds::{SeveralClouds, Stacks};
 use simd::{LANES, Packets};
 
 /// One trap species as the readout meets it.
@@ -158,6 +158,10 @@ pub enum Method {
     },
     /// Every transfer of every packet, one by one.
     Exact,
+    /// The same, but traps of a pixel are not empty when its first packet comes: they start as the pixel next to it, nearer to the
+    /// register, was left by its own first packet. The default of ArCTIc (`empty_traps_for_first_transfers = False`). Charge is not
+    /// conserved.
+    CarriedTraps,
     /// The paper's fractional traps: each species is cut into `levels` traps at fixed heights, whose filling is a
     /// fraction. Every transfer is done. (Rhodes et al. 2010, section 3: 10 000 levels.)
     Fractional {
@@ -328,6 +332,7 @@ impl Readout {
             Method::MonteCarlo { seed } => by_column(&|charge_e, column| {
                 monte_carlo::column(&traps, &each_cloud, charge_e, settled(column), seed, column);
             }),
+            Method::CarriedTraps => self.carried(&traps, (clouds, cloud_of), image, rows_downstream, charge_e, across),
             _ if takes_time => {
                 assert!(clouds.len() == 1, "capture that takes time needs one cloud for all species");
                 self.slowly(&traps, &clouds[0], image, rows_downstream, charge_e, across)
@@ -356,6 +361,44 @@ impl Readout {
                 side_by_side(&pixel, image, rows_downstream, &settled_e, across, relative)
             }),
         }
+    }
+
+    /// See [`Method::CarriedTraps`].
+    fn carried(
+        &self,
+        traps: &[Trap],
+        (clouds, cloud_of): (Vec<Cloud>, Vec<usize>),
+        image: &Array2<f64>,
+        rows_downstream: i64,
+        charge_e: &[f64],
+        across: Axis,
+    ) -> Array2<f64> {
+        let rows = image.len_of(Axis(1 - across.index()));
+        // Packets that the traps of the last pixel have seen, one way or the other.
+        let packets = (2 * rows as i64 + rows_downstream).max(1) as usize;
+        let background_e = |column: u64| (rows_downstream > 0).then_some(charge_e[column as usize]);
+        if traps.iter().all(|trap| trap.capture_transfers == 0.0) {
+            let pixel = SeveralClouds::new(traps, (clouds, cloud_of), packets);
+            return columns(image, across, &|charge_e, column| {
+                let mut stacks = Stacks::default();
+                pixel.start(background_e(column), &mut stacks);
+                every_transfer::carried(charge_e, rows_downstream, stacks, |stacks, charge_e, packet| {
+                    pixel.packet(stacks, charge_e, packet).0
+                });
+            });
+        }
+        assert!(clouds.len() == 1, "capture that takes time needs one cloud for all species");
+        with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
+            columns(image, across, &|charge_e, column| {
+                let background = Downstream { rows: rows_downstream, charge_e: background_e(column).unwrap_or(0.0) };
+                let pixel = FiniteCapturePixel::<WIDTH>::new(traps, clouds[0].clone(), background, packets, 0.0);
+                let mut watermarks = Default::default();
+                pixel.start(0, rows_downstream, &mut watermarks);
+                every_transfer::carried(charge_e, rows_downstream, watermarks, |watermarks, charge_e, packet| {
+                    pixel.packet(watermarks, charge_e, packet + 1).0
+                });
+            })
+        })
     }
 
     /// Where capture takes time; the columns of each background by themselves, for it is followed until it settles.

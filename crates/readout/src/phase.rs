@@ -115,11 +115,6 @@ pub enum ClockFault {
     },
     /// After all steps the packet has not moved by one pixel.
     NotOnePixel,
-    /// Traps below this phase never meet a packet.
-    NeverHolds {
-        /// The phase.
-        phase: usize,
-    },
 }
 
 impl fmt::Display for ClockFault {
@@ -133,10 +128,9 @@ impl fmt::Display for ClockFault {
                 write!(out, "step {} holds charge below all phases: packets would merge", step + 1)
             }
             ClockFault::Leaps { step } => {
-                write!(out, "after step {} the packet does not move forward by one phase or stay", step + 1)
+                write!(out, "after step {} the packet moves by more than one phase, or backwards", step + 1)
             }
             ClockFault::NotOnePixel => out.write_str("all steps together do not move a packet by one pixel"),
-            ClockFault::NeverHolds { phase } => write!(out, "phase {phase} has traps and never holds charge"),
         }
     }
 }
@@ -180,15 +174,23 @@ impl Clock {
                     Nearest::Behind => {}
                 }
             }
-            if seen.over == 0.0 {
-                return Err(ClockFault::NeverHolds { phase });
-            }
             match shares.iter_mut().find(|(_, known)| known.is_about(&seen)) {
                 Some((share, _)) => *share += traps / all_traps,
                 None => shares.push((traps / all_traps, seen)),
             }
         }
         Ok(Clock { shares })
+    }
+
+    /// The same clock with more time between two packets: of the time that a packet is over a trap, the share `returns` (0 to ½) is
+    /// spent near the packet that has just left, and as much near the next one. Of one phase this makes 1/(1 − 2 `returns`) equal
+    /// ones, where that is an odd number.
+    pub fn with_return(&self, returns: f64) -> Clock {
+        let longer = |(share, phase): &(f64, Phase)| {
+            let over = phase.over;
+            (*share, Phase { over: over * (1.0 - 2.0 * returns), ahead: phase.ahead + returns * over, ..*phase })
+        };
+        Clock { shares: self.shares.iter().map(longer).collect() }
     }
 
     /// Kinds of phases that a species is divided into.
@@ -310,6 +312,16 @@ mod tests {
         let four = clock(&[&[0, 1], &[1, 2], &[2, 3], &[3, 0]], 4).unwrap();
         let [(_, phase)] = four[..] else { panic!("phases that are alike") };
         assert_eq!((phase.over, phase.ahead, phase.tie), (0.5, 0.25, 0.0));
+    }
+
+    #[test]
+    fn more_time_between_packets_makes_more_phases() {
+        assert_eq!(Clock::of_phases(4).with_return(0.0), Clock::of_phases(4));
+        for phases in [1.0, 3.0, 5.0] {
+            let made = Clock::single().with_return(0.5 * (1.0 - 1.0 / phases));
+            let [(_, made), (_, expected)] = [made.shares[0], Clock::of_phases(phases as usize).shares[0]];
+            assert!(made.is_about(&expected), "{made:?}, {expected:?}");
+        }
     }
 
     #[test]

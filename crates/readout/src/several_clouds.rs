@@ -25,7 +25,7 @@ pub(super) struct SeveralClouds {
 }
 
 /// Watermarks of every cloud, and electrons in the traps of every species.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Stacks {
     watermarks: Vec<Vec<Watermark>>,
     stored_e: Vec<f64>,

@@ -72,6 +72,7 @@ fn value(kind: Allowed, item: &str) -> Result<Value, String> {
         },
         Allowed::Number(..) | Allowed::Positive(..) => Ok(Value::Float(number()?)),
         Allowed::Numbers(..) => Ok(Value::Array(vec![Value::Float(number()?)])),
+        Allowed::IntegerLists(..) => Err("give lists of lists in the mission file".into()),
         Allowed::Date => Ok(Value::Datetime(Date(day(item)?).into())),
         Allowed::Choice(_) | Allowed::Text => Ok(Value::String(item.to_string())),
         Allowed::Texts => Ok(Value::Array(vec![Value::String(item.to_string())])),
