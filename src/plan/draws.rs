@@ -23,10 +23,11 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use crate::environment::solar_cycle::{self, ACTIVE_YR};
 use crate::error::InputError;
 use crate::mission::{DoseModel, FitSettings, Mission, ReadoutMethod};
-use crate::model::{Device, Model};
+use crate::model::{Device, Model, predict};
 use crate::numeric::calendar::decimal_year;
 use crate::numeric::sample_points::{MOST_SOBOL, Sample, Sampling};
 use crate::physics::accuracy::Purpose;
+use crate::physics::conditions::Conditions;
 use crate::physics::galaxy::snr;
 use crate::physics::shape::ShapeChange;
 use crate::physics::solar_event_dose::SOLAR_PROTONS;
@@ -180,7 +181,7 @@ impl<'a> Draws<'a> {
     ) -> Result<Fates, InputError> {
         let found = chosen.par_iter().map(|index| {
             let draw = self.draw(*index)?;
-            let fate = Fate::of(&draw.model, |device| self.change(&draw, device, emulator));
+            let fate = Fate::of(&draw.model, |times| self.changes(&draw, times, emulator));
             advance();
             Ok((fate.map_err(|error| self.fault(*index, error))?, draw.deviations))
         });
@@ -223,16 +224,23 @@ impl<'a> Draws<'a> {
         }
     }
 
-    /// Change of shape of a draw by a device; None where no shape is left.
-    fn change(
+    /// Changes of shape of a draw at some times (years since launch); None where no shape is left.
+    fn changes(
         &self,
         draw: &Draw,
-        device: &Device,
+        times: &[f64],
         emulator: Option<&Emulator>,
-    ) -> Result<Option<ShapeChange>, InputError> {
-        let Some(emulator) = emulator else { return draw.model.change_by(0, device) };
-        let [delta_e1, delta_e2] = emulator.at(&Place::of(&draw.model.mission, device, &draw.others));
-        device.observed_change(ShapeChange { delta_e1, delta_e2, ..ShapeChange::default() }).map(Some)
+    ) -> Result<Vec<Option<ShapeChange>>, InputError> {
+        let Some(emulator) = emulator else {
+            let at: Vec<Conditions> = times.iter().map(|t_yr| draw.model.conditions(*t_yr)).collect();
+            return predict::changes(&draw.model, 0, &at);
+        };
+        let change = |t_yr: &f64| {
+            let device = draw.model.device_at(*t_yr)?;
+            let [delta_e1, delta_e2] = emulator.at(&Place::of(&draw.model.mission, &device, &draw.others));
+            device.observed_change(ShapeChange { delta_e1, delta_e2, ..ShapeChange::default() }).map(Some)
+        };
+        times.iter().map(change).collect()
     }
 
     /// An emulator of the changes of shape of draws, if a good one is found.

@@ -1,7 +1,7 @@
 //! One draw over time → when its |Δe| exceeds the budget.
 
 use crate::error::InputError;
-use crate::model::{Device, Model};
+use crate::model::Model;
 use crate::physics::shape::ShapeChange;
 use crate::plan::requirement::{Point, crossing};
 
@@ -24,20 +24,21 @@ const TIMES: usize = 12;
 const PASSED: f64 = 0.01;
 
 impl Fate {
-    /// Of a model whose changes of shape, by device, are these.
+    /// Of a model whose changes of shape, at many times at once (years since launch), are these.
     ///
     /// # Errors
-    /// Those of the changes, and where the model has no device.
+    /// Those of the changes, and where the model has no dose.
     pub fn of(
         model: &Model,
-        change: impl Fn(&Device) -> Result<Option<ShapeChange>, InputError>,
+        changes: impl Fn(&[f64]) -> Result<Vec<Option<ShapeChange>>, InputError>,
     ) -> Result<Fate, InputError> {
-        let magnitude = |t_yr: f64| -> Result<Option<f64>, InputError> {
-            Ok(change(&model.device_at(t_yr)?)?.map(|change| change.magnitude()))
+        let magnitudes = |times: &[f64]| -> Result<Vec<Option<f64>>, InputError> {
+            Ok(changes(times)?.into_iter().map(|change| change.map(|change| change.magnitude())).collect())
         };
+        let magnitude = |t_yr: f64| Ok::<_, InputError>(magnitudes(&[t_yr])?[0]);
         let times = times_yr(model)?;
-        let points = times.into_iter().map(|t_yr| Ok((t_yr, magnitude(t_yr)?)));
-        let points: Vec<Point> = points.collect::<Result<_, InputError>>()?;
+        let found = magnitudes(&times)?;
+        let points: Vec<Point> = times.into_iter().zip(found).collect();
         let requirement = &model.mission.requirement;
         let limits = [requirement.delta_e, requirement.delta_e * requirement.correction_factor];
         let first = |limit: f64| Ok(crossing(limit, &points, magnitude)?.t_yr);
