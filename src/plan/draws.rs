@@ -237,28 +237,36 @@ impl<'a> Draws<'a> {
         };
         let change = |t_yr: &f64| {
             let device = draw.model.device_at(*t_yr)?;
-            let [delta_e1, delta_e2] = emulator.at(&Place::of(&draw.model.mission, &device, &draw.others));
+            let [delta_e1, delta_e2] = emulator.at(&Place::of(&draw.model.mission, &device, &draw.others, emulator.general));
             device.observed_change(ShapeChange { delta_e1, delta_e2, ..ShapeChange::default() }).map(Some)
         };
         times.iter().map(change).collect()
     }
 
-    /// An emulator of the changes of shape of draws, if a good one is found.
+    /// An emulator of the changes of shape of draws, if a good one is found: a general one where there are effects.
     fn emulator(&self) -> Result<Option<(Emulator, Emulated)>, InputError> {
-        let without_traps = !self.model.mission.effects.is_empty();
+        let found = self.emulator_that_is(false)?;
+        match found {
+            None if !self.model.mission.effects.is_empty() => self.emulator_that_is(true),
+            found => Ok(found),
+        }
+    }
+
+    fn emulator_that_is(&self, general: bool) -> Result<Option<(Emulator, Emulated)>, InputError> {
         let looked_at = evenly(self.samples, MOST_TERMS);
-        let places = looked_at.par_iter().enumerate().map(|(place, index)| Ok(self.place(place, *index)?.0));
+        let places = looked_at.par_iter().enumerate();
+        let places = places.map(|(place, index)| Ok(self.place(place, *index, general)?.0));
         let places: Vec<Place> = places.collect::<Vec<_>>().into_iter().collect::<Result<_, InputError>>()?;
-        let terms = Emulator::coefficients(&places, without_traps);
+        let terms = Emulator::coefficients(&places, general);
         let readouts = (READOUTS_PER_TERM * terms as f64).ceil() as usize + HELD_BACK;
         // Few draws are sooner read out one by one.
         if terms > MOST_TERMS || 10 * self.samples as usize <= readouts {
             return Ok(None);
         }
         let numbers: Vec<u32> = (0..readouts as u32).map(|number| number % self.samples).collect();
-        let known = numbers.par_iter().enumerate().map(|(place, index)| self.example(place, *index));
-        let known: Vec<Result<Option<(Place, [f64; 2])>, InputError>> = known.collect();
-        let known: Option<Vec<(Place, [f64; 2])>> = known.into_iter().collect::<Result<_, _>>()?;
+        let known = numbers.par_iter().enumerate().map(|(place, index)| self.example(place, *index, general));
+        let known: Vec<Result<Option<Example>, InputError>> = known.collect();
+        let known: Option<Vec<Example>> = known.into_iter().collect::<Result<_, _>>()?;
         let Some(known) = known else { return Ok(None) };
         // Every few, so that both kinds are spread over the draws alike.
         let every = readouts / HELD_BACK;
@@ -267,27 +275,30 @@ impl<'a> Draws<'a> {
             if place % every == 0 && held.len() < HELD_BACK { held.push(one) } else { fitted.push(one) }
         }
         let least = SMALL * self.model.mission.requirement.delta_e;
-        let Some(emulator) = Emulator::fitted(&fitted, least, without_traps) else { return Ok(None) };
+        let Some(emulator) = Emulator::fitted(&fitted, least, general) else { return Ok(None) };
         let relative_error = emulator.error(&held, least);
         let emulated = Emulated { readouts: fitted.len(), held_back: held.len(), relative_error };
         Ok((relative_error <= ACCEPTED).then_some((emulator, emulated)))
     }
 
     /// Where a draw is at some time of its mission, the end for every second: its place, its model and device.
-    fn place(&self, place: usize, index: u32) -> Result<(Place, Draw, Device), InputError> {
+    fn place(&self, place: usize, index: u32, general: bool) -> Result<(Place, Draw, Device), InputError> {
         let draw = self.draw(index)?;
         let share = if place.is_multiple_of(2) { 1.0 } else { (GOLDEN * place as f64).fract() };
         let device = draw.model.device_at(share * self.model.mission.mission.duration_yr)?;
-        Ok((Place::of(&draw.model.mission, &device, &draw.others), draw, device))
+        Ok((Place::of(&draw.model.mission, &device, &draw.others, general), draw, device))
     }
 
     /// The same with its change of shape, read out; None where no shape is left.
-    fn example(&self, place: usize, index: u32) -> Result<Option<(Place, [f64; 2])>, InputError> {
-        let (place, draw, device) = self.place(place, index)?;
+    fn example(&self, place: usize, index: u32, general: bool) -> Result<Option<Example>, InputError> {
+        let (place, draw, device) = self.place(place, index, general)?;
         let change = draw.model.trailed(0, &device.fit_for(Purpose::Shape))?;
         Ok(change.map(|change| (place, [change.delta_e1, change.delta_e2])))
     }
 }
+
+/// A place with its change of shape: Δe1 and Δe2.
+type Example = (Place, [f64; 2]);
 
 /// Golden section: its multiples are spread evenly.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;

@@ -7,8 +7,8 @@
 //! Δe = ρ P(x) + Q(x)
 //! ```
 //!
-//! where P is a polynomial of degree 2 (3 where ρ is involved, 5 in ρ alone) and Q, there with effects alone, one of degree 1: a change that
-//! needs no traps. Coefficients are those of least squares.
+//! where P is a polynomial of degree 2 (3 where ρ is involved, 5 in ρ alone). A general one has Q too, of degree 1: a change that
+//! needs no traps; and time and dose are among its x. Coefficients are those of least squares.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -26,8 +26,9 @@ pub struct Place {
 }
 
 impl Place {
-    /// Of a device that reads the first galaxy of a mission. `others`: numbers that are drawn and not seen in the device.
-    pub fn of(mission: &Mission, device: &Device, others: &[f64]) -> Place {
+    /// Of a device that reads the first galaxy of a mission, for an emulator that is general or not. `others`: numbers that are
+    /// drawn and not seen in the device.
+    pub fn of(mission: &Mission, device: &Device, others: &[f64], general: bool) -> Place {
         let densities: Vec<f64> = device.species().map(|species| species.density_per_px).collect();
         let total_per_px: f64 = densities.iter().sum();
         let share = |density: f64| if total_per_px > 0.0 { density / total_per_px } else { 0.0 };
@@ -48,7 +49,7 @@ impl Place {
             snr::flux_e(mission, galaxy).ln(),
             galaxy.half_light_px.ln(),
         ]);
-        if !mission.effects.is_empty() {
+        if general {
             numbers.extend([device.at.t_yr, device.at.dose_mev_g.unwrap_or(0.0)]);
         }
         numbers.extend(others);
@@ -63,15 +64,16 @@ pub struct Emulator {
     varying: Vec<(usize, f64, f64)>,
     /// Median of ρ over the places, 1/px.
     median_per_px: f64,
-    without_traps: bool,
+    /// Whether it allows for changes without traps, and for time and dose.
+    pub general: bool,
     coefficients: [DVector<f64>; 2],
 }
 
 impl Emulator {
     /// Fitted to the changes (Δe1, Δe2) at some places. Errors below `least` are alike. None where there are fewer places than
     /// coefficients.
-    pub fn fitted(known: &[(Place, [f64; 2])], least: f64, without_traps: bool) -> Option<Emulator> {
-        let mut emulator = Emulator::unfitted(known.iter().map(|(place, _)| place).collect(), without_traps);
+    pub fn fitted(known: &[(Place, [f64; 2])], least: f64, general: bool) -> Option<Emulator> {
+        let mut emulator = Emulator::unfitted(known.iter().map(|(place, _)| place).collect(), general);
         let rows: Vec<Vec<f64>> = known.iter().map(|(place, _)| emulator.terms(place)).collect();
         let terms = rows.first()?.len();
         if rows.len() < terms {
@@ -87,18 +89,18 @@ impl Emulator {
     }
 
     /// Number of coefficients of a fit at some places.
-    pub fn coefficients(places: &[Place], without_traps: bool) -> usize {
-        let emulator = Emulator::unfitted(places.iter().collect(), without_traps);
+    pub fn coefficients(places: &[Place], general: bool) -> usize {
+        let emulator = Emulator::unfitted(places.iter().collect(), general);
         places.first().map_or(0, |place| emulator.terms(place).len())
     }
 
-    fn unfitted(places: Vec<&Place>, without_traps: bool) -> Emulator {
+    fn unfitted(places: Vec<&Place>, general: bool) -> Emulator {
         let mut totals: Vec<f64> = places.iter().map(|place| place.total_per_px).collect();
         totals.sort_by(f64::total_cmp);
         let median_per_px = totals.get(totals.len() / 2).copied().filter(|median| *median > 0.0).unwrap_or(1.0);
         let scaled: Vec<Vec<f64>> = places.iter().map(|place| scaled(place, median_per_px)).collect();
         let coefficients = [DVector::zeros(0), DVector::zeros(0)];
-        Emulator { varying: varying(&scaled), median_per_px, without_traps, coefficients }
+        Emulator { varying: varying(&scaled), median_per_px, general, coefficients }
     }
 
     /// Δe1 and Δe2 at a place.
@@ -131,7 +133,7 @@ impl Emulator {
             polynomial.extend([4, 5].map(|power| x[0].powi(power)));
         }
         let mut terms: Vec<f64> = polynomial.iter().map(|value| place.total_per_px * value).collect();
-        if self.without_traps {
+        if self.general {
             terms.push(1.0);
             terms.extend(x);
         }
