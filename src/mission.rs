@@ -40,6 +40,9 @@ pub struct Mission {
     pub psf: Psf,
     /// Galaxies whose shapes are followed.
     pub galaxies: Vec<Galaxy>,
+    /// Galaxies of a survey, for shear biases.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub population: Option<Population>,
     /// What is judged.
     pub requirement: Requirement,
     /// How accurate the numbers are to be; no physics.
@@ -72,6 +75,8 @@ pub struct Imported {
     pub sectors: Vec<(f64, f64)>,
     /// `detector.temperature_history`: years since launch, rising, and temperature from then on, K.
     pub temperatures: Vec<(f64, f64)>,
+    /// `population.table`: galaxies.
+    pub galaxies: Vec<PopulationGalaxy>,
     /// A course of the Sun that was drawn: years since launch, rising, and dose of solar protons since launch (MeV/g, before
     /// `environment.dose_factor`). It stands in place of all solar protons that the environment gives.
     pub sun: Option<Vec<(f64, f64)>>,
@@ -394,15 +399,95 @@ pub struct Galaxy {
     pub weight_px: f64,
 }
 
+/// `[population]`: galaxies of a survey, from a table or by a law.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Population {
+    /// File of galaxies.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub table: Option<String>,
+    /// Galaxies that are evaluated at most; without a table, that are drawn.
+    pub galaxies: u32,
+    /// Brightest and faintest magnitude of the law.
+    pub magnitude_range: Vec<f64>,
+    /// Magnitude of a source of one electron in an exposure.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub one_electron_mag: Option<f64>,
+    /// Width of a pixel, arcsec.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pixel_arcsec: Option<f64>,
+    /// Transfers of galaxies for which the table says nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transfers: Option<Distances>,
+    /// Flux of the stars of which the PSF is made, e-; None: the PSF is known from elsewhere.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub psf_stars_e: Option<f64>,
+    /// Orientations of the detector on the sky over which the survey averages, degrees.
+    pub orientations_deg: Vec<f64>,
+    /// Whether ellipticities are measured with the noise of one exposure.
+    pub noise: PopulationNoise,
+}
+
+/// Transfers of the galaxies of a population.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Distances {
+    /// `readout.transfers`, all of them.
+    Evaluated,
+    /// Evenly spread from 1 to `readout.transfers`.
+    Uniform,
+}
+
+/// Whether a population is measured with noise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PopulationNoise {
+    /// Without noise.
+    Neglected,
+    /// With photon and read noise.
+    Included,
+}
+
+/// One galaxy of a population; what its table does not say is None.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PopulationGalaxy {
+    /// Flux, e-.
+    pub flux_e: Option<f64>,
+    /// Circularised half-light radius before the PSF, px.
+    pub half_light_px: Option<f64>,
+    /// Sersic index.
+    pub sersic_index: Option<f64>,
+    /// Ellipticity before the PSF, (a² − b²)/(a² + b²), along the rows' direction x.
+    pub e1: Option<f64>,
+    /// The same along the diagonal.
+    pub e2: Option<f64>,
+    /// σ of the weight, px.
+    pub weight_px: Option<f64>,
+    /// Parallel transfers.
+    pub transfers: Option<u32>,
+    /// Weight of the galaxy in the survey.
+    pub weight: f64,
+}
+
 /// `[requirement]`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Requirement {
-    /// Largest change of ellipticity.
+    /// Largest change of ellipticity; 0.999, which none reaches, where only shear biases are limited.
+    #[serde(default = "unlimited")]
     pub delta_e: f64,
+    /// Largest additive shear bias of the population.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub c: Option<f64>,
+    /// Largest multiplicative shear bias of the population.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub m: Option<f64>,
     /// Factor by which software correction reduces it.
     pub correction_factor: f64,
     /// The galaxy that is judged.
     pub galaxy: String,
+}
+
+fn unlimited() -> f64 {
+    0.999
 }
 
 /// `[accuracy]`

@@ -6,6 +6,7 @@
 //! from, as resolved.
 
 mod edit;
+mod galaxies;
 mod imported;
 pub mod lookup;
 mod number;

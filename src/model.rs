@@ -13,6 +13,7 @@ pub mod noise;
 pub mod predict;
 pub mod realise;
 mod scene;
+pub mod shear;
 #[cfg(test)]
 mod scene_golden;
 

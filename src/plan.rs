@@ -7,6 +7,7 @@ pub mod draws;
 pub mod evaluate;
 pub mod mission_sample;
 pub mod noise;
+pub mod population;
 pub mod requirement;
 pub mod scenario;
 pub mod sources;

@@ -56,7 +56,7 @@ impl Evaluate {
         let sample = self.posterior.as_ref().map(|path| MissionSample::read(path, &mission)).transpose()?;
         let seed = self.seed.unwrap_or(mission.accuracy.seed);
         let realisations = Realisations { count: mission.accuracy.noise_realisations, seed };
-        let evaluation = evaluate(&mission)?.with_noise(realisations)?;
+        let evaluation = evaluate(&mission)?.with_noise(realisations)?.with_population(seed)?;
         let noisy = match self.monte_carlo {
             None => Vec::new(),
             Some(realisations) => {
@@ -69,7 +69,7 @@ impl Evaluate {
                 noisy
             }
         };
-        let met = evaluation.verdict.met();
+        let met = evaluation.met();
         let time_series = self.drawn.wanted().then(|| TimeSeries::of(&evaluation.model)).transpose()?;
         let distribution = match self.samples {
             0 => None,

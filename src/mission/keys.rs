@@ -64,7 +64,7 @@ pub enum Need {
 
 /// All tables, in the order of the file, with a description; `[]` is a member of an array of tables. Effects have tables of
 /// their own, known to the catalogue of effects.
-pub const TABLES: [(&str, &str); 18] = [
+pub const TABLES: [(&str, &str); 19] = [
     ("mission", "name, launch, duration, orbit"),
     ("orbit", "orbit, by its elements; in place of mission.orbit"),
     ("environment", "displacement damage dose: given, or derived from orbit, Sun, [shielding] and NIEL"),
@@ -83,15 +83,16 @@ pub const TABLES: [(&str, &str); 18] = [
     ("sky", "background"),
     ("psf", "point spread function: a Moffat profile"),
     ("galaxies[]", "one galaxy; its brightness is flux_e, or snr within aperture_px"),
-    ("requirement", "the budget: the largest change of ellipticity of one galaxy"),
+    ("population", "the galaxies of a survey, for shear biases: a table, or a law"),
+    ("requirement", "the budget: the largest change of ellipticity of one galaxy, or the shear biases of the population"),
     ("accuracy", "numerical accuracy; no physics"),
     ("uncertainty", "relative uncertainties of the inputs; for trade studies"),
     ("fit", "free parameters of fits to measurements"),
 ];
 
 /// Tables that may be absent as a whole; their required keys are required only if the table is given.
-pub const OPTIONAL_TABLES: [&str; 6] =
-    ["orbit", "shielding", "shielding.layers[]", "readout.clock", "readout.noise", "survey"];
+pub const OPTIONAL_TABLES: [&str; 7] =
+    ["orbit", "shielding", "shielding.layers[]", "readout.clock", "readout.noise", "survey", "population"];
 
 /// Arrays of tables, each with the name of one member.
 pub const ARRAYS: [(&str, &str); 2] = [("detector.traps", "trap species"), ("galaxies", "galaxy")];
@@ -378,9 +379,65 @@ pub const KEYS: &[Key] = &[
     key("galaxies[].read_noise_e", "read noise", "e- per pixel", Number(0.0, 1e4), Default("0.0")),
     key("galaxies[].e1", "ellipticity", "", Number(-0.9, 0.9), Default("0.0")),
     key("galaxies[].weight_px", "width (sigma) of the weight function", "px", Number(0.5, 50.0), Required),
+    key("population.table", "file of galaxies", "", Text, Optional),
+    key(
+        "population.galaxies",
+        "number of galaxies that are evaluated, at most; without a table, that are drawn",
+        "",
+        Integer(1, 100_000),
+        Default("100"),
+    ),
+    key(
+        "population.magnitude_range",
+        "brightest and faintest magnitude of the law",
+        "mag",
+        Numbers(-30.0, 40.0),
+        Default("[20.0, 24.5]"),
+    ),
+    key(
+        "population.one_electron_mag",
+        "magnitude of a source of one electron in an exposure",
+        "mag",
+        Number(-30.0, 60.0),
+        Optional,
+    ),
+    key("population.pixel_arcsec", "width of a pixel", "arcsec", Allowed::Positive(0.0, 10.0), Optional),
+    key(
+        "population.transfers",
+        "transfers that the table does not give: readout.transfers, the default with a table, or evenly spread up to it",
+        "",
+        Choice(&["evaluated", "uniform"]),
+        Optional,
+    ),
+    key("population.psf_stars_e", "flux of the stars of which the PSF is made", "e-", Allowed::Positive(0.0, 1e9), Optional),
+    key(
+        "population.orientations_deg",
+        "orientation of the detector on the sky; the survey averages over all of the list",
+        "degrees",
+        Numbers(-360.0, 360.0),
+        Default("[0.0]"),
+    ),
+    key(
+        "population.noise",
+        "noise of one exposure in the ellipticities",
+        "",
+        Choice(&["neglected", "included"]),
+        Default("\"neglected\""),
+    ),
     Key {
         help: |value| (value >= 1.0).then(|| "a change of ellipticity: 1 % is 0.01".into()),
-        ..key("requirement.delta_e", "largest change of ellipticity", "", Allowed::Positive(0.0, 0.999), Required)
+        ..key("requirement.delta_e", "largest change of ellipticity", "", Allowed::Positive(0.0, 0.999), Optional)
+    },
+    key("requirement.c", "largest additive shear bias of the population", "", Allowed::Positive(0.0, 0.999), Optional),
+    Key {
+        help: percentage,
+        ..key(
+            "requirement.m",
+            "largest multiplicative shear bias of the population",
+            "",
+            Allowed::Positive(0.0, 0.999),
+            Optional,
+        )
     },
     Key {
         help: |value| {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::galaxies::read as read_galaxies;
 use crate::environment::spectrum::{Law, Spectrum};
 use crate::error::InputError;
 use crate::io::radiation_file::{
@@ -9,7 +10,7 @@ use crate::io::radiation_file::{
     read_spectrum, read_temperature_history,
 };
 use crate::mission::keys::TEMPERATURES_K;
-use crate::mission::{Imported, ImportedSpectrum, Mission};
+use crate::mission::{Imported, ImportedSpectrum, Mission, PopulationGalaxy};
 use crate::numeric::calendar::years_between;
 
 /// What is wrong with a file: the key that names it, where the problem is not within the file alone.
@@ -20,8 +21,9 @@ pub(super) fn import(mission: &mut Mission, folder: &Path) -> Result<(), Refusal
     let environment = &mut mission.environment;
     let sectors = mission.shielding.as_mut().and_then(|shielding| shielding.sectors.as_mut());
     let warmings = mission.detector.temperature_history.as_mut();
+    let table = mission.population.as_mut().and_then(|population| population.table.as_mut());
     let named =
-        [environment.history.as_mut(), environment.dose_depth.as_mut(), sectors, warmings].into_iter().flatten();
+        [environment.history.as_mut(), environment.dose_depth.as_mut(), sectors, warmings, table].into_iter().flatten();
     for file in named.chain(environment.spectra.iter_mut().flatten()) {
         *file = folder.join(&file).display().to_string();
     }
@@ -31,6 +33,7 @@ pub(super) fn import(mission: &mut Mission, folder: &Path) -> Result<(), Refusal
         dose_depth: dose_depth(mission)?,
         sectors: sectors_of(mission)?,
         temperatures: temperatures(mission)?,
+        galaxies: galaxies(mission)?,
         sun: None,
     };
     match mission.history_problem() {
@@ -111,6 +114,14 @@ fn temperatures(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
     let Some(file) = &mission.detector.temperature_history else { return Ok(Vec::new()) };
     let read = read_temperature_history(file, TEMPERATURES_K).map_err(within)?;
     Ok(since_launch_yr(mission, &read.times).into_iter().zip(read.temperatures_k).collect())
+}
+
+/// Galaxies of the population's table.
+fn galaxies(mission: &Mission) -> Result<Vec<PopulationGalaxy>, Refusal> {
+    let Some(file) = mission.population.as_ref().and_then(|population| population.table.as_ref()) else {
+        return Ok(Vec::new());
+    };
+    read_galaxies(file).map_err(within)
 }
 
 fn spectra(mission: &Mission) -> Result<Vec<ImportedSpectrum>, Refusal> {

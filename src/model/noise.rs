@@ -60,6 +60,8 @@ const STREAMS: u64 = 1 << 41;
 pub struct NoiseTerm {
     /// Mean Δe1 and Δe2 with noise, less those without.
     pub added: [f64; 2],
+    /// Mean e1 and e2 before the readout with noise.
+    pub before: [f64; 2],
     /// Standard errors from the finite number of realisations.
     pub error: [f64; 2],
 }
@@ -76,7 +78,8 @@ pub struct Realisations {
 impl NoiseTerm {
     /// The same from so many times the traps: to first order in their density.
     pub fn times(self, factor: f64) -> NoiseTerm {
-        NoiseTerm { added: self.added.map(|e| factor * e), error: self.error.map(|e| factor.abs() * e) }
+        let [added, error] = [self.added.map(|e| factor * e), self.error.map(|e| factor.abs() * e)];
+        NoiseTerm { added, error, ..self }
     }
 }
 
@@ -108,6 +111,7 @@ impl Scene {
             // The first of several errors, whichever came first.
             let added = added.into_iter().collect::<Result<Vec<[f64; 2]>, _>>()?;
             for member in [0, 1] {
+                term.before[member] += weight * noiseless.mean_before[member];
                 let values: Vec<f64> = added.iter().map(|added| added[member]).collect();
                 let mean = values.iter().sum::<f64>() / pairs as f64;
                 let squares = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();

@@ -17,12 +17,15 @@ use rayon::prelude::*;
 use super::device::{Beside, Device};
 use crate::error::InputError;
 use crate::mission::{Galaxy, Mission};
-use crate::physics::galaxy::{Profile, snr};
+use crate::physics::galaxy::{LensedGalaxy, Profile, snr};
 use crate::physics::shape::{Moments, ShapeChange};
 use crate::readout::Downstream;
 
 /// Half-width of a stamp in units of the weight's σ: the weight has fallen to 4e-6.
 const STAMP_WEIGHTS: f64 = 5.0;
+
+/// Flux of components of a galaxy that is left out where shear biases are wanted: they are ratios of images that leave out alike.
+const OF_POPULATIONS: f64 = 1e-6;
 
 /// One galaxy, ready to be trailed.
 #[derive(Clone, Debug)]
@@ -31,6 +34,8 @@ pub struct Scene {
     weight_px: f64,
     half_px: usize,
     positions: Vec<Position>,
+    /// Whether the galaxy's mirror image in x is the galaxy: it has no e2.
+    is_even: bool,
 }
 
 /// The galaxy at one sub-pixel position, and at its mirror image in x.
@@ -89,7 +94,32 @@ impl Scene {
                 Some(Position { charge_e, before, weight, centred })
             })
             .collect::<Option<Vec<_>>>()?;
-        Some(Scene { background_e, weight_px, half_px, positions })
+        Some(Scene { background_e, weight_px, half_px, positions, is_even: true })
+    }
+
+    /// A galaxy that need not be its own mirror image in x, through a PSF: as [`Scene::new`], at positions in all of the pixel.
+    pub(super) fn lensed(galaxy: &LensedGalaxy, flux_e: f64, weight_px: f64, mission: &Mission) -> Option<Scene> {
+        let (grid, background_e) = (mission.accuracy.subpixel_grid, mission.sky.background_e);
+        let profile = Profile::lensed(galaxy, &mission.psf, OF_POPULATIONS);
+        if [galaxy.ellipticity[1], galaxy.shear[1], galaxy.psf_shear[1]] == [0.0; 3] {
+            return Scene::new(&profile, flux_e, background_e, weight_px, grid);
+        }
+        let both_sides = |(x_px, weight): (f64, f64)| match x_px {
+            0.0 => vec![(0.0, weight)],
+            _ => vec![(x_px, 0.5 * weight), (-x_px, 0.5 * weight)],
+        };
+        let across: Vec<(f64, f64)> = across(grid).into_iter().flat_map(both_sides).collect();
+        let scene = Scene::at(&profile, flux_e, background_e, weight_px, &across, &along(grid))?;
+        Some(Scene { is_even: false, ..scene })
+    }
+
+    /// Mean e1 and e2 before the readout over the sub-pixel positions.
+    pub(super) fn ellipticity_before(&self) -> [f64; 2] {
+        let total: f64 = self.positions.iter().map(|position| position.weight).sum();
+        let mean = |of: fn(&Moments) -> f64| {
+            self.positions.iter().map(|position| position.weight * of(&position.before)).sum::<f64>() / total
+        };
+        [mean(|moments| moments.e1), if self.is_even { 0.0 } else { mean(|moments| moments.e2) }]
     }
 
     /// Mean change of shape over the sub-pixel positions, read out by a device under its conditions.
@@ -130,10 +160,10 @@ impl Scene {
         };
         let both = |position: &Position| -> Result<Option<ShapeChange>, InputError> {
             let Some(change) = seen(&position.before, &position.charge_e)? else { return Ok(None) };
-            if symmetric {
+            if symmetric && self.is_even {
                 return Ok(Some(ShapeChange { delta_e2: 0.0, delta_x_px: 0.0, ..change }));
             }
-            if position.centred {
+            if position.centred || !self.is_even {
                 return Ok(Some(change));
             }
             let mirrored = position.charge_e.slice(s![.., ..;-1]).to_owned();
@@ -159,7 +189,7 @@ impl Scene {
         let mut read = Vec::new();
         for Position { charge_e, weight, centred, .. } in &self.positions {
             let weight = weight / total;
-            if symmetric || *centred {
+            if symmetric || *centred || !self.is_even {
                 read.push((charge_e.clone(), weight));
             } else {
                 let mirrored = charge_e.slice(s![.., ..;-1]).to_owned();

@@ -14,6 +14,7 @@ use crate::physics::SpeciesState;
 use crate::physics::accuracy::SHOWS_IN_SHAPES;
 use crate::physics::shape::ShapeChange;
 use crate::plan::noise::NoisyEvaluation;
+use crate::plan::population::PopulationBias;
 use crate::plan::requirement::{Crossing, Point, crossing, resolved};
 use crate::readout::Clock;
 use crate::warning::{RELEASED_IN_PLACE_LINES, Warning};
@@ -29,6 +30,8 @@ pub struct Evaluation {
     pub verdict: BudgetVerdict,
     /// Changes of shape with noise, where they were asked for.
     pub noise: Option<NoisyEvaluation>,
+    /// Shear biases of the population, where they were asked for and there is one.
+    pub population: Option<PopulationBias>,
     /// Things seen that are not errors.
     pub warnings: Vec<Warning>,
 }
@@ -69,6 +72,20 @@ impl Evaluation {
     pub fn with_noise(self, realisations: Realisations) -> Result<Evaluation, InputError> {
         let noise = NoisyEvaluation::of(&self, realisations)?;
         Ok(Evaluation { noise, ..self })
+    }
+
+    /// The same with the shear biases of the population, if there is one; `seed` is that of its law and its noise.
+    ///
+    /// # Errors
+    /// Where a formula has no value, or no galaxy of the population can be measured.
+    pub fn with_population(self, seed: u64) -> Result<Evaluation, InputError> {
+        let population = PopulationBias::of(&self.model, seed)?;
+        Ok(Evaluation { population, ..self })
+    }
+
+    /// Whether all requirements are met, with correction, to the end of the mission.
+    pub fn met(&self) -> bool {
+        self.verdict.met() && self.population.as_ref().is_none_or(PopulationBias::met)
     }
 
     /// The mission, as resolved.
@@ -188,7 +205,7 @@ pub(crate) fn evaluated(model: Model) -> Result<Evaluation, InputError> {
     let years = years.into_iter().collect::<Result<Vec<Year>, _>>()?;
     let verdict = verdict(&model, &years)?;
     let warnings = warnings(&model)?;
-    Ok(Evaluation { model, years, verdict, noise: None, warnings })
+    Ok(Evaluation { model, years, verdict, noise: None, population: None, warnings })
 }
 
 /// Ends of the years of a mission, and its end.

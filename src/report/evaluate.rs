@@ -3,6 +3,7 @@
 mod distribution;
 mod figures;
 mod noise;
+mod population;
 
 use comfy_table::Table;
 use serde::ser::{Serialize, Serializer};
@@ -148,7 +149,13 @@ impl Page for EvaluateReport {
             self.realisations(&mut out);
         }
 
+        if let Some(biases) = &self.evaluation.population {
+            population::say(biases, mission, &mut out);
+        }
         self.budget(&mut out);
+        if let Some(biases) = &self.evaluation.population {
+            population::judge(biases, mission, &mut out);
+        }
         if let Some(distribution) = &self.distribution {
             distribution::say(distribution, mission, self.confidence, &mut out);
         }

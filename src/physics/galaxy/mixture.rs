@@ -6,7 +6,7 @@ use std::num::NonZeroUsize;
 use gauss_quad::GaussLegendre;
 use statrs::function::gamma::{gamma_ur, ln_gamma};
 
-/// One elliptical Gaussian, aligned with the axes.
+/// One elliptical Gaussian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Component {
     /// Share of the flux.
@@ -15,6 +15,8 @@ pub(super) struct Component {
     pub variance_x: f64,
     /// Variance along y, px².
     pub variance_y: f64,
+    /// Covariance of x and y, px²; 0 where the axes are those of the ellipse.
+    pub covariance: f64,
 }
 
 impl Component {
@@ -24,10 +26,29 @@ impl Component {
         let angles = 64;
         let per_angle = (0..angles).map(|k| {
             let (sine, cosine) = (2.0 * PI * k as f64 / angles as f64).sin_cos();
-            let q = cosine * cosine / self.variance_x + sine * sine / self.variance_y;
+            let q = self.inverse(cosine, sine);
             -(-0.5 * radius_px * radius_px * q).exp_m1() / q
         });
-        per_angle.sum::<f64>() / (angles as f64 * (self.variance_x * self.variance_y).sqrt())
+        per_angle.sum::<f64>() / (angles as f64 * self.determinant().sqrt())
+    }
+
+    /// Correlation of x and y.
+    pub fn correlation(&self) -> f64 {
+        self.covariance / (self.variance_x * self.variance_y).sqrt()
+    }
+
+    /// Determinant of the matrix of variances, px⁴.
+    fn determinant(&self) -> f64 {
+        self.variance_x * self.variance_y - self.covariance * self.covariance
+    }
+
+    /// The inverse of the matrix of variances between two equal unit vectors, px⁻².
+    fn inverse(&self, cosine: f64, sine: f64) -> f64 {
+        if self.covariance == 0.0 {
+            return cosine * cosine / self.variance_x + sine * sine / self.variance_y;
+        }
+        let along = cosine * cosine * self.variance_y + sine * sine * self.variance_x;
+        (along - 2.0 * sine * cosine * self.covariance) / self.determinant()
     }
 }
 

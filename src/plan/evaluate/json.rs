@@ -1,5 +1,7 @@
 //! An evaluation as the JSON document that `ctiplan evaluate` prints.
 
+mod population;
+
 use chrono::NaiveDate;
 use serde::ser::{Serialize, Serializer};
 
@@ -23,6 +25,8 @@ struct Document<'a> {
     budget: Budget<'a>,
     #[serde(skip_serializing_if = "Option::is_none")]
     noise: Option<NoiseSettings>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    population: Option<population::Document<'a>>,
     warnings: &'a [Warning],
     version: &'static str,
     #[serde(serialize_with = "json::table")]
@@ -88,6 +92,10 @@ struct Budget<'a> {
     verdict: DatedVerdict<'a>,
     #[serde(skip_serializing_if = "Option::is_none")]
     noise: Option<NoisyBudget<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    c: Option<population::Budget<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    m: Option<population::Budget<'a>>,
 }
 
 /// The change of one galaxy's shape; null where no shape is left.
@@ -126,6 +134,7 @@ impl Serialize for Evaluation {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         let (mission, dose) = (self.mission(), self.model.history());
         let (header, requirement) = (&mission.mission, &mission.requirement);
+        let biases = self.population.as_ref();
         let document = Document {
             mission: &header.name,
             launch: header.launch.0,
@@ -138,6 +147,8 @@ impl Serialize for Evaluation {
                 galaxy: &requirement.galaxy,
                 verdict: self.verdict.dated(mission),
                 noise: self.noise.as_ref().map(|noise| NoisyBudget::of(&noise.verdict, mission)),
+                c: biases.and_then(|biases| Some(population::Budget::of(biases.c.as_ref()?, mission))),
+                m: biases.and_then(|biases| Some(population::Budget::of(biases.m.as_ref()?, mission))),
             },
             noise: self.noise.as_ref().map(|noise| NoiseSettings {
                 centroid: noise::CENTROID,
@@ -145,6 +156,7 @@ impl Serialize for Evaluation {
                 realisations: noise.realisations.count,
                 seed: noise.realisations.seed,
             }),
+            population: biases.zip(mission.population.as_ref()).map(|(biases, of)| population::Document::of(biases, of)),
             warnings: &self.warnings,
             version: env!("CARGO_PKG_VERSION"),
             resolved_mission: mission.to_table(),

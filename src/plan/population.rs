@@ -1,0 +1,301 @@
+//! Shear biases of a survey's galaxies, over a mission.
+//!
+//! ```text
+//! c = Σ w (Δe − S Δe*) / Σ w R        m = Σ w (R_after − R) / Σ w R
+//! ```
+//!
+//! with each galaxy's weight w, its responses R to shear and S to the PSF (see [`crate::model::shear`]), and the trailing of the
+//! stars of the PSF model, Δe*. Errors are those of the finite sample: of a ratio of two sums, as the jackknife has it to first
+//! order. A survey that turns its detector averages c and m over the orientations.
+//!
+//! Each galaxy is read out at the end of the mission and at half the traps. In between a parabola through 0 is used while the
+//! traps differ by their number alone; otherwise galaxies are read out in each year, and biases are straight lines in between.
+
+mod sample;
+
+use rayon::prelude::*;
+
+use crate::error::InputError;
+use crate::mission::{Mission, PopulationNoise};
+use crate::model::noise::Realisations;
+use crate::model::shear::{ShearResponse, SurveyGalaxy, SurveyMeasurement, TrailedResponse, of_many};
+use crate::model::{Device, Model};
+use crate::plan::evaluate::{crossings_of, year_ends};
+use crate::plan::requirement::{Crossing, Point};
+
+/// Realisations of the noise of each galaxy of a population: their errors average out.
+const REALISATIONS: u32 = 8;
+
+/// Shear biases of a population over a mission.
+#[derive(Clone, Debug)]
+pub struct PopulationBias {
+    /// Galaxies of the table that have a weight; those that were drawn.
+    pub galaxies: usize,
+    /// Galaxies that were evaluated.
+    pub evaluated: usize,
+    /// Evaluated galaxies that have no measurable shape, before or after the readout, and are left out.
+    pub lost: usize,
+    /// Mean response of the ellipticities to shear before the readout.
+    pub response: [f64; 2],
+    /// Biases at the end of each year, and of the mission.
+    pub years: Vec<(f64, ShearBias)>,
+    /// What becomes of `requirement.c`.
+    pub c: Option<BiasVerdict>,
+    /// What becomes of `requirement.m`.
+    pub m: Option<BiasVerdict>,
+}
+
+/// Additive and multiplicative bias of a shear; members 1 and 2 of each.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ShearBias {
+    /// Additive bias.
+    pub c: [Estimated; 2],
+    /// Multiplicative bias.
+    pub m: [Estimated; 2],
+}
+
+/// A value and its standard error from the finite sample; None for one galaxy.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Estimated {
+    /// The value.
+    pub value: f64,
+    /// Its standard error.
+    pub error: Option<f64>,
+}
+
+/// When a limit on a bias is exceeded: the larger member of the two.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BiasVerdict {
+    /// The limit.
+    pub limit: f64,
+    /// Without software correction.
+    pub uncorrected: Crossing,
+    /// With it: the bias is divided by the same factor as the change of a galaxy.
+    pub corrected: Crossing,
+}
+
+/// A galaxy with its weight and its responses; those of the times of [`Course`].
+struct Weighted {
+    weight: f64,
+    response: ShearResponse,
+}
+
+impl PopulationBias {
+    /// Shear biases of a model's population. None where the mission has none.
+    ///
+    /// # Errors
+    /// Where a formula has no value, or no galaxy of the population can be measured.
+    pub fn of(model: &Model, seed: u64) -> Result<Option<PopulationBias>, InputError> {
+        let Some(population) = &model.mission.population else { return Ok(None) };
+        let sample = sample::of(&model.mission, population, seed);
+        let noise = (population.noise == PopulationNoise::Included).then_some(Realisations { count: REALISATIONS, seed });
+        let how = SurveyMeasurement { psf_stars_e: population.psf_stars_e, noise };
+        let course = Course::of(model)?;
+        let model = &Model::new(&of_many(&model.mission, sample.galaxies.len()));
+        let of = |(galaxy, weight): &(SurveyGalaxy, f64)| {
+            let response = model.shear_response(galaxy, &course.times_yr, &how)?;
+            Ok(response.map(|response| Weighted { weight: *weight, response }))
+        };
+        let responses: Vec<Result<Option<Weighted>, InputError>> = sample.galaxies.par_iter().map(of).collect();
+        // The first of several errors, whichever came first.
+        let responses: Vec<_> = responses.into_iter().collect::<Result<_, _>>()?;
+        let evaluated = responses.len();
+        let galaxies: Vec<Weighted> = responses.into_iter().flatten().collect();
+        if galaxies.is_empty() {
+            return Err(unmeasurable(&model.mission));
+        }
+        let biases = Biases { model, course, galaxies, rotations: Rotations::of(&population.orientations_deg) };
+        let years = year_ends(model.mission.mission.duration_yr).into_iter();
+        let years = years.map(|t_yr| Ok((t_yr, biases.at(t_yr)?))).collect::<Result<Vec<_>, InputError>>()?;
+        let requirement = &model.mission.requirement;
+        let judged = |limit: Option<f64>, of: fn(&ShearBias) -> f64| {
+            limit.map(|limit| biases.verdict(limit, &years, of)).transpose()
+        };
+        Ok(Some(PopulationBias {
+            galaxies: sample.available,
+            evaluated,
+            lost: evaluated - biases.galaxies.len(),
+            response: biases.mean_response(),
+            c: judged(requirement.c, |bias| largest(&bias.c))?,
+            m: judged(requirement.m, |bias| largest(&bias.m))?,
+            years,
+        }))
+    }
+
+    /// Whether the limits on biases are kept, with correction, to the end of the mission.
+    pub fn met(&self) -> bool {
+        [&self.c, &self.m].into_iter().flatten().all(|verdict| verdict.corrected.crossings_yr.is_empty())
+    }
+}
+
+/// The larger |member|.
+fn largest(members: &[Estimated; 2]) -> f64 {
+    members[0].value.abs().max(members[1].value.abs())
+}
+
+fn unmeasurable(mission: &Mission) -> InputError {
+    InputError::new(
+        format!("cannot evaluate the population of mission \"{}\"", mission.mission.name),
+        "none of its galaxies has weighted moments: their weights find no centroid",
+    )
+    .with_help("choose weight_px closer to the sizes of the galaxies")
+}
+
+/// Times at which galaxies are read out.
+struct Course {
+    times_yr: Vec<f64>,
+    /// The first time is the end of the mission, and the second has so many of its traps, where all that changes is their number.
+    half: Option<f64>,
+}
+
+/// Traps over those at the end within which a time is taken for half of them.
+const HALF: [f64; 2] = [0.2, 0.8];
+
+impl Course {
+    fn of(model: &Model) -> Result<Course, InputError> {
+        let end_yr = model.mission.mission.duration_yr;
+        let end = model.device_at(end_yr)?;
+        let mut closest: Option<(f64, f64)> = None;
+        let mut proportional = model.depends_on().is_empty();
+        for t_yr in model.times_yr(end_yr).into_iter().chain(year_ends(end_yr)).chain([0.5 * end_yr]) {
+            match model.device_at(t_yr)?.traps_over(&end) {
+                None => proportional = false,
+                Some(factor) => {
+                    let off = |factor: f64| (factor - 0.5).abs();
+                    let within = (HALF[0]..HALF[1]).contains(&factor);
+                    if within && closest.is_none_or(|(_, known)| off(factor) < off(known)) {
+                        closest = Some((t_yr, factor));
+                    }
+                }
+            }
+        }
+        Ok(match closest.filter(|_| proportional) {
+            Some((t_yr, factor)) => Course { times_yr: vec![end_yr, t_yr], half: Some(factor) },
+            None => {
+                let mut times_yr = model.times_yr(end_yr);
+                times_yr.extend(year_ends(end_yr));
+                times_yr.sort_by(f64::total_cmp);
+                times_yr.dedup();
+                Course { times_yr, half: None }
+            }
+        })
+    }
+
+    /// Weights of the times at a time (years since launch), given the device at the end.
+    fn weights(&self, t_yr: f64, device: &Device, end: &Device) -> Vec<f64> {
+        let Some(half) = self.half else {
+            let after = self.times_yr.partition_point(|known| *known <= t_yr).clamp(1, self.times_yr.len() - 1);
+            let (from, to) = (self.times_yr[after - 1], self.times_yr[after]);
+            let share = ((t_yr - from) / (to - from)).clamp(0.0, 1.0);
+            let mut weights = vec![0.0; self.times_yr.len()];
+            (weights[after - 1], weights[after]) = (1.0 - share, share);
+            return weights;
+        };
+        // The parabola through 0, `half` and 1.
+        let factor = device.traps_over(end).unwrap_or(0.0);
+        let at_half = factor * (factor - 1.0) / (half * (half - 1.0));
+        vec![factor * (factor - half) / (1.0 - half), at_half]
+    }
+}
+
+/// Orientations of the detector: means of exp(2iθ) and of cos 4θ over them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Rotations {
+    cos2: f64,
+    sin2: f64,
+    cos4: f64,
+}
+
+impl Rotations {
+    fn of(orientations_deg: &[f64]) -> Rotations {
+        let mean = |of: fn(f64) -> f64| {
+            orientations_deg.iter().map(|degrees| of(degrees.to_radians())).sum::<f64>() / orientations_deg.len() as f64
+        };
+        Rotations {
+            cos2: mean(|angle| (2.0 * angle).cos()),
+            sin2: mean(|angle| (2.0 * angle).sin()),
+            cos4: mean(|angle| (4.0 * angle).cos()),
+        }
+    }
+
+    /// c of the sky from that of the detector: a spin of 2.
+    fn additive(&self, [c1, c2]: [f64; 2]) -> [f64; 2] {
+        [self.cos2 * c1 - self.sin2 * c2, self.sin2 * c1 + self.cos2 * c2]
+    }
+
+    /// m of the sky: each member is in part the other.
+    fn multiplicative(&self, [m1, m2]: [f64; 2]) -> [f64; 2] {
+        let (mean, half) = (0.5 * (m1 + m2), 0.5 * (m1 - m2) * self.cos4);
+        [mean + half, mean - half]
+    }
+}
+
+/// A population with what is needed for its biases at any time.
+struct Biases<'a> {
+    model: &'a Model,
+    course: Course,
+    galaxies: Vec<Weighted>,
+    rotations: Rotations,
+}
+
+impl Biases<'_> {
+    fn at(&self, t_yr: f64) -> Result<ShearBias, InputError> {
+        let end = self.model.device_at(self.model.mission.mission.duration_yr)?;
+        let weights = self.course.weights(t_yr, &self.model.device_at(t_yr)?, &end);
+        let trailed: Vec<TrailedResponse> =
+            self.galaxies.iter().map(|galaxy| combined(&galaxy.response.trailed, &weights)).collect();
+        let ratio = |numerators: Vec<[f64; 2]>, rotate: fn(&Rotations, [f64; 2]) -> [f64; 2]| {
+            let rotated: Vec<[f64; 2]> = numerators.into_iter().map(|members| rotate(&self.rotations, members)).collect();
+            [0, 1].map(|member| self.over_response(member, |galaxy| rotated[galaxy][member]))
+        };
+        let net = |(galaxy, trailed): (&Weighted, &TrailedResponse)| {
+            [0, 1].map(|member| trailed.change[member] - galaxy.response.leakage[member] * trailed.star[member])
+        };
+        Ok(ShearBias {
+            c: ratio(self.galaxies.iter().zip(&trailed).map(net).collect(), Rotations::additive),
+            m: ratio(trailed.iter().map(|trailed| trailed.response).collect(), Rotations::multiplicative),
+        })
+    }
+
+    /// Σ w x / Σ w R, and its standard error.
+    fn over_response(&self, member: usize, x: impl Fn(usize) -> f64) -> Estimated {
+        let response = |galaxy: &Weighted| galaxy.weight * galaxy.response.before[member];
+        let total: f64 = self.galaxies.iter().map(response).sum();
+        let value = self.galaxies.iter().enumerate().map(|(index, galaxy)| galaxy.weight * x(index)).sum::<f64>() / total;
+        let left = |(index, galaxy): (usize, &Weighted)| (galaxy.weight * x(index) - value * response(galaxy)) / total;
+        let squares: f64 = self.galaxies.iter().enumerate().map(left).map(|left| left * left).sum();
+        let n = self.galaxies.len() as f64;
+        Estimated { value, error: (n > 1.0).then(|| (n / (n - 1.0) * squares).sqrt()) }
+    }
+
+    fn mean_response(&self) -> [f64; 2] {
+        let weights: f64 = self.galaxies.iter().map(|galaxy| galaxy.weight).sum();
+        [0, 1].map(|member| {
+            let sum: f64 = self.galaxies.iter().map(|galaxy| galaxy.weight * galaxy.response.before[member]).sum();
+            sum / weights
+        })
+    }
+
+    fn verdict(
+        &self,
+        limit: f64,
+        years: &[(f64, ShearBias)],
+        of: fn(&ShearBias) -> f64,
+    ) -> Result<BiasVerdict, InputError> {
+        let known: Vec<Point> = years.iter().map(|(t_yr, bias)| (*t_yr, Some(of(bias)))).collect();
+        let limits = [limit, limit * self.model.mission.requirement.correction_factor];
+        let magnitude = |t_yr: f64| Ok(Some(of(&self.at(t_yr)?)));
+        let [uncorrected, corrected] = crossings_of(self.model, limits, &known, magnitude)?;
+        Ok(BiasVerdict { limit, uncorrected, corrected })
+    }
+}
+
+/// A sum of changes with weights.
+fn combined(trailed: &[TrailedResponse], weights: &[f64]) -> TrailedResponse {
+    let add = |sum: [f64; 2], weight: f64, more: [f64; 2]| [sum[0] + weight * more[0], sum[1] + weight * more[1]];
+    trailed.iter().zip(weights).fold(TrailedResponse::default(), |sum, (trailed, weight)| TrailedResponse {
+        change: add(sum.change, *weight, trailed.change),
+        response: add(sum.response, *weight, trailed.response),
+        star: add(sum.star, *weight, trailed.star),
+    })
+}

@@ -1,0 +1,113 @@
+//! The galaxies of a population that are evaluated: of a table, or drawn from the law.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use crate::mission::{Distances, Mission, Population, PopulationGalaxy};
+use crate::model::shear::SurveyGalaxy;
+use crate::physics::galaxy::population_law::DrawnGalaxy;
+use crate::physics::galaxy::snr;
+
+/// Galaxies with their weights.
+pub(super) struct SurveySample {
+    /// Those that are evaluated.
+    pub galaxies: Vec<(SurveyGalaxy, f64)>,
+    /// Those that there are.
+    pub available: usize,
+}
+
+/// Streams of the law's galaxies, apart from those of other uses of a seed.
+const STREAMS: u64 = 1 << 42;
+
+/// Least and largest half-light radius, px.
+const SIZES_PX: [f64; 2] = [0.05, 100.0];
+
+/// Galaxies of a mission's population.
+pub(super) fn of(mission: &Mission, population: &Population, seed: u64) -> SurveySample {
+    let most = population.galaxies as usize;
+    let table = &mission.imported.galaxies;
+    if table.is_empty() {
+        let galaxies = (0..most).map(|index| (drawn(mission, population, seed, index), 1.0)).collect();
+        return SurveySample { galaxies, available: most };
+    }
+    let weighty: Vec<&PopulationGalaxy> = table.iter().filter(|galaxy| galaxy.weight > 0.0).collect();
+    let judged = Completed::of(mission, population);
+    let evaluated = weighty.len().min(most);
+    let galaxy = |index: usize| {
+        let galaxy = weighty[chosen(index, evaluated, weighty.len())];
+        (judged.with(galaxy, distance(index, evaluated)), galaxy.weight)
+    };
+    SurveySample { galaxies: (0..evaluated).map(galaxy).collect(), available: weighty.len() }
+}
+
+/// Row of a table that stands for the galaxy `index` of so many: every row where all are evaluated, evenly spread ones otherwise.
+fn chosen(index: usize, evaluated: usize, rows: usize) -> usize {
+    (2 * index + 1) * rows / (2 * evaluated)
+}
+
+/// Place on the detector of the galaxy `index` of so many, 0 to 1: evenly spread, and in no order (by the golden ratio).
+fn distance(index: usize, galaxies: usize) -> f64 {
+    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+    match galaxies {
+        1 => 0.5,
+        _ => ((index as f64 + 0.5) * golden).fract(),
+    }
+}
+
+/// What galaxies have of which a table says nothing.
+struct Completed<'a> {
+    mission: &'a Mission,
+    flux_e: f64,
+    distances: Distances,
+}
+
+impl Completed<'_> {
+    fn of<'a>(mission: &'a Mission, population: &Population) -> Completed<'a> {
+        let flux_e = snr::flux_e(mission, mission.judged_galaxy());
+        Completed { mission, flux_e, distances: population.transfers.unwrap_or(Distances::Evaluated) }
+    }
+
+    fn with(&self, galaxy: &PopulationGalaxy, place: f64) -> SurveyGalaxy {
+        let judged = self.mission.judged_galaxy();
+        let transfers = galaxy.transfers.unwrap_or_else(|| transfers(self.mission, self.distances, place));
+        SurveyGalaxy {
+            flux_e: galaxy.flux_e.unwrap_or(self.flux_e),
+            half_light_px: galaxy.half_light_px.unwrap_or(judged.half_light_px),
+            sersic_index: galaxy.sersic_index.unwrap_or(judged.sersic_index),
+            ellipticity: [galaxy.e1.unwrap_or(judged.e1), galaxy.e2.unwrap_or(0.0)],
+            weight_px: galaxy.weight_px.unwrap_or(judged.weight_px),
+            transfers,
+            read_noise_e: self.mission.read_noise_e(judged),
+        }
+    }
+}
+
+/// Transfers of a galaxy at a place, 0 to 1.
+fn transfers(mission: &Mission, distances: Distances, place: f64) -> u32 {
+    let all = mission.readout.transfers;
+    match distances {
+        Distances::Evaluated => all,
+        Distances::Uniform => ((place * f64::from(all)).ceil() as u32).clamp(1, all),
+    }
+}
+
+/// A galaxy of the law; its magnitude range and the camera's scale were checked when the mission was read.
+fn drawn(mission: &Mission, population: &Population, seed: u64, index: usize) -> SurveyGalaxy {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    random.set_stream(STREAMS + index as u64);
+    let range = [population.magnitude_range[0], population.magnitude_range[1]];
+    let drawn = DrawnGalaxy::draw(range, &mut random);
+    let one_electron_mag = population.one_electron_mag.expect("a law has the magnitude of one electron");
+    let pixel_arcsec = population.pixel_arcsec.expect("a law has the width of a pixel");
+    let judged = mission.judged_galaxy();
+    let place = distance(index, population.galaxies as usize);
+    SurveyGalaxy {
+        flux_e: 10_f64.powf(-0.4 * (drawn.magnitude - one_electron_mag)),
+        half_light_px: (drawn.half_light_arcsec / pixel_arcsec).clamp(SIZES_PX[0], SIZES_PX[1]),
+        sersic_index: drawn.sersic_index,
+        ellipticity: drawn.ellipticity,
+        weight_px: judged.weight_px,
+        transfers: transfers(mission, population.transfers.unwrap_or(Distances::Uniform), place),
+        read_noise_e: mission.read_noise_e(judged),
+    }
+}

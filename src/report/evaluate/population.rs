@@ -1,0 +1,58 @@
+//! Shear biases of a population, in words.
+
+use crate::mission::keys::plain;
+use crate::mission::{Mission, PopulationNoise};
+use crate::plan::population::{Estimated, PopulationBias};
+use crate::report::{Parts, exceeded, table};
+
+/// Biases year by year.
+pub(super) fn say(biases: &PopulationBias, mission: &Mission, out: &mut Parts) {
+    let Some(population) = &mission.population else { return };
+    let whole = if biases.evaluated < biases.galaxies { format!(" of {}", biases.galaxies) } else { String::new() };
+    out.heading(format!("Shear biases of the population: {}{whole} galaxies", biases.evaluated));
+    let mut years = table(&["t [yr]", "c1", "+-", "c2", "+-", "m1", "+-", "m2", "+-"]);
+    for (t_yr, bias) in &biases.years {
+        let cells = bias.c.iter().chain(&bias.m).flat_map(|estimated: &Estimated| {
+            let error = estimated.error.map_or("-".into(), |error| format!("{error:.0e}"));
+            [format!("{:+.2e}", estimated.value), error]
+        });
+        years.add_row([t_yr.to_string()].into_iter().chain(cells));
+    }
+    out.table(years);
+    let stars = match population.psf_stars_e {
+        None => "PSF known without trails (no psf_stars_e)".into(),
+        Some(flux_e) => format!("less the trails of PSF stars of {} e-", plain(flux_e)),
+    };
+    let noise = match population.noise {
+        PopulationNoise::Neglected => "without noise",
+        PopulationNoise::Included => "with the noise of one exposure",
+    };
+    let [r1, r2] = biases.response;
+    out.words(
+        format!(
+            "  Response of the ellipticity to shear {r1:.3}, {r2:.3}; {stars}; {noise}; mean over {} orientation{}. Errors: finite \
+             sample.",
+            population.orientations_deg.len(),
+            if population.orientations_deg.len() == 1 { "" } else { "s" }
+        ),
+        2,
+    );
+    if biases.lost > 0 {
+        let lost = biases.lost;
+        out.verdict(format!("Warning: {lost} galaxies have no measurable shape, before or after the readout: they are left out"), 2);
+    }
+}
+
+/// What becomes of the limits.
+pub(super) fn judge(biases: &PopulationBias, mission: &Mission, out: &mut Parts) {
+    let factor = mission.requirement.correction_factor;
+    for (name, what, verdict) in [("c", "additive", &biases.c), ("m", "multiplicative", &biases.m)] {
+        let Some(verdict) = verdict else { continue };
+        out.verdict(format!("Budget: {what} shear bias |{name}| below {}", plain(verdict.limit)), 2);
+        let corrected = format!("corrected, factor {factor}");
+        let width = corrected.len();
+        for (how, crossing) in [("uncorrected", &verdict.uncorrected), (corrected.as_str(), &verdict.corrected)] {
+            out.outcome(how, width, exceeded(crossing, mission.mission.launch.0));
+        }
+    }
+}
