@@ -137,12 +137,15 @@ struct Exposure {
 }
 
 impl Exposure {
-    /// Always by the fast readout: what noise adds is a small difference of images that are read alike.
+    /// By the fast readout wherever there is one: what noise adds is a small difference of images that are read alike.
     fn new(device: &Device, weight_px: f64, largest_px: usize) -> Result<Exposure, InputError> {
         let background_e = device.at.background_e;
         let half_px = ((STAMP_WEIGHTS * weight_px).ceil() as usize).min(largest_px);
         let below = downstream(device.at.transfers, half_px, background_e);
-        let device = device.by(Method::Fast { relative: Purpose::Noise.relative(0.0) });
+        let device = match device.method {
+            Method::CarriedTraps => device.clone(),
+            _ => device.by(Method::Fast { relative: Purpose::Noise.relative(0.0) }),
+        };
         let longest = device.readout().traps.iter().map(|trap| trap.release_transfers).fold(0.0, f64::max);
         let lead = (LEAD_RELEASES * longest).ceil().min(LEAD_ROWS as f64).min(below.rows.max(0) as f64) as usize;
         let below = Downstream { rows: below.rows - lead as i64, ..below };

@@ -223,8 +223,8 @@ impl Rotations {
         [self.cos2 * c1 - self.sin2 * c2, self.sin2 * c1 + self.cos2 * c2]
     }
 
-    /// m of the sky: each member is in part the other.
-    fn multiplicative(&self, [m1, m2]: [f64; 2]) -> [f64; 2] {
+    /// Response to shear on the sky: each member is in part the other.
+    fn response(&self, [m1, m2]: [f64; 2]) -> [f64; 2] {
         let (mean, half) = (0.5 * (m1 + m2), 0.5 * (m1 - m2) * self.cos4);
         [mean + half, mean - half]
     }
@@ -253,13 +253,13 @@ impl Biases<'_> {
         };
         Ok(ShearBias {
             c: ratio(self.galaxies.iter().zip(&trailed).map(net).collect(), Rotations::additive),
-            m: ratio(trailed.iter().map(|trailed| trailed.response).collect(), Rotations::multiplicative),
+            m: ratio(trailed.iter().map(|trailed| trailed.response).collect(), Rotations::response),
         })
     }
 
     /// Σ w x / Σ w R, and its standard error.
     fn over_response(&self, member: usize, x: impl Fn(usize) -> f64) -> Estimated {
-        let response = |galaxy: &Weighted| galaxy.weight * galaxy.response.before[member];
+        let response = |galaxy: &Weighted| galaxy.weight * self.response(galaxy)[member];
         let total: f64 = self.galaxies.iter().map(response).sum();
         let value = self.galaxies.iter().enumerate().map(|(index, galaxy)| galaxy.weight * x(index)).sum::<f64>() / total;
         let left = |(index, galaxy): (usize, &Weighted)| (galaxy.weight * x(index) - value * response(galaxy)) / total;
@@ -271,9 +271,14 @@ impl Biases<'_> {
     fn mean_response(&self) -> [f64; 2] {
         let weights: f64 = self.galaxies.iter().map(|galaxy| galaxy.weight).sum();
         [0, 1].map(|member| {
-            let sum: f64 = self.galaxies.iter().map(|galaxy| galaxy.weight * galaxy.response.before[member]).sum();
+            let sum: f64 = self.galaxies.iter().map(|galaxy| galaxy.weight * self.response(galaxy)[member]).sum();
             sum / weights
         })
+    }
+
+    /// Response before the readout, on the sky.
+    fn response(&self, galaxy: &Weighted) -> [f64; 2] {
+        self.rotations.response(galaxy.response.before)
     }
 
     fn verdict(

@@ -30,6 +30,7 @@ mod orbit_dose;
 mod outputs;
 mod packets_golden;
 mod paper;
+mod population;
 mod practice;
 mod predict;
 mod properties;

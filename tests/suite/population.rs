@@ -1,0 +1,189 @@
+//! Shear biases of populations: against GalSim and ArCTIc (`tests/golden/population.py`), and laws of their own.
+
+use std::fs;
+
+use ctiplan::evaluate;
+use ctiplan::mission::Mission;
+use ctiplan::plan::population::{PopulationBias, ShearBias};
+use serde_json::Value;
+use tempfile::TempDir;
+
+const SNAP: &str = include_str!("../../missions/snap_l2.toml");
+
+/// SNAP with a `[population]` of these keys and these more of `[requirement]`; a table is written beside the mission.
+fn mission(table: Option<&str>, population: &str, requirement: &str) -> Mission {
+    let folder = TempDir::new().unwrap();
+    let mut keys = population.to_string();
+    if let Some(table) = table {
+        fs::write(folder.path().join("galaxies.csv"), table).unwrap();
+        keys += "\ntable = \"galaxies.csv\"";
+    }
+    let text = SNAP.replace("[requirement]", &format!("[population]\n{keys}\n\n[requirement]\n{requirement}"));
+    let path = folder.path().join("mission.toml");
+    fs::write(&path, text).unwrap();
+    Mission::read(&path).unwrap()
+}
+
+fn biases(mission: &Mission) -> PopulationBias {
+    evaluate(mission).unwrap().with_population(1).unwrap().population.unwrap()
+}
+
+fn end(mission: &Mission) -> ShearBias {
+    biases(mission).years.last().unwrap().1
+}
+
+const LAW: &str = "one_electron_mag = 33.0\npixel_arcsec = 0.1\n";
+
+#[test]
+fn biases_are_those_of_galsim_and_arctic() {
+    let golden: Value = serde_json::from_str(include_str!("../golden/population.json")).unwrap();
+    let number = |key: &str| golden[key].as_f64().unwrap();
+    let table = include_str!("../golden/population.csv");
+    let [alone, stars] = ["", "psf_stars_e = 1e4"].map(|keys| end(&mission(Some(table), keys, "")));
+    for (what, found, of_error) in [
+        ("c1", alone.c[0], number("c1_error")),
+        ("c1_stars", stars.c[0], number("c1_stars_error")),
+        ("m1", alone.m[0], number("m1_error")),
+    ] {
+        let expected = number(what);
+        let error = found.error.unwrap();
+        println!("{what}: {:.5e} +- {error:.1e}, oracle {expected:.5e} +- {of_error:.1e}", found.value);
+        assert!((found.value / expected - 1.0).abs() < 0.01, "{what}: {} {expected}", found.value);
+        assert!((error / of_error - 1.0).abs() < 0.02, "{what}: {error} {of_error}");
+    }
+}
+
+#[test]
+fn a_population_of_one_galaxy_changes_as_that_galaxy() {
+    let table = "weight\n3.0\n";
+    let mission = mission(Some(table), "", "");
+    let evaluation = evaluate(&mission).unwrap();
+    let found = biases(&mission);
+    for ((_, bias), year) in found.years.iter().zip(&evaluation.years) {
+        let change = year.galaxies[evaluation.model.judged()].unwrap();
+        let c = bias.c[0].value * found.response[0];
+        // Shears of 0.01 are not infinitely small; a parabola in the density is not all.
+        assert!((c / change.delta_e1 - 1.0).abs() < 1e-3, "{c} {change:?}");
+        assert_eq!((bias.c[0].error, bias.m[0].error), (None, None));
+    }
+    assert_eq!((found.galaxies, found.evaluated, found.lost), (1, 1, 0));
+}
+
+#[test]
+fn galaxies_of_opposite_ellipticity_have_the_multiplicative_bias_of_their_difference() {
+    let found = biases(&mission(Some("e1\n0.4\n-0.4\n"), "", ""));
+    let bias = found.years.last().unwrap().1;
+    let change = |e1: f64| {
+        let mission = Mission::parse(&SNAP.replacen("weight_px = 5.4", &format!("e1 = {e1}\nweight_px = 5.4"), 1)).unwrap();
+        evaluate(&mission).unwrap().end().galaxies[0].unwrap().delta_e1
+    };
+    // A shear of g changes an intrinsic e1 of 0 by 2 g: d(Δe1)/de1 is half of what trailing takes from the response.
+    let slope = (change(0.4) - change(-0.4)) / 0.8;
+    assert!((slope + 3.8e-4).abs() < 0.1e-4, "{slope}");
+    // At e1 = ±0.4 a shear changes e1 by 2 g (1 − e1²).
+    let of_response = 0.5 * bias.m[0].value * found.response[0] / (1.0 - 0.4 * 0.4);
+    assert!((of_response / slope - 1.0).abs() < 0.15, "{of_response} {slope}");
+}
+
+#[test]
+fn errors_fall_as_the_root_of_the_number() {
+    let error = |galaxies: u32| {
+        let bias = end(&mission(None, &format!("{LAW}galaxies = {galaxies}"), ""));
+        [bias.c[0].error.unwrap(), bias.m[0].error.unwrap()]
+    };
+    let (few, many) = (error(24), error(96));
+    for member in [0, 1] {
+        assert!((1.2..3.4).contains(&(few[member] / many[member])), "{few:?} {many:?}");
+    }
+}
+
+#[test]
+fn orientations_cancel_the_additive_bias_and_average_the_multiplicative_one() {
+    let table = "e1,e2\n0.3,0.2\n-0.1,0.4\n";
+    let of = |orientations: &str| end(&mission(Some(table), &format!("orientations_deg = {orientations}"), ""));
+    let (one, opposite, crossed, all) = (of("[0]"), of("[0, 180]"), of("[0, 90]"), of("[0, 45, 90, 135]"));
+    assert!(one.c[0].value.abs() > 1e-3);
+    for member in [0, 1] {
+        // Trails to the other side are the same ellipse.
+        assert!((opposite.c[member].value - one.c[member].value).abs() < 1e-12);
+        assert!(crossed.c[member].value.abs() < 1e-12 && all.c[member].value.abs() < 1e-12);
+        // A quarter turn only changes the sign of e1 and e2. An eighth exchanges them.
+        assert!((crossed.m[member].value / one.m[member].value - 1.0).abs() < 1e-9);
+        let [least, most] = [one.m[0].value.min(one.m[1].value), one.m[0].value.max(one.m[1].value)];
+        assert!(all.m[member].value > least && all.m[member].value < most, "{all:?} {one:?}");
+    }
+    assert!((all.m[0].value - all.m[1].value).abs() < 1e-12);
+}
+
+#[test]
+fn limits_on_biases_are_judged_like_the_one_on_a_galaxy() {
+    let table = "e1\n0.4\n-0.4\n";
+    let found = biases(&mission(Some(table), "", "c = 1e-3\nm = 1e-3"));
+    let (c, m) = (found.c.as_ref().unwrap(), found.m.as_ref().unwrap());
+    for (verdict, of) in [(c, (|bias| bias.c[0].value) as fn(&ShearBias) -> f64), (m, |bias| bias.m[0].value)] {
+        // Biases grow about evenly.
+        let end = of(&found.years[4].1).abs();
+        assert!((verdict.uncorrected.t_yr.unwrap() / (5.0 * 1e-3 / end) - 1.0).abs() < 0.02, "{verdict:?}");
+        assert!(verdict.corrected.t_yr.is_none() && verdict.corrected.limit == 1e-2);
+        assert!((verdict.corrected.margin.unwrap() - (1e-2 - end)).abs() < 1e-9);
+    }
+    assert!(found.met());
+    assert!(!biases(&mission(Some(table), "", "c = 1e-5")).met());
+}
+
+#[test]
+fn nothing_but_a_population_can_be_judged() {
+    let mut text = SNAP.replace("delta_e = 1.0e-3", "c = 1.0e-4");
+    text = text.replace("[requirement]", &format!("[population]\n{LAW}galaxies = 4\n[requirement]"));
+    let mission = Mission::parse(&text).unwrap();
+    let evaluation = evaluate(&mission).unwrap();
+    assert!(evaluation.verdict.met());
+    // The resolved mission is one.
+    assert_eq!(Mission::parse(&toml::to_string(&mission.to_table()).unwrap()).unwrap(), mission);
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bits() {
+    let mission = mission(None, &format!("{LAW}galaxies = 3\nnoise = \"included\"\npsf_stars_e = 1e4"), "");
+    let of = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| biases(&mission).years)
+    };
+    assert_eq!(of(1), of(3));
+}
+
+#[test]
+fn what_a_table_cannot_be_is_refused_with_its_line() {
+    let refused = |table: &str| {
+        let folder = TempDir::new().unwrap();
+        fs::write(folder.path().join("galaxies.csv"), table).unwrap();
+        let text = SNAP.replace("[requirement]", "[population]\ntable = \"galaxies.csv\"\n[requirement]");
+        let path = folder.path().join("mission.toml");
+        fs::write(&path, text).unwrap();
+        Mission::read(&path).unwrap_err().to_string()
+    };
+    for (table, parts) in [
+        ("flux_e\n100\n-5\n", vec!["galaxies.csv", "line 3", "-5", "above 0"]),
+        ("e1,e2\n0.8,0.8\n", vec!["line 2", "1.131", "up to 0.95"]),
+        ("flux,e1\n1,0\n", vec!["`flux`", "flux_e"]),
+        ("transfers\n1.5\n", vec!["line 2", "1.5", "whole numbers"]),
+        ("flux_e\n", vec!["no rows"]),
+        ("weight\n0\n", vec!["weights is 0"]),
+    ] {
+        let message = refused(table);
+        for part in parts {
+            assert!(message.contains(part), "{table}: {message}");
+        }
+    }
+    let parsed = |population: &str, requirement: &str| {
+        let text = SNAP.replace("[requirement]", &format!("{population}\n[requirement]\n{requirement}"));
+        Mission::parse(&text).unwrap_err().to_string()
+    };
+    for (message, part) in [
+        (parsed("", "c = 1e-4"), "there is no [population]"),
+        (parsed("[population]\none_electron_mag = 33.0", ""), "population.pixel_arcsec"),
+        (parsed(&format!("[population]\n{LAW}magnitude_range = [25.0, 20.0]"), ""), "brighter one"),
+    ] {
+        assert!(message.contains(part), "{message}");
+    }
+}
