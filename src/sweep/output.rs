@@ -21,6 +21,14 @@ pub enum Output {
     RateAtLaunch,
     /// |Δe| at the end of the mission over its duration, per yr.
     MeanRate,
+    /// Probability that the uncorrected budget is met to the end, with the Sun and `[uncertainty]` drawn, here and below.
+    ProbabilityMetUncorrected,
+    /// Probability that the corrected budget is met to the end.
+    ProbabilityMetCorrected,
+    /// How long the uncorrected budget is kept with a probability of 90 %, years since launch.
+    KeptUncorrected,
+    /// The same of the corrected budget.
+    KeptCorrected,
     /// Change of e1 of every galaxy at the end of the mission.
     DeltaE1,
     /// Change of the centroid of every galaxy along y, px.
@@ -33,12 +41,13 @@ pub enum Output {
 
 use Output::{
     ActiveYears, DeltaE, DeltaE1, DeltaFlux, DeltaSize, DeltaY, Dose, ExceededCorrected, ExceededUncorrected,
-    MarginCorrected, MarginUncorrected, MeanRate, RateAtLaunch,
+    KeptCorrected, KeptUncorrected, MarginCorrected, MarginUncorrected, MeanRate, ProbabilityMetCorrected,
+    ProbabilityMetUncorrected, RateAtLaunch,
 };
 
 impl Output {
     /// All of them.
-    pub const ALL: [Output; 13] = [
+    pub const ALL: [Output; 17] = [
         Dose,
         ActiveYears,
         DeltaE,
@@ -48,6 +57,10 @@ impl Output {
         MarginCorrected,
         RateAtLaunch,
         MeanRate,
+        ProbabilityMetUncorrected,
+        ProbabilityMetCorrected,
+        KeptUncorrected,
+        KeptCorrected,
         DeltaE1,
         DeltaY,
         DeltaSize,
@@ -69,11 +82,20 @@ impl Output {
             MarginCorrected => "margin_corrected_delta_e",
             RateAtLaunch => "rate_at_launch_per_yr",
             MeanRate => "mean_rate_per_yr",
+            ProbabilityMetUncorrected => "probability_met",
+            ProbabilityMetCorrected => "probability_met_corrected",
+            KeptUncorrected => "kept_90_yr",
+            KeptCorrected => "kept_corrected_90_yr",
             DeltaE1 => "delta_e1",
             DeltaY => "delta_y_px",
             DeltaSize => "delta_size",
             DeltaFlux => "delta_flux",
         }
+    }
+
+    /// Whether it is told by draws of the Sun and of `[uncertainty]`.
+    pub fn is_drawn(self) -> bool {
+        matches!(self, ProbabilityMetUncorrected | ProbabilityMetCorrected | KeptUncorrected | KeptCorrected)
     }
 
     /// Whether there is a column of it for every galaxy.

@@ -14,10 +14,14 @@ use crate::mission::{Galaxy, Mission};
 use crate::model::{Device, Model};
 use crate::physics::accuracy::Purpose;
 use crate::physics::shape::ShapeChange;
+use crate::plan::date_distribution::{Confidence, DateDistribution};
 use crate::plan::evaluate::{crossings, rate_at_launch_per_yr, unmeasurable, warnings};
 
 /// Models whose images are kept for others with the same galaxies.
 const KEPT: usize = 32;
+
+/// What quantities that are drawn are told by, for each point.
+const CONFIDENCE: Confidence = Confidence { probability: 0.9, samples: 400 };
 
 /// Computes points of one sweep; shared by threads.
 pub(super) struct Points<'a> {
@@ -65,7 +69,9 @@ impl<'a> Points<'a> {
         if let Some(galaxy) = (0..mission.galaxies.len()).find(|galaxy| model.scene(*galaxy).is_none()) {
             return Err(unmeasurable(&mission, &mission.galaxies[galaxy]));
         }
-        let end = EndOfLife::of(&model)?;
+        let drawn = self.grid.records.iter().any(|output| output.is_drawn());
+        let dates = drawn.then(|| CONFIDENCE.of(&mission)).transpose()?;
+        let end = EndOfLife { dates, ..EndOfLife::of(&model)? };
         let outputs = self.grid.outputs();
         let values = outputs.iter().map(|(output, galaxy)| end.value(*output, *galaxy)).collect::<Result<_, _>>()?;
         let warnings: Vec<String> = warnings(&model)?.iter().map(ToString::to_string).collect();
@@ -102,12 +108,14 @@ struct EndOfLife<'a> {
     device: Device,
     /// Changes of the galaxies' shapes, once they are asked for.
     galaxies: OnceCell<Vec<Option<ShapeChange>>>,
+    /// The date as a distribution, where a recorded quantity is drawn.
+    dates: Option<DateDistribution>,
 }
 
 impl EndOfLife<'_> {
     fn of(model: &Model) -> Result<EndOfLife<'_>, InputError> {
         let duration_yr = model.mission.mission.duration_yr;
-        Ok(EndOfLife { model, duration_yr, device: model.device_at(duration_yr)?, galaxies: OnceCell::new() })
+        Ok(EndOfLife { model, duration_yr, device: model.device_at(duration_yr)?, galaxies: OnceCell::new(), dates: None })
     }
 
     fn value(&self, output: Output, galaxy: Option<&str>) -> Result<Option<f64>, InputError> {
@@ -115,6 +123,7 @@ impl EndOfLife<'_> {
         let corrected = requirement.delta_e * requirement.correction_factor;
         let margin = |limit: f64| Ok(self.delta_e()?.map(|delta_e| limit - delta_e));
         let change = |value: fn(&ShapeChange) -> f64| Ok(self.change(galaxy)?.as_ref().map(value));
+        let dates = |of: fn(&DateDistribution) -> Option<f64>| Ok(self.dates.as_ref().and_then(of));
         match output {
             Output::Dose => self.device.dose_mev_g().map(Some),
             Output::ActiveYears => Ok(Some(self.model.history().active_years(self.duration_yr))),
@@ -125,6 +134,10 @@ impl EndOfLife<'_> {
             Output::MarginCorrected => margin(corrected),
             Output::RateAtLaunch => rate_at_launch_per_yr(self.model),
             Output::MeanRate => Ok(self.delta_e()?.map(|delta_e| delta_e / self.duration_yr)),
+            Output::ProbabilityMetUncorrected => dates(|found| Some(1.0 - found.uncorrected.probability_exceeded)),
+            Output::ProbabilityMetCorrected => dates(|found| Some(found.probability_met())),
+            Output::KeptUncorrected => dates(|found| found.uncorrected.kept_yr(CONFIDENCE.probability)),
+            Output::KeptCorrected => dates(|found| found.corrected.kept_yr(CONFIDENCE.probability)),
             Output::DeltaE1 => change(|change| change.delta_e1),
             Output::DeltaY => change(|change| change.delta_y_px),
             Output::DeltaSize => change(|change| change.delta_size),
