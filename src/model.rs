@@ -13,9 +13,9 @@ pub mod noise;
 pub mod predict;
 pub mod realise;
 mod scene;
-pub mod shear;
 #[cfg(test)]
 mod scene_golden;
+pub mod shear;
 
 use std::sync::{Arc, OnceLock};
 

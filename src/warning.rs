@@ -35,6 +35,8 @@ pub enum Warning {
         /// Its release time over the time between two transfers.
         over_line: f64,
     },
+    /// Traps start in the state of the pixel nearer to the register.
+    CarriedTraps,
     /// A pixel holds more than the full well.
     Saturated {
         /// What it is a pixel of.
@@ -281,6 +283,11 @@ impl fmt::Display for Warning {
                 "{species} releases after {over_line:.3e} line times, before its packet has left the pixel: in a CCD nearly \
                  all of these electrons return to their own packet; here a transfer is one step, and they join the packet \
                  behind, so the trail of {species} is too strong: name the phases of the clock in [readout.clock]"
+            ),
+            Warning::CarriedTraps => write!(
+                out,
+                "readout.traps_at_start = \"carried\" is the default of ArCTIc, for comparison with it: charge is not conserved, \
+                 and every transfer is computed, which takes longer than accuracy.readout = \"fast\""
             ),
             Warning::DoneBefore { name, task } => {
                 write!(

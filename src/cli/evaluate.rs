@@ -62,8 +62,7 @@ impl Evaluate {
             Some(realisations) => {
                 let device = evaluation.model.device_at(mission.mission.duration_yr)?;
                 let bar = progress(u64::from(realisations) * mission.galaxies.len() as u64, "galaxies");
-                let each =
-                    |galaxy| realise(&mission, galaxy, &device, realisations as usize, seed, || bar.inc(1));
+                let each = |galaxy| realise(&mission, galaxy, &device, realisations as usize, seed, || bar.inc(1));
                 let noisy = mission.galaxies.iter().map(each).collect::<Result<_, _>>()?;
                 bar.finish_and_clear();
                 noisy

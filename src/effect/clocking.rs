@@ -23,7 +23,7 @@ impl Catalogued for Clocking {
                   that packet; later, to the next one. So 1 − exp(−return_share · line_time_ms/τ) of a species leaves no trail. \
                   A pixel of P phases that hold the packet in turn has return_share = (1 − 1/P)/2: 1/3 for three phases. The \
                   share is taken from the time that a packet is over a trap, of the clock in [readout.clock] if there is one.",
-        source: "geometry of the phases; Massey et al. 2014 (MNRAS 439, 887), section 2, for release to the nearest packet",
+        source: "geometry of the clock phases, derived for ctiplan and compared with a program that follows every step of the clock",
         holds: "The same for traps below all phases. To first order each species acts as if it had fewer traps, by the factor \
                 exp(−return_share · line_time_ms/τ): data of one line time and one temperature do not distinguish that from other \
                 densities. If the phases are known, give them in [readout.clock].",

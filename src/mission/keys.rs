@@ -84,7 +84,10 @@ pub const TABLES: [(&str, &str); 19] = [
     ("psf", "point spread function: a Moffat profile"),
     ("galaxies[]", "one galaxy; its brightness is flux_e, or snr within aperture_px"),
     ("population", "the galaxies of a survey, for shear biases: a table, or a law"),
-    ("requirement", "the budget: the largest change of ellipticity of one galaxy, or the shear biases of the population"),
+    (
+        "requirement",
+        "the budget: the largest change of ellipticity of one galaxy, or the shear biases of the population",
+    ),
     ("accuracy", "numerical accuracy; no physics"),
     ("uncertainty", "relative uncertainties of the inputs; for trade studies"),
     ("fit", "free parameters of fits to measurements"),
@@ -315,13 +318,7 @@ pub const KEYS: &[Key] = &[
         Default("\"empty\""),
     ),
     key("readout.clock.phases", "number of phases of a pixel", "", Integer(1, 12), Required),
-    key(
-        "readout.clock.holds",
-        "phase that holds the packet, in a list for each step, in the direction of transfer",
-        "",
-        IntegerLists(1, 12),
-        Optional,
-    ),
+    key("readout.clock.holds", "phase that holds the packet in a step", "", IntegerLists(1, 12), Optional),
     key("readout.clock.dwell", "duration of each step, in any unit", "", Numbers(1e-9, 1e9), Optional),
     key("readout.clock.trap_share", "number of traps below each phase, in any unit", "", Numbers(0.0, 1e9), Optional),
     key(
@@ -409,7 +406,13 @@ pub const KEYS: &[Key] = &[
         Choice(&["evaluated", "uniform"]),
         Optional,
     ),
-    key("population.psf_stars_e", "flux of the stars of which the PSF is made", "e-", Allowed::Positive(0.0, 1e9), Optional),
+    key(
+        "population.psf_stars_e",
+        "flux of the stars of which the PSF is made",
+        "e-",
+        Allowed::Positive(0.0, 1e9),
+        Optional,
+    ),
     key(
         "population.orientations_deg",
         "orientation of the detector on the sky; the survey averages over all of the list",

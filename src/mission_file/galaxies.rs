@@ -36,7 +36,9 @@ pub(super) fn read(file: &str) -> Result<Vec<PopulationGalaxy>, InputError> {
     for column in table.columns.iter().filter(|column| !known.contains(&column.name.as_str())) {
         let free = known.iter().copied().filter(|name| !given(name));
         if let Some(near) = nearest(&column.name, free) {
-            return Err(refuse(format!("no column is called `{}`", column.name)).with_help(format!("did you mean `{near}`?")));
+            return Err(
+                refuse(format!("no column is called `{}`", column.name)).with_help(format!("did you mean `{near}`?"))
+            );
         }
     }
     if !known.iter().any(|name| given(name)) {
@@ -60,7 +62,10 @@ pub(super) fn read(file: &str) -> Result<Vec<PopulationGalaxy>, InputError> {
         .collect();
     let elliptical = |galaxy: &PopulationGalaxy| galaxy.e1.unwrap_or(0.0).hypot(galaxy.e2.unwrap_or(0.0));
     if let Some(row) = galaxies.iter().position(|galaxy| elliptical(galaxy) > MOST_ELLIPTICAL) {
-        let problem = format!("the ellipticity sqrt(e1^2 + e2^2) is {:.3}; allowed: up to {MOST_ELLIPTICAL}", elliptical(&galaxies[row]));
+        let problem = format!(
+            "the ellipticity sqrt(e1^2 + e2^2) is {:.3}; allowed: up to {MOST_ELLIPTICAL}",
+            elliptical(&galaxies[row])
+        );
         return Err(table.fault(Some(row), Some("e2"), problem));
     }
     if galaxies.iter().map(|galaxy| galaxy.weight).sum::<f64>() <= 0.0 {

@@ -370,7 +370,8 @@ impl<'a> Source<'a> {
         let requirement = &mission.requirement;
         let judged = ["delta_e", "c", "m"].iter().any(|key| get(table, &format!("requirement.{key}")).is_some());
         if !judged {
-            let problem = "`requirement.delta_e` is missing: the largest change of ellipticity (above 0 and up to 0.999)";
+            let problem =
+                "`requirement.delta_e` is missing: the largest change of ellipticity (above 0 and up to 0.999)";
             return Err(InputError { place: self.place("requirement"), ..self.fault("", problem) }
                 .with_help("or give requirement.c and requirement.m, the largest shear biases of [population]"));
         }
@@ -378,7 +379,9 @@ impl<'a> Source<'a> {
             let biases = [("requirement.c", requirement.c), ("requirement.m", requirement.m)];
             let Some((key, _)) = biases.into_iter().find(|(_, limit)| limit.is_some()) else { return Ok(()) };
             let help = "add [population] with table, or with one_electron_mag and pixel_arcsec for the law of docs/population.md";
-            return Err(self.fault(key, "a shear bias is that of a population, and there is no [population]").with_help(help));
+            return Err(self
+                .fault(key, "a shear bias is that of a population, and there is no [population]")
+                .with_help(help));
         };
         let law = [
             ("one_electron_mag", population.one_electron_mag.is_some()),
@@ -397,7 +400,10 @@ impl<'a> Source<'a> {
         }
         match population.magnitude_range[..] {
             [bright, faint] if bright < faint => Ok(()),
-            _ => Err(self.fault("population.magnitude_range", "two magnitudes are needed, the brighter one (smaller) first")),
+            _ => {
+                Err(self
+                    .fault("population.magnitude_range", "two magnitudes are needed, the brighter one (smaller) first"))
+            }
         }
     }
 

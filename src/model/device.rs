@@ -144,7 +144,8 @@ impl Device {
         let densities = |device: &Device| device.species().map(|species| species.density_per_px).collect::<Vec<f64>>();
         let (ours, theirs) = (densities(self), densities(other));
         let factor = ours.iter().sum::<f64>() / theirs.iter().sum::<f64>();
-        let proportional = || ours.iter().zip(&theirs).all(|(ours, theirs)| (ours - factor * theirs).abs() <= 1e-9 * ours);
+        let proportional =
+            || ours.iter().zip(&theirs).all(|(ours, theirs)| (ours - factor * theirs).abs() <= 1e-9 * ours);
         (alike && factor.is_finite() && proportional()).then_some(factor)
     }
 

@@ -335,9 +335,7 @@ mod tests {
     fn photons_have_the_cumulants_of_poisson() {
         let mut random = ChaCha8Rng::seed_from_u64(3);
         for mean in [0.3, 4.0, 29.0, 31.0, 1e4] {
-            let draws: Vec<f64> = (0..200_000)
-                .map(|_| photons(mean, StandardNormal.sample(&mut random)))
-                .collect();
+            let draws: Vec<f64> = (0..200_000).map(|_| photons(mean, StandardNormal.sample(&mut random))).collect();
             let n = draws.len() as f64;
             let average = draws.iter().sum::<f64>() / n;
             let moment = |power: i32| draws.iter().map(|draw| (draw - average).powi(power)).sum::<f64>() / n;

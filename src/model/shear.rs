@@ -190,7 +190,9 @@ impl Survey<'_> {
             let change = device.observed_change(change)?;
             let mut change = [change.delta_e1, change.delta_e2];
             if let Some(realisations) = self.how.noise {
-                let Some(term) = scene.noise_term(device, self.galaxy.read_noise_e, realisations)? else { return Ok(None) };
+                let Some(term) = scene.noise_term(device, self.galaxy.read_noise_e, realisations)? else {
+                    return Ok(None);
+                };
                 change = [0, 1].map(|member| change[member] + term.added[member]);
                 measured.before = term.before;
             }

@@ -205,12 +205,7 @@ const MOST_TERMS: usize = 128;
 /// ```text
 /// φ(x, y; ρ) = φ(x) φ(y) Σ ρᵏ hₖ(x) hₖ(y),   hₖ = Heₖ/√k!,   ∫ φ hₖ dx = −φ hₖ₋₁/√k
 /// ```
-fn hermite_shares(
-    pixels: usize,
-    centre_px: f64,
-    variance_px2: f64,
-    terms: usize,
-) -> impl Iterator<Item = Vec<f64>> {
+fn hermite_shares(pixels: usize, centre_px: f64, variance_px2: f64, terms: usize) -> impl Iterator<Item = Vec<f64>> {
     let sigma_px = variance_px2.sqrt();
     let edges = if terms == 0 { 0 } else { pixels + 1 };
     let edges: Vec<f64> = (0..edges).map(|edge| (edge as f64 - 0.5 - centre_px) / sigma_px).collect();

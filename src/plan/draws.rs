@@ -237,7 +237,8 @@ impl<'a> Draws<'a> {
         };
         let change = |t_yr: &f64| {
             let device = draw.model.device_at(*t_yr)?;
-            let [delta_e1, delta_e2] = emulator.at(&Place::of(&draw.model.mission, &device, &draw.others, emulator.general));
+            let [delta_e1, delta_e2] =
+                emulator.at(&Place::of(&draw.model.mission, &device, &draw.others, emulator.general));
             device.observed_change(ShapeChange { delta_e1, delta_e2, ..ShapeChange::default() }).map(Some)
         };
         times.iter().map(change).collect()

@@ -6,7 +6,7 @@ use chrono::NaiveDate;
 use rayon::prelude::*;
 
 use crate::error::InputError;
-use crate::mission::{Galaxy, Mission, ReadoutMethod};
+use crate::mission::{Galaxy, Mission, ReadoutMethod, TrapsAtStart};
 use crate::model::noise::Realisations;
 use crate::model::{Model, Scene};
 use crate::numeric::calendar::date_after;
@@ -236,6 +236,9 @@ pub(crate) fn warnings(model: &Model) -> Result<Vec<Warning>, InputError> {
     }
     if mission.accuracy.readout == ReadoutMethod::MonteCarlo {
         warnings.push(Warning::OneSetOfTraps);
+    }
+    if mission.readout.traps_at_start == TrapsAtStart::Carried {
+        warnings.push(Warning::CarriedTraps);
     }
     let device = model.device_at(mission.mission.duration_yr)?;
     let one_step = device.clock == Clock::single();

@@ -106,7 +106,11 @@ impl NoisyShape {
     /// Standard error of |Δe|.
     pub fn magnitude_error(&self) -> f64 {
         let along = [0, 1].map(|member| self.delta_e[member] * self.error[member]);
-        if self.magnitude() > 0.0 { along[0].hypot(along[1]) / self.magnitude() } else { self.error[0].hypot(self.error[1]) }
+        if self.magnitude() > 0.0 {
+            along[0].hypot(along[1]) / self.magnitude()
+        } else {
+            self.error[0].hypot(self.error[1])
+        }
     }
 }
 

@@ -88,7 +88,8 @@ impl PopulationBias {
     pub fn of(model: &Model, seed: u64) -> Result<Option<PopulationBias>, InputError> {
         let Some(population) = &model.mission.population else { return Ok(None) };
         let sample = sample::of(&model.mission, population, seed);
-        let noise = (population.noise == PopulationNoise::Included).then_some(Realisations { count: REALISATIONS, seed });
+        let noise =
+            (population.noise == PopulationNoise::Included).then_some(Realisations { count: REALISATIONS, seed });
         let how = SurveyMeasurement { psf_stars_e: population.psf_stars_e, noise };
         let course = Course::of(model)?;
         let model = &Model::new(&of_many(&model.mission, sample.galaxies.len()));
@@ -245,7 +246,8 @@ impl Biases<'_> {
         let trailed: Vec<TrailedResponse> =
             self.galaxies.iter().map(|galaxy| combined(&galaxy.response.trailed, &weights)).collect();
         let ratio = |numerators: Vec<[f64; 2]>, rotate: fn(&Rotations, [f64; 2]) -> [f64; 2]| {
-            let rotated: Vec<[f64; 2]> = numerators.into_iter().map(|members| rotate(&self.rotations, members)).collect();
+            let rotated: Vec<[f64; 2]> =
+                numerators.into_iter().map(|members| rotate(&self.rotations, members)).collect();
             [0, 1].map(|member| self.over_response(member, |galaxy| rotated[galaxy][member]))
         };
         let net = |(galaxy, trailed): (&Weighted, &TrailedResponse)| {
@@ -261,7 +263,8 @@ impl Biases<'_> {
     fn over_response(&self, member: usize, x: impl Fn(usize) -> f64) -> Estimated {
         let response = |galaxy: &Weighted| galaxy.weight * self.response(galaxy)[member];
         let total: f64 = self.galaxies.iter().map(response).sum();
-        let value = self.galaxies.iter().enumerate().map(|(index, galaxy)| galaxy.weight * x(index)).sum::<f64>() / total;
+        let value =
+            self.galaxies.iter().enumerate().map(|(index, galaxy)| galaxy.weight * x(index)).sum::<f64>() / total;
         let left = |(index, galaxy): (usize, &Weighted)| (galaxy.weight * x(index) - value * response(galaxy)) / total;
         let squares: f64 = self.galaxies.iter().enumerate().map(left).map(|left| left * left).sum();
         let n = self.galaxies.len() as f64;

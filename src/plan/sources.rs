@@ -43,6 +43,12 @@ pub fn of(mission: &Mission) -> Vec<Source> {
         ),
         readout(mission.accuracy.readout),
     ]);
+    if mission.readout.clock.is_some() {
+        sources.push(Source::new(
+            "Clock phases: what a trap releases joins the nearest packet",
+            "derived for ctiplan from the geometry of the phases",
+        ));
+    }
     let temperatures = mission.detector.temperature_history.iter();
     sources.extend(temperatures.map(|file| Source::new("Temperature over time, imported", file.as_str())));
     if mission.readout.noise.is_some() {

@@ -1,5 +1,6 @@
 //! `ctiplan evaluate`.
 
+mod compliance;
 mod distribution;
 mod figures;
 mod noise;
@@ -14,6 +15,7 @@ use crate::mission::keys::plain;
 use crate::model::realise::NoisyChange;
 use crate::physics::RateOrigin;
 use crate::physics::shape::ShapeChange;
+use crate::plan::compliance::{Line, lines};
 use crate::plan::date_distribution::DateDistribution;
 use crate::plan::evaluate::json::NamedChange;
 use crate::plan::evaluate::{Evaluation, Year};
@@ -43,6 +45,7 @@ struct Document<'a> {
     monte_carlo: Vec<Realisations<'a>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     distribution: Option<&'a DateDistribution>,
+    compliance: Vec<Line>,
 }
 
 /// Realisations of one galaxy.
@@ -74,7 +77,8 @@ impl Serialize for EvaluateReport {
         let galaxies = self.evaluation.mission().galaxies.iter().zip(&self.noisy);
         let monte_carlo = galaxies.map(|(galaxy, noisy)| Realisations::of(&galaxy.name, noisy.as_ref())).collect();
         let distribution = self.distribution.as_ref();
-        Document { evaluation: &self.evaluation, monte_carlo, distribution }.serialize(to)
+        let compliance = self.lines();
+        Document { evaluation: &self.evaluation, monte_carlo, distribution, compliance }.serialize(to)
     }
 }
 
@@ -170,9 +174,18 @@ impl Page for EvaluateReport {
     fn figures(&self) -> Vec<(String, Figure)> {
         self.drawn()
     }
+
+    fn compliance(&self) -> Option<Table> {
+        Some(compliance::table_of(&self.lines(), self.confidence))
+    }
 }
 
 impl EvaluateReport {
+    /// The requirements, one by one.
+    pub fn lines(&self) -> Vec<Line> {
+        lines(&self.evaluation, self.distribution.as_ref(), self.confidence)
+    }
+
     fn doses(&self, out: &mut Parts) {
         let Evaluation { model, years, .. } = &self.evaluation;
         let dose = model.history();

@@ -1,8 +1,10 @@
 //! A result as one page of HTML that needs no other file, no network and no script; for screens and for paper.
 
+use comfy_table::Table;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use sha2::{Digest, Sha256};
 
-use super::{Parts, Report};
+use super::{Parts, Report, parts};
 use crate::mission::Mission;
 use crate::plan::sources::{self, Source};
 use crate::report::plot::Figure;
@@ -18,6 +20,10 @@ pub trait Page: Report {
     /// What to call the missions that it is of.
     fn names(&self, missions: &[Mission]) -> Vec<String> {
         missions.iter().map(|mission| mission.mission.name.clone()).collect()
+    }
+    /// Its requirements, one in each row, to be signed; None where it judges none.
+    fn compliance(&self) -> Option<Table> {
+        None
     }
     /// Where the models are from that made it of these missions.
     fn sources(&self, missions: &[Mission]) -> Vec<Source> {
@@ -54,6 +60,7 @@ pub fn page(result: &impl Page, missions: &[Mission]) -> String {
                 }
                 main {
                     section.verdict { h2 { "In short" } (parts.verdict_html()) }
+                    @if let Some(lines) = result.compliance() { (to_be_signed(&lines, missions)) }
                     @if !figures.is_empty() {
                         section { h2 { "Figures" } @for (_, figure) in &figures { (drawn(figure)) } }
                     }
@@ -73,6 +80,26 @@ pub fn page(result: &impl Page, missions: &[Mission]) -> String {
         }
     };
     markup.into_string() + "\n"
+}
+
+/// Requirements with room for names; what is signed is told by the digest of the mission as resolved.
+fn to_be_signed(lines: &Table, missions: &[Mission]) -> Markup {
+    let digests = missions
+        .iter()
+        .map(|mission| Sha256::digest(mission.to_toml()).iter().map(|byte| format!("{byte:02x}")).collect::<String>());
+    html! {
+        section.compliance {
+            h2 { "Compliance" }
+            (parts::cells(lines))
+            p { "Mission as resolved, SHA-256: " @for digest in digests { code { (digest) } " " } }
+            div.table {
+                table.signatures {
+                    thead { tr { th {} @for head in ["Name", "Date", "Signature"] { th scope="col" { (head) } } } }
+                    tbody { @for who in ["Prepared", "Checked", "Approved"] { tr { th scope="row" { (who) } td {} td {} td {} } } }
+                }
+            }
+        }
+    }
 }
 
 /// A figure; a reader who does not see it is told its title and axes.

@@ -126,7 +126,7 @@ fn markup<'a>(parts: impl Iterator<Item = &'a Part>) -> Markup {
 }
 
 /// The cells of a table of the terminal. Columns in which nothing but numbers stand have them at the right.
-fn cells(table: &Table) -> Markup {
+pub(super) fn cells(table: &Table) -> Markup {
     let rows: Vec<Vec<String>> =
         table.row_iter().map(|row| row.cell_iter().map(|cell| cell.content()).collect()).collect();
     let head: Vec<String> =

@@ -115,7 +115,13 @@ struct EndOfLife<'a> {
 impl EndOfLife<'_> {
     fn of(model: &Model) -> Result<EndOfLife<'_>, InputError> {
         let duration_yr = model.mission.mission.duration_yr;
-        Ok(EndOfLife { model, duration_yr, device: model.device_at(duration_yr)?, galaxies: OnceCell::new(), dates: None })
+        Ok(EndOfLife {
+            model,
+            duration_yr,
+            device: model.device_at(duration_yr)?,
+            galaxies: OnceCell::new(),
+            dates: None,
+        })
     }
 
     fn value(&self, output: Output, galaxy: Option<&str>) -> Result<Option<f64>, InputError> {

@@ -6,6 +6,7 @@ mod architecture;
 mod astropy;
 mod book;
 mod cli;
+mod clocking;
 mod crossings;
 mod date_distribution;
 mod diagnose;

@@ -74,7 +74,8 @@ fn galaxies_of_opposite_ellipticity_have_the_multiplicative_bias_of_their_differ
     let found = biases(&mission(Some("e1\n0.4\n-0.4\n"), "", ""));
     let bias = found.years.last().unwrap().1;
     let change = |e1: f64| {
-        let mission = Mission::parse(&SNAP.replacen("weight_px = 5.4", &format!("e1 = {e1}\nweight_px = 5.4"), 1)).unwrap();
+        let mission =
+            Mission::parse(&SNAP.replacen("weight_px = 5.4", &format!("e1 = {e1}\nweight_px = 5.4"), 1)).unwrap();
         evaluate(&mission).unwrap().end().galaxies[0].unwrap().delta_e1
     };
     // A shear of g changes an intrinsic e1 of 0 by 2 g: d(Δe1)/de1 is half of what trailing takes from the response.

@@ -66,6 +66,11 @@ fn files(folder: &str) -> Vec<std::path::PathBuf> {
 
 /// What is wrong with these is not the kind or the range of one value; dates are words to a schema, with quotes and without.
 const BEYOND_A_SCHEMA: [&str; 40] = [
+    "clock_dwell_for_each_step",
+    "clock_merges_packets",
+    "clock_of_too_few_steps",
+    "clock_phase_above_the_last",
+    "clock_skips_a_phase",
     "effect_notch_above_well",
     "effect_same_name",
     "effect_species_unknown",
@@ -105,6 +110,7 @@ const BEYOND_A_SCHEMA: [&str; 40] = [
     "source_unknown",
     "sources_in_the_papers_model",
     "sources_none",
+    "surface_above_full_well",
     "unknown_fit_key",
 ];
 

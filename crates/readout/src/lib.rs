@@ -11,8 +11,8 @@
 //!            ◀───────────────────────── charge moves
 //! ```
 //!
-//! Four ways to do that stand behind one interface, [`Readout`]: [`Method::Fast`] (what everything else uses),
-//! [`Method::Exact`], [`Method::Fractional`] and [`Method::MonteCarlo`].
+//! Ways to do that stand behind one interface, [`Readout`]: [`Method::Fast`] (what everything else uses),
+//! [`Method::Exact`], [`Method::Fractional`] and [`Method::MonteCarlo`]; [`Method::CarriedTraps`] is ArCTIc's other convention.
 //!
 //! That is a clock of one phase. In a clock of several, part of what is released returns to the packet that has just left: see
 //! `phase.rs`. Traps that need time to capture follow another law, inside the cloud as the packet arrives: see `finite_capture.rs`. Release

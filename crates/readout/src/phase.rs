@@ -30,8 +30,8 @@
 //! A packet is as high below each of its phases as in a pixel of one phase; where it lies below two at once, no volume is shared
 //! between them. What it loses below the phases of one pixel is too little to change its height from one of them to the next.
 //!
-//! Source: the geometry of clock phases in Janesick, *Scientific Charge-Coupled Devices* (SPIE 2001), chapter 5, from memory; release
-//! to the nearest packet as in Massey et al. 2014 (MNRAS 439, 887), section 2, and Rhodes et al. 2010 (PASP 122, 439) for the rest.
+//! Derived for ctiplan from the geometry of the phases; a test follows every step of the clock. Capture on the way from one phase to
+//! the next is neglected, as by most; Skottfelt et al. 2018 (arXiv:1801.01068) find that it shows in trap pumping.
 
 use std::fmt;
 

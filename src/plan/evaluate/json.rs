@@ -156,7 +156,9 @@ impl Serialize for Evaluation {
                 realisations: noise.realisations.count,
                 seed: noise.realisations.seed,
             }),
-            population: biases.zip(mission.population.as_ref()).map(|(biases, of)| population::Document::of(biases, of)),
+            population: biases
+                .zip(mission.population.as_ref())
+                .map(|(biases, of)| population::Document::of(biases, of)),
             warnings: &self.warnings,
             version: env!("CARGO_PKG_VERSION"),
             resolved_mission: mission.to_table(),

@@ -39,7 +39,12 @@ pub(super) fn say(biases: &PopulationBias, mission: &Mission, out: &mut Parts) {
     );
     if biases.lost > 0 {
         let lost = biases.lost;
-        out.verdict(format!("Warning: {lost} galaxies have no measurable shape, before or after the readout: they are left out"), 2);
+        out.verdict(
+            format!(
+                "Warning: {lost} galaxies have no measurable shape, before or after the readout: they are left out"
+            ),
+            2,
+        );
     }
 }
 
