@@ -11,6 +11,7 @@ use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::noise::Realisations;
 use crate::model::realise::realise;
+use crate::plan::compliance::passes;
 use crate::plan::date_distribution::{DateDistribution, date_distribution};
 use crate::plan::evaluate::evaluate;
 use crate::plan::mission_sample::MissionSample;
@@ -33,11 +34,11 @@ pub(super) struct Evaluate {
     /// Draw keys from a posterior (`ctiplan fit --posterior N --out FILE`) in place of their uncertainties
     #[arg(long, value_name = "FILE")]
     posterior: Option<InputFile>,
-    /// Exit with status 1 if the corrected budget is exceeded during the mission
+    /// Exit with status 1 if a corrected budget is exceeded during the mission
     #[arg(long)]
     check: bool,
-    /// With --check: the probability to meet the corrected budget to the end of the mission that is asked for, such as 0.9
-    #[arg(long, value_name = "P", requires = "check", value_parser = probability)]
+    /// The probability to meet the budget of the galaxy to the end of the mission that is asked for, such as 0.9
+    #[arg(long, value_name = "P", value_parser = probability)]
     confidence: Option<f64>,
     #[command(flatten)]
     drawn: Drawn,
@@ -68,17 +69,13 @@ impl Evaluate {
                 noisy
             }
         };
-        let met = evaluation.met();
         let time_series = self.drawn.wanted().then(|| TimeSeries::of(&evaluation.model)).transpose()?;
         let distribution = match self.samples {
             0 => None,
             _ => Some(self.distribution(&mission, sample.as_ref())?),
         };
-        let met = match (self.confidence, &distribution) {
-            (Some(asked), Some(found)) => found.probability_met() >= asked,
-            _ => met,
-        };
         let report = EvaluateReport { evaluation, noisy, distribution, confidence: self.confidence, time_series };
+        let met = passes(&report.lines());
         self.drawn.write(&report, &[mission])?;
         // What the date hangs on is worth knowing where it comes too early.
         let next = (!met).then(|| format!("ctiplan study error-budget {}", self.mission.words()));

@@ -14,7 +14,9 @@ use crate::plan::requirement::Crossing;
 pub struct Line {
     /// What is limited.
     pub requirement: String,
-    /// Factor of the software correction that is assumed; 1 without.
+    /// Whether software correction is assumed.
+    pub corrected: bool,
+    /// Its factor; 1 without.
     pub correction_factor: f64,
     /// Whether photon and read noise of one exposure are counted.
     pub noise: bool,
@@ -35,6 +37,11 @@ pub struct Line {
     pub met: bool,
 }
 
+/// Whether a mission passes: all its requirements are met with correction, noise left out.
+pub fn passes(lines: &[Line]) -> bool {
+    lines.iter().filter(|line| line.corrected && !line.noise).all(|line| line.met)
+}
+
 /// The requirements of an evaluation: |Δe| of the judged galaxy, without and with noise, and shear biases of the population, each
 /// without and with correction. `confidence`: the probability that is asked for.
 pub fn lines(evaluation: &Evaluation, dates: Option<&DateDistribution>, confidence: Option<f64>) -> Vec<Line> {
@@ -45,6 +52,7 @@ pub fn lines(evaluation: &Evaluation, dates: Option<&DateDistribution>, confiden
         let expected = crossing.crossings_yr.is_empty();
         Line {
             requirement: what.to_string(),
+            corrected,
             correction_factor: if corrected { requirement.correction_factor } else { 1.0 },
             noise,
             limit: crossing.limit,

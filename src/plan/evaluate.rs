@@ -83,11 +83,6 @@ impl Evaluation {
         Ok(Evaluation { population, ..self })
     }
 
-    /// Whether all requirements are met, with correction, to the end of the mission.
-    pub fn met(&self) -> bool {
-        self.verdict.met() && self.population.as_ref().is_none_or(PopulationBias::met)
-    }
-
     /// The mission, as resolved.
     pub fn mission(&self) -> &Mission {
         &self.model.mission

@@ -182,6 +182,11 @@ fn the_first_steps_show_what_the_program_prints() {
 }
 
 #[test]
+fn the_page_of_confidence_shows_what_the_program_prints() {
+    shows_what_is_printed("docs/confidence.md");
+}
+
+#[test]
 fn the_page_of_orbits_shows_what_the_program_prints() {
     shows_what_is_printed("docs/orbit.md");
 }
