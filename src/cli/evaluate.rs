@@ -15,6 +15,7 @@ use crate::plan::compliance::passes;
 use crate::plan::date_distribution::{DateDistribution, date_distribution};
 use crate::plan::evaluate::evaluate;
 use crate::plan::mission_sample::MissionSample;
+use crate::plan::population::PopulationBias;
 use crate::plan::time_series::TimeSeries;
 use crate::report::EvaluateReport;
 

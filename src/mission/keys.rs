@@ -470,7 +470,7 @@ pub const KEYS: &[Key] = &[
     key("accuracy.subpixel_grid", "sub-pixel positions in x and in y", "", Integer(1, 64), Default("4")),
     key(
         "accuracy.noise_realisations",
-        "noise realisations of each galaxy; 0 for no noise",
+        "noise realisations of the judged galaxy, and a quarter of them of others; 0 for no noise",
         "",
         Integer(0, 1_000_000),
         Default("64"),

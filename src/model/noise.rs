@@ -6,7 +6,7 @@
 //!
 //! **Estimator.** The bounded ellipticity of [`bounded`], on a centroid that is held where the image without noise has it, before
 //! and after the readout: a survey knows positions from many exposures. (A centroid that is fitted to each noisy image gives the same
-//! to within 0.1 % for SNAP's bright galaxy and 2 % for its faint one: see docs/population.md.)
+//! to within 0.2 % for SNAP's bright galaxy and 2 % for its faint one: see docs/population.md.)
 //!
 //! **Method.** A, C and T, the sums that the ellipticity is made of, are normal to good accuracy. The mean ellipticity is that of
 //! their means Q and covariances Σ, an integral without random numbers ([`bounded::mean_ellipticity`]):

@@ -86,8 +86,8 @@ impl NoisyEvaluation {
             };
             Ok(year.galaxies.iter().enumerate().map(shape).collect())
         });
-        let years = years.collect::<Result<_, InputError>>()?;
-        let verdict = verdict(evaluation, &realised)?;
+        let years = years.collect::<Result<Vec<Vec<_>>, InputError>>()?;
+        let verdict = verdict(evaluation, &years, &realised)?;
         Ok(Some(NoisyEvaluation { realisations, years, verdict }))
     }
 }
@@ -114,6 +114,11 @@ impl NoisyShape {
     }
 }
 
+/// Realisations of galaxies that are not judged: a quarter, for errors twice as large.
+pub fn others(judged: u32) -> u32 {
+    judged.div_ceil(4)
+}
+
 /// Noise of all galaxies at the end of the mission, and in those years (evenly chosen) whose traps differ from all of these by more
 /// than their number.
 fn realised(model: &Model, years: &[Year], realisations: Realisations) -> Result<Vec<Realised>, InputError> {
@@ -125,8 +130,11 @@ fn realised(model: &Model, years: &[Year], realisations: Realisations) -> Result
         if known || device.species().all(|species| species.density_per_px == 0.0) {
             continue;
         }
-        let galaxies = 0..model.mission.galaxies.len();
-        let terms = galaxies.map(|galaxy| model.noise_term(galaxy, &device, realisations));
+        let others = Realisations { count: others(realisations.count), ..realisations };
+        let terms = (0..model.mission.galaxies.len()).map(|galaxy| {
+            let realisations = if galaxy == model.judged() { realisations } else { others };
+            model.noise_term(galaxy, &device, realisations)
+        });
         found.push(Realised { terms: terms.collect::<Result<_, _>>()?, device });
     }
     Ok(found)
@@ -151,7 +159,11 @@ fn term(realised: &[Realised], galaxy: usize, device: &Device) -> Option<NoiseTe
 }
 
 /// When |Δe| of the judged galaxy with noise exceeds the budget.
-fn verdict(evaluation: &Evaluation, realised: &[Realised]) -> Result<NoisyVerdict, InputError> {
+fn verdict(
+    evaluation: &Evaluation,
+    years: &[Vec<Option<NoisyShape>>],
+    realised: &[Realised],
+) -> Result<NoisyVerdict, InputError> {
     let model = &evaluation.model;
     let judged = model.judged();
     let shape = |t_yr: f64| -> Result<Option<NoisyShape>, InputError> {
@@ -160,8 +172,9 @@ fn verdict(evaluation: &Evaluation, realised: &[Realised]) -> Result<NoisyVerdic
         Ok(change.zip(term(realised, judged, &device)).map(|(change, term)| NoisyShape::of(&change, &term)))
     };
     let magnitude = |t_yr: f64| Ok(shape(t_yr)?.map(|shape| shape.magnitude()));
-    let known = evaluation.years.iter().map(|year| Ok((year.t_yr, magnitude(year.t_yr)?)));
-    let known = known.collect::<Result<Vec<Point>, InputError>>()?;
+    let of_year = |shapes: &Vec<Option<NoisyShape>>| shapes[judged].map(|shape| shape.magnitude());
+    let known = evaluation.years.iter().zip(years).map(|(year, shapes)| (year.t_yr, of_year(shapes)));
+    let known: Vec<Point> = known.collect();
     let without = &evaluation.verdict;
     let [uncorrected, corrected] =
         crossings_of(model, [without.uncorrected.limit, without.corrected.limit], &known, magnitude)?;

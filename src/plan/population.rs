@@ -13,15 +13,18 @@
 
 mod sample;
 
+use std::collections::BTreeMap;
+
 use rayon::prelude::*;
 
 use crate::error::InputError;
 use crate::mission::{Mission, PopulationNoise};
 use crate::model::noise::Realisations;
-use crate::model::shear::{ShearResponse, SurveyGalaxy, SurveyMeasurement, TrailedResponse, of_many};
+use crate::model::shear::{ShearResponse, SurveyMeasurement, TrailedResponse, of_many};
 use crate::model::{Device, Model};
 use crate::plan::evaluate::{crossings_of, year_ends};
 use crate::plan::requirement::{Crossing, Point};
+use sample::Member;
 
 /// Realisations of the noise of each galaxy of a population: their errors average out.
 const REALISATIONS: u32 = 8;
@@ -77,6 +80,8 @@ pub struct BiasVerdict {
 /// A galaxy with its weight and its responses; those of the times of [`Course`].
 struct Weighted {
     weight: f64,
+    /// Galaxies of one draw are not independent.
+    draw: usize,
     response: ShearResponse,
 }
 
@@ -93,9 +98,9 @@ impl PopulationBias {
         let how = SurveyMeasurement { psf_stars_e: population.psf_stars_e, noise };
         let course = Course::of(model)?;
         let model = &Model::new(&of_many(&model.mission, sample.galaxies.len()));
-        let of = |(galaxy, weight): &(SurveyGalaxy, f64)| {
-            let response = model.shear_response(galaxy, &course.times_yr, &how)?;
-            Ok(response.map(|response| Weighted { weight: *weight, response }))
+        let of = |member: &Member| {
+            let response = model.shear_response(&member.galaxy, &course.times_yr, &how)?;
+            Ok(response.map(|response| Weighted { weight: member.weight, draw: member.draw, response }))
         };
         let responses: Vec<Result<Option<Weighted>, InputError>> = sample.galaxies.par_iter().map(of).collect();
         // The first of several errors, whichever came first.
@@ -263,11 +268,13 @@ impl Biases<'_> {
     fn over_response(&self, member: usize, x: impl Fn(usize) -> f64) -> Estimated {
         let response = |galaxy: &Weighted| galaxy.weight * self.response(galaxy)[member];
         let total: f64 = self.galaxies.iter().map(response).sum();
-        let value =
-            self.galaxies.iter().enumerate().map(|(index, galaxy)| galaxy.weight * x(index)).sum::<f64>() / total;
-        let left = |(index, galaxy): (usize, &Weighted)| (galaxy.weight * x(index) - value * response(galaxy)) / total;
-        let squares: f64 = self.galaxies.iter().enumerate().map(left).map(|left| left * left).sum();
-        let n = self.galaxies.len() as f64;
+        let value = self.galaxies.iter().enumerate().map(|(index, galaxy)| galaxy.weight * x(index)).sum::<f64>() / total;
+        let mut left: BTreeMap<usize, f64> = BTreeMap::new();
+        for (index, galaxy) in self.galaxies.iter().enumerate() {
+            *left.entry(galaxy.draw).or_default() += (galaxy.weight * x(index) - value * response(galaxy)) / total;
+        }
+        let squares: f64 = left.values().map(|left| left * left).sum();
+        let n = left.len() as f64;
         Estimated { value, error: (n > 1.0).then(|| (n / (n - 1.0) * squares).sqrt()) }
     }
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Golden shear biases of a small population: writes population.json and population.csv beside this file.
 
-Made by   arcticpy 2.6 (public add_cti, express = 0), GalSim 2.8.5, numpy 1.26.4 (Python 3.11); 15 min on one core
+Made by   arcticpy 2.6 (public add_cti, express = 0), GalSim 2.8.5, numpy 1.26.4 (Python 3.11); 2 min on one core
 Command   python tests/golden/population.py
 
 The chain

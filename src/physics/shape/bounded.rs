@@ -5,7 +5,8 @@
 //! ```
 //!
 //! Without noise |(A, C)| is less than T, and this is the ellipticity of [`super::Moments`]. Noise may bring T close to 0 or below it:
-//! the plain ratio then has no mean (it has the tails of a Cauchy distribution). A survey rejects such objects; here |e| is bounded
+//! the plain ratio then has no mean (it has the tails of a Cauchy distribution; Israel, Kitching & Massey 2015, arXiv:1512.05591). A
+//! survey rejects such objects; here |e| is bounded
 //! by 1, the largest ellipticity of any image that is nowhere negative, so that no object is lost and none is selected.
 //!
 //! A, C and T are sums over many pixels, and about normal. The mean of the bounded ellipticity over their noise is then an integral

@@ -66,6 +66,7 @@ struct NoiseSettings {
     centroid: &'static str,
     estimator: &'static str,
     realisations: u32,
+    realisations_of_others: u32,
     seed: u64,
 }
 
@@ -154,6 +155,7 @@ impl Serialize for Evaluation {
                 centroid: noise::CENTROID,
                 estimator: noise::ESTIMATOR,
                 realisations: noise.realisations.count,
+                realisations_of_others: noise::others(noise.realisations.count),
                 seed: noise.realisations.seed,
             }),
             population: biases

@@ -11,9 +11,18 @@ use crate::physics::galaxy::snr;
 /// Galaxies with their weights.
 pub(super) struct SurveySample {
     /// Those that are evaluated.
-    pub galaxies: Vec<(SurveyGalaxy, f64)>,
+    pub galaxies: Vec<Member>,
     /// Those that there are.
     pub available: usize,
+}
+
+/// A galaxy of a sample.
+pub(super) struct Member {
+    pub galaxy: SurveyGalaxy,
+    /// Weight in the survey.
+    pub weight: f64,
+    /// Which draw it is from: two galaxies of the law are one draw.
+    pub draw: usize,
 }
 
 /// Streams of the law's galaxies, apart from those of other uses of a seed.
@@ -27,7 +36,7 @@ pub(super) fn of(mission: &Mission, population: &Population, seed: u64) -> Surve
     let most = population.galaxies as usize;
     let table = &mission.imported.galaxies;
     if table.is_empty() {
-        let galaxies = (0..most).map(|index| (drawn(mission, population, seed, index), 1.0)).collect();
+        let galaxies = (0..most).map(|index| drawn(mission, population, seed, index)).collect();
         return SurveySample { galaxies, available: most };
     }
     let weighty: Vec<&PopulationGalaxy> = table.iter().filter(|galaxy| galaxy.weight > 0.0).collect();
@@ -35,7 +44,7 @@ pub(super) fn of(mission: &Mission, population: &Population, seed: u64) -> Surve
     let evaluated = weighty.len().min(most);
     let galaxy = |index: usize| {
         let galaxy = weighty[chosen(index, evaluated, weighty.len())];
-        (judged.with(galaxy, distance(index, evaluated)), galaxy.weight)
+        Member { galaxy: judged.with(galaxy, distance(index, evaluated)), weight: galaxy.weight, draw: index }
     };
     SurveySample { galaxies: (0..evaluated).map(galaxy).collect(), available: weighty.len() }
 }
@@ -92,22 +101,28 @@ fn transfers(mission: &Mission, distances: Distances, place: f64) -> u32 {
 }
 
 /// A galaxy of the law; its magnitude range and the camera's scale were checked when the mission was read.
-fn drawn(mission: &Mission, population: &Population, seed: u64, index: usize) -> SurveyGalaxy {
+///
+/// Galaxies come in pairs: the second one is the first turned by 90 degrees, so that the ellipticities of a pair have no mean
+/// (Nakajima & Bernstein 2007, AJ 133, 1763) and the multiplicative bias does not add to the scatter of the additive one.
+fn drawn(mission: &Mission, population: &Population, seed: u64, index: usize) -> Member {
+    let draw = index / 2;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    random.set_stream(STREAMS + index as u64);
+    random.set_stream(STREAMS + draw as u64);
     let range = [population.magnitude_range[0], population.magnitude_range[1]];
     let drawn = DrawnGalaxy::draw(range, &mut random);
     let one_electron_mag = population.one_electron_mag.expect("a law has the magnitude of one electron");
     let pixel_arcsec = population.pixel_arcsec.expect("a law has the width of a pixel");
     let judged = mission.judged_galaxy();
-    let place = distance(index, population.galaxies as usize);
-    SurveyGalaxy {
+    let place = distance(draw, population.galaxies.div_ceil(2) as usize);
+    let sign = if index.is_multiple_of(2) { 1.0 } else { -1.0 };
+    let galaxy = SurveyGalaxy {
         flux_e: 10_f64.powf(-0.4 * (drawn.magnitude - one_electron_mag)),
         half_light_px: (drawn.half_light_arcsec / pixel_arcsec).clamp(SIZES_PX[0], SIZES_PX[1]),
         sersic_index: drawn.sersic_index,
-        ellipticity: drawn.ellipticity,
+        ellipticity: drawn.ellipticity.map(|e| sign * e),
         weight_px: judged.weight_px,
         transfers: transfers(mission, population.transfers.unwrap_or(Distances::Uniform), place),
         read_noise_e: mission.read_noise_e(judged),
-    }
+    };
+    Member { galaxy, weight: 1.0, draw }
 }

@@ -15,7 +15,7 @@ pub(super) fn say(evaluation: &Evaluation, noise: &NoisyEvaluation, out: &mut Pa
     let judged = end.map_or("no shape left".into(), |shape| {
         format!("|delta e| {:.3e} +- {:.1e} at end of life", shape.magnitude(), shape.magnitude_error())
     });
-    let read_noise_e = plain(mission.read_noise_e(mission.judged_galaxy()));
+    let read_noise_e = plain((10.0 * mission.read_noise_e(mission.judged_galaxy())).round() / 10.0);
     out.verdict(format!("  with photon noise and {read_noise_e} e- read noise: {judged}"), 4);
     for (name, without, with) in [
         ("uncorrected", &verdict.uncorrected, &noise.verdict.uncorrected),
