@@ -9,7 +9,8 @@
 //! order. A survey that turns its detector averages c and m over the orientations.
 //!
 //! Each galaxy is read out at the end of the mission and at half the traps. In between a parabola through 0 is used while the
-//! traps differ by their number alone; otherwise galaxies are read out in each year, and biases are straight lines in between.
+//! traps differ by their number alone; otherwise galaxies are read out in each year and wherever the dose turns (at 16 times at
+//! most), and biases are straight lines in between.
 
 mod sample;
 
@@ -154,6 +155,18 @@ struct Course {
     half: Option<f64>,
 }
 
+/// Times at most at which galaxies are read out.
+const MOST_TIMES: usize = 16;
+
+/// [`MOST_TIMES`] of many times, evenly chosen, with both ends.
+fn thinned(times_yr: Vec<f64>) -> Vec<f64> {
+    if times_yr.len() <= MOST_TIMES {
+        return times_yr;
+    }
+    let chosen = |index: usize| times_yr[index * (times_yr.len() - 1) / (MOST_TIMES - 1)];
+    (0..MOST_TIMES).map(chosen).collect()
+}
+
 /// Traps over those at the end within which a time is taken for half of them.
 const HALF: [f64; 2] = [0.2, 0.8];
 
@@ -182,7 +195,7 @@ impl Course {
                 times_yr.extend(year_ends(end_yr));
                 times_yr.sort_by(f64::total_cmp);
                 times_yr.dedup();
-                Course { times_yr, half: None }
+                Course { times_yr: thinned(times_yr), half: None }
             }
         })
     }
@@ -268,7 +281,8 @@ impl Biases<'_> {
     fn over_response(&self, member: usize, x: impl Fn(usize) -> f64) -> Estimated {
         let response = |galaxy: &Weighted| galaxy.weight * self.response(galaxy)[member];
         let total: f64 = self.galaxies.iter().map(response).sum();
-        let value = self.galaxies.iter().enumerate().map(|(index, galaxy)| galaxy.weight * x(index)).sum::<f64>() / total;
+        let value =
+            self.galaxies.iter().enumerate().map(|(index, galaxy)| galaxy.weight * x(index)).sum::<f64>() / total;
         let mut left: BTreeMap<usize, f64> = BTreeMap::new();
         for (index, galaxy) in self.galaxies.iter().enumerate() {
             *left.entry(galaxy.draw).or_default() += (galaxy.weight * x(index) - value * response(galaxy)) / total;
