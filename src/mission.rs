@@ -504,7 +504,7 @@ pub struct Accuracy {
     pub seed: u64,
     /// Sub-pixel positions in x and in y over which shapes are averaged.
     pub subpixel_grid: u32,
-    /// Realisations of the noise of one exposure of the judged galaxy; a quarter of them of others. 0 for none.
+    /// Realisations of the noise of one exposure of the judged galaxy; half of them of others. 0 for none.
     pub noise_realisations: u32,
 }
 

@@ -470,10 +470,10 @@ pub const KEYS: &[Key] = &[
     key("accuracy.subpixel_grid", "sub-pixel positions in x and in y", "", Integer(1, 64), Default("4")),
     key(
         "accuracy.noise_realisations",
-        "noise realisations of the judged galaxy, and a quarter of them of others; 0 for no noise",
+        "noise realisations of the judged galaxy, and half of them of others; 0 for no noise",
         "",
         Integer(0, 1_000_000),
-        Default("64"),
+        Default("96"),
     ),
     key("uncertainty.dose_model", "relative uncertainty (1 sigma) of the dose", "", SIGMA, Default("0.2")),
     key("uncertainty.shielding", "relative uncertainty (1 sigma) of the shield's thickness", "", SIGMA, Default("0.1")),

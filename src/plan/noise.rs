@@ -114,9 +114,9 @@ impl NoisyShape {
     }
 }
 
-/// Realisations of galaxies that are not judged: a quarter, for errors twice as large.
+/// Realisations of galaxies that are not judged: half as many.
 pub fn others(judged: u32) -> u32 {
-    judged.div_ceil(4)
+    judged.div_ceil(2)
 }
 
 /// Noise of all galaxies at the end of the mission, and in those years (evenly chosen) whose traps differ from all of these by more

@@ -272,7 +272,7 @@ impl EvaluateReport {
         }
         out.gap();
         out.words(
-            "The same from realisations with photon and read noise, centroid fitted, |e| bounded by 1; +- standard error. \
+            "The same from realisations with photon and read noise, centroid fitted, ellipticity bounded by 1; +- standard error. \
              The budget is judged without noise.",
             0,
         );
