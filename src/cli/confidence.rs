@@ -10,7 +10,7 @@ pub(super) struct Confident {
     /// Rank by how long budgets are kept with this probability, such as 0.9, not as expected: the Sun and [uncertainty] are drawn
     #[arg(long, value_name = "P", value_parser = probability)]
     confidence: Option<f64>,
-    /// Draws of each mission
+    /// Draws of each mission, with --confidence
     #[arg(long, value_name = "N", requires = "confidence", default_value_t = 400)]
     #[arg(value_parser = clap::value_parser!(u32).range(20..=65_536))]
     samples: u32,

@@ -15,7 +15,6 @@ use crate::plan::compliance::passes;
 use crate::plan::date_distribution::{DateDistribution, date_distribution};
 use crate::plan::evaluate::evaluate;
 use crate::plan::mission_sample::MissionSample;
-use crate::plan::population::PopulationBias;
 use crate::plan::time_series::TimeSeries;
 use crate::report::EvaluateReport;
 
@@ -29,7 +28,8 @@ pub(super) struct Evaluate {
     /// Seed of all that is random, instead of the mission's
     #[arg(long, value_name = "SEED")]
     seed: Option<u64>,
-    /// Draws of the mission, for the date as a distribution: its Sun and its [uncertainty]; 0: none
+    /// Draws of the mission, for the date as a distribution: its Sun and its [uncertainty]; 0: none. 200 at most where shapes cannot
+    /// be emulated
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(0..=65_536))]
     samples: u32,
     /// Draw keys from a posterior (`ctiplan fit --posterior N --out FILE`) in place of their uncertainties

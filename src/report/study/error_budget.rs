@@ -130,6 +130,10 @@ fn describe(report: &mut StudyReport, results: &Results) {
     if !results.has_shield {
         report.find("The shield is not an input: no thickness of aluminium gives the mission's dose.");
     }
+    report.find(
+        "The fluence of the Sun is held at the mission's confidence here; `ctiplan evaluate` draws the Sun besides, which the date \
+         as a distribution needs.",
+    );
     let lost = budget.fates.iter().filter(|fate| fate.delta_e.is_none()).count();
     if lost > 0 {
         report.find(format!(
