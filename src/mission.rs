@@ -409,10 +409,10 @@ pub struct Population {
     pub galaxies: u32,
     /// Brightest and faintest magnitude of the law.
     pub magnitude_range: Vec<f64>,
-    /// Magnitude of a source of one electron in an exposure.
+    /// Magnitude of a source of one electron in an exposure; None: the faintest galaxies have the flux of the judged one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub one_electron_mag: Option<f64>,
-    /// Width of a pixel, arcsec.
+    /// Width of a pixel, arcsec; None: 0.1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pixel_arcsec: Option<f64>,
     /// Transfers of galaxies for which the table says nothing.

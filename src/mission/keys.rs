@@ -393,12 +393,12 @@ pub const KEYS: &[Key] = &[
     ),
     key(
         "population.one_electron_mag",
-        "magnitude of a source of one electron in an exposure",
+        "magnitude of a source of one electron in an exposure; if absent, the faintest galaxies have the flux of the judged one",
         "mag",
         Number(-30.0, 60.0),
         Optional,
     ),
-    key("population.pixel_arcsec", "width of a pixel", "arcsec", Allowed::Positive(0.0, 10.0), Optional),
+    key("population.pixel_arcsec", "width of a pixel; 0.1 if absent", "arcsec", Allowed::Positive(0.0, 10.0), Optional),
     key(
         "population.transfers",
         "transfers that the table does not give: readout.transfers, the default with a table, or evenly spread up to it",

@@ -365,7 +365,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// Something is judged; shear biases need a population, and a law of galaxies needs the camera's scale.
+    /// Something is judged; shear biases need a population, and galaxies come from a table or a law.
     fn check_population(&self, mission: &Mission, table: &toml::Table) -> Result<(), InputError> {
         let requirement = &mission.requirement;
         let judged = ["delta_e", "c", "m"].iter().any(|key| get(table, &format!("requirement.{key}")).is_some());
@@ -378,7 +378,7 @@ impl<'a> Source<'a> {
         let Some(population) = &mission.population else {
             let biases = [("requirement.c", requirement.c), ("requirement.m", requirement.m)];
             let Some((key, _)) = biases.into_iter().find(|(_, limit)| limit.is_some()) else { return Ok(()) };
-            let help = "add [population] with table, or with one_electron_mag and pixel_arcsec for the law of docs/population.md";
+            let help = "add [population]: with table, or without it for the law of docs/population.md";
             return Err(self
                 .fault(key, "a shear bias is that of a population, and there is no [population]")
                 .with_help(help));
@@ -387,16 +387,9 @@ impl<'a> Source<'a> {
             ("one_electron_mag", population.one_electron_mag.is_some()),
             ("pixel_arcsec", population.pixel_arcsec.is_some()),
         ];
-        for (key, given) in law {
-            if population.table.is_none() && !given {
-                let problem = format!("`population.{key}` is missing: the law of galaxies needs it");
-                return Err(InputError { place: self.place("population"), ..self.fault("", problem) }
-                    .with_help("or give population.table, a file of galaxies"));
-            }
-            if population.table.is_some() && given {
-                let problem = "it belongs to the law of galaxies, but the galaxies come from population.table";
-                return Err(self.fault(&format!("population.{key}"), problem).with_help("remove one of them"));
-            }
+        if let Some((key, _)) = law.into_iter().find(|(_, given)| population.table.is_some() && *given) {
+            let problem = "it belongs to the law of galaxies, but the galaxies come from population.table";
+            return Err(self.fault(&format!("population.{key}"), problem).with_help("remove one of them"));
         }
         match population.magnitude_range[..] {
             [bright, faint] if bright < faint => Ok(()),

@@ -25,6 +25,7 @@ use crate::model::shear::{ShearResponse, SurveyMeasurement, TrailedResponse, of_
 use crate::model::{Device, Model};
 use crate::plan::evaluate::{crossings_of, year_ends};
 use crate::plan::requirement::{Crossing, Point};
+pub use sample::Camera;
 use sample::Member;
 
 /// Realisations of the noise of each galaxy of a population: their errors average out.

@@ -100,7 +100,30 @@ fn transfers(mission: &Mission, distances: Distances, place: f64) -> u32 {
     }
 }
 
-/// A galaxy of the law; its magnitude range and the camera's scale were checked when the mission was read.
+/// What turns magnitudes and arcsec into electrons and pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// Magnitude of a source of one electron in an exposure.
+    pub one_electron_mag: f64,
+    /// Width of a pixel, arcsec.
+    pub pixel_arcsec: f64,
+}
+
+/// Width of a pixel where none is given, arcsec: that of SNAP and of Euclid's VIS.
+const PIXEL_ARCSEC: f64 = 0.1;
+
+impl Camera {
+    /// As the population says; by default the faintest galaxies have the flux of the judged one.
+    pub fn of(mission: &Mission, population: &Population) -> Camera {
+        let faintest = || population.magnitude_range[1] + 2.5 * snr::flux_e(mission, mission.judged_galaxy()).log10();
+        Camera {
+            one_electron_mag: population.one_electron_mag.unwrap_or_else(faintest),
+            pixel_arcsec: population.pixel_arcsec.unwrap_or(PIXEL_ARCSEC),
+        }
+    }
+}
+
+/// A galaxy of the law; its magnitude range was checked when the mission was read.
 ///
 /// Galaxies come in pairs: the second one is the first turned by 90 degrees, so that the ellipticities of a pair have no mean
 /// (Nakajima & Bernstein 2007, AJ 133, 1763) and the multiplicative bias does not add to the scatter of the additive one.
@@ -110,8 +133,7 @@ fn drawn(mission: &Mission, population: &Population, seed: u64, index: usize) ->
     random.set_stream(STREAMS + draw as u64);
     let range = [population.magnitude_range[0], population.magnitude_range[1]];
     let drawn = DrawnGalaxy::draw(range, &mut random);
-    let one_electron_mag = population.one_electron_mag.expect("a law has the magnitude of one electron");
-    let pixel_arcsec = population.pixel_arcsec.expect("a law has the width of a pixel");
+    let Camera { one_electron_mag, pixel_arcsec } = Camera::of(mission, population);
     let judged = mission.judged_galaxy();
     let place = distance(draw, population.galaxies.div_ceil(2) as usize);
     let sign = if index.is_multiple_of(2) { 1.0 } else { -1.0 };

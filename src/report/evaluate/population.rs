@@ -2,7 +2,7 @@
 
 use crate::mission::keys::plain;
 use crate::mission::{Mission, PopulationNoise};
-use crate::plan::population::{Estimated, PopulationBias};
+use crate::plan::population::{Camera, Estimated, PopulationBias};
 use crate::report::{Parts, exceeded, table};
 
 /// Biases year by year.
@@ -19,6 +19,17 @@ pub(super) fn say(biases: &PopulationBias, mission: &Mission, out: &mut Parts) {
         years.add_row([t_yr.to_string()].into_iter().chain(cells));
     }
     out.table(years);
+    if population.table.is_none() {
+        let Camera { one_electron_mag, pixel_arcsec } = Camera::of(mission, population);
+        let [bright, faint] = [population.magnitude_range[0], population.magnitude_range[1]];
+        let faintest_e = 10_f64.powf(-0.4 * (faint - one_electron_mag));
+        out.words(
+            format!(
+                "  Law of galaxies: {bright} to {faint} mag, the faintest of {faintest_e:.0} e-; pixels of {pixel_arcsec} arcsec."
+            ),
+            2,
+        );
+    }
     let stars = match population.psf_stars_e {
         None => "PSF known without trails (no psf_stars_e)".into(),
         Some(flux_e) => format!("less the trails of PSF stars of {} e-", plain(flux_e)),
