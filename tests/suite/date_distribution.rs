@@ -141,6 +141,23 @@ fn where_nothing_is_uncertain_every_draw_is_the_mission() {
     assert!((median / early / 1.179 - 1.0).abs() < 0.02, "{early} {median}");
 }
 
+/// A budget that is exceeded at once is exceeded at another time in each draw: at its own first event, or between two.
+#[test]
+fn dates_of_a_budget_that_is_soon_exceeded_are_those_of_the_draws() {
+    let mission = mission(&[("launch = 2009-01-01", "launch = 2013-01-01"), ("delta_e = 1.0e-3", "delta_e = 1.0e-6")]);
+    let found = dates(&mission, 400);
+    let times = &found.uncorrected.times_yr;
+    let mut distinct = times.clone();
+    distinct.dedup();
+    assert!(distinct.len() > 390 && times[0] > 0.0 && times[399] < 1.5, "{times:?}");
+    let direct = Draws::of(&mission, None, 400, 1).unwrap().read_out(400, || {}).unwrap();
+    let mut expected: Vec<f64> = direct.fates.iter().map(|fate| fate.exceeded_yr[0].unwrap()).collect();
+    expected.sort_by(f64::total_cmp);
+    for (found, expected) in times.iter().zip(&expected) {
+        assert!((found - expected).abs() < 0.02, "{found} {expected}");
+    }
+}
+
 #[test]
 fn a_given_rate_has_a_sun_of_its_own() {
     // The rate that the shield makes, given as a number: the same probability.

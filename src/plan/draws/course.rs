@@ -23,6 +23,10 @@ const TIMES: usize = 12;
 /// Share of the dose of the mission that may pass between two looks.
 const PASSED: f64 = 0.01;
 
+/// Distance from a limit, over the largest |Δe|, within which |Δe| is computed by itself: those of many times may be
+/// interpolated, which puts them off by less than that.
+const NEAR: f64 = 1e-3;
+
 impl Fate {
     /// Of a model whose changes of shape, at many times at once (years since launch), are these.
     ///
@@ -38,9 +42,14 @@ impl Fate {
         let magnitude = |t_yr: f64| Ok::<_, InputError>(magnitudes(&[t_yr])?[0]);
         let times = times_yr(model)?;
         let found = magnitudes(&times)?;
-        let points: Vec<Point> = times.into_iter().zip(found).collect();
+        let mut points: Vec<Point> = times.into_iter().zip(found).collect();
         let requirement = &model.mission.requirement;
         let limits = [requirement.delta_e, requirement.delta_e * requirement.correction_factor];
+        let largest = points.iter().filter_map(|point| point.1).fold(0.0, f64::max);
+        let near = |value: f64| limits.iter().any(|limit| (value - limit).abs() < NEAR * largest);
+        for point in points.iter_mut().filter(|point| point.1.is_some_and(near)) {
+            point.1 = magnitude(point.0)?;
+        }
         let first = |limit: f64| Ok(crossing(limit, &points, magnitude)?.t_yr);
         let end = &model.mission;
         let sun_mev_g = model.history().dose_mev_g(end.mission.duration_yr)? / end.environment.dose_factor;
@@ -62,7 +71,8 @@ fn times_yr(model: &Model) -> Result<Vec<f64>, InputError> {
     let history = model.history();
     let Some(sun) = &model.mission.imported.sun else { return Ok(times) };
     let least = PASSED * history.dose_mev_g(duration_yr)?;
-    let is_of_sun = |t_yr: f64| sun.binary_search_by(|node| node.0.total_cmp(&t_yr)).is_ok();
+    let is_of_sun =
+        |t_yr: f64| t_yr > 0.0 && t_yr < duration_yr && sun.binary_search_by(|node| node.0.total_cmp(&t_yr)).is_ok();
     let mut looked_mev_g = 0.0;
     let mut kept = Vec::with_capacity(times.len());
     for (place, &t_yr) in times.iter().enumerate() {
