@@ -6,7 +6,7 @@ use serde::Serialize;
 use crate::numeric::calendar::date_after;
 use crate::plan::date_distribution::{DateDistribution, Dates};
 use crate::plan::evaluate::Evaluation;
-use crate::plan::population::BiasVerdict;
+use crate::plan::population::{BiasVerdict, ByTraps};
 use crate::plan::requirement::Crossing;
 
 /// A requirement, and whether it is met to the end of the mission.
@@ -28,8 +28,8 @@ pub struct Line {
     pub t_yr: Option<f64>,
     /// The day.
     pub date: Option<NaiveDate>,
-    /// Probability that it is met to the end, with the Sun and `[uncertainty]` drawn; None where that was not asked for, or is not
-    /// told of this requirement.
+    /// Probability that it is met to the end, with the Sun and `[uncertainty]` drawn; of shear biases by the number of the traps
+    /// alone. None where that was not asked for, or is not told of this requirement.
     pub probability_met: Option<f64>,
     /// Its standard error from the finite number of draws.
     pub probability_error: Option<f64>,
@@ -47,8 +47,7 @@ pub fn passes(lines: &[Line]) -> bool {
 pub fn lines(evaluation: &Evaluation, dates: Option<&DateDistribution>, confidence: Option<f64>) -> Vec<Line> {
     let mission = evaluation.mission();
     let (launch, requirement) = (mission.mission.launch.0, &mission.requirement);
-    let line = |what: &str, crossing: &Crossing, corrected: bool, noise: bool, dates: Option<&Dates>| {
-        let probability_met = dates.map(|dates| 1.0 - dates.probability_exceeded);
+    let line = |what: &str, crossing: &Crossing, corrected: bool, noise: bool, probability: Option<(f64, f64)>| {
         let expected = crossing.crossings_yr.is_empty();
         Line {
             requirement: what.to_string(),
@@ -59,30 +58,34 @@ pub fn lines(evaluation: &Evaluation, dates: Option<&DateDistribution>, confiden
             at_end: crossing.margin.map(|margin| crossing.limit - margin),
             t_yr: crossing.t_yr,
             date: crossing.t_yr.and_then(|t_yr| date_after(launch, t_yr)),
-            probability_met,
-            probability_error: dates.map(|dates| dates.probability_error),
-            met: probability_met.zip(confidence).map_or(expected, |(met, asked)| met >= asked),
+            probability_met: probability.map(|met| met.0),
+            probability_error: probability.map(|met| met.1),
+            met: probability.zip(confidence).map_or(expected, |(met, asked)| met.0 >= asked),
         }
     };
+    let of_dates = |dates: &Dates| (1.0 - dates.probability_exceeded, dates.probability_error);
     let shape = format!("|delta e| of \"{}\"", requirement.galaxy);
     let verdict = &evaluation.verdict;
     let mut lines = vec![
-        line(&shape, &verdict.uncorrected, false, false, dates.map(|found| &found.uncorrected)),
-        line(&shape, &verdict.corrected, true, false, dates.map(|found| &found.corrected)),
+        line(&shape, &verdict.uncorrected, false, false, dates.map(|found| of_dates(&found.uncorrected))),
+        line(&shape, &verdict.corrected, true, false, dates.map(|found| of_dates(&found.corrected))),
     ];
     if let Some(noise) = &evaluation.noise {
         lines.push(line(&shape, &noise.verdict.uncorrected.crossing, false, true, None));
         lines.push(line(&shape, &noise.verdict.corrected.crossing, true, true, None));
     }
-    let mut bias = |name: &str, verdict: &Option<BiasVerdict>| {
-        if let Some(verdict) = verdict {
-            lines.push(line(name, &verdict.uncorrected, false, false, None));
-            lines.push(line(name, &verdict.corrected, true, false, None));
+    let mut bias = |name: &str, member: usize, verdict: &Option<BiasVerdict>, by_traps: Option<ByTraps>| {
+        let Some(verdict) = verdict else { return };
+        for (crossing, corrected) in [(&verdict.uncorrected, false), (&verdict.corrected, true)] {
+            let met = dates.zip(by_traps).map(|(found, by_traps)| {
+                found.probability_of_traps(|factor| by_traps.largest(factor)[member] <= crossing.limit)
+            });
+            lines.push(line(name, crossing, corrected, false, met));
         }
     };
     if let Some(population) = &evaluation.population {
-        bias("|c| of the population", &population.c);
-        bias("|m| of the population", &population.m);
+        bias("|c| of the population", 0, &population.c, population.by_traps);
+        bias("|m| of the population", 1, &population.m, population.by_traps);
     }
     lines
 }

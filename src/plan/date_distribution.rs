@@ -36,6 +36,9 @@ pub struct DateDistribution {
     pub emulated: Option<Emulated>,
     /// Keys that were drawn from a posterior.
     pub posterior_keys: Vec<String>,
+    /// Largest number of traps of each draw, over that of the mission as it is expected, at its end.
+    #[serde(skip)]
+    pub traps_factors: Vec<f64>,
 }
 
 /// Share of a variance.
@@ -91,6 +94,7 @@ pub fn date_distribution(
     let draws = Draws::of(mission, posterior, samples, seed)?;
     let found = draws.fates(progress)?;
     let count = found.fates.len();
+    let expected_per_px = draws.expected_traps_per_px()?;
     // What a posterior is worth limits what all of it is worth; so does its number of draws.
     let worth = posterior.map(|sample| sample.effective_samples.unwrap_or(f64::INFINITY).min(sample.len() as f64));
     let effective = worth.unwrap_or(f64::INFINITY).clamp(1.0, count as f64);
@@ -108,6 +112,12 @@ pub fn date_distribution(
         sun_not_drawn: draws.sun.err().map(|why| why.problem),
         emulated: found.emulated,
         posterior_keys: posterior.map_or(Vec::new(), |sample| sample.keys.clone()),
+        // Without traps there are none in any draw.
+        traps_factors: found
+            .fates
+            .iter()
+            .map(|fate| fate.traps_per_px / expected_per_px.max(f64::MIN_POSITIVE))
+            .collect(),
     })
 }
 
@@ -157,6 +167,14 @@ impl Confidence {
 }
 
 impl DateDistribution {
+    /// Probability that a number of traps over that expected satisfies a condition, and its standard error from the finite number
+    /// of draws.
+    pub fn probability_of_traps(&self, condition: impl Fn(f64) -> bool) -> (f64, f64) {
+        let count = self.traps_factors.iter().filter(|factor| condition(**factor)).count();
+        let share = count as f64 / self.traps_factors.len() as f64;
+        (share, share_error(share, self.effective_samples))
+    }
+
     /// Probability that the corrected budget is met to the end of the mission.
     pub fn probability_met(&self) -> f64 {
         1.0 - self.corrected.probability_exceeded

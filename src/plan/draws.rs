@@ -196,6 +196,15 @@ impl<'a> Draws<'a> {
         Ok(found)
     }
 
+    /// Traps of all species of the mission as it is expected, at its end, 1/px.
+    ///
+    /// # Errors
+    /// Where a formula has no value.
+    pub fn expected_traps_per_px(&self) -> Result<f64, InputError> {
+        let traps = self.model.traps(self.model.mission.mission.duration_yr)?;
+        Ok(traps.iter().map(|species| species.density_per_px).sum())
+    }
+
     /// A draw, by its number.
     fn draw(&self, index: u32) -> Result<Draw, InputError> {
         let mut mission = match &self.posterior {

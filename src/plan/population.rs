@@ -44,6 +44,8 @@ pub struct PopulationBias {
     pub response: [f64; 2],
     /// Biases at the end of each year, and of the mission.
     pub years: Vec<(f64, ShearBias)>,
+    /// Biases against the number of traps, where nothing but that changes.
+    pub by_traps: Option<ByTraps>,
     /// What becomes of `requirement.c`.
     pub c: Option<BiasVerdict>,
     /// What becomes of `requirement.m`.
@@ -66,6 +68,38 @@ pub struct Estimated {
     pub value: f64,
     /// Its standard error.
     pub error: Option<f64>,
+}
+
+/// Biases of a population against the number of traps over that at the end of the mission: a parabola through 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ByTraps {
+    half: f64,
+    at_half: ShearBias,
+    at_end: ShearBias,
+}
+
+/// Numbers of traps at which the largest bias on the way is looked for.
+const ON_THE_WAY: u32 = 16;
+
+impl ByTraps {
+    /// Largest |c| and |m| while the number of traps grows up to so many times that at the end.
+    pub fn largest(&self, factor: f64) -> [f64; 2] {
+        let at = |step: u32| {
+            let [end, half] = parabola(factor * f64::from(step) / f64::from(ON_THE_WAY), self.half);
+            let combined = |of: fn(&ShearBias) -> [Estimated; 2]| {
+                let members =
+                    [0, 1].map(|member| end * of(&self.at_end)[member].value + half * of(&self.at_half)[member].value);
+                members[0].abs().max(members[1].abs())
+            };
+            [combined(|bias| bias.c), combined(|bias| bias.m)]
+        };
+        (1..=ON_THE_WAY).map(at).fold([0.0, 0.0], |most, found| [most[0].max(found[0]), most[1].max(found[1])])
+    }
+}
+
+/// Weights of the values at 1 and at `half` in the parabola through 0, at a factor.
+fn parabola(factor: f64, half: f64) -> [f64; 2] {
+    [factor * (factor - half) / (1.0 - half), factor * (factor - 1.0) / (half * (half - 1.0))]
 }
 
 /// When a limit on a bias is exceeded: the larger member of the two.
@@ -126,6 +160,11 @@ impl PopulationBias {
             response: biases.mean_response(),
             c: judged(requirement.c, |bias| largest(&bias.c))?,
             m: judged(requirement.m, |bias| largest(&bias.m))?,
+            by_traps: biases.course.half.map(|half| ByTraps {
+                half,
+                at_end: biases.weighted(&[1.0, 0.0]),
+                at_half: biases.weighted(&[0.0, 1.0]),
+            }),
             years,
         }))
     }
@@ -211,10 +250,7 @@ impl Course {
             (weights[after - 1], weights[after]) = (1.0 - share, share);
             return weights;
         };
-        // The parabola through 0, `half` and 1.
-        let factor = device.traps_over(end).unwrap_or(0.0);
-        let at_half = factor * (factor - 1.0) / (half * (half - 1.0));
-        vec![factor * (factor - half) / (1.0 - half), at_half]
+        parabola(device.traps_over(end).unwrap_or(0.0), half).to_vec()
     }
 }
 
@@ -261,9 +297,13 @@ struct Biases<'a> {
 impl Biases<'_> {
     fn at(&self, t_yr: f64) -> Result<ShearBias, InputError> {
         let end = self.model.device_at(self.model.mission.mission.duration_yr)?;
-        let weights = self.course.weights(t_yr, &self.model.device_at(t_yr)?, &end);
+        Ok(self.weighted(&self.course.weights(t_yr, &self.model.device_at(t_yr)?, &end)))
+    }
+
+    /// Biases where the times of the course have these weights.
+    fn weighted(&self, weights: &[f64]) -> ShearBias {
         let trailed: Vec<TrailedResponse> =
-            self.galaxies.iter().map(|galaxy| combined(&galaxy.response.trailed, &weights)).collect();
+            self.galaxies.iter().map(|galaxy| combined(&galaxy.response.trailed, weights)).collect();
         let ratio = |numerators: Vec<[f64; 2]>, rotate: fn(&Rotations, [f64; 2]) -> [f64; 2]| {
             let rotated: Vec<[f64; 2]> =
                 numerators.into_iter().map(|members| rotate(&self.rotations, members)).collect();
@@ -272,10 +312,10 @@ impl Biases<'_> {
         let net = |(galaxy, trailed): (&Weighted, &TrailedResponse)| {
             [0, 1].map(|member| trailed.change[member] - galaxy.response.leakage[member] * trailed.star[member])
         };
-        Ok(ShearBias {
+        ShearBias {
             c: ratio(self.galaxies.iter().zip(&trailed).map(net).collect(), Rotations::additive),
             m: ratio(trailed.iter().map(|trailed| trailed.response).collect(), Rotations::response),
-        })
+        }
     }
 
     /// Σ w x / Σ w R, and its standard error.

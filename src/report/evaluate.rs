@@ -162,6 +162,7 @@ impl Page for EvaluateReport {
         }
         if let Some(distribution) = &self.distribution {
             distribution::say(distribution, mission, self.confidence, &mut out);
+            distribution::say_biases(&self.lines(), &mut out);
         }
         out.gap();
         out.words(format!("Dose: {}", self.dose_origin()), 2);

@@ -5,6 +5,7 @@ use std::process::{Command, Output};
 
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
+use ctiplan::plan::compliance::lines;
 use ctiplan::plan::date_distribution::{DateDistribution, date_distribution};
 use ctiplan::plan::dose::Samples;
 use ctiplan::plan::draws::{ACCEPTED, Draws};
@@ -155,6 +156,39 @@ fn dates_of_a_budget_that_is_soon_exceeded_are_those_of_the_draws() {
     expected.sort_by(f64::total_cmp);
     for (found, expected) in times.iter().zip(&expected) {
         assert!((found - expected).abs() < 0.02, "{found} {expected}");
+    }
+}
+
+/// The probability to keep a shear bias within a limit is that of fewer traps than make it.
+#[test]
+fn probabilities_of_shear_biases_are_those_of_the_number_of_traps() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = folder.path().join("galaxies.csv");
+    let rows = "3000,1.0,0.3,0.1,1\n5000,1.5,-0.2,0.0,1\n2000,0.8,0.1,-0.3,2\n";
+    fs::write(&table, format!("flux_e,half_light_px,e1,e2,weight\n{rows}")).unwrap();
+    let with = |requirement: &str, factor: f64| {
+        let population =
+            format!("[population]\ntable = {:?}\n\n[requirement]\n{requirement}", table.display().to_string());
+        let environment = format!("[environment]\ndose_factor = {factor}");
+        mission(&[("[requirement]", &population), ("[environment]", &environment)])
+    };
+    let evaluated = |mission: &Mission| evaluate(mission).unwrap().with_population(1).unwrap();
+    let half = evaluated(&with("", 0.5)).population.unwrap();
+    let [c, m] = [half.years[4].1.c[0].value.abs(), half.years[4].1.m[0].value.abs()];
+    let mission = with(&format!("c = {c}\nm = {m}\n"), 1.0);
+    let found = dates(&mission, 1000);
+    let evaluation = evaluated(&mission);
+    let fewer = found.traps_factors.iter().filter(|factor| **factor <= 0.5).count() as f64 / 1000.0;
+    assert!(fewer > 0.3 && fewer < 0.95, "{fewer}");
+    for line in
+        lines(&evaluation, Some(&found), Some(0.9)).iter().filter(|line| line.requirement.contains("population"))
+    {
+        let met = line.probability_met.unwrap();
+        match line.corrected {
+            false => assert!((met - fewer).abs() < 0.005, "{line:?} {fewer}"),
+            true => assert!(met > fewer + 0.05, "{line:?}"),
+        }
+        assert_eq!(line.met, met >= 0.9);
     }
 }
 

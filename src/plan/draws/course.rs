@@ -15,6 +15,8 @@ pub struct Fate {
     pub exceeded_yr: [Option<f64>; 2],
     /// Dose at the end of the mission over the factor on all doses, MeV/g: what the Sun of this draw makes of it.
     pub sun_mev_g: f64,
+    /// Largest number of traps of all species, 1/px.
+    pub traps_per_px: f64,
 }
 
 /// Times of a mission at which |Δe| is looked at, besides those of its jumps.
@@ -42,6 +44,11 @@ impl Fate {
         let magnitude = |t_yr: f64| Ok::<_, InputError>(magnitudes(&[t_yr])?[0]);
         let times = times_yr(model)?;
         let found = magnitudes(&times)?;
+        let mut traps_per_px = 0.0_f64;
+        for t_yr in &times {
+            let traps = model.traps(*t_yr)?;
+            traps_per_px = traps_per_px.max(traps.iter().map(|species| species.density_per_px).sum());
+        }
         let mut points: Vec<Point> = times.into_iter().zip(found).collect();
         let requirement = &model.mission.requirement;
         let limits = [requirement.delta_e, requirement.delta_e * requirement.correction_factor];
@@ -57,6 +64,7 @@ impl Fate {
             delta_e: points.last().and_then(|end| end.1),
             exceeded_yr: [first(limits[0])?, first(limits[1])?],
             sun_mev_g,
+            traps_per_px,
         })
     }
 }

@@ -3,6 +3,7 @@
 use crate::mission::Mission;
 use crate::numeric::calendar::{DAYS_PER_YEAR, decimal_year};
 use crate::numeric::estimate::Estimate;
+use crate::plan::compliance::Line;
 use crate::plan::date_distribution::{DateDistribution, DateQuantile, Dates, NOT_LINEAR, QUANTILES};
 use crate::report::plot::{Figure, Mark, Panel, Series, line};
 use crate::report::study::estimate::{days, known_date, plus_minus};
@@ -45,6 +46,16 @@ pub(super) fn say(found: &DateDistribution, mission: &Mission, confidence: Optio
             if passed { "passed" } else { "not passed" }
         );
         out.verdict(verdict, 4);
+    }
+}
+
+/// How probable it is that the shear biases of a population stay within their limits.
+pub(super) fn say_biases(lines: &[Line], out: &mut Parts) {
+    for line in lines.iter().filter(|line| line.requirement.ends_with("of the population")) {
+        let Some((value, error)) = line.probability_met.zip(line.probability_error) else { continue };
+        let how = if line.corrected { "corrected" } else { "uncorrected" };
+        let met = plus_minus(Estimate { value, error }.times(100.0));
+        out.words(format!("  {}, {how}: met with {met} %, by the number of traps alone", line.requirement), 4);
     }
 }
 
