@@ -471,7 +471,7 @@ pub struct PopulationGalaxy {
 /// `[requirement]`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Requirement {
-    /// Largest change of ellipticity; 0.999, which none reaches, where only shear biases are limited.
+    /// Largest change of ellipticity; [`UNLIMITED`] where only shear biases are limited.
     #[serde(default = "unlimited")]
     pub delta_e: f64,
     /// Largest additive shear bias of the population.
@@ -486,8 +486,18 @@ pub struct Requirement {
     pub galaxy: String,
 }
 
+/// A change of ellipticity that none reaches.
+const UNLIMITED: f64 = 0.999;
+
 fn unlimited() -> f64 {
-    0.999
+    UNLIMITED
+}
+
+impl Requirement {
+    /// Whether the change of the galaxy's ellipticity is limited, or shear biases of the population alone.
+    pub fn limits_a_galaxy(&self) -> bool {
+        self.delta_e < UNLIMITED
+    }
 }
 
 /// `[accuracy]`

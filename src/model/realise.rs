@@ -31,7 +31,7 @@ pub struct NoisyChange {
     pub lost: usize,
 }
 
-/// Reads out `realisations` of a galaxy with noise. The same seed gives the same bits, whatever the number of threads.
+/// Reads out `realisations` of a galaxy with noise. The same seed gives the same bits with any number of threads.
 ///
 /// None where fewer than two of them can be measured.
 ///

@@ -37,6 +37,16 @@ pub struct Line {
     pub met: bool,
 }
 
+impl Line {
+    /// Whether it is told by the number of traps alone.
+    pub fn is_of_population(&self) -> bool {
+        self.requirement.ends_with(OF_POPULATION)
+    }
+}
+
+/// End of the names of requirements on a population.
+const OF_POPULATION: &str = "of the population";
+
 /// Whether a mission passes: all its requirements are met with correction, noise left out.
 pub fn passes(lines: &[Line]) -> bool {
     lines.iter().filter(|line| line.corrected && !line.noise).all(|line| line.met)
@@ -64,15 +74,16 @@ pub fn lines(evaluation: &Evaluation, dates: Option<&DateDistribution>, confiden
         }
     };
     let of_dates = |dates: &Dates| (1.0 - dates.probability_exceeded, dates.probability_error);
-    let shape = format!("|delta e| of \"{}\"", requirement.galaxy);
-    let verdict = &evaluation.verdict;
-    let mut lines = vec![
-        line(&shape, &verdict.uncorrected, false, false, dates.map(|found| of_dates(&found.uncorrected))),
-        line(&shape, &verdict.corrected, true, false, dates.map(|found| of_dates(&found.corrected))),
-    ];
-    if let Some(noise) = &evaluation.noise {
-        lines.push(line(&shape, &noise.verdict.uncorrected.crossing, false, true, None));
-        lines.push(line(&shape, &noise.verdict.corrected.crossing, true, true, None));
+    let mut lines = Vec::new();
+    if requirement.limits_a_galaxy() {
+        let shape = format!("|delta e| of \"{}\"", requirement.galaxy);
+        let verdict = &evaluation.verdict;
+        lines.push(line(&shape, &verdict.uncorrected, false, false, dates.map(|found| of_dates(&found.uncorrected))));
+        lines.push(line(&shape, &verdict.corrected, true, false, dates.map(|found| of_dates(&found.corrected))));
+        if let Some(noise) = &evaluation.noise {
+            lines.push(line(&shape, &noise.verdict.uncorrected.crossing, false, true, None));
+            lines.push(line(&shape, &noise.verdict.corrected.crossing, true, true, None));
+        }
     }
     let mut bias = |name: &str, member: usize, verdict: &Option<BiasVerdict>, by_traps: Option<ByTraps>| {
         let Some(verdict) = verdict else { return };
@@ -84,8 +95,8 @@ pub fn lines(evaluation: &Evaluation, dates: Option<&DateDistribution>, confiden
         }
     };
     if let Some(population) = &evaluation.population {
-        bias("|c| of the population", 0, &population.c, population.by_traps);
-        bias("|m| of the population", 1, &population.m, population.by_traps);
+        bias(&format!("|c| {OF_POPULATION}"), 0, &population.c, population.by_traps);
+        bias(&format!("|m| {OF_POPULATION}"), 1, &population.m, population.by_traps);
     }
     lines
 }

@@ -161,8 +161,8 @@ impl Page for EvaluateReport {
             population::judge(biases, mission, &mut out);
         }
         if let Some(distribution) = &self.distribution {
-            distribution::say(distribution, mission, self.confidence, &mut out);
-            distribution::say_biases(&self.lines(), &mut out);
+            distribution::say(distribution, mission, &mut out);
+            distribution::say_met(&self.lines(), self.confidence, &mut out);
         }
         out.gap();
         out.words(format!("Dose: {}", self.dose_origin()), 2);
@@ -236,6 +236,9 @@ impl EvaluateReport {
         let mission = &model.mission;
         let requirement = &mission.requirement;
         out.gap();
+        if !requirement.limits_a_galaxy() {
+            return;
+        }
         out.verdict(format!("Budget: |delta e| of \"{}\" below {}", requirement.galaxy, plain(requirement.delta_e)), 2);
         let corrected = format!("corrected, factor {}", requirement.correction_factor);
         let width = corrected.len();

@@ -1,6 +1,9 @@
 //! The date as a distribution, in words and as a figure.
 
+use comfy_table::Table;
+
 use crate::mission::Mission;
+use crate::mission::keys::plain;
 use crate::numeric::calendar::{DAYS_PER_YEAR, decimal_year};
 use crate::numeric::estimate::Estimate;
 use crate::plan::compliance::Line;
@@ -16,8 +19,19 @@ const NAMED: usize = 6;
 const NAMED_FROM: f64 = 0.01;
 
 /// Quantiles of the dates, how probable it is that there is one, and what that comes from.
-pub(super) fn say(found: &DateDistribution, mission: &Mission, confidence: Option<f64>, out: &mut Parts) {
+pub(super) fn say(found: &DateDistribution, mission: &Mission, out: &mut Parts) {
     out.heading(format!("Date as a distribution: {} draws of {}", found.samples, drawn(found)));
+    if mission.requirement.limits_a_galaxy() {
+        out.table(dates_of(found, mission));
+    }
+    out.words(format!("  -: later than the mission; {}", conditions(found)), 4);
+    if !found.shares.is_empty() {
+        out.words(format!("  Variance of ln |delta e| at the end: {}", contributions(found)), 4);
+    }
+}
+
+/// How probable it is that each budget is met, and quantiles of the date on which it is not.
+fn dates_of(found: &DateDistribution, mission: &Mission) -> Table {
     let corrected = format!("corrected, factor {}", mission.requirement.correction_factor);
     let mut dates = table(&["", "uncorrected", &corrected]);
     let limits = [&found.uncorrected, &found.corrected];
@@ -31,31 +45,25 @@ pub(super) fn say(found: &DateDistribution, mission: &Mission, confidence: Optio
     for (place, p) in QUANTILES.iter().enumerate() {
         row(format!("exceeded by then with {:.0} %", 100.0 * p), &|limit| date(&limit.quantiles[place]));
     }
-    out.table(dates);
-    out.words(format!("  -: later than the mission; {}", conditions(found)), 4);
-    if !found.shares.is_empty() {
-        out.words(format!("  Variance of ln |delta e| at the end: {}", contributions(found)), 4);
-    }
-    if let Some(confidence) = confidence {
-        let met = Estimate { value: found.probability_met(), error: found.corrected.probability_error }.times(100.0);
-        let passed = found.probability_met() >= confidence;
-        let verdict = format!(
-            "  Corrected budget met with {} %; asked for: {} %: {}",
-            plus_minus(met),
-            100.0 * confidence,
-            if passed { "passed" } else { "not passed" }
-        );
-        out.verdict(verdict, 4);
-    }
+    dates
 }
 
-/// How probable it is that the shear biases of a population stay within their limits.
-pub(super) fn say_biases(lines: &[Line], out: &mut Parts) {
-    for line in lines.iter().filter(|line| line.requirement.ends_with("of the population")) {
+/// How probable it is that corrected budgets are met: all of them where a confidence is asked for, otherwise those that the table of
+/// dates does not have.
+pub(super) fn say_met(lines: &[Line], confidence: Option<f64>, out: &mut Parts) {
+    for line in lines.iter().filter(|line| line.corrected && !line.noise) {
         let Some((value, error)) = line.probability_met.zip(line.probability_error) else { continue };
-        let how = if line.corrected { "corrected" } else { "uncorrected" };
         let met = plus_minus(Estimate { value, error }.times(100.0));
-        out.words(format!("  {}, {how}: met with {met} %, by the number of traps alone", line.requirement), 4);
+        let how = if line.is_of_population() { ", by the number of traps alone" } else { "" };
+        let said = format!("  {}, corrected: met with {met} %{how}", line.requirement);
+        match confidence {
+            Some(asked) => {
+                let passed = if line.met { "passed" } else { "not passed" };
+                out.verdict(format!("{said}; asked for: {} %: {passed}", plain(100.0 * asked)), 4);
+            }
+            None if line.is_of_population() => out.words(said, 4),
+            None => {}
+        }
     }
 }
 
