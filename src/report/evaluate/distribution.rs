@@ -55,13 +55,13 @@ pub(super) fn say_met(lines: &[Line], confidence: Option<f64>, out: &mut Parts) 
         let Some((value, error)) = line.probability_met.zip(line.probability_error) else { continue };
         let met = plus_minus(Estimate { value, error }.times(100.0));
         let how = if line.is_of_population() { ", by the number of traps alone" } else { "" };
-        let said = format!("  {}, corrected: met with {met} %{how}", line.requirement);
+        let said = format!("{}, corrected, is met with {met} %{how}", line.requirement);
         match confidence {
             Some(asked) => {
                 let passed = if line.met { "passed" } else { "not passed" };
-                out.verdict(format!("{said}; asked for: {} %: {passed}", plain(100.0 * asked)), 4);
+                out.verdict(format!("  {passed}: {said} (asked for: {} %)", plain(100.0 * asked)), 4);
             }
-            None if line.is_of_population() => out.words(said, 4),
+            None if line.is_of_population() => out.words(format!("  {said}"), 4),
             None => {}
         }
     }
