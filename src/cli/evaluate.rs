@@ -12,7 +12,7 @@ use crate::mission::Mission;
 use crate::model::noise::Realisations;
 use crate::model::realise::realise;
 use crate::plan::compliance::passes;
-use crate::plan::date_distribution::{DateDistribution, date_distribution};
+use crate::plan::date_distribution::{Confidence, DateDistribution, date_distribution};
 use crate::plan::evaluate::evaluate;
 use crate::plan::mission_sample::MissionSample;
 use crate::plan::time_series::TimeSeries;
@@ -51,9 +51,10 @@ impl Evaluate {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
         let mission = self.mission.read()?;
         self.drawn.check()?;
-        if self.confidence.is_some() && self.samples == 0 {
-            let error = InputError::new("cannot tell a probability", "--samples is 0: nothing is drawn");
-            return Err(error.with_help("leave out --samples: 1000 draws").into());
+        if let Some(probability) = self.confidence
+            && mission.requirement.limits_a_galaxy()
+        {
+            Confidence { probability, samples: self.samples }.check(&mission)?;
         }
         let sample = self.posterior.as_ref().map(|path| MissionSample::read(path, &mission)).transpose()?;
         let seed = self.seed.unwrap_or(mission.accuracy.seed);

@@ -35,6 +35,8 @@ pub struct Line {
     pub probability_error: Option<f64>,
     /// Whether it is met: with the probability that is asked for where one is told and asked for, as expected otherwise.
     pub met: bool,
+    /// Whether `met` is that of a probability.
+    pub by_probability: bool,
 }
 
 impl Line {
@@ -70,6 +72,7 @@ pub fn lines(evaluation: &Evaluation, dates: Option<&DateDistribution>, confiden
             date: crossing.t_yr.and_then(|t_yr| date_after(launch, t_yr)),
             probability_met: probability.map(|met| met.0),
             probability_error: probability.map(|met| met.1),
+            by_probability: probability.is_some() && confidence.is_some(),
             met: probability.zip(confidence).map_or(expected, |(met, asked)| met.0 >= asked),
         }
     };

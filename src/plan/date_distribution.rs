@@ -19,6 +19,8 @@ pub const QUANTILES: [f64; 3] = [0.05, 0.5, 0.95];
 pub struct DateDistribution {
     /// Missions that were evaluated.
     pub samples: usize,
+    /// Missions that were asked for: more, where shapes cannot be emulated.
+    pub asked: u32,
     /// Independent missions that they are worth.
     pub effective_samples: f64,
     /// Seed of the draws.
@@ -104,6 +106,7 @@ pub fn date_distribution(
     };
     Ok(DateDistribution {
         samples: count,
+        asked: samples,
         effective_samples: effective,
         seed,
         uncorrected: dates(0),
@@ -147,6 +150,9 @@ fn shares(found: &Fates, seed: u64) -> Vec<Share> {
 /// Name of what inputs together do, or one by itself that is not linear; with a posterior, also what that does.
 pub const NOT_LINEAR: &str = "rest";
 
+/// Draws that must lie beyond a probability for it to be told.
+const LEAST_BEYOND: f64 = 5.0;
+
 /// With which probability a budget is to be met, and of how many draws that is told.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Confidence {
@@ -157,11 +163,33 @@ pub struct Confidence {
 }
 
 impl Confidence {
+    /// Whether that can be told of a mission.
+    ///
+    /// # Errors
+    /// Where too few draws are asked for, or no galaxy is judged.
+    pub fn check(self, mission: &Mission) -> Result<(), InputError> {
+        let percent = 100.0 * self.probability;
+        let needed = (LEAST_BEYOND / (1.0 - self.probability).min(self.probability)).ceil();
+        if f64::from(self.samples) < needed {
+            let problem = format!("{} draws are too few for a probability of {percent} %", self.samples);
+            return Err(
+                InputError::new("cannot tell probabilities", problem).with_help(format!("--samples {needed} or more"))
+            );
+        }
+        if !mission.requirement.limits_a_galaxy() {
+            let problem = "requirement.delta_e is missing, and this ranks by it: requirement.c and m are judged by `ctiplan evaluate`";
+            return Err(InputError::new(format!("cannot rank mission \"{}\"", mission.mission.name), problem)
+                .with_help("add requirement.delta_e, or leave out --confidence"));
+        }
+        Ok(())
+    }
+
     /// The date of a mission as a distribution, with the mission's own seed: missions that are compared have the same draws.
     ///
     /// # Errors
     /// As [`date_distribution`].
     pub fn of(self, mission: &Mission) -> Result<DateDistribution, InputError> {
+        self.check(mission)?;
         date_distribution(mission, None, self.samples, mission.accuracy.seed, || {})
     }
 }

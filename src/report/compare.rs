@@ -79,7 +79,7 @@ impl Page for Comparison {
         header.extend(limits.map(|(name, _)| name));
         let percent = self.confidence.map(|confidence| format!("{:.0} %", 100.0 * confidence));
         let kept = percent.map(|percent| {
-            [format!("kept until with {percent}"), format!("corrected with {percent}"), "met [%]".into()]
+            [format!("kept until with {percent}"), format!("corrected with {percent}"), "corrected met [%]".into()]
         });
         header.extend(kept.iter().flatten().map(String::as_str));
         header.push("");

@@ -15,7 +15,7 @@ use crate::mission::keys::plain;
 use crate::model::realise::NoisyChange;
 use crate::physics::RateOrigin;
 use crate::physics::shape::ShapeChange;
-use crate::plan::compliance::{Line, lines};
+use crate::plan::compliance::{Line, lines, passes};
 use crate::plan::date_distribution::DateDistribution;
 use crate::plan::evaluate::json::NamedChange;
 use crate::plan::evaluate::{Evaluation, Year};
@@ -46,6 +46,10 @@ struct Document<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     distribution: Option<&'a DateDistribution>,
     compliance: Vec<Line>,
+    /// The probability that was asked for.
+    confidence: Option<f64>,
+    /// Whether all corrected budgets are met, noise left out.
+    passes: bool,
 }
 
 /// Realisations of one galaxy.
@@ -78,7 +82,10 @@ impl Serialize for EvaluateReport {
         let monte_carlo = galaxies.map(|(galaxy, noisy)| Realisations::of(&galaxy.name, noisy.as_ref())).collect();
         let distribution = self.distribution.as_ref();
         let compliance = self.lines();
-        Document { evaluation: &self.evaluation, monte_carlo, distribution, compliance }.serialize(to)
+        let passes = passes(&compliance);
+        let confidence = self.confidence;
+        Document { evaluation: &self.evaluation, monte_carlo, distribution, compliance, confidence, passes }
+            .serialize(to)
     }
 }
 

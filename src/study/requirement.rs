@@ -57,8 +57,8 @@ pub struct Results {
     pub own: Own,
     /// Line times (ms) that were looked at, with |Δe| at the end of the mission; infinite where no shape is left.
     pub line_times: Vec<(f64, f64)>,
-    /// The probability that was asked for.
-    pub confidence: Option<f64>,
+    /// The probability that was asked for, and the draws that tell it.
+    pub confidence: Option<Confidence>,
     /// Launch dates that were tried, from the mission's own on.
     pub launches: Vec<NaiveDate>,
     /// Warnings about the mission.
@@ -125,6 +125,14 @@ impl Study for Requirement {
     type Results = Results;
 
     fn study(&self, mission: &Mission, advance: &(dyn Fn() + Sync)) -> Result<Results, InputError> {
+        if !mission.requirement.limits_a_galaxy() {
+            let problem = "requirement.delta_e is missing: this study finds what it allows";
+            return Err(InputError::new(format!("cannot invert mission \"{}\"", mission.mission.name), problem)
+                .with_help("add requirement.delta_e; requirement.c and m are judged by `ctiplan evaluate`"));
+        }
+        if let Some(asked) = self.confidence {
+            asked.check(mission)?;
+        }
         let model = ready(mission)?;
         let shield = Shield::of(mission);
         let launch = Launch { launches: Some(launches(mission.mission.launch.0)), ..Launch::default() };
@@ -154,7 +162,7 @@ impl Study for Requirement {
             limits: [limit(0)?, limit(1)?],
             own: own(&model, shield.as_ref().map(|shield| shield.areal_g_cm2))?,
             line_times: clocks,
-            confidence: self.confidence.map(|asked| asked.probability),
+            confidence: self.confidence,
             launches: launched.launches.iter().map(|launch| launch.launch).collect(),
             warnings: warnings(mission),
         })

@@ -12,7 +12,7 @@ pub(super) struct Requirement {
     #[arg(long, value_name = "P", default_value = "0.9", value_parser = probability_or_none)]
     confidence: f64,
     /// Draws of each mission
-    #[arg(long, value_name = "N", default_value_t = 400, value_parser = clap::value_parser!(u32).range(20..=65_536))]
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(20..=65_536))]
     samples: u32,
 }
 

@@ -30,7 +30,12 @@ pub(super) fn table_of(lines: &[Line], confidence: Option<f64>) -> Table {
             or_dash(used),
             or_dash(line.date.map(|date| date.to_string()).or(line.t_yr.map(|t_yr| format!("{t_yr:.2} yr")))),
             or_dash(probability),
-            if line.met { "yes" } else { "no" }.into(),
+            match (line.met, confidence.is_some() && !line.by_probability) {
+                (true, false) => "yes".into(),
+                (false, false) => "no".into(),
+                (true, true) => "as expected: yes".into(),
+                (false, true) => "as expected: no".into(),
+            },
         ]);
     }
     rows

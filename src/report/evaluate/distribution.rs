@@ -24,7 +24,7 @@ pub(super) fn say(found: &DateDistribution, mission: &Mission, out: &mut Parts) 
     if mission.requirement.limits_a_galaxy() {
         out.table(dates_of(found, mission));
     }
-    out.words(format!("  -: later than the mission; {}", conditions(found)), 4);
+    out.words(format!("  -: later than the mission; {}", conditions(found, mission)), 4);
     if !found.shares.is_empty() {
         out.words(format!("  Variance of ln |delta e| at the end: {}", contributions(found)), 4);
     }
@@ -77,16 +77,24 @@ fn drawn(found: &DateDistribution) -> String {
 }
 
 /// What the numbers are conditioned on.
-fn conditions(found: &DateDistribution) -> String {
+fn conditions(found: &DateDistribution, mission: &Mission) -> String {
     let mut said = Vec::new();
     if let Some(why) = &found.sun_not_drawn {
         said.push(format!("the Sun is not drawn: {why}"));
+    }
+    let environment = &mission.environment;
+    if found.sun_not_drawn.is_none() && environment.active_dose_rate_mev_g_yr.is_some() {
+        let percent = plain(100.0 * environment.confidence);
+        said.push(format!("the Sun is drawn behind the aluminium that makes the given rate at {percent} %"));
     }
     said.push(match &found.emulated {
         Some(emulated) => format!(
             "changes of shape emulated from {} readouts, {:.1e} off (rms) at {} others",
             emulated.readouts, emulated.relative_error, emulated.held_back
         ),
+        None if found.samples < found.asked as usize => {
+            format!("{} of {} draws, each read out: shapes cannot be emulated to 1 %", found.samples, found.asked)
+        }
         None => "each draw read out".into(),
     });
     if !found.posterior_keys.is_empty() {

@@ -54,20 +54,26 @@ impl Results {
 
 fn launches(results: &Results) -> DataTable {
     let exceeded = results.launches.iter().any(|launched| launched.corrected_t_yr.is_some());
+    // Where a confidence is asked for, what is expected is for programs: there is no room for both.
+    let expected = |name: &'static str| if results.confidence.is_some() { "" } else { name };
     let with = |name: &str| results.confidence.map_or(String::new(), |p| format!("{name}, {:.0} %", 100.0 * p));
     let columns = vec![
         words("launch", "launch"),
         column("active_yr", "active [yr]", Digits::Fixed(2)),
         column("dose_mev_g", "dose [MeV/g]", Digits::Scientific(2)),
         column("delta_e", "|Δe|", Digits::Scientific(3)),
-        column("exceeded_t_yr", "after [yr]", Digits::Fixed(2)),
-        words("exceeded_date", "exceeded"),
-        column("corrected_t_yr", if exceeded { "after [yr]" } else { "" }, Digits::Fixed(2)),
-        words("corrected_date", "corrected"),
+        column("exceeded_t_yr", expected("after [yr]"), Digits::Fixed(2)),
+        words("exceeded_date", expected("exceeded")),
+        column("corrected_t_yr", if exceeded { expected("after [yr]") } else { "" }, Digits::Fixed(2)),
+        words("corrected_date", expected("corrected")),
         column("kept_t_yr", with("kept [yr]"), Digits::Fixed(2)),
         column("corrected_kept_t_yr", with("corrected [yr]"), Digits::Fixed(2)),
-        column("met_percent", if results.confidence.is_some() { "met [%]" } else { "" }, Digits::Fixed(1)),
-        column("corrected_met_percent", "", Digits::Fixed(1)),
+        column("met_percent", if results.confidence.is_some() { "uncorrected met [%]" } else { "" }, Digits::Fixed(1)),
+        column(
+            "corrected_met_percent",
+            if results.confidence.is_some() { "corrected met [%]" } else { "" },
+            Digits::Fixed(1),
+        ),
         words("dose_model", ""),
     ];
     let table = DataTable::of("launches", &results.launches, columns);

@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::table::{column, words};
 use super::{DataTable, Digits, Shown, StudyReport, short};
 use crate::mission::Mission;
+use crate::plan::date_distribution::Confidence;
 use crate::report::plot::{Figure, Panel, level, line};
 use crate::study::requirement::{Bound, Limit, Results};
 
@@ -39,8 +40,14 @@ impl Shown for Results {
             report.result(&format!("{name}_dose_factor_confident"), limit.factor[1].value());
         }
         report.result("launches_tried", self.launches.len());
-        if let Some(confidence) = self.confidence {
-            report.result("confidence", confidence);
+        if let Some(Confidence { probability, samples }) = self.confidence {
+            report.result("confidence", probability);
+            let error = 100.0 * (probability * (1.0 - probability) / f64::from(samples)).sqrt();
+            report.find(format!(
+                "{samples} draws of the Sun and [uncertainty] tell a probability of {:.0} % to {error:.1} %: what is allowed with it \
+                 is known to some per cent. Doses of the Sun have a long tail.",
+                100.0 * probability
+            ));
         }
         report.find(
             "Dose, traps and fluence stand for one another: each is the mission's times the same factor. The shield is the \
@@ -88,9 +95,11 @@ fn allowed(results: &Results) -> DataTable {
         column("uncorrected", "uncorrected", Digits::Significant(4)),
         column("corrected", "corrected", Digits::Significant(4)),
     ];
-    let head = |name: &str| results.confidence.map_or(String::new(), |p| format!("{name}, {:.0} %", 100.0 * p));
+    let head = |name: &str| {
+        results.confidence.map_or(String::new(), |asked| format!("{name}, {:.0} %", 100.0 * asked.probability))
+    };
     for name in names() {
-        columns.push(column(format!("{name}_confident"), head(name), Digits::Significant(3)));
+        columns.push(column(format!("{name}_confident"), head(name), Digits::Significant(2)));
     }
     DataTable::of("allowed", rows, columns)
 }
@@ -122,8 +131,8 @@ fn sentence(results: &Results, name: &str, limit: &Limit) -> String {
         Bound::All => "is kept at any dose that was tried, up to 1000 times the mission's".into(),
         Bound::None | Bound::NotSought => "is not kept by a thousandth of the mission's dose".into(),
     };
-    let confident = match (limit.factor[1], results.confidence) {
-        (Bound::At(factor), Some(p)) => format!(", {} with {:.0} %", short(factor), 100.0 * p),
+    let confident = match (limit.factor[1], results.confidence.map(|asked| asked.probability)) {
+        (Bound::At(factor), Some(p)) => format!(", {factor:.2} with {:.0} %", 100.0 * p),
         (Bound::All, Some(p)) => format!(", any with {:.0} %", 100.0 * p),
         (Bound::None, Some(p)) => format!(", none with {:.0} %", 100.0 * p),
         _ => String::new(),
