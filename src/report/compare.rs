@@ -167,8 +167,7 @@ impl Comparison {
         let date = |t_yr: Option<f64>| or_dash(t_yr.map(|t_yr| dated(launch, t_yr)));
         let met = Estimate { value: found.probability_met(), error: found.corrected.probability_error };
         let mut cells: Vec<String> = scenario.kept_yr(self.confidence).into_iter().map(date).collect();
-        // One number: no line is broken within it.
-        cells.push(plus_minus(met.times(100.0)).replace(" ", "\u{a0}"));
+        cells.push(plus_minus(met.times(100.0)));
         cells
     }
 
