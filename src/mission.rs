@@ -471,7 +471,7 @@ pub struct PopulationGalaxy {
 /// `[requirement]`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Requirement {
-    /// Largest change of ellipticity; [`UNLIMITED`] where only shear biases are limited.
+    /// Largest change of ellipticity; 0.999, which none reaches, where only shear biases are limited.
     #[serde(default = "unlimited")]
     pub delta_e: f64,
     /// Largest additive shear bias of the population.

@@ -20,8 +20,8 @@
 //! does to ΔQ, whose mean is known: none, for the trailed sky is even. What is left has a thousandth of the variance of
 //! single ellipticities. ΔΣ sums what each column's noise has in common before and after, as columns are independent.
 //!
-//! Left out: the noise of rows farther downstream than [`LEAD_ROWS`] (they fill slow traps: 1 % of the change of the faintest galaxies),
-//! the weight beyond [`STAMP_WEIGHTS`] in what noise adds, and that A, C and T are not quite normal. Read noise is in Σ alone: it
+//! Left out: the noise of rows farther downstream than `LEAD_ROWS` (they fill slow traps: 1 % of the change of the faintest galaxies),
+//! the weight beyond `STAMP_WEIGHTS` in what noise adds, and that A, C and T are not quite normal. Read noise is in Σ alone: it
 //! meets no traps.
 
 use ndarray::{Array2, ArrayView2, Zip, s};

@@ -8,7 +8,7 @@
 //! sequence. The Sun is drawn as events, with coming maxima: see [`crate::environment::solar_events`]. What a posterior holds is
 //! taken from it in place of the uncertainty of the same key.
 //!
-//! Doses and traps of each draw are those of its own model. Its changes of shape are emulated ([`Emulator`]) from readouts at
+//! Doses and traps of each draw are those of its own model. Its changes of shape are emulated (`draws/emulator.rs`) from readouts at
 //! some of the draws, where that is good to [`ACCEPTED`], and read out one by one otherwise.
 
 mod course;
