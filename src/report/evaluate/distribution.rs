@@ -21,10 +21,12 @@ const NAMED_FROM: f64 = 0.01;
 /// Quantiles of the dates, how probable it is that there is one, and what that comes from.
 pub(super) fn say(found: &DateDistribution, mission: &Mission, out: &mut Parts) {
     out.heading(format!("Date as a distribution: {} draws of {}", found.samples, drawn(found)));
+    let mut legend = "";
     if mission.requirement.limits_a_galaxy() {
         out.table(dates_of(found, mission));
+        legend = "-: later than the mission; ";
     }
-    out.words(format!("  -: later than the mission; {}", conditions(found, mission)), 4);
+    out.words(format!("  {legend}{}", conditions(found, mission)), 4);
     if !found.shares.is_empty() {
         out.words(format!("  Variance of ln |delta e| at the end: {}", contributions(found)), 4);
     }

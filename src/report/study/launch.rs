@@ -56,24 +56,20 @@ fn launches(results: &Results) -> DataTable {
     let exceeded = results.launches.iter().any(|launched| launched.corrected_t_yr.is_some());
     // Where a confidence is asked for, what is expected is for programs: there is no room for both.
     let expected = |name: &'static str| if results.confidence.is_some() { "" } else { name };
-    let with = |name: &str| results.confidence.map_or(String::new(), |p| format!("{name}, {:.0} %", 100.0 * p));
+    let asked = |name: &'static str| if results.confidence.is_some() { name } else { "" };
     let columns = vec![
         words("launch", "launch"),
-        column("active_yr", "active [yr]", Digits::Fixed(2)),
+        column("active_yr", expected("active [yr]"), Digits::Fixed(2)),
         column("dose_mev_g", "dose [MeV/g]", Digits::Scientific(2)),
         column("delta_e", "|Δe|", Digits::Scientific(3)),
         column("exceeded_t_yr", expected("after [yr]"), Digits::Fixed(2)),
         words("exceeded_date", expected("exceeded")),
         column("corrected_t_yr", if exceeded { expected("after [yr]") } else { "" }, Digits::Fixed(2)),
         words("corrected_date", expected("corrected")),
-        column("kept_t_yr", with("kept [yr]"), Digits::Fixed(2)),
-        column("corrected_kept_t_yr", with("corrected [yr]"), Digits::Fixed(2)),
-        column("met_percent", if results.confidence.is_some() { "uncorrected met [%]" } else { "" }, Digits::Fixed(1)),
-        column(
-            "corrected_met_percent",
-            if results.confidence.is_some() { "corrected met [%]" } else { "" },
-            Digits::Fixed(1),
-        ),
+        column("kept_t_yr", asked("kept [yr]"), Digits::Fixed(2)),
+        column("corrected_kept_t_yr", asked("corrected [yr]"), Digits::Fixed(2)),
+        column("met_percent", asked("met [%]"), Digits::Fixed(1)),
+        column("corrected_met_percent", asked("corrected [%]"), Digits::Fixed(1)),
         words("dose_model", ""),
     ];
     let table = DataTable::of("launches", &results.launches, columns);
@@ -164,6 +160,17 @@ fn compare(report: &mut StudyReport, results: &Results) {
         report.find(format!("The worst |delta e| at the end of the mission is {:.2} times the best.", most / least));
     }
     let all = results.launches.len();
-    let lasting = results.launches.iter().filter(|launched| launched.exceeded_t_yr.is_none()).count();
-    report.find(format!("{lasting} of {all} launches meet the uncorrected budget."));
+    let lasts = |launched: &&Launched| match results.confidence {
+        None => launched.exceeded_t_yr.is_none(),
+        Some(_) => launched.kept_t_yr.is_none(),
+    };
+    let lasting = results.launches.iter().filter(lasts).count();
+    let with = results.confidence.map_or(String::new(), |p| format!(" with {:.0} %", 100.0 * p));
+    report.find(format!("{lasting} of {all} launches meet the uncorrected budget{with}."));
+    if let Some(p) = results.confidence {
+        report.find(format!(
+            "kept: how long each budget is kept with {:.0} %; met: probability that it is to the end, without correction and with it.",
+            100.0 * p
+        ));
+    }
 }
