@@ -494,6 +494,11 @@ fn unlimited() -> f64 {
 }
 
 impl Requirement {
+    /// Limits on |Δe| before correction: without it, and with it.
+    pub fn limits(&self) -> [f64; 2] {
+        [self.delta_e, self.delta_e * self.correction_factor]
+    }
+
     /// Whether the change of the galaxy's ellipticity is limited, or shear biases of the population alone.
     pub fn limits_a_galaxy(&self) -> bool {
         self.delta_e < UNLIMITED

@@ -43,8 +43,7 @@ pub trait Study {
 
 /// The uncorrected and the corrected budget of the mission's requirement, |Δe|.
 pub fn budgets(mission: &Mission) -> [f64; 2] {
-    let requirement = &mission.requirement;
-    [requirement.delta_e, requirement.delta_e * requirement.correction_factor]
+    mission.requirement.limits()
 }
 
 /// Warnings about the mission's dose.

@@ -37,17 +37,10 @@ pub struct Line {
     pub met: bool,
     /// Whether `met` is that of a probability.
     pub by_probability: bool,
+    /// Whether it limits the population, whose probabilities are told by the number of traps alone.
+    #[serde(skip)]
+    pub of_population: bool,
 }
-
-impl Line {
-    /// Whether it is told by the number of traps alone.
-    pub fn is_of_population(&self) -> bool {
-        self.requirement.ends_with(OF_POPULATION)
-    }
-}
-
-/// End of the names of requirements on a population.
-const OF_POPULATION: &str = "of the population";
 
 /// Whether a mission passes: all its requirements are met with correction, noise left out.
 pub fn passes(lines: &[Line]) -> bool {
@@ -72,6 +65,7 @@ pub fn lines(evaluation: &Evaluation, dates: Option<&DateDistribution>, confiden
             date: crossing.t_yr.and_then(|t_yr| date_after(launch, t_yr)),
             probability_met: probability.map(|met| met.0),
             probability_error: probability.map(|met| met.1),
+            of_population: false,
             by_probability: probability.is_some() && confidence.is_some(),
             met: probability.zip(confidence).map_or(expected, |(met, asked)| met.0 >= asked),
         }
@@ -94,12 +88,12 @@ pub fn lines(evaluation: &Evaluation, dates: Option<&DateDistribution>, confiden
             let met = dates.zip(by_traps).map(|(found, by_traps)| {
                 found.probability_of_traps(|factor| by_traps.largest(factor)[member] <= crossing.limit)
             });
-            lines.push(line(name, crossing, corrected, false, met));
+            lines.push(Line { of_population: true, ..line(name, crossing, corrected, false, met) });
         }
     };
     if let Some(population) = &evaluation.population {
-        bias(&format!("|c| {OF_POPULATION}"), 0, &population.c, population.by_traps);
-        bias(&format!("|m| {OF_POPULATION}"), 1, &population.m, population.by_traps);
+        bias("|c| of the population", 0, &population.c, population.by_traps);
+        bias("|m| of the population", 1, &population.m, population.by_traps);
     }
     lines
 }

@@ -112,7 +112,7 @@ pub fn date_distribution(
         uncorrected: dates(0),
         corrected: dates(1),
         shares: shares(&found, seed),
-        sun_not_drawn: draws.sun.err().map(|why| why.problem),
+        sun_not_drawn: draws.sun_not_drawn().map(String::from),
         emulated: found.emulated,
         posterior_keys: posterior.map_or(Vec::new(), |sample| sample.keys.clone()),
         // Without traps there are none in any draw.

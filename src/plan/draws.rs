@@ -65,8 +65,7 @@ pub struct Draws<'a> {
     inputs: Vec<Input>,
     points: Sample,
     /// Courses of the Sun, or why there are none.
-    pub sun: Result<(), InputError>,
-    suns: Option<Suns>,
+    suns: Result<Suns, InputError>,
     /// Number of draws.
     pub samples: u32,
 }
@@ -86,9 +85,9 @@ pub struct Emulated {
 pub struct Fates {
     /// Of each draw.
     pub fates: Vec<Fate>,
-    /// Names of the uncertain inputs, the Sun among them, and a posterior as one.
+    /// Names of the uncertain inputs, the Sun last where it is drawn.
     pub names: Vec<String>,
-    /// Deviations (in σ, or the normal score of a rank) of those in each draw.
+    /// Deviations (in σ) of those in each draw; of the Sun, that of the logarithm of the dose at the end.
     pub deviations: Vec<Vec<f64>>,
     /// How shapes were emulated; None where each was read out.
     pub emulated: Option<Emulated>,
@@ -135,19 +134,19 @@ impl<'a> Draws<'a> {
         if let Some(sample) = posterior {
             inputs.retain(|input| !input.keys.iter().any(|key| sample.keys.contains(key)));
         }
-        let (sun, suns) = match suns {
-            Ok(suns) => (Ok(()), Some(suns)),
-            Err(why) => (Err(why), None),
-        };
         Ok(Draws {
             model: nominal.like(&base),
             posterior: posterior.map(|sample| (sample, sample.chosen(samples as usize))),
             points: Sample::new(Sampling::Sobol, seed, u64::from(samples), inputs.len()),
             inputs,
-            sun,
             suns,
             samples,
         })
+    }
+
+    /// Why the Sun is not among what is drawn; None where it is.
+    pub fn sun_not_drawn(&self) -> Option<&str> {
+        self.suns.as_ref().err().map(|why| why.problem.as_str())
     }
 
     /// What becomes of each draw, or of [`MOST_DIRECT`] of them where shapes cannot be emulated. `advance` is called once for
@@ -190,7 +189,7 @@ impl<'a> Draws<'a> {
         let (fates, deviations) = found.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
         let names = self.inputs.iter().map(|input| input.name.clone()).collect();
         let mut found = Fates { fates, names, deviations, emulated: None };
-        if self.suns.is_some() {
+        if self.suns.is_ok() {
             found.add_sun();
         }
         Ok(found)
@@ -221,7 +220,7 @@ impl<'a> Draws<'a> {
         for (input, deviation) in self.inputs.iter().zip(&deviations) {
             input.deviate(&mut mission, *deviation);
         }
-        mission.imported.sun = self.suns.as_ref().map(|suns| suns.course(index as usize));
+        mission.imported.sun = self.suns.as_ref().ok().map(|suns| suns.course(index as usize));
         Ok(Draw { model: self.model.like(&mission), deviations, others })
     }
 

@@ -94,13 +94,6 @@ impl Evaluation {
     }
 }
 
-impl BudgetVerdict {
-    /// Whether the requirement is met, with correction, to the end of the mission.
-    pub fn met(&self) -> bool {
-        self.corrected.crossings_yr.is_empty()
-    }
-}
-
 /// State at a time (years since launch).
 fn year(model: &Model, t_yr: f64) -> Result<Year, InputError> {
     let device = model.device_at(t_yr)?;
@@ -161,8 +154,7 @@ pub(crate) fn rate_at_launch_per_yr(model: &Model) -> Result<Option<f64>, InputE
 fn verdict(model: &Model, years: &[Year]) -> Result<BudgetVerdict, InputError> {
     let magnitude = |year: &Year| year.galaxies[model.judged()].map(|change| change.magnitude());
     let known: Vec<Point> = years.iter().map(|year| (year.t_yr, magnitude(year))).collect();
-    let requirement = &model.mission.requirement;
-    let limits = [requirement.delta_e, requirement.delta_e * requirement.correction_factor];
+    let limits = model.mission.requirement.limits();
     let [uncorrected, corrected] = crossings(model, limits, &known)?;
     Ok(BudgetVerdict {
         uncorrected,

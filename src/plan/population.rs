@@ -168,11 +168,6 @@ impl PopulationBias {
             years,
         }))
     }
-
-    /// Whether the limits on biases are kept, with correction, to the end of the mission.
-    pub fn met(&self) -> bool {
-        [&self.c, &self.m].into_iter().flatten().all(|verdict| verdict.corrected.crossings_yr.is_empty())
-    }
 }
 
 /// The larger |member|.

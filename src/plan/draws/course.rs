@@ -50,8 +50,7 @@ impl Fate {
             traps_per_px = traps_per_px.max(traps.iter().map(|species| species.density_per_px).sum());
         }
         let mut points: Vec<Point> = times.into_iter().zip(found).collect();
-        let requirement = &model.mission.requirement;
-        let limits = [requirement.delta_e, requirement.delta_e * requirement.correction_factor];
+        let limits = model.mission.requirement.limits();
         let largest = points.iter().filter_map(|point| point.1).fold(0.0, f64::max);
         let near = |value: f64| limits.iter().any(|limit| (value - limit).abs() < NEAR * largest);
         for point in points.iter_mut().filter(|point| point.1.is_some_and(near)) {

@@ -56,14 +56,14 @@ pub(super) fn say_met(lines: &[Line], confidence: Option<f64>, out: &mut Parts) 
     for line in lines.iter().filter(|line| line.corrected && !line.noise) {
         let Some((value, error)) = line.probability_met.zip(line.probability_error) else { continue };
         let met = plus_minus(Estimate { value, error }.times(100.0));
-        let how = if line.is_of_population() { ", by the number of traps alone" } else { "" };
+        let how = if line.of_population { ", by the number of traps alone" } else { "" };
         let said = format!("{}, corrected, is met with {met} %{how}", line.requirement);
         match confidence {
             Some(asked) => {
                 let passed = if line.met { "passed" } else { "not passed" };
                 out.verdict(format!("  {passed}: {said} (asked for: {} %)", plain(100.0 * asked)), 4);
             }
-            None if line.is_of_population() => out.words(format!("  {said}"), 4),
+            None if line.of_population => out.words(format!("  {said}"), 4),
             None => {}
         }
     }
