@@ -25,7 +25,6 @@ mod validate;
 
 use std::ffi::OsString;
 use std::io::{ErrorKind, Write, stdout};
-use std::process::ExitCode;
 
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -109,7 +108,7 @@ enum Outcome {
 }
 
 /// Runs the program with these arguments (the first is its name) and gives its exit status.
-pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let parsed = Cli::command().try_get_matches_from(arguments);
     let parsed = parsed.and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, matches)));
     let (cli, matches) = match parsed {
@@ -117,7 +116,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Err(error) => {
             // Help and version are no errors. Where nothing can be printed there is no one to tell.
             let _ = error.print();
-            return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
+            return if error.use_stderr() { 2 } else { 0 };
         }
     };
     let result = refuse_clashes(&matches).map_err(Failure::from).and_then(|()| match cli.command {
@@ -139,17 +138,17 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Man(command) => command.run(),
     });
     match result {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::NotMet) => ExitCode::from(1),
+        Ok(Outcome::Done) => 0,
+        Ok(Outcome::NotMet) => 1,
         Err(Failure::Input(error)) => {
             eprintln!("error: {error}");
-            ExitCode::from(2)
+            2
         }
         // The reader has seen enough (`ctiplan ... | head`).
-        Err(Failure::Output(error)) if error.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(Failure::Output(error)) if error.kind() == ErrorKind::BrokenPipe => 0,
         Err(Failure::Output(error)) => {
             eprintln!("error: cannot write the result\n  {error}");
-            ExitCode::from(1)
+            1
         }
     }
 }

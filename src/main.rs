@@ -6,7 +6,7 @@ fn main() -> ExitCode {
         eprintln!("error: cannot write the result\n  standard output is closed");
         return ExitCode::from(1);
     }
-    ctiplan::cli::run(std::env::args_os())
+    ctiplan::cli::run(std::env::args_os()).into()
 }
 
 /// Whether standard output was open when the program was started.

@@ -2,7 +2,7 @@
 
 use super::finite_capture::FiniteCapturePixel;
 use super::several_clouds::{SeveralClouds, Stacks};
-use super::{Cloud, Downstream, Trap};
+use super::{Cloud, Downstream, Trap, interrupt};
 
 /// Traps between the next level below and `height`, last filled by one packet.
 struct Level {
@@ -23,6 +23,7 @@ pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downst
     let mut levels: Vec<Level> = Vec::new();
     let mut stored_e = vec![0.0; traps.len()];
     for pixel in (0..rows as i64 + downstream.rows).rev() {
+        interrupt::check();
         levels.clear();
         let passed_before = pixel < downstream.rows;
         let background = if passed_before { cloud.height(downstream.charge_e) } else { 0.0 };
@@ -77,6 +78,7 @@ pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downst
 pub(super) fn slow_column<const S: usize>(pixel: &FiniteCapturePixel<S>, charge_e: &mut [f64], rows_downstream: i64) {
     let mut levels = Default::default();
     for place in (0..charge_e.len() as i64 + rows_downstream).rev() {
+        interrupt::check();
         pixel.start(place, rows_downstream, &mut levels);
         let first = (place - rows_downstream).max(0) as usize;
         for (row, charge_e) in charge_e.iter_mut().enumerate().skip(first) {
@@ -89,6 +91,7 @@ pub(super) fn slow_column<const S: usize>(pixel: &FiniteCapturePixel<S>, charge_
 pub(super) fn column_of_several_clouds(pixel: &SeveralClouds, charge_e: &mut [f64], downstream: Downstream) {
     let mut stacks = Stacks::default();
     for place in (0..charge_e.len() as i64 + downstream.rows).rev() {
+        interrupt::check();
         pixel.start((place < downstream.rows).then_some(downstream.charge_e), &mut stacks);
         let first = (place - downstream.rows).max(0) as usize;
         for (row, charge_e) in charge_e.iter_mut().enumerate().skip(first) {
@@ -107,6 +110,7 @@ pub(super) fn carried<State: Clone>(
 ) {
     let mut start = start;
     for place in 0..charge_e.len() as i64 + rows_downstream {
+        interrupt::check();
         let mut state = start.clone();
         let first = (place - rows_downstream).max(0) as usize;
         for (row, charge_e) in charge_e.iter_mut().enumerate().skip(first) {

@@ -4,7 +4,7 @@
 //! reference for the other methods, written for likeness to the text and not for speed: its result is as coarse as
 //! 1/levels of the well.
 
-use super::{Cloud, Downstream, Trap};
+use super::{Cloud, Downstream, Trap, interrupt};
 
 /// Clocks one column out through traps at the heights (i + ½)/levels.
 ///
@@ -15,6 +15,7 @@ pub(super) fn column(traps: &[Trap], clouds: &[&Cloud], charge_e: &mut [f64], do
     let rows = charge_e.len() as i64;
     let mut filling = vec![vec![0.0; levels]; traps.len()];
     for pixel in (0..rows + downstream.rows).rev() {
+        interrupt::check();
         // What passed before row 0 has filled the traps that it reached.
         let filled_before =
             |cloud: &Cloud| if pixel < downstream.rows { below(cloud.height(downstream.charge_e)) } else { 0 };

@@ -30,6 +30,7 @@ mod every_transfer;
 mod finite_capture;
 mod fractional;
 mod home_watermarks;
+pub mod interrupt;
 mod monte_carlo;
 mod multirevolution;
 mod pass;

@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Poisson};
 
-use super::{Cloud, Downstream, Trap};
+use super::{Cloud, Downstream, Trap, interrupt};
 
 /// One trap of a pixel.
 struct Site {
@@ -45,6 +45,7 @@ pub(super) fn column(
         }
     };
     for pixel in (0..charge_e.len() as i64 + downstream.rows).rev() {
+        interrupt::check();
         sites.clear();
         for (species, (trap, number)) in traps.iter().zip(&numbers).enumerate() {
             let filled_before = if pixel < downstream.rows { clouds[species].height(downstream.charge_e) } else { 0.0 };

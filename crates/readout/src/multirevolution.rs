@@ -28,6 +28,7 @@ use std::ops::Range;
 
 use super::block_path::{BlockPath, PathMeans};
 use super::estimate;
+use super::interrupt;
 use super::passage::{Block, Lead, Passage, Stage};
 use super::simd::{LANES, Packets};
 
@@ -135,6 +136,7 @@ pub(super) fn columns<P: Passage>(
         let mut by_first = true;
         let mut refused = 0;
         while position > region.start {
+            interrupt::check();
             pixels = pixels.clamp(1, position - region.start);
             let block = Block { nearest: position - pixels, pixels };
             // Evenly over the region's pixels.
@@ -174,6 +176,7 @@ fn singly<P: Passage>(
 ) {
     let found = &mut work.stages[0];
     for nearest in pixels.rev() {
+        interrupt::check();
         pixel.pass(charge_e, BlockPath::Unknown, Block { nearest, pixels: 1 }, downstream, &mut work.watermarks, found);
         estimate::add(charge_e, &[(1.0, found)]);
     }

@@ -1,0 +1,30 @@
+//! The private module `ctiplan._ctiplan`: what the facade in `ctiplan/` stands on.
+//!
+//! ```text
+//! ctiplan/*.py (names, types, tables) ─▶ [mission, results, detector, frames, arctic] ─▶ the crate `ctiplan`
+//!                                             through [work]: threads, Ctrl-C, progress; [errors]: exceptions
+//! ```
+
+mod errors;
+mod work;
+
+use std::ffi::OsString;
+use std::panic::catch_unwind;
+
+use pyo3::prelude::*;
+
+/// The command line: gives the exit status.
+#[pyfunction]
+fn command(py: Python<'_>, arguments: Vec<OsString>) -> PyResult<u8> {
+    py.detach(|| catch_unwind(|| ctiplan::cli::run(arguments))).map_err(|_| errors::internal(py))
+}
+
+#[pymodule]
+fn _ctiplan(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    errors::keep_panics_quiet();
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_function(wrap_pyfunction!(command, module)?)?;
+    module.add_function(wrap_pyfunction!(work::set_threads, module)?)?;
+    module.add_function(wrap_pyfunction!(work::threads, module)?)?;
+    Ok(())
+}
