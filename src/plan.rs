@@ -1,6 +1,7 @@
 //! A mission's plan: dose year by year, change of shape against time, when the requirement is exceeded, and missions side by
 //! side. It asks a [`Model`](crate::model::Model) for all of that.
 
+pub mod assessment;
 pub mod compliance;
 pub mod date_distribution;
 pub mod dose;

@@ -16,7 +16,6 @@ pub mod study;
 mod sweep;
 mod validate;
 
-pub use evaluate::EvaluateReport;
 pub use fit::FitReport;
 pub use measure::MeasureReport;
 pub use page::{Page, page};

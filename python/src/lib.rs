@@ -1,11 +1,16 @@
 //! The private module `ctiplan._ctiplan`: what the facade in `ctiplan/` stands on.
 //!
 //! ```text
-//! ctiplan/*.py (names, types, tables) ─▶ [mission, results, detector, frames, arctic] ─▶ the crate `ctiplan`
+//! ctiplan/*.py (names, types, tables) ─▶ [mission, questions, outcome, detector, arctic] ─▶ the crate `ctiplan`
 //!                                             through [work]: threads, Ctrl-C, progress; [errors]: exceptions
 //! ```
 
+mod detector;
 mod errors;
+mod mission;
+mod outcome;
+mod questions;
+mod value;
 mod work;
 
 use std::ffi::OsString;
@@ -23,6 +28,15 @@ fn command(py: Python<'_>, arguments: Vec<OsString>) -> PyResult<u8> {
 fn _ctiplan(module: &Bound<'_, PyModule>) -> PyResult<()> {
     errors::keep_panics_quiet();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<mission::Mission>()?;
+    module.add_class::<mission::DataSet>()?;
+    module.add_class::<outcome::Outcome>()?;
+    module.add_class::<detector::Detector>()?;
+    module.add_function(wrap_pyfunction!(questions::evaluate, module)?)?;
+    module.add_function(wrap_pyfunction!(questions::compare, module)?)?;
+    module.add_function(wrap_pyfunction!(questions::validate, module)?)?;
+    module.add_function(wrap_pyfunction!(questions::fit, module)?)?;
+    module.add_function(wrap_pyfunction!(questions::diagnose, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)?;
     module.add_function(wrap_pyfunction!(work::set_threads, module)?)?;
     module.add_function(wrap_pyfunction!(work::threads, module)?)?;

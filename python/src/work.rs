@@ -37,6 +37,11 @@ impl Watch {
         self.total.store(total, Ordering::Relaxed);
     }
 
+    /// Another name for the stage.
+    pub fn rename(&self, name: &str) {
+        *self.stage.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = name.into();
+    }
+
     /// One more step is done.
     pub fn advance(&self) {
         self.done.fetch_add(1, Ordering::Relaxed);

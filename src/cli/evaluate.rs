@@ -9,14 +9,9 @@ use super::{Failure, Outcome, Output, print_and_suggest, progress};
 use crate::cli::file_argument::InputFile;
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::model::noise::Realisations;
-use crate::model::realise::realise;
+use crate::plan::assessment::{Assessment, Options, Progress, assess};
 use crate::plan::compliance::passes;
-use crate::plan::date_distribution::{Confidence, DateDistribution, date_distribution};
-use crate::plan::evaluate::evaluate;
 use crate::plan::mission_sample::MissionSample;
-use crate::plan::time_series::TimeSeries;
-use crate::report::EvaluateReport;
 
 #[derive(Debug, Args)]
 pub(super) struct Evaluate {
@@ -51,32 +46,16 @@ impl Evaluate {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
         let mission = self.mission.read()?;
         self.drawn.check()?;
-        if let Some(probability) = self.confidence
-            && mission.requirement.limits_a_galaxy()
-        {
-            Confidence { probability, samples: self.samples }.check(&mission)?;
-        }
-        let sample = self.posterior.as_ref().map(|path| MissionSample::read(path, &mission)).transpose()?;
-        let seed = self.seed.unwrap_or(mission.accuracy.seed);
-        let realisations = Realisations { count: mission.accuracy.noise_realisations, seed };
-        let evaluation = evaluate(&mission)?.with_noise(realisations)?.with_population(seed)?;
-        let noisy = match self.monte_carlo {
-            None => Vec::new(),
-            Some(realisations) => {
-                let device = evaluation.model.device_at(mission.mission.duration_yr)?;
-                let bar = progress(u64::from(realisations) * mission.galaxies.len() as u64, "galaxies");
-                let each = |galaxy| realise(&mission, galaxy, &device, realisations as usize, seed, || bar.inc(1));
-                let noisy = mission.galaxies.iter().map(each).collect::<Result<_, _>>()?;
-                bar.finish_and_clear();
-                noisy
-            }
+        let posterior = self.posterior.as_ref().map(|path| MissionSample::read(path, &mission)).transpose()?;
+        let options = Options {
+            seed: self.seed,
+            monte_carlo: self.monte_carlo,
+            samples: self.samples,
+            posterior,
+            confidence: self.confidence,
+            time_series: self.drawn.wanted(),
         };
-        let time_series = self.drawn.wanted().then(|| TimeSeries::of(&evaluation.model)).transpose()?;
-        let distribution = match self.samples {
-            0 => None,
-            _ => Some(self.distribution(&mission, sample.as_ref())?),
-        };
-        let report = EvaluateReport { evaluation, noisy, distribution, confidence: self.confidence, time_series };
+        let report = self.assess(&mission, &options)?;
         let met = passes(&report.lines());
         self.drawn.write(&report, &[mission])?;
         // What the date hangs on is worth knowing where it comes too early.
@@ -85,11 +64,15 @@ impl Evaluate {
         Ok(if self.check && !met { Outcome::NotMet } else { Outcome::Done })
     }
 
-    fn distribution(&self, mission: &Mission, sample: Option<&MissionSample>) -> Result<DateDistribution, InputError> {
-        let bar = progress(u64::from(self.samples), "draws");
-        let seed = self.seed.unwrap_or(mission.accuracy.seed);
-        let found = date_distribution(mission, sample, self.samples, seed, || bar.inc(1))?;
+    fn assess(&self, mission: &Mission, options: &Options) -> Result<Assessment, InputError> {
+        let bar = progress(0, "");
+        let stage = |what: &str, count| {
+            bar.reset();
+            bar.set_length(count);
+            bar.set_message(what.to_string());
+        };
+        let found = assess(mission, options, &Progress { stage: &stage, advance: &|| bar.inc(1) });
         bar.finish_and_clear();
-        Ok(found)
+        found
     }
 }

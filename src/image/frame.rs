@@ -118,6 +118,9 @@ impl Geometry {
     /// Where prescan and overscan leave no image, or halves are not halves.
     pub fn check(&self, (rows, columns): (usize, usize)) -> Result<(), InputError> {
         let refusal = |problem: String| Err(InputError::new(format!("a frame of {columns} x {rows} px"), problem));
+        if rows == 0 || columns == 0 {
+            return refusal("there are no pixels".into());
+        }
         let (across, along) = (self.splits_columns(), self.splits_rows());
         for (split, length, what) in [(across, columns, "columns"), (along, rows, "rows")] {
             if split && length % 2 == 1 {

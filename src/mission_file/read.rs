@@ -12,7 +12,7 @@ use crate::effect;
 use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, CYCLE_YR};
 use crate::environment::source::{self, SOURCES};
 use crate::error::{InputError, nearest, shortened};
-use crate::io::input;
+use crate::io::{input, json};
 use crate::mission::keys::{self, ARRAYS, Allowed, KEYS, Need, OPTIONAL_TABLES};
 use crate::mission::{DoseModel, Mission, Orbit, OrbitKind, ReadoutMethod, TrapsAtStart};
 use crate::numeric::calendar;
@@ -77,6 +77,11 @@ impl Mission {
     /// The mission as a TOML table, by way of its text: dates only stay dates that way.
     pub fn to_table(&self) -> toml::Table {
         self.to_toml().parse().expect("a mission is a TOML table")
+    }
+
+    /// The mission as JSON, as resolved; dates are text.
+    pub fn to_json(&self) -> serde_json::Value {
+        json::table(&self.to_table(), serde_json::value::Serializer).expect("keys are text")
     }
 
     /// The path of a dotted key, in which members of arrays have their places instead of their names; or what is wrong with

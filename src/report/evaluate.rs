@@ -15,26 +15,12 @@ use crate::mission::keys::plain;
 use crate::model::realise::NoisyChange;
 use crate::physics::RateOrigin;
 use crate::physics::shape::ShapeChange;
+use crate::plan::assessment::Assessment;
 use crate::plan::compliance::{Line, lines, passes};
 use crate::plan::date_distribution::DateDistribution;
 use crate::plan::evaluate::json::NamedChange;
 use crate::plan::evaluate::{Evaluation, Year};
-use crate::plan::time_series::TimeSeries;
 use crate::report::plot::Figure;
-
-/// An evaluation, with the noisy realisations of each galaxy at the end of the mission where they were asked for.
-pub struct EvaluateReport {
-    /// The evaluation.
-    pub evaluation: Evaluation,
-    /// In the mission's order; empty where none were asked for; None where fewer than two could be measured.
-    pub noisy: Vec<Option<NoisyChange>>,
-    /// The date as a distribution, where that was asked for.
-    pub distribution: Option<DateDistribution>,
-    /// The probability to meet the corrected budget that is asked for.
-    pub confidence: Option<f64>,
-    /// What happens between the years, for figures; there are none without it.
-    pub time_series: Option<TimeSeries>,
-}
 
 /// The document of an evaluation, and below it the realisations.
 #[derive(serde::Serialize)]
@@ -76,7 +62,7 @@ impl<'a> Realisations<'a> {
     }
 }
 
-impl Serialize for EvaluateReport {
+impl Serialize for Assessment {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         let galaxies = self.evaluation.mission().galaxies.iter().zip(&self.noisy);
         let monte_carlo = galaxies.map(|(galaxy, noisy)| Realisations::of(&galaxy.name, noisy.as_ref())).collect();
@@ -89,7 +75,7 @@ impl Serialize for EvaluateReport {
     }
 }
 
-impl Report for EvaluateReport {
+impl Report for Assessment {
     fn text(&self) -> String {
         self.parts().text()
     }
@@ -125,7 +111,7 @@ impl Report for EvaluateReport {
     }
 }
 
-impl Page for EvaluateReport {
+impl Page for Assessment {
     fn command(&self) -> String {
         "evaluate".into()
     }
@@ -188,7 +174,7 @@ impl Page for EvaluateReport {
     }
 }
 
-impl EvaluateReport {
+impl Assessment {
     /// The requirements, one by one.
     pub fn lines(&self) -> Vec<Line> {
         lines(&self.evaluation, self.distribution.as_ref(), self.confidence)

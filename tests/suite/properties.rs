@@ -8,8 +8,9 @@ use ctiplan::effect::CATALOGUE;
 use ctiplan::io::table::Table;
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
+use ctiplan::plan::assessment::Assessment;
 use ctiplan::plan::evaluate::{Evaluation, evaluate};
-use ctiplan::report::{EvaluateReport, Format, Report};
+use ctiplan::report::{Format, Report};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
@@ -115,8 +116,8 @@ fn set(mission: &Mission, key: &str, value: impl Into<toml::Value>) -> Mission {
     mission.with(&[(key.to_string(), value.into())]).unwrap()
 }
 
-fn report(evaluation: Evaluation) -> EvaluateReport {
-    EvaluateReport { evaluation, noisy: Vec::new(), distribution: None, confidence: None, time_series: None }
+fn report(evaluation: Evaluation) -> Assessment {
+    Assessment { evaluation, noisy: Vec::new(), distribution: None, confidence: None, time_series: None }
 }
 
 /// Dose at the end of the mission, MeV/g.

@@ -1,8 +1,9 @@
 //! Change of shape against time, with the budget; dose and traps.
 
-use super::{EvaluateReport, distribution};
+use super::distribution;
 use crate::mission::keys::plain;
 use crate::numeric::calendar::decimal_year;
+use crate::plan::assessment::Assessment;
 use crate::plan::evaluate::Year;
 use crate::plan::requirement::Crossing;
 use crate::plan::time_series::TimeSeries;
@@ -12,7 +13,7 @@ use crate::report::plot::{Figure, Panel, Series, dashed, level, line, points};
 /// Lines that colours tell apart; more are not drawn.
 const COLOURS: usize = 6;
 
-impl EvaluateReport {
+impl Assessment {
     /// Figures with the names of their files; none without the time series.
     pub(super) fn drawn(&self) -> Vec<(String, Figure)> {
         let Some(time_series) = &self.time_series else { return Vec::new() };

@@ -1,0 +1,126 @@
+"""A detector at one time: frames in, frames out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ctiplan import _ctiplan
+
+if TYPE_CHECKING:
+    from ctiplan._mission import Mission
+
+Corner = Literal["ll", "lr", "ul", "ur"]
+Axis = Literal["parallel", "serial", "both"]
+Split = Literal["columns", "rows", "both"]
+
+
+class Detector:
+    """Traps, wells, registers and amplifier of a mission's detector at one time. Made by :meth:`Mission.detector_at`.
+
+    Frames are arrays of electrons, shape (rows, columns); a single column may have shape (rows,). Row 0 is the lowest; with
+    ``corner="ll"`` it is the row nearest to the serial register, and column 0 the nearest to the amplifier. Any real dtype and any
+    strides are taken. float32 comes back as float32, everything else as float64.
+    """
+
+    __slots__ = ("_inner", "mission")
+
+    mission: Mission
+
+    def __init__(self, mission: Mission, t_yr: float | None = None, *, dose_mev_g: float | None = None) -> None:
+        self.mission = mission
+        self._inner = _ctiplan.Detector(mission._inner, t_yr=t_yr, dose_mev_g=dose_mev_g)
+
+    @property
+    def t_yr(self) -> float:
+        """Time of the exposure, years since launch."""
+        return self._inner.t_yr
+
+    @property
+    def dose_mev_g(self) -> float:
+        """Displacement damage dose, MeV/g."""
+        return self._inner.dose_mev_g
+
+    @property
+    def traps(self) -> dict[str, dict[str, float]]:
+        """Each species: ``density_per_px`` and ``release_ms``."""
+        return {name: {"density_per_px": density, "release_ms": release} for name, density, release in self._inner.traps}
+
+    def readout(
+        self,
+        frame: npt.ArrayLike,
+        *,
+        corner: Corner = "ll",
+        split: Split | None = None,
+        axis: Axis = "parallel",
+        prescan: int = 0,
+        overscan: int = 0,
+        overscan_rows: int = 0,
+        transfers_before: int = 0,
+        charge_before_e: float = 0.0,
+        serial_transfers_before: int = 0,
+        relative: float = 1e-3,
+    ) -> np.ndarray:
+        """Read a frame out: add its trails.
+
+        Parameters
+        ----------
+        frame : array_like, shape (rows, columns) or (rows,)
+            Charge, e-, with the background.
+        corner : {"ll", "lr", "ul", "ur"}
+            Corner that is read first: lower or upper, left or right.
+        split : {"columns", "rows", "both"}, optional
+            Amplifiers on both sides.
+        axis : {"parallel", "serial", "both"}
+            Directions of transfer; serial ones need ``[effects.serial-traps]``.
+        prescan, overscan, overscan_rows : int
+            First columns and last columns and rows that are read; they hold no charge before.
+        transfers_before : int
+            Rows between the frame's first row and the register.
+        charge_before_e : float
+            Charge in each pixel of those rows, e-.
+        serial_transfers_before : int
+            Pixels of the serial register between the frame's first column and the amplifier.
+        relative : float
+            Accuracy: error of a packet over the largest displacement of charge.
+
+        Returns
+        -------
+        numpy.ndarray
+            Charge as read, e-, in the shape of `frame`.
+        """
+        layout = {
+            "axis": axis,
+            "corner": corner,
+            "split": split,
+            "prescan": prescan,
+            "overscan": overscan,
+            "overscan_rows": overscan_rows,
+            "transfers_before": transfers_before,
+            "charge_before_e": charge_before_e,
+            "serial_transfers_before": serial_transfers_before,
+        }
+        charge, give_back = electrons(frame)
+        return give_back(self._inner.readout(charge, layout, relative))
+
+    def __repr__(self) -> str:
+        return f"<Detector of {self.mission.name!r} at {self.t_yr} yr, {self.dose_mev_g:.3e} MeV/g>"
+
+
+def electrons(frame: npt.ArrayLike) -> tuple[np.ndarray, Any]:
+    """A frame as float64 of two axes, and what gives an array of that shape back as the frame was."""
+    given = np.asarray(frame)
+    if given.dtype.kind not in "fiub":
+        raise TypeError(f"a frame of real numbers is needed; found dtype {given.dtype}")
+    if given.ndim not in (1, 2):
+        raise ValueError(f"a frame has shape (rows, columns) or (rows,); found {given.shape}")
+    dtype = np.float32 if given.dtype == np.float32 else np.float64
+    charge = given.astype(np.float64, copy=False)
+    charge = charge[:, np.newaxis] if given.ndim == 1 else charge
+
+    def give_back(result: np.ndarray) -> np.ndarray:
+        return result.reshape(given.shape).astype(dtype, copy=False)
+
+    return charge, give_back

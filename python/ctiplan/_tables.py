@@ -1,0 +1,125 @@
+"""Tables of results, and tables as measurements."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ctiplan._errors import InputError
+from ctiplan._units import unit_of
+
+if TYPE_CHECKING:
+    import pandas
+    from astropy.table import QTable
+
+# Columns of counts.
+_WHOLE = frozenset({"line", "n", "free"})
+
+
+def columns_of(text: str) -> dict[str, np.ndarray]:
+    """Columns of comma-separated values by name: numbers (NaN where a cell is empty), whole numbers, or words."""
+    header, *rows = csv.reader(io.StringIO(text))
+    return {name: _column(name, [row[place] for row in rows]) for place, name in enumerate(header)}
+
+
+def _column(name: str, cells: list[str]) -> np.ndarray:
+    try:
+        if name in _WHOLE:
+            return np.array([int(cell) for cell in cells], dtype=np.int64)
+        numbers = np.array([float(cell) if cell else np.nan for cell in cells], dtype=np.float64)
+    except ValueError:
+        return np.array(cells, dtype=np.str_)
+    # A column without any entry may be one of dates.
+    words = np.all(np.isnan(numbers)) and unit_of(name) is None
+    return np.array(cells, dtype=np.str_) if words else numbers
+
+
+def to_qtable(text: str, meta: Mapping[str, Any]) -> QTable:
+    """Comma-separated values as an astropy QTable, with the units that the names carry."""
+    try:
+        from astropy.table import QTable
+    except ImportError as error:
+        raise ImportError("to_table needs astropy: pip install astropy") from error
+    columns = columns_of(text)
+    units = {name: unit for name in columns if columns[name].dtype.kind == "f" and (unit := unit_of(name))}
+    return QTable(columns, units=units, meta=dict(meta))
+
+
+def to_pandas(text: str) -> pandas.DataFrame:
+    """Comma-separated values as a pandas DataFrame; the names carry the units."""
+    try:
+        import pandas
+    except ImportError as error:
+        raise ImportError("to_pandas needs pandas: pip install pandas") from error
+    return pandas.DataFrame(columns_of(text))
+
+
+def to_ecsv(table: Any, meta: Mapping[str, Any]) -> str:
+    """The text of an ECSV file with a table: of astropy, of pandas, or a mapping of names to columns.
+
+    Cells without a value (masked, None, NaN in words) are empty.
+    """
+    said = {**getattr(table, "meta", {}), **meta}
+    columns = [(str(name), *_cells(table[name])) for name in _names(table)]
+    if not columns:
+        raise InputError("cannot use the table", None, "it has no columns")
+    lengths = {name: len(cells) for name, _, _, cells in columns}
+    if len(set(lengths.values())) != 1:
+        raise InputError("cannot use the table", None, f"its columns differ in length: {lengths}")
+    out = io.StringIO()
+    out.write("# %ECSV 1.0\n# ---\n# delimiter: ','\n# datatype:\n")
+    for name, unit, datatype, _ in columns:
+        head = {"name": name, "datatype": datatype} | ({"unit": unit} if unit else {})
+        out.write(f"# - {json.dumps(head)}\n")
+    plain = {key: value for key, value in said.items() if _is_plain(value) and not str(key).startswith("__")}
+    out.write(f"# meta: {json.dumps(plain)}\n# schema: astropy-2.0\n")
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow([name for name, *_ in columns])
+    writer.writerows(zip(*(cells for *_, cells in columns), strict=True))
+    return out.getvalue()
+
+
+def _names(table: Any) -> list[Any]:
+    for attribute in ("colnames", "columns"):
+        if hasattr(table, attribute):
+            return list(getattr(table, attribute))
+    if isinstance(table, Mapping):
+        return list(table)
+    if isinstance(table, np.ndarray) and table.dtype.names:
+        return list(table.dtype.names)
+    raise TypeError(f"a table of astropy or pandas, or a dict of columns, is needed; found {type(table).__name__}")
+
+
+def _cells(column: Any) -> tuple[str | None, str, list[str]]:
+    """Unit, datatype and cells of a column."""
+    unit = getattr(column, "unit", None)
+    if hasattr(column, "isot"):
+        return None, "string", [str(cell) for cell in np.atleast_1d(column.isot)]
+    values = np.ma.asarray(getattr(column, "value", getattr(column, "values", column)))
+    if values.ndim != 1:
+        raise InputError("cannot use the table", None, f"a column has shape {values.shape}; one value per row is needed")
+    empty = np.ma.getmaskarray(values)
+    plain = [None if hole else cell for cell, hole in zip(values.data.tolist(), empty, strict=True)]
+    datatype = {"f": "float64", "i": "int64", "u": "int64", "b": "bool"}.get(values.dtype.kind, "string")
+    if values.dtype.kind == "M":
+        plain = [None if np.isnat(cell) else str(cell) for cell in values.data.astype("datetime64[s]")]
+    return (str(unit) if unit else None), datatype, [_cell(cell) for cell in plain]
+
+
+def _cell(cell: Any) -> str:
+    if cell is None or (isinstance(cell, float) and np.isnan(cell)):
+        return ""
+    return repr(cell) if isinstance(cell, float) else str(cell)
+
+
+def _is_plain(value: Any) -> bool:
+    try:
+        json.dumps(value)
+    except (TypeError, ValueError):
+        return False
+    return True

@@ -1,0 +1,91 @@
+"""Frames through a detector."""
+
+import numpy as np
+import pytest
+
+import ctiplan as cp
+
+
+@pytest.fixture(scope="module")
+def detector(snap):
+    return snap.detector_at(t_yr=5)
+
+
+@pytest.fixture(scope="module")
+def frame():
+    random = np.random.default_rng(2)
+    sky = random.poisson(60.0, (40, 30)).astype(float)
+    sky[20:23, 5:8] += 3000.0
+    return sky
+
+
+def test_a_detector_has_traps(detector, snap):
+    last = cp.evaluate(snap, samples=0).years[-1]
+    assert detector.dose_mev_g == pytest.approx(last["dose_mev_g"], rel=1e-12)
+    assert {name: trap["density_per_px"] for name, trap in detector.traps.items()} == pytest.approx(
+        {trap["name"]: trap["density_per_px"] for trap in last["traps"]}
+    )
+
+
+def test_any_real_array_is_taken(detector, frame):
+    expected = detector.readout(frame)
+    assert expected.shape == frame.shape and expected.dtype == np.float64
+    whole = frame.astype(np.int32)
+    wide = np.zeros((80, 60))
+    wide[::2, ::2] = frame
+    read_only = frame.copy()
+    read_only.flags.writeable = False
+    for given in (
+        whole,
+        whole.astype(np.uint16),
+        np.asfortranarray(frame),
+        wide[::2, ::2],
+        frame[::-1, ::-1][::-1, ::-1],
+        frame.astype(">f8"),
+        read_only,
+        frame.tolist(),
+    ):
+        assert np.array_equal(detector.readout(given), expected)
+    single = detector.readout(frame.astype(np.float32))
+    assert single.dtype == np.float32 and np.array_equal(single, expected.astype(np.float32))
+    assert np.array_equal(detector.readout(frame[:, 3])[:, None], detector.readout(frame[:, 3:4]))
+
+
+def test_corners_are_mirror_images(detector, frame):
+    expected = detector.readout(frame)
+    for corner, turn in (("lr", np.s_[:, ::-1]), ("ul", np.s_[::-1]), ("ur", np.s_[::-1, ::-1])):
+        assert np.allclose(detector.readout(frame[turn], corner=corner)[turn], expected, atol=1e-9)
+
+
+def test_charge_moves_away_from_the_register(detector, frame):
+    # 400 rows later, the slowest traps have released what they held.
+    long = np.vstack([frame, np.zeros((400, 30))])
+    change = detector.readout(long, overscan_rows=400, relative=1e-6) - long
+    assert change[23:26, 5:8].sum() > 0 > change[20, 5:8].sum()
+    assert abs(change.sum()) < 1e-9 * np.abs(change).sum()
+    young = detector.mission.detector_at(t_yr=0).readout(frame)
+    assert np.array_equal(young, frame)
+
+
+def test_frames_that_are_none_are_refused(detector, frame):
+    with pytest.raises(ValueError, match="shape"):
+        detector.readout(np.zeros((2, 2, 2)))
+    with pytest.raises(TypeError, match="complex"):
+        detector.readout(frame.astype(complex))
+    with pytest.raises(cp.InputError, match="corner"):
+        detector.readout(frame, corner="middle")
+    with pytest.raises(cp.InputError, match="prescan"):
+        detector.readout(frame, prescan=30)
+    with pytest.raises(cp.InputError, match="serial"):
+        detector.readout(frame, axis="both")
+    with pytest.raises((TypeError, OverflowError)):
+        detector.readout(frame, overscan=-1)
+    with pytest.raises(cp.InputError, match="no pixels"):
+        detector.readout(np.zeros((0, 5)))
+
+
+def test_times_that_are_none_are_refused(snap):
+    for wrong in ({}, {"t_yr": -1.0}, {"t_yr": float("nan")}, {"dose_mev_g": -1.0}):
+        with pytest.raises(cp.InputError):
+            snap.detector_at(**wrong)
+    assert snap.detector_at(dose_mev_g=1e6).dose_mev_g == 1e6

@@ -1,0 +1,111 @@
+"""Missions, measurements and what is refused of them."""
+
+import copy
+import datetime
+import multiprocessing
+import pickle
+
+import numpy as np
+import pandas
+import pytest
+from astropy import units as u
+from astropy.table import QTable, Table
+from astropy.time import Time
+
+import ctiplan as cp
+from conftest import PRACTICE
+
+
+def test_values_of_any_kind_can_be_set(snap):
+    other = snap.set({
+        "detector.temperature_k": np.float32(150),
+        "readout.transfers": np.int64(800),
+        "mission.launch": datetime.date(2012, 1, 1),
+        "fit.free": ("sky.background_e",),
+        "detector.traps.VV.release_ms": 12,
+    })
+    said = other.to_dict()
+    assert said["detector"]["temperature_k"] == 150.0 and said["readout"]["transfers"] == 800
+    assert other.launch == "2012-01-01" == snap.set({"mission.launch": "2012-01-01"}).launch
+    assert said["fit"]["free"] == ["sky.background_e"]
+    assert snap.launch == "2009-01-01"
+    assert cp.Mission.from_toml(other.to_toml()) == other != snap
+
+
+def test_what_is_refused_says_where_and_what_to_try(snap, tmp_path):
+    with pytest.raises(cp.InputError) as refused:
+        snap.set({"detector.temperatur_k": 150})
+    assert "temperature_k" in refused.value.help and "temperatur_k" in str(refused.value)
+    broken = tmp_path / "broken.toml"
+    broken.write_text(snap.to_toml().replace("temperature_k = 133.0", "temperature_k = -120.0", 1))
+    with pytest.raises(ValueError) as refused:
+        cp.Mission.read(broken)
+    assert refused.value.place.startswith("line ") and "detector.temperature_k" in refused.value.place
+    assert str(broken) in refused.value.refused
+    with pytest.raises(TypeError, match="number"):
+        snap.set({"detector.temperature_k": object()})
+    for wrong in (None, 150j, b"150", [object()]):
+        with pytest.raises((TypeError, ValueError)):
+            snap.set({"detector.temperature_k": wrong})
+
+
+def test_missions_can_be_copied_and_sent(snap):
+    assert pickle.loads(pickle.dumps(snap)) == snap == copy.deepcopy(snap)
+    assert len({snap, copy.copy(snap)}) == 1
+
+
+def dose(mission):
+    return cp.evaluate(mission, samples=0).years[-1]["dose_mev_g"]
+
+
+@pytest.mark.parametrize("method", ["spawn", "forkserver"])
+def test_processes_may_be_started(snap, method):
+    with multiprocessing.get_context(method).Pool(2) as pool:
+        doses = pool.map(dose, [snap, snap.set({"mission.duration_yr": 2})])
+    assert doses[0] == dose(snap) > doses[1]
+
+
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+def test_a_forked_process_has_threads_of_its_own(snap):
+    before = dose(snap)
+    with multiprocessing.get_context("fork").Pool(1) as pool:
+        assert pool.apply_async(dose, (snap,)).get(timeout=60) == before
+
+
+def chi2(mission, data):
+    return cp.validate(mission, data).chi2
+
+
+def test_tables_of_all_kinds_are_the_same_measurements(laboratory):
+    read = cp.DataSet.read(PRACTICE / "trails.ecsv", laboratory)
+    table = Table.read(PRACTICE / "trails.ecsv", format="ascii.ecsv")
+    expected = chi2(laboratory, read)
+    assert len(read) == len(table) and read.observable == "trail"
+    assert np.array_equal(read.value, table["value"]) and np.array_equal(read.sigma, table["sigma"])
+    meta = {key: value for key, value in table.meta.items()}
+    columns = {name: np.array(table[name]) for name in table.colnames}
+    for given in (table, QTable(table), columns, pandas.DataFrame(columns)):
+        more = {} if hasattr(given, "meta") else meta
+        assert chi2(laboratory, cp.DataSet.from_table(given, laboratory, **more)) == expected
+    assert chi2(laboratory, cp.DataSet.from_table(read.to_table(), laboratory)) == expected
+
+
+def test_units_of_a_table_are_heeded(laboratory):
+    years = {"value": [1e5, 1.1e5], "sigma": [1e3, 1e3], "t_yr": [1.0, 2.0]}
+    days = QTable({**years, "t_yr": np.array([365.25, 730.5]) * u.day})
+    by_years = cp.DataSet.from_table(years, laboratory, observable="dose")
+    by_days = cp.DataSet.from_table(days, laboratory, observable="dose")
+    assert chi2(laboratory, by_days) == pytest.approx(chi2(laboratory, by_years), rel=1e-12)
+    dated = QTable({"value": [1e5], "sigma": [1e3], "date": Time(["2010-01-01"])})
+    assert len(cp.DataSet.from_table(dated, laboratory, observable="dose")) == 1
+
+
+def test_tables_that_are_none_are_refused(laboratory):
+    with pytest.raises(cp.InputError):
+        cp.DataSet.from_table({"value": [1.0], "sigma": [1.0, 2.0]}, laboratory, observable="trail")
+    with pytest.raises(cp.InputError, match="observable"):
+        cp.DataSet.from_table({"value": [1.0], "sigma": [1.0]}, laboratory)
+    with pytest.raises(cp.InputError, match="sigma"):
+        cp.DataSet.from_table({"value": [1.0, 2.0], "sigma": [1.0, -2.0]}, laboratory, observable="trail", signal_e=1e3)
+    with pytest.raises(TypeError):
+        cp.DataSet.from_table(3, laboratory)

@@ -1,0 +1,93 @@
+//! Everything that is asked of one mission: its evaluation with noise and population, galaxies with noise one by one, and the date as
+//! a distribution. The product of `ctiplan evaluate`.
+
+use crate::error::InputError;
+use crate::mission::Mission;
+use crate::model::noise::Realisations;
+use crate::model::realise::{NoisyChange, realise};
+use crate::plan::date_distribution::{Confidence, DateDistribution, date_distribution};
+use crate::plan::evaluate::{Evaluation, evaluate};
+use crate::plan::mission_sample::MissionSample;
+use crate::plan::time_series::TimeSeries;
+
+/// What is asked.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Seed of all that is random; none: the mission's.
+    pub seed: Option<u64>,
+    /// Galaxies that are read out with photon and read noise at the end of the mission; none: none.
+    pub monte_carlo: Option<u32>,
+    /// Draws of the mission for the date as a distribution; 0: no distribution.
+    pub samples: u32,
+    /// Keys drawn together, in place of their uncertainties.
+    pub posterior: Option<MissionSample>,
+    /// The probability to meet the corrected budget that is asked for, above 0 and below 1.
+    pub confidence: Option<f64>,
+    /// Whether what happens between the years is wanted, for figures.
+    pub time_series: bool,
+}
+
+/// The answers.
+#[derive(Clone, Debug)]
+pub struct Assessment {
+    /// The evaluation.
+    pub evaluation: Evaluation,
+    /// Means of the noisy galaxies at the end of the mission, in the mission's order; empty where none were asked for; None where
+    /// fewer than two could be measured.
+    pub noisy: Vec<Option<NoisyChange>>,
+    /// The date as a distribution, where that was asked for.
+    pub distribution: Option<DateDistribution>,
+    /// The probability to meet the corrected budget that is asked for.
+    pub confidence: Option<f64>,
+    /// What happens between the years, for figures; there are none without it.
+    pub time_series: Option<TimeSeries>,
+}
+
+/// How far it is, for long answers.
+pub struct Progress<'a> {
+    /// Called at the start of a stage, with what is counted (`galaxies`, `draws`) and their number.
+    pub stage: &'a (dyn Fn(&str, u64) + Sync),
+    /// Called after each.
+    pub advance: &'a (dyn Fn() + Sync),
+}
+
+/// Asks it of a mission.
+///
+/// # Errors
+/// Where a galaxy has no measurable shape, an effect has no value, a posterior is of other keys, or the confidence cannot be judged by
+/// so many draws.
+pub fn assess(mission: &Mission, options: &Options, progress: &Progress) -> Result<Assessment, InputError> {
+    if let Some(probability) = options.confidence
+        && mission.requirement.limits_a_galaxy()
+    {
+        Confidence { probability, samples: options.samples }.check(mission)?;
+    }
+    let seed = options.seed.unwrap_or(mission.accuracy.seed);
+    let realisations = Realisations { count: mission.accuracy.noise_realisations, seed };
+    let evaluation = evaluate(mission)?.with_noise(realisations)?.with_population(seed)?;
+    let noisy = options.monte_carlo.map(|count| noisy(&evaluation, count, seed, progress)).transpose()?;
+    let time_series = options.time_series.then(|| TimeSeries::of(&evaluation.model)).transpose()?;
+    let distribution = match options.samples {
+        0 => None,
+        samples => {
+            (progress.stage)("draws", samples.into());
+            Some(date_distribution(mission, options.posterior.as_ref(), samples, seed, || (progress.advance)())?)
+        }
+    };
+    let noisy = noisy.unwrap_or_default();
+    Ok(Assessment { evaluation, noisy, distribution, confidence: options.confidence, time_series })
+}
+
+/// Each galaxy `count` times with noise, at the end of the mission.
+fn noisy(
+    evaluation: &Evaluation,
+    count: u32,
+    seed: u64,
+    progress: &Progress,
+) -> Result<Vec<Option<NoisyChange>>, InputError> {
+    let mission = evaluation.mission();
+    let device = evaluation.model.device_at(mission.mission.duration_yr)?;
+    (progress.stage)("galaxies", u64::from(count) * mission.galaxies.len() as u64);
+    let each = |galaxy| realise(mission, galaxy, &device, count as usize, seed, || (progress.advance)());
+    mission.galaxies.iter().map(each).collect()
+}
