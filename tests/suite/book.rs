@@ -48,9 +48,25 @@ fn every_page_is_in_the_table_of_contents() {
 }
 
 #[test]
+fn every_page_is_in_the_list_for_language_models() {
+    let listed = links(&fs::read_to_string("llms.txt").unwrap());
+    for page in pages().iter().filter(|page| !page.ends_with("SUMMARY.md")) {
+        assert!(listed.iter().any(|link| Path::new(link) == page), "llms.txt does not link {}", page.display());
+    }
+}
+
+#[test]
 fn links_lead_somewhere() {
     let mut checked = 0;
-    for page in pages().into_iter().chain(["README.md", "CHANGELOG.md", "tests/golden/README.md"].map(PathBuf::from)) {
+    let elsewhere = [
+        "README.md",
+        "CHANGELOG.md",
+        "llms.txt",
+        "tests/golden/README.md",
+        ".github/CONTRIBUTING.md",
+        ".github/SECURITY.md",
+    ];
+    for page in pages().into_iter().chain(elsewhere.map(PathBuf::from)) {
         let text = fs::read_to_string(&page).unwrap();
         for link in links(&text).into_iter().filter(|link| !link.contains("://") && !link.starts_with("mailto:")) {
             let (file, anchor) = link.split_once('#').unwrap_or((&link, ""));
