@@ -1,4 +1,4 @@
-//! The documents as a book: every page is in the table of contents, and links lead somewhere.
+//! The documents as a book: every page is in the table of contents, and links lead somewhere; what is cited is this version.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -79,4 +79,10 @@ fn links_lead_somewhere() {
         }
     }
     assert!(checked > 50, "{checked}");
+}
+
+#[test]
+fn the_citation_is_of_this_version() {
+    let citation = fs::read_to_string("CITATION.cff").unwrap();
+    assert!(citation.contains(concat!("\nversion: ", env!("CARGO_PKG_VERSION"), "\n")), "{citation}");
 }
