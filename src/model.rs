@@ -25,7 +25,7 @@ use crate::physics::accuracy::Purpose;
 use crate::physics::conditions::Conditions;
 use crate::physics::shape::ShapeChange;
 use crate::physics::{Damage, DoseHistory, SpeciesState};
-use crate::readout::{Clock, Cloud, Method};
+use crate::readout::{Clock, Cloud, Method, interrupt};
 pub use device::{Beside, Device};
 use effects::Effects;
 use noise::{NoiseTerm, Realisations};
@@ -51,6 +51,7 @@ pub struct Model {
 impl Model {
     /// Prepares a mission.
     pub fn new(mission: &Mission) -> Model {
+        interrupt::check();
         let effects = Effects::of(mission);
         let mut history = DoseHistory::of(mission);
         let mut detector = mission.detector.clone();

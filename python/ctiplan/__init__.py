@@ -10,6 +10,7 @@ A mission goes in, an answer comes out::
 All computation is that of the command ``ctiplan``; see docs/python.md.
 """
 
+from ctiplan import measure
 from ctiplan._ctiplan import __version__, set_threads, threads
 from ctiplan._detector import Detector
 from ctiplan._errors import InputError, InternalError
@@ -38,6 +39,7 @@ __all__ = [
     "diagnose",
     "evaluate",
     "fit",
+    "measure",
     "set_threads",
     "threads",
     "validate",

@@ -102,3 +102,10 @@ def diagnose(
     stability: bool,
     progress: Callable[[str, int, int], object] | None,
 ) -> Outcome: ...
+def measure(
+    frames: list[str | tuple[str, np.ndarray, bool]],
+    layout: Mapping[str, Any],
+    told: Mapping[str, Any],
+    way: Mapping[str, Any],
+    progress: Callable[[str, int, int], object] | None,
+) -> tuple[list[tuple[str, str]], str, str]: ...

@@ -76,7 +76,7 @@ impl Detector {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let frame_e = frame_e.as_array().to_owned();
         let read = work::run(py, None, move |_| {
-            let geometry = layout.geometry(frame_e.dim())?;
+            let geometry = layout.of(frame_e.dim())?;
             let job = Job::new(Task::Readout, &self.model, &self.at, relative, geometry)?;
             frame::read(&job.device, &geometry, &frame_e)
         })?;
@@ -101,8 +101,15 @@ fn at(t_yr: Option<f64>, dose_mev_g: Option<f64>) -> Result<f64, InputError> {
 }
 
 impl Layout {
-    /// The geometry that it says, of a frame of so many rows and columns.
-    pub fn geometry(&self, shape: (usize, usize)) -> Result<Geometry, InputError> {
+    /// The geometry that it says, which a frame of so many rows and columns can have.
+    pub fn of(&self, shape: (usize, usize)) -> Result<Geometry, InputError> {
+        let geometry = self.geometry()?;
+        geometry.check(shape)?;
+        Ok(geometry)
+    }
+
+    /// The geometry that it says.
+    pub fn geometry(&self) -> Result<Geometry, InputError> {
         let said = |word: &str, value: &str, allowed: &str| {
             InputError::new(format!("cannot use {word} = \"{value}\""), format!("allowed: {allowed}"))
         };
@@ -132,7 +139,7 @@ impl Layout {
             let value = self.charge_before_e.to_string();
             return Err(said("charge_before_e", &value, "0 e- per pixel or more"));
         }
-        let geometry = Geometry {
+        Ok(Geometry {
             transfers,
             corner,
             split,
@@ -142,8 +149,6 @@ impl Layout {
             rows_before: self.transfers_before,
             charge_before_e: self.charge_before_e,
             columns_before: self.serial_transfers_before,
-        };
-        geometry.check(shape)?;
-        Ok(geometry)
+        })
     }
 }

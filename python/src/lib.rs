@@ -7,6 +7,7 @@
 
 mod detector;
 mod errors;
+mod measure;
 mod mission;
 mod outcome;
 mod questions;
@@ -37,6 +38,7 @@ fn _ctiplan(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(questions::validate, module)?)?;
     module.add_function(wrap_pyfunction!(questions::fit, module)?)?;
     module.add_function(wrap_pyfunction!(questions::diagnose, module)?)?;
+    module.add_function(wrap_pyfunction!(measure::measure, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)?;
     module.add_function(wrap_pyfunction!(work::set_threads, module)?)?;
     module.add_function(wrap_pyfunction!(work::threads, module)?)?;

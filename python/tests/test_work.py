@@ -30,6 +30,9 @@ def test_results_do_not_depend_on_the_number_of_threads(snap):
     assert cp.threads() == before
 
 
+# Takes some seconds.
+SLOW = {"accuracy.readout": "exact", "accuracy.noise_realisations": 0}
+
 LONG = {
     "evaluate": "cp.evaluate(m.set({'accuracy.readout': 'exact', 'accuracy.noise_realisations': 1000}), samples=2000)",
     "compare": "cp.compare(m, {'detector.temperature_k': [120 + k / 100 for k in range(2000)]})",
@@ -79,7 +82,7 @@ def test_other_threads_of_python_go_on(snap):
     ticking = threading.Thread(target=tick)
     ticking.start()
     begun = time.monotonic()
-    cp.evaluate(snap.set({"accuracy.readout": "exact"}), samples=0)
+    cp.evaluate(snap.set(SLOW), samples=0)
     took = time.monotonic() - begun
     ended.set()
     ticking.join()
@@ -122,7 +125,7 @@ def test_a_handler_of_signals_is_called_meanwhile(snap):
     before = signal.signal(signal.SIGALRM, lambda *_: called.append(True))
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.02)
-        cp.evaluate(snap.set({"accuracy.readout": "exact"}), samples=0)
+        cp.evaluate(snap.set(SLOW), samples=0)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)

@@ -194,13 +194,26 @@ pub fn date(text: &str) -> Option<NaiveDateTime> {
     Cell::Text(text.to_string()).moment(None)
 }
 
-/// Files with frames.
-#[derive(Clone, Debug)]
+/// Frames in files and in memory.
+#[derive(Clone, Debug, Default)]
 pub struct Frames {
     /// The files.
     pub files: Vec<PathBuf>,
+    /// Frames without a file, behind those of the files.
+    pub arrays: Vec<FrameArray>,
     /// How they are to be understood.
     pub reading: Reading,
+}
+
+/// A frame in memory, without a header.
+#[derive(Clone, Debug)]
+pub struct FrameArray {
+    /// What to call it.
+    pub name: String,
+    /// Values, `[[row, column]]`, row 0 the lowest.
+    pub values_dn: Array2<f64>,
+    /// Whether values were whole numbers.
+    pub integers: bool,
 }
 
 impl Frames {
@@ -215,32 +228,39 @@ impl Frames {
         mut visit: impl FnMut(Exposure) -> Result<(), InputError>,
     ) -> Result<(), InputError> {
         let mut number = 0;
+        let reading = &self.reading;
         for (done, file) in self.files.iter().enumerate() {
             progress(done);
             let name = file.display().to_string();
-            let of_file = |error: InputError| InputError {
-                refused: format!("cannot measure on `{name}`: {}", error.refused),
-                ..error
-            };
             let mut fits = Fits::open(file)?;
-            let reading = &self.reading;
-            let chosen = frames(&fits.hdus, &reading.hdus, &reading.geometry, &reading.unit).map_err(of_file)?;
-            for (index, scale) in chosen {
+            let chosen = frames(&fits.hdus, &reading.hdus, &reading.geometry, &reading.unit)
+                .map_err(|error| cannot_measure(&name, error))?;
+            for (index, _) in chosen {
                 let values_dn = fits.pixels(index)?.physical();
-                let (hdu, primary) = (&fits.hdus[index], &fits.hdus[0]);
-                let known = reading.known(hdu, primary).map_err(of_file)?;
-                for (amplifier, part_dn) in reading.geometry.amplifiers(&values_dn).into_iter().enumerate() {
-                    number += 1;
-                    let known = known.clone();
-                    let about = (number, name.clone(), amplifier + 1);
-                    let exposure =
-                        reading.exposure(hdu, scale.gain_e_per_dn, known, about, part_dn).map_err(of_file)?;
-                    visit(exposure)?;
-                }
+                let frame = Frame { name: &name, hdu: &fits.hdus[index], primary: &fits.hdus[0], values_dn };
+                reading.each(frame, &mut number, &mut visit)?;
             }
+        }
+        for (done, array) in self.arrays.iter().enumerate() {
+            progress(self.files.len() + done);
+            let hdu = Hdu::without_header(array.values_dn.dim(), array.integers);
+            let frame = Frame { name: &array.name, hdu: &hdu, primary: &hdu, values_dn: array.values_dn.clone() };
+            reading.each(frame, &mut number, &mut visit)?;
         }
         Ok(())
     }
+}
+
+/// A frame with the headers that tell of it.
+struct Frame<'a> {
+    name: &'a str,
+    hdu: &'a Hdu,
+    primary: &'a Hdu,
+    values_dn: Array2<f64>,
+}
+
+fn cannot_measure(name: &str, error: InputError) -> InputError {
+    InputError { refused: format!("cannot measure on `{name}`: {}", error.refused), ..error }
 }
 
 /// What a header or an option tells of a frame.
@@ -264,6 +284,28 @@ impl Reading {
                 "give --bias-dn (0 if it is subtracted), --overscan-columns, --prescan-px or --overscan-rows",
             )
         })
+    }
+
+    /// Shows what each amplifier read of a frame to `visit`; `number` counts them.
+    fn each(
+        &self,
+        frame: Frame,
+        number: &mut usize,
+        visit: &mut impl FnMut(Exposure) -> Result<(), InputError>,
+    ) -> Result<(), InputError> {
+        let Frame { name, hdu, primary, values_dn } = frame;
+        let of_frame = |error| cannot_measure(name, error);
+        self.geometry.check(values_dn.dim()).map_err(of_frame)?;
+        let scale = self.unit.scale(hdu, primary).map_err(of_frame)?;
+        let known = self.known(hdu, primary).map_err(of_frame)?;
+        for (amplifier, part_dn) in self.geometry.amplifiers(&values_dn).into_iter().enumerate() {
+            *number += 1;
+            let about = (*number, name.to_string(), amplifier + 1);
+            let exposure =
+                self.exposure(hdu, scale.gain_e_per_dn, known.clone(), about, part_dn).map_err(of_frame)?;
+            visit(exposure)?;
+        }
+        Ok(())
     }
 
     fn known(&self, hdu: &Hdu, primary: &Hdu) -> Result<Known, InputError> {

@@ -21,6 +21,7 @@ use crate::mission::Mission;
 use crate::physics::SpeciesState;
 use crate::plan::date_distribution::{Confidence, DateDistribution};
 use crate::plan::evaluate::{BudgetVerdict, evaluate};
+use crate::readout::interrupt;
 use crate::warning::{self, Warning};
 
 /// A mission that is to be compared.
@@ -196,6 +197,7 @@ fn scenario(
     settings: &[(String, toml::Value)],
     confidence: Option<Confidence>,
 ) -> Result<Scenario, InputError> {
+    interrupt::check();
     let mission = if settings.is_empty() { candidate.mission.clone() } else { candidate.mission.with(settings)? };
     let judged = Mission { galaxies: vec![mission.judged_galaxy().clone()], ..mission.clone() };
     let evaluation = evaluate(&judged)?;

@@ -524,6 +524,7 @@ const GROUPS_PER_TASK: usize = 4;
 fn columns(image: &Array2<f64>, across: Axis, column: &(dyn Fn(&mut [f64], u64) + Sync)) -> Array2<f64> {
     let mut trailed = image.clone();
     trailed.axis_iter_mut(across).into_par_iter().enumerate().for_each(|(number, mut lane)| {
+        interrupt::check();
         let mut charge_e = lane.to_vec();
         column(&mut charge_e, number as u64);
         lane.assign(&ArrayView1::from(&charge_e));

@@ -1,0 +1,332 @@
+"""Measurements from frames: edges of flat fields, trails of warm pixels, injected charge, dipoles of trap pumping.
+
+Frames are arrays of shape (rows, columns), row 0 the lowest, in DN, or paths of FITS files; one or a list of them. Every function
+takes these options beside its own:
+
+gain : float
+    Electrons per DN; 1 where the values are electrons. Files may tell it by themselves (``BUNIT``).
+bias : float, optional
+    Value of a pixel without charge, DN; without it: measured where the frame offers it, or in `bias_from`
+    (``"columns"``, ``"prescan"`` or ``"rows"``).
+saturated_dn : float, optional
+    Value from which on pixels are left out.
+date : str or datetime, or t_yr : float, or dose_mev_g : float
+    When the frames were taken: date, years since launch, or dose of the traps (MeV/g). Files tell it by ``DATE-OBS``.
+temperature_k, line_time_ms : float, optional
+    Conditions; without them the mission's hold.
+corner, split, prescan, overscan, overscan_rows, transfers_before
+    How the frames lie on the detector, as in :meth:`Detector.readout`. ``overscan_start`` may be given in place of `overscan_rows`:
+    the first row behind the image, in the order of readout.
+progress : callable, optional
+    ``progress(stage, done, total)``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ctiplan import _ctiplan
+from ctiplan._detector import electrons
+from ctiplan._errors import InputError
+from ctiplan._mission import DataSet, Mission
+
+if TYPE_CHECKING:
+    import pandas
+    from astropy.table import QTable
+
+__all__ = ["Measurement", "dipoles", "eper", "injection", "trails"]
+
+
+class Measurement:
+    """A table of measurements, as ``validate``, ``fit`` and ``diagnose`` read it.
+
+    Attributes
+    ----------
+    observable : str
+        What was measured, such as ``eper``.
+    first_pixel : Measurement or None
+        The charges of first pixels (observable ``packet_charge``), where there are any.
+    document : dict
+        What ``ctiplan measure --json`` prints: exposures, counts of pixels, options, warnings.
+    """
+
+    __slots__ = ("_ecsv", "_text", "document", "first_pixel", "observable")
+
+    observable: str
+    first_pixel: Measurement | None
+    document: dict[str, Any]
+
+    def __init__(self, tables: list[tuple[str, str]], text: str, document: dict[str, Any]) -> None:
+        (self.observable, self._ecsv), *rest = tables
+        self._text = text
+        self.document = document
+        self.first_pixel = Measurement(rest, text, document) if rest else None
+
+    def to_ecsv(self) -> str:
+        """The text of the measurement file (ECSV)."""
+        return self._ecsv
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the measurement file. An existing file is replaced."""
+        Path(path).write_text(self._ecsv, encoding="utf-8")
+
+    def to_table(self) -> QTable:
+        """The measurements as an astropy QTable with units. Needs astropy."""
+        from astropy.table import QTable
+
+        return QTable.read(self._ecsv, format="ascii.ecsv")
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The measurements as a pandas DataFrame. Needs astropy and pandas."""
+        return self.to_table().to_pandas()
+
+    def data_set(self, mission: Mission, *, name: str | None = None) -> DataSet:
+        """The measurements for a mission."""
+        return DataSet(_ctiplan.DataSet.parse(name or self.observable, self._ecsv, mission._inner))
+
+    def __str__(self) -> str:
+        return self._text
+
+    def __repr__(self) -> str:
+        rows = sum(not line.startswith("#") for line in self._ecsv.splitlines()) - 1
+        return f"<Measurement of {self.observable}, {rows} rows>"
+
+
+def eper(
+    frames: Any,
+    *,
+    overscan_start: int | None = None,
+    trail_px: int | None = None,
+    level_rows: int | None = None,
+    column_groups: int = 1,
+    **options: Any,
+) -> Measurement:
+    """Extended pixel edge response of flat fields with overscan rows, and their first pixel response.
+
+    Parameters
+    ----------
+    frames : array_like or path, or a sequence of them
+    overscan_start : int, optional
+        First row behind the image.
+    trail_px : int, optional
+        Rows behind the edge; by default all that the bias does not need, up to 50.
+    level_rows : int, optional
+        Last rows of the flat of which its level is the mean; by default 20, or a quarter of the image.
+    column_groups : int
+        Groups of columns to measure apart, by the level of the flat.
+    **options
+        Those of all functions of this module.
+    """
+    way = {"eper_trail_px": trail_px, "level_rows": level_rows, "column_groups": column_groups}
+    return _measure(frames, way, overscan_start, options)
+
+
+def trails(
+    frames: Any,
+    *,
+    overscan_start: int | None = None,
+    trail_px: int = 15,
+    threshold_e: float = 300.0,
+    bins_per_decade: int = 4,
+    transfer_bins: int = 3,
+    fewest_px: int = 10,
+    epoch_days: float = 10.0,
+    **options: Any,
+) -> Measurement:
+    """Trails behind warm and hot pixels, stacked in bins of signal, transfers and background.
+
+    Parameters
+    ----------
+    frames : array_like or path, or a sequence of them
+    overscan_start : int, optional
+        First row behind the image.
+    trail_px : int
+        Pixels of the trail.
+    threshold_e : float
+        Least charge of a warm pixel above the background, e-.
+    bins_per_decade, transfer_bins : int
+        Bins of the signal, and of the number of transfers.
+    fewest_px : int
+        Fewest pixels of a bin.
+    epoch_days : float
+        Exposures as near in time as this are one epoch, d.
+    **options
+        Those of all functions of this module.
+    """
+    way = {
+        "trail_px": trail_px,
+        "threshold_e": threshold_e,
+        "bins_per_decade": bins_per_decade,
+        "transfer_bins": transfer_bins,
+        "fewest_px": fewest_px,
+        "epoch_days": epoch_days,
+    }
+    return _measure(frames, way, overscan_start, options)
+
+
+def injection(
+    frames: Any,
+    *,
+    overscan_start: int | None = None,
+    first_row: int | None = None,
+    block_px: int | None = None,
+    period_px: int | None = None,
+    trail_px: int | None = None,
+    level_rows: int | None = None,
+    column_groups: int = 1,
+    background_in_front: bool = False,
+    **options: Any,
+) -> Measurement:
+    """Trails behind blocks of injected charge, and the charge of their first rows.
+
+    Parameters
+    ----------
+    frames : array_like or path, or a sequence of them
+    overscan_start : int, optional
+        First row behind the image.
+    first_row, block_px, period_px : int, optional
+        First row of the first block, rows of a block, rows from block to block; found in the frame where they are not given.
+    trail_px : int, optional
+        Rows behind each block.
+    level_rows : int, optional
+        Last rows of a block of which its level is the mean.
+    column_groups : int
+        Groups of columns to measure apart.
+    background_in_front : bool
+        Whether the background is that of the rows in front of the first block, not of the gaps.
+    **options
+        Those of all functions of this module.
+    """
+    given = (first_row, block_px, period_px)
+    if None in given and given != (None, None, None):
+        raise InputError("cannot measure injected charge", None, "first_row, block_px and period_px go together")
+    if block_px is not None and period_px is not None and block_px >= period_px:
+        problem = f"blocks of {block_px} rows every {period_px} rows leave none between them"
+        raise InputError(f"cannot use period_px = {period_px}", None, problem, "give a larger one")
+    way = {
+        "pattern": None if first_row is None else given,
+        "injection_trail_px": trail_px,
+        "level_rows": level_rows,
+        "column_groups": column_groups,
+        "in_front": background_in_front,
+    }
+    return _measure(frames, way, overscan_start, options)
+
+
+def dipoles(
+    frames: Any,
+    *,
+    overscan_start: int | None = None,
+    phase_time_ms: float | None = None,
+    pumping_cycles: float | None = None,
+    threshold_sigma: float = 6.0,
+    found_in: int = 2,
+    species: str | None = None,
+    **options: Any,
+) -> Measurement:
+    """Dipoles of trap pumping in flat fields.
+
+    Parameters
+    ----------
+    frames : array_like or path, or a sequence of them
+    overscan_start : int, optional
+        First row behind the image.
+    phase_time_ms : float
+        Time of one phase, ms.
+    pumping_cycles : float
+        Cycles of trap pumping.
+    threshold_sigma : float
+        Least dipole, in standard deviations of the flat.
+    found_in : int
+        Fewest exposures in which a dipole must be found.
+    species : str, optional
+        The species of the traps.
+    **options
+        Those of all functions of this module.
+    """
+    way = {"threshold_sigma": threshold_sigma, "found_in": found_in, "species": species}
+    return _measure(frames, way, overscan_start, {**options, "phase_time_ms": phase_time_ms, "pumping_cycles": pumping_cycles})
+
+
+_LAYOUT: dict[str, Any] = {
+    "axis": "parallel",
+    "corner": "ll",
+    "split": None,
+    "prescan": 0,
+    "overscan": 0,
+    "overscan_rows": 0,
+    "transfers_before": 0,
+    "charge_before_e": 0.0,
+    "serial_transfers_before": 0,
+}
+
+_TOLD: dict[str, Any] = {
+    "gain": None,
+    "gain_keyword": None,
+    "saturated_dn": None,
+    "bias": None,
+    "bias_from": None,
+    "date": None,
+    "t_yr": None,
+    "dose_mev_g": None,
+    "temperature_k": None,
+    "line_time_ms": None,
+    "phase_time_ms": None,
+    "pumping_cycles": None,
+}
+
+# What trails and first pixels of one frame do not depend on.
+_UNUSED = ("axis", "charge_before_e", "serial_transfers_before")
+
+
+def _measure(frames: Any, way: dict[str, Any], overscan_start: int | None, options: dict[str, Any]) -> Measurement:
+    progress = options.pop("progress", None)
+    known = (set(_LAYOUT) | set(_TOLD)) - set(_UNUSED)
+    for name in options:
+        if name not in known:
+            raise TypeError(f"no option is called {name!r}; there are: {', '.join(sorted(known))}")
+    given = [_given(frame, place) for place, frame in enumerate(_several(frames), start=1)]
+    layout = _LAYOUT | {name: of for name, of in options.items() if name in _LAYOUT}
+    told = _TOLD | {name: of for name, of in options.items() if name in _TOLD}
+    if told["date"] is not None and not isinstance(told["date"], str):
+        told["date"] = told["date"].isoformat()
+    if overscan_start is not None:
+        layout["overscan_rows"] = _rows_behind(given, overscan_start, layout)
+    tables, text, document = _ctiplan.measure(given, layout, told, way, progress)
+    return Measurement(tables, text, json.loads(document))
+
+
+def _several(frames: Any) -> Sequence[Any]:
+    if isinstance(frames, (str, os.PathLike)):
+        return [frames]
+    if isinstance(frames, (list, tuple)) and (not frames or np.ndim(frames[0]) == 2 or isinstance(frames[0], (str, os.PathLike))):
+        return frames
+    return [frames]
+
+
+def _given(frame: Any, place: int) -> str | tuple[str, np.ndarray, bool]:
+    if isinstance(frame, (str, os.PathLike)):
+        return os.fspath(frame)
+    array = np.asarray(frame)
+    if array.ndim != 2:
+        raise ValueError(f"a frame has shape (rows, columns); found {array.shape}")
+    return f"frame {place}", electrons(array)[0], array.dtype.kind in "iub"
+
+
+def _rows_behind(given: list[Any], overscan_start: int, layout: dict[str, Any]) -> int:
+    if layout["overscan_rows"]:
+        raise TypeError("overscan_start and overscan_rows say the same: give one")
+    rows = {frame[1].shape[0] for frame in given if not isinstance(frame, str)}
+    if len(rows) != 1 or any(isinstance(frame, str) for frame in given):
+        raise InputError("cannot use overscan_start", None, "it needs arrays of one number of rows", "give overscan_rows")
+    rows_read = rows.pop() // (2 if layout["split"] in ("rows", "both") else 1)
+    if not 0 < overscan_start < rows_read:
+        problem = f"the frame has {rows_read} rows: 1 to {rows_read - 1} is needed"
+        raise InputError(f"cannot use overscan_start = {overscan_start}", None, problem)
+    return rows_read - overscan_start
