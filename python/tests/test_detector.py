@@ -58,15 +58,15 @@ def test_corners_are_mirror_images(detector, frame):
 
 
 def test_charge_moves_away_from_the_register(snap, frame):
-    # 400 rows later, traps have released what they held.
     quick = {f"detector.traps.{name}.release_ms": 100.0 for name in ("Ci", "VV", "CO")}
     detector = snap.set(quick).detector_at(t_yr=5)
-    long = np.vstack([frame, np.zeros((400, 30))])
-    change = detector.readout(long, overscan_rows=400, relative=1e-6) - long
+    long = np.vstack([frame, np.zeros((1000, 30))])
+    change = detector.readout(long, overscan_rows=1000) - long
     assert change[23:26, 5:8].sum() > 0 > change[20, 5:8].sum()
-    assert abs(change.sum()) < 1e-9 * np.abs(change).sum()
-    young = detector.mission.detector_at(t_yr=0).readout(frame)
-    assert np.array_equal(young, frame)
+    # What the smallest packets carry is caught again in the empty pixels behind: a few millionths are held to the end.
+    assert -1e-5 * np.abs(change).sum() < change.sum() < 0
+    exact = detector.mission.set({"accuracy.readout": "exact"}).detector_at(t_yr=5).readout(long, overscan_rows=1000) - long
+    assert np.abs(change - exact).max() < 1e-3 * np.abs(exact).max()
 
 
 def test_frames_that_are_none_are_refused(detector, frame):
