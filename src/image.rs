@@ -2,12 +2,15 @@
 //!
 //! ```text
 //! FITS file ─▶ [fits] values ─▶ [unit] electrons ─▶ [mask] no gaps ─▶ [frame] as it is read ─▶ back to values ─▶ FITS file
+//!                                  of each [amplifier]
 //!                                                        │                       ▲
 //!                                                        └──▶ [correct] ─────────┘   the readout, turned round
 //! ```
 //!
 //! One HDU is in memory at a time. What is done to a frame is told in `docs/images.md`.
 
+pub mod amplifier;
+pub mod amplifier_table;
 pub mod correct;
 pub mod fits;
 pub mod frame;
@@ -16,6 +19,8 @@ pub mod mask;
 pub mod uncertain;
 pub mod unit;
 
+pub use amplifier::{Amplifier, Amplifiers};
+pub use amplifier_table::AmplifierTable;
 pub use correct::{Corrected, Residual, Stop, correct, iterated};
 pub use frame::{Corner, Geometry, Split, Transfers};
 pub use uncertain::{Uncertain, uncertain};
@@ -56,8 +61,10 @@ pub enum Task {
 pub enum Choice {
     /// By its place in the file; 0 is the primary one.
     Index(usize),
-    /// By its EXTNAME: all that are called so.
+    /// By its EXTNAME: all that are called so. `*.E.SCI` is all that end so.
     Name(String),
+    /// By its EXTNAME and EXTVER.
+    Version(String, i64),
 }
 
 /// Frames to be read out or corrected.
@@ -74,10 +81,12 @@ pub struct Job {
     pub unit: Unit,
     /// Images to work on; none: all that hold charge.
     pub hdus: Vec<Choice>,
+    /// Amplifiers of a camera, in place of geometry, unit and choice of images.
+    pub amplifiers: Option<AmplifierTable>,
 }
 
 /// What was done to a file.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Done {
     /// Name of the mission.
     pub mission: String,
@@ -91,8 +100,10 @@ pub struct Done {
     pub method: Method,
     /// What was done.
     pub task: Task,
-    /// How the frames lay.
+    /// How the frames lay, unless amplifiers are named.
     pub geometry: Geometry,
+    /// The table of amplifiers, as given.
+    pub amplifiers: Option<String>,
     /// Each HDU, in the file's order.
     pub hdus: Vec<HduDone>,
     /// Things seen that are not errors.
@@ -100,7 +111,7 @@ pub struct Done {
 }
 
 /// What was done to an HDU.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct HduDone {
     /// Place in the file.
     pub index: usize,
@@ -111,12 +122,14 @@ pub struct HduDone {
 }
 
 /// What was done to a frame.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct FrameDone {
     /// Rows and columns.
     pub shape: (usize, usize),
-    /// Electrons per unit of the frame.
-    pub gain_e_per_dn: f64,
+    /// Electrons per unit of the frame; none if its amplifiers differ.
+    pub gain_e_per_dn: Option<f64>,
+    /// What read it.
+    pub amplifiers: Amplifiers,
     /// Largest change of a pixel, e-.
     pub largest_change_e: f64,
     /// Pixels without a value, which stay so.
@@ -163,7 +176,15 @@ impl Job {
             _ if task != Task::Readout => device.expected(),
             _ => device,
         };
-        Ok(Job { task, model: model.clone(), device, geometry, unit: Unit::default(), hdus: Vec::new() })
+        Ok(Job {
+            task,
+            model: model.clone(),
+            device,
+            geometry,
+            unit: Unit::default(),
+            hdus: Vec::new(),
+            amplifiers: None,
+        })
     }
 
     /// Works on a file. `progress` is told the HDUs that are done, how many there are, and what is being done.
@@ -183,10 +204,7 @@ impl Job {
             atomic_file::refuse_existing(output)?;
         }
         let mut fits = Fits::open(input)?;
-        let frames = frames(&fits.hdus, &self.hdus, &self.geometry, &self.unit).map_err(|error| InputError {
-            refused: format!("cannot use `{}`: {}", input.display(), error.refused),
-            ..error
-        })?;
+        let frames = self.frames(&fits.hdus, input)?;
         let mut done = Done {
             mission: self.model.mission.mission.name.clone(),
             at: self.device.at.clone(),
@@ -195,6 +213,7 @@ impl Job {
             method: self.device.method,
             task: self.task,
             geometry: self.geometry,
+            amplifiers: self.amplifiers.as_ref().map(|table| table.name.clone()),
             hdus: Vec::new(),
             warnings: self.model.history().warnings(self.device.at.t_yr),
         };
@@ -203,11 +222,11 @@ impl Job {
             for index in 0..all {
                 let hdu = fits.hdus[index].clone();
                 let frame = match frames.iter().find(|(frame, _)| *frame == index) {
-                    Some((_, scale)) => {
+                    Some((_, amplifiers)) => {
                         let tell = |what: &str| progress(index, all, &format!("{hdu}{what}"));
                         let mut pixels = fits.pixels(index)?;
-                        let frame = self.frame(&mut pixels, *scale, &tell)?;
-                        let told = self.history(*scale, &frame, done.dose_mev_g);
+                        let frame = self.frame(&mut pixels, amplifiers, &tell)?;
+                        let told = self.history(&frame, done.dose_mev_g);
                         hdu.write(&pixels, &told, out).map_err(atomic_file::refusal(output))?;
                         done.warnings.extend(self.warnings(&hdu, &frame));
                         Some(frame)
@@ -232,6 +251,33 @@ impl Job {
             Ok(())
         })?;
         Ok(done)
+    }
+
+    /// The frames of a file with the amplifiers that read them.
+    fn frames(&self, hdus: &[Hdu], input: &Path) -> Result<Vec<amplifier_table::Frame>, InputError> {
+        let place = |error: InputError| {
+            let refused = format!("cannot use `{}`: {}", input.display(), error.refused);
+            InputError { refused, ..error }
+        };
+        if let Some(table) = &self.amplifiers {
+            return table.frames(hdus, self.geometry.transfers, &self.device).map_err(place);
+        }
+        let frames = frames(hdus, &self.hdus, &self.geometry, &self.unit).map_err(place)?;
+        let of = |(index, scale): (usize, unit::Scale)| {
+            let (rows, columns) = image_shape(&hdus[index]).expect("an image, as was checked");
+            let amplifier = Amplifier {
+                name: None,
+                rows: 0..rows,
+                columns: 0..columns,
+                geometry: self.geometry,
+                scale,
+                saturated_dn: self.unit.saturated_dn,
+                read_noise_e: None,
+                device: self.device.clone(),
+            };
+            (index, Amplifiers(vec![amplifier]))
+        };
+        Ok(frames.into_iter().map(of).collect())
     }
 
     /// Error of a readout over the largest displacement of charge: mostly ten times smaller than was asked for
@@ -264,22 +310,21 @@ impl Job {
     fn frame(
         &self,
         pixels: &mut fits::Pixels,
-        scale: unit::Scale,
+        amplifiers: &Amplifiers,
         tell: &dyn Fn(&str),
     ) -> Result<FrameDone, InputError> {
-        let mut before_e = pixels.physical();
-        before_e.mapv_inplace(|value| scale.charge_e(value));
+        let mut before_e = amplifiers.charge_e(&pixels.physical());
         let shape = before_e.dim();
         let missing = mask::fill(&mut before_e);
-        let lit = self.geometry.lit(shape);
-        let from_e = self.unit.saturated_dn.map_or(f64::INFINITY, |value| scale.charge_e(value));
-        let mut saturated = mask::saturated(&before_e, &self.device.cloud, from_e);
-        Zip::from(&mut saturated).and(&lit).and(&missing).for_each(|full, lit, missing| *full &= *lit && !*missing);
-        let read = |frame_e: &Array2<f64>| frame::read(&self.device, &self.geometry, frame_e);
+        let lit = amplifiers.lit(&before_e);
+        let mut saturated = amplifiers.saturated(&before_e);
+        Zip::from(&mut saturated).and(&missing).for_each(|full, missing| *full &= !*missing);
+        let read = |frame_e: &Array2<f64>| amplifiers.read(frame_e);
         let count = |mask: &Array2<bool>| mask.iter().filter(|is| **is).count();
         let mut done = FrameDone {
             shape,
-            gain_e_per_dn: scale.gain_e_per_dn,
+            gain_e_per_dn: amplifiers.gain_e_per_dn(),
+            amplifiers: amplifiers.clone(),
             largest_change_e: 0.0,
             missing_px: count(&missing),
             saturated_px: count(&saturated),
@@ -290,6 +335,7 @@ impl Job {
             noise_amplification: None,
         };
         let mut kept = missing;
+        Zip::from(&mut kept).and(&amplifiers.covered(&before_e)).for_each(|kept, covered| *kept |= !*covered);
         let after_e = match self.task {
             Task::Readout => read(&before_e)?,
             Task::Correct { stop, noise } => {
@@ -320,25 +366,29 @@ impl Job {
             }
         };
         // A pixel that does not change keeps its very bits.
-        let changed = before_e.iter().zip(&after_e).zip(&kept).map(|((before, after), kept)| {
-            (!kept && after != before).then(|| {
-                done.largest_change_e = done.largest_change_e.max((after - before).abs());
-                scale.value(*after)
-            })
+        let values = amplifiers.values(&after_e);
+        let changed =
+            Zip::from(&before_e).and(&after_e).and(&kept).and(&values).map_collect(|before, after, kept, value| {
+                (!kept && after != before).then_some((after - before, *value))
+            });
+        let changed = changed.into_iter().map(|changed| {
+            let (change_e, value) = changed?;
+            done.largest_change_e = done.largest_change_e.max(change_e.abs());
+            Some(value)
         });
         let clipped_px = pixels.set(changed);
         Ok(FrameDone { clipped_px, ..done })
     }
 
     /// What the header will tell of this.
-    fn history(&self, scale: unit::Scale, frame: &FrameDone, dose_mev_g: f64) -> Vec<String> {
-        let (at, geometry) = (&self.device.at, &self.geometry);
+    fn history(&self, frame: &FrameDone, dose_mev_g: f64) -> Vec<String> {
+        let at = &self.device.at;
         let mut told = vec![format!(
             "ctiplan {} {}: charge transfer inefficiency {}, {} transfers",
             env!("CARGO_PKG_VERSION"),
             self.task.word(),
             if self.task == Task::Readout { "added" } else { "taken out" },
-            match geometry.transfers {
+            match self.geometry.transfers {
                 Transfers::Parallel => "parallel",
                 Transfers::Serial => "serial",
                 Transfers::Both => "parallel and serial",
@@ -348,21 +398,7 @@ impl Job {
             "mission {}, {} yr after launch, dose {:.4e} MeV/g, {} K, {} ms per row",
             self.model.mission.mission.name, at.t_yr, dose_mev_g, at.temperature_k, at.line_time_ms
         ));
-        let traps = self.device.traps.iter().map(|trap| format!("{} {:.4e}", trap.name, trap.density_per_px));
-        told.push(format!("traps per pixel: {}", traps.collect::<Vec<_>>().join(", ")));
-        told.push(format!(
-            "gain {} e-/DN, bias {} DN, {}; before the frame {} rows of {} e- and {} columns; prescan {} columns, \
-             overscan {} columns and {} rows",
-            scale.gain_e_per_dn,
-            scale.bias_dn,
-            geometry.sides(),
-            geometry.rows_before,
-            geometry.charge_before_e,
-            geometry.columns_before,
-            geometry.prescan_columns,
-            geometry.overscan_columns,
-            geometry.overscan_rows
-        ));
+        told.extend(frame.amplifiers.0.iter().flat_map(history_of));
         if let (Some(first), Some(uncertain)) = (frame.residuals.first(), &frame.uncertain) {
             let last = uncertain.left;
             told.push(format!(
@@ -383,6 +419,28 @@ impl Job {
         }
         told.iter().flat_map(|line| cards(line)).collect()
     }
+}
+
+/// What the header will tell of an amplifier.
+fn history_of(amplifier: &Amplifier) -> [String; 2] {
+    let (geometry, scale) = (&amplifier.geometry, amplifier.scale);
+    let name = amplifier.name.as_ref().map(|name| format!("amplifier {name} {}: ", amplifier.section()));
+    let name = name.unwrap_or_default();
+    let traps = amplifier.device.traps.iter().map(|trap| format!("{} {:.4e}", trap.name, trap.density_per_px));
+    let lies = format!(
+        "{name}gain {} e-/DN, bias {} DN, {}; before the frame {} rows of {} e- and {} columns; prescan {} columns, \
+         overscan {} columns and {} rows",
+        scale.gain_e_per_dn,
+        scale.bias_dn,
+        geometry.sides(),
+        geometry.rows_before,
+        geometry.charge_before_e,
+        geometry.columns_before,
+        geometry.prescan_columns,
+        geometry.overscan_columns,
+        geometry.overscan_rows
+    );
+    [format!("{name}traps per pixel: {}", traps.collect::<Vec<_>>().join(", ")), lies]
 }
 
 /// Places of the HDUs to work on (those that are chosen, or all that hold charge), and what their numbers mean.
@@ -407,37 +465,36 @@ pub(crate) fn frames(
     };
     let mut frames = Vec::new();
     for hdu in hdus.iter().filter(chosen) {
-        let refusal = |problem: &str, help: &str| Err(InputError::new(hdu.to_string(), problem).with_help(help));
-        match hdu.kind {
-            HduKind::Image { bitpix: 64, .. } => {
-                return refusal(
-                    "its pixels are integers of 64 bits, which are not computed with exactly",
-                    "write the image as 32-bit integers or 64-bit floats, or leave it out with --hdu",
-                );
-            }
-            HduKind::Image { rows, columns, .. } => {
-                geometry
-                    .check((rows, columns))
-                    .map_err(|error| InputError { refused: format!("{hdu}, {}", error.refused), ..error })?;
-                frames.push((hdu.index, unit.scale(hdu, &hdus[0])?));
-            }
-            HduKind::OtherAxes(axes) => {
-                return refusal(
-                    &format!("it has {axes} axes; a frame has two, columns and rows"),
-                    "write each plane of a cube as an image of its own, or leave it out with --hdu",
-                );
-            }
-            HduKind::Compressed => {
-                return refusal("it is compressed by tiles", "unpack the file first, with funpack or astropy");
-            }
-            HduKind::Empty => return refusal("it has no data", "choose others with --hdu"),
-            HduKind::NoImage => return refusal("it is no image", "choose others with --hdu"),
-        }
+        let shape = image_shape(hdu)?;
+        geometry.check(shape).map_err(|error| InputError { refused: format!("{hdu}, {}", error.refused), ..error })?;
+        frames.push((hdu.index, unit.scale(hdu, &hdus[0])?));
     }
     if frames.is_empty() {
         return Err(InputError::new("nothing to do", "it has no image of charge"));
     }
     Ok(frames)
+}
+
+/// Rows and columns of an image that can be worked on.
+///
+/// # Errors
+/// Where the HDU is no image of two axes, or its pixels are not those that are computed with.
+pub(crate) fn image_shape(hdu: &Hdu) -> Result<(usize, usize), InputError> {
+    let refusal = |problem: &str, help: &str| Err(InputError::new(hdu.to_string(), problem).with_help(help));
+    match hdu.kind {
+        HduKind::Image { bitpix: 64, .. } => refusal(
+            "its pixels are integers of 64 bits, which are not computed with exactly",
+            "write the image as 32-bit integers or 64-bit floats, or leave it out with --hdu",
+        ),
+        HduKind::Image { rows, columns, .. } => Ok((rows, columns)),
+        HduKind::OtherAxes(axes) => refusal(
+            &format!("it has {axes} axes; a frame has two, columns and rows"),
+            "write each plane of a cube as an image of its own, or leave it out with --hdu",
+        ),
+        HduKind::Compressed => refusal("it is compressed by tiles", "unpack the file first, with funpack or astropy"),
+        HduKind::Empty => refusal("it has no data", "choose others with --hdu"),
+        HduKind::NoImage => refusal("it is no image", "choose others with --hdu"),
+    }
 }
 
 /// Names of extensions that go with an image and hold no charge: data quality, errors, variances, weights, masks, as the
@@ -493,9 +550,18 @@ impl Choice {
     fn is(&self, hdu: &Hdu) -> bool {
         match self {
             Choice::Index(index) => hdu.index == *index,
-            Choice::Name(name) => hdu.name().is_some_and(|known| known.eq_ignore_ascii_case(name)),
+            Choice::Name(name) => hdu.name().is_some_and(|known| is_called(&known, name)),
+            Choice::Version(name, version) => {
+                hdu.version() == *version && hdu.name().is_some_and(|known| is_called(&known, name))
+            }
         }
     }
+}
+
+/// Whether an EXTNAME is the one that is meant, or ends as it does behind `*`.
+fn is_called(name: &str, meant: &str) -> bool {
+    let (name, meant) = (name.to_ascii_uppercase(), meant.to_ascii_uppercase());
+    meant.strip_prefix('*').map_or(name == meant, |end| name.ends_with(end))
 }
 
 impl fmt::Display for Choice {
@@ -503,6 +569,7 @@ impl fmt::Display for Choice {
         match self {
             Choice::Index(index) => write!(out, "{index}"),
             Choice::Name(name) => write!(out, "{name}"),
+            Choice::Version(name, version) => write!(out, "{name},{version}"),
         }
     }
 }
@@ -513,7 +580,16 @@ impl FromStr for Choice {
     fn from_str(text: &str) -> Result<Choice, String> {
         match text.trim() {
             "" => Err("the number or the EXTNAME of an HDU is needed".into()),
-            text => Ok(text.parse().map_or_else(|_| Choice::Name(text.into()), Choice::Index)),
+            text => Ok(match (text.parse(), text.rsplit_once(',')) {
+                (Ok(index), _) => Choice::Index(index),
+                (_, Some((name, version))) => {
+                    let version = version.trim().parse();
+                    let version =
+                        version.map_err(|_| format!("`{text}`: behind the comma an EXTVER is needed, such as SCI,2"));
+                    Choice::Version(name.trim().into(), version?)
+                }
+                _ => Choice::Name(text.into()),
+            }),
         }
     }
 }
@@ -538,6 +614,9 @@ mod tests {
     fn an_hdu_is_a_number_or_a_name() {
         assert_eq!("3".parse(), Ok(Choice::Index(3)));
         assert_eq!(" SCI".parse(), Ok(Choice::Name("SCI".into())));
+        assert_eq!("SCI, 2".parse(), Ok(Choice::Version("SCI".into(), 2)));
+        assert!("SCI,B".parse::<Choice>().is_err());
+        assert!(is_called("1-1.E.SCI", "*.e.sci") && !is_called("1-1.F.SCI", "*.E.SCI"));
         assert!("".parse::<Choice>().is_err());
     }
 }

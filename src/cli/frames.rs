@@ -7,7 +7,7 @@ use super::inputs::mission_with;
 use super::{Failure, Outcome, Output, print, progress};
 use crate::cli::file_argument::{InputFile, OutputFile};
 use crate::error::InputError;
-use crate::image::{Geometry, Job, Stop, Task, Transfers};
+use crate::image::{AmplifierTable, Geometry, Job, Stop, Task, Transfers};
 use crate::model::Model;
 use crate::physics::accuracy::OF_FRAMES;
 use crate::physics::conditions::Conditions;
@@ -74,6 +74,16 @@ struct Frames {
     /// Directions of transfer to model; serial ones need [effects.serial-traps]
     #[arg(long, value_name = "AXIS", default_value = "parallel")]
     axis: Transfers,
+    /// Table of the camera's amplifiers (ECSV or CSV), a row each: HDU, corner, sections, gain, read noise, traps
+    #[arg(
+        long,
+        value_name = "TABLE",
+        conflicts_with_all = [
+            "hdu", "corner", "split", "prescan_px", "overscan_columns", "overscan_rows", "transfers_before",
+            "charge_before_e", "serial_transfers_before", "gain_e_per_dn", "gain_keyword", "saturated_dn", "bias_dn",
+        ]
+    )]
+    amplifiers: Option<InputFile>,
     #[command(flatten)]
     layout: Layout,
     /// Charge per pixel in those rows, e-: 0 if they are dark, the sky if the frame was cut out of a larger one
@@ -103,8 +113,9 @@ impl Frames {
         let conditions =
             Conditions { dose_mev_g: self.dose_mev_g, ..Conditions::of(&mission, self.at.unwrap_or_default()) };
         let model = Model::new(&mission);
+        let amplifiers = self.amplifiers.as_ref().map(AmplifierTable::read).transpose()?;
         let job = Job::new(task(mission.accuracy.seed), &model, &conditions, self.relative, self.geometry()?)?;
-        let job = Job { unit: self.gain.unit(self.bias_dn), hdus: self.layout.hdu.clone(), ..job };
+        let job = Job { unit: self.gain.unit(self.bias_dn), hdus: self.layout.hdu.clone(), amplifiers, ..job };
         let bar = progress(0, "HDUs");
         let done = job.run(&self.input, &self.output, self.overwrite, &|done, all, what| {
             bar.set_length(all as u64);

@@ -271,6 +271,11 @@ impl Hdu {
         self.text("EXTNAME").filter(|name| !name.is_empty())
     }
 
+    /// EXTVER, 1 unless the header has another.
+    pub fn version(&self) -> i64 {
+        self.integer("EXTVER").unwrap_or(1)
+    }
+
     fn integer(&self, keyword: &str) -> Result<i64, String> {
         match self.value(keyword) {
             Some(Value::Integer(value)) => Ok(*value),

@@ -99,6 +99,18 @@ impl Default for Geometry {
     }
 }
 
+impl Corner {
+    /// The last column is read first.
+    pub fn is_right(self) -> bool {
+        matches!(self, Corner::LowerRight | Corner::UpperRight)
+    }
+
+    /// The last row is read first.
+    pub fn is_upper(self) -> bool {
+        matches!(self, Corner::UpperLeft | Corner::UpperRight)
+    }
+}
+
 impl Transfers {
     /// Charge moves along columns.
     pub fn parallel(self) -> bool {
@@ -197,11 +209,9 @@ impl Geometry {
             false => vec![(Side::Whole, mirrored)],
             true => vec![(Side::First, false), (Side::Second, true)],
         };
-        let right = matches!(corner, Corner::LowerRight | Corner::UpperRight);
-        let upper = matches!(corner, Corner::UpperLeft | Corner::UpperRight);
         let mut parts = Vec::new();
-        for (vertical, upside_down) in sides(self.splits_rows(), upper) {
-            for (horizontal, mirrored) in sides(self.splits_columns(), right) {
+        for (vertical, upside_down) in sides(self.splits_rows(), corner.is_upper()) {
+            for (horizontal, mirrored) in sides(self.splits_columns(), corner.is_right()) {
                 parts.push(Part { rows: (vertical, upside_down), columns: (horizontal, mirrored) });
             }
         }

@@ -35,13 +35,27 @@ struct OneHdu<'a> {
 
 #[derive(serde::Serialize)]
 struct Frame {
+    /// Those of a table.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    amplifiers: Vec<OneAmplifier>,
     rows_px: usize,
     columns_px: usize,
-    gain_e_per_dn: f64,
+    gain_e_per_dn: Option<f64>,
     largest_change_e: f64,
     missing_px: usize,
     saturated_px: usize,
     clipped_px: usize,
+}
+
+#[derive(serde::Serialize)]
+struct OneAmplifier {
+    name: String,
+    section: String,
+    read: String,
+    gain_e_per_dn: f64,
+    bias_dn: f64,
+    read_noise_e: Option<f64>,
+    traps: Vec<SpeciesState>,
 }
 
 #[derive(serde::Serialize)]
@@ -89,7 +103,19 @@ impl<'a> OneHdu<'a> {
 
 impl Frame {
     fn of(done: &FrameDone) -> Frame {
+        let amplifiers = done.amplifiers.0.iter().filter_map(|amplifier| {
+            Some(OneAmplifier {
+                name: amplifier.name.clone()?,
+                section: amplifier.section(),
+                read: amplifier.geometry.sides(),
+                gain_e_per_dn: amplifier.scale.gain_e_per_dn,
+                bias_dn: amplifier.scale.bias_dn,
+                read_noise_e: amplifier.read_noise_e,
+                traps: amplifier.device.traps.clone(),
+            })
+        });
         Frame {
+            amplifiers: amplifiers.collect(),
             rows_px: done.shape.0,
             columns_px: done.shape.1,
             gain_e_per_dn: done.gain_e_per_dn,

@@ -178,6 +178,16 @@ impl Device {
         }
     }
 
+    /// The same device with more or fewer traps: factors on the densities of all species of the pixels, and of the serial
+    /// registers.
+    pub fn with_traps_times(&self, pixels: f64, registers: f64) -> Device {
+        let mut device = self.clone();
+        device.traps.iter_mut().for_each(|species| species.density_per_px *= pixels);
+        let serial = device.registers.iter_mut().flat_map(|register| &mut register.traps);
+        serial.for_each(|species| species.density_per_px *= registers);
+        device
+    }
+
     /// The same device with one of its species alone (by its place among them).
     pub fn with_species(&self, index: usize) -> Device {
         Device { traps: vec![self.traps[index].clone()], ..self.clone() }

@@ -19,7 +19,11 @@ impl Report for Done {
             ),
             2,
         );
-        out.push_str(&wrapped(&format!("Frames are {}. {}", self.geometry.sides(), accuracy(self.method)), 2));
+        let lies = match &self.amplifiers {
+            None => format!("Frames are {}.", self.geometry.sides()),
+            Some(table) => format!("Amplifiers are those of {table}."),
+        };
+        out.push_str(&wrapped(&format!("{lies} {}", accuracy(self.method)), 2));
         out.push('\n');
         let mut hdus =
             table(&["HDU", "name", "size [px]", "gain [e-/DN]", "change [e-]", "missing", "saturated", "clipped"]);
@@ -35,7 +39,7 @@ impl Report for Done {
                     hdu.index.to_string(),
                     name,
                     format!("{} x {}", frame.shape.1, frame.shape.0),
-                    frame.gain_e_per_dn.to_string(),
+                    frame.gain_e_per_dn.map_or("several".into(), |gain| gain.to_string()),
                     format!("{:.4}", frame.largest_change_e),
                     frame.missing_px.to_string(),
                     frame.saturated_px.to_string(),
@@ -115,7 +119,7 @@ impl Report for Done {
                 hdu.name.clone().unwrap_or_default(),
                 frame.shape.0.to_string(),
                 frame.shape.1.to_string(),
-                frame.gain_e_per_dn.to_string(),
+                frame.gain_e_per_dn.map_or(String::new(), |gain| gain.to_string()),
                 frame.largest_change_e.to_string(),
                 frame.missing_px.to_string(),
                 frame.saturated_px.to_string(),

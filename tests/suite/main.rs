@@ -2,6 +2,7 @@
 //! tests; `cargo test --test suite paper::` runs one.
 
 mod alike;
+mod amplifiers;
 mod architecture;
 mod astropy;
 mod book;

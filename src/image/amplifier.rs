@@ -1,0 +1,128 @@
+//! Amplifiers of a frame: the pixels that each one reads, where it is, what its numbers mean, and its traps.
+//!
+//! A frame has one amplifier unless a table names several ([`super::amplifier_table`]). Amplifiers share no packet, so each
+//! part of a frame is read out for itself. Pixels that no amplifier reads keep their values.
+
+use std::ops::Range;
+
+use ndarray::{Array2, ArrayView2, s};
+
+use super::frame::{self, Geometry};
+use super::mask;
+use super::unit::Scale;
+use crate::error::InputError;
+use crate::model::Device;
+
+/// What one amplifier reads of a frame, and how.
+#[derive(Clone, Debug)]
+pub struct Amplifier {
+    /// Its name in reports; none if a frame has no other.
+    pub name: Option<String>,
+    /// Its rows of the frame.
+    pub rows: Range<usize>,
+    /// Its columns of the frame.
+    pub columns: Range<usize>,
+    /// How these pixels lie on the detector.
+    pub geometry: Geometry,
+    /// What their numbers mean.
+    pub scale: Scale,
+    /// Value from which on its converter tells no more, in the unit of the frame.
+    pub saturated_dn: Option<f64>,
+    /// Read noise, e- rms, if it is known.
+    pub read_noise_e: Option<f64>,
+    /// The traps and wells of its pixels.
+    pub device: Device,
+}
+
+impl Amplifier {
+    /// The same pixels of a frame.
+    pub fn part<'a, T>(&self, frame: &'a Array2<T>) -> ArrayView2<'a, T> {
+        frame.slice(s![self.rows.clone(), self.columns.clone()])
+    }
+
+    /// Puts values (rows and columns of the part) into a frame.
+    pub fn put<T: Clone>(&self, part: &Array2<T>, frame: &mut Array2<T>) {
+        frame.slice_mut(s![self.rows.clone(), self.columns.clone()]).assign(part);
+    }
+
+    /// Whether it reads a pixel that another one reads too.
+    pub fn overlaps(&self, other: &Amplifier) -> bool {
+        let meet = |a: &Range<usize>, b: &Range<usize>| a.start < b.end && b.start < a.end;
+        meet(&self.rows, &other.rows) && meet(&self.columns, &other.columns)
+    }
+
+    /// Its pixels as FITS counts them, from 1: `[1:2048,1:2048]`.
+    pub fn section(&self) -> String {
+        let (columns, rows) = (&self.columns, &self.rows);
+        format!("[{}:{},{}:{}]", columns.start + 1, columns.end, rows.start + 1, rows.end)
+    }
+}
+
+/// The amplifiers of one frame.
+#[derive(Clone, Debug)]
+pub struct Amplifiers(pub Vec<Amplifier>);
+
+impl Amplifiers {
+    /// A frame with trails (e-, `[[row, column]]`), read by all amplifiers.
+    ///
+    /// # Errors
+    /// Where an effect has no value.
+    pub fn read(&self, frame_e: &Array2<f64>) -> Result<Array2<f64>, InputError> {
+        let mut read_e = frame_e.clone();
+        for amplifier in &self.0 {
+            let part_e = amplifier.part(frame_e).to_owned();
+            amplifier.put(&frame::read(&amplifier.device, &amplifier.geometry, &part_e)?, &mut read_e);
+        }
+        Ok(read_e)
+    }
+
+    /// Values of a frame (in its unit) → charges, e-; 0 where nothing is read.
+    pub fn charge_e(&self, values: &Array2<f64>) -> Array2<f64> {
+        self.each(values, 0.0, |amplifier, part| part.mapv(|value| amplifier.scale.charge_e(value)))
+    }
+
+    /// Charges (e-) of a frame → values in its unit.
+    pub fn values(&self, charge_e: &Array2<f64>) -> Array2<f64> {
+        self.each(charge_e, 0.0, |amplifier, part| part.mapv(|charge_e| amplifier.scale.value(charge_e)))
+    }
+
+    /// Pixels that an amplifier reads.
+    pub fn covered(&self, frame: &Array2<f64>) -> Array2<bool> {
+        self.each(frame, false, |_, part| Array2::from_elem(part.raw_dim(), true))
+    }
+
+    /// Pixels that hold light.
+    pub fn lit(&self, frame: &Array2<f64>) -> Array2<bool> {
+        self.each(frame, false, |amplifier, part| amplifier.geometry.lit(part.dim()))
+    }
+
+    /// Lit pixels of a full well or more, or beyond what the converter tells.
+    pub fn saturated(&self, charge_e: &Array2<f64>) -> Array2<bool> {
+        self.each(charge_e, false, |amplifier, part| {
+            let from_e = amplifier.saturated_dn.map_or(f64::INFINITY, |value| amplifier.scale.charge_e(value));
+            let full = mask::saturated(&part.to_owned(), &amplifier.device.cloud, from_e);
+            full & amplifier.geometry.lit(part.dim())
+        })
+    }
+
+    /// Electrons per unit of the frame, if it is the same everywhere.
+    pub fn gain_e_per_dn(&self) -> Option<f64> {
+        let gain = |amplifier: &Amplifier| amplifier.scale.gain_e_per_dn;
+        let first = self.0.first().map(gain)?;
+        self.0.iter().all(|amplifier| gain(amplifier) == first).then_some(first)
+    }
+
+    /// A frame of what is computed of each amplifier's part.
+    fn each<T: Clone>(
+        &self,
+        frame: &Array2<f64>,
+        elsewhere: T,
+        of: impl Fn(&Amplifier, ArrayView2<f64>) -> Array2<T>,
+    ) -> Array2<T> {
+        let mut all = Array2::from_elem(frame.raw_dim(), elsewhere);
+        for amplifier in &self.0 {
+            amplifier.put(&of(amplifier, amplifier.part(frame)), &mut all);
+        }
+        all
+    }
+}
