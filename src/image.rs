@@ -11,16 +11,20 @@
 
 pub mod amplifier;
 pub mod amplifier_table;
+pub mod companions;
 pub mod correct;
+pub mod errors;
 pub mod fits;
 pub mod frame;
 mod json;
 pub mod mask;
 pub mod uncertain;
 pub mod unit;
+mod work;
 
 pub use amplifier::{Amplifier, Amplifiers};
 pub use amplifier_table::AmplifierTable;
+pub use companions::{Bits, Companions};
 pub use correct::{Corrected, Residual, Stop, correct, iterated};
 pub use frame::{Corner, Geometry, Split, Transfers};
 pub use uncertain::{Uncertain, uncertain};
@@ -28,6 +32,7 @@ pub use unit::Unit;
 
 use std::cell::Cell;
 use std::fmt;
+use std::io::BufWriter;
 use std::path::Path;
 use std::str::FromStr;
 
@@ -40,6 +45,7 @@ use crate::physics::SpeciesState;
 use crate::physics::conditions::Conditions;
 use crate::readout::Method;
 use crate::warning::Warning;
+use companions::Flagged;
 use fits::{Fits, Hdu, HduKind};
 
 /// What is done to frames.
@@ -83,6 +89,10 @@ pub struct Job {
     pub hdus: Vec<Choice>,
     /// Amplifiers of a camera, in place of geometry, unit and choice of images.
     pub amplifiers: Option<AmplifierTable>,
+    /// What the bits of data quality mean to a correction.
+    pub bits: Bits,
+    /// Errors beside a frame are propagated through its correction.
+    pub propagate_errors: bool,
 }
 
 /// What was done to a file.
@@ -146,6 +156,17 @@ pub struct FrameDone {
     pub converged: bool,
     /// Of a correction: how much larger the amplifier's noise is.
     pub noise_amplification: Option<f64>,
+    /// What was done to the HDUs that go with it.
+    pub beside: CompanionsDone,
+}
+
+/// What was done to the HDUs that go with a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CompanionsDone {
+    /// The HDU of errors, and the ratio of their root mean squares after and before.
+    pub errors: Option<(usize, f64)>,
+    /// The HDU of data quality: pixels flagged as bad and as saturated, and those in which the bit of uncertain ones was set.
+    pub quality: Option<(usize, usize, usize, usize)>,
 }
 
 impl Job {
@@ -184,6 +205,8 @@ impl Job {
             unit: Unit::default(),
             hdus: Vec::new(),
             amplifiers: None,
+            bits: Bits::default(),
+            propagate_errors: true,
         })
     }
 
@@ -217,39 +240,27 @@ impl Job {
             hdus: Vec::new(),
             warnings: self.model.history().warnings(self.device.at.t_yr),
         };
+        let mut work = work::Work::new(self, &mut fits, frames, done.dose_mev_g)?;
+        let bytes_after = Cell::new(0);
         atomic_file::write_by(output, overwrite, |out| {
-            let all = fits.hdus.len();
-            for index in 0..all {
-                let hdu = fits.hdus[index].clone();
-                let frame = match frames.iter().find(|(frame, _)| *frame == index) {
-                    Some((_, amplifiers)) => {
-                        let tell = |what: &str| progress(index, all, &format!("{hdu}{what}"));
-                        let mut pixels = fits.pixels(index)?;
-                        let frame = self.frame(&mut pixels, amplifiers, &tell)?;
-                        let told = self.history(&frame, done.dose_mev_g);
-                        hdu.write(&pixels, &told, out).map_err(atomic_file::refusal(output))?;
-                        done.warnings.extend(self.warnings(&hdu, &frame));
-                        Some(frame)
-                    }
-                    None => {
-                        fits.copy(index, out).map_err(atomic_file::refusal(output))?;
-                        None
-                    }
-                };
-                done.hdus.push(HduDone { index, name: hdu.name(), frame });
+            let refusal = atomic_file::refusal(output);
+            if !is_gzip(output) {
+                bytes_after.set(work.write_all(out, progress)?.map_err(refusal)?);
+                return Ok(());
             }
-            for hdu in &done.hdus {
-                let uncertain = hdu.frame.as_ref().and_then(|frame| frame.uncertain.as_ref());
-                if let Some(uncertain) = uncertain.filter(|uncertain| uncertain.count() > 0) {
-                    let of = &fits.hdus[hdu.index];
-                    fits::write_mask(&marks(of), of.index, &uncertain.pixels, out)
-                        .map_err(atomic_file::refusal(output))?;
-                }
-            }
-            let bytes = fits.copy_rest(out).map_err(atomic_file::refusal(output))?;
-            done.warnings.extend((bytes > 0).then_some(Warning::AfterLastHdu { bytes }));
-            Ok(())
+            let mut plain = BufWriter::new(tempfile::tempfile().map_err(&refusal)?);
+            bytes_after.set(work.write_all(&mut plain, progress)?.map_err(&refusal)?);
+            let plain = plain.into_inner().map_err(|error| refusal(error.into_error()))?;
+            fits::pack(plain, out).map_err(refusal)
         })?;
+        let bytes = bytes_after.get();
+        done.warnings.extend((bytes > 0).then_some(Warning::AfterLastHdu { bytes }));
+        let mut frames = work.done;
+        for hdu in &fits.hdus {
+            let frame = frames.remove(&hdu.index);
+            done.warnings.extend(frame.iter().flat_map(|frame| self.warnings(hdu, frame)));
+            done.hdus.push(HduDone { index: hdu.index, name: hdu.name(), frame });
+        }
         Ok(done)
     }
 
@@ -311,13 +322,24 @@ impl Job {
         &self,
         pixels: &mut fits::Pixels,
         amplifiers: &Amplifiers,
+        flagged: Option<&Flagged>,
         tell: &dyn Fn(&str),
-    ) -> Result<FrameDone, InputError> {
+    ) -> Result<work::Worked, InputError> {
         let mut before_e = amplifiers.charge_e(&pixels.physical());
         let shape = before_e.dim();
+        if let Some(flagged) = flagged {
+            Zip::from(&mut before_e).and(&flagged.bad).for_each(|charge_e, bad| {
+                if *bad {
+                    *charge_e = f64::NAN;
+                }
+            });
+        }
         let missing = mask::fill(&mut before_e);
         let lit = amplifiers.lit(&before_e);
         let mut saturated = amplifiers.saturated(&before_e);
+        if let Some(flagged) = flagged {
+            saturated = saturated | &flagged.saturated & &lit;
+        }
         Zip::from(&mut saturated).and(&missing).for_each(|full, missing| *full &= !*missing);
         let read = |frame_e: &Array2<f64>| amplifiers.read(frame_e);
         let count = |mask: &Array2<bool>| mask.iter().filter(|is| **is).count();
@@ -333,6 +355,7 @@ impl Job {
             uncertain: None,
             converged: true,
             noise_amplification: None,
+            beside: CompanionsDone::default(),
         };
         let mut kept = missing;
         Zip::from(&mut kept).and(&amplifiers.covered(&before_e)).for_each(|kept, covered| *kept |= !*covered);
@@ -377,7 +400,7 @@ impl Job {
             Some(value)
         });
         let clipped_px = pixels.set(changed);
-        Ok(FrameDone { clipped_px, ..done })
+        Ok(work::Worked { done: FrameDone { clipped_px, ..done }, after_e, kept })
     }
 
     /// What the header will tell of this.
@@ -419,6 +442,11 @@ impl Job {
         }
         told.iter().flat_map(|line| cards(line)).collect()
     }
+}
+
+/// Whether a file is compressed with gzip, by its name.
+fn is_gzip(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gz"))
 }
 
 /// What the header will tell of an amplifier.
@@ -491,7 +519,10 @@ pub(crate) fn image_shape(hdu: &Hdu) -> Result<(usize, usize), InputError> {
             &format!("it has {axes} axes; a frame has two, columns and rows"),
             "write each plane of a cube as an image of its own, or leave it out with --hdu",
         ),
-        HduKind::Compressed => refusal("it is compressed by tiles", "unpack the file first, with funpack or astropy"),
+        HduKind::Compressed => refusal(
+            "it is compressed by tiles in another way than RICE_1, GZIP_1 and GZIP_2",
+            "unpack the file first, with funpack or astropy",
+        ),
         HduKind::Empty => refusal("it has no data", "choose others with --hdu"),
         HduKind::NoImage => refusal("it is no image", "choose others with --hdu"),
     }

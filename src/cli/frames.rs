@@ -7,7 +7,7 @@ use super::inputs::mission_with;
 use super::{Failure, Outcome, Output, print, progress};
 use crate::cli::file_argument::{InputFile, OutputFile};
 use crate::error::InputError;
-use crate::image::{AmplifierTable, Geometry, Job, Stop, Task, Transfers};
+use crate::image::{AmplifierTable, Bits, Geometry, Job, Stop, Task, Transfers};
 use crate::model::Model;
 use crate::physics::accuracy::OF_FRAMES;
 use crate::physics::conditions::Conditions;
@@ -34,19 +34,38 @@ pub(super) struct Correct {
     /// Seed of that noise, instead of the mission's
     #[arg(long, value_name = "SEED", requires = "noise_e")]
     seed: Option<u64>,
+    #[command(flatten)]
+    beside: Beside,
+}
+
+/// Errors and data quality of frames.
+#[derive(Debug, Args)]
+struct Beside {
+    /// Bits of data quality (DQ, FLG) that mark saturated pixels; by default 256 and 2048 for HST/ACS, and none for others
+    #[arg(long, value_name = "BITS", value_parser = bits)]
+    dq_saturated: Option<u32>,
+    /// Bits of data quality that mark pixels without a measured value; by default 1 and 2 for HST/ACS, and none for others
+    #[arg(long, value_name = "BITS", value_parser = bits)]
+    dq_bad: Option<u32>,
+    /// Bit of data quality that is set in uncertain pixels, instead of an extension that marks them
+    #[arg(long, value_name = "BIT", value_parser = bit)]
+    dq_set: Option<u32>,
+    /// Copy errors (ERR, RMS) as they are, instead of propagating them through the correction
+    #[arg(long)]
+    keep_err: bool,
 }
 
 impl Readout {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
-        self.frames.run(|_| Task::Readout)
+        self.frames.run(|_| Task::Readout, None)
     }
 }
 
 impl Correct {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
         let stop = Stop { relative: self.tolerance, iterations: self.iterations as usize };
-        self.frames
-            .run(|seed| Task::Correct { stop, noise: self.noise_e.map(|noise_e| (noise_e, self.seed.unwrap_or(seed))) })
+        let noise = |seed| self.noise_e.map(|noise_e| (noise_e, self.seed.unwrap_or(seed)));
+        self.frames.run(|seed| Task::Correct { stop, noise: noise(seed) }, Some(&self.beside))
     }
 }
 
@@ -108,7 +127,7 @@ struct Frames {
 }
 
 impl Frames {
-    fn run(&self, task: impl Fn(u64) -> Task) -> Result<Outcome, Failure> {
+    fn run(&self, task: impl Fn(u64) -> Task, beside: Option<&Beside>) -> Result<Outcome, Failure> {
         let mission = mission_with(&self.mission, &self.set)?;
         let conditions =
             Conditions { dose_mev_g: self.dose_mev_g, ..Conditions::of(&mission, self.at.unwrap_or_default()) };
@@ -116,6 +135,9 @@ impl Frames {
         let amplifiers = self.amplifiers.as_ref().map(AmplifierTable::read).transpose()?;
         let job = Job::new(task(mission.accuracy.seed), &model, &conditions, self.relative, self.geometry()?)?;
         let job = Job { unit: self.gain.unit(self.bias_dn), hdus: self.layout.hdu.clone(), amplifiers, ..job };
+        let bits = beside.map_or(Bits::default(), Beside::bits);
+        let propagate_errors = beside.is_some_and(|beside| !beside.keep_err);
+        let job = Job { bits, propagate_errors, ..job };
         let bar = progress(0, "HDUs");
         let done = job.run(&self.input, &self.output, self.overwrite, &|done, all, what| {
             bar.set_length(all as u64);
@@ -142,6 +164,26 @@ impl Frames {
             ..self.layout.geometry()
         })
     }
+}
+
+impl Beside {
+    fn bits(&self) -> Bits {
+        Bits { saturated: self.dq_saturated, bad: self.dq_bad, uncertain: self.dq_set.unwrap_or(0) }
+    }
+}
+
+/// Bits of data quality as a sum or a list: 2304, or 256,2048, or 0x900.
+fn bits(text: &str) -> Result<u32, String> {
+    let one = |text: &str| {
+        let text = text.trim();
+        text.strip_prefix("0x").map_or_else(|| text.parse().ok(), |digits| u32::from_str_radix(digits, 16).ok())
+    };
+    let all = text.split(',').try_fold(0, |all, text| Some(all | one(text)?));
+    all.ok_or_else(|| "a sum of powers of 2 is needed, such as 2304 or 256,2048; 0 for none".into())
+}
+
+fn bit(text: &str) -> Result<u32, String> {
+    bits(text).ok().filter(|bits| bits.is_power_of_two()).ok_or_else(|| "one power of 2 is needed, such as 1024".into())
 }
 
 pub(super) fn number(text: &str, allowed: impl Fn(f64) -> bool, needed: &str) -> Result<f64, String> {

@@ -78,12 +78,17 @@ impl Amplifiers {
 
     /// Values of a frame (in its unit) → charges, e-; 0 where nothing is read.
     pub fn charge_e(&self, values: &Array2<f64>) -> Array2<f64> {
-        self.each(values, 0.0, |amplifier, part| part.mapv(|value| amplifier.scale.charge_e(value)))
+        self.scaled(values, |amplifier, value| amplifier.scale.charge_e(value))
     }
 
     /// Charges (e-) of a frame → values in its unit.
     pub fn values(&self, charge_e: &Array2<f64>) -> Array2<f64> {
-        self.each(charge_e, 0.0, |amplifier, part| part.mapv(|charge_e| amplifier.scale.value(charge_e)))
+        self.scaled(charge_e, |amplifier, charge_e| amplifier.scale.value(charge_e))
+    }
+
+    /// Values of a frame, each changed by its amplifier; 0 where nothing is read.
+    pub fn scaled(&self, values: &Array2<f64>, to: impl Fn(&Amplifier, f64) -> f64) -> Array2<f64> {
+        self.each(values, 0.0, |amplifier, part| part.mapv(|value| to(amplifier, value)))
     }
 
     /// Pixels that an amplifier reads.

@@ -5,9 +5,11 @@
 //!
 //! Source: Pence et al. 2010, FITS standard 3.0 (A&A 524, A42), and version 4.0 for CHECKSUM and DATASUM.
 
+mod tiles;
+
 use std::fmt;
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom, Write};
+use std::io::{BufReader, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use fitsio_pure::block::{BLOCK_SIZE, CARD_SIZE};
@@ -15,6 +17,9 @@ use fitsio_pure::checksum::{checksum_blocks, encode_checksum};
 use fitsio_pure::header::{Card, format_card, header_byte_len, parse_header_blocks, serialize_header};
 use fitsio_pure::image::{self, ImageData};
 use fitsio_pure::value::Value;
+use flate2::Compression;
+use flate2::read::MultiGzDecoder;
+use flate2::write::GzEncoder;
 use ndarray::Array2;
 
 use crate::error::InputError;
@@ -58,7 +63,7 @@ pub enum HduKind {
     OtherAxes(usize),
     /// A header without data.
     Empty,
-    /// An image compressed by tiles, in a table.
+    /// An image compressed by tiles in a way that is not read: others are images.
     Compressed,
     /// A table, or something else that is no image.
     NoImage,
@@ -74,7 +79,7 @@ pub struct Pixels {
 }
 
 impl Fits {
-    /// Opens a file and reads its headers.
+    /// Opens a file, as it is or compressed with gzip, and reads its headers.
     ///
     /// # Errors
     /// Where it is not there, no FITS file, truncated, or its headers are malformed.
@@ -82,12 +87,14 @@ impl Fits {
         let name = path.display().to_string();
         let refusal = |problem: String| InputError::new(format!("cannot read `{name}`"), problem);
         let mut file = File::open(path).map_err(|error| refusal(error.to_string()))?;
-        let length = file.metadata().map_err(|error| refusal(error.to_string()))?.len();
-        let mut begin = Vec::new();
-        (&mut file).take(6).read_to_end(&mut begin).map_err(|error| refusal(error.to_string()))?;
+        let mut begin = begin_of(&mut file).map_err(|error| refusal(error.to_string()))?;
         if begin.starts_with(&[0x1f, 0x8b]) {
-            return Err(refusal("the file is compressed with gzip".into()).with_help("gunzip it first"));
+            file = unpacked(&mut file).map_err(|error| {
+                refusal(format!("its gzip compression cannot be undone: {error}")).with_help(TRUNCATED)
+            })?;
+            begin = begin_of(&mut file).map_err(|error| refusal(error.to_string()))?;
         }
+        let length = file.metadata().map_err(|error| refusal(error.to_string()))?.len();
         if begin != b"SIMPLE" {
             return Err(refusal("this is no FITS file: its first card is not SIMPLE".into()));
         }
@@ -138,6 +145,9 @@ impl Fits {
         let hdu = self.hdus[index].clone();
         let HduKind::Image { rows, columns, .. } = hdu.kind else { panic!("HDU {index} holds an image") };
         let data = self.bytes(hdu.data_start(), hdu.data_len)?;
+        if hdu.is_compressed() {
+            tiles::check_tiles(&hdu, &data).map_err(|problem| self.broken(index, &problem))?;
+        }
         let decoded = fitsio_pure::hdu::Hdu::from_cards(hdu.cards.clone(), 0, 0)
             .and_then(|known| image::read_image_data(&data, &known));
         let stored = decoded.map_err(|error| self.broken(index, &error.to_string()))?;
@@ -146,7 +156,18 @@ impl Fits {
             return Err(self.broken(index, &format!("BSCALE = {scale}, BZERO = {zero} say nothing about the pixels")));
         }
         let integers = !matches!(stored, ImageData::F32(_) | ImageData::F64(_));
-        let blank = image::extract_blank(&hdu.cards).filter(|_| integers);
+        let blank = image::extract_blank(&hdu.cards).or_else(|| hdu.integer("ZBLANK").ok()).filter(|_| integers);
+        let there = match &stored {
+            ImageData::U8(pixels) => pixels.len(),
+            ImageData::I16(pixels) => pixels.len(),
+            ImageData::I32(pixels) => pixels.len(),
+            ImageData::I64(pixels) => pixels.len(),
+            ImageData::F32(pixels) => pixels.len(),
+            ImageData::F64(pixels) => pixels.len(),
+        };
+        if there != rows * columns {
+            return Err(self.broken(index, &format!("it has {there} pixels instead of {columns} x {rows}")));
+        }
         Ok(Pixels { stored, scale, zero, blank, shape: (rows, columns) })
     }
 
@@ -192,6 +213,39 @@ impl Fits {
     }
 }
 
+/// The first bytes of a file.
+fn begin_of(file: &mut File) -> std::io::Result<Vec<u8>> {
+    let mut begin = Vec::new();
+    file.rewind()?;
+    file.take(6).read_to_end(&mut begin)?;
+    Ok(begin)
+}
+
+/// A file that was compressed with gzip, as a temporary one.
+fn unpacked(file: &mut File) -> std::io::Result<File> {
+    file.rewind()?;
+    let mut unpacked = tempfile::tempfile()?;
+    let mut plain = MultiGzDecoder::new(BufReader::new(file)).take(MOST_UNPACKED + 1);
+    if std::io::copy(&mut plain, &mut unpacked)? > MOST_UNPACKED {
+        return Err(std::io::Error::other(format!("it holds more than {} GiB", MOST_UNPACKED >> 30)));
+    }
+    Ok(unpacked)
+}
+
+/// Compresses a file with gzip.
+///
+/// # Errors
+/// Where reading or writing fails.
+pub fn pack(mut plain: File, out: &mut impl Write) -> std::io::Result<()> {
+    plain.rewind()?;
+    let mut packed = GzEncoder::new(out, Compression::default());
+    std::io::copy(&mut plain, &mut packed)?;
+    packed.finish()?.flush()
+}
+
+/// Most bytes of a file that was compressed with gzip.
+const MOST_UNPACKED: u64 = 64 << 30;
+
 /// Longest header that is read, bytes: a thousand times longer than most.
 const MOST_HEADER: usize = 10_000 * BLOCK_SIZE;
 
@@ -236,7 +290,7 @@ impl Hdu {
         hdu.data_len = bytes.ok_or("its axes make more pixels than a file can hold")?;
         let image = index == 0 || hdu.text("XTENSION").is_some_and(|kind| kind.trim() == "IMAGE");
         hdu.kind = match lengths[..] {
-            _ if hdu.value("ZIMAGE") == Some(&Value::Logical(true)) => HduKind::Compressed,
+            _ if hdu.is_compressed() => tiles::kind(&hdu)?,
             _ if random_groups || !image => HduKind::NoImage,
             _ if hdu.data_len == 0 => HduKind::Empty,
             // Groups and parameters are for other kinds of HDU.
@@ -245,6 +299,11 @@ impl Hdu {
             _ => HduKind::OtherAxes(lengths.len()),
         };
         Ok(hdu)
+    }
+
+    /// Whether it is an image compressed by tiles.
+    pub fn is_compressed(&self) -> bool {
+        self.value("ZIMAGE") == Some(&Value::Logical(true))
     }
 
     /// A value of the header.
@@ -304,10 +363,13 @@ impl Hdu {
     /// # Errors
     /// Where writing fails.
     pub fn write(&self, pixels: &Pixels, history: &[String], out: &mut impl Write) -> std::io::Result<()> {
-        let data = image::serialize_image(&pixels.stored);
-        let end = self.header.chunks_exact(CARD_SIZE).position(|card| card.starts_with(b"END     "));
-        let end = end.expect("a header that was read has an END");
-        let mut header = self.header[..end * CARD_SIZE].to_vec();
+        let (mut header, data) = if self.is_compressed() {
+            tiles::encoded(self, &pixels.stored, [pixels.shape.1, pixels.shape.0])?
+        } else {
+            let end = self.header.chunks_exact(CARD_SIZE).position(|card| card.starts_with(b"END     "));
+            let end = end.expect("a header that was read has an END");
+            (self.header[..end * CARD_SIZE].to_vec(), image::serialize_image(&pixels.stored))
+        };
         for line in history {
             header.extend(format_card(&Card { keyword: *b"HISTORY ", value: None, comment: Some(line.clone()) }));
         }

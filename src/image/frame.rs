@@ -189,6 +189,13 @@ impl Geometry {
         self.parts().into_iter().map(|part| part.of(frame).to_owned()).collect()
     }
 
+    /// Puts what [`Geometry::amplifiers`] gives back into a frame.
+    pub fn put_back<T: Clone>(&self, parts: &[Array2<T>], frame: &mut Array2<T>) {
+        for (part, values) in self.parts().into_iter().zip(parts) {
+            part.of_mut(frame).assign(values);
+        }
+    }
+
     /// Rows and columns of the image in what an amplifier reads, in the order of readout.
     pub fn image(&self, (rows, columns): (usize, usize)) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
         (0..rows - self.overscan_rows, self.prescan_columns..columns - self.overscan_columns)
@@ -282,7 +289,11 @@ pub fn read(device: &Device, geometry: &Geometry, frame_e: &Array2<f64>) -> Resu
 }
 
 /// One amplifier's part, in the order of readout.
-fn clocked(device: &Device, geometry: &Geometry, part_e: ArrayView2<f64>) -> Result<Array2<f64>, InputError> {
+pub(super) fn clocked(
+    device: &Device,
+    geometry: &Geometry,
+    part_e: ArrayView2<f64>,
+) -> Result<Array2<f64>, InputError> {
     let (rows, columns) = geometry.image(part_e.dim());
     let image = s![rows, columns.clone()];
     let mut light_e = part_e.slice(image).to_owned();

@@ -67,6 +67,22 @@ struct Correction<'a> {
     uncertain_px: Option<usize>,
     error_e: Option<f64>,
     left: Option<Residual>,
+    errors: Option<Errors>,
+    quality: Option<Quality>,
+}
+
+#[derive(serde::Serialize)]
+struct Errors {
+    hdu: usize,
+    ratio_rms: f64,
+}
+
+#[derive(serde::Serialize)]
+struct Quality {
+    hdu: usize,
+    bad_px: usize,
+    saturated_px: usize,
+    set_px: usize,
 }
 
 impl Serialize for Done {
@@ -138,6 +154,13 @@ impl<'a> Correction<'a> {
             uncertain_px: uncertain.map(Uncertain::count),
             error_e: uncertain.map(|uncertain| uncertain.error_e),
             left: uncertain.map(|uncertain| uncertain.left),
+            errors: done.beside.errors.map(|(hdu, ratio_rms)| Errors { hdu, ratio_rms }),
+            quality: done.beside.quality.map(|(hdu, bad_px, saturated_px, set_px)| Quality {
+                hdu,
+                bad_px,
+                saturated_px,
+                set_px,
+            }),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! `ctiplan readout` and `ctiplan correct`.
 
 use super::{Report, lines, or_dash, table, wrapped};
-use crate::image::{Done, FrameDone, HduDone, Task};
+use crate::image::{CompanionsDone, Done, FrameDone, HduDone, Task};
 use crate::readout::Method;
 
 impl Report for Done {
@@ -31,7 +31,7 @@ impl Report for Done {
             let name = hdu.name.clone().unwrap_or_else(|| "-".into());
             hdus.add_row(match &hdu.frame {
                 None => {
-                    let mut row = vec![hdu.index.to_string(), name, "copied".into()];
+                    let mut row = vec![hdu.index.to_string(), name, self.beside(hdu.index).into()];
                     row.resize(8, "-".into());
                     row
                 }
@@ -84,6 +84,7 @@ impl Report for Done {
                     hdu.index, uncertain.error_e
                 );
                 out.push_str(&wrapped(&format!("{error}{besides}."), 2));
+                out.push_str(&beside(hdu.index, frame.beside));
             }
         }
         for warning in &self.warnings {
@@ -140,9 +141,39 @@ impl Report for Done {
 }
 
 impl Done {
+    /// What was done to an HDU that is no frame.
+    fn beside(&self, index: usize) -> &'static str {
+        let all = || self.frames().map(|(_, frame)| frame.beside);
+        if all().any(|beside| beside.errors.is_some_and(|(hdu, _)| hdu == index)) {
+            "propagated"
+        } else if all().any(|beside| beside.quality.is_some_and(|(hdu, .., set_px)| hdu == index && set_px > 0)) {
+            "bits set"
+        } else {
+            "copied"
+        }
+    }
+
     fn frames(&self) -> impl Iterator<Item = (&HduDone, &FrameDone)> {
         self.hdus.iter().filter_map(|hdu| hdu.frame.as_ref().map(|frame| (hdu, frame)))
     }
+}
+
+/// What errors and data quality of a frame were used for.
+fn beside(index: usize, done: CompanionsDone) -> String {
+    let mut out = String::new();
+    if let Some((hdu, ratio)) = done.errors {
+        out += &wrapped(
+            &format!("HDU {index}: errors in HDU {hdu} propagated through the correction, x {ratio:.3} rms."),
+            2,
+        );
+    }
+    if let Some((hdu, bad_px, saturated_px, set_px)) = done.quality {
+        let used =
+            format!("HDU {index}: data quality in HDU {hdu} marks {bad_px} bad and {saturated_px} saturated pixels");
+        let set = if set_px > 0 { format!("; the bit of uncertain ones was set in {set_px}") } else { String::new() };
+        out += &wrapped(&format!("{used}{set}."), 2);
+    }
+    out
 }
 
 fn accuracy(method: Method) -> String {

@@ -40,5 +40,7 @@ fn formulas() {
 
 #[test]
 fn fits() {
-    inputs("fits", &["tests/golden"]).into_iter().for_each(|path| readers::fits(&fs::read(path).unwrap()));
+    inputs("fits", &["tests/golden", "tests/golden/compressed"])
+        .into_iter()
+        .for_each(|path| readers::fits(&fs::read(path).unwrap()));
 }

@@ -626,7 +626,7 @@ fn what_cannot_be_used_is_refused_in_words() {
     fs::write(path("empty"), "").unwrap();
     says(&path("empty"), &[], &["no FITS file"]);
     fs::write(path("a.fits.gz"), [0x1f, 0x8b, 8, 0, 0, 0, 0, 0]).unwrap();
-    says(&path("a.fits.gz"), &[], &["gzip", "gunzip"]);
+    says(&path("a.fits.gz"), &[], &["gzip", "truncated"]);
     fs::write(path("cut"), &camera[..camera.len() - 5000]).unwrap();
     says(&path("cut"), &[], &["HDU 5", "of which", "truncated"]);
     fs::write(path("cut"), &camera[..2880 + 2000]).unwrap();

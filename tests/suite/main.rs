@@ -8,6 +8,8 @@ mod astropy;
 mod book;
 mod cli;
 mod clocking;
+mod companions;
+mod compressed;
 mod crossings;
 mod date_distribution;
 mod diagnose;

@@ -1,0 +1,129 @@
+//! What goes with a frame: its errors and its data quality, in HDUs beside it.
+//!
+//! Pipelines call them after the frame: `SCI`, `ERR` and `DQ` with the same EXTVER (Hubble), or `3-4.F.SCI`, `3-4.F.RMS` and
+//! `3-4.F.FLG` (Euclid).
+
+use ndarray::{Array2, Zip};
+
+use super::fits::{Hdu, HduKind, Pixels};
+use crate::error::InputError;
+
+/// The last part of the name of a frame that has companions.
+const FRAME: &str = "SCI";
+
+/// The last part of the name of 1-sigma errors.
+const ERRORS: [&str; 3] = ["ERR", "ERROR", "RMS"];
+
+/// The last part of the name of data quality.
+const QUALITY: [&str; 3] = ["DQ", "FLG", "FLAG"];
+
+/// The HDUs that go with a frame, by their places.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Companions {
+    /// 1-sigma errors, in the unit of the frame.
+    pub errors: Option<usize>,
+    /// Data quality: whole numbers whose bits are flags.
+    pub quality: Option<usize>,
+}
+
+/// What the bits of data quality mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Bits {
+    /// Saturated pixels; none: those of the instrument.
+    pub saturated: Option<u32>,
+    /// Pixels without a measured value; none: those of the instrument.
+    pub bad: Option<u32>,
+    /// Set where a correction is uncertain; 0: none.
+    pub uncertain: u32,
+}
+
+/// Pixels that are flagged.
+#[derive(Clone, Debug)]
+pub struct Flagged {
+    /// Saturated.
+    pub saturated: Array2<bool>,
+    /// Without a measured value.
+    pub bad: Array2<bool>,
+}
+
+impl Companions {
+    /// Those of a frame; HDUs of another size, or without data, are none.
+    pub fn of(hdus: &[Hdu], frame: usize) -> Companions {
+        let Some((stem, FRAME)) = parts(&hdus[frame]).as_ref().map(|(stem, last)| (stem.clone(), last.as_str())) else {
+            return Companions::default();
+        };
+        let shape = |hdu: &Hdu| match hdu.kind {
+            HduKind::Image { rows, columns, .. } => Some((rows, columns)),
+            _ => None,
+        };
+        let called = |names: [&str; 3]| {
+            let beside = hdus.iter().filter(|hdu| {
+                parts(hdu).is_some_and(|(of, last)| of == stem && names.contains(&last.as_str()))
+                    && hdu.version() == hdus[frame].version()
+                    && shape(hdu) == shape(&hdus[frame])
+            });
+            // Two files in one may repeat names: the nearest behind the frame is meant.
+            beside.map(|hdu| hdu.index).min_by_key(|index| (*index < frame, index.abs_diff(frame)))
+        };
+        let quality =
+            called(QUALITY).filter(|index| matches!(hdus[*index].kind, HduKind::Image { bitpix: 8 | 16 | 32, .. }));
+        Companions { errors: called(ERRORS), quality }
+    }
+
+    /// Whether an HDU is one of them.
+    pub fn has(self, index: usize) -> bool {
+        self.errors == Some(index) || self.quality == Some(index)
+    }
+}
+
+/// EXTNAME in capitals, cut at its last dot.
+fn parts(hdu: &Hdu) -> Option<(String, String)> {
+    let name = hdu.name()?.to_ascii_uppercase();
+    Some(match name.rsplit_once('.') {
+        Some((stem, last)) => (stem.into(), last.into()),
+        None => (String::new(), name),
+    })
+}
+
+impl Bits {
+    /// With the bits of the instrument where none are given: full well or converter saturated (256, 2048), and lost or filled
+    /// by software (1, 2), of HST/ACS.
+    ///
+    /// Source: table of ACS flags in spacetelescope/stginga (`dqflags_acs.txt`), as in the ACS Data Handbook.
+    pub fn of(self, primary: &Hdu) -> Bits {
+        let acs = primary.text("INSTRUME").is_some_and(|instrument| instrument.eq_ignore_ascii_case("ACS"));
+        let (saturated, bad) = if acs { (256 | 2048, 1 | 2) } else { (0, 0) };
+        Bits {
+            saturated: Some(self.saturated.unwrap_or(saturated)),
+            bad: Some(self.bad.unwrap_or(bad)),
+            uncertain: self.uncertain,
+        }
+    }
+
+    /// Pixels that have one of the bits.
+    pub fn flagged(self, quality: &Pixels) -> Flagged {
+        let flags = quality.physical();
+        let any = |bits: Option<u32>| {
+            let bits = i64::from(bits.unwrap_or(0));
+            flags.mapv(|flags| flags as i64 & bits != 0)
+        };
+        Flagged { saturated: any(self.saturated), bad: any(self.bad) }
+    }
+
+    /// Sets the bit of uncertain pixels, and says in how many.
+    ///
+    /// # Errors
+    /// Where the type of the pixels does not hold the bit.
+    pub fn mark(self, quality: &mut Pixels, uncertain: &Array2<bool>, hdu: &Hdu) -> Result<usize, InputError> {
+        let flags = quality.physical();
+        let marked = Zip::from(&flags)
+            .and(uncertain)
+            .map_collect(|flags, uncertain| uncertain.then_some((*flags as i64 | i64::from(self.uncertain)) as f64));
+        let count = marked.iter().flatten().count();
+        if quality.set(marked.into_iter()) > 0 {
+            let problem = format!("its type does not hold the bit {}", self.uncertain);
+            return Err(InputError::new(format!("cannot set --dq-set in {hdu}"), problem).with_help("give a lower bit"));
+        }
+        Ok(count)
+    }
+}

@@ -1,0 +1,189 @@
+//! One file at work: frames and their companions, each processed before the first of its HDUs is written.
+
+use std::collections::BTreeMap;
+use std::io::{Seek, Write};
+
+use ndarray::{Array2, Zip};
+
+use super::amplifier::Amplifiers;
+use super::companions::{Bits, Companions};
+use super::fits::{Fits, Hdu, Pixels};
+use super::{CompanionsDone, FrameDone, Job, Task, amplifier_table, cards, errors, fits};
+use crate::error::InputError;
+
+/// What was computed of a frame.
+pub(super) struct Worked {
+    pub done: FrameDone,
+    /// Charges afterwards, e-.
+    pub after_e: Array2<f64>,
+    /// Pixels that keep their values.
+    pub kept: Array2<bool>,
+}
+
+/// A file whose frames are processed.
+pub(super) struct Work<'a> {
+    job: &'a Job,
+    pub fits: &'a mut Fits,
+    frames: Vec<(usize, Amplifiers, Companions)>,
+    bits: Bits,
+    dose_mev_g: f64,
+    /// HDUs that are to be written: pixels, and lines for the header.
+    ready: BTreeMap<usize, (Pixels, Vec<String>)>,
+    /// What was done to frames.
+    pub done: BTreeMap<usize, FrameDone>,
+}
+
+impl<'a> Work<'a> {
+    /// # Errors
+    /// Where uncertain pixels are to be flagged, and a frame has no data quality.
+    pub fn new(
+        job: &'a Job,
+        fits: &'a mut Fits,
+        frames: Vec<amplifier_table::Frame>,
+        dose_mev_g: f64,
+    ) -> Result<Work<'a>, InputError> {
+        let bits = job.bits.of(&fits.hdus[0]);
+        let mut with = Vec::new();
+        for (index, amplifiers) in frames {
+            let mut companions = match job.task {
+                Task::Correct { .. } => Companions::of(&fits.hdus, index),
+                Task::Readout => Companions::default(),
+            };
+            if !job.propagate_errors {
+                companions.errors = None;
+            }
+            if bits.uncertain != 0 && companions.quality.is_none() {
+                return Err(InputError::new(
+                    format!("cannot set --dq-set {} for {}", bits.uncertain, fits.hdus[index]),
+                    "the file has no data quality for it: an image of integers, DQ or FLG, of the same EXTVER and size",
+                )
+                .with_help(
+                    "choose frames with --hdu, or use the extension UNCERTAIN that is written without --dq-set",
+                ));
+            }
+            with.push((index, amplifiers, companions));
+        }
+        Ok(Work { job, fits, frames: with, bits, dose_mev_g, ready: BTreeMap::new(), done: BTreeMap::new() })
+    }
+
+    /// Writes the whole file, and gives the number of bytes behind its last HDU. `progress` is told the HDUs that are done, how many
+    /// there are, and what is being done.
+    ///
+    /// # Errors
+    /// As [`Work::write`].
+    pub fn write_all(
+        &mut self,
+        out: &mut (impl Write + Seek),
+        progress: &dyn Fn(usize, usize, &str),
+    ) -> Result<std::io::Result<u64>, InputError> {
+        let all = self.fits.hdus.len();
+        for index in 0..all {
+            let name = self.fits.hdus[index].to_string();
+            let tell = |what: &str| progress(index, all, &format!("{name}{what}"));
+            if let Err(error) = self.write(index, &tell, out)? {
+                return Ok(Err(error));
+            }
+        }
+        Ok(self.write_marks(out).and_then(|()| self.fits.copy_rest(out)))
+    }
+
+    /// Writes an HDU: processed, if it is a frame or goes with one, and as it was otherwise.
+    ///
+    /// # Errors
+    /// Those of reading and of the readout. (`Ok(Err(_))`: writing failed.)
+    fn write(
+        &mut self,
+        index: usize,
+        tell: &dyn Fn(&str),
+        out: &mut (impl Write + Seek),
+    ) -> Result<std::io::Result<()>, InputError> {
+        let concerned = self
+            .frames
+            .iter()
+            .position(|(frame, _, companions)| *frame == index || companions.has(index))
+            .filter(|place| !self.done.contains_key(&self.frames[*place].0));
+        if let Some(place) = concerned {
+            self.process(place, tell)?;
+        }
+        Ok(match self.ready.remove(&index) {
+            Some((pixels, history)) => self.fits.hdus[index].write(&pixels, &history, out),
+            None => self.fits.copy(index, out),
+        })
+    }
+
+    /// Processes a frame with what goes with it.
+    fn process(&mut self, place: usize, tell: &dyn Fn(&str)) -> Result<(), InputError> {
+        let (index, amplifiers, companions) = self.frames[place].clone();
+        let mut pixels = self.fits.pixels(index)?;
+        let quality = companions.quality.map(|quality| self.fits.pixels(quality)).transpose()?;
+        let flagged = quality.as_ref().map(|quality| self.bits.flagged(quality));
+        let mut worked = self.job.frame(&mut pixels, &amplifiers, flagged.as_ref(), tell)?;
+        let mut beside = CompanionsDone::default();
+        if let Some(errors) = companions.errors {
+            tell(", propagating errors");
+            let ratio = self.errors(errors, index, &amplifiers, &worked)?;
+            beside.errors = Some((errors, ratio));
+        }
+        if let (Some(at), Some(mut quality), Some(flagged)) = (companions.quality, quality, flagged) {
+            let count = |mask: &Array2<bool>| mask.iter().filter(|is| **is).count();
+            let mut set_px = 0;
+            if let (true, Some(uncertain)) = (self.bits.uncertain != 0, &worked.done.uncertain) {
+                let hdu = &self.fits.hdus[at];
+                set_px = self.bits.mark(&mut quality, &uncertain.pixels, hdu)?;
+                let told = format!(
+                    "ctiplan {}: bit {} set in {set_px} pixels whose correction is uncertain",
+                    env!("CARGO_PKG_VERSION"),
+                    self.bits.uncertain
+                );
+                self.ready.insert(at, (quality, cards(&told)));
+            }
+            beside.quality = Some((at, count(&flagged.bad), count(&flagged.saturated), set_px));
+        }
+        worked.done.beside = beside;
+        let told = self.job.history(&worked.done, self.dose_mev_g);
+        self.ready.insert(index, (pixels, told));
+        self.done.insert(index, worked.done);
+        Ok(())
+    }
+
+    /// Propagates the errors of a frame through its correction. Gives the ratio of their root mean squares, after and before.
+    fn errors(&mut self, at: usize, frame: usize, amplifiers: &Amplifiers, worked: &Worked) -> Result<f64, InputError> {
+        let mut pixels = self.fits.pixels(at)?;
+        let before = pixels.physical();
+        let sigma_e = amplifiers.scaled(&before, |amplifier, value| value * amplifier.scale.gain_e_per_dn);
+        let after_e = errors::propagated(amplifiers, &worked.after_e, &worked.kept, &sigma_e)?;
+        let after = amplifiers.scaled(&after_e, |amplifier, sigma_e| sigma_e / amplifier.scale.gain_e_per_dn);
+        let changed = Zip::from(&after_e)
+            .and(&sigma_e)
+            .and(&after)
+            .map_collect(|after_e, before_e, after| (after_e.is_finite() && after_e != before_e).then_some(*after));
+        let squares = |of: &Array2<f64>| {
+            let counted = of.iter().zip(&changed).filter(|(_, changed)| changed.is_some());
+            counted.map(|(value, _)| value * value).sum::<f64>()
+        };
+        let ratio = (squares(&after_e) / squares(&sigma_e)).sqrt();
+        pixels.set(changed.iter().copied());
+        let told = format!(
+            "ctiplan {}: errors propagated through the correction of {}, x {ratio:.4} rms",
+            env!("CARGO_PKG_VERSION"),
+            self.fits.hdus[frame]
+        );
+        self.ready.insert(at, (pixels, cards(&told)));
+        Ok(ratio)
+    }
+
+    /// Writes the extensions in which uncertain pixels are marked, unless data quality has a bit for them.
+    ///
+    /// # Errors
+    /// Where writing fails.
+    fn write_marks(&self, out: &mut (impl Write + Seek)) -> std::io::Result<()> {
+        for (index, frame) in &self.done {
+            let uncertain = frame.uncertain.as_ref().filter(|uncertain| uncertain.count() > 0);
+            if let (Some(uncertain), 0) = (uncertain, self.bits.uncertain) {
+                let of: &Hdu = &self.fits.hdus[*index];
+                fits::write_mask(&super::marks(of), of.index, &uncertain.pixels, out)?;
+            }
+        }
+        Ok(())
+    }
+}
