@@ -21,6 +21,7 @@
 //! Sources: Rhodes et al. 2010 (PASP 122, 439), section 3; Massey et al. 2010 (MNRAS 401, 371) for the cloud that
 //! captures at once.
 
+mod backwards;
 mod block_path;
 mod cloud;
 mod continuum;
@@ -43,15 +44,17 @@ mod simd;
 mod spent;
 mod watermarks;
 
+pub use backwards::Allowed;
 pub use cloud::Cloud;
 pub use phase::{Clock, ClockFault, ClockStep, Phase};
 
 use ndarray::{Array2, ArrayView1, ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
+use backwards::Division;
 use duplicate_columns::DuplicateColumns;
 use finite_capture::FiniteCapturePixel;
-use multirevolution::Workspace;
+use multirevolution::{Aim, Workspace};
 use passage::{Lead, Passage};
 use pixel::Pixel;
 use several_clouds::{SeveralClouds, Stacks};
@@ -289,6 +292,29 @@ impl Readout {
         self.parallel(&image, downstream).into_raw_vec_and_offset().0
     }
 
+    /// What an image was before [`Readout::parallel`], from what was read: the transfers in the opposite order, for about the work of
+    /// one readout. Whatever the method, blocks of pixels are turned round as [`Method::Fast`] passes them. None where capture takes time or species
+    /// have clouds of their own, and pixels have to be passed one by one.
+    ///
+    /// # Panics
+    /// With more than [`MAX_SPECIES`] species.
+    pub fn parallel_reversed(
+        &self,
+        read: &Array2<f64>,
+        downstream: Downstream,
+        allowed: Allowed,
+    ) -> Option<Array2<f64>> {
+        self.reversed(read, downstream, Axis(0), allowed)
+    }
+
+    /// The same of [`Readout::serial`].
+    ///
+    /// # Panics
+    /// With more than [`MAX_SPECIES`] species.
+    pub fn serial_reversed(&self, read: &Array2<f64>, downstream: Downstream, allowed: Allowed) -> Option<Array2<f64>> {
+        self.reversed(read, downstream, Axis(1), allowed)
+    }
+
     /// The same readout without chance: what the mean over many random sets of traps tends to.
     pub fn expected(&self) -> Readout {
         Readout { method: self.method.expected(), ..self.clone() }
@@ -346,7 +372,7 @@ impl Readout {
             }
             Method::Fast { relative } if clouds.len() > 1 => {
                 let pixel = SeveralClouds::new(&traps, (clouds, cloud_of), rows);
-                side_by_side(&pixel, image, rows_downstream, &settled_e, across, relative)
+                side_by_side(&pixel, image, rows_downstream, &settled_e, across, Course::Forwards { relative })
             }
             Method::Exact => {
                 by_column(&|charge_e, column| every_transfer::column(&traps, &clouds[0], charge_e, settled(column)))
@@ -354,14 +380,48 @@ impl Readout {
             Method::Fast { relative } if traps.iter().any(Trap::returns) => {
                 with_width!([pixel::FEW, WIDEST], traps.len(), |WIDTH| {
                     let pixel = Pixel::<WIDTH, true>::new(&traps, clouds[0].clone(), rows);
-                    side_by_side(&pixel, image, rows_downstream, &settled_e, across, relative)
+                    side_by_side(&pixel, image, rows_downstream, &settled_e, across, Course::Forwards { relative })
                 })
             }
             Method::Fast { relative } => with_width!([3, pixel::FEW, WIDEST], traps.len(), |WIDTH| {
                 let pixel = Pixel::<WIDTH, false>::new(&traps, clouds[0].clone(), rows);
-                side_by_side(&pixel, image, rows_downstream, &settled_e, across, relative)
+                side_by_side(&pixel, image, rows_downstream, &settled_e, across, Course::Forwards { relative })
             }),
         }
+    }
+
+    /// See [`Readout::parallel_reversed`].
+    fn reversed(
+        &self,
+        read: &Array2<f64>,
+        downstream: Downstream,
+        transfer: Axis,
+        allowed: Allowed,
+    ) -> Option<Array2<f64>> {
+        assert!(self.traps.len() <= MAX_SPECIES, "at most {MAX_SPECIES} trap species");
+        let traps: Vec<Trap> = self.traps.iter().filter(|trap| trap.density_per_px > 0.0).copied().collect();
+        if read.is_empty() || traps.is_empty() {
+            return Some(read.clone());
+        }
+        let traps = continuum::resolved(&traps, WIDEST);
+        let (clouds, _) = several_clouds::clouds_of(&traps, &self.cloud);
+        if clouds.len() > 1 || traps.iter().any(|trap| trap.capture_transfers > 0.0) {
+            return None;
+        }
+        let across = Axis(1 - transfer.index());
+        let charge_e = vec![self.settled_e(downstream.charge_e); read.len_of(across)];
+        let (rows, course) = (read.len_of(transfer), Course::Backwards(allowed));
+        Some(if traps.iter().any(Trap::returns) {
+            with_width!([pixel::FEW, WIDEST], traps.len(), |WIDTH| {
+                let pixel = Pixel::<WIDTH, true>::new(&traps, clouds[0].clone(), rows);
+                side_by_side(&pixel, read, downstream.rows, &charge_e, across, course)
+            })
+        } else {
+            with_width!([3, pixel::FEW, WIDEST], traps.len(), |WIDTH| {
+                let pixel = Pixel::<WIDTH, false>::new(&traps, clouds[0].clone(), rows);
+                side_by_side(&pixel, read, downstream.rows, &charge_e, across, course)
+            })
+        })
     }
 
     /// See [`Method::CarriedTraps`].
@@ -432,7 +492,14 @@ impl Readout {
                     with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
                         let pixel = FiniteCapturePixel::<WIDTH>::new(traps, cloud, downstream, rows, merge_e);
                         let background_e = vec![downstream.charge_e; kind.len()];
-                        side_by_side(&pixel, &image, rows_downstream, &background_e, across, relative)
+                        side_by_side(
+                            &pixel,
+                            &image,
+                            rows_downstream,
+                            &background_e,
+                            across,
+                            Course::Forwards { relative },
+                        )
                     })
                 }
                 _ => with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
@@ -454,14 +521,30 @@ impl Readout {
     }
 }
 
-/// Reads an image out, several columns at a time, to a relative accuracy; `charge_e` lies downstream of each column.
+/// From the image to what is read, or back.
+#[derive(Clone, Copy)]
+enum Course {
+    /// To an accuracy relative to the packets' change.
+    Forwards { relative: f64 },
+    /// With an error that is allowed.
+    Backwards(Allowed),
+}
+
+/// How a course is taken, once something is known of the charges.
+#[derive(Clone, Copy)]
+enum Plan {
+    Forwards(Aim),
+    Backwards(Division),
+}
+
+/// Reads an image out or turns that round, several columns at a time; `charge_e` lies downstream of each column.
 fn side_by_side<P: Passage>(
     pixel: &P,
     image: &Array2<f64>,
     rows_downstream: i64,
     charge_e: &[f64],
     across: Axis,
-    relative: f64,
+    course: Course,
 ) -> Array2<f64> {
     // Rows along the transfers, columns across.
     let image = if across.index() == 1 { image.view() } else { image.t() };
@@ -474,12 +557,22 @@ fn side_by_side<P: Passage>(
     let mut brightest_e = Vec::new();
     simd::gather(image, brightest, &mut brightest_e);
     let mut work = Workspace::new(rows);
-    let aim = multirevolution::aim(pixel, &brightest_e, &lead(brightest), relative, &mut work);
+    let plan = match course {
+        Course::Forwards { relative } => {
+            Plan::Forwards(multirevolution::aim(pixel, &brightest_e, &lead(brightest), relative, &mut work))
+        }
+        Course::Backwards(allowed) => {
+            Plan::Backwards(Division::of(pixel, &brightest_e, &lead(brightest), allowed, &mut work))
+        }
+    };
 
     let mut trailed = Array2::zeros((rows, columns.distinct.len()));
     let read = |(charge_e, work): &mut (Vec<Packets>, Workspace<P::Watermarks>), group, mut out: ArrayViewMut2<f64>| {
         simd::gather(image, group, charge_e);
-        multirevolution::columns(pixel, charge_e, &lead(group), aim, work);
+        match plan {
+            Plan::Forwards(aim) => multirevolution::columns(pixel, charge_e, &lead(group), aim, work),
+            Plan::Backwards(division) => backwards::columns(pixel, charge_e, &lead(group), division, work),
+        }
         for (mut out, charge_e) in out.rows_mut().into_iter().zip(charge_e) {
             let out = out.as_slice_mut().expect("columns side by side");
             out.copy_from_slice(&charge_e[..out.len()]);

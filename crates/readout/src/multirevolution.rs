@@ -56,10 +56,10 @@ const SHARE: f64 = 0.02;
 
 /// Buffers that steps reuse.
 pub(super) struct Workspace<L> {
-    watermarks: L,
-    stages: [Stage; 4],
-    stage_e: Vec<Packets>,
-    path: PathMeans,
+    pub watermarks: L,
+    pub stages: [Stage; 4],
+    pub stage_e: Vec<Packets>,
+    pub path: PathMeans,
 }
 
 impl<L: Default> Workspace<L> {

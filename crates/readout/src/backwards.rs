@@ -1,0 +1,243 @@
+//! Packets as they were before the transfers, from those that were read: the transfers in the opposite order.
+//!
+//! What a packet loses in one pixel is tiny, so the charges after each pixel follow a difference equation with a smooth change
+//! δ (see [`super::multirevolution`]). It is as easily followed towards the light as towards the register: from the charges n
+//! behind a block of N pixels, those before it are
+//!
+//! ```text
+//! first order    n − N δ(n)
+//! second order   n − N δ(n − c N δ(n)),   c = (1 + 1/N)/2, the mean place of the N pixels as seen from their end
+//! ```
+//!
+//! which is the midpoint rule for −N transfers. Within the image, where packets start in different pixels, the charges that are held
+//! fixed are each packet's mean over its path (see [`super::block_path`]), counted from the path's end. No equation is solved.
+//!
+//! The journey is divided into equal blocks, as many as the error that is allowed demands: their number is doubled until the result
+//! settles, in the columns around the brightest pixel. So the result is a smooth function of what was read, and a correction that
+//! makes up for the error left over converges.
+
+use super::block_path::BlockPath;
+use super::estimate;
+use super::interrupt;
+use super::multirevolution::Workspace;
+use super::passage::{Block, Lead, Passage};
+use super::simd::{LANES, Packets};
+
+/// Error that is allowed, as a root mean square over the packets around the brightest pixel: the larger of the two.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Allowed {
+    /// In units of the packets' displacement.
+    pub relative: f64,
+    /// In e-.
+    pub error_e: f64,
+}
+
+/// How finely a journey is divided.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Division {
+    /// One block within the image and one before it, to first order.
+    FirstOrder,
+    /// So many of each, to second order.
+    SecondOrder(i64),
+}
+
+/// Most blocks of each region. Their error is a hundredth of one block's, or less.
+const MOST: i64 = 16;
+
+/// At least so many times is the error less in twice as many blocks, two short of the four of a smooth change: kinks remain.
+const FALL: f64 = 3.0;
+
+impl Division {
+    /// Twice as fine.
+    fn doubled(self) -> Division {
+        match self {
+            Division::FirstOrder => Division::SecondOrder(1),
+            Division::SecondOrder(blocks) => Division::SecondOrder(2 * blocks),
+        }
+    }
+
+    /// The coarsest division that some packets need, `read_e` behind the journey.
+    pub fn of<P: Passage>(
+        pixel: &P,
+        read_e: &[Packets],
+        downstream: &Lead,
+        allowed: Allowed,
+        work: &mut Workspace<P::Watermarks>,
+    ) -> Division {
+        let mut before = |division| {
+            let mut charge_e = read_e.to_vec();
+            columns(pixel, &mut charge_e, downstream, division, work);
+            charge_e
+        };
+        let mut division = Division::FirstOrder;
+        let mut coarse_e = before(division);
+        while division != Division::SecondOrder(MOST) {
+            let finer = division.doubled();
+            let fine_e = before(finer);
+            let allowed_e = allowed.error_e.max(allowed.relative * distance_e(&fine_e, read_e));
+            // The coarse result's error but for the share that the fine one has too.
+            let coarse_error_e = distance_e(&fine_e, &coarse_e);
+            if coarse_error_e <= allowed_e {
+                return division;
+            }
+            if coarse_error_e <= (FALL - 1.0) * allowed_e {
+                return finer;
+            }
+            (division, coarse_e) = (finer, fine_e);
+        }
+        division
+    }
+}
+
+/// Turns columns as they were read into those before the transfers.
+pub(super) fn columns<P: Passage>(
+    pixel: &P,
+    charge_e: &mut [Packets],
+    downstream: &Lead,
+    division: Division,
+    work: &mut Workspace<P::Watermarks>,
+) {
+    let start = charge_e.len() as i64 + downstream.rows;
+    let image = downstream.rows.max(0)..start;
+    let shared = 0..downstream.rows;
+    // The pixel nearest the register was the last one.
+    for (region, staggered) in [(shared, false), (image, true)] {
+        let length = (region.end - region.start).max(0);
+        let blocks = if let Division::SecondOrder(blocks) = division { blocks.min(length) } else { 1 };
+        for number in 0..blocks.min(length) {
+            interrupt::check();
+            let [nearest, end] = [number, number + 1].map(|number| region.start + length * number / blocks);
+            let block = Block { nearest, pixels: end - nearest };
+            through(pixel, charge_e, (block, staggered), downstream, division, work);
+        }
+    }
+}
+
+/// Turns columns behind a block into those before it.
+fn through<P: Passage>(
+    pixel: &P,
+    charge_e: &mut [Packets],
+    (block, staggered): (Block, bool),
+    downstream: &Lead,
+    division: Division,
+    work: &mut Workspace<P::Watermarks>,
+) {
+    let Workspace { watermarks, stages: [k1, k2, ..], stage_e, path } = work;
+    let mut pass = |charge_e: &[Packets], path: BlockPath, found: &mut _| {
+        pixel.pass(charge_e, path, block, downstream, watermarks, found);
+    };
+    if division == Division::FirstOrder {
+        pass(charge_e, BlockPath::Unknown, k1);
+        return estimate::add(charge_e, &[(-1.0, k1)]);
+    }
+    if staggered {
+        pass(charge_e, BlockPath::Sought(path), k1);
+        // What packets start with, to first order, and their means over the path relative to that.
+        estimate::sum(charge_e, &[(-1.0, k1)], stage_e);
+        pass(stage_e, BlockPath::Known(path), k2);
+    } else {
+        pass(charge_e, BlockPath::Unknown, k1);
+        estimate::sum(charge_e, &[(-0.5 * (1.0 + 1.0 / block.pixels as f64), k1)], stage_e);
+        pass(stage_e, BlockPath::Unknown, k2);
+    }
+    estimate::add(charge_e, &[(-1.0, k2)]);
+}
+
+/// Root mean square of the difference of charges.
+fn distance_e(one: &[Packets], other: &[Packets]) -> f64 {
+    let differences = one.as_flattened().iter().zip(other.as_flattened()).map(|(one, other)| one - other);
+    (differences.map(|difference| difference * difference).sum::<f64>() / (one.len() * LANES).max(1) as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pixel::Pixel;
+    use crate::{Cloud, Downstream, Method, Phase, Readout, Trap};
+    use ndarray::Array2;
+
+    /// Noisy sky with two stars.
+    fn field() -> Array2<f64> {
+        let star = |row: usize, at: f64, peak_e: f64| peak_e * (1.0 + ((row as f64 - at) / 2.0).powi(2)).powf(-2.5);
+        Array2::from_shape_fn((90, 20), |(row, column)| {
+            let noise = ((row * 7919 + column * 104_729) % 41) as f64;
+            60.0 + noise + star(row, 20.0 + column as f64, 900.0) + star(row, 60.0, 9000.0)
+        })
+    }
+
+    fn readout(density: f64, phase: Phase) -> Readout {
+        let traps = [(0.5, 0.6), (0.3, 9.0), (0.2, 60.0)];
+        Readout {
+            traps: traps.map(|(share, time)| Trap { phase, ..Trap::new(density * share, time) }).to_vec(),
+            cloud: Cloud::new(84_700.0, 0.0, 0.5),
+            method: Method::Exact,
+        }
+    }
+
+    /// Errors (rms, e-) of so many blocks, against the field that every transfer was done of.
+    fn errors(density: f64, phase: Phase, downstream: Downstream, divisions: &[Division]) -> Vec<f64> {
+        let (before, readout) = (field(), readout(density, phase));
+        let read = readout.parallel(&before, downstream);
+        let lead = Lead { rows: downstream.rows, charge_e: [readout.settled_e(downstream.charge_e); LANES] };
+        let error = |division: &Division| {
+            let mut work = Workspace::new(before.nrows());
+            let [mut charge_e, truth_e] = [&read, &before].map(|image| {
+                let mut lanes = Vec::new();
+                crate::simd::gather(image.view(), &(0..LANES).collect::<Vec<_>>(), &mut lanes);
+                lanes
+            });
+            if phase == Phase::SINGLE {
+                let pixel = Pixel::<3, false>::new(&readout.traps, readout.cloud.clone(), before.nrows());
+                columns(&pixel, &mut charge_e, &lead, *division, &mut work);
+            } else {
+                let pixel = Pixel::<3, true>::new(&readout.traps, readout.cloud.clone(), before.nrows());
+                columns(&pixel, &mut charge_e, &lead, *division, &mut work);
+            }
+            distance_e(&charge_e, &truth_e)
+        };
+        divisions.iter().map(error).collect()
+    }
+
+    #[test]
+    fn blocks_are_turned_round_to_first_and_second_order() {
+        let several = Phase { over: 0.2, ahead: 0.3, tie: 0.1 };
+        let away = Downstream { rows: 400, charge_e: 0.0 };
+        let behind_sky = Downstream { rows: 400, charge_e: 60.0 };
+        for (phase, downstream) in [
+            (Phase::SINGLE, Downstream::NONE),
+            (Phase::SINGLE, behind_sky),
+            (several, Downstream::NONE),
+            (several, away),
+        ] {
+            let divisions = [Division::FirstOrder, Division::SecondOrder(1), Division::SecondOrder(4)];
+            let whole = errors(3.0, phase, downstream, &divisions);
+            let half = errors(1.5, phase, downstream, &divisions);
+            let falls: Vec<f64> = whole.iter().zip(&half).map(|(whole, half)| whole / half).collect();
+            // An error of second order in the traps falls by 4 where they are halved, one of third order by 8.
+            assert!((3.5..4.5).contains(&falls[0]) && (6.5..9.0).contains(&falls[1]), "{whole:?} {half:?}");
+            assert!(whole[1] < 0.1 * whole[0] && whole[2] < 0.2 * whole[1], "{whole:?}");
+        }
+    }
+
+    #[test]
+    fn the_image_before_is_found_with_the_error_allowed() {
+        for downstream in [Downstream::NONE, Downstream { rows: 300, charge_e: 60.0 }] {
+            let (before, readout) = (field(), readout(1.0, Phase::SINGLE));
+            let rms = |image: Array2<f64>| (image.iter().map(|e| e * e).sum::<f64>() / image.len() as f64).sqrt();
+            for (parallel, read) in [
+                (true, readout.parallel(&before, downstream)),
+                (false, readout.serial(&before.t().to_owned(), downstream)),
+            ] {
+                for allowed_e in [3e-2, 3e-3, 3e-4] {
+                    let allowed = Allowed { relative: 0.0, error_e: allowed_e };
+                    let found = match parallel {
+                        true => readout.parallel_reversed(&read, downstream, allowed),
+                        false => readout.serial_reversed(&read, downstream, allowed).map(|found| found.reversed_axes()),
+                    };
+                    let error_e = rms(found.unwrap() - &before);
+                    assert!(error_e < allowed_e, "{error_e:e} of {allowed_e:e}");
+                }
+            }
+        }
+    }
+}
