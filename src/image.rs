@@ -16,8 +16,10 @@ pub mod correct;
 pub mod errors;
 pub mod fits;
 pub mod frame;
+pub mod invert;
 mod json;
 pub mod mask;
+mod transport;
 pub mod uncertain;
 pub mod unit;
 mod work;
@@ -27,6 +29,7 @@ pub use amplifier_table::AmplifierTable;
 pub use companions::{Bits, Companions};
 pub use correct::{Corrected, Residual, Stop, correct, iterated};
 pub use frame::{Corner, Geometry, Split, Transfers};
+pub use invert::{Transport, invert};
 pub use uncertain::{Uncertain, uncertain};
 pub use unit::Unit;
 
@@ -47,6 +50,7 @@ use crate::readout::Method;
 use crate::warning::Warning;
 use companions::Flagged;
 use fits::{Fits, Hdu, HduKind};
+use transport::FrameTransport;
 
 /// What is done to frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -341,7 +345,6 @@ impl Job {
             saturated = saturated | &flagged.saturated & &lit;
         }
         Zip::from(&mut saturated).and(&missing).for_each(|full, missing| *full &= !*missing);
-        let read = |frame_e: &Array2<f64>| amplifiers.read(frame_e);
         let count = |mask: &Array2<bool>| mask.iter().filter(|is| **is).count();
         let mut done = FrameDone {
             shape,
@@ -360,16 +363,12 @@ impl Job {
         let mut kept = missing;
         Zip::from(&mut kept).and(&amplifiers.covered(&before_e)).for_each(|kept, covered| *kept |= !*covered);
         let after_e = match self.task {
-            Task::Readout => read(&before_e)?,
+            Task::Readout => amplifiers.read(&before_e, 0.0)?,
             Task::Correct { stop, noise } => {
                 Zip::from(&mut kept).and(&saturated).for_each(|kept, full| *kept |= *full);
                 let solve = |observed: &Array2<f64>, what: &str| {
-                    let readouts = Cell::new(0);
-                    correct::solve(observed, Some(&kept), stop, |image| {
-                        tell(&format!(", {what}readout {}", readouts.get() + 1));
-                        readouts.set(readouts.get() + 1);
-                        read(image)
-                    })
+                    let tell = |said: &str| tell(&format!(", {what}{said}"));
+                    invert(&FrameTransport::new(amplifiers, observed, &tell), observed, Some(&kept), stop)
                 };
                 let corrected = solve(&before_e, "")?;
                 if let Some(noise) = noise {
@@ -381,9 +380,12 @@ impl Job {
                 }
                 let moved_e = corrected.residuals[0].max_e;
                 tell(", looking for emptied packets");
-                let accuracy_e = moved_e * stop.relative.max(self.accuracy());
-                let uncertain = uncertain(&before_e, Some(&kept), &corrected, accuracy_e, stop.iterations, read)?;
-                done.converged = corrected.converged || uncertain.left.max_e <= stop.relative * moved_e;
+                let accuracy_e =
+                    if stop.error_e > 0.0 { stop.error_e } else { moved_e * stop.relative.max(self.accuracy()) };
+                let transport = FrameTransport::new(amplifiers, &before_e, &|_| ());
+                let goal = (accuracy_e, stop.iterations);
+                let uncertain = uncertain(&transport, &before_e, Some(&kept), &corrected, goal)?;
+                done.converged = corrected.converged || stop.is_reached(uncertain.left, corrected.residuals[0]);
                 (done.residuals, done.uncertain) = (corrected.residuals, Some(uncertain));
                 corrected.image
             }

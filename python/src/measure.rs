@@ -179,7 +179,10 @@ impl Told {
     fn when(&self) -> Result<WhenSource, InputError> {
         let on = |text: &String| {
             date(text).ok_or_else(|| {
-                InputError::new(format!("cannot use date = \"{text}\""), "a date is needed, such as 2030-06-01T12:00:00")
+                InputError::new(
+                    format!("cannot use date = \"{text}\""),
+                    "a date is needed, such as 2030-06-01T12:00:00",
+                )
             })
         };
         Ok(match (&self.date, self.dose_mev_g, self.t_yr) {

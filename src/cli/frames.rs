@@ -28,6 +28,9 @@ pub(super) struct Correct {
     /// Largest residual of the forward model at which iterations end, over its initial value
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-4, value_parser = fraction)]
     tolerance: f64,
+    /// Error (e- rms) of the corrected frame at which iterations end, instead of --tolerance
+    #[arg(long, value_name = "E", value_parser = positive, conflicts_with = "tolerance")]
+    tolerance_e: Option<f64>,
     /// Read noise (e- rms) for which the amplification by the correction is measured, by correcting each frame with added noise
     #[arg(long, value_name = "E", value_parser = positive)]
     noise_e: Option<f64>,
@@ -63,7 +66,11 @@ impl Readout {
 
 impl Correct {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
-        let stop = Stop { relative: self.tolerance, iterations: self.iterations as usize };
+        let iterations = self.iterations as usize;
+        let stop = match self.tolerance_e {
+            Some(error_e) => Stop::at_error(error_e, iterations),
+            None => Stop::at_residual(self.tolerance, iterations),
+        };
         let noise = |seed| self.noise_e.map(|noise_e| (noise_e, self.seed.unwrap_or(seed)));
         self.frames.run(|seed| Task::Correct { stop, noise: noise(seed) }, Some(&self.beside))
     }

@@ -306,7 +306,9 @@ impl Input {
         }
         let files: Vec<PathBuf> = self.input.iter().map(|file| file.to_path_buf()).collect();
         let bar = progress(files.len() as u64, "files");
-        let measured = measure(&Frames { files, reading: self.reading(), ..Frames::default() }, &|done| bar.set_position(done as u64));
+        let measured = measure(&Frames { files, reading: self.reading(), ..Frames::default() }, &|done| {
+            bar.set_position(done as u64)
+        });
         bar.finish_and_clear();
         let measured = measured?;
         for (output, (_, table)) in outputs.iter().zip(&measured.tables) {

@@ -8,6 +8,7 @@ use std::ops::Range;
 use ndarray::{Array2, ArrayView2, s};
 
 use super::frame::{self, Geometry};
+use super::invert::coarse;
 use super::mask;
 use super::unit::Scale;
 use crate::error::InputError;
@@ -63,15 +64,17 @@ impl Amplifier {
 pub struct Amplifiers(pub Vec<Amplifier>);
 
 impl Amplifiers {
-    /// A frame with trails (e-, `[[row, column]]`), read by all amplifiers.
+    /// A frame with trails (e-, `[[row, column]]`), read by all amplifiers. `relative` is the error of packets over their displacement
+    /// that is allowed; devices that are less accurate by themselves stay so.
     ///
     /// # Errors
     /// Where an effect has no value.
-    pub fn read(&self, frame_e: &Array2<f64>) -> Result<Array2<f64>, InputError> {
+    pub fn read(&self, frame_e: &Array2<f64>, relative: f64) -> Result<Array2<f64>, InputError> {
         let mut read_e = frame_e.clone();
         for amplifier in &self.0 {
             let part_e = amplifier.part(frame_e).to_owned();
-            amplifier.put(&frame::read(&amplifier.device, &amplifier.geometry, &part_e)?, &mut read_e);
+            let device = amplifier.device.by(coarse(amplifier.device.method, relative));
+            amplifier.put(&frame::read(&device, &amplifier.geometry, &part_e)?, &mut read_e);
         }
         Ok(read_e)
     }

@@ -6,29 +6,53 @@
 //! ```
 //!
 //! Each step takes out the trails that the step before has left: the error falls by about the fraction of the charge that
-//! is moved. What remains is known, observed − trail(image), and is kept for every step.
+//! is moved. What remains is known, observed − trail(image), and is kept for every step. Where the transfers can be turned round,
+//! [`super::invert`] does the same in fewer steps.
 //!
 //! Sources: Bristow 2003 (STIS model-based charge transfer inefficiency correction); Massey et al. 2010 (MNRAS 401, 371),
 //! section 4; Rhodes et al. 2010 (PASP 122, 439) for what it brings. Holds as far as the forward model does: a trap that the
 //! model lacks leaves its trail, and noise that was added after the transfers is sharpened as if it had been trailed.
 
-use std::convert::Infallible;
-
-use ndarray::{Array2, Zip};
+use ndarray::{Array2, Axis, Zip};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
+use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::readout::{Downstream, Readout};
+use super::invert::{Columns, invert};
+use crate::readout::{Allowed, Downstream, Readout};
 
-/// When a correction is done.
+/// When a correction is done: as soon as one of the accuracies is reached.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
     /// Largest residual of a pixel, as a fraction of the largest before the first step.
     pub relative: f64,
+    /// Error of the image, e- rms; 0 where only the residual counts.
+    pub error_e: f64,
     /// Most steps.
     pub iterations: usize,
+}
+
+/// Errors of residuals add up: so many times the residual may the error of the image be, and so many times their scatter that of a
+/// pixel.
+pub(super) const ERROR_OVER_RESIDUAL: f64 = 10.0;
+
+impl Stop {
+    /// Until the largest residual is that fraction of the largest before the first step.
+    pub fn at_residual(relative: f64, iterations: usize) -> Stop {
+        Stop { relative, error_e: 0.0, iterations }
+    }
+
+    /// Until the error of the image, e- rms, is so small.
+    pub fn at_error(error_e: f64, iterations: usize) -> Stop {
+        Stop { relative: 0.0, error_e, iterations }
+    }
+
+    /// Whether a residual is small enough, given what the first one was. The error of the image is taken to be ten times its residual.
+    pub fn is_reached(self, residual: Residual, first: Residual) -> bool {
+        residual.max_e <= self.relative * first.max_e || ERROR_OVER_RESIDUAL * residual.rms_e <= self.error_e
+    }
 }
 
 /// observed − trail(image) over the pixels that are corrected.
@@ -40,21 +64,50 @@ pub struct Residual {
     pub max_e: f64,
 }
 
+/// What was turned round to give an image.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Turned {
+    pub source_e: Array2<f64>,
+    pub allowed: Allowed,
+}
+
 /// An image without its trails.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Corrected {
     /// Charges before the transfers, e-, `[[row, column]]`.
     pub image: Array2<f64>,
-    /// What the forward model leaves unexplained: before the first step (the trails themselves), and after each that was
-    /// kept.
+    /// What the forward model leaves unexplained: before the first step (the trails themselves, as they are first estimated), and
+    /// after each that was kept.
     pub residuals: Vec<Residual>,
     /// The last residual is as small as was asked for.
     pub converged: bool,
     /// The last residual pixel by pixel, e-: observed − trail(image); 0 where a pixel is held.
     pub left: Array2<f64>,
+    /// If the image was found by turning the transfers round.
+    pub(super) turned: Option<Turned>,
+    /// Accuracy of the readout that it was compared by, over the displacement; 0: the best there is.
+    pub(super) relative: f64,
 }
 
 impl Corrected {
+    /// An image that is read and compared for the first time.
+    fn begin<E>(
+        image: Array2<f64>,
+        observed: &Array2<f64>,
+        held: Option<&Array2<bool>>,
+        trail: impl Fn(&Array2<f64>) -> Result<Array2<f64>, E>,
+    ) -> Result<Corrected, E> {
+        let left = without(difference(observed, &trail(&image)?), held);
+        Ok(Corrected {
+            image,
+            residuals: vec![Residual::of(&left)],
+            converged: false,
+            left,
+            turned: None,
+            relative: 0.0,
+        })
+    }
+
     /// Steps that were made and kept.
     pub fn iterations(&self) -> usize {
         self.residuals.len() - 1
@@ -71,9 +124,8 @@ impl Corrected {
 /// `observed[[row, column]]`, e-, as read, row 0 nearest the register; see [`Readout::parallel`]. A readout by chance
 /// ([`crate::readout::Method::MonteCarlo`]) is turned round in the mean.
 pub fn correct(readout: &Readout, observed: &Array2<f64>, downstream: Downstream, stop: Stop) -> Corrected {
-    let readout = readout.expected();
-    let solved = solve(observed, None, stop, |image| Ok::<_, Infallible>(readout.parallel(image, downstream)));
-    solved.unwrap_or_else(|never| match never {})
+    let readout = &readout.expected();
+    invert(&Columns { readout, downstream }, observed, None, stop).unwrap_or_else(|never| match never {})
 }
 
 /// The same for any readout: finds the image that `trail` turns into what was observed.
@@ -88,7 +140,8 @@ pub fn solve<E>(
     stop: Stop,
     trail: impl Fn(&Array2<f64>) -> Result<Array2<f64>, E>,
 ) -> Result<Corrected, E> {
-    steps(observed.clone(), observed, held, stop.iterations, |first| stop.relative * first.max_e, trail)
+    let start = Corrected::begin(observed.clone(), observed, held, &trail)?;
+    go_on(start, observed, held, stop, trail)
 }
 
 /// The same from another first image than the observed one, until the largest residual is `wanted_e`.
@@ -99,11 +152,12 @@ pub(super) fn solve_from<E>(
     image: Array2<f64>,
     observed: &Array2<f64>,
     held: Option<&Array2<bool>>,
-    wanted_e: f64,
-    iterations: usize,
+    (wanted_e, iterations): (f64, usize),
     trail: impl Fn(&Array2<f64>) -> Result<Array2<f64>, E>,
 ) -> Result<Corrected, E> {
-    steps(image, observed, held, iterations, |_| wanted_e, trail)
+    let start = Corrected::begin(image, observed, held, &trail)?;
+    let relative = if wanted_e < start.residuals[0].max_e { wanted_e / start.residuals[0].max_e } else { 1.0 };
+    go_on(start, observed, held, Stop::at_residual(relative, iterations), trail)
 }
 
 /// The image that `trail` turns into what was observed, after so many steps, all of which are kept: what is linear in the image
@@ -124,32 +178,28 @@ pub fn iterated<E>(
     Ok(image)
 }
 
-/// Improves an image until its largest residual is as wanted, which may depend on the first.
-fn steps<E>(
-    mut image: Array2<f64>,
+/// Improves an image step by step until it is as accurate as wanted.
+pub(super) fn go_on<E>(
+    mut found: Corrected,
     observed: &Array2<f64>,
     held: Option<&Array2<bool>>,
-    iterations: usize,
-    wanted_e: impl Fn(Residual) -> f64,
+    stop: Stop,
     trail: impl Fn(&Array2<f64>) -> Result<Array2<f64>, E>,
 ) -> Result<Corrected, E> {
-    let mut left = missing(observed, &trail(&image)?, held);
-    let mut residuals = vec![Residual::of(&left)];
-    let wanted_e = wanted_e(residuals[0]);
-    while residuals.len() <= iterations && residuals[residuals.len() - 1].max_e > wanted_e {
-        image += &left;
-        let next = missing(observed, &trail(&image)?, held);
-        let residual = Residual::of(&next);
-        // Where a step makes nothing better the charge is as well known as it will be: the step is taken back.
-        if residual.rms_e.is_nan() || residual.rms_e >= residuals[residuals.len() - 1].rms_e {
-            image -= &left;
+    found.converged = stop.is_reached(found.last(), found.residuals[0]);
+    while found.iterations() < stop.iterations && !found.converged {
+        let image = sum(&found.image, &found.left);
+        let left = without(difference(observed, &trail(&image)?), held);
+        let residual = Residual::of(&left);
+        // Where a step makes nothing better the charge is as well known as it will be.
+        if !residual.is_below(found.last()) {
             break;
         }
-        residuals.push(residual);
-        left = next;
+        found.residuals.push(residual);
+        found.converged = stop.is_reached(residual, found.residuals[0]);
+        found = Corrected { image, left, turned: None, ..found };
     }
-    let converged = residuals[residuals.len() - 1].max_e <= wanted_e;
-    Ok(Corrected { image, residuals, converged, left })
+    Ok(found)
 }
 
 /// How much larger white noise of the amplifier (`noise_e`, e- rms) is in a corrected image than in the observed one.
@@ -178,21 +228,35 @@ pub fn noise_amplification<E>(
 
 impl Residual {
     pub(super) fn of(left: &Array2<f64>) -> Residual {
-        let max_e = left.iter().fold(0.0_f64, |max, value| max.max(value.abs()));
-        let squares: f64 = left.iter().map(|value| value * value).sum();
+        // Row by row, so that the sum is the same for any number of threads.
+        let rows = left.axis_iter(Axis(0)).into_par_iter().map(|row| {
+            row.iter().fold((0.0_f64, 0.0), |(max, sum), value| (max.max(value.abs()), sum + value * value))
+        });
+        let rows: Vec<(f64, f64)> = rows.collect();
+        let (max_e, squares) = rows.iter().fold((0.0_f64, 0.0), |(max, sum), row| (max.max(row.0), sum + row.1));
         Residual { max_e, rms_e: (squares / left.len().max(1) as f64).sqrt() }
+    }
+
+    /// Less than another one, on the whole; NaN is not.
+    pub(super) fn is_below(self, other: Residual) -> bool {
+        self.rms_e < other.rms_e
     }
 }
 
-/// observed − trailed, 0 where a pixel is held.
-fn missing(observed: &Array2<f64>, trailed: &Array2<f64>, held: Option<&Array2<bool>>) -> Array2<f64> {
-    without(observed - trailed, held)
+/// a − b, pixel by pixel.
+pub(super) fn difference(a: &Array2<f64>, b: &Array2<f64>) -> Array2<f64> {
+    Zip::from(a).and(b).par_map_collect(|a, b| a - b)
+}
+
+/// a + b, pixel by pixel.
+pub(super) fn sum(a: &Array2<f64>, b: &Array2<f64>) -> Array2<f64> {
+    Zip::from(a).and(b).par_map_collect(|a, b| a + b)
 }
 
 /// Values that are 0 in some pixels.
 pub(super) fn without(mut values: Array2<f64>, pixels: Option<&Array2<bool>>) -> Array2<f64> {
     if let Some(pixels) = pixels {
-        Zip::from(&mut values).and(pixels).for_each(|value, without| {
+        Zip::from(&mut values).and(pixels).par_for_each(|value, without| {
             if *without {
                 *value = 0.0;
             }
@@ -203,6 +267,8 @@ pub(super) fn without(mut values: Array2<f64>, pixels: Option<&Array2<bool>>) ->
 
 #[cfg(test)]
 mod tests {
+    use std::convert::Infallible;
+
     use super::*;
     use crate::readout::{Cloud, Method, Trap};
 
@@ -227,7 +293,7 @@ mod tests {
     fn a_correction_gives_back_what_was_trailed() {
         let (readout, before) = (damaged(), field());
         let trailed = readout.parallel(&before, Downstream::NONE);
-        let stop = Stop { relative: 1e-6, iterations: 50 };
+        let stop = Stop::at_residual(1e-6, 50);
         let corrected = correct(&readout, &trailed, Downstream::NONE, stop);
         assert!(corrected.converged, "{:?}", corrected.residuals);
         let moved = (&trailed - &before).iter().fold(0.0_f64, |max, value| max.max(value.abs()));
@@ -243,9 +309,8 @@ mod tests {
     fn a_step_that_helps_nothing_is_taken_back() {
         // No image is read out as this one: half the charge is lost in a way that no charge makes good.
         let observed = Array2::from_elem((3, 1), 10.0);
-        let corrected = solve(&observed, None, Stop { relative: 1e-3, iterations: 9 }, |_| {
-            Ok::<_, Infallible>(Array2::zeros((3, 1)))
-        });
+        let corrected =
+            solve(&observed, None, Stop::at_residual(1e-3, 9), |_| Ok::<_, Infallible>(Array2::zeros((3, 1))));
         let corrected = corrected.unwrap();
         assert_eq!((corrected.iterations(), corrected.converged), (0, false));
         assert_eq!(corrected.image, observed);
@@ -256,7 +321,7 @@ mod tests {
         let (readout, before) = (damaged(), field());
         let trailed = readout.parallel(&before, Downstream::NONE);
         let held = Array2::from_shape_fn(trailed.raw_dim(), |place| place == (30, 0));
-        let stop = Stop { relative: 1e-6, iterations: 50 };
+        let stop = Stop::at_residual(1e-6, 50);
         let trail = |image: &Array2<f64>| Ok::<_, Infallible>(readout.parallel(image, Downstream::NONE));
         let corrected = solve(&trailed, Some(&held), stop, trail).unwrap();
         assert_eq!(corrected.image[[30, 0]], trailed[[30, 0]]);

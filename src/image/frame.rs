@@ -22,7 +22,7 @@ use ndarray::{Array2, ArrayView2, ArrayViewMut2, Axis, Zip, s};
 
 use crate::error::InputError;
 use crate::model::Device;
-use crate::readout::Downstream;
+use crate::readout::{Allowed, Downstream};
 
 /// Directions in which charge is moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -286,6 +286,41 @@ pub fn read(device: &Device, geometry: &Geometry, frame_e: &Array2<f64>) -> Resu
         part.of_mut(&mut read_e).assign(&clocked);
     }
     Ok(read_e)
+}
+
+/// What a frame was before [`read`], from what was read of it: transfers are turned round, with an error that is allowed, and the
+/// amplifier's values in pixels without light stay as they are. Effects other than transfers are not undone.
+/// None where transfers cannot be turned round; see [`crate::readout::Readout::parallel_reversed`].
+pub fn before(device: &Device, geometry: &Geometry, read_e: &Array2<f64>, allowed: Allowed) -> Option<Array2<f64>> {
+    let mut before_e = read_e.clone();
+    for part in geometry.parts() {
+        let mut part_e = part.of_mut(&mut before_e);
+        let (rows, columns) = geometry.image(part_e.dim());
+        let light_e = unclocked(device, geometry, part_e.view(), allowed)?;
+        part_e.slice_mut(s![rows, columns]).assign(&light_e);
+    }
+    Some(before_e)
+}
+
+/// The image in one amplifier's part, in the order of readout, before its transfers.
+fn unclocked(device: &Device, geometry: &Geometry, part_e: ArrayView2<f64>, allowed: Allowed) -> Option<Array2<f64>> {
+    // What is read after the image has not changed it.
+    let (rows, columns) = geometry.image(part_e.dim());
+    let mut read_e = part_e.slice(s![rows, ..columns.end]).to_owned();
+    if geometry.transfers.serial() {
+        // Dark pixels in front pass traps that are empty.
+        read_e.slice_mut(s![.., ..columns.start]).fill(0.0);
+        let downstream = Downstream { rows: geometry.columns_before.into(), charge_e: 0.0 };
+        for (register, _) in device.serial().iter().rev() {
+            read_e = register.serial_reversed(&read_e, downstream, allowed)?;
+        }
+    }
+    let light_e = read_e.slice_move(s![.., columns]);
+    if !geometry.transfers.parallel() {
+        return Some(light_e);
+    }
+    let downstream = Downstream { rows: geometry.rows_before.into(), charge_e: geometry.charge_before_e };
+    device.readout().parallel_reversed(&light_e, downstream, allowed)
 }
 
 /// One amplifier's part, in the order of readout.

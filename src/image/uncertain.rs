@@ -7,7 +7,8 @@
 //!
 //! So the correction is begun again elsewhere, and where it ends elsewhere the pixel is uncertain. The image is first moved by
 //! little, ± at random from pixel to pixel, and read out: where every pixel keeps half of its own change or more, no packet is
-//! near being emptied and the correction has one end. Otherwise it is begun at three other images, with all pixels raised by
+//! near being emptied and the correction has one end. Nor is any where the transfers, turned round, give every change back to
+//! within half of it. Otherwise it is begun at three other images, with all pixels raised by
 //! the largest displacement of charge in the frame, all lowered by it (to 0 at least), and either of these at random. Then
 //! only the uncertain pixels are moved, all to the least and all to the largest charge that they have ended at, until no
 //! others become uncertain: those far behind, which the traps were left fuller or emptier for, are found by that. The charges
@@ -20,7 +21,8 @@ use ndarray::{Array2, Zip};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::correct::{Corrected, Residual, solve_from, without};
+use super::correct::{Corrected, ERROR_OVER_RESIDUAL, Residual, difference, solve_from, sum, without};
+use super::invert::Transport;
 
 /// What is uncertain of a corrected image.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,45 +35,43 @@ pub struct Uncertain {
     pub left: Residual,
 }
 
-/// Errors of residuals add up: so many of those that were asked for, or of their scatter, may be the error of a pixel.
-const ERROR_OVER_RESIDUAL: f64 = 10.0;
-
 /// Most times that the uncertain pixels are moved to the ends of their ranges, to see which others depend on them.
 const ROUNDS: usize = 3;
 
-/// Share of its own change that a pixel keeps if its packet is not near being emptied.
+/// Share of its own change that a pixel keeps, or that is found again of it, if its packet is not near being emptied.
 const KEPT: f64 = 0.5;
 
-/// Finds the uncertain pixels of a correction, which is the work of one readout more, or of up to nine corrections if packets
-/// were emptied.
+/// Finds the uncertain pixels of a correction, which is the work of one or two readouts more, or of up to nine corrections of so
+/// many iterations if packets were emptied.
 ///
-/// `observed`, `held` and `trail` are those of the correction; `accuracy_e` is how well each residual is known: what was asked
+/// `transport`, `observed` and `held` are those of the correction; `accuracy_e` is how well each residual is known: what was asked
 /// for, and the accuracy of the readout itself.
 ///
 /// # Errors
 /// Those of the readout.
-pub fn uncertain<E>(
+pub fn uncertain<T: Transport>(
+    transport: &T,
     observed: &Array2<f64>,
     held: Option<&Array2<bool>>,
     corrected: &Corrected,
-    accuracy_e: f64,
-    iterations: usize,
-    trail: impl Fn(&Array2<f64>) -> Result<Array2<f64>, E>,
-) -> Result<Uncertain, E> {
+    (accuracy_e, iterations): (f64, usize),
+) -> Result<Uncertain, T::Error> {
     let image = &corrected.image;
     // Always the same numbers: any will do.
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let error_e = ERROR_OVER_RESIDUAL * accuracy_e.max(corrected.last().rms_e);
+    let trail = |image: &Array2<f64>| transport.read(image, corrected.relative);
 
     let step = Array2::from_shape_simple_fn(image.raw_dim(), || if random.random() { error_e } else { -error_e });
-    let step = without(step, held);
-    // observed − left is what the image is read as. A pixel that is held has no step of its own.
-    let change = trail(&(image + &step))? - observed + &corrected.left;
+    // A pixel that is held has no step of its own, and one that is only added to what is read is as certain as all others together.
+    let step = without(without(step, held), transport.added());
+    // observed − left is what the image is read as.
+    let change = sum(&difference(&trail(&sum(image, &step))?, observed), &corrected.left);
     let mut range = Range { image, low: image.clone(), high: image.clone(), error_e };
-    if Zip::from(&change).and(&step).any(|change, step| *step != 0.0 && change / step < KEPT) {
+    if !is_kept(&change, &step) && !is_found_again(transport, corrected, &change, &step)? {
         let end_of = |start: Array2<f64>| {
             let start = image + &without(start - image, held);
-            solve_from(start, observed, held, accuracy_e, iterations, &trail).map(|corrected| corrected.image)
+            solve_from(start, observed, held, (accuracy_e, iterations), trail).map(|corrected| corrected.image)
         };
         let farthest_e = corrected.residuals[0].max_e;
         let raised = |charge: f64| charge + farthest_e;
@@ -98,6 +98,28 @@ pub fn uncertain<E>(
     Zip::from(&mut pixels).and(&corrected.left).for_each(|uncertain, left| *uncertain |= left.abs() > 0.5 * error_e);
     let left = Residual::of(&without(corrected.left.clone(), Some(&pixels)));
     Ok(Uncertain { pixels, error_e, left })
+}
+
+/// Whether every pixel keeps enough of its own step in what is read.
+fn is_kept(change: &Array2<f64>, step: &Array2<f64>) -> bool {
+    Zip::from(change).and(step).all(|change, step| change * step >= KEPT * step * step)
+}
+
+/// Whether every pixel's step is found again in what is read, by turning the transfers round once more. Where damage is heavy, what
+/// the neighbours' steps do to a pixel may hide its own, which is told all the same by all of them together.
+fn is_found_again<T: Transport>(
+    transport: &T,
+    corrected: &Corrected,
+    change: &Array2<f64>,
+    step: &Array2<f64>,
+) -> Result<bool, T::Error> {
+    let Some(turned) = &corrected.turned else { return Ok(false) };
+    let Some(again) = transport.before(&sum(&turned.source_e, change), turned.allowed)? else { return Ok(false) };
+    let image = &corrected.image;
+    Ok(Zip::from(&again)
+        .and(image)
+        .and(step)
+        .all(|again, image, step| *step == 0.0 || ((again - image) - step).abs() <= (1.0 - KEPT) * step.abs()))
 }
 
 /// Charges at which corrections end.

@@ -301,8 +301,7 @@ impl Reading {
         for (amplifier, part_dn) in self.geometry.amplifiers(&values_dn).into_iter().enumerate() {
             *number += 1;
             let about = (*number, name.to_string(), amplifier + 1);
-            let exposure =
-                self.exposure(hdu, scale.gain_e_per_dn, known.clone(), about, part_dn).map_err(of_frame)?;
+            let exposure = self.exposure(hdu, scale.gain_e_per_dn, known.clone(), about, part_dn).map_err(of_frame)?;
             visit(exposure)?;
         }
         Ok(())

@@ -225,7 +225,7 @@ fn a_correction_undoes_a_readout_to_the_accuracy_it_tells() {
     let geometry = surrounded(Transfers::Both);
     let before = within(&array(&golden["field_e"]));
     let observed = frame::read(&device, &geometry, &before).unwrap();
-    let stop = Stop { relative: 1e-5, iterations: 20 };
+    let stop = Stop::at_residual(1e-5, 20);
     let corrected = correct::solve(&observed, None, stop, |image| frame::read(&device, &geometry, image)).unwrap();
     assert!(corrected.converged, "{:?}", corrected.residuals);
     let again = frame::read(&device, &geometry, &corrected.image).unwrap();
@@ -598,7 +598,7 @@ fn noise_added_after_the_transfers_leaves_the_trails_corrected_in_the_mean() {
     };
     // Twelve uniform numbers make nearly a normal one.
     let observed = trailed.mapv(|charge| charge + 5.0 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0));
-    let stop = Stop { relative: 1e-4, iterations: 30 };
+    let stop = Stop::at_residual(1e-4, 30);
     let corrected = correct::solve(&observed, None, stop, |image| frame::read(&device, &geometry, image)).unwrap();
     assert!(corrected.converged, "{:?}", corrected.residuals);
     let mean = |image: &Array2<f64>, row: usize| image.row(row).mean().unwrap() - 60.0;
