@@ -1,8 +1,10 @@
-//! `benches/against_arctic/run`: ctiplan's readout beside ArCTIc's, time and accuracy in one table.
+//! `benches/against_arctic/run`: ctiplan's readout beside ArCTIc's, time and accuracy in one table; and its correction in another.
 //!
 //! Both trail the same charges through the same traps, those of `missions/snap_l2.toml` (3 species, well fill power 1/2).
 //! Accuracy is told from every transfer done (`exact`): of a stamp, the error of Δe over Δe; of a frame, the root mean
 //! square of the error of all packets in 8 of its columns over that of their change. Runs alternate; the fastest counts.
+
+mod correction;
 
 use std::fs;
 use std::path::Path;
@@ -14,7 +16,7 @@ use ctiplan::model::Model;
 use ctiplan::physics::conditions::Conditions;
 use ctiplan::physics::galaxy::{Profile, snr};
 use ctiplan::physics::shape::Moments;
-use ctiplan::readout::{Downstream, Method, Readout};
+use ctiplan::readout::{Downstream, Method, Readout, Trap};
 use ndarray::{Array2, Axis, concatenate};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -33,6 +35,15 @@ fn main() {
         println!("against_arctic: skipped; benches/against_arctic/run sets up what it needs");
         return;
     };
+    if std::env::var_os("CORRECTION_ONLY").is_none() {
+        readouts(&python);
+        println!();
+    }
+    correction::compare(&python);
+}
+
+/// Trails.
+fn readouts(python: &str) {
     let mission = Mission::read("missions/snap_l2.toml").expect("a valid mission");
     let model = Model::new(&mission);
     println!("| case | program | threads | time | error | ArCTIc's time over ctiplan's |");
@@ -42,14 +53,14 @@ fn main() {
         let at = Conditions { dose_mev_g: Some(dose_mev_g), ..model.conditions(5.0) };
         let readout = model.device(&at).unwrap().readout();
         let case = Case::stamp(&format!("stamp, {name}"), &mission, readout);
-        case.compare(&python, &[0, 1, 5], 3e-6, &[1]);
+        case.compare(python, &[0, 1, 5], 3e-6, &[1]);
         // At an accuracy like that of the express readouts.
-        case.compare(&python, &[1, 5], 1e-2, &[1]);
+        case.compare(python, &[1, 5], 1e-2, &[1]);
     }
     for pixels in [1756, 4096] {
         let readout = model.device_at(5.0).unwrap().readout();
         let case = Case::frame(&format!("{pixels} x {pixels}, 5 yr"), &mission, readout, pixels);
-        case.compare(&python, &[5], 1e-2, &[1, 2]);
+        case.compare(python, &[5], 1e-2, &[1, 2]);
     }
 }
 
@@ -76,22 +87,10 @@ impl Case {
         Case { name: name.into(), readout, image, downstream, background_e, weight_px: Some(galaxy.weight_px) }
     }
 
-    /// Sky with its noise, and one source for every 4000 pixels.
+    /// See [`scene`].
     fn frame(name: &str, mission: &Mission, readout: Readout, pixels: usize) -> Case {
-        let mut random = ChaCha8Rng::seed_from_u64(1);
         let background_e = mission.sky.background_e;
-        let sky = rand_distr::Normal::new(background_e, background_e.sqrt()).expect("a finite width");
-        let mut image = Array2::from_shape_simple_fn((pixels, pixels), || random.sample(sky));
-        for _ in 0..pixels * pixels / 4000 {
-            let peak_e = 10_f64.powf(random.random_range(1.5..4.5));
-            let (y, x) = (random.random_range(8..pixels - 8), random.random_range(8..pixels - 8));
-            for row in y - 8..=y + 8 {
-                for column in x - 8..=x + 8 {
-                    let square = (row as f64 - y as f64).powi(2) + (column as f64 - x as f64).powi(2);
-                    image[[row, column]] += peak_e * (1.0 + square / 4.0).powf(-2.5);
-                }
-            }
-        }
+        let image = scene((pixels, pixels), background_e);
         Case { name: name.into(), readout, image, downstream: Downstream::NONE, background_e, weight_px: None }
     }
 
@@ -119,7 +118,9 @@ impl Case {
                     }
                 });
                 for (express, theirs) in expresses.iter().zip(&mut theirs) {
-                    let (seconds, trailed) = self.arctic(python, *express, threads);
+                    let (empty, repeats) = (*express == 0, if *express == 0 { 1 } else { repeats.min(100) });
+                    let arctic = Arctic { python, readout: &self.readout, express: *express, threads, empty, repeats };
+                    let (seconds, trailed) = arctic.run(&self.image, self.downstream, 0);
                     *theirs = (theirs.0.min(seconds), trailed);
                 }
             }
@@ -132,39 +133,6 @@ impl Case {
                 line(&format!("ArCTIc, express {express}"), *seconds, error(trailed), &ratio);
             }
         }
-    }
-
-    /// ArCTIc's best time, s, and its result.
-    fn arctic(&self, python: &str, express: u32, threads: usize) -> (f64, Array2<f64>) {
-        let folder = tempfile::tempdir().expect("a place for frames");
-        let (source, target) = (folder.path().join("in.f64"), folder.path().join("out.f64"));
-        let bytes: Vec<u8> = self.image.iter().flat_map(|charge_e| charge_e.to_le_bytes()).collect();
-        fs::write(&source, bytes).expect("room for a frame");
-        let (rows, columns) = self.image.dim();
-        let traps: Vec<String> = self
-            .readout
-            .traps
-            .iter()
-            .map(|trap| format!("{:e}:{:e}", trap.density_per_px, trap.release_transfers))
-            .collect();
-        let repeats = if express == 0 || self.weight_px.is_none() { 1 } else { 100 };
-        let output = Command::new(python)
-            .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/against_arctic/arctic.py"))
-            .args([source.as_os_str(), target.as_os_str()])
-            .args([rows.to_string(), columns.to_string(), self.downstream.rows.to_string(), express.to_string()])
-            .args([repeats.to_string(), traps.join(","), "161000".into(), "0.5".into()])
-            .env("OMP_NUM_THREADS", threads.to_string())
-            .output()
-            .expect("Python runs");
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let text = String::from_utf8_lossy(&output.stdout);
-        let seconds = text.lines().last().and_then(|line| line.trim().parse().ok()).expect("a time");
-        let numbers = fs::read(&target)
-            .expect("a frame")
-            .chunks_exact(8)
-            .map(|bytes| f64::from_le_bytes(bytes.try_into().expect("eight of them")))
-            .collect();
-        (seconds, Array2::from_shape_vec((rows, columns), numbers).expect("as many as before"))
     }
 
     /// How far a result is from every transfer done.
@@ -196,6 +164,66 @@ impl Case {
             }
         }
     }
+}
+
+/// How ArCTIc is run.
+struct Arctic<'a> {
+    python: &'a str,
+    readout: &'a Readout,
+    express: u32,
+    threads: usize,
+    /// Traps of a pixel are empty when its first packet comes.
+    empty: bool,
+    repeats: usize,
+}
+
+impl Arctic<'_> {
+    /// ArCTIc's best time, s, and its result: trails, or with iterations a correction.
+    fn run(&self, image: &Array2<f64>, downstream: Downstream, iterations: u32) -> (f64, Array2<f64>) {
+        let folder = tempfile::tempdir().expect("a place for frames");
+        let (source, target) = (folder.path().join("in.f64"), folder.path().join("out.f64"));
+        let bytes: Vec<u8> = image.iter().flat_map(|charge_e| charge_e.to_le_bytes()).collect();
+        fs::write(&source, bytes).expect("room for a frame");
+        let (rows, columns) = image.dim();
+        let of = |trap: &Trap| format!("{:e}:{:e}", trap.density_per_px, trap.release_transfers);
+        let traps: Vec<String> = self.readout.traps.iter().map(of).collect();
+        let output = Command::new(self.python)
+            .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/against_arctic/arctic.py"))
+            .args([source.as_os_str(), target.as_os_str()])
+            .args([rows.to_string(), columns.to_string(), downstream.rows.to_string(), self.express.to_string()])
+            .args([self.repeats.to_string(), traps.join(","), "161000".into(), "0.5".into()])
+            .args([u8::from(self.empty).to_string(), iterations.to_string()])
+            .env("OMP_NUM_THREADS", self.threads.to_string())
+            .output()
+            .expect("Python runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let text = String::from_utf8_lossy(&output.stdout);
+        let seconds = text.lines().last().and_then(|line| line.trim().parse().ok()).expect("a time");
+        let numbers = fs::read(&target)
+            .expect("a frame")
+            .chunks_exact(8)
+            .map(|bytes| f64::from_le_bytes(bytes.try_into().expect("eight of them")))
+            .collect();
+        (seconds, Array2::from_shape_vec((rows, columns), numbers).expect("as many as before"))
+    }
+}
+
+/// Sky with its noise (e-, rows x columns), and one source for every 4000 pixels.
+fn scene((rows, columns): (usize, usize), sky_e: f64) -> Array2<f64> {
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let sky = rand_distr::Normal::new(sky_e, sky_e.sqrt()).expect("a finite width");
+    let mut image = Array2::from_shape_simple_fn((rows, columns), || random.sample(sky));
+    for _ in 0..rows * columns / 4000 {
+        let peak_e = 10_f64.powf(random.random_range(1.5..4.5));
+        let (y, x) = (random.random_range(8..rows - 8), random.random_range(8..columns - 8));
+        for row in y - 8..=y + 8 {
+            for column in x - 8..=x + 8 {
+                let square = (row as f64 - y as f64).powi(2) + (column as f64 - x as f64).powi(2);
+                image[[row, column]] += peak_e * (1.0 + square / 4.0).powf(-2.5);
+            }
+        }
+    }
+    image
 }
 
 fn rms(differences: Array2<f64>) -> f64 {

@@ -44,8 +44,10 @@ pub trait Transport {
 }
 
 /// Columns of an image behind some downstream rows.
-pub(super) struct Columns<'a> {
+pub struct Columns<'a> {
+    /// Their traps and wells.
     pub readout: &'a Readout,
+    /// What lies between them and the register.
     pub downstream: Downstream,
 }
 
@@ -99,7 +101,7 @@ pub fn invert<T: Transport>(
         return solve(observed, held, stop, |image| transport.read(image, 0.0));
     };
     let moved = Residual::of(&difference(observed, &image));
-    let relative = if stop.error_e > 0.0 { READOUT_OVER_ERROR * stop.error_e / moved.rms_e } else { 0.0 };
+    let relative = if stop.error_e > 0.0 { (READOUT_OVER_ERROR * stop.error_e / moved.rms_e).min(1.0) } else { 0.0 };
     let comparison = Comparison { transport, observed, held, stop, relative };
     let (mut found, mut unexplained) = comparison.of(image, observed.clone(), allowed, vec![moved])?;
     while !found.converged && found.iterations() < stop.iterations {

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use ctiplan::image::fits::{Fits, HduKind};
-use ctiplan::image::{Corner, Geometry, Split, Stop, Transfers, correct, frame};
+use ctiplan::image::{Corner, Geometry, Split, Stop, Transfers, correct, frame, invert, uncertain};
 use ctiplan::mission::Mission;
 use ctiplan::model::Device;
 use ctiplan::model::Model;
 use ctiplan::physics::conditions::Conditions;
-use ctiplan::readout::{Downstream, Method};
+use ctiplan::readout::{Allowed, Cloud, Downstream, Method, Readout, Trap};
 use fitsio_pure::block::BLOCK_SIZE;
 use fitsio_pure::hdu::{Hdu, parse_fits};
 use fitsio_pure::header::{Card, serialize_header};
@@ -581,6 +581,73 @@ fn a_correction_is_as_good_as_it_claims_but_for_pixels_that_it_marks() {
         worst_marked_e > 20.0 && marked_px > 0 && marked_px * 5 < all_px,
         "{worst_marked_e}, {marked_px} of {all_px}"
     );
+}
+
+/// A noisy sky of 60 e- with stars, from numbers that are always the same.
+fn noisy(rows: usize, columns: usize) -> Array2<f64> {
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    let mut frame = Array2::from_shape_simple_fn((rows, columns), || {
+        60.0 + 8.0 * ((0..12).map(|_| random.random_range(0.0..1.0)).sum::<f64>() - 6.0)
+    });
+    for _ in 0..rows * columns / 400 {
+        let (row, column) = (random.random_range(0..rows), random.random_range(0..columns));
+        frame[[row, column]] += 10_f64.powf(random.random_range(2.0..4.5));
+    }
+    frame
+}
+
+#[test]
+fn an_error_asked_for_in_electrons_is_kept() {
+    let before = noisy(200, 8);
+    let rms = |image: &Array2<f64>| ((image - &before).mapv(|error| error * error).mean().unwrap()).sqrt();
+    for traps_per_px in [1.0, 4.0] {
+        let traps =
+            [(0.25, 10.0), (0.25, 0.5), (0.5, 200.0)].map(|(share, time)| Trap::new(traps_per_px * share, time));
+        let readout = |method| Readout { traps: traps.to_vec(), cloud: Cloud::new(161_000.0, 0.0, 0.5), method };
+        for downstream in [Downstream::NONE, Downstream { rows: 900, charge_e: 60.0 }] {
+            let observed = readout(Method::Exact).parallel(&before, downstream);
+            assert!(rms(&observed) > 0.3);
+            for asked_e in [1.0, 0.1, 0.01] {
+                let fast = readout(Method::Fast { relative: 1e-3 });
+                let corrected = correct::correct(&fast, &observed, downstream, Stop::at_error(asked_e, 20));
+                let error_e = rms(&corrected.image);
+                assert!(corrected.converged && error_e < asked_e, "{error_e} e- of {asked_e} e-");
+                // The transfers turned round leave little to do.
+                assert!(corrected.iterations() <= 2, "{:?}", corrected.residuals);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_correction_is_the_same_for_any_number_of_threads() {
+    let device = device(Method::Fast { relative: 1e-3 });
+    let geometry = Geometry { rows_before: 50, ..surrounded(Transfers::Both) };
+    let observed = frame::read(&device, &geometry, &noisy(90, 150)).unwrap();
+    let corrected = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let transport = frame::Detector::new(&device, &geometry, observed.dim());
+            let corrected = invert(&transport, &observed, None, Stop::at_residual(1e-4, 20)).unwrap();
+            let uncertain = uncertain(&transport, &observed, None, &corrected, (1e-3, 20)).unwrap();
+            (corrected, uncertain)
+        })
+    };
+    assert!(corrected(1) == corrected(3));
+}
+
+#[test]
+fn capture_that_takes_time_is_corrected_without_turning_it_round() {
+    let slow = Trap { capture_transfers: 0.2, ..Trap::new(0.5, 6.0) };
+    let cloud = Cloud::new(100_000.0, 0.0, 0.5);
+    let readout = Readout { traps: vec![slow], cloud, method: Method::Fast { relative: 1e-4 } };
+    let before = noisy(60, 4);
+    let observed = readout.parallel(&before, Downstream::NONE);
+    let allowed = Allowed { relative: 0.1, error_e: 0.0 };
+    assert!(readout.parallel_reversed(&observed, Downstream::NONE, allowed).is_none());
+    let corrected = correct::correct(&readout, &observed, Downstream::NONE, Stop::at_residual(1e-4, 20));
+    assert!(corrected.converged && corrected.iterations() > 1);
+    assert!(furthest(&corrected.image, &before) < 1e-3 * furthest(&observed, &before));
 }
 
 #[test]
