@@ -363,7 +363,7 @@ impl Job {
         let mut kept = missing;
         Zip::from(&mut kept).and(&amplifiers.covered(&before_e)).for_each(|kept, covered| *kept |= !*covered);
         let after_e = match self.task {
-            Task::Readout => amplifiers.read(&before_e, 0.0)?,
+            Task::Readout => amplifiers.read(&before_e)?,
             Task::Correct { stop, noise } => {
                 Zip::from(&mut kept).and(&saturated).for_each(|kept, full| *kept |= *full);
                 let solve = |observed: &Array2<f64>, what: &str| {

@@ -64,12 +64,20 @@ impl Amplifier {
 pub struct Amplifiers(pub Vec<Amplifier>);
 
 impl Amplifiers {
-    /// A frame with trails (e-, `[[row, column]]`), read by all amplifiers. `relative` is the error of packets over their displacement
-    /// that is allowed; devices that are less accurate by themselves stay so.
+    /// A frame with trails (e-, `[[row, column]]`), read by all amplifiers.
     ///
     /// # Errors
     /// Where an effect has no value.
-    pub fn read(&self, frame_e: &Array2<f64>, relative: f64) -> Result<Array2<f64>, InputError> {
+    pub fn read(&self, frame_e: &Array2<f64>) -> Result<Array2<f64>, InputError> {
+        self.read_within(frame_e, 0.0)
+    }
+
+    /// The same with an error of packets over their displacement that is allowed; devices that are less accurate by themselves stay
+    /// so.
+    ///
+    /// # Errors
+    /// Where an effect has no value.
+    pub fn read_within(&self, frame_e: &Array2<f64>, relative: f64) -> Result<Array2<f64>, InputError> {
         let mut read_e = frame_e.clone();
         for amplifier in &self.0 {
             let part_e = amplifier.part(frame_e).to_owned();

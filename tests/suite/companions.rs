@@ -40,7 +40,7 @@ fn one(device: Device, transfers: Transfers, read_noise_e: Option<f64>, (rows, c
 
 /// Corrects an image until the residual is far below the noise.
 fn corrected(amplifiers: &Amplifiers, observed: &Array2<f64>) -> Array2<f64> {
-    let stop = Stop { relative: 1e-4, iterations: 30 };
+    let stop = Stop::at_residual(1e-4, 30);
     correct::solve(observed, None, stop, |image| amplifiers.read(image)).unwrap().image
 }
 
