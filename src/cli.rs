@@ -3,6 +3,7 @@
 //! 0: done. 2: a bad command line or bad input, one message on standard error. 1: anything else, and a requirement that is
 //! not met with `--check`.
 
+mod catalogue;
 mod compare;
 mod confidence;
 mod diagnose;
@@ -53,6 +54,8 @@ enum Command {
     Compare(compare::Compare),
     /// Evaluate any keys over lists, ranges and distributions: resumable, on one machine or a Slurm cluster; Parquet or CSV
     Sweep(sweep::Sweep),
+    /// Compute the change of shape of every galaxy of a catalogue, each at its own place on the detector
+    Catalogue(catalogue::CatalogueCommand),
     /// Compute proton spectrum, shielding and displacement damage dose of a mission
     Dose(dose::Dose),
     /// Compare the model with measurements: residuals, and their trends against each condition
@@ -123,6 +126,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Evaluate(command) => command.run(),
         Command::Compare(command) => command.run(),
         Command::Sweep(command) => command.run(),
+        Command::Catalogue(command) => command.run(),
         Command::Dose(command) => command.run(),
         Command::Validate(command) => command.run(),
         Command::Fit(command) => command.run(),

@@ -15,6 +15,7 @@ mod schema;
 mod template;
 
 pub use edit::{add_effect, edit, with_effects};
+pub(crate) use galaxies::of_table as galaxies_of_table;
 pub(crate) use number::Handle;
 pub(crate) use read::{check_value, line_at, read_text};
 pub use schema::schema;

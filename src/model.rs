@@ -16,6 +16,7 @@ mod scene;
 #[cfg(test)]
 mod scene_golden;
 pub mod shear;
+pub mod survey;
 
 use std::sync::{Arc, OnceLock};
 

@@ -2,6 +2,7 @@
 //! side. It asks a [`Model`](crate::model::Model) for all of that.
 
 pub mod assessment;
+pub mod catalogue;
 pub mod compliance;
 pub mod date_distribution;
 pub mod dose;

@@ -1,6 +1,7 @@
 //! Results → tables, JSON, CSV, pages. Nothing is computed here that is not already in a result.
 
 mod active;
+mod catalogue;
 mod compare;
 mod diagnose;
 mod dose;

@@ -20,14 +20,28 @@ const COLUMNS: [(&str, &str); 8] = [
 /// Largest ellipticity of a galaxy.
 const MOST_ELLIPTICAL: f64 = 0.95;
 
-/// Reads galaxies from ECSV or CSV. Columns that are not known are ignored, unless they look like a known one.
+/// Reads galaxies of a population from ECSV or CSV, as [`of_table`].
 ///
 /// # Errors
-/// Where the file cannot be read or is no table, has no galaxy or no known column, or a value is not allowed: one message with file,
-/// line, column and value.
+/// As [`of_table`]; where the file cannot be read or is no table, or no galaxy has a weight.
 pub(super) fn read(file: &str) -> Result<Vec<PopulationGalaxy>, InputError> {
-    let table = Table::read(file)?;
-    let refuse = |problem: String| InputError::new(format!("cannot read galaxies from {file}"), problem);
+    let galaxies = of_table(&Table::read(file)?)?;
+    if galaxies.iter().map(|galaxy| galaxy.weight).sum::<f64>() <= 0.0 {
+        return Err(refusal(file, "the sum of the weights is 0".into()));
+    }
+    Ok(galaxies)
+}
+
+fn refusal(file: &str, problem: String) -> InputError {
+    InputError::new(format!("cannot read galaxies from {file}"), problem)
+}
+
+/// Galaxies of a table. Columns that are not known are ignored, unless they look like a known one.
+///
+/// # Errors
+/// Where it has no galaxy or no known column, or a value is not allowed: one message with file, line, column and value.
+pub(crate) fn of_table(table: &Table) -> Result<Vec<PopulationGalaxy>, InputError> {
+    let refuse = |problem: String| refusal(&table.name, problem);
     if table.rows() == 0 {
         return Err(refuse("the table has no rows".into()));
     }
@@ -44,7 +58,7 @@ pub(super) fn read(file: &str) -> Result<Vec<PopulationGalaxy>, InputError> {
     if !known.iter().any(|name| given(name)) {
         return Err(refuse(format!("it has none of the columns {}", known.join(", "))));
     }
-    let columns = COLUMNS.map(|(name, key)| numbers(&table, name, key));
+    let columns = COLUMNS.map(|(name, key)| numbers(table, name, key));
     let [flux_e, half_light_px, sersic_index, e1, e2, weight_px, transfers, weight] = columns;
     let (flux_e, half_light_px, sersic_index) = (flux_e?, half_light_px?, sersic_index?);
     let (e1, e2, weight_px, transfers, weight) = (e1?, e2?, weight_px?, transfers?, weight?);
@@ -67,9 +81,6 @@ pub(super) fn read(file: &str) -> Result<Vec<PopulationGalaxy>, InputError> {
             elliptical(&galaxies[row])
         );
         return Err(table.fault(Some(row), Some("e2"), problem));
-    }
-    if galaxies.iter().map(|galaxy| galaxy.weight).sum::<f64>() <= 0.0 {
-        return Err(refuse("the sum of the weights is 0".into()));
     }
     Ok(galaxies)
 }

@@ -12,6 +12,7 @@
 //! grid in between: there is no aliasing, no ringing, and a cusp or a wing costs nothing.
 
 mod mixture;
+pub mod observed;
 pub mod population_law;
 pub mod snr;
 

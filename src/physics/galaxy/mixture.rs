@@ -2,9 +2,12 @@
 
 use std::f64::consts::{LN_2, PI};
 use std::num::NonZeroUsize;
+use std::sync::Arc;
 
 use gauss_quad::GaussLegendre;
 use statrs::function::gamma::{gamma_ur, ln_gamma};
+
+use crate::numeric::recent::Recent;
 
 /// One elliptical Gaussian.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,9 +78,17 @@ pub(super) fn moffat(fwhm_px: f64, beta: f64) -> Vec<(f64, f64)> {
 
 /// Sersic profile of unit flux: weights and variances (px²). Index from 0.5.
 pub(super) fn sersic(index: f64, half_light_px: f64) -> Vec<(f64, f64)> {
+    // A galaxy is drawn with several shears and sizes.
+    static KNOWN: Recent<f64, Arc<Vec<(f64, f64)>>> = Recent::new(64);
+    let round = KNOWN.get(index, |index| Arc::new(round_sersic(*index)));
+    round.iter().map(|(weight, variance)| (*weight, half_light_px * half_light_px * variance)).collect()
+}
+
+/// The same of half-light radius 1.
+fn round_sersic(index: f64) -> Vec<(f64, f64)> {
     let b = half_light_coefficient(index);
     // exp(−S b^2n r²/R²) has the variance R²/(2 b^2n S).
-    let variance = |log_s: f64| half_light_px * half_light_px / 2.0 * (-2.0 * index * b.ln() - log_s).exp();
+    let variance = |log_s: f64| 0.5 * (-2.0 * index * b.ln() - log_s).exp();
     let gamma = 1.0 / (2.0 * index);
     if gamma > NARROW {
         return vec![(1.0, variance(0.0))];
@@ -90,18 +101,21 @@ pub(super) fn sersic(index: f64, half_light_px: f64) -> Vec<(f64, f64)> {
     let log_a = |phi: f64| {
         steepness * (gamma * phi).sin().ln() + ((1.0 - gamma) * phi).sin().ln() - phi.sin().ln() / (1.0 - gamma)
     };
+    // A(φ) is needed at the same φ for every S. All that counts is where x is a few: it grows without limit towards π.
+    let parts = 8;
+    let nodes = (0..parts).flat_map(|part| {
+        let width = 1.0 / f64::from(parts);
+        legendre.iter().map(move |(node, weight)| ((f64::from(part) + 0.5 + 0.5 * node) * width, 0.5 * weight * width))
+    });
+    let nodes: Vec<(f64, f64)> = nodes.map(|(share, weight)| (log_a(PI * share), weight)).collect();
     let log_norm = ln_gamma(1.0 + 1.0 / gamma);
     let density = |log_s: f64| {
-        let integrand = |phi: f64| {
-            let log_x = log_a(phi) - steepness * log_s;
-            (log_x - log_x.exp() - log_s - log_norm).exp()
+        let integrand = |log_a: f64| {
+            let log_x = log_a - steepness * log_s;
+            // e^−x is nothing beyond.
+            if log_x > LARGE_LOG { 0.0 } else { (log_x - log_x.exp() - log_s - log_norm).exp() }
         };
-        // x grows from A(0) S^.. without limit towards π: all that counts is where x is a few.
-        let parts = 8;
-        let mean: f64 = (0..parts)
-            .map(|k| legendre.integrate(PI * k as f64 / parts as f64, PI * (k + 1) as f64 / parts as f64, integrand))
-            .sum();
-        steepness * mean / PI
+        steepness * nodes.iter().map(|(log_a, weight)| weight * integrand(*log_a)).sum::<f64>()
     };
     let step = LOG_STEP * (2.0 * index - 1.0).min(1.0);
     // The flux is largest where x at φ = 0, the least x, is about 1/γ.
@@ -112,6 +126,9 @@ pub(super) fn sersic(index: f64, half_light_px: f64) -> Vec<(f64, f64)> {
 
 /// Indices 1/2n above this are taken for the Gaussian, n = 0.5: the law of S is then narrower than 1 %.
 const NARROW: f64 = 0.999;
+
+/// Logarithm of an x with e^−x below any number.
+const LARGE_LOG: f64 = 7.0;
 
 /// b of exp(−b (r/R)^(1/n)) for which R is the half-light radius: P(2n, b) = 1/2 (Ciotti & Bertin 1999, eq. 4).
 fn half_light_coefficient(index: f64) -> f64 {

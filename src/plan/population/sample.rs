@@ -77,17 +77,9 @@ impl Completed<'_> {
     }
 
     fn with(&self, galaxy: &PopulationGalaxy, place: f64) -> SurveyGalaxy {
-        let judged = self.mission.judged_galaxy();
-        let transfers = galaxy.transfers.unwrap_or_else(|| transfers(self.mission, self.distances, place));
-        SurveyGalaxy {
-            flux_e: galaxy.flux_e.unwrap_or(self.flux_e),
-            half_light_px: galaxy.half_light_px.unwrap_or(judged.half_light_px),
-            sersic_index: galaxy.sersic_index.unwrap_or(judged.sersic_index),
-            ellipticity: [galaxy.e1.unwrap_or(judged.e1), galaxy.e2.unwrap_or(0.0)],
-            weight_px: galaxy.weight_px.unwrap_or(judged.weight_px),
-            transfers,
-            read_noise_e: self.mission.read_noise_e(judged),
-        }
+        let galaxy = PopulationGalaxy { flux_e: galaxy.flux_e.or(Some(self.flux_e)), ..*galaxy };
+        let place = || transfers(self.mission, self.distances, place);
+        SurveyGalaxy { transfers: galaxy.transfers.unwrap_or_else(place), ..SurveyGalaxy::of(self.mission, &galaxy) }
     }
 }
 

@@ -1,0 +1,189 @@
+//! Polynomials of several variables, fitted by least squares.
+//!
+//! ```text
+//! f(x) = Σ c_k T_k1(x1) T_k2(x2) ...        k1 + k2 + ... ≤ degree
+//! ```
+//!
+//! with Chebyshev's polynomials T, for variables between −1 and 1. A function that is even or odd in the last variable needs the
+//! even or the odd powers of it alone.
+
+use nalgebra::{DMatrix, DVector};
+use ndarray::{Array2, Axis};
+
+/// Powers of the last variable that occur.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Parity {
+    /// All of them.
+    Any,
+    /// Even ones: the function is the same at −x.
+    Even,
+    /// Odd ones: the function changes its sign.
+    Odd,
+}
+
+/// The terms of a polynomial of some total degree.
+#[derive(Clone, Debug)]
+pub(crate) struct Terms {
+    variables: usize,
+    degree: usize,
+    terms: Vec<Term>,
+}
+
+/// A term: another one times Chebyshev's polynomial of one more variable.
+#[derive(Clone, Debug)]
+struct Term {
+    /// Place of the other one; None for 1.
+    times: Option<usize>,
+    variable: usize,
+    power: usize,
+    /// Whether it occurs in the polynomial, and not in other terms alone.
+    occurs: bool,
+}
+
+impl Terms {
+    /// All terms of a total degree.
+    pub fn of(variables: usize, degree: usize, parity: Parity) -> Terms {
+        let mut found = Terms { variables, degree, terms: Vec::new() };
+        found.add(0, degree, None, parity);
+        found
+    }
+
+    /// Terms in the variables from one on, with so much of the degree left, each times a term.
+    fn add(&mut self, variable: usize, left: usize, times: Option<usize>, parity: Parity) {
+        if variable == self.variables {
+            return;
+        }
+        let last = variable + 1 == self.variables;
+        for power in 0..=left {
+            let occurs = last
+                && match parity {
+                    Parity::Any => true,
+                    Parity::Even => power % 2 == 0,
+                    Parity::Odd => power % 2 == 1,
+                };
+            if last && !occurs {
+                continue;
+            }
+            // A factor of 1 is none.
+            let place = match (power, last) {
+                (0, false) => times,
+                _ => {
+                    self.terms.push(Term { times, variable, power, occurs });
+                    Some(self.terms.len() - 1)
+                }
+            };
+            self.add(variable + 1, left - power, place, parity);
+        }
+    }
+
+    /// Number of terms.
+    pub fn count(&self) -> usize {
+        self.terms.iter().filter(|term| term.occurs).count()
+    }
+
+    /// Values of the terms, `[(term, point)]`, at points `[(variable, point)]`.
+    pub fn values(&self, points: &Array2<f64>) -> Array2<f64> {
+        let count = points.len_of(Axis(1));
+        let powers: Vec<Vec<Vec<f64>>> = (0..self.variables)
+            .map(|variable| chebyshev(points.row(variable).iter().copied().collect(), self.degree))
+            .collect();
+        let mut all: Vec<Vec<f64>> = Vec::with_capacity(self.terms.len());
+        let mut values = Vec::with_capacity(self.count() * count);
+        for term in &self.terms {
+            let factor = &powers[term.variable][term.power];
+            let product: Vec<f64> = match term.times {
+                None => factor.clone(),
+                Some(place) => all[place].iter().zip(factor).map(|(other, factor)| other * factor).collect(),
+            };
+            if term.occurs {
+                values.extend_from_slice(&product);
+            }
+            // The last variable's terms are factors of no other.
+            all.push(if term.occurs { Vec::new() } else { product });
+        }
+        Array2::from_shape_vec((self.count(), count), values).expect("a row for each term")
+    }
+}
+
+/// T_0 to T_degree at some places.
+fn chebyshev(places: Vec<f64>, degree: usize) -> Vec<Vec<f64>> {
+    let mut all = vec![vec![1.0; places.len()], places];
+    for power in 2..=degree {
+        // T_k = 2 x T_{k−1} − T_{k−2}
+        let of = |(x, (last, before)): (&f64, (&f64, &f64))| 2.0 * x * last - before;
+        let next = all[1].iter().zip(all[power - 1].iter().zip(&all[power - 2])).map(of).collect();
+        all.push(next);
+    }
+    all
+}
+
+/// Share of the mean square of the terms that is added to the diagonal of the normal equations: terms that the points do not tell
+/// apart get small coefficients.
+const RIDGE: f64 = 1e-12;
+
+/// Coefficients `[(function, term)]` of several functions from their values `[(function, point)]` and the terms' values, each
+/// point with a weight. None where the normal equations have no solution.
+pub(crate) fn fitted(terms: &Array2<f64>, values: &Array2<f64>, weights: &[f64]) -> Option<Array2<f64>> {
+    let mut weighted = terms.clone();
+    for mut term in weighted.rows_mut() {
+        term.iter_mut().zip(weights).for_each(|(value, weight)| *value *= weight * weight);
+    }
+    let (normal, right) = (weighted.dot(&terms.t()), weighted.dot(&values.t()));
+    let count = normal.nrows();
+    let ridge = RIDGE * normal.diag().sum() / count as f64;
+    let normal = DMatrix::from_fn(count, count, |row, column| {
+        normal[[row, column]] + if row == column { ridge } else { 0.0 }
+    });
+    let cholesky = normal.cholesky()?;
+    let mut coefficients = Array2::zeros((values.nrows(), count));
+    for (function, mut row) in coefficients.rows_mut().into_iter().enumerate() {
+        let found = cholesky.solve(&DVector::from_iterator(count, right.column(function).iter().copied()));
+        row.iter_mut().zip(found.iter()).for_each(|(coefficient, found)| *coefficient = *found);
+    }
+    Some(coefficients)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points(count: usize) -> Array2<f64> {
+        let steps = [0.618_034, 0.414_214, 0.732_051];
+        Array2::from_shape_fn((3, count), |(variable, point)| 2.0 * (point as f64 * steps[variable]).fract() - 1.0)
+    }
+
+    #[test]
+    fn there_are_as_many_terms_as_combinations() {
+        // C(5 + 4, 4)
+        assert_eq!(Terms::of(5, 4, Parity::Any).count(), 126);
+        let [even, odd] = [Parity::Even, Parity::Odd].map(|parity| Terms::of(5, 4, parity).count());
+        assert_eq!((even, odd), (86, 40));
+    }
+
+    #[test]
+    fn a_polynomial_is_found_from_its_values() {
+        let law = |x: f64, y: f64, z: f64| 1.0 - x + 2.0 * x * y * z * z - 0.3 * y * y * y * y;
+        let known = points(120);
+        let terms = Terms::of(3, 4, Parity::Even);
+        let at = |points: &Array2<f64>| {
+            Array2::from_shape_fn((1, points.ncols()), |(_, p)| law(points[[0, p]], points[[1, p]], points[[2, p]]))
+        };
+        let weights: Vec<f64> = (0..120).map(|point| 1.0 + (point % 7) as f64).collect();
+        let coefficients = fitted(&terms.values(&known), &at(&known), &weights).unwrap();
+        let others = points(400);
+        let error = coefficients.dot(&terms.values(&others)) - at(&others);
+        assert!(error.iter().all(|error| error.abs() < 1e-7), "{error:?}");
+    }
+
+    #[test]
+    fn a_polynomial_of_one_parity_has_it() {
+        for (parity, sign) in [(Parity::Even, 1.0), (Parity::Odd, -1.0)] {
+            let terms = Terms::of(3, 5, parity);
+            let here = points(10);
+            let mut mirrored = here.clone();
+            mirrored.row_mut(2).mapv_inplace(|z| -z);
+            let difference = terms.values(&here) - sign * terms.values(&mirrored);
+            assert!(difference.iter().all(|difference| difference.abs() < 1e-12));
+        }
+    }
+}

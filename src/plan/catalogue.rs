@@ -1,0 +1,200 @@
+//! A catalogue of galaxies → the change of shape of each.
+//!
+//! Every galaxy is the mean over the sub-pixel positions of the mission, at its own place on the detector. Where there are many,
+//! a change is a smooth function of what the catalogue says of a galaxy: some hundreds or thousands of them are read out, a
+//! polynomial is fitted to their changes, and the others are computed by it (see [`emulator`]). How far it is off is measured with
+//! galaxies that are read out and were not fitted. A polynomial that is not accurate enough is not used: then, and wherever it
+//! would extrapolate, galaxies are read out one by one.
+
+pub mod emulator;
+mod table;
+mod training;
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::error::InputError;
+use crate::model::shear::SurveyGalaxy;
+use crate::model::{Device, Model};
+use crate::physics::shape::ShapeChange;
+use emulator::{Emulator, HeldOut};
+
+/// How a catalogue is computed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Error allowed of polynomials: root mean square over that of the changes, of the worst quantity. None: all galaxies are read
+    /// out.
+    pub emulate: Option<f64>,
+    /// Seed of the choice of the galaxies that are fitted, and of those that are compared.
+    pub seed: u64,
+}
+
+/// A catalogue with the changes of shape of its galaxies.
+#[derive(Clone, Debug, Serialize)]
+pub struct Catalogue {
+    /// Name of the mission.
+    pub mission: String,
+    /// Time, years since launch.
+    pub t_yr: f64,
+    /// Dose since launch, MeV/g.
+    pub dose_mev_g: f64,
+    /// Galaxies of the catalogue.
+    pub galaxies: usize,
+    /// Galaxies without a measurable shape, before or after the readout.
+    pub lost: usize,
+    /// Galaxies whose change was computed by a polynomial.
+    pub emulated: usize,
+    /// Galaxies of each width of the weight for which polynomials were fitted.
+    pub classes: Vec<Class>,
+    /// Root mean square of |Δe| over the galaxies that have a shape.
+    pub rms_delta_e: f64,
+    /// The change of each galaxy, in the order of the catalogue; None where no shape is left, or there was none.
+    #[serde(skip)]
+    pub changes: Vec<Option<ShapeChange>>,
+    /// Whether it was computed by a polynomial.
+    #[serde(skip)]
+    pub is_emulated: Vec<bool>,
+}
+
+/// Galaxies that are measured with the same weight.
+#[derive(Clone, Debug, Serialize)]
+pub struct Class {
+    /// σ of the weight, px.
+    pub weight_px: f64,
+    /// Galaxies of the class.
+    pub galaxies: usize,
+    /// Galaxies that were read out to be fitted.
+    pub fitted: usize,
+    /// Largest total degree of the polynomials.
+    pub degree: usize,
+    /// Errors of the polynomials.
+    pub held_out: HeldOut,
+    /// Whether they were accurate enough.
+    pub is_used: bool,
+}
+
+/// Called with the number of galaxies that are done.
+pub type Progress<'a> = &'a (dyn Fn(usize) + Sync);
+
+/// What the galaxies of a catalogue have in common.
+pub(crate) struct Survey<'a> {
+    pub model: &'a Model,
+    pub galaxies: &'a [SurveyGalaxy],
+    pub t_yr: f64,
+    /// Devices by the transfers of galaxies.
+    devices: BTreeMap<u32, Device>,
+    progress: Progress<'a>,
+}
+
+impl Catalogue {
+    /// The changes of shape of galaxies at a time (years since launch).
+    ///
+    /// # Errors
+    /// Where a formula has no value.
+    pub fn of(
+        model: &Model,
+        galaxies: &[SurveyGalaxy],
+        t_yr: f64,
+        how: Settings,
+        progress: Progress,
+    ) -> Result<Catalogue, InputError> {
+        let survey = Survey::new(model, galaxies, t_yr, progress)?;
+        let mut changes: Vec<Option<Option<ShapeChange>>> = vec![None; galaxies.len()];
+        let mut is_emulated = vec![false; galaxies.len()];
+        let mut classes = Vec::new();
+        if let Some(accuracy) = how.emulate.filter(|_| survey.is_smooth()) {
+            for (weight_bits, members) in survey.classes() {
+                let Some(fit) = Emulator::of(&survey, &members, accuracy, how.seed)? else { continue };
+                for (row, change) in fit.read_out {
+                    changes[row] = Some(change);
+                }
+                if fit.is_used {
+                    let open: Vec<usize> = members.iter().copied().filter(|row| changes[*row].is_none()).collect();
+                    for (row, change) in open.iter().zip(fit.emulator.changes(&survey, &open)) {
+                        changes[*row] = change.map(Some);
+                        is_emulated[*row] = change.is_some();
+                    }
+                }
+                classes.push(Class {
+                    weight_px: f64::from_bits(weight_bits),
+                    galaxies: members.len(),
+                    fitted: fit.fitted,
+                    degree: fit.degree,
+                    held_out: fit.held_out,
+                    is_used: fit.is_used,
+                });
+            }
+        }
+        let open: Vec<usize> = (0..galaxies.len()).filter(|row| changes[*row].is_none()).collect();
+        progress(galaxies.len() - open.len());
+        for (row, change) in open.iter().zip(survey.read_out(&open)?) {
+            changes[*row] = Some(change);
+        }
+        let changes: Vec<Option<ShapeChange>> = changes.into_iter().map(Option::flatten).collect();
+        Ok(Catalogue {
+            mission: model.mission.mission.name.clone(),
+            t_yr,
+            dose_mev_g: model.dose_mev_g(t_yr)?,
+            galaxies: galaxies.len(),
+            lost: changes.iter().filter(|change| change.is_none()).count(),
+            emulated: is_emulated.iter().filter(|emulated| **emulated).count(),
+            classes,
+            rms_delta_e: rms(changes.iter().flatten().map(ShapeChange::magnitude)),
+            changes,
+            is_emulated,
+        })
+    }
+}
+
+impl<'a> Survey<'a> {
+    fn new(
+        model: &'a Model,
+        galaxies: &'a [SurveyGalaxy],
+        t_yr: f64,
+        progress: Progress<'a>,
+    ) -> Result<Survey<'a>, InputError> {
+        let mut distances: Vec<u32> = galaxies.iter().map(|galaxy| galaxy.transfers).collect();
+        distances.sort_unstable();
+        distances.dedup();
+        let device = |transfers: u32| Ok((transfers, model.survey_device(t_yr, transfers)?));
+        let devices = distances.into_iter().map(device).collect::<Result<_, InputError>>()?;
+        Ok(Survey { model, galaxies, t_yr, devices, progress })
+    }
+
+    /// Whether changes are smooth functions of what a catalogue says: traps do not stand at random places.
+    fn is_smooth(&self) -> bool {
+        self.devices.values().all(|device| !device.method.is_random())
+    }
+
+    /// Rows by the width of their weight.
+    fn classes(&self) -> BTreeMap<u64, Vec<usize>> {
+        let mut classes: BTreeMap<u64, Vec<usize>> = BTreeMap::new();
+        for (row, galaxy) in self.galaxies.iter().enumerate() {
+            classes.entry(galaxy.weight_px.to_bits()).or_default().push(row);
+        }
+        classes
+    }
+
+    /// The changes of some rows, read out one by one.
+    fn read_out(&self, rows: &[usize]) -> Result<Vec<Option<ShapeChange>>, InputError> {
+        let done = std::sync::atomic::AtomicUsize::new(self.galaxies.len() - rows.len());
+        let of = |row: &usize| {
+            let galaxy = &self.galaxies[*row];
+            let device = std::slice::from_ref(&self.devices[&galaxy.transfers]);
+            let changes = self.model.survey_changes(galaxy, device)?;
+            (self.progress)(1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed));
+            Ok(changes.map(|changes| changes[0]))
+        };
+        let changes: Vec<Result<_, InputError>> = rows.par_iter().map(of).collect();
+        // The first of several errors, whichever came first.
+        changes.into_iter().collect()
+    }
+}
+
+/// Root mean square; 0 of nothing.
+pub(crate) fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (count, squares) = values.fold((0.0, 0.0), |(count, sum), value| (count + 1.0, sum + value * value));
+    if count > 0.0 { (squares / count as f64).sqrt() } else { 0.0 }
+}

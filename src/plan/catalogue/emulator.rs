@@ -1,0 +1,403 @@
+//! Changes of shape as polynomials of what a catalogue says of a galaxy.
+//!
+//! **Coordinates.** The logarithms of flux and Sersic index, and the size and the ellipticity (e1, e2) under the weight and through
+//! the PSF, as [`Observed`] has them: galaxies that look alike are close to each other, whatever they are before the PSF. All are
+//! scaled to −1 to 1.
+//!
+//! **Transfers.** Beyond the stamp's half-width every pixel is passed by all of the stamp's packets, and a change is very nearly a
+//! parabola in the number of transfers. So the polynomials are fitted at three numbers of transfers and Lagrange's parabola is put
+//! through them. Closer to the register, where rows make few transfers or none, they are fitted at more numbers, and the
+//! interpolation is in the logarithm.
+//!
+//! **Fit.** Weighted least squares, with weights 1/(|Δe| + a share of its root mean square), so that small changes are met too.
+//! Galaxies are taken from all parts of the catalogue. More of them are taken, and higher degrees, until the error is as small as
+//! asked for. In a detector that reads mirror images as mirror images, Δe2 and Δx are odd in e2 and the others even.
+//!
+//! **Error.** Galaxies that were not fitted, chosen at random among all rows, are read out at their own place.
+
+use ndarray::Array2;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::{Survey, rms, training};
+use crate::error::InputError;
+use crate::model::half_px;
+use crate::model::shear::SurveyGalaxy;
+use crate::numeric::polynomial::{Parity, Terms, fitted};
+use crate::physics::galaxy::observed::Observed;
+use crate::physics::shape::ShapeChange;
+
+/// Coordinates of a galaxy.
+const COORDINATES: usize = 5;
+
+/// Galaxies that are fitted, step by step, and the total degree of their polynomials: at least two galaxies for each term.
+const STEPS: [(usize, usize); 5] = [(400, 5), (900, 6), (1800, 7), (3600, 8), (7200, 9)];
+
+/// Share of the galaxies that may be fitted: else it would be no faster than to read all of them out.
+const SHARE: usize = 4;
+
+/// Galaxies that are compared.
+const HELD_OUT: usize = 400;
+
+/// Share of the root mean square change below which galaxies are fitted to the same error.
+const FLOOR: f64 = 0.05;
+
+/// How far beyond the fitted galaxies a polynomial is used, in units of half their range.
+const BEYOND: f64 = 1.02;
+
+/// Nodes in transfers beyond the stamp, and closer to the register.
+const FAR: usize = 3;
+const NEAR: usize = 8;
+
+/// Rows that are computed together.
+const TOGETHER: usize = 512;
+
+/// Quantities of a change, those first that are even in e2 where mirror images are read as mirror images.
+const QUANTITIES: usize = 6;
+const EVEN: usize = 4;
+
+/// Errors of polynomials at galaxies that were not fitted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct HeldOut {
+    /// Galaxies that were compared.
+    pub galaxies: usize,
+    /// Root mean square error of (Δe1, Δe2) over the root mean square change.
+    pub delta_e: f64,
+    /// The same of Δy.
+    pub delta_y: f64,
+    /// The same of the change of size.
+    pub delta_size: f64,
+    /// The same of the change of flux.
+    pub delta_flux: f64,
+    /// Median of the error of (Δe1, Δe2) of a galaxy over its own |Δe|.
+    pub own_median: f64,
+    /// The same: 95 % of the galaxies have less.
+    pub own_95: f64,
+    /// The largest.
+    pub own_largest: f64,
+}
+
+impl HeldOut {
+    /// The largest of the errors over their changes.
+    pub fn worst(&self) -> f64 {
+        [self.delta_e, self.delta_y, self.delta_size, self.delta_flux].into_iter().fold(0.0, f64::max)
+    }
+
+    fn of(pairs: &[(ShapeChange, ShapeChange)]) -> HeldOut {
+        let error = |(found, expected): &(ShapeChange, ShapeChange)| found.plus(expected, -1.0);
+        let ratio = |of: fn(&ShapeChange) -> f64| {
+            let errors = rms(pairs.iter().map(|pair| of(&error(pair))));
+            let changes = rms(pairs.iter().map(|(_, expected)| of(expected)));
+            if errors > 0.0 { errors / changes } else { 0.0 }
+        };
+        let own = |pair: &(ShapeChange, ShapeChange)| match error(pair).magnitude() {
+            0.0 => 0.0,
+            error => error / pair.1.magnitude(),
+        };
+        let mut own: Vec<f64> = pairs.iter().map(own).collect();
+        own.sort_by(f64::total_cmp);
+        let quantile = |share: f64| own.get((share * own.len() as f64) as usize).or(own.last()).copied().unwrap_or(0.0);
+        HeldOut {
+            galaxies: pairs.len(),
+            delta_e: ratio(ShapeChange::magnitude),
+            delta_y: ratio(|change| change.delta_y_px),
+            delta_size: ratio(|change| change.delta_size),
+            delta_flux: ratio(|change| change.delta_flux),
+            own_median: quantile(0.5),
+            own_95: quantile(0.95),
+            own_largest: quantile(1.0),
+        }
+    }
+}
+
+/// A fit with what was read out for it.
+pub(super) struct Fit {
+    pub emulator: Emulator,
+    /// Galaxies that were fitted, and the degree.
+    pub fitted: usize,
+    pub degree: usize,
+    pub held_out: HeldOut,
+    /// Whether the error is as small as asked for.
+    pub is_used: bool,
+    /// Rows that were read out at their own place.
+    pub read_out: Vec<(usize, Option<ShapeChange>)>,
+}
+
+/// Polynomials of the galaxies of one weight.
+pub(super) struct Emulator {
+    place: Coordinates,
+    distances: Distances,
+    /// Terms of the quantities that are even in e2, and of the others, with coefficients `[(node and quantity, term)]`.
+    even: (Terms, Array2<f64>),
+    odd: (Terms, Array2<f64>),
+}
+
+impl Emulator {
+    /// Polynomials for some rows that are measured with the same weight. None where there are too few rows.
+    ///
+    /// # Errors
+    /// Where a formula has no value.
+    pub fn of(survey: &Survey, rows: &[usize], accuracy: f64, seed: u64) -> Result<Option<Fit>, InputError> {
+        if rows.len() < SHARE * (STEPS[0].0 + HELD_OUT) {
+            return Ok(None);
+        }
+        let shuffled = training::shuffled(survey.galaxies, rows, seed);
+        let (compared, others) = shuffled.split_at(HELD_OUT);
+        let place = Coordinates::of(survey, rows);
+        let coordinates: Vec<[f64; COORDINATES]> =
+            others.par_iter().map(|row| place.at(&survey.galaxies[*row])).collect();
+        let order = training::of_all_kinds(others, &coordinates);
+        let distances = Distances::of(survey, rows);
+        let read_out: Vec<(usize, Option<ShapeChange>)> =
+            compared.iter().copied().zip(survey.read_out(compared)?).collect();
+        let mut known = Known::default();
+        let mut best: Option<Fit> = None;
+        for (galaxies, degree) in STEPS.into_iter().filter(|(galaxies, _)| SHARE * galaxies <= rows.len()) {
+            known.extend(survey, &distances, &order[known.rows.len().min(galaxies)..galaxies.min(order.len())])?;
+            let Some(emulator) = Emulator::fitted(survey, &place, &distances, &known, degree) else { continue };
+            let held_out = emulator.compared(survey, &read_out);
+            if best.as_ref().is_none_or(|best| held_out.worst() < best.held_out.worst()) {
+                let (fitted, is_used) = (known.rows.len(), held_out.worst() <= accuracy);
+                best = Some(Fit { emulator, fitted, degree, held_out, is_used, read_out: Vec::new() });
+            }
+            if held_out.worst() <= accuracy {
+                break;
+            }
+        }
+        Ok(best.map(|fit| Fit { read_out, ..fit }))
+    }
+
+    fn fitted(
+        survey: &Survey,
+        place: &Coordinates,
+        distances: &Distances,
+        known: &Known,
+        degree: usize,
+    ) -> Option<Emulator> {
+        // Galaxies that lose their shape are no part of a smooth function.
+        let all = known.rows.iter().zip(&known.changes);
+        let (rows, changes): (Vec<usize>, Vec<&Vec<ShapeChange>>) =
+            all.filter_map(|(row, changes)| Some((*row, changes.as_ref()?))).unzip();
+        let place = place.around(survey, &rows);
+        let points = place.of_rows(survey, &rows);
+        let nodes = distances.nodes.len();
+        let largest: Vec<f64> =
+            changes.iter().map(|changes| changes.iter().map(ShapeChange::magnitude).fold(0.0, f64::max)).collect();
+        let floor = FLOOR * rms(largest.iter().copied());
+        let weights: Vec<f64> = largest.iter().map(|largest| 1.0 / (largest + floor)).collect();
+        let symmetric = survey.devices.values().all(|device| device.is_mirror_symmetric());
+        let of = |parity: Parity, from: usize, quantities: usize| {
+            let terms = Terms::of(COORDINATES, degree, if symmetric { parity } else { Parity::Any });
+            let values = Array2::from_shape_fn((nodes * quantities, rows.len()), |(function, row)| {
+                numbers(&changes[row][function / quantities])[from + function % quantities]
+            });
+            let coefficients = fitted(&terms.values(&points), &values, &weights)?;
+            Some((terms, coefficients))
+        };
+        let even = of(Parity::Even, 0, EVEN)?;
+        let odd = of(Parity::Odd, EVEN, QUANTITIES - EVEN)?;
+        Some(Emulator { place, distances: distances.clone(), even, odd })
+    }
+
+    /// Changes of rows; None where they would be extrapolated.
+    pub fn changes(&self, survey: &Survey, rows: &[usize]) -> Vec<Option<ShapeChange>> {
+        rows.par_chunks(TOGETHER).flat_map_iter(|rows| self.together(survey, rows)).collect()
+    }
+
+    fn together(&self, survey: &Survey, rows: &[usize]) -> Vec<Option<ShapeChange>> {
+        let points = self.place.of_rows(survey, rows);
+        let [even, odd] = [&self.even, &self.odd].map(|(terms, coefficients)| coefficients.dot(&terms.values(&points)));
+        let change = |(place, row): (usize, &usize)| {
+            if points.column(place).iter().any(|x| x.is_nan() || x.abs() > BEYOND) {
+                return None;
+            }
+            let mut numbers = [0.0; QUANTITIES];
+            for (node, weight) in self.distances.weights(survey.galaxies[*row].transfers)? {
+                for (quantity, number) in numbers.iter_mut().enumerate() {
+                    *number += weight
+                        * match quantity {
+                            0..EVEN => even[[node * EVEN + quantity, place]],
+                            _ => odd[[node * (QUANTITIES - EVEN) + quantity - EVEN, place]],
+                        };
+                }
+            }
+            Some(change_of(numbers))
+        };
+        rows.iter().enumerate().map(change).collect()
+    }
+
+    fn compared(&self, survey: &Survey, read_out: &[(usize, Option<ShapeChange>)]) -> HeldOut {
+        let rows: Vec<usize> = read_out.iter().map(|(row, _)| *row).collect();
+        let found = self.changes(survey, &rows).into_iter().zip(read_out);
+        HeldOut::of(&found.filter_map(|(found, (_, expected))| found.zip(*expected)).collect::<Vec<_>>())
+    }
+}
+
+/// A change as numbers.
+fn numbers(change: &ShapeChange) -> [f64; QUANTITIES] {
+    let ShapeChange { delta_e1, delta_e2, delta_x_px, delta_y_px, delta_size, delta_flux } = *change;
+    [delta_e1, delta_y_px, delta_size, delta_flux, delta_e2, delta_x_px]
+}
+
+/// A change of numbers.
+fn change_of([delta_e1, delta_y_px, delta_size, delta_flux, delta_e2, delta_x_px]: [f64; QUANTITIES]) -> ShapeChange {
+    ShapeChange { delta_e1, delta_e2, delta_x_px, delta_y_px, delta_size, delta_flux }
+}
+
+/// Galaxies that are fitted, with their changes at the nodes.
+#[derive(Default)]
+struct Known {
+    rows: Vec<usize>,
+    changes: Vec<Option<Vec<ShapeChange>>>,
+}
+
+impl Known {
+    fn extend(&mut self, survey: &Survey, distances: &Distances, rows: &[usize]) -> Result<(), InputError> {
+        let devices = distances.nodes.iter().map(|node| survey.model.survey_device(survey.t_yr, *node));
+        let devices = devices.collect::<Result<Vec<_>, InputError>>()?;
+        let of = |row: &usize| survey.model.survey_changes(&survey.galaxies[*row], &devices);
+        let changes: Vec<Result<_, InputError>> = rows.par_iter().map(of).collect();
+        // The first of several errors, whichever came first.
+        self.changes.extend(changes.into_iter().collect::<Result<Vec<_>, InputError>>()?);
+        self.rows.extend(rows);
+        Ok(())
+    }
+}
+
+/// Coordinates of galaxies between −1 and 1.
+#[derive(Clone)]
+struct Coordinates {
+    observed: Observed,
+    least: [f64; COORDINATES],
+    largest: [f64; COORDINATES],
+}
+
+impl Coordinates {
+    /// Those of rows.
+    fn of(survey: &Survey, rows: &[usize]) -> Coordinates {
+        let indices = rows.iter().map(|row| survey.galaxies[*row].sersic_index);
+        let range = indices.fold([f64::INFINITY, 0.0], |range, index| [range[0].min(index), range[1].max(index)]);
+        let observed = Observed::new(&survey.model.mission.psf, range);
+        Coordinates { observed, least: [-1.0; COORDINATES], largest: [1.0; COORDINATES] }.around(survey, rows)
+    }
+
+    /// The same, with the range of some rows.
+    fn around(&self, survey: &Survey, rows: &[usize]) -> Coordinates {
+        let unscaled: Vec<[f64; COORDINATES]> =
+            rows.par_iter().map(|row| self.unscaled(&survey.galaxies[*row])).collect();
+        let [mut least, mut largest] = [[f64::INFINITY; COORDINATES], [f64::NEG_INFINITY; COORDINATES]];
+        for coordinates in unscaled {
+            for (member, value) in coordinates.into_iter().enumerate() {
+                least[member] = least[member].min(value);
+                largest[member] = largest[member].max(value);
+            }
+        }
+        // The sign of e2 is that of a mirror image.
+        let e2 = COORDINATES - 1;
+        largest[e2] = largest[e2].max(-least[e2]);
+        least[e2] = -largest[e2];
+        Coordinates { observed: self.observed.clone(), least, largest }
+    }
+
+    fn unscaled(&self, galaxy: &SurveyGalaxy) -> [f64; COORDINATES] {
+        let SurveyGalaxy { flux_e, sersic_index, half_light_px, ellipticity, weight_px, .. } = *galaxy;
+        let [size_px, e1, e2] = self.observed.shape(sersic_index, half_light_px, ellipticity, weight_px);
+        [flux_e.ln(), sersic_index.ln(), size_px, e1, e2]
+    }
+
+    fn at(&self, galaxy: &SurveyGalaxy) -> [f64; COORDINATES] {
+        let mut coordinates = self.unscaled(galaxy);
+        for (member, x) in coordinates.iter_mut().enumerate() {
+            let (least, largest) = (self.least[member], self.largest[member]);
+            // What is the same for all galaxies is in the middle.
+            *x = if largest > least { (2.0 * *x - least - largest) / (largest - least) } else { *x - least };
+        }
+        coordinates
+    }
+
+    /// Coordinates of rows, `[(coordinate, row)]`.
+    fn of_rows(&self, survey: &Survey, rows: &[usize]) -> Array2<f64> {
+        let mut points = Array2::zeros((COORDINATES, rows.len()));
+        for (place, row) in rows.iter().enumerate() {
+            for (member, x) in self.at(&survey.galaxies[*row]).into_iter().enumerate() {
+                points[[member, place]] = x;
+            }
+        }
+        points
+    }
+}
+
+/// Numbers of transfers at which polynomials are fitted.
+#[derive(Clone)]
+struct Distances {
+    /// All nodes, rising.
+    nodes: Vec<u32>,
+    /// The first of the nodes beyond the stamp.
+    far: usize,
+}
+
+impl Distances {
+    /// For the distances of rows.
+    fn of(survey: &Survey, rows: &[usize]) -> Distances {
+        let transfers = || rows.iter().map(|row| survey.galaxies[*row].transfers);
+        let (least, most) = (transfers().min().unwrap_or(1), transfers().max().unwrap_or(1));
+        let weight_px = rows.first().map_or(1.0, |row| survey.galaxies[*row].weight_px);
+        // Rows from there on make transfers all over the stamp.
+        let edge = half_px(weight_px) as u32 + 1;
+        let spread = |from: f64, to: f64, count: usize| -> Vec<f64> {
+            let place = |node: usize| 0.5 - 0.5 * (std::f64::consts::PI * node as f64 / (count - 1) as f64).cos();
+            (0..count).map(|node| from + (to - from) * place(node)).collect()
+        };
+        let mut nodes: Vec<u32> = Vec::new();
+        if least < edge {
+            let (from, to) = (f64::from(least).ln(), f64::from(edge.min(most)).ln());
+            nodes.extend(spread(from, to, NEAR).into_iter().map(|log| log.exp().round() as u32));
+            nodes.dedup();
+        }
+        let far = nodes.len().saturating_sub(usize::from(most > edge));
+        if most > edge || nodes.is_empty() {
+            let (from, to) = (f64::from(least.max(edge)), f64::from(most));
+            nodes.extend(spread(from, to, FAR).into_iter().map(|place| place.round() as u32));
+            nodes.dedup();
+        }
+        Distances { nodes, far }
+    }
+
+    /// Nodes with their weights at a number of transfers (Lagrange's). None beyond all nodes.
+    fn weights(&self, transfers: u32) -> Option<Vec<(usize, f64)>> {
+        let (first, last) = (*self.nodes.first()?, *self.nodes.last()?);
+        if !(first..=last).contains(&transfers) {
+            return None;
+        }
+        let is_far = self.nodes.get(self.far).is_some_and(|edge| transfers >= *edge);
+        let places = if is_far { self.far..self.nodes.len() } else { 0..(self.far + 1).min(self.nodes.len()) };
+        let x = |transfers: u32| if is_far { f64::from(transfers) } else { f64::from(transfers).ln() };
+        let weight = |node: usize| {
+            let factor = |other: usize| (x(transfers) - x(self.nodes[other])) / (x(self.nodes[node]) - x(self.nodes[other]));
+            places.clone().filter(|other| *other != node).map(factor).product::<f64>()
+        };
+        Some(places.clone().map(|node| (node, weight(node))).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_of_transfers_reproduce_parabolas_and_themselves() {
+        let distances = Distances { nodes: vec![1, 2, 5, 12, 28, 839, 1650], far: 4 };
+        let law = |t: f64| 3.0 + 0.5 * t - 1e-4 * t * t;
+        for transfers in [28, 100, 839, 1650] {
+            let weights = distances.weights(transfers).unwrap();
+            let found: f64 = weights.iter().map(|(node, weight)| weight * law(f64::from(distances.nodes[*node]))).sum();
+            assert!((found / law(f64::from(transfers)) - 1.0).abs() < 1e-12);
+        }
+        for (node, transfers) in [1, 2, 5, 12].into_iter().enumerate() {
+            for (other, weight) in distances.weights(transfers).unwrap() {
+                assert!((weight - f64::from(u8::from(other == node))).abs() < 1e-12);
+            }
+        }
+        assert!(distances.weights(1651).is_none() && distances.weights(0).is_none());
+    }
+}

@@ -1,0 +1,63 @@
+//! Which galaxies of a catalogue are fitted, and which are compared: the same ones whatever the order of the rows.
+
+use std::collections::BTreeMap;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use sha2::{Digest, Sha256};
+
+use crate::model::shear::SurveyGalaxy;
+
+/// Parts into which the range of each coordinate is divided to find galaxies of all kinds.
+const PARTS: f64 = 4.0;
+
+/// Rows in a random order that depends on what they hold, and not on where they stand.
+pub(super) fn shuffled(galaxies: &[SurveyGalaxy], rows: &[usize], seed: u64) -> Vec<usize> {
+    let mut marked: Vec<(u64, [u64; 6], usize)> = rows
+        .iter()
+        .map(|&row| {
+            let galaxy = &galaxies[row];
+            let held = [
+                u64::from(galaxy.transfers),
+                galaxy.flux_e.to_bits(),
+                galaxy.half_light_px.to_bits(),
+                galaxy.sersic_index.to_bits(),
+                galaxy.ellipticity[0].to_bits(),
+                galaxy.ellipticity[1].to_bits(),
+            ];
+            (mark(&held, seed), held, row)
+        })
+        .collect();
+    // Rows that are the same in everything may stand in any order.
+    marked.sort_unstable_by_key(|(mark, held, _)| (*mark, *held));
+    marked.into_iter().map(|(.., row)| row).collect()
+}
+
+/// A number that is as good as random.
+fn mark(held: &[u64; 6], seed: u64) -> u64 {
+    let mut hash = Sha256::new();
+    hash.update(seed.to_le_bytes());
+    held.iter().for_each(|number| hash.update(number.to_le_bytes()));
+    let digest = hash.finalize();
+    let mut random = ChaCha8Rng::from_seed(digest.into());
+    random.random()
+}
+
+/// Rows (given in a random order, with their coordinates between −1 and 1) in an order in which those of all kinds come early: one
+/// of each cell of a grid, then a second one of each, and so on.
+pub(super) fn of_all_kinds<const D: usize>(rows: &[usize], coordinates: &[[f64; D]]) -> Vec<usize> {
+    let mut taken: BTreeMap<[u8; D], usize> = BTreeMap::new();
+    let mut order: Vec<(usize, usize)> = rows
+        .iter()
+        .zip(coordinates)
+        .enumerate()
+        .map(|(place, (_, coordinates))| {
+            let cell = coordinates.map(|x| (0.5 * (x + 1.0) * PARTS).clamp(0.0, PARTS - 1.0) as u8);
+            let before = taken.entry(cell).or_default();
+            *before += 1;
+            (*before, place)
+        })
+        .collect();
+    order.sort_unstable();
+    order.into_iter().map(|(_, place)| rows[place]).collect()
+}
