@@ -5,6 +5,7 @@
 //!                                             through [work]: threads, Ctrl-C, progress; [errors]: exceptions
 //! ```
 
+mod arctic;
 mod detector;
 mod errors;
 mod measure;
@@ -39,6 +40,7 @@ fn _ctiplan(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(questions::fit, module)?)?;
     module.add_function(wrap_pyfunction!(questions::diagnose, module)?)?;
     module.add_function(wrap_pyfunction!(measure::measure, module)?)?;
+    module.add_function(wrap_pyfunction!(arctic::arctic_readout, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)?;
     module.add_function(wrap_pyfunction!(work::set_threads, module)?)?;
     module.add_function(wrap_pyfunction!(work::threads, module)?)?;
