@@ -19,7 +19,7 @@ pub mod frame;
 pub mod invert;
 mod json;
 pub mod mask;
-mod transport;
+pub mod transport;
 pub mod uncertain;
 pub mod unit;
 mod work;
@@ -30,6 +30,7 @@ pub use companions::{Bits, Companions};
 pub use correct::{Corrected, Residual, Stop, correct, iterated};
 pub use frame::{Corner, Geometry, Split, Transfers};
 pub use invert::{Transport, invert};
+pub use transport::FrameTransport;
 pub use uncertain::{Uncertain, uncertain};
 pub use unit::Unit;
 
@@ -50,7 +51,6 @@ use crate::readout::Method;
 use crate::warning::Warning;
 use companions::Flagged;
 use fits::{Fits, Hdu, HduKind};
-use transport::FrameTransport;
 
 /// What is done to frames.
 #[derive(Clone, Copy, Debug, PartialEq)]

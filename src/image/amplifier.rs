@@ -64,6 +64,20 @@ impl Amplifier {
 pub struct Amplifiers(pub Vec<Amplifier>);
 
 impl Amplifiers {
+    /// One amplifier that reads all of a frame of so many rows and columns, whose values are electrons.
+    pub fn one(device: &Device, geometry: Geometry, (rows, columns): (usize, usize)) -> Amplifiers {
+        Amplifiers(vec![Amplifier {
+            name: None,
+            rows: 0..rows,
+            columns: 0..columns,
+            geometry,
+            scale: Scale { gain_e_per_dn: 1.0, bias_dn: 0.0 },
+            saturated_dn: None,
+            read_noise_e: None,
+            device: device.clone(),
+        }])
+    }
+
     /// A frame with trails (e-, `[[row, column]]`), read by all amplifiers.
     ///
     /// # Errors

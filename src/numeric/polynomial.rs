@@ -131,9 +131,8 @@ pub(crate) fn fitted(terms: &Array2<f64>, values: &Array2<f64>, weights: &[f64])
     let (normal, right) = (weighted.dot(&terms.t()), weighted.dot(&values.t()));
     let count = normal.nrows();
     let ridge = RIDGE * normal.diag().sum() / count as f64;
-    let normal = DMatrix::from_fn(count, count, |row, column| {
-        normal[[row, column]] + if row == column { ridge } else { 0.0 }
-    });
+    let normal =
+        DMatrix::from_fn(count, count, |row, column| normal[[row, column]] + if row == column { ridge } else { 0.0 });
     let cholesky = normal.cholesky()?;
     let mut coefficients = Array2::zeros((values.nrows(), count));
     for (function, mut row) in coefficients.rows_mut().into_iter().enumerate() {

@@ -19,12 +19,16 @@ impl Report for Catalogue {
             return out;
         }
         out.push_str("\nErrors of the interpolation, at galaxies that were read out and not fitted\n");
-        let mut errors = table(&["weight [px]", "galaxies", "fitted", "degree", "compared", "error", "median", "95 %", "largest"]);
+        let mut errors =
+            table(&["weight [px]", "galaxies", "fitted", "degree", "compared", "error", "median", "95 %", "largest"]);
         for class in &self.classes {
             let held = &class.held_out;
-            let mut row = [class.galaxies, class.fitted, class.degree, held.galaxies].map(|count| count.to_string()).to_vec();
+            let mut row =
+                [class.galaxies, class.fitted, class.degree, held.galaxies].map(|count| count.to_string()).to_vec();
             row.insert(0, class.weight_px.to_string());
-            row.extend([held.worst(), held.own_median, held.own_95, held.own_largest].map(|error| format!("{error:.1e}")));
+            row.extend(
+                [held.worst(), held.own_median, held.own_95, held.own_largest].map(|error| format!("{error:.1e}")),
+            );
             errors.add_row(row);
         }
         out.push_str(&lines(&errors));

@@ -26,16 +26,10 @@ fn device(times: f64) -> Device {
 
 /// One amplifier for all of a frame.
 fn one(device: Device, transfers: Transfers, read_noise_e: Option<f64>, (rows, columns): (usize, usize)) -> Amplifiers {
-    Amplifiers(vec![Amplifier {
-        name: None,
-        rows: 0..rows,
-        columns: 0..columns,
-        geometry: Geometry { transfers, rows_before: 300, columns_before: 300, ..Geometry::default() },
-        scale: Scale { gain_e_per_dn: 1.0, bias_dn: 0.0 },
-        saturated_dn: None,
-        read_noise_e,
-        device,
-    }])
+    let geometry = Geometry { transfers, rows_before: 300, columns_before: 300, ..Geometry::default() };
+    let mut one = Amplifiers::one(&device, geometry, (rows, columns));
+    one.0[0].read_noise_e = read_noise_e;
+    one
 }
 
 /// Corrects an image until the residual is far below the noise.

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use ctiplan::image::fits::{Fits, HduKind};
-use ctiplan::image::{Corner, Geometry, Split, Stop, Transfers, correct, frame, invert, uncertain};
+use ctiplan::image::{
+    Amplifiers, Corner, FrameTransport, Geometry, Split, Stop, Transfers, correct, frame, invert, uncertain,
+};
 use ctiplan::mission::Mission;
 use ctiplan::model::Device;
 use ctiplan::model::Model;
@@ -627,7 +629,8 @@ fn a_correction_is_the_same_for_any_number_of_threads() {
     let corrected = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let transport = frame::Detector::new(&device, &geometry, observed.dim());
+            let amplifiers = Amplifiers::one(&device, geometry, observed.dim());
+            let transport = FrameTransport::new(&amplifiers, &observed, &|_| ());
             let corrected = invert(&transport, &observed, None, Stop::at_residual(1e-4, 20)).unwrap();
             let uncertain = uncertain(&transport, &observed, None, &corrected, (1e-3, 20)).unwrap();
             (corrected, uncertain)

@@ -373,7 +373,8 @@ impl Distances {
         let places = if is_far { self.far..self.nodes.len() } else { 0..(self.far + 1).min(self.nodes.len()) };
         let x = |transfers: u32| if is_far { f64::from(transfers) } else { f64::from(transfers).ln() };
         let weight = |node: usize| {
-            let factor = |other: usize| (x(transfers) - x(self.nodes[other])) / (x(self.nodes[node]) - x(self.nodes[other]));
+            let factor =
+                |other: usize| (x(transfers) - x(self.nodes[other])) / (x(self.nodes[node]) - x(self.nodes[other]));
             places.clone().filter(|other| *other != node).map(factor).product::<f64>()
         };
         Some(places.clone().map(|node| (node, weight(node))).collect())

@@ -38,7 +38,8 @@ impl Catalogue {
             return Err(table.fault(None, Some(name), problem).with_help("rename it, or use the catalogue without it"));
         }
         for (name, unit, description, of) in COLUMNS {
-            let cell = |change: &Option<ShapeChange>| change.as_ref().map_or(Cell::Missing, |change| Cell::Number(of(change)));
+            let cell =
+                |change: &Option<ShapeChange>| change.as_ref().map_or(Cell::Missing, |change| Cell::Number(of(change)));
             table.columns.push(Column {
                 name: name.into(),
                 unit: unit.map(String::from),
