@@ -3,6 +3,7 @@ from typing import Any, final
 
 import numpy as np
 
+__all__: list[str]
 __version__: str
 
 def command(arguments: list[str]) -> int: ...

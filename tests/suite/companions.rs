@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use ctiplan::image::fits::Fits;
-use ctiplan::image::unit::Scale;
-use ctiplan::image::{Amplifier, Amplifiers, Geometry, Stop, Transfers, correct, errors};
+use ctiplan::image::{Amplifiers, Geometry, Stop, Transfers, correct, errors};
 use ctiplan::mission::Mission;
 use ctiplan::model::{Device, Model};
 use ctiplan::physics::conditions::Conditions;

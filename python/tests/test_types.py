@@ -1,0 +1,20 @@
+"""Types of the facade, and stubs of the module beneath it."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def run(*arguments):
+    done = subprocess.run([sys.executable, "-m", *arguments], cwd=PACKAGE, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_facade_is_typed():
+    run("mypy", "--config-file", "pyproject.toml", "ctiplan")
+
+
+def test_stubs_are_those_of_the_module():
+    run("mypy.stubtest", "ctiplan._ctiplan")
