@@ -131,6 +131,10 @@ pub(crate) fn fitted(terms: &Array2<f64>, values: &Array2<f64>, weights: &[f64])
     let (normal, right) = (weighted.dot(&terms.t()), weighted.dot(&values.t()));
     let count = normal.nrows();
     let ridge = RIDGE * normal.diag().sum() / count as f64;
+    if ridge == 0.0 {
+        // All terms are 0 at all points.
+        return Some(Array2::zeros((values.nrows(), count)));
+    }
     let normal =
         DMatrix::from_fn(count, count, |row, column| normal[[row, column]] + if row == column { ridge } else { 0.0 });
     let cholesky = normal.cholesky()?;

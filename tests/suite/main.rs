@@ -6,6 +6,7 @@ mod amplifiers;
 mod architecture;
 mod astropy;
 mod book;
+mod catalogue;
 mod cli;
 mod clocking;
 mod companions;

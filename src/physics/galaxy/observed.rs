@@ -18,7 +18,7 @@ use crate::mission::Psf;
 const PER_LOG: f64 = 48.0;
 
 /// Components of the PSF that are taken together.
-const TOGETHER: usize = 3;
+const TOGETHER: usize = 5;
 
 /// Variance of a pixel, px².
 const PIXEL: f64 = 1.0 / 12.0;

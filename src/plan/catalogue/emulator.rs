@@ -15,6 +15,8 @@
 //!
 //! **Error.** Galaxies that were not fitted, chosen at random among all rows, are read out at their own place.
 
+use std::sync::Arc;
+
 use ndarray::Array2;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -144,8 +146,7 @@ impl Emulator {
         let shuffled = training::shuffled(survey.galaxies, rows, seed);
         let (compared, others) = shuffled.split_at(HELD_OUT);
         let place = Coordinates::of(survey, rows);
-        let coordinates: Vec<[f64; COORDINATES]> =
-            others.par_iter().map(|row| place.at(&survey.galaxies[*row])).collect();
+        let coordinates: Vec<[f64; COORDINATES]> = others.iter().map(|row| place.at(*row)).collect();
         let order = training::of_all_kinds(others, &coordinates);
         let distances = Distances::of(survey, rows);
         let read_out: Vec<(usize, Option<ShapeChange>)> =
@@ -178,8 +179,8 @@ impl Emulator {
         let all = known.rows.iter().zip(&known.changes);
         let (rows, changes): (Vec<usize>, Vec<&Vec<ShapeChange>>) =
             all.filter_map(|(row, changes)| Some((*row, changes.as_ref()?))).unzip();
-        let place = place.around(survey, &rows);
-        let points = place.of_rows(survey, &rows);
+        let place = place.around(&rows);
+        let points = place.of_rows(&rows);
         let nodes = distances.nodes.len();
         let largest: Vec<f64> =
             changes.iter().map(|changes| changes.iter().map(ShapeChange::magnitude).fold(0.0, f64::max)).collect();
@@ -205,7 +206,7 @@ impl Emulator {
     }
 
     fn together(&self, survey: &Survey, rows: &[usize]) -> Vec<Option<ShapeChange>> {
-        let points = self.place.of_rows(survey, rows);
+        let points = self.place.of_rows(rows);
         let [even, odd] = [&self.even, &self.odd].map(|(terms, coefficients)| coefficients.dot(&terms.values(&points)));
         let change = |(place, row): (usize, &usize)| {
             if points.column(place).iter().any(|x| x.is_nan() || x.abs() > BEYOND) {
@@ -267,7 +268,8 @@ impl Known {
 /// Coordinates of galaxies between −1 and 1.
 #[derive(Clone)]
 struct Coordinates {
-    observed: Observed,
+    /// Those of each row of the catalogue, not scaled; empty rows are those of another weight.
+    unscaled: Arc<Vec<[f64; COORDINATES]>>,
     least: [f64; COORDINATES],
     largest: [f64; COORDINATES],
 }
@@ -278,16 +280,21 @@ impl Coordinates {
         let indices = rows.iter().map(|row| survey.galaxies[*row].sersic_index);
         let range = indices.fold([f64::INFINITY, 0.0], |range, index| [range[0].min(index), range[1].max(index)]);
         let observed = Observed::new(&survey.model.mission.psf, range);
-        Coordinates { observed, least: [-1.0; COORDINATES], largest: [1.0; COORDINATES] }.around(survey, rows)
+        let of_row = |row: &usize| unscaled(&observed, &survey.galaxies[*row]);
+        let found: Vec<[f64; COORDINATES]> = rows.par_iter().map(of_row).collect();
+        let mut unscaled = vec![[0.0; COORDINATES]; survey.galaxies.len()];
+        for (row, found) in rows.iter().zip(found) {
+            unscaled[*row] = found;
+        }
+        let (least, largest) = ([-1.0; COORDINATES], [1.0; COORDINATES]);
+        Coordinates { unscaled: Arc::new(unscaled), least, largest }.around(rows)
     }
 
     /// The same, with the range of some rows.
-    fn around(&self, survey: &Survey, rows: &[usize]) -> Coordinates {
-        let unscaled: Vec<[f64; COORDINATES]> =
-            rows.par_iter().map(|row| self.unscaled(&survey.galaxies[*row])).collect();
+    fn around(&self, rows: &[usize]) -> Coordinates {
         let [mut least, mut largest] = [[f64::INFINITY; COORDINATES], [f64::NEG_INFINITY; COORDINATES]];
-        for coordinates in unscaled {
-            for (member, value) in coordinates.into_iter().enumerate() {
+        for row in rows {
+            for (member, value) in self.unscaled[*row].into_iter().enumerate() {
                 least[member] = least[member].min(value);
                 largest[member] = largest[member].max(value);
             }
@@ -296,17 +303,11 @@ impl Coordinates {
         let e2 = COORDINATES - 1;
         largest[e2] = largest[e2].max(-least[e2]);
         least[e2] = -largest[e2];
-        Coordinates { observed: self.observed.clone(), least, largest }
+        Coordinates { unscaled: Arc::clone(&self.unscaled), least, largest }
     }
 
-    fn unscaled(&self, galaxy: &SurveyGalaxy) -> [f64; COORDINATES] {
-        let SurveyGalaxy { flux_e, sersic_index, half_light_px, ellipticity, weight_px, .. } = *galaxy;
-        let [size_px, e1, e2] = self.observed.shape(sersic_index, half_light_px, ellipticity, weight_px);
-        [flux_e.ln(), sersic_index.ln(), size_px, e1, e2]
-    }
-
-    fn at(&self, galaxy: &SurveyGalaxy) -> [f64; COORDINATES] {
-        let mut coordinates = self.unscaled(galaxy);
+    fn at(&self, row: usize) -> [f64; COORDINATES] {
+        let mut coordinates = self.unscaled[row];
         for (member, x) in coordinates.iter_mut().enumerate() {
             let (least, largest) = (self.least[member], self.largest[member]);
             // What is the same for all galaxies is in the middle.
@@ -316,15 +317,21 @@ impl Coordinates {
     }
 
     /// Coordinates of rows, `[(coordinate, row)]`.
-    fn of_rows(&self, survey: &Survey, rows: &[usize]) -> Array2<f64> {
+    fn of_rows(&self, rows: &[usize]) -> Array2<f64> {
         let mut points = Array2::zeros((COORDINATES, rows.len()));
         for (place, row) in rows.iter().enumerate() {
-            for (member, x) in self.at(&survey.galaxies[*row]).into_iter().enumerate() {
+            for (member, x) in self.at(*row).into_iter().enumerate() {
                 points[[member, place]] = x;
             }
         }
         points
     }
+}
+
+fn unscaled(observed: &Observed, galaxy: &SurveyGalaxy) -> [f64; COORDINATES] {
+    let SurveyGalaxy { flux_e, sersic_index, half_light_px, ellipticity, weight_px, .. } = *galaxy;
+    let [size_px, e1, e2] = observed.shape(sersic_index, half_light_px, ellipticity, weight_px);
+    [flux_e.ln(), sersic_index.ln(), size_px, e1, e2]
 }
 
 /// Numbers of transfers at which polynomials are fitted.

@@ -43,21 +43,26 @@ fn mark(held: &[u64; 6], seed: u64) -> u64 {
     random.random()
 }
 
-/// Rows (given in a random order, with their coordinates between −1 and 1) in an order in which those of all kinds come early: one
-/// of each cell of a grid, then a second one of each, and so on.
+/// Rows (given in a random order, with their coordinates between −1 and 1) in an order in which those of all kinds come early: the
+/// least and the largest in each coordinate, one of each cell of a grid, then a second one of each, and so on.
 pub(super) fn of_all_kinds<const D: usize>(rows: &[usize], coordinates: &[[f64; D]]) -> Vec<usize> {
-    let mut taken: BTreeMap<[u8; D], usize> = BTreeMap::new();
-    let mut order: Vec<(usize, usize)> = rows
-        .iter()
-        .zip(coordinates)
-        .enumerate()
-        .map(|(place, (_, coordinates))| {
-            let cell = coordinates.map(|x| (0.5 * (x + 1.0) * PARTS).clamp(0.0, PARTS - 1.0) as u8);
-            let before = taken.entry(cell).or_default();
-            *before += 1;
-            (*before, place)
-        })
+    let by = |member: usize| {
+        move |a: &usize, b: &usize| coordinates[*a][member].total_cmp(&coordinates[*b][member]).then(b.cmp(a))
+    };
+    let mut ends: Vec<usize> = (0..D)
+        .flat_map(|member| [(0..rows.len()).min_by(by(member)), (0..rows.len()).max_by(by(member))])
+        .flatten()
         .collect();
+    ends.sort_unstable();
+    let mut taken: BTreeMap<[u8; D], usize> = BTreeMap::new();
+    let mut order: Vec<(usize, usize)> = Vec::with_capacity(rows.len());
+    for (place, coordinates) in coordinates.iter().enumerate() {
+        let cell = coordinates.map(|x| (0.5 * (x + 1.0) * PARTS).clamp(0.0, PARTS - 1.0) as u8);
+        let before = taken.entry(cell).or_default();
+        *before += 1;
+        let round = if ends.binary_search(&place).is_ok() { 0 } else { *before };
+        order.push((round, place));
+    }
     order.sort_unstable();
     order.into_iter().map(|(_, place)| rows[place]).collect()
 }
