@@ -196,5 +196,5 @@ impl<'a> Survey<'a> {
 /// Root mean square; 0 of nothing.
 pub(crate) fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (count, squares) = values.fold((0.0, 0.0), |(count, sum), value| (count + 1.0, sum + value * value));
-    if count > 0.0 { (squares / count as f64).sqrt() } else { 0.0 }
+    if count > 0.0 { (squares / count).sqrt() } else { 0.0 }
 }

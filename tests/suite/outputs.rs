@@ -25,6 +25,7 @@ const DRAWN: &[&str] = &["--plots", "--html"];
 const CASES: &[Case] = &[
     case("evaluate @mission.toml --posterior @posterior.ecsv", DRAWN),
     case("compare @mission.toml @other.toml", DRAWN),
+    case("catalogue @mission.toml @galaxies.csv --at 1", &["--out"]),
     case("dose @mission.toml", DRAWN),
     case("sweep @grid.toml", &["--output"]),
     case("validate @mission.toml @trails.ecsv @packets.ecsv", &["--plots", "--html", "--residuals"]),
@@ -79,8 +80,13 @@ fn inputs() -> TempDir {
     for (name, source) in SOURCES {
         fs::copy(source, folder.path().join(name)).unwrap();
     }
-    let texts =
-        [("grid.toml", GRID), ("candidates.toml", CANDIDATES), ("fit.json", FIT), ("posterior.ecsv", POSTERIOR)];
+    let texts = [
+        ("grid.toml", GRID),
+        ("candidates.toml", CANDIDATES),
+        ("fit.json", FIT),
+        ("posterior.ecsv", POSTERIOR),
+        ("galaxies.csv", "transfers,flux_e\n200,3000\n"),
+    ];
     for (name, text) in texts {
         fs::write(folder.path().join(name), text).unwrap();
     }

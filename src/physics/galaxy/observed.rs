@@ -8,7 +8,8 @@
 //! ```
 //!
 //! Mixtures are tabulated over the Sersic index, and a pixel is a Gaussian of its variance, 1/12 px². The size and the ellipticity
-//! found are some 1e-3 from those of an image: they are coordinates for interpolation, not results.
+//! found are a per cent or two from those of an image, since the components of a PSF are taken together: they are coordinates for
+//! interpolation, not results.
 
 use super::Ellipse;
 use super::mixture::{moffat, sersic};
@@ -18,7 +19,7 @@ use crate::mission::Psf;
 const PER_LOG: f64 = 48.0;
 
 /// Components of the PSF that are taken together.
-const TOGETHER: usize = 5;
+const TOGETHER: usize = 3;
 
 /// Variance of a pixel, px².
 const PIXEL: f64 = 1.0 / 12.0;
@@ -106,8 +107,9 @@ mod tests {
             let image = Profile::lensed(&galaxy, &psf, 1e-6).stamp(27, 0.0, 0.0);
             let moments = Moments::of(&image, 5.4).unwrap();
             let [size_px, e1, e2] = observed.shape(sersic_index, half_light_px, ellipticity, 5.4);
-            assert!((size_px / moments.size_px - 1.0).abs() < 3e-3, "{size_px} {}", moments.size_px);
-            assert!((e1 - moments.e1).abs() < 3e-3 && (e2 - moments.e2).abs() < 3e-3, "{e1} {e2} {moments:?}");
+            // A Moffat PSF in seven parts has a size 1.1 % too large under this weight.
+            assert!((size_px / moments.size_px - 1.0).abs() < 0.015, "{size_px} {}", moments.size_px);
+            assert!((e1 - moments.e1).abs() < 0.01 && (e2 - moments.e2).abs() < 0.01, "{e1} {e2} {moments:?}");
         }
     }
 }
