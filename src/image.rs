@@ -11,6 +11,7 @@
 
 pub mod amplifier;
 pub mod amplifier_table;
+pub mod batch;
 pub mod companions;
 pub mod correct;
 pub mod errors;
@@ -19,7 +20,9 @@ pub mod frame;
 pub mod invert;
 mod json;
 pub mod mask;
+pub mod noise;
 pub mod transport;
+pub mod trap_map;
 pub mod uncertain;
 pub mod unit;
 mod work;
@@ -30,7 +33,9 @@ pub use companions::{Bits, Companions};
 pub use correct::{Corrected, Residual, Stop, correct, iterated};
 pub use frame::{Corner, Geometry, Split, Transfers};
 pub use invert::{Transport, invert};
+pub use noise::NoiseAfter;
 pub use transport::FrameTransport;
+pub use trap_map::TrapMap;
 pub use uncertain::{Uncertain, uncertain};
 pub use unit::Unit;
 
@@ -40,6 +45,8 @@ use std::io::BufWriter;
 use std::path::Path;
 use std::str::FromStr;
 
+use fitsio_pure::header::Card;
+use fitsio_pure::value::Value;
 use ndarray::{Array2, Zip};
 
 use crate::error::InputError;
@@ -95,6 +102,12 @@ pub struct Job {
     pub amplifiers: Option<AmplifierTable>,
     /// What the bits of data quality mean to a correction.
     pub bits: Bits,
+    /// Factors on the densities of the pixels' traps, by column.
+    pub trap_map: Option<TrapMap>,
+    /// Read noise, e- rms, of amplifiers whose table names none.
+    pub read_noise_e: Option<f64>,
+    /// Read noise is separated before a correction, and added afterwards.
+    pub separate_noise: bool,
     /// Errors beside a frame are propagated through its correction.
     pub propagate_errors: bool,
 }
@@ -158,8 +171,8 @@ pub struct FrameDone {
     pub uncertain: Option<Uncertain>,
     /// Of a correction: the last residual is as small as was asked for, but for the uncertain pixels.
     pub converged: bool,
-    /// Of a correction: how much larger the amplifier's noise is.
-    pub noise_amplification: Option<f64>,
+    /// Of a correction: what became of the amplifier's noise.
+    pub noise: Option<NoiseAfter>,
     /// What was done to the HDUs that go with it.
     pub beside: CompanionsDone,
 }
@@ -171,6 +184,14 @@ pub struct CompanionsDone {
     pub errors: Option<(usize, f64)>,
     /// The HDU of data quality: pixels flagged as bad and as saturated, and those in which the bit of uncertain ones was set.
     pub quality: Option<(usize, usize, usize, usize)>,
+}
+
+impl CompanionsDone {
+    /// Whether an HDU has other values than before.
+    pub fn changed(&self, hdu: usize) -> bool {
+        self.errors.is_some_and(|(errors, _)| errors == hdu)
+            || self.quality.is_some_and(|(quality, .., set_px)| quality == hdu && set_px > 0)
+    }
 }
 
 impl Job {
@@ -210,6 +231,9 @@ impl Job {
             hdus: Vec::new(),
             amplifiers: None,
             bits: Bits::default(),
+            trap_map: None,
+            read_noise_e: None,
+            separate_noise: false,
             propagate_errors: true,
         })
     }
@@ -270,12 +294,28 @@ impl Job {
 
     /// The frames of a file with the amplifiers that read them.
     fn frames(&self, hdus: &[Hdu], input: &Path) -> Result<Vec<amplifier_table::Frame>, InputError> {
+        let mut frames = self.frames_without_map(hdus, input)?;
+        for (index, amplifiers) in &mut frames {
+            let Some(map) = &self.trap_map else { break };
+            let factors = map.of(&hdus[*index], image_shape(&hdus[*index])?.1)?;
+            for amplifier in &mut amplifiers.0 {
+                amplifier.factors = Some(factors[amplifier.columns.clone()].to_vec());
+            }
+        }
+        Ok(frames)
+    }
+
+    fn frames_without_map(&self, hdus: &[Hdu], input: &Path) -> Result<Vec<amplifier_table::Frame>, InputError> {
         let place = |error: InputError| {
             let refused = format!("cannot use `{}`: {}", input.display(), error.refused);
             InputError { refused, ..error }
         };
         if let Some(table) = &self.amplifiers {
-            return table.frames(hdus, self.geometry.transfers, &self.device).map_err(place);
+            let mut frames = table.frames(hdus, self.geometry.transfers, &self.device).map_err(place)?;
+            for amplifier in frames.iter_mut().flat_map(|(_, amplifiers)| &mut amplifiers.0) {
+                amplifier.read_noise_e = amplifier.read_noise_e.or(self.read_noise_e);
+            }
+            return Ok(frames);
         }
         let frames = frames(hdus, &self.hdus, &self.geometry, &self.unit).map_err(place)?;
         let of = |(index, scale): (usize, unit::Scale)| {
@@ -287,8 +327,9 @@ impl Job {
                 geometry: self.geometry,
                 scale,
                 saturated_dn: self.unit.saturated_dn,
-                read_noise_e: None,
+                read_noise_e: self.read_noise_e,
                 device: self.device.clone(),
+                factors: None,
             };
             (index, Amplifiers(vec![amplifier]))
         };
@@ -306,7 +347,8 @@ impl Job {
         let (name, task) = (hdu.to_string(), self.task.word());
         let before = |line: &str| line.starts_with("ctiplan") && line.contains(&format!("{task}:"));
         let mut warnings = Vec::new();
-        if hdu.history().any(before) {
+        let keyword = if self.task == Task::Readout { "CTIADDED" } else { "CTICORR" };
+        if hdu.history().any(before) || hdu.value(keyword).is_some() {
             warnings.push(Warning::DoneBefore { name: name.clone(), task });
         }
         let (Some(first), Some(uncertain)) = (frame.residuals.first(), &frame.uncertain) else { return warnings };
@@ -357,7 +399,7 @@ impl Job {
             residuals: Vec::new(),
             uncertain: None,
             converged: true,
-            noise_amplification: None,
+            noise: None,
             beside: CompanionsDone::default(),
         };
         let mut kept = missing;
@@ -366,28 +408,37 @@ impl Job {
             Task::Readout => amplifiers.read(&before_e)?,
             Task::Correct { stop, noise } => {
                 Zip::from(&mut kept).and(&saturated).for_each(|kept, full| *kept |= *full);
+                let mut counted = lit;
+                Zip::from(&mut counted).and(&kept).for_each(|counted, kept| *counted &= !*kept);
+                let separated = |frame_e: &Array2<f64>| match self.separate_noise {
+                    true => amplifiers.read_noise(frame_e, &counted),
+                    false => Ok(Array2::zeros(frame_e.raw_dim())),
+                };
                 let solve = |observed: &Array2<f64>, what: &str| {
                     let tell = |said: &str| tell(&format!(", {what}{said}"));
                     invert(&FrameTransport::new(amplifiers, observed, &tell), observed, Some(&kept), stop)
                 };
-                let corrected = solve(&before_e, "")?;
+                let noise_e = separated(&before_e)?;
+                let observed_e = &before_e - &noise_e;
+                let corrected = solve(&observed_e, "")?;
                 if let Some(noise) = noise {
-                    let mut counted = lit;
-                    Zip::from(&mut counted).and(&kept).for_each(|counted, kept| *counted &= !*kept);
-                    let again = |noisy: &Array2<f64>| solve(noisy, "with noise, ").map(|corrected| corrected.image);
-                    let times = correct::noise_amplification(&before_e, &corrected.image, &counted, noise, again)?;
-                    done.noise_amplification = Some(times);
+                    let again = |noisy: &Array2<f64>| {
+                        let noise_e = separated(noisy)?;
+                        solve(&(noisy - &noise_e), "with noise, ").map(|corrected| corrected.image + noise_e)
+                    };
+                    let image_e = &corrected.image + &noise_e;
+                    done.noise = Some(noise::followed(&before_e, &image_e, &counted, noise, again)?);
                 }
                 let moved_e = corrected.residuals[0].max_e;
                 tell(", looking for emptied packets");
                 let accuracy_e =
                     if stop.error_e > 0.0 { stop.error_e } else { moved_e * stop.relative.max(self.accuracy()) };
-                let transport = FrameTransport::new(amplifiers, &before_e, &|_| ());
+                let transport = FrameTransport::new(amplifiers, &observed_e, &|_| ());
                 let goal = (accuracy_e, stop.iterations);
-                let uncertain = uncertain(&transport, &before_e, Some(&kept), &corrected, goal)?;
+                let uncertain = uncertain(&transport, &observed_e, Some(&kept), &corrected, goal)?;
                 done.converged = corrected.converged || stop.is_reached(uncertain.left, corrected.residuals[0]);
                 (done.residuals, done.uncertain) = (corrected.residuals, Some(uncertain));
-                corrected.image
+                if self.separate_noise { corrected.image + noise_e } else { corrected.image }
             }
         };
         // A pixel that does not change keeps its very bits.
@@ -406,7 +457,42 @@ impl Job {
     }
 
     /// What the header will tell of this.
-    fn history(&self, frame: &FrameDone, dose_mev_g: f64) -> Vec<String> {
+    fn header(&self, frame: &FrameDone, dose_mev_g: f64) -> Vec<Card> {
+        let mut cards = self.keywords(frame, dose_mev_g);
+        cards.extend(self.history(frame, dose_mev_g));
+        cards
+    }
+
+    /// What was done, for programs: keywords with values and units.
+    fn keywords(&self, frame: &FrameDone, dose_mev_g: f64) -> Vec<Card> {
+        let text = |text: &str| Value::String(plain(text).chars().take(MOST_TEXT).collect());
+        let done = match self.task {
+            Task::Readout => ("CTIADDED", "CTI trails added by"),
+            Task::Correct { .. } => ("CTICORR", "CTI trails removed by"),
+        };
+        let mut keys = vec![
+            (done.0, text(concat!("ctiplan ", env!("CARGO_PKG_VERSION"))), done.1),
+            ("CTIMISS", text(&self.model.mission.mission.name), "mission of the CTI model"),
+            ("CTIYEAR", Value::Float(self.device.at.t_yr), "[yr] time since launch of the CTI model"),
+            ("CTIDOSE", Value::Float(dose_mev_g), "[MeV/g] dose of the CTI model"),
+        ];
+        if let Some(uncertain) = &frame.uncertain {
+            let (left, iterations) = (uncertain.left, frame.residuals.len().saturating_sub(1));
+            keys.extend([
+                ("CTIITER", Value::Integer(iterations as i64), "iterations of the CTI correction"),
+                ("CTIRMS", Value::Float(left.rms_e), "[e-] rms residual of the CTI model"),
+                ("CTIMAX", Value::Float(left.max_e), "[e-] largest residual of the CTI model"),
+                ("CTIUNCER", Value::Integer(uncertain.count() as i64), "[px] pixels of uncertain CTI correction"),
+            ]);
+        }
+        let card = |(keyword, value, comment): (&str, Value, &str)| Card {
+            comment: Some(comment.to_string()),
+            ..Card::new(keyword, value).expect("a keyword of capitals")
+        };
+        keys.into_iter().map(card).collect()
+    }
+
+    fn history(&self, frame: &FrameDone, dose_mev_g: f64) -> Vec<Card> {
         let at = &self.device.at;
         let mut told = vec![format!(
             "ctiplan {} {}: charge transfer inefficiency {}, {} transfers",
@@ -424,6 +510,14 @@ impl Job {
             self.model.mission.mission.name, at.t_yr, dose_mev_g, at.temperature_k, at.line_time_ms
         ));
         told.extend(frame.amplifiers.0.iter().flat_map(history_of));
+        if let Some(map) = &self.trap_map {
+            told.push(format!("trap densities times the factors of columns in {}", map.name));
+        }
+        if self.separate_noise {
+            let noise = |amplifier: &Amplifier| amplifier.read_noise_e.unwrap_or(0.0).to_string();
+            let noises: Vec<String> = frame.amplifiers.0.iter().map(noise).collect();
+            told.push(format!("read noise of {} e- separated before the correction", noises.join(", ")));
+        }
         if let (Some(first), Some(uncertain)) = (frame.residuals.first(), &frame.uncertain) {
             let last = uncertain.left;
             told.push(format!(
@@ -550,11 +644,18 @@ fn says_other_than_charge(hdu: &Hdu) -> bool {
     OTHER_THAN_CHARGE.contains(&name.rsplit('.').next().unwrap_or_default())
 }
 
-/// A text in lines that fit HISTORY cards, later ones indented; letters that FITS does not know become `?`.
-fn cards(text: &str) -> Vec<String> {
+/// Most letters of a text in a card with a comment.
+const MOST_TEXT: usize = 36;
+
+/// A text in letters that FITS knows; others become `?`.
+fn plain(text: &str) -> String {
+    text.chars().map(|letter| if (' '..='~').contains(&letter) { letter } else { '?' }).collect()
+}
+
+/// A text as HISTORY cards, later lines indented.
+fn cards(text: &str) -> Vec<Card> {
     let mut lines = vec![String::new()];
-    let plain: String = text.chars().map(|letter| if (' '..='~').contains(&letter) { letter } else { '?' }).collect();
-    for word in plain.split_whitespace() {
+    for word in plain(text).split_whitespace() {
         let line = lines.last_mut().expect("one line at least");
         if line.is_empty() {
             line.push_str(word);
@@ -566,7 +667,7 @@ fn cards(text: &str) -> Vec<String> {
         }
     }
     // Column 9 is left blank, as is the custom.
-    lines.into_iter().map(|line| format!(" {line}")).collect()
+    lines.into_iter().map(|line| fits::history(&format!(" {line}"))).collect()
 }
 
 impl Task {
@@ -638,7 +739,8 @@ mod tests {
 
     #[test]
     fn history_fits_its_cards() {
-        let lines = cards(&"a mission at 5 µm, twelve ".repeat(9));
+        let lines: Vec<String> =
+            cards(&"a mission at 5 µm, twelve ".repeat(9)).into_iter().filter_map(|card| card.comment).collect();
         assert!(lines.len() > 2 && lines.iter().all(|line| line.len() <= 72 && line.is_ascii()), "{lines:?}");
         assert!(lines[0].starts_with(" a mission at 5 ?m") && lines[1].starts_with("   "));
     }

@@ -9,6 +9,7 @@ pub mod effects;
 mod evaluate;
 mod fit;
 mod image;
+mod image_batch;
 mod measure;
 mod page;
 mod parts;

@@ -52,7 +52,7 @@ pub fn fits(bytes: &[u8]) {
                 let Ok(mut pixels) = fits.pixels(index) else { continue };
                 let physical = pixels.physical();
                 pixels.set(physical.iter().map(|value| (!value.is_nan()).then_some(*value)));
-                hdu.write(&pixels, &["fuzzed".to_string()], &mut out).expect("memory takes all");
+                hdu.write(&pixels, &[ctiplan::image::fits::history("fuzzed")], &mut out).expect("memory takes all");
             }
             _ => fits.copy(index, &mut out).expect("memory takes all"),
         }

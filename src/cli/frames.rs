@@ -1,13 +1,17 @@
 //! `ctiplan readout` and `ctiplan correct`.
 
+use std::path::{Path, PathBuf};
+
 use clap::Args;
 
 use super::frame_argument::{Gain, Layout};
 use super::inputs::mission_with;
 use super::{Failure, Outcome, Output, print, progress};
-use crate::cli::file_argument::{InputFile, OutputFile};
+use crate::cli::file_argument::InputFile;
 use crate::error::InputError;
-use crate::image::{AmplifierTable, Bits, Geometry, Job, Stop, Task, Transfers};
+use crate::image::batch::{Batch, Existing};
+use crate::image::{AmplifierTable, Bits, Geometry, Job, Stop, Task, Transfers, TrapMap};
+use crate::io::atomic_file::{self, Written};
 use crate::model::Model;
 use crate::physics::accuracy::OF_FRAMES;
 use crate::physics::conditions::Conditions;
@@ -41,7 +45,7 @@ pub(super) struct Correct {
     beside: Beside,
 }
 
-/// Errors and data quality of frames.
+/// Errors, data quality and read noise of frames.
 #[derive(Debug, Args)]
 struct Beside {
     /// Bits of data quality (DQ, FLG) that mark saturated pixels; by default 256 and 2048 for HST/ACS, and none for others
@@ -53,6 +57,12 @@ struct Beside {
     /// Bit of data quality that is set in uncertain pixels, instead of an extension that marks them
     #[arg(long, value_name = "BIT", value_parser = bit)]
     dq_set: Option<u32>,
+    /// Read noise (e- rms) of amplifiers whose table names none
+    #[arg(long, value_name = "E", value_parser = at_least_0)]
+    read_noise_e: Option<f64>,
+    /// Separate read noise before the correction and add it afterwards, so that it is not amplified
+    #[arg(long)]
+    separate_noise: bool,
     /// Copy errors (ERR, RMS) as they are, instead of propagating them through the correction
     #[arg(long)]
     keep_err: bool,
@@ -79,12 +89,15 @@ impl Correct {
 /// Input, geometry on the detector, and output.
 #[derive(Debug, Args)]
 struct Frames {
-    /// FITS file to read
-    #[arg(value_name = "IN.fits")]
-    input: InputFile,
-    /// FITS file to write: all HDUs of the input, with their headers
-    #[arg(value_name = "OUT.fits")]
-    output: OutputFile,
+    /// FITS file to read and FITS file to write, with all HDUs and their headers; with --out-folder: all are read
+    #[arg(value_name = "IN.fits OUT.fits", required = true)]
+    files: Vec<PathBuf>,
+    /// Folder to write into, each file under its own name
+    #[arg(long, value_name = "DIR")]
+    out_folder: Option<PathBuf>,
+    /// Keep files that are in the folder already, which are complete, and go on with the others
+    #[arg(long, requires = "out_folder", conflicts_with = "overwrite")]
+    resume: bool,
     /// Mission file (TOML)
     #[arg(long, value_name = "MISSION")]
     mission: InputFile,
@@ -103,13 +116,16 @@ struct Frames {
     /// Table of the camera's amplifiers (ECSV or CSV), a row each: HDU, corner, sections, gain, read noise, traps
     #[arg(
         long,
-        value_name = "TABLE",
+        value_name = "FILE",
         conflicts_with_all = [
             "hdu", "corner", "split", "prescan_px", "overscan_columns", "overscan_rows", "transfers_before",
             "charge_before_e", "serial_transfers_before", "gain_e_per_dn", "gain_keyword", "saturated_dn", "bias_dn",
         ]
     )]
     amplifiers: Option<InputFile>,
+    /// Factors on the densities of the pixels' traps: an image (FITS) with one row, a factor for each column of the frame
+    #[arg(long, value_name = "FILE")]
+    trap_map: Option<InputFile>,
     #[command(flatten)]
     layout: Layout,
     /// Charge per pixel in those rows, e-: 0 if they are dark, the sky if the frame was cut out of a larger one
@@ -126,7 +142,7 @@ struct Frames {
     /// Accuracy of the readout, instead of accuracy.relative: error of a packet over the largest displacement of charge
     #[arg(long, value_name = "FRACTION", default_value_t = OF_FRAMES, value_parser = fraction)]
     relative: f64,
-    /// Replace OUT.fits if it exists
+    /// Replace files to write if they exist
     #[arg(long, visible_alias = "force")]
     overwrite: bool,
     #[command(flatten)]
@@ -144,9 +160,31 @@ impl Frames {
         let job = Job { unit: self.gain.unit(self.bias_dn), hdus: self.layout.hdu.clone(), amplifiers, ..job };
         let bits = beside.map_or(Bits::default(), Beside::bits);
         let propagate_errors = beside.is_some_and(|beside| !beside.keep_err);
-        let job = Job { bits, propagate_errors, ..job };
+        let job = Job {
+            bits,
+            propagate_errors,
+            read_noise_e: beside.and_then(|beside| beside.read_noise_e),
+            trap_map: self.trap_map.as_ref().map(|file| TrapMap::read(file)).transpose()?,
+            separate_noise: beside.is_some_and(|beside| beside.separate_noise),
+            ..job
+        };
+        match &self.out_folder {
+            None => self.one(&job),
+            Some(folder) => self.many(&job, folder),
+        }
+    }
+
+    /// One file.
+    fn one(&self, job: &Job) -> Result<Outcome, Failure> {
+        let [input, output] = &self.files[..] else {
+            let problem = format!("found {} files; one to read and one to write are needed", self.files.len());
+            let refused = format!("cannot use `{}`", self.files[self.files.len() - 1].display());
+            return Err(InputError::new(refused, problem).with_help("give --out-folder to process many files").into());
+        };
+        let inputs: Vec<&Path> = self.read_besides().chain([input.as_path()]).collect();
+        atomic_file::refuse_clashes(&[Written::File(output)], &inputs)?;
         let bar = progress(0, "HDUs");
-        let done = job.run(&self.input, &self.output, self.overwrite, &|done, all, what| {
+        let done = job.run(input, output, self.overwrite, &|done, all, what| {
             bar.set_length(all as u64);
             bar.set_position(done as u64);
             bar.set_message(what.to_string());
@@ -154,6 +192,37 @@ impl Frames {
         bar.finish_and_clear();
         print(&done, &self.output_format)?;
         Ok(Outcome::Done)
+    }
+
+    /// Many files; those that fail are named at the end.
+    fn many(&self, job: &Job, folder: &Path) -> Result<Outcome, Failure> {
+        let inputs: Vec<&Path> = self.files.iter().map(PathBuf::as_path).collect();
+        for input in &inputs {
+            let output = folder.join(input.file_name().unwrap_or_default());
+            let besides: Vec<&Path> = self.read_besides().collect();
+            atomic_file::refuse_clashes(&[Written::File(&output)], &besides)?;
+        }
+        let existing = match (self.overwrite, self.resume) {
+            (true, _) => Existing::Replaced,
+            (_, true) => Existing::Kept,
+            _ => Existing::Refused,
+        };
+        let bar = progress(inputs.len() as u64, "files");
+        let batch = Batch::run(job, &inputs, folder, existing, &|done, what| {
+            bar.set_position(done as u64);
+            bar.set_message(what.to_string());
+        })?;
+        bar.finish_and_clear();
+        print(&batch, &self.output_format)?;
+        batch.failure().map_or(Ok(Outcome::Done), |failure| Err(failure.into()))
+    }
+
+    /// Files that are read besides frames.
+    fn read_besides(&self) -> impl Iterator<Item = &Path> {
+        [Some(&self.mission), self.amplifiers.as_ref(), self.trap_map.as_ref()]
+            .into_iter()
+            .flatten()
+            .map(|file| &**file)
     }
 
     fn geometry(&self) -> Result<Geometry, InputError> {

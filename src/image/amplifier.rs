@@ -10,6 +10,7 @@ use ndarray::{Array2, ArrayView2, s};
 use super::frame::{self, Geometry};
 use super::invert::coarse;
 use super::mask;
+use super::noise;
 use super::unit::Scale;
 use crate::error::InputError;
 use crate::model::Device;
@@ -33,12 +34,20 @@ pub struct Amplifier {
     pub read_noise_e: Option<f64>,
     /// The traps and wells of its pixels.
     pub device: Device,
+    /// Factors on the densities of the traps of its columns, from the left.
+    pub factors: Option<Vec<f64>>,
 }
 
 impl Amplifier {
     /// The same pixels of a frame.
     pub fn part<'a, T>(&self, frame: &'a Array2<T>) -> ArrayView2<'a, T> {
         frame.slice(s![self.rows.clone(), self.columns.clone()])
+    }
+
+    /// What it reads (e-), with trails; `relative` is an error that is allowed.
+    fn read(&self, part_e: &Array2<f64>, relative: f64) -> Result<Array2<f64>, InputError> {
+        let device = self.device.by(coarse(self.device.method, relative));
+        frame::read_with(&device, &self.geometry, part_e, self.factors.as_deref())
     }
 
     /// Puts values (rows and columns of the part) into a frame.
@@ -75,6 +84,7 @@ impl Amplifiers {
             saturated_dn: None,
             read_noise_e: None,
             device: device.clone(),
+            factors: None,
         }])
     }
 
@@ -95,8 +105,7 @@ impl Amplifiers {
         let mut read_e = frame_e.clone();
         for amplifier in &self.0 {
             let part_e = amplifier.part(frame_e).to_owned();
-            let device = amplifier.device.by(coarse(amplifier.device.method, relative));
-            amplifier.put(&frame::read(&device, &amplifier.geometry, &part_e)?, &mut read_e);
+            amplifier.put(&amplifier.read(&part_e, relative)?, &mut read_e);
         }
         Ok(read_e)
     }
@@ -133,6 +142,27 @@ impl Amplifiers {
             let full = mask::saturated(&part.to_owned(), &amplifier.device.cloud, from_e);
             full & amplifier.geometry.lit(part.dim())
         })
+    }
+
+    /// The read noise (e-) that can be told from charge, where pixels count: see [`super::noise::separated`].
+    ///
+    /// # Errors
+    /// Where the read noise of an amplifier is not known.
+    pub fn read_noise(&self, charge_e: &Array2<f64>, count: &Array2<bool>) -> Result<Array2<f64>, InputError> {
+        let mut noise_e = Array2::zeros(charge_e.raw_dim());
+        for amplifier in &self.0 {
+            let Some(read_noise_e) = amplifier.read_noise_e else {
+                let name = amplifier.name.as_ref().map_or(String::new(), |name| format!(" of amplifier {name}"));
+                return Err(InputError::new(
+                    "cannot separate read noise",
+                    format!("the read noise{name} is not known"),
+                )
+                .with_help("give --read-noise-e, or the column read_noise_e of a table of amplifiers"));
+            };
+            let (part_e, count) = (amplifier.part(charge_e).to_owned(), amplifier.part(count).to_owned());
+            amplifier.put(&noise::separated(&part_e, &count, read_noise_e), &mut noise_e);
+        }
+        Ok(noise_e)
     }
 
     /// Electrons per unit of the frame, if it is the same everywhere.

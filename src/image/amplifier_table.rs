@@ -169,6 +169,7 @@ impl AmplifierTable {
             saturated_dn: number(&row.saturated_dn, "saturated_dn")?,
             read_noise_e: number(&row.read_noise_e, "read_noise_e")?,
             device: self.device(index, device)?,
+            factors: None,
         })
     }
 

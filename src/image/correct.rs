@@ -14,9 +14,6 @@
 //! model lacks leaves its trail, and noise that was added after the transfers is sharpened as if it had been trailed.
 
 use ndarray::{Array2, Axis, Zip};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, Normal};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -202,30 +199,6 @@ pub(super) fn go_on<E>(
     Ok(found)
 }
 
-/// How much larger white noise of the amplifier (`noise_e`, e- rms) is in a corrected image than in the observed one.
-///
-/// The correction is repeated on the observed image with noise from `seed`; the scatter of the difference, over pixels
-/// that `count`, is divided by the noise's own.
-///
-/// # Errors
-/// Those of the correction.
-pub fn noise_amplification<E>(
-    observed: &Array2<f64>,
-    corrected: &Array2<f64>,
-    count: &Array2<bool>,
-    (noise_e, seed): (f64, u64),
-    correct: impl Fn(&Array2<f64>) -> Result<Array2<f64>, E>,
-) -> Result<f64, E> {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let normal = Normal::new(0.0, noise_e).expect("a finite scatter");
-    let noise = Array2::from_shape_simple_fn(observed.raw_dim(), || normal.sample(&mut random));
-    let difference = correct(&(observed + &noise))? - corrected;
-    let squares = |values: &Array2<f64>| {
-        Zip::from(values).and(count).fold(0.0, |sum, value, counts| if *counts { sum + value * value } else { sum })
-    };
-    Ok((squares(&difference) / squares(&noise)).sqrt())
-}
-
 impl Residual {
     pub(super) fn of(left: &Array2<f64>) -> Residual {
         // Row by row, so that the sum is the same for any number of threads.
@@ -326,15 +299,5 @@ mod tests {
         let corrected = solve(&trailed, Some(&held), stop, trail).unwrap();
         assert_eq!(corrected.image[[30, 0]], trailed[[30, 0]]);
         assert!((corrected.image[[80, 1]] - before[[80, 1]]).abs() < 1e-3);
-    }
-
-    #[test]
-    fn noise_is_amplified_by_what_the_correction_does_to_it() {
-        let observed = Array2::from_elem((40, 40), 100.0);
-        let count = Array2::from_elem((40, 40), true);
-        // A correction that doubles everything doubles the noise.
-        let double = |image: &Array2<f64>| Ok::<_, Infallible>(image * 2.0);
-        let doubled = noise_amplification(&observed, &double(&observed).unwrap(), &count, (3.0, 1), double);
-        assert!((doubled.unwrap() - 2.0).abs() < 1e-12);
     }
 }

@@ -68,14 +68,15 @@ fn of_amplifier(
     let of_noise = |variance: f64| amplifier.read_noise_e.map_or(variance, |noise_e| variance.min(noise_e * noise_e));
     let geometry = &amplifier.geometry;
     let mut parts = Vec::new();
-    for (((corrected, held), variance), noise) in geometry
+    for ((((corrected, factors), held), variance), noise) in geometry
         .amplifiers(corrected_e)
         .iter()
+        .zip(geometry.factors(amplifier.factors.as_deref()))
         .zip(geometry.amplifiers(held))
         .zip(geometry.amplifiers(&variance))
         .zip(geometry.amplifiers(&variance.mapv(of_noise)))
     {
-        let after = part(amplifier, corrected, &held, &noise)?;
+        let after = part(amplifier, corrected, factors.as_deref(), &held, &noise)?;
         parts.push((variance - noise + after).mapv(f64::sqrt));
     }
     let mut all = sigma_e.clone();
@@ -87,12 +88,13 @@ fn of_amplifier(
 fn part(
     amplifier: &Amplifier,
     corrected_e: &Array2<f64>,
+    factors: Option<&[f64]>,
     held: &Array2<bool>,
     noise: &Array2<f64>,
 ) -> Result<Array2<f64>, InputError> {
     let along = |transfers: Transfers| {
         let geometry = Geometry { transfers, ..amplifier.geometry };
-        move |image: &Array2<f64>| frame::clocked(&amplifier.device, &geometry, image.view())
+        move |image: &Array2<f64>| frame::clocked(&amplifier.device, &geometry, image.view(), factors)
     };
     let (parallel, serial) = (along(Transfers::Parallel), along(Transfers::Serial));
     let mut variance = noise.clone();

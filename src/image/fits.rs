@@ -357,12 +357,12 @@ impl Hdu {
         self.data_start() + self.data_len.next_multiple_of(BLOCK_SIZE as u64)
     }
 
-    /// Writes the HDU with other pixels and lines of HISTORY before END; checksums are brought up to date where there are
-    /// any, and all other cards are as they were.
+    /// Writes the HDU with other pixels and with more cards before END, which replace those of the same keyword unless they are
+    /// HISTORY; checksums are brought up to date where there are any, and all other cards are as they were.
     ///
     /// # Errors
     /// Where writing fails.
-    pub fn write(&self, pixels: &Pixels, history: &[String], out: &mut impl Write) -> std::io::Result<()> {
+    pub fn write(&self, pixels: &Pixels, more: &[Card], out: &mut impl Write) -> std::io::Result<()> {
         let (mut header, data) = if self.is_compressed() {
             tiles::encoded(self, &pixels.stored, [pixels.shape.1, pixels.shape.0])?
         } else {
@@ -370,9 +370,9 @@ impl Hdu {
             let end = end.expect("a header that was read has an END");
             (self.header[..end * CARD_SIZE].to_vec(), image::serialize_image(&pixels.stored))
         };
-        for line in history {
-            header.extend(format_card(&Card { keyword: *b"HISTORY ", value: None, comment: Some(line.clone()) }));
-        }
+        let replaced = |card: &[u8]| more.iter().any(|new| new.value.is_some() && card.starts_with(&new.keyword));
+        header = header.chunks_exact(CARD_SIZE).filter(|card| !replaced(card)).flatten().copied().collect();
+        header.extend(more.iter().flat_map(format_card));
         header.extend(fitsio_pure::header::format_end_card());
         header.resize(header.len().next_multiple_of(BLOCK_SIZE), b' ');
         let data_sum = checksum_blocks(&data);
@@ -385,6 +385,11 @@ impl Hdu {
         out.write_all(&header)?;
         out.write_all(&data)
     }
+}
+
+/// A card of HISTORY.
+pub fn history(line: &str) -> Card {
+    Card { keyword: *b"HISTORY ", value: None, comment: Some(line.into()) }
 }
 
 /// Writes an image extension of bytes, 1 where a pixel of a frame (an HDU of the file, by its place) is marked and 0 elsewhere,

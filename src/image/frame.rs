@@ -20,6 +20,7 @@
 
 use ndarray::{Array2, ArrayView2, ArrayViewMut2, Axis, Zip, s};
 
+use super::trap_map;
 use crate::error::InputError;
 use crate::model::Device;
 use crate::readout::{Allowed, Downstream};
@@ -189,6 +190,15 @@ impl Geometry {
         self.parts().into_iter().map(|part| part.of(frame).to_owned()).collect()
     }
 
+    /// Factors of a frame's columns → those of the columns of each part, in the order of readout.
+    pub(super) fn factors(&self, factors: Option<&[f64]>) -> Vec<Option<Vec<f64>>> {
+        let of = |part: Part| {
+            let all = Array2::from_shape_fn((2, factors?.len()), |(_, column)| factors.unwrap_or_default()[column]);
+            part.of(&all).rows().into_iter().next().map(|row| row.to_vec())
+        };
+        self.parts().into_iter().map(of).collect()
+    }
+
     /// Puts what [`Geometry::amplifiers`] gives back into a frame.
     pub fn put_back<T: Clone>(&self, parts: &[Array2<T>], frame: &mut Array2<T>) {
         for (part, values) in self.parts().into_iter().zip(parts) {
@@ -279,10 +289,26 @@ impl Side {
 ///
 /// Serial registers are the device's; that their effect names a number of transfers does not matter here, where every
 /// column makes its own.
+///
+/// # Errors
+/// Where an effect has no value, here and below.
 pub fn read(device: &Device, geometry: &Geometry, frame_e: &Array2<f64>) -> Result<Array2<f64>, InputError> {
+    read_with(device, geometry, frame_e, None)
+}
+
+/// The same with a factor on the densities of the pixels' traps for each column of the frame.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_with(
+    device: &Device,
+    geometry: &Geometry,
+    frame_e: &Array2<f64>,
+    factors: Option<&[f64]>,
+) -> Result<Array2<f64>, InputError> {
     let mut read_e = frame_e.clone();
-    for part in geometry.parts() {
-        let clocked = clocked(device, geometry, part.of(frame_e))?;
+    for (part, factors) in geometry.parts().into_iter().zip(geometry.factors(factors)) {
+        let clocked = clocked(device, geometry, part.of(frame_e), factors.as_deref())?;
         part.of_mut(&mut read_e).assign(&clocked);
     }
     Ok(read_e)
@@ -328,6 +354,7 @@ pub(super) fn clocked(
     device: &Device,
     geometry: &Geometry,
     part_e: ArrayView2<f64>,
+    factors: Option<&[f64]>,
 ) -> Result<Array2<f64>, InputError> {
     let (rows, columns) = geometry.image(part_e.dim());
     let image = s![rows, columns.clone()];
@@ -343,8 +370,11 @@ pub(super) fn clocked(
         // Overscan rows are rows of nothing above the image. Nothing is caught and nothing is let go above the topmost row
         // that exists, so they may be clocked as if there were pixels for them: the transfers that count are those below.
         let downstream = Downstream { rows: geometry.rows_before.into(), charge_e: geometry.charge_before_e };
-        let mut lit = read_e.slice_mut(s![.., columns]);
-        let trailed = device.readout().parallel(&lit.to_owned(), downstream);
+        let mut lit = read_e.slice_mut(s![.., columns.clone()]);
+        let trailed = match factors {
+            None => device.readout().parallel(&lit.to_owned(), downstream),
+            Some(factors) => trap_map::parallel(&device.readout(), &lit.to_owned(), downstream, &factors[columns]),
+        };
         lit.assign(&trailed);
     }
     if geometry.transfers.serial() {

@@ -64,11 +64,19 @@ struct Correction<'a> {
     converged: bool,
     residuals: &'a [Residual],
     noise_amplification: Option<f64>,
+    /// Correlation of its pixels, 1, 2, ... rows and columns apart.
+    noise_correlation: Option<Correlation<'a>>,
     uncertain_px: Option<usize>,
     error_e: Option<f64>,
     left: Option<Residual>,
     errors: Option<Errors>,
     quality: Option<Quality>,
+}
+
+#[derive(serde::Serialize)]
+struct Correlation<'a> {
+    rows: &'a [f64],
+    columns: &'a [f64],
 }
 
 #[derive(serde::Serialize)]
@@ -97,7 +105,7 @@ impl Serialize for Done {
             temperature_k: self.at.temperature_k,
             line_time_ms: self.at.line_time_ms,
             relative,
-            hdus: self.hdus.iter().map(OneHdu::of).collect(),
+            hdus: self.hdus.iter().map(|hdu| OneHdu::of(hdu, &self.hdus)).collect(),
             warnings: &self.warnings,
         };
         document.serialize(to)
@@ -105,12 +113,13 @@ impl Serialize for Done {
 }
 
 impl<'a> OneHdu<'a> {
-    fn of(done: &'a HduDone) -> OneHdu<'a> {
+    fn of(done: &'a HduDone, all: &[HduDone]) -> OneHdu<'a> {
+        let beside = |hdu: &HduDone| hdu.frame.as_ref().is_some_and(|frame| frame.beside.changed(done.index));
         let corrected = done.frame.as_ref().filter(|frame| !frame.residuals.is_empty());
         OneHdu {
             hdu: done.index,
             name: done.name.as_deref(),
-            copied: done.frame.is_none(),
+            copied: done.frame.is_none() && !all.iter().any(beside),
             frame: done.frame.as_ref().map(Frame::of),
             correction: corrected.map(Correction::of),
         }
@@ -150,7 +159,11 @@ impl<'a> Correction<'a> {
             iterations: done.residuals.len().saturating_sub(1),
             converged: done.converged,
             residuals: &done.residuals,
-            noise_amplification: done.noise_amplification,
+            noise_amplification: done.noise.as_ref().map(|noise| noise.ratio_rms),
+            noise_correlation: done
+                .noise
+                .as_ref()
+                .map(|noise| Correlation { rows: &noise.correlation_rows, columns: &noise.correlation_columns }),
             uncertain_px: uncertain.map(Uncertain::count),
             error_e: uncertain.map(|uncertain| uncertain.error_e),
             left: uncertain.map(|uncertain| uncertain.left),

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
+use fitsio_pure::header::Card;
 use ndarray::{Array2, Zip};
 
 use super::amplifier::Amplifiers;
@@ -27,8 +28,8 @@ pub(super) struct Work<'a> {
     frames: Vec<(usize, Amplifiers, Companions)>,
     bits: Bits,
     dose_mev_g: f64,
-    /// HDUs that are to be written: pixels, and lines for the header.
-    ready: BTreeMap<usize, (Pixels, Vec<String>)>,
+    /// HDUs that are to be written: pixels, and cards for the header.
+    ready: BTreeMap<usize, (Pixels, Vec<Card>)>,
     /// What was done to frames.
     pub done: BTreeMap<usize, FrameDone>,
 }
@@ -106,7 +107,7 @@ impl<'a> Work<'a> {
             self.process(place, tell)?;
         }
         Ok(match self.ready.remove(&index) {
-            Some((pixels, history)) => self.fits.hdus[index].write(&pixels, &history, out),
+            Some((pixels, cards)) => self.fits.hdus[index].write(&pixels, &cards, out),
             None => self.fits.copy(index, out),
         })
     }
@@ -140,7 +141,7 @@ impl<'a> Work<'a> {
             beside.quality = Some((at, count(&flagged.bad), count(&flagged.saturated), set_px));
         }
         worked.done.beside = beside;
-        let told = self.job.history(&worked.done, self.dose_mev_g);
+        let told = self.job.header(&worked.done, self.dose_mev_g);
         self.ready.insert(index, (pixels, told));
         self.done.insert(index, worked.done);
         Ok(())

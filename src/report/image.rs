@@ -1,7 +1,7 @@
 //! `ctiplan readout` and `ctiplan correct`.
 
 use super::{Report, lines, or_dash, table, wrapped};
-use crate::image::{CompanionsDone, Done, FrameDone, HduDone, Task};
+use crate::image::{CompanionsDone, Done, FrameDone, HduDone, Task, Transfers};
 use crate::readout::Method;
 
 impl Report for Done {
@@ -69,7 +69,7 @@ impl Report for Done {
                     format!("{:.3e}", last.rms_e),
                     format!("{:.3e}", first.max_e),
                     format!("{:.3e}", last.max_e),
-                    or_dash(frame.noise_amplification.map(|factor| format!("x {factor:.3}"))),
+                    or_dash(frame.noise.as_ref().map(|noise| format!("x {:.3}", noise.ratio_rms))),
                 ]);
             }
             out.push_str(&lines(&residuals));
@@ -84,6 +84,7 @@ impl Report for Done {
                     hdu.index, uncertain.error_e
                 );
                 out.push_str(&wrapped(&format!("{error}{besides}."), 2));
+                out.push_str(&correlation(hdu.index, frame));
                 out.push_str(&beside(hdu.index, frame.beside));
             }
         }
@@ -130,7 +131,7 @@ impl Report for Done {
                 let last = uncertain.left;
                 row.push((frame.residuals.len() - 1).to_string());
                 row.extend([first.rms_e, last.rms_e, first.max_e, last.max_e].map(|value| value.to_string()));
-                row.push(frame.noise_amplification.map_or(String::new(), |factor| factor.to_string()));
+                row.push(frame.noise.as_ref().map_or(String::new(), |noise| noise.ratio_rms.to_string()));
                 row.extend([uncertain.count().to_string(), uncertain.error_e.to_string()]);
             }
             row.resize(header.len(), String::new());
@@ -158,6 +159,25 @@ impl Done {
     }
 }
 
+/// How noise of neighbouring pixels is correlated.
+fn correlation(index: usize, frame: &FrameDone) -> String {
+    let Some(noise) = &frame.noise else { return String::new() };
+    let transfers = frame.amplifiers.0.first().map(|amplifier| amplifier.geometry.transfers);
+    let mut out = String::new();
+    for (there, correlation, what) in [
+        (transfers.is_some_and(Transfers::parallel), &noise.correlation_rows, "rows"),
+        (transfers.is_some_and(Transfers::serial), &noise.correlation_columns, "columns"),
+    ] {
+        if there {
+            let values: Vec<String> = correlation.iter().map(|value| format!("{value:.4}")).collect();
+            let last = values.len();
+            let line = format!("HDU {index}: correlation of noise 1 to {last} {what} apart: {}.", values.join(", "));
+            out += &wrapped(&line, 2);
+        }
+    }
+    out
+}
+
 /// What errors and data quality of a frame were used for.
 fn beside(index: usize, done: CompanionsDone) -> String {
     let mut out = String::new();
@@ -167,7 +187,9 @@ fn beside(index: usize, done: CompanionsDone) -> String {
             2,
         );
     }
-    if let Some((hdu, bad_px, saturated_px, set_px)) = done.quality {
+    if let Some((hdu, bad_px, saturated_px, set_px)) =
+        done.quality.filter(|(_, bad, saturated, set)| bad + saturated + set > 0)
+    {
         let used =
             format!("HDU {index}: data quality in HDU {hdu} marks {bad_px} bad and {saturated_px} saturated pixels");
         let set = if set_px > 0 { format!("; the bit of uncertain ones was set in {set_px}") } else { String::new() };

@@ -268,3 +268,44 @@ fn a_bit_is_set_in_uncertain_pixels() {
         assert_eq!(done.status.code(), Some(2), "{wrong}");
     }
 }
+
+#[test]
+fn separated_noise_is_not_amplified() {
+    // Above the shot noise of the sky, 8 e-, which hides lower read noise.
+    const NOISE_E: f64 = 12.0;
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (truth, noisy) = (at("truth.fits"), at("noisy.fits"));
+    let electrons = || vec![card("BUNIT", "ELECTRONS")];
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let mut of = |rms: f64| Normal::new(0.0, rms).unwrap().sample(&mut random);
+    // A few stars in a flat sky.
+    let few = |(row, column): (usize, usize)| if (13 * row + 7 * column) % 501 == 3 { 2060.0_f64 } else { 60.0 };
+    let sky = Array2::from_shape_fn((120, 60), few).mapv(|charge_e| charge_e + of(charge_e.sqrt()));
+    file(&truth, &[], &[("SCI", 1, sky.clone(), electrons())]);
+    let heavy = ["--transfers-before", "300", "--set", "detector.traps.fast.density_per_px=1"];
+    work("readout", &truth, &at("trailed.fits"), &heavy);
+    let trailed = values(&at("trailed.fits"), 1);
+    file(&noisy, &[], &[("SCI", 1, trailed.mapv(|charge_e| charge_e + of(NOISE_E)), electrons())]);
+    let corrected = |name: &str, more: &[&str]| {
+        let report = work("correct", &noisy, &at(name), &[&heavy[..], &["--noise-e", "12"], more].concat());
+        let error = (values(&at(name), 1) - &sky).mapv(|error| error * error).mean().unwrap().sqrt();
+        (error, report["hdus"][1].clone())
+    };
+    let (plain_e, plain) = corrected("plain.fits", &[]);
+    let (separated_e, separated) = corrected("separated.fits", &["--separate-noise", "--read-noise-e", "12"]);
+    let times = |done: &serde_json::Value| done["noise_amplification"].as_f64().unwrap();
+    // The noise that was added is followed rightly, and most of its amplification is avoided.
+    assert!((plain_e / NOISE_E - times(&plain)).abs() < 0.02, "{plain_e} e-, {plain}");
+    assert!(plain_e > 1.03 * NOISE_E, "{plain_e}");
+    assert!(separated_e - NOISE_E < 0.5 * (plain_e - NOISE_E), "{separated_e} e- instead of {plain_e}");
+    let next = |done: &serde_json::Value| done["noise_correlation"]["rows"][0].as_f64().unwrap();
+    assert!(next(&plain) < -0.01 && next(&separated) > next(&plain) + 0.005, "{} {}", next(&plain), next(&separated));
+    assert!(plain["noise_correlation"]["columns"][0].as_f64().unwrap().abs() < 0.04);
+    let history: Vec<String> =
+        Fits::open(&at("separated.fits")).unwrap().hdus[1].history().map(str::to_string).collect();
+    assert!(history.iter().any(|line| line == "read noise of 12 e- separated before the correction"), "{history:?}");
+    let done = run("correct", &noisy, &at("no.fits"), &["--separate-noise"]);
+    let stderr = String::from_utf8(done.stderr).unwrap();
+    assert!(done.status.code() == Some(2) && stderr.contains("the read noise is not known"), "{stderr}");
+}

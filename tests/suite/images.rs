@@ -301,10 +301,13 @@ fn pixels_of_every_kind_come_out_as_they_are_written() {
         for (value, expected) in physical.iter().zip(&expected) {
             assert!((value - expected).abs() <= allowed * (1.0 + 1e-9), "{value} for {expected}: {more:?}");
         }
-        // The header: as it was, and HISTORY.
+        // The header: as it was, keywords that say what was done, and HISTORY.
         let (before, after) = (cards(&input, 0), cards(&output, 0));
         assert_eq!(before[..], after[..before.len()]);
-        assert!(after.len() > before.len() && after[before.len()..].iter().all(|card| card.starts_with("HISTORY  ")));
+        assert!(
+            after.len() > before.len()
+                && after[before.len()..].iter().all(|card| card.starts_with("HISTORY  ") || card.starts_with("CTI"))
+        );
     }
 }
 
@@ -336,7 +339,9 @@ fn headers_keep_their_cards_and_other_hdus_their_bytes() {
         // Their comments stay.
         assert_eq!(was[32..], is[32..]);
     }
-    assert!(is[was.len()].contains("ctiplan") && is[was.len()].contains("readout: "), "{}", is[was.len()]);
+    assert!(is[was.len()].starts_with("CTIADDED= 'ctiplan"), "{}", is[was.len()]);
+    let told = is[was.len()..].iter().find(|card| card.starts_with("HISTORY")).unwrap();
+    assert!(told.contains("ctiplan") && told.contains("readout: "), "{told}");
     assert!(fitsio_pure::checksum::verify_checksum(&after, &new[1]));
     assert!(fitsio_pure::checksum::verify_datasum(&after, &new[1]));
     // A second time is told.

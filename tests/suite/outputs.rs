@@ -35,7 +35,17 @@ const CASES: &[Case] = &[
     ),
     case("diagnose @mission.toml @trails.ecsv --candidates @candidates.toml", &["--plots", "--html", "--write"]),
     case("readout --mission @mission.toml --at 1 --hdu 5 --overwrite @frame.fits", &[""]),
+    case(
+        "readout --mission @mission.toml --at 1 --amplifiers @amplifiers.csv --trap-map @map.fits --overwrite @frame.fits",
+        &[""],
+    ),
+    case("readout --mission @mission.toml --at 1 --hdu 5 --overwrite @frame.fits", &["--out-folder"]),
     case("correct --mission @mission.toml --at 1 --hdu 5 --overwrite @frame.fits", &[""]),
+    case(
+        "correct --mission @mission.toml --at 1 --amplifiers @amplifiers.csv --trap-map @map.fits --overwrite @frame.fits",
+        &[""],
+    ),
+    case("correct --mission @mission.toml --at 1 --hdu 5 --overwrite @frame.fits", &["--out-folder"]),
     case("measure eper --bias-dn 0 @frame.fits none.fits", &["", "--first-pixel"]),
     case("measure trails @frame.fits", &[""]),
     case("measure dipoles @frame.fits", &[""]),
@@ -72,6 +82,8 @@ const CANDIDATES: &str =
 const FIT: &str =
     "{\"parameters\": [{\"key\": \"detector.well_fill_power\", \"sigma\": 0.01}], \"correlation\": [[1]]}";
 
+const AMPLIFIERS: &str = "hdu,corner\n5,lower-left\n";
+
 const POSTERIOR: &str = "detector.temperature_k\n133.0\n";
 
 /// All inputs in a folder of their own.
@@ -86,10 +98,13 @@ fn inputs() -> TempDir {
         ("fit.json", FIT),
         ("posterior.ecsv", POSTERIOR),
         ("galaxies.csv", "transfers,flux_e\n200,3000\n"),
+        ("amplifiers.csv", AMPLIFIERS),
     ];
     for (name, text) in texts {
         fs::write(folder.path().join(name), text).unwrap();
     }
+    let factors = ndarray::Array2::ones((1, 47));
+    crate::amplifiers::file(&folder.path().join("map.fits"), &[], &[("MAP", 1, factors, vec![])]);
     folder
 }
 
@@ -153,7 +168,7 @@ fn no_output_replaces_an_input() {
         {
             let folder = inputs();
             // Into a folder: a file that may be replaced there is one that is read.
-            let into = ["--plots", "--residuals"].contains(&option);
+            let into = ["--plots", "--residuals", "--out-folder"].contains(&option);
             let ending = match option {
                 "--plots" => "svg",
                 "--residuals" => "ecsv",
@@ -237,14 +252,16 @@ fn the_law_leaves_out_no_command_and_no_option() {
             continue;
         }
         let words: Vec<&str> = command.iter().map(String::as_str).collect();
-        let case = CASES.iter().find(|case| case.words.starts_with(&format!("{name} ")));
-        let case = case.unwrap_or_else(|| panic!("no case for `{name}`"));
+        let cases = || CASES.iter().filter(|case| case.words.starts_with(&format!("{name} ")));
+        assert!(cases().next().is_some(), "no case for `{name}`");
         for line in help(&words).lines().map(str::trim).filter(|line| line.starts_with("--")) {
             let Some((option, value)) = line.split_once(" <") else { continue };
             let value = value.split('>').next().unwrap();
             let a_file = ["FILE", "DIR", "MISSION", ".toml", ".json", ".fits"].iter().any(|word| value.contains(word));
             assert!(
-                !a_file || case.outputs.contains(&option) || case.words.contains(&format!("{option} @")),
+                !a_file
+                    || cases()
+                        .any(|case| case.outputs.contains(&option) || case.words.contains(&format!("{option} @"))),
                 "{name} {option} <{value}> is not in the cases"
             );
         }

@@ -1,0 +1,195 @@
+//! Many files, one after another: the failure of one does not lose the others, and what is there already can be kept.
+
+use std::collections::HashMap;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+use serde::ser::{Serialize, SerializeMap, Serializer};
+use serde_json::Value;
+
+use super::{Done, FrameDone, Job};
+use crate::error::InputError;
+use crate::io::atomic_file;
+
+/// Outputs that exist already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Existing {
+    /// Nothing is done before they are gone.
+    Refused,
+    /// They are replaced.
+    Replaced,
+    /// They are complete, since files are written whole or not at all, and stay.
+    Kept,
+}
+
+/// What was done to files.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Batch {
+    /// Each, in the order given.
+    pub files: Vec<FileDone>,
+}
+
+/// What was done to one of many files.
+#[derive(Clone, Debug)]
+pub struct FileDone {
+    /// The file that was read.
+    pub input: PathBuf,
+    /// The file that was written.
+    pub output: PathBuf,
+    /// What became of it.
+    pub outcome: Outcome,
+}
+
+/// What became of a file.
+#[derive(Clone, Debug)]
+pub enum Outcome {
+    /// It was there already.
+    Kept,
+    /// It was written.
+    Done(Summary),
+    /// It could not be.
+    Failed(InputError),
+}
+
+/// What was done to a file, without the masks of its frames.
+#[derive(Clone, Debug)]
+pub struct Summary {
+    /// Frames that were processed.
+    pub frames: usize,
+    /// Largest change of a pixel, e-.
+    pub largest_change_e: f64,
+    /// Of a correction: the largest residual that is left, e-.
+    pub max_after_e: Option<f64>,
+    /// Of a correction: uncertain pixels.
+    pub uncertain_px: Option<usize>,
+    /// Number of warnings.
+    pub warnings: usize,
+    /// The report of the file, as JSON.
+    pub document: Value,
+}
+
+impl Batch {
+    /// Works on files and writes each under its own name into a folder. `progress` is told the files that are done and what is
+    /// being done.
+    ///
+    /// # Errors
+    /// Before anything is done: if two files have one name, a file lies in the folder itself, the folder cannot be made, or an
+    /// output exists and must not. Failures of single files are in the result.
+    pub fn run(
+        job: &Job,
+        inputs: &[&Path],
+        folder: &Path,
+        existing: Existing,
+        progress: &dyn Fn(usize, &str),
+    ) -> Result<Batch, InputError> {
+        let outputs = outputs(inputs, folder)?;
+        if existing == Existing::Refused {
+            outputs.iter().try_for_each(|output| {
+                atomic_file::refuse_existing(output).map_err(|error| {
+                    error.with_help("give another folder, --overwrite, or --resume to keep what is there")
+                })
+            })?;
+        }
+        let mut files = Vec::new();
+        for (done, (input, output)) in inputs.iter().zip(outputs).enumerate() {
+            let outcome = if existing == Existing::Kept && output.exists() {
+                Outcome::Kept
+            } else {
+                let tell = |_, _, what: &str| progress(done, &format!("{}, {what}", input.display()));
+                match job.run(input, &output, existing == Existing::Replaced, &tell) {
+                    Ok(done) => Outcome::Done(Summary::of(&done)),
+                    Err(error) => Outcome::Failed(error),
+                }
+            };
+            files.push(FileDone { input: input.to_path_buf(), output, outcome });
+        }
+        Ok(Batch { files })
+    }
+
+    /// One error that names all files that failed. None if none did.
+    pub fn failure(&self) -> Option<InputError> {
+        let failed = self.files.iter().filter_map(|file| match &file.outcome {
+            Outcome::Failed(error) => Some(error),
+            _ => None,
+        });
+        let failed: Vec<String> = failed.map(|error| error.to_string().replace('\n', "\n  ")).collect();
+        let refused = format!("{} of {} files failed; the others are complete", failed.len(), self.files.len());
+        (!failed.is_empty()).then(|| InputError::new(refused, failed.join("\n  ")))
+    }
+}
+
+/// The files to be written.
+fn outputs(inputs: &[&Path], folder: &Path) -> Result<Vec<PathBuf>, InputError> {
+    let refusal = |path: &Path, problem: String, help: &str| {
+        Err(InputError::new(format!("cannot write `{}`", path.display()), problem).with_help(help))
+    };
+    let mut names: HashMap<&OsStr, &Path> = HashMap::new();
+    let there = folder.canonicalize().ok();
+    let mut outputs = Vec::new();
+    for input in inputs {
+        let Some(name) = input.file_name() else {
+            return Err(InputError::new(format!("cannot read `{}`", input.display()), "this is no file"));
+        };
+        let output = folder.join(name);
+        let of = |path: &Path| {
+            path.parent()
+                .map(|folder| if folder == Path::new("") { Path::new(".") } else { folder }.canonicalize().ok())
+        };
+        if there.is_some() && of(input) == Some(there.clone()) {
+            return refusal(&output, "it is one of the files that are read".into(), "give another folder");
+        }
+        if let Some(other) = names.insert(name, input) {
+            let problem = format!("two files have this name, `{}` and `{}`", other.display(), input.display());
+            return refusal(&output, problem, "give each its own folder");
+        }
+        outputs.push(output);
+    }
+    if there.is_some_and(|folder| !folder.is_dir()) {
+        return refusal(folder, "this is a file, not a folder".into(), "give the name of a folder");
+    }
+    atomic_file::folder(folder)?;
+    Ok(outputs)
+}
+
+impl Summary {
+    fn of(done: &Done) -> Summary {
+        let frames: Vec<&FrameDone> = done.hdus.iter().filter_map(|hdu| hdu.frame.as_ref()).collect();
+        let uncertain = || frames.iter().filter_map(|frame| frame.uncertain.as_ref());
+        let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
+        let corrected = uncertain().next().is_some();
+        Summary {
+            frames: frames.len(),
+            largest_change_e: largest(&mut frames.iter().map(|frame| frame.largest_change_e)),
+            max_after_e: corrected.then(|| largest(&mut uncertain().map(|uncertain| uncertain.left.max_e))),
+            uncertain_px: corrected.then(|| uncertain().map(super::Uncertain::count).sum()),
+            warnings: done.warnings.len(),
+            document: serde_json::to_value(done).expect("keys are text, and a value takes all"),
+        }
+    }
+}
+
+impl Serialize for FileDone {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let mut map = to.serialize_map(None)?;
+        map.serialize_entry("file", &self.input)?;
+        map.serialize_entry("output", &self.output)?;
+        map.serialize_entry("status", self.outcome.word())?;
+        match &self.outcome {
+            Outcome::Kept => {}
+            Outcome::Done(summary) => map.serialize_entry("result", &summary.document)?,
+            Outcome::Failed(error) => map.serialize_entry("error", &error.to_string())?,
+        }
+        map.end()
+    }
+}
+
+impl Outcome {
+    /// The report's word for it.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Outcome::Kept => "kept",
+            Outcome::Done(_) => "done",
+            Outcome::Failed(_) => "failed",
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! Noise that the amplifier adds after the transfers: separated before a correction, and followed through it.
+//!
+//! A correction takes what the amplifier added for charge that was trailed, and sharpens it. Pipelines that have flown therefore
+//! correct the smoothest image that the read noise allows, and add the difference again (Anderson & Bedin 2010, PASP 122, 1035;
+//! CALACS). Here the difference is that from the mean of the pixels around, as far as read noise can make it: with mean m and
+//! variance v of the pixels around one of value x,
+//!
+//! ```text
+//! noise = (x − m) · min(1, r/√v), but not beyond ±2r        r: read noise
+//! ```
+//!
+//! Its rms in a flat sky is the read noise. Shot noise that it takes with it is not corrected, which is of the second order; at the
+//! edges of stars it is small beside their charge.
+
+use ndarray::{Array2, Axis, Zip, s};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
+use serde::Serialize;
+
+/// Pixels on each side of one of which mean and variance are taken, in rows and in columns.
+const AROUND_PX: usize = 2;
+
+/// Largest noise that is separated, over the read noise.
+const MOST: f64 = 2.0;
+
+/// Largest distance of pixels whose correlation is reported.
+const LAGS: usize = 5;
+
+/// What a correction makes of white noise that the amplifier added.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NoiseAfter {
+    /// Its rms over that of the noise before.
+    pub ratio_rms: f64,
+    /// Correlation of pixels of a column 1, 2, ... rows apart.
+    pub correlation_rows: Vec<f64>,
+    /// Correlation of pixels of a row 1, 2, ... columns apart.
+    pub correlation_columns: Vec<f64>,
+}
+
+/// What read noise may have added to each pixel of an image (e-, `[[row, column]]`); 0 where a pixel does
+/// not count. Pixels that do not count tell nothing of others.
+pub fn separated(image_e: &Array2<f64>, count: &Array2<bool>, read_noise_e: f64) -> Array2<f64> {
+    let (rows, columns) = image_e.dim();
+    let around = |at: usize, length: usize| at.saturating_sub(AROUND_PX)..(at + AROUND_PX + 1).min(length);
+    let mut noise = Array2::zeros(image_e.raw_dim());
+    Zip::indexed(&mut noise).and(image_e).and(count).par_for_each(|(row, column), noise, value, counts| {
+        if !*counts {
+            return;
+        }
+        let near = s![around(row, rows), around(column, columns)];
+        let (mut n, mut sum, mut squares) = (0.0, 0.0, 0.0);
+        Zip::from(image_e.slice(near)).and(count.slice(near)).for_each(|near, counts| {
+            if *counts {
+                let difference = near - value;
+                (n, sum, squares) = (n + 1.0, sum + difference, squares + difference * difference);
+            }
+        });
+        let mean = sum / n;
+        let rms = ((squares - n * mean * mean).max(0.0) / (n - 1.0_f64).max(1.0)).sqrt();
+        let share = read_noise_e / rms.max(read_noise_e).max(f64::MIN_POSITIVE);
+        *noise = (-mean * share).clamp(-MOST * read_noise_e, MOST * read_noise_e);
+    });
+    noise
+}
+
+/// What becomes of white noise of the amplifier (`noise_e`, e- rms) in a correction.
+///
+/// The correction is repeated on the observed image with noise from `seed`; the difference of the corrected images is compared with
+/// the noise, over pixels that `count`.
+///
+/// # Errors
+/// Those of the correction.
+pub fn followed<E>(
+    observed: &Array2<f64>,
+    corrected: &Array2<f64>,
+    count: &Array2<bool>,
+    (noise_e, seed): (f64, u64),
+    correct: impl Fn(&Array2<f64>) -> Result<Array2<f64>, E>,
+) -> Result<NoiseAfter, E> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let normal = Normal::new(0.0, noise_e).expect("a finite scatter");
+    let noise = Array2::from_shape_simple_fn(observed.raw_dim(), || normal.sample(&mut random));
+    let difference = correct(&(observed + &noise))? - corrected;
+    let of = |values: &Array2<f64>| products(values, count, Axis(0), 0).0;
+    let correlation = |along: Axis| {
+        let of = |lag| {
+            let (products, squares) = products(&difference, count, along, lag);
+            products / squares
+        };
+        (1..=LAGS.min(difference.len_of(along).saturating_sub(1))).map(of).collect()
+    };
+    Ok(NoiseAfter {
+        ratio_rms: (of(&difference) / of(&noise)).sqrt(),
+        correlation_rows: correlation(Axis(0)),
+        correlation_columns: correlation(Axis(1)),
+    })
+}
+
+/// Sum of products of pixels so far apart of which both count, and the geometric mean of the sums of the squares of either.
+fn products(values: &Array2<f64>, count: &Array2<bool>, along: Axis, lag: usize) -> (f64, f64) {
+    let cut = |from: usize, to: usize| ndarray::Slice::from(from..to);
+    let length = values.len_of(along);
+    let (first, second) = (cut(0, length - lag), cut(lag, length));
+    let (mut products, mut of_first, mut of_second) = (0.0, 0.0, 0.0);
+    Zip::from(values.slice_axis(along, first))
+        .and(values.slice_axis(along, second))
+        .and(count.slice_axis(along, first))
+        .and(count.slice_axis(along, second))
+        .for_each(|a, b, first, second| {
+            if *first && *second {
+                products += a * b;
+                of_first += a * a;
+                of_second += b * b;
+            }
+        });
+    (products, (of_first * of_second as f64).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::convert::Infallible;
+
+    fn white(shape: (usize, usize), rms: f64, seed: u64) -> Array2<f64> {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let normal = Normal::new(0.0, rms).unwrap();
+        Array2::from_shape_simple_fn(shape, || normal.sample(&mut random))
+    }
+
+    fn rms(values: &Array2<f64>) -> f64 {
+        values.mapv(|value| value * value).mean().unwrap().sqrt()
+    }
+
+    #[test]
+    fn noise_of_a_flat_sky_is_separated_and_of_stars_no_more_than_it_can_be() {
+        let all = Array2::from_elem((80, 80), true);
+        let noise = white((80, 80), 4.0, 1);
+        let told = separated(&(&noise + 60.0), &all, 4.0);
+        // Mean and variance of 25 pixels scatter.
+        assert!(rms(&(&told - &noise)) < 0.35 * 4.0, "{}", rms(&(&told - &noise)));
+        let shot = white((80, 80), 12.0, 2);
+        let of_both = rms(&separated(&(&noise + &shot), &all, 4.0));
+        assert!((of_both - 4.0).abs() < 0.3, "{of_both}");
+        let stars = separated(&noise.mapv(|noise| 100.0 * noise.abs()), &all, 4.0);
+        assert!(stars.iter().all(|noise| noise.abs() <= 8.0));
+        assert_eq!(separated(&noise, &Array2::from_elem((80, 80), false), 4.0), Array2::<f64>::zeros((80, 80)));
+    }
+
+    #[test]
+    fn what_becomes_of_noise_is_what_the_correction_does_to_it() {
+        let observed = Array2::from_elem((200, 200), 100.0);
+        let count = Array2::from_elem((200, 200), true);
+        // A correction that doubles each pixel and takes the one below away: lag 1 has −2/5.
+        let correct = |image: &Array2<f64>| {
+            let mut sharp = image * 2.0;
+            let mut above = sharp.slice_mut(s![1.., ..]);
+            above -= &image.slice(s![..199, ..]);
+            Ok::<_, Infallible>(sharp)
+        };
+        let corrected = correct(&observed).unwrap();
+        let after = followed(&observed, &corrected, &count, (3.0, 1), correct).unwrap();
+        assert!((after.ratio_rms - 5.0_f64.sqrt()).abs() < 0.02, "{after:?}");
+        assert!((after.correlation_rows[0] + 0.4).abs() < 0.02, "{after:?}");
+        let others = after.correlation_rows[1..].iter().chain(&after.correlation_columns);
+        others.for_each(|correlation| assert!(correlation.abs() < 0.02, "{after:?}"));
+    }
+}
