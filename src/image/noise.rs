@@ -84,10 +84,12 @@ pub fn followed<E>(
     let difference = correct(&(observed + &noise))? - corrected;
     let of = |values: &Array2<f64>| products(values, count, Axis(0), 0).0;
     let correlation = |along: Axis| {
-        let of = |lag| {
-            let (products, squares) = products(&difference, count, along, lag);
+        let of = |values: &Array2<f64>, lag| {
+            let (products, squares) = products(values, count, along, lag);
             products / squares
         };
+        // White noise is uncorrelated: what a sample of it shows is chance, and the same after the correction.
+        let of = |lag| of(&difference, lag) - of(&noise, lag);
         (1..=LAGS.min(difference.len_of(along).saturating_sub(1))).map(of).collect()
     };
     Ok(NoiseAfter {
@@ -114,7 +116,7 @@ fn products(values: &Array2<f64>, count: &Array2<bool>, along: Axis, lag: usize)
                 of_second += b * b;
             }
         });
-    (products, (of_first * of_second as f64).sqrt())
+    (products, (of_first * of_second).sqrt())
 }
 
 #[cfg(test)]

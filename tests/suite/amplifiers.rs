@@ -13,8 +13,11 @@ use serde_json::Value as Json;
 
 const MISSION: &str = "tests/images/mission.toml";
 
-/// A FITS file with an empty primary HDU that holds the cards, and images of floats: EXTNAME, EXTVER, values, cards.
-pub(crate) fn file(path: &Path, primary: &[(&str, Value)], images: &[(&str, i64, Array2<f64>, Vec<(&str, Value)>)]) {
+/// EXTNAME, EXTVER, values and cards of an image.
+pub(crate) type Image<'a> = (&'a str, i64, Array2<f64>, Vec<(&'a str, Value)>);
+
+/// A FITS file with an empty primary HDU that holds the cards, and images of floats.
+pub(crate) fn file(path: &Path, primary: &[(&str, Value)], images: &[Image]) {
     let card = |keyword: &str, value: &Value| Card::new(keyword, value.clone()).unwrap();
     let text = |text: &str| Value::String(text.into());
     let mut cards = vec![card("SIMPLE", &Value::Logical(true)), card("BITPIX", &Value::Integer(8))];

@@ -164,11 +164,10 @@ pub(super) fn encoded(hdu: &Hdu, pixels: &ImageData, axes: [usize; 2]) -> std::i
     let mut cards = compressed[..end].to_vec();
     let own = hdu.header.chunks_exact(CARD_SIZE).take_while(|card| !card.starts_with(b"END     "));
     own.filter(|card| !of_compression(card)).for_each(|card| cards.extend(card));
-    if let (Some(Value::Integer(blank)), None) = (hdu.value("ZBLANK"), hdu.value("BLANK")) {
-        if !matches!(pixels, ImageData::F32(_) | ImageData::F64(_)) {
-            let card = Card::new("BLANK", Value::Integer(*blank)).map_err(std::io::Error::other)?;
-            cards.extend(format_card(&card));
-        }
+    let integers = !matches!(pixels, ImageData::F32(_) | ImageData::F64(_));
+    if let (true, Some(Value::Integer(blank)), None) = (integers, hdu.value("ZBLANK"), hdu.value("BLANK")) {
+        let card = Card::new("BLANK", Value::Integer(*blank)).map_err(std::io::Error::other)?;
+        cards.extend(format_card(&card));
     }
     Ok((cards, data))
 }
@@ -192,5 +191,5 @@ fn of_compression(card: &[u8]) -> bool {
             .strip_prefix(*begin)
             .is_some_and(|number| !number.is_empty() && number.bytes().all(|digit| digit.is_ascii_digit()))
     };
-    FIXED.contains(&keyword) || NUMBERED.iter().any(|begin| numbered(&begin))
+    FIXED.contains(&keyword) || NUMBERED.iter().any(numbered)
 }
