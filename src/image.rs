@@ -194,6 +194,14 @@ impl CompanionsDone {
     }
 }
 
+/// Pixels of a frame that is corrected.
+struct Masks<'a> {
+    /// They keep their values.
+    kept: &'a Array2<bool>,
+    /// They hold light, and are corrected.
+    counted: Array2<bool>,
+}
+
 impl Job {
     /// Makes a mission's detector ready for frames.
     ///
@@ -363,6 +371,23 @@ impl Job {
         warnings
     }
 
+    /// Works on one frame in memory (e-, `[[row, column]]`, row 0 the lowest; NaN where a pixel is missing, which it stays), read by one
+    /// amplifier. Gives the charges afterwards, e-.
+    ///
+    /// # Errors
+    /// Where the frame does not fit the geometry, or a formula fails.
+    pub fn array(&self, frame_e: &Array2<f64>) -> Result<(Array2<f64>, FrameDone), InputError> {
+        self.geometry.check(frame_e.dim())?;
+        let amplifiers = Amplifiers::one(&self.device, self.geometry, frame_e.dim());
+        let work::Worked { done, mut after_e, kept, .. } = self.charges(frame_e.clone(), &amplifiers, None, &|_| ())?;
+        Zip::from(&mut after_e).and(frame_e).and(&kept).for_each(|after, before, kept| {
+            if *kept || before.is_nan() {
+                *after = *before;
+            }
+        });
+        Ok((after_e, done))
+    }
+
     /// Works on one frame.
     fn frame(
         &self,
@@ -371,8 +396,26 @@ impl Job {
         flagged: Option<&Flagged>,
         tell: &dyn Fn(&str),
     ) -> Result<work::Worked, InputError> {
-        let mut before_e = amplifiers.charge_e(&pixels.physical());
-        let shape = before_e.dim();
+        let charge_e = amplifiers.charge_e(&pixels.physical());
+        let mut worked = self.charges(charge_e, amplifiers, flagged, tell)?;
+        // A pixel that does not change keeps its very bits.
+        let changed = Zip::from(&worked.before_e)
+            .and(&worked.after_e)
+            .and(&worked.kept)
+            .and(&amplifiers.values(&worked.after_e))
+            .map_collect(|before, after, kept, value| (!kept && after != before).then_some(*value));
+        worked.done.clipped_px = pixels.set(changed.into_iter());
+        Ok(worked)
+    }
+
+    /// Works on the charges of a frame, e-; NaN where a pixel is missing.
+    fn charges(
+        &self,
+        mut before_e: Array2<f64>,
+        amplifiers: &Amplifiers,
+        flagged: Option<&Flagged>,
+        tell: &dyn Fn(&str),
+    ) -> Result<work::Worked, InputError> {
         if let Some(flagged) = flagged {
             Zip::from(&mut before_e).and(&flagged.bad).for_each(|charge_e, bad| {
                 if *bad {
@@ -389,7 +432,7 @@ impl Job {
         Zip::from(&mut saturated).and(&missing).for_each(|full, missing| *full &= !*missing);
         let count = |mask: &Array2<bool>| mask.iter().filter(|is| **is).count();
         let mut done = FrameDone {
-            shape,
+            shape: before_e.dim(),
             gain_e_per_dn: amplifiers.gain_e_per_dn(),
             amplifiers: amplifiers.clone(),
             largest_change_e: 0.0,
@@ -408,52 +451,56 @@ impl Job {
             Task::Readout => amplifiers.read(&before_e)?,
             Task::Correct { stop, noise } => {
                 Zip::from(&mut kept).and(&saturated).for_each(|kept, full| *kept |= *full);
-                let mut counted = lit;
-                Zip::from(&mut counted).and(&kept).for_each(|counted, kept| *counted &= !*kept);
-                let separated = |frame_e: &Array2<f64>| match self.separate_noise {
-                    true => amplifiers.read_noise(frame_e, &counted),
-                    false => Ok(Array2::zeros(frame_e.raw_dim())),
-                };
-                let solve = |observed: &Array2<f64>, what: &str| {
-                    let tell = |said: &str| tell(&format!(", {what}{said}"));
-                    invert(&FrameTransport::new(amplifiers, observed, &tell), observed, Some(&kept), stop)
-                };
-                let noise_e = separated(&before_e)?;
-                let observed_e = &before_e - &noise_e;
-                let corrected = solve(&observed_e, "")?;
-                if let Some(noise) = noise {
-                    let again = |noisy: &Array2<f64>| {
-                        let noise_e = separated(noisy)?;
-                        solve(&(noisy - &noise_e), "with noise, ").map(|corrected| corrected.image + noise_e)
-                    };
-                    let image_e = &corrected.image + &noise_e;
-                    done.noise = Some(noise::followed(&before_e, &image_e, &counted, noise, again)?);
-                }
-                let moved_e = corrected.residuals[0].max_e;
-                tell(", looking for emptied packets");
-                let accuracy_e =
-                    if stop.error_e > 0.0 { stop.error_e } else { moved_e * stop.relative.max(self.accuracy()) };
-                let transport = FrameTransport::new(amplifiers, &observed_e, &|_| ());
-                let goal = (accuracy_e, stop.iterations);
-                let uncertain = uncertain(&transport, &observed_e, Some(&kept), &corrected, goal)?;
-                done.converged = corrected.converged || stop.is_reached(uncertain.left, corrected.residuals[0]);
-                (done.residuals, done.uncertain) = (corrected.residuals, Some(uncertain));
-                if self.separate_noise { corrected.image + noise_e } else { corrected.image }
+                let masks = Masks { kept: &kept, counted: lit & !&kept };
+                self.corrected(&before_e, amplifiers, &masks, (stop, noise), &mut done, tell)?
             }
         };
-        // A pixel that does not change keeps its very bits.
-        let values = amplifiers.values(&after_e);
-        let changed =
-            Zip::from(&before_e).and(&after_e).and(&kept).and(&values).map_collect(|before, after, kept, value| {
-                (!kept && after != before).then_some((after - before, *value))
-            });
-        let changed = changed.into_iter().map(|changed| {
-            let (change_e, value) = changed?;
-            done.largest_change_e = done.largest_change_e.max(change_e.abs());
-            Some(value)
+        Zip::from(&before_e).and(&after_e).and(&kept).for_each(|before, after, kept| {
+            if !*kept {
+                done.largest_change_e = done.largest_change_e.max((after - before).abs());
+            }
         });
-        let clipped_px = pixels.set(changed);
-        Ok(work::Worked { done: FrameDone { clipped_px, ..done }, after_e, kept })
+        Ok(work::Worked { done, before_e, after_e, kept })
+    }
+
+    /// Removes the trails of a frame's charges, e-.
+    fn corrected(
+        &self,
+        before_e: &Array2<f64>,
+        amplifiers: &Amplifiers,
+        masks: &Masks,
+        (stop, noise): (Stop, Option<(f64, u64)>),
+        done: &mut FrameDone,
+        tell: &dyn Fn(&str),
+    ) -> Result<Array2<f64>, InputError> {
+        let separated = |frame_e: &Array2<f64>| match self.separate_noise {
+            true => amplifiers.read_noise(frame_e, &masks.counted),
+            false => Ok(Array2::zeros(frame_e.raw_dim())),
+        };
+        let solve = |observed: &Array2<f64>, what: &str| {
+            let tell = |said: &str| tell(&format!(", {what}{said}"));
+            invert(&FrameTransport::new(amplifiers, observed, &tell), observed, Some(masks.kept), stop)
+        };
+        let noise_e = separated(before_e)?;
+        let observed_e = before_e - &noise_e;
+        let corrected = solve(&observed_e, "")?;
+        if let Some(noise) = noise {
+            let again = |noisy: &Array2<f64>| {
+                let noise_e = separated(noisy)?;
+                solve(&(noisy - &noise_e), "with noise, ").map(|corrected| corrected.image + noise_e)
+            };
+            let image_e = &corrected.image + &noise_e;
+            done.noise = Some(noise::followed(before_e, &image_e, &masks.counted, noise, again)?);
+        }
+        tell(", looking for emptied packets");
+        let moved_e = corrected.residuals[0].max_e;
+        let accuracy_e = if stop.error_e > 0.0 { stop.error_e } else { moved_e * stop.relative.max(self.accuracy()) };
+        let transport = FrameTransport::new(amplifiers, &observed_e, &|_| ());
+        let goal = (accuracy_e, stop.iterations);
+        let uncertain = uncertain(&transport, &observed_e, Some(masks.kept), &corrected, goal)?;
+        done.converged = corrected.converged || stop.is_reached(uncertain.left, corrected.residuals[0]);
+        (done.residuals, done.uncertain) = (corrected.residuals, Some(uncertain));
+        Ok(if self.separate_noise { corrected.image + noise_e } else { corrected.image })
     }
 
     /// What the header will tell of this.

@@ -15,6 +15,8 @@ use crate::error::InputError;
 /// What was computed of a frame.
 pub(super) struct Worked {
     pub done: FrameDone,
+    /// Charges before, e-, with an estimate where a pixel is missing.
+    pub before_e: Array2<f64>,
     /// Charges afterwards, e-.
     pub after_e: Array2<f64>,
     /// Pixels that keep their values.
