@@ -12,7 +12,7 @@ All computation is that of the command ``ctiplan``; see docs/python.md.
 
 from ctiplan import measure
 from ctiplan._ctiplan import __version__, set_threads, threads
-from ctiplan._detector import Detector
+from ctiplan._detector import Corrected, Detector, Residual
 from ctiplan._errors import InputError, InternalError
 from ctiplan._mission import DataSet, Mission
 from ctiplan._questions import compare, diagnose, evaluate, fit, validate
@@ -20,6 +20,7 @@ from ctiplan._results import Comparison, Crossing, Diagnosis, Evaluation, Fit, P
 
 __all__ = [
     "Comparison",
+    "Corrected",
     "Crossing",
     "DataSet",
     "Detector",
@@ -30,6 +31,7 @@ __all__ = [
     "InternalError",
     "Mission",
     "Parameter",
+    "Residual",
     "Result",
     "Rung",
     "Validation",

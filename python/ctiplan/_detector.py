@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -15,6 +16,36 @@ if TYPE_CHECKING:
 Corner = Literal["ll", "lr", "ul", "ur"]
 Axis = Literal["parallel", "serial", "both"]
 Split = Literal["columns", "rows", "both"]
+
+
+@dataclass(frozen=True)
+class Residual:
+    """What the forward model leaves unexplained of a frame."""
+
+    #: Root mean square, e-.
+    rms_e: float
+    #: Largest magnitude, e-.
+    max_e: float
+
+
+@dataclass(frozen=True, eq=False)
+class Corrected:
+    """A frame without its trails."""
+
+    #: Charge before the transfers, e-, in the shape of the frame.
+    image: np.ndarray
+    #: Pixels whose charge does not follow from the frame, because their packets were emptied; bool, in the shape of the frame.
+    uncertain: np.ndarray
+    #: Error of all other pixels, e-, if the model is right.
+    error_e: float
+    #: Whether the residual is as small as was asked for.
+    converged: bool
+    #: Before the first iteration, and after each.
+    residuals: tuple[Residual, ...]
+    #: Pixels with a full well, which keep their values.
+    saturated_px: int
+    #: Pixels without a value.
+    missing_px: int
 
 
 class Detector:
@@ -91,22 +122,98 @@ class Detector:
         numpy.ndarray
             Charge as read, e-, in the shape of `frame`.
         """
-        layout = {
-            "axis": axis,
-            "corner": corner,
-            "split": split,
-            "prescan": prescan,
-            "overscan": overscan,
-            "overscan_rows": overscan_rows,
-            "transfers_before": transfers_before,
-            "charge_before_e": charge_before_e,
-            "serial_transfers_before": serial_transfers_before,
-        }
         charge, give_back = electrons(frame)
+        layout = _layout(
+            axis, corner, split, prescan, overscan, overscan_rows, transfers_before, charge_before_e, serial_transfers_before
+        )
         return give_back(self._inner.readout(charge, layout, relative))
+
+    def correct(
+        self,
+        frame: npt.ArrayLike,
+        *,
+        tolerance: float = 1e-4,
+        tolerance_e: float | None = None,
+        iterations: int = 20,
+        read_noise_e: float | None = None,
+        corner: Corner = "ll",
+        split: Split | None = None,
+        axis: Axis = "parallel",
+        prescan: int = 0,
+        overscan: int = 0,
+        overscan_rows: int = 0,
+        transfers_before: int = 0,
+        charge_before_e: float = 0.0,
+        serial_transfers_before: int = 0,
+        relative: float = 1e-3,
+    ) -> Corrected:
+        """Correct a frame: remove its trails.
+
+        Parameters
+        ----------
+        frame : array_like, shape (rows, columns) or (rows,)
+            Charge as read, e-, with the background. NaN where a pixel has no value. Full wells keep their values.
+        tolerance : float
+            Largest residual of the forward model at which iterations end, over its initial value.
+        tolerance_e : float, optional
+            Error of the image that is asked for, e- rms, in place of `tolerance`.
+        iterations : int
+            Largest number of iterations.
+        read_noise_e : float, optional
+            Read noise, e- rms: noise that may be the amplifier's is separated before the correction and added again, which amplifies
+            it less.
+        corner, split, axis, prescan, overscan, overscan_rows, transfers_before, charge_before_e, serial_transfers_before, relative
+            As in :meth:`readout`.
+        """
+        charge, give_back = electrons(frame)
+        layout = _layout(
+            axis, corner, split, prescan, overscan, overscan_rows, transfers_before, charge_before_e, serial_transfers_before
+        )
+        options = {
+            "tolerance": tolerance,
+            "tolerance_e": tolerance_e,
+            "iterations": iterations,
+            "relative": relative,
+            "read_noise_e": read_noise_e,
+        }
+        found = self._inner.correct(charge, layout, options)
+        return Corrected(
+            image=give_back(found["image"]),
+            uncertain=found["uncertain"].reshape(np.shape(frame)),
+            error_e=found["error_e"],
+            converged=found["converged"],
+            residuals=tuple(Residual(*each) for each in found["residuals"]),
+            saturated_px=found["saturated_px"],
+            missing_px=found["missing_px"],
+        )
 
     def __repr__(self) -> str:
         return f"<Detector of {self.mission.name!r} at {self.t_yr} yr, {self.dose_mev_g:.3e} MeV/g>"
+
+
+def _layout(
+    axis: Axis,
+    corner: Corner,
+    split: Split | None,
+    prescan: int,
+    overscan: int,
+    overscan_rows: int,
+    transfers_before: int,
+    charge_before_e: float,
+    serial_transfers_before: int,
+) -> dict[str, Any]:
+    """How a frame lies on the detector, as the private module takes it."""
+    return {
+        "axis": axis,
+        "corner": corner,
+        "split": split,
+        "prescan": prescan,
+        "overscan": overscan,
+        "overscan_rows": overscan_rows,
+        "transfers_before": transfers_before,
+        "charge_before_e": charge_before_e,
+        "serial_transfers_before": serial_transfers_before,
+    }
 
 
 def electrons(frame: npt.ArrayLike) -> tuple[np.ndarray, Any]:

@@ -1,12 +1,14 @@
 //! A mission's detector at one moment: frames in, frames out.
 
 use ctiplan::error::InputError;
-use ctiplan::image::{Corner, Geometry, Job, Split, Task, Transfers, frame};
+use ctiplan::image::{Corner, Geometry, Job, Split, Stop, Task, Transfers};
 use ctiplan::model::Model;
 use ctiplan::physics::conditions::Conditions;
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
+use crate::errors;
 use crate::mission::Mission;
 use crate::work;
 
@@ -75,13 +77,78 @@ impl Detector {
         relative: f64,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let frame_e = frame_e.as_array().to_owned();
-        let read = work::run(py, None, move |_| {
-            let geometry = layout.of(frame_e.dim())?;
-            let job = Job::new(Task::Readout, &self.model, &self.at, relative, geometry)?;
-            frame::read(&job.device, &geometry, &frame_e)
+        let read = work::run(py, None, |_| {
+            let job = Job::new(Task::Readout, &self.model, &self.at, accuracy(relative)?, layout.geometry()?)?;
+            job.array(&frame_e)
         })?;
-        Ok(read.into_pyarray(py))
+        Ok(read.0.into_pyarray(py))
     }
+
+    fn correct<'py>(
+        &self,
+        py: Python<'py>,
+        frame_e: PyReadonlyArray2<'py, f64>,
+        layout: Layout,
+        options: Correction,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let frame_e = frame_e.as_array().to_owned();
+        let (image, done) = work::run(py, None, |_| {
+            let Correction { relative, read_noise_e, .. } = options;
+            let task = Task::Correct { stop: options.stop()?, noise: None };
+            let job = Job::new(task, &self.model, &self.at, accuracy(relative)?, layout.geometry()?)?;
+            Job { read_noise_e, separate_noise: read_noise_e.is_some(), ..job }.array(&frame_e)
+        })?;
+        let uncertain = done.uncertain.ok_or_else(|| errors::internal(py))?;
+        let found = PyDict::new(py);
+        found.set_item("image", image.into_pyarray(py))?;
+        found.set_item("uncertain", uncertain.pixels.into_pyarray(py))?;
+        found.set_item("error_e", uncertain.error_e)?;
+        found.set_item("converged", done.converged)?;
+        let residuals: Vec<(f64, f64)> = done.residuals.iter().map(|left| (left.rms_e, left.max_e)).collect();
+        found.set_item("residuals", residuals)?;
+        found.set_item("saturated_px", done.saturated_px)?;
+        found.set_item("missing_px", done.missing_px)?;
+        Ok(found)
+    }
+}
+
+/// How a frame is corrected.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Correction {
+    tolerance: f64,
+    tolerance_e: Option<f64>,
+    iterations: usize,
+    relative: f64,
+    read_noise_e: Option<f64>,
+}
+
+impl Correction {
+    fn stop(&self) -> Result<Stop, InputError> {
+        let refused = |what: &str, value: f64, allowed: &str| {
+            Err(InputError::new(format!("cannot use {what} = {value}"), format!("allowed: {allowed}")))
+        };
+        if !(1..=1000).contains(&self.iterations) {
+            return refused("iterations", self.iterations as f64, "1 to 1000");
+        }
+        if let Some(noise_e) = self.read_noise_e.filter(|noise_e| !(*noise_e > 0.0 && noise_e.is_finite())) {
+            return refused("read_noise_e", noise_e, "a noise above 0 e-");
+        }
+        match self.tolerance_e {
+            Some(error_e) if error_e > 0.0 && error_e.is_finite() => Ok(Stop::at_error(error_e, self.iterations)),
+            Some(error_e) => refused("tolerance_e", error_e, "an error above 0 e-"),
+            None if (1e-12..1.0).contains(&self.tolerance) => Ok(Stop::at_residual(self.tolerance, self.iterations)),
+            None => refused("tolerance", self.tolerance, "a fraction from 1e-12 to below 1"),
+        }
+    }
+}
+
+/// The accuracy of a readout, which is a fraction.
+fn accuracy(relative: f64) -> Result<f64, InputError> {
+    if (1e-12..1.0).contains(&relative) {
+        return Ok(relative);
+    }
+    Err(InputError::new(format!("cannot use relative = {relative}"), "allowed: a fraction from 1e-12 to below 1"))
 }
 
 /// Time of an exposure; of a dose given in a laboratory it may be left out.
@@ -101,13 +168,6 @@ fn at(t_yr: Option<f64>, dose_mev_g: Option<f64>) -> Result<f64, InputError> {
 }
 
 impl Layout {
-    /// The geometry that it says, which a frame of so many rows and columns can have.
-    pub fn of(&self, shape: (usize, usize)) -> Result<Geometry, InputError> {
-        let geometry = self.geometry()?;
-        geometry.check(shape)?;
-        Ok(geometry)
-    }
-
     /// The geometry that it says.
     pub fn geometry(&self) -> Result<Geometry, InputError> {
         let said = |word: &str, value: &str, allowed: &str| {

@@ -91,3 +91,44 @@ def test_times_that_are_none_are_refused(snap):
         with pytest.raises(cp.InputError):
             snap.detector_at(**wrong)
     assert snap.detector_at(dose_mev_g=1e6).dose_mev_g == 1e6
+
+
+def test_a_correction_gives_the_frame_back(detector, frame):
+    shape = {"corner": "ur", "overscan_rows": 5, "transfers_before": 800, "charge_before_e": 60.0}
+    framed = np.vstack([np.zeros((5, 30)), frame])
+    read = detector.readout(framed, **shape)
+    fix = detector.correct(read, **shape)
+    assert fix.converged and not fix.uncertain.any() and fix.uncertain.shape == framed.shape
+    moved = np.abs(read - framed).max()
+    assert np.abs(fix.image - framed)[5:].max() < 1e-3 * moved < moved / 2
+    assert fix.residuals[-1].max_e < 1e-3 * fix.residuals[0].max_e
+    by_error = detector.correct(read, tolerance_e=0.5, **shape)
+    assert np.sqrt(np.mean((by_error.image - framed)[5:] ** 2)) < 0.5
+    assert detector.correct(read.astype(np.float32), **shape).image.dtype == np.float32
+    column = detector.correct(detector.readout(frame[:, 6]))
+    assert column.image.shape == column.uncertain.shape == (40,)
+
+
+def test_missing_pixels_stay_missing_and_full_wells_keep_their_values(detector, frame):
+    spoiled = detector.readout(frame)
+    spoiled[10, 3], spoiled[12, 4] = np.nan, 1e6
+    fix = detector.correct(spoiled)
+    assert np.array_equal(np.isnan(fix.image), np.isnan(spoiled)) and fix.missing_px == 1
+    assert fix.image[12, 4] == 1e6 and fix.saturated_px == 1
+    assert np.array_equal(np.isnan(detector.readout(spoiled)), np.isnan(spoiled))
+
+
+def test_read_noise_is_amplified_less_where_it_is_separated(snap):
+    detector = snap.detector_at(dose_mev_g=4e7)
+    random = np.random.default_rng(4)
+    sky = random.poisson(60.0, (800, 20)).astype(float)
+    noisy = detector.readout(sky) + random.normal(0.0, 4.0, sky.shape)
+    plain = (detector.correct(noisy).image - sky).std()
+    separated = (detector.correct(noisy, read_noise_e=4.0).image - sky).std()
+    assert separated < plain and plain > 4.0
+
+
+def test_corrections_that_are_none_are_refused(detector, frame):
+    for wrong in ({"tolerance": 0.0}, {"tolerance_e": -1.0}, {"iterations": 0}, {"relative": 2.0}, {"read_noise_e": 0.0}):
+        with pytest.raises(cp.InputError, match=next(iter(wrong))):
+            detector.correct(frame, **wrong)
