@@ -1,10 +1,10 @@
 //! Tables of amplifiers: an ECSV or CSV file with one row for each amplifier of a camera.
 //!
 //! ```text
-//! table ─▶ [rows] (read once) ─▶ [AmplifierTable::frames] with the HDUs of a file ─▶ [Amplifier]s of each frame
+//! table ─▶ rows, read once ─▶ with the HDUs of a file ─▶ amplifiers of each frame
 //! ```
 //!
-//! Columns are listed in [`columns::COLUMNS`] and in `docs/images.md`. Sections are those of FITS, `[1:2048,1:2048]`: columns, then
+//! Columns are listed in `docs/images.md`. Sections are those of FITS, `[1:2048,1:2048]`: columns, then
 //! rows, counted from 1, both ends included. A cell of a number may name the header keyword that holds it: `keyword:ATODGNA`.
 
 mod columns;

@@ -5,9 +5,9 @@
 //! σ²ᵢ   = Σⱼ (P⁻¹)²ᵢⱼ Σₖ (S⁻¹)²ⱼₖ σ²ₖ
 //! ```
 //!
-//! A packet changes itself and those behind it, so P is triangular within a column. Its band is measured: [`LAGS`] readouts, each
-//! with every [`LAGS`]-th packet changed by its error (and a random sign), give ∂read/∂packet for the packet itself and those
-//! behind it, up to [`LAGS`] − 1. The band is inverted column by column. S is the same along rows. Errors of neighbours are
+//! A packet changes itself and those behind it, so P is triangular within a column. Its band is measured: eight readouts, each
+//! with every eighth packet changed by its error (and a random sign), give ∂read/∂packet for the packet itself and the seven
+//! behind it. The band is inverted column by column. S is the same along rows. Errors of neighbours are
 //! correlated afterwards; only their variances are kept.
 //!
 //! Approximations: errors of the observed pixels are independent; the change of packets farther behind is left out, which is of the
@@ -144,7 +144,8 @@ fn band(
 ) -> Result<Vec<Array2<f32>>, InputError> {
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let place = |(row, column): (usize, usize)| if along == Axis(0) { row } else { column };
-    let behind = |(row, column), lag| if along == Axis(0) { (row + lag, column) } else { (row, column + lag) };
+    let at = |packet: usize, lane: usize| if along == Axis(0) { [packet, lane] } else { [lane, packet] };
+    let (length, lanes) = (image.len_of(along), image.len_of(Axis(1 - along.index())));
     let unchanged = read(image)?;
     let mut band = vec![Array2::<f32>::zeros(image.raw_dim()); LAGS];
     for phase in 0..LAGS {
@@ -160,8 +161,10 @@ fn band(
         });
         let change = read(&(image + &step))? - &unchanged;
         for (lag, band) in band.iter_mut().enumerate() {
-            for (at, step) in step.indexed_iter().filter(|(_, step)| **step != 0.0) {
-                band[at] = change.get(behind(at, lag)).map_or(0.0, |change| (change / step) as f32);
+            for packet in (phase..length.saturating_sub(lag)).step_by(LAGS) {
+                for lane in 0..lanes {
+                    band[at(packet, lane)] = (change[at(packet + lag, lane)] / step[at(packet, lane)]) as f32;
+                }
             }
         }
     }
