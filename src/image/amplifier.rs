@@ -8,7 +8,6 @@ use std::ops::Range;
 use ndarray::{Array2, ArrayView2, s};
 
 use super::frame::{self, Geometry};
-use super::invert::coarse;
 use super::mask;
 use super::noise;
 use super::unit::Scale;
@@ -44,10 +43,9 @@ impl Amplifier {
         frame.slice(s![self.rows.clone(), self.columns.clone()])
     }
 
-    /// What it reads (e-), with trails; `relative` is an error that is allowed.
-    fn read(&self, part_e: &Array2<f64>, relative: f64) -> Result<Array2<f64>, InputError> {
-        let device = self.device.by(coarse(self.device.method, relative));
-        frame::read_with(&device, &self.geometry, part_e, self.factors.as_deref())
+    /// What it reads (e-), with trails; `allowed_e` is an error that is allowed, e-.
+    fn read(&self, part_e: &Array2<f64>, allowed_e: Option<f64>) -> Result<Array2<f64>, InputError> {
+        frame::read_with(&self.device, &self.geometry, part_e, self.factors.as_deref(), allowed_e)
     }
 
     /// Puts values (rows and columns of the part) into a frame.
@@ -93,19 +91,18 @@ impl Amplifiers {
     /// # Errors
     /// Where an effect has no value.
     pub fn read(&self, frame_e: &Array2<f64>) -> Result<Array2<f64>, InputError> {
-        self.read_within(frame_e, 0.0)
+        self.read_within(frame_e, None)
     }
 
-    /// The same with an error of packets over their displacement that is allowed; devices that are less accurate by themselves stay
-    /// so.
+    /// The same with an error that is allowed for each direction of transfer, e-; none: as the devices are accurate.
     ///
     /// # Errors
     /// Where an effect has no value.
-    pub fn read_within(&self, frame_e: &Array2<f64>, relative: f64) -> Result<Array2<f64>, InputError> {
+    pub fn read_within(&self, frame_e: &Array2<f64>, allowed_e: Option<f64>) -> Result<Array2<f64>, InputError> {
         let mut read_e = frame_e.clone();
         for amplifier in &self.0 {
             let part_e = amplifier.part(frame_e).to_owned();
-            amplifier.put(&amplifier.read(&part_e, relative)?, &mut read_e);
+            amplifier.put(&amplifier.read(&part_e, allowed_e)?, &mut read_e);
         }
         Ok(read_e)
     }

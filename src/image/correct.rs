@@ -82,8 +82,8 @@ pub struct Corrected {
     pub left: Array2<f64>,
     /// If the image was found by turning the transfers round.
     pub(super) turned: Option<Turned>,
-    /// Accuracy of the readout that it was compared by, over the displacement; 0: the best there is.
-    pub(super) relative: f64,
+    /// Error that the readout was allowed by which it was compared, e-; None: as accurate as it is done.
+    pub(super) read_e: Option<f64>,
 }
 
 impl Corrected {
@@ -101,7 +101,7 @@ impl Corrected {
             converged: false,
             left,
             turned: None,
-            relative: 0.0,
+            read_e: None,
         })
     }
 

@@ -94,7 +94,7 @@ fn part(
 ) -> Result<Array2<f64>, InputError> {
     let along = |transfers: Transfers| {
         let geometry = Geometry { transfers, ..amplifier.geometry };
-        move |image: &Array2<f64>| frame::clocked(&amplifier.device, &geometry, image.view(), factors)
+        move |image: &Array2<f64>| frame::clocked(&amplifier.device, &geometry, image.view(), factors, None)
     };
     let (parallel, serial) = (along(Transfers::Parallel), along(Transfers::Serial));
     let mut variance = noise.clone();

@@ -293,10 +293,11 @@ impl Side {
 /// # Errors
 /// Where an effect has no value, here and below.
 pub fn read(device: &Device, geometry: &Geometry, frame_e: &Array2<f64>) -> Result<Array2<f64>, InputError> {
-    read_with(device, geometry, frame_e, None)
+    read_with(device, geometry, frame_e, None, None)
 }
 
-/// The same with a factor on the densities of the pixels' traps for each column of the frame.
+/// The same with a factor on the densities of the pixels' traps for each column of the frame, and with an error that is allowed for each
+/// direction of transfer, e-; none: as the device is accurate.
 ///
 /// # Errors
 /// As [`read`].
@@ -305,10 +306,11 @@ pub fn read_with(
     geometry: &Geometry,
     frame_e: &Array2<f64>,
     factors: Option<&[f64]>,
+    allowed_e: Option<f64>,
 ) -> Result<Array2<f64>, InputError> {
     let mut read_e = frame_e.clone();
     for (part, factors) in geometry.parts().into_iter().zip(geometry.factors(factors)) {
-        let clocked = clocked(device, geometry, part.of(frame_e), factors.as_deref())?;
+        let clocked = clocked(device, geometry, part.of(frame_e), factors.as_deref(), allowed_e)?;
         part.of_mut(&mut read_e).assign(&clocked);
     }
     Ok(read_e)
@@ -355,7 +357,9 @@ pub(super) fn clocked(
     geometry: &Geometry,
     part_e: ArrayView2<f64>,
     factors: Option<&[f64]>,
+    allowed_e: Option<f64>,
 ) -> Result<Array2<f64>, InputError> {
+    let allowed = allowed_e.map(|error_e| Allowed { relative: 0.0, error_e });
     let (rows, columns) = geometry.image(part_e.dim());
     let image = s![rows, columns.clone()];
     let mut light_e = part_e.slice(image).to_owned();
@@ -371,16 +375,21 @@ pub(super) fn clocked(
         // that exists, so they may be clocked as if there were pixels for them: the transfers that count are those below.
         let downstream = Downstream { rows: geometry.rows_before.into(), charge_e: geometry.charge_before_e };
         let mut lit = read_e.slice_mut(s![.., columns.clone()]);
-        let trailed = match factors {
-            None => device.readout().parallel(&lit.to_owned(), downstream),
-            Some(factors) => trap_map::parallel(&device.readout(), &lit.to_owned(), downstream, &factors[columns]),
+        let (readout, lit_e) = (device.readout(), lit.to_owned());
+        let trailed = match (factors, allowed) {
+            (Some(factors), _) => trap_map::parallel(&readout, &lit_e, downstream, &factors[columns]),
+            (None, Some(allowed)) => readout.parallel_within(&lit_e, downstream, allowed),
+            (None, None) => readout.parallel(&lit_e, downstream),
         };
         lit.assign(&trailed);
     }
     if geometry.transfers.serial() {
         let downstream = Downstream { rows: geometry.columns_before.into(), charge_e: 0.0 };
         for (register, _) in device.serial() {
-            read_e = register.serial(&read_e, downstream);
+            read_e = match allowed {
+                Some(allowed) => register.serial_within(&read_e, downstream, allowed),
+                None => register.serial(&read_e, downstream),
+            };
         }
     }
     if geometry.transfers.parallel() {

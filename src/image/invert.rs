@@ -16,19 +16,18 @@ use std::convert::Infallible;
 use ndarray::{Array2, Zip};
 
 use super::correct::{Corrected, Residual, Stop, Turned, difference, go_on, solve, sum, without};
-use crate::readout::{Allowed, Downstream, Method, Readout};
+use crate::readout::{Allowed, Downstream, Readout};
 
 /// Charge from where it was collected to the amplifier, and back.
 pub trait Transport {
     /// What can go wrong.
     type Error;
 
-    /// An image as it is read. `relative` is the error of packets over their displacement, root mean squares, that is allowed; a
-    /// readout that is less accurate by itself stays so.
+    /// An image as it is read: with an error (e-, rms) that is allowed where that is known, else as accurately as it is done.
     ///
     /// # Errors
     /// Where a formula fails.
-    fn read(&self, image_e: &Array2<f64>, relative: f64) -> Result<Array2<f64>, Self::Error>;
+    fn read(&self, image_e: &Array2<f64>, allowed_e: Option<f64>) -> Result<Array2<f64>, Self::Error>;
 
     /// What an image was before it was read, with an error that is allowed where that is easily had. None where there is no quick
     /// way to tell.
@@ -54,9 +53,11 @@ pub struct Columns<'a> {
 impl Transport for Columns<'_> {
     type Error = Infallible;
 
-    fn read(&self, image_e: &Array2<f64>, relative: f64) -> Result<Array2<f64>, Infallible> {
-        let method = coarse(self.readout.method, relative);
-        Ok(Readout { method, ..self.readout.clone() }.parallel(image_e, self.downstream))
+    fn read(&self, image_e: &Array2<f64>, allowed_e: Option<f64>) -> Result<Array2<f64>, Infallible> {
+        Ok(match allowed_e {
+            Some(error_e) => self.readout.parallel_within(image_e, self.downstream, Allowed { relative: 0.0, error_e }),
+            None => self.readout.parallel(image_e, self.downstream),
+        })
     }
 
     fn before(&self, read_e: &Array2<f64>, allowed: Allowed) -> Result<Option<Array2<f64>>, Infallible> {
@@ -64,20 +65,9 @@ impl Transport for Columns<'_> {
     }
 }
 
-/// A method as coarse as is allowed.
-pub(super) fn coarse(method: Method, allowed: f64) -> Method {
-    match method {
-        Method::Fast { relative } => Method::Fast { relative: relative.max(allowed) },
-        other => other,
-    }
-}
-
-/// Share of the error asked for that the reversal may make: the error of a pixel is some times its residual.
+/// Shares of the error asked for that the reversal and the readout may make.
 const SHARE_OF_REVERSAL: f64 = 0.2;
-
-/// Error of the readout over the displacement of charge that is allowed, in units of the error asked for over the same. A readout
-/// is tens of times more accurate than that (`docs/images.md`).
-const READOUT_OVER_ERROR: f64 = 3.0;
+const SHARE_OF_READOUT: f64 = 0.1;
 
 /// Finds the image that is read as what was observed.
 ///
@@ -98,11 +88,11 @@ pub fn invert<T: Transport>(
         Ok(transport.before(source_e, allowed)?.map(|image| with_held(image, observed, held)))
     };
     let Some(image) = before(observed)? else {
-        return solve(observed, held, stop, |image| transport.read(image, 0.0));
+        return solve(observed, held, stop, |image| transport.read(image, None));
     };
     let moved = Residual::of(&difference(observed, &image));
-    let relative = if stop.error_e > 0.0 { (READOUT_OVER_ERROR * stop.error_e / moved.rms_e).min(1.0) } else { 0.0 };
-    let comparison = Comparison { transport, observed, held, stop, relative };
+    let read_e = (stop.error_e > 0.0).then_some(SHARE_OF_READOUT * stop.error_e);
+    let comparison = Comparison { transport, observed, held, stop, read_e };
     let (mut found, mut unexplained) = comparison.of(image, observed.clone(), allowed, vec![moved])?;
     while !found.converged && found.iterations() < stop.iterations {
         let Some(turned) = &found.turned else { break };
@@ -117,7 +107,7 @@ pub fn invert<T: Transport>(
     if found.converged || found.iterations() >= stop.iterations {
         return Ok(found);
     }
-    go_on(found, observed, held, stop, |image| transport.read(image, relative))
+    go_on(found, observed, held, stop, |image| transport.read(image, read_e))
 }
 
 /// What a reversal has to be compared with.
@@ -126,8 +116,8 @@ struct Comparison<'a, T> {
     observed: &'a Array2<f64>,
     held: Option<&'a Array2<bool>>,
     stop: Stop,
-    /// Accuracy of the readout, over the displacement.
-    relative: f64,
+    /// Error that the readout may make, e-.
+    read_e: Option<f64>,
 }
 
 impl<T: Transport> Comparison<'_, T> {
@@ -140,7 +130,7 @@ impl<T: Transport> Comparison<'_, T> {
         allowed: Allowed,
         mut residuals: Vec<Residual>,
     ) -> Result<(Corrected, Array2<f64>), T::Error> {
-        let mut unexplained = difference(self.observed, &self.transport.read(&image, self.relative)?);
+        let mut unexplained = difference(self.observed, &self.transport.read(&image, self.read_e)?);
         if let Some(added) = self.transport.added() {
             // Nothing else depends on them, and they are read as they are.
             Zip::from(&mut image).and(&mut unexplained).and(added).par_for_each(|image, unexplained, added| {
@@ -154,7 +144,7 @@ impl<T: Transport> Comparison<'_, T> {
         residuals.push(residual);
         let converged = self.stop.is_reached(residual, residuals[0]);
         let turned = Some(Turned { source_e, allowed });
-        Ok((Corrected { image, residuals, converged, left, turned, relative: self.relative }, unexplained))
+        Ok((Corrected { image, residuals, converged, left, turned, read_e: self.read_e }, unexplained))
     }
 }
 

@@ -29,10 +29,10 @@ impl<'a> FrameTransport<'a> {
 impl Transport for FrameTransport<'_> {
     type Error = InputError;
 
-    fn read(&self, image_e: &Array2<f64>, relative: f64) -> Result<Array2<f64>, InputError> {
+    fn read(&self, image_e: &Array2<f64>, allowed_e: Option<f64>) -> Result<Array2<f64>, InputError> {
         self.readouts.set(self.readouts.get() + 1);
         (self.tell)(&format!("readout {}", self.readouts.get()));
-        self.amplifiers.read_within(image_e, relative)
+        self.amplifiers.read_within(image_e, allowed_e)
     }
 
     fn before(&self, read_e: &Array2<f64>, allowed: Allowed) -> Result<Option<Array2<f64>>, InputError> {

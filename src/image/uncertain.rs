@@ -60,7 +60,7 @@ pub fn uncertain<T: Transport>(
     // Always the same numbers: any will do.
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let error_e = ERROR_OVER_RESIDUAL * accuracy_e.max(corrected.last().rms_e);
-    let trail = |image: &Array2<f64>| transport.read(image, corrected.relative);
+    let trail = |image: &Array2<f64>| transport.read(image, corrected.read_e);
 
     let step = Array2::from_shape_simple_fn(image.raw_dim(), || if random.random() { error_e } else { -error_e });
     // A pixel that is held has no step of its own, and one that is only added to what is read is as certain as all others together.

@@ -21,11 +21,11 @@
 //! Sources: Rhodes et al. 2010 (PASP 122, 439), section 3; Massey et al. 2010 (MNRAS 401, 371) for the cloud that
 //! captures at once.
 
-mod backwards;
 mod block_path;
 mod cloud;
 mod continuum;
 mod duplicate_columns;
+mod equal_blocks;
 mod estimate;
 mod every_transfer;
 mod finite_capture;
@@ -44,15 +44,17 @@ mod simd;
 mod spent;
 mod watermarks;
 
-pub use backwards::Allowed;
 pub use cloud::Cloud;
+pub use equal_blocks::Allowed;
 pub use phase::{Clock, ClockFault, ClockStep, Phase};
+
+use std::sync::{Mutex, PoisonError};
 
 use ndarray::{Array2, ArrayView1, ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
-use backwards::Division;
 use duplicate_columns::DuplicateColumns;
+use equal_blocks::{Division, Towards};
 use finite_capture::FiniteCapturePixel;
 use multirevolution::{Aim, Workspace};
 use passage::{Lead, Passage};
@@ -304,7 +306,7 @@ impl Readout {
         downstream: Downstream,
         allowed: Allowed,
     ) -> Option<Array2<f64>> {
-        self.reversed(read, downstream, Axis(0), allowed)
+        self.in_blocks(read, downstream, Axis(0), (Towards::Light, allowed))
     }
 
     /// The same of [`Readout::serial`].
@@ -312,7 +314,24 @@ impl Readout {
     /// # Panics
     /// With more than [`MAX_SPECIES`] species.
     pub fn serial_reversed(&self, read: &Array2<f64>, downstream: Downstream, allowed: Allowed) -> Option<Array2<f64>> {
-        self.reversed(read, downstream, Axis(1), allowed)
+        self.in_blocks(read, downstream, Axis(1), (Towards::Light, allowed))
+    }
+
+    /// [`Readout::parallel`] with an error that is allowed in e-, as coarsely as that admits. Where the method is not
+    /// [`Method::Fast`], capture takes time, or species have clouds of their own, the image is read out by the method.
+    ///
+    /// # Panics
+    /// As [`Readout::parallel`].
+    pub fn parallel_within(&self, image: &Array2<f64>, downstream: Downstream, allowed: Allowed) -> Array2<f64> {
+        self.within(image, downstream, Axis(0), allowed).unwrap_or_else(|| self.parallel(image, downstream))
+    }
+
+    /// The same of [`Readout::serial`].
+    ///
+    /// # Panics
+    /// As [`Readout::serial`].
+    pub fn serial_within(&self, image: &Array2<f64>, downstream: Downstream, allowed: Allowed) -> Array2<f64> {
+        self.within(image, downstream, Axis(1), allowed).unwrap_or_else(|| self.serial(image, downstream))
     }
 
     /// The same readout without chance: what the mean over many random sets of traps tends to.
@@ -372,7 +391,7 @@ impl Readout {
             }
             Method::Fast { relative } if clouds.len() > 1 => {
                 let pixel = SeveralClouds::new(&traps, (clouds, cloud_of), rows);
-                side_by_side(&pixel, image, rows_downstream, &settled_e, across, Course::Forwards { relative })
+                side_by_side(&pixel, image, rows_downstream, &settled_e, across, Course::InSteps { relative })
             }
             Method::Exact => {
                 by_column(&|charge_e, column| every_transfer::column(&traps, &clouds[0], charge_e, settled(column)))
@@ -380,28 +399,40 @@ impl Readout {
             Method::Fast { relative } if traps.iter().any(Trap::returns) => {
                 with_width!([pixel::FEW, WIDEST], traps.len(), |WIDTH| {
                     let pixel = Pixel::<WIDTH, true>::new(&traps, clouds[0].clone(), rows);
-                    side_by_side(&pixel, image, rows_downstream, &settled_e, across, Course::Forwards { relative })
+                    side_by_side(&pixel, image, rows_downstream, &settled_e, across, Course::InSteps { relative })
                 })
             }
             Method::Fast { relative } => with_width!([3, pixel::FEW, WIDEST], traps.len(), |WIDTH| {
                 let pixel = Pixel::<WIDTH, false>::new(&traps, clouds[0].clone(), rows);
-                side_by_side(&pixel, image, rows_downstream, &settled_e, across, Course::Forwards { relative })
+                side_by_side(&pixel, image, rows_downstream, &settled_e, across, Course::InSteps { relative })
             }),
         }
     }
 
-    /// See [`Readout::parallel_reversed`].
-    fn reversed(
+    /// See [`Readout::parallel_within`].
+    fn within(
         &self,
-        read: &Array2<f64>,
+        image: &Array2<f64>,
         downstream: Downstream,
         transfer: Axis,
         allowed: Allowed,
     ) -> Option<Array2<f64>> {
+        let fast = matches!(self.method, Method::Fast { .. });
+        fast.then(|| self.in_blocks(image, downstream, transfer, (Towards::Register, allowed))).flatten()
+    }
+
+    /// Moves an image towards the register or the light, in equal blocks. None where pixels have to be passed one by one.
+    fn in_blocks(
+        &self,
+        image: &Array2<f64>,
+        downstream: Downstream,
+        transfer: Axis,
+        (towards, allowed): (Towards, Allowed),
+    ) -> Option<Array2<f64>> {
         assert!(self.traps.len() <= MAX_SPECIES, "at most {MAX_SPECIES} trap species");
         let traps: Vec<Trap> = self.traps.iter().filter(|trap| trap.density_per_px > 0.0).copied().collect();
-        if read.is_empty() || traps.is_empty() {
-            return Some(read.clone());
+        if image.is_empty() || traps.is_empty() {
+            return Some(image.clone());
         }
         let traps = continuum::resolved(&traps, WIDEST);
         let (clouds, _) = several_clouds::clouds_of(&traps, &self.cloud);
@@ -409,17 +440,17 @@ impl Readout {
             return None;
         }
         let across = Axis(1 - transfer.index());
-        let charge_e = vec![self.settled_e(downstream.charge_e); read.len_of(across)];
-        let (rows, course) = (read.len_of(transfer), Course::Backwards(allowed));
+        let charge_e = vec![self.settled_e(downstream.charge_e); image.len_of(across)];
+        let (rows, course) = (image.len_of(transfer), Course::InBlocks(towards, allowed));
         Some(if traps.iter().any(Trap::returns) {
             with_width!([pixel::FEW, WIDEST], traps.len(), |WIDTH| {
                 let pixel = Pixel::<WIDTH, true>::new(&traps, clouds[0].clone(), rows);
-                side_by_side(&pixel, read, downstream.rows, &charge_e, across, course)
+                side_by_side(&pixel, image, downstream.rows, &charge_e, across, course)
             })
         } else {
             with_width!([3, pixel::FEW, WIDEST], traps.len(), |WIDTH| {
                 let pixel = Pixel::<WIDTH, false>::new(&traps, clouds[0].clone(), rows);
-                side_by_side(&pixel, read, downstream.rows, &charge_e, across, course)
+                side_by_side(&pixel, image, downstream.rows, &charge_e, across, course)
             })
         })
     }
@@ -498,7 +529,7 @@ impl Readout {
                             rows_downstream,
                             &background_e,
                             across,
-                            Course::Forwards { relative },
+                            Course::InSteps { relative },
                         )
                     })
                 }
@@ -521,20 +552,20 @@ impl Readout {
     }
 }
 
-/// From the image to what is read, or back.
+/// From one end of a journey to the other.
 #[derive(Clone, Copy)]
 enum Course {
-    /// To an accuracy relative to the packets' change.
-    Forwards { relative: f64 },
-    /// With an error that is allowed.
-    Backwards(Allowed),
+    /// To the register, by steps of the length and order that an accuracy relative to the packets' change needs.
+    InSteps { relative: f64 },
+    /// In equal blocks, with an error that is allowed.
+    InBlocks(Towards, Allowed),
 }
 
 /// How a course is taken, once something is known of the charges.
 #[derive(Clone, Copy)]
 enum Plan {
-    Forwards(Aim),
-    Backwards(Division),
+    InSteps(Aim),
+    InBlocks(Towards, Division),
 }
 
 /// Reads an image out or turns that round, several columns at a time; `charge_e` lies downstream of each column.
@@ -558,11 +589,12 @@ fn side_by_side<P: Passage>(
     simd::gather(image, brightest, &mut brightest_e);
     let mut work = Workspace::new(rows);
     let plan = match course {
-        Course::Forwards { relative } => {
-            Plan::Forwards(multirevolution::aim(pixel, &brightest_e, &lead(brightest), relative, &mut work))
+        Course::InSteps { relative } => {
+            Plan::InSteps(multirevolution::aim(pixel, &brightest_e, &lead(brightest), relative, &mut work))
         }
-        Course::Backwards(allowed) => {
-            Plan::Backwards(Division::of(pixel, &brightest_e, &lead(brightest), allowed, &mut work))
+        Course::InBlocks(towards, allowed) => {
+            let division = Division::of(pixel, &brightest_e, &lead(brightest), towards, allowed, &mut work);
+            Plan::InBlocks(towards, division)
         }
     };
 
@@ -570,8 +602,10 @@ fn side_by_side<P: Passage>(
     let read = |(charge_e, work): &mut (Vec<Packets>, Workspace<P::Watermarks>), group, mut out: ArrayViewMut2<f64>| {
         simd::gather(image, group, charge_e);
         match plan {
-            Plan::Forwards(aim) => multirevolution::columns(pixel, charge_e, &lead(group), aim, work),
-            Plan::Backwards(division) => backwards::columns(pixel, charge_e, &lead(group), division, work),
+            Plan::InSteps(aim) => multirevolution::columns(pixel, charge_e, &lead(group), aim, work),
+            Plan::InBlocks(towards, division) => {
+                equal_blocks::columns(pixel, charge_e, &lead(group), (towards, division), work);
+            }
         }
         for (mut out, charge_e) in out.rows_mut().into_iter().zip(charge_e) {
             let out = out.as_slice_mut().expect("columns side by side");
@@ -583,10 +617,15 @@ fn side_by_side<P: Passage>(
         let mut buffers = (brightest_e, work);
         parts.into_iter().zip(groups).for_each(|(out, group)| read(&mut buffers, group, out));
     } else {
-        (parts.into_par_iter(), groups)
-            .into_par_iter()
-            .with_min_len(GROUPS_PER_TASK)
-            .for_each_init(|| (Vec::new(), Workspace::new(rows)), |buffers, (out, group)| read(buffers, group, out));
+        // A few megabytes, which are not given back after each task: the system takes as long to hand them out as a group takes.
+        let spare = Mutex::new(vec![(brightest_e, work)]);
+        let spares = || spare.lock().unwrap_or_else(PoisonError::into_inner);
+        (parts.into_par_iter(), groups).into_par_iter().with_min_len(GROUPS_PER_TASK).for_each(|(out, group)| {
+            let taken = spares().pop();
+            let mut buffers = taken.unwrap_or_else(|| (Vec::new(), Workspace::new(rows)));
+            read(&mut buffers, group, out);
+            spares().push(buffers);
+        });
     }
     let trailed = columns.spread(trailed);
     if across.index() == 1 { trailed } else { trailed.reversed_axes() }

@@ -1,20 +1,21 @@
-//! Packets as they were before the transfers, from those that were read: the transfers in the opposite order.
+//! The journey in equal blocks of pixels, from the light to the register or the other way about.
 //!
 //! What a packet loses in one pixel is tiny, so the charges after each pixel follow a difference equation with a smooth change
-//! δ (see [`super::multirevolution`]). It is as easily followed towards the light as towards the register: from the charges n
-//! behind a block of N pixels, those before it are
+//! δ (see [`super::multirevolution`]). It is as easily followed towards the light as towards the register: from the charges n on one
+//! side of a block of N pixels, those on the other side are
 //!
 //! ```text
-//! first order    n − N δ(n)
-//! second order   n − N δ(n − c N δ(n)),   c = (1 + 1/N)/2, the mean place of the N pixels as seen from their end
+//! first order    n ± N δ(n)
+//! second order   n ± N δ(n ± c N δ(n)),   c = (1 ∓ 1/N)/2, the mean place of the N pixels as seen from that side
 //! ```
 //!
-//! which is the midpoint rule for −N transfers. Within the image, where packets start in different pixels, the charges that are held
-//! fixed are each packet's mean over its path (see [`super::block_path`]), counted from the path's end. No equation is solved.
+//! which is the midpoint rule, for N transfers (upper signs) or −N (lower ones, from the register to the light). Within the image, where
+//! packets start in different pixels, the charges that are held fixed are each packet's mean over its path (see
+//! [`super::block_path`]), counted from the side that is known. No equation is solved.
 //!
-//! The journey is divided into equal blocks, as many as the error that is allowed demands: their number is doubled until the result
-//! settles, in the columns around the brightest pixel. So the result is a smooth function of what was read, and a correction that
-//! makes up for the error left over converges.
+//! There are as many blocks as the error that is allowed demands: their number is doubled until the result settles, in the columns
+//! around the brightest pixel. So the result is a smooth function of the charges, and a correction that makes up for the
+//! error left over converges.
 
 use super::block_path::BlockPath;
 use super::estimate;
@@ -30,6 +31,13 @@ pub struct Allowed {
     pub relative: f64,
     /// In e-.
     pub error_e: f64,
+}
+
+/// Where a journey leads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Towards {
+    Register,
+    Light,
 }
 
 /// How finely a journey is divided.
@@ -56,25 +64,26 @@ impl Division {
         }
     }
 
-    /// The coarsest division that some packets need, `read_e` behind the journey.
+    /// The coarsest division that some packets need for a journey.
     pub fn of<P: Passage>(
         pixel: &P,
-        read_e: &[Packets],
+        start_e: &[Packets],
         downstream: &Lead,
+        towards: Towards,
         allowed: Allowed,
         work: &mut Workspace<P::Watermarks>,
     ) -> Division {
-        let mut before = |division| {
-            let mut charge_e = read_e.to_vec();
-            columns(pixel, &mut charge_e, downstream, division, work);
+        let mut end = |division| {
+            let mut charge_e = start_e.to_vec();
+            columns(pixel, &mut charge_e, downstream, (towards, division), work);
             charge_e
         };
         let mut division = Division::FirstOrder;
-        let mut coarse_e = before(division);
+        let mut coarse_e = end(division);
         while division != Division::SecondOrder(MOST) {
             let finer = division.doubled();
-            let fine_e = before(finer);
-            let allowed_e = allowed.error_e.max(allowed.relative * distance_e(&fine_e, read_e));
+            let fine_e = end(finer);
+            let allowed_e = allowed.error_e.max(allowed.relative * distance_e(&fine_e, start_e));
             // The coarse result's error but for the share that the fine one has too.
             let coarse_error_e = distance_e(&fine_e, &coarse_e);
             if coarse_error_e <= allowed_e {
@@ -89,58 +98,65 @@ impl Division {
     }
 }
 
-/// Turns columns as they were read into those before the transfers.
+/// Moves columns from one end of their journey to the other.
 pub(super) fn columns<P: Passage>(
     pixel: &P,
     charge_e: &mut [Packets],
     downstream: &Lead,
-    division: Division,
+    (towards, division): (Towards, Division),
     work: &mut Workspace<P::Watermarks>,
 ) {
     let start = charge_e.len() as i64 + downstream.rows;
-    let image = downstream.rows.max(0)..start;
-    let shared = 0..downstream.rows;
-    // The pixel nearest the register was the last one.
-    for (region, staggered) in [(shared, false), (image, true)] {
+    let image = (downstream.rows.max(0)..start, true);
+    let shared = (0..downstream.rows, false);
+    let regions = if towards == Towards::Register { [image, shared] } else { [shared, image] };
+    for (region, staggered) in regions {
         let length = (region.end - region.start).max(0);
-        let blocks = if let Division::SecondOrder(blocks) = division { blocks.min(length) } else { 1 };
-        for number in 0..blocks.min(length) {
+        let blocks = if let Division::SecondOrder(blocks) = division { blocks.min(length) } else { 1.min(length) };
+        for number in 0..blocks {
             interrupt::check();
+            let number = if towards == Towards::Register { blocks - 1 - number } else { number };
             let [nearest, end] = [number, number + 1].map(|number| region.start + length * number / blocks);
             let block = Block { nearest, pixels: end - nearest };
-            through(pixel, charge_e, (block, staggered), downstream, division, work);
+            through(pixel, charge_e, (block, staggered), downstream, (towards, division), work);
         }
     }
 }
 
-/// Turns columns behind a block into those before it.
+/// Moves columns from one side of a block to the other.
 fn through<P: Passage>(
     pixel: &P,
     charge_e: &mut [Packets],
     (block, staggered): (Block, bool),
     downstream: &Lead,
-    division: Division,
+    (towards, division): (Towards, Division),
     work: &mut Workspace<P::Watermarks>,
 ) {
     let Workspace { watermarks, stages: [k1, k2, ..], stage_e, path } = work;
     let mut pass = |charge_e: &[Packets], path: BlockPath, found: &mut _| {
         pixel.pass(charge_e, path, block, downstream, watermarks, found);
     };
+    let sign = if towards == Towards::Register { 1.0 } else { -1.0 };
     if division == Division::FirstOrder {
         pass(charge_e, BlockPath::Unknown, k1);
-        return estimate::add(charge_e, &[(-1.0, k1)]);
+        return estimate::add(charge_e, &[(sign, k1)]);
     }
     if staggered {
         pass(charge_e, BlockPath::Sought(path), k1);
-        // What packets start with, to first order, and their means over the path relative to that.
-        estimate::sum(charge_e, &[(-1.0, k1)], stage_e);
-        pass(stage_e, BlockPath::Known(path), k2);
+        match towards {
+            Towards::Register => pass(charge_e, BlockPath::Known(path), k2),
+            Towards::Light => {
+                // What packets start with, to first order, and their means over the path relative to that.
+                estimate::sum(charge_e, &[(-1.0, k1)], stage_e);
+                pass(stage_e, BlockPath::Known(path), k2);
+            }
+        }
     } else {
         pass(charge_e, BlockPath::Unknown, k1);
-        estimate::sum(charge_e, &[(-0.5 * (1.0 + 1.0 / block.pixels as f64), k1)], stage_e);
+        estimate::sum(charge_e, &[(0.5 * (sign - 1.0 / block.pixels as f64), k1)], stage_e);
         pass(stage_e, BlockPath::Unknown, k2);
     }
-    estimate::add(charge_e, &[(-1.0, k2)]);
+    estimate::add(charge_e, &[(sign, k2)]);
 }
 
 /// Root mean square of the difference of charges.
@@ -174,24 +190,31 @@ mod tests {
         }
     }
 
-    /// Errors (rms, e-) of so many blocks, against the field that every transfer was done of.
-    fn errors(density: f64, phase: Phase, downstream: Downstream, divisions: &[Division]) -> Vec<f64> {
+    /// Errors (rms, e-) of so many blocks, against every transfer done.
+    fn errors(
+        density: f64,
+        phase: Phase,
+        downstream: Downstream,
+        towards: Towards,
+        divisions: &[Division],
+    ) -> Vec<f64> {
         let (before, readout) = (field(), readout(density, phase));
         let read = readout.parallel(&before, downstream);
         let lead = Lead { rows: downstream.rows, charge_e: [readout.settled_e(downstream.charge_e); LANES] };
         let error = |division: &Division| {
             let mut work = Workspace::new(before.nrows());
-            let [mut charge_e, truth_e] = [&read, &before].map(|image| {
+            let ends = if towards == Towards::Light { [&read, &before] } else { [&before, &read] };
+            let [mut charge_e, truth_e] = ends.map(|image| {
                 let mut lanes = Vec::new();
                 crate::simd::gather(image.view(), &(0..LANES).collect::<Vec<_>>(), &mut lanes);
                 lanes
             });
             if phase == Phase::SINGLE {
                 let pixel = Pixel::<3, false>::new(&readout.traps, readout.cloud.clone(), before.nrows());
-                columns(&pixel, &mut charge_e, &lead, *division, &mut work);
+                columns(&pixel, &mut charge_e, &lead, (towards, *division), &mut work);
             } else {
                 let pixel = Pixel::<3, true>::new(&readout.traps, readout.cloud.clone(), before.nrows());
-                columns(&pixel, &mut charge_e, &lead, *division, &mut work);
+                columns(&pixel, &mut charge_e, &lead, (towards, *division), &mut work);
             }
             distance_e(&charge_e, &truth_e)
         };
@@ -199,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_are_turned_round_to_first_and_second_order() {
+    fn blocks_are_passed_to_first_and_second_order_both_ways() {
         let several = Phase { over: 0.2, ahead: 0.3, tie: 0.1 };
         let away = Downstream { rows: 400, charge_e: 0.0 };
         let behind_sky = Downstream { rows: 400, charge_e: 60.0 };
@@ -209,18 +232,23 @@ mod tests {
             (several, Downstream::NONE),
             (several, away),
         ] {
-            let divisions = [Division::FirstOrder, Division::SecondOrder(1), Division::SecondOrder(4)];
-            let whole = errors(3.0, phase, downstream, &divisions);
-            let half = errors(1.5, phase, downstream, &divisions);
-            let falls: Vec<f64> = whole.iter().zip(&half).map(|(whole, half)| whole / half).collect();
-            // An error of second order in the traps falls by 4 where they are halved, one of third order by 8.
-            assert!((3.5..4.5).contains(&falls[0]) && (6.5..9.0).contains(&falls[1]), "{whole:?} {half:?}");
-            assert!(whole[1] < 0.1 * whole[0] && whole[2] < 0.2 * whole[1], "{whole:?}");
+            for towards in [Towards::Register, Towards::Light] {
+                let divisions = [Division::FirstOrder, Division::SecondOrder(1), Division::SecondOrder(4)];
+                let whole = errors(3.0, phase, downstream, towards, &divisions);
+                let half = errors(1.5, phase, downstream, towards, &divisions);
+                let falls: Vec<f64> = whole.iter().zip(&half).map(|(whole, half)| whole / half).collect();
+                // An error of second order in the traps falls by 4 where they are halved, one of third order by 8.
+                assert!(
+                    (3.5..4.5).contains(&falls[0]) && (6.0..9.0).contains(&falls[2]),
+                    "{towards:?} {whole:?} {half:?}"
+                );
+                assert!(whole[1] < 0.1 * whole[0] && whole[2] < 0.2 * whole[1], "{towards:?} {whole:?}");
+            }
         }
     }
 
     #[test]
-    fn the_image_before_is_found_with_the_error_allowed() {
+    fn both_ends_are_found_with_the_error_allowed() {
         for downstream in [Downstream::NONE, Downstream { rows: 300, charge_e: 60.0 }] {
             let (before, readout) = (field(), readout(1.0, Phase::SINGLE));
             let rms = |image: Array2<f64>| (image.iter().map(|e| e * e).sum::<f64>() / image.len() as f64).sqrt();
@@ -235,6 +263,12 @@ mod tests {
                         false => readout.serial_reversed(&read, downstream, allowed).map(|found| found.reversed_axes()),
                     };
                     let error_e = rms(found.unwrap() - &before);
+                    assert!(error_e < allowed_e, "{error_e:e} of {allowed_e:e}");
+                    let fast = Readout { method: Method::Fast { relative: 1e-9 }, ..readout.clone() };
+                    let error_e = match parallel {
+                        true => rms(fast.parallel_within(&before, downstream, allowed) - &read),
+                        false => rms(fast.serial_within(&before.t().to_owned(), downstream, allowed) - &read),
+                    };
                     assert!(error_e < allowed_e, "{error_e:e} of {allowed_e:e}");
                 }
             }
