@@ -66,7 +66,7 @@ impl Transport for Columns<'_> {
 }
 
 /// Shares of the error asked for that the reversal and the readout may make.
-const SHARE_OF_REVERSAL: f64 = 0.2;
+const SHARE_OF_REVERSAL: f64 = 0.15;
 const SHARE_OF_READOUT: f64 = 0.1;
 
 /// Finds the image that is read as what was observed.
