@@ -92,13 +92,16 @@ impl Setting {
         if self.pixels.is_some() || !self.empty_between || traps.iter().any(Traps::is_in_part) {
             return self.every_transfer(traps, &cloud, frame_e);
         }
-        let method = if self.empty_for_first { Method::Fast { relative: self.relative } } else { Method::CarriedTraps };
         let trap = |traps: &Traps| Trap {
             release_sigma: traps.sigma,
             capture_transfers: traps.capture,
             ..Trap::new(traps.density, traps.release)
         };
+        let method = Method::Fast { relative: self.relative };
         let readout = Readout { traps: traps.iter().map(trap).collect(), cloud, method };
+        if !self.empty_for_first {
+            return readout.parallel_carried(&frame_e, self.offset, self.relative);
+        }
         readout.parallel(&frame_e, Downstream { rows: self.offset as i64, charge_e: 0.0 })
     }
 

@@ -241,6 +241,8 @@ macro_rules! with_width {
     };
 }
 
+mod carried;
+
 /// Release times that species may be resolved into, all together.
 const WIDEST: usize = 256;
 

@@ -68,6 +68,12 @@ impl<L: Default> Workspace<L> {
         let stages = [(); 4].map(|()| Stage::new(rows));
         Workspace { watermarks: L::default(), stages, stage_e: vec![[0.0; LANES]; rows], path: PathMeans::new(rows) }
     }
+
+    /// Those of a single pass of so many rows.
+    pub fn single(&mut self, rows: usize) -> (&mut L, &mut Stage) {
+        self.stages[0].resize(rows);
+        (&mut self.watermarks, &mut self.stages[0])
+    }
 }
 
 /// What is aimed at.

@@ -87,6 +87,13 @@ impl Stage {
         }
     }
 
+    /// For columns of another number of packets.
+    pub fn resize(&mut self, rows: usize) {
+        for part in [&mut self.change_e, &mut self.drift_e, &mut self.doubtful_e, &mut self.meets] {
+            part.resize(rows, [0.0; LANES]);
+        }
+    }
+
     /// Rows that do not pass the block.
     pub fn absent(&mut self, rows: usize) {
         for part in [&mut self.change_e, &mut self.drift_e, &mut self.doubtful_e, &mut self.meets] {
