@@ -201,9 +201,10 @@ def compare(what, count):
         frame, theirs, their_s, kind = found
         _, ours, our_s, _ = globals()[what](arctic, number)
         moved, error = abs(theirs - frame).max(), abs(theirs - ours).max()
-        worst = max(worst, error / moved)
+        deviation = error / moved if moved > 0.0 else error
+        worst = max(worst, deviation)
         print("%3d %-20s %3d x %3d  moved %9.3g e-  deviation %.1e of that  %.4f s, arcticpy %.4f s"
-              % (number, kind, *frame.shape, moved, error / moved, our_s, their_s))
+              % (number, kind, *frame.shape, moved, deviation, our_s, their_s))
     print("largest deviation: %.1e of the largest displacement in the frame" % worst)
 
 

@@ -33,7 +33,7 @@ impl Species {
 pub struct Order {
     /// Pixels between row 0 and the register.
     pub offset: usize,
-    /// Pixels with traps, counted from the register; packets that start beyond make as many transfers. Without: all.
+    /// Most transfers that a packet makes among traps: there are none in the pixels beyond. Without: all.
     pub pixels: Option<usize>,
     /// Traps of a pixel are empty when its first packet comes; else they are as that packet left the pixel before.
     pub empty_for_first: bool,
@@ -76,21 +76,18 @@ impl<'a> Pixel<'a> {
         Pixel { species, cloud, released }
     }
 
-    /// Pixels from the farthest on, each of which starts alike. Gives the traps of the last.
+    /// Pixels from the farthest on, each of which starts alike. Gives the traps of the last. Of more than `order.pixels` transfers,
+    /// ArCTIc lets a packet make the first ones only.
     fn empty_for_first(&self, charge_e: &mut [f64], start: State, order: Order) -> State {
-        let mut pixels = charge_e.len() + order.offset;
-        if let Some(limit) = order.pixels.filter(|limit| *limit < pixels) {
-            // ArCTIc lets packets from beyond, too, make their first transfer alone.
-            for packet_e in &mut charge_e[(limit.max(1) - 1).saturating_sub(order.offset)..] {
-                self.packet(&mut start.clone(), packet_e);
-            }
-            pixels = limit.max(1) - 1;
-        }
+        let rows = charge_e.len();
+        let most = order.pixels.unwrap_or(rows + order.offset);
         let mut state = start.clone();
-        for place in (0..pixels).rev() {
+        for place in (0..rows + order.offset).rev() {
             interrupt::check();
             state.clone_from(&start);
-            for packet_e in &mut charge_e[place.saturating_sub(order.offset)..] {
+            let first = place.saturating_sub(order.offset);
+            let end = (place + most).saturating_sub(order.offset).clamp(first, rows);
+            for packet_e in &mut charge_e[first..end] {
                 self.packet(&mut state, packet_e);
             }
         }
