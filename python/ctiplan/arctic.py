@@ -36,7 +36,7 @@ __all__ = [
 ]
 
 #: Error of a frame over the largest displacement of charge in it, unless ``express`` asks for another.
-ACCURACY = 1e-5
+ACCURACY = 2e-4
 
 
 class CCDPhase:
@@ -76,7 +76,7 @@ class CCD:
     Parameters
     ----------
     phases : sequence of CCDPhase
-        One phase; a pixel of several is not read out here.
+        Phases in the direction of transfer, all with the same well. Of several, see docs/arctic.md: arcticpy 2.6 has no results.
     fraction_of_traps_per_phase : sequence of float
         Part of the traps below each phase.
     full_well_depth, well_notch_depth, well_fill_power, first_electron_fill : float, optional
@@ -131,7 +131,7 @@ class ROE:
     Parameters
     ----------
     dwell_times : sequence of float
-        Time that charge stays below each phase; the unit of all times. One phase.
+        Time that charge stays below each phase, shape (phases,), in the unit of all times.
     prescan_offset : int
         Pixels with traps between the first pixel of the frame and the register or amplifier.
     overscan_start : int
@@ -310,8 +310,8 @@ def add_cti(
         Parallel transfer; without traps there is none.
     parallel_express : int or float
         The accuracy. Whatever it is, the result is what arcticpy gives at express 0. 0 and all other whole numbers: the error of
-        a pixel is about 1e-5 of the largest displacement of charge in the frame, far below that of arcticpy with the same number.
-        Between 0 and 1: that fraction in place of 1e-5.
+        a pixel is at most about 2e-4 of the largest displacement of charge in the frame, and mostly far smaller.
+        Between 0 and 1: that fraction in place of 2e-4.
     parallel_window_offset : int
         More pixels between the frame and the register, added to ``prescan_offset``.
     parallel_window_start, parallel_window_stop : int
@@ -337,7 +337,7 @@ def add_cti(
     InputError
         Where a value cannot be used.
     NotImplementedError
-        For more than one phase, trap pumping, charge injection and pixel bounce.
+        For phases whose wells differ, trap pumping, charge injection and pixel bounce.
     """
     parallel = _Direction.of(
         "parallel", parallel_ccd, parallel_roe, parallel_traps, parallel_express,
@@ -396,7 +396,7 @@ def remove_cti(
     n_iterations : int
         Number of steps, each of which takes out what the one before has left.
     read_noise : optional
-        Must be None: separate the read noise before (docs/correcting.md).
+        Must be None: separate the read noise before; see docs/images.md.
     allow_negative_pixels : bool
         False: negative charge counts as none, in every step.
 
@@ -512,8 +512,7 @@ class _Direction:
                 f"cannot use {name}_traps", None, f"{name}_ccd and {name}_roe are needed beside them",
                 f"{name}_ccd=CCD(), {name}_roe=ROE() are the defaults",
             )  # fmt: skip
-        phase, dwell = _single_phase(name, ccd, roe)
-        fraction = _number(f"{name}_ccd.fraction_of_traps_per_phase", ccd.fraction_of_traps_per_phase[0], least=0.0)
+        phase, dwells, shares = _phases(name, ccd, roe)
         offset += _whole(f"{name}_roe.prescan_offset", roe.prescan_offset, least=0)
         setting = _well(f"{name}_ccd", phase) | {
             "offset": offset,
@@ -521,8 +520,11 @@ class _Direction:
             "empty_for_first": bool(roe.empty_traps_for_first_transfers),
             "empty_between": bool(roe.empty_traps_between_columns),
             "relative": accuracy,
+            "dwells": dwells,
+            "shares": shares,
         }
-        return cls([_species(f"{name}_traps", trap, dwell, fraction) for trap in given], setting, (first, last))
+        line, fraction = sum(dwells), sum(shares)
+        return cls([_species(f"{name}_traps", trap, line, fraction) for trap in given], setting, (first, last))
 
     def rows(self, length: int, name: str) -> slice:
         """The window among so many rows."""
@@ -568,23 +570,23 @@ def _electrons(image: npt.ArrayLike) -> np.ndarray:
     return given.astype(np.float64, copy=False)
 
 
-def _single_phase(name: str, ccd: CCD, roe: ROE) -> tuple[CCDPhase, float]:
+def _phases(name: str, ccd: CCD, roe: ROE) -> tuple[CCDPhase, list[float], list[float]]:
+    """The well that all phases have, the dwell times and the shares of traps."""
     for attribute, value in (("n_pumps", -1), ("type", 0)):
         if getattr(roe, attribute, value) != value:
             raise NotImplementedError(f"{name}_roe: trap pumping and charge injection are not read out here")
-    phases, dwells = len(ccd.phases), len(roe.dwell_times)
-    if phases != dwells or phases != len(ccd.fraction_of_traps_per_phase):
+    phases, dwells, shares = ccd.phases, roe.dwell_times, ccd.fraction_of_traps_per_phase
+    if not len(phases) == len(dwells) == len(shares) > 0:
         raise InputError(
             f"cannot use {name}_ccd and {name}_roe", None,
-            f"{phases} phases, {len(ccd.fraction_of_traps_per_phase)} fractions of traps and {dwells} dwell times; "
-            "as many of each are needed",
+            f"{len(phases)} phases, {len(shares)} fractions of traps and {len(dwells)} dwell times; as many of each are needed",
         )  # fmt: skip
-    if phases != 1:
-        raise NotImplementedError(
-            f"{name}_ccd: a pixel of {phases} phases is not read out here (arcticpy 2.6 ends with a segmentation fault); "
-            "clocks of several phases are in ctiplan.Mission (docs/missions.md)"
-        )
-    return ccd.phases[0], _number(f"{name}_roe.dwell_times", roe.dwell_times[0], above=0.0)
+    if any(vars(phase) != vars(phases[0]) for phase in phases):
+        raise NotImplementedError(f"{name}_ccd: phases whose wells differ are not read out here")
+    shares = [_number(f"{name}_ccd.fraction_of_traps_per_phase", share, least=0.0) for share in shares]
+    if not sum(shares) > 0.0:
+        raise InputError(f"cannot use {name}_ccd", f"fraction_of_traps_per_phase = {shares}", "one must be more than 0")
+    return phases[0], [_number(f"{name}_roe.dwell_times", dwell, above=0.0) for dwell in dwells], shares
 
 
 def _well(name: str, phase: CCDPhase) -> dict[str, float]:

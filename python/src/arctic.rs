@@ -3,7 +3,7 @@
 mod every_transfer;
 
 use ctiplan::error::InputError;
-use ctiplan::readout::{Cloud, Downstream, Method, Readout, Trap};
+use ctiplan::readout::{Clock, ClockStep, Cloud, Downstream, MAX_SPECIES, Method, Readout, Trap};
 use ndarray::{Array2, Axis};
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -36,6 +36,9 @@ pub struct Setting {
     empty_for_first: bool,
     empty_between: bool,
     relative: f64,
+    /// Time below each phase, in any unit, and traps there, as a share of all.
+    dwells: Vec<f64>,
+    shares: Vec<f64>,
 }
 
 /// Reads a frame out along its first axis, row 0 nearest the register. What is checked here is what would panic; the facade says
@@ -50,28 +53,25 @@ pub fn arctic_readout<'py>(
     let frame_e = frame_e.as_array().to_owned();
     let read = work::run(py, None, move |_| {
         check(&traps, &setting)?;
-        Ok(setting.readout(&traps, frame_e))
+        setting.readout(&traps, frame_e)
     })?;
     Ok(read.into_pyarray(py))
 }
 
 fn check(traps: &[Traps], setting: &Setting) -> Result<(), InputError> {
     let refused = |problem: String| Err(InputError::new("cannot read the frame out", problem));
-    if traps.len() > ctiplan::readout::MAX_SPECIES {
-        return refused(format!(
-            "{} trap species; at most {} are possible",
-            traps.len(),
-            ctiplan::readout::MAX_SPECIES
-        ));
+    let kinds = traps.len() * setting.dwells.len();
+    if kinds > MAX_SPECIES {
+        return refused(format!("{kinds} trap species in all phases; at most {MAX_SPECIES} are possible"));
     }
-    if !(setting.full_well > setting.notch) {
+    if setting.full_well <= setting.notch {
         let Setting { full_well, notch, .. } = setting;
         return refused(format!("the full well of {full_well} e- must be above the notch of {notch} e-"));
     }
-    let special = setting.pixels.is_some() || !setting.empty_between || traps.iter().any(Traps::is_in_part);
-    if special && traps.iter().any(|trap| trap.capture > 0.0 || trap.sigma > 0.0) {
+    let plain = |trap: &Traps| trap.capture == 0.0 && trap.sigma == 0.0 && setting.dwells.len() == 1;
+    if setting.is_special(traps) && !traps.iter().all(plain) {
         return refused(
-            "capture that takes time and spread release times go with overscan_start = -1, \
+            "capture that takes time, spread release times and several phases go with overscan_start = -1, \
              empty_traps_between_columns = True and traps in the whole volume only"
                 .into(),
         );
@@ -87,22 +87,36 @@ impl Traps {
 }
 
 impl Setting {
-    fn readout(&self, traps: &[Traps], frame_e: Array2<f64>) -> Array2<f64> {
+    /// Whether the readout of ctiplan has no such setting.
+    fn is_special(&self, traps: &[Traps]) -> bool {
+        self.pixels.is_some() || !self.empty_between || traps.iter().any(Traps::is_in_part)
+    }
+
+    fn readout(&self, traps: &[Traps], frame_e: Array2<f64>) -> Result<Array2<f64>, InputError> {
         let cloud = Cloud::new(self.full_well, self.notch, self.power).with_volume_at_zero(self.first_electron_fill);
-        if self.pixels.is_some() || !self.empty_between || traps.iter().any(Traps::is_in_part) {
-            return self.every_transfer(traps, &cloud, frame_e);
+        if self.is_special(traps) {
+            return Ok(self.every_transfer(traps, &cloud, frame_e));
         }
         let trap = |traps: &Traps| Trap {
             release_sigma: traps.sigma,
             capture_transfers: traps.capture,
             ..Trap::new(traps.density, traps.release)
         };
-        let method = Method::Fast { relative: self.relative };
-        let readout = Readout { traps: traps.iter().map(trap).collect(), cloud, method };
+        let traps: Vec<Trap> = traps.iter().map(trap).collect();
+        let traps = self.clock()?.spread(&traps);
+        let readout = Readout { traps, cloud, method: Method::Fast { relative: self.relative } };
         if !self.empty_for_first {
-            return readout.parallel_carried(&frame_e, self.offset, self.relative);
+            return Ok(readout.parallel_carried(&frame_e, self.offset, self.relative));
         }
-        readout.parallel(&frame_e, Downstream { rows: self.offset as i64, charge_e: 0.0 })
+        Ok(readout.parallel(&frame_e, Downstream { rows: self.offset as i64, charge_e: 0.0 }))
+    }
+
+    /// Charge below one phase after the other, in the direction of transfer.
+    fn clock(&self) -> Result<Clock, InputError> {
+        let step = |(phase, dwell): (usize, &f64)| ClockStep { dwell: *dwell, holds: vec![phase] };
+        let steps: Vec<ClockStep> = self.dwells.iter().enumerate().map(step).collect();
+        Clock::new(&steps, &self.shares)
+            .map_err(|fault| InputError::new("cannot read the frame out", format!("its phases: {fault}")))
     }
 
     fn every_transfer(&self, traps: &[Traps], cloud: &Cloud, mut frame_e: Array2<f64>) -> Array2<f64> {
