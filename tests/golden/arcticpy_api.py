@@ -168,9 +168,9 @@ def random_frame(arctic, number):
 
 
 def timed(arctic, number):
-    """The run time on a sky of 400 rows and 64 columns with sources, in both conventions and at express 0 and 5."""
+    """The run time on a sky of 1024 rows and 64 columns with sources, in both conventions and at express 0 and 5."""
     a = arctic
-    frame = np.tile(sky(), (8, 10))[:400, :64] + np.random.default_rng(1).normal(0.0, 3.0, (400, 64))
+    frame = np.tile(sky(), (21, 10))[:1024, :64] + np.random.default_rng(1).normal(0.0, 3.0, (1024, 64))
     _, ccd, traps = a.CTI_model_for_HST_ACS(2459000.0)
     empty, express = number // 2 == 1, 5 * (number % 2)
     roe = a.ROE(empty_traps_for_first_transfers=empty)

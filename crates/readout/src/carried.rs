@@ -40,8 +40,8 @@ const FEWEST_BLOCKS: usize = 4;
 const SHORTEST: i64 = 3;
 
 /// Part of the tolerance that two attempts may differ by. The finer one is right to a third of their difference where the change is
-/// smooth; a kink may lie where neither sees it.
-const SHARE: f64 = 0.3;
+/// smooth; behind rows without charge it is not, and both may miss the same.
+const SHARE: f64 = 0.1;
 
 /// Passages of packet 0 that are remembered. What it left longer ago is a layer as thin as what it has lost since.
 const REMEMBERED: usize = 256;
@@ -175,7 +175,7 @@ impl<L: Default> Work<L> {
 
     /// Largest displacement of charge, as the fewest blocks tell, e-.
     fn moved_e<P: Passage<Watermarks = L>>(&mut self, pixel: &P) -> f64 {
-        self.journey(pixel, self.longest());
+        self.journey(pixel, self.longest(), f64::INFINITY);
         apart(&self.charge_e, &self.before_e)
     }
 
@@ -189,7 +189,7 @@ impl<L: Default> Work<L> {
         let mut length = self.longest();
         let mut compared = false;
         while length >= SHORTEST {
-            self.journey(pixel, length);
+            self.journey(pixel, length, SHARE * tolerance_e);
             if compared && apart(&self.charge_e, &self.coarser_e) <= SHARE * tolerance_e {
                 return;
             }
@@ -197,11 +197,25 @@ impl<L: Default> Work<L> {
             compared = true;
             length /= 2;
         }
-        self.journey(pixel, 1);
+        self.journey(pixel, 1, 0.0);
     }
 
-    /// All pixels, in blocks of some length.
-    fn journey<P: Passage<Watermarks = L>>(&mut self, pixel: &P, length: i64) {
+    /// Pixels of a block in which no packet of more than `faint_e` would lose more than half of itself: beyond, it would be thought
+    /// spent half-way, and to lose nothing.
+    fn enough(&self, change_e: &[Packets], arrived: usize, pixels: i64, faint_e: f64) -> i64 {
+        let mut fewest = pixels as f64;
+        for (charge_e, change_e) in self.arriving_e.iter().zip(change_e).skip(arrived) {
+            for (charge_e, change_e) in charge_e.iter().zip(change_e) {
+                if *charge_e > faint_e && *change_e < 0.0 {
+                    fewest = fewest.min(-0.5 * charge_e / change_e);
+                }
+            }
+        }
+        (fewest as i64).max(1)
+    }
+
+    /// All pixels, in blocks of some length; packets of less than `faint_e` need not be right.
+    fn journey<P: Passage<Watermarks = L>>(&mut self, pixel: &P, length: i64, faint_e: f64) {
         let downstream = self.downstream() as i64;
         let pixels = self.before_e.len() as i64 + downstream;
         self.charge_e.copy_from_slice(&self.before_e);
@@ -215,16 +229,18 @@ impl<L: Default> Work<L> {
                 _ if nearest < downstream => downstream,
                 _ => pixels,
             };
-            // What packet 0 does to the traps changes most in the first pixels.
-            let longest = if nearest < downstream { nearest.max(1) } else { pixels };
-            let block = length.min(longest).min(end - nearest);
-            let visits = |row: usize| (row as i64 + 1 + downstream - nearest).clamp(0, block) as f64;
+            // What packet 0 does to the traps changes most in the first pixels: there blocks grow, more slowly in each attempt.
+            let longest = if nearest < downstream { (nearest * length / self.longest()).max(1) } else { pixels };
+            let mut block = length.min(longest).min(end - nearest);
+            let visits = |row: usize, block: i64| (row as i64 + 1 + downstream - nearest).clamp(0, block) as f64;
             self.line_up(nearest as usize);
             if block > 1 {
                 let change_e = self.pass(pixel).to_vec();
+                let arrived = (nearest - downstream).max(0) as usize;
+                block = self.enough(&change_e, arrived, block, faint_e);
                 let leads = self.line_up((nearest + (block - 1) / 2) as usize);
                 for (row, (row_e, change_e)) in self.row_e[leads..].iter_mut().zip(&change_e).enumerate() {
-                    let half_way = 0.5 * (visits(row) - 1.0).max(0.0);
+                    let half_way = 0.5 * (visits(row, block) - 1.0).max(0.0);
                     *row_e = std::array::from_fn(|lane| row_e[lane] + half_way * change_e[lane]);
                 }
             }
@@ -232,7 +248,7 @@ impl<L: Default> Work<L> {
             let Work { row_e, charge_e, arriving_e, buffers, .. } = self;
             let change_e = changes(pixel, row_e, rows, buffers);
             for (row, (charge_e, change_e)) in charge_e.iter_mut().zip(change_e).enumerate() {
-                let visits = visits(row);
+                let visits = visits(row, block);
                 if visits > 0.0 {
                     let arrives = row as i64 + 1 + downstream <= nearest + block;
                     *charge_e = std::array::from_fn(|lane| charge_e[lane] + visits * change_e[lane]);
