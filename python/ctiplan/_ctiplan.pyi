@@ -3,7 +3,24 @@ from typing import Any, final
 
 import numpy as np
 
-__all__: list[str]
+__all__ = [
+    "DataSet",
+    "Detector",
+    "Mission",
+    "Outcome",
+    "__version__",
+    "arctic_readout",
+    "command",
+    "compare",
+    "diagnose",
+    "evaluate",
+    "fit",
+    "measure",
+    "set_threads",
+    "threads",
+    "validate",
+]
+
 __version__: str
 
 def command(arguments: list[str]) -> int: ...
@@ -111,3 +128,6 @@ def measure(
     way: Mapping[str, Any],
     progress: Callable[[str, int, int], object] | None,
 ) -> tuple[list[tuple[str, str]], str, str]: ...
+def arctic_readout(
+    frame_e: np.ndarray, traps: list[dict[str, float]], setting: dict[str, Any]
+) -> np.ndarray: ...

@@ -98,9 +98,9 @@ class CCD:
             "well_fill_power": well_fill_power,
             "first_electron_fill": first_electron_fill,
         }
-        given = {name: value for name, value in given.items() if value is not None}
-        if given or phases is None:
-            phases = [CCDPhase(**given)]
+        words = {name: value for name, value in given.items() if value is not None}
+        if words or phases is None:
+            phases = [CCDPhase(**words)]
         self.phases: list[CCDPhase] = [phases] if isinstance(phases, CCDPhase) else list(phases)
         self.fraction_of_traps_per_phase = np.atleast_1d(np.asarray(fraction_of_traps_per_phase, dtype=np.float64))
 
@@ -426,7 +426,7 @@ def remove_cti(
     if read_noise is not None:
         raise NotImplementedError("read_noise is not taken: separate the read noise first, and pass the image without it")
     observed = _electrons(image)
-    estimate = observed.copy()
+    estimate: np.ndarray = observed.copy()
     for step in range(_whole("n_iterations", n_iterations, least=0)):
         if not allow_negative_pixels:
             estimate = np.maximum(estimate, 0.0)
@@ -575,15 +575,15 @@ def _phases(name: str, ccd: CCD, roe: ROE) -> tuple[CCDPhase, list[float], list[
     for attribute, value in (("n_pumps", -1), ("type", 0)):
         if getattr(roe, attribute, value) != value:
             raise NotImplementedError(f"{name}_roe: trap pumping and charge injection are not read out here")
-    phases, dwells, shares = ccd.phases, roe.dwell_times, ccd.fraction_of_traps_per_phase
-    if not len(phases) == len(dwells) == len(shares) > 0:
+    phases, dwells, given = ccd.phases, roe.dwell_times, ccd.fraction_of_traps_per_phase
+    if not len(phases) == len(dwells) == len(given) > 0:
         raise InputError(
             f"cannot use {name}_ccd and {name}_roe", None,
-            f"{len(phases)} phases, {len(shares)} fractions of traps and {len(dwells)} dwell times; as many of each are needed",
+            f"{len(phases)} phases, {len(given)} fractions of traps and {len(dwells)} dwell times; as many of each are needed",
         )  # fmt: skip
     if any(vars(phase) != vars(phases[0]) for phase in phases):
         raise NotImplementedError(f"{name}_ccd: phases whose wells differ are not read out here")
-    shares = [_number(f"{name}_ccd.fraction_of_traps_per_phase", share, least=0.0) for share in shares]
+    shares = [_number(f"{name}_ccd.fraction_of_traps_per_phase", share, least=0.0) for share in given]
     if not sum(shares) > 0.0:
         raise InputError(f"cannot use {name}_ccd", f"fraction_of_traps_per_phase = {shares}", "one must be more than 0")
     return phases[0], [_number(f"{name}_roe.dwell_times", dwell, above=0.0) for dwell in dwells], shares
