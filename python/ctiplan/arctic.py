@@ -440,7 +440,8 @@ def remove_cti(
 def _trailed_in_step(step: int, estimate: np.ndarray, parallel: _Direction, serial: _Direction) -> np.ndarray:
     # In its second step arcticpy reads the positive charge out alone, and adds the negative one afterwards.
     if step == 1:
-        return _read_out(np.maximum(estimate, 0.0), parallel, serial) + np.minimum(estimate, 0.0)
+        trailed = _read_out(np.maximum(estimate, 0.0), parallel, serial)
+        return np.asarray(trailed + np.minimum(estimate, 0.0))
     return _read_out(estimate, parallel, serial)
 
 
