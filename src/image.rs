@@ -378,7 +378,8 @@ impl Job {
     /// Where the frame does not fit the geometry, or a formula fails.
     pub fn array(&self, frame_e: &Array2<f64>) -> Result<(Array2<f64>, FrameDone), InputError> {
         self.geometry.check(frame_e.dim())?;
-        let amplifiers = Amplifiers::one(&self.device, self.geometry, frame_e.dim());
+        let mut amplifiers = Amplifiers::one(&self.device, self.geometry, frame_e.dim());
+        amplifiers.0[0].read_noise_e = self.read_noise_e;
         let work::Worked { done, mut after_e, kept, .. } = self.charges(frame_e.clone(), &amplifiers, None, &|_| ())?;
         Zip::from(&mut after_e).and(frame_e).and(&kept).for_each(|after, before, kept| {
             if *kept || before.is_nan() {

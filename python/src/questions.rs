@@ -24,6 +24,7 @@ use crate::work::{self, Watch};
 /// Dose, traps and shapes over a mission, and when its budgets are exceeded.
 #[pyfunction]
 #[pyo3(signature = (mission, *, samples, seed, monte_carlo, confidence, posterior, progress))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub fn evaluate(
     py: Python<'_>,
     mission: &Mission,
@@ -88,6 +89,7 @@ pub fn validate(py: Python<'_>, mission: &Mission, data: Vec<DataSet>, seed: Opt
 /// Values of free keys, with errors.
 #[pyfunction]
 #[pyo3(signature = (mission, data, *, free, starts, seed, profiles, samples, holdout, progress))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub fn fit(
     py: Python<'_>,
     mission: &Mission,
@@ -142,6 +144,7 @@ fn tell(watch: &Watch, best: &Mutex<f64>, chi2: f64) {
 /// The effect that a mission's model lacks.
 #[pyfunction]
 #[pyo3(signature = (mission, data, *, free, level, seed, candidates, can, evaluations, stability, progress))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub fn diagnose(
     py: Python<'_>,
     mission: &Mission,
