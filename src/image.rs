@@ -569,7 +569,7 @@ impl Job {
         if let (Some(first), Some(uncertain)) = (frame.residuals.first(), &frame.uncertain) {
             let last = uncertain.left;
             told.push(format!(
-                "{} iterations; residual of the model {:.3e} e- rms, largest {:.3e} e- (before: {:.3e} and {:.3e})",
+                "iterations: {}; residual of the model {:.3e} e- rms, largest {:.3e} e- (before: {:.3e} and {:.3e})",
                 frame.residuals.len() - 1,
                 last.rms_e,
                 last.max_e,

@@ -13,7 +13,7 @@ pub fn schema() -> Value {
     let effects: Map<String, Value> =
         effect::CATALOGUE.iter().map(|entry| (entry.card.kind.into(), of(entry))).collect();
     schema["properties"]["effects"] = json!({
-        "description": "What is added to the model; `ctiplan effects KIND` tells more of one.",
+        "description": "What is added to the model; `ctiplan effects KIND` describes one.",
         "type": "object",
         "properties": effects,
         "additionalProperties": false,

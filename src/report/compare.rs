@@ -8,7 +8,7 @@ use chrono::NaiveDate;
 use super::study::estimate::plus_minus;
 use super::{Page, Parts, Report, keep_words, or_dash, table};
 use crate::mission::Mission;
-use crate::numeric::calendar::date_after;
+use crate::numeric::calendar::{DAYS_PER_YEAR, date_after};
 use crate::numeric::estimate::Estimate;
 use crate::plan::evaluate::BudgetVerdict;
 use crate::plan::requirement::Crossing;
@@ -214,10 +214,12 @@ impl Comparison {
             format!("Best: {}. Worst: {}.", tied(of(&self.ranking.best), "good"), tied(of(&self.ranking.worst), "bad"));
         let when = match by {
             Criterion::End => "At the end of the mission".into(),
+            _ if self.compared_at_yr[1] < 0.1 => format!("After {:.1} d", DAYS_PER_YEAR * self.compared_at_yr[1]),
             _ => format!("After {:.2} yr", self.compared_at_yr[1]),
         };
         let how = match self.ratio {
             Some(0.0) => "no change of shape".into(),
+            Some(ratio) if ratio < 1e-3 => format!("{ratio:.1e} of the |delta e| of the worst"),
             Some(ratio) => format!("{ratio:.3} of the |delta e| of the worst"),
             None => "the smaller |delta e|".into(),
         };

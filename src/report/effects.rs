@@ -24,7 +24,7 @@ impl Report for Catalogue {
         }
         format!(
             "Effects, in the order of the physics: [effects.NAME] in a mission adds one,\n[[effects.NAME]] several of a \
-             kind, and [fit] frees effects.NAME.PARAMETER\n\n{}\n`ctiplan effects NAME` tells more of one\n",
+             kind, and [fit] frees effects.NAME.PARAMETER\n\n{}\n`ctiplan effects NAME` describes one\n",
             lines(&effects)
         )
     }

@@ -24,7 +24,10 @@ pub(super) fn say(found: &DateDistribution, mission: &Mission, out: &mut Parts) 
     let mut legend = "";
     if mission.requirement.limits_a_galaxy() {
         out.table(dates_of(found, mission));
-        legend = "-: later than the mission; ";
+        let never = |limit: &Dates| limit.quantiles.iter().any(|quantile| quantile.t_yr.is_none());
+        if never(&found.uncorrected) || never(&found.corrected) {
+            legend = "-: later than the mission; ";
+        }
     }
     out.words(format!("  {legend}{}", conditions(found, mission)), 4);
     if !found.shares.is_empty() {
