@@ -71,7 +71,7 @@ impl Amplifier {
 pub struct Amplifiers(pub Vec<Amplifier>);
 
 impl Amplifiers {
-    /// One amplifier that reads all of a frame of so many rows and columns, whose values are electrons.
+    /// One amplifier that reads all of a frame of this shape (rows, columns), whose values are electrons.
     pub fn one(device: &Device, geometry: Geometry, (rows, columns): (usize, usize)) -> Amplifiers {
         Amplifiers(vec![Amplifier {
             name: None,

@@ -252,7 +252,7 @@ const MOST_HEADER: usize = 10_000 * BLOCK_SIZE;
 const TRUNCATED: &str = "the file is truncated: copy it again";
 
 impl Hdu {
-    /// What tells nothing of an image of so many rows and columns, of whole numbers or of others.
+    /// No header: an image of this shape (rows, columns), of whole numbers or of others.
     pub fn without_header((rows, columns): (usize, usize), integers: bool) -> Hdu {
         let kind = HduKind::Image { rows, columns, bitpix: if integers { 32 } else { -64 } };
         Hdu { index: 0, kind, header: Vec::new(), cards: Vec::new(), start: 0, data_len: 0 }

@@ -54,7 +54,7 @@ impl TrapMap {
         Ok(TrapMap { name, images })
     }
 
-    /// The factors of a frame with so many columns: those of the same EXTNAME and EXTVER, or of the only image.
+    /// The factors of a frame with n columns: those of the same EXTNAME and EXTVER, or of the only image.
     ///
     /// # Errors
     /// Where there are none, or for another number of columns.

@@ -297,7 +297,7 @@ impl Readout {
     }
 
     /// What an image was before [`Readout::parallel`], from what was read: the transfers in the opposite order, for about the work of
-    /// one readout. Whatever the method, blocks of pixels are turned round as [`Method::Fast`] passes them. None where capture takes time or species
+    /// one readout. With every method, blocks of pixels are turned round as [`Method::Fast`] passes them. None where capture takes time or species
     /// have clouds of their own, and pixels have to be passed one by one.
     ///
     /// # Panics

@@ -69,7 +69,7 @@ impl<L: Default> Workspace<L> {
         Workspace { watermarks: L::default(), stages, stage_e: vec![[0.0; LANES]; rows], path: PathMeans::new(rows) }
     }
 
-    /// Those of a single pass of so many rows.
+    /// Those of a single pass of n rows.
     pub fn single(&mut self, rows: usize) -> (&mut L, &mut Stage) {
         self.stages[0].resize(rows);
         (&mut self.watermarks, &mut self.stages[0])

@@ -14,7 +14,7 @@ pub(super) struct Section {
 pub(super) const EXAMPLE: &str = "[1:2048,1:2066]: first and last column, first and last row, counted from 1";
 
 impl Section {
-    /// All of an image of so many rows and columns.
+    /// All of an image of this shape (rows, columns).
     pub fn whole((rows, columns): (usize, usize)) -> Section {
         Section { columns: (1, columns), rows: (1, rows) }
     }

@@ -1,4 +1,4 @@
-//! Which galaxies of a catalogue are fitted, and which are compared: the same ones whatever the order of the rows.
+//! Which galaxies of a catalogue are fitted, and which are compared: the same ones for any order of the rows.
 
 use std::collections::BTreeMap;
 
