@@ -295,6 +295,13 @@ impl Job {
         for hdu in &fits.hdus {
             let frame = frames.remove(&hdu.index);
             done.warnings.extend(frame.iter().flat_map(|frame| self.warnings(hdu, frame)));
+            if frame.is_some() && self.task != Task::Readout {
+                done.warnings.extend(
+                    Companions::of_other_size(&fits.hdus, hdu.index).into_iter().map(|beside| {
+                        Warning::CompanionOfOtherSize { name: beside.to_string(), frame: hdu.to_string() }
+                    }),
+                );
+            }
             done.hdus.push(HduDone { index: hdu.index, name: hdu.name(), frame });
         }
         Ok(done)
@@ -511,16 +518,21 @@ impl Job {
         cards
     }
 
+    /// The mission's name as headers hold it.
+    fn name_in_header(&self) -> String {
+        plain(&self.model.mission.mission.name).chars().take(MOST_TEXT).collect()
+    }
+
     /// What was done, for programs: keywords with values and units.
     fn keywords(&self, frame: &FrameDone, dose_mev_g: f64) -> Vec<Card> {
-        let text = |text: &str| Value::String(plain(text).chars().take(MOST_TEXT).collect());
+        let text = |text: &str| Value::String(text.into());
         let done = match self.task {
             Task::Readout => ("CTIADDED", "CTI trails added by"),
             Task::Correct { .. } => ("CTICORR", "CTI trails removed by"),
         };
         let mut keys = vec![
             (done.0, text(concat!("ctiplan ", env!("CARGO_PKG_VERSION"))), done.1),
-            ("CTIMISS", text(&self.model.mission.mission.name), "mission of the CTI model"),
+            ("CTIMISS", text(&self.name_in_header()), "mission of the CTI model"),
             ("CTIYEAR", Value::Float(self.device.at.t_yr), "[yr] time since launch of the CTI model"),
             ("CTIDOSE", Value::Float(dose_mev_g), "[MeV/g] dose of the CTI model"),
         ];

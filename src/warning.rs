@@ -133,6 +133,13 @@ pub enum Warning {
         /// The extension in which they are marked.
         marked: String,
     },
+    /// Errors or data quality have another size than their frame.
+    CompanionOfOtherSize {
+        /// Their HDU.
+        name: String,
+        /// The frame's.
+        frame: String,
+    },
     /// A correction has left a residual above the tolerance.
     NotCorrected {
         /// The frame.
@@ -303,6 +310,11 @@ impl fmt::Display for Warning {
                 "{pixels} pixels of {name} are uncertain by more than {error_e:.3e} e-: their packets, or packets ahead of \
                  them, were emptied by traps, and the frame does not determine their charge; they are marked in the extension \
                  {marked}"
+            ),
+            Warning::CompanionOfOtherSize { name, frame } => write!(
+                out,
+                "{name} is called as errors or data quality of {frame} are, and has another size: it is copied, and neither used nor \
+                 changed; give it the size of the frame, or another name"
             ),
             Warning::NotCorrected { name, max_e, of_e } => write!(
                 out,

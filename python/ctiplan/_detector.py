@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import operator
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from ctiplan import _ctiplan
+from ctiplan._errors import InputError
 
 if TYPE_CHECKING:
     from ctiplan._mission import Mission
@@ -33,9 +35,9 @@ class Corrected:
     """A frame without its trails."""
 
     #: Charge before the transfers, e-, in the shape of the frame.
-    image: np.ndarray
+    image: np.ndarray = field(repr=False)
     #: Pixels whose charge does not follow from the frame, because their packets were emptied; bool, in the shape of the frame.
-    uncertain: np.ndarray
+    uncertain: np.ndarray = field(repr=False)
     #: Error of all other pixels, e-, if the model is right.
     error_e: float
     #: Whether the residual is as small as was asked for.
@@ -165,6 +167,7 @@ class Detector:
         corner, split, axis, prescan, overscan, overscan_rows, transfers_before, charge_before_e, serial_transfers_before, relative
             As in :meth:`readout`.
         """
+        whole("iterations", iterations, 1, 1000)
         charge, give_back = electrons(frame)
         layout = _layout(
             axis, corner, split, prescan, overscan, overscan_rows, transfers_before, charge_before_e, serial_transfers_before
@@ -203,6 +206,15 @@ def _layout(
     serial_transfers_before: int,
 ) -> dict[str, Any]:
     """How a frame lies on the detector, as the private module takes it."""
+    counts = {
+        "prescan": prescan,
+        "overscan": overscan,
+        "overscan_rows": overscan_rows,
+        "transfers_before": transfers_before,
+        "serial_transfers_before": serial_transfers_before,
+    }
+    for name, count in counts.items():
+        whole(name, count, 0, 1_000_000)
     return {
         "axis": axis,
         "corner": corner,
@@ -216,14 +228,26 @@ def _layout(
     }
 
 
-def electrons(frame: npt.ArrayLike) -> tuple[np.ndarray, Any]:
-    """A frame as float64 of two axes, and what gives an array of that shape back as the frame was."""
-    given = np.asarray(frame)
-    if given.dtype.kind not in "fiub":
-        raise TypeError(f"a frame of real numbers is needed; found dtype {given.dtype}")
+def whole(name: str, value: Any, least: int, most: int) -> int:
+    """A whole number in a range, or a refusal that names it."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = least - 1
+    if not least <= number <= most:
+        raise InputError(f"cannot use {name} = {value!r}", None, f"allowed: a whole number from {least} to {most}")
+    return number
+
+
+def electrons(frame: Any) -> tuple[np.ndarray, Any]:
+    """A frame of electrons as float64 of two axes, and what gives an array of that shape back as the frame was.
+
+    Units are heeded; masked pixels are missing (NaN).
+    """
+    given = values(frame, unit="electron")
     if given.ndim not in (1, 2):
         raise ValueError(f"a frame has shape (rows, columns) or (rows,); found {given.shape}")
-    dtype = np.float32 if given.dtype == np.float32 else np.float64
+    dtype = np.float32 if given.dtype.kind == "f" and given.dtype.itemsize == 4 else np.float64
     charge = given.astype(np.float64, copy=False)
     charge = charge[:, np.newaxis] if given.ndim == 1 else charge
 
@@ -231,3 +255,30 @@ def electrons(frame: npt.ArrayLike) -> tuple[np.ndarray, Any]:
         return result.reshape(given.shape).astype(dtype, copy=False)
 
     return charge, give_back
+
+
+def values(frame: Any, *, unit: str | None) -> np.ndarray:
+    """Pixel values of an array of numpy, a Quantity or CCDData of astropy, in `unit`; masked pixels are NaN.
+
+    With `unit` None any unit is taken, and its values stay as they are.
+    """
+    said = getattr(frame, "unit", None)
+    mask = getattr(frame, "mask", None)
+    given = np.asarray(getattr(frame, "data", frame) if said is not None and not isinstance(frame, np.ndarray) else frame)
+    if given.dtype.kind not in "fiub":
+        raise TypeError(f"a frame of real numbers is needed; found dtype {given.dtype}")
+    if said is not None and unit is not None:
+        given = given * _factor(said, unit)
+    if mask is not None and np.any(mask):
+        given = np.where(mask, np.nan, given)
+    return given
+
+
+def _factor(said: Any, unit: str) -> float:
+    if str(said) == unit:
+        return 1.0
+    try:
+        return float(said.to(unit))
+    except Exception as error:
+        problem = f"its unit is {str(said) or 'dimensionless'}; frames are in {unit}"
+        raise InputError("cannot use the frame", None, problem, "multiply by the gain, or give the values alone") from error

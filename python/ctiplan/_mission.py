@@ -32,6 +32,8 @@ class Mission:
     path: Path | None
 
     def __init__(self, inner: _ctiplan.Mission, path: Path | None = None) -> None:
+        if not isinstance(inner, _ctiplan.Mission):
+            raise TypeError("missions are made by Mission.read(path) or Mission.from_toml(text)")
         self._inner = inner
         self.path = path
 

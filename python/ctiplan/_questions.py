@@ -6,7 +6,11 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from ctiplan import _ctiplan
+from ctiplan._detector import whole
+from ctiplan._errors import InputError
 from ctiplan._mission import DataSet, Mission
 from ctiplan._results import Comparison, Diagnosis, Evaluation, Fit, Validation
 
@@ -43,11 +47,11 @@ def evaluate(
         ``progress(stage, done, total)``.
     """
     outcome = _ctiplan.evaluate(
-        mission._inner,
-        samples=samples,
-        seed=seed,
-        monte_carlo=monte_carlo,
-        confidence=confidence,
+        _mission(mission),
+        samples=whole("samples", samples, 0, 65_536),
+        seed=_seed(seed),
+        monte_carlo=None if monte_carlo is None else whole("monte_carlo", monte_carlo, 2, 10_000_000),
+        confidence=_probability(confidence),
         posterior=None if posterior is None else os.fspath(posterior),
         progress=progress,
     )
@@ -76,10 +80,12 @@ def compare(
     progress : callable, optional
         ``progress(stage, done, total)``.
     """
-    several = [missions] if isinstance(missions, Mission) else list(missions)
-    named = [(str(mission.path or mission.name), mission._inner) for mission in several]
+    several = [missions] if isinstance(missions, (Mission, str)) else list(missions)
+    inner = [_mission(mission) for mission in several]
+    named = [(str(mission.path or mission.name), of) for mission, of in zip(several, inner, strict=True)]
     axes = {key: list(of) if _is_many(of) else [of] for key, of in (values or {}).items()}
-    outcome = _ctiplan.compare(named, axes, confidence=confidence, samples=samples, progress=progress)
+    count = whole("samples", samples, 20, 65_536)
+    outcome = _ctiplan.compare(named, axes, confidence=_probability(confidence), samples=count, progress=progress)
     return Comparison(outcome)
 
 
@@ -93,7 +99,7 @@ def validate(mission: Mission, data: DataSet | Iterable[DataSet], *, seed: int |
     seed : int, optional
         Seed of the simulated noise with which residual trends are compared, instead of the mission's.
     """
-    return Validation(_ctiplan.validate(mission._inner, _several(data), seed=seed))
+    return Validation(_ctiplan.validate(_mission(mission), _several(data), seed=_seed(seed)))
 
 
 def fit(
@@ -130,13 +136,13 @@ def fit(
         ``progress(stage, done, total)``; the stage tells the best chi2 so far.
     """
     outcome = _ctiplan.fit(
-        mission._inner,
+        _mission(mission),
         _several(data),
-        free=None if free is None else list(free),
-        starts=starts,
-        seed=seed,
-        profiles=list(profiles),
-        samples=samples,
+        free=None if free is None else _names(free),
+        starts=whole("starts", starts, 1, 10_000),
+        seed=_seed(seed),
+        profiles=_names(profiles),
+        samples=None if samples is None else whole("samples", samples, 10, 1_000_000),
         holdout=holdout,
         progress=progress,
     )
@@ -180,13 +186,13 @@ def diagnose(
         ``progress(stage, done, total)``.
     """
     outcome = _ctiplan.diagnose(
-        mission._inner,
+        _mission(mission),
         _several(data),
-        free=None if free is None else list(free),
+        free=None if free is None else _names(free),
         level=level,
-        seed=seed,
+        seed=_seed(seed),
         candidates=None if candidates is None else dict(candidates),
-        can=list(can),
+        can=_names(can),
         evaluations=evaluations,
         stability=stability,
         progress=progress,
@@ -194,9 +200,33 @@ def diagnose(
     return Diagnosis(outcome)
 
 
+def _mission(mission: Mission) -> _ctiplan.Mission:
+    if not isinstance(mission, Mission):
+        raise TypeError(f"a mission is needed, as Mission.read(path) gives it; found {type(mission).__name__}")
+    return mission._inner
+
+
 def _several(data: DataSet | Iterable[DataSet]) -> list[_ctiplan.DataSet]:
-    return [each._inner for each in ([data] if isinstance(data, DataSet) else data)]
+    several = [data] if isinstance(data, (DataSet, str)) else list(data)
+    for each in several:
+        if not isinstance(each, DataSet):
+            raise TypeError(f"data sets are needed, as DataSet.read(path, mission) gives them; found {type(each).__name__}")
+    return [each._inner for each in several if isinstance(each, DataSet)]
+
+
+def _names(names: Iterable[str]) -> list[str]:
+    return [names] if isinstance(names, str) else list(names)
+
+
+def _seed(seed: int | None) -> int | None:
+    return None if seed is None else whole("seed", seed, 0, 2**64 - 1)
+
+
+def _probability(confidence: float | None) -> float | None:
+    if confidence is not None and not 0 < confidence < 1:
+        raise InputError(f"cannot use confidence = {confidence}", None, "allowed: a probability above 0 and below 1")
+    return confidence
 
 
 def _is_many(values: Any) -> bool:
-    return hasattr(values, "__iter__") and not isinstance(values, (str, bytes, Mapping))
+    return np.ndim(values) > 0 and not isinstance(values, (str, bytes, Mapping))

@@ -54,12 +54,13 @@ class Result:
         """The table of ``--csv`` as a pandas DataFrame. Needs pandas."""
         return _tables.to_pandas(self._outcome.csv())
 
-    def to_html(self, path: str | os.PathLike[str] | None = None) -> str:
-        """The page of ``--html``, which needs no other file; written to `path` where one is given."""
+    def to_html(self, path: str | os.PathLike[str] | None = None) -> str | None:
+        """The page of ``--html``, which needs no other file; where `path` is given, it is written there instead."""
         page = self._outcome.page()
-        if path is not None:
-            Path(path).write_text(page, encoding="utf-8")
-        return page
+        if path is None:
+            return page
+        Path(path).write_text(page, encoding="utf-8")
+        return None
 
     def figures(self, format: str = "svg") -> dict[str, bytes]:
         """Figures by name, as the contents of files.

@@ -64,8 +64,20 @@ def to_ecsv(table: Any, meta: Mapping[str, Any]) -> str:
 
     Cells without a value (masked, None, NaN in words) are empty.
     """
-    said = {**getattr(table, "meta", {}), **meta}
+    if hasattr(table, "reset_index") and any(name is not None for name in table.index.names):
+        table = table.reset_index()
     columns = [(str(name), *_cells(table[name])) for name in _names(table)]
+    rows = len(columns[0][-1]) if columns else 0
+    said: dict[str, Any] = {}
+    for name, of in {**getattr(table, "meta", {}), **meta}.items():
+        if hasattr(of, "unit") and np.ndim(of) == 0:
+            # A quantity holds for all rows, with its unit.
+            columns.append((str(name), str(of.unit), "float64", [_cell(float(of.value))] * rows))
+        elif _is_plain(plain := _plain(of)):
+            said[str(name)] = plain
+        elif name in meta:
+            kind = type(of).__name__
+            raise TypeError(f"{name} = {of!r}: a number, a text, a date or a quantity is needed; found {kind}")
     if not columns:
         raise InputError("cannot use the table", None, "it has no columns")
     lengths = {name: len(cells) for name, _, _, cells in columns}
@@ -76,8 +88,8 @@ def to_ecsv(table: Any, meta: Mapping[str, Any]) -> str:
     for name, unit, datatype, _ in columns:
         head = {"name": name, "datatype": datatype} | ({"unit": unit} if unit else {})
         out.write(f"# - {json.dumps(head)}\n")
-    plain = {key: value for key, value in said.items() if _is_plain(value) and not str(key).startswith("__")}
-    out.write(f"# meta: {json.dumps(plain)}\n# schema: astropy-2.0\n")
+    kept = {key: value for key, value in said.items() if not key.startswith("__")}
+    out.write(f"# meta: {json.dumps(kept)}\n# schema: astropy-2.0\n")
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow([name for name, *_ in columns])
     writer.writerows(zip(*(cells for *_, cells in columns), strict=True))
@@ -115,6 +127,15 @@ def _cell(cell: Any) -> str:
     if cell is None or (isinstance(cell, float) and np.isnan(cell)):
         return ""
     return repr(cell) if isinstance(cell, float) else str(cell)
+
+
+def _plain(value: Any) -> Any:
+    """Scalars of numpy and dates as JSON has them."""
+    if isinstance(value, np.datetime64):
+        return str(value)
+    if isinstance(value, np.generic):
+        return value.item()
+    return value.isoformat() if hasattr(value, "isoformat") else value
 
 
 def _is_plain(value: Any) -> bool:

@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ctiplan import _ctiplan
+from ctiplan._detector import values
 from ctiplan._errors import InputError
 
 __all__ = [
@@ -563,9 +564,9 @@ def _without_front(frame: np.ndarray, start: int) -> np.ndarray:
 
 
 def _electrons(image: npt.ArrayLike) -> np.ndarray:
-    given = np.asarray(image)
-    if given.dtype.kind not in "fiub":
-        raise TypeError(f"an image of real numbers is needed; found dtype {given.dtype}")
+    given = values(image, unit="electron")
+    if np.any(getattr(image, "mask", False)):
+        raise InputError("cannot use the image", None, "it has masked pixels", "fill them: image.filled(background)")
     if given.ndim != 2:
         raise ValueError(f"an image has shape (rows, columns); found {given.shape}")
     return given.astype(np.float64, copy=False)

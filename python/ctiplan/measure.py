@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ctiplan import _ctiplan
-from ctiplan._detector import electrons
+from ctiplan._detector import values
 from ctiplan._errors import InputError
 from ctiplan._mission import DataSet, Mission
 
@@ -313,10 +313,10 @@ def _several(frames: Any) -> Sequence[Any]:
 def _given(frame: Any, place: int) -> str | tuple[str, np.ndarray, bool]:
     if isinstance(frame, (str, os.PathLike)):
         return os.fspath(frame)
-    array = np.asarray(frame)
+    array = values(frame, unit=None)
     if array.ndim != 2:
         raise ValueError(f"a frame has shape (rows, columns); found {array.shape}")
-    return f"frame {place}", electrons(array)[0], array.dtype.kind in "iub"
+    return f"frame {place}", array.astype(np.float64, copy=False), array.dtype.kind in "iub"
 
 
 def _rows_behind(given: list[Any], overscan_start: int, layout: dict[str, Any]) -> int:

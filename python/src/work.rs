@@ -42,8 +42,9 @@ impl Watch {
         *self.stage.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = name.into();
     }
 
-    /// One more step is done.
+    /// One more step is done. Between two steps, work ends where it is to end.
     pub fn advance(&self) {
+        interrupt::check();
         self.done.fetch_add(1, Ordering::Relaxed);
     }
 
@@ -107,10 +108,18 @@ pub fn run<T: Send>(
 /// Threads asked for; 0: as many as there are processors, or RAYON_NUM_THREADS.
 static THREADS: AtomicUsize = AtomicUsize::new(0);
 
+/// Most threads that can be asked for.
+const MOST_THREADS: i64 = 1024;
+
 /// Sets the number of threads of all work that begins later; 0: one for each processor.
 #[pyfunction]
-pub fn set_threads(threads: usize) {
-    THREADS.store(threads, Ordering::Relaxed);
+pub fn set_threads(py: Python<'_>, threads: i64) -> PyResult<()> {
+    if !(0..=MOST_THREADS).contains(&threads) {
+        let problem = format!("allowed: 1 to {MOST_THREADS}, or 0 for one for each processor");
+        return Err(errors::bad_input(py, &InputError::new(format!("cannot use {threads} threads"), problem)));
+    }
+    THREADS.store(threads as usize, Ordering::Relaxed);
+    Ok(())
 }
 
 /// The number of threads that work uses.

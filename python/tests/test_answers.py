@@ -49,7 +49,8 @@ def test_tables_carry_units(snap):
 
 def test_a_page_and_figures_are_those_of_the_command(snap, tmp_path):
     evaluation = cp.evaluate(snap, samples=100)
-    page = evaluation.to_html(tmp_path / "python.html")
+    assert evaluation.to_html(tmp_path / "python.html") is None
+    page = evaluation.to_html()
     done = command("evaluate", ROOT / "missions/snap_l2.toml", "--samples", "100", "--html", tmp_path / "command.html")
     assert done.returncode == 0
     assert page == (tmp_path / "command.html").read_text() == (tmp_path / "python.html").read_text()

@@ -109,3 +109,43 @@ def test_tables_that_are_none_are_refused(laboratory):
         cp.DataSet.from_table({"value": [1.0, 2.0], "sigma": [1.0, -2.0]}, laboratory, observable="trail", signal_e=1e3)
     with pytest.raises(TypeError):
         cp.DataSet.from_table(3, laboratory)
+
+
+def test_entries_of_meta_of_any_scalar_kind_hold(laboratory):
+    columns = {"value": [1500.0, 1400.0], "sigma": [1.0, 1.0], "transfers": [400, 800]}
+    meta = {"observable": "packet_charge", "signal_e": 1620.0, "t_yr": 1.0, "background_e": 50.0}
+    expected = chi2(laboratory, cp.DataSet.from_table(columns, laboratory, **meta))
+    for name, same in (
+        ("background_e", np.float32(50)),
+        ("background_e", np.int64(50)),
+        ("background_e", 50 * u.electron),
+        ("t_yr", 365.25 * u.day),
+    ):
+        assert chi2(laboratory, cp.DataSet.from_table(columns, laboratory, **{**meta, name: same})) == expected
+    dated = {**meta, "date": datetime.date(2011, 1, 1)}
+    del dated["t_yr"]
+    assert len(cp.DataSet.from_table(columns, laboratory, **dated)) == 2
+    with pytest.raises(TypeError, match="background_e"):
+        cp.DataSet.from_table(columns, laboratory, **{**meta, "background_e": object()})
+    indexed = pandas.DataFrame(columns).set_index("transfers")
+    assert chi2(laboratory, cp.DataSet.from_table(indexed, laboratory, **meta)) == expected
+
+
+def test_slips_are_named(laboratory):
+    data = cp.DataSet.read(PRACTICE / "trails.ecsv", laboratory)
+    for wrong in (lambda: cp.evaluate("mission.toml"), lambda: cp.compare("mission.toml"), lambda: cp.Mission("mission.toml")):
+        with pytest.raises(TypeError, match="Mission.read"):
+            wrong()
+    with pytest.raises(TypeError, match="DataSet.read"):
+        cp.validate(laboratory, "trails.ecsv")
+    for ask in (cp.validate, cp.diagnose):
+        with pytest.raises(cp.InputError, match="no measurements"):
+            ask(laboratory, [])
+    for wrong in ({"samples": -1}, {"samples": 10**15}, {"confidence": 1}, {"seed": -1}, {"monte_carlo": 1}):
+        with pytest.raises(cp.InputError, match=next(iter(wrong))):
+            cp.evaluate(laboratory, **wrong)
+    one = cp.fit(laboratory, data, "detector.traps.VV.density_per_px")
+    assert [each.key for each in one.parameters] == ["detector.traps.VV.density_per_px"]
+    for threads in (-1, 10**6):
+        with pytest.raises(cp.InputError, match="threads"):
+            cp.set_threads(threads)

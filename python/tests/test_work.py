@@ -37,6 +37,8 @@ LONG = {
     "evaluate": "cp.evaluate(m.set({'accuracy.readout': 'exact', 'accuracy.noise_realisations': 1000}), samples=2000)",
     "compare": "cp.compare(m, {'detector.temperature_k': [120 + k / 100 for k in range(2000)]})",
     "study": "cp.compare(m, {'detector.temperature_k': [120 + k for k in range(50)]}, confidence=0.9)",
+    "draws": "cp.evaluate(m, samples=65000)",
+    "noise": "cp.evaluate(m, samples=0, monte_carlo=1000000)",
     "fit": "cp.fit(lab, data, ['detector.traps.VV.density_per_px'], samples=100000)",
     "diagnose": "cp.diagnose(lab, data)",
     "readout": "m.set({'accuracy.readout': 'exact'}).detector_at(t_yr=5).readout(np.random.default_rng(1).random((3000, 3000)))",

@@ -36,7 +36,7 @@ mod work;
 use std::sync::Arc;
 
 use crate::analysis::fit::{self, Problem};
-use crate::analysis::measurement::DataSet;
+use crate::analysis::measurement::{DataSet, some_rows};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
@@ -66,6 +66,7 @@ pub fn diagnose(
     options: &Options,
     progress: &Progress,
 ) -> Result<Diagnosis, InputError> {
+    some_rows(data, "cannot diagnose")?;
     for key in &options.free {
         fit::parameter::Parameter::of(mission, key)?;
     }

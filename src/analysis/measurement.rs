@@ -77,6 +77,14 @@ pub fn questions(data: &[DataSet]) -> Vec<Question<'_>> {
     data.iter().flat_map(|set| set.rows.iter().map(|row| row.question(set.observable))).collect()
 }
 
+/// Refuses data without any row.
+pub(crate) fn some_rows(data: &[DataSet], refused: &str) -> Result<(), InputError> {
+    if data.iter().all(|set| set.rows.is_empty()) {
+        return Err(InputError::new(refused, "there are no measurements").with_help("give at least one data set"));
+    }
+    Ok(())
+}
+
 /// A condition that files may give, with its unit and what is allowed.
 struct Known {
     name: &'static str,

@@ -10,7 +10,7 @@ mod scatter;
 
 use rayon::prelude::*;
 
-use crate::analysis::measurement::{DataSet, questions};
+use crate::analysis::measurement::{DataSet, questions, some_rows};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
@@ -23,8 +23,9 @@ pub(crate) use scatter::{along_neighbours, second_differences};
 /// Holds a mission against data. The seed is that of the simulated noise with which leanings are compared.
 ///
 /// # Errors
-/// Where the model has no value for a row.
+/// Where there are no rows, or the model has no value for one.
 pub fn validate(mission: &Mission, data: &[DataSet], seed: u64) -> Result<Validation, InputError> {
+    some_rows(data, "cannot compare the model with measurements")?;
     let model = Model::new(mission);
     let values = predict(&model, &questions(data))?;
     let mut sets = Vec::new();

@@ -52,15 +52,9 @@ impl Companions {
         let Some((stem, FRAME)) = parts(&hdus[frame]).as_ref().map(|(stem, last)| (stem.clone(), last.as_str())) else {
             return Companions::default();
         };
-        let shape = |hdu: &Hdu| match hdu.kind {
-            HduKind::Image { rows, columns, .. } => Some((rows, columns)),
-            _ => None,
-        };
         let called = |names: [&str; 3]| {
             let beside = hdus.iter().filter(|hdu| {
-                parts(hdu).is_some_and(|(of, last)| of == stem && names.contains(&last.as_str()))
-                    && hdu.version() == hdus[frame].version()
-                    && shape(hdu) == shape(&hdus[frame])
+                is_called(hdu, &stem, &names, &hdus[frame]) && image_shape(hdu) == image_shape(&hdus[frame])
             });
             // Two files in one may repeat names: the nearest behind the frame is meant.
             beside.map(|hdu| hdu.index).min_by_key(|index| (*index < frame, index.abs_diff(frame)))
@@ -70,10 +64,31 @@ impl Companions {
         Companions { errors: called(ERRORS), quality }
     }
 
+    /// Images that are called as a frame's companions are, and have another size.
+    pub fn of_other_size(hdus: &[Hdu], frame: usize) -> Vec<&Hdu> {
+        let Some((stem, FRAME)) = parts(&hdus[frame]).as_ref().map(|(stem, last)| (stem.clone(), last.as_str())) else {
+            return Vec::new();
+        };
+        let names = [ERRORS, QUALITY].concat();
+        let other = |hdu: &&Hdu| image_shape(hdu).is_some_and(|shape| Some(shape) != image_shape(&hdus[frame]));
+        hdus.iter().filter(|hdu| is_called(hdu, &stem, &names, &hdus[frame])).filter(other).collect()
+    }
+
     /// Whether an HDU is one of them.
     pub fn has(self, index: usize) -> bool {
         self.errors == Some(index) || self.quality == Some(index)
     }
+}
+
+/// Rows and columns of an image.
+fn image_shape(hdu: &Hdu) -> Option<(usize, usize)> {
+    if let HduKind::Image { rows, columns, .. } = hdu.kind { Some((rows, columns)) } else { None }
+}
+
+/// Whether an HDU has one of these names, after the same stem, and the EXTVER of a frame.
+fn is_called(hdu: &Hdu, stem: &str, names: &[&str], frame: &Hdu) -> bool {
+    parts(hdu).is_some_and(|(of, last)| of == stem && names.contains(&last.as_str()))
+        && hdu.version() == frame.version()
 }
 
 /// EXTNAME in capitals, cut at its last dot.

@@ -16,7 +16,7 @@ use crate::model::{Beside, Device, downstream, half_px};
 use crate::physics::accuracy::Purpose;
 use crate::physics::galaxy::{Profile, snr};
 use crate::physics::shape::{ShapeChange, bounded};
-use crate::readout::Method;
+use crate::readout::{Method, interrupt};
 
 /// Change of shape over noisy realisations.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,11 +55,13 @@ pub fn realise(
     let stamp_px = 2 * half_px + 1;
     let flat = Array2::from_elem((stamp_px, device.columns_of_background(stamp_px)), background_e);
     let trailed_background = device.expected().read(&flat, downstream, beside)?;
-    let changes: Vec<Result<Option<ShapeChange>, InputError>> = (0..realisations as u64)
+    let changes: Vec<Result<Option<ShapeChange>, InputError>> = (0..realisations)
         .into_par_iter()
+        .with_min_len(interrupt::piece(realisations))
         .map(|realisation| {
+            interrupt::check();
             let mut random = ChaCha8Rng::seed_from_u64(seed);
-            random.set_stream(realisation);
+            random.set_stream(realisation as u64);
             let offset_px = [random.random::<f64>() - 0.5, random.random::<f64>() - 0.5];
             let expected = flux_e * profile.stamp(half_px, offset_px[0], offset_px[1]) + background_e;
             // Above 0 everywhere but far out in the wings without background, where nothing is what is drawn.
@@ -68,7 +70,9 @@ pub fn realise(
             let noise = Array2::from_shape_simple_fn(photons.dim(), || read_noise.sample(&mut random));
             let device = match device.method {
                 // Traps of its own for each realisation.
-                Method::MonteCarlo { seed } => device.by(Method::MonteCarlo { seed: seed.wrapping_add(realisation) }),
+                Method::MonteCarlo { seed } => {
+                    device.by(Method::MonteCarlo { seed: seed.wrapping_add(realisation as u64) })
+                }
                 _ => device.clone(),
             };
             let trailed = device.read(&photons, downstream, beside)? + &noise - &trailed_background;

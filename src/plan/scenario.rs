@@ -123,8 +123,11 @@ pub fn compare(
         .iter()
         .zip(&names)
         .flat_map(|named| combinations.iter().map(move |settings| (named, settings)))
-        .collect::<Vec<_>>()
+        .collect::<Vec<_>>();
+    let piece = interrupt::piece(scenarios.len());
+    let scenarios = scenarios
         .into_par_iter()
+        .with_min_len(piece)
         .map(|((candidate, name), settings)| scenario(candidate, name, settings, confidence).inspect(|_| progress()))
         .collect::<Result<Vec<_>, _>>()?;
     let confidence = confidence.map(|asked| asked.probability);

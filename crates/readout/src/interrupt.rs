@@ -33,6 +33,15 @@ pub fn check() {
     }
 }
 
+/// Most pieces of a parallel loop.
+const MOST_PIECES: usize = 4096;
+
+/// Fewest items of a parallel loop of `count` that one thread takes together. Where one piece of a loop unwinds, rayon still begins all
+/// others, and divides them down to this length.
+pub fn piece(count: usize) -> usize {
+    count / MOST_PIECES + 1
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
