@@ -7,7 +7,7 @@
 //!
 //! Each step takes out the trails that the step before has left: the error falls by about the fraction of the charge that
 //! is moved. What remains is known, observed − trail(image), and is kept for every step. Where the transfers can be turned round,
-//! [`super::invert`] does the same in fewer steps.
+//! [`super::invert()`] does the same in fewer steps.
 //!
 //! Sources: Bristow 2003 (STIS model-based charge transfer inefficiency correction); Massey et al. 2010 (MNRAS 401, 371),
 //! section 4; Rhodes et al. 2010 (PASP 122, 439) for what it brings. Holds as far as the forward model does: a trap that the

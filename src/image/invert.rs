@@ -8,7 +8,7 @@
 //!
 //! The charges before the transfers follow from those behind them as directly as the other way about ([`Readout::parallel_reversed`]),
 //! with an error that is chosen. The forward model then shows what is left, and that is turned round with the rest: an error falls by
-//! as much as the reversal is right, where the plain iteration of [`super::correct`] gains by as much as the trails are short.
+//! as much as the reversal is right, where the plain iteration of [`super::correct()`] gains by as much as the trails are short.
 //! (A defect correction: Stetter 1978, Numerische Mathematik 29, 425.)
 
 use std::convert::Infallible;

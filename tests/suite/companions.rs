@@ -309,3 +309,15 @@ fn separated_noise_is_not_amplified() {
     let stderr = String::from_utf8(done.stderr).unwrap();
     assert!(done.status.code() == Some(2) && stderr.contains("the read noise is not known"), "{stderr}");
 }
+
+#[test]
+fn errors_of_another_size_are_copied_with_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let unit = || vec![("BUNIT", Value::String("electron".into()))];
+    file(&at("in.fits"), &[], &[("SCI", 1, field(20, 5), unit()), ("ERR", 1, field(18, 5), unit())]);
+    let done = work("correct", &at("in.fits"), &at("out.fits"), &LIES);
+    let warnings = done["warnings"].to_string();
+    assert!(warnings.contains("has another size") && warnings.contains("(ERR)"), "{warnings}");
+    assert_eq!(values(&at("out.fits"), 2), values(&at("in.fits"), 2));
+}

@@ -69,6 +69,9 @@ fn many_files_are_as_each_alone_and_one_that_fails_loses_no_other() {
     assert_eq!([rows[1][2], rows[2][2], rows[3][2]], ["kept", "done", "kept"]);
     assert_eq!(before, (time("out/a.fits"), time("out/c.fits")));
     assert!(at("out/b.fits").exists());
+    // Files of another epoch are not kept in silence.
+    let later = many("correct", &inputs, &at("out"), &["--resume", "--dose-mev-g", "1e7"]);
+    assert!(later.status.code() == Some(2) && said(&later).contains("it was made with mission"), "{}", said(&later));
     let text = String::from_utf8(many("correct", &inputs, &at("out"), &["--overwrite"]).stdout).unwrap();
     assert!(text.lines().any(|line| line.trim_start().starts_with("b.fits") && line.contains("done")), "{text}");
     assert!(before.0 < time("out/a.fits"));
