@@ -481,23 +481,30 @@ impl Job {
         done: &mut FrameDone,
         tell: &dyn Fn(&str),
     ) -> Result<Array2<f64>, InputError> {
-        let separated = |frame_e: &Array2<f64>| match self.separate_noise {
-            true => amplifiers.read_noise(frame_e, &masks.counted),
-            false => Ok(Array2::zeros(frame_e.raw_dim())),
+        let separated = |frame_e: &Array2<f64>| {
+            self.separate_noise.then(|| amplifiers.read_noise(frame_e, &masks.counted)).transpose()
+        };
+        let without = |frame_e: &Array2<f64>, noise_e: &Option<Array2<f64>>| match noise_e {
+            Some(noise_e) => frame_e - noise_e,
+            None => frame_e.clone(),
+        };
+        let with = |image_e: Array2<f64>, noise_e: &Option<Array2<f64>>| match noise_e {
+            Some(noise_e) => image_e + noise_e,
+            None => image_e,
         };
         let solve = |observed: &Array2<f64>, what: &str| {
             let tell = |said: &str| tell(&format!(", {what}{said}"));
             invert(&FrameTransport::new(amplifiers, observed, &tell), observed, Some(masks.kept), stop)
         };
         let noise_e = separated(before_e)?;
-        let observed_e = before_e - &noise_e;
+        let observed_e = without(before_e, &noise_e);
         let corrected = solve(&observed_e, "")?;
         if let Some(noise) = noise {
             let again = |noisy: &Array2<f64>| {
                 let noise_e = separated(noisy)?;
-                solve(&(noisy - &noise_e), "with noise, ").map(|corrected| corrected.image + noise_e)
+                solve(&without(noisy, &noise_e), "with noise, ").map(|corrected| with(corrected.image, &noise_e))
             };
-            let image_e = &corrected.image + &noise_e;
+            let image_e = with(corrected.image.clone(), &noise_e);
             done.noise = Some(noise::followed(before_e, &image_e, &masks.counted, noise, again)?);
         }
         tell(", looking for emptied packets");
@@ -508,7 +515,7 @@ impl Job {
         let uncertain = uncertain(&transport, &observed_e, Some(masks.kept), &corrected, goal)?;
         done.converged = corrected.converged || stop.is_reached(uncertain.left, corrected.residuals[0]);
         (done.residuals, done.uncertain) = (corrected.residuals, Some(uncertain));
-        Ok(if self.separate_noise { corrected.image + noise_e } else { corrected.image })
+        Ok(with(corrected.image, &noise_e))
     }
 
     /// What the header will tell of this.
