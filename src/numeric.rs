@@ -6,6 +6,7 @@ pub mod estimate;
 pub mod expression;
 pub(crate) mod least_squares;
 pub(crate) mod minimum;
+pub mod parallel;
 pub(crate) mod polynomial;
 pub(crate) mod recent;
 pub(crate) mod root_finding;

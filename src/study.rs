@@ -16,12 +16,11 @@ pub mod requirement;
 pub mod shielding;
 mod signal;
 
-use rayon::prelude::*;
-
 use crate::error::InputError;
 use crate::mission::{FitSettings, Mission};
 use crate::mission_file::lookup;
 use crate::model::Model;
+use crate::numeric::parallel;
 use crate::physics::accuracy::Purpose;
 use crate::plan::evaluate::unmeasurable;
 use crate::warning::Warning;
@@ -74,8 +73,7 @@ fn ready(mission: &Mission) -> Result<Model, InputError> {
 /// # Errors
 /// The first case that fails, with any number of threads.
 fn each<C: Sync, R: Send>(cases: &[C], one: impl Fn(&C) -> Result<R, InputError> + Sync) -> Result<Vec<R>, InputError> {
-    let results: Vec<Result<R, InputError>> = cases.par_iter().map(&one).collect();
-    results.into_iter().collect()
+    parallel::try_map(cases, one)
 }
 
 /// Refuses numbers that a key of the mission does not allow, and none at all.

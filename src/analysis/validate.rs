@@ -8,13 +8,12 @@ pub mod residual_trend;
 mod result;
 mod scatter;
 
-use rayon::prelude::*;
-
 use crate::analysis::measurement::{DataSet, questions, some_rows};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
 use crate::model::predict::predict;
+use crate::numeric::parallel;
 use residual_trend::Trial;
 pub use result::{Claim, Finding, SetResult, Validation};
 pub(crate) use result::{file_stem, plain_name};
@@ -41,11 +40,12 @@ pub fn validate(mission: &Mission, data: &[DataSet], seed: u64) -> Result<Valida
     }
     let chi2 = sets.iter().map(|set| set.chi2).sum();
     let n = sets.iter().map(|set| set.data.rows.len()).sum();
-    let trials: Vec<Trial> = sets
-        .par_iter()
+    let conditions = sets
+        .iter()
         .enumerate()
-        .flat_map(|(index, set)| set.data.varying.par_iter().filter_map(move |name| Trial::of(index, &set.data, name)))
-        .collect();
+        .flat_map(|(index, set)| set.data.varying.iter().map(move |name| (index, &set.data, name)));
+    let trials: Vec<Trial> =
+        parallel::map(conditions, |(index, data, name)| Trial::of(index, data, name)).into_iter().flatten().collect();
     let residuals: Vec<Vec<f64>> = sets.iter().map(SetResult::residuals).collect();
     let scatter: Vec<f64> = sets.iter().map(SetResult::noise_sigma).collect();
     let trends = residual_trend::all(&trials, &residuals, &scatter, seed);

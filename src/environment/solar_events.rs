@@ -24,10 +24,10 @@ use std::iter;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Exp1, StandardNormal};
-use rayon::prelude::*;
 
 use super::esp::{self, Yearly};
 use super::spectrum::Spectrum;
+use crate::numeric::parallel;
 pub use calendar::{Calendar, Sun};
 use ranks::Ranks;
 
@@ -109,8 +109,8 @@ impl SolarEvents {
     /// samples of long missions would fill the memory.
     pub fn new(sun: Sun, duration_yr: f64, samples: u32, seed: u64) -> SolarEvents {
         let mut events = SolarEvents { sun, duration_yr, seed, ranked: Vec::new() };
-        let indices = || (0..u64::from(samples)).into_par_iter();
-        let years: Vec<f64> = indices().map(|index| esp_years(&events.calendar(index))).collect();
+        let indices = 0..u64::from(samples);
+        let years: Vec<f64> = parallel::map(indices.clone(), |index| esp_years(&events.calendar(index)));
         let nodes = ranks::nodes(&years);
         let last = nodes.last().copied().unwrap_or(0.0);
         let yearly = Yearly::above(RANKED_MEV).expect("an energy of the table");
@@ -125,7 +125,7 @@ impl SolarEvents {
             }
             sums
         };
-        let totals: Vec<Vec<f64>> = indices().map(totals).collect();
+        let totals: Vec<Vec<f64>> = parallel::map(indices, totals);
         let ranks = Ranks::of(&nodes, &totals);
         events.ranked =
             years.iter().zip(&totals).map(|(years, sums)| (*years, ranks.of_sum(*years, sums[nodes.len()]))).collect();

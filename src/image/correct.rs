@@ -13,11 +13,11 @@
 //! section 4; Rhodes et al. 2010 (PASP 122, 439) for what it brings. Holds as far as the forward model does: a trap that the
 //! model lacks leaves its trail, and noise that was added after the transfers is sharpened as if it had been trailed.
 
-use ndarray::{Array2, Axis, Zip};
-use rayon::prelude::*;
+use ndarray::{Array2, Zip};
 use serde::Serialize;
 
 use super::invert::{Columns, invert};
+use crate::numeric::parallel;
 use crate::readout::{Allowed, Downstream, Readout};
 
 /// When a correction is done: as soon as one of the accuracies is reached.
@@ -202,10 +202,9 @@ pub(super) fn go_on<E>(
 impl Residual {
     pub(super) fn of(left: &Array2<f64>) -> Residual {
         // Row by row, so that the sum is the same for any number of threads.
-        let rows = left.axis_iter(Axis(0)).into_par_iter().map(|row| {
+        let rows = parallel::map(left.rows(), |row| {
             row.iter().fold((0.0_f64, 0.0), |(max, sum), value| (max.max(value.abs()), sum + value * value))
         });
-        let rows: Vec<(f64, f64)> = rows.collect();
         let (max_e, squares) = rows.iter().fold((0.0_f64, 0.0), |(max, sum), row| (max.max(row.0), sum + row.1));
         Residual { max_e, rms_e: (squares / left.len().max(1) as f64).sqrt() }
     }

@@ -18,11 +18,11 @@
 use ndarray::{Array2, ArrayView1, Axis, Zip};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 use super::amplifier::{Amplifier, Amplifiers};
 use super::frame::{self, Geometry, Transfers};
 use crate::error::InputError;
+use crate::numeric::parallel;
 
 /// Packets of the band: one, and those behind it.
 const LAGS: usize = 8;
@@ -121,13 +121,10 @@ fn inverted(
 ) -> Result<Array2<f64>, InputError> {
     let band = band(read, image, variance, along)?;
     let across = Axis(1 - along.index());
-    let lanes: Vec<Vec<f64>> = (0..image.len_of(across))
-        .into_par_iter()
-        .map(|lane| {
-            let band: Vec<ArrayView1<f32>> = band.iter().map(|lag| lag.index_axis(across, lane)).collect();
-            lane_inverted(&band, held.index_axis(across, lane), variance.index_axis(across, lane))
-        })
-        .collect();
+    let lanes: Vec<Vec<f64>> = parallel::map(0..image.len_of(across), |lane| {
+        let band: Vec<ArrayView1<f32>> = band.iter().map(|lag| lag.index_axis(across, lane)).collect();
+        lane_inverted(&band, held.index_axis(across, lane), variance.index_axis(across, lane))
+    });
     let mut before = Array2::zeros(image.raw_dim());
     for (mut lane, values) in before.axis_iter_mut(across).zip(lanes) {
         lane.assign(&ArrayView1::from(&values));

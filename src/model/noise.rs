@@ -28,12 +28,12 @@ use ndarray::{Array2, ArrayView2, Zip, s};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::device::{Beside, Device};
 use super::scene::{Scene, downstream};
 use crate::error::InputError;
+use crate::numeric::parallel;
 use crate::physics::accuracy::Purpose;
 use crate::physics::shape::bounded::{self, Covariance, Quadrupoles};
 use crate::physics::shape::{Moments, ShapeChange};
@@ -104,12 +104,8 @@ impl Scene {
         for (place, (charge_e, weight)) in positions.iter().enumerate() {
             let Some(noiseless) = Noiseless::of(&exposure, charge_e, read_noise_e)? else { return Ok(None) };
             let stream = |pair: usize| STREAMS + (pair * positions.len() + place) as u64;
-            let added = (0..pairs)
-                .into_par_iter()
-                .map(|pair| noiseless.added(&exposure, realisations.seed, stream(pair)))
-                .collect::<Vec<_>>();
-            // The first of several errors, whichever came first.
-            let added = added.into_iter().collect::<Result<Vec<[f64; 2]>, _>>()?;
+            let added: Vec<[f64; 2]> =
+                parallel::try_map(0..pairs, |pair| noiseless.added(&exposure, realisations.seed, stream(pair)))?;
             for member in [0, 1] {
                 term.before[member] += weight * noiseless.mean_before[member];
                 let values: Vec<f64> = added.iter().map(|added| added[member]).collect();

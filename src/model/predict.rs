@@ -11,10 +11,9 @@ mod signal_read;
 
 use std::collections::HashMap;
 
-use rayon::prelude::*;
-
 use crate::error::InputError;
 use crate::model::{Device, Model};
+use crate::numeric::parallel;
 use crate::physics::conditions::Conditions;
 use crate::physics::observable::{Observable, Probe};
 use crate::physics::shape::ShapeChange;
@@ -107,10 +106,7 @@ pub fn changes(model: &Model, galaxy: usize, at: &[Conditions]) -> Result<Vec<Op
 
 /// The detector of each reading.
 fn devices(model: &Model, readings: &[Reading]) -> Result<Vec<Device>, InputError> {
-    let devices: Vec<Result<Device, InputError>> =
-        readings.par_iter().map(|reading| model.device(reading.at)).collect();
-    // The first of several errors, whichever came first.
-    devices.into_iter().collect()
+    parallel::try_map(readings, |reading| model.device(reading.at))
 }
 
 /// What one readout gives.

@@ -12,11 +12,11 @@ use std::num::NonZeroUsize;
 
 use gauss_quad::GaussLegendre;
 use ndarray::{Array1, Array2, Axis, s};
-use rayon::prelude::*;
 
 use super::device::{Beside, Device};
 use crate::error::InputError;
 use crate::mission::{Galaxy, Mission};
+use crate::numeric::parallel;
 use crate::physics::galaxy::{LensedGalaxy, Profile, snr};
 use crate::physics::shape::{Moments, ShapeChange};
 use crate::readout::Downstream;
@@ -170,9 +170,7 @@ impl Scene {
             let mirrored = seen(&position.before.mirrored(), &mirrored)?;
             Ok(mirrored.map(|mirrored| ShapeChange::default().plus(&change, 0.5).plus(&mirrored, 0.5)))
         };
-        let changes: Vec<Result<Option<ShapeChange>, InputError>> = self.positions.par_iter().map(both).collect();
-        // The first of several errors, whichever came first.
-        let changes: Option<Vec<ShapeChange>> = changes.into_iter().collect::<Result<_, _>>()?;
+        let changes: Option<Vec<ShapeChange>> = parallel::try_map(&self.positions, both)?.into_iter().collect();
         let total: f64 = self.positions.iter().map(|position| position.weight).sum();
         let mean = |changes: Vec<ShapeChange>| {
             let sum = changes.iter().zip(&self.positions);

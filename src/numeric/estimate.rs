@@ -3,9 +3,9 @@
 //! Errors are those of the bootstrap: the draws are drawn from again, with replacement, and the number is made anew of each
 //! such sample (Efron 1979, Ann. Statist. 7, 1).
 
+use crate::numeric::parallel;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 /// Samples of the bootstrap: an error is known to a tenth of itself.
 const SAMPLES: u64 = 200;
@@ -38,7 +38,7 @@ pub fn with_errors(
         let places: Vec<usize> = (0..draws).map(|_| random.random_range(0..draws)).collect();
         statistics(&places)
     };
-    let samples: Vec<Vec<f64>> = (0..SAMPLES).into_par_iter().map(sample).collect();
+    let samples: Vec<Vec<f64>> = parallel::map(0..SAMPLES, sample);
     let values = statistics(&(0..draws).collect::<Vec<_>>());
     let error = |index: usize| spread(samples.iter().map(|sample| sample[index]).collect());
     values.into_iter().enumerate().map(|(index, value)| (value, error(index))).collect()

@@ -13,7 +13,6 @@
 
 use std::ops::RangeInclusive;
 
-use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::environment::Niel;
@@ -26,6 +25,7 @@ use crate::environment::spectrum::Spectrum;
 use crate::error::InputError;
 use crate::mission::{DoseModel, Mission, SecondariesCounted};
 use crate::numeric::calendar::decimal_year;
+use crate::numeric::parallel;
 use crate::physics::DoseHistory;
 use crate::physics::source_dose::{dosed, sources};
 
@@ -208,7 +208,7 @@ impl Totals {
             let years = place(&log_years, nodes, node).exp();
             Curve::of(SIZES, SIZE_NODES, |z| behind.log_dose(esp::fluence_at(z, years)))
         };
-        Totals { curves: (0..nodes).into_par_iter().map(curve).collect(), log_years }
+        Totals { curves: parallel::map(0..nodes, curve), log_years }
     }
 
     /// Dose (MeV/g) of so many active years, at least 1, at a quantile z.
@@ -230,7 +230,7 @@ struct Curve {
 
 impl Curve {
     fn of(range: RangeInclusive<f64>, nodes: usize, value: impl Fn(f64) -> f64 + Sync) -> Curve {
-        let values = (0..nodes).into_par_iter().map(|node| value(place(&range, nodes, node))).collect();
+        let values = parallel::map(0..nodes, |node| value(place(&range, nodes, node)));
         Curve { range, values }
     }
 

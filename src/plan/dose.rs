@@ -8,7 +8,6 @@ pub use explain::{Explained, Step};
 pub use samples::{QUANTILES, Quantile, SampledYear, Samples};
 pub use source::{SourceSpectrum, SourceSurvey, SourceYear};
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::environment::esp;
@@ -20,6 +19,7 @@ use crate::error::InputError;
 use crate::mission::{Accumulate, DoseModel, Mission, SecondariesCounted};
 use crate::model::Model;
 use crate::numeric::calendar::decimal_year;
+use crate::numeric::parallel;
 use crate::numeric::root_finding;
 use crate::physics::{DoseHistory, RateOrigin};
 use crate::warning::Warning;
@@ -197,9 +197,9 @@ pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputEr
         confidence: environment.confidence,
         active_years,
         accumulate: environment.accumulate(),
-        confidences: CONFIDENCES
-            .into_par_iter()
-            .filter_map(|confidence| AtConfidence::of(mission, confidence, active_years))
+        confidences: parallel::map(CONFIDENCES, |confidence| AtConfidence::of(mission, confidence, active_years))
+            .into_iter()
+            .flatten()
             .collect(),
         depths: depths_of(mission, &history),
         depths_of_mission: all_sources,
@@ -248,7 +248,7 @@ fn spectrum(mission: &Mission, active_years: f64, energies_mev: &[f64]) -> Vec<A
             mission: behind(&sum, energy_mev).map(|fluence| flown * fluence),
         },
     };
-    energies_mev.par_iter().map(|energy_mev| at(*energy_mev)).collect()
+    parallel::map(energies_mev, |energy_mev| at(*energy_mev))
 }
 
 /// The mission without effects, its dose derived: in its own model, or in the one that follows the solar cycle.
@@ -306,7 +306,7 @@ fn depths(mission: &Mission, history: &DoseHistory) -> Vec<AtDepth> {
             sphere_mev_g: sphere(thickness_mm),
             slab_mev_g: slab(&Shield::aluminium(Geometry::Slab, thickness_mm)),
         };
-        DEPTHS_MM.into_par_iter().map(of).collect()
+        parallel::map(DEPTHS_MM, of)
     };
     if environment.model != DoseModel::Derived || history.sources.is_empty() {
         let year = esp::fluence(environment.confidence, 1.0);
@@ -320,8 +320,7 @@ fn depths(mission: &Mission, history: &DoseHistory) -> Vec<AtDepth> {
     };
     let streams: Vec<&Spectrum> =
         history.sources.iter().flat_map(|source| &source.streams).map(|dosed| &dosed.stream.yearly).collect();
-    let curves: Vec<DepthCurve> =
-        streams.par_iter().map(|spectrum| DepthCurve::of(spectrum, niel, 0.1, 2000.0)).collect();
+    let curves = parallel::map(&streams, |spectrum| DepthCurve::of(spectrum, niel, 0.1, 2000.0));
     let curve = |spectrum: &Spectrum| {
         let index = streams.iter().position(|other| std::ptr::eq(*other, spectrum)).expect("a stream of the mission");
         &curves[index]

@@ -17,7 +17,6 @@ pub mod input;
 pub mod shares;
 mod sun;
 
-use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::environment::solar_cycle::{self, ACTIVE_YR};
@@ -25,6 +24,7 @@ use crate::error::InputError;
 use crate::mission::{DoseModel, FitSettings, Mission, ReadoutMethod};
 use crate::model::{Device, Model, predict};
 use crate::numeric::calendar::decimal_year;
+use crate::numeric::parallel;
 use crate::numeric::sample_points::{MOST_SOBOL, Sample, Sampling};
 use crate::physics::accuracy::Purpose;
 use crate::physics::conditions::Conditions;
@@ -178,15 +178,13 @@ impl<'a> Draws<'a> {
         emulator: Option<&Emulator>,
         advance: impl Fn() + Sync,
     ) -> Result<Fates, InputError> {
-        let found = chosen.par_iter().map(|index| {
+        let found = parallel::try_map(chosen, |index| {
             let draw = self.draw(*index)?;
             let fate = Fate::of(&draw.model, |times| self.changes(&draw, times, emulator));
             advance();
             Ok((fate.map_err(|error| self.fault(*index, error))?, draw.deviations))
-        });
-        let found: Vec<Result<_, InputError>> = found.collect();
-        // The first of several errors, whichever came first.
-        let (fates, deviations) = found.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+        })?;
+        let (fates, deviations) = found.into_iter().unzip();
         let names = self.inputs.iter().map(|input| input.name.clone()).collect();
         let mut found = Fates { fates, names, deviations, emulated: None };
         if self.suns.is_ok() {
@@ -263,9 +261,8 @@ impl<'a> Draws<'a> {
 
     fn emulator_that_is(&self, general: bool) -> Result<Option<(Emulator, Emulated)>, InputError> {
         let looked_at = evenly(self.samples, MOST_TERMS);
-        let places = looked_at.par_iter().enumerate();
-        let places = places.map(|(place, index)| Ok(self.place(place, *index, general)?.0));
-        let places: Vec<Place> = places.collect::<Vec<_>>().into_iter().collect::<Result<_, InputError>>()?;
+        let of = |(place, index): (usize, &u32)| Ok(self.place(place, *index, general)?.0);
+        let places: Vec<Place> = parallel::try_map(looked_at.iter().enumerate(), of)?;
         let terms = Emulator::coefficients(&places, general);
         let readouts = (READOUTS_PER_TERM * terms as f64).ceil() as usize + HELD_BACK;
         // Few draws are sooner read out one by one.
@@ -273,9 +270,8 @@ impl<'a> Draws<'a> {
             return Ok(None);
         }
         let numbers: Vec<u32> = (0..readouts as u32).map(|number| number % self.samples).collect();
-        let known = numbers.par_iter().enumerate().map(|(place, index)| self.example(place, *index, general));
-        let known: Vec<Result<Option<Example>, InputError>> = known.collect();
-        let known: Option<Vec<Example>> = known.into_iter().collect::<Result<_, _>>()?;
+        let example = |(place, index): (usize, &u32)| self.example(place, *index, general);
+        let known: Option<Vec<Example>> = parallel::try_map(numbers.iter().enumerate(), example)?.into_iter().collect();
         let Some(known) = known else { return Ok(None) };
         // Every few, so that both kinds are spread over the draws alike.
         let every = readouts / HELD_BACK;

@@ -3,13 +3,13 @@
 pub(crate) mod json;
 
 use chrono::NaiveDate;
-use rayon::prelude::*;
 
 use crate::error::InputError;
 use crate::mission::{Galaxy, Mission, ReadoutMethod, TrapsAtStart};
 use crate::model::noise::Realisations;
 use crate::model::{Model, Scene};
 use crate::numeric::calendar::date_after;
+use crate::numeric::parallel;
 use crate::physics::SpeciesState;
 use crate::physics::accuracy::SHOWS_IN_SHAPES;
 use crate::physics::shape::ShapeChange;
@@ -97,13 +97,12 @@ impl Evaluation {
 /// State at a time (years since launch).
 fn year(model: &Model, t_yr: f64) -> Result<Year, InputError> {
     let device = model.device_at(t_yr)?;
-    let galaxies = 0..model.mission.galaxies.len();
-    let galaxies: Vec<_> = galaxies.into_par_iter().map(|galaxy| model.change_by(galaxy, &device)).collect();
+    let galaxies = parallel::try_map(0..model.mission.galaxies.len(), |galaxy| model.change_by(galaxy, &device))?;
     Ok(Year {
         t_yr,
         date: date_after(model.mission.mission.launch.0, t_yr),
         dose_mev_g: device.dose_mev_g()?,
-        galaxies: galaxies.into_iter().collect::<Result<_, _>>()?,
+        galaxies,
         traps: device.traps,
     })
 }
@@ -131,10 +130,7 @@ pub(crate) fn crossings_of<const N: usize>(
 ) -> Result<[Crossing; N], InputError> {
     let mut times = model.times_yr(model.mission.mission.duration_yr);
     times.retain(|t_yr| known.iter().all(|known| known.0 != *t_yr));
-    let added: Vec<Result<Point, InputError>> =
-        times.into_par_iter().map(|t_yr| Ok((t_yr, magnitude(t_yr)?))).collect();
-    // The first of several errors, whichever came first.
-    let mut points = added.into_iter().collect::<Result<Vec<Point>, _>>()?;
+    let mut points: Vec<Point> = parallel::try_map(times, |t_yr| Ok((t_yr, magnitude(t_yr)?)))?;
     points.extend(known);
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
     let points = resolved(&points, &limits, &magnitude)?;
@@ -182,14 +178,11 @@ pub fn evaluate(mission: &Mission) -> Result<Evaluation, InputError> {
 /// As [`evaluate`].
 pub(crate) fn evaluated(model: Model) -> Result<Evaluation, InputError> {
     let mission = &model.mission;
-    let measurable: Vec<bool> =
-        (0..mission.galaxies.len()).into_par_iter().map(|galaxy| model.scene(galaxy).is_some()).collect();
+    let measurable = parallel::map(0..mission.galaxies.len(), |galaxy| model.scene(galaxy).is_some());
     if let Some(galaxy) = measurable.iter().position(|measurable| !measurable) {
         return Err(unmeasurable(mission, &mission.galaxies[galaxy]));
     }
-    let years: Vec<_> = year_ends(mission.mission.duration_yr).into_par_iter().map(|t_yr| year(&model, t_yr)).collect();
-    // The first of several errors, whichever came first.
-    let years = years.into_iter().collect::<Result<Vec<Year>, _>>()?;
+    let years = parallel::try_map(year_ends(mission.mission.duration_yr), |t_yr| year(&model, t_yr))?;
     let verdict = verdict(&model, &years)?;
     let warnings = warnings(&model)?;
     Ok(Evaluation { model, years, verdict, noise: None, population: None, warnings })

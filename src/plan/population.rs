@@ -16,13 +16,12 @@ mod sample;
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
-
 use crate::error::InputError;
 use crate::mission::{Mission, PopulationNoise};
 use crate::model::noise::Realisations;
 use crate::model::shear::{ShearResponse, SurveyMeasurement, TrailedResponse, of_many};
 use crate::model::{Device, Model};
+use crate::numeric::parallel;
 use crate::plan::evaluate::{crossings_of, year_ends};
 use crate::plan::requirement::{Crossing, Point};
 pub use sample::Camera;
@@ -138,9 +137,7 @@ impl PopulationBias {
             let response = model.shear_response(&member.galaxy, &course.times_yr, &how)?;
             Ok(response.map(|response| Weighted { weight: member.weight, draw: member.draw, response }))
         };
-        let responses: Vec<Result<Option<Weighted>, InputError>> = sample.galaxies.par_iter().map(of).collect();
-        // The first of several errors, whichever came first.
-        let responses: Vec<_> = responses.into_iter().collect::<Result<_, _>>()?;
+        let responses: Vec<Option<Weighted>> = parallel::try_map(&sample.galaxies, of)?;
         let evaluated = responses.len();
         let galaxies: Vec<Weighted> = responses.into_iter().flatten().collect();
         if galaxies.is_empty() {

@@ -5,10 +5,10 @@
 //! that no limit is crossed unseen: the curve stays on one side, or runs through the limit once.
 
 use chrono::NaiveDate;
-use rayon::prelude::*;
 
 use crate::error::InputError;
 use crate::numeric::calendar::date_after;
+use crate::numeric::parallel;
 use crate::numeric::root_finding;
 
 /// When a limit is exceeded, and by how much.
@@ -74,13 +74,10 @@ pub fn resolved(
         }
     }
     while !open.is_empty() {
-        let middles: Vec<Result<Point, InputError>> = open
-            .par_iter()
-            .map(|[start, end]| {
-                let t_yr = 0.5 * (start.0 + end.0);
-                Ok((t_yr, function(t_yr)?))
-            })
-            .collect();
+        let middles: Vec<Result<Point, InputError>> = parallel::map(&open, |[start, end]| {
+            let t_yr = 0.5 * (start.0 + end.0);
+            Ok((t_yr, function(t_yr)?))
+        });
         let mut next = Vec::new();
         for ([start, end], middle) in open.into_iter().zip(middles) {
             let middle = middle?;

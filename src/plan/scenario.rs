@@ -8,7 +8,6 @@ pub(crate) mod sun;
 
 use std::path::Path;
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 pub use axis::Axis;
@@ -18,10 +17,10 @@ pub use ranking::{Criterion, Merit, Ranking};
 
 use crate::error::InputError;
 use crate::mission::Mission;
+use crate::numeric::parallel;
 use crate::physics::SpeciesState;
 use crate::plan::date_distribution::{Confidence, DateDistribution};
 use crate::plan::evaluate::{BudgetVerdict, evaluate};
-use crate::readout::interrupt;
 use crate::warning::{self, Warning};
 
 /// A mission that is to be compared.
@@ -124,12 +123,9 @@ pub fn compare(
         .zip(&names)
         .flat_map(|named| combinations.iter().map(move |settings| (named, settings)))
         .collect::<Vec<_>>();
-    let piece = interrupt::piece(scenarios.len());
-    let scenarios = scenarios
-        .into_par_iter()
-        .with_min_len(piece)
-        .map(|((candidate, name), settings)| scenario(candidate, name, settings, confidence).inspect(|_| progress()))
-        .collect::<Result<Vec<_>, _>>()?;
+    let scenarios = parallel::try_map(scenarios, |((candidate, name), settings)| {
+        scenario(candidate, name, settings, confidence).inspect(|_| progress())
+    })?;
     let confidence = confidence.map(|asked| asked.probability);
     let merits: Vec<Merit> = scenarios.iter().map(|scenario| scenario.merit(confidence)).collect();
     let ranking = Ranking::of(&merits);
@@ -200,7 +196,6 @@ fn scenario(
     settings: &[(String, toml::Value)],
     confidence: Option<Confidence>,
 ) -> Result<Scenario, InputError> {
-    interrupt::check();
     let mission = if settings.is_empty() { candidate.mission.clone() } else { candidate.mission.with(settings)? };
     let judged = Mission { galaxies: vec![mission.judged_galaxy().clone()], ..mission.clone() };
     let evaluation = evaluate(&judged)?;

@@ -1,12 +1,11 @@
 //! Computes the points that are missing.
 
-use rayon::prelude::*;
-
 use super::parts::Parts;
 use super::point::Points;
 use super::slurm::{self, Shard};
 use crate::error::InputError;
 use crate::io::table::Cell;
+use crate::numeric::parallel;
 
 /// What a run came to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,19 +58,16 @@ pub fn run(
     let computed = size(&to_do);
     plan(computed);
     let all = Points::of(grid);
-    let problems = to_do
-        .into_par_iter()
-        .map(|chunk| {
-            let row = |point| {
-                let row = all.row(point);
-                progress();
-                row
-            };
-            let rows: Vec<Vec<Cell>> = grid.chunk(chunk).into_par_iter().map(row).collect();
-            // Another process may have computed the same, and have made the result of it meanwhile.
-            parts.write(chunk, &rows).or_else(|error| if parts.merged() { Ok(()) } else { Err(error) })?;
-            Ok(rows.iter().filter(|row| *row.last().expect("a column of problems") != Cell::Missing).count() as u64)
-        })
-        .collect::<Result<Vec<u64>, InputError>>()?;
+    let problems: Vec<u64> = parallel::try_map(to_do, |chunk| {
+        let row = |point| {
+            let row = all.row(point);
+            progress();
+            row
+        };
+        let rows: Vec<Vec<Cell>> = parallel::map(grid.chunk(chunk), row);
+        // Another process may have computed the same, and have made the result of it meanwhile.
+        parts.write(chunk, &rows).or_else(|error| if parts.merged() { Ok(()) } else { Err(error) })?;
+        Ok(rows.iter().filter(|row| *row.last().expect("a column of problems") != Cell::Missing).count() as u64)
+    })?;
     Ok(Done { points, found: points - computed, computed, problems: problems.iter().sum() })
 }

@@ -4,7 +4,6 @@
 //! own error and of what the fits leave open (T-optimality: Atkinson & Fedorov 1975, Biometrika 62, 57).
 
 use nalgebra::DVector;
-use rayon::prelude::*;
 
 use super::fitted_model::{Case, FLAT, Node};
 use super::result::Next;
@@ -13,6 +12,7 @@ use super::search::Search;
 use crate::error::InputError;
 use crate::model::predict::{Question, predict};
 use crate::numeric::least_squares::Span;
+use crate::numeric::parallel;
 use crate::physics::conditions::Conditions;
 use crate::physics::observable::Observable;
 
@@ -156,22 +156,18 @@ fn left_open(node: &Node, questions: &[Question]) -> Result<Vec<f64>, InputError
         return Ok(vec![0.0; questions.len()]);
     }
     let here = predict(&node.model, questions)?;
-    let keys: Vec<_> = node.fit.parameters.iter().collect();
-    let derivatives: Vec<Result<DVector<f64>, InputError>> = keys
-        .par_iter()
-        .map(|fitted| {
-            let step = 1e-2 * fitted.sigma.unwrap_or(0.0);
-            let moved = node.mission().with(&[(fitted.key.clone(), (fitted.value + step).into())]);
-            match moved {
-                Ok(mission) if step > 0.0 => {
-                    let there = predict(&node.model.like(&mission), questions)?;
-                    Ok(DVector::from_iterator(here.len(), there.iter().zip(&here).map(|(a, b)| (a - b) / step)))
-                }
-                _ => Ok(DVector::zeros(here.len())),
+    let keys = &node.fit.parameters;
+    let derivatives: Vec<DVector<f64>> = parallel::try_map(keys, |fitted| {
+        let step = 1e-2 * fitted.sigma.unwrap_or(0.0);
+        let moved = node.mission().with(&[(fitted.key.clone(), (fitted.value + step).into())]);
+        match moved {
+            Ok(mission) if step > 0.0 => {
+                let there = predict(&node.model.like(&mission), questions)?;
+                Ok(DVector::from_iterator(here.len(), there.iter().zip(&here).map(|(a, b)| (a - b) / step)))
             }
-        })
-        .collect();
-    let derivatives = derivatives.into_iter().collect::<Result<Vec<_>, _>>()?;
+            _ => Ok(DVector::zeros(here.len())),
+        }
+    })?;
     let covariance = Span::of(&node.fit.jacobian, FLAT).covariance();
     let open = (0..here.len()).map(|row| {
         let gradient = DVector::from_iterator(keys.len(), derivatives.iter().map(|derivative| derivative[row]));

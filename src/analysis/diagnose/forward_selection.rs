@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use nalgebra::DVector;
-use rayon::prelude::*;
 
 use super::data_quality::Odd;
 use super::evidence::{Ended, Evidence, Found};
@@ -13,6 +12,7 @@ use super::result::{Reason, Verdict};
 use super::search::{BREADTH, LINES, Sketch};
 use super::{data_quality, rivals};
 use crate::error::InputError;
+use crate::numeric::parallel;
 
 /// Effects added at most.
 const MOST: usize = 3;
@@ -172,7 +172,7 @@ impl Evidence<'_> {
         });
         wanted.truncate(BREADTH);
         let sketch = |pair: &Pair| self.search.sketch_of(self.base, &pair.trials);
-        let sketches: Vec<Sketch> = wanted.par_iter().filter_map(sketch).collect();
+        let sketches: Vec<Sketch> = parallel::map(&wanted, sketch).into_iter().flatten().collect();
         let polish = |sketch: &Sketch| self.search.node(sketch, self.base);
         let mut nodes = sketches.iter().map(polish).collect::<Result<Vec<_>, _>>()?;
         self.sort(&mut nodes);

@@ -1,7 +1,6 @@
 //! What might be missing: the catalogue, and the user's own formulas.
 
 use nalgebra::{DMatrix, DVector, DVectorView};
-use rayon::prelude::*;
 use toml::{Table, Value};
 
 use super::fitted_model::{Case, Node, orthonormal};
@@ -9,6 +8,7 @@ use crate::effect::{self, CATALOGUE, Reach};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::mission_file;
+use crate::numeric::parallel;
 
 /// An effect that may be missing.
 #[derive(Clone, Debug)]
@@ -252,7 +252,7 @@ impl Hypothesis {
             let can_be_nothing = strength != Strength::Fixed && self.own.is_none();
             Some(Trial { hypothesis: place, table, basis, moved_sigma, strength, can_be_nothing })
         };
-        ways.par_iter().filter_map(trial).collect()
+        parallel::map(&ways, trial).into_iter().flatten().collect()
     }
 }
 

@@ -3,8 +3,6 @@
 use std::convert::Infallible;
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use super::fitted_model::Node;
 use super::hypothesis::{Hypothesis, Trial};
 use super::result::Limit;
@@ -12,6 +10,7 @@ use super::search::Search;
 use super::significance::Noise;
 use crate::error::InputError;
 use crate::mission_file;
+use crate::numeric::parallel;
 use crate::numeric::root_finding;
 
 /// Normal quantile of 95 %.
@@ -43,7 +42,7 @@ pub(super) fn all(search: &Search, base: &Arc<Node>, level: f64) -> Result<Vec<L
         let needed = null.threshold(place, super::stopping_rule::SEARCH * level).sqrt() + POWER;
         limit(search, base, &search.hypotheses[place], trials, needed)
     };
-    Ok(expansion.trials.par_iter().enumerate().map(limit).collect())
+    Ok(parallel::map(expansion.trials.iter().enumerate(), limit))
 }
 
 /// The limit of one effect: where it moves the predictions by so many sigma.

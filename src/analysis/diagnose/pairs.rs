@@ -5,12 +5,12 @@
 //! together. That takes no readout.
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
 use super::fitted_model::FLAT;
 use super::hypothesis::{FARTHEST, Hypothesis, Trial};
 use super::search::Expansion;
 use crate::numeric::least_squares::Span;
+use crate::numeric::parallel;
 
 /// Two trials, each with how many times as strong as its table it is.
 pub(super) struct Pair<'a> {
@@ -35,7 +35,7 @@ pub(super) fn promising<'a>(
         let both = one.iter().flat_map(|one| other.iter().map(move |other| [one, other]));
         both.filter_map(|both| together(both, &expansion.node.residuals)).max_by(|a, b| a.gain.total_cmp(&b.gain))
     };
-    let mut pairs: Vec<Pair> = all.par_iter().filter_map(best).collect();
+    let mut pairs: Vec<Pair> = parallel::map(&all, best).into_iter().flatten().collect();
     pairs.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     pairs
 }

@@ -9,7 +9,6 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
 use nalgebra::DMatrix;
-use rayon::prelude::*;
 
 use super::fitted_model::{Added, Case, Node};
 use super::hypothesis::{FARTHEST, Hypothesis, Trial};
@@ -21,6 +20,7 @@ use crate::error::InputError;
 use crate::mission::Mission;
 use crate::mission_file;
 use crate::model::Model;
+use crate::numeric::parallel;
 
 /// Trials of one effect that are fitted.
 const FITTED: usize = 2;
@@ -198,7 +198,7 @@ impl<'a> Search<'a> {
             self.progress.step();
             trials
         };
-        let trials = self.hypotheses.par_iter().enumerate().map(trials).collect();
+        let trials = parallel::map(self.hypotheses.iter().enumerate(), trials);
         let expansion = Arc::new(Expansion { node: node.clone(), trials, sketches: Mutex::default() });
         let mut expansions = self.expansions.lock().expect("nobody panics");
         expansions.retain(|known| known.node.set() != set);
@@ -216,7 +216,7 @@ impl<'a> Search<'a> {
             sketch
         };
         self.make_level(&expansion.node);
-        let mut sketches: Vec<Sketch> = wanted.par_iter().filter_map(sketch).collect();
+        let mut sketches: Vec<Sketch> = parallel::map(wanted, sketch).into_iter().flatten().collect();
         sketches.sort_by(|a, b| a.chi2.total_cmp(&b.chi2).then(a.last().cmp(&b.last())));
         sketches
     }
@@ -229,11 +229,10 @@ impl<'a> Search<'a> {
         let first = order.first().map_or(0.0, |trial| gain(trial));
         let also = |trial: &&Trial| gain(trial) >= ALSO * first;
         let wanted: Vec<&Trial> = order.into_iter().filter(also).take(FITTED).collect();
-        let fitted = wanted.par_iter().map(|trial| {
+        let fitted = parallel::map(&wanted, |trial| {
             let strength = trial.strength(&node.residuals).clamp(0.1, FARTHEST);
             self.sketch_of(node, &[(trial, strength)])
         });
-        let fitted: Vec<Option<Sketch>> = fitted.collect();
         let level = wanted.first().and_then(|trial| self.sketch_from_level(node, trial.hypothesis));
         fitted.into_iter().flatten().chain(level).min_by(|a, b| a.chi2.total_cmp(&b.chi2))
     }

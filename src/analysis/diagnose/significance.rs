@@ -10,11 +10,11 @@ use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Gamma};
 
 use super::fitted_model::{Case, Node};
 use super::hypothesis::Trial;
+use crate::numeric::parallel;
 
 /// Simulations of noise.
 const SIMULATIONS: u64 = 4000;
@@ -134,7 +134,7 @@ fn searched(case: &Case, node: &Node, trials: &[Vec<Trial>], noise: &Noise, seed
         (0..samples.ncols()).map(of_one).collect::<Vec<_>>()
     };
     let firsts: Vec<u64> = (0..SIMULATIONS).step_by(TOGETHER as usize).collect();
-    firsts.into_par_iter().flat_map_iter(some).collect()
+    parallel::map(firsts, some).into_iter().flatten().collect()
 }
 
 impl Null {

@@ -7,11 +7,11 @@
 //! with a parameter held there cannot end lower than one where it is free.
 
 use nalgebra::DVector;
-use rayon::prelude::*;
 
 use super::problem::{LOOSE, Optimum, Problem};
 use super::result::SAME;
 use crate::numeric::least_squares::Span;
+use crate::numeric::parallel;
 
 /// Distances of a scan from the optimum, in ordinary changes of a parameter (of its logarithm, if it must be above 0).
 const DISTANCES: [f64; 9] = [0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 3.2, 4.6];
@@ -74,7 +74,7 @@ impl Problem<'_> {
                 Some((left.norm_squared(), at))
             };
             let values = parameter.around_it(optimum.at[index], &DISTANCES);
-            let mut scan: Vec<(f64, Vec<f64>)> = values.into_par_iter().filter_map(scanned).collect();
+            let mut scan: Vec<(f64, Vec<f64>)> = parallel::map(values, scanned).into_iter().flatten().collect();
             scan.push((optimum.chi2, optimum.at.clone()));
             scan.sort_by(|a, b| a.1[index].total_cmp(&b.1[index]));
             for (place, (chi2, at)) in scan.iter().enumerate() {

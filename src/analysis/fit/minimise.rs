@@ -6,11 +6,11 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 use super::problem::{Optimum, Problem, chi2};
 use crate::error::InputError;
 use crate::mission::Mission;
+use crate::numeric::parallel;
 
 /// Times that a minimisation is taken up again at most.
 const AGAIN: usize = 20;
@@ -184,7 +184,7 @@ impl Run<'_> {
             Some((DVector::from_vec(problem.residuals(&at).ok()?) - centre) / step)
         };
         // All of them, also where one has no value: how many evaluations were made must not depend on which came first.
-        let columns: Vec<Option<DVector<f64>>> = self.moving.par_iter().map(derivative).collect();
+        let columns: Vec<Option<DVector<f64>>> = parallel::map(&self.moving, derivative);
         Some(DMatrix::from_columns(&columns.into_iter().collect::<Option<Vec<_>>>()?))
     }
 }

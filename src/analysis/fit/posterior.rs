@@ -18,7 +18,6 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::problem::{Problem, chi2};
@@ -27,6 +26,7 @@ use crate::analysis::measurement::DataSet;
 use crate::error::InputError;
 use crate::io::table::{Cell, Table};
 use crate::model::Model;
+use crate::numeric::parallel;
 use crate::plan::mission_sample::{self, EFFECTIVE_SAMPLES};
 
 use schedule::{Schedule, kept};
@@ -197,7 +197,7 @@ impl OfProblem<'_> {
         let enough = effective_samples >= options.samples as f64;
         let count = options.samples.min(after.len());
         let chosen: Vec<&Vec<f64>> = (0..count).map(|index| &after[index * after.len() / count]).collect();
-        let draw = |coordinates: &&Vec<f64>| {
+        let draw = |coordinates: &Vec<f64>| {
             let mut draw = self.values(coordinates);
             draw.push(self.log_prob(coordinates));
             draw
@@ -215,7 +215,7 @@ impl OfProblem<'_> {
             converged: enough && parameters.iter().all(Marginal::is_long_enough),
             correlation: summary::correlation(after),
             parameters,
-            draws: chosen.par_iter().map(draw).collect(),
+            draws: parallel::map(chosen, draw),
         }
     }
 }

@@ -1,7 +1,6 @@
 //! The least-squares problem: mission, data and free keys → residuals and their derivatives.
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 use toml::Value;
 
 use super::parameter::Parameter;
@@ -11,6 +10,7 @@ use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
 use crate::model::predict::{Question, predict};
+use crate::numeric::parallel;
 
 /// A least-squares problem: all that stays the same while parameters change.
 pub(crate) struct Problem<'a> {
@@ -151,10 +151,8 @@ impl<'a> Problem<'a> {
             };
             Ok((moved(high)? - moved(low)?) / (high - low))
         };
-        let columns: Vec<Result<DVector<f64>, InputError>> =
-            self.parameters.par_iter().enumerate().map(derivative).collect();
-        // The first of several errors, whichever came first.
-        Ok(DMatrix::from_columns(&columns.into_iter().collect::<Result<Vec<_>, _>>()?))
+        let columns: Vec<DVector<f64>> = parallel::try_map(self.parameters.iter().enumerate(), derivative)?;
+        Ok(DMatrix::from_columns(&columns))
     }
 
     /// Derivatives without those of parameters that would have to change by many factors e to move anything: in so far away

@@ -13,7 +13,6 @@
 
 use std::cell::{Cell, RefCell};
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::parameter::Parameter;
@@ -22,6 +21,7 @@ use super::result::{Fit, SAME};
 use crate::analysis::measurement::DataSet;
 use crate::error::{InputError, nearest};
 use crate::model::Model;
+use crate::numeric::parallel;
 use crate::numeric::root_finding::try_between;
 
 /// Rises of chi2, each with the confidence of the interval that they end.
@@ -238,7 +238,7 @@ impl Scan<'_> {
             let distance = |refit: &&Refit| (refit.coordinate - place).abs();
             known.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("the optimum is known")
         };
-        places.into_par_iter().map(|place| self.refit(place, &nearest(place).others)).collect()
+        parallel::map(places, |place| self.refit(place, &nearest(place).others))
     }
 }
 

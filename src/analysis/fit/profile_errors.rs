@@ -6,7 +6,6 @@
 //! sides is quoted. The other parameters follow to first order, and what they could absorb of the rest is not counted.
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
 use super::parameter::Parameter;
 use super::problem::{LOOSE, Problem};
@@ -15,6 +14,7 @@ use crate::analysis::measurement::DataSet;
 use crate::error::InputError;
 use crate::model::Model;
 use crate::numeric::least_squares::Span;
+use crate::numeric::parallel;
 
 /// Rise of chi2 that is one standard error, and how near to it is near enough.
 const ONE_ERROR: f64 = 1.0;
@@ -39,7 +39,7 @@ pub(crate) fn widened(model: &Model, data: &[DataSet], fit: &Fit) -> Result<Vec<
             fitted.sigma.map(|sigma| if moment { sigma } else { sides(sigma).into_iter().fold(sigma, f64::max) });
         Fitted { sigma, ..fitted.clone() }
     };
-    Ok(fit.parameters.par_iter().enumerate().map(widen).collect())
+    Ok(parallel::map(fit.parameters.iter().enumerate(), widen))
 }
 
 /// How far a parameter can be moved to one side.

@@ -8,12 +8,12 @@
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rayon::prelude::*;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::analysis::measurement::DataSet;
 use crate::io::json;
+use crate::numeric::parallel;
 
 /// How the residuals of one data set trend on one condition or covariate.
 #[derive(Clone, Debug, Serialize)]
@@ -136,18 +136,13 @@ pub fn all(trials: &[Trial], residuals: &[Vec<f64>], scatter: &[f64], seed: u64)
         .zip(scatter)
         .map(|(set, scatter)| set.iter().map(|residual| residual / scatter).collect())
         .collect();
-    let simulated: Vec<f64> = (0..SIMULATIONS)
-        .into_par_iter()
-        .map(|simulation| {
-            let mut random = ChaCha8Rng::seed_from_u64(seed);
-            random.set_stream(simulation);
-            let noise: Vec<Vec<f64>> = residuals
-                .iter()
-                .map(|set| (0..set.len()).map(|_| StandardNormal.sample(&mut random)).collect())
-                .collect();
-            trials.iter().map(|trial| trial.chance(&noise[trial.set]).0).fold(1.0, f64::min)
-        })
-        .collect();
+    let simulated: Vec<f64> = parallel::map(0..SIMULATIONS, |simulation| {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        random.set_stream(simulation);
+        let noise: Vec<Vec<f64>> =
+            residuals.iter().map(|set| (0..set.len()).map(|_| StandardNormal.sample(&mut random)).collect()).collect();
+        trials.iter().map(|trial| trial.chance(&noise[trial.set]).0).fold(1.0, f64::min)
+    });
     let mut trends: Vec<Trend> = trials
         .iter()
         .map(|trial| {

@@ -1,11 +1,11 @@
 //! Packets and blocks, many at a time: those that share traps, wells and transfers are columns of one image.
 
 use ndarray::{Array2, ArrayView1, Axis, s};
-use rayon::prelude::*;
 
 use super::{Probed, Reading};
 use crate::error::InputError;
 use crate::model::{Beside, Device};
+use crate::numeric::parallel;
 use crate::physics::conditions::Conditions;
 use crate::readout::Readout;
 
@@ -19,10 +19,9 @@ const TOGETHER: usize = 16;
 /// # Errors
 /// Where an effect has no value.
 pub(super) fn read(readings: &[Reading], devices: &[Device]) -> Result<Vec<Option<Vec<f64>>>, InputError> {
-    let devices: Vec<Option<Device>> = (readings, devices)
-        .into_par_iter()
-        .map(|(reading, device)| matches!(reading.kind, Probed::Packet | Probed::Block).then(|| device.expected()))
-        .collect();
+    let devices: Vec<Option<Device>> = parallel::map(readings.iter().zip(devices), |(reading, device)| {
+        matches!(reading.kind, Probed::Packet | Probed::Block).then(|| device.expected())
+    });
     let columns: Vec<Column> = readings
         .iter()
         .zip(&devices)
@@ -42,7 +41,7 @@ pub(super) fn read(readings: &[Reading], devices: &[Device]) -> Result<Vec<Optio
     }
     let images: Vec<&[Column]> = groups.iter().flat_map(|group| images(group)).collect();
     let mut found = vec![None; readings.len()];
-    for image in images.into_par_iter().map(together).collect::<Vec<_>>() {
+    for image in parallel::map(images, together) {
         for (index, charge_e) in image? {
             found[index] = Some(charge_e);
         }

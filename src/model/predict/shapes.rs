@@ -5,12 +5,11 @@
 //! doubled until the interpolating polynomial of half as many foretells the new ones, and is evaluated by the barycentric
 //! formula (Berrut & Trefethen 2004, SIAM Review 46, 501).
 
-use rayon::prelude::*;
-
 use super::{Probed, Reading};
 use crate::error::InputError;
 use crate::mission::ReadoutMethod;
 use crate::model::{Device, Model};
+use crate::numeric::parallel;
 use crate::physics::accuracy::Purpose;
 use crate::physics::conditions::Conditions;
 use crate::physics::shape::ShapeChange;
@@ -42,15 +41,11 @@ pub(super) fn changes(
     devices: &[Device],
 ) -> Result<Vec<Option<ShapeChange>>, InputError> {
     let interpolated = interpolated(model, readings, devices)?;
-    let changes: Vec<Result<Option<ShapeChange>, InputError>> = (readings, devices, interpolated)
-        .into_par_iter()
-        .map(|(reading, device, interpolated)| match (reading.kind, interpolated) {
-            (Probed::Galaxy(galaxy), None) => model.trailed(galaxy, &device.fit_for(Purpose::Measurement)),
-            (_, interpolated) => Ok(interpolated),
-        })
-        .collect();
-    // The first of several errors, whichever came first.
-    changes.into_iter().collect()
+    let all = readings.iter().zip(devices).zip(interpolated);
+    parallel::try_map(all, |((reading, device), interpolated)| match (reading.kind, interpolated) {
+        (Probed::Galaxy(galaxy), None) => model.trailed(galaxy, &device.fit_for(Purpose::Measurement)),
+        (_, interpolated) => Ok(interpolated),
+    })
 }
 
 fn interpolated(
@@ -148,10 +143,8 @@ impl Curve {
         change: impl Fn(f64) -> Result<Option<ShapeChange>, InputError> + Sync,
         most: usize,
     ) -> Result<Option<Curve>, InputError> {
-        // The first of several errors, whichever came first.
         let at_all = |places: &[f64]| -> Result<Option<Vec<ShapeChange>>, InputError> {
-            let changes: Vec<_> = places.par_iter().map(|&place| change(place)).collect();
-            changes.into_iter().collect()
+            Ok(parallel::try_map(places, |&place| change(place))?.into_iter().collect())
         };
         let point =
             |index: usize, intervals: usize| 0.5 - 0.5 * (std::f64::consts::PI * index as f64 / intervals as f64).cos();

@@ -5,11 +5,10 @@
 
 use std::collections::HashMap;
 
-use rayon::prelude::*;
-
 use super::{Probed, Question, Reading, columns, identity};
 use crate::error::InputError;
 use crate::model::Model;
+use crate::numeric::parallel;
 use crate::numeric::root_finding;
 use crate::physics::conditions::Conditions;
 
@@ -43,9 +42,7 @@ pub(super) fn before_transfer(
             })
         }));
     }
-    let found: Vec<Result<f64, InputError>> =
-        distinct.par_iter().map(|question| charge_before_transfer(model, question)).collect();
-    let signal_e = found.into_iter().collect::<Result<Vec<f64>, InputError>>()?;
+    let signal_e = parallel::try_map(&distinct, |question| charge_before_transfer(model, question))?;
     let solved = |(question, index): (&Question, &Option<usize>)| {
         index.map(|index| Conditions { signal_e: Some(signal_e[index]), ..question.at.clone() })
     };

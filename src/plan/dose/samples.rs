@@ -1,12 +1,12 @@
 //! The dose of a mission with the Sun drawn: `ctiplan dose --samples`.
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::source::calendar_years;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
+use crate::numeric::parallel;
 use crate::physics::DoseHistory;
 use crate::physics::solar_event_dose::{SOLAR_PROTONS, SolarEventDoses};
 
@@ -75,7 +75,7 @@ impl Samples {
         let doses = SolarEventDoses::of(mission, history, samples, seed)?;
         let years: Vec<(i32, f64)> = calendar_years(mission).map(|(year, _, end_yr)| (year, end_yr)).collect();
         let course = |index: usize| Course::of(&doses.steps(index), &years);
-        let courses: Vec<Course> = (0..doses.events.samples()).into_par_iter().map(course).collect();
+        let courses: Vec<Course> = parallel::map(0..doses.events.samples(), course);
         let quantiles = |place: usize| {
             let others_mev_g = others_mev_g(mission, history, years[place].1);
             let mut sorted: Vec<f64> = courses.iter().map(|course| others_mev_g + course.doses_mev_g[place]).collect();

@@ -1,12 +1,12 @@
 //! One source of protons by itself.
 
 use chrono::Datelike;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::environment::source::Card;
 use crate::mission::Mission;
 use crate::numeric::calendar::{date_after, years_between};
+use crate::numeric::parallel;
 use crate::physics::{DoseHistory, SourceDose};
 
 /// A source of protons over a mission.
@@ -86,7 +86,7 @@ impl SourceSurvey {
             card: source.card,
             total_mev_g: history.of_source_mev_g(source, 0.0, duration_yr),
             years: years.collect(),
-            spectrum: energies_mev.par_iter().map(at).collect(),
+            spectrum: parallel::map(energies_mev, at),
         }
     }
 }

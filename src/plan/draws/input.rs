@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use crate::environment::esp;
 use crate::environment::shielding::{self, Geometry};
 use crate::environment::solar_cycle::{CYCLE_SCATTER_YR, Maximum};
 use crate::mission::{DoseModel, Mission};
 use crate::model::Model;
+use crate::numeric::parallel;
 use crate::physics::SourceDose;
 use crate::plan::dose;
 
@@ -162,7 +161,7 @@ impl Shield {
         let logs: Vec<f64> = (0..count).map(|index| from + (to - from) * index as f64 / (count - 1) as f64).collect();
         let itself = dose(0.0).ln();
         itself.is_finite().then(|| Shield {
-            curve: logs.into_par_iter().map(|log| (log, dose(log).ln() - itself)).collect(),
+            curve: parallel::map(logs, |log| (log, dose(log).ln() - itself)),
             areal_g_cm2: shield.mean_areal_g_cm2(),
         })
     }
