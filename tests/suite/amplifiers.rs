@@ -195,6 +195,7 @@ fn segments_of_a_camera_are_read_as_their_data_sections_say() {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn chips_of_hubble_are_read_to_their_outer_edges() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

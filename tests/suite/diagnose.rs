@@ -455,6 +455,7 @@ const NULL_SEARCH: u64 = 5000;
 
 /// What a search is not allowed to do is said, and changes with no number of threads.
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn a_search_that_is_cut_short_says_what_it_left_undone() {
     let cut = |threads: usize| {
         let (mission, data) = read(&practice("gain-drift"), "");

@@ -26,8 +26,9 @@ use crate::tutorial::shows_what_is_printed;
 
 const PAGE: &str = "docs/hindcast.md";
 
-/// To renew the blocks: `RENEW=1 cargo test --test suite hindcast::`.
+/// To renew the blocks: `RENEW=1 cargo test --test suite hindcast:: -- --include-ignored`.
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn the_document_shows_what_is_computed() {
     for name in report::REPORTS {
         let page = fs::read_to_string(PAGE).unwrap();

@@ -243,6 +243,7 @@ fn long_file(path: &Path, rows: usize) {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn a_million_rows_are_read() {
     let (_folder, path) = scratch("long.csv");
     long_file(Path::new(&path), 1_000_000);
