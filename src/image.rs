@@ -312,9 +312,9 @@ impl Job {
         let mut frames = self.frames_without_map(hdus, input)?;
         for (index, amplifiers) in &mut frames {
             let Some(map) = &self.trap_map else { break };
-            let factors = map.of(&hdus[*index], image_shape(&hdus[*index])?.1)?;
+            let factors = map.of(&hdus[*index], image_shape(&hdus[*index])?, self.device.method)?;
             for amplifier in &mut amplifiers.0 {
-                amplifier.factors = Some(factors[amplifier.columns.clone()].to_vec());
+                amplifier.factors = Some(factors.part(amplifier.rows.clone(), amplifier.columns.clone()));
             }
         }
         Ok(frames)
@@ -387,6 +387,9 @@ impl Job {
         self.geometry.check(frame_e.dim())?;
         let mut amplifiers = Amplifiers::one(&self.device, self.geometry, frame_e.dim());
         amplifiers.0[0].read_noise_e = self.read_noise_e;
+        if let Some(map) = &self.trap_map {
+            amplifiers.0[0].factors = Some(map.of_array(frame_e.dim(), self.device.method)?);
+        }
         let work::Worked { done, mut after_e, kept, .. } = self.charges(frame_e.clone(), &amplifiers, None, &|_| ())?;
         Zip::from(&mut after_e).and(frame_e).and(&kept).for_each(|after, before, kept| {
             if *kept || before.is_nan() {
@@ -578,7 +581,7 @@ impl Job {
         ));
         told.extend(frame.amplifiers.0.iter().flat_map(history_of));
         if let Some(map) = &self.trap_map {
-            told.push(format!("trap densities times the factors of columns in {}", map.name));
+            told.push(format!("trap densities times the factors in {}", map.name));
         }
         if self.separate_noise {
             let noise = |amplifier: &Amplifier| amplifier.read_noise_e.unwrap_or(0.0).to_string();

@@ -94,6 +94,7 @@ class Detector:
         transfers_before: int = 0,
         charge_before_e: float = 0.0,
         serial_transfers_before: int = 0,
+        trap_map: npt.ArrayLike | None = None,
         relative: float = 1e-3,
     ) -> np.ndarray:
         """Read a frame out: add its trails.
@@ -116,6 +117,9 @@ class Detector:
             Charge in each pixel of those rows, e-.
         serial_transfers_before : int
             Pixels of the serial register between the frame's first column and the amplifier.
+        trap_map : array_like, optional
+            Factors on the trap densities of the pixels: shape (1, columns) or (columns,) by column, (rows, 1) by row, (rows, columns)
+            by pixel, or numbers of blocks that divide rows and columns.
         relative : float
             Accuracy: error of a packet over the largest displacement of charge.
 
@@ -128,7 +132,7 @@ class Detector:
         layout = _layout(
             axis, corner, split, prescan, overscan, overscan_rows, transfers_before, charge_before_e, serial_transfers_before
         )
-        return give_back(self._inner.readout(charge, layout, relative))
+        return give_back(self._inner.readout(charge, layout, factors(trap_map, frame), relative))
 
     def correct(
         self,
@@ -147,6 +151,7 @@ class Detector:
         transfers_before: int = 0,
         charge_before_e: float = 0.0,
         serial_transfers_before: int = 0,
+        trap_map: npt.ArrayLike | None = None,
         relative: float = 1e-3,
     ) -> Corrected:
         """Correct a frame: remove its trails.
@@ -164,7 +169,7 @@ class Detector:
         read_noise_e : float, optional
             Read noise, e- rms: noise that may be the amplifier's is separated before the correction and added again, which amplifies
             it less.
-        corner, split, axis, prescan, overscan, overscan_rows, transfers_before, charge_before_e, serial_transfers_before, relative
+        corner, split, axis, prescan, overscan, overscan_rows, transfers_before, charge_before_e, serial_transfers_before, trap_map, relative
             As in :meth:`readout`.
         """
         whole("iterations", iterations, 1, 1000)
@@ -179,7 +184,7 @@ class Detector:
             "relative": relative,
             "read_noise_e": read_noise_e,
         }
-        found = self._inner.correct(charge, layout, options)
+        found = self._inner.correct(charge, layout, factors(trap_map, frame), options)
         return Corrected(
             image=give_back(found["image"]),
             uncertain=found["uncertain"].reshape(np.shape(frame)),
@@ -237,6 +242,18 @@ def whole(name: str, value: Any, least: int, most: int) -> int:
     if not least <= number <= most:
         raise InputError(f"cannot use {name} = {value!r}", None, f"allowed: a whole number from {least} to {most}")
     return number
+
+
+def factors(trap_map: npt.ArrayLike | None, frame: Any) -> np.ndarray | None:
+    """Factors on densities as float64 of two axes, which are those of the frame."""
+    if trap_map is None:
+        return None
+    given = np.asarray(trap_map, dtype=np.float64)
+    if given.ndim not in (1, 2):
+        raise InputError("cannot use trap_map", None, f"its shape is {given.shape}; (rows, columns) or (columns,) is needed")
+    if given.ndim == 2:
+        return given
+    return given[:, np.newaxis] if np.ndim(frame) == 1 else given[np.newaxis, :]
 
 
 def electrons(frame: Any) -> tuple[np.ndarray, Any]:

@@ -1,9 +1,10 @@
 //! A mission's detector at one moment: frames in, frames out.
 
 use ctiplan::error::InputError;
-use ctiplan::image::{Corner, Geometry, Job, Split, Stop, Task, Transfers};
+use ctiplan::image::{Corner, Geometry, Job, Split, Stop, Task, Transfers, TrapMap};
 use ctiplan::model::Model;
 use ctiplan::physics::conditions::Conditions;
+use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -74,12 +75,13 @@ impl Detector {
         py: Python<'py>,
         frame_e: PyReadonlyArray2<'py, f64>,
         layout: Layout,
+        trap_map: Option<PyReadonlyArray2<'py, f64>>,
         relative: f64,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let frame_e = frame_e.as_array().to_owned();
+        let (frame_e, trap_map) = (frame_e.as_array().to_owned(), owned(trap_map));
         let read = work::run(py, None, |_| {
             let job = Job::new(Task::Readout, &self.model, &self.at, accuracy(relative)?, layout.geometry()?)?;
-            job.array(&frame_e)
+            Job { trap_map: map(trap_map)?, ..job }.array(&frame_e)
         })?;
         Ok(read.0.into_pyarray(py))
     }
@@ -89,14 +91,16 @@ impl Detector {
         py: Python<'py>,
         frame_e: PyReadonlyArray2<'py, f64>,
         layout: Layout,
+        trap_map: Option<PyReadonlyArray2<'py, f64>>,
         options: Correction,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let frame_e = frame_e.as_array().to_owned();
+        let (frame_e, trap_map) = (frame_e.as_array().to_owned(), owned(trap_map));
         let (image, done) = work::run(py, None, |_| {
             let Correction { relative, read_noise_e, .. } = options;
             let task = Task::Correct { stop: options.stop()?, noise: None };
             let job = Job::new(task, &self.model, &self.at, accuracy(relative)?, layout.geometry()?)?;
-            Job { read_noise_e, separate_noise: read_noise_e.is_some(), ..job }.array(&frame_e)
+            let separate_noise = read_noise_e.is_some();
+            Job { read_noise_e, separate_noise, trap_map: map(trap_map)?, ..job }.array(&frame_e)
         })?;
         let uncertain = done.uncertain.ok_or_else(|| errors::internal(py))?;
         let found = PyDict::new(py);
@@ -141,6 +145,16 @@ impl Correction {
             None => refused("tolerance", self.tolerance, "a fraction from 1e-12 to below 1"),
         }
     }
+}
+
+/// The numbers of a map of traps, if there is one.
+fn owned(trap_map: Option<PyReadonlyArray2<'_, f64>>) -> Option<Array2<f64>> {
+    trap_map.map(|map| map.as_array().to_owned())
+}
+
+/// A map of traps for the frame.
+fn map(factors: Option<Array2<f64>>) -> Result<Option<TrapMap>, InputError> {
+    factors.map(|factors| TrapMap::of_all("trap_map", factors)).transpose()
 }
 
 /// The accuracy of a readout, which is a fraction.

@@ -161,3 +161,20 @@ def test_counts_that_are_none_are_refused(detector, frame):
             detector.readout(frame, **wrong)
     with pytest.raises(cp.InputError, match="iterations"):
         detector.correct(frame, iterations=-1)
+
+
+def test_a_map_gives_columns_rows_and_pixels_their_own_traps(detector, frame):
+    by_column = np.resize([1.0, 0.0, 2.0], frame.shape[1])
+    read = detector.readout(frame, trap_map=by_column)
+    assert np.array_equal(read[:, 1::3], frame[:, 1::3])
+    assert np.array_equal(read, detector.readout(frame, trap_map=np.broadcast_to(by_column, frame.shape)))
+    by_row = np.repeat([0.5, 0.0, 3.0, 1.0], 10)
+    read = detector.readout(frame, trap_map=by_row[:, None], transfers_before=500)
+    blocks = np.broadcast_to(by_row.reshape(4, 10)[:, :1], (4, 3))
+    assert np.array_equal(read, detector.readout(frame, trap_map=blocks, transfers_before=500))
+    assert np.allclose(read[:, 3], detector.readout(frame[:, 3], trap_map=by_row, transfers_before=500), atol=0.05)
+    fix = detector.correct(read, trap_map=by_row[:, None], transfers_before=500)
+    assert fix.converged and np.abs(fix.image - frame).max() < 0.05
+    for bad in (np.ones(7), -by_row[:, None], np.ones((2, 2, 2))):
+        with pytest.raises(cp.InputError, match="trap_map|trap map"):
+            detector.readout(frame, trap_map=bad)

@@ -123,7 +123,7 @@ struct Frames {
         ]
     )]
     amplifiers: Option<InputFile>,
-    /// Factors on the densities of the pixels' traps: an image (FITS) with one row, a factor for each column of the frame
+    /// Factors on the densities of the pixels' traps: an image (FITS) with a factor for each column, row or block of pixels of the frame
     #[arg(long, value_name = "FILE")]
     trap_map: Option<InputFile>,
     #[command(flatten)]

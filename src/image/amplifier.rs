@@ -10,6 +10,7 @@ use ndarray::{Array2, ArrayView2, s};
 use super::frame::{self, Geometry};
 use super::mask;
 use super::noise;
+use super::trap_map::Factors;
 use super::unit::Scale;
 use crate::error::InputError;
 use crate::model::Device;
@@ -33,8 +34,8 @@ pub struct Amplifier {
     pub read_noise_e: Option<f64>,
     /// The traps and wells of its pixels.
     pub device: Device,
-    /// Factors on the densities of the traps of its columns, from the left.
-    pub factors: Option<Vec<f64>>,
+    /// Factors on the densities of the traps of its pixels.
+    pub factors: Option<Factors>,
 }
 
 impl Amplifier {
@@ -45,7 +46,7 @@ impl Amplifier {
 
     /// What it reads (e-), with trails; `allowed_e` is an error that is allowed, e-.
     fn read(&self, part_e: &Array2<f64>, allowed_e: Option<f64>) -> Result<Array2<f64>, InputError> {
-        frame::read_with(&self.device, &self.geometry, part_e, self.factors.as_deref(), allowed_e)
+        frame::read_with(&self.device, &self.geometry, part_e, self.factors.as_ref(), allowed_e)
     }
 
     /// Puts values (rows and columns of the part) into a frame.

@@ -21,6 +21,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::amplifier::{Amplifier, Amplifiers};
 use super::frame::{self, Geometry, Transfers};
+use super::trap_map::Factors;
 use crate::error::InputError;
 use crate::numeric::parallel;
 
@@ -71,12 +72,12 @@ fn of_amplifier(
     for ((((corrected, factors), held), variance), noise) in geometry
         .amplifiers(corrected_e)
         .iter()
-        .zip(geometry.factors(amplifier.factors.as_deref()))
+        .zip(geometry.factors(amplifier.factors.as_ref()))
         .zip(geometry.amplifiers(held))
         .zip(geometry.amplifiers(&variance))
         .zip(geometry.amplifiers(&variance.mapv(of_noise)))
     {
-        let after = part(amplifier, corrected, factors.as_deref(), &held, &noise)?;
+        let after = part(amplifier, corrected, factors.as_ref(), &held, &noise)?;
         parts.push((variance - noise + after).mapv(f64::sqrt));
     }
     let mut all = sigma_e.clone();
@@ -88,7 +89,7 @@ fn of_amplifier(
 fn part(
     amplifier: &Amplifier,
     corrected_e: &Array2<f64>,
-    factors: Option<&[f64]>,
+    factors: Option<&Factors>,
     held: &Array2<bool>,
     noise: &Array2<f64>,
 ) -> Result<Array2<f64>, InputError> {

@@ -18,9 +18,9 @@
 //! overscan hold no charge before they are read: what is in them of the frame (bias, noise) was added by the amplifier and
 //! stays as it is, and trails of the image are added.
 
-use ndarray::{Array2, ArrayView2, ArrayViewMut2, Axis, Zip, s};
+use ndarray::{Array2, ArrayView1, ArrayView2, ArrayViewMut2, Axis, Zip, s};
 
-use super::trap_map;
+use super::trap_map::Factors;
 use crate::error::InputError;
 use crate::model::Device;
 use crate::readout::{Allowed, Downstream};
@@ -190,11 +190,10 @@ impl Geometry {
         self.parts().into_iter().map(|part| part.of(frame).to_owned()).collect()
     }
 
-    /// Factors of a frame's columns → those of the columns of each part, in the order of readout.
-    pub(super) fn factors(&self, factors: Option<&[f64]>) -> Vec<Option<Vec<f64>>> {
-        let of = |part: Part| {
-            let all = Array2::from_shape_fn((2, factors?.len()), |(_, column)| factors.unwrap_or_default()[column]);
-            part.of(&all).rows().into_iter().next().map(|row| row.to_vec())
+    /// Factors of a frame's pixels → those of each part, in the order of readout.
+    pub(super) fn factors(&self, factors: Option<&Factors>) -> Vec<Option<Factors>> {
+        let of = |Part { rows, columns }: Part| {
+            Some(factors?.ordered(|all| rows.0.places(all, rows.1), |all| columns.0.places(all, columns.1)))
         };
         self.parts().into_iter().map(of).collect()
     }
@@ -282,6 +281,16 @@ impl Side {
             Side::Second => (length / 2..length).into(),
         }
     }
+
+    /// Some values of all its places, in the order of readout.
+    fn places(self, all: &[usize], reversed: bool) -> Vec<usize> {
+        let mut places = ArrayView1::from(all);
+        places.slice_axis_inplace(Axis(0), self.range(all.len()));
+        if reversed {
+            places.invert_axis(Axis(0));
+        }
+        places.to_vec()
+    }
 }
 
 /// A frame (e-, `[[row, column]]`, row 0 the lowest) as it is read: light and what the amplifier adds go in, the same with
@@ -296,8 +305,8 @@ pub fn read(device: &Device, geometry: &Geometry, frame_e: &Array2<f64>) -> Resu
     read_with(device, geometry, frame_e, None, None)
 }
 
-/// The same with a factor on the densities of the pixels' traps for each column of the frame, and with an error that is allowed for each
-/// direction of transfer, e-; none: as the device is accurate.
+/// The same with factors on the densities of the pixels' traps, and with an error that is allowed for each direction of transfer, e-;
+/// none: as the device is accurate.
 ///
 /// # Errors
 /// As [`read`].
@@ -305,12 +314,12 @@ pub fn read_with(
     device: &Device,
     geometry: &Geometry,
     frame_e: &Array2<f64>,
-    factors: Option<&[f64]>,
+    factors: Option<&Factors>,
     allowed_e: Option<f64>,
 ) -> Result<Array2<f64>, InputError> {
     let mut read_e = frame_e.clone();
     for (part, factors) in geometry.parts().into_iter().zip(geometry.factors(factors)) {
-        let clocked = clocked(device, geometry, part.of(frame_e), factors.as_deref(), allowed_e)?;
+        let clocked = clocked(device, geometry, part.of(frame_e), factors.as_ref(), allowed_e)?;
         part.of_mut(&mut read_e).assign(&clocked);
     }
     Ok(read_e)
@@ -319,22 +328,34 @@ pub fn read_with(
 /// What a frame was before [`read`], from what was read of it: transfers are turned round, with an error that is allowed, and the
 /// amplifier's values in pixels without light stay as they are. Effects other than transfers are not undone.
 /// None where transfers cannot be turned round; see [`crate::readout::Readout::parallel_reversed`].
-pub fn before(device: &Device, geometry: &Geometry, read_e: &Array2<f64>, allowed: Allowed) -> Option<Array2<f64>> {
+pub fn before(
+    device: &Device,
+    geometry: &Geometry,
+    read_e: &Array2<f64>,
+    factors: Option<&Factors>,
+    allowed: Allowed,
+) -> Option<Array2<f64>> {
     let mut before_e = read_e.clone();
-    for part in geometry.parts() {
+    for (part, factors) in geometry.parts().into_iter().zip(geometry.factors(factors)) {
         let mut part_e = part.of_mut(&mut before_e);
         let (rows, columns) = geometry.image(part_e.dim());
-        let light_e = unclocked(device, geometry, part_e.view(), allowed)?;
+        let light_e = unclocked(device, geometry, part_e.view(), factors.as_ref(), allowed)?;
         part_e.slice_mut(s![rows, columns]).assign(&light_e);
     }
     Some(before_e)
 }
 
 /// The image in one amplifier's part, in the order of readout, before its transfers.
-fn unclocked(device: &Device, geometry: &Geometry, part_e: ArrayView2<f64>, allowed: Allowed) -> Option<Array2<f64>> {
+fn unclocked(
+    device: &Device,
+    geometry: &Geometry,
+    part_e: ArrayView2<f64>,
+    factors: Option<&Factors>,
+    allowed: Allowed,
+) -> Option<Array2<f64>> {
     // What is read after the image has not changed it.
     let (rows, columns) = geometry.image(part_e.dim());
-    let mut read_e = part_e.slice(s![rows, ..columns.end]).to_owned();
+    let mut read_e = part_e.slice(s![rows.clone(), ..columns.end]).to_owned();
     if geometry.transfers.serial() {
         // Dark pixels in front pass traps that are empty.
         read_e.slice_mut(s![.., ..columns.start]).fill(0.0);
@@ -343,12 +364,16 @@ fn unclocked(device: &Device, geometry: &Geometry, part_e: ArrayView2<f64>, allo
             read_e = register.serial_reversed(&read_e, downstream, allowed)?;
         }
     }
-    let light_e = read_e.slice_move(s![.., columns]);
+    let light_e = read_e.slice_move(s![.., columns.clone()]);
     if !geometry.transfers.parallel() {
         return Some(light_e);
     }
     let downstream = Downstream { rows: geometry.rows_before.into(), charge_e: geometry.charge_before_e };
-    device.readout().parallel_reversed(&light_e, downstream, allowed)
+    let readout = device.readout();
+    match factors {
+        Some(factors) => factors.part(rows, columns).parallel_reversed(&readout, &light_e, downstream, allowed),
+        None => readout.parallel_reversed(&light_e, downstream, allowed),
+    }
 }
 
 /// One amplifier's part, in the order of readout.
@@ -356,7 +381,7 @@ pub(super) fn clocked(
     device: &Device,
     geometry: &Geometry,
     part_e: ArrayView2<f64>,
-    factors: Option<&[f64]>,
+    factors: Option<&Factors>,
     allowed_e: Option<f64>,
 ) -> Result<Array2<f64>, InputError> {
     let allowed = allowed_e.map(|error_e| Allowed { relative: 0.0, error_e });
@@ -377,7 +402,9 @@ pub(super) fn clocked(
         let mut lit = read_e.slice_mut(s![.., columns.clone()]);
         let (readout, lit_e) = (device.readout(), lit.to_owned());
         let trailed = match (factors, allowed) {
-            (Some(factors), _) => trap_map::parallel(&readout, &lit_e, downstream, &factors[columns]),
+            (Some(factors), _) => {
+                factors.part(0..lit_e.nrows(), columns).parallel(&readout, &lit_e, downstream, allowed)
+            }
             (None, Some(allowed)) => readout.parallel_within(&lit_e, downstream, allowed),
             (None, None) => readout.parallel(&lit_e, downstream),
         };

@@ -39,12 +39,8 @@ impl Transport for FrameTransport<'_> {
         (self.tell)("transfers in the opposite order");
         let mut before_e = read_e.clone();
         for amplifier in &self.amplifiers.0 {
-            // Columns with traps of their own are not turned round.
-            if amplifier.factors.is_some() {
-                return Ok(None);
-            }
             let part_e = amplifier.part(read_e).to_owned();
-            match frame::before(&amplifier.device, &amplifier.geometry, &part_e, allowed) {
+            match frame::before(&amplifier.device, &amplifier.geometry, &part_e, amplifier.factors.as_ref(), allowed) {
                 Some(part_e) => amplifier.put(&part_e, &mut before_e),
                 None => return Ok(None),
             }

@@ -15,7 +15,11 @@ fn electrons() -> Vec<(&'static str, Value)> {
 const EXACT: [&str; 2] = ["--set", "accuracy.readout=exact"];
 
 fn map(path: &Path, factors: &[f64]) {
-    file(path, &[], &[("MAP", 1, Array2::from_shape_vec((1, factors.len()), factors.to_vec()).unwrap(), vec![])]);
+    blocks(path, Array2::from_shape_vec((1, factors.len()), factors.to_vec()).unwrap());
+}
+
+fn blocks(path: &Path, factors: Array2<f64>) {
+    file(path, &[], &[("MAP", 1, factors, vec![])]);
 }
 
 #[test]
@@ -78,6 +82,74 @@ fn a_map_is_that_of_the_frame_and_not_of_the_order_of_readout() {
 }
 
 #[test]
+fn rows_and_blocks_have_their_own_traps() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let path = |name: &str| at(name).to_str().unwrap().to_string();
+    let frame = field(40, 8);
+    file(&at("in.fits"), &[], &[("SCI", 1, frame.clone(), electrons())]);
+    let read = |map: &Array2<f64>, more: &[&str]| {
+        blocks(&at("map.fits"), map.clone());
+        work(
+            "readout",
+            &at("in.fits"),
+            &at("out.fits"),
+            &[&["--overwrite", "--trap-map", &path("map.fits")], more].concat(),
+        );
+        values(&at("out.fits"), 1)
+    };
+    let before = ["--transfers-before", "300"];
+    let exact = [&before[..], &EXACT].concat();
+    // Rows, and the same as blocks of pixels; half as many numbers where neighbours are equal.
+    let rows = Array2::from_shape_fn((4, 1), |(row, _)| [1.0, 0.0, 2.5, 0.3][row]);
+    let by_rows = read(&rows, &exact);
+    assert_eq!(by_rows, read(&Array2::from_shape_fn((40, 8), |(row, _)| rows[[row / 10, 0]]), &exact));
+    let fast = read(&rows, &before);
+    let largest = |difference: Array2<f64>| difference.iter().fold(0.0_f64, |most, e| most.max(e.abs()));
+    let moved_e = largest(&by_rows - &frame);
+    // The accuracy of the readout, 1e-3, of each of three bands.
+    assert!(largest(&fast - &by_rows) < 3e-3 * moved_e && moved_e > 1.0, "{} of {moved_e}", largest(&fast - &by_rows));
+    // Packets in front of pixels without traps lose nothing there: those of the rows that are left out do not matter.
+    let only_near = read(&Array2::from_shape_fn((4, 1), |(row, _)| f64::from(row == 0)), &exact);
+    assert_ne!(by_rows, only_near);
+    // Each pixel of a frame that is read at its upper right is where it was.
+    let pixels = Array2::from_shape_fn((20, 4), |(row, column)| ((3 * row + 5 * column) % 7) as f64 / 4.0);
+    let upper = read(&pixels, &[&exact[..], &["--corner", "upper-right"]].concat());
+    let mut turned = frame.clone();
+    turned.invert_axis(Axis(0));
+    turned.invert_axis(Axis(1));
+    file(&at("in.fits"), &[], &[("SCI", 1, turned.as_standard_layout().to_owned(), electrons())]);
+    let mut of_turned = pixels.clone();
+    of_turned.invert_axis(Axis(0));
+    of_turned.invert_axis(Axis(1));
+    let mut other = read(&of_turned.as_standard_layout().to_owned(), &exact);
+    other.invert_axis(Axis(0));
+    other.invert_axis(Axis(1));
+    assert_eq!(upper, other);
+    // A correction takes trails out, by transfers in the opposite order.
+    file(&at("in.fits"), &[], &[("SCI", 1, frame.clone(), electrons())]);
+    for map in [rows, pixels] {
+        read(&map, &before);
+        let done = work(
+            "correct",
+            &at("out.fits"),
+            &at("back.fits"),
+            &[&before[..], &["--overwrite", "--trap-map", &path("map.fits")]].concat(),
+        );
+        let error_e = largest(values(&at("back.fits"), 1) - &frame);
+        assert!(error_e < 0.05, "{error_e}");
+        assert!(done["hdus"][1]["iterations"].as_u64().unwrap() <= 2, "{}", done["hdus"][1]["iterations"]);
+    }
+    // Traps that carry their state on from pixel to pixel need equal pixels.
+    let carried = ["--set", "readout.traps_at_start=carried", "--overwrite", "--trap-map", &path("map.fits")];
+    let done = run("readout", &at("in.fits"), &at("out.fits"), &carried);
+    assert!(
+        String::from_utf8_lossy(&done.stderr).contains("for pixels that are all alike")
+            && done.status.code() == Some(2)
+    );
+}
+
+#[test]
 fn maps_that_do_not_fit_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
@@ -90,11 +162,11 @@ fn maps_that_do_not_fit_are_refused() {
     map(&at("map.fits"), &[1.0, 1.0, 1.0]);
     says("it has 3 columns, and HDU 1 (SCI) has 4");
     map(&at("map.fits"), &[1.0, 1.0, -1.0, 1.0]);
-    says("HDU 1 (MAP), column 3: -1; allowed: 0 to 1000000");
+    says("HDU 1 (MAP), column 3, row 1: -1; allowed: 0 to 1000000");
     map(&at("map.fits"), &[1.0, 1.0, f64::NAN, 1.0]);
-    says("column 3: NaN");
-    file(&at("map.fits"), &[], &[("MAP", 1, Array2::ones((2, 4)), vec![])]);
-    says("factors that change along a column are not modelled");
+    says("column 3, row 1: NaN");
+    file(&at("map.fits"), &[], &[("MAP", 1, Array2::ones((5, 4)), vec![])]);
+    says("it has 5 rows, and HDU 1 (SCI) has 12");
     file(&at("map.fits"), &[], &[]);
     says("it has no image");
     let row = || Array2::ones((1, 4));

@@ -48,7 +48,7 @@ const REMEMBERED: usize = 256;
 
 /// Any pixel: all packets pass it, and none starts there.
 const ANY: Block = Block { nearest: 0, pixels: 1 };
-const EMPTY: Lead = Lead { rows: 1, charge_e: [0.0; LANES] };
+const EMPTY: Lead = Lead { rows: 1, charge_e: [0.0; LANES], pixels: 0..1 };
 
 impl Readout {
     /// Clocks an image out along its rows by [`Method::CarriedTraps`], to a relative accuracy: the error of a packet, as estimated from

@@ -17,6 +17,8 @@
 //! around the brightest pixel. So the result is a smooth function of the charges, and a correction that makes up for the
 //! error left over converges.
 
+use std::ops::Range;
+
 use super::block_path::BlockPath;
 use super::estimate;
 use super::interrupt;
@@ -106,9 +108,9 @@ pub(super) fn columns<P: Passage>(
     (towards, division): (Towards, Division),
     work: &mut Workspace<P::Watermarks>,
 ) {
-    let start = charge_e.len() as i64 + downstream.rows;
-    let image = (downstream.rows.max(0)..start, true);
-    let shared = (0..downstream.rows, false);
+    let Range { start: nearest, end } = downstream.pixels;
+    let image = (downstream.rows.max(nearest)..end, true);
+    let shared = (nearest..downstream.rows.min(end), false);
     let regions = if towards == Towards::Register { [image, shared] } else { [shared, image] };
     for (region, staggered) in regions {
         let length = (region.end - region.start).max(0);
@@ -200,7 +202,11 @@ mod tests {
     ) -> Vec<f64> {
         let (before, readout) = (field(), readout(density, phase));
         let read = readout.parallel(&before, downstream);
-        let lead = Lead { rows: downstream.rows, charge_e: [readout.settled_e(downstream.charge_e); LANES] };
+        let lead = Lead {
+            rows: downstream.rows,
+            charge_e: [readout.settled_e(downstream.charge_e); LANES],
+            pixels: 0..before.nrows() as i64 + downstream.rows,
+        };
         let error = |division: &Division| {
             let mut work = Workspace::new(before.nrows());
             let ends = if towards == Towards::Light { [&read, &before] } else { [&before, &read] };

@@ -1,5 +1,7 @@
 //! Every transfer, one by one, as the contract says it: the meaning of all the other methods.
 
+use std::ops::Range;
+
 use super::finite_capture::FiniteCapturePixel;
 use super::several_clouds::{SeveralClouds, Stacks};
 use super::{Cloud, Downstream, Trap, interrupt};
@@ -11,8 +13,8 @@ struct Level {
     packet: usize,
 }
 
-/// Clocks one column out, from the pixel farthest from the register to the nearest.
-pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downstream: Downstream) {
+/// Clocks one column out through some pixels, from the farthest from the register to the nearest.
+pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downstream: Downstream, pixels: Range<i64>) {
     let rows = charge_e.len();
     let released: Vec<f64> = traps.iter().map(Trap::released).collect();
     let returned: Vec<f64> = traps.iter().map(Trap::returned).collect();
@@ -22,7 +24,7 @@ pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downst
         .collect();
     let mut levels: Vec<Level> = Vec::new();
     let mut stored_e = vec![0.0; traps.len()];
-    for pixel in (0..rows as i64 + downstream.rows).rev() {
+    for pixel in pixels.rev() {
         interrupt::check();
         levels.clear();
         let passed_before = pixel < downstream.rows;
@@ -75,9 +77,14 @@ pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downst
 }
 
 /// The same where capture takes time.
-pub(super) fn slow_column<const S: usize>(pixel: &FiniteCapturePixel<S>, charge_e: &mut [f64], rows_downstream: i64) {
+pub(super) fn slow_column<const S: usize>(
+    pixel: &FiniteCapturePixel<S>,
+    charge_e: &mut [f64],
+    rows_downstream: i64,
+    pixels: Range<i64>,
+) {
     let mut levels = Default::default();
-    for place in (0..charge_e.len() as i64 + rows_downstream).rev() {
+    for place in pixels.rev() {
         interrupt::check();
         pixel.start(place, rows_downstream, &mut levels);
         let first = (place - rows_downstream).max(0) as usize;
@@ -88,9 +95,14 @@ pub(super) fn slow_column<const S: usize>(pixel: &FiniteCapturePixel<S>, charge_
 }
 
 /// The same where species differ in their clouds.
-pub(super) fn column_of_several_clouds(pixel: &SeveralClouds, charge_e: &mut [f64], downstream: Downstream) {
+pub(super) fn column_of_several_clouds(
+    pixel: &SeveralClouds,
+    charge_e: &mut [f64],
+    downstream: Downstream,
+    pixels: Range<i64>,
+) {
     let mut stacks = Stacks::default();
-    for place in (0..charge_e.len() as i64 + downstream.rows).rev() {
+    for place in pixels.rev() {
         interrupt::check();
         pixel.start((place < downstream.rows).then_some(downstream.charge_e), &mut stacks);
         let first = (place - downstream.rows).max(0) as usize;

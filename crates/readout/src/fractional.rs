@@ -4,17 +4,25 @@
 //! reference for the other methods, written for likeness to the text and not for speed: its result is as coarse as
 //! 1/levels of the well.
 
+use std::ops::Range;
+
 use super::{Cloud, Downstream, Trap, interrupt};
 
 /// Clocks one column out through traps at the heights (i + ½)/levels.
 ///
 /// The levels stand in the middle of their slices: multiples of 1/levels, as in the paper, would shift every cloud by
 /// half a level to one side. `clouds`: that of each species.
-pub(super) fn column(traps: &[Trap], clouds: &[&Cloud], charge_e: &mut [f64], downstream: Downstream, levels: usize) {
+pub(super) fn column(
+    traps: &[Trap],
+    clouds: &[&Cloud],
+    charge_e: &mut [f64],
+    downstream: Downstream,
+    pixels: Range<i64>,
+    levels: usize,
+) {
     let below = |height: f64| ((height * levels as f64 + 0.5).floor() as usize).min(levels);
-    let rows = charge_e.len() as i64;
     let mut filling = vec![vec![0.0; levels]; traps.len()];
-    for pixel in (0..rows + downstream.rows).rev() {
+    for pixel in pixels.rev() {
         interrupt::check();
         // What passed before row 0 has filled the traps that it reached.
         let filled_before =

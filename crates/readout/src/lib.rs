@@ -21,6 +21,7 @@
 //! Sources: Rhodes et al. 2010 (PASP 122, 439), section 3; Massey et al. 2010 (MNRAS 401, 371) for the cloud that
 //! captures at once.
 
+mod bands;
 mod block_path;
 mod cloud;
 mod continuum;
@@ -44,6 +45,7 @@ mod simd;
 mod spent;
 mod watermarks;
 
+pub use bands::Band;
 pub use cloud::Cloud;
 pub use equal_blocks::Allowed;
 pub use phase::{Clock, ClockFault, ClockStep, Phase};
@@ -53,6 +55,7 @@ use std::sync::{Mutex, PoisonError};
 use ndarray::{Array2, ArrayView1, ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
+use bands::Journey;
 use duplicate_columns::DuplicateColumns;
 use equal_blocks::{Division, Towards};
 use finite_capture::FiniteCapturePixel;
@@ -258,7 +261,7 @@ impl Readout {
     /// # Panics
     /// With more than [`MAX_SPECIES`] species; with species whose capture takes time and whose clouds differ.
     pub fn parallel(&self, image: &Array2<f64>, downstream: Downstream) -> Array2<f64> {
-        self.along(image, downstream.rows, &vec![downstream.charge_e; image.ncols()], Axis(0))
+        self.along(image, Journey::of(downstream.rows), &vec![downstream.charge_e; image.ncols()], Axis(0))
     }
 
     /// [`Readout::parallel`] where each column has a background of its own downstream: `charge_e[column]` in `rows` rows, as in
@@ -267,7 +270,7 @@ impl Readout {
     /// # Panics
     /// With more than [`MAX_SPECIES`] species, or another number of backgrounds than of columns.
     pub fn parallel_after_each(&self, image: &Array2<f64>, rows: i64, charge_e: &[f64]) -> Array2<f64> {
-        self.along(image, rows, charge_e, Axis(0))
+        self.along(image, Journey::of(rows), charge_e, Axis(0))
     }
 
     /// Clocks an image out along its columns, column 0 nearest the amplifier: the same code, the axis swapped.
@@ -275,7 +278,7 @@ impl Readout {
     /// # Panics
     /// With more than [`MAX_SPECIES`] species; with species whose capture takes time and whose clouds differ.
     pub fn serial(&self, image: &Array2<f64>, downstream: Downstream) -> Array2<f64> {
-        self.along(image, downstream.rows, &vec![downstream.charge_e; image.nrows()], Axis(1))
+        self.along(image, Journey::of(downstream.rows), &vec![downstream.charge_e; image.nrows()], Axis(1))
     }
 
     /// [`Readout::serial`] where each row has a background of its own downstream: `charge_e[row]` in `columns` columns, as in
@@ -284,7 +287,7 @@ impl Readout {
     /// # Panics
     /// With more than [`MAX_SPECIES`] species, or another number of backgrounds than of rows.
     pub fn serial_after_each(&self, image: &Array2<f64>, columns: i64, charge_e: &[f64]) -> Array2<f64> {
-        self.along(image, columns, charge_e, Axis(1))
+        self.along(image, Journey::of(columns), charge_e, Axis(1))
     }
 
     /// Clocks out one column of packets (e-), packet 0 nearest the register.
@@ -308,7 +311,7 @@ impl Readout {
         downstream: Downstream,
         allowed: Allowed,
     ) -> Option<Array2<f64>> {
-        self.in_blocks(read, downstream, Axis(0), (Towards::Light, allowed))
+        self.in_blocks(read, (Journey::of(downstream.rows), downstream.charge_e), Axis(0), (Towards::Light, allowed))
     }
 
     /// The same of [`Readout::serial`].
@@ -316,7 +319,7 @@ impl Readout {
     /// # Panics
     /// With more than [`MAX_SPECIES`] species.
     pub fn serial_reversed(&self, read: &Array2<f64>, downstream: Downstream, allowed: Allowed) -> Option<Array2<f64>> {
-        self.in_blocks(read, downstream, Axis(1), (Towards::Light, allowed))
+        self.in_blocks(read, (Journey::of(downstream.rows), downstream.charge_e), Axis(1), (Towards::Light, allowed))
     }
 
     /// [`Readout::parallel`] with an error that is allowed in e-, as coarsely as that admits. Where the method is not
@@ -325,7 +328,8 @@ impl Readout {
     /// # Panics
     /// As [`Readout::parallel`].
     pub fn parallel_within(&self, image: &Array2<f64>, downstream: Downstream, allowed: Allowed) -> Array2<f64> {
-        self.within(image, downstream, Axis(0), allowed).unwrap_or_else(|| self.parallel(image, downstream))
+        self.within(image, (Journey::of(downstream.rows), downstream.charge_e), Axis(0), allowed)
+            .unwrap_or_else(|| self.parallel(image, downstream))
     }
 
     /// The same of [`Readout::serial`].
@@ -333,7 +337,8 @@ impl Readout {
     /// # Panics
     /// As [`Readout::serial`].
     pub fn serial_within(&self, image: &Array2<f64>, downstream: Downstream, allowed: Allowed) -> Array2<f64> {
-        self.within(image, downstream, Axis(1), allowed).unwrap_or_else(|| self.serial(image, downstream))
+        self.within(image, (Journey::of(downstream.rows), downstream.charge_e), Axis(1), allowed)
+            .unwrap_or_else(|| self.serial(image, downstream))
     }
 
     /// The same readout without chance: what the mean over many random sets of traps tends to.
@@ -356,7 +361,7 @@ impl Readout {
     }
 
     /// `charge_e`: what lies downstream of each column.
-    fn along(&self, image: &Array2<f64>, rows_downstream: i64, charge_e: &[f64], transfer: Axis) -> Array2<f64> {
+    fn along(&self, image: &Array2<f64>, journey: Journey, charge_e: &[f64], transfer: Axis) -> Array2<f64> {
         assert!(self.traps.len() <= MAX_SPECIES, "at most {MAX_SPECIES} trap species");
         let across = Axis(1 - transfer.index());
         assert_eq!(charge_e.len(), image.len_of(across), "one background for each column");
@@ -368,45 +373,46 @@ impl Readout {
         }
         let traps = continuum::resolved(&traps, WIDEST);
         let settled_e: Vec<f64> = charge_e.iter().map(|charge_e| self.settled_e(*charge_e)).collect();
-        let settled = |column: u64| Downstream { rows: rows_downstream, charge_e: settled_e[column as usize] };
+        let settled = |column: u64| Downstream { rows: journey.rows, charge_e: settled_e[column as usize] };
+        let pixels = || journey.pixels(rows);
         let (clouds, cloud_of) = several_clouds::clouds_of(&traps, &self.cloud);
         let each_cloud: Vec<&Cloud> = cloud_of.iter().map(|place| &clouds[*place]).collect();
         let takes_time = traps.iter().any(|trap| trap.capture_transfers > 0.0);
         let by_column = |column: &(dyn Fn(&mut [f64], u64) + Sync)| columns(image, across, column);
         match self.method {
             Method::Fractional { levels } => by_column(&|charge_e, column| {
-                fractional::column(&traps, &each_cloud, charge_e, settled(column), levels);
+                fractional::column(&traps, &each_cloud, charge_e, settled(column), pixels(), levels);
             }),
             Method::MonteCarlo { seed } => by_column(&|charge_e, column| {
-                monte_carlo::column(&traps, &each_cloud, charge_e, settled(column), seed, column);
+                monte_carlo::column(&traps, &each_cloud, charge_e, settled(column), pixels(), (seed, column));
             }),
-            Method::CarriedTraps => self.carried(&traps, (clouds, cloud_of), image, rows_downstream, charge_e, across),
+            Method::CarriedTraps => self.carried(&traps, (clouds, cloud_of), image, journey.rows, charge_e, across),
             _ if takes_time => {
                 assert!(clouds.len() == 1, "capture that takes time needs one cloud for all species");
-                self.slowly(&traps, &clouds[0], image, rows_downstream, charge_e, across)
+                self.slowly(&traps, &clouds[0], image, journey, charge_e, across)
             }
             Method::Exact if clouds.len() > 1 => {
                 let pixel = SeveralClouds::new(&traps, (clouds, cloud_of), rows);
                 by_column(&|charge_e, column| {
-                    every_transfer::column_of_several_clouds(&pixel, charge_e, settled(column));
+                    every_transfer::column_of_several_clouds(&pixel, charge_e, settled(column), pixels());
                 })
             }
             Method::Fast { relative } if clouds.len() > 1 => {
                 let pixel = SeveralClouds::new(&traps, (clouds, cloud_of), rows);
-                side_by_side(&pixel, image, rows_downstream, &settled_e, across, Course::InSteps { relative })
+                side_by_side(&pixel, image, journey, &settled_e, across, Course::InSteps { relative })
             }
-            Method::Exact => {
-                by_column(&|charge_e, column| every_transfer::column(&traps, &clouds[0], charge_e, settled(column)))
-            }
+            Method::Exact => by_column(&|charge_e, column| {
+                every_transfer::column(&traps, &clouds[0], charge_e, settled(column), pixels());
+            }),
             Method::Fast { relative } if traps.iter().any(Trap::returns) => {
                 with_width!([pixel::FEW, WIDEST], traps.len(), |WIDTH| {
                     let pixel = Pixel::<WIDTH, true>::new(&traps, clouds[0].clone(), rows);
-                    side_by_side(&pixel, image, rows_downstream, &settled_e, across, Course::InSteps { relative })
+                    side_by_side(&pixel, image, journey, &settled_e, across, Course::InSteps { relative })
                 })
             }
             Method::Fast { relative } => with_width!([3, pixel::FEW, WIDEST], traps.len(), |WIDTH| {
                 let pixel = Pixel::<WIDTH, false>::new(&traps, clouds[0].clone(), rows);
-                side_by_side(&pixel, image, rows_downstream, &settled_e, across, Course::InSteps { relative })
+                side_by_side(&pixel, image, journey, &settled_e, across, Course::InSteps { relative })
             }),
         }
     }
@@ -415,7 +421,7 @@ impl Readout {
     fn within(
         &self,
         image: &Array2<f64>,
-        downstream: Downstream,
+        downstream: (Journey, f64),
         transfer: Axis,
         allowed: Allowed,
     ) -> Option<Array2<f64>> {
@@ -427,7 +433,7 @@ impl Readout {
     fn in_blocks(
         &self,
         image: &Array2<f64>,
-        downstream: Downstream,
+        (journey, background_e): (Journey, f64),
         transfer: Axis,
         (towards, allowed): (Towards, Allowed),
     ) -> Option<Array2<f64>> {
@@ -442,17 +448,17 @@ impl Readout {
             return None;
         }
         let across = Axis(1 - transfer.index());
-        let charge_e = vec![self.settled_e(downstream.charge_e); image.len_of(across)];
+        let charge_e = vec![self.settled_e(background_e); image.len_of(across)];
         let (rows, course) = (image.len_of(transfer), Course::InBlocks(towards, allowed));
         Some(if traps.iter().any(Trap::returns) {
             with_width!([pixel::FEW, WIDEST], traps.len(), |WIDTH| {
                 let pixel = Pixel::<WIDTH, true>::new(&traps, clouds[0].clone(), rows);
-                side_by_side(&pixel, image, downstream.rows, &charge_e, across, course)
+                side_by_side(&pixel, image, journey, &charge_e, across, course)
             })
         } else {
             with_width!([3, pixel::FEW, WIDEST], traps.len(), |WIDTH| {
                 let pixel = Pixel::<WIDTH, false>::new(&traps, clouds[0].clone(), rows);
-                side_by_side(&pixel, image, downstream.rows, &charge_e, across, course)
+                side_by_side(&pixel, image, journey, &charge_e, across, course)
             })
         })
     }
@@ -501,7 +507,7 @@ impl Readout {
         traps: &[Trap],
         cloud: &Cloud,
         image: &Array2<f64>,
-        rows_downstream: i64,
+        journey: Journey,
         charge_e: &[f64],
         across: Axis,
     ) -> Array2<f64> {
@@ -515,7 +521,7 @@ impl Readout {
         }
         let read = |kind: &Vec<usize>| {
             let image = image.select(across, kind);
-            let downstream = Downstream { rows: rows_downstream, charge_e: charge_e[kind[0]] };
+            let downstream = Downstream { rows: journey.rows, charge_e: charge_e[kind[0]] };
             let cloud = cloud.clone();
             match self.method {
                 Method::Fast { relative } => {
@@ -525,20 +531,13 @@ impl Readout {
                     with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
                         let pixel = FiniteCapturePixel::<WIDTH>::new(traps, cloud, downstream, rows, merge_e);
                         let background_e = vec![downstream.charge_e; kind.len()];
-                        side_by_side(
-                            &pixel,
-                            &image,
-                            rows_downstream,
-                            &background_e,
-                            across,
-                            Course::InSteps { relative },
-                        )
+                        side_by_side(&pixel, &image, journey, &background_e, across, Course::InSteps { relative })
                     })
                 }
                 _ => with_width!([4, 16, 64, WIDEST], traps.len(), |WIDTH| {
                     let pixel = FiniteCapturePixel::<WIDTH>::new(traps, cloud, downstream, rows, 0.0);
                     columns(&image, across, &|charge_e, _| {
-                        every_transfer::slow_column(&pixel, charge_e, rows_downstream)
+                        every_transfer::slow_column(&pixel, charge_e, journey.rows, journey.pixels(rows))
                     })
                 }),
             }
@@ -574,7 +573,7 @@ enum Plan {
 fn side_by_side<P: Passage>(
     pixel: &P,
     image: &Array2<f64>,
-    rows_downstream: i64,
+    journey: Journey,
     charge_e: &[f64],
     across: Axis,
     course: Course,
@@ -583,8 +582,11 @@ fn side_by_side<P: Passage>(
     let image = if across.index() == 1 { image.view() } else { image.t() };
     let columns = DuplicateColumns::of(image, charge_e);
     let groups: Vec<&[usize]> = columns.distinct.chunks(LANES).collect();
-    let lead = |group: &[usize]| Lead { rows: rows_downstream, charge_e: simd::side_by_side(charge_e, group) };
     let rows = image.nrows();
+    let lead = |group: &[usize]| {
+        let charge_e = simd::side_by_side(charge_e, group);
+        Lead { rows: journey.rows, charge_e, pixels: journey.pixels(rows) }
+    };
     // Errors are measured against what happens around the brightest pixel. One group is enough, and costs one pass.
     let brightest = groups[brightest(image, &columns.distinct) / LANES];
     let mut brightest_e = Vec::new();

@@ -3,6 +3,8 @@
 //! Rhodes et al. 2010, section 3. (Its step 6 empties a trap when the decay probability is *less* than the random
 //! number; that is inverted, and put right here.)
 
+use std::ops::Range;
+
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Poisson};
@@ -23,17 +25,17 @@ struct Site {
 }
 
 /// Clocks one column out through one random set of traps; `lane` tells the columns of an image apart, so that each
-/// has its own traps and its own stream of random numbers. `clouds`: that of each species.
+/// has its own traps and its own stream of random numbers, and so has each run of pixels. `clouds`: that of each species.
 pub(super) fn column(
     traps: &[Trap],
     clouds: &[&Cloud],
     charge_e: &mut [f64],
     downstream: Downstream,
-    seed: u64,
-    lane: u64,
+    pixels: Range<i64>,
+    (seed, lane): (u64, u64),
 ) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    random.set_stream(lane);
+    random.set_stream(lane | (pixels.start as u64) << 32);
     let numbers: Vec<Option<Poisson<f64>>> = traps.iter().map(|trap| Poisson::new(trap.density_per_px).ok()).collect();
     let mut sites = Vec::new();
     let mut heights = vec![0.0; clouds.len()];
@@ -44,7 +46,7 @@ pub(super) fn column(
             heights[species] = if known { heights[species - 1] } else { clouds[species].height(charge_e) };
         }
     };
-    for pixel in (0..charge_e.len() as i64 + downstream.rows).rev() {
+    for pixel in pixels.rev() {
         interrupt::check();
         sites.clear();
         for (species, (trap, number)) in traps.iter().zip(&numbers).enumerate() {

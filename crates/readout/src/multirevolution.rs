@@ -113,7 +113,8 @@ pub(super) fn aim<P: Passage>(
     relative: f64,
     work: &mut Workspace<P::Watermarks>,
 ) -> Aim {
-    let journey = Block { nearest: 0, pixels: charge_e.len() as i64 + downstream.rows };
+    let pixels = &downstream.pixels;
+    let journey = Block { nearest: pixels.start, pixels: pixels.end - pixels.start };
     let found = &mut work.stages[0];
     pixel.pass(charge_e, BlockPath::Unknown, journey, downstream, &mut work.watermarks, found);
     let tolerance_e = relative * estimate::moved(pixel.clouds(), charge_e, found);
@@ -129,11 +130,11 @@ pub(super) fn columns<P: Passage>(
     aim: Aim,
     work: &mut Workspace<P::Watermarks>,
 ) {
-    let start = charge_e.len() as i64 + downstream.rows;
-    let identical = pixel.identical_below(downstream).min(start).max(0);
-    singly(pixel, charge_e, identical..start, downstream, work);
-    let image = downstream.rows.clamp(0, identical)..identical;
-    let shared = 0..downstream.rows.min(identical);
+    let Range { start: nearest, end } = downstream.pixels;
+    let identical = pixel.identical_below(downstream).min(end).max(nearest);
+    singly(pixel, charge_e, identical..end, downstream, work);
+    let image = downstream.rows.clamp(nearest, identical)..identical;
+    let shared = nearest..downstream.rows.min(identical);
     for region in [image, shared] {
         let length = region.end - region.start;
         let staggered = region.start >= downstream.rows;
@@ -424,7 +425,7 @@ mod tests {
         let block = Block { nearest: 0, pixels: charge_e.len() as i64 };
         let mut work = Workspace::new(charge_e.len());
         let mut singles_e = charge_e.clone();
-        let nothing = Lead { rows: 0, charge_e: [0.0; LANES] };
+        let nothing = Lead { rows: 0, charge_e: [0.0; LANES], pixels: 0..i64::MAX };
         singly(&pixel, &mut singles_e, 0..block.pixels, &nothing, &mut work);
         let Workspace { watermarks, stages: [k1, k2, ..], path, .. } = &mut work;
         pixel.pass(&charge_e, BlockPath::Sought(path), block, &nothing, watermarks, k1);

@@ -1,5 +1,7 @@
 //! Packets pass a block of pixels: what goes in, what comes out, and who can do it.
 
+use std::ops::Range;
+
 use super::Cloud;
 use super::block_path::BlockPath;
 use super::simd::{LANES, Packets};
@@ -9,6 +11,8 @@ pub(super) struct Lead {
     pub rows: i64,
     /// Charge of its packets, e-.
     pub charge_e: Packets,
+    /// Pixels to pass: those that have traps.
+    pub pixels: Range<i64>,
 }
 
 /// A run of pixels: those from `nearest` (pixels from the register) up to `nearest + pixels`.
