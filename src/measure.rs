@@ -22,11 +22,10 @@ pub mod trails;
 
 use serde_json::{Value as Json, json};
 
-use crate::image::Geometry;
 use crate::io::table::{Cell, Meta, Table};
 use crate::physics::observable::Observable;
 use crate::warning::{Warning, together};
-use exposure::About;
+use exposure::{About, Reading};
 use table::{Measurement, Origin};
 
 /// What was measured.
@@ -97,7 +96,11 @@ impl Found {
 }
 
 /// How frames lay on the detector, for `meta`.
-fn geometry_json(geometry: &Geometry) -> Json {
+fn geometry_json(reading: &Reading) -> Json {
+    let geometry = &reading.geometry;
+    if let Some(table) = &reading.amplifiers {
+        return json!({ "amplifiers": table.name });
+    }
     json!({
         "amplifiers": geometry.sides(),
         "prescan_px": geometry.prescan_columns,

@@ -14,11 +14,51 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ctiplan import _ctiplan, _tables
+from ctiplan._errors import InputError
 from ctiplan._mission import Mission
 
 if TYPE_CHECKING:
     import pandas
     from astropy.table import QTable
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """What is printed, drawn and read of a result, in another process than that which computed it."""
+
+    document: str
+    table: str
+    words: str
+    html: str
+    svg: list[tuple[str, bytes]]
+    mission: _ctiplan.Mission | None
+
+    @classmethod
+    def of(cls, outcome: _ctiplan.Outcome | _Kept) -> _Kept:
+        if isinstance(outcome, _Kept):
+            return outcome
+        return cls(outcome.json(), outcome.csv(), outcome.text(), outcome.page(), outcome.figures("svg"), outcome.found())
+
+    def json(self) -> str:
+        return self.document
+
+    def csv(self) -> str:
+        return self.table
+
+    def text(self) -> str:
+        return self.words
+
+    def page(self) -> str:
+        return self.html
+
+    def figures(self, format: str) -> list[tuple[str, bytes]]:
+        if format != "svg":
+            problem = "a result that was sent to another process or stored keeps its figures as svg"
+            raise InputError(f'cannot draw as "{format}"', None, problem, "draw it where it was computed")
+        return self.svg
+
+    def found(self) -> _ctiplan.Mission | None:
+        return self.mission
 
 
 class Result:
@@ -34,7 +74,7 @@ class Result:
 
     document: dict[str, Any]
 
-    def __init__(self, outcome: _ctiplan.Outcome) -> None:
+    def __init__(self, outcome: _ctiplan.Outcome | _Kept) -> None:
         self._outcome = outcome
         self.document = json.loads(outcome.json())
 
@@ -70,6 +110,9 @@ class Result:
         format : {"svg", "pdf", "png"}
         """
         return dict(self._outcome.figures(format))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (_Kept.of(self._outcome),)
 
     def __str__(self) -> str:
         return self._outcome.text()

@@ -14,6 +14,9 @@ date : str or datetime, or t_yr : float, or dose_mev_g : float
     When the frames were taken: date, years since launch, or dose of the traps (MeV/g). Files tell it by ``DATE-OBS``.
 temperature_k, line_time_ms : float, optional
     Conditions; without them the mission's hold.
+amplifiers : str or path, optional
+    Table of the camera's amplifiers (ECSV or CSV), in place of gain, bias, corner, split, prescan, overscan and transfers_before.
+    Arrays are its HDU 0. Rows then have the columns ``hdu`` and ``amplifier`` (row of that table, from 1).
 corner, split, prescan, overscan, overscan_rows, transfers_before
     How the frames lie on the detector, as in :meth:`Detector.readout`. ``overscan_start`` may be given in place of `overscan_rows`:
     the first row behind the image, in the order of readout.
@@ -52,21 +55,26 @@ class Measurement:
         What was measured, such as ``eper``.
     first_pixel : Measurement or None
         The charges of first pixels (observable ``packet_charge``), where there are any.
+    cti : Measurement or None
+        The CTI that edges of flat fields tell (observable ``cti``), where there is any.
     document : dict
         What ``ctiplan measure --json`` prints: exposures, counts of pixels, options, warnings.
     """
 
-    __slots__ = ("_ecsv", "_text", "document", "first_pixel", "observable")
+    __slots__ = ("_ecsv", "_text", "cti", "document", "first_pixel", "observable")
 
     observable: str
     first_pixel: Measurement | None
+    cti: Measurement | None
     document: dict[str, Any]
 
     def __init__(self, tables: list[tuple[str, str]], text: str, document: dict[str, Any]) -> None:
         (self.observable, self._ecsv), *rest = tables
         self._text = text
         self.document = document
-        self.first_pixel = Measurement(rest, text, document) if rest else None
+        more = {table[0]: Measurement([table], text, document) for table in rest}
+        self.first_pixel = more.get("packet_charge")
+        self.cti = more.get("cti")
 
     def to_ecsv(self) -> str:
         """The text of the measurement file (ECSV)."""
@@ -105,6 +113,7 @@ def eper(
     trail_px: int | None = None,
     level_rows: int | None = None,
     column_groups: int = 1,
+    cti_px: Sequence[tuple[int, int]] = (),
     **options: Any,
 ) -> Measurement:
     """Extended pixel edge response of flat fields with overscan rows, and their first pixel response.
@@ -120,10 +129,12 @@ def eper(
         Last rows of the flat of which its level is the mean; by default 20, or a quarter of the image.
     column_groups : int
         Groups of columns to measure apart, by the level of the flat.
+    cti_px : sequence of (first, last)
+        Pixels behind the edge whose charge is counted for a CTI; by default 1, 2 to 3, 4 to 7, ...
     **options
         Those of all functions of this module.
     """
-    way = {"eper_trail_px": trail_px, "level_rows": level_rows, "column_groups": column_groups}
+    way = {"eper_trail_px": trail_px, "level_rows": level_rows, "column_groups": column_groups, "cti_px": list(cti_px)}
     return _measure(frames, way, overscan_start, options)
 
 
@@ -137,6 +148,7 @@ def trails(
     transfer_bins: int = 3,
     fewest_px: int = 10,
     epoch_days: float = 10.0,
+    signal_as_read: bool = False,
     **options: Any,
 ) -> Measurement:
     """Trails behind warm and hot pixels, stacked in bins of signal, transfers and background.
@@ -156,6 +168,8 @@ def trails(
         Fewest pixels of a bin.
     epoch_days : float
         Exposures as near in time as this are one epoch, d.
+    signal_as_read : bool
+        Whether rows have the charge of packets as it was read (``signal_read_e``), and not before transfer.
     **options
         Those of all functions of this module.
     """
@@ -166,6 +180,7 @@ def trails(
         "transfer_bins": transfer_bins,
         "fewest_px": fewest_px,
         "epoch_days": epoch_days,
+        "signal_as_read": signal_as_read,
     }
     return _measure(frames, way, overscan_start, options)
 
@@ -267,6 +282,7 @@ _LAYOUT: dict[str, Any] = {
 }
 
 _TOLD: dict[str, Any] = {
+    "amplifiers": None,
     "gain": None,
     "gain_keyword": None,
     "saturated_dn": None,
@@ -281,6 +297,20 @@ _TOLD: dict[str, Any] = {
     "pumping_cycles": None,
 }
 
+# What a table of amplifiers tells.
+_IN_TABLE = (
+    "gain",
+    "gain_keyword",
+    "saturated_dn",
+    "bias",
+    "corner",
+    "split",
+    "prescan",
+    "overscan",
+    "overscan_rows",
+    "transfers_before",
+)
+
 # What trails and first pixels of one frame do not depend on.
 _UNUSED = ("axis", "charge_before_e", "serial_transfers_before")
 
@@ -294,6 +324,9 @@ def _measure(frames: Any, way: dict[str, Any], overscan_start: int | None, optio
     given = [_given(frame, place) for place, frame in enumerate(_several(frames), start=1)]
     layout = _LAYOUT | {name: of for name, of in options.items() if name in _LAYOUT}
     told = _TOLD | {name: of for name, of in options.items() if name in _TOLD}
+    if told["amplifiers"] is not None:
+        for name in set(options) & set(_IN_TABLE):
+            raise TypeError(f"{name} is told by the table of amplifiers: give one")
     if told["date"] is not None and not isinstance(told["date"], str):
         told["date"] = told["date"].isoformat()
     if overscan_start is not None:

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use ctiplan::error::InputError;
-use ctiplan::image::Unit;
+use ctiplan::image::{AmplifierTable, Unit};
 use ctiplan::measure::bias::BiasSource;
 use ctiplan::measure::exposure::{FrameArray, Frames, Reading, Source, WhenSource, date};
 use ctiplan::measure::{Measured, dipoles, eper, injection, trails};
@@ -27,6 +27,7 @@ pub enum Given<'py> {
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct Told {
+    amplifiers: Option<PathBuf>,
     gain: Option<f64>,
     gain_keyword: Option<String>,
     saturated_dn: Option<f64>,
@@ -74,6 +75,7 @@ pub struct Edges {
     eper_trail_px: Option<usize>,
     level_rows: Option<usize>,
     column_groups: usize,
+    cti_px: Vec<(usize, usize)>,
 }
 
 #[derive(FromPyObject)]
@@ -85,6 +87,7 @@ pub struct Warm {
     transfer_bins: usize,
     fewest_px: usize,
     epoch_days: f64,
+    signal_as_read: bool,
 }
 
 #[derive(FromPyObject)]
@@ -145,6 +148,7 @@ impl Told {
             }
         }
         Ok(Reading {
+            amplifiers: self.amplifiers.as_ref().map(AmplifierTable::read).transpose()?,
             unit: Unit {
                 gain_e_per_dn: self.gain,
                 gain_keyword: self.gain_keyword.clone(),
@@ -197,14 +201,21 @@ impl Told {
 impl Way {
     fn measure(self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
         match self {
-            Way::Eper(Edges { eper_trail_px, level_rows, column_groups }) => {
-                let way = eper::Eper { trail_px: eper_trail_px, level_rows, groups: column_groups, first_pixel: true };
-                way.measure(frames, progress)
+            Way::Eper(Edges { eper_trail_px, level_rows, column_groups, cti_px }) => {
+                let (trail_px, groups, cti_px) = (eper_trail_px, column_groups, Some(cti_px));
+                eper::Eper { trail_px, level_rows, groups, first_pixel: true, cti_px }.measure(frames, progress)
             }
-            Way::Trails(Warm { trail_px, threshold_e, bins_per_decade, transfer_bins, fewest_px, epoch_days }) => {
-                let fewest = fewest_px;
-                trails::Trails { trail_px, threshold_e, bins_per_decade, transfer_bins, fewest, epoch_days }
-                    .measure(frames, progress)
+            Way::Trails(warm) => {
+                let way = trails::Trails {
+                    trail_px: warm.trail_px,
+                    threshold_e: warm.threshold_e,
+                    bins_per_decade: warm.bins_per_decade,
+                    transfer_bins: warm.transfer_bins,
+                    fewest: warm.fewest_px,
+                    epoch_days: warm.epoch_days,
+                    signal_as_read: warm.signal_as_read,
+                };
+                way.measure(frames, progress)
             }
             Way::Injection(Injected { pattern, injection_trail_px, level_rows, column_groups, in_front }) => {
                 let blocks = |(first_row, block_px, period_px)| injection::Pattern { first_row, block_px, period_px };

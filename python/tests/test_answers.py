@@ -1,7 +1,10 @@
 """The five questions give what the command line gives, as objects."""
 
+import copy
 import datetime
 import json
+import multiprocessing
+import pickle
 import subprocess
 import sys
 
@@ -103,3 +106,39 @@ def test_the_command_is_installed():
     assert command("--version").stdout == f"ctiplan {cp.__version__}\n"
     refused = command("evaluate", "none.toml")
     assert refused.returncode == 2 and "none.toml" in refused.stderr and not refused.stdout
+
+
+def results(snap, laboratory, data):
+    return [
+        cp.evaluate(snap, samples=20),
+        cp.compare(snap, {"readout.line_time_ms": [5, 25]}),
+        cp.validate(laboratory, data),
+        cp.fit(laboratory, data, free=["detector.traps.VV.density_per_px"]),
+        cp.diagnose(laboratory, data),
+    ]
+
+
+def test_results_can_be_pickled(snap, laboratory, data):
+    for result in results(snap, laboratory, data):
+        for back in (pickle.loads(pickle.dumps(result)), copy.deepcopy(result)):
+            assert type(back) is type(result) and repr(back) == repr(result) and str(back) == str(result)
+            assert back.document == result.document and back.to_json() == result.to_json()
+            assert back.to_csv() == result.to_csv() and back.to_html() == result.to_html()
+            assert back.figures() == result.figures() and back._repr_html_() == result._repr_html_()
+            if hasattr(result, "parameters"):
+                assert back.mission == result.mission
+            again = pickle.loads(pickle.dumps(back))
+            assert again.to_json() == result.to_json()
+            with pytest.raises(cp.InputError, match="figures as svg"):
+                back.figures("pdf")
+
+
+def ask(kelvin):
+    return cp.evaluate(cp.Mission.read(ROOT / "missions" / "snap_l2.toml").set({"detector.temperature_k": kelvin}), samples=20)
+
+
+def test_results_come_back_from_other_processes():
+    with multiprocessing.get_context("spawn").Pool(2) as pool:
+        found = pool.map(ask, [140, 150])
+    for kelvin, result in zip([140, 150], found):
+        assert result.to_json() == ask(kelvin).to_json()

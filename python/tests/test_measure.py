@@ -1,6 +1,7 @@
 """Arrays → measurements → the model's parameters."""
 
 import datetime
+import pickle
 
 import numpy as np
 import pytest
@@ -43,6 +44,36 @@ def test_arrays_and_files_are_measured_alike(flat, tmp_path):
     assert len(both.to_table()) == 2 * len(from_array.to_table())
     turned = cp.measure.eper(flat[::-1, ::-1], overscan_rows=40, corner="ur", **options)
     assert np.allclose(turned.to_table()["value"], from_array.to_table()["value"], rtol=1e-12)
+
+
+def test_an_edge_tells_cti(snap, flat):
+    options = {"overscan_start": 300, "gain": 1.5, "bias": 200.0, "dose_mev_g": 4e7, "trail_px": 7}
+    edges = cp.measure.eper(flat, **options)
+    assert edges.cti.observable == "cti" and list(edges.cti.to_table()["last_px"].value) == [1, 3, 7]
+    charge = edges.to_table()
+    one = cp.measure.eper(flat, cti_px=[(1, 2)], **options).cti.to_table()
+    sum_e = charge["value"][:2].sum()
+    assert one["value"][0] == pytest.approx((sum_e / charge["signal_e"][0] / 300).value)
+    assert cp.validate(snap, edges.cti.data_set(snap)).rms_sigma < 2.5
+    back = pickle.loads(pickle.dumps(edges))
+    assert back.to_ecsv() == edges.to_ecsv() and back.cti.to_ecsv() == edges.cti.to_ecsv() and str(back) == str(edges)
+    with pytest.raises(cp.InputError, match="pixels 2 to 9"):
+        cp.measure.eper(flat, cti_px=[(2, 9)], **options)
+
+
+def test_amplifiers_of_a_table(flat, tmp_path):
+    both = np.hstack([flat, flat[:, ::-1]])
+    table = tmp_path / "amplifiers.csv"
+    table.write_text(
+        "hdu,amplifier,corner,section,overscan_rows,gain_e_per_dn,bias_dn\n"
+        '0,A,lower-left,"[1:200,1:340]",40,1.5,200\n0,B,lower-right,"[201:400,1:340]",40,1.5,200\n'
+    )
+    found = cp.measure.eper(both, amplifiers=table, t_yr=1.0, trail_px=5)
+    alone = cp.measure.eper(flat, overscan_rows=40, gain=1.5, bias=200.0, t_yr=1.0, trail_px=5).to_table()
+    assert list(found.to_table()["amplifier"]) == [1] * 5 + [2] * 5
+    assert np.array_equal(found.to_table()["value"], np.tile(alone["value"], 2))
+    with pytest.raises(TypeError, match="gain is told by the table"):
+        cp.measure.eper(both, amplifiers=table, gain=1.5, t_yr=1.0)
 
 
 def test_what_cannot_be_measured_is_refused(flat):

@@ -10,6 +10,7 @@ use super::frames::{at_least_0, finite, positive, years};
 use super::{Failure, Outcome, Output, print, progress};
 use crate::cli::file_argument::{InputFile, OutputFile};
 use crate::error::InputError;
+use crate::image::AmplifierTable;
 use crate::io::atomic_file;
 use crate::measure::bias::BiasSource;
 use crate::measure::exposure::{Frames, Reading, Source, WhenSource, date};
@@ -61,6 +62,20 @@ struct Eper {
     /// Write the charge in the first row, too, into this file, as observable packet_charge
     #[arg(long, value_name = "FILE")]
     first_pixel: Option<OutputFile>,
+    /// Write the CTI that the edge tells, too, into this file, as observable cti
+    #[arg(long, value_name = "FILE")]
+    cti: Option<OutputFile>,
+    /// Pixels behind the edge whose charge is counted for a CTI, such as 1-2 or 1-2,3-8 [default: 1,2-3,4-7,...]
+    #[arg(long, value_name = "FIRST-LAST", requires = "cti", value_delimiter = ',', value_parser = pixels)]
+    cti_px: Vec<(usize, usize)>,
+}
+
+/// Pixels from a first to a last one, `3-8`, or a single one.
+fn pixels(text: &str) -> Result<(usize, usize), String> {
+    let (first, last) = text.split_once('-').unwrap_or((text, text));
+    let number = |text: &str| text.trim().parse().ok().filter(|pixel| (1..=100_000).contains(pixel));
+    let range = number(first).zip(number(last)).filter(|(first, last)| first <= last);
+    range.ok_or_else(|| "pixels behind the edge are needed, from 1, such as 1-2".into())
 }
 
 impl Eper {
@@ -70,8 +85,10 @@ impl Eper {
             level_rows: self.level_rows.map(|rows| rows as usize),
             groups: self.column_groups as usize,
             first_pixel: self.first_pixel.is_some(),
+            cti_px: self.cti.is_some().then(|| self.cti_px.clone()),
         };
-        self.input.run(self.first_pixel.as_deref(), |frames, progress| eper.measure(frames, progress))
+        let more = [self.first_pixel.as_deref(), self.cti.as_deref()];
+        self.input.run(&more, |frames, progress| eper.measure(frames, progress))
     }
 }
 
@@ -97,6 +114,9 @@ struct Trails {
     /// Exposures at most so many days after the one before are of one date
     #[arg(long, value_name = "DAYS", default_value_t = 10.0, value_parser = at_least_0)]
     epoch_days: f64,
+    /// Write the charge of the packets as it was read (signal_read_e), from which the model finds that before transfer
+    #[arg(long)]
+    signal_as_read: bool,
 }
 
 impl Trails {
@@ -108,8 +128,9 @@ impl Trails {
             transfer_bins: self.transfer_bins as usize,
             fewest: self.fewest_px as usize,
             epoch_days: self.epoch_days,
+            signal_as_read: self.signal_as_read,
         };
-        self.input.run(None, |frames, progress| trails.measure(frames, progress))
+        self.input.run(&[], |frames, progress| trails.measure(frames, progress))
     }
 }
 
@@ -173,7 +194,7 @@ impl Injection {
             in_front: matches!(self.background_from, BackgroundFrom::Front),
             first_pixel: self.first_pixel.is_some(),
         };
-        self.input.run(self.first_pixel.as_deref(), |frames, progress| injection.measure(frames, progress))
+        self.input.run(&[self.first_pixel.as_deref()], |frames, progress| injection.measure(frames, progress))
     }
 }
 
@@ -213,7 +234,7 @@ impl Dipoles {
         };
         let phase_time_ms = source(self.phase_time_ms, self.phase_time_keyword.as_deref());
         let cycles = source(self.cycles, self.cycles_keyword.as_deref());
-        self.input.run(None, |frames, progress| {
+        self.input.run(&[], |frames, progress| {
             let reading = Reading { phase_time_ms, cycles, ..frames.reading.clone() };
             dipoles.measure(&Frames { reading, ..frames.clone() }, progress)
         })
@@ -229,6 +250,16 @@ struct Input {
     /// Measurement file to write (ECSV)
     #[arg(value_name = "OUT.ecsv")]
     output: OutputFile,
+    /// Table of the camera's amplifiers (ECSV or CSV), a row each: HDU, corner, sections, gain, bias
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with_all = [
+            "hdu", "corner", "split", "prescan_px", "overscan_columns", "overscan_rows", "transfers_before",
+            "gain_e_per_dn", "gain_keyword", "saturated_dn", "bias_dn",
+        ]
+    )]
+    amplifiers: Option<InputFile>,
     #[command(flatten)]
     layout: Layout,
     #[command(flatten)]
@@ -291,13 +322,13 @@ enum BiasFrom {
 }
 
 impl Input {
-    /// Measures, writes the tables (the second into `second`), and reports.
+    /// Measures, writes the tables (those after the first into `more`), and reports.
     fn run(
         &self,
-        second: Option<&Path>,
+        more: &[Option<&Path>],
         measure: impl FnOnce(&Frames, &dyn Fn(usize)) -> Result<Measured, InputError>,
     ) -> Result<Outcome, Failure> {
-        let outputs: Vec<&Path> = [Some(&*self.output), second].into_iter().flatten().collect();
+        let outputs: Vec<&Path> = [Some(&*self.output)].iter().chain(more).copied().flatten().collect();
         for output in &outputs {
             if !self.overwrite {
                 atomic_file::refuse_existing(output)?;
@@ -306,7 +337,7 @@ impl Input {
         }
         let files: Vec<PathBuf> = self.input.iter().map(|file| file.to_path_buf()).collect();
         let bar = progress(files.len() as u64, "files");
-        let measured = measure(&Frames { files, reading: self.reading(), ..Frames::default() }, &|done| {
+        let measured = measure(&Frames { files, reading: self.reading()?, ..Frames::default() }, &|done| {
             bar.set_position(done as u64)
         });
         bar.finish_and_clear();
@@ -319,14 +350,15 @@ impl Input {
         Ok(Outcome::Done)
     }
 
-    fn reading(&self) -> Reading {
+    fn reading(&self) -> Result<Reading, InputError> {
         let from = |from: BiasFrom| match from {
             BiasFrom::Columns => BiasSource::OverscanColumns,
             BiasFrom::Prescan => BiasSource::Prescan,
             BiasFrom::Rows => BiasSource::OverscanRows,
         };
         let said = &self.conditions;
-        Reading {
+        Ok(Reading {
+            amplifiers: self.amplifiers.as_ref().map(AmplifierTable::read).transpose()?,
             hdus: self.layout.hdu.clone(),
             unit: self.gain.unit(0.0),
             bias: self.bias_dn.map(BiasSource::Given).or(self.bias_from.map(from)),
@@ -335,7 +367,7 @@ impl Input {
             temperature_k: source(said.temperature_k, said.temperature_keyword.as_deref()),
             line_time_ms: source(said.line_time_ms, said.line_time_keyword.as_deref()),
             ..Reading::default()
-        }
+        })
     }
 }
 

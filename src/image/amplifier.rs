@@ -54,17 +54,15 @@ impl Amplifier {
         frame.slice_mut(s![self.rows.clone(), self.columns.clone()]).assign(part);
     }
 
-    /// Whether it reads a pixel that another one reads too.
-    pub fn overlaps(&self, other: &Amplifier) -> bool {
-        let meet = |a: &Range<usize>, b: &Range<usize>| a.start < b.end && b.start < a.end;
-        meet(&self.rows, &other.rows) && meet(&self.columns, &other.columns)
-    }
-
     /// Its pixels as FITS counts them, from 1: `[1:2048,1:2048]`.
     pub fn section(&self) -> String {
-        let (columns, rows) = (&self.columns, &self.rows);
-        format!("[{}:{},{}:{}]", columns.start + 1, columns.end, rows.start + 1, rows.end)
+        section(&self.rows, &self.columns)
     }
+}
+
+/// Pixels as FITS counts them, from 1.
+pub(super) fn section(rows: &Range<usize>, columns: &Range<usize>) -> String {
+    format!("[{}:{},{}:{}]", columns.start + 1, columns.end, rows.start + 1, rows.end)
 }
 
 /// The amplifiers of one frame.

@@ -17,7 +17,7 @@ use std::path::Path;
 use super::amplifier::{Amplifier, Amplifiers};
 use super::fits::{Hdu, HduKind};
 use super::frame::{Corner, Geometry, Transfers};
-use super::unit::{Unit, number_of};
+use super::unit::{Scale, Unit, number_of};
 use super::{Choice, image_shape};
 use crate::error::InputError;
 use crate::io::table::Table;
@@ -63,6 +63,46 @@ struct Row {
 /// An HDU, by its place, with its amplifiers.
 pub type Frame = (usize, Amplifiers);
 
+/// An amplifier of a frame as its row has it, but for the traps.
+pub(crate) struct Place {
+    /// Place of its row in the table, from 0.
+    pub index: usize,
+    pub name: String,
+    /// Its rows and columns of the frame.
+    pub rows: Range<usize>,
+    pub columns: Range<usize>,
+    pub geometry: Geometry,
+    pub gain_e_per_dn: f64,
+    /// In the unit of the frame, if it is told.
+    pub bias_dn: Option<f64>,
+    /// In the unit of the frame, if it is told.
+    pub saturated_dn: Option<f64>,
+    pub read_noise_e: Option<f64>,
+}
+
+impl Place {
+    /// Whether it reads a pixel that another one reads too.
+    fn overlaps(&self, other: &Place) -> bool {
+        let meet = |a: &Range<usize>, b: &Range<usize>| a.start < b.end && b.start < a.end;
+        meet(&self.rows, &other.rows) && meet(&self.columns, &other.columns)
+    }
+
+    /// With the traps of its pixels.
+    fn with(self, device: Device) -> Amplifier {
+        Amplifier {
+            name: Some(self.name),
+            rows: self.rows,
+            columns: self.columns,
+            geometry: self.geometry,
+            scale: Scale { gain_e_per_dn: self.gain_e_per_dn, bias_dn: self.bias_dn.unwrap_or(0.0) },
+            saturated_dn: self.saturated_dn,
+            read_noise_e: self.read_noise_e,
+            device,
+            factors: None,
+        }
+    }
+}
+
 impl AmplifierTable {
     /// Reads a table.
     ///
@@ -87,7 +127,23 @@ impl AmplifierTable {
     /// Where a row names no HDU of the file, or one that is no image; where a section does not fit it, amplifiers overlap, or a
     /// keyword is absent.
     pub(crate) fn frames(&self, hdus: &[Hdu], transfers: Transfers, device: &Device) -> Result<Vec<Frame>, InputError> {
-        let mut frames: BTreeMap<usize, Vec<Amplifier>> = BTreeMap::new();
+        let with_traps = |place: Place| {
+            let device = self.device(place.index, device)?;
+            Ok(place.with(device))
+        };
+        let frame = |(hdu, places): (usize, Vec<Place>)| {
+            let amplifiers: Result<Vec<Amplifier>, InputError> = places.into_iter().map(with_traps).collect();
+            Ok((hdu, Amplifiers(amplifiers?)))
+        };
+        self.places(hdus, transfers)?.into_iter().map(frame).collect()
+    }
+
+    /// The same without traps.
+    ///
+    /// # Errors
+    /// As [`AmplifierTable::frames`].
+    pub(crate) fn places(&self, hdus: &[Hdu], transfers: Transfers) -> Result<Vec<(usize, Vec<Place>)>, InputError> {
+        let mut frames: BTreeMap<usize, Vec<Place>> = BTreeMap::new();
         for (index, row) in self.rows.iter().enumerate() {
             let mut named = hdus.iter().filter(|hdu| row.hdu.is(hdu)).peekable();
             if named.peek().is_none() {
@@ -96,28 +152,21 @@ impl AmplifierTable {
                 return Err(self.fault(index, "hdu", problem));
             }
             for hdu in named {
-                let amplifier = self.amplifier(index, hdu, &hdus[0], transfers, device)?;
+                let place = self.place(index, hdu, &hdus[0], transfers)?;
                 let others = frames.entry(hdu.index).or_default();
-                if let Some(other) = others.iter().find(|other| other.overlaps(&amplifier)) {
-                    let other = other.name.as_deref().unwrap_or("another");
-                    let problem = format!("in {hdu}, its pixels {} overlap those of {other}", amplifier.section());
+                if let Some(other) = others.iter().find(|other| other.overlaps(&place)) {
+                    let section = super::amplifier::section(&place.rows, &place.columns);
+                    let problem = format!("in {hdu}, its pixels {section} overlap those of {}", other.name);
                     return Err(self.fault(index, "hdu", problem).with_help("give each its own section"));
                 }
-                others.push(amplifier);
+                others.push(place);
             }
         }
-        Ok(frames.into_iter().map(|(hdu, amplifiers)| (hdu, Amplifiers(amplifiers))).collect())
+        Ok(frames.into_iter().collect())
     }
 
     /// The amplifier of a row in an HDU.
-    fn amplifier(
-        &self,
-        index: usize,
-        hdu: &Hdu,
-        primary: &Hdu,
-        transfers: Transfers,
-        device: &Device,
-    ) -> Result<Amplifier, InputError> {
+    fn place(&self, index: usize, hdu: &Hdu, primary: &Hdu, transfers: Transfers) -> Result<Place, InputError> {
         let row = &self.rows[index];
         let cells = Cells { table: &self.table, row: index };
         if matches!(hdu.kind, HduKind::Empty | HduKind::NoImage) {
@@ -153,23 +202,23 @@ impl AmplifierTable {
         let unit = Unit {
             gain_e_per_dn: number(&row.gain_e_per_dn, "gain_e_per_dn")?,
             gain_keyword: None,
-            bias_dn: number(&row.bias_dn, "bias_dn")?.unwrap_or(0.0),
+            bias_dn: 0.0,
             saturated_dn: None,
         };
         let scale = unit.scale(hdu, primary).map_err(|error| {
             let help = "give gain_e_per_dn in the table, or correct BUNIT".to_string();
             InputError { place: Some(error.refused.clone()), help: Some(help), ..self.refused(error) }
         })?;
-        Ok(Amplifier {
-            name: Some(row.name.clone()),
+        Ok(Place {
+            index,
+            name: row.name.clone(),
             rows,
             columns,
             geometry,
-            scale,
+            gain_e_per_dn: scale.gain_e_per_dn,
+            bias_dn: number(&row.bias_dn, "bias_dn")?,
             saturated_dn: number(&row.saturated_dn, "saturated_dn")?,
             read_noise_e: number(&row.read_noise_e, "read_noise_e")?,
-            device: self.device(index, device)?,
-            factors: None,
         })
     }
 

@@ -93,7 +93,7 @@ impl Dipoles {
         rows.sort_by_key(|(place, _)| *place);
         let options = json!({
             "threshold_sigma": self.threshold_sigma, "found_in": self.found_in,
-            "geometry": super::geometry_json(&frames.reading.geometry),
+            "geometry": super::geometry_json(&frames.reading),
         });
         let rows = rows.into_iter().map(|(_, row)| row).collect();
         let mut measured = found.measured("dipoles", options, vec![(Observable::PumpingDipole, rows)]);
@@ -194,7 +194,7 @@ fn measured(exposure: &Exposure, (_, _, row, column): Place, half: i64) -> Resul
         line_time_ms: about.line_time_ms,
         value,
         sigma: (0.5 * noise_e * noise_e + pumped * (1.0 - pumped / cycles)).sqrt(),
-        from: vec![("exposure", about.number)],
+        from: [vec![("exposure", about.number)], about.sensor()].concat(),
     };
     Ok(value.is_finite().then_some(row))
 }

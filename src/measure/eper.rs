@@ -45,6 +45,8 @@ pub struct Eper {
     pub groups: usize,
     /// First pixel response is wanted, too.
     pub first_pixel: bool,
+    /// CTI is wanted, too: of the charge in these pixels behind the edge, first and last; an empty list: pixel 1, 2 to 3, 4 to 7, ...
+    pub cti_px: Option<Vec<(usize, usize)>>,
 }
 
 impl Eper {
@@ -53,13 +55,14 @@ impl Eper {
     /// # Errors
     /// If the frames have no overscan rows, or too few, or cannot be read as is said.
     pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
-        let source = frames.reading.bias()?;
-        let trail_px = self.rows_behind(source, &frames.reading.geometry)?;
         let mut found = Found::default();
-        let (mut edges, mut first, mut level_rows) = (Vec::new(), Vec::new(), 0);
+        let (mut edges, mut first, mut cti) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut level_rows, mut trail_px) = (0, 0);
         frames.each(progress, |exposure| {
-            let block = self.block(&exposure, trail_px)?;
-            level_rows = block.level_rows;
+            let (source, geometry) = (exposure.about.bias.source, exposure.about.geometry);
+            let block = self.block(&exposure, self.rows_behind(source, &geometry)?)?;
+            let ranges = self.cti_px.as_ref().map(|given| ranges(given, block.trail_px)).transpose()?;
+            (level_rows, trail_px) = (block.level_rows, trail_px.max(block.trail_px));
             let groups = block.groups(&exposure, self.groups.max(1));
             let columns = exposure.columns.len();
             found.count("columns_used", groups.iter().map(Vec::len).sum());
@@ -69,8 +72,9 @@ impl Eper {
                 is_edge(&exposure.about, &edge)?;
                 edges.extend(behind(&exposure, &edge));
                 first.push(first_pixel(&exposure, &edge));
+                cti.extend(ranges.iter().flatten().filter_map(|range| lost(&exposure, &edge, *range)));
             }
-            if let Some(rows) = bias_rows(source, &exposure, &frames.reading.geometry) {
+            if let Some(rows) = bias_rows(source, &exposure, &geometry) {
                 let columns: Vec<usize> = exposure.columns.clone().collect();
                 found.warnings.extend(trail_in_bias(&exposure, &[rows], &columns));
             }
@@ -82,11 +86,14 @@ impl Eper {
         }
         let options = json!({
             "trail_px": trail_px, "level_rows": level_rows, "column_groups": self.groups.max(1),
-            "geometry": super::geometry_json(&frames.reading.geometry),
+            "geometry": super::geometry_json(&frames.reading),
         });
         let mut tables = vec![(Observable::Eper, edges)];
         if self.first_pixel {
             tables.push((Observable::PacketCharge, first));
+        }
+        if self.cti_px.is_some() {
+            tables.push((Observable::Cti, cti));
         }
         Ok(found.measured("eper", options, tables))
     }
@@ -100,7 +107,7 @@ impl Eper {
                 "cannot measure an edge",
                 "the frame has no rows behind the image by its options",
             )
-            .with_help("give their number with --overscan-rows"));
+            .with_help("give their number with --overscan-rows, or in the table of amplifiers"));
         }
         match self.trail_px {
             Some(wanted) if wanted > free => Err(InputError {
@@ -134,11 +141,55 @@ fn behind(exposure: &Exposure, edge: &Edge) -> Vec<Measurement> {
             ("sigma_signal_e", edge.signal.sigma.hypot(about.bias_sigma_e())),
             ("background_e", 0.0),
             ("block_px", exposure.rows as f64),
-            ("transfers", (exposure.rows + about.rows_before as usize) as f64),
+            ("transfers", (exposure.rows + about.rows_before() as usize) as f64),
         ],
         ..of(about, mean.value, mean.sigma.hypot(about.bias_sigma_e()), mean)
     };
     trail.map(row).collect()
+}
+
+/// Pixels behind an edge of which CTI is measured. Unasked, each range is twice as long as the one before: trails fade, and no pixel
+/// counts twice, so that rows have independent errors.
+fn ranges(given: &[(usize, usize)], trail_px: usize) -> Result<Vec<(usize, usize)>, InputError> {
+    if let Some((first, last)) = given.iter().find(|(first, last)| !(1..=*last).contains(first) || *last > trail_px) {
+        let problem = format!("pixels {first} to {last}; {trail_px} rows behind the edge are measured, from 1");
+        return Err(InputError::new("cannot measure CTI", problem)
+            .with_help("give other --cti-px, such as 1-2, or a larger --trail-px"));
+    }
+    if !given.is_empty() {
+        return Ok(given.to_vec());
+    }
+    let starts = std::iter::successors(Some(1), |first| Some(2 * first)).take_while(|first| *first <= trail_px);
+    Ok(starts.map(|first| (first, (2 * first - 1).min(trail_px))).collect())
+}
+
+/// The row of a table for the CTI that the charge in some pixels behind an edge tells: that charge over the level of the flat and the
+/// transfers (Janesick 2001, section 5.2). None if one of the pixels has no value.
+fn lost(exposure: &Exposure, edge: &Edge, (first, last): (usize, usize)) -> Option<Measurement> {
+    let about = &exposure.about;
+    let pixels: Vec<Mean> = edge.trail[first - 1..last].iter().copied().collect::<Option<_>>()?;
+    let charge_e: f64 = pixels.iter().map(|mean| mean.value).sum();
+    let of_pixels = pixels.iter().map(|mean| mean.sigma * mean.sigma).sum::<f64>().sqrt();
+    // The bias is wrong by the same in all of them.
+    let sigma_e = of_pixels.hypot(pixels.len() as f64 * about.bias_sigma_e());
+    let transfers = (exposure.rows + about.rows_before() as usize) as f64;
+    let (signal_e, sigma_signal_e) = (edge.signal.value, edge.signal.sigma.hypot(about.bias_sigma_e()));
+    let value = charge_e / (signal_e * transfers);
+    let sigma = (sigma_e / (signal_e * transfers)).hypot(value * sigma_signal_e / signal_e);
+    let all = Mean {
+        used: pixels.iter().map(|mean| mean.used).sum(),
+        rejected: pixels.iter().map(|mean| mean.rejected).sum(),
+        ..pixels[0]
+    };
+    let conditions = vec![
+        ("first_px", first as f64),
+        ("last_px", last as f64),
+        ("signal_e", signal_e),
+        ("background_e", 0.0),
+        ("block_px", exposure.rows as f64),
+        ("transfers", transfers),
+    ];
+    Some(Measurement { conditions, ..of(about, value, sigma, all) })
 }
 
 /// The row of a table for the charge in the first row. Its error is that of its difference to the level, with which it is compared.
@@ -149,7 +200,7 @@ fn first_pixel(exposure: &Exposure, edge: &Edge) -> Measurement {
             ("signal_e", edge.signal.value),
             ("sigma_signal_e", edge.signal.sigma.hypot(about.bias_sigma_e())),
             ("background_e", 0.0),
-            ("transfers", f64::from(about.rows_before) + 1.0),
+            ("transfers", f64::from(about.rows_before()) + 1.0),
         ],
         ..of(about, first.value, first.sigma, first)
     }
@@ -164,7 +215,7 @@ pub(super) fn of(about: &About, value: f64, sigma: f64, mean: Mean) -> Measureme
         line_time_ms: about.line_time_ms,
         value,
         sigma,
-        from: vec![("exposure", about.number), ("pixels_used", mean.used), ("pixels_rejected", mean.rejected)],
+        from: [vec![("exposure", about.number)], about.sensor(), mean.pixels()].concat(),
     }
 }
 

@@ -5,14 +5,15 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use chrono::NaiveDateTime;
-use ndarray::Array2;
+use ndarray::{Array2, s};
 use serde_json::{Value as Json, json};
 
 use super::bias::{Bias, BiasSource};
 use crate::error::InputError;
+use crate::image::amplifier_table::Place;
 use crate::image::fits::{Fits, Hdu, HduKind};
 use crate::image::unit::number_of;
-use crate::image::{Choice, Geometry, Unit, frames};
+use crate::image::{AmplifierTable, Choice, Geometry, Transfers, Unit, frames};
 use crate::io::table::{Cell, Time};
 
 /// How frames are to be understood.
@@ -26,6 +27,8 @@ pub struct Reading {
     pub bias: Option<BiasSource>,
     /// How the frames lie on the detector.
     pub geometry: Geometry,
+    /// Table of the camera's amplifiers, in place of HDUs, unit and geometry.
+    pub amplifiers: Option<AmplifierTable>,
     /// When they were taken.
     pub when: WhenSource,
     /// Temperature of the detector, K.
@@ -99,8 +102,10 @@ pub struct About {
     pub file: String,
     /// Place of the HDU in the file.
     pub hdu: usize,
-    /// The amplifier, from 1: those of lower rows first, from the left.
+    /// The amplifier, from 1: those of lower rows first, from the left; of a table, its row.
     pub amplifier: usize,
+    /// Its name in the table of amplifiers, if there is one.
+    pub amplifier_name: Option<String>,
     /// Electrons per unit of the frame.
     pub gain_e_per_dn: f64,
     /// Step of the values, e-: one electron, or one DN if that is more and the file holds integers.
@@ -117,8 +122,8 @@ pub struct About {
     pub phase_time_ms: Option<f64>,
     /// Cycles of trap pumping, if they were told.
     pub cycles: Option<f64>,
-    /// Rows between the frame and the register.
-    pub rows_before: u32,
+    /// How its pixels lie on the detector.
+    pub geometry: Geometry,
     /// Pixels without a value, and saturated ones.
     pub missing_px: usize,
 }
@@ -131,7 +136,19 @@ impl About {
 
     /// Its place: file, HDU, amplifier.
     pub fn place(&self) -> String {
-        format!("{}, HDU {}, amplifier {}", self.file, self.hdu, self.amplifier)
+        let number = self.amplifier.to_string();
+        format!("{}, HDU {}, amplifier {}", self.file, self.hdu, self.amplifier_name.as_ref().unwrap_or(&number))
+    }
+
+    /// Rows between the frame and the register.
+    pub fn rows_before(&self) -> u32 {
+        self.geometry.rows_before
+    }
+
+    /// HDU and amplifier, where a table tells them apart.
+    pub fn sensor(&self) -> Vec<(&'static str, usize)> {
+        let numbers = vec![("hdu", self.hdu), ("amplifier", self.amplifier)];
+        if self.amplifier_name.is_some() { numbers } else { Vec::new() }
     }
 
     /// The same for the `meta` of a table, as JSON.
@@ -141,6 +158,7 @@ impl About {
             "file": self.file,
             "hdu": self.hdu,
             "amplifier": self.amplifier,
+            "amplifier_name": self.amplifier_name,
             "time": self.when.words(),
             "temperature_k": self.temperature_k,
             "line_time_ms": self.line_time_ms,
@@ -233,18 +251,16 @@ impl Frames {
             progress(done);
             let name = file.display().to_string();
             let mut fits = Fits::open(file)?;
-            let chosen = frames(&fits.hdus, &reading.hdus, &reading.geometry, &reading.unit)
-                .map_err(|error| cannot_measure(&name, error))?;
-            for (index, _) in chosen {
+            for index in reading.chosen(&fits.hdus).map_err(|error| cannot_measure(&name, error))? {
                 let values_dn = fits.pixels(index)?.physical();
-                let frame = Frame { name: &name, hdu: &fits.hdus[index], primary: &fits.hdus[0], values_dn };
+                let frame = Frame { name: &name, hdu: index, hdus: &fits.hdus, values_dn };
                 reading.each(frame, &mut number, &mut visit)?;
             }
         }
         for (done, array) in self.arrays.iter().enumerate() {
             progress(self.files.len() + done);
-            let hdu = Hdu::without_header(array.values_dn.dim(), array.integers);
-            let frame = Frame { name: &array.name, hdu: &hdu, primary: &hdu, values_dn: array.values_dn.clone() };
+            let hdus = [Hdu::without_header(array.values_dn.dim(), array.integers)];
+            let frame = Frame { name: &array.name, hdu: 0, hdus: &hdus, values_dn: array.values_dn.clone() };
             reading.each(frame, &mut number, &mut visit)?;
         }
         Ok(())
@@ -254,9 +270,22 @@ impl Frames {
 /// A frame with the headers that tell of it.
 struct Frame<'a> {
     name: &'a str,
-    hdu: &'a Hdu,
-    primary: &'a Hdu,
+    /// Place of its HDU among those of the file.
+    hdu: usize,
+    hdus: &'a [Hdu],
     values_dn: Array2<f64>,
+}
+
+/// What one amplifier read of a frame, in the order of readout, and what its numbers mean.
+struct Part {
+    /// From 1.
+    number: usize,
+    name: Option<String>,
+    values_dn: Array2<f64>,
+    geometry: Geometry,
+    gain_e_per_dn: f64,
+    bias: Option<BiasSource>,
+    saturated_dn: Option<f64>,
 }
 
 fn cannot_measure(name: &str, error: InputError) -> InputError {
@@ -278,12 +307,52 @@ impl Reading {
     ///
     /// # Errors
     /// If none is given, and frames offer none.
-    pub fn bias(&self) -> Result<BiasSource, InputError> {
-        self.bias.or_else(|| BiasSource::of(&self.geometry)).ok_or_else(|| {
-            InputError::new("no bias is known", "the frame has no overscan and no prescan by its options").with_help(
-                "give --bias-dn (0 if it is subtracted), --overscan-columns, --prescan-px or --overscan-rows",
-            )
+    fn bias(&self, part: &Part) -> Result<BiasSource, InputError> {
+        part.bias.or(self.bias).or_else(|| BiasSource::of(&part.geometry)).ok_or_else(|| {
+            let error = InputError::new("no bias is known", "the frame has no overscan and no prescan by its options");
+            error.with_help(match self.amplifiers {
+                None => "give --bias-dn (0 if it is subtracted), --overscan-columns, --prescan-px or --overscan-rows",
+                Some(_) => "give bias_dn (0 if it is subtracted), or prescan or overscan, in the table of amplifiers",
+            })
         })
+    }
+
+    /// The images of a file that are frames, by their places.
+    fn chosen(&self, hdus: &[Hdu]) -> Result<Vec<usize>, InputError> {
+        Ok(match &self.amplifiers {
+            Some(table) => table.places(hdus, Transfers::Parallel)?.into_iter().map(|(hdu, _)| hdu).collect(),
+            None => frames(hdus, &self.hdus, &self.geometry, &self.unit)?.into_iter().map(|(hdu, _)| hdu).collect(),
+        })
+    }
+
+    /// What each amplifier read of a frame.
+    fn parts(&self, frame: &Frame) -> Result<Vec<Part>, InputError> {
+        let Frame { hdu, hdus, values_dn, .. } = frame;
+        let Some(table) = &self.amplifiers else {
+            self.geometry.check(values_dn.dim())?;
+            let scale = self.unit.scale(&hdus[*hdu], &hdus[0])?;
+            let part = |(place, values_dn)| Part {
+                number: place + 1,
+                name: None,
+                values_dn,
+                geometry: self.geometry,
+                gain_e_per_dn: scale.gain_e_per_dn,
+                bias: None,
+                saturated_dn: self.unit.saturated_dn,
+            };
+            return Ok(self.geometry.amplifiers(values_dn).into_iter().enumerate().map(part).collect());
+        };
+        let of_frame = table.places(hdus, Transfers::Parallel)?.into_iter().filter(|(index, _)| index == hdu);
+        let part = |place: Place| Part {
+            number: place.index + 1,
+            name: Some(place.name),
+            values_dn: place.geometry.amplifiers(&values_dn.slice(s![place.rows, place.columns]).to_owned()).remove(0),
+            geometry: place.geometry,
+            gain_e_per_dn: place.gain_e_per_dn,
+            bias: place.bias_dn.map(BiasSource::Given),
+            saturated_dn: place.saturated_dn,
+        };
+        Ok(of_frame.flat_map(|(_, places)| places).map(part).collect())
     }
 
     /// Shows what each amplifier read of a frame to `visit`; `number` counts them.
@@ -293,16 +362,13 @@ impl Reading {
         number: &mut usize,
         visit: &mut impl FnMut(Exposure) -> Result<(), InputError>,
     ) -> Result<(), InputError> {
-        let Frame { name, hdu, primary, values_dn } = frame;
-        let of_frame = |error| cannot_measure(name, error);
-        self.geometry.check(values_dn.dim()).map_err(of_frame)?;
-        let scale = self.unit.scale(hdu, primary).map_err(of_frame)?;
-        let known = self.known(hdu, primary).map_err(of_frame)?;
-        for (amplifier, part_dn) in self.geometry.amplifiers(&values_dn).into_iter().enumerate() {
+        let of_frame = |error| cannot_measure(frame.name, error);
+        let hdu = &frame.hdus[frame.hdu];
+        let parts = self.parts(&frame).map_err(of_frame)?;
+        let known = self.known(hdu, &frame.hdus[0]).map_err(of_frame)?;
+        for part in parts {
             *number += 1;
-            let about = (*number, name.to_string(), amplifier + 1);
-            let exposure = self.exposure(hdu, scale.gain_e_per_dn, known.clone(), about, part_dn).map_err(of_frame)?;
-            visit(exposure)?;
+            visit(self.exposure(hdu, known.clone(), (*number, frame.name), part).map_err(of_frame)?)?;
         }
         Ok(())
     }
@@ -359,34 +425,35 @@ impl Reading {
         }
     }
 
-    /// What an amplifier read, with its bias taken off. `place` is the number among all exposures, the file, and the amplifier.
+    /// What an amplifier read, with its bias taken off, given its number among all exposures and its file.
     fn exposure(
         &self,
         hdu: &Hdu,
-        gain_e_per_dn: f64,
         known: Known,
-        place: (usize, String, usize),
-        part_dn: Array2<f64>,
+        (number, file): (usize, &str),
+        part: Part,
     ) -> Result<Exposure, InputError> {
+        let Part { gain_e_per_dn, geometry, values_dn: ref part_dn, .. } = part;
         let integers = matches!(hdu.kind, HduKind::Image { bitpix, .. } if bitpix > 0);
         let quantum_e = if integers { gain_e_per_dn.max(1.0) } else { 1.0 };
-        let source = self.bias()?;
-        let bias = source.measure(&self.geometry, &part_dn, quantum_e / gain_e_per_dn).ok_or_else(|| {
+        let source = self.bias(&part)?;
+        let bias = source.measure(&geometry, part_dn, quantum_e / gain_e_per_dn).ok_or_else(|| {
             let problem = format!("no bias is known: the frame has no pixels for the {}", source.words());
             InputError::new(hdu.to_string(), problem).with_help("give --bias-dn, or the sizes of overscan and prescan")
         })?;
-        let saturated_dn = self.unit.saturated_dn.unwrap_or(f64::INFINITY);
+        let saturated_dn = part.saturated_dn.unwrap_or(f64::INFINITY);
         let charge = |value: f64| {
             let holds = value.is_finite() && value < saturated_dn;
             if holds { (value - bias.dn) * gain_e_per_dn } else { f64::NAN }
         };
         let charge_e = part_dn.mapv(charge);
-        let (rows, columns) = self.geometry.image(part_dn.dim());
+        let (rows, columns) = geometry.image(part_dn.dim());
         let about = About {
-            number: place.0,
-            file: place.1,
+            number,
+            file: file.to_string(),
             hdu: hdu.index,
-            amplifier: place.2,
+            amplifier: part.number,
+            amplifier_name: part.name,
             gain_e_per_dn,
             quantum_e,
             bias,
@@ -395,7 +462,7 @@ impl Reading {
             line_time_ms: known.line_time_ms,
             phase_time_ms: known.phase_time_ms,
             cycles: known.cycles,
-            rows_before: self.geometry.rows_before,
+            geometry,
             missing_px: charge_e.iter().filter(|charge| charge.is_nan()).count(),
         };
         Ok(Exposure { about, charge_e, columns, rows: rows.end })

@@ -108,7 +108,7 @@ impl Injection {
             })),
             "trail_px": self.trail_px, "level_rows": self.level_rows, "column_groups": self.groups.max(1),
             "background": if self.in_front { "rows in front of the first block" } else { "last quarter of the gap behind each block" },
-            "geometry": super::geometry_json(&frames.reading.geometry),
+            "geometry": super::geometry_json(&frames.reading),
         });
         let mut tables = vec![(Observable::Eper, edges)];
         if self.first_pixel {
@@ -234,7 +234,7 @@ impl Place<'_> {
             ("signal_e", edge.signal.value),
             ("sigma_signal_e", edge.signal.sigma.hypot(self.base.sigma)),
             ("background_e", self.base.value.max(0.0)),
-            ("transfers", (row + about.rows_before as usize) as f64),
+            ("transfers", (row + about.rows_before() as usize) as f64),
         ]);
         let mut measured = of(about, mean.value, sigma.hypot(self.base.sigma), mean);
         measured.from.insert(1, ("block", self.number));

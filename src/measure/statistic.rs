@@ -29,6 +29,13 @@ pub struct Mean {
     pub rejected: usize,
 }
 
+impl Mean {
+    /// Numbers of pixels for a table.
+    pub(super) fn pixels(&self) -> Vec<(&'static str, usize)> {
+        vec![("pixels_used", self.used), ("pixels_rejected", self.rejected)]
+    }
+}
+
 /// The mean of the finite values within [`CLIP_SIGMA`] of their median; None of fewer than [`FEWEST`].
 ///
 /// `quantum` is the step of the values. No scatter is taken to be smaller than the one that rounding alone makes, quantum/√12, and

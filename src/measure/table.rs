@@ -26,12 +26,15 @@ pub struct Measurement {
 }
 
 /// Columns of measurement files: name, unit, and what it is.
-const COLUMNS: [(&str, &str, &str); 21] = [
+const COLUMNS: [(&str, &str, &str); 26] = [
     ("trail_px", "pix", "pixel behind the charge; 1 is next to it"),
     ("signal_e", "electron", "charge before transfer, above the background"),
     ("sigma_signal_e", "electron", "1-sigma error of signal_e"),
+    ("signal_read_e", "electron", "charge read in the pixel, above the background"),
     ("background_e", "electron", "background per pixel"),
     ("block_px", "pix", "rows of the block"),
+    ("first_px", "pix", "first pixel behind the block"),
+    ("last_px", "pix", "last pixel behind the block"),
     ("transfers", "", "parallel transfers"),
     ("row_px", "pix", "row of the first pixel, from 0, in the order of readout"),
     ("column_px", "pix", "column, from 0, in the order of readout"),
@@ -45,6 +48,8 @@ const COLUMNS: [(&str, &str, &str); 21] = [
     ("temperature_k", "K", "temperature of the detector"),
     ("line_time_ms", "ms", "time between two parallel transfers"),
     ("exposure", "", "number of the exposure in meta.exposures"),
+    ("hdu", "", "HDU of the frame"),
+    ("amplifier", "", "row of the table of amplifiers, from 1"),
     ("block", "", "number of the block, from the register"),
     ("pixels_used", "", "pixels of which the value is the mean"),
     ("pixels_rejected", "", "pixels rejected as outliers"),

@@ -47,11 +47,21 @@ pub struct Trails {
     pub fewest: usize,
     /// Exposures within so many days of the one before are of one date.
     pub epoch_days: f64,
+    /// Rows have the charge of the packet as it was read, and not before transfer.
+    pub signal_as_read: bool,
 }
 
 impl Default for Trails {
     fn default() -> Trails {
-        Trails { trail_px: 15, threshold_e: 300.0, bins_per_decade: 4, transfer_bins: 3, fewest: 10, epoch_days: 10.0 }
+        Trails {
+            trail_px: 15,
+            threshold_e: 300.0,
+            bins_per_decade: 4,
+            transfer_bins: 3,
+            fewest: 10,
+            epoch_days: 10.0,
+            signal_as_read: false,
+        }
     }
 }
 
@@ -106,8 +116,8 @@ impl Trails {
             "trail_px": self.trail_px, "threshold_e": self.threshold_e, "bins_per_decade": self.bins_per_decade,
             "transfer_bins": self.transfer_bins, "fewest_px": self.fewest, "epoch_days": self.epoch_days,
             "mean": "mean over warm pixels within 5 sigma of their median",
-            "signal": "charge read in the pixel and in its trail",
-            "geometry": super::geometry_json(&frames.reading.geometry),
+            "signal": if self.signal_as_read { "charge read in the pixel" } else { "charge read in the pixel and in its trail" },
+            "geometry": super::geometry_json(&frames.reading),
         });
         Ok(found.measured("trails", options, vec![(Observable::Trail, rows)]))
     }
@@ -133,11 +143,14 @@ impl Trails {
         cuts: BTreeMap<usize, Vec<Cut>>,
         found: &mut Found,
     ) -> Vec<Measurement> {
-        let rows = seen.iter().map(|seen| seen.rows).max().unwrap_or(0);
-        let rows_before = seen.first().map_or(0, |seen| seen.about.rows_before);
+        let before = |seen: &Seen| f64::from(seen.about.rows_before());
+        let least = seen.iter().map(before).fold(f64::INFINITY, f64::min);
+        let most = seen.iter().map(|seen| before(seen) + seen.rows as f64).fold(0.0, f64::max);
         let bins = Bins {
             per_decade: self.bins_per_decade,
-            transfers: (f64::from(rows_before), f64::from(rows_before) + rows as f64, self.transfer_bins),
+            transfers: (least, most, self.transfer_bins),
+            // Only a table says that they are other detectors.
+            amplifiers_apart: seen.iter().any(|seen| seen.about.amplifier_name.is_some()),
         };
         let mut table = Vec::new();
         for (epoch, cuts) in cuts {
@@ -145,7 +158,13 @@ impl Trails {
                 seen.iter().zip(epochs).filter(|(_, known)| **known == epoch).map(|(seen, _)| &seen.about).collect();
             for bin in bins.sorted(cuts) {
                 match stack::stack(&bin, self.fewest, self.trail_px) {
-                    Some(trail) => table.extend(trail.rows(&abouts)),
+                    Some(trail) => {
+                        let here = |about: &&About| (about.hdu, about.amplifier) == (bin[0].place.0, bin[0].place.1);
+                        let apart = bins.amplifiers_apart;
+                        let abouts: Vec<&About> =
+                            abouts.iter().copied().filter(|about| !apart || here(about)).collect();
+                        table.extend(trail.rows(&abouts, self.signal_as_read));
+                    }
                     None => found.count("trails_in_small_bins", bin.len()),
                 }
             }

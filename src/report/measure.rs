@@ -57,7 +57,11 @@ impl Report for MeasureReport {
         let mut exposures = table(&["frame", "time", "gain [e-/DN]", "bias [DN]", "noise [e-]"]);
         for about in &self.measured.exposures {
             let noise = about.bias.noise_dn.map(|noise| format!("{:.2}", noise * about.gain_e_per_dn));
-            let amplifier = if about.amplifier == 1 { String::new() } else { format!(".{}", about.amplifier) };
+            let amplifier = match &about.amplifier_name {
+                Some(name) => format!(".{name}"),
+                None if about.amplifier == 1 => String::new(),
+                None => format!(".{}", about.amplifier),
+            };
             exposures.add_row(vec![
                 format!("{}[{}]{amplifier}", name(&about.file), about.hdu),
                 about.when.words(),

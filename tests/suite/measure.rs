@@ -138,6 +138,28 @@ fn edges_of_flat_fields_give_the_traps_back() {
 }
 
 #[test]
+fn the_cti_of_edges_gives_the_traps_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let [by_range, by_pixel] = ["ranges.ecsv", "pixels.ecsv"].map(|name| folder.path().join(name));
+    let cti = |path: &Path, more: &str| measure("eper", &flats(""), &format!("{FLAT} --cti {} {more}", path.display()));
+    let pixels: Vec<String> = (1..=24).map(|pixel| pixel.to_string()).collect();
+    cti(&by_pixel, &format!("--cti-px {}", pixels.join(",")));
+    is_noise(against_truth(&[&by_pixel]));
+    let edges = cti(&by_range, "--first-pixel");
+    let table = Table::read(&by_range).unwrap();
+    let last = |row: usize| table.column("last_px").unwrap().cells[row].number().unwrap();
+    assert_eq!((0..5).map(last).collect::<Vec<_>>(), [1.0, 3.0, 7.0, 15.0, 24.0]);
+    assert_eq!(edges.said["tables"][2]["observable"], "cti");
+    let (chi2, rows) = against_truth(&[&by_range]);
+    assert!(rows == 15.0 && (chi2 - rows).abs() < 3.5 * (2.0 * rows).sqrt(), "chi2 {chi2} of {rows} rows");
+    gives_traps_back(&[&by_range, &edges.first_pixel()], &[0.15, 0.12, 0.15, 0.12]);
+    // A range is the sum of its pixels.
+    let (ranges, pixels) = (values(&by_range), values(&by_pixel));
+    let sum: f64 = pixels[3..7].iter().map(|(value, _)| value).sum();
+    assert!((ranges[2].0 / sum - 1.0).abs() < 1e-9, "{} {sum}", ranges[2].0);
+}
+
+#[test]
 fn cosmic_rays_and_bad_columns_do_not_change_edges() {
     let measured = measure("eper", &flats("-dirty"), &format!("{FLAT} --first-pixel"));
     assert!(measured.said["counts"]["columns_rejected"].as_u64() >= Some(9), "two hot columns and a dead one in each");
@@ -148,6 +170,15 @@ fn cosmic_rays_and_bad_columns_do_not_change_edges() {
 #[test]
 fn trails_of_warm_pixels_give_the_traps_back() {
     let measured = measure("trails", &warm(""), WARM);
+    is_noise(against_truth(&[&measured.path()]));
+    gives_traps_back(&[&measured.path()], &[0.15, 0.1, 0.1, 0.12]);
+}
+
+#[test]
+fn trails_of_packets_that_are_known_as_read_give_the_traps_back() {
+    let measured = measure("trails", &warm(""), &format!("{WARM} --signal-as-read"));
+    let table = Table::read(measured.path()).unwrap();
+    assert!(table.column("signal_e").is_none() && table.column("signal_read_e").is_some());
     is_noise(against_truth(&[&measured.path()]));
     gives_traps_back(&[&measured.path()], &[0.15, 0.1, 0.1, 0.12]);
 }
@@ -248,6 +279,71 @@ fn frames_that_are_read_elsewhere_are_turned() {
 }
 
 #[test]
+fn each_amplifier_of_a_table_has_its_own_corner_overscan_gain_and_bias() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let flat = frame("flat-3000");
+    let (rows, columns) = flat.dim();
+    // The right half is mirrored, and has another gain and bias; the other frame is read at its top.
+    let half = (&flat - 1000.0) * (1.5 / 2.0) + 300.0;
+    let both = ndarray::concatenate![ndarray::Axis(1), flat, half.slice(s![.., ..;-1])];
+    let upper = flat.slice(s![..;-1, ..]).to_owned();
+    crate::amplifiers::file(&at("flat.fits"), &[], &[("ONE", 1, both, vec![]), ("TWO", 1, upper, vec![])]);
+    let section = |first: usize| format!("\"[{}:{},1:{rows}]\"", first + 1, first + columns);
+    let table = format!(
+        "hdu,amplifier,corner,section,overscan_columns,overscan_rows,transfers_before,gain_e_per_dn,bias_dn\n\
+         TWO,C,upper-left,,8,24,300,1.5,\nONE,A,lower-left,{},8,24,300,1.5,\nONE,B,lower-right,{},8,24,300,2,300\n",
+        section(0),
+        section(columns)
+    );
+    fs::write(at("table.csv"), table).unwrap();
+    let files = vec![at("flat.fits").to_str().unwrap().to_string()];
+    let told = format!("--dose-mev-g 1e8 --amplifiers {}", at("table.csv").display());
+    let measured = measure("eper", &files, &told);
+    let alone = values(&measure("eper", &golden(&["flat-3000"]), FLAT).path());
+    let found = values(&measured.path());
+    assert_eq!(found.len(), 3 * alone.len());
+    let table = Table::read(measured.path()).unwrap();
+    let cells = |name: &str| -> Vec<f64> {
+        table.column(name).unwrap().cells.iter().map(|cell| cell.number().unwrap()).collect()
+    };
+    let n = alone.len();
+    let (hdu, amplifier) = (cells("hdu"), cells("amplifier"));
+    assert_eq!([0, n, 2 * n].map(|row| (hdu[row], amplifier[row])), [(1.0, 2.0), (1.0, 3.0), (2.0, 1.0)]);
+    assert_eq!(measured.said["exposures"][1]["amplifier_name"], "B");
+    for (place, (value, sigma)) in found.iter().enumerate() {
+        let (expected, error) = alone[place % n];
+        // The bias of B is given, and those of the others are measured: its error is that of 4 e- in some thousand pixels.
+        assert!((value - expected).abs() < 0.5 && (sigma - error).abs() < 0.1, "{place}: {value} {expected}");
+    }
+    // Trails of amplifiers are apart.
+    let flat = frame("warm-1");
+    let shape = flat.dim();
+    let warm: Vec<String> = (1..=3)
+        .map(|number| {
+            let flat = frame(&format!("warm-{number}"));
+            let path = at(&format!("warm-{number}.fits"));
+            let both = ndarray::concatenate![ndarray::Axis(1), flat, flat.slice(s![.., ..;-1])];
+            crate::amplifiers::file(&path, &[], &[("SCI", 1, both, vec![])]);
+            path.to_str().unwrap().to_string()
+        })
+        .collect();
+    let half = |first: usize| format!("\"[{}:{},1:{}]\"", first + 1, first + shape.1, shape.0);
+    let row = |name: &str, corner: &str, first: usize| format!("SCI,{name},{corner},{},8,600,1.5\n", half(first));
+    let table = [
+        "hdu,amplifier,corner,section,overscan_columns,transfers_before,gain_e_per_dn\n".to_string(),
+        row("left", "lower-left", 0),
+        row("right", "lower-right", shape.1),
+    ];
+    fs::write(at("table.csv"), table.concat()).unwrap();
+    let trails = values(&measure("trails", &warm, &told).path());
+    let of_one = values(&measure("trails", &golden(&["warm-1", "warm-2", "warm-3"]), WARM).path());
+    assert_eq!(trails, [of_one.clone(), of_one].concat());
+    let refused = refused("trails", &warm, &format!("{told} --corner lower-left"));
+    assert!(refused.contains("cannot be used with"), "{refused}");
+}
+
+#[test]
 fn a_constant_added_to_a_frame_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let higher = folder.path().join("higher.fits");
@@ -321,6 +417,12 @@ fn what_is_missing_is_said_with_what_to_give() {
         ("eper", format!("{FLAT} --bias-from prescan"), "give --bias-dn"),
         ("eper", format!("{FLAT} --corner upper-left"), "this is no edge\n  help: check --corner"),
         ("eper", format!("{FLAT} --level-rows 201"), "give a smaller --level-rows"),
+        (
+            "eper",
+            format!("{FLAT} --cti cti.ecsv --cti-px 20-25"),
+            "pixels 20 to 25; 24 rows behind the edge are measured",
+        ),
+        ("eper", format!("{FLAT} --cti cti.ecsv --cti-px 0-2"), "pixels behind the edge are needed, from 1"),
         ("trails", "--gain-keyword GAIN --dose-mev-g 1".into(), "give --bias-dn (0 if it is subtracted)"),
         ("trails", WARM.to_string(), "no trails can be measured"),
         (

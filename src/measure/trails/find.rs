@@ -127,7 +127,7 @@ impl Search {
         let about = &exposure.about;
         Some(Cut {
             place: (about.hdu, about.amplifier, row, column),
-            transfers: (row + 1) as f64 + f64::from(about.rows_before),
+            transfers: (row + 1) as f64 + f64::from(about.rows_before()),
             signal_e: exposure.charge_e[[row, column]] - background_e,
             background_e,
             trail_e: trail_e.collect(),

@@ -17,6 +17,8 @@ pub(super) struct Bins {
     pub per_decade: usize,
     /// Least and most transfers, and bins between them.
     pub transfers: (f64, f64, usize),
+    /// Amplifiers have bins of their own.
+    pub amplifiers_apart: bool,
 }
 
 impl Bins {
@@ -31,7 +33,8 @@ impl Bins {
         let mut bins: BTreeMap<_, Vec<Cut>> = BTreeMap::new();
         for cut in cuts {
             let background = decade(cut.background_e.max(0.999 * LEAST_BACKGROUND_E));
-            let key = (background, by_transfers(cut.transfers), decade(cut.signal_e));
+            let sensor = self.amplifiers_apart.then_some((cut.place.0, cut.place.1));
+            let key = (sensor, background, by_transfers(cut.transfers), decade(cut.signal_e));
             bins.entry(key).or_default().push(cut);
         }
         bins.into_values().collect()
@@ -120,10 +123,11 @@ fn usual_scatter(charges: &[Vec<f64>]) -> f64 {
 }
 
 impl Trail {
-    /// The rows of a table, for the exposures of a date.
-    pub fn rows(&self, abouts: &[&About]) -> Vec<Measurement> {
+    /// The rows of a table, for the exposures of a date; with the charge of the packet as it was read, or else before transfer.
+    pub fn rows(&self, abouts: &[&About], as_read: bool) -> Vec<Measurement> {
         let trailed_e: f64 = self.pixels.iter().flatten().map(|mean| mean.value).sum();
         let before_e = self.signal_e + trailed_e;
+        let signal = if as_read { ("signal_read_e", self.signal_e) } else { ("signal_e", before_e) };
         let when = When::mean(&abouts.iter().map(|about| about.when).collect::<Vec<_>>());
         let mean_of = |value: fn(&About) -> Option<f64>| {
             let told: Option<Vec<f64>> = abouts.iter().map(|about| value(about)).collect();
@@ -132,7 +136,7 @@ impl Trail {
         let row = |(index, mean): (usize, &Mean)| Measurement {
             conditions: vec![
                 ("trail_px", (index + 1) as f64),
-                ("signal_e", before_e),
+                signal,
                 ("background_e", self.background_e.max(0.0)),
                 ("transfers", self.transfers.round()),
             ],
@@ -141,7 +145,7 @@ impl Trail {
             line_time_ms: mean_of(|about| about.line_time_ms),
             value: mean.value / before_e,
             sigma: mean.sigma / before_e,
-            from: vec![("pixels_used", mean.used), ("pixels_rejected", mean.rejected)],
+            from: [abouts[0].sensor(), mean.pixels()].concat(),
         };
         self.pixels.iter().enumerate().filter_map(|(index, mean)| Some(row((index, mean.as_ref()?)))).collect()
     }
