@@ -11,20 +11,20 @@ use crate::io::table::Table;
 use crate::mission_file;
 use crate::model::Model;
 use crate::model::shear::SurveyGalaxy;
-use crate::plan::catalogue::{Catalogue, Settings};
+use crate::plan::catalogue::{Catalogue, Epochs, Settings};
 
 #[derive(Debug, Args)]
 pub(super) struct CatalogueCommand {
     #[command(flatten)]
     mission: OneMission,
-    /// Table of galaxies (ECSV or CSV): transfers, flux_e, half_light_px, sersic_index, e1, e2, weight_px; a column that is
+    /// Table of galaxies (ECSV, CSV or Parquet): transfers, flux_e, half_light_px, sersic_index, e1, e2, weight_px; a column that is
     /// missing is that of the mission's judged galaxy
     #[arg(value_name = "GALAXIES")]
     galaxies: InputFile,
-    /// Time of the exposure, years since launch
-    #[arg(long, value_name = "YEARS", value_parser = years)]
-    at: f64,
-    /// Table to write (ECSV): the galaxies with the changes of their shapes
+    /// Time of the exposure, years since launch; several such as 1,2.5,5 give all galaxies at each of them
+    #[arg(long, value_name = "YEARS", value_delimiter = ',', required = true, value_parser = years)]
+    at: Vec<f64>,
+    /// Table to write (ECSV or Parquet): the galaxies with the changes of their shapes
     #[arg(long, value_name = "FILE.ecsv")]
     out: OutputFile,
     /// Largest error of galaxies that are interpolated, as root mean square over that of the changes: if it is larger, all
@@ -44,13 +44,14 @@ pub(super) struct CatalogueCommand {
 impl CatalogueCommand {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
         let mission = self.mission.read()?;
-        if self.out.extension().is_none_or(|ending| ending != "ecsv") {
-            return Err(InputError::new(
-                format!("cannot write `{}`", self.out.display()),
-                "the name of the table must end in .ecsv",
-            )
-            .into());
-        }
+        let is_parquet = match self.out.extension().and_then(|ending| ending.to_str()) {
+            Some("parquet") => true,
+            Some("ecsv") => false,
+            _ => {
+                let problem = "the name of the table must end in .ecsv or .parquet";
+                return Err(InputError::new(format!("cannot write `{}`", self.out.display()), problem).into());
+            }
+        };
         atomic_file::refuse_unwritable(&self.out)?;
         let table = Table::read(&*self.galaxies)?;
         let galaxies = mission_file::galaxies_of_table(&table)?;
@@ -60,10 +61,17 @@ impl CatalogueCommand {
             emulate: (!self.direct).then_some(self.accuracy),
             seed: self.seed.unwrap_or(mission.accuracy.seed),
         };
-        let bar = progress(galaxies.len() as u64, "galaxies");
-        let done = Catalogue::of(&model, &galaxies, self.at, how, &|done| bar.set_position(done as u64))?;
+        let bar = progress((self.at.len() * galaxies.len()) as u64, "galaxies");
+        let epoch = |(place, t_yr): (usize, &f64)| {
+            Catalogue::of(&model, &galaxies, *t_yr, how, &|done| {
+                bar.set_position((place * galaxies.len() + done) as u64)
+            })
+        };
+        let done = Epochs(self.at.iter().enumerate().map(epoch).collect::<Result<_, InputError>>()?);
         bar.finish_and_clear();
-        atomic_file::write(&*self.out, done.with_changes(table)?.to_ecsv())?;
+        let changed = done.with_changes(&table)?;
+        let written = if is_parquet { changed.to_parquet()? } else { changed.to_ecsv().into_bytes() };
+        atomic_file::write(&*self.out, written)?;
         print(&done, &self.output)?;
         Ok(Outcome::Done)
     }

@@ -6,6 +6,8 @@
 //! columns in which astropy keeps parts of a `Quantity`, `Time` or masked column become one column again. The header is
 //! read as YAML 1.2, to which `1.78e8` is the number that was meant, and not, as to astropy's YAML 1.1, a word.
 //!
+//! Parquet is read by its columns (see `parquet.rs`).
+//!
 //! Plain CSV is any file that does not begin with `# %ECSV`: leading lines `# key: value` are its `meta`, a unit may
 //! stand behind a name in brackets, and datatypes are taken from the cells.
 
@@ -13,6 +15,7 @@ mod columns;
 mod csv;
 mod ecsv;
 mod moment;
+mod parquet;
 mod write;
 
 use std::path::Path;
@@ -23,13 +26,18 @@ use crate::error::InputError;
 use crate::io::input;
 
 impl Table {
-    /// Reads a table from a file, ECSV or plain CSV.
+    /// Reads a table from a file: ECSV, plain CSV, or Parquet, which is known by its first bytes.
     ///
     /// # Errors
     /// Where the file cannot be read, or is no such table: one message with line, column and value.
     pub fn read(path: impl AsRef<Path>) -> Result<Table, InputError> {
         let table = Table { name: path.as_ref().display().to_string(), ..Table::default() };
         let bytes = input::bytes(path.as_ref(), input::MOST_OF_A_TABLE).map_err(|problem| table.refuse(problem))?;
+        if bytes.starts_with(parquet::MAGIC) {
+            let mut table = table;
+            table.read_parquet(bytes)?;
+            return Ok(table);
+        }
         let text = str::from_utf8(&bytes).map_err(|error| {
             let line = bytes[..error.valid_up_to()].iter().filter(|&&byte| byte == b'\n').count() + 1;
             let wide = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);

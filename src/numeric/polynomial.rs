@@ -1,10 +1,11 @@
 //! Polynomials of several variables, fitted by least squares.
 //!
 //! ```text
-//! f(x) = Σ c_k T_k1(x1) T_k2(x2) ...        k1 + k2 + ... ≤ degree
+//! f(x) = Σ c_k T_k1(x1) T_k2(x2) ...        a1 k1 + a2 k2 + ... ≤ degree
 //! ```
 //!
-//! with Chebyshev's polynomials T, for variables between −1 and 1. A function that is even or odd in the last variable needs the
+//! with Chebyshev's polynomials T, for variables between −1 and 1, and a cost a of a power of each variable: in some a function is smoother
+//! than in others. A function that is even or odd in the last variable needs the
 //! even or the odd powers of it alone.
 
 use nalgebra::{DMatrix, DVector};
@@ -21,10 +22,11 @@ pub(crate) enum Parity {
     Odd,
 }
 
-/// The terms of a polynomial of some total degree.
+/// The terms of a polynomial up to some degree.
 #[derive(Clone, Debug)]
 pub(crate) struct Terms {
-    variables: usize,
+    /// Cost of a power of each variable, in units of the degree.
+    costs: Vec<usize>,
     degree: usize,
     terms: Vec<Term>,
 }
@@ -36,25 +38,28 @@ struct Term {
     times: Option<usize>,
     variable: usize,
     power: usize,
+    /// Costs of all its powers.
+    cost: usize,
     /// Whether it occurs in the polynomial, and not in other terms alone.
     occurs: bool,
 }
 
 impl Terms {
-    /// All terms of a total degree.
-    pub fn of(variables: usize, degree: usize, parity: Parity) -> Terms {
-        let mut found = Terms { variables, degree, terms: Vec::new() };
+    /// All terms up to a degree, given the cost of a power of each variable.
+    pub fn of(costs: &[usize], degree: usize, parity: Parity) -> Terms {
+        let mut found = Terms { costs: costs.to_vec(), degree, terms: Vec::new() };
         found.add(0, degree, None, parity);
         found
     }
 
     /// Terms in the variables from one on, with so much of the degree left, each times a term.
     fn add(&mut self, variable: usize, left: usize, times: Option<usize>, parity: Parity) {
-        if variable == self.variables {
+        if variable == self.costs.len() {
             return;
         }
-        let last = variable + 1 == self.variables;
-        for power in 0..=left {
+        let last = variable + 1 == self.costs.len();
+        for power in 0..=left / self.costs[variable] {
+            let still_left = left - power * self.costs[variable];
             let occurs = last
                 && match parity {
                     Parity::Any => true,
@@ -68,11 +73,11 @@ impl Terms {
             let place = match (power, last) {
                 (0, false) => times,
                 _ => {
-                    self.terms.push(Term { times, variable, power, occurs });
+                    self.terms.push(Term { times, variable, power, cost: self.degree - still_left, occurs });
                     Some(self.terms.len() - 1)
                 }
             };
-            self.add(variable + 1, left - power, place, parity);
+            self.add(variable + 1, still_left, place, parity);
         }
     }
 
@@ -81,12 +86,19 @@ impl Terms {
         self.terms.iter().filter(|term| term.occurs).count()
     }
 
+    /// Degree of each term over the largest.
+    pub fn shares(&self) -> Vec<f64> {
+        let terms = self.terms.iter().filter(|term| term.occurs);
+        terms.map(|term| term.cost as f64 / self.degree.max(1) as f64).collect()
+    }
+
     /// Values of the terms, `[(term, point)]`, at points `[(variable, point)]`.
     pub fn values(&self, points: &Array2<f64>) -> Array2<f64> {
         let count = points.len_of(Axis(1));
-        let powers: Vec<Vec<Vec<f64>>> = (0..self.variables)
-            .map(|variable| chebyshev(points.row(variable).iter().copied().collect(), self.degree))
-            .collect();
+        let powers = |(variable, cost): (usize, &usize)| {
+            chebyshev(points.row(variable).iter().copied().collect(), self.degree / cost)
+        };
+        let powers: Vec<Vec<Vec<f64>>> = self.costs.iter().enumerate().map(powers).collect();
         let mut all: Vec<Vec<f64>> = Vec::with_capacity(self.terms.len());
         let mut values = Vec::with_capacity(self.count() * count);
         for term in &self.terms {
@@ -117,26 +129,29 @@ fn chebyshev(places: Vec<f64>, degree: usize) -> Vec<Vec<f64>> {
     all
 }
 
-/// Share of the mean square of the terms that is added to the diagonal of the normal equations: terms that the points do not tell
-/// apart get small coefficients.
+/// Shares of the mean square of the terms that are added to the diagonal of the normal equations, for any term and for those of the
+/// highest degree: terms that the points do not tell apart, and high ones that they hardly tell, get small coefficients. So there may be
+/// more terms than the points would bear otherwise (ridge regression: Hoerl & Kennard 1970, Technometrics 12, 55).
 const RIDGE: f64 = 1e-12;
+const HIGHEST: f64 = 1e-3;
 
-/// Coefficients `[(function, term)]` of several functions from their values `[(function, point)]` and the terms' values, each
-/// point with a weight. None where the normal equations have no solution.
-pub(crate) fn fitted(terms: &Array2<f64>, values: &Array2<f64>, weights: &[f64]) -> Option<Array2<f64>> {
-    let mut weighted = terms.clone();
-    for mut term in weighted.rows_mut() {
-        term.iter_mut().zip(weights).for_each(|(value, weight)| *value *= weight * weight);
-    }
-    let (normal, right) = (weighted.dot(&terms.t()), weighted.dot(&values.t()));
+/// Power of the degree with which the latter grows.
+const GROWTH: i32 = 10;
+
+/// Coefficients `[(function, term)]` of several functions from their values `[(function, point)]` and the terms' values, by least
+/// squares. None where the normal equations have no solution.
+pub(crate) fn fitted(terms: &Terms, at: &Array2<f64>, values: &Array2<f64>) -> Option<Array2<f64>> {
+    let (normal, right) = (at.dot(&at.t()), at.dot(&values.t()));
     let count = normal.nrows();
-    let ridge = RIDGE * normal.diag().sum() / count as f64;
-    if ridge == 0.0 {
+    let mean = normal.diag().sum() / count as f64;
+    if mean == 0.0 {
         // All terms are 0 at all points.
         return Some(Array2::zeros((values.nrows(), count)));
     }
-    let normal =
-        DMatrix::from_fn(count, count, |row, column| normal[[row, column]] + if row == column { ridge } else { 0.0 });
+    let ridge: Vec<f64> = terms.shares().iter().map(|share| mean * (RIDGE + HIGHEST * share.powi(GROWTH))).collect();
+    let normal = DMatrix::from_fn(count, count, |row, column| {
+        normal[[row, column]] + if row == column { ridge[row] } else { 0.0 }
+    });
     let cholesky = normal.cholesky()?;
     let mut coefficients = Array2::zeros((values.nrows(), count));
     for (function, mut row) in coefficients.rows_mut().into_iter().enumerate() {
@@ -158,30 +173,37 @@ mod tests {
     #[test]
     fn there_are_as_many_terms_as_combinations() {
         // C(5 + 4, 4)
-        assert_eq!(Terms::of(5, 4, Parity::Any).count(), 126);
-        let [even, odd] = [Parity::Even, Parity::Odd].map(|parity| Terms::of(5, 4, parity).count());
+        assert_eq!(Terms::of(&[1; 5], 4, Parity::Any).count(), 126);
+        let [even, odd] = [Parity::Even, Parity::Odd].map(|parity| Terms::of(&[1; 5], 4, parity).count());
         assert_eq!((even, odd), (86, 40));
+        // 1, x, x², x³, y, x y: a power of y costs as much as two of x.
+        let terms = Terms::of(&[1, 2], 3, Parity::Any);
+        assert_eq!(terms.count(), 6);
+        let mut degrees: Vec<usize> = terms.shares().iter().map(|share| (3.0 * share).round() as usize).collect();
+        degrees.sort_unstable();
+        assert_eq!(degrees, [0, 1, 2, 2, 3, 3]);
     }
 
     #[test]
     fn a_polynomial_is_found_from_its_values() {
         let law = |x: f64, y: f64, z: f64| 1.0 - x + 2.0 * x * y * z * z - 0.3 * y * y * y * y;
-        let known = points(120);
-        let terms = Terms::of(3, 4, Parity::Even);
+        let known = points(300);
+        // Twice the degree that is needed: what is highest is held down.
+        let terms = Terms::of(&[1; 3], 8, Parity::Even);
         let at = |points: &Array2<f64>| {
             Array2::from_shape_fn((1, points.ncols()), |(_, p)| law(points[[0, p]], points[[1, p]], points[[2, p]]))
         };
-        let weights: Vec<f64> = (0..120).map(|point| 1.0 + (point % 7) as f64).collect();
-        let coefficients = fitted(&terms.values(&known), &at(&known), &weights).unwrap();
+        let coefficients = fitted(&terms, &terms.values(&known), &at(&known)).unwrap();
         let others = points(400);
         let error = coefficients.dot(&terms.values(&others)) - at(&others);
-        assert!(error.iter().all(|error| error.abs() < 1e-7), "{error:?}");
+        // The penalty of degree 4 is 1e-3/2^10 of a mean square.
+        assert!(error.iter().all(|error| error.abs() < 1e-5), "{error:?}");
     }
 
     #[test]
     fn a_polynomial_of_one_parity_has_it() {
         for (parity, sign) in [(Parity::Even, 1.0), (Parity::Odd, -1.0)] {
-            let terms = Terms::of(3, 5, parity);
+            let terms = Terms::of(&[1; 3], 5, parity);
             let here = points(10);
             let mut mirrored = here.clone();
             mirrored.row_mut(2).mapv_inplace(|z| -z);

@@ -67,12 +67,25 @@ pub struct Class {
     pub galaxies: usize,
     /// Galaxies that were read out to be fitted.
     pub fitted: usize,
-    /// Largest total degree of the polynomials.
-    pub degree: usize,
+    /// Largest degree of the polynomials: powers of flux and index count one and a half times.
+    pub degree: f64,
     /// Errors of the polynomials.
     pub held_out: HeldOut,
     /// Whether they were accurate enough.
     pub is_used: bool,
+}
+
+/// A catalogue at several times.
+#[derive(Clone, Debug)]
+pub struct Epochs(pub Vec<Catalogue>);
+
+impl Serialize for Epochs {
+    fn serialize<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        match &self.0[..] {
+            [only] => only.serialize(to),
+            several => serde_json::json!({ "epochs": several }).serialize(to),
+        }
+    }
 }
 
 /// Called with the number of galaxies that are done.

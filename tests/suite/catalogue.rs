@@ -4,6 +4,7 @@
 use std::fs;
 use std::process::Command;
 
+use ctiplan::io::table::Table;
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
 use ctiplan::model::shear::SurveyGalaxy;
@@ -115,7 +116,8 @@ fn run(table: &str, arguments: &[&str]) -> (i32, String, String, Option<String>)
     let done = Command::new(env!("CARGO_BIN_EXE_ctiplan"))
         .args(["catalogue", "missions/snap_l2.toml"])
         .arg(&galaxies)
-        .args(["--at", "3.5", "--set", "accuracy.subpixel_grid=1", "--out"])
+        .args(if arguments.contains(&"--at") { &[][..] } else { &["--at", "3.5"] })
+        .args(["--set", "accuracy.subpixel_grid=1", "--out"])
         .arg(&out)
         .args(arguments)
         .output()
@@ -158,4 +160,55 @@ fn wrong_catalogues_are_refused_with_line_column_and_value() {
     let (status, _, error, _) = run("transfers\n100\n", &["--accuracy", "2"]);
     assert_eq!(status, 2);
     assert!(error.contains("1e-6 to 1"), "{error}");
+}
+
+#[test]
+fn several_epochs_and_parquet_hold_the_same_numbers() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("galaxies.csv"), "name,transfers,flux_e,e2\na,1650,1150,0\nb,800,5000,0.2\n").unwrap();
+    let run = |input: &str, epochs: &str, out: &str| {
+        let done = Command::new(env!("CARGO_BIN_EXE_ctiplan"))
+            .args(["catalogue", "missions/snap_l2.toml", at(input).to_str().unwrap(), "--at", epochs, "--json"])
+            .args(["--set", "accuracy.subpixel_grid=1", "--out", at(out).to_str().unwrap()])
+            .output()
+            .unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        let said: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+        (said, Table::read(at(out)).unwrap())
+    };
+    let cells = |table: &Table, name: &str| format!("{:?}", table.column(name).unwrap().cells);
+    let (one, first) = run("galaxies.csv", "2", "one.ecsv");
+    let (_, second) = run("galaxies.csv", "5", "two.ecsv");
+    let (both, together) = run("galaxies.csv", "2,5", "both.ecsv");
+    assert_eq!(one["t_yr"], 2.0);
+    assert_eq!((both["epochs"][0].clone(), both["epochs"][1]["t_yr"].clone()), (one, 5.0.into()));
+    assert_eq!(cells(&together, "t_yr"), "[Number(2.0), Number(2.0), Number(5.0), Number(5.0)]");
+    for name in ["name", "flux_e", "delta_e1", "delta_y_px", "computed"] {
+        let [first, second] = [&first, &second].map(|table| table.column(name).unwrap().cells.clone());
+        assert_eq!(together.column(name).unwrap().cells, [first, second].concat(), "{name}");
+    }
+    // From Parquet to Parquet.
+    fs::write(at("galaxies.parquet"), Table::read(at("galaxies.csv")).unwrap().to_parquet().unwrap()).unwrap();
+    let (_, parquet) = run("galaxies.parquet", "2,5", "both.parquet");
+    assert!(fs::read(at("both.parquet")).unwrap().starts_with(b"PAR1"));
+    let names: Vec<&str> = parquet.columns.iter().map(|column| column.name.as_str()).collect();
+    assert_eq!(names, together.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>());
+    names.into_iter().for_each(|name| assert_eq!(cells(&parquet, name), cells(&together, name), "{name}"));
+    // Damaged files are refused, not fallen over.
+    let whole = fs::read(at("galaxies.parquet")).unwrap();
+    for place in (4..whole.len()).step_by(7) {
+        let mut damaged = whole.clone();
+        damaged[place] ^= 0x55;
+        fs::write(at("damaged.parquet"), damaged).unwrap();
+        let read = std::panic::catch_unwind(|| Table::read(at("damaged.parquet")).map(|table| table.rows()));
+        assert!(read.is_ok(), "byte {place}");
+    }
+}
+
+#[test]
+fn epochs_need_a_table_without_times() {
+    let (status, _, error, _) = run("t_yr,transfers\n1,100\n", &["--at", "4,5"]);
+    assert_eq!(status, 2, "{error}");
+    assert!(error.contains("rename it, or run one epoch"), "{error}");
 }

@@ -519,15 +519,26 @@ fn mission_with(folder: &Path, traps: &[(f64, f64)], power: f64) -> PathBuf {
     path
 }
 
-/// Trails of random detectors, from little damage to far too much, on random frames whose truth is known: a correction is as
-/// good as it claims (to a factor of 3; see docs/images.md), but for the pixels that it marks.
-#[test]
-fn a_correction_is_as_good_as_it_claims_but_for_pixels_that_it_marks() {
+/// What corrections of random frames claim, and how good they are.
+#[derive(Debug, Default)]
+struct Claims {
+    pixels: usize,
+    marked: usize,
+    /// Largest error of pixels that are marked, e-.
+    worst_marked_e: f64,
+    /// Largest error of the others over that claimed, frame by frame.
+    over_claimed: Vec<f64>,
+    /// Largest error claimed over the largest displacement of charge.
+    claimed_over_moved: f64,
+}
+
+/// Trails of random detectors, from little damage to far too much, on random frames whose truth is known.
+fn claims(frames: usize) -> Claims {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let mut random = ChaCha8Rng::seed_from_u64(1);
-    let (mut all_px, mut marked_px, mut worst_marked_e) = (0, 0, 0.0_f64);
-    for case in 0..12 {
+    let mut claims = Claims::default();
+    for case in 0..frames {
         let damage = 10_f64.powf(random.random_range(-1.5..0.6));
         let traps: Vec<(f64, f64)> = (0..random.random_range(1..=8))
             .map(|_| (damage * random.random_range(0.2..1.0), 10_f64.powf(random.random_range(-1.0..3.0))))
@@ -569,25 +580,44 @@ fn a_correction_is_as_good_as_it_claims_but_for_pixels_that_it_marks() {
         });
         assert_eq!(told, count > 0, "{report}");
         let claimed_e = done["error_e"].as_f64().unwrap();
+        let mut worst_e = 0.0_f64;
         for ((truth, corrected), marked) in truth.iter().zip(&corrected).zip(&marked) {
-            let error_e = (truth - corrected).abs();
-            all_px += 1;
-            if *marked == 1 {
-                marked_px += 1;
-                worst_marked_e = worst_marked_e.max(error_e);
-            } else {
-                assert!(error_e < 3.0 * claimed_e, "case {case}, {traps:?}: {error_e} e-, claimed {claimed_e} e-");
-            }
+            let worst_e = if *marked == 1 { &mut claims.worst_marked_e } else { &mut worst_e };
+            *worst_e = worst_e.max((truth - corrected).abs());
         }
-        // A claim is worth something: far below what was moved.
+        claims.pixels += truth.len();
+        claims.marked += count;
+        claims.over_claimed.push(worst_e / claimed_e);
         let moved_e = done["residuals"][0]["max_e"].as_f64().unwrap();
-        assert!(claimed_e < 0.05 * moved_e, "case {case}: {claimed_e} of {moved_e}");
+        claims.claimed_over_moved = claims.claimed_over_moved.max(claimed_e / moved_e);
     }
+    claims
+}
+
+/// A correction is as good as it claims (to a factor of 3; see docs/images.md), but for the pixels that it marks.
+#[test]
+fn a_correction_is_as_good_as_it_claims_but_for_pixels_that_it_marks() {
+    let claims = claims(12);
+    assert!(claims.over_claimed.iter().all(|ratio| *ratio < 3.0), "{claims:?}");
+    // A claim is worth something: far below what was moved.
+    assert!(claims.claimed_over_moved < 0.05, "{claims:?}");
     // Pixels are marked where it must be, and not without need.
-    assert!(
-        worst_marked_e > 20.0 && marked_px > 0 && marked_px * 5 < all_px,
-        "{worst_marked_e}, {marked_px} of {all_px}"
+    assert!(claims.worst_marked_e > 20.0 && claims.marked > 0 && claims.marked * 5 < claims.pixels, "{claims:?}");
+}
+
+/// The numbers of docs/images.md.
+#[test]
+#[ignore = "takes minutes; prints what corrections of 680 frames claim"]
+fn expensive_claims_of_680_corrections() {
+    let claims = claims(680);
+    let over = claims.over_claimed.iter().filter(|ratio| **ratio > 1.0).count();
+    let worst = claims.over_claimed.iter().copied().fold(0.0, f64::max);
+    println!(
+        "{over} of 680 frames have a larger error than claimed, up to {worst:.2} times; {} of {} pixels are marked, with \
+         errors up to {:.0} e-",
+        claims.marked, claims.pixels, claims.worst_marked_e
     );
+    assert!(worst < 3.0, "{worst}");
 }
 
 /// A noisy sky of 60 e- with stars, from numbers that are always the same.

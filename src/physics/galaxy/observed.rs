@@ -1,4 +1,4 @@
-//! Sersic galaxies through a PSF → size and ellipticity as a round weight sees them, without an image.
+//! Sersic galaxies through a PSF → flux, size and ellipticity as a round weight sees them, without an image.
 //!
 //! A mixture of Gaussians under a Gaussian weight is a mixture of Gaussians. With V the variances of a component, and W = σ² 1 of
 //! the weight:
@@ -50,8 +50,8 @@ impl Observed {
         Observed { psf: parts.chunks(TOGETHER).map(merged).collect(), galaxies, least: least.ln() }
     }
 
-    /// Size (px) and ellipticity (e1, e2) under a weight of `weight_px` (σ).
-    pub fn shape(&self, sersic_index: f64, half_light_px: f64, ellipticity: [f64; 2], weight_px: f64) -> [f64; 3] {
+    /// Share of the flux, size (px) and ellipticity (e1, e2) under a weight of `weight_px` (σ).
+    pub fn shape(&self, sersic_index: f64, half_light_px: f64, ellipticity: [f64; 2], weight_px: f64) -> [f64; 4] {
         let place = ((sersic_index.ln() - self.least) * PER_LOG).max(0.0);
         let last = self.galaxies.len() - 1;
         let low = (place as usize).min(last);
@@ -62,10 +62,10 @@ impl Observed {
             return shape;
         }
         let next = at(low + 1);
-        [0, 1, 2].map(|member| shape[member] + share * (next[member] - shape[member]))
+        [0, 1, 2, 3].map(|member| shape[member] + share * (next[member] - shape[member]))
     }
 
-    fn of(&self, galaxy: &[(f64, f64)], half_light_px: f64, ellipse: Ellipse, weight_px: f64) -> [f64; 3] {
+    fn of(&self, galaxy: &[(f64, f64)], half_light_px: f64, ellipse: Ellipse, weight_px: f64) -> [f64; 4] {
         let (area, weight_area) = (half_light_px * half_light_px, weight_px * weight_px);
         let [mut flux, mut xx, mut xy, mut yy] = [0.0; 4];
         for (weight, variance) in galaxy {
@@ -85,7 +85,7 @@ impl Observed {
             }
         }
         let trace = xx + yy;
-        [weight_px * (0.5 * trace / flux).sqrt(), (xx - yy) / trace, 2.0 * xy / trace]
+        [flux, weight_px * (0.5 * trace / flux).sqrt(), (xx - yy) / trace, 2.0 * xy / trace]
     }
 }
 
@@ -106,9 +106,10 @@ mod tests {
                 LensedGalaxy { sersic_index, half_light_px, ellipticity, shear: [0.0; 2], psf_shear: [0.0; 2] };
             let image = Profile::lensed(&galaxy, &psf, 1e-6).stamp(27, 0.0, 0.0);
             let moments = Moments::of(&image, 5.4).unwrap();
-            let [size_px, e1, e2] = observed.shape(sersic_index, half_light_px, ellipticity, 5.4);
+            let [share, size_px, e1, e2] = observed.shape(sersic_index, half_light_px, ellipticity, 5.4);
             // A Moffat PSF in seven parts has a size 1.1 % too large under this weight.
             assert!((size_px / moments.size_px - 1.0).abs() < 0.015, "{size_px} {}", moments.size_px);
+            assert!((share / moments.flux_e - 1.0).abs() < 0.015, "{share} {}", moments.flux_e);
             assert!((e1 - moments.e1).abs() < 0.01 && (e2 - moments.e2).abs() < 0.01, "{e1} {e2} {moments:?}");
         }
     }

@@ -1,17 +1,17 @@
 //! Changes of shape as polynomials of what a catalogue says of a galaxy.
 //!
-//! **Coordinates.** The logarithms of flux and Sersic index, and the size and the ellipticity (e1, e2) under the weight and through
-//! the PSF, as [`Observed`] has them: galaxies that look alike are close to each other, whatever they are before the PSF. All are
-//! scaled to −1 to 1.
+//! **Coordinates.** The logarithms of flux, Sersic index and size, and the ellipticity (e1, e2), all but the index under the weight and
+//! through the PSF, as [`Observed`] has them: galaxies that look alike are close to each other, whatever they are before the PSF. All
+//! are scaled to −1 to 1.
 //!
 //! **Transfers.** Beyond the stamp's half-width every pixel is passed by all of the stamp's packets, and a change is very nearly a
 //! parabola in the number of transfers. So the polynomials are fitted at three numbers of transfers and Lagrange's parabola is put
 //! through them. Closer to the register, where rows make few transfers or none, they are fitted at more numbers, and the
 //! interpolation is in the logarithm.
 //!
-//! **Fit.** Weighted least squares, with weights 1/(|Δe| + a share of its root mean square), so that small changes are met too.
-//! Galaxies are taken from all parts of the catalogue. More of them are taken, and higher degrees, until the error is as small as
-//! asked for. In a detector that reads mirror images as mirror images, Δe2 and Δx are odd in e2 and the others even.
+//! **Fit.** Least squares. Powers of flux and index cost one and a half times as much as the others: changes are smoother in them.
+//! Coefficients of high degrees are held down, so that there may be a term for each two or three galaxies. Galaxies are taken from all
+//! parts of the catalogue. More of them are taken, and higher degrees, until the error is as small as asked for. In a detector that reads mirror images as mirror images, Δe2 and Δx are odd in e2 and the others even.
 //!
 //! **Error.** Galaxies that were not fitted, chosen at random among all rows, are read out at their own place.
 
@@ -32,17 +32,17 @@ use crate::physics::shape::ShapeChange;
 /// Coordinates of a galaxy.
 const COORDINATES: usize = 5;
 
-/// Galaxies that are fitted, step by step, and the total degree of their polynomials: at least two galaxies for each term.
-const STEPS: [(usize, usize); 5] = [(400, 5), (900, 6), (1800, 7), (3600, 8), (7200, 9)];
+/// Costs of powers of the coordinates, in halves of a degree.
+const COSTS: [usize; COORDINATES] = [3, 3, 2, 2, 2];
+
+/// Galaxies that are fitted, step by step, and the degree of their polynomials in halves.
+const STEPS: [(usize, usize); 5] = [(400, 13), (900, 17), (1800, 19), (3600, 21), (7200, 21)];
 
 /// Share of the galaxies that may be fitted: else it would be no faster than to read all of them out.
 const SHARE: usize = 4;
 
 /// Galaxies that are compared.
 const HELD_OUT: usize = 400;
-
-/// Share of the root mean square change below which galaxies are fitted to the same error.
-const FLOOR: f64 = 0.05;
 
 /// How far beyond the fitted galaxies a polynomial is used, in units of half their range.
 const BEYOND: f64 = 1.02;
@@ -117,7 +117,7 @@ pub(super) struct Fit {
     pub emulator: Emulator,
     /// Galaxies that were fitted, and the degree.
     pub fitted: usize,
-    pub degree: usize,
+    pub degree: f64,
     pub held_out: HeldOut,
     /// Whether the error is as small as asked for.
     pub is_used: bool,
@@ -158,7 +158,8 @@ impl Emulator {
             let Some(emulator) = Emulator::fitted(survey, &place, &distances, &known, degree) else { continue };
             let held_out = emulator.compared(survey, &read_out);
             if best.as_ref().is_none_or(|best| held_out.worst() < best.held_out.worst()) {
-                let (fitted, is_used) = (known.rows.len(), held_out.worst() <= accuracy);
+                let (fitted, degree) = (known.rows.len(), degree as f64 / 2.0);
+                let is_used = held_out.worst() <= accuracy;
                 best = Some(Fit { emulator, fitted, degree, held_out, is_used, read_out: Vec::new() });
             }
             if held_out.worst() <= accuracy {
@@ -182,17 +183,13 @@ impl Emulator {
         let place = place.around(&rows);
         let points = place.of_rows(&rows);
         let nodes = distances.nodes.len();
-        let largest: Vec<f64> =
-            changes.iter().map(|changes| changes.iter().map(ShapeChange::magnitude).fold(0.0, f64::max)).collect();
-        let floor = FLOOR * rms(largest.iter().copied());
-        let weights: Vec<f64> = largest.iter().map(|largest| 1.0 / (largest + floor)).collect();
         let symmetric = survey.devices.values().all(|device| device.is_mirror_symmetric());
         let of = |parity: Parity, from: usize, quantities: usize| {
-            let terms = Terms::of(COORDINATES, degree, if symmetric { parity } else { Parity::Any });
+            let terms = Terms::of(&COSTS, degree, if symmetric { parity } else { Parity::Any });
             let values = Array2::from_shape_fn((nodes * quantities, rows.len()), |(function, row)| {
                 numbers(&changes[row][function / quantities])[from + function % quantities]
             });
-            let coefficients = fitted(&terms.values(&points), &values, &weights)?;
+            let coefficients = fitted(&terms, &terms.values(&points), &values)?;
             Some((terms, coefficients))
         };
         let even = of(Parity::Even, 0, EVEN)?;
@@ -330,8 +327,8 @@ impl Coordinates {
 
 fn unscaled(observed: &Observed, galaxy: &SurveyGalaxy) -> [f64; COORDINATES] {
     let SurveyGalaxy { flux_e, sersic_index, half_light_px, ellipticity, weight_px, .. } = *galaxy;
-    let [size_px, e1, e2] = observed.shape(sersic_index, half_light_px, ellipticity, weight_px);
-    [flux_e.ln(), sersic_index.ln(), size_px, e1, e2]
+    let [share, size_px, e1, e2] = observed.shape(sersic_index, half_light_px, ellipticity, weight_px);
+    [(share * flux_e).ln(), sersic_index.ln(), size_px.ln(), e1, e2]
 }
 
 /// Numbers of transfers at which polynomials are fitted.

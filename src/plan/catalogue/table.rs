@@ -1,6 +1,6 @@
 //! The changes of a catalogue as columns of its table.
 
-use super::Catalogue;
+use super::{Catalogue, Epochs};
 use crate::error::InputError;
 use crate::io::table::{Cell, Column, Datatype, Meta, Table};
 use crate::physics::shape::ShapeChange;
@@ -18,8 +18,48 @@ const COLUMNS: [(&str, Option<&str>, &str, Quantity); 6] = [
     ("delta_flux", None, "change of the weighted flux over the weighted flux", |change| change.delta_flux),
 ];
 
+/// Column of the time, where there are several.
+const TIME: &str = "t_yr";
+
 /// Column that says how a change was computed.
 const COMPUTED: &str = "computed";
+
+impl Epochs {
+    /// The table of galaxies with the changes of all epochs: as [`Catalogue::with_changes`] of one; of several, all galaxies at the first
+    /// time, then all at the second, and so on, with the time in column `t_yr`.
+    ///
+    /// # Errors
+    /// Where the table has a column of such a name already.
+    pub fn with_changes(&self, table: &Table) -> Result<Table, InputError> {
+        let [first, others @ ..] = &self.0[..] else { return Ok(table.clone()) };
+        let mut all = first.with_changes(table.clone())?;
+        if others.is_empty() {
+            return Ok(all);
+        }
+        if let Some(column) = all.column(TIME) {
+            let problem = "the table has this column already, which tells the epochs of the result";
+            return Err(table.fault(None, Some(&column.name), problem).with_help("rename it, or run one epoch"));
+        }
+        for catalogue in others {
+            let more = catalogue.with_changes(table.clone())?;
+            for (column, more) in all.columns.iter_mut().zip(more.columns) {
+                column.cells.extend(more.cells);
+            }
+        }
+        let times = self.0.iter().flat_map(|one| std::iter::repeat_n(Cell::Number(one.t_yr), one.galaxies));
+        all.columns.push(Column {
+            name: TIME.into(),
+            unit: Some("yr".into()),
+            datatype: Datatype::Float(64),
+            description: Some("time since launch".into()),
+            cells: times.collect(),
+            ..Column::default()
+        });
+        all.meta.retain(|meta| meta.name != TIME);
+        all.lines.clear();
+        Ok(all)
+    }
+}
 
 impl Catalogue {
     /// The table of galaxies with the columns `delta_e1`, `delta_e2`, `delta_x_px`, `delta_y_px`, `delta_size`, `delta_flux` (missing
