@@ -8,6 +8,7 @@ use crate::model::realise::{NoisyChange, realise};
 use crate::plan::date_distribution::{Confidence, DateDistribution, date_distribution};
 use crate::plan::evaluate::{Evaluation, evaluate};
 use crate::plan::mission_sample::MissionSample;
+pub use crate::plan::progress::Progress;
 use crate::plan::time_series::TimeSeries;
 
 /// What is asked.
@@ -43,24 +44,14 @@ pub struct Assessment {
     pub time_series: Option<TimeSeries>,
 }
 
-/// How far it is, for long answers.
-pub struct Progress<'a> {
-    /// Called at the start of a stage, with what is counted (`galaxies`, `draws`) and their number.
-    pub stage: &'a (dyn Fn(&str, u64) + Sync),
-    /// Called after each.
-    pub advance: &'a (dyn Fn() + Sync),
-}
-
 /// Asks it of a mission.
 ///
 /// # Errors
 /// Where a galaxy has no measurable shape, an effect has no value, a posterior is of other keys, or the confidence cannot be judged by
 /// so many draws.
 pub fn assess(mission: &Mission, options: &Options, progress: &Progress) -> Result<Assessment, InputError> {
-    if let Some(probability) = options.confidence
-        && mission.requirement.limits_a_galaxy()
-    {
-        Confidence { probability, samples: options.samples }.check(mission)?;
+    if let Some(probability) = options.confidence {
+        Confidence { probability, samples: options.samples }.check()?;
     }
     let seed = options.seed.unwrap_or(mission.accuracy.seed);
     let realisations = Realisations { count: mission.accuracy.noise_realisations, seed };
@@ -70,8 +61,8 @@ pub fn assess(mission: &Mission, options: &Options, progress: &Progress) -> Resu
     let distribution = match options.samples {
         0 => None,
         samples => {
-            (progress.stage)("draws", samples.into());
-            Some(date_distribution(mission, options.posterior.as_ref(), samples, seed, || (progress.advance)())?)
+            let (posterior, biases) = (options.posterior.as_ref(), evaluation.population.as_ref());
+            Some(date_distribution(mission, posterior, biases, samples, seed, progress)?)
         }
     };
     let noisy = noisy.unwrap_or_default();

@@ -4,9 +4,9 @@ use chrono::NaiveDate;
 use serde::Serialize;
 
 use crate::numeric::calendar::date_after;
-use crate::plan::date_distribution::{DateDistribution, Dates};
+use crate::plan::date_distribution::{DateDistribution, Dates, LimitDates};
 use crate::plan::evaluate::Evaluation;
-use crate::plan::population::{BiasVerdict, ByTraps};
+use crate::plan::population::BiasVerdict;
 use crate::plan::requirement::Crossing;
 
 /// A requirement, and whether it is met to the end of the mission.
@@ -70,7 +70,7 @@ pub fn lines(evaluation: &Evaluation, dates: Option<&DateDistribution>, confiden
             met: probability.zip(confidence).map_or(expected, |(met, asked)| met.0 >= asked),
         }
     };
-    let of_dates = |dates: &Dates| (1.0 - dates.probability_exceeded, dates.probability_error);
+    let of_dates = |dates: &Dates| (dates.probability_met(), dates.probability_error);
     let mut lines = Vec::new();
     if requirement.limits_a_galaxy() {
         let shape = format!("|delta e| of \"{}\"", requirement.galaxy);
@@ -82,18 +82,16 @@ pub fn lines(evaluation: &Evaluation, dates: Option<&DateDistribution>, confiden
             lines.push(line(&shape, &noise.verdict.corrected.crossing, true, true, None));
         }
     }
-    let mut bias = |name: &str, member: usize, verdict: &Option<BiasVerdict>, by_traps: Option<ByTraps>| {
+    let mut bias = |name: &str, verdict: &Option<BiasVerdict>, dates: Option<&LimitDates>| {
         let Some(verdict) = verdict else { return };
         for (crossing, corrected) in [(&verdict.uncorrected, false), (&verdict.corrected, true)] {
-            let met = dates.zip(by_traps).map(|(found, by_traps)| {
-                found.probability_of_traps(|factor| by_traps.largest(factor)[member] <= crossing.limit)
-            });
+            let met = dates.map(|dates| of_dates(if corrected { &dates.corrected } else { &dates.uncorrected }));
             lines.push(Line { of_population: true, ..line(name, crossing, corrected, false, met) });
         }
     };
     if let Some(population) = &evaluation.population {
-        bias("|c| of the population", 0, &population.c, population.by_traps);
-        bias("|m| of the population", 1, &population.m, population.by_traps);
+        bias("|c| of the population", &population.c, dates.and_then(|found| found.c.as_ref()));
+        bias("|m| of the population", &population.m, dates.and_then(|found| found.m.as_ref()));
     }
     lines
 }

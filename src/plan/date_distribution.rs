@@ -4,8 +4,10 @@ use chrono::NaiveDate;
 use serde::Serialize;
 
 use super::draws::shares::Explained;
-use super::draws::{Draws, Emulated, Fates};
+use super::draws::{Draws, Emulated, Fate, Fates};
 use super::mission_sample::MissionSample;
+use super::population::PopulationBias;
+use super::progress::Progress;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::numeric::calendar::date_after;
@@ -29,6 +31,16 @@ pub struct DateDistribution {
     pub uncorrected: Dates,
     /// With it.
     pub corrected: Dates,
+    /// Of the limit on the additive shear bias, and of that on the multiplicative one, by the number of traps alone; None where there is
+    /// no such limit, or biases do not follow from that number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub c: Option<LimitDates>,
+    /// See `c`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub m: Option<LimitDates>,
+    /// Of the first of all limits, where biases are limited and told.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first: Option<LimitDates>,
     /// What each input contributes to the variance of ln |Δe| at the end of the mission, the largest first; empty where it
     /// does not vary.
     pub shares: Vec<Share>,
@@ -38,9 +50,15 @@ pub struct DateDistribution {
     pub emulated: Option<Emulated>,
     /// Keys that were drawn from a posterior.
     pub posterior_keys: Vec<String>,
-    /// Largest number of traps of each draw, over that of the mission as it is expected, at its end.
-    #[serde(skip)]
-    pub traps_factors: Vec<f64>,
+}
+
+/// When a limit is exceeded, without and with software correction.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LimitDates {
+    /// Without software correction.
+    pub uncorrected: Dates,
+    /// With it.
+    pub corrected: Dates,
 }
 
 /// Share of a variance.
@@ -81,46 +99,59 @@ pub struct DateQuantile {
     pub date: Option<NaiveDate>,
 }
 
-/// Draws a mission so many times: its Sun, its `[uncertainty]`, and a posterior where one is given. `progress` is called once for
-/// each draw that is done.
+/// Draws a mission so many times: its Sun, its `[uncertainty]`, and a posterior where one is given. `biases`: those of its population
+/// as it is expected, where they are limited.
 ///
 /// # Errors
 /// Where a draw makes no sense to the mission or leaves its galaxy without a shape; names the row of the posterior.
 pub fn date_distribution(
     mission: &Mission,
     posterior: Option<&MissionSample>,
+    biases: Option<&PopulationBias>,
     samples: u32,
     seed: u64,
-    progress: impl Fn() + Sync,
+    progress: &Progress,
 ) -> Result<DateDistribution, InputError> {
-    let draws = Draws::of(mission, posterior, samples, seed)?;
+    let mut draws = Draws::of(mission, posterior, samples, seed)?;
+    let limits = biases.and_then(|biases| Some((biases, biases.trap_limits()?)));
+    if let Some((_, limits)) = &limits {
+        draws = draws.with_limits_on_traps(limits)?;
+    }
     let found = draws.fates(progress)?;
     let count = found.fates.len();
-    let expected_per_px = draws.expected_traps_per_px()?;
     // What a posterior is worth limits what all of it is worth; so does its number of draws.
     let worth = posterior.map(|sample| sample.effective_samples.unwrap_or(f64::INFINITY).min(sample.len() as f64));
     let effective = worth.unwrap_or(f64::INFINITY).clamp(1.0, count as f64);
-    let dates = |limit: usize| {
-        let times_yr = found.fates.iter().map(|fate| fate.exceeded_yr[limit].unwrap_or(f64::INFINITY)).collect();
+    let dates = |exceeded_yr: &dyn Fn(&Fate) -> Option<f64>| {
+        let times_yr = found.fates.iter().map(|fate| exceeded_yr(fate).unwrap_or(f64::INFINITY)).collect();
         Dates::of(times_yr, effective, mission.mission.launch.0, seed)
     };
+    let both = |exceeded_yr: &dyn Fn(&Fate, usize) -> Option<f64>| LimitDates {
+        uncorrected: dates(&|fate| exceeded_yr(fate, 0)),
+        corrected: dates(&|fate| exceeded_yr(fate, 1)),
+    };
+    let limits_a_galaxy = mission.requirement.limits_a_galaxy();
+    let first = |fate: &Fate, limit: usize| {
+        let of_galaxy = fate.exceeded_yr[limit].filter(|_| limits_a_galaxy);
+        let of_biases = fate.biases_exceeded_yr.iter().filter_map(|bias| bias[limit]);
+        of_biases.chain(of_galaxy).min_by(f64::total_cmp)
+    };
+    let bias = |member: usize| both(&|fate, limit| fate.biases_exceeded_yr[member][limit]);
+    let limited = limits.map(|(biases, _)| [biases.c.is_some(), biases.m.is_some()]).unwrap_or_default();
     Ok(DateDistribution {
         samples: count,
         asked: samples,
         effective_samples: effective,
         seed,
-        uncorrected: dates(0),
-        corrected: dates(1),
+        uncorrected: dates(&|fate| fate.exceeded_yr[0]),
+        corrected: dates(&|fate| fate.exceeded_yr[1]),
+        c: limited[0].then(|| bias(0)),
+        m: limited[1].then(|| bias(1)),
+        first: limited.contains(&true).then(|| both(&first)),
         shares: shares(&found, seed),
         sun_not_drawn: draws.sun_not_drawn().map(String::from),
         emulated: found.emulated,
         posterior_keys: posterior.map_or(Vec::new(), |sample| sample.keys.clone()),
-        // Without traps there are none in any draw.
-        traps_factors: found
-            .fates
-            .iter()
-            .map(|fate| fate.traps_per_px / expected_per_px.max(f64::MIN_POSITIVE))
-            .collect(),
     })
 }
 
@@ -163,11 +194,11 @@ pub struct Confidence {
 }
 
 impl Confidence {
-    /// Whether that can be told of a mission.
+    /// Whether that can be told of so many draws.
     ///
     /// # Errors
-    /// Where too few draws are asked for, or no galaxy is judged.
-    pub fn check(self, mission: &Mission) -> Result<(), InputError> {
+    /// Where they are too few.
+    pub fn check(self) -> Result<(), InputError> {
         let percent = 100.0 * self.probability;
         let needed = (LEAST_BEYOND / (1.0 - self.probability).min(self.probability)).ceil();
         if f64::from(self.samples) < needed {
@@ -176,40 +207,47 @@ impl Confidence {
                 InputError::new("cannot tell probabilities", problem).with_help(format!("--samples {needed} or more"))
             );
         }
-        if !mission.requirement.limits_a_galaxy() {
-            let problem = "requirement.delta_e is missing, and this ranks by it: requirement.c and m are judged by `ctiplan evaluate`";
-            return Err(InputError::new(format!("cannot rank mission \"{}\"", mission.mission.name), problem)
-                .with_help("add requirement.delta_e, or leave out --confidence"));
-        }
         Ok(())
     }
 
     /// The date of a mission as a distribution, with the mission's own seed: missions that are compared have the same draws.
+    /// `biases`: those of its population, where they are limited.
     ///
     /// # Errors
-    /// As [`date_distribution`].
-    pub fn of(self, mission: &Mission) -> Result<DateDistribution, InputError> {
-        self.check(mission)?;
-        date_distribution(mission, None, self.samples, mission.accuracy.seed, || {})
+    /// As [`date_distribution`], and where biases are limited that cannot be told of draws.
+    pub fn of(self, mission: &Mission, biases: Option<&PopulationBias>) -> Result<DateDistribution, InputError> {
+        self.check()?;
+        if biases.is_some_and(|biases| biases.by_traps.is_none()) {
+            let problem = "its traps change by more than their number, and the shear biases of draws are known against that number alone";
+            let refused =
+                format!("cannot tell probabilities of requirement.c and m of mission \"{}\"", mission.mission.name);
+            return Err(InputError::new(refused, problem).with_help("leave out --confidence, or requirement.c and m"));
+        }
+        date_distribution(mission, None, biases, self.samples, mission.accuracy.seed, &Progress::NONE)
     }
 }
 
 impl DateDistribution {
-    /// Probability that a number of traps over that expected satisfies a condition, and its standard error from the finite number
-    /// of draws.
-    pub fn probability_of_traps(&self, condition: impl Fn(f64) -> bool) -> (f64, f64) {
-        let count = self.traps_factors.iter().filter(|factor| condition(**factor)).count();
-        let share = count as f64 / self.traps_factors.len() as f64;
-        (share, share_error(share, self.effective_samples))
+    /// When the requirement is broken, without and with correction: the first of all limits.
+    pub fn requirement(&self) -> [&Dates; 2] {
+        match &self.first {
+            Some(first) => [&first.uncorrected, &first.corrected],
+            None => [&self.uncorrected, &self.corrected],
+        }
     }
 
-    /// Probability that the corrected budget is met to the end of the mission.
+    /// Probability that the corrected budgets are met to the end of the mission.
     pub fn probability_met(&self) -> f64 {
-        1.0 - self.corrected.probability_exceeded
+        self.requirement()[1].probability_met()
     }
 }
 
 impl Dates {
+    /// Probability that the limit is met to the end of the mission.
+    pub fn probability_met(&self) -> f64 {
+        1.0 - self.probability_exceeded
+    }
+
     /// How long (years since launch) the limit is kept with a probability; None where to the end of the mission.
     pub fn kept_yr(&self, probability: f64) -> Option<f64> {
         Some(quantile(&self.times_yr, 1.0 - probability)).filter(|t_yr| t_yr.is_finite())

@@ -33,6 +33,8 @@ use crate::physics::shape::ShapeChange;
 use crate::physics::solar_event_dose::SOLAR_PROTONS;
 use crate::plan::evaluate::unmeasurable;
 use crate::plan::mission_sample::MissionSample;
+use crate::plan::population::TrapLimits;
+use crate::plan::progress::Progress;
 
 pub use course::Fate;
 use emulator::{Emulator, Place};
@@ -66,6 +68,8 @@ pub struct Draws<'a> {
     points: Sample,
     /// Courses of the Sun, or why there are none.
     suns: Result<Suns, InputError>,
+    /// Traps of all species (1/px) with which shear biases of the population exceed their limits.
+    traps_per_px: TrapLimits,
     /// Number of draws.
     pub samples: u32,
 }
@@ -140,8 +144,20 @@ impl<'a> Draws<'a> {
             points: Sample::new(Sampling::Sobol, seed, u64::from(samples), inputs.len()),
             inputs,
             suns,
+            traps_per_px: TrapLimits { c: [f64::INFINITY; 2], m: [f64::INFINITY; 2] },
             samples,
         })
+    }
+
+    /// The same with limits on shear biases, as numbers of traps over that of the mission as it is expected, at its end.
+    ///
+    /// # Errors
+    /// Where a formula has no value.
+    pub fn with_limits_on_traps(self, over_expected: &TrapLimits) -> Result<Draws<'a>, InputError> {
+        let traps = self.model.traps(self.model.mission.mission.duration_yr)?;
+        let expected_per_px: f64 = traps.iter().map(|species| species.density_per_px).sum();
+        let per_px = |limits: [f64; 2]| limits.map(|factor| factor * expected_per_px);
+        Ok(Draws { traps_per_px: TrapLimits { c: per_px(over_expected.c), m: per_px(over_expected.m) }, ..self })
     }
 
     /// Why the Sun is not among what is drawn; None where it is.
@@ -149,18 +165,17 @@ impl<'a> Draws<'a> {
         self.suns.as_ref().err().map(|why| why.problem.as_str())
     }
 
-    /// What becomes of each draw, or of [`MOST_DIRECT`] of them where shapes cannot be emulated. `advance` is called once for
-    /// each.
+    /// What becomes of each draw, or of [`MOST_DIRECT`] of them where shapes cannot be emulated.
     ///
     /// # Errors
     /// Where a draw makes no sense to the mission, or a formula has no value for it; the first draw of which that is true.
-    pub fn fates(&self, advance: impl Fn() + Sync) -> Result<Fates, InputError> {
-        match self.emulator()? {
+    pub fn fates(&self, progress: &Progress) -> Result<Fates, InputError> {
+        match self.emulator(progress)? {
             Some((emulator, emulated)) => {
                 let all: Vec<u32> = (0..self.samples).collect();
-                Ok(Fates { emulated: Some(emulated), ..self.followed(&all, Some(&emulator), advance)? })
+                Ok(Fates { emulated: Some(emulated), ..self.followed(&all, Some(&emulator), progress)? })
             }
-            None => self.read_out(MOST_DIRECT, advance),
+            None => self.read_out(MOST_DIRECT, progress),
         }
     }
 
@@ -168,20 +183,16 @@ impl<'a> Draws<'a> {
     ///
     /// # Errors
     /// As [`Draws::fates`].
-    pub fn read_out(&self, count: u32, advance: impl Fn() + Sync) -> Result<Fates, InputError> {
-        self.followed(&evenly(self.samples, count as usize), None, advance)
+    pub fn read_out(&self, count: u32, progress: &Progress) -> Result<Fates, InputError> {
+        self.followed(&evenly(self.samples, count as usize), None, progress)
     }
 
-    fn followed(
-        &self,
-        chosen: &[u32],
-        emulator: Option<&Emulator>,
-        advance: impl Fn() + Sync,
-    ) -> Result<Fates, InputError> {
+    fn followed(&self, chosen: &[u32], emulator: Option<&Emulator>, progress: &Progress) -> Result<Fates, InputError> {
+        (progress.stage)("draws", chosen.len() as u64);
         let found = parallel::try_map(chosen, |index| {
             let draw = self.draw(*index)?;
-            let fate = Fate::of(&draw.model, |times| self.changes(&draw, times, emulator));
-            advance();
+            let fate = Fate::of(&draw.model, &self.traps_per_px, |times| self.changes(&draw, times, emulator));
+            (progress.advance)();
             Ok((fate.map_err(|error| self.fault(*index, error))?, draw.deviations))
         })?;
         let (fates, deviations) = found.into_iter().unzip();
@@ -191,15 +202,6 @@ impl<'a> Draws<'a> {
             found.add_sun();
         }
         Ok(found)
-    }
-
-    /// Traps of all species of the mission as it is expected, at its end, 1/px.
-    ///
-    /// # Errors
-    /// Where a formula has no value.
-    pub fn expected_traps_per_px(&self) -> Result<f64, InputError> {
-        let traps = self.model.traps(self.model.mission.mission.duration_yr)?;
-        Ok(traps.iter().map(|species| species.density_per_px).sum())
     }
 
     /// A draw, by its number.
@@ -251,15 +253,15 @@ impl<'a> Draws<'a> {
     }
 
     /// An emulator of the changes of shape of draws, if a good one is found: a general one where there are effects.
-    fn emulator(&self) -> Result<Option<(Emulator, Emulated)>, InputError> {
-        let found = self.emulator_that_is(false)?;
+    fn emulator(&self, progress: &Progress) -> Result<Option<(Emulator, Emulated)>, InputError> {
+        let found = self.emulator_that_is(false, progress)?;
         match found {
-            None if !self.model.mission.effects.is_empty() => self.emulator_that_is(true),
+            None if !self.model.mission.effects.is_empty() => self.emulator_that_is(true, progress),
             found => Ok(found),
         }
     }
 
-    fn emulator_that_is(&self, general: bool) -> Result<Option<(Emulator, Emulated)>, InputError> {
+    fn emulator_that_is(&self, general: bool, progress: &Progress) -> Result<Option<(Emulator, Emulated)>, InputError> {
         let looked_at = evenly(self.samples, MOST_TERMS);
         let of = |(place, index): (usize, &u32)| Ok(self.place(place, *index, general)?.0);
         let places: Vec<Place> = parallel::try_map(looked_at.iter().enumerate(), of)?;
@@ -270,7 +272,12 @@ impl<'a> Draws<'a> {
             return Ok(None);
         }
         let numbers: Vec<u32> = (0..readouts as u32).map(|number| number % self.samples).collect();
-        let example = |(place, index): (usize, &u32)| self.example(place, *index, general);
+        (progress.stage)("readouts", numbers.len() as u64);
+        let example = |(place, index): (usize, &u32)| {
+            let example = self.example(place, *index, general);
+            (progress.advance)();
+            example
+        };
         let known: Option<Vec<Example>> = parallel::try_map(numbers.iter().enumerate(), example)?.into_iter().collect();
         let Some(known) = known else { return Ok(None) };
         // Every few, so that both kinds are spread over the draws alike.

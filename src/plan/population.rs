@@ -77,23 +77,28 @@ pub struct ByTraps {
     at_end: ShearBias,
 }
 
-/// Numbers of traps at which the largest bias on the way is looked for.
-const ON_THE_WAY: u32 = 16;
-
 impl ByTraps {
-    /// Largest |c| and |m| while the number of traps grows up to so many times that at the end.
-    pub fn largest(&self, factor: f64) -> [f64; 2] {
-        let at = |step: u32| {
-            let [end, half] = parabola(factor * f64::from(step) / f64::from(ON_THE_WAY), self.half);
-            let combined = |of: fn(&ShearBias) -> [Estimated; 2]| {
-                let members =
-                    [0, 1].map(|member| end * of(&self.at_end)[member].value + half * of(&self.at_half)[member].value);
-                members[0].abs().max(members[1].abs())
-            };
-            [combined(|bias| bias.c), combined(|bias| bias.m)]
-        };
-        (1..=ON_THE_WAY).map(at).fold([0.0, 0.0], |most, found| [most[0].max(found[0]), most[1].max(found[1])])
+    /// Least number of traps, over that at the end, with which a member of a bias reaches a limit; infinite where none does.
+    ///
+    /// ```text
+    /// bias = α f² + β f        α f² + β f = ± limit
+    /// ```
+    fn reached(&self, of: fn(&ShearBias) -> [Estimated; 2], limit: f64) -> f64 {
+        let apart = self.half * (1.0 - self.half);
+        let factors = [0, 1].into_iter().flat_map(|member| {
+            let (end, half) = (of(&self.at_end)[member].value, of(&self.at_half)[member].value);
+            let alpha = (self.half * end - half) / apart;
+            let beta = (half - self.half * self.half * end) / apart;
+            [limit, -limit].into_iter().flat_map(move |value| roots(alpha, beta, value))
+        });
+        factors.filter(|factor| *factor > 0.0).fold(f64::INFINITY, f64::min)
     }
+}
+
+/// Real roots of α f² + β f = `value`, without a difference of nearly equal numbers; infinite or no number where there is but one.
+fn roots(alpha: f64, beta: f64, value: f64) -> [f64; 2] {
+    let q = -0.5 * (beta + (beta * beta + 4.0 * alpha * value).sqrt().copysign(beta));
+    [q / alpha, -value / q]
 }
 
 /// Weights of the values at 1 and at `half` in the parabola through 0, at a factor.
@@ -120,7 +125,29 @@ struct Weighted {
     response: ShearResponse,
 }
 
+/// Numbers of traps, over that at the end of the mission, with which c and m exceed their limits, without and with correction;
+/// infinite where they do not.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrapLimits {
+    /// Of the additive bias.
+    pub c: [f64; 2],
+    /// Of the multiplicative bias.
+    pub m: [f64; 2],
+}
+
 impl PopulationBias {
+    /// Numbers of traps that exceed the limits; None where biases do not follow from that number alone.
+    pub fn trap_limits(&self) -> Option<TrapLimits> {
+        let by_traps = self.by_traps?;
+        let of = |verdict: &Option<BiasVerdict>, bias: fn(&ShearBias) -> [Estimated; 2]| match verdict {
+            None => [f64::INFINITY; 2],
+            Some(verdict) => {
+                [&verdict.uncorrected, &verdict.corrected].map(|limit| by_traps.reached(bias, limit.limit))
+            }
+        };
+        Some(TrapLimits { c: of(&self.c, |bias| bias.c), m: of(&self.m, |bias| bias.m) })
+    }
+
     /// Shear biases of a model's population. None where the mission has none.
     ///
     /// # Errors

@@ -19,8 +19,9 @@ use crate::error::InputError;
 use crate::mission::Mission;
 use crate::numeric::parallel;
 use crate::physics::SpeciesState;
-use crate::plan::date_distribution::{Confidence, DateDistribution};
+use crate::plan::date_distribution::Confidence;
 use crate::plan::evaluate::{BudgetVerdict, evaluate};
+use crate::plan::judgement::Judgement;
 use crate::warning::{self, Warning};
 
 /// A mission that is to be compared.
@@ -49,12 +50,14 @@ pub struct Scenario {
     pub active_yr: f64,
     /// |Δe| of the judged galaxy at the end of the mission; None where no shape is left.
     pub delta_e: Option<f64>,
-    /// When the budget is exceeded.
+    /// When |Δe| exceeds its budget.
     pub verdict: BudgetVerdict,
+    /// All budgets together, as a distribution too where a confidence is asked for.
+    pub judgement: Judgement,
+    /// Probability with which budgets are to be kept, where one is asked for.
+    pub confidence: Option<f64>,
     /// Traps at the end of the mission.
     pub traps: Vec<SpeciesState>,
-    /// The date as a distribution, where a confidence is asked for.
-    pub distribution: Option<DateDistribution>,
     /// Things seen that are not errors.
     pub warnings: Vec<Warning>,
 }
@@ -131,8 +134,8 @@ pub fn compare(
     let ranking = Ranking::of(&merits);
     let (best, worst) = (&scenarios[ranking.best[0]], &scenarios[ranking.worst[0]]);
     let exceeded_yr = match ranking.by {
-        Some(Criterion::Uncorrected) => worst.verdict.uncorrected.t_yr,
-        Some(Criterion::Corrected) => worst.verdict.corrected.t_yr,
+        Some(Criterion::Uncorrected) => worst.judgement.kept_yr(None)[0],
+        Some(Criterion::Corrected) => worst.judgement.kept_yr(None)[1],
         _ => None,
     };
     let at = |scenario: &Scenario| {
@@ -200,6 +203,7 @@ fn scenario(
     let judged = Mission { galaxies: vec![mission.judged_galaxy().clone()], ..mission.clone() };
     let evaluation = evaluate(&judged)?;
     let end = evaluation.end();
+    let of_galaxy = [&evaluation.verdict.uncorrected, &evaluation.verdict.corrected].map(Clone::clone);
     Ok(Scenario {
         name: name.into(),
         file: candidate.file.clone(),
@@ -209,7 +213,8 @@ fn scenario(
         delta_e: end.galaxies[0].map(|change| change.magnitude()),
         traps: end.traps.clone(),
         verdict: evaluation.verdict,
-        distribution: confidence.map(|confidence| confidence.of(&judged)).transpose()?,
+        judgement: Judgement::of(&evaluation.model, of_galaxy, confidence)?,
+        confidence: confidence.map(|asked| asked.probability),
         warnings: evaluation.warnings,
         mission,
     })
@@ -218,17 +223,7 @@ fn scenario(
 impl Scenario {
     /// What it is ranked by: how long it keeps its budgets, as expected or with a probability.
     fn merit(&self, confidence: Option<f64>) -> Merit {
-        let [uncorrected_yr, corrected_yr] = self.kept_yr(confidence);
-        Merit { uncorrected_yr, corrected_yr, delta_e: self.delta_e }
-    }
-
-    /// How long (years since launch) the uncorrected and the corrected budget are kept, as expected or with a probability; None
-    /// where to the end of the mission.
-    pub fn kept_yr(&self, confidence: Option<f64>) -> [Option<f64>; 2] {
-        match (&self.distribution, confidence) {
-            (Some(found), Some(p)) => [found.uncorrected.kept_yr(p), found.corrected.kept_yr(p)],
-            _ => [self.verdict.uncorrected.t_yr, self.verdict.corrected.t_yr],
-        }
+        Merit::of(&self.judgement, confidence, self.delta_e)
     }
 
     /// How its dose is spread over the years: "constant" or "solar-cycle".

@@ -10,8 +10,7 @@ use super::{Page, Parts, Report, keep_words, or_dash, table};
 use crate::mission::Mission;
 use crate::numeric::calendar::{DAYS_PER_YEAR, date_after};
 use crate::numeric::estimate::Estimate;
-use crate::plan::evaluate::BudgetVerdict;
-use crate::plan::requirement::Crossing;
+use crate::plan::judgement::{Budget, Limited};
 use crate::plan::scenario::{Comparison, Criterion, Ranking, Scenario};
 use crate::plan::sources::{self, Source};
 use crate::report::plot::Figure;
@@ -41,6 +40,13 @@ impl Report for Comparison {
         if self.confidence.is_some() {
             header.extend(["kept_t_yr", "corrected_kept_t_yr", "probability_met"].map(str::to_string));
         }
+        let together = self.limits_biases();
+        if together {
+            header.extend(
+                ["exceeded_first_t_yr", "exceeded_by", "corrected_first_t_yr", "corrected_by"].map(str::to_string),
+            );
+            header.extend(BUDGETS.into_iter().flat_map(Limited::keys));
+        }
         let mut rows = vec![header];
         for scenario in &self.scenarios {
             let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
@@ -54,9 +60,21 @@ impl Report for Comparison {
                 );
             }
             row.extend([scenario.dose_model().to_string(), scenario.file.clone()]);
-            if let Some(found) = &scenario.distribution {
-                row.extend(scenario.kept_yr(self.confidence).map(number));
+            let judgement = &scenario.judgement;
+            if let Some(found) = &judgement.distribution {
+                row.extend(judgement.kept_yr(self.confidence).map(number));
                 row.push(found.probability_met().to_string());
+            }
+            if together {
+                for first in judgement.first() {
+                    row.push(number(first.map(|first| first.1)));
+                    row.push(first.map_or(String::new(), |first| first.0.key().into()));
+                }
+                for limited in BUDGETS {
+                    let budget = judgement.budgets.iter().find(|budget| budget.limited == limited);
+                    row.push(number(budget.and_then(Budget::at_end)));
+                    row.extend([0, 1].map(|limit| number(budget.and_then(|budget| budget.crossings[limit].t_yr))));
+                }
             }
             rows.push(row);
         }
@@ -74,9 +92,10 @@ impl Page for Comparison {
         let mut header: Vec<&str> = if several { vec!["mission"] } else { Vec::new() };
         header.extend(self.scenarios[0].settings.iter().map(|(key, _)| short(key)));
         header.extend(["dose [MeV/g]", "|delta e|"]);
-        let limits: [(&str, Limit); 2] =
-            [("exceeded", |verdict| &verdict.uncorrected), ("corrected", |verdict| &verdict.corrected)];
-        header.extend(limits.map(|(name, _)| name));
+        let biases: Vec<Limited> =
+            BUDGETS.into_iter().filter(|one| *one != Limited::DeltaE && self.limits(*one)).collect();
+        header.extend(biases.iter().map(|one| one.symbol()));
+        header.extend(["exceeded", "corrected"]);
         let percent = self.confidence.map(|confidence| format!("{:.0} %", 100.0 * confidence));
         let kept = percent.map(|percent| {
             [format!("kept until with {percent}"), format!("corrected with {percent}"), "corrected met [%]".into()]
@@ -89,7 +108,8 @@ impl Page for Comparison {
             row.extend(scenario.settings.iter().map(|(_, value)| setting(value)));
             row.push(format!("{:.3e}", scenario.dose_mev_g));
             row.push(scenario.delta_e.map_or("lost".into(), |delta_e| format!("{delta_e:.3e}")));
-            row.extend(limits.map(|(_, limit)| when(scenario, limit(&scenario.verdict))));
+            row.extend(biases.iter().map(|one| at_end(scenario, *one)));
+            row.extend(scenario.judgement.first().map(|first| when(scenario, first)));
             row.extend(self.kept(scenario));
             row.push(self.mark(index).into());
             comparison.add_row(row);
@@ -101,6 +121,7 @@ impl Page for Comparison {
             self.scenarios.iter().all(|scenario| value(scenario) == value(&self.scenarios[0]))
         };
         let requirement = &first.requirement;
+        let biases = biases_in_words(self);
         let galaxy = if alike(|scenario| scenario.mission.requirement.galaxy.clone()) {
             format!("\"{}\"", requirement.galaxy)
         } else {
@@ -117,11 +138,16 @@ impl Page for Comparison {
         } else {
             "the mission's budget, uncorrected and corrected".into()
         };
+        let exceeds =
+            if self.limits_biases() { "a budget is exceeded".to_string() } else { format!("it exceeds {budget}") };
         let mut out = Parts::default();
-        out.title(title, format!("|delta e| of {galaxy} at the end of the mission, and when it exceeds {budget}"));
+        out.title(title, format!("|delta e| of {galaxy}{biases} at the end of the mission, and when {exceeds}"));
         out.gap();
         out.table(comparison);
         out.gap();
+        if self.limits_biases() {
+            out.words("exceeded, corrected: the first of all budgets, and which one it is.", 2);
+        }
         for note in &self.notes {
             out.verdict(note, 2);
         }
@@ -151,8 +177,8 @@ impl Page for Comparison {
 /// Most ties that are named.
 const NAMED: usize = 4;
 
-/// One of the limits of a verdict.
-type Limit = fn(&BudgetVerdict) -> &Crossing;
+/// What budgets limit.
+const BUDGETS: [Limited; 3] = [Limited::DeltaE, Limited::C, Limited::M];
 
 impl Comparison {
     fn several_missions(&self) -> bool {
@@ -162,18 +188,28 @@ impl Comparison {
     /// Dates until which a scenario keeps its budgets with the confidence that is asked for, and how probable it is that it keeps
     /// the corrected one to the end, %; nothing where none is asked for.
     fn kept(&self, scenario: &Scenario) -> Vec<String> {
-        let Some(found) = &scenario.distribution else { return Vec::new() };
+        let Some(found) = &scenario.judgement.distribution else { return Vec::new() };
         let launch = scenario.mission.mission.launch.0;
         let date = |t_yr: Option<f64>| or_dash(t_yr.map(|t_yr| dated(launch, t_yr)));
-        let met = Estimate { value: found.probability_met(), error: found.corrected.probability_error };
-        let mut cells: Vec<String> = scenario.kept_yr(self.confidence).into_iter().map(date).collect();
+        let met = Estimate { value: found.probability_met(), error: found.requirement()[1].probability_error };
+        let mut cells: Vec<String> = scenario.judgement.kept_yr(self.confidence).into_iter().map(date).collect();
         cells.push(plus_minus(met.times(100.0)));
         cells
     }
 
-    /// Whether any scenario exceeds a limit.
-    fn is_exceeded(&self, limit: Limit) -> bool {
-        self.scenarios.iter().any(|scenario| limit(&scenario.verdict).t_yr.is_some())
+    /// Whether any scenario exceeds a budget, without or with correction.
+    fn is_exceeded(&self, corrected: usize) -> bool {
+        self.scenarios.iter().any(|scenario| scenario.judgement.kept_yr(None)[corrected].is_some())
+    }
+
+    /// Whether any scenario limits it.
+    fn limits(&self, limited: Limited) -> bool {
+        self.scenarios.iter().any(|scenario| Limited::by(&scenario.mission).contains(&limited))
+    }
+
+    /// Whether any scenario limits shear biases.
+    fn limits_biases(&self) -> bool {
+        self.scenarios.iter().any(|scenario| scenario.judgement.limits_biases())
     }
 
     fn mark(&self, index: usize) -> &str {
@@ -196,10 +232,16 @@ impl Comparison {
                 }
                 (None, Some(p)) => format!(", which keeps the {limit} budget to the end with {:.0} %", 100.0 * p),
             };
-            let [uncorrected_yr, corrected_yr] = self.scenarios[places[0]].kept_yr(self.confidence);
+            let [uncorrected_yr, corrected_yr] = self.scenarios[places[0]].judgement.kept_yr(self.confidence);
             let fate = match by {
                 Criterion::Uncorrected => lasts("uncorrected", uncorrected_yr),
                 Criterion::Corrected => lasts("corrected", corrected_yr),
+                Criterion::Used => {
+                    let used = self.scenarios[places[0]].judgement.used();
+                    used.map_or(String::new(), |used| {
+                        format!(", which uses {:.1} % of a budget at the end", 100.0 * used)
+                    })
+                }
                 Criterion::End => String::new(),
             };
             let said = |place: &usize| name(&self.scenarios[*place], self.several_missions());
@@ -213,7 +255,7 @@ impl Comparison {
         let sides =
             format!("Best: {}. Worst: {}.", tied(of(&self.ranking.best), "good"), tied(of(&self.ranking.worst), "bad"));
         let when = match by {
-            Criterion::End => "At the end of the mission".into(),
+            Criterion::Used | Criterion::End => "At the end of the mission".into(),
             _ if self.compared_at_yr[1] < 0.1 => format!("After {:.1} d", DAYS_PER_YEAR * self.compared_at_yr[1]),
             _ => format!("After {:.2} yr", self.compared_at_yr[1]),
         };
@@ -257,9 +299,25 @@ fn setting(value: &toml::Value) -> String {
     }
 }
 
-/// The day and the years after launch: dates of different launches do not tell which lasts longer.
-fn when(scenario: &Scenario, crossing: &Crossing) -> String {
-    or_dash(crossing.t_yr.map(|t_yr| dated(scenario.mission.mission.launch.0, t_yr)))
+/// The day and the years after launch of the budget that is exceeded first, and which one it is where there are several: dates of
+/// different launches do not tell which lasts longer.
+fn when(scenario: &Scenario, first: Option<(Limited, f64)>) -> String {
+    let several = scenario.judgement.limits_biases();
+    or_dash(first.map(|(limited, t_yr)| {
+        let date = dated(scenario.mission.mission.launch.0, t_yr);
+        if several { format!("{date} {}", limited.symbol()) } else { date }
+    }))
+}
+
+/// A shear bias at the end of the mission, where it is limited.
+fn at_end(scenario: &Scenario, limited: Limited) -> String {
+    let budget = scenario.judgement.budgets.iter().find(|budget| budget.limited == limited);
+    or_dash(budget.and_then(Budget::at_end).map(|value| format!("{value:.2e}")))
+}
+
+/// Shear biases that are shown, in words.
+fn biases_in_words(comparison: &Comparison) -> &'static str {
+    if comparison.limits_biases() { " and shear biases" } else { "" }
 }
 
 fn dated(launch: NaiveDate, t_yr: f64) -> String {

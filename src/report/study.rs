@@ -8,6 +8,7 @@ mod correction;
 mod distance;
 mod error_budget;
 pub(super) mod estimate;
+mod judged;
 mod launch;
 mod pocket_pumping;
 mod preflash;
@@ -22,8 +23,9 @@ use serde_json::{Map, Value, json};
 use super::{Page, Parts, Report};
 use crate::mission::Mission;
 use crate::mission::keys::plain;
+use crate::plan::judgement::Limited;
 use crate::plan::sources::{self, Source};
-use crate::report::plot::Figure;
+use crate::report::plot::{Figure, Series, level};
 use crate::warning::Warning;
 
 pub use table::{Column, DataTable, Digits};
@@ -86,6 +88,19 @@ impl StudyReport {
     /// Adds a sentence to the findings.
     fn find(&mut self, words: impl Into<String>) {
         self.findings.push(words.into());
+    }
+
+    /// Says that the study looks at one galaxy, where the requirement limits shear biases besides.
+    fn of_galaxy_alone(&mut self, mission: &Mission) {
+        let biases: Vec<&str> =
+            Limited::by(mission).into_iter().filter(|one| *one != Limited::DeltaE).map(Limited::symbol).collect();
+        if !biases.is_empty() {
+            self.find(format!(
+                "This study looks at |delta e| of the galaxy alone: the limits on {} of the population are judged by `ctiplan \
+                 evaluate`, `compare` and the studies `launch`, `clock` and `shielding`.",
+                biases.join(" and ")
+            ));
+        }
     }
 
     /// Adds a figure under the study's name.
@@ -157,6 +172,12 @@ impl Page for StudyReport {
 /// A number with four digits, as people write it.
 fn short(number: f64) -> String {
     plain(format!("{number:.3e}").parse().expect("a number that was printed"))
+}
+
+/// The limit on |Δe| of the judged galaxy in a figure, where there is one.
+fn budget(mission: &Mission) -> Option<Series> {
+    let requirement = &mission.requirement;
+    requirement.limits_a_galaxy().then(|| level("budget", requirement.delta_e))
 }
 
 /// When the budget is exceeded, in words.

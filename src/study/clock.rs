@@ -20,6 +20,9 @@ use crate::mission::Mission;
 use crate::model::Model;
 use crate::physics::SpeciesState;
 use crate::physics::conditions::Conditions;
+use crate::plan::date_distribution::Confidence;
+use crate::plan::judgement::{JudgedRow, Judgement, Limited};
+use crate::plan::scenario::{Merit, Ranking};
 use crate::plan::timeline::Timeline;
 use crate::warning::Warning;
 
@@ -32,6 +35,8 @@ const COUNT: usize = 25;
 pub struct Clock {
     /// Times between two parallel transfers, ms; a factor 30 either way of the mission's own if none are given.
     pub line_times_ms: Option<Vec<f64>>,
+    /// The probability with which budgets are to be kept, by which line times are ranked then.
+    pub confidence: Option<Confidence>,
 }
 
 /// What the study finds, at the end of the mission.
@@ -43,6 +48,10 @@ pub struct Results {
     pub species: Vec<SpeciesState>,
     /// The line times compared; None if no shape is left with any.
     pub comparison: Option<Comparison>,
+    /// Line times by how long they keep all budgets; None where |Δe| alone is limited and no probability is asked for.
+    pub ranking: Option<Ranking>,
+    /// The probability that was asked for.
+    pub confidence: Option<f64>,
     /// Warnings about the mission.
     pub warnings: Vec<Warning>,
 }
@@ -59,6 +68,12 @@ pub struct LineTime {
     /// None if the mission does not say what a clock costs, or the amplifier cannot be clocked so.
     #[serde(flatten)]
     pub cost: Option<Cost>,
+    /// What becomes of the budgets over the mission; None where |Δe| alone is limited and no probability is asked for.
+    #[serde(flatten)]
+    pub judged: Option<JudgedRow>,
+    /// What it is ranked by then.
+    #[serde(skip)]
+    merit: Option<Merit>,
     /// Δe1 of each species alone, in the order of the species.
     #[serde(skip)]
     pub delta_e1_alone: Vec<Option<f64>>,
@@ -110,16 +125,24 @@ impl Study for Clock {
         let model = ready(mission)?;
         let line_times = each(&line_times_ms, |line_time_ms| {
             advance();
-            LineTime::of(&model, *line_time_ms)
+            LineTime::of(&model, *line_time_ms, self.confidence)
         })?;
         let species = model.traps(mission.mission.duration_yr)?;
         let comparison = Comparison::of(&model, &line_times)?;
-        Ok(Results { line_times, species, comparison, warnings: warnings(mission) })
+        let merits: Option<Vec<Merit>> = line_times.iter().map(|one| one.merit).collect();
+        Ok(Results {
+            line_times,
+            species,
+            comparison,
+            ranking: merits.map(|merits| Ranking::of(&merits)),
+            confidence: self.confidence.map(|asked| asked.probability),
+            warnings: warnings(mission),
+        })
     }
 }
 
 impl LineTime {
-    fn of(model: &Model, line_time_ms: f64) -> Result<LineTime, InputError> {
+    fn of(model: &Model, line_time_ms: f64, confidence: Option<Confidence>) -> Result<LineTime, InputError> {
         let mission = &model.mission;
         let at = Conditions { line_time_ms, ..model.conditions(mission.mission.duration_yr) };
         let device = model.device(&at)?;
@@ -128,18 +151,54 @@ impl LineTime {
             let change = model.change_by(0, &device.with_species(index))?;
             Ok(change.map(|change| change.delta_e1))
         });
+        let delta_e = change.map(|change| change.magnitude());
+        let (judged, merit) = match judged(model, line_time_ms, delta_e, confidence)? {
+            Some((judged, merit)) => (Some(judged), Some(merit)),
+            None => (None, None),
+        };
         Ok(LineTime {
             line_time_ms,
-            delta_e: change.map(|change| change.magnitude()),
+            delta_e,
+            judged,
+            merit,
             flux_loss_percent: change.map(|change| 100.0 * -change.delta_flux),
             cost: Cost::of(mission, line_time_ms),
             delta_e1_alone: alone.collect::<Result<_, InputError>>()?,
         })
     }
 
+    /// Whether the corrected budgets are kept to the end: all of them where they are judged together, with the probability that was
+    /// asked for.
+    fn keeps(&self, corrected: f64) -> bool {
+        match (&self.judged, self.judged.as_ref().and_then(|judged| judged.corrected_met_percent)) {
+            (Some(judged), Some(_)) => judged.corrected_kept_t_yr.is_none(),
+            (Some(judged), None) => judged.corrected_t_yr.is_none(),
+            (None, _) => self.delta_e.is_some_and(|delta_e| delta_e < corrected),
+        }
+    }
+
     fn area_equal_depth(&self) -> Option<f64> {
         self.cost.as_ref()?.area_equal_depth
     }
+}
+
+/// What becomes of all budgets over the mission with a line time, and what it is ranked by; None where |Δe| alone is limited and no
+/// probability is asked for.
+fn judged(
+    model: &Model,
+    line_time_ms: f64,
+    delta_e: Option<f64>,
+    confidence: Option<Confidence>,
+) -> Result<Option<(JudgedRow, Merit)>, InputError> {
+    if confidence.is_none() && Limited::by(&model.mission) == [Limited::DeltaE] {
+        return Ok(None);
+    }
+    let mission = model.mission.with(&[("readout.line_time_ms".into(), line_time_ms.into())])?;
+    let model = model.like(&mission);
+    let judgement = Judgement::along(&model, &Timeline::of(&model)?, confidence)?;
+    let probability = confidence.map(|asked| asked.probability);
+    let row = JudgedRow::of(&judgement, mission.mission.launch.0, probability);
+    Ok(Some((row, Merit::of(&judgement, probability, delta_e))))
 }
 
 impl Cost {
@@ -174,8 +233,7 @@ impl Comparison {
             Ok(Timeline::under(model, |at| at.line_time_ms = line_time_ms)?.date(uncorrected))
         };
         let own_cost = Cost::of(mission, mission.readout.line_time_ms);
-        let within = |one: &&LineTime| one.delta_e.is_some_and(|delta_e| delta_e < corrected);
-        let areas = line_times.iter().enumerate().filter(|(_, one)| within(one));
+        let areas = line_times.iter().enumerate().filter(|(_, one)| one.keeps(corrected));
         let areas = areas.filter_map(|(place, one)| Some((place, one.area_equal_depth()?)));
         Ok(Some(Comparison {
             worst,

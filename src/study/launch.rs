@@ -6,11 +6,12 @@
 use chrono::{Months, NaiveDate};
 use serde::Serialize;
 
-use super::{Study, budgets, each, ready};
+use super::{Study, each, ready};
 use crate::error::InputError;
 use crate::mission::{Date, Mission};
 use crate::model::Model;
-use crate::plan::date_distribution::{Confidence, DateDistribution, Dates};
+use crate::plan::date_distribution::Confidence;
+use crate::plan::judgement::{JudgedRow, Judgement};
 use crate::plan::scenario::{Merit, Ranking, sun};
 use crate::plan::timeline::Timeline;
 use crate::warning::{self, Warning};
@@ -58,25 +59,14 @@ pub struct Launched {
     pub dose_mev_g: f64,
     /// |Δe| at the end of the mission; None if no shape is left.
     pub delta_e: Option<f64>,
-    /// Time at which the uncorrected budget is exceeded, years since launch; None if it is not, here and below.
-    pub exceeded_t_yr: Option<f64>,
-    /// The same as a day.
-    pub exceeded_date: Option<NaiveDate>,
-    /// Time at which the corrected budget is exceeded, years since launch.
-    pub corrected_t_yr: Option<f64>,
-    /// The same as a day.
-    pub corrected_date: Option<NaiveDate>,
-    /// How long the uncorrected budget is kept with the probability that was asked for, years since launch; None if to the end,
-    /// or none was asked for, here and below.
-    pub kept_t_yr: Option<f64>,
-    /// The same of the corrected budget.
-    pub corrected_kept_t_yr: Option<f64>,
-    /// Probability that the uncorrected budget is met to the end, %.
-    pub met_percent: Option<f64>,
-    /// Probability that the corrected budget is met to the end, %.
-    pub corrected_met_percent: Option<f64>,
+    /// What becomes of the budgets.
+    #[serde(flatten)]
+    pub judged: JudgedRow,
     /// How the dose is spread over the years.
     pub dose_model: &'static str,
+    /// What it is ranked by.
+    #[serde(skip)]
+    merit: Merit,
     /// Warnings about this launch.
     #[serde(skip)]
     warnings: Vec<Warning>,
@@ -91,20 +81,8 @@ impl Study for Launch {
         let given = self.launches.clone().filter(|dates| !dates.is_empty());
         let dates = given.unwrap_or_else(|| half_years(mission.mission.launch.0));
         let launches = each(&dates, |date| Launched::of(&model, *date, self.confidence, advance))?;
-        let merit = |launched: &Launched| match self.confidence {
-            None => Merit {
-                uncorrected_yr: launched.exceeded_t_yr,
-                corrected_yr: launched.corrected_t_yr,
-                delta_e: launched.delta_e,
-            },
-            Some(_) => Merit {
-                uncorrected_yr: launched.kept_t_yr,
-                corrected_yr: launched.corrected_kept_t_yr,
-                delta_e: launched.delta_e,
-            },
-        };
         Ok(Results {
-            ranking: Ranking::of(&launches.iter().map(merit).collect::<Vec<_>>()),
+            ranking: Ranking::of(&launches.iter().map(|launched| launched.merit).collect::<Vec<_>>()),
             warnings: warning::together(launches.iter().flat_map(|launched| &launched.warnings)),
             launches,
             compared: model.mission,
@@ -134,25 +112,15 @@ impl Launched {
         advance();
         let timeline = Timeline::of(&model)?;
         let duration_yr = mission.mission.duration_yr;
-        let [uncorrected, corrected] = budgets(&mission);
-        let found = confidence.map(|asked| Ok((asked.of(&mission)?, asked.probability))).transpose()?;
-        let kept = |of: fn(&DateDistribution) -> &Dates| {
-            found.as_ref().map(|(found, p)| (of(found).kept_yr(*p), 100.0 * (1.0 - of(found).probability_exceeded)))
-        };
-        let (kept_uncorrected, kept_corrected) = (kept(|found| &found.uncorrected), kept(|found| &found.corrected));
+        let judgement = Judgement::along(&model, &timeline, confidence)?;
+        let probability = confidence.map(|asked| asked.probability);
         Ok(Launched {
             launch,
             active_yr: model.history().active_years(duration_yr),
             dose_mev_g: model.dose_mev_g(duration_yr)?,
             delta_e: timeline.end(),
-            exceeded_t_yr: timeline.crossing(uncorrected).t_yr,
-            exceeded_date: timeline.date(uncorrected),
-            corrected_t_yr: timeline.crossing(corrected).t_yr,
-            corrected_date: timeline.date(corrected),
-            kept_t_yr: kept_uncorrected.and_then(|kept| kept.0),
-            corrected_kept_t_yr: kept_corrected.and_then(|kept| kept.0),
-            met_percent: kept_uncorrected.map(|kept| kept.1),
-            corrected_met_percent: kept_corrected.map(|kept| kept.1),
+            judged: JudgedRow::of(&judgement, launch, probability),
+            merit: Merit::of(&judgement, probability, timeline.end()),
             dose_model: sun::model(&mission),
             warnings: model.history().warnings(duration_yr),
         })

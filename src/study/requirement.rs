@@ -131,8 +131,10 @@ impl Study for Requirement {
                 .with_help("add requirement.delta_e; requirement.c and m are judged by `ctiplan evaluate`"));
         }
         if let Some(asked) = self.confidence {
-            asked.check(mission)?;
+            asked.check()?;
         }
+        // The galaxy's budget is inverted, not those of the population.
+        let mission = &of_galaxy_alone(mission);
         let model = ready(mission)?;
         let shield = Shield::of(mission);
         let launch = Launch { launches: Some(launches(mission.mission.launch.0)), ..Launch::default() };
@@ -147,7 +149,7 @@ impl Study for Requirement {
                 _ => Bound::NotSought,
             };
             let kept = |launch: &crate::study::launch::Launched| {
-                [launch.exceeded_t_yr, launch.corrected_t_yr][place].is_none()
+                [launch.judged.exceeded_t_yr, launch.judged.corrected_t_yr][place].is_none()
             };
             Ok(Limit {
                 delta_e,
@@ -169,6 +171,13 @@ impl Study for Requirement {
     }
 }
 
+/// The mission with no other limit than that on |Δe|.
+fn of_galaxy_alone(mission: &Mission) -> Mission {
+    let mut alone = mission.clone();
+    (alone.requirement.c, alone.requirement.m) = (None, None);
+    alone
+}
+
 impl Requirement {
     /// Factor on the dose with which the budget is kept with the probability that is asked for.
     fn confident(&self, mission: &Mission, place: usize, advance: &(dyn Fn() + Sync)) -> Result<Bound, InputError> {
@@ -177,7 +186,7 @@ impl Requirement {
             advance();
             let mut scaled = mission.clone();
             scaled.environment.dose_factor *= factor;
-            let found = asked.of(&scaled)?;
+            let found = asked.of(&scaled, None)?;
             let exceeded = [found.uncorrected, found.corrected][place].probability_exceeded;
             // Half a draw off: no number of draws is exactly what is asked for.
             Ok(exceeded - (1.0 - asked.probability) + 0.5 / f64::from(asked.samples))

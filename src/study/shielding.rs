@@ -4,18 +4,21 @@
 //! margin = 1 − |Δe|(end)/(budget × correction factor)
 //! ```
 //!
+//! or that of a shear bias of the population, where it is smaller,
 //! with the dose derived from the ESP fluence at each confidence (`environment/esp.rs`) behind each thickness
 //! (`environment/shielding.rs`), and what other sources the mission's model has, whatever dose rate the mission gives.
 
-use chrono::NaiveDate;
 use serde::Serialize;
 
-use super::{Study, budgets, check, each, ready, warnings};
+use super::{Study, check, each, ready, warnings};
 use crate::environment::shielding::Geometry;
 use crate::error::InputError;
 use crate::mission::{DoseModel, Mission, Shielding as Shield};
 use crate::model::Model;
 use crate::numeric::root_finding;
+use crate::plan::date_distribution::Confidence;
+use crate::plan::judgement::{JudgedRow, Judgement};
+use crate::plan::scenario::{Merit, Ranking};
 use crate::plan::timeline::Timeline;
 use crate::warning::{Warning, together};
 
@@ -29,6 +32,8 @@ pub struct Shielding {
     pub thicknesses_mm: Vec<f64>,
     /// Probabilities that the solar proton fluence is not exceeded.
     pub confidences: Vec<f64>,
+    /// The probability with which budgets are to be kept, with the Sun and `[uncertainty]` drawn behind each shield.
+    pub probability: Option<Confidence>,
 }
 
 impl Default for Shielding {
@@ -36,6 +41,7 @@ impl Default for Shielding {
         Shielding {
             thicknesses_mm: vec![5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 80.0],
             confidences: vec![0.5, 0.75, 0.9, 0.95, 0.99],
+            probability: None,
         }
     }
 }
@@ -51,6 +57,12 @@ pub struct Results {
     pub cases: Vec<Case>,
     /// What each confidence needs; none without cases.
     pub needed: Vec<Needed>,
+    /// Each geometry and thickness with the Sun and `[uncertainty]` drawn; none where no probability was asked for.
+    pub drawn: Vec<Drawn>,
+    /// Shields by how long they keep the budgets with that probability.
+    pub ranking: Option<Ranking>,
+    /// The probability that was asked for.
+    pub probability: Option<f64>,
     /// Warnings about the mission.
     pub warnings: Vec<Warning>,
 }
@@ -68,16 +80,30 @@ pub struct Case {
     pub dose_mev_g: f64,
     /// |Δe| at the end of the mission; None if no shape is left, here and below.
     pub delta_e: Option<f64>,
-    /// Day on which the uncorrected budget is exceeded.
-    pub exceeded_date: Option<NaiveDate>,
-    /// Day on which the corrected budget is exceeded.
-    pub corrected_date: Option<NaiveDate>,
-    /// Share of the corrected budget that is left at the end of the mission.
+    /// What becomes of the budgets.
+    #[serde(flatten)]
+    pub judged: JudgedRow,
+    /// Share of the corrected budget that is left at the end of the mission, the least of all budgets.
     #[serde(skip)]
     pub margin: Option<f64>,
     /// What is doubtful about its dose.
     #[serde(skip)]
     pub warnings: Vec<Warning>,
+}
+
+/// One shield with the Sun and `[uncertainty]` drawn.
+#[derive(Clone, Debug, Serialize)]
+pub struct Drawn {
+    /// Sphere or slab.
+    pub geometry: Geometry,
+    /// Thickness, mm of aluminium.
+    pub thickness_mm: f64,
+    /// What becomes of the budgets.
+    #[serde(flatten)]
+    pub judged: JudgedRow,
+    /// What it is ranked by.
+    #[serde(skip)]
+    merit: Merit,
 }
 
 /// Least thickness with which the corrected budget lasts, mm of aluminium; infinite if none that was tried is enough.
@@ -119,7 +145,18 @@ impl Study for Shielding {
         }
         let warnings = warnings(mission);
         if mission.place().is_none() {
-            return Ok(Results { thicknesses_mm, confidences, cases: Vec::new(), needed: Vec::new(), warnings });
+            let probability = self.probability.map(|asked| asked.probability);
+            let (cases, needed, drawn) = (Vec::new(), Vec::new(), Vec::new());
+            return Ok(Results {
+                thicknesses_mm,
+                confidences,
+                cases,
+                needed,
+                drawn,
+                ranking: None,
+                probability,
+                warnings,
+            });
         }
         let model = ready(mission)?;
         let mut shields = Vec::new();
@@ -139,7 +176,47 @@ impl Study for Shielding {
         });
         let needed = needed.collect();
         let warnings = warnings.into_iter().chain(thick_shields(&cases)).collect();
-        Ok(Results { needed, thicknesses_mm, confidences, cases, warnings })
+        let drawn = self.drawn(&model, &thicknesses_mm, advance)?;
+        let merits: Vec<Merit> = drawn.iter().map(|drawn| drawn.merit).collect();
+        Ok(Results {
+            needed,
+            thicknesses_mm,
+            confidences,
+            cases,
+            ranking: (!merits.is_empty()).then(|| Ranking::of(&merits)),
+            drawn,
+            probability: self.probability.map(|asked| asked.probability),
+            warnings,
+        })
+    }
+}
+
+impl Shielding {
+    /// Each geometry and thickness with the Sun and `[uncertainty]` drawn; none where no probability is asked for.
+    fn drawn(
+        &self,
+        model: &Model,
+        thicknesses_mm: &[f64],
+        advance: &(dyn Fn() + Sync),
+    ) -> Result<Vec<Drawn>, InputError> {
+        let Some(asked) = self.probability else { return Ok(Vec::new()) };
+        let mut shields = Vec::new();
+        for geometry in GEOMETRIES {
+            shields.extend(thicknesses_mm.iter().map(|thickness_mm| (geometry, *thickness_mm)));
+        }
+        each(&shields, |&(geometry, thickness_mm)| {
+            advance();
+            let mission = behind(&model.mission, geometry, thickness_mm, model.mission.environment.confidence);
+            let model = model.like(&mission);
+            let timeline = Timeline::of(&model)?;
+            let judgement = Judgement::along(&model, &timeline, Some(asked))?;
+            Ok(Drawn {
+                geometry,
+                thickness_mm,
+                judged: JudgedRow::of(&judgement, mission.mission.launch.0, Some(asked.probability)),
+                merit: Merit::of(&judgement, Some(asked.probability), timeline.end()),
+            })
+        })
     }
 }
 
@@ -148,16 +225,15 @@ impl Case {
         let mission = behind(&model.mission, geometry, thickness_mm, confidence);
         let model = model.like(&mission);
         let timeline = Timeline::of(&model)?;
-        let [uncorrected, corrected] = budgets(&mission);
+        let judgement = Judgement::along(&model, &timeline, None)?;
         Ok(Case {
             geometry,
             thickness_mm,
             confidence,
             dose_mev_g: model.dose_mev_g(mission.mission.duration_yr)?,
             delta_e: timeline.end(),
-            exceeded_date: timeline.date(uncorrected),
-            corrected_date: timeline.date(corrected),
-            margin: timeline.end().map(|end| 1.0 - end / corrected),
+            judged: JudgedRow::of(&judgement, mission.mission.launch.0, None),
+            margin: judgement.used().map(|used| 1.0 - used / mission.requirement.correction_factor),
             warnings: model.history().warnings(mission.mission.duration_yr),
         })
     }
@@ -165,19 +241,19 @@ impl Case {
 
 /// Least thickness (mm) without a negative margin; infinite if none that was tried is enough.
 ///
-/// Between two thicknesses |Δe| is a power law of the dose, to a good approximation; the dose against thickness is computed.
+/// Between two thicknesses the share of the budget that is used is a power law of the dose, to a good approximation; the dose against thickness is computed.
 fn needed_mm(model: &Model, cases: &[Case], geometry: Geometry, confidence: f64) -> f64 {
-    let [_, corrected] = budgets(&model.mission);
+    let used = |case: &Case| case.margin.map(|margin| 1.0 - margin);
     let curve: Vec<&Case> =
         cases.iter().filter(|case| case.geometry == geometry && case.confidence == confidence).collect();
-    let enough = |case: &&Case| case.delta_e.is_some_and(|delta_e| delta_e <= corrected);
+    let enough = |case: &&Case| used(case).is_some_and(|used| used <= 1.0);
     match curve.iter().position(enough) {
         None => f64::INFINITY,
         Some(0) => curve[0].thickness_mm,
         Some(after) => {
             let (thin, thick) = (curve[after - 1], curve[after]);
-            let (Some(more), Some(less)) = (thin.delta_e, thick.delta_e) else { return thick.thickness_mm };
-            let place = (corrected / less).ln() / (more / less).ln();
+            let (Some(more), Some(less)) = (used(thin), used(thick)) else { return thick.thickness_mm };
+            let place = (1.0 / less).ln() / (more / less).ln();
             let wanted = thick.dose_mev_g * (thin.dose_mev_g / thick.dose_mev_g).powf(place);
             let excess = |log_mm: f64| {
                 let behind = behind(&model.mission, geometry, log_mm.exp(), confidence);

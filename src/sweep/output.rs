@@ -9,10 +9,20 @@ pub enum Output {
     ActiveYears,
     /// |Δe| of the judged galaxy at the end of the mission.
     DeltaE,
-    /// When the budget is exceeded without correction, years since launch.
+    /// When the first of all budgets is exceeded without correction, years since launch.
     ExceededUncorrected,
-    /// When the budget is exceeded with correction, years since launch.
+    /// When the first of all budgets is exceeded with correction, years since launch.
     ExceededCorrected,
+    /// Additive shear bias of the population at the end of the mission: its larger member, without a sign.
+    AdditiveBias,
+    /// The same of the multiplicative shear bias.
+    MultiplicativeBias,
+    /// When the budget of |Δe| is exceeded without correction, years since launch.
+    ExceededDeltaE,
+    /// The same of the additive shear bias.
+    ExceededAdditive,
+    /// The same of the multiplicative shear bias.
+    ExceededMultiplicative,
     /// Limit less |Δe| at the end of the mission, without correction.
     MarginUncorrected,
     /// Limit times the correction factor less |Δe| at the end of the mission.
@@ -21,13 +31,13 @@ pub enum Output {
     RateAtLaunch,
     /// |Δe| at the end of the mission over its duration, per yr.
     MeanRate,
-    /// Probability that the uncorrected budget is met to the end, with the Sun and `[uncertainty]` drawn, here and below.
+    /// Probability that all uncorrected budgets are met to the end, with the Sun and `[uncertainty]` drawn, here and below.
     ProbabilityMetUncorrected,
-    /// Probability that the corrected budget is met to the end.
+    /// Probability that all corrected budgets are met to the end.
     ProbabilityMetCorrected,
-    /// How long the uncorrected budget is kept with a probability of 90 %, years since launch.
+    /// How long all uncorrected budgets are kept with a probability of 90 %, years since launch.
     KeptUncorrected,
-    /// The same of the corrected budget.
+    /// The same of the corrected budgets.
     KeptCorrected,
     /// Change of e1 of every galaxy at the end of the mission.
     DeltaE1,
@@ -40,19 +50,25 @@ pub enum Output {
 }
 
 use Output::{
-    ActiveYears, DeltaE, DeltaE1, DeltaFlux, DeltaSize, DeltaY, Dose, ExceededCorrected, ExceededUncorrected,
-    KeptCorrected, KeptUncorrected, MarginCorrected, MarginUncorrected, MeanRate, ProbabilityMetCorrected,
+    ActiveYears, AdditiveBias, DeltaE, DeltaE1, DeltaFlux, DeltaSize, DeltaY, Dose, ExceededAdditive,
+    ExceededCorrected, ExceededDeltaE, ExceededMultiplicative, ExceededUncorrected, KeptCorrected, KeptUncorrected,
+    MarginCorrected, MarginUncorrected, MeanRate, MultiplicativeBias, ProbabilityMetCorrected,
     ProbabilityMetUncorrected, RateAtLaunch,
 };
 
 impl Output {
     /// All of them.
-    pub const ALL: [Output; 17] = [
+    pub const ALL: [Output; 22] = [
         Dose,
         ActiveYears,
         DeltaE,
         ExceededUncorrected,
         ExceededCorrected,
+        AdditiveBias,
+        MultiplicativeBias,
+        ExceededDeltaE,
+        ExceededAdditive,
+        ExceededMultiplicative,
         MarginUncorrected,
         MarginCorrected,
         RateAtLaunch,
@@ -78,6 +94,11 @@ impl Output {
             DeltaE => "delta_e",
             ExceededUncorrected => "exceeded_yr",
             ExceededCorrected => "exceeded_corrected_yr",
+            AdditiveBias => "c",
+            MultiplicativeBias => "m",
+            ExceededDeltaE => "exceeded_delta_e_yr",
+            ExceededAdditive => "exceeded_c_yr",
+            ExceededMultiplicative => "exceeded_m_yr",
             MarginUncorrected => "margin_delta_e",
             MarginCorrected => "margin_corrected_delta_e",
             RateAtLaunch => "rate_at_launch_per_yr",
@@ -96,6 +117,20 @@ impl Output {
     /// Whether it is told by draws of the Sun and of `[uncertainty]`.
     pub fn is_drawn(self) -> bool {
         matches!(self, ProbabilityMetUncorrected | ProbabilityMetCorrected | KeptUncorrected | KeptCorrected)
+    }
+
+    /// Whether it is told by all budgets together, where shear biases are limited.
+    pub fn is_judged(self) -> bool {
+        self.is_drawn()
+            || matches!(
+                self,
+                ExceededUncorrected
+                    | ExceededCorrected
+                    | AdditiveBias
+                    | MultiplicativeBias
+                    | ExceededAdditive
+                    | ExceededMultiplicative
+            )
     }
 
     /// Whether there is a column of it for every galaxy.

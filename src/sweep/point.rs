@@ -14,8 +14,9 @@ use crate::mission::{Galaxy, Mission};
 use crate::model::{Device, Model};
 use crate::physics::accuracy::Purpose;
 use crate::physics::shape::ShapeChange;
-use crate::plan::date_distribution::{Confidence, DateDistribution};
+use crate::plan::date_distribution::Confidence;
 use crate::plan::evaluate::{crossings, rate_at_launch_per_yr, unmeasurable, warnings};
+use crate::plan::judgement::{Budget, Judgement, Limited};
 
 /// Models whose images are kept for others with the same galaxies.
 const KEPT: usize = 32;
@@ -69,13 +70,24 @@ impl<'a> Points<'a> {
         if let Some(galaxy) = (0..mission.galaxies.len()).find(|galaxy| model.scene(*galaxy).is_none()) {
             return Err(unmeasurable(&mission, &mission.galaxies[galaxy]));
         }
-        let drawn = self.grid.records.iter().any(|output| output.is_drawn());
-        let dates = drawn.then(|| CONFIDENCE.of(&mission)).transpose()?;
-        let end = EndOfLife { dates, ..EndOfLife::of(&model)? };
+        let end = EndOfLife::of(&model)?;
+        let end = EndOfLife { judgement: self.judgement(&end)?, ..end };
         let outputs = self.grid.outputs();
         let values = outputs.iter().map(|(output, galaxy)| end.value(*output, *galaxy)).collect::<Result<_, _>>()?;
         let warnings: Vec<String> = warnings(&model)?.iter().map(ToString::to_string).collect();
         Ok((values, warnings.join("; ")))
+    }
+
+    /// All budgets together, where a recorded quantity asks for that: it is drawn, or shear biases are limited.
+    fn judgement(&self, end: &EndOfLife) -> Result<Option<Judgement>, InputError> {
+        let mission = &end.model.mission;
+        let drawn = self.grid.records.iter().any(|output| output.is_drawn());
+        let limits_biases = Limited::by(mission).iter().any(|limited| *limited != Limited::DeltaE);
+        if !drawn && !(limits_biases && self.grid.records.iter().any(|output| output.is_judged())) {
+            return Ok(None);
+        }
+        let of_galaxy = crossings(end.model, mission.requirement.limits(), &[(end.duration_yr, end.delta_e()?)])?;
+        Judgement::of(end.model, of_galaxy, drawn.then_some(CONFIDENCE)).map(Some)
     }
 
     /// A model with its images drawn, or with those of an earlier one where they are the same.
@@ -108,8 +120,8 @@ struct EndOfLife<'a> {
     device: Device,
     /// Changes of the galaxies' shapes, once they are asked for.
     galaxies: OnceCell<Vec<Option<ShapeChange>>>,
-    /// The date as a distribution, where a recorded quantity is drawn.
-    dates: Option<DateDistribution>,
+    /// All budgets together, where a recorded quantity asks for that.
+    judgement: Option<Judgement>,
 }
 
 impl EndOfLife<'_> {
@@ -120,7 +132,7 @@ impl EndOfLife<'_> {
             duration_yr,
             device: model.device_at(duration_yr)?,
             galaxies: OnceCell::new(),
-            dates: None,
+            judgement: None,
         })
     }
 
@@ -129,21 +141,37 @@ impl EndOfLife<'_> {
         let corrected = requirement.delta_e * requirement.correction_factor;
         let margin = |limit: f64| Ok(self.delta_e()?.map(|delta_e| limit - delta_e));
         let change = |value: fn(&ShapeChange) -> f64| Ok(self.change(galaxy)?.as_ref().map(value));
-        let dates = |of: fn(&DateDistribution) -> Option<f64>| Ok(self.dates.as_ref().and_then(of));
+        let judgement = self.judgement.as_ref();
+        let drawn = || judgement.and_then(|judgement| judgement.distribution.as_ref()).map(|found| found.requirement());
+        let met = |limit: usize| Ok(drawn().map(|dates| dates[limit].probability_met()));
+        let kept = |limit: usize| Ok(drawn().and_then(|dates| dates[limit].kept_yr(CONFIDENCE.probability)));
+        let budget = |limited: Limited| {
+            judgement.and_then(|judgement| judgement.budgets.iter().find(|budget| budget.limited == limited))
+        };
+        let exceeded = |limited: Limited| Ok(budget(limited).and_then(|budget| budget.crossings[0].t_yr));
+        let first = |corrected: usize, limit: f64| match judgement {
+            Some(judgement) => Ok(judgement.kept_yr(None)[corrected]),
+            None => self.exceeded_yr(limit),
+        };
         match output {
             Output::Dose => self.device.dose_mev_g().map(Some),
             Output::ActiveYears => Ok(Some(self.model.history().active_years(self.duration_yr))),
             Output::DeltaE => self.delta_e(),
-            Output::ExceededUncorrected => self.exceeded_yr(requirement.delta_e),
-            Output::ExceededCorrected => self.exceeded_yr(corrected),
+            Output::ExceededUncorrected => first(0, requirement.delta_e),
+            Output::ExceededCorrected => first(1, corrected),
+            Output::AdditiveBias => Ok(budget(Limited::C).and_then(Budget::at_end)),
+            Output::MultiplicativeBias => Ok(budget(Limited::M).and_then(Budget::at_end)),
+            Output::ExceededDeltaE => self.exceeded_yr(requirement.delta_e),
+            Output::ExceededAdditive => exceeded(Limited::C),
+            Output::ExceededMultiplicative => exceeded(Limited::M),
             Output::MarginUncorrected => margin(requirement.delta_e),
             Output::MarginCorrected => margin(corrected),
             Output::RateAtLaunch => rate_at_launch_per_yr(self.model),
             Output::MeanRate => Ok(self.delta_e()?.map(|delta_e| delta_e / self.duration_yr)),
-            Output::ProbabilityMetUncorrected => dates(|found| Some(1.0 - found.uncorrected.probability_exceeded)),
-            Output::ProbabilityMetCorrected => dates(|found| Some(found.probability_met())),
-            Output::KeptUncorrected => dates(|found| found.uncorrected.kept_yr(CONFIDENCE.probability)),
-            Output::KeptCorrected => dates(|found| found.corrected.kept_yr(CONFIDENCE.probability)),
+            Output::ProbabilityMetUncorrected => met(0),
+            Output::ProbabilityMetCorrected => met(1),
+            Output::KeptUncorrected => kept(0),
+            Output::KeptCorrected => kept(1),
             Output::DeltaE1 => change(|change| change.delta_e1),
             Output::DeltaY => change(|change| change.delta_y_px),
             Output::DeltaSize => change(|change| change.delta_size),

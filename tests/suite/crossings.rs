@@ -108,7 +108,7 @@ fn studies_tell_the_date_of_evaluate() {
         mission.requirement.delta_e = (0.5 * end).max(1e-6);
         let own = evaluate(&mission).unwrap().verdict.uncorrected.t_yr;
         let asked = Launch { launches: Some(vec![mission.mission.launch.0]), ..Default::default() };
-        let found = asked.study(&mission, &|| {}).unwrap().launches[0].exceeded_t_yr;
+        let found = asked.study(&mission, &|| {}).unwrap().launches[0].judged.exceeded_t_yr;
         assert_eq!(own.is_some(), found.is_some(), "case {case}");
         if let (Some(own), Some(found)) = (own, found) {
             // A hundredth of a step between two of the sixty times.

@@ -10,6 +10,8 @@ use ctiplan::plan::date_distribution::{DateDistribution, date_distribution};
 use ctiplan::plan::dose::Samples;
 use ctiplan::plan::draws::{ACCEPTED, Draws};
 use ctiplan::plan::evaluate::evaluate;
+use ctiplan::plan::population::TrapLimits;
+use ctiplan::plan::progress::Progress;
 use serde_json::Value;
 
 const SHIELDED: &str = include_str!("../../missions/snap_l2_shielded.toml");
@@ -45,7 +47,7 @@ fn uncertainty(sigma: f64) -> String {
 }
 
 fn dates(mission: &Mission, samples: u32) -> DateDistribution {
-    date_distribution(mission, None, samples, 1, || {}).unwrap()
+    date_distribution(mission, None, None, samples, 1, &Progress::NONE).unwrap()
 }
 
 fn ctiplan(words: &[&str], threads: &str) -> Output {
@@ -70,10 +72,10 @@ fn emulated_draws_are_those_that_are_read_out() {
     for effect in effects {
         let mission = mission(&[("[requirement]", &format!("{effect}\n[requirement]"))]);
         let draws = Draws::of(&mission, None, 400, 3).unwrap();
-        let emulated = draws.fates(|| {}).unwrap();
+        let emulated = draws.fates(&Progress::NONE).unwrap();
         let claimed = emulated.emulated.unwrap_or_else(|| panic!("not emulated: {effect}")).relative_error;
         assert!(claimed <= ACCEPTED, "{effect}: {claimed}");
-        let direct = draws.read_out(40, || {}).unwrap();
+        let direct = draws.read_out(40, &Progress::NONE).unwrap();
         let (mut squares, mut late) = (0.0, 0.0_f64);
         for (place, direct) in direct.fates.iter().enumerate() {
             let emulated = &emulated.fates[place * 10];
@@ -151,7 +153,7 @@ fn dates_of_a_budget_that_is_soon_exceeded_are_those_of_the_draws() {
     let mut distinct = times.clone();
     distinct.dedup();
     assert!(distinct.len() > 390 && times[0] > 0.0 && times[399] < 1.5, "{times:?}");
-    let direct = Draws::of(&mission, None, 400, 1).unwrap().read_out(400, || {}).unwrap();
+    let direct = Draws::of(&mission, None, 400, 1).unwrap().read_out(400, &Progress::NONE).unwrap();
     let mut expected: Vec<f64> = direct.fates.iter().map(|fate| fate.exceeded_yr[0].unwrap()).collect();
     expected.sort_by(f64::total_cmp);
     for (found, expected) in times.iter().zip(&expected) {
@@ -176,9 +178,13 @@ fn probabilities_of_shear_biases_are_those_of_the_number_of_traps() {
     let half = evaluated(&with("", 0.5)).population.unwrap();
     let [c, m] = [half.years[4].1.c[0].value.abs(), half.years[4].1.m[0].value.abs()];
     let mission = with(&format!("c = {c}\nm = {m}\n"), 1.0);
-    let found = dates(&mission, 1000);
     let evaluation = evaluated(&mission);
-    let fewer = found.traps_factors.iter().filter(|factor| **factor <= 0.5).count() as f64 / 1000.0;
+    let biases = evaluation.population.as_ref();
+    let found = date_distribution(&mission, None, biases, 1000, 1, &Progress::NONE).unwrap();
+    let half_the_traps = TrapLimits { c: [0.5; 2], m: [f64::INFINITY; 2] };
+    let draws = Draws::of(&mission, None, 1000, 1).unwrap().with_limits_on_traps(&half_the_traps).unwrap();
+    let fates = draws.fates(&Progress::NONE).unwrap().fates;
+    let fewer = fates.iter().filter(|fate| fate.biases_exceeded_yr[0][0].is_none()).count() as f64 / 1000.0;
     assert!(fewer > 0.3 && fewer < 0.95, "{fewer}");
     for line in
         lines(&evaluation, Some(&found), Some(0.9)).iter().filter(|line| line.requirement.contains("population"))
@@ -190,6 +196,13 @@ fn probabilities_of_shear_biases_are_those_of_the_number_of_traps() {
         }
         assert_eq!(line.met, met >= 0.9);
     }
+    // The requirement is broken by the first of its budgets, in each draw.
+    let first = &found.first.as_ref().unwrap().uncorrected.times_yr;
+    let budgets = [&found.uncorrected, &found.c.as_ref().unwrap().uncorrected, &found.m.as_ref().unwrap().uncorrected];
+    for budget in budgets {
+        assert!(first.iter().zip(&budget.times_yr).all(|(first, one)| first <= one), "{first:?} {:?}", budget.times_yr);
+    }
+    assert!(budgets.iter().any(|budget| budget.times_yr[0] == first[0]));
 }
 
 #[test]

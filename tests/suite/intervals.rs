@@ -13,6 +13,7 @@ use ctiplan::mission::Mission;
 use ctiplan::model::Model;
 use ctiplan::plan::date_distribution::date_distribution;
 use ctiplan::plan::mission_sample::MissionSample;
+use ctiplan::plan::progress::Progress;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -257,7 +258,7 @@ fn dates_under_a_sample_are_those_of_its_missions() {
     let sample = read(&format!("{DENSITY},log_posterior\n{rows}")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let mission = certain(folder.path());
-    let found = date_distribution(&mission, Some(&sample), 21, 1, || {}).unwrap();
+    let found = date_distribution(&mission, Some(&sample), None, 21, 1, &Progress::NONE).unwrap();
     assert_eq!((found.samples, found.effective_samples), (21, 21.0));
     assert_eq!(found.posterior_keys, [DENSITY]);
     assert!(found.sun_not_drawn.is_some());
@@ -281,7 +282,7 @@ fn dates_under_a_sample_are_those_of_its_missions() {
     assert_eq!(quantiles[2], None);
     assert!(uncorrected.quantiles[0].error_yr.unwrap() > 0.0);
     // Emulated, the same rows many times over tell the same.
-    let many = date_distribution(&mission, Some(&sample), 2100, 1, || {}).unwrap();
+    let many = date_distribution(&mission, Some(&sample), None, 2100, 1, &Progress::NONE).unwrap();
     assert!(many.emulated.is_some() && many.effective_samples == 21.0);
     assert_eq!(many.uncorrected.probability_exceeded, within as f64 / 21.0);
     let median = many.uncorrected.quantiles[1].t_yr;
@@ -300,7 +301,7 @@ fn a_sample_that_does_not_fit_the_mission_is_refused() {
     let empty = refusal("log_posterior\n-1\n");
     assert!(empty.contains("no draw of any key"), "{empty}");
     let beyond = read(&format!("{DENSITY}\n0.1\n-0.1\n")).unwrap();
-    let beyond = date_distribution(&snap(), Some(&beyond), 10, 1, || {}).unwrap_err().to_string();
+    let beyond = date_distribution(&snap(), Some(&beyond), None, 10, 1, &Progress::NONE).unwrap_err().to_string();
     assert!(beyond.contains("line 3") && beyond.contains(DENSITY), "{beyond}");
 }
 

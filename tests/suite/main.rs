@@ -25,6 +25,7 @@ mod hindcast;
 mod html;
 mod images;
 mod intervals;
+mod judgement;
 mod laws;
 mod many_files;
 mod measure;

@@ -98,7 +98,7 @@ fn ask<S: Study>(study: &S, mission: &Mission) -> S::Results {
 fn shielded(mission: &Mission) -> shielding::Results {
     let own = mission.shielding.as_ref().unwrap();
     let confidences = vec![mission.environment.confidence];
-    ask(&Shielding { thicknesses_mm: vec![own.thickness_mm.unwrap()], confidences }, mission)
+    ask(&Shielding { thicknesses_mm: vec![own.thickness_mm.unwrap()], confidences, probability: None }, mission)
 }
 
 /// Trade studies are read out to 3e-3 of the packets (`accuracy.rs`: 30 and 100 times coarser than 1e-6). Shapes are ten times as

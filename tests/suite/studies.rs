@@ -86,7 +86,10 @@ fn a_species_is_worst_where_it_releases_after_a_few_transfers() {
 #[test]
 #[ignore = "slow: .ci/run runs it"]
 fn a_slower_clock_reads_less_noise_and_less_area() {
-    let study = ask(&Clock { line_times_ms: Some(vec![5.0, 10.0, 25.0, 50.0, 100.0]) }, &mission(TRADES, &[]));
+    let study = ask(
+        &Clock { line_times_ms: Some(vec![5.0, 10.0, 25.0, 50.0, 100.0]), confidence: None },
+        &mission(TRADES, &[]),
+    );
     let falls = |key: &str| numbers(&study, "line_times", key).windows(2).all(|pair| pair[0] >= pair[1]);
     assert!(falls("read_noise_e") && falls("area") && !falls("snr"));
     // √(2² + 3² rate/70), 1756 pixels in 24.5 ms.
@@ -192,7 +195,7 @@ fn a_flash_lowers_loss_and_signal_to_noise() {
 #[test]
 fn studies_agree_on_signal_to_noise_and_area() {
     let trades = mission(TRADES, &[]);
-    let clock = ask(&Clock { line_times_ms: Some(vec![25.0]) }, &trades);
+    let clock = ask(&Clock { line_times_ms: Some(vec![25.0]), confidence: None }, &trades);
     let own = |key: &str| numbers(&clock, "line_times", key)[0];
     let (snr, area, read_noise_e, readout_s) =
         (own("snr"), own("area_equal_depth"), own("read_noise_e"), own("readout_s"));
@@ -510,7 +513,7 @@ fn digits_of_what_is_drawn_match_its_error() {
 
 #[test]
 fn more_aluminium_and_less_confidence_leave_more_margin() {
-    let asked = Shielding { thicknesses_mm: vec![10.0, 20.0, 40.0], confidences: vec![0.5, 0.95] };
+    let asked = Shielding { thicknesses_mm: vec![10.0, 20.0, 40.0], confidences: vec![0.5, 0.95], probability: None };
     let study = ask(&asked, &mission(SNAP, &[]));
     let (low, high) =
         (numbers(&study, "margins", "margin_percent_at_50"), numbers(&study, "margins", "margin_percent_at_95"));
@@ -574,7 +577,7 @@ fn a_mission_without_dose_or_beyond_its_budget_is_told_so_in_words() {
     // A hundred times the dose: exceeded within days.
     let beyond = mission(SNAP, &[("environment.active_dose_rate_mev_g_yr", 2.54e8.into())]);
     for mission in [none, beyond] {
-        let clock = Clock { line_times_ms: Some(vec![5.0, 25.0]) };
+        let clock = Clock { line_times_ms: Some(vec![5.0, 25.0]), confidence: None };
         let pumping = PocketPumping { temperatures_k: Some(vec![153.0]), dipoles: 5, ..PocketPumping::default() };
         let launch = launches("2009-01-01,2012-01-01");
         let correction = Correction { draws: 2, iterations: 2, ..Correction::default() };

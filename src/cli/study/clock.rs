@@ -1,6 +1,7 @@
 use clap::Args;
 
 use super::{Options, numbers};
+use crate::cli::confidence::Confident;
 use crate::error::InputError;
 use crate::study::clock;
 
@@ -9,6 +10,8 @@ pub(super) struct Clock {
     /// Times between two parallel transfers, ms, such as 1,5,25 or 5..100:log:8 [default: a factor 30 either way]
     #[arg(long, value_name = "MS")]
     line_time_ms: Option<String>,
+    #[command(flatten)]
+    asked: Confident,
 }
 
 impl Options for Clock {
@@ -16,6 +19,6 @@ impl Options for Clock {
 
     fn study(&self, _: &[&str]) -> Result<clock::Clock, InputError> {
         let line_times_ms = self.line_time_ms.as_ref().map(|text| numbers("readout.line_time_ms", text));
-        Ok(clock::Clock { line_times_ms: line_times_ms.transpose()? })
+        Ok(clock::Clock { line_times_ms: line_times_ms.transpose()?, confidence: self.asked.confidence() })
     }
 }

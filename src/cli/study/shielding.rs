@@ -1,7 +1,9 @@
 use clap::Args;
 
 use super::{Options, list, numbers};
+use crate::cli::confidence::probability;
 use crate::error::InputError;
+use crate::plan::date_distribution::Confidence;
 use crate::study::shielding;
 
 #[derive(Debug, Args)]
@@ -12,6 +14,13 @@ pub(super) struct Shielding {
     /// Probabilities that the solar proton fluence is not exceeded
     #[arg(long, value_name = "SHARES", default_value_t = list(&shielding::Shielding::default().confidences))]
     confidence: String,
+    /// Also draw the Sun and [uncertainty] behind each shield, and rank by how long budgets are kept with this probability, such as 0.9
+    #[arg(long, value_name = "P", value_parser = probability)]
+    probability: Option<f64>,
+    /// Draws behind each shield, with --probability
+    #[arg(long, value_name = "N", requires = "probability", default_value_t = 400)]
+    #[arg(value_parser = clap::value_parser!(u32).range(20..=65_536))]
+    samples: u32,
 }
 
 impl Options for Shielding {
@@ -21,6 +30,7 @@ impl Options for Shielding {
         Ok(shielding::Shielding {
             thicknesses_mm: numbers("shielding.thickness_mm", &self.thickness_mm)?,
             confidences: numbers("environment.confidence", &self.confidence)?,
+            probability: self.probability.map(|probability| Confidence { probability, samples: self.samples }),
         })
     }
 }

@@ -3,6 +3,7 @@
 use crate::error::InputError;
 use crate::model::Model;
 use crate::physics::shape::ShapeChange;
+use crate::plan::population::TrapLimits;
 use crate::plan::requirement::{Point, crossing};
 
 /// What becomes of a draw.
@@ -15,8 +16,8 @@ pub struct Fate {
     pub exceeded_yr: [Option<f64>; 2],
     /// Dose at the end of the mission over the factor on all doses, MeV/g: what the Sun of this draw makes of it.
     pub sun_mev_g: f64,
-    /// Largest number of traps of all species, 1/px.
-    pub traps_per_px: f64,
+    /// The same of the limits on c and on m of the population: when so many traps are there.
+    pub biases_exceeded_yr: [[Option<f64>; 2]; 2],
 }
 
 /// Times of a mission at which |Δe| is looked at, besides those of its jumps.
@@ -30,12 +31,14 @@ const PASSED: f64 = 0.01;
 const NEAR: f64 = 1e-3;
 
 impl Fate {
-    /// Of a model whose changes of shape, at many times at once (years since launch), are these.
+    /// Of a model whose changes of shape, at many times at once (years since launch), are these. `traps_per_px`: numbers of traps of
+    /// all species with which shear biases exceed their limits.
     ///
     /// # Errors
     /// Those of the changes, and where the model has no dose.
     pub fn of(
         model: &Model,
+        traps_per_px: &TrapLimits,
         changes: impl Fn(&[f64]) -> Result<Vec<Option<ShapeChange>>, InputError>,
     ) -> Result<Fate, InputError> {
         let magnitudes = |times: &[f64]| -> Result<Vec<Option<f64>>, InputError> {
@@ -44,11 +47,7 @@ impl Fate {
         let magnitude = |t_yr: f64| Ok::<_, InputError>(magnitudes(&[t_yr])?[0]);
         let times = times_yr(model)?;
         let found = magnitudes(&times)?;
-        let mut traps_per_px = 0.0_f64;
-        for t_yr in &times {
-            let traps = model.traps(*t_yr)?;
-            traps_per_px = traps_per_px.max(traps.iter().map(|species| species.density_per_px).sum());
-        }
+        let biases_exceeded_yr = biases_exceeded_yr(model, &times, traps_per_px)?;
         let mut points: Vec<Point> = times.into_iter().zip(found).collect();
         let limits = model.mission.requirement.limits();
         let largest = points.iter().filter_map(|point| point.1).fold(0.0, f64::max);
@@ -63,9 +62,31 @@ impl Fate {
             delta_e: points.last().and_then(|end| end.1),
             exceeded_yr: [first(limits[0])?, first(limits[1])?],
             sun_mev_g,
-            traps_per_px,
+            biases_exceeded_yr,
         })
     }
+}
+
+/// When there are so many traps of all species, looked for at some times (years since launch).
+fn biases_exceeded_yr(
+    model: &Model,
+    times: &[f64],
+    traps_per_px: &TrapLimits,
+) -> Result<[[Option<f64>; 2]; 2], InputError> {
+    let limits = [traps_per_px.c, traps_per_px.m];
+    if limits.as_flattened().iter().all(|limit| limit.is_infinite()) {
+        return Ok([[None; 2]; 2]);
+    }
+    let traps = |t_yr: f64| {
+        let traps = model.traps(t_yr)?;
+        Ok::<_, InputError>(Some(traps.iter().map(|species| species.density_per_px).sum()))
+    };
+    let points = times.iter().map(|t_yr| Ok((*t_yr, traps(*t_yr)?))).collect::<Result<Vec<Point>, InputError>>()?;
+    let mut found = [[None; 2]; 2];
+    for (found, limit) in found.as_flattened_mut().iter_mut().zip(limits.as_flattened()) {
+        *found = if limit.is_finite() { crossing(*limit, &points, traps)?.t_yr } else { None };
+    }
+    Ok(found)
 }
 
 /// Times at which a draw is looked at: those of the model, but for events that change little, and some between.

@@ -7,6 +7,7 @@ use super::{Criterion, Ranking, Scenario};
 use crate::io::json;
 use crate::plan::date_distribution::DateDistribution;
 use crate::plan::evaluate::json::DatedVerdict;
+use crate::plan::judgement::JudgedRow;
 use crate::warning::Warning;
 
 #[derive(serde::Serialize)]
@@ -21,6 +22,11 @@ struct OneScenario<'a> {
     delta_e: Option<f64>,
     #[serde(flatten)]
     verdict: DatedVerdict<'a>,
+    /// All budgets together, where shear biases are limited.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    first: Option<JudgedRow>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    budget_used: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     distribution: Option<&'a DateDistribution>,
     warnings: &'a [Warning],
@@ -37,6 +43,7 @@ struct Places<'a> {
 
 impl Serialize for Scenario {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let together = self.judgement.limits_biases();
         let scenario = OneScenario {
             mission: &self.mission.mission.name,
             file: &self.file,
@@ -46,7 +53,9 @@ impl Serialize for Scenario {
             active_yr: self.active_yr,
             delta_e: self.delta_e,
             verdict: self.verdict.dated(&self.mission),
-            distribution: self.distribution.as_ref(),
+            first: together.then(|| JudgedRow::of(&self.judgement, self.mission.mission.launch.0, self.confidence)),
+            budget_used: self.judgement.used().filter(|_| together),
+            distribution: self.judgement.distribution.as_ref(),
             warnings: &self.warnings,
         };
         scenario.serialize(to)

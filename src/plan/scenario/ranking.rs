@@ -1,42 +1,59 @@
-//! Which of several missions is best: the one order by which `compare` and `study launch` rank.
+//! Which of several missions is best: the one order by which `compare` and studies rank.
 //!
 //! A mission is better where, in this order,
 //!
-//! 1. it exceeds its uncorrected budget later after launch, or never,
-//! 2. it exceeds its corrected budget later, or never,
-//! 3. its |Δe| at the end is smaller; a lost shape is larger than any.
+//! 1. it exceeds the first of its uncorrected budgets later after launch, or never,
+//! 2. it exceeds the first of its corrected budgets later, or never,
+//! 3. where shear biases are limited: the largest share of a budget that it uses at the end is smaller,
+//! 4. its |Δe| at the end is smaller; a lost shape is larger than any.
 
 use serde::Serialize;
 
 use crate::numeric::calendar::DAYS_PER_YEAR;
+use crate::plan::judgement::Judgement;
 
 /// What a mission is ranked by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Merit {
-    /// When the uncorrected budget is exceeded, years since launch; None where it is not within the mission.
+    /// When the first uncorrected budget is exceeded, years since launch; None where none is within the mission.
     pub uncorrected_yr: Option<f64>,
-    /// The same of the corrected budget.
+    /// The same of the corrected budgets.
     pub corrected_yr: Option<f64>,
+    /// Largest share of an uncorrected budget that is used at the end of the mission, infinite where no shape is left; 0 where |Δe|
+    /// alone is limited.
+    pub used: f64,
     /// |Δe| at the end of the mission; None where no shape is left.
     pub delta_e: Option<f64>,
+}
+
+impl Merit {
+    /// Of a mission that is judged so, as expected or with a probability, and has this |Δe| at its end.
+    pub fn of(judgement: &Judgement, confidence: Option<f64>, delta_e: Option<f64>) -> Merit {
+        let [uncorrected_yr, corrected_yr] = judgement.kept_yr(confidence);
+        let used = if judgement.limits_biases() { judgement.used().unwrap_or(f64::INFINITY) } else { 0.0 };
+        Merit { uncorrected_yr, corrected_yr, used, delta_e }
+    }
 }
 
 /// What makes one mission better than another; in JSON the key of a scenario that holds it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Criterion {
-    /// The time at which the uncorrected budget is exceeded.
+    /// The time at which the first uncorrected budget is exceeded.
     #[serde(rename = "uncorrected.t_yr")]
     Uncorrected,
-    /// The time at which the corrected budget is exceeded.
+    /// The time at which the first corrected budget is exceeded.
     #[serde(rename = "corrected.t_yr")]
     Corrected,
+    /// The largest share of a budget that is used at the end of the mission.
+    #[serde(rename = "budget_used")]
+    Used,
     /// |Δe| at the end of the mission.
     #[serde(rename = "delta_e")]
     End,
 }
 
 /// The criteria, the first one before all others.
-const CRITERIA: [Criterion; 3] = [Criterion::Uncorrected, Criterion::Corrected, Criterion::End];
+const CRITERIA: [Criterion; 4] = [Criterion::Uncorrected, Criterion::Corrected, Criterion::Used, Criterion::End];
 
 /// |Δe| that are the same but for rounding, relative.
 const ROUNDING: f64 = 1e-6;
@@ -48,6 +65,7 @@ impl Criterion {
         match self {
             Criterion::Uncorrected => time(merit.uncorrected_yr),
             Criterion::Corrected => time(merit.corrected_yr),
+            Criterion::Used => merit.used,
             Criterion::End => merit.delta_e.unwrap_or(f64::INFINITY),
         }
     }
@@ -56,7 +74,7 @@ impl Criterion {
     fn equal(self, a: f64, b: f64) -> bool {
         let tolerance = match self {
             Criterion::Uncorrected | Criterion::Corrected => 1.0 / DAYS_PER_YEAR,
-            Criterion::End => ROUNDING * a.abs().min(b.abs()),
+            Criterion::Used | Criterion::End => ROUNDING * a.abs().min(b.abs()),
         };
         a == b || (a - b).abs() <= tolerance
     }
@@ -101,7 +119,14 @@ mod tests {
     use super::*;
 
     fn merit(uncorrected_yr: Option<f64>, corrected_yr: Option<f64>, delta_e: Option<f64>) -> Merit {
-        Merit { uncorrected_yr, corrected_yr, delta_e }
+        Merit { uncorrected_yr, corrected_yr, used: 0.0, delta_e }
+    }
+
+    #[test]
+    fn where_biases_are_limited_the_budget_used_comes_before_the_galaxy() {
+        let used = |used: f64, delta_e: f64| Merit { used, ..merit(None, None, Some(delta_e)) };
+        let ranking = Ranking::of(&[used(0.5, 1e-3), used(0.4, 2e-3)]);
+        assert_eq!((ranking.best, ranking.by), (vec![1], Some(Criterion::Used)));
     }
 
     #[test]

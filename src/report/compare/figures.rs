@@ -1,6 +1,6 @@
 //! |Δe| at the end of the mission, and when the budget is exceeded, along what differs most often.
 
-use super::{Limit, setting, short};
+use super::{setting, short};
 use crate::mission::Date;
 use crate::mission::keys::plain;
 use crate::numeric::calendar::decimal_year;
@@ -46,17 +46,14 @@ impl Comparison {
         let mut at_the_end = draw(&|scenario| scenario.delta_e);
         let budget = |scenario: &Scenario| scenario.mission.requirement.delta_e;
         let first = budget(&self.scenarios[0]);
-        if self.scenarios.iter().all(|scenario| budget(scenario) == first) {
+        let limited = self.scenarios[0].mission.requirement.limits_a_galaxy();
+        if limited && self.scenarios.iter().all(|scenario| budget(scenario) == first) {
             at_the_end.push(level(&format!("budget {}", plain(first)), first));
         }
         let mut panels = vec![panel("|Δe| at the end", wide(&delta_e), at_the_end)];
-        let limits: [(&str, Limit); 2] = [
-            ("exceeded after [yr]", |verdict| &verdict.uncorrected),
-            ("after correction [yr]", |verdict| &verdict.corrected),
-        ];
-        for (y_label, limit) in limits {
-            if self.is_exceeded(limit) {
-                panels.push(panel(y_label, false, draw(&|scenario| limit(&scenario.verdict).t_yr)));
+        for (corrected, y_label) in ["exceeded after [yr]", "after correction [yr]"].into_iter().enumerate() {
+            if self.is_exceeded(corrected) {
+                panels.push(panel(y_label, false, draw(&|scenario| scenario.judgement.kept_yr(None)[corrected])));
             }
         }
         let left_out = groups.len().saturating_sub(COLOURS);

@@ -1,9 +1,9 @@
 //! `ctiplan study charge-injection`.
 
 use super::table::column;
-use super::{DataTable, Digits, Shown, StudyReport, left_out, short};
+use super::{DataTable, Digits, Shown, StudyReport, budget, left_out, short};
 use crate::mission::Mission;
-use crate::report::plot::{Figure, Mark, Panel, Series, level, line};
+use crate::report::plot::{Figure, Mark, Panel, Series, line};
 use crate::study::budgets;
 use crate::study::charge_injection::{Best, Results, Spacing};
 
@@ -15,6 +15,7 @@ impl Shown for Results {
             mission.requirement.galaxy
         );
         let mut report = StudyReport::of("charge-injection", mission, title, &self.warnings);
+        report.of_galaxy_alone(mission);
         report.cite(
             "Injected lines of charge",
             "Rhodes et al. 2010 (PASP 122, 439), section 6; Massey et al. 2010 (MNRAS 401, 371) on capture at once",
@@ -55,10 +56,8 @@ fn spacings(results: &Results) -> DataTable {
 fn figure(results: &Results, mission: &Mission) -> Figure {
     let x: Vec<f64> = results.with_lines.iter().filter_map(|spacing| spacing.spacing_rows).collect();
     let of = |value: fn(&Spacing) -> f64| results.with_lines.iter().map(value).collect();
-    let mut shapes = vec![
-        line("with lines", 1, &x, of(|spacing| spacing.delta_e.unwrap_or(f64::NAN))),
-        level("budget", mission.requirement.delta_e),
-    ];
+    let mut shapes = vec![line("with lines", 1, &x, of(|spacing| spacing.delta_e.unwrap_or(f64::NAN)))];
+    shapes.extend(budget(mission));
     if let Some(y) = results.without_lines.delta_e {
         shapes.push(Series { label: Some("without".into()), color: 2, kind: Mark::Level { y, dashed: false } });
     }

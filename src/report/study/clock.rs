@@ -3,10 +3,12 @@
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::table::column;
-use super::{DataTable, Digits, Shown, StudyReport, short, when};
+use super::judged;
+use super::table::{column, words};
+use super::{DataTable, Digits, Shown, StudyReport, budget, short, when};
 use crate::mission::Mission;
-use crate::report::plot::{Figure, Panel, dashed, level, line};
+use crate::plan::judgement::JudgedRow;
+use crate::report::plot::{Figure, Panel, dashed, line};
 use crate::study::clock::{Comparison, Cost, LineTime, Results};
 
 impl Shown for Results {
@@ -15,7 +17,9 @@ impl Shown for Results {
             format!("line time against shape error of \"{}\" at the end of the mission", mission.requirement.galaxy);
         let mut report = StudyReport::of("clock", mission, title, &self.warnings);
         report.cite("Line time against shape error", "Rhodes et al. 2010 (PASP 122, 439), sections 5.1 and 6");
-        report.tables = vec![line_times(self), species(self)];
+        report.tables = vec![line_times(self, mission), species(self)];
+        let line_time = column("line_time_ms", "line [ms]", Digits::Significant(4));
+        report.tables.extend(judged::table(&self.line_times, line_time, mission));
         report.draw(figure(self, mission));
         let lost = self.line_times.iter().filter(|one| one.delta_e.is_none()).count();
         if lost > 0 {
@@ -24,6 +28,17 @@ impl Shown for Results {
         }
         if let Some(comparison) = &self.comparison {
             compare(&mut report, self, comparison, mission);
+        }
+        if let Some(ranking) = &self.ranking {
+            let rows: Vec<&JudgedRow> = self.line_times.iter().filter_map(|one| one.judged.as_ref()).collect();
+            let line_time_ms = |place: usize| self.line_times[place].line_time_ms;
+            judged::rank(&mut report, &rows, ranking, self.confidence, |place| {
+                format!("{} ms", short(line_time_ms(place)))
+            });
+            report.result("best_for_requirement_line_time_ms", line_time_ms(ranking.best[0]));
+            if let Some(asked) = self.confidence {
+                judged::explain(&mut report, &rows, asked);
+            }
         }
         report
     }
@@ -37,7 +52,7 @@ fn has_area(results: &Results) -> bool {
     results.line_times.iter().any(|one| one.cost.as_ref().is_some_and(|cost| cost.area.is_some()))
 }
 
-fn line_times(results: &Results) -> DataTable {
+fn line_times(results: &Results, mission: &Mission) -> DataTable {
     let mut columns = vec![
         column("line_time_ms", "line [ms]", Digits::Significant(4)),
         column("delta_e", "|Δe|", Digits::Scientific(3)),
@@ -55,6 +70,13 @@ fn line_times(results: &Results) -> DataTable {
             column("area", "area", Digits::Fixed(3)),
             column("area_equal_depth", "equal depth", Digits::Fixed(3)),
         ]);
+    }
+    if results.ranking.is_some() {
+        // Where a probability is asked for, what is expected is for programs: there is no room for both.
+        let expected = |name: &'static str| if results.confidence.is_some() { "" } else { name };
+        columns.extend([words("exceeded_date", expected("exceeded")), words("corrected_date", expected("corrected"))]);
+        columns.extend(judged::each(mission, false));
+        columns.extend(judged::drawn(results.confidence.is_some()));
     }
     let title = if has_area(results) { "Area per time is over that of the mission's own clock" } else { "" };
     DataTable::of("line_times", &results.line_times, columns).titled(title)
@@ -89,7 +111,7 @@ fn figure(results: &Results, mission: &Mission) -> Figure {
     for (index, species) in results.species.iter().enumerate() {
         shapes.push(dashed(&species.name, index + 1, &x, of(&|one| one.delta_e1_alone[index].map(f64::abs))));
     }
-    shapes.push(level("budget", mission.requirement.delta_e));
+    shapes.extend(budget(mission));
     let panel = |y_label: &str, series| Panel {
         x_label: "line time [ms]".into(),
         y_label: y_label.into(),

@@ -4,9 +4,9 @@ use serde::Serialize;
 
 use super::estimate::{days, known_date, plus_minus, scientific};
 use super::table::{column, words};
-use super::{DataTable, Digits, Shown, StudyReport, short, when};
+use super::{DataTable, Digits, Shown, StudyReport, budget, short, when};
 use crate::mission::Mission;
-use crate::report::plot::{Figure, Panel, level, line};
+use crate::report::plot::{Figure, Panel, line};
 use crate::study::Estimate;
 use crate::study::correction::{Cause, Earned, Left, Remainder, Results};
 
@@ -20,6 +20,7 @@ impl Shown for Results {
             mission.requirement.galaxy
         );
         let mut report = StudyReport::of("correction", mission, title, &self.warnings);
+        report.of_galaxy_alone(mission);
         report.cite(
             "Correction by iterating the readout",
             "Bristow 2003; Massey et al. 2010 (MNRAS 401, 371); Massey et al. 2014 (MNRAS 439, 887)",
@@ -87,8 +88,10 @@ fn figure(remainder: &Remainder, earned: &Earned, mission: &Mission) -> Figure {
             line("uncorrected", 2, &x, curve(1.0)),
             line(&format!("assumed factor {assumed}"), 1, &x, curve(assumed)),
             line(&format!("earned factor {}", plus_minus(earned.factor)), 3, &x, curve(earned.factor.value)),
-            level("budget", mission.requirement.delta_e),
-        ],
+        ]
+        .into_iter()
+        .chain(budget(mission))
+        .collect(),
         ..Panel::default()
     };
     Figure { title: format!("{}: correction", mission.mission.name), panels: vec![panel] }

@@ -1,9 +1,9 @@
 //! `ctiplan study distance`.
 
 use super::table::{column, words};
-use super::{DataTable, Digits, Shown, StudyReport, when};
+use super::{DataTable, Digits, Shown, StudyReport, budget, when};
 use crate::mission::Mission;
-use crate::report::plot::{Figure, Panel, level, line};
+use crate::report::plot::{Figure, Panel, line};
 use crate::study::distance::{Place, Results};
 
 impl Shown for Results {
@@ -13,6 +13,7 @@ impl Shown for Results {
             mission.requirement.galaxy
         );
         let mut report = StudyReport::of("distance", mission, title, &self.warnings);
+        report.of_galaxy_alone(mission);
         report.cite("Distance to the register, and dithers", "Rhodes et al. 2010 (PASP 122, 439), sections 5.1 and 6");
         report.tables = vec![places(self), distances(self)];
         report.draw(figure(self, mission));
@@ -48,7 +49,8 @@ fn distances(results: &Results) -> DataTable {
 fn figure(results: &Results, mission: &Mission) -> Figure {
     let x: Vec<f64> = results.curve.iter().map(|point| point.transfers).collect();
     let y = results.curve.iter().map(|point| point.delta_e.unwrap_or(f64::NAN)).collect();
-    let mut series = vec![line("at a distance", 1, &x, y), level("budget", mission.requirement.delta_e)];
+    let mut series = vec![line("at a distance", 1, &x, y)];
+    series.extend(budget(mission));
     for (index, place) in results.places.iter().enumerate().skip(1) {
         let ends = [x[0], x[x.len() - 1]];
         series.push(line(&place.name, index + 1, &ends, vec![place.delta_e.unwrap_or(f64::NAN); 2]));

@@ -24,6 +24,7 @@ impl Shown for Results {
             short(self.horizon_yr)
         );
         let mut report = StudyReport::of("error-budget", mission, title, &self.warnings);
+        report.of_galaxy_alone(mission);
         report.cite(
             "Shares of the variance: squared regression coefficients",
             "Saltelli et al. 2008, Global Sensitivity Analysis",

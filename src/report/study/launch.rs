@@ -2,14 +2,18 @@
 
 use chrono::NaiveDate;
 
+use super::estimate::plus_minus;
+use super::judged;
 use super::table::{column, words};
-use super::{DataTable, Digits, Shown, StudyReport};
+use super::{DataTable, Digits, Shown, StudyReport, budget};
 use crate::environment::solar_cycle::{self, ActiveYears};
 use crate::mission::Mission;
 use crate::numeric::calendar::decimal_year;
+use crate::plan::judgement::{JudgedRow, Limited};
 use crate::plan::scenario::sun;
 use crate::plan::sources;
 use crate::report::plot::{Figure, Mark, Panel, Series, level, line};
+use crate::study::Estimate;
 use crate::study::launch::{Launched, Results};
 
 /// Most ties that are named.
@@ -26,6 +30,7 @@ impl Shown for Results {
             report.sources.push(sources::over_time(&self.compared));
         }
         report.tables = vec![launches(self)];
+        report.tables.extend(judged::table(&self.launches, words("launch", "launch"), mission));
         report.draw(figure(self, mission));
         report.findings.extend(self.note.map(String::from));
         let names = |places: &[usize]| -> Vec<String> { places.iter().map(|place| self.name(*place)).collect() };
@@ -53,11 +58,10 @@ impl Results {
 }
 
 fn launches(results: &Results) -> DataTable {
-    let exceeded = results.launches.iter().any(|launched| launched.corrected_t_yr.is_some());
+    let exceeded = results.launches.iter().any(|launched| launched.judged.corrected_t_yr.is_some());
     // Where a confidence is asked for, what is expected is for programs: there is no room for both.
     let expected = |name: &'static str| if results.confidence.is_some() { "" } else { name };
-    let asked = |name: &'static str| if results.confidence.is_some() { name } else { "" };
-    let columns = vec![
+    let mut columns = vec![
         words("launch", "launch"),
         column("active_yr", expected("active [yr]"), Digits::Fixed(2)),
         column("dose_mev_g", "dose [MeV/g]", Digits::Scientific(2)),
@@ -66,12 +70,10 @@ fn launches(results: &Results) -> DataTable {
         words("exceeded_date", expected("exceeded")),
         column("corrected_t_yr", if exceeded { expected("after [yr]") } else { "" }, Digits::Fixed(2)),
         words("corrected_date", expected("corrected")),
-        column("kept_t_yr", asked("kept [yr]"), Digits::Fixed(2)),
-        column("corrected_kept_t_yr", asked("corrected [yr]"), Digits::Fixed(2)),
-        column("met_percent", asked("met [%]"), Digits::Fixed(1)),
-        column("corrected_met_percent", asked("corrected [%]"), Digits::Fixed(1)),
-        words("dose_model", ""),
     ];
+    columns.extend(judged::each(&results.compared, false));
+    columns.extend(judged::drawn(results.confidence.is_some()));
+    columns.push(words("dose_model", ""));
     let table = DataTable::of("launches", &results.launches, columns);
     // Many rows of the same are nothing to read.
     DataTable { programs_only: results.ranking.by.is_none() && results.launches.len() > 2, ..table }
@@ -86,12 +88,10 @@ fn figure(results: &Results, mission: &Mission) -> Figure {
         series.extend(active_years(&results.compared, &x));
         Panel { x_label: "launch [year]".into(), y_label: y_label.into(), series, ..Panel::default() }
     };
-    let shapes = vec![
-        line("at the end of life", 1, &x, of(|launched| launched.delta_e)),
-        level("budget", mission.requirement.delta_e),
-    ];
+    let mut shapes = vec![line("at the end of life", 1, &x, of(|launched| launched.delta_e))];
+    shapes.extend(budget(mission));
     let times = vec![
-        line("uncorrected budget exceeded", 2, &x, of(|launched| launched.exceeded_t_yr)),
+        line("uncorrected budget exceeded", 2, &x, of(|launched| launched.judged.exceeded_t_yr)),
         level("end of the mission", mission.mission.duration_yr),
     ];
     Figure {
@@ -118,22 +118,25 @@ fn active_years(compared: &Mission, years: &[f64]) -> Vec<Series> {
 
 /// What becomes of a launch, with dates where these are wanted.
 fn fate(launched: &Launched, dated: bool) -> String {
-    let lasts = |name: &str, t_yr: Option<f64>, date: Option<NaiveDate>| match t_yr {
+    let several = launched.judged.each.keys().any(|key| !key.starts_with(Limited::DeltaE.key()));
+    let lasts = |name: &str, t_yr: Option<f64>, date: Option<NaiveDate>, by: Option<Limited>| match t_yr {
         Some(t_yr) => {
             let day = if dated { date.map_or(String::new(), |date| format!(", on {date}")) } else { String::new() };
-            format!("{name} budget exceeded after {t_yr:.2} yr{day}")
+            let of = by.filter(|_| several).map_or(String::new(), |by| format!(" of {}", by.symbol()));
+            format!("{name} budget{of} exceeded after {t_yr:.2} yr{day}")
         }
         None => format!("{name} budget not exceeded"),
     };
+    let judged = &launched.judged;
     let mut words = vec![
         format!("{:.2} active years", launched.active_yr),
-        lasts("uncorrected", launched.exceeded_t_yr, launched.exceeded_date),
+        lasts("uncorrected", judged.exceeded_t_yr, judged.exceeded_date, judged.exceeded_by),
     ];
-    if launched.corrected_t_yr.is_some() {
-        words.push(lasts("corrected", launched.corrected_t_yr, launched.corrected_date));
+    if judged.corrected_t_yr.is_some() {
+        words.push(lasts("corrected", judged.corrected_t_yr, judged.corrected_date, judged.corrected_by));
     }
-    if let Some(met) = launched.met_percent {
-        words.push(format!("uncorrected budget met to the end with {met:.1} %"));
+    if let Some((value, error)) = judged.met_percent.zip(judged.met_error_percent) {
+        words.push(format!("uncorrected budget met to the end with {} %", plus_minus(Estimate { value, error })));
     }
     words.push(launched.delta_e.map_or("no shape left".into(), |end| format!("|delta e| {end:.3e} at the end")));
     words.join("; ")
@@ -161,16 +164,14 @@ fn compare(report: &mut StudyReport, results: &Results) {
     }
     let all = results.launches.len();
     let lasts = |launched: &&Launched| match results.confidence {
-        None => launched.exceeded_t_yr.is_none(),
-        Some(_) => launched.kept_t_yr.is_none(),
+        None => launched.judged.exceeded_t_yr.is_none(),
+        Some(_) => launched.judged.kept_t_yr.is_none(),
     };
     let lasting = results.launches.iter().filter(lasts).count();
     let with = results.confidence.map_or(String::new(), |p| format!(" with {:.0} %", 100.0 * p));
     report.find(format!("{lasting} of {all} launches meet the uncorrected budget{with}."));
     if let Some(p) = results.confidence {
-        report.find(format!(
-            "kept: how long each budget is kept with {:.0} %; met: probability that it is to the end, without correction and with it.",
-            100.0 * p
-        ));
+        let rows: Vec<&JudgedRow> = results.launches.iter().map(|launched| &launched.judged).collect();
+        judged::explain(report, &rows, p);
     }
 }

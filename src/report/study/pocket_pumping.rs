@@ -19,6 +19,7 @@ impl Shown for Results {
             self.options.images
         );
         let mut report = StudyReport::of("pocket-pumping", mission, title, &self.warnings);
+        report.of_galaxy_alone(mission);
         report.cite(
             "Pocket pumping: dipoles of single traps",
             "Mostek et al. 2010 (Proc. SPIE 7742); Murray et al. 2012 (Proc. SPIE 8453); Hall et al. 2014 (IEEE Trans. Nucl. \

@@ -3,9 +3,9 @@
 use serde_json::Value;
 
 use super::table::{column, words};
-use super::{DataTable, Digits, Shown, StudyReport, left_out, short, when};
+use super::{DataTable, Digits, Shown, StudyReport, budget, left_out, short, when};
 use crate::mission::Mission;
-use crate::report::plot::{Figure, Panel, level, line};
+use crate::report::plot::{Figure, Panel, line};
 use crate::study::preflash::{Level, Results};
 
 impl Shown for Results {
@@ -15,6 +15,7 @@ impl Shown for Results {
             mission.requirement.galaxy, self.aperture_px
         );
         let mut report = StudyReport::of("preflash", mission, title, &self.warnings);
+        report.of_galaxy_alone(mission);
         report.cite("A flash before each exposure", "Rhodes et al. 2010 (PASP 122, 439), section 6");
         report.tables = vec![levels(self)];
         report.draw(figure(self, mission));
@@ -52,7 +53,7 @@ fn figure(results: &Results, mission: &Mission) -> Figure {
         series,
         ..Panel::default()
     };
-    let shapes = vec![line("shape error", 1, &x, ends), level("budget", mission.requirement.delta_e)];
+    let shapes = [line("shape error", 1, &x, ends)].into_iter().chain(budget(mission)).collect();
     Figure {
         title: format!("{}: a flash before each exposure", mission.mission.name),
         panels: vec![panel("|Δe| at the end", shapes), panel("S/N", vec![line("S/N", 2, &x, snr)])],

@@ -31,6 +31,7 @@ impl Shown for Results {
             mission.requirement.correction_factor
         );
         let mut report = StudyReport::of("requirement", mission, title, &self.warnings);
+        report.of_galaxy_alone(mission);
         report.tables = vec![allowed(self), clocks(self)];
         report.draw(figure(self, mission));
         for (name, limit) in names().into_iter().zip(&self.limits) {

@@ -3,23 +3,24 @@
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+use super::judged;
 use super::table::{column, words};
 use super::{DataTable, Digits, Shown, StudyReport};
 use crate::environment::shielding::Geometry;
 use crate::mission::Mission;
 use crate::mission::keys::plain;
+use crate::plan::judgement::{JudgedRow, Limited};
 use crate::plan::sources;
 use crate::report::plot::{Figure, Panel, level, line};
-use crate::study::budgets;
+use crate::report::study::estimate::plus_minus;
 use crate::study::shielding::{Case, GEOMETRIES, Needed, Results};
+use crate::study::{Estimate, budgets};
 
 impl Shown for Results {
     fn shown(&self, mission: &Mission) -> StudyReport {
-        let [_, corrected] = budgets(mission);
         let title = format!(
-            "aluminium against margin: what is left of the corrected budget ({}) of \"{}\" at the end of the mission",
-            plain(corrected),
-            mission.requirement.galaxy
+            "aluminium against margin: what is left of the corrected budget ({}) at the end of the mission",
+            corrected_budgets(mission)
         );
         let mut report = StudyReport::of("shielding", mission, title, &self.warnings);
         report.sources = sources::of_dose(mission);
@@ -32,16 +33,62 @@ impl Shown for Results {
             );
             return report;
         }
-        report.tables.extend([needed(self), cases(self)]);
-        report.draw(figure(self, mission, corrected));
+        report.tables.extend([needed(self), cases(self, mission)]);
+        report.draw(figure(self, mission));
         for geometry in GEOMETRIES {
             report.find(described(self, geometry));
         }
+        with_probability(&mut report, self, mission);
         if mission.environment.active_dose_rate_mev_g_yr.is_some() {
             report.find("The mission gives its dose rate. This study derives the dose from the shield instead.");
         }
         report
     }
+}
+
+/// Corrected budgets, in words.
+fn corrected_budgets(mission: &Mission) -> String {
+    let requirement = &mission.requirement;
+    let corrected = |limit: f64| plain(limit * requirement.correction_factor);
+    let words = Limited::by(mission).into_iter().map(|limited| match limited {
+        Limited::DeltaE => format!("|delta e| of \"{}\" {}", requirement.galaxy, corrected(requirement.delta_e)),
+        Limited::C => format!("|c| {}", corrected(requirement.c.unwrap_or(f64::NAN))),
+        Limited::M => format!("|m| {}", corrected(requirement.m.unwrap_or(f64::NAN))),
+    });
+    words.collect::<Vec<_>>().join(", ")
+}
+
+/// Shields with the Sun and `[uncertainty]` drawn: a table, and what is enough.
+fn with_probability(report: &mut StudyReport, results: &Results, mission: &Mission) {
+    let (Some(asked), Some(ranking)) = (results.probability, &results.ranking) else { return };
+    let mut columns = vec![words("geometry", "shield"), column("thickness_mm", "Al [mm]", Digits::Significant(4))];
+    columns.extend(judged::each(mission, false));
+    columns.extend(judged::drawn(true));
+    let title = "With the Sun and [uncertainty] drawn";
+    report.tables.push(DataTable::of("drawn", &results.drawn, columns).titled(title));
+    let rows: Vec<&JudgedRow> = results.drawn.iter().map(|drawn| &drawn.judged).collect();
+    let name = |place: usize| {
+        let drawn = &results.drawn[place];
+        format!("a {} of {} mm", drawn.geometry, plain(drawn.thickness_mm))
+    };
+    judged::rank(report, &rows, ranking, Some(asked), name);
+    for geometry in GEOMETRIES {
+        let of = || results.drawn.iter().filter(|drawn| drawn.geometry == geometry);
+        let enough = of().find(|drawn| drawn.judged.corrected_kept_t_yr.is_none());
+        report.result(&format!("{geometry}_enough_mm"), enough.map(|drawn| drawn.thickness_mm));
+        let met = |judged: &JudgedRow| judged.corrected_met_percent.zip(judged.corrected_met_error_percent);
+        let met = enough.and_then(|drawn| met(&drawn.judged)).map(|(value, error)| Estimate { value, error });
+        report.find(match enough.zip(met) {
+            Some((drawn, met)) => format!(
+                "The thinnest {geometry} tried that keeps the corrected budgets with {:.0} % has {} mm: they are met with {} %.",
+                100.0 * asked,
+                plain(drawn.thickness_mm),
+                plus_minus(met)
+            ),
+            None => format!("No {geometry} tried keeps the corrected budgets with {:.0} %.", 100.0 * asked),
+        });
+    }
+    judged::explain(report, &rows, asked);
 }
 
 fn percent(confidence: f64) -> String {
@@ -89,8 +136,8 @@ fn needed(results: &Results) -> DataTable {
 }
 
 /// Every case, for programs and for those who plot themselves.
-fn cases(results: &Results) -> DataTable {
-    let columns = vec![
+fn cases(results: &Results, mission: &Mission) -> DataTable {
+    let mut columns = vec![
         words("geometry", "shield"),
         column("thickness_mm", "Al [mm]", Digits::Significant(4)),
         column("confidence", "confidence", Digits::Significant(6)),
@@ -99,10 +146,11 @@ fn cases(results: &Results) -> DataTable {
         words("exceeded_date", "exceeded"),
         words("corrected_date", "corrected"),
     ];
+    columns.extend(judged::each(mission, false));
     DataTable { programs_only: true, ..DataTable::of("cases", &results.cases, columns).titled("Every case") }
 }
 
-fn figure(results: &Results, mission: &Mission, corrected: f64) -> Figure {
+fn figure(results: &Results, mission: &Mission) -> Figure {
     let panel = |geometry: &Geometry| {
         let series = results.confidences.iter().enumerate().map(|(index, confidence)| {
             let of = |case: &&Case| case.geometry == *geometry && case.confidence == *confidence;
@@ -111,12 +159,14 @@ fn figure(results: &Results, mission: &Mission, corrected: f64) -> Figure {
             let y = curve().map(|case| case.delta_e.unwrap_or(f64::NAN)).collect();
             line(&format!("{} %", percent(*confidence)), index + 1, &x, y)
         });
+        let [_, corrected] = budgets(mission);
+        let limit = mission.requirement.limits_a_galaxy().then(|| level("corrected budget", corrected));
         Panel {
             x_label: "aluminium [mm]".into(),
             y_label: format!("|Δe|, {geometry}"),
             x_log: true,
             y_log: true,
-            series: series.chain([level("corrected budget", corrected)]).collect(),
+            series: series.chain(limit).collect(),
             ..Panel::default()
         }
     };

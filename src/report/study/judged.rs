@@ -1,0 +1,110 @@
+//! Budgets that are judged together: columns and sentences.
+
+use serde::Serialize;
+
+use super::table::{column, words};
+use super::{Column, DataTable, Digits, StudyReport};
+use crate::mission::Mission;
+use crate::plan::judgement::{JudgedRow, Limited};
+use crate::plan::scenario::{Criterion, Ranking};
+use crate::report::study::estimate::plus_minus;
+use crate::study::Estimate;
+
+/// Each budget in a table for people, beside a column that tells rows apart; none where |Δe| alone is limited.
+pub(super) fn table<R: Serialize>(rows: &[R], apart: Column, mission: &Mission) -> Option<DataTable> {
+    let columns = each(mission, true);
+    let title = "Each budget at the end of the mission, and which one is exceeded first";
+    let table = || DataTable::of("budgets", rows, [apart].into_iter().chain(columns.clone()).collect()).titled(title);
+    (!columns.is_empty()).then(table)
+}
+
+/// Which budget is exceeded first, and of each its value at the end and when it is exceeded, for people or for programs alone;
+/// nothing where |Δe| alone is limited.
+pub(super) fn each(mission: &Mission, shown: bool) -> Vec<Column> {
+    let name = |head: &'static str| if shown { head } else { "" };
+    let limited = Limited::by(mission);
+    if limited == [Limited::DeltaE] {
+        return Vec::new();
+    }
+    let mut columns = vec![words("exceeded_by", name("exceeded by")), words("corrected_by", name("corrected by"))];
+    for one in limited {
+        let head = name(one.symbol());
+        let [at_end, exceeded, corrected] = one.keys();
+        columns.extend([
+            column(at_end, head, Digits::Scientific(2)),
+            column(exceeded, name("after [yr]"), Digits::Fixed(2)),
+            column(corrected, "", Digits::Fixed(2)),
+        ]);
+    }
+    columns
+}
+
+/// How long budgets are kept with a probability, and how probable it is that they are met to the end; with names where they are
+/// shown to people.
+pub(super) fn drawn(shown: bool) -> Vec<Column> {
+    let head = |name: &'static str| if shown { name } else { "" };
+    vec![
+        column("kept_t_yr", head("kept [yr]"), Digits::Fixed(2)),
+        column("corrected_kept_t_yr", head("corrected [yr]"), Digits::Fixed(2)),
+        column("met_percent", head("met [%]"), Digits::Fixed(1)).with_error("met_error_percent"),
+        column("corrected_met_percent", head("corrected [%]"), Digits::Fixed(1))
+            .with_error("corrected_met_error_percent"),
+    ]
+}
+
+/// What [`drawn`] shows, in words, and why the Sun is not drawn, where it is not.
+pub(super) fn explain(report: &mut StudyReport, rows: &[&JudgedRow], asked: f64) {
+    report.find(format!(
+        "kept: how long all budgets are kept with {:.0} %; met: probability that they are to the end, without correction and with it.",
+        100.0 * asked
+    ));
+    if let Some(why) = rows.iter().find_map(|row| row.sun_not_drawn.as_ref()) {
+        report.find(format!("The Sun is not drawn: {why}."));
+    }
+}
+
+/// The best case and the worst of those that were judged, by names, as expected or with a probability.
+pub(super) fn rank(
+    report: &mut StudyReport,
+    rows: &[&JudgedRow],
+    ranking: &Ranking,
+    asked: Option<f64>,
+    name: impl Fn(usize) -> String,
+) {
+    let names = |places: &[usize]| places.iter().map(|place| name(*place)).collect::<Vec<_>>().join(", ");
+    let Some(by) = ranking.by else {
+        report.find(format!("For the requirement all {} tried are alike.", rows.len()));
+        return;
+    };
+    let fate = |place: usize| fate(rows[place], by, asked);
+    report.find(format!(
+        "Best for the requirement: {} ({}). Worst: {} ({}).",
+        names(&ranking.best),
+        fate(ranking.best[0]),
+        names(&ranking.worst),
+        fate(ranking.worst[0])
+    ));
+}
+
+/// What ranks a case.
+fn fate(row: &JudgedRow, by: Criterion, asked: Option<f64>) -> String {
+    let corrected = usize::from(by == Criterion::Corrected);
+    let word = ["uncorrected", "corrected"][corrected];
+    let exceeded_by = [row.exceeded_by, row.corrected_by][corrected];
+    match asked {
+        Some(p) => {
+            let kept = [row.kept_t_yr, row.corrected_kept_t_yr][corrected];
+            let percent = [row.met_percent, row.corrected_met_percent][corrected].unwrap_or(f64::NAN);
+            let error = [row.met_error_percent, row.corrected_met_error_percent][corrected].unwrap_or(f64::NAN);
+            let met = plus_minus(Estimate { value: percent, error });
+            let kept = kept.map_or("to the end".into(), |t_yr| format!("for {t_yr:.2} yr"));
+            format!("{word} budgets kept {kept} with {:.0} %, met to the end with {met} %", 100.0 * p)
+        }
+        None => match ([row.exceeded_t_yr, row.corrected_t_yr][corrected], exceeded_by) {
+            (Some(t_yr), Some(limited)) => {
+                format!("{word} budget of {} exceeded after {t_yr:.2} yr", limited.symbol())
+            }
+            _ => format!("{word} budgets not exceeded"),
+        },
+    }
+}
