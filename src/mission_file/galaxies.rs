@@ -25,11 +25,17 @@ const MOST_ELLIPTICAL: f64 = 0.95;
 /// # Errors
 /// As [`of_table`]; where the file cannot be read or is no table, or no galaxy has a weight.
 pub(super) fn read(file: &str) -> Result<Vec<PopulationGalaxy>, InputError> {
-    let galaxies = of_table(&Table::read(file)?)?;
+    let table = Table::read(file).map_err(|error| refused(file, error))?;
+    let galaxies = of_table(&table)?;
     if galaxies.iter().map(|galaxy| galaxy.weight).sum::<f64>() <= 0.0 {
         return Err(refusal(file, "the sum of the weights is 0".into()));
     }
     Ok(galaxies)
+}
+
+/// An error of a table, said of galaxies.
+fn refused(file: &str, error: InputError) -> InputError {
+    InputError { refused: refusal(file, String::new()).refused, ..error }
 }
 
 fn refusal(file: &str, problem: String) -> InputError {
@@ -41,6 +47,10 @@ fn refusal(file: &str, problem: String) -> InputError {
 /// # Errors
 /// Where it has no galaxy or no known column, or a value is not allowed: one message with file, line, column and value.
 pub(crate) fn of_table(table: &Table) -> Result<Vec<PopulationGalaxy>, InputError> {
+    of_columns(table).map_err(|error| refused(&table.name, error))
+}
+
+fn of_columns(table: &Table) -> Result<Vec<PopulationGalaxy>, InputError> {
     let refuse = |problem: String| refusal(&table.name, problem);
     if table.rows() == 0 {
         return Err(refuse("the table has no rows".into()));

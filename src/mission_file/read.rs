@@ -265,8 +265,8 @@ impl<'a> Source<'a> {
             match key.need {
                 Need::Optional => {}
                 Need::Default(value) => {
-                    let value: toml::Table = format!("value = {value}").parse().expect("defaults are TOML");
-                    set(table, &path, value["value"].clone());
+                    let value = default_value(value);
+                    set(table, &path, value);
                 }
                 Need::Required => {
                     let shown = self.shown(&path);
@@ -388,13 +388,11 @@ impl<'a> Source<'a> {
                 .fault(key, "a shear bias is that of a population, and there is no [population]")
                 .with_help(help));
         };
-        let law = [
-            ("one_electron_mag", population.one_electron_mag.is_some()),
-            ("pixel_arcsec", population.pixel_arcsec.is_some()),
-        ];
-        if let Some((key, _)) = law.into_iter().find(|(_, given)| population.table.is_some() && *given) {
+        let law = ["magnitude_range", "one_electron_mag", "pixel_arcsec"].map(|key| format!("population.{key}"));
+        let given = law.into_iter().find(|key| population.table.is_some() && is_set(table, key));
+        if let Some(key) = given {
             let problem = "it belongs to the law of galaxies, but the galaxies come from population.table";
-            return Err(self.fault(&format!("population.{key}"), problem).with_help("remove one of them"));
+            return Err(self.fault(&key, problem).with_help("remove one of them"));
         }
         match population.magnitude_range[..] {
             [bright, faint] if bright < faint => Ok(()),
@@ -901,6 +899,21 @@ fn known(path: String, key: &str) -> Result<String, (String, Option<String>)> {
         format!("no key is called `{key}`"),
         near.map(|near| format!("did you mean `{}`?", near.replace("[]", ".NAME"))),
     ))
+}
+
+/// The default of a key, as a value.
+fn default_value(default: &str) -> Value {
+    let table: toml::Table = format!("value = {default}").parse().expect("defaults are TOML");
+    table["value"].clone()
+}
+
+/// Whether a key has a value that is not its default.
+fn is_set(table: &toml::Table, path: &str) -> bool {
+    let default = lookup::find(path).and_then(|key| match key.need {
+        Need::Default(default) => Some(default_value(default)),
+        _ => None,
+    });
+    get(table, path).is_some_and(|value| Some(value) != default.as_ref())
 }
 
 /// The value at `a.b[2].c`.

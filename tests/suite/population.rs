@@ -185,6 +185,7 @@ fn what_a_table_cannot_be_is_refused_with_its_line() {
         ("weight\n0\n", vec!["weights is 0"]),
     ] {
         let message = refused(table);
+        assert!(message.contains("cannot read galaxies") && !message.contains("measurements"), "{table}: {message}");
         for part in parts {
             assert!(message.contains(part), "{table}: {message}");
         }
@@ -193,7 +194,10 @@ fn what_a_table_cannot_be_is_refused_with_its_line() {
         let text = SNAP.replace("[requirement]", &format!("{population}\n[requirement]\n{requirement}"));
         Mission::parse(&text).unwrap_err().to_string()
     };
+    let of_table = |law: &str| parsed(&format!("[population]\ntable = \"galaxies.csv\"\n{law}"), "");
     for (message, part) in [
+        (of_table("magnitude_range = [20.0, 25.0]"), "belongs to the law of galaxies"),
+        (of_table("pixel_arcsec = 0.2"), "belongs to the law of galaxies"),
         (parsed("", "c = 1e-4"), "there is no [population]"),
         (parsed(&format!("[population]\n{LAW}magnitude_range = [25.0, 20.0]"), ""), "brighter one"),
     ] {
