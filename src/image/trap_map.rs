@@ -13,10 +13,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use ndarray::{Array2, Axis};
-use rayon::prelude::*;
 
 use super::fits::{Fits, Hdu, HduKind};
 use crate::error::InputError;
+use crate::numeric::parallel;
 use crate::readout::{Allowed, Band, Downstream, Method, Readout};
 
 /// Largest factor.
@@ -209,7 +209,7 @@ impl Factors {
     ) -> Option<Array2<f64>> {
         let alike = self.alike();
         let parts: Option<Vec<Array2<f64>>> =
-            alike.par_iter().map(|(bands, columns)| of(&image.select(Axis(1), columns), bands)).collect();
+            parallel::map(&alike, |(bands, columns)| of(&image.select(Axis(1), columns), bands)).into_iter().collect();
         let mut after = image.clone();
         for ((_, columns), part) in alike.iter().zip(parts?) {
             for (column, part) in columns.iter().zip(part.columns()) {

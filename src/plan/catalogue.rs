@@ -12,12 +12,12 @@ mod training;
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::error::InputError;
 use crate::model::shear::SurveyGalaxy;
 use crate::model::{Device, Model};
+use crate::numeric::parallel;
 use crate::physics::shape::ShapeChange;
 use emulator::{Emulator, HeldOut};
 
@@ -200,9 +200,7 @@ impl<'a> Survey<'a> {
             (self.progress)(1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed));
             Ok(changes.map(|changes| changes[0]))
         };
-        let changes: Vec<Result<_, InputError>> = rows.par_iter().map(of).collect();
-        // The first of several errors, whichever came first.
-        changes.into_iter().collect()
+        parallel::try_map(rows, of)
     }
 }
 

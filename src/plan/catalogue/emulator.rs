@@ -18,13 +18,13 @@
 use std::sync::Arc;
 
 use ndarray::Array2;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{Survey, rms, training};
 use crate::error::InputError;
 use crate::model::half_px;
 use crate::model::shear::SurveyGalaxy;
+use crate::numeric::parallel;
 use crate::numeric::polynomial::{Parity, Terms, fitted};
 use crate::physics::galaxy::observed::Observed;
 use crate::physics::shape::ShapeChange;
@@ -199,7 +199,7 @@ impl Emulator {
 
     /// Changes of rows; None where they would be extrapolated.
     pub fn changes(&self, survey: &Survey, rows: &[usize]) -> Vec<Option<ShapeChange>> {
-        rows.par_chunks(TOGETHER).flat_map_iter(|rows| self.together(survey, rows)).collect()
+        parallel::map(rows.chunks(TOGETHER), |rows| self.together(survey, rows)).into_iter().flatten().collect()
     }
 
     fn together(&self, survey: &Survey, rows: &[usize]) -> Vec<Option<ShapeChange>> {
@@ -254,9 +254,7 @@ impl Known {
         let devices = distances.nodes.iter().map(|node| survey.model.survey_device(survey.t_yr, *node));
         let devices = devices.collect::<Result<Vec<_>, InputError>>()?;
         let of = |row: &usize| survey.model.survey_changes(&survey.galaxies[*row], &devices);
-        let changes: Vec<Result<_, InputError>> = rows.par_iter().map(of).collect();
-        // The first of several errors, whichever came first.
-        self.changes.extend(changes.into_iter().collect::<Result<Vec<_>, InputError>>()?);
+        self.changes.extend(parallel::try_map(rows, of)?);
         self.rows.extend(rows);
         Ok(())
     }
@@ -278,7 +276,7 @@ impl Coordinates {
         let range = indices.fold([f64::INFINITY, 0.0], |range, index| [range[0].min(index), range[1].max(index)]);
         let observed = Observed::new(&survey.model.mission.psf, range);
         let of_row = |row: &usize| unscaled(&observed, &survey.galaxies[*row]);
-        let found: Vec<[f64; COORDINATES]> = rows.par_iter().map(of_row).collect();
+        let found: Vec<[f64; COORDINATES]> = parallel::map(rows, of_row);
         let mut unscaled = vec![[0.0; COORDINATES]; survey.galaxies.len()];
         for (row, found) in rows.iter().zip(found) {
             unscaled[*row] = found;
