@@ -26,7 +26,7 @@ pub(super) fn each(mission: &Mission, shown: bool) -> Vec<Column> {
     if limited == [Limited::DeltaE] {
         return Vec::new();
     }
-    let mut columns = vec![words("exceeded_by", name("exceeded by")), words("corrected_by", name("corrected by"))];
+    let mut columns = vec![words("exceeded_by", name("first")), words("corrected_by", name("corrected"))];
     for one in limited {
         let head = name(one.symbol());
         let [at_end, exceeded, corrected] = one.keys();
