@@ -184,6 +184,9 @@ pub const NOT_LINEAR: &str = "rest";
 /// Draws that must lie beyond a probability for it to be told.
 const LEAST_BEYOND: f64 = 5.0;
 
+/// Draws that are none but for rounding: 1 − 0.9 is a little less than 0.1.
+const ROUNDING: f64 = 1e-6;
+
 /// With which probability a budget is to be met, and of how many draws that is told.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Confidence {
@@ -200,7 +203,7 @@ impl Confidence {
     /// Where they are too few.
     pub fn check(self) -> Result<(), InputError> {
         let percent = 100.0 * self.probability;
-        let needed = (LEAST_BEYOND / (1.0 - self.probability).min(self.probability)).ceil();
+        let needed = (LEAST_BEYOND / (1.0 - self.probability).min(self.probability) - ROUNDING).ceil();
         if f64::from(self.samples) < needed {
             let problem = format!("{} draws are too few for a probability of {percent} %", self.samples);
             return Err(
@@ -281,7 +284,7 @@ impl Dates {
 
 /// Standard error of a share of n independent draws: that of a Beta distribution after a flat prior, which is not 0 where none or
 /// all are.
-fn share_error(share: f64, n: f64) -> f64 {
+pub(crate) fn share_error(share: f64, n: f64) -> f64 {
     let (some, others) = (share * n + 1.0, (1.0 - share) * n + 1.0);
     (some * others / (n + 3.0)).sqrt() / (n + 2.0)
 }

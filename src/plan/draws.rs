@@ -61,7 +61,12 @@ const SMALL: f64 = 0.1;
 
 /// Draws of a mission.
 pub struct Draws<'a> {
+    /// The mission followed to the horizon, with numbers in place of what is derived.
     model: Model,
+    /// The same with the dose of the Sun that is expected, where draws have their own.
+    expected: Mission,
+    /// End of the mission, years since launch.
+    end_yr: f64,
     posterior: Option<(&'a MissionSample, Vec<usize>)>,
     /// What is uncertain, by `[uncertainty]`.
     inputs: Vec<Input>,
@@ -89,6 +94,8 @@ pub struct Emulated {
 pub struct Fates {
     /// Of each draw.
     pub fates: Vec<Fate>,
+    /// Numbers of the draws.
+    pub numbers: Vec<u32>,
     /// Names of the uncertain inputs, the Sun last where it is drawn.
     pub names: Vec<String>,
     /// Deviations (in σ) of those in each draw; of the Sun, that of the logarithm of the dose at the end.
@@ -116,6 +123,20 @@ impl<'a> Draws<'a> {
         samples: u32,
         seed: u64,
     ) -> Result<Draws<'a>, InputError> {
+        Draws::followed_to(mission.mission.duration_yr, mission, posterior, samples, seed)
+    }
+
+    /// The same, with dates followed to a horizon (years since launch) at the end of the mission or beyond.
+    ///
+    /// # Errors
+    /// As [`Draws::of`].
+    pub fn followed_to(
+        horizon_yr: f64,
+        mission: &Mission,
+        posterior: Option<&'a MissionSample>,
+        samples: u32,
+        seed: u64,
+    ) -> Result<Draws<'a>, InputError> {
         let samples = samples.min(MOST_SOBOL.0 as u32);
         let coarse = Purpose::Draws.of(mission);
         let mut base =
@@ -126,13 +147,17 @@ impl<'a> Draws<'a> {
         if nominal.scene(0).is_none() {
             return Err(unmeasurable(mission, mission.judged_galaxy()));
         }
-        let suns = Suns::of(&nominal, samples, seed);
+        base.mission.duration_yr = horizon_yr;
+        let suns = Suns::of(&nominal.like(&base), samples, seed);
+        let mut expected = base.clone();
+        as_numbers(&mut expected, &nominal, false);
         as_numbers(&mut base, &nominal, suns.is_ok());
         let mut inputs = inputs(&base, Shield::of(mission));
         if suns.is_err() && !nominal.history().averages_the_cycle() {
             let last = decimal_year(base.mission.launch.0) + base.mission.duration_yr;
             let maxima = solar_cycle::maxima(&base.environment.solar_maximum, last + ACTIVE_YR);
             base.environment.solar_maximum = maxima.iter().map(|maximum| maximum.year).collect();
+            expected.environment.solar_maximum = base.environment.solar_maximum.clone();
             inputs.extend(cycles(&maxima));
         }
         if let Some(sample) = posterior {
@@ -140,6 +165,8 @@ impl<'a> Draws<'a> {
         }
         Ok(Draws {
             model: nominal.like(&base),
+            expected,
+            end_yr: mission.mission.duration_yr,
             posterior: posterior.map(|sample| (sample, sample.chosen(samples as usize))),
             points: Sample::new(Sampling::Sobol, seed, u64::from(samples), inputs.len()),
             inputs,
@@ -154,7 +181,7 @@ impl<'a> Draws<'a> {
     /// # Errors
     /// Where a formula has no value.
     pub fn with_limits_on_traps(self, over_expected: &TrapLimits) -> Result<Draws<'a>, InputError> {
-        let traps = self.model.traps(self.model.mission.mission.duration_yr)?;
+        let traps = self.model.traps(self.end_yr)?;
         let expected_per_px: f64 = traps.iter().map(|species| species.density_per_px).sum();
         let per_px = |limits: [f64; 2]| limits.map(|factor| factor * expected_per_px);
         Ok(Draws { traps_per_px: TrapLimits { c: per_px(over_expected.c), m: per_px(over_expected.m) }, ..self })
@@ -163,6 +190,72 @@ impl<'a> Draws<'a> {
     /// Why the Sun is not among what is drawn; None where it is.
     pub fn sun_not_drawn(&self) -> Option<&str> {
         self.suns.as_ref().err().map(|why| why.problem.as_str())
+    }
+
+    /// What is uncertain besides the Sun.
+    pub fn inputs(&self) -> &[Input] {
+        &self.inputs
+    }
+
+    /// What becomes of the mission with one input alone so many standard deviations off, or with none, under the Sun that is expected.
+    ///
+    /// # Errors
+    /// Where a formula has no value.
+    pub fn alone(&self, input: Option<(usize, f64)>) -> Result<Fate, InputError> {
+        let mut mission = self.expected.clone();
+        if let Some((place, deviation)) = input {
+            self.inputs[place].deviate(&mut mission, deviation);
+        }
+        self.fate_of(&mission)
+    }
+
+    /// What becomes of the mission with the Sun of a draw, and all else as it is expected.
+    ///
+    /// # Errors
+    /// Where a formula has no value.
+    ///
+    /// # Panics
+    /// If the Sun is not drawn.
+    pub fn under_the_sun_of(&self, number: u32) -> Result<Fate, InputError> {
+        let mut mission = self.model.mission.clone();
+        mission.imported.sun = Some(self.suns.as_ref().ok().expect("a Sun that is drawn").course(number as usize));
+        self.fate_of(&mission)
+    }
+
+    /// Traps of all species over those that are expected at the end, over time (years since launch): under the Sun of each draw with all
+    /// else as it is expected, or under the Sun that is expected where it is not drawn.
+    ///
+    /// # Errors
+    /// Where a formula has no value.
+    pub fn traps_over_expected(&self) -> Result<Vec<Vec<(f64, f64)>>, InputError> {
+        let sum = |model: &Model, t_yr: f64| -> Result<f64, InputError> {
+            Ok(model.traps(t_yr)?.iter().map(|species| species.density_per_px).sum())
+        };
+        let expected = self.model.like(&self.expected);
+        let most = sum(&expected, self.end_yr)?.max(f64::MIN_POSITIVE);
+        let course = |model: &Model| -> Result<Vec<(f64, f64)>, InputError> {
+            let mut times = model.times_yr(self.end_yr);
+            times.extend([0.0, self.end_yr]);
+            times.sort_by(f64::total_cmp);
+            times.dedup();
+            times.into_iter().map(|t_yr| Ok((t_yr, sum(model, t_yr)? / most))).collect()
+        };
+        let Ok(suns) = &self.suns else { return Ok(vec![course(&expected)?]) };
+        let under = |number: u32| {
+            let mut mission = self.model.mission.clone();
+            mission.imported.sun = Some(suns.course(number as usize));
+            course(&self.model.like(&mission))
+        };
+        let courses: Vec<Result<Vec<(f64, f64)>, InputError>> = (0..self.samples).into_par_iter().map(under).collect();
+        courses.into_iter().collect()
+    }
+
+    fn fate_of(&self, mission: &Mission) -> Result<Fate, InputError> {
+        let model = self.model.like(mission);
+        Fate::of(&model, self.end_yr, &self.traps_per_px, |times| {
+            let at: Vec<Conditions> = times.iter().map(|t_yr| model.conditions(*t_yr)).collect();
+            predict::changes(&model, 0, &at)
+        })
     }
 
     /// What becomes of each draw, or of [`MOST_DIRECT`] of them where shapes cannot be emulated.
@@ -191,13 +284,14 @@ impl<'a> Draws<'a> {
         (progress.stage)("draws", chosen.len() as u64);
         let found = parallel::try_map(chosen, |index| {
             let draw = self.draw(*index)?;
-            let fate = Fate::of(&draw.model, &self.traps_per_px, |times| self.changes(&draw, times, emulator));
+            let fate =
+                Fate::of(&draw.model, self.end_yr, &self.traps_per_px, |times| self.changes(&draw, times, emulator));
             (progress.advance)();
             Ok((fate.map_err(|error| self.fault(*index, error))?, draw.deviations))
         })?;
         let (fates, deviations) = found.into_iter().unzip();
         let names = self.inputs.iter().map(|input| input.name.clone()).collect();
-        let mut found = Fates { fates, names, deviations, emulated: None };
+        let mut found = Fates { fates, numbers: chosen.to_vec(), names, deviations, emulated: None };
         if self.suns.is_ok() {
             found.add_sun();
         }

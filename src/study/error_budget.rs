@@ -1,36 +1,33 @@
 //! Which uncertain input dominates the date on which the budget is exceeded.
 //!
-//! Inputs are multiplied by exp(σ z) with standard normal z and the relative uncertainties σ of `[uncertainty]`; each draw is a
-//! mission of its own. Maxima of the Sun that are not known yet are shifted, each with all after it, by σ z with the scatter σ of
-//! the length of a cycle. Shares are of the variance of ln |Δe| at the end of the mission, by linear regression on the z:
+//! The Sun and the inputs of `[uncertainty]` are drawn as for the date as a distribution (`plan/draws.rs`): with the same number of
+//! draws and the same seed both have the same dates. Shares are of the variance of ln |Δe| at the end of the mission, by linear regression on the z:
 //!
 //! ```text
 //! ln |Δe| = β₀ + Σ βᵢ zᵢ + rest        share i = βᵢ²/(Σ β² + var(rest))
 //! ```
 //!
 //! (Saltelli et al. 2008, Global Sensitivity Analysis: squared standardised regression coefficients of independent
-//! inputs.) Confidence of the fluence is no such input: it is chosen, see `study shielding`.
+//! inputs.)
 
-mod sampler;
 mod statistics;
 
 use chrono::NaiveDate;
 use serde::Serialize;
 
-use super::{Estimate, Study, budgets, each, ready, warnings};
+use super::{Estimate, Study, each, warnings};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::numeric::calendar::{DAYS_PER_YEAR, date_after};
-use crate::plan::timeline::Timeline;
+use crate::plan::draws::input::{Shield, Sigma};
+use crate::plan::draws::{Draws, Emulated, Fates};
+use crate::plan::progress::Progress;
 use crate::warning::Warning;
 
-use crate::plan::draws::input::{Shield, Sigma};
-pub use sampler::Fate;
-use sampler::Sampler;
+pub use crate::plan::draws::Fate;
 use statistics::Statistics;
 
-/// How far dates are followed beyond the mission if nothing else is asked for, in durations and in years.
-const HORIZON: f64 = 3.0;
+/// How far dates can be followed, yr.
 const HORIZON_YR: f64 = 100.0;
 
 /// Percentiles of dates.
@@ -41,8 +38,7 @@ pub const PERCENTILES: [f64; 5] = [5.0, 16.0, 50.0, 84.0, 95.0];
 pub struct ErrorBudget {
     /// Missions that are drawn.
     pub draws: u32,
-    /// Years since launch up to which dates are followed; if none are given, three times the mission, at most 100, or the
-    /// mission alone if its corrected budget is exceeded within half of it.
+    /// Years since launch up to which dates are followed, at most 100; the mission alone if none are given.
     pub horizon_yr: Option<f64>,
     /// A mission whose detector is flown as well, all else the same.
     pub detector_of: Option<Mission>,
@@ -59,8 +55,6 @@ impl Default for ErrorBudget {
 /// What the study finds.
 #[derive(Clone, Debug)]
 pub struct Results {
-    /// Number of draws.
-    pub draws: u32,
     /// Years since launch up to which dates are followed.
     pub horizon_yr: f64,
     /// The mission.
@@ -88,6 +82,10 @@ pub struct Budget {
     pub nominal: Fate,
     /// What becomes of each draw.
     pub fates: Vec<Fate>,
+    /// Why the Sun is not among what was drawn; None where it is.
+    pub sun_not_drawn: Option<String>,
+    /// How changes of shape were emulated; None where each was read out.
+    pub emulated: Option<Emulated>,
 }
 
 /// An uncertain input.
@@ -96,7 +94,7 @@ pub struct InputShare {
     /// Name of the input.
     #[serde(rename = "input")]
     pub name: String,
-    /// Relative standard deviation, %; None if it is one of time.
+    /// Relative standard deviation, %; None if it is one of time, or for the Sun, whose distribution is no normal one.
     pub sigma_percent: Option<f64>,
     /// Standard deviation, yr; None if it is a relative one.
     pub sigma_yr: Option<f64>,
@@ -104,11 +102,11 @@ pub struct InputShare {
     pub share_percent: Option<f64>,
     /// Its standard error, %.
     pub share_error_percent: Option<f64>,
-    /// Change of |Δe| at the end of the mission if the input is 1 σ larger, %.
+    /// Change of |Δe| at the end of the mission if the input is 1 σ larger, %; of the Sun, at 84 % of the draws over that at 50 %.
     pub delta_e_percent: Option<f64>,
-    /// Day on which the uncorrected budget is exceeded if the input is 1 σ smaller.
+    /// Day on which the uncorrected budget is exceeded if the input is 1 σ smaller; with the Sun at 16 %.
     pub low_date: Option<NaiveDate>,
-    /// The same if it is 1 σ larger.
+    /// The same if it is 1 σ larger; with the Sun at 84 %.
     pub high_date: Option<NaiveDate>,
 }
 
@@ -160,7 +158,7 @@ impl Study for ErrorBudget {
             }
         };
         let has_shield = Shield::of(mission).is_some();
-        Ok(Results { draws: self.draws, horizon_yr, own, other, has_shield, warnings: warnings(mission) })
+        Ok(Results { horizon_yr, own, other, has_shield, warnings: warnings(mission) })
     }
 }
 
@@ -168,11 +166,7 @@ impl ErrorBudget {
     /// Years since launch up to which dates are followed.
     fn horizon_yr(&self, mission: &Mission) -> Result<f64, InputError> {
         let duration_yr = mission.mission.duration_yr;
-        let [_, corrected] = budgets(mission);
-        let exceeded_yr = Timeline::of(&ready(mission)?)?.crossing(corrected).t_yr;
-        let soon = exceeded_yr.is_some_and(|t_yr| t_yr < 0.5 * duration_yr);
-        let long_yr = (HORIZON * duration_yr).min(HORIZON_YR).max(duration_yr);
-        let horizon_yr = self.horizon_yr.unwrap_or(if soon { duration_yr } else { long_yr });
+        let horizon_yr = self.horizon_yr.unwrap_or(duration_yr);
         if !(horizon_yr >= duration_yr && horizon_yr <= HORIZON_YR.max(duration_yr)) {
             let problem =
                 format!("a horizon of {horizon_yr} yr; allowed: {duration_yr} (the mission) to {HORIZON_YR} yr");
@@ -182,25 +176,21 @@ impl ErrorBudget {
     }
 
     fn budget(&self, mission: &Mission, horizon_yr: f64, advance: &(dyn Fn() + Sync)) -> Result<Budget, InputError> {
-        let sampler = Sampler::new(mission, horizon_yr)?;
         let seed = self.seed.unwrap_or(mission.accuracy.seed);
-        let needed = 2 * (sampler.inputs.len() as u32 + 1);
+        let draws = Draws::followed_to(horizon_yr, mission, None, self.draws, seed)?;
+        let inputs = draws.inputs().len() + usize::from(draws.sun_not_drawn().is_none());
+        let needed = 2 * (inputs as u32 + 1);
         if self.draws < needed {
-            let problem = format!("{} draws are too few for {} uncertain inputs", self.draws, sampler.inputs.len());
+            let problem = format!("{} draws are too few for {inputs} uncertain inputs", self.draws);
             return Err(InputError::new("cannot draw", problem).with_help(format!("--draws {needed} or more")));
         }
-        let deviations: Vec<Vec<f64>> = (0..self.draws).map(|draw| sampler.deviations(seed, draw)).collect();
-        let fates = each(&deviations, |deviations| {
-            advance();
-            sampler.fate(deviations)
-        })?;
-        let places: Vec<usize> = (0..sampler.inputs.len()).collect();
-        let swings = each(&places, |place| Ok([sampler.alone(*place, -1.0)?, sampler.alone(*place, 1.0)?]))?;
-        let nominal = sampler.fate(&vec![0.0; sampler.inputs.len()])?;
-        let statistics = Statistics::of(&deviations, &fates, sampler.duration_yr, seed);
+        let found = draws.fates(&Progress { stage: &|_, _| {}, advance })?;
+        let nominal = draws.alone(None)?;
+        let swings = swings(&draws, &found, &nominal)?;
+        let statistics = Statistics::of(&found.deviations, &found.fates, mission.mission.duration_yr, seed);
         let launch = mission.mission.launch.0;
         Ok(Budget {
-            inputs: ranked(&sampler, &statistics, &nominal, &swings, launch),
+            inputs: ranked(&found.names, &swings, &statistics, launch),
             rest_share: statistics.shares.map(|(_, rest)| rest),
             sigma_ln: statistics.sigma_ln,
             exceeded: statistics.limits.map(|crossings| Exceeded {
@@ -208,10 +198,45 @@ impl ErrorBudget {
                 within_percent: crossings.within.times(100.0),
             }),
             nominal,
-            fates,
+            sun_not_drawn: draws.sun_not_drawn().map(String::from),
+            emulated: found.emulated,
+            fates: found.fates,
         })
     }
 }
+
+/// One input alone, all else as it is expected.
+struct Swing {
+    /// Its uncertainty; None for the Sun.
+    sigma: Option<Sigma>,
+    /// What becomes of the mission at −1 σ and at +1 σ.
+    ends: [Fate; 2],
+    /// What becomes of it in between.
+    middle: Fate,
+}
+
+/// Each input alone at −1 σ and +1 σ, the Sun last where it is drawn: at 16 % and 84 % of its doses.
+fn swings(draws: &Draws, found: &Fates, nominal: &Fate) -> Result<Vec<Swing>, InputError> {
+    let places: Vec<usize> = (0..draws.inputs().len()).collect();
+    let mut swings = each(&places, |place| {
+        let ends = [draws.alone(Some((*place, -1.0)))?, draws.alone(Some((*place, 1.0)))?];
+        Ok(Swing { sigma: Some(draws.inputs()[*place].sigma), ends, middle: *nominal })
+    })?;
+    if draws.sun_not_drawn().is_none() {
+        let mut by_dose: Vec<usize> = (0..found.fates.len()).collect();
+        by_dose.sort_by(|a, b| found.fates[*a].sun_mev_g.total_cmp(&found.fates[*b].sun_mev_g));
+        let at = |p: f64| {
+            let place = by_dose[(p * by_dose.len() as f64) as usize];
+            draws.under_the_sun_of(found.numbers[place])
+        };
+        let [low, middle, high] = ONE_SIGMA.map(at);
+        swings.push(Swing { sigma: None, ends: [low?, high?], middle: middle? });
+    }
+    Ok(swings)
+}
+
+/// Probabilities of −1 σ, 0 and +1 σ of a normal distribution.
+const ONE_SIGMA: [f64; 3] = [0.158_655, 0.5, 0.841_345];
 
 impl Percentile {
     fn of((t_yr, error_yr): (f64, Option<f64>), launch: NaiveDate) -> Percentile {
@@ -220,13 +245,7 @@ impl Percentile {
 }
 
 /// Inputs by their share, the largest first, with what becomes of the mission at −1 σ and +1 σ of each alone.
-fn ranked(
-    sampler: &Sampler,
-    statistics: &Statistics,
-    nominal: &Fate,
-    swings: &[[Fate; 2]],
-    launch: NaiveDate,
-) -> Vec<InputShare> {
+fn ranked(names: &[String], swings: &[Swing], statistics: &Statistics, launch: NaiveDate) -> Vec<InputShare> {
     let shares = statistics.shares.as_ref().map(|(shares, _)| shares);
     let mut order: Vec<usize> = (0..swings.len()).collect();
     if let Some(shares) = shares {
@@ -234,15 +253,16 @@ fn ranked(
     }
     let date = |fate: &Fate| date_after(launch, fate.exceeded_yr[0]?);
     let input = |place: usize| {
-        let [low, high] = &swings[place];
-        let (sigma_percent, sigma_yr) = match sampler.inputs[place].sigma {
-            Sigma::Relative(sigma) => (Some(100.0 * sigma), None),
-            Sigma::Years(sigma_yr) => (None, Some(sigma_yr)),
+        let Swing { sigma, ends: [low, high], middle } = &swings[place];
+        let (sigma_percent, sigma_yr) = match sigma {
+            Some(Sigma::Relative(sigma)) => (Some(100.0 * sigma), None),
+            Some(Sigma::Years(sigma_yr)) => (None, Some(*sigma_yr)),
+            None => (None, None),
         };
         let share = shares.map(|shares| shares[place].times(100.0));
-        let over = high.delta_e.zip(nominal.delta_e).filter(|(_, nominal)| *nominal > 0.0);
+        let over = high.delta_e.zip(middle.delta_e).filter(|(_, middle)| *middle > 0.0);
         InputShare {
-            name: sampler.inputs[place].name.clone(),
+            name: names[place].clone(),
             sigma_percent,
             sigma_yr,
             share_percent: share.map(|share| share.value),

@@ -427,7 +427,8 @@ fn errors_of_draws_cover_the_scatter_between_seeds() {
         }
         studies
     };
-    let budget = |seed| ask(&ErrorBudget { draws: 60, seed: Some(seed), ..Default::default() }, &trades);
+    let budget =
+        |seed| ask(&ErrorBudget { draws: 60, seed: Some(seed), horizon_yr: Some(15.0), ..Default::default() }, &trades);
     let studies = check(
         &budget,
         &[("uncorrected_median_t_yr", "uncorrected_median_error_yr"), ("sigma_ln_delta_e", "sigma_ln_delta_e_error")],
@@ -482,7 +483,7 @@ fn decimals(number: &str) -> usize {
 fn digits_of_what_is_drawn_match_its_error() {
     let trades = small();
     let studies = [
-        ask(&ErrorBudget { draws: 100, ..Default::default() }, &trades),
+        ask(&ErrorBudget { draws: 100, horizon_yr: Some(15.0), ..Default::default() }, &trades),
         ask(&Correction { draws: 20, iterations: 2, realisations: 5, ..Default::default() }, &trades),
         ask(&PocketPumping { temperatures_k: Some(vec![153.0]), dipoles: 5, ..Default::default() }, &trades),
     ];
@@ -540,7 +541,9 @@ fn an_error_budget_without_uncertainty_is_a_single_date() {
     ];
     let names = keys.map(|key| format!("uncertainty.{key}"));
     let mut settings: Vec<(&str, toml::Value)> = names.iter().map(|name| (name.as_str(), 0.0.into())).collect();
-    let asked = ErrorBudget { draws: 60, ..ErrorBudget::default() };
+    // In a low orbit there is no Sun to draw.
+    settings.push(("mission.orbit", "leo".into()));
+    let asked = ErrorBudget { draws: 60, horizon_yr: Some(15.0), ..ErrorBudget::default() };
     let words = |study: &StudyReport| {
         ["p05", "p16", "p50", "p84", "p95"].map(|percent| rows(study, "dates")[0][&format!("{percent}_date")].clone())
     };
@@ -552,6 +555,25 @@ fn an_error_budget_without_uncertainty_is_a_single_date() {
     assert!((numbers(&study, "inputs", "share_percent")[0] - 100.0).abs() < 0.1);
     assert!((result(&study, "sigma_ln_delta_e") - 0.2).abs() < 0.06);
     assert!(words(&study).windows(2).all(|pair| pair[0] != pair[1]));
+}
+
+/// The study and the date as a distribution are one chain: the same draws, dates and shares.
+#[test]
+fn an_error_budget_has_the_dates_of_the_evaluation() {
+    use ctiplan::plan::date_distribution::date_distribution;
+    use ctiplan::plan::progress::Progress;
+    let mission = mission(SNAP, &[("accuracy.subpixel_grid", 1.into())]);
+    let found = date_distribution(&mission, None, None, 60, mission.accuracy.seed, &Progress::NONE).unwrap();
+    let study = ask(&ErrorBudget { draws: 60, ..ErrorBudget::default() }, &mission);
+    let within = &rows(&study, "dates")[0]["exceeded_within_percent"];
+    assert!((within.as_f64().unwrap() - 100.0 * found.uncorrected.probability_exceeded).abs() < 1e-9, "{within}");
+    let days = |place: usize| found.uncorrected.quantiles[place].date.map(|date| date.to_string());
+    for (key, place) in [("p05_date", 0), ("p50_date", 1), ("p95_date", 2)] {
+        assert_eq!(rows(&study, "dates")[0][key].as_str().map(String::from), days(place), "{key}");
+    }
+    let sun = found.shares.iter().find(|share| share.input == "solar-protons").expect("a Sun that is drawn");
+    let row = rows(&study, "inputs").iter().find(|row| row["input"] == "solar-protons").expect("the Sun as an input");
+    assert!((row["share_percent"].as_f64().unwrap() - 100.0 * sun.share).abs() < 1e-6, "{row:?} {sun:?}");
 }
 
 #[test]
@@ -683,7 +705,7 @@ fn what_makes_no_sense_is_refused() {
         (&["charge-injection", SNAP, "--charge-e", "1e9"], "full well"),
         (&["pocket-pumping", SNAP, "--phase-ms", "1e6"], "no cycle"),
         (&["shielding", SNAP, "--confidence", "95"], "a probability, not a percentage"),
-        (&["error-budget", SNAP, "--draws", "5"], "--draws 28"),
+        (&["error-budget", SNAP, "--draws", "5"], "--draws 30"),
         (&["correction", SNAP, "--fit", "nowhere.json"], "nowhere.json"),
     ];
     for (arguments, said) in refused {

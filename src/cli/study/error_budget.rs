@@ -9,10 +9,9 @@ use crate::study::error_budget;
 #[derive(Debug, Args)]
 pub(super) struct ErrorBudget {
     /// Missions that are drawn
-    #[arg(long, value_name = "N", default_value_t = error_budget::ErrorBudget::default().draws, value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = error_budget::ErrorBudget::default().draws, value_parser = clap::value_parser!(u32).range(2..=65_536))]
     draws: u32,
-    /// Years since launch up to which dates are followed [default: three times the mission, at most 100; the mission alone where
-    /// its corrected budget is exceeded within half of it]
+    /// Years since launch up to which dates are followed, at most 100 [default: the mission]
     #[arg(long, value_name = "YEARS")]
     horizon_yr: Option<f64>,
     /// Also fly this mission's detector, such as an n-channel one beside a p-channel one, all else the same

@@ -31,13 +31,14 @@ const PASSED: f64 = 0.01;
 const NEAR: f64 = 1e-3;
 
 impl Fate {
-    /// Of a model whose changes of shape, at many times at once (years since launch), are these. `traps_per_px`: numbers of traps of
-    /// all species with which shear biases exceed their limits.
+    /// Of a model whose changes of shape, at many times at once (years since launch), are these, and whose mission ends at `end_yr` or
+    /// is followed for longer. `traps_per_px`: numbers of traps of all species with which shear biases exceed their limits.
     ///
     /// # Errors
     /// Those of the changes, and where the model has no dose.
     pub fn of(
         model: &Model,
+        end_yr: f64,
         traps_per_px: &TrapLimits,
         changes: impl Fn(&[f64]) -> Result<Vec<Option<ShapeChange>>, InputError>,
     ) -> Result<Fate, InputError> {
@@ -45,7 +46,7 @@ impl Fate {
             Ok(changes(times)?.into_iter().map(|change| change.map(|change| change.magnitude())).collect())
         };
         let magnitude = |t_yr: f64| Ok::<_, InputError>(magnitudes(&[t_yr])?[0]);
-        let times = times_yr(model)?;
+        let times = times_yr(model, end_yr)?;
         let found = magnitudes(&times)?;
         let biases_exceeded_yr = biases_exceeded_yr(model, &times, traps_per_px)?;
         let mut points: Vec<Point> = times.into_iter().zip(found).collect();
@@ -56,10 +57,9 @@ impl Fate {
             point.1 = magnitude(point.0)?;
         }
         let first = |limit: f64| Ok(crossing(limit, &points, magnitude)?.t_yr);
-        let end = &model.mission;
-        let sun_mev_g = model.history().dose_mev_g(end.mission.duration_yr)? / end.environment.dose_factor;
+        let sun_mev_g = model.history().dose_mev_g(end_yr)? / model.mission.environment.dose_factor;
         Ok(Fate {
-            delta_e: points.last().and_then(|end| end.1),
+            delta_e: points.iter().find(|point| point.0 == end_yr).and_then(|end| end.1),
             exceeded_yr: [first(limits[0])?, first(limits[1])?],
             sun_mev_g,
             biases_exceeded_yr,
@@ -89,18 +89,24 @@ fn biases_exceeded_yr(
     Ok(found)
 }
 
-/// Times at which a draw is looked at: those of the model, but for events that change little, and some between.
-fn times_yr(model: &Model) -> Result<Vec<f64>, InputError> {
+/// Times at which a draw is looked at: those of the model, but for events that change little, the end of its mission, and some
+/// between.
+fn times_yr(model: &Model, end_yr: f64) -> Result<Vec<f64>, InputError> {
     let duration_yr = model.mission.mission.duration_yr;
     let mut times = model.times_yr(duration_yr);
+    times.extend([end_yr, duration_yr]);
     times.extend((1..TIMES).map(|index| duration_yr * index as f64 / TIMES as f64));
     times.sort_by(f64::total_cmp);
     times.dedup();
     let history = model.history();
     let Some(sun) = &model.mission.imported.sun else { return Ok(times) };
     let least = PASSED * history.dose_mev_g(duration_yr)?;
-    let is_of_sun =
-        |t_yr: f64| t_yr > 0.0 && t_yr < duration_yr && sun.binary_search_by(|node| node.0.total_cmp(&t_yr)).is_ok();
+    let is_of_sun = |t_yr: f64| {
+        t_yr > 0.0
+            && t_yr != end_yr
+            && t_yr < duration_yr
+            && sun.binary_search_by(|node| node.0.total_cmp(&t_yr)).is_ok()
+    };
     let mut looked_mev_g = 0.0;
     let mut kept = Vec::with_capacity(times.len());
     for (place, &t_yr) in times.iter().enumerate() {

@@ -27,8 +27,13 @@ impl Suns {
     /// So many courses of the Sun over a mission.
     ///
     /// # Errors
-    /// Where its dose says nothing of single events: it is imported, or has no solar protons.
+    /// Where its dose says nothing of single events: it is imported, has no solar protons, or is that of trapped protons in a low orbit
+    /// of unknown elements.
     pub fn of(model: &Model, samples: u32, seed: u64) -> Result<Suns, InputError> {
+        if model.mission.place().is_none() {
+            let problem = "in a low Earth orbit of unknown elements the dose is that of trapped protons";
+            return Err(InputError::new("cannot draw the Sun", problem));
+        }
         let (derived, factor) = derived(&model.mission);
         let doses = SolarEventDoses::of(&derived, model.history(), samples, seed)?;
         Ok(Suns { doses, factor })

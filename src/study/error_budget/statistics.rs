@@ -1,8 +1,8 @@
 //! Statistics of draws: percentiles of dates, and shares of a variance.
 
 use super::PERCENTILES;
-use super::sampler::Fate;
 use crate::numeric::estimate::{quantile, with_errors};
+use crate::plan::draws::Fate;
 use crate::plan::draws::shares::Explained;
 use crate::study::Estimate;
 
