@@ -4,6 +4,7 @@
 //! galaxy that the mission's requirement judges, with numbers. A study has a file of the same name in three folders: here its
 //! options and its numbers, in `report/study/` its tables, figures and sentences, in `cli/study/` its arguments.
 
+pub mod calibration;
 pub mod charge_injection;
 pub mod clock;
 pub mod correction;

@@ -1,5 +1,6 @@
 //! `ctiplan study`: the list of all studies, and their arguments, a file each.
 
+mod calibration;
 mod charge_injection;
 mod clock;
 mod correction;
@@ -76,6 +77,8 @@ studies! {
     Distance(distance::Distance),
     /// Software correction: residual from imperfect knowledge of traps and from read noise, and the correction factor
     Correction(correction::Correction),
+    /// Calibration of a correction: how well traps must be known, and how often they must be measured
+    Calibration(calibration::Calibration),
     /// Preflash before each exposure: shape error against signal-to-noise ratio
     Preflash(preflash::Preflash),
     /// Injected lines of charge: shape error against signal-to-noise ratio and lost rows

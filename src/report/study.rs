@@ -2,6 +2,7 @@
 //!
 //! Each study has a file here that says which of its numbers are shown, and how.
 
+mod calibration;
 mod charge_injection;
 mod clock;
 mod correction;

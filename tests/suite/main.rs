@@ -6,6 +6,7 @@ mod amplifiers;
 mod architecture;
 mod astropy;
 mod book;
+mod calibration;
 mod catalogue;
 mod cli;
 mod clocking;

@@ -54,6 +54,7 @@ const CASES: &[Case] = &[
     case("study clock @mission.toml", DRAWN),
     case("study distance @mission.toml", DRAWN),
     case("study correction @mission.toml --fit @fit.json", DRAWN),
+    case("study calibration @mission.toml --interval-months 3 --samples 50", DRAWN),
     case("study preflash @mission.toml", DRAWN),
     case("study charge-injection @mission.toml", DRAWN),
     case("study pocket-pumping @mission.toml", DRAWN),

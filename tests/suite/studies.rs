@@ -627,10 +627,11 @@ fn a_mission_without_dose_or_beyond_its_budget_is_told_so_in_words() {
 fn every_study_prints_json_csv_and_figures() {
     let folder = tempfile::tempdir().unwrap();
     let plots = folder.path().to_str().unwrap();
-    let asked: [(&str, &[&str]); 10] = [
+    let asked: [(&str, &[&str]); 11] = [
         ("clock", &["--line-time-ms", "5,25"]),
         ("distance", &[]),
         ("correction", &["--draws", "2", "--realisations", "2"]),
+        ("calibration", &["--interval-months", "3,6", "--samples", "50"]),
         ("preflash", &["--electrons", "100"]),
         ("charge-injection", &["--spacing-rows", "100"]),
         ("pocket-pumping", &["--dipoles", "2"]),

@@ -1,0 +1,113 @@
+//! `ctiplan study calibration`.
+
+use super::estimate::plus_minus;
+use super::table::{column, words};
+use super::{DataTable, Digits, Shown, StudyReport, short};
+use crate::mission::Mission;
+use crate::report::plot::{Figure, Panel, level, line};
+use crate::study::Estimate;
+use crate::study::calibration::{Continued, Interval, Known, Results};
+
+/// Ways to continue densities, with their names.
+const WAYS: [(Continued, &str); 2] =
+    [(Continued::Constant, "not continued"), (Continued::Linear, "continued on a line")];
+
+impl Shown for Results {
+    fn shown(&self, mission: &Mission) -> StudyReport {
+        let limits = self.limited.iter().zip(&self.limits);
+        let limits: Vec<String> = limits.map(|(one, limit)| format!("{} {}", one.symbol(), short(*limit))).collect();
+        let title = format!(
+            "how well a correction must know the traps so that what it leaves is within {}, and how often they must be measured",
+            limits.join(", ")
+        );
+        let mut report = StudyReport::of("calibration", mission, title, &self.warnings);
+        report.cite("Errors of a correction from errors of its parameters", "Israel et al. 2015 (MNRAS 453, 561)");
+        report.tables = vec![intervals(self), known(self)];
+        report.draw(figure(self, mission));
+        describe(&mut report, self);
+        report
+    }
+}
+
+fn intervals(results: &Results) -> DataTable {
+    let percent = short(100.0 * results.probability);
+    let columns = vec![
+        column("interval_months", "every [months]", Digits::Significant(3)),
+        words("continued", "densities"),
+        column("density_error_percent", "error [%]", Digits::Significant(3)),
+        column("used_percent", "limit used [%]", Digits::Significant(3)),
+        words("by", "of"),
+        column("beyond_percent", "time beyond [%]", Digits::Significant(2)),
+        column("met_percent", "met [%]", Digits::Fixed(1)).with_error("met_error_percent"),
+    ];
+    DataTable::of("intervals", &results.intervals, columns).titled(format!(
+        "Largest error of the densities (of those at the end) and largest use of a limit over the mission, not exceeded with {percent} %; \
+         time beyond: mean share of the mission in which one is exceeded; met: probability that none is to the end"
+    ))
+}
+
+fn known(results: &Results) -> DataTable {
+    let columns = vec![
+        words("parameter", "parameter"),
+        column("needed_percent", "needed to [%]", Digits::Significant(2)),
+        words("by", "for"),
+    ];
+    DataTable::of("known", &results.known, columns).titled(
+        "Error (1 sigma) of a parameter that uses up a limit at the end of the mission, all others known exactly",
+    )
+}
+
+fn figure(results: &Results, mission: &Mission) -> Figure {
+    let series = WAYS.into_iter().enumerate().map(|(place, (continued, name))| {
+        let of = || results.intervals.iter().filter(|one| one.continued == continued);
+        let x: Vec<f64> = of().map(|one| one.interval_months).collect();
+        line(name, place + 1, &x, of().map(|one| one.used_percent).collect())
+    });
+    let panel = Panel {
+        x_label: "time between calibrations [months]".into(),
+        y_label: "limit used [%]".into(),
+        x_log: true,
+        y_log: true,
+        series: series.chain([level("limit", 100.0)]).collect(),
+        ..Panel::default()
+    };
+    Figure { title: format!("{}: calibration", mission.mission.name), panels: vec![panel] }
+}
+
+fn describe(report: &mut StudyReport, results: &Results) {
+    for all in ["all densities", "all release times"] {
+        let found: Option<&Known> = results.known.iter().find(|known| known.parameter == all);
+        if let Some((percent, by)) = found.and_then(|known| Some((known.needed_percent?, known.by?))) {
+            report.result(&format!("needed_{}_percent", all.replace(' ', "_")), percent);
+            report.find(format!(
+                "The limit on {} asks for {all} to {} % each, independent of one another.",
+                by.symbol(),
+                short(percent)
+            ));
+        }
+    }
+    for (continued, name) in WAYS {
+        let kept = |one: &&Interval| one.continued == continued && one.met_percent >= 100.0 * results.probability;
+        let enough = results.intervals.iter().filter(kept);
+        let longest = enough.max_by(|a, b| a.interval_months.total_cmp(&b.interval_months));
+        let key = if continued == Continued::Linear { "longest_linear_months" } else { "longest_constant_months" };
+        report.result(key, longest.map(|one| one.interval_months));
+        let percent = short(100.0 * results.probability);
+        report.find(match longest {
+            Some(one) => format!(
+                "Densities {name}: calibrations every {} months are enough with {percent} %; all limits are met with {} %.",
+                short(one.interval_months),
+                plus_minus(Estimate { value: one.met_percent, error: one.met_error_percent })
+            ),
+            None => format!("Densities {name}: no interval tried is enough with {percent} %."),
+        });
+    }
+    report.find(
+        "An event of the Sun is not foreseen: until the next calibration densities are too small by what it made, however short the \
+         interval. The time beyond a limit is what a calibration after each event saves.",
+    );
+    report.find("What is left of the trailing is taken to first order; read noise and what a correction leaves of a known detector are those of `study correction`.");
+    if let Some(why) = &results.sun_not_drawn {
+        report.find(format!("The Sun is not drawn: {why}. There is one course of the densities."));
+    }
+}

@@ -1,0 +1,405 @@
+//! How well a correction must know the traps, and what calibrations at an interval reach.
+//!
+//! A correction with believed parameters leaves, to first order in the trailing, the difference of what true and believed ones do:
+//!
+//! ```text
+//! left = Σ ∂q/∂ln ρᵢ (Δρᵢ/ρᵢ) + Σ ∂q/∂ln τᵢ (Δτᵢ/τᵢ)        q: Δe of the judged galaxy, shear biases c and m of the population
+//! ```
+//!
+//! with densities ρ and release times τ of the species. Israel et al. 2015 (MNRAS 453, 561) find so that Euclid must know densities to
+//! 0.03 % and release times to 0.04 %.
+//!
+//! Each calibration (trails of injected charge or of flats, pumping) measures densities and release times with a relative error of its
+//! own. Until the next one densities are continued, on the straight line through the last two or not at all:
+//!
+//! ```text
+//! ρ̂(t) = ρ̂ₖ + (ρ̂ₖ − ρ̂ₖ₋₁)(t − tₖ)/(tₖ − tₖ₋₁)        ρ̂(t) = ρ̂ₖ
+//! ```
+//!
+//! A solar event in between comes unforeseen: the Sun is drawn as for the date as a distribution.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::{Study, ready, warnings};
+use crate::error::InputError;
+use crate::mission::Mission;
+use crate::model::Model;
+use crate::numeric::estimate::quantile;
+use crate::plan::date_distribution::{Confidence, share_error};
+use crate::plan::draws::Draws;
+use crate::plan::judgement::Limited;
+use crate::plan::population::PopulationBias;
+use crate::warning::Warning;
+
+/// Months of a year.
+const MONTHS: f64 = 12.0;
+
+/// Shortest interval between calibrations, months.
+const LEAST_MONTHS: f64 = 0.1;
+
+/// Relative change of a parameter by which a derivative is found: both ways, so that what bends is left out.
+const STEP: f64 = 0.05;
+
+/// Options of the study.
+#[derive(Clone, Debug)]
+pub struct Calibration {
+    /// Intervals between calibrations, months.
+    pub intervals_months: Vec<f64>,
+    /// Relative error (1 σ) of each density in one calibration.
+    pub density_error: f64,
+    /// Relative error (1 σ) of each release time in one calibration.
+    pub release_error: f64,
+    /// Probability with which the requirement is to be met, by the draws of the Sun.
+    pub probability: f64,
+    /// Draws of the Sun.
+    pub samples: u32,
+}
+
+impl Default for Calibration {
+    fn default() -> Calibration {
+        Calibration {
+            intervals_months: vec![0.25, 0.5, 1.0, 2.0, 3.0, 6.0, 12.0],
+            density_error: 0.01,
+            release_error: 0.01,
+            probability: 0.9,
+            samples: 400,
+        }
+    }
+}
+
+/// How densities are continued until the next calibration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Continued {
+    /// Not at all.
+    Constant,
+    /// On the straight line through the last two calibrations.
+    Linear,
+}
+
+/// What the study finds.
+#[derive(Clone, Debug)]
+pub struct Results {
+    /// What is limited.
+    pub limited: Vec<Limited>,
+    /// Their limits, without correction.
+    pub limits: Vec<f64>,
+    /// Each parameter alone, and all together.
+    pub known: Vec<Known>,
+    /// Each interval, continued in each way.
+    pub intervals: Vec<Interval>,
+    /// The probability that was asked for.
+    pub probability: f64,
+    /// Why the Sun is not drawn; None where it is.
+    pub sun_not_drawn: Option<String>,
+    /// Warnings about the mission.
+    pub warnings: Vec<Warning>,
+}
+
+/// How well a parameter must be known, all others known exactly.
+#[derive(Clone, Debug, Serialize)]
+pub struct Known {
+    /// The parameter.
+    pub parameter: String,
+    /// Largest relative error (1 σ) with which every limit is met at the end of the mission, %; None if it does nothing.
+    pub needed_percent: Option<f64>,
+    /// The limit that asks for it.
+    pub by: Option<Limited>,
+}
+
+/// Calibrations at an interval.
+#[derive(Clone, Debug, Serialize)]
+pub struct Interval {
+    /// Time between two calibrations, months.
+    pub interval_months: f64,
+    /// How densities are continued.
+    pub continued: Continued,
+    /// Largest error of the densities over the mission, % of those at its end, that is not exceeded with the probability asked for.
+    pub density_error_percent: f64,
+    /// Largest share of a limit that is used over the mission, %, not exceeded with the probability asked for.
+    pub used_percent: f64,
+    /// The limit of which that is.
+    pub by: Option<Limited>,
+    /// Share of the time of the mission in which a limit is exceeded, mean over the draws, %.
+    pub beyond_percent: f64,
+    /// Probability that all limits are met, %.
+    pub met_percent: f64,
+    /// Its standard error from the finite number of draws, %.
+    pub met_error_percent: f64,
+}
+
+/// Derivatives of what is limited at the end of the mission, over its limit: by the logarithms of densities and release times.
+struct Sensitivity {
+    limited: Limited,
+    /// Members (1 and 2) of each species.
+    densities: Vec<[f64; 2]>,
+    releases: Vec<[f64; 2]>,
+}
+
+impl Sensitivity {
+    /// Share of the limit that is used with independent relative errors of the parameters, and one that all densities share; traps
+    /// are so many times those at the end.
+    fn used(&self, density_error: f64, release_error: f64, common: f64, traps: f64) -> f64 {
+        let member = |member: usize| {
+            let squares = |of: &[[f64; 2]], error: f64| of.iter().map(|one| (one[member] * error).powi(2)).sum::<f64>();
+            let all: f64 = self.densities.iter().map(|one| one[member]).sum();
+            let own = squares(&self.densities, density_error) + squares(&self.releases, release_error * traps);
+            (own + (all * common).powi(2)).sqrt()
+        };
+        member(0).max(member(1))
+    }
+}
+
+impl Study for Calibration {
+    type Results = Results;
+
+    fn study(&self, mission: &Mission, advance: &(dyn Fn() + Sync)) -> Result<Results, InputError> {
+        self.check(mission)?;
+        let model = ready(mission)?;
+        let sensitivities = sensitivities(&model, advance)?;
+        let courses = Courses::of(mission, self.samples)?;
+        let mut intervals = Vec::new();
+        for interval_months in &self.intervals_months {
+            for continued in [Continued::Constant, Continued::Linear] {
+                advance();
+                intervals.push(self.interval(&sensitivities, &courses, *interval_months, continued));
+            }
+        }
+        let requirement = &mission.requirement;
+        let limited = Limited::by(mission);
+        let limit = |limited: &Limited| match limited {
+            Limited::DeltaE => requirement.delta_e,
+            Limited::C => requirement.c.unwrap_or(f64::NAN),
+            Limited::M => requirement.m.unwrap_or(f64::NAN),
+        };
+        Ok(Results {
+            limits: limited.iter().map(limit).collect(),
+            limited,
+            known: known(&model, &sensitivities),
+            intervals,
+            probability: self.probability,
+            sun_not_drawn: courses.sun_not_drawn,
+            warnings: warnings(mission),
+        })
+    }
+}
+
+/// What is limited at the end of the mission, over its limit: members 1 and 2 of each.
+fn over_limits(model: &Model) -> Result<Vec<(Limited, [f64; 2])>, InputError> {
+    let mission = &model.mission;
+    let requirement = &mission.requirement;
+    let mut found = Vec::new();
+    if requirement.limits_a_galaxy() {
+        let change = model.change(model.judged(), mission.mission.duration_yr)?;
+        let lost = || InputError::new("cannot study a correction", "no shape is left at the end of the mission");
+        let change = change.ok_or_else(lost)?;
+        found.push((Limited::DeltaE, [change.delta_e1, change.delta_e2].map(|e| e / requirement.delta_e)));
+    }
+    if requirement.c.is_some() || requirement.m.is_some() {
+        let biases = PopulationBias::of(model, mission.accuracy.seed)?;
+        let end = biases.and_then(|biases| biases.years.last().map(|year| year.1)).expect("a population with a year");
+        let over = |limit: f64, of: [crate::plan::population::Estimated; 2]| of.map(|one| one.value / limit);
+        found.extend(requirement.c.map(|limit| (Limited::C, over(limit, end.c))));
+        found.extend(requirement.m.map(|limit| (Limited::M, over(limit, end.m))));
+    }
+    Ok(found)
+}
+
+/// Derivatives of all that is limited, by differences.
+fn sensitivities(model: &Model, advance: &(dyn Fn() + Sync)) -> Result<Vec<Sensitivity>, InputError> {
+    let species = model.mission.detector.traps.len();
+    let derivative = |parameter: usize| -> Result<Vec<[f64; 2]>, InputError> {
+        let at = |sign: f64| {
+            let mut mission = model.mission.clone();
+            let trap = &mut mission.detector.traps[parameter % species];
+            let factor = (sign * STEP).exp();
+            if parameter < species {
+                trap.density_per_px *= factor
+            } else {
+                trap.release_ms *= factor
+            }
+            over_limits(&model.like(&mission))
+        };
+        let (high, low) = (at(1.0)?, at(-1.0)?);
+        advance();
+        let slope = |(high, low): (&(Limited, [f64; 2]), &(Limited, [f64; 2]))| {
+            [0, 1].map(|member| (high.1[member] - low.1[member]) / (2.0 * STEP))
+        };
+        Ok(high.iter().zip(&low).map(slope).collect())
+    };
+    let slopes: Vec<Result<Vec<[f64; 2]>, InputError>> = (0..2 * species).into_par_iter().map(derivative).collect();
+    let slopes = slopes.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let one = |(place, limited): (usize, Limited)| Sensitivity {
+        limited,
+        densities: slopes[..species].iter().map(|all| all[place]).collect(),
+        releases: slopes[species..].iter().map(|all| all[place]).collect(),
+    };
+    Ok(Limited::by(&model.mission).into_iter().enumerate().map(one).collect())
+}
+
+/// How well each parameter must be known, and all of them.
+fn known(model: &Model, sensitivities: &[Sensitivity]) -> Vec<Known> {
+    let species = &model.mission.detector.traps;
+    let of = |parameter: String, used: &dyn Fn(&Sensitivity) -> f64| {
+        let most = sensitivities.iter().map(|one| (one.limited, used(one))).max_by(|a, b| a.1.total_cmp(&b.1));
+        let most = most.filter(|(_, used)| *used > 0.0);
+        Known { parameter, needed_percent: most.map(|(_, used)| 100.0 / used), by: most.map(|(limited, _)| limited) }
+    };
+    let largest = |members: [f64; 2]| members[0].abs().max(members[1].abs());
+    let mut known = Vec::new();
+    for (place, trap) in species.iter().enumerate() {
+        known.push(of(format!("density {}", trap.name), &|one| largest(one.densities[place])));
+    }
+    known.push(of("all densities".into(), &|one| one.used(1.0, 0.0, 0.0, 1.0)));
+    for (place, trap) in species.iter().enumerate() {
+        known.push(of(format!("release {}", trap.name), &|one| largest(one.releases[place])));
+    }
+    known.push(of("all release times".into(), &|one| one.used(0.0, 1.0, 0.0, 1.0)));
+    known
+}
+
+/// Courses of the number of traps, each over that expected at the end.
+struct Courses {
+    /// Years since launch, rising, and traps.
+    of_draws: Vec<Vec<(f64, f64)>>,
+    end_yr: f64,
+    sun_not_drawn: Option<String>,
+}
+
+impl Courses {
+    fn of(mission: &Mission, samples: u32) -> Result<Courses, InputError> {
+        let draws = Draws::of(mission, None, samples, mission.accuracy.seed)?;
+        Ok(Courses {
+            of_draws: draws.traps_over_expected()?,
+            end_yr: mission.mission.duration_yr,
+            sun_not_drawn: draws.sun_not_drawn().map(String::from),
+        })
+    }
+}
+
+/// A course at a time: straight between its points.
+fn at(course: &[(f64, f64)], t_yr: f64) -> f64 {
+    let after = course.partition_point(|point| point.0 < t_yr).clamp(1, course.len() - 1);
+    let ((from_yr, from), (to_yr, to)) = (course[after - 1], course[after]);
+    from + (to - from) * ((t_yr - from_yr) / (to_yr - from_yr)).clamp(0.0, 1.0)
+}
+
+impl Calibration {
+    /// Intervals are within the mission, and enough is drawn for the probability.
+    fn check(&self, mission: &Mission) -> Result<(), InputError> {
+        let most = MONTHS * mission.mission.duration_yr;
+        let within = |months: &&f64| !(LEAST_MONTHS..=most).contains(*months);
+        if let Some(months) = self.intervals_months.iter().find(within) {
+            let problem =
+                format!("{months} months between calibrations; allowed: {LEAST_MONTHS} to {most} (the mission)");
+            return Err(InputError::new("cannot calibrate", problem));
+        }
+        Confidence { probability: self.probability, samples: self.samples }.check()
+    }
+
+    /// Calibrations at an interval, over all draws of the Sun.
+    fn interval(
+        &self,
+        sensitivities: &[Sensitivity],
+        courses: &Courses,
+        interval_months: f64,
+        continued: Continued,
+    ) -> Interval {
+        let interval_yr = interval_months / MONTHS;
+        let worst: Vec<Worst> = courses
+            .of_draws
+            .par_iter()
+            .map(|course| self.worst(sensitivities, course, courses.end_yr, interval_yr, continued))
+            .collect();
+        let quantile_of = |of: fn(&Worst) -> f64| {
+            let mut values: Vec<f64> = worst.iter().map(of).collect();
+            values.sort_by(f64::total_cmp);
+            quantile(&values, self.probability)
+        };
+        let met = worst.iter().filter(|one| one.used <= 1.0).count() as f64 / worst.len() as f64;
+        let used = quantile_of(|one| one.used);
+        let nearest = worst.iter().min_by(|a, b| (a.used - used).abs().total_cmp(&(b.used - used).abs()));
+        Interval {
+            interval_months,
+            continued,
+            density_error_percent: 100.0 * quantile_of(|one| one.density_error),
+            used_percent: 100.0 * used,
+            by: nearest.map(|one| one.by),
+            beyond_percent: 100.0 * worst.iter().map(|one| one.beyond).sum::<f64>() / worst.len() as f64,
+            met_percent: 100.0 * met,
+            met_error_percent: 100.0 * share_error(met, worst.len() as f64),
+        }
+    }
+
+    /// What calibrations leave of a draw: looked at just before each of them and at times in between.
+    fn worst(
+        &self,
+        sensitivities: &[Sensitivity],
+        course: &[(f64, f64)],
+        end_yr: f64,
+        interval_yr: f64,
+        continued: Continued,
+    ) -> Worst {
+        let mut worst = Worst { density_error: 0.0, used: 0.0, by: sensitivities[0].limited, beyond: 0.0 };
+        let calibrations = (end_yr / interval_yr).ceil() as usize;
+        for number in 0..calibrations {
+            let last_yr = number as f64 * interval_yr;
+            let next_yr = (last_yr + interval_yr).min(end_yr);
+            let before_yr = (continued == Continued::Linear && number > 0).then_some(last_yr - interval_yr);
+            let calibrated = Calibrated::of(course, last_yr, before_yr);
+            for look in 1..=LOOKS {
+                let t_yr = last_yr + (next_yr - last_yr) * f64::from(look) / f64::from(LOOKS);
+                let traps = at(course, t_yr);
+                let (common, own) = calibrated.errors(t_yr, traps, self.density_error);
+                worst.density_error = worst.density_error.max(common.hypot(own));
+                let used = |one: &Sensitivity| (one.used(own, self.release_error, common, traps), one.limited);
+                let most = sensitivities.iter().map(used).max_by(|a, b| a.0.total_cmp(&b.0)).expect("a limit");
+                if most.0 > worst.used {
+                    (worst.used, worst.by) = most;
+                }
+                if most.0 > 1.0 {
+                    worst.beyond += (next_yr - last_yr) / (f64::from(LOOKS) * end_yr);
+                }
+            }
+        }
+        worst
+    }
+}
+
+/// Times between two calibrations at which errors are looked at.
+const LOOKS: u32 = 8;
+
+/// What calibrations leave of a draw.
+struct Worst {
+    /// Largest error of the densities, over those expected at the end.
+    density_error: f64,
+    /// Largest share of a limit that is used.
+    used: f64,
+    /// The limit of which that is.
+    by: Limited,
+    /// Share of the time in which a limit is exceeded.
+    beyond: f64,
+}
+
+/// Traps as the last calibration has them, and the one before where a line is drawn through both: times (years since launch) and
+/// densities over those expected at the end.
+struct Calibrated {
+    last: (f64, f64),
+    before: Option<(f64, f64)>,
+}
+
+impl Calibrated {
+    fn of(course: &[(f64, f64)], last_yr: f64, before_yr: Option<f64>) -> Calibrated {
+        Calibrated { last: (last_yr, at(course, last_yr)), before: before_yr.map(|t_yr| (t_yr, at(course, t_yr))) }
+    }
+
+    /// Errors at a time with so many traps: what all densities share, and what each has of its own by the relative error of a
+    /// calibration: ρ̂ₖ (1 + x) − ρ̂ₖ₋₁ x.
+    fn errors(&self, t_yr: f64, traps: f64, relative: f64) -> (f64, f64) {
+        let (last_yr, last) = self.last;
+        let Some((before_yr, before)) = self.before else { return (last - traps, relative * last) };
+        let ahead = (t_yr - last_yr) / (last_yr - before_yr);
+        (last + (last - before) * ahead - traps, relative * ((1.0 + ahead) * last).hypot(ahead * before))
+    }
+}
