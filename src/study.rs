@@ -21,7 +21,6 @@ use crate::error::InputError;
 use crate::mission::{FitSettings, Mission};
 use crate::mission_file::lookup;
 use crate::model::Model;
-use crate::numeric::parallel;
 use crate::physics::accuracy::Purpose;
 use crate::plan::evaluate::unmeasurable;
 use crate::warning::Warning;
@@ -67,14 +66,6 @@ fn ready(mission: &Mission) -> Result<Model, InputError> {
         return Err(unmeasurable(mission, mission.judged_galaxy()));
     }
     Ok(model)
-}
-
-/// Results of many cases, found in parallel, in their order.
-///
-/// # Errors
-/// The first case that fails, with any number of threads.
-fn each<C: Sync, R: Send>(cases: &[C], one: impl Fn(&C) -> Result<R, InputError> + Sync) -> Result<Vec<R>, InputError> {
-    parallel::try_map(cases, one)
 }
 
 /// Refuses numbers that a key of the mission does not allow, and none at all.

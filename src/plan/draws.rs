@@ -246,8 +246,7 @@ impl<'a> Draws<'a> {
             mission.imported.sun = Some(suns.course(number as usize));
             course(&self.model.like(&mission))
         };
-        let courses: Vec<Result<Vec<(f64, f64)>, InputError>> = (0..self.samples).into_par_iter().map(under).collect();
-        courses.into_iter().collect()
+        parallel::try_map(0..self.samples, under)
     }
 
     fn fate_of(&self, mission: &Mission) -> Result<Fate, InputError> {

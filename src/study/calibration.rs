@@ -18,7 +18,6 @@
 //!
 //! A solar event in between comes unforeseen: the Sun is drawn as for the date as a distribution.
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{Study, ready, warnings};
@@ -26,6 +25,7 @@ use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
 use crate::numeric::estimate::quantile;
+use crate::numeric::parallel;
 use crate::plan::date_distribution::{Confidence, share_error};
 use crate::plan::draws::Draws;
 use crate::plan::judgement::Limited;
@@ -228,8 +228,7 @@ fn sensitivities(model: &Model, advance: &(dyn Fn() + Sync)) -> Result<Vec<Sensi
         };
         Ok(high.iter().zip(&low).map(slope).collect())
     };
-    let slopes: Vec<Result<Vec<[f64; 2]>, InputError>> = (0..2 * species).into_par_iter().map(derivative).collect();
-    let slopes = slopes.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let slopes = parallel::try_map(0..2 * species, derivative)?;
     let one = |(place, limited): (usize, Limited)| Sensitivity {
         limited,
         densities: slopes[..species].iter().map(|all| all[place]).collect(),
@@ -307,11 +306,9 @@ impl Calibration {
         continued: Continued,
     ) -> Interval {
         let interval_yr = interval_months / MONTHS;
-        let worst: Vec<Worst> = courses
-            .of_draws
-            .par_iter()
-            .map(|course| self.worst(sensitivities, course, courses.end_yr, interval_yr, continued))
-            .collect();
+        let worst: Vec<Worst> = parallel::map(&courses.of_draws, |course| {
+            self.worst(sensitivities, course, courses.end_yr, interval_yr, continued)
+        });
         let quantile_of = |of: fn(&Worst) -> f64| {
             let mut values: Vec<f64> = worst.iter().map(of).collect();
             values.sort_by(f64::total_cmp);

@@ -14,10 +14,11 @@ use gauss_quad::GaussLegendre;
 use ndarray::{Array2, s};
 use serde::{Serialize, Serializer};
 
-use super::{Exposure, Study, check, each, ready, warnings};
+use super::{Exposure, Study, check, ready, warnings};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::{Beside, Device, Scene};
+use crate::numeric::parallel;
 use crate::physics::accuracy::Purpose;
 use crate::physics::shape::ShapeChange;
 use crate::readout::Downstream;
@@ -209,7 +210,7 @@ fn between_lines(
         .iter()
         .map(|(place, weight)| ((low + 0.5 * (1.0 + place) * (high - low)).round() as u32, 0.5 * weight))
         .collect();
-    let seen = each(&nodes, |(distance, _)| behind_a_line(device, scene, charge_e, *distance))?;
+    let seen = parallel::try_map(&nodes, |(distance, _)| behind_a_line(device, scene, charge_e, *distance))?;
     let weighted = || nodes.iter().map(|(_, weight)| weight).zip(&seen);
     let trail_e = weighted().map(|(weight, seen)| weight * seen.1).sum::<f64>().max(0.0);
     let change = weighted().try_fold(ShapeChange::default(), |sum, (weight, seen)| Some(sum.plus(&seen.0?, *weight)));

@@ -14,10 +14,11 @@
 use chrono::NaiveDate;
 use serde::Serialize;
 
-use super::{Exposure, Study, budgets, check, each, ratios, ready, warnings};
+use super::{Exposure, Study, budgets, check, ratios, ready, warnings};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
+use crate::numeric::parallel;
 use crate::physics::SpeciesState;
 use crate::physics::conditions::Conditions;
 use crate::plan::date_distribution::Confidence;
@@ -123,7 +124,7 @@ impl Study for Clock {
         let line_times_ms = self.line_times_ms.clone().unwrap_or_else(|| ratios(own_ms / REACH, own_ms * REACH, COUNT));
         check("readout.line_time_ms", &line_times_ms)?;
         let model = ready(mission)?;
-        let line_times = each(&line_times_ms, |line_time_ms| {
+        let line_times = parallel::try_map(&line_times_ms, |line_time_ms| {
             advance();
             LineTime::of(&model, *line_time_ms, self.confidence)
         })?;

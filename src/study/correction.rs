@@ -20,10 +20,11 @@ use std::path::PathBuf;
 use chrono::NaiveDate;
 use serde::Serialize;
 
-use super::{Estimate, Exposure, Study, each, ready, warnings};
+use super::{Estimate, Exposure, Study, ready, warnings};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
+use crate::numeric::parallel;
 use crate::physics::shape::ShapeChange;
 use crate::plan::timeline::Timeline;
 use crate::warning::Warning;
@@ -224,7 +225,7 @@ fn alone(
     let perfect = magnitude(round_trip.left_with(knowledge, &none)?);
     let mut left = vec![Left::new(Cause::PerfectKnowledge, None, perfect, None, uncorrected)];
     let places: Vec<usize> = (0..none.len()).collect();
-    left.extend(each(&places, |index| {
+    left.extend(parallel::try_map(&places, |index| {
         let mut deviations = none.clone();
         deviations[*index] = 1.0;
         let (key, sigma) = &knowledge.parameters[*index];

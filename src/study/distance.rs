@@ -15,10 +15,11 @@ use chrono::NaiveDate;
 use gauss_quad::GaussLegendre;
 use serde::Serialize;
 
-use super::{Study, budgets, check, each, ready, warnings};
+use super::{Study, budgets, check, ready, warnings};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
+use crate::numeric::parallel;
 use crate::plan::timeline::Timeline;
 use crate::warning::Warning;
 
@@ -160,8 +161,9 @@ impl Distances {
 
     /// What becomes of them, given |Δe| of the farthest; None if these are the farthest.
     fn place(&self, model: &Model, farthest: Option<Option<f64>>) -> Result<Place, InputError> {
-        let timelines =
-            each(&self.transfers, |transfers| Timeline::under(model, |at| at.transfers = transfers.round() as u32))?;
+        let timelines = parallel::try_map(&self.transfers, |transfers| {
+            Timeline::under(model, |at| at.transfers = transfers.round() as u32)
+        })?;
         let timeline = Timeline::weighted(&timelines, &self.weights);
         let delta_e = timeline.end();
         let over = delta_e.zip(farthest.unwrap_or(delta_e)).filter(|(_, farthest)| *farthest > 0.0);
@@ -185,7 +187,7 @@ impl Distances {
 /// |Δe| at the end of the mission against distance.
 fn curve(model: &Model, farthest: f64, advance: &(dyn Fn() + Sync)) -> Result<Vec<Point>, InputError> {
     let steps: Vec<u32> = (1..=CURVE).collect();
-    each(&steps, |step| {
+    parallel::try_map(&steps, |step| {
         let transfers = (farthest * f64::from(*step) / f64::from(CURVE)).round().max(1.0);
         let mut at = model.conditions(model.mission.mission.duration_yr);
         at.transfers = transfers as u32;

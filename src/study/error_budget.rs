@@ -15,10 +15,11 @@ mod statistics;
 use chrono::NaiveDate;
 use serde::Serialize;
 
-use super::{Estimate, Study, each, warnings};
+use super::{Estimate, Study, warnings};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::numeric::calendar::{DAYS_PER_YEAR, date_after};
+use crate::numeric::parallel;
 use crate::plan::draws::input::{Shield, Sigma};
 use crate::plan::draws::{Draws, Emulated, Fates};
 use crate::plan::progress::Progress;
@@ -218,7 +219,7 @@ struct Swing {
 /// Each input alone at −1 σ and +1 σ, the Sun last where it is drawn: at 16 % and 84 % of its doses.
 fn swings(draws: &Draws, found: &Fates, nominal: &Fate) -> Result<Vec<Swing>, InputError> {
     let places: Vec<usize> = (0..draws.inputs().len()).collect();
-    let mut swings = each(&places, |place| {
+    let mut swings = parallel::try_map(&places, |place| {
         let ends = [draws.alone(Some((*place, -1.0)))?, draws.alone(Some((*place, 1.0)))?];
         Ok(Swing { sigma: Some(draws.inputs()[*place].sigma), ends, middle: *nominal })
     })?;

@@ -6,10 +6,11 @@
 use chrono::{Months, NaiveDate};
 use serde::Serialize;
 
-use super::{Study, each, ready};
+use super::{Study, ready};
 use crate::error::InputError;
 use crate::mission::{Date, Mission};
 use crate::model::Model;
+use crate::numeric::parallel;
 use crate::plan::date_distribution::Confidence;
 use crate::plan::judgement::{JudgedRow, Judgement};
 use crate::plan::scenario::{Merit, Ranking, sun};
@@ -80,7 +81,7 @@ impl Study for Launch {
         let model = ready(&flown)?;
         let given = self.launches.clone().filter(|dates| !dates.is_empty());
         let dates = given.unwrap_or_else(|| half_years(mission.mission.launch.0));
-        let launches = each(&dates, |date| Launched::of(&model, *date, self.confidence, advance))?;
+        let launches = parallel::try_map(&dates, |date| Launched::of(&model, *date, self.confidence, advance))?;
         Ok(Results {
             ranking: Ranking::of(&launches.iter().map(|launched| launched.merit).collect::<Vec<_>>()),
             warnings: warning::together(launches.iter().flat_map(|launched| &launched.warnings)),

@@ -23,10 +23,11 @@ use rand_distr::{Distribution, Normal};
 use serde::Serialize;
 
 use super::correction::{Knowledge, RoundTrip};
-use super::{Estimate, Exposure, Study, check, each, ratios, ready, warnings};
+use super::{Estimate, Exposure, Study, check, ratios, ready, warnings};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::{Device, Model};
+use crate::numeric::parallel;
 use crate::physics::SpeciesState;
 use crate::physics::conditions::Conditions;
 use crate::warning::Warning;
@@ -226,7 +227,7 @@ impl Study for PocketPumping {
             .flat_map(|device| (0..devices[device].traps.len()).map(move |species| (device, species)))
             .collect();
         let seed = self.seed.unwrap_or(mission.accuracy.seed);
-        let dipoles = each(&cases, |&(device, species)| {
+        let dipoles = parallel::try_map(&cases, |&(device, species)| {
             advance();
             Ok(self.search(&setup, &devices[device], species, seed, (device * 1000 + species) as u64))
         })?;

@@ -12,10 +12,11 @@
 use chrono::NaiveDate;
 use serde::Serialize;
 
-use super::{Exposure, Study, budgets, check, each, ready, warnings};
+use super::{Exposure, Study, budgets, check, ready, warnings};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
+use crate::numeric::parallel;
 use crate::plan::timeline::Timeline;
 use crate::warning::Warning;
 
@@ -78,7 +79,7 @@ impl Study for Preflash {
         electrons.dedup();
         let model = ready(mission)?;
         let exposure = Exposure::of(mission);
-        let levels = each(&electrons, |electrons| {
+        let levels = parallel::try_map(&electrons, |electrons| {
             let level = Level::of(&model, &exposure, *electrons)?;
             advance();
             Ok(level)

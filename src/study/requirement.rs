@@ -12,10 +12,11 @@
 use chrono::{Months, NaiveDate};
 use serde::Serialize;
 
-use super::{Study, budgets, each, ratios, ready, warnings};
+use super::{Study, budgets, ratios, ready, warnings};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
+use crate::numeric::parallel;
 use crate::numeric::root_finding;
 use crate::physics::conditions::Conditions;
 use crate::plan::date_distribution::Confidence;
@@ -196,7 +197,7 @@ impl Requirement {
     /// Line times (ms) with |Δe| at the end of the mission; infinite where no shape is left.
     fn clocks(&self, model: &Model, advance: &(dyn Fn() + Sync)) -> Result<Vec<(f64, f64)>, InputError> {
         let own_ms = model.mission.readout.line_time_ms;
-        each(&ratios(own_ms / REACH, own_ms * REACH, LINE_TIMES), |line_time_ms| {
+        parallel::try_map(&ratios(own_ms / REACH, own_ms * REACH, LINE_TIMES), |line_time_ms| {
             advance();
             Ok((*line_time_ms, at_line_time(model, *line_time_ms)?))
         })

@@ -10,11 +10,12 @@
 
 use serde::Serialize;
 
-use super::{Study, check, each, ready, warnings};
+use super::{Study, check, ready, warnings};
 use crate::environment::shielding::Geometry;
 use crate::error::InputError;
 use crate::mission::{DoseModel, Mission, Shielding as Shield};
 use crate::model::Model;
+use crate::numeric::parallel;
 use crate::numeric::root_finding;
 use crate::plan::date_distribution::Confidence;
 use crate::plan::judgement::{JudgedRow, Judgement};
@@ -165,7 +166,7 @@ impl Study for Shielding {
                 shields.extend(confidences.iter().map(|confidence| (geometry, thickness_mm, *confidence)));
             }
         }
-        let cases = each(&shields, |&(geometry, thickness_mm, confidence)| {
+        let cases = parallel::try_map(&shields, |&(geometry, thickness_mm, confidence)| {
             advance();
             Case::of(&model, geometry, thickness_mm, confidence)
         })?;
@@ -204,7 +205,7 @@ impl Shielding {
         for geometry in GEOMETRIES {
             shields.extend(thicknesses_mm.iter().map(|thickness_mm| (geometry, *thickness_mm)));
         }
-        each(&shields, |&(geometry, thickness_mm)| {
+        parallel::try_map(&shields, |&(geometry, thickness_mm)| {
             advance();
             let mission = behind(&model.mission, geometry, thickness_mm, model.mission.environment.confidence);
             let model = model.like(&mission);

@@ -10,10 +10,11 @@ use crate::error::InputError;
 use crate::image::iterated;
 use crate::model::{Above, Beside, Device, Model, Scene, downstream};
 use crate::numeric::estimate::with_errors;
+use crate::numeric::parallel;
 use crate::physics::galaxy::{Profile, snr};
 use crate::physics::shape::{Moments, ShapeChange};
 use crate::readout::Downstream;
-use crate::study::{Estimate, each};
+use crate::study::Estimate;
 
 /// Share of a difference that is added to a galaxy: small enough for its shape to follow in proportion.
 const FIRST_ORDER: f64 = 1e-3;
@@ -107,7 +108,7 @@ impl<'a> RoundTrip<'a> {
             advance();
             self.left_with(knowledge, &knowledge.draw(&mut random))
         };
-        let left = each(&(0..draws).collect::<Vec<_>>(), |draw| one(*draw))?;
+        let left = parallel::try_map(0..draws, one)?;
         let squares: Option<Vec<f64>> = left.iter().map(|change| Some(change.as_ref()?.magnitude().powi(2))).collect();
         let Some(squares) = squares else { return Ok(None) };
         let rms = |places: &[usize]| {
@@ -159,7 +160,7 @@ impl<'a> RoundTrip<'a> {
             let change = before.zip(after).map(|(before, after)| ShapeChange::between(&before, &after));
             Ok(change.map(|change| ShapeChange::default().plus(&change, 1.0 / FIRST_ORDER)))
         };
-        let changes = each(&(0..realisations).collect::<Vec<_>>(), |realisation| one(*realisation))?;
+        let changes = parallel::try_map(0..realisations, one)?;
         let changes: Option<Vec<ShapeChange>> = changes.into_iter().collect();
         Ok(changes.filter(|changes| changes.len() > 1).map(|changes| ShapeChange::mean_and_error(&changes)))
     }
