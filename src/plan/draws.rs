@@ -218,7 +218,7 @@ impl<'a> Draws<'a> {
     /// If the Sun is not drawn.
     pub fn under_the_sun_of(&self, number: u32) -> Result<Fate, InputError> {
         let mut mission = self.model.mission.clone();
-        mission.imported.sun = Some(self.suns.as_ref().ok().expect("a Sun that is drawn").course(number as usize));
+        mission.imported.sun = Some(self.suns.as_ref().expect("a Sun that is drawn").course(number as usize));
         self.fate_of(&mission)
     }
 

@@ -185,8 +185,11 @@ impl Study for Calibration {
     }
 }
 
-/// What is limited at the end of the mission, over its limit: members 1 and 2 of each.
-fn over_limits(model: &Model) -> Result<Vec<(Limited, [f64; 2])>, InputError> {
+/// What is limited, over its limit: members 1 and 2.
+type OverLimit = (Limited, [f64; 2]);
+
+/// What is limited at the end of the mission.
+fn over_limits(model: &Model) -> Result<Vec<OverLimit>, InputError> {
     let mission = &model.mission;
     let requirement = &mission.requirement;
     let mut found = Vec::new();
@@ -223,7 +226,7 @@ fn sensitivities(model: &Model, advance: &(dyn Fn() + Sync)) -> Result<Vec<Sensi
         };
         let (high, low) = (at(1.0)?, at(-1.0)?);
         advance();
-        let slope = |(high, low): (&(Limited, [f64; 2]), &(Limited, [f64; 2]))| {
+        let slope = |(high, low): (&OverLimit, &OverLimit)| {
             [0, 1].map(|member| (high.1[member] - low.1[member]) / (2.0 * STEP))
         };
         Ok(high.iter().zip(&low).map(slope).collect())

@@ -83,7 +83,8 @@ impl<'a> Points<'a> {
         let mission = &end.model.mission;
         let drawn = self.grid.records.iter().any(|output| output.is_drawn());
         let limits_biases = Limited::by(mission).iter().any(|limited| *limited != Limited::DeltaE);
-        if !drawn && !(limits_biases && self.grid.records.iter().any(|output| output.is_judged())) {
+        let judged = limits_biases && self.grid.records.iter().any(|output| output.is_judged());
+        if !(drawn || judged) {
             return Ok(None);
         }
         let of_galaxy = crossings(end.model, mission.requirement.limits(), &[(end.duration_yr, end.delta_e()?)])?;
