@@ -35,14 +35,13 @@ impl Merit {
     }
 }
 
-/// What makes one mission better than another; in JSON the key of a scenario that holds it.
+/// What makes one mission better than another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Criterion {
-    /// The time at which the first uncorrected budget is exceeded.
-    #[serde(rename = "uncorrected.t_yr")]
+    /// The time at which the first uncorrected budget is exceeded; until when it is kept with a probability, where one is asked for.
     Uncorrected,
-    /// The time at which the first corrected budget is exceeded.
-    #[serde(rename = "corrected.t_yr")]
+    /// The same of the corrected budgets.
     Corrected,
     /// The largest share of a budget that is used at the end of the mission.
     #[serde(rename = "budget_used")]
