@@ -86,7 +86,7 @@ impl TrapMap {
         self.spread(map, &frame.to_string(), shape, method)
     }
 
-    /// The factors of a frame in memory, of so many rows and columns.
+    /// The factors of a frame in memory, of n rows and m columns.
     ///
     /// # Errors
     /// As [`TrapMap::of`].

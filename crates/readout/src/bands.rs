@@ -40,12 +40,12 @@ pub(super) struct Journey {
 }
 
 impl Journey {
-    /// Through all pixels, with so many rows downstream.
+    /// Through all pixels, with n rows downstream.
     pub fn of(rows: i64) -> Journey {
         Journey { rows, nearest: 0, end: i64::MAX }
     }
 
-    /// The pixels for columns of so many packets.
+    /// The pixels for columns of n packets.
     pub fn pixels(&self, packets: usize) -> Range<i64> {
         let nearest = self.nearest.max(0);
         nearest..self.end.min(packets as i64 + self.rows).max(nearest)

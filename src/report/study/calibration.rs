@@ -37,12 +37,12 @@ fn intervals(results: &Results) -> DataTable {
         column("density_error_percent", "error [%]", Digits::Significant(3)),
         column("used_percent", "limit used [%]", Digits::Significant(3)),
         words("by", "of"),
-        column("beyond_percent", "time beyond [%]", Digits::Significant(2)),
+        column("beyond_percent", "beyond [%]", Digits::Significant(2)),
         column("met_percent", "met [%]", Digits::Fixed(1)).with_error("met_error_percent"),
     ];
     DataTable::of("intervals", &results.intervals, columns).titled(format!(
         "Largest error of the densities (of those at the end) and largest use of a limit over the mission, not exceeded with {percent} %; \
-         time beyond: mean share of the mission in which one is exceeded; met: probability that none is to the end"
+         beyond: mean share of the mission in which one is exceeded; met: probability that none is to the end"
     ))
 }
 
