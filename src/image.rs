@@ -209,7 +209,8 @@ impl Job {
     /// galaxies; a mission that wants another method keeps it.
     ///
     /// # Errors
-    /// Where serial transfers are wanted of a mission without serial traps, or a formula fails.
+    /// Where serial transfers are wanted of a mission without serial traps, or parallel ones of a mission with a store, or a formula
+    /// fails.
     pub fn new(
         task: Task,
         model: &Model,
@@ -218,6 +219,13 @@ impl Job {
         geometry: Geometry,
     ) -> Result<Job, InputError> {
         let device = model.device(conditions)?;
+        if geometry.transfers.parallel() && device.store.is_some() {
+            return Err(InputError::new(
+                "cannot model the transfers of a frame",
+                format!("mission \"{}\" has a store: frames are shifted into it first", model.mission.mission.name),
+            )
+            .with_help("frame transfer is modelled for galaxies and measurements; remove [readout.store] for frames"));
+        }
         if geometry.transfers.serial() && device.serial().is_empty() {
             return Err(InputError::new(
                 "cannot model serial transfers",

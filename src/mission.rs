@@ -242,9 +242,24 @@ pub struct Clocking {
     /// The phases of a pixel; none where a transfer is one step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clock: Option<PhaseClock>,
+    /// The store that frames are shifted into before they are read; none where the image ends at the register.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub store: Option<Store>,
     /// What the clock costs in read noise; needed where clocks are compared for more than shapes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise: Option<ReadNoise>,
+}
+
+/// `[readout.store]`: frame transfer.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Store {
+    /// Rows of the store, and transfers of the burst.
+    pub rows: u32,
+    /// Time between two transfers of the burst, ms.
+    pub burst_line_time_ms: f64,
+    /// Traps of a pixel of the store over those of a pixel of the image.
+    #[serde(default = "one")]
+    pub trap_ratio: f64,
 }
 
 /// What the traps of a pixel hold when its first packet comes.
@@ -488,6 +503,10 @@ pub struct Requirement {
 
 /// A change of ellipticity that none reaches.
 const UNLIMITED: f64 = 0.999;
+
+fn one() -> f64 {
+    1.0
+}
 
 fn unlimited() -> f64 {
     UNLIMITED

@@ -168,7 +168,8 @@ impl Model {
             .map_or(Clock::single(), |phases| phases.clock().expect("a mission's clock was checked when it was read"));
         self.effects.apply(|effect| effect.clock(&mut clock, &at))?;
         self.effects.apply(|effect| effect.traps(&mut traps, &at))?;
-        Ok(Device { at, traps, cloud, clock, method: self.method(), registers, effects: self.effects.clone() })
+        let (store, effects) = (self.mission.readout.store, self.effects.clone());
+        Ok(Device { at, traps, cloud, clock, store, method: self.method(), registers, effects })
     }
 
     /// Mean change of a galaxy's shape (by its place in the mission) at a time (years since launch). None where no shape

@@ -64,7 +64,7 @@ pub enum Need {
 
 /// All tables, in the order of the file, with a description; `[]` is a member of an array of tables. Effects have tables of
 /// their own, known to the catalogue of effects.
-pub const TABLES: [(&str, &str); 19] = [
+pub const TABLES: [(&str, &str); 20] = [
     ("mission", "name, launch, duration, orbit"),
     ("orbit", "orbit, by its elements; in place of mission.orbit"),
     ("environment", "displacement damage dose: given, or derived from orbit, Sun, [shielding] and NIEL"),
@@ -77,6 +77,10 @@ pub const TABLES: [(&str, &str); 19] = [
         "readout.clock",
         "clock phases of a pixel; without it, a transfer is one step. Phases hold the packet in turn, for equal times and \
          with equal numbers of traps, unless lists say otherwise",
+    ),
+    (
+        "readout.store",
+        "store region of a frame-transfer detector: a burst shifts the image into it, and line_time_ms is that of its readout",
     ),
     ("readout.noise", "read noise against pixel rate, as a formula or as a table; for trade studies"),
     ("survey", "exposure and slew times of a survey; for trade studies"),
@@ -94,8 +98,16 @@ pub const TABLES: [(&str, &str); 19] = [
 ];
 
 /// Tables that may be absent as a whole; their required keys are required only if the table is given.
-pub const OPTIONAL_TABLES: [&str; 7] =
-    ["orbit", "shielding", "shielding.layers[]", "readout.clock", "readout.noise", "survey", "population"];
+pub const OPTIONAL_TABLES: [&str; 8] = [
+    "orbit",
+    "shielding",
+    "shielding.layers[]",
+    "readout.clock",
+    "readout.store",
+    "readout.noise",
+    "survey",
+    "population",
+];
 
 /// Arrays of tables, each with the name of one member.
 pub const ARRAYS: [(&str, &str); 2] = [("detector.traps", "trap species"), ("galaxies", "galaxy")];
@@ -322,6 +334,30 @@ pub const KEYS: &[Key] = &[
     key("readout.clock.dwell", "duration of each step, in any unit", "", Numbers(1e-9, 1e9), Optional),
     key("readout.clock.trap_share", "number of traps below each phase, in any unit", "", Numbers(0.0, 1e9), Optional),
     key(
+        "readout.store.rows",
+        "number of rows of the store, and of transfers of the burst",
+        "",
+        Integer(1, 100_000),
+        Required,
+    ),
+    key(
+        "readout.store.burst_line_time_ms",
+        "time between two transfers of the burst",
+        "ms",
+        Allowed::Positive(0.0, 1e7),
+        Required,
+    ),
+    Key {
+        help: percentage_of_traps,
+        ..key(
+            "readout.store.trap_ratio",
+            "traps of a pixel of the store over those of a pixel of the image",
+            "",
+            Number(0.0, 10.0),
+            Default("1.0"),
+        )
+    },
+    key(
         "readout.noise.columns",
         "number of pixels per row that one amplifier reads",
         "",
@@ -520,6 +556,11 @@ pub const FRACTION: Allowed = Number(0.0, 0.999);
 /// A fraction written as a percentage.
 pub fn percentage(value: f64) -> Option<String> {
     (1.0..=100.0).contains(&value).then(|| format!("a fraction, not a percentage: {value} % is {}", value / 100.0))
+}
+
+/// A ratio written as a percentage.
+fn percentage_of_traps(value: f64) -> Option<String> {
+    (value > 10.0).then(|| format!("a ratio, not a percentage: {value} % is {}", value / 100.0))
 }
 
 /// Altitudes: from where orbits last for months to where the Sun takes over.

@@ -169,6 +169,8 @@ fn plain(key: &str) -> Option<fn(&mut Mission) -> Option<&mut f64>> {
         "detector.reference_fluence_cm2" => |mission| mission.detector.reference_fluence_cm2.as_mut(),
         "detector.reference_energy_mev" => |mission| mission.detector.reference_energy_mev.as_mut(),
         "readout.line_time_ms" => |mission| Some(&mut mission.readout.line_time_ms),
+        "readout.store.burst_line_time_ms" => |mission| Some(&mut mission.readout.store.as_mut()?.burst_line_time_ms),
+        "readout.store.trap_ratio" => |mission| Some(&mut mission.readout.store.as_mut()?.trap_ratio),
         "sky.background_e" => |mission| Some(&mut mission.sky.background_e),
         "psf.fwhm_px" => |mission| Some(&mut mission.psf.fwhm_px),
         "psf.moffat_beta" => |mission| Some(&mut mission.psf.moffat_beta),

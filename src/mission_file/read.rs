@@ -352,6 +352,7 @@ impl<'a> Source<'a> {
             let help = "set accuracy.readout = \"exact\", or traps_at_start = \"empty\"";
             return Err(self.fault("readout.traps_at_start", problem).with_help(help));
         }
+        self.check_store(mission)?;
         let Some(clock) = &mission.readout.clock else { return Ok(()) };
         let clock = clock.clock().map_err(|fault| {
             let key = format!("readout.clock.{}", fault.key);
@@ -366,6 +367,22 @@ impl<'a> Source<'a> {
                 clock.kinds()
             );
             return Err(self.fault("readout.clock.phases", problem));
+        }
+        Ok(())
+    }
+
+    /// All rows that are read have been shifted into the store, whose traps are empty before.
+    fn check_store(&self, mission: &Mission) -> Result<(), InputError> {
+        let Some(store) = mission.readout.store else { return Ok(()) };
+        if mission.readout.traps_at_start == TrapsAtStart::Carried {
+            let problem = "traps carry their state from pixel to pixel in an image without a store only";
+            let help = "set traps_at_start = \"empty\", or remove [readout.store]";
+            return Err(self.fault("readout.traps_at_start", problem).with_help(help));
+        }
+        if store.rows < mission.readout.transfers {
+            let problem = format!("a store of {} rows; readout.transfers is {}", store.rows, mission.readout.transfers);
+            let help = "set rows to the number of rows of the image: every row of it is shifted into the store";
+            return Err(self.fault("readout.store.rows", problem).with_help(help));
         }
         Ok(())
     }

@@ -4,12 +4,13 @@ use ndarray::{Array2, ArrayView1, Axis};
 
 use super::effects::Effects;
 use crate::error::InputError;
+use crate::mission::Store;
 use crate::physics::accuracy::Purpose;
 use crate::physics::conditions::Conditions;
 use crate::physics::damage::SpeciesState;
 use crate::physics::observable::{Observable, Probe};
 use crate::physics::shape::ShapeChange;
-use crate::readout::{Clock, Cloud, Downstream, Method, Readout};
+use crate::readout::{Clock, Cloud, Downstream, FrameTransfer, Method, Readout};
 
 /// Traps, wells, registers and amplifier under given conditions.
 #[derive(Clone, Debug)]
@@ -22,6 +23,8 @@ pub struct Device {
     pub cloud: Cloud,
     /// The phases of a pixel.
     pub clock: Clock,
+    /// The store that frames are shifted into before they are read.
+    pub store: Option<Store>,
     /// How transfers are computed.
     pub method: Method,
     /// Serial registers with traps.
@@ -53,10 +56,39 @@ pub enum Beside {
 }
 
 impl Device {
-    /// The parallel readout.
+    /// The parallel readout of the image region, at the line time.
     pub fn readout(&self) -> Readout {
-        let readout = self.readout_of(&self.traps, self.at.line_time_ms);
+        self.readout_at(self.at.line_time_ms)
+    }
+
+    /// The image region at a time between two transfers.
+    fn readout_at(&self, line_time_ms: f64) -> Readout {
+        let readout = self.readout_of(&self.traps, line_time_ms);
         Readout { traps: self.clock.spread(&readout.traps), ..readout }
+    }
+
+    /// The way through the store, if there is one.
+    fn frame_transfer(&self) -> Option<FrameTransfer> {
+        let Store { rows, burst_line_time_ms, trap_ratio } = self.store?;
+        let stored = |line_time_ms: f64| {
+            let mut readout = self.readout_at(line_time_ms);
+            readout.traps.iter_mut().for_each(|trap| trap.density_per_px *= trap_ratio);
+            readout
+        };
+        Some(FrameTransfer {
+            image: self.readout_at(burst_line_time_ms),
+            burst: stored(burst_line_time_ms),
+            store: stored(self.at.line_time_ms),
+            rows,
+        })
+    }
+
+    /// Charges (e-, `[[row, column]]`) after all parallel transfers, behind so many rows of a background of each column, e-.
+    pub(super) fn clocked(&self, charge_e: &Array2<f64>, rows: i64, background_e: &[f64]) -> Array2<f64> {
+        match self.frame_transfer() {
+            Some(transfer) => transfer.parallel_after_each(charge_e, rows, background_e),
+            None => self.readout().parallel_after_each(charge_e, rows, background_e),
+        }
     }
 
     /// Serial registers with traps, each with the transfers of the object.
@@ -90,7 +122,7 @@ impl Device {
         beside: Beside,
     ) -> Result<Array2<f64>, InputError> {
         let before_e = self.before(charge_e.clone())?;
-        let clocked_e = self.readout().parallel(&before_e, downstream);
+        let clocked_e = self.clocked(&before_e, downstream.rows, &vec![downstream.charge_e; before_e.ncols()]);
         self.after(&before_e, clocked_e, beside)
     }
 
@@ -140,6 +172,7 @@ impl Device {
         let bare = |species: &SpeciesState| SpeciesState { density_per_px: 0.0, ..species.clone() };
         let alike = self.at.but_for_dose() == other.at.but_for_dose()
             && self.cloud == other.cloud
+            && self.store == other.store
             && self.species().map(bare).eq(other.species().map(bare));
         let densities = |device: &Device| device.species().map(|species| species.density_per_px).collect::<Vec<f64>>();
         let (ours, theirs) = (densities(self), densities(other));

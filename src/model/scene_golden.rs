@@ -23,6 +23,7 @@ fn device(traps: Vec<SpeciesState>, cloud: Cloud, background_e: f64, transfers: 
         traps,
         cloud,
         clock: Clock::single(),
+        store: None,
         method: Method::Fast { relative: 1e-6 },
         registers: Vec::new(),
         effects: Effects::of(&mission),

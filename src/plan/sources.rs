@@ -49,6 +49,12 @@ pub fn of(mission: &Mission) -> Vec<Source> {
             "derived for ctiplan from the geometry of the phases",
         ));
     }
+    if mission.readout.store.is_some() {
+        sources.push(Source::new(
+            "Frame transfer: image in a burst, store in a burst and at the line time",
+            "derived for ctiplan as a composition of readouts",
+        ));
+    }
     let temperatures = mission.detector.temperature_history.iter();
     sources.extend(temperatures.map(|file| Source::new("Temperature over time, imported", file.as_str())));
     if mission.readout.noise.is_some() {

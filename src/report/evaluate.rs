@@ -10,8 +10,8 @@ use comfy_table::Table;
 use serde::ser::{Serialize, Serializer};
 
 use super::{Page, Parts, Report, exceeded, or_dash, table};
-use crate::mission::Mission;
 use crate::mission::keys::plain;
+use crate::mission::{Mission, Store};
 use crate::model::realise::NoisyChange;
 use crate::physics::RateOrigin;
 use crate::physics::shape::ShapeChange;
@@ -124,12 +124,13 @@ impl Page for Assessment {
         out.title(
             &header.name,
             format!(
-                "{} yr from {}, orbit {}; {} transfers of {} ms, {}",
+                "{} yr from {}, orbit {}; {} transfers of {} ms{}, {}",
                 header.duration_yr,
                 header.launch,
                 mission.orbit_name(),
                 mission.readout.transfers,
                 mission.readout.line_time_ms,
+                mission.readout.store.map_or(String::new(), burst),
                 temperature(mission)
             ),
         );
@@ -333,6 +334,12 @@ impl Assessment {
         }
         added
     }
+}
+
+/// The burst into a store.
+fn burst(store: Store) -> String {
+    let Store { rows, burst_line_time_ms, trap_ratio } = store;
+    format!(" from a store filled by {rows} transfers of {burst_line_time_ms} ms (traps x {trap_ratio})")
 }
 
 /// The operating temperature.

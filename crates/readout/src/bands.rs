@@ -37,12 +37,19 @@ pub(super) struct Journey {
     nearest: i64,
     /// The first behind them.
     end: i64,
+    /// Packets downstream started in pixels with empty traps, and have filled them.
+    pub fill_their_own: bool,
 }
 
 impl Journey {
     /// Through all pixels, with n rows downstream.
     pub fn of(rows: i64) -> Journey {
-        Journey { rows, nearest: 0, end: i64::MAX }
+        Journey { rows, nearest: 0, end: i64::MAX, fill_their_own: true }
+    }
+
+    /// Through pixels in which no packet starts and that so many others have passed before.
+    pub fn passed_by_all(rows: i64, pixels: i64) -> Journey {
+        Journey { rows: rows + pixels, nearest: 0, end: pixels, fill_their_own: false }
     }
 
     /// The pixels for columns of n packets.
@@ -100,8 +107,8 @@ impl Readout {
         let part = |(place, band): (usize, &Band)| {
             let place_of = |band: &Band| rows_downstream + band.first_row as i64;
             let nearest = if place == 0 { 0 } else { place_of(band) };
-            let journey =
-                Journey { rows: rows_downstream, nearest, end: bands.get(place + 1).map_or(i64::MAX, place_of) };
+            let end = bands.get(place + 1).map_or(i64::MAX, place_of);
+            let journey = Journey { nearest, end, ..Journey::of(rows_downstream) };
             let mut readout = self.clone();
             readout.traps.iter_mut().for_each(|trap| trap.density_per_px *= band.density_factor);
             (band.density_factor > 0.0).then_some((readout, journey))

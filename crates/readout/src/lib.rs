@@ -16,7 +16,8 @@
 //!
 //! That is a clock of one phase. In a clock of several, part of what is released returns to the packet that has just left: see
 //! `phase.rs`. Traps that need time to capture follow another law, inside the cloud as the packet arrives: see `finite_capture.rs`. Release
-//! times that are spread are resolved into many species of one release time each: see `continuum.rs`.
+//! times that are spread are resolved into many species of one release time each: see `continuum.rs`. A store region between the
+//! image and the register, which is filled by a burst, makes a composition of readouts: see `frame_transfer.rs`.
 //!
 //! Sources: Rhodes et al. 2010 (PASP 122, 439), section 3; Massey et al. 2010 (MNRAS 401, 371) for the cloud that
 //! captures at once.
@@ -31,6 +32,7 @@ mod estimate;
 mod every_transfer;
 mod finite_capture;
 mod fractional;
+mod frame_transfer;
 mod home_watermarks;
 pub mod interrupt;
 mod monte_carlo;
@@ -48,6 +50,7 @@ mod watermarks;
 pub use bands::Band;
 pub use cloud::Cloud;
 pub use equal_blocks::Allowed;
+pub use frame_transfer::FrameTransfer;
 pub use phase::{Clock, ClockFault, ClockStep, Phase};
 
 use std::sync::{Mutex, PoisonError};
@@ -372,7 +375,8 @@ impl Readout {
             return image.clone();
         }
         let traps = continuum::resolved(&traps, WIDEST);
-        let settled_e: Vec<f64> = charge_e.iter().map(|charge_e| self.settled_e(*charge_e)).collect();
+        let settled_e = |charge_e: &f64| if journey.fill_their_own { self.settled_e(*charge_e) } else { *charge_e };
+        let settled_e: Vec<f64> = charge_e.iter().map(settled_e).collect();
         let settled = |column: u64| Downstream { rows: journey.rows, charge_e: settled_e[column as usize] };
         let pixels = || journey.pixels(rows);
         let (clouds, cloud_of) = several_clouds::clouds_of(&traps, &self.cloud);

@@ -114,6 +114,7 @@ impl<'a> Column<'a> {
             && self.rows_ahead() == other.rows_ahead()
             && self.rows_downstream() == other.rows_downstream()
             && self.readout == other.readout
+            && self.device.store == other.device.store
     }
 
     /// Charges (e-) that are clocked out, `[[row, 0]]`: with the signal and what precedes it, and of background alone.
@@ -152,7 +153,7 @@ fn together(columns: &[Column]) -> Result<Vec<(usize, Vec<f64>)>, InputError> {
         let background_e = column.device.at.background_e;
         placed.push(column.before(rows)?.map(|before_e| (place(&before_e, background_e), before_e)));
     }
-    let clocked = first.readout.parallel_after_each(&image, first.rows_downstream(), &downstream_e);
+    let clocked = first.device.clocked(&image, first.rows_downstream(), &downstream_e);
     columns
         .iter()
         .zip(placed)
