@@ -83,6 +83,13 @@ impl Device {
         })
     }
 
+    /// The longest release time of the pixels, in units of the shortest time between two transfers.
+    pub(super) fn longest_release_transfers(&self) -> f64 {
+        let line_time_ms = self.at.line_time_ms;
+        let shortest_ms = self.store.map_or(line_time_ms, |store| store.burst_line_time_ms.min(line_time_ms));
+        self.traps.iter().map(|species| species.release_ms / shortest_ms).fold(0.0, f64::max)
+    }
+
     /// Charges (e-, `[[row, column]]`) after all parallel transfers, behind so many rows of a background of each column, e-.
     pub(super) fn clocked(&self, charge_e: &Array2<f64>, rows: i64, background_e: &[f64]) -> Array2<f64> {
         match self.frame_transfer() {

@@ -142,7 +142,7 @@ impl Exposure {
             Method::CarriedTraps => device.clone(),
             _ => device.by(Method::Fast { relative: Purpose::Noise.relative(0.0) }),
         };
-        let longest = device.readout().traps.iter().map(|trap| trap.release_transfers).fold(0.0, f64::max);
+        let longest = device.longest_release_transfers();
         let lead = (LEAD_RELEASES * longest).ceil().min(LEAD_ROWS as f64).min(below.rows.max(0) as f64) as usize;
         let below = Downstream { rows: below.rows - lead as i64, ..below };
         let width = 2 * half_px + 1;

@@ -173,3 +173,24 @@ fn equal_phases_divide_no_species() {
         assert_eq!(Clock::of_phases(phases).kinds(), 1);
     }
 }
+
+/// SNAP with a store, by its keys.
+fn with_store(keys: &str) -> Mission {
+    Mission::parse(&SNAP.replace("[sky]", &format!("[readout.store]\nrows = 1756\n{keys}\n\n[sky]"))).unwrap()
+}
+
+#[test]
+fn a_store_without_traps_leaves_the_burst_through_the_image() {
+    let stored = change(&with_store("burst_line_time_ms = 0.1\ntrap_ratio = 0.0"));
+    let mut plain = mission("");
+    plain.readout.line_time_ms = 0.1;
+    assert_eq!(stored, change(&plain));
+}
+
+#[test]
+fn a_burst_at_the_line_time_makes_every_transfer_count() {
+    // Packets pass 1650 pixels of the image, 106 of the store in the burst and 1650 as it is read: 3406 in place of 1650. Those in which
+    // packets of the stamp start or wait are less than 2 % of them.
+    let ratio = change(&with_store("burst_line_time_ms = 25.0")) / change(&mission(""));
+    assert!((ratio / (3406.0 / 1650.0) - 1.0).abs() < 0.02, "{ratio}");
+}
