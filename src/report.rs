@@ -97,13 +97,32 @@ fn table(header: &[&str]) -> Table {
 /// Keeps the words of a table's columns, from one on, in one piece: what is too wide for a line is broken between words, or in
 /// the columns before.
 fn keep_words(table: &mut Table, from: usize) {
-    let words = |text: String| text.split_whitespace().map(|word| word.chars().count()).max().unwrap_or(0);
     for place in from..table.column_count() {
-        let cells = table.row_iter().chain(table.header()).filter_map(|row| row.cell_iter().nth(place));
-        let longest = cells.map(|cell| words(cell.content())).max().unwrap_or(0);
-        if let (Some(column), Ok(width)) = (table.column_mut(place), u16::try_from(longest + PADDING)) {
-            column.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(width)));
-        }
+        let width = longest_word(table, place, |text| text);
+        at_least(table, place, width);
+    }
+}
+
+/// Keeps numbers and their errors on one line, if all columns of the table can be wide enough for that.
+fn keep_errors(table: &mut Table) {
+    let joined = |text: String| text.replace(" +- ", "-+--");
+    let widths: Vec<usize> = (0..table.column_count()).map(|place| longest_word(table, place, joined)).collect();
+    if widths.iter().sum::<usize>() <= usize::from(columns()) {
+        widths.into_iter().enumerate().for_each(|(place, width)| at_least(table, place, width));
+    }
+}
+
+/// Width of a column's longest word, with padding.
+fn longest_word(table: &Table, place: usize, text: impl Fn(String) -> String) -> usize {
+    let cells = table.row_iter().chain(table.header()).filter_map(|row| row.cell_iter().nth(place));
+    let words = |text: String| text.split_whitespace().map(|word| word.chars().count()).max().unwrap_or(0);
+    cells.map(|cell| words(text(cell.content()))).max().unwrap_or(0) + PADDING
+}
+
+/// Sets the least width of a column.
+fn at_least(table: &mut Table, place: usize, width: usize) {
+    if let (Some(column), Ok(width)) = (table.column_mut(place), u16::try_from(width)) {
+        column.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(width)));
     }
 }
 

@@ -3,7 +3,6 @@
 use chrono::NaiveDate;
 use serde::Serialize;
 
-use super::draws::shares::Explained;
 use super::draws::{Draws, Emulated, Fate, Fates};
 use super::mission_sample::MissionSample;
 use super::population::PopulationBias;
@@ -157,12 +156,8 @@ pub fn date_distribution(
 
 /// Shares of the variance of ln |Δe| at the end of the mission, the largest first; empty where it does not vary.
 fn shares(found: &Fates, seed: u64) -> Vec<Share> {
-    let log = |place: &usize| found.fates[*place].delta_e.filter(|delta_e| *delta_e > 0.0).map(f64::ln);
     let count = found.names.len() + 1;
-    let statistics = |places: &[usize]| {
-        let draws = places.iter().map(|place| (found.deviations[*place].as_slice(), log(place)));
-        Explained::of(draws).shares().unwrap_or(vec![f64::NAN; count])
-    };
+    let statistics = |places: &[usize]| found.explained(places).shares().unwrap_or(vec![f64::NAN; count]);
     let names = found.names.iter().map(String::as_str).chain([NOT_LINEAR]);
     let values = with_errors(found.fates.len(), seed, statistics);
     let share = |(name, (share, error)): (&str, (f64, Option<f64>))| Share {

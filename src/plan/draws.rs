@@ -14,7 +14,7 @@
 mod course;
 mod emulator;
 pub mod input;
-pub mod shares;
+mod shares;
 mod sun;
 
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -39,6 +39,7 @@ use crate::plan::progress::Progress;
 pub use course::Fate;
 use emulator::{Emulator, Place};
 use input::{Input, Shield, cycles, inputs};
+use shares::Explained;
 use sun::Suns;
 
 /// Largest error of the emulator that is accepted: relative, of |Δe|, as root mean square over draws that were held back.
@@ -426,6 +427,13 @@ fn as_numbers(base: &mut Mission, model: &Model, sun: bool) {
 }
 
 impl Fates {
+    /// ln |Δe| at the end of the mission of some draws that have a shape left then, and the deviations that made it.
+    pub fn explained(&self, places: &[usize]) -> Explained<'_> {
+        let log = |place: usize| self.fates[place].delta_e.filter(|delta_e| *delta_e > 0.0).map(f64::ln);
+        let draws = places.iter().map(|&place| (self.deviations[place].as_slice(), log(place)));
+        Explained::of(draws, self.names.last().is_some_and(|name| name == SOLAR_PROTONS))
+    }
+
     /// Adds the Sun to the inputs: by the logarithm of the dose at the end that it makes, without other inputs, in units of its
     /// standard deviation.
     fn add_sun(&mut self) {

@@ -188,7 +188,7 @@ impl ErrorBudget {
         let found = draws.fates(&Progress { stage: &|_, _| {}, advance })?;
         let nominal = draws.alone(None)?;
         let swings = swings(&draws, &found, &nominal)?;
-        let statistics = Statistics::of(&found.deviations, &found.fates, mission.mission.duration_yr, seed);
+        let statistics = Statistics::of(&found, mission.mission.duration_yr, seed);
         let launch = mission.mission.launch.0;
         Ok(Budget {
             inputs: ranked(&found.names, &swings, &statistics, launch),

@@ -469,7 +469,7 @@ fn small() -> Mission {
     let settings = [
         ("accuracy.subpixel_grid", 1.into()),
         ("galaxies.faint.weight_px", 2.5.into()),
-        ("environment.active_dose_rate_mev_g_yr", 1e7.into()),
+        ("environment.active_dose_rate_mev_g_yr", 1e8.into()),
     ];
     mission(TRADES, &settings)
 }

@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 
 use super::estimate::{days, known_date, plus_minus, scientific};
 use crate::mission::keys::plain;
-use crate::report::{or_dash, table};
+use crate::report::{keep_errors, or_dash, table};
 use crate::study::Estimate;
 
 /// Rows of one kind, and which of their values are shown.
@@ -154,6 +154,7 @@ impl DataTable {
         for row in &self.rows {
             shown.add_row(read().map(|column| column.shown(row)));
         }
+        keep_errors(&mut shown);
         shown
     }
 }

@@ -2,8 +2,7 @@
 
 use super::PERCENTILES;
 use crate::numeric::estimate::{quantile, with_errors};
-use crate::plan::draws::Fate;
-use crate::plan::draws::shares::Explained;
+use crate::plan::draws::Fates;
 use crate::study::Estimate;
 
 /// Statistics of the draws, each number with its standard error.
@@ -25,9 +24,9 @@ pub struct Crossings {
 }
 
 impl Statistics {
-    /// Of draws with deviations (in σ) of the inputs and what became of them, of a mission of so many years.
-    pub fn of(deviations: &[Vec<f64>], fates: &[Fate], duration_yr: f64, seed: u64) -> Statistics {
-        let inputs = deviations[0].len();
+    /// Of draws of a mission of a duration in years.
+    pub fn of(found: &Fates, duration_yr: f64, seed: u64) -> Statistics {
+        let (fates, inputs) = (&found.fates, found.names.len());
         // For each limit its percentiles and the share within, then σ, then the shares and what is left of them.
         let statistics = |places: &[usize]| {
             let mut values = Vec::new();
@@ -39,27 +38,21 @@ impl Statistics {
                 let within = times.partition_point(|t_yr| *t_yr <= duration_yr);
                 values.push(within as f64 / times.len() as f64);
             }
-            let logs = logs(places, deviations, fates);
+            let logs = found.explained(places);
             values.push(logs.sigma());
             values.extend(logs.shares().unwrap_or(vec![f64::NAN; inputs + 1]));
             values
         };
-        let mut found = with_errors(fates.len(), seed, statistics).into_iter();
-        let mut next = || found.next().expect("as many as there are statistics");
+        let mut values = with_errors(fates.len(), seed, statistics).into_iter();
+        let mut next = || values.next().expect("as many as there are statistics");
         let estimate = |(value, error): (f64, Option<f64>)| Estimate { value, error: error.unwrap_or(0.0) };
         let limits = [0, 1].map(|_| Crossings {
             percentiles: PERCENTILES.map(|_| next()).into_iter().map(|one| one.0.is_finite().then_some(one)).collect(),
             within: estimate(next()),
         });
         let sigma_ln = Some(estimate(next())).filter(|sigma| sigma.value.is_finite());
-        let mut shares: Vec<Estimate> = found.map(estimate).collect();
+        let mut shares: Vec<Estimate> = values.map(estimate).collect();
         let rest = shares.pop().expect("what is left");
         Statistics { shares: (inputs > 0 && rest.value.is_finite()).then_some((shares, rest)), sigma_ln, limits }
     }
-}
-
-/// ln |Δe| at the end of the mission of the draws that have a shape left then.
-fn logs<'a>(places: &'a [usize], deviations: &'a [Vec<f64>], fates: &'a [Fate]) -> Explained<'a> {
-    let log = |place: &usize| fates[*place].delta_e.filter(|delta_e| *delta_e > 0.0).map(f64::ln);
-    Explained::of(places.iter().map(|place| (deviations[*place].as_slice(), log(place))))
 }
