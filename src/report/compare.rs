@@ -4,6 +4,7 @@ mod cause;
 mod figures;
 
 use chrono::NaiveDate;
+use comfy_table::Table;
 
 use super::study::estimate::plus_minus;
 use super::{Page, Parts, Report, keep_words, or_dash, table};
@@ -89,32 +90,6 @@ impl Page for Comparison {
 
     fn parts(&self) -> Parts {
         let several = self.several_missions();
-        let mut header: Vec<&str> = if several { vec!["mission"] } else { Vec::new() };
-        header.extend(self.scenarios[0].settings.iter().map(|(key, _)| short(key)));
-        header.extend(["dose [MeV/g]", "|delta e|"]);
-        let biases: Vec<Limited> =
-            BUDGETS.into_iter().filter(|one| *one != Limited::DeltaE && self.limits(*one)).collect();
-        header.extend(biases.iter().map(|one| one.symbol()));
-        header.extend(["exceeded", "corrected"]);
-        let percent = self.confidence.map(|confidence| format!("{:.0} %", 100.0 * confidence));
-        let kept = percent.map(|percent| {
-            [format!("kept until with {percent}"), format!("corrected with {percent}"), "corrected met [%]".into()]
-        });
-        header.extend(kept.iter().flatten().map(String::as_str));
-        header.push("");
-        let mut comparison = table(&header);
-        for (index, scenario) in self.scenarios.iter().enumerate() {
-            let mut row: Vec<String> = if several { vec![scenario.name.clone()] } else { Vec::new() };
-            row.extend(scenario.settings.iter().map(|(_, value)| setting(value)));
-            row.push(format!("{:.3e}", scenario.dose_mev_g));
-            row.push(scenario.delta_e.map_or("lost".into(), |delta_e| format!("{delta_e:.3e}")));
-            row.extend(biases.iter().map(|one| at_end(scenario, *one)));
-            row.extend(scenario.judgement.first().map(|first| when(scenario, first)));
-            row.extend(self.kept(scenario));
-            row.push(self.mark(index).into());
-            comparison.add_row(row);
-        }
-        keep_words(&mut comparison, usize::from(several));
         let first = &self.scenarios[0].mission;
         let title = if several { "Missions side by side".to_string() } else { first.mission.name.clone() };
         let alike = |value: fn(&Scenario) -> String| {
@@ -143,7 +118,14 @@ impl Page for Comparison {
         let mut out = Parts::default();
         out.title(title, format!("|delta e| of {galaxy}{biases} at the end of the mission, and when {exceeds}"));
         out.gap();
-        out.table(comparison);
+        if self.confidence.is_some() && self.limits_biases() {
+            // All columns together are too wide for a terminal.
+            out.table(self.table(true, false));
+            out.gap();
+            out.table(self.table(false, true));
+        } else {
+            out.table(self.table(true, true));
+        }
         out.gap();
         if self.limits_biases() {
             out.words("exceeded, corrected: the first of all budgets, and which one it is.", 2);
@@ -183,6 +165,47 @@ const BUDGETS: [Limited; 3] = [Limited::DeltaE, Limited::C, Limited::M];
 impl Comparison {
     fn several_missions(&self) -> bool {
         self.names.len() > 1
+    }
+
+    /// Scenarios with what is expected of them, and with the dates and probabilities of draws where a confidence is asked for.
+    fn table(&self, expected: bool, drawn: bool) -> Table {
+        let several = self.several_missions();
+        let mut header: Vec<String> = if several { vec!["mission".into()] } else { Vec::new() };
+        header.extend(self.scenarios[0].settings.iter().map(|(key, _)| short(key).to_string()));
+        if expected {
+            header.extend(["dose [MeV/g]".into(), "|delta e|".into()]);
+            header.extend(self.limited_biases().map(|one| one.symbol().to_string()));
+            header.extend(["exceeded".into(), "corrected".into()]);
+        }
+        if let Some(confidence) = self.confidence.filter(|_| drawn) {
+            let percent = format!("{:.0} %", 100.0 * confidence);
+            header.extend([format!("kept until with {percent}"), format!("corrected with {percent}")]);
+            header.push("corrected met [%]".into());
+        }
+        header.push(String::new());
+        let mut comparison = table(&header.iter().map(String::as_str).collect::<Vec<_>>());
+        for (index, scenario) in self.scenarios.iter().enumerate() {
+            let mut row: Vec<String> = if several { vec![scenario.name.clone()] } else { Vec::new() };
+            row.extend(scenario.settings.iter().map(|(_, value)| setting(value)));
+            if expected {
+                row.push(format!("{:.3e}", scenario.dose_mev_g));
+                row.push(scenario.delta_e.map_or("lost".into(), |delta_e| format!("{delta_e:.3e}")));
+                row.extend(self.limited_biases().map(|one| at_end(scenario, one)));
+                row.extend(scenario.judgement.first().map(|first| when(scenario, first)));
+            }
+            if drawn {
+                row.extend(self.kept(scenario));
+            }
+            row.push(self.mark(index).into());
+            comparison.add_row(row);
+        }
+        keep_words(&mut comparison, usize::from(several));
+        comparison
+    }
+
+    /// Shear biases that any scenario limits.
+    fn limited_biases(&self) -> impl Iterator<Item = Limited> {
+        BUDGETS.into_iter().filter(|one| *one != Limited::DeltaE && self.limits(*one))
     }
 
     /// Dates until which a scenario keeps its budgets with the confidence that is asked for, and how probable it is that it keeps
