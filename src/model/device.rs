@@ -90,7 +90,7 @@ impl Device {
         self.traps.iter().map(|species| species.release_ms / shortest_ms).fold(0.0, f64::max)
     }
 
-    /// Charges (e-, `[[row, column]]`) after all parallel transfers, behind so many rows of a background of each column, e-.
+    /// Charges (e-, `[[row, column]]`) after all parallel transfers, behind n rows of a background of each column, e-.
     pub(super) fn clocked(&self, charge_e: &Array2<f64>, rows: i64, background_e: &[f64]) -> Array2<f64> {
         match self.frame_transfer() {
             Some(transfer) => transfer.parallel_after_each(charge_e, rows, background_e),

@@ -80,7 +80,7 @@ struct Ahead<'a> {
 }
 
 impl Ahead<'_> {
-    /// Packets behind so many pixels that all of them pass.
+    /// Packets after all of them have passed n pixels.
     fn through(&self, readout: &Readout, packets: Array2<f64>, pixels: i64) -> Array2<f64> {
         if pixels <= 0 {
             return packets;

@@ -43,7 +43,7 @@ impl Pixel {
     }
 }
 
-/// What is read of a column that touches a store of so many rows.
+/// What is read of a column that touches a store of n rows.
 fn followed_in_time(column_e: &[f64], store_rows: usize, burst_ms: f64) -> Vec<f64> {
     let rows = column_e.len();
     // From the register on.
