@@ -19,6 +19,7 @@ use ctiplan::error::InputError;
 use ctiplan::mission::{Mission, ReadoutMethod};
 use ctiplan::model::Model;
 use ctiplan::model::predict::predict;
+use ctiplan::report::Report;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -42,7 +43,10 @@ struct Arguments {
     /// Repeat each search under other assumptions
     #[arg(long)]
     stability: bool,
-    /// Only every so many cases
+    /// Print the report of each case as well
+    #[arg(long)]
+    report: bool,
+    /// Only one of this many cases
     #[arg(long, default_value_t = 1)]
     every: usize,
     /// Seed of that noise
@@ -78,6 +82,9 @@ fn main() -> Result<(), InputError> {
         let found = diagnose(&mission, &data, &options, &Progress { stage: &stage, advance: &|| () })?;
         let seconds = start.elapsed().as_secs_f64();
         print_case(&name(&case), &truth, &found, seconds);
+        if arguments.report {
+            println!("{}", found.text());
+        }
         counts.add(&truth, &found, seconds);
     }
     counts.print();
