@@ -129,11 +129,12 @@ impl Evidence<'_> {
     }
 
     /// Rows that are wrong, where that asks for less than the effects that were found: a row left out counts as a parameter. The
-    /// model with the fewest effects has the word.
+    /// model with the fewest effects has the word; that which was adopted last, of rows that hid in errors that were told too large
+    /// because of them.
     fn odd_rows(&self, found: Option<&Found>, tried: &[Arc<Node>]) -> Option<Odd> {
         let adopted = found.and_then(|found| found.ladder.last());
         let simpler = tried.iter().filter(|node| adopted.is_none_or(|adopted| node.added.len() < adopted.added.len()));
-        let odd = simpler.filter_map(|node| {
+        let odd = simpler.chain(adopted).filter_map(|node| {
             data_quality::odd_rows(self.case(), node).map(|odd| (node.added.len(), self.score(node) - odd.fall, odd))
         });
         let (_, score, odd) = odd.min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)))?;
@@ -149,9 +150,12 @@ impl Evidence<'_> {
         wanted.retain(|place| line.added.is_empty() || expansion.gain(*place) > NO_GAIN);
         wanted.truncate(breadth);
         let sketches = self.search.sketches(&expansion, &wanted);
-        let gaining = sketches.iter().filter(|sketch| sketch.chi2 < line.chi2() - NO_GAIN);
-        let polish = |sketch: &Sketch| self.search.node(sketch, line);
-        let mut nodes = gaining.map(polish).collect::<Result<Vec<_>, _>>()?;
+        let gaining = sketches.iter().filter(|sketch| sketch.chi2 < line.chi2() - NO_GAIN).enumerate();
+        // The best is fitted in full in any case.
+        let allowed =
+            gaining.take_while(|(place, _)| *place == 0 || self.work().allows("full fits of further effects"));
+        let polish = |(_, sketch): (usize, &Sketch)| self.search.node(sketch, line);
+        let mut nodes = allowed.map(polish).collect::<Result<Vec<_>, _>>()?;
         self.sort(&mut nodes);
         Ok(nodes)
     }
@@ -210,7 +214,10 @@ impl Evidence<'_> {
     fn success(&self, nodes: &[Arc<Node>]) -> Result<Ended, InputError> {
         let Some(best) = nodes.first() else { return Ok(Ended::Nothing) };
         let near = self.score(best) + rivals::margin(self.options.level);
-        for node in nodes.iter().filter(|node| self.score(node) < near).take(LINES) {
+        for (place, node) in nodes.iter().filter(|node| self.score(node) < near).take(LINES).enumerate() {
+            if place > 0 && !self.work().allows("other models that are as near to the data") {
+                break;
+            }
             let node = self.search.settled(node)?;
             if self.is_enough(&node)? {
                 return self.adopt(&node);
