@@ -172,6 +172,11 @@ impl Whitening {
         }
     }
 
+    /// The data set of each pedestal.
+    pub(crate) fn pedestal_sets(&self) -> Vec<usize> {
+        self.pedestals.iter().map(|pedestal| pedestal.set).collect()
+    }
+
     /// Allows for pedestals no more.
     pub(crate) fn forget_pedestals(&mut self) {
         self.pedestals.clear();
@@ -182,10 +187,13 @@ impl Whitening {
         self.pedestals.iter().map(|pedestal| pedestal.level(linear)).collect()
     }
 
-    /// What pedestals that are beyond noise cost in chi2 all together, at their levels.
-    pub fn cost(&self, levels: &[f64]) -> f64 {
-        let of = |level: &f64| level * level / (1.0 + level * level / PEDESTAL);
-        levels.iter().filter(|level| *level * *level > PEDESTAL).map(of).sum()
+    /// What each pedestal that is beyond noise costs in chi2, at its level; 0 of others.
+    pub fn costs(&self, levels: &[f64]) -> Vec<f64> {
+        let of = |level: &f64| {
+            let square = level * level;
+            if square > PEDESTAL { square / (1.0 + square / PEDESTAL) } else { 0.0 }
+        };
+        levels.iter().map(of).collect()
     }
 
     /// Data set, value and error of each pedestal, in the unit of the values, in linear residuals of a fit with those

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use super::evidence::{Ended, Evidence, Found};
 use super::fitted_model::Node;
-use super::result::{Reason, Verdict};
+use super::result::{Note, Reason, Verdict};
+use super::search::Sketch;
 use super::significance::Noise;
 use super::{experiment_design, holdout, limits, rivals};
 use crate::error::InputError;
@@ -42,7 +43,9 @@ impl Evidence<'_> {
         let parent = self.without(node, place)?;
         let noise = Noise::left_at(self.case(), node);
         let null = self.search.null(&parent, &noise);
-        Ok(null.false_alarm(node.added[place].hypothesis, parent.gain_of(node.chi2(), node.chi2_of_rows())))
+        let added = &node.added[place];
+        let gain = parent.gain_of(node.chi2(), &node.pedestal_costs, added.free.len());
+        Ok(null.false_alarm(added.hypothesis, gain))
     }
 
     /// Whether a model also foretells rows that were left out better than without one of its effects.
@@ -52,11 +55,33 @@ impl Evidence<'_> {
         Ok(self.groups().is_none_or(better))
     }
 
+    /// The effect that would best explain the pedestals of the base, if one would: a change that a pedestal could make is no evidence, and
+    /// no reason to be sure.
+    fn in_place_of_pedestals(&self) -> Option<Note> {
+        if !self.base.has_pedestal() || !self.work().allows("effects in the place of pedestals") {
+            return None;
+        }
+        let expansion = self.search.expand(self.base);
+        let sketches = self.search.sketches(&expansion, &expansion.promising());
+        let score = |sketch: &Sketch| {
+            let parameters = sketch.added.last().map_or(0, |added| added.free.len());
+            sketch.chi2 + 2.0 * parameters as f64
+        };
+        let best = sketches.iter().min_by(|a, b| score(a).total_cmp(&score(b)))?;
+        let costs = self.base.pedestal_costs.iter().zip(&best.pedestal_costs);
+        let without = costs.enumerate().filter(|(_, (before, with))| **before > 0.0 && **with == 0.0);
+        let files: Vec<String> = self.case().pedestal_files(without.map(|(place, _)| place));
+        let fall = self.base.chi2() - best.chi2;
+        let clear = score(best) + rivals::margin(self.options.level) < self.base.chi2();
+        (clear && !files.is_empty()).then(|| Note::InPlaceOfPedestals { effect: self.name(best.last()), files, fall })
+    }
+
     /// What is told besides a verdict: of complete data what they would have shown, of rivals what would tell them apart.
     pub(super) fn explain(&self, found: &mut Found) -> Result<(), InputError> {
         let node = found.ladder.last().expect("the base");
         if found.verdict == Verdict::Complete {
             found.limits = limits::all(self.search, self.base, self.options.level)?;
+            found.aside.extend(self.in_place_of_pedestals());
         }
         if let Some(rival) = found.rivals.first() {
             found.next = experiment_design::best(self.search, node, &rival.node, &found.rivals, &self.options.can)?;

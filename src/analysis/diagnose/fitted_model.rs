@@ -81,11 +81,11 @@ impl<'a> Case<'a> {
         DVector::from_vec(self.whitening.linear(&self.over_sigma(values)))
     }
 
-    /// What pedestals cost in chi2 at a model; 0 where it has no value.
-    pub fn pedestals_cost(&self, model: &Model) -> f64 {
+    /// What each file's pedestal costs in chi2 at a model; none where it has no value.
+    pub fn pedestal_costs(&self, model: &Model) -> Vec<f64> {
         let predicted = self.predict_sigma(model);
         let residuals = predicted.map(|predicted| self.white(&self.values) - predicted);
-        residuals.map_or(0.0, |residuals| self.whitening.cost(&self.whitening.levels(residuals.as_slice())))
+        residuals.map_or(Vec::new(), |residuals| self.whitening.costs(&self.whitening.levels(residuals.as_slice())))
     }
 
     /// By how much another model's predictions are larger than a fitted one's, as residuals feel it.
@@ -105,6 +105,12 @@ impl<'a> Case<'a> {
     /// A change of residuals with what the errors of rows have in common put back.
     pub fn coloured(&self, white: &[f64]) -> DVector<f64> {
         DVector::from_vec(self.whitening.undone(white))
+    }
+
+    /// Names of the files of some pedestals, by their places among all.
+    pub fn pedestal_files(&self, places: impl Iterator<Item = usize>) -> Vec<String> {
+        let sets = self.whitening.pedestal_sets();
+        places.map(|place| self.data[sets[place]].file.clone()).collect()
     }
 
     /// Data set, value and error of the pedestal of each file that may have one, at a fitted model.
@@ -145,7 +151,8 @@ pub(super) struct Node {
     pub residuals: DVector<f64>,
     /// How high the pedestals are, in their errors.
     levels: Vec<f64>,
-    pedestals_cost: f64,
+    /// What each costs in chi2.
+    pub pedestal_costs: Vec<f64>,
     /// Orthonormal directions that the free parameters can absorb, `[(row, direction)]`.
     pub basis: DMatrix<f64>,
 }
@@ -166,8 +173,8 @@ impl Node {
         let residuals = DVector::from_vec(case.whitening.residuals(&case.over_sigma(&off)));
         let levels = case.whitening.levels(case.white(&off).as_slice());
         let basis = orthonormal(&fit.jacobian);
-        let pedestals_cost = case.whitening.cost(&levels);
-        Ok(Node { added, model, fit, residuals, levels, pedestals_cost, basis })
+        let pedestal_costs = case.whitening.costs(&levels);
+        Ok(Node { added, model, fit, residuals, levels, pedestal_costs, basis })
     }
 
     /// Whether a file's mean residual is beyond what noise makes.
@@ -185,13 +192,17 @@ impl Node {
 
     /// chi2 without what pedestals cost in a choice between models: that of the rows.
     pub fn chi2_of_rows(&self) -> f64 {
-        self.chi2() - self.pedestals_cost
+        self.chi2() - self.pedestal_costs.iter().sum::<f64>()
     }
 
-    /// By how much chi2 falls to that of another model, what is saved by doing without pedestals not counted: that they are there needs
-    /// no effect.
-    pub fn gain_of(&self, chi2: f64, chi2_of_rows: f64) -> f64 {
-        (self.chi2() - chi2).min(self.chi2_of_rows() - chi2_of_rows)
+    /// By how much chi2 falls to that of another model with so many parameters more. What is saved by doing without pedestals is not
+    /// counted: that they are there needs no effect. But each parameter can take the place of one, and that an effect does without
+    /// more of them than it has parameters would be chance: the savings beyond the largest few count.
+    pub fn gain_of(&self, chi2: f64, pedestal_costs: &[f64], parameters: usize) -> f64 {
+        let mut saved: Vec<f64> =
+            self.pedestal_costs.iter().zip(pedestal_costs).map(|(before, after)| (before - after).max(0.0)).collect();
+        saved.sort_by(|a, b| b.total_cmp(a));
+        self.chi2() - chi2 - saved.iter().take(parameters).sum::<f64>()
     }
 
     /// Rows that are left when every free parameter has taken one.

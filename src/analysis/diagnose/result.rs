@@ -152,6 +152,15 @@ pub enum Note {
         /// rms of what is predicted inside and beyond, in sigma.
         rms_sigma: [f64; 2],
     },
+    /// An effect that would explain the pedestals of complete data: as simply as they do.
+    InPlaceOfPedestals {
+        /// The effect.
+        effect: String,
+        /// Files that would have no pedestal with it.
+        files: Vec<String>,
+        /// By how much chi2 would fall, pedestals counting as in the search.
+        fall: f64,
+    },
     /// A rival that is hardly worse than the adopted effect, and was set aside.
     SetAside {
         /// The rival.

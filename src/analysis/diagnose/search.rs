@@ -40,13 +40,19 @@ pub(super) struct Sketch {
     pub added: Vec<Added>,
     pub mission: Mission,
     pub chi2: f64,
-    /// The same without what pedestals cost.
-    pub chi2_of_rows: f64,
+    /// What each file's pedestal costs in it.
+    pub pedestal_costs: Vec<f64>,
 }
 
 impl Sketch {
     pub fn last(&self) -> usize {
         self.added.last().expect("one more effect").hypothesis
+    }
+
+    /// By how much chi2 falls from a model that lacks the last effect, as evidence for it.
+    pub fn gain_over(&self, node: &Node) -> f64 {
+        let parameters = self.added.last().map_or(0, |added| added.free.len());
+        node.gain_of(self.chi2, &self.pedestal_costs, parameters)
     }
 }
 
@@ -155,7 +161,7 @@ impl<'a> Search<'a> {
     fn fit(&self, model: &Model, added: &[Added], settled: bool) -> Result<Arc<Node>, InputError> {
         // A search has tried all intervals, unless they are too many.
         let moments = self.case.reach.epochs_yr.len() > effect::EVENT_EPOCHS;
-        let options = fit::Options { starts: 1, scan: false, seed: self.seed, moments, settled };
+        let options = fit::Options { starts: 1, scan: !settled, seed: self.seed, moments, settled };
         let node = Arc::new(Node::fit(self.case, model, added.to_vec(), &self.base, &options)?);
         let mut nodes = self.nodes.lock().expect("nobody panics");
         nodes.retain(|known| known.set() != node.set());
@@ -312,8 +318,9 @@ impl<'a> Search<'a> {
             problem(&model)?.sketch(&node.fit.jacobian).ok()?
         };
         // Only where the model has pedestals does one need to know of them.
-        let cost = if node.has_pedestal() { self.case.pedestals_cost(&model.like(&mission)) } else { 0.0 };
-        chi2.is_finite().then_some(Sketch { added, mission, chi2, chi2_of_rows: chi2 - cost })
+        let pedestal_costs =
+            if node.has_pedestal() { self.case.pedestal_costs(&model.like(&mission)) } else { Vec::new() };
+        chi2.is_finite().then_some(Sketch { added, mission, chi2, pedestal_costs })
     }
 
     /// A mission with one more effect. Keys of an effect that gets company of its kind get numbers.

@@ -30,9 +30,7 @@ impl Evidence<'_> {
         let near: Vec<usize> =
             expansion.promising().into_iter().filter(|&place| alarm(place, expansion.gain(place)) < NEAR).collect();
         let sketches = self.search.sketches(&expansion, &near);
-        let calls = |sketch: &Sketch| {
-            alarm(sketch.last(), node.gain_of(sketch.chi2, sketch.chi2_of_rows)) < SEARCH * self.level(node)
-        };
+        let calls = |sketch: &Sketch| alarm(sketch.last(), sketch.gain_over(node)) < SEARCH * self.level(node);
         Ok(!sketches.iter().any(calls))
     }
 

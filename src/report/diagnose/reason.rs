@@ -109,6 +109,12 @@ impl fmt::Display for Note {
                 plain(*low),
                 plain(*high)
             ),
+            Note::InPlaceOfPedestals { effect, files, fall } => write!(
+                out,
+                "instead of a constant in {}, {effect} could be missing (chi2 lower by {fall:.0}): these data do not distinguish \
+                 the two",
+                files.join(" and ")
+            ),
             Note::SetAside { effect, instead_of, chi2, parameters } => {
                 let more = match parameters {
                     0 => "as many parameters".to_string(),
