@@ -128,13 +128,18 @@ impl Task<'_> {
         then(&Evidence { search: &search, options: self.options, base: &base, split: split.as_ref() }, notes)
     }
 
+    /// Whether there may be another round.
+    fn goes_on(&self, round: usize) -> bool {
+        round + 1 < ROUNDS && self.work.allows("the search again with the errors that it tells")
+    }
+
     /// The whole search, with errors that are believed in.
     fn attempt(&self, noise: &[SetNoise], round: usize) -> Result<Attempt, InputError> {
         let data = noise::allowed_for(self.quoted, noise);
         self.with_evidence(&data, |told, notes| {
             let again = |node: &Arc<Node>| {
                 let found = noise::estimate(told.case(), self.quoted, &told.search.expand(node), noise);
-                (round + 1 < ROUNDS && !noise::is_same(&found, noise)).then_some(found)
+                (!noise::is_same(&found, noise) && self.goes_on(round)).then_some(found)
             };
             let refusal = data_quality::refusal(told.case(), self.options.free.len());
             if refusal.is_none()
@@ -153,7 +158,7 @@ impl Task<'_> {
             let better = match &found.wrong[..] {
                 [] if found.verdict == Verdict::Unfit => None,
                 [] => again(found.nearest.as_ref().unwrap_or(found.ladder.last().expect("the base"))),
-                wrong => (round + 1 < ROUNDS).then(|| noise::with_wrong(self.quoted, noise, wrong)),
+                wrong => self.goes_on(round).then(|| noise::with_wrong(self.quoted, noise, wrong)),
             };
             if let Some(better) = better {
                 return Ok(Attempt::Again(better));

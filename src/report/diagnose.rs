@@ -87,7 +87,8 @@ impl Page for Diagnosis {
         let mut out = Parts::default();
         out.title(&self.mission.mission.name, "which effect is missing?");
         out.gap();
-        out.verdict(format!("Verdict: {}. {}.", self.verdict.name(), sentence(&self.reason.to_string())), 2);
+        let reason = sentence(&self.reason.to_string());
+        out.verdict(format!("Verdict: {}. {reason}.{}", self.verdict.name(), self.reservations()), 2);
         self.errors(&mut out);
         self.ladder(&mut out);
         if !self.steps.is_empty() {
@@ -152,6 +153,14 @@ fn sentence(text: &str) -> String {
     }
 }
 
+impl Changed {
+    /// What the search comes to then.
+    fn found(&self) -> String {
+        let effects = if self.effects.is_empty() { String::new() } else { format!(", {}", self.effects.join(" and ")) };
+        format!("{}{effects}", self.verdict.name())
+    }
+}
+
 impl Diagnosis {
     /// Where they are not as quoted.
     fn errors(&self, out: &mut Parts) {
@@ -159,6 +168,17 @@ impl Diagnosis {
         for words in self.noise.iter().zip(&self.after.sets).filter_map(of) {
             out.words(words, 2);
         }
+    }
+
+    /// What the verdict depends on, and what was left undone, in sentences that follow it.
+    fn reservations(&self) -> String {
+        let fails = self.stability.done.iter().filter(|changed| !changed.holds);
+        let fails: Vec<String> = fails.map(|changed| format!("with {}: {}", changed.change, changed.found())).collect();
+        let unstable = if fails.is_empty() { String::new() } else { format!(" Not stable: {}.", fails.join("; ")) };
+        // That an unexplained one is incomplete its reason says.
+        let incomplete = !self.undone.is_empty() && self.verdict != Verdict::Unexplained;
+        let undone = if incomplete { " The search is incomplete (see the note)." } else { "" };
+        format!("{unstable}{undone}")
     }
 
     /// Under which other assumptions the verdict is the same.
@@ -174,9 +194,7 @@ impl Diagnosis {
             out.words(format!("  the same with: {}", names(&holds)), 4);
         }
         for changed in fails {
-            let effects =
-                if changed.effects.is_empty() { String::new() } else { format!(", {}", changed.effects.join(" and ")) };
-            out.words(format!("  with {}: {}{effects}", changed.change, changed.verdict.name()), 4);
+            out.words(format!("  with {}: {}", changed.change, changed.found()), 4);
         }
         if !self.stability.undone.is_empty() {
             let undone = self.stability.undone.join(", ");

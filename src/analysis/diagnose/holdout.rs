@@ -78,6 +78,21 @@ pub(super) fn surprise(groups: &[Vec<usize>], node: &Node) -> f64 {
     groups.iter().map(of).sum()
 }
 
+/// The same of the groups at the ends of the range of every condition, to which a model is extrapolated from the others.
+pub(super) fn surprise_beyond(case: &Case, node: &Node) -> f64 {
+    let ends = |column: &&str| {
+        let groups = groups(case.data, column).ok().filter(|groups| groups.len() > 3)?;
+        let ends = groups.into_iter().filter(|(_, _, at_end)| *at_end);
+        Some(ends.map(|(_, members, _)| members).collect::<Vec<_>>())
+    };
+    surprise(&conditions().filter_map(ends).flatten().collect::<Vec<_>>(), node)
+}
+
+/// Conditions to whose ends a model can be extrapolated.
+fn conditions() -> impl Iterator<Item = &'static &'static str> {
+    COLUMNS.iter().filter(|column| **column != "trail_px")
+}
+
 /// rms of (value − model)/sigma over groups left out in turn.
 pub(super) fn rms_sigma(groups: &[Vec<usize>], node: &Node) -> Option<f64> {
     let (mut squares, mut rows) = (0.0, 0);
@@ -122,7 +137,7 @@ pub(super) fn carried(case: &Case, node: &Node) -> Vec<Carried> {
             beyond_rms_sigma: rms(true),
         })
     };
-    COLUMNS.iter().filter(|column| **column != "trail_px").filter_map(of).collect()
+    conditions().filter_map(of).collect()
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::evidence::Evidence;
 use super::fitted_model::Node;
+use super::holdout;
 use super::result::Note;
 use crate::error::InputError;
 
@@ -48,20 +49,35 @@ const MOST_OF_IT: f64 = 0.5;
 /// Sketches are rough: those within so many margins are fitted in full.
 const ROUGH: f64 = 3.0;
 
-/// A model's rivals, least chi2 first; and the model itself, or a rival with so much less freedom that it is to be preferred.
+/// By how much less surprising a rival's predictions beyond the data must be, as a difference of −2 ln of densities, for it to be
+/// preferred for that: such a likelihood ratio is "strong" evidence (Kass & Raftery 1995, J. Am. Stat. Assoc. 90, 773).
+const CARRIES: f64 = 6.0;
+
+/// A model's rivals, least chi2 first; and the model itself, or a rival that is to be preferred: since it has so much less freedom,
+/// or, among those that explain the data as well, since it predicts the ends of their ranges better from the rest.
 pub(super) fn of(told: &Evidence, node: &Arc<Node>) -> Result<(Arc<Node>, Around), InputError> {
     let mut adopted = node.clone();
     // A preferred rival has rivals of its own.
     for _ in 0..3 {
         let around = around(told, &adopted)?;
-        let best = around.rivals.iter().min_by(|a, b| told.score(&a.node).total_cmp(&told.score(&b.node)));
-        match best {
-            Some(best) if told.score(&best.node) < told.score(&adopted) - 1e-6 => adopted = best.node.clone(),
-            _ => return Ok((adopted, around)),
+        match preferred(told, &adopted, &around.rivals) {
+            Some(best) => adopted = best,
+            None => return Ok((adopted, around)),
         }
     }
     let around = around(told, &adopted)?;
     Ok((adopted, around))
+}
+
+/// The rival that is to be preferred to a model; None where that is the best itself.
+fn preferred(told: &Evidence, node: &Arc<Node>, rivals: &[Rival]) -> Option<Arc<Node>> {
+    let beyond = |node: &Node| holdout::surprise_beyond(told.case(), node);
+    let all = || std::iter::once(node).chain(rivals.iter().map(|rival| &rival.node));
+    let least = all().min_by(|a, b| beyond(a).total_cmp(&beyond(b)))?;
+    let carries = |node: &Arc<Node>| beyond(node) < beyond(least) + CARRIES;
+    let best = all().filter(|node| carries(node)).min_by(|a, b| told.score(a).total_cmp(&told.score(b)))?;
+    let clear = !carries(node) || told.score(best) < told.score(node) - 1e-6;
+    (best.set() != node.set() && clear).then(|| best.clone())
 }
 
 /// Rivals of a model, and those that are hardly worse.
@@ -69,6 +85,9 @@ fn around(told: &Evidence, node: &Arc<Node>) -> Result<Around, InputError> {
     let margin = margin(told.options.level);
     let (mut rivals, mut aside): (Vec<Rival>, Vec<Note>) = Default::default();
     for (place, added) in node.added.iter().enumerate() {
+        if !told.work().allows(&format!("effects in the place of {}", told.name(added.hypothesis))) {
+            continue;
+        }
         let parent = told.without(node, place)?;
         let expansion = told.search.expand(&parent);
         let needed = LITTLE * (parent.chi2() - node.chi2());

@@ -35,6 +35,13 @@ pub struct Stability {
     pub undone: Vec<String>,
 }
 
+impl Stability {
+    /// Whether a verdict holds under every assumption that was tried; None where none was.
+    pub fn holds(&self) -> Option<bool> {
+        (!self.done.is_empty()).then(|| self.done.iter().all(|changed| changed.holds))
+    }
+}
+
 /// Factor by which errors are made larger.
 const LARGER: f64 = 1.35;
 

@@ -1,6 +1,7 @@
 //! How much a search may compute, counted in evaluations of the model at all rows: a count depends on no machine.
 //!
-//! It is asked for only between steps, never while some run in parallel, so that the number of threads decides nothing.
+//! A step that has begun is ended, so that a search makes somewhat more evaluations than it may: those of every effect fitted roughly
+//! on top of one model at most. It is asked for only between steps, never while some run in parallel, so that the number of threads decides nothing.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
