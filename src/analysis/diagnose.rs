@@ -128,25 +128,26 @@ impl Task<'_> {
         then(&Evidence { search: &search, options: self.options, base: &base, split: split.as_ref() }, notes)
     }
 
-    /// Whether there may be another round.
-    fn goes_on(&self, round: usize) -> bool {
-        round + 1 < ROUNDS && self.work.allows("the search again with the errors that it tells")
-    }
-
     /// The whole search, with errors that are believed in.
     fn attempt(&self, noise: &[SetNoise], round: usize) -> Result<Attempt, InputError> {
+        self.work.begin_round();
         let data = noise::allowed_for(self.quoted, noise);
         self.with_evidence(&data, |told, notes| {
-            let again = |node: &Arc<Node>| {
-                let found = noise::estimate(told.case(), self.quoted, &told.search.expand(node), noise);
-                (!noise::is_same(&found, noise) && self.goes_on(round)).then_some(found)
+            let again = |node: &Arc<Node>, explains: bool| {
+                let known = if explains { noise::confirmed(told.case(), node, noise) } else { noise.to_vec() };
+                let found = noise::estimate(told.case(), self.quoted, &told.search.expand(node), &known);
+                (round + 1 < ROUNDS && !noise::is_same(&found, noise)).then_some(found)
             };
             let refusal = data_quality::refusal(told.case(), self.options.free.len());
-            if refusal.is_none()
-                && round == 0
-                && let Some(better) = again(&told.nearest()?)
-            {
-                return Ok(Attempt::Again(better));
+            if refusal.is_none() && round == 0 {
+                let nearest = told.nearest()?;
+                if let Some(better) = again(&nearest[0], false) {
+                    // One wrong row that bends all that is smooth looks like errors of all rows.
+                    let beyond = data_quality::errors_beyond(&better).is_some();
+                    let odd = if beyond { told.odd_rows(None, &nearest) } else { None };
+                    let wrong = odd.map(|odd| noise::with_wrong(self.quoted, noise, &odd.rows));
+                    return Ok(Attempt::Again(wrong.unwrap_or(better)));
+                }
             }
             let refusal = refusal
                 .or_else(|| data_quality::errors_beyond(noise))
@@ -157,8 +158,11 @@ impl Task<'_> {
             };
             let better = match &found.wrong[..] {
                 [] if found.verdict == Verdict::Unfit => None,
-                [] => again(found.nearest.as_ref().unwrap_or(found.ladder.last().expect("the base"))),
-                wrong => self.goes_on(round).then(|| noise::with_wrong(self.quoted, noise, wrong)),
+                [] => {
+                    let last = found.ladder.last().expect("the base");
+                    again(found.nearest.as_ref().unwrap_or(last), found.verdict != Verdict::Unexplained)
+                }
+                wrong => (round + 1 < ROUNDS).then(|| noise::with_wrong(self.quoted, noise, wrong)),
             };
             if let Some(better) = better {
                 return Ok(Attempt::Again(better));

@@ -45,9 +45,8 @@ pub(crate) const PEDESTAL: f64 = 12.0;
 /// Part of a column that others leave, below which it is none.
 const FLAT: f64 = 1e-5;
 
-/// Rows of a file, and of all, below which nothing is told of a pedestal: one of a few values may be all that an effect does.
+/// Rows of a file below which nothing is told of a pedestal: one of a few values may be all that an effect does.
 const FEW: usize = 4;
-const FEW_IN_ALL: usize = 8;
 
 /// A row, and the one before it in its trail with how many pixels lie between.
 pub(crate) type Link = Option<(usize, i32)>;
@@ -89,11 +88,8 @@ impl Whitening {
             first += set.rows.len();
         }
         let mut whitening = Whitening { before, pedestals: Vec::new() };
-        let pedestals = data
-            .iter()
-            .zip(ends)
-            .enumerate()
-            .filter(|(_, (set, (rows, _)))| set.shared.pedestal && rows.len() >= FEW && first >= FEW_IN_ALL);
+        let pedestals =
+            data.iter().zip(ends).enumerate().filter(|(_, (set, (rows, _)))| set.shared.pedestal && rows.len() >= FEW);
         let pedestals = pedestals.map(|(index, (set, (rows, range)))| {
             let mut constant = vec![0.0; whitening.before.len()];
             for (place, row) in range.clone().zip(rows) {

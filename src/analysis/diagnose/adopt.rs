@@ -10,6 +10,9 @@ use super::significance::Noise;
 use super::{experiment_design, holdout, limits, rivals};
 use crate::error::InputError;
 
+/// Effects that are fitted in the place of pedestals.
+const IN_PLACE: usize = 3;
+
 impl Evidence<'_> {
     /// The models from the base to one with several effects, that with the larger gain first.
     fn ladder(&self, node: &Arc<Node>) -> Result<Vec<Arc<Node>>, InputError> {
@@ -61,8 +64,9 @@ impl Evidence<'_> {
         if !self.base.has_pedestal() || !self.work().allows("effects in the place of pedestals") {
             return None;
         }
-        let expansion = self.search.expand(self.base);
-        let sketches = self.search.sketches(&expansion, &expansion.promising());
+        let mut wanted = self.search.promising_without_pedestals(self.base);
+        wanted.truncate(IN_PLACE);
+        let sketches = self.search.sketches(&self.search.expand(self.base), &wanted);
         let score = |sketch: &Sketch| {
             let parameters = sketch.added.last().map_or(0, |added| added.free.len());
             sketch.chi2 + 2.0 * parameters as f64

@@ -22,7 +22,7 @@ const ONE_IN: usize = 20;
 const NEARLY: f64 = 4.0;
 
 /// Share of a row's residual that free parameters take, from which on one of them hangs on it.
-const HANGS_ON_IT: f64 = 0.3;
+const HANGS_ON_IT: f64 = 0.5;
 
 /// Why the data cannot carry a verdict; None where they can.
 pub(super) fn refusal(case: &Case, free: usize) -> Option<Reason> {
@@ -188,6 +188,15 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
     let each = rows.iter().zip(off.iter()).map(|(&row, off)| (named(case, row), *off)).collect();
     let rows: Vec<(usize, f64)> = rows.iter().copied().zip(off.iter().copied()).collect();
     Some(Odd { fall: fall - 2.0 * rows.len() as f64, rows, reason: Reason::OddRows { rows: each, with } })
+}
+
+/// By how much chi2 falls at a model without some rows, each counted as a parameter; without those that the others do not predict it
+/// does not.
+pub(super) fn fall_without(node: &Node, rows: &[(usize, f64)]) -> f64 {
+    let places: Vec<usize> = rows.iter().map(|(row, _)| *row).collect();
+    let off = holdout::left_out(node, &places);
+    let fall = off.map_or(0.0, |off| places.iter().zip(off.iter()).map(|(&row, off)| node.residuals[row] * off).sum());
+    fall - 2.0 * rows.len() as f64
 }
 
 /// Errors that are smaller than a scatter which trends on nothing.

@@ -81,7 +81,7 @@ impl<'a> Case<'a> {
         DVector::from_vec(self.whitening.linear(&self.over_sigma(values)))
     }
 
-    /// What each file's pedestal costs in chi2 at a model; none where it has no value.
+    /// What each file's pedestal costs in chi2 at a model; empty where it has no value.
     pub fn pedestal_costs(&self, model: &Model) -> Vec<f64> {
         let predicted = self.predict_sigma(model);
         let residuals = predicted.map(|predicted| self.white(&self.values) - predicted);
@@ -196,13 +196,14 @@ impl Node {
     }
 
     /// By how much chi2 falls to that of another model with so many parameters more. What is saved by doing without pedestals is not
-    /// counted: that they are there needs no effect. But each parameter can take the place of one, and that an effect does without
-    /// more of them than it has parameters would be chance: the savings beyond the largest few count.
+    /// counted: that they are there needs no effect. But each parameter can take the place of one (as the choice of the effect can),
+    /// and that an effect does without more of them than it has parameters would be chance: the savings beyond the largest few count.
     pub fn gain_of(&self, chi2: f64, pedestal_costs: &[f64], parameters: usize) -> f64 {
+        let after = pedestal_costs.iter().copied().chain(std::iter::repeat(0.0));
         let mut saved: Vec<f64> =
-            self.pedestal_costs.iter().zip(pedestal_costs).map(|(before, after)| (before - after).max(0.0)).collect();
+            self.pedestal_costs.iter().zip(after).map(|(before, after)| (before - after).max(0.0)).collect();
         saved.sort_by(|a, b| b.total_cmp(a));
-        self.chi2() - chi2 - saved.iter().take(parameters).sum::<f64>()
+        self.chi2() - chi2 - saved.iter().take(parameters.max(1)).sum::<f64>()
     }
 
     /// Rows that are left when every free parameter has taken one.

@@ -131,14 +131,18 @@ impl Evidence<'_> {
     /// Rows that are wrong, where that asks for less than the effects that were found: a row left out counts as a parameter. The
     /// model with the fewest effects has the word; that which was adopted last, of rows that hid in errors that were told too large
     /// because of them.
-    fn odd_rows(&self, found: Option<&Found>, tried: &[Arc<Node>]) -> Option<Odd> {
+    pub(super) fn odd_rows(&self, found: Option<&Found>, tried: &[Arc<Node>]) -> Option<Odd> {
         let adopted = found.and_then(|found| found.ladder.last());
         let simpler = tried.iter().filter(|node| adopted.is_none_or(|adopted| node.added.len() < adopted.added.len()));
         let odd = simpler.chain(adopted).filter_map(|node| {
             data_quality::odd_rows(self.case(), node).map(|odd| (node.added.len(), self.score(node) - odd.fall, odd))
         });
         let (_, score, odd) = odd.min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)))?;
-        let clear = adopted.is_none_or(|adopted| score + MUCH_SIMPLER < self.score(adopted));
+        let clear = adopted.is_none_or(|adopted| {
+            // What an effect gains without the rows: noise alone gives as much.
+            let without = self.score(adopted) - data_quality::fall_without(adopted, &odd.rows);
+            score + MUCH_SIMPLER < self.score(adopted) || score < without + rivals::margin(self.options.level)
+        });
         clear.then_some(odd)
     }
 
@@ -183,12 +187,13 @@ impl Evidence<'_> {
         Ok(nodes)
     }
 
-    /// The model with one effect at most that is nearest to the data: what is left there is nearer to their noise than at a base
-    /// that lacks much.
-    pub(super) fn nearest(&self) -> Result<Arc<Node>, InputError> {
-        let further = self.further(self.base, NEAREST)?;
-        let best = further.into_iter().next().filter(|node| self.score(node) < self.score(self.base));
-        Ok(best.unwrap_or_else(|| self.base.clone()))
+    /// The models with one effect at most that are nearest to the data, the best first: what is left there is nearer to their noise
+    /// than at a base that lacks much.
+    pub(super) fn nearest(&self) -> Result<Vec<Arc<Node>>, InputError> {
+        let mut nodes = self.further(self.base, NEAREST)?;
+        nodes.push(self.base.clone());
+        self.sort(&mut nodes);
+        Ok(nodes)
     }
 
     /// Leaves out those that say the same of the data as a better one: another name for it is tried in its place in the end

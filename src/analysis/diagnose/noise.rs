@@ -121,8 +121,12 @@ pub(super) fn is_same(one: &[SetNoise], other: &[SetNoise]) -> bool {
     one.iter().zip(other).all(|(one, other)| one.is_like(other))
 }
 
+/// Rows of all files below which no pedestals are allowed for: one of a few values may be all that an effect does.
+const FEW_IN_ALL: usize = 8;
+
 /// Data with the errors that were estimated, and pedestals allowed for.
 pub(super) fn allowed_for(quoted: &[DataSet], noise: &[SetNoise]) -> Vec<DataSet> {
+    let rows: usize = quoted.iter().map(|set| set.rows.len()).sum();
     let with = |(set, noise): (&DataSet, &SetNoise)| {
         let mut set = set.clone();
         for row in &mut set.rows {
@@ -135,7 +139,7 @@ pub(super) fn allowed_for(quoted: &[DataSet], noise: &[SetNoise]) -> Vec<DataSet
         set.shared = Shared {
             correlation: noise.correlation,
             neighbours: noise.neighbours,
-            pedestal: true,
+            pedestal: rows >= FEW_IN_ALL,
             wrong: noise.wrong.iter().map(|wrong| wrong.row).collect(),
             freedom: noise.freedom,
         };
@@ -173,6 +177,22 @@ pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, k
         of_set(set, &residuals, &smooth, &known[index])
     };
     quoted.iter().enumerate().map(of).collect()
+}
+
+/// The same, at a model that explains the data: rows that are as far from it as rows are that are wrong stay so.
+pub(super) fn confirmed(case: &Case, node: &Node, noise: &[SetNoise]) -> Vec<SetNoise> {
+    let of = |(index, noise): (usize, &SetNoise)| {
+        let first = case.rows(index).start;
+        let confirm = |wrong: &WrongRow| {
+            let place = first + wrong.row;
+            // Their errors were made as large as they are far off.
+            let sigma = case.sigmas[place] / wrong.off_sigma.abs().max(1.0);
+            let off_sigma = (case.values[place] - node.fit.values[place]) / sigma;
+            if off_sigma.abs() > wrong_rows::FAR { WrongRow { off_sigma, by_model: true, ..*wrong } } else { *wrong }
+        };
+        SetNoise { wrong: noise.wrong.iter().map(confirm).collect(), ..noise.clone() }
+    };
+    noise.iter().enumerate().map(of).collect()
 }
 
 /// The errors of one file, told from its residuals (in quoted errors) about what is smooth.

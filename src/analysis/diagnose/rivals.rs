@@ -49,12 +49,12 @@ const MOST_OF_IT: f64 = 0.5;
 /// Sketches are rough: those within so many margins are fitted in full.
 const ROUGH: f64 = 3.0;
 
-/// By how much less surprising a rival's predictions beyond the data must be, as a difference of −2 ln of densities, for it to be
-/// preferred for that: such a likelihood ratio is "strong" evidence (Kass & Raftery 1995, J. Am. Stat. Assoc. 90, 773).
-const CARRIES: f64 = 6.0;
+/// Difference of chi2, freedom counted, below which two models explain the data equally well.
+const EQUAL: f64 = 1.0;
 
 /// A model's rivals, least chi2 first; and the model itself, or a rival that is to be preferred: since it has so much less freedom,
-/// or, among those that explain the data as well, since it predicts the ends of their ranges better from the rest.
+/// or, of equals, since it predicts the ends of the conditions' ranges better from the rest. (Of all that are no worse than rivals
+/// may be, the best at the ends was the true one less often than that of least chi2: the ends are a few rows.)
 pub(super) fn of(told: &Evidence, node: &Arc<Node>) -> Result<(Arc<Node>, Around), InputError> {
     let mut adopted = node.clone();
     // A preferred rival has rivals of its own.
@@ -73,11 +73,10 @@ pub(super) fn of(told: &Evidence, node: &Arc<Node>) -> Result<(Arc<Node>, Around
 fn preferred(told: &Evidence, node: &Arc<Node>, rivals: &[Rival]) -> Option<Arc<Node>> {
     let beyond = |node: &Node| holdout::surprise_beyond(told.case(), node);
     let all = || std::iter::once(node).chain(rivals.iter().map(|rival| &rival.node));
-    let least = all().min_by(|a, b| beyond(a).total_cmp(&beyond(b)))?;
-    let carries = |node: &Arc<Node>| beyond(node) < beyond(least) + CARRIES;
-    let best = all().filter(|node| carries(node)).min_by(|a, b| told.score(a).total_cmp(&told.score(b)))?;
-    let clear = !carries(node) || told.score(best) < told.score(node) - 1e-6;
-    (best.set() != node.set() && clear).then(|| best.clone())
+    let least = all().map(|node| told.score(node)).fold(f64::INFINITY, f64::min);
+    let equal = all().filter(|node| told.score(node) < least + EQUAL);
+    let best = equal.min_by(|a, b| beyond(a).total_cmp(&beyond(b)))?;
+    (best.set() != node.set()).then(|| best.clone())
 }
 
 /// Rivals of a model, and those that are hardly worse.
@@ -85,9 +84,6 @@ fn around(told: &Evidence, node: &Arc<Node>) -> Result<Around, InputError> {
     let margin = margin(told.options.level);
     let (mut rivals, mut aside): (Vec<Rival>, Vec<Note>) = Default::default();
     for (place, added) in node.added.iter().enumerate() {
-        if !told.work().allows(&format!("effects in the place of {}", told.name(added.hypothesis))) {
-            continue;
-        }
         let parent = told.without(node, place)?;
         let expansion = told.search.expand(&parent);
         let needed = LITTLE * (parent.chi2() - node.chi2());

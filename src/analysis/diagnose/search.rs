@@ -260,6 +260,20 @@ impl<'a> Search<'a> {
         fitted.min_by(|a, b| a.chi2.total_cmp(&b.chi2))
     }
 
+    /// Effects that promise most on top of a model where files have no pedestals, the best first.
+    pub fn promising_without_pedestals(&self, node: &Node) -> Vec<usize> {
+        self.make_level(node);
+        let Some(level) = self.level(node) else { return Vec::new() };
+        let gain = |(place, hypothesis): (usize, &Hypothesis)| {
+            let trials = hypothesis.trials(place, self.level_case, &level);
+            (place, trials.iter().map(|trial| trial.gain_in_reach(&level.residuals)).fold(0.0, f64::max))
+        };
+        let new = self.hypotheses.iter().enumerate().filter(|(_, hypothesis)| hypothesis.is_new_to(node.mission()));
+        let mut gains: Vec<(usize, f64)> = parallel::map(new.collect::<Vec<_>>(), gain);
+        gains.sort_by(|a, b| b.1.total_cmp(&a.1));
+        gains.into_iter().map(|(place, _)| place).collect()
+    }
+
     /// A model fitted to files that have no pedestals, as far as that was done (`make_level`).
     fn level(&self, node: &Node) -> Option<Arc<Node>> {
         let levels = self.levels.lock().expect("nobody panics");
@@ -318,8 +332,8 @@ impl<'a> Search<'a> {
             problem(&model)?.sketch(&node.fit.jacobian).ok()?
         };
         // Only where the model has pedestals does one need to know of them.
-        let pedestal_costs =
-            if node.has_pedestal() { self.case.pedestal_costs(&model.like(&mission)) } else { Vec::new() };
+        let needed = node.has_pedestal() || without_pedestals;
+        let pedestal_costs = if needed { self.case.pedestal_costs(&model.like(&mission)) } else { Vec::new() };
         chi2.is_finite().then_some(Sketch { added, mission, chi2, pedestal_costs })
     }
 

@@ -6,17 +6,25 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Evaluations done, and what was left undone for want of more.
+/// Evaluations done, and what the last round of a search left undone for want of more.
 #[derive(Debug)]
 pub struct Work {
     most: u64,
     done: AtomicU64,
+    /// Evaluations done before this round.
+    before: AtomicU64,
     undone: Mutex<Vec<String>>,
 }
 
 impl Work {
     pub fn of_at_most(most: u64) -> Work {
-        Work { most, done: AtomicU64::new(0), undone: Mutex::default() }
+        Work { most, done: AtomicU64::new(0), before: AtomicU64::new(0), undone: Mutex::default() }
+    }
+
+    /// A search that begins anew may make as many again; what the one before left undone is no matter.
+    pub fn begin_round(&self) {
+        self.before.store(self.done(), Ordering::Relaxed);
+        self.undone.lock().expect("nobody panics").clear();
     }
 
     /// Counts one evaluation.
@@ -31,7 +39,7 @@ impl Work {
 
     /// Whether a step of the search may be done; where not, it is noted as undone.
     pub fn allows(&self, step: &str) -> bool {
-        let allowed = self.done() < self.most;
+        let allowed = self.done() - self.before.load(Ordering::Relaxed) < self.most;
         let mut undone = self.undone.lock().expect("nobody panics");
         if !allowed && !undone.iter().any(|known| known == step) {
             undone.push(step.to_string());

@@ -13,14 +13,14 @@ use statrs::distribution::{ContinuousCDF, Discrete, Poisson, StudentsT};
 use crate::numeric::least_squares::Span;
 
 /// Distance from which on a row is wrong, in units of the scatter, and how often noise may put one of the file's rows there.
-const FAR: f64 = 5.0;
+pub(super) const FAR: f64 = 5.0;
 const BY_CHANCE: f64 = 2e-3;
 
 /// One row in this number may be wrong.
 const ONE_IN: usize = 20;
 
 /// Part of a row's residual that is its own, below which nothing is told of it: it may be all that shows an effect.
-const ITS_OWN: f64 = 0.3;
+const ITS_OWN: f64 = 0.15;
 
 /// Chance below which rows that are off together are no accident.
 const NO_ACCIDENT: f64 = 0.01;
