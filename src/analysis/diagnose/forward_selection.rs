@@ -133,17 +133,28 @@ impl Evidence<'_> {
     /// because of them.
     pub(super) fn odd_rows(&self, found: Option<&Found>, tried: &[Arc<Node>]) -> Option<Odd> {
         let adopted = found.and_then(|found| found.ladder.last());
-        let simpler = tried.iter().filter(|node| adopted.is_none_or(|adopted| node.added.len() < adopted.added.len()));
-        let odd = simpler.chain(adopted).filter_map(|node| {
-            data_quality::odd_rows(self.case(), node).map(|odd| (node.added.len(), self.score(node) - odd.fall, odd))
-        });
-        let (_, score, odd) = odd.min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)))?;
-        let clear = adopted.is_none_or(|adopted| {
-            // What an effect gains without the rows: noise alone gives as much.
-            let without = self.score(adopted) - data_quality::fall_without(adopted, &odd.rows);
-            score + MUCH_SIMPLER < self.score(adopted) || score < without + rivals::margin(self.options.level)
-        });
-        clear.then_some(odd)
+        let no_more = tried.iter().filter(|node| adopted.is_none_or(|adopted| node.added.len() <= adopted.added.len()));
+        let odd = no_more.filter_map(|node| data_quality::odd_rows(self.case(), node).map(|odd| (node, odd)));
+        let mut odd: Vec<(&Arc<Node>, Odd)> = odd.collect();
+        let without = |(node, odd): &(&Arc<Node>, Odd)| self.score(node) - odd.fall;
+        odd.sort_by(|a, b| a.0.added.len().cmp(&b.0.added.len()).then(without(a).total_cmp(&without(b))));
+        let own = adopted.and_then(|node| data_quality::odd_rows(self.case(), node).map(|odd| (node, odd)));
+        let clear =
+            |one: &(&Arc<Node>, Odd)| adopted.is_none_or(|adopted| self.are_to_blame(without(one), one, adopted));
+        odd.into_iter().chain(own).find(clear).map(|(_, odd)| odd)
+    }
+
+    /// Whether rows, left out of a model which then has that score, are to blame rather than effects missing that were adopted.
+    fn are_to_blame(&self, score: f64, (node, odd): &(&Arc<Node>, Odd), adopted: &Arc<Node>) -> bool {
+        let margin = rivals::margin(self.options.level);
+        let adopted_without = self.score(adopted) - data_quality::fall_without(adopted, &odd.rows);
+        if node.set() == adopted.set() {
+            return true;
+        }
+        // Without the rows the adopted effects gain no more than noise gives them, or are worse than as many others.
+        let simpler = node.added.len() < adopted.added.len();
+        let gains_nothing = if simpler { score < adopted_without + margin } else { score + margin < adopted_without };
+        gains_nothing || (simpler && score + MUCH_SIMPLER < self.score(adopted))
     }
 
     /// The best models with one effect more, in full.
