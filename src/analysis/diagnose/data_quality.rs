@@ -190,6 +190,17 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
     Some(Odd { fall: fall - 2.0 * rows.len() as f64, rows, reason: Reason::OddRows { rows: each, with } })
 }
 
+/// Whether a row alone has the least or the largest value of a condition in its file: it may be all that shows an effect, such as an
+/// event before the second epoch.
+pub(super) fn is_alone_at_an_end(case: &Case, place: usize) -> bool {
+    let (set, row) = (&case.data[case.set_of[place]], place - case.rows(case.set_of[place]).start);
+    set.varying.iter().filter(|name| !set.is_words(name)).any(|name| {
+        let values = set.against(name);
+        let others = || values.iter().enumerate().filter(|(other, _)| *other != row).map(|(_, value)| *value);
+        others().all(|value| value > values[row]) || others().all(|value| value < values[row])
+    })
+}
+
 /// By how much chi2 falls at a model without some rows, each counted as a parameter; without those that the others do not predict it
 /// does not.
 pub(super) fn fall_without(node: &Node, rows: &[(usize, f64)]) -> f64 {

@@ -154,7 +154,8 @@ impl Evidence<'_> {
         // Without the rows the adopted effects gain no more than noise gives them, or are worse than as many others.
         let simpler = node.added.len() < adopted.added.len();
         let gains_nothing = if simpler { score < adopted_without + margin } else { score + margin < adopted_without };
-        gains_nothing || (simpler && score + MUCH_SIMPLER < self.score(adopted))
+        let surrounded = !odd.rows.iter().any(|(row, _)| data_quality::is_alone_at_an_end(self.case(), *row));
+        (surrounded && gains_nothing) || (simpler && score + MUCH_SIMPLER < self.score(adopted))
     }
 
     /// The best models with one effect more, in full.
