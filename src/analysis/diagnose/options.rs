@@ -15,7 +15,7 @@ pub struct Options {
     pub candidates: Option<toml::Table>,
     /// What could be measured next; all observables where empty.
     pub can: Vec<Observable>,
-    /// Evaluations of the model at all rows after which no further step of the search is begun.
+    /// Evaluations of the model at all rows after which a round of the search begins no further step.
     pub evaluations: u64,
     /// Whether the search is repeated under other assumptions.
     pub stability: bool,
@@ -35,9 +35,9 @@ impl Default for Options {
     }
 }
 
-/// Evaluations of the model that a search may make by default: twice as many as the longest of the cases of
+/// Evaluations of the model that a round of a search may make by default: more than the longest of the cases of
 /// `docs/diagnosis.md` takes.
-pub const EVALUATIONS: u64 = 12_000;
+pub const EVALUATIONS: u64 = 20_000;
 
 /// Signs of life.
 pub struct Progress<'a> {

@@ -57,7 +57,7 @@ struct Change {
 }
 
 impl Task<'_> {
-    /// What becomes of a diagnosis under each change, in as many evaluations together as the diagnosis itself may make.
+    /// What becomes of a diagnosis under each change, in as many evaluations together as a round of the diagnosis may make.
     ///
     /// # Errors
     /// As [`super::diagnose`].
@@ -68,10 +68,16 @@ impl Task<'_> {
         let work = Arc::new(Work::of_at_most(self.options.evaluations));
         let mut all = Stability::default();
         for change in self.changes(&found.noise) {
-            if work.allows(&change.name) {
-                all.done.push(self.changed(found, change, &work)?);
-            } else {
+            if !work.allows(&change.name) {
                 all.undone.push(change.name);
+                continue;
+            }
+            let changed = self.changed(found, change, &work)?;
+            // That a search which was cut short explains nothing says nothing.
+            if changed.verdict == Verdict::Unexplained && !work.undone().is_empty() {
+                all.undone.push(changed.change);
+            } else {
+                all.done.push(changed);
             }
         }
         Ok(all)
