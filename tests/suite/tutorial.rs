@@ -156,6 +156,7 @@ fn the_way_to_an_effect_shows_what_the_program_prints() {
 }
 
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn the_page_of_the_diagnosis_shows_what_the_program_prints() {
     shows_what_is_printed("docs/diagnosis.md");
     quotes_files_as_they_are("docs/diagnosis.md");
