@@ -26,10 +26,10 @@ use crate::tutorial::shows_what_is_printed;
 
 const PAGE: &str = "docs/hindcast.md";
 
-/// To renew the blocks: `RENEW=1 cargo test --test suite hindcast:: -- --include-ignored`.
+/// `tests/suite/tutorial.rs` says how to renew the blocks.
 #[test]
 #[ignore = "slow: .ci/run runs it"]
-fn the_document_shows_what_is_computed() {
+fn the_page_of_the_hindcast_shows_what_the_program_prints() {
     for name in report::REPORTS {
         let page = fs::read_to_string(PAGE).unwrap();
         let command = format!("```sh\ncargo run --release --example hindcast -- {name}\n```\n\n```text\n");

@@ -11,9 +11,9 @@ use figures::*;
 
 use crate::alike::first_difference;
 
-/// To renew the block: `RENEW=1 cargo test --test suite paper::`.
+/// `tests/suite/tutorial.rs` says how to renew the block.
 #[test]
-fn the_document_shows_what_the_example_prints() {
+fn the_page_of_the_paper_shows_what_the_program_prints() {
     let path = "docs/paper.md";
     let document = fs::read_to_string(path).unwrap();
     let (before, rest) = document.split_once("```text\n").unwrap();

@@ -3,8 +3,8 @@
 //! Every `sh` block whose lines start with `ctiplan ` is run from the top of the repository, in the order of the
 //! document, and must be followed by a `text` block with what it prints. A block of another language that starts with
 //! `# PATH` is a piece of that file. Commands that are not run (because they take long, or need what is not there) stand in
-//! other blocks. To renew the `text` blocks: `RENEW=1 cargo test --test suite tutorial:: -- --include-ignored`; then read
-//! the sentences around them again.
+//! other blocks. To renew all `text` blocks: `RENEW=1 cargo test --test suite what_the_program_prints -- --include-ignored`;
+//! then read the sentences around them again.
 
 use std::fs;
 use std::path::Path;
@@ -122,7 +122,7 @@ pub fn shows_what_is_printed(document: &str) {
     assert!(
         stale.is_empty(),
         "what the program prints is not what the document shows; if it should be so, run\n  RENEW=1 cargo test --test suite \
-         tutorial:: -- --include-ignored\nand read again what is said about it:\n{}",
+         what_the_program_prints -- --include-ignored\nand read again what is said about it:\n{}",
         stale.join("\n")
     );
 }
