@@ -11,7 +11,7 @@
 use std::num::NonZeroUsize;
 
 use gauss_quad::GaussLegendre;
-use ndarray::{Array1, Array2, Axis, s};
+use ndarray::{Array2, s};
 
 use super::device::{Beside, Device};
 use crate::error::InputError;
@@ -155,7 +155,7 @@ impl Scene {
         observed: impl Fn(&Array2<f64>) -> Result<Array2<f64>, InputError> + Sync,
     ) -> Result<Option<ShapeChange>, InputError> {
         let seen = |before: &Moments, charge_e: &Array2<f64>| -> Result<Option<ShapeChange>, InputError> {
-            let after = Moments::of(&observed(charge_e)?, self.weight_px);
+            let after = Moments::near(&observed(charge_e)?, self.weight_px, [before.x_px, before.y_px]);
             Ok(after.map(|after| ShapeChange::between(before, &after)))
         };
         let both = |position: &Position| -> Result<Option<ShapeChange>, InputError> {
@@ -246,22 +246,28 @@ impl<R: Fn(&Array2<f64>) -> Result<Array2<f64>, InputError>> Above<R> {
     /// # Errors
     /// Where an effect has no value.
     pub fn read(&self, charge_e: &Array2<f64>) -> Result<Array2<f64>, InputError> {
-        let mut image = charge_e + self.background_e;
-        if self.alone.is_none() {
-            image
-                .push_column(Array1::from_elem(image.nrows(), self.background_e).view())
-                .expect("columns of one length");
+        let (rows, width) = charge_e.dim();
+        let beside = usize::from(self.alone.is_none());
+        let mut image = Array2::from_elem((rows, width + beside), self.background_e);
+        for (mut row, charge_e) in image.rows_mut().into_iter().zip(charge_e.rows()) {
+            row.iter_mut().zip(charge_e).for_each(|(pixel_e, charge_e)| *pixel_e += charge_e);
         }
         let read = (self.read)(&image)?;
-        let (objects, background) = match &self.alone {
-            None => read.view().split_at(Axis(1), charge_e.ncols()),
-            Some(alone) => (read.view(), alone.view()),
-        };
-        if read == image && background.iter().all(|charge_e| *charge_e == self.background_e) {
+        let alone = self.alone.as_ref().map_or_else(|| read.slice(s![.., width..]), |alone| alone.view());
+        if read == image && alone.iter().all(|charge_e| *charge_e == self.background_e) {
             // Nothing happened; differences would tell of rounding.
             return Ok(charge_e.clone());
         }
-        Ok(&objects - &background)
+        let mut above = Array2::zeros((rows, width));
+        for ((mut above, read), alone) in above.rows_mut().into_iter().zip(read.rows()).zip(alone.rows()) {
+            let both = above.iter_mut().zip(read);
+            match alone.len() {
+                // One column of background stands for all.
+                1 => both.for_each(|(above, read)| *above = read - alone[0]),
+                _ => both.zip(alone).for_each(|((above, read), alone)| *above = read - alone),
+            }
+        }
+        Ok(above)
     }
 }
 

@@ -36,9 +36,13 @@ impl Moments {
     ///
     /// None where the image has no centroid: no flux, or noise that carries the weight away.
     pub fn of(image: &Array2<f64>, weight_px: f64) -> Option<Moments> {
+        Moments::near(image, weight_px, [0.0, 0.0])
+    }
+
+    /// The same, starting where the centroid is nearly known to be (`[x, y]`, px from the middle of the image).
+    pub(crate) fn near(image: &Array2<f64>, weight_px: f64, [mut x, mut y]: [f64; 2]) -> Option<Moments> {
         let (rows, columns) = image.dim();
         let middle = ((rows as f64 - 1.0) / 2.0, (columns as f64 - 1.0) / 2.0);
-        let (mut y, mut x) = (0.0, 0.0);
         for _ in 0..PATIENCE {
             let sums = Sums::of(image, weight_px, middle.0 + y, middle.1 + x);
             if sums.flux.is_nan() || sums.flux <= 0.0 {
@@ -73,7 +77,6 @@ impl Moments {
 }
 
 /// Weighted sums around a point.
-#[derive(Default)]
 struct Sums {
     flux: f64,
     x: f64,
@@ -94,29 +97,21 @@ impl Sums {
     }
 
     fn of(image: &Array2<f64>, weight_px: f64, centre_y: f64, centre_x: f64) -> Sums {
-        let lane = |pixels: usize, centre: f64| lane(pixels, weight_px, centre);
-        // Down the columns first, all of them side by side.
-        let [mut flux, mut first, mut second] = [(); 3].map(|()| vec![0.0; image.ncols()]);
-        let image = image.as_standard_layout();
-        for (row, (y, weight)) in image.rows().into_iter().zip(lane(image.nrows(), centre_y)) {
-            let charge_e = row.to_slice().expect("rows of the standard layout");
-            for (((charge_e, flux), first), second) in charge_e.iter().zip(&mut flux).zip(&mut first).zip(&mut second) {
-                let weighted = weight * charge_e;
-                *flux += weighted;
-                *first += weighted * y;
-                *second += weighted * y * y;
-            }
+        // The weight is a product of one in x and one in y, so that all sums are products of matrices.
+        let [across, along] = [(image.ncols(), centre_x), (image.nrows(), centre_y)].map(|(pixels, centre)| {
+            let lane = lane(pixels, weight_px, centre).into_iter();
+            let powers = lane.flat_map(|(offset, weight)| [weight, weight * offset, weight * offset * offset]);
+            Array2::from_shape_vec((pixels, 3), powers.collect()).expect("three powers of each pixel")
+        });
+        let sums = along.t().dot(&image.dot(&across));
+        Sums {
+            flux: sums[[0, 0]],
+            x: sums[[0, 1]],
+            y: sums[[1, 0]],
+            xx: sums[[0, 2]],
+            yy: sums[[2, 0]],
+            xy: sums[[1, 1]],
         }
-        let mut sums = Sums::default();
-        for (column, (x, weight)) in lane(image.ncols(), centre_x).into_iter().enumerate() {
-            sums.flux += weight * flux[column];
-            sums.x += weight * flux[column] * x;
-            sums.y += weight * first[column];
-            sums.xx += weight * flux[column] * x * x;
-            sums.yy += weight * second[column];
-            sums.xy += weight * first[column] * x;
-        }
-        sums
     }
 }
 
