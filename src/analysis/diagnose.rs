@@ -184,18 +184,28 @@ fn base_fit([case, level]: [&Case; 2], model: &Model, free: &[String], seed: u64
         let options = fit::Options { seed, scan, ..fit::Options::default() };
         Node::fit(case, model, Vec::new(), free, &options)
     };
+    if free.is_empty() {
+        return fit(model, false);
+    }
+    let count = |_| case.work.count();
+    let roughly = |model: &Model, case: &Case| -> Result<(Model, f64), InputError> {
+        let (mission, chi2) = Problem::new(model, case.data, free, &count, |_| true)?.sketch_afresh()?;
+        Ok((model.like(&mission), chi2))
+    };
     // Far from the data what is free is no slope to a pedestal that takes all of it: from where there is none as well.
-    let near =
-        Node::fit(level, model, Vec::new(), free, &fit::Options { seed, scan: false, ..fit::Options::default() })?;
-    let mut best = fit(&near.model, false)?;
-    if !free.is_empty() {
-        let other = fit(model, false)?;
+    let (near, _) = roughly(model, level)?;
+    let mut starts = [roughly(&near, case)?, roughly(model, case)?];
+    starts.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let [(start, _), (other, rough)] = starts;
+    let mut best = fit(&start, false)?;
+    if fit::is_another(rough, best.chi2()) {
+        let other = fit(&other, false)?;
         if other.chi2() < best.chi2() {
             best = other;
         }
     }
     let clear = best.chi2() > best.freedom() + 4.0 * (2.0 * best.freedom()).sqrt();
-    if free.is_empty() || !clear {
+    if !clear {
         return Ok(best);
     }
     // A parameter with a kink (a notch near the background) has minima that no slope leads to.
@@ -203,7 +213,6 @@ fn base_fit([case, level]: [&Case; 2], model: &Model, free: &[String], seed: u64
     if scanned.chi2() < best.chi2() {
         best = scanned;
     }
-    let count = |_| case.work.count();
     for mission in Problem::new(model, case.data, free, &count, |_| true)?.elsewhere(ELSEWHERE, seed, best.chi2()) {
         let other = fit(&model.like(&mission), false)?;
         if other.chi2() < best.chi2() {

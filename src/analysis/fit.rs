@@ -25,6 +25,7 @@ use crate::analysis::measurement::DataSet;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
+pub(crate) use elsewhere::is_another;
 pub(crate) use problem::Problem;
 pub use result::{Advice, Fit, Fitted, Minimum};
 pub use solve::Options;

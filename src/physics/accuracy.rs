@@ -35,7 +35,7 @@ impl Purpose {
         let coarser = |times: f64, coarsest: f64| relative.max((times * relative).min(coarsest));
         match self {
             Purpose::Shape => coarser(3.0, 1e-2),
-            Purpose::Measurement => coarser(100.0, 1e-2),
+            Purpose::Measurement => coarser(10.0, 1e-3),
             Purpose::ManyShapes => coarser(30.0, 1e-3),
             // What noise adds to the change of SNAP's galaxies is the same within 1e-3 at 1e-4 and at 1e-2.
             Purpose::Noise => relative.max(1e-2),

@@ -8,8 +8,6 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
-use nalgebra::DMatrix;
-
 use super::fitted_model::{Added, Case, Node};
 use super::hypothesis::{FARTHEST, Hypothesis, Trial};
 use super::options::Progress;
@@ -326,8 +324,8 @@ impl<'a> Search<'a> {
         let count = |_| self.case.work.count();
         let problem = |model| Problem::new(model, self.case.data, &keys, &count, |_| true).ok();
         let (mission, chi2) = if without_pedestals {
-            let (mission, _) = problem(&model)?.without_pedestals().sketch(&DMatrix::zeros(self.case.n(), 0)).ok()?;
-            problem(&model.like(&mission))?.sketch(&DMatrix::zeros(self.case.n(), 0)).ok()?
+            let (mission, _) = problem(&model)?.without_pedestals().sketch_afresh().ok()?;
+            problem(&model.like(&mission))?.sketch_afresh().ok()?
         } else {
             problem(&model)?.sketch(&node.fit.jacobian).ok()?
         };

@@ -26,6 +26,13 @@ const ROUGH: f64 = 1.0;
 /// Rise of chi2, beside a share of it, from which on a minimum is not followed to its bottom.
 const FAR_ABOVE: f64 = 30.0;
 
+/// Whether a rough fit may lead to a minimum other than one of so much chi2, not so far above it that nobody would ask for it.
+pub(crate) fn is_another(rough: f64, known: f64) -> bool {
+    let rise = rough - known;
+    let is_known = rise > -SAME && rise < ROUGH;
+    !is_known && rise < FAR_ABOVE * (1.0 + 0.01 * known)
+}
+
 impl Problem<'_> {
     /// Minima that are found from scans around an optimum, lower or higher than it.
     pub(super) fn scanned(&self, optimum: &Optimum) -> Vec<Optimum> {
@@ -44,13 +51,10 @@ impl Problem<'_> {
         found
     }
 
-    /// The minimum that a start leads to; None where a rough fit comes back to the known one, or ends so far above it that
-    /// nobody would ask for it.
+    /// The minimum that a start leads to; None where a rough fit leads to no other.
     fn another(&self, start: &[f64], known: &Optimum) -> Option<Optimum> {
         let rough = self.roughly(start);
-        let rise = rough.chi2 - known.chi2;
-        let is_known = rise > -SAME && rise < ROUGH;
-        (!is_known && rise < FAR_ABOVE * (1.0 + 0.01 * known.chi2)).then(|| self.minimise(&rough.at))
+        is_another(rough.chi2, known.chi2).then(|| self.minimise(&rough.at))
     }
 
     /// Places from which another minimum may be reached, those of least chi2 first.

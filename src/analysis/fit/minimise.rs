@@ -35,16 +35,15 @@ impl Problem<'_> {
         sketches.collect()
     }
 
-    /// A mission near the optimum, and its chi2: one short minimisation from the mission's own values, moments held, with
-    /// derivatives that follow from those at the start by Broyden's update (1965, Mathematics of Computation 19, 577). Those
-    /// of the first parameters may be known from a fit without the others.
+    /// A mission near the optimum, and its chi2: a short minimisation from the mission's own values, moments held. Derivatives
+    /// with respect to the first parameters may be known from a fit without the others.
     pub(crate) fn sketch(&self, known: &DMatrix<f64>) -> Result<(Mission, f64), InputError> {
         let here: Vec<f64> = self.parameters.iter().map(|parameter| parameter.start).collect();
         let solver = || LevenbergMarquardt::new().with_ftol(SKETCHED).with_xtol(SKETCHED);
-        let mut found = self.minimise_once(&here, solver(), Some(known));
+        let mut found = self.minimise_once(&here, solver(), known);
         // Derivatives that have followed far lead astray: once more with fresh ones, while that helps.
         for _ in 0..FRESH {
-            let again = self.minimise_once(&found.at, solver(), Some(&DMatrix::zeros(self.values.len(), 0)));
+            let again = self.minimise_once(&found.at, solver(), &self.nothing_known());
             let settled = again.chi2 > found.chi2 - HELPED.max(HELPED * 1e-3 * found.chi2);
             if again.chi2 < found.chi2 {
                 found = again;
@@ -56,20 +55,29 @@ impl Problem<'_> {
         Ok((self.mission(&found.at)?, found.chi2))
     }
 
+    /// The same, with no derivatives known.
+    pub(crate) fn sketch_afresh(&self) -> Result<(Mission, f64), InputError> {
+        self.sketch(&self.nothing_known())
+    }
+
     /// A point near the minimum that a start leads to, moments held.
     pub(super) fn roughly(&self, start: &[f64]) -> Optimum {
         let solver = LevenbergMarquardt::new().with_ftol(SKETCHED).with_xtol(SKETCHED);
-        self.minimise_once(start, solver, Some(&DMatrix::zeros(self.values.len(), 0)))
+        self.minimise_once(start, solver, &self.nothing_known())
     }
 
-    /// Minimises from a start with moments held where they are, again and again until that helps no more: where the model
-    /// has a kink (a packet that sinks into a notch) the solver stops early.
+    fn nothing_known(&self) -> DMatrix<f64> {
+        DMatrix::zeros(self.values.len(), 0)
+    }
+
+    /// Minimises from a start with moments held where they are, again and again with fresh derivatives until that helps no more:
+    /// where the model has a kink (a packet that sinks into a notch) the solver stops early.
     pub(super) fn minimise(&self, start: &[f64]) -> Optimum {
         // Residuals are good to the accuracy of the readout: no use in asking for more.
-        let solver = || LevenbergMarquardt::new().with_ftol(1e-8).with_xtol(1e-7);
-        let mut best = self.minimise_once(start, solver(), None);
+        let solver = || LevenbergMarquardt::new().with_ftol(1e-6).with_xtol(1e-6);
+        let mut best = self.roughly(start);
         for _ in 0..AGAIN {
-            let found = self.minimise_once(&best.at, solver(), None);
+            let found = self.minimise_once(&best.at, solver(), &self.nothing_known());
             let settled = found.chi2 > best.chi2 - 1e-3 - 1e-5 * best.chi2;
             if found.chi2 < best.chi2 {
                 best = found;
@@ -81,8 +89,9 @@ impl Problem<'_> {
         best
     }
 
-    /// One minimisation; with derivatives by Broyden's update where some `known` ones are given.
-    fn minimise_once(&self, start: &[f64], solver: LevenbergMarquardt<f64>, known: Option<&DMatrix<f64>>) -> Optimum {
+    /// One minimisation, with derivatives that follow by Broyden's update (1965, Mathematics of Computation 19, 577) from those at
+    /// the start, where those of the first parameters may be `known`.
+    fn minimise_once(&self, start: &[f64], solver: LevenbergMarquardt<f64>, known: &DMatrix<f64>) -> Optimum {
         let moving: Vec<usize> = (0..start.len()).filter(|&index| !self.parameters[index].is_event_epoch).collect();
         let state = |at: &[f64]| -> Optimum {
             let chi2 = self.residuals(at).map_or(f64::INFINITY, |residuals| chi2(&residuals));
@@ -91,8 +100,8 @@ impl Problem<'_> {
         if moving.is_empty() {
             return state(start);
         }
-        let secant = known.map(|known| Secant { known: known.clone(), last: RefCell::new(None) });
-        let mut run = Run { problem: self, moving, at: start.to_vec(), residuals: None, secant };
+        let (known, last) = (known.clone(), RefCell::new(None));
+        let mut run = Run { problem: self, moving, at: start.to_vec(), residuals: None, known, last };
         let inner = run.inner();
         run.set_params(&inner);
         if run.residuals.is_none() {
@@ -113,7 +122,10 @@ struct Run<'a> {
     moving: Vec<usize>,
     at: Vec<f64>,
     residuals: Option<Vec<f64>>,
-    secant: Option<Secant>,
+    /// Derivatives with respect to the first parameters at the start.
+    known: DMatrix<f64>,
+    /// The last point.
+    last: RefCell<Option<Point>>,
 }
 
 /// A point on the way, in inner coordinates.
@@ -121,14 +133,6 @@ struct Point {
     at: DVector<f64>,
     residuals: DVector<f64>,
     jacobian: DMatrix<f64>,
-}
-
-/// Derivatives that follow from those before.
-struct Secant {
-    /// Those of the first parameters at the start, with respect to the parameters themselves.
-    known: DMatrix<f64>,
-    /// The last point.
-    last: RefCell<Option<Point>>,
 }
 
 impl Run<'_> {
@@ -149,11 +153,10 @@ impl Run<'_> {
     /// Derivatives of the residuals of the data with respect to the inner coordinates.
     fn jacobian_of_data(&self) -> Option<DMatrix<f64>> {
         let residuals = DVector::from_vec(self.residuals.clone()?);
-        let Some(secant) = &self.secant else { return self.derivatives(&residuals, None) };
         let here = self.inner();
-        let mut last = secant.last.borrow_mut();
+        let mut last = self.last.borrow_mut();
         let jacobian = match last.take() {
-            None => self.derivatives(&residuals, Some(&secant.known))?,
+            None => self.derivatives(&residuals)?,
             Some(Point { at, residuals: before, mut jacobian }) => {
                 let step = &here - at;
                 let length = step.norm_squared();
@@ -169,14 +172,14 @@ impl Run<'_> {
     }
 
     /// Derivatives with respect to the inner coordinates, by a step forward where they are not known.
-    fn derivatives(&self, centre: &DVector<f64>, known: Option<&DMatrix<f64>>) -> Option<DMatrix<f64>> {
-        let (problem, at) = (self.problem, &self.at);
+    fn derivatives(&self, centre: &DVector<f64>) -> Option<DMatrix<f64>> {
+        let (problem, at, known) = (self.problem, &self.at, &self.known);
         let derivative = |&index: &usize| -> Option<DVector<f64>> {
             let parameter = &problem.parameters[index];
             let inner = parameter.inner(at[index]);
             let step = parameter.inner_step(inner);
             let moved = parameter.outer(inner + step);
-            if let Some(known) = known.filter(|known| index < known.ncols()) {
+            if index < known.ncols() {
                 return Some(known.column(index) * ((moved - at[index]) / step));
             }
             let mut at = at.clone();

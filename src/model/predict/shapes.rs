@@ -30,6 +30,10 @@ const BESIDE: f64 = 1e-14;
 /// some four times closer: the curve has small kinks, where packets begin to meet one another's levels.
 const FORETOLD: f64 = 2e-4;
 
+/// Share of that from which on the points after the new ones count, by and by up to all of it: a fit's derivatives would see a jump
+/// otherwise, where twice as many points begin to be asked for.
+const GOOD: f64 = 0.7;
+
 /// Changes of shape of those readings that are of galaxies: interpolated if they lie on a line with enough others. None for
 /// all else, and where no shape is left.
 ///
@@ -132,6 +136,7 @@ fn between(low: &Device, high: &Device, place: f64) -> Device {
 }
 
 /// A polynomial through values at Chebyshev's points.
+#[derive(Clone)]
 struct Curve {
     places: Vec<f64>,
     values: Vec<ShapeChange>,
@@ -150,34 +155,44 @@ impl Curve {
             |index: usize, intervals: usize| 0.5 - 0.5 * (std::f64::consts::PI * index as f64 / intervals as f64).cos();
         let places: Vec<f64> = (0..=FIRST).map(|index| point(index, FIRST)).collect();
         let Some(values) = at_all(&places)? else { return Ok(None) };
-        let mut curve = Curve { places, values };
+        let mut known = Curve { places, values };
+        let (mut curve, mut weight) = (known.clone(), 1.0);
         let mut intervals = FIRST;
         while 2 * intervals < most {
             intervals *= 2;
             // The new points lie between the old ones.
             let between: Vec<f64> = (1..intervals).step_by(2).map(|index| point(index, intervals)).collect();
-            let Some(changes) = at_all(&between)? else { return Ok(None) };
-            let new: Vec<(f64, ShapeChange)> = between.into_iter().zip(changes).collect();
-            let good = new.iter().all(|(place, value)| curve.foretells(*place, value));
-            let (mut places, mut values) = (Vec::new(), Vec::new());
-            for index in 0..=intervals {
-                let (place, value) = match index % 2 {
-                    0 => (curve.places[index / 2], curve.values[index / 2]),
-                    _ => new[index / 2],
-                };
-                places.push(place);
-                values.push(value);
-            }
-            curve = Curve { places, values };
-            if good {
+            let Some(values) = at_all(&between)? else { return Ok(None) };
+            let new: Vec<(f64, ShapeChange)> = between.into_iter().zip(values).collect();
+            let missed = new.iter().map(|(place, value)| known.missed(*place, value)).fold(0.0, f64::max);
+            let weighed = new.iter().map(|(place, value)| {
+                let foretold = curve.at(*place);
+                (*place, foretold.plus(&value.plus(&foretold, -1.0), weight))
+            });
+            curve = curve.with_between(weighed);
+            known = known.with_between(new.iter().copied());
+            weight *= ((missed / FORETOLD - GOOD) / (1.0 - GOOD)).clamp(0.0, 1.0);
+            if weight == 0.0 {
                 return Ok(Some(curve));
             }
         }
-        Ok(None)
+        // Good enough it was on the way, or never.
+        Ok((weight < 1.0).then_some(curve))
     }
 
-    /// Whether the polynomial is close to a value; that of twice as many points is then much closer.
-    fn foretells(&self, place: f64, value: &ShapeChange) -> bool {
+    /// The curve with a point between each two.
+    fn with_between(&self, mut new: impl Iterator<Item = (f64, ShapeChange)>) -> Curve {
+        let mut all = Vec::new();
+        for known in self.places.iter().copied().zip(self.values.iter().copied()) {
+            all.push(known);
+            all.extend(new.next());
+        }
+        let (places, values) = all.into_iter().unzip();
+        Curve { places, values }
+    }
+
+    /// How far the polynomial is from a value, in units of the largest change on the line.
+    fn missed(&self, place: f64, value: &ShapeChange) -> f64 {
         let found = self.at(place);
         let members: [fn(&ShapeChange) -> f64; 4] = [
             |change| change.delta_e1,
@@ -185,10 +200,12 @@ impl Curve {
             |change| change.delta_flux,
             |change| change.delta_size,
         ];
-        members.iter().all(|member| {
+        let missed = members.iter().map(|member| {
             let largest = self.values.iter().map(|value| member(value).abs()).fold(0.0, f64::max);
-            (member(&found) - member(value)).abs() <= FORETOLD * largest
-        })
+            let missed = (member(&found) - member(value)).abs();
+            if missed == 0.0 { 0.0 } else { missed / largest }
+        });
+        missed.fold(0.0, f64::max)
     }
 
     fn at(&self, place: f64) -> ShapeChange {
