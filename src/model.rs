@@ -25,6 +25,7 @@ use crate::mission::{Detector, Mission, ReadoutMethod, TrapsAtStart};
 use crate::physics::accuracy::Purpose;
 use crate::physics::conditions::Conditions;
 use crate::physics::shape::ShapeChange;
+use crate::physics::damage::Irradiation;
 use crate::physics::{Damage, DoseHistory, SpeciesState};
 use crate::readout::{Clock, Cloud, Method, interrupt};
 pub use device::{Beside, Device};
@@ -140,25 +141,37 @@ impl Model {
     /// # Errors
     /// As [`Model::dose_mev_g`].
     pub fn device(&self, given: &Conditions) -> Result<Device, InputError> {
+        let at = self.true_conditions(given)?;
+        let irradiation = self.irradiation(at.t_yr, at.dose_mev_g)?;
+        self.irradiated(at, &irradiation)
+    }
+
+    /// Conditions as effects make them, which are believed to be the given ones.
+    fn true_conditions(&self, given: &Conditions) -> Result<Conditions, InputError> {
         let mut at = given.clone();
         self.effects.apply(|effect| effect.conditions(&mut at))?;
-        let damaged = |detector: &Detector| {
-            let traps = self.damage.traps(detector, &self.history, &at);
-            traps.map_err(|error| self.effects.of_mission(error))
-        };
-        let mut traps = damaged(&self.detector)?;
-        let registers = self.effects.iter().filter_map(|effect| effect.serial()).map(|register| {
-            Ok(device::Register {
-                traps: damaged(&Detector { traps: register.traps, ..self.detector.clone() })?,
-                pixel_time_ms: register.pixel_time_ms,
-                transfers: register.transfers,
-            })
+        Ok(at)
+    }
+
+    /// What has come of the mission's dose, or of one given in a laboratory (MeV/g), up to a time (years since launch).
+    fn irradiation(&self, t_yr: f64, given_mev_g: Option<f64>) -> Result<Irradiation, InputError> {
+        let irradiation = self.damage.irradiation(&self.history, t_yr, given_mev_g);
+        irradiation.map_err(|error| self.effects.of_mission(error))
+    }
+
+    /// The detector under conditions as they really are, after their dose.
+    fn irradiated(&self, at: Conditions, irradiation: &Irradiation) -> Result<Device, InputError> {
+        let reference_dose_mev_g = self.history.reference_dose_mev_g;
+        let damaged =
+            |detector: &Detector| self.damage.traps(detector, reference_dose_mev_g, irradiation, at.temperature_k);
+        let mut traps = damaged(&self.detector);
+        let registers = self.effects.iter().filter_map(|effect| effect.serial()).map(|register| device::Register {
+            traps: damaged(&Detector { traps: register.traps, ..self.detector.clone() }),
+            pixel_time_ms: register.pixel_time_ms,
+            transfers: register.transfers,
         });
-        let registers = registers.collect::<Result<_, InputError>>()?;
-        if at.dose_mev_g.is_none() {
-            let dose_mev_g = self.history.dose_mev_g(at.t_yr);
-            at.dose_mev_g = Some(dose_mev_g.map_err(|error| self.effects.of_mission(error))?);
-        }
+        let registers = registers.collect();
+        let at = Conditions { dose_mev_g: Some(irradiation.dose_mev_g), ..at };
         let detector = &self.detector;
         let mut cloud = Cloud::new(detector.full_well_e, detector.notch_e, detector.well_fill_power)
             .with_volume_at_zero(detector.volume_at_zero);

@@ -104,9 +104,20 @@ pub fn changes(model: &Model, galaxy: usize, at: &[Conditions]) -> Result<Vec<Op
     observed.map(|(device, change)| change.map(|change| device.observed_change(change)).transpose()).collect()
 }
 
-/// The detector of each reading.
+/// The detector of each reading. Readings of one time and dose share what has come of it: an integral over all time before.
 fn devices(model: &Model, readings: &[Reading]) -> Result<Vec<Device>, InputError> {
-    parallel::try_map(readings, |reading| model.device(reading.at))
+    let at = parallel::try_map(readings, |reading| model.true_conditions(reading.at))?;
+    let mut ages: Vec<(f64, Option<f64>)> = Vec::new();
+    let mut known: HashMap<(u64, Option<u64>), usize> = HashMap::new();
+    let mut age_of = |at: &Conditions| {
+        *known.entry((at.t_yr.to_bits(), at.dose_mev_g.map(f64::to_bits))).or_insert_with(|| {
+            ages.push((at.t_yr, at.dose_mev_g));
+            ages.len() - 1
+        })
+    };
+    let age_of: Vec<usize> = at.iter().map(&mut age_of).collect();
+    let irradiations = parallel::try_map(ages, |(t_yr, given_mev_g)| model.irradiation(t_yr, given_mev_g))?;
+    parallel::try_map(at.into_iter().zip(age_of), |(at, age)| model.irradiated(at, &irradiations[age]))
 }
 
 /// What one readout gives.

@@ -15,7 +15,6 @@ use serde::Serialize;
 
 use crate::error::InputError;
 use crate::mission::{Detector, Species};
-use crate::physics::conditions::Conditions;
 use crate::physics::dose_history::DoseHistory;
 use crate::readout::{Phase, Trap};
 
@@ -94,44 +93,62 @@ impl Default for Damage {
     }
 }
 
+/// Dose and traps made by it at one time, over which all detectors and temperatures agree.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Irradiation {
+    /// Dose since launch, or that of a laboratory, MeV/g.
+    pub dose_mev_g: f64,
+    /// Dose that would have made, at once and now, as many traps as there are of those made since launch, MeV/g.
+    effective_dose_mev_g: f64,
+    /// Number of the traps that were there at launch, over that at launch.
+    kept: f64,
+}
+
 impl Damage {
-    /// Traps of a detector under given conditions.
+    /// What has come of the dose up to a time (years since launch): of a mission's own, or of one given in a laboratory (MeV/g).
     ///
     /// # Errors
     /// Where a law of the dose has no value.
+    pub(crate) fn irradiation(
+        &self,
+        history: &DoseHistory,
+        t_yr: f64,
+        given_mev_g: Option<f64>,
+    ) -> Result<Irradiation, InputError> {
+        let dose_mev_g = given_mev_g.map_or_else(|| history.dose_mev_g(t_yr), Ok)?;
+        let left_mev_g = match given_mev_g {
+            Some(given_mev_g) => given_mev_g * self.survives(0.0, t_yr),
+            None if self.losses.is_empty() => dose_mev_g,
+            None => {
+                let breaks: Vec<f64> = self.losses_yr().collect();
+                history.weighted_dose_mev_g(t_yr, &breaks, |made_yr| self.survives(made_yr, t_yr))?
+            }
+        };
+        let losses = self.losses.iter().filter(|loss| !loss.spares_launch);
+        let kept = losses.map(|loss| (loss.survives)(0.0, t_yr)).product();
+        Ok(Irradiation { dose_mev_g, effective_dose_mev_g: self.traps_per_dose * left_mev_g, kept })
+    }
+
+    /// Traps of a detector at a temperature (K), densities per dose being quoted at another dose (MeV/g).
     pub(crate) fn traps(
         &self,
         detector: &Detector,
-        history: &DoseHistory,
-        at: &Conditions,
-    ) -> Result<Vec<SpeciesState>, InputError> {
-        let dose_mev_g = self.traps_per_dose * self.effective_dose_mev_g(history, at)?;
-        let losses = self.losses.iter().filter(|loss| !loss.spares_launch);
-        let kept: f64 = losses.map(|loss| (loss.survives)(0.0, at.t_yr)).product();
-        let mut traps = after(detector, history.reference_dose_mev_g, dose_mev_g, at.temperature_k);
+        reference_dose_mev_g: f64,
+        irradiation: &Irradiation,
+        temperature_k: f64,
+    ) -> Vec<SpeciesState> {
+        let mut traps = after(detector, reference_dose_mev_g, irradiation.effective_dose_mev_g, temperature_k);
         for species in &mut traps {
             for (_, at_launch) in self.at_launch_per_px.iter().filter(|(name, _)| *name == species.name) {
-                species.density_per_px += at_launch * kept;
+                species.density_per_px += at_launch * irradiation.kept;
             }
         }
-        Ok(traps)
+        traps
     }
 
     /// Times (years since launch) at which traps disappear at once.
     pub(crate) fn losses_yr(&self) -> impl Iterator<Item = f64> {
         self.losses.iter().filter_map(|loss| loss.on_yr)
-    }
-
-    /// Dose (MeV/g) that would have made, at once and now, as many traps as are left of those made since launch.
-    fn effective_dose_mev_g(&self, history: &DoseHistory, at: &Conditions) -> Result<f64, InputError> {
-        match at.dose_mev_g {
-            Some(dose_mev_g) => Ok(dose_mev_g * self.survives(0.0, at.t_yr)),
-            None if self.losses.is_empty() => history.dose_mev_g(at.t_yr),
-            None => {
-                let breaks: Vec<f64> = self.losses_yr().collect();
-                history.weighted_dose_mev_g(at.t_yr, &breaks, |made_yr| self.survives(made_yr, at.t_yr))
-            }
-        }
     }
 
     fn survives(&self, made_yr: f64, now_yr: f64) -> f64 {

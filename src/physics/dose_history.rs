@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use gauss_quad::GaussLegendre;
 
@@ -415,11 +415,10 @@ impl DoseHistory {
         let mut ends = self.changes_yr(until_yr);
         ends.retain(|at| *at > from_yr);
         ends.push(until_yr);
-        let rule = GaussLegendre::new(NODES);
         let longest_yr = self.modulations.iter().fold(LONGEST_STEP_YR, |step, wave| step.min(0.25 * wave.period_yr));
         let piece = |start: f64, stop: f64| -> Result<f64, InputError> {
             let (middle, half) = (0.5 * (start + stop), 0.5 * (stop - start));
-            rule.iter().try_fold(0.0, |sum, (node, share)| {
+            RULE.iter().try_fold(0.0, |sum, (node, share)| {
                 let at = middle + half * node;
                 Ok(sum + half * share * weight(at) * self.rate_mev_g_yr(at)?)
             })
@@ -482,8 +481,9 @@ const LONGEST_STEP_YR: f64 = 0.5;
 /// Times at which the curve of a modulated dose rate is looked at, at most.
 const MOST_TURNS: f64 = 240.0;
 
-/// Nodes of a step.
-const NODES: std::num::NonZeroUsize = std::num::NonZeroUsize::new(12).expect("above 0");
+/// Nodes and weights of a step.
+static RULE: LazyLock<GaussLegendre> =
+    LazyLock::new(|| GaussLegendre::new(std::num::NonZeroUsize::new(12).expect("above 0")));
 
 /// Pieces into which the time between two breaks is cut where only the dose itself is known.
 const PIECES: usize = 2000;
