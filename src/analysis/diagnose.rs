@@ -156,13 +156,17 @@ impl Task<'_> {
                 Some(reason) => Found::of(Verdict::Unfit, reason, vec![told.base.clone()]),
                 None => told.hunt()?,
             };
+            let more_rounds = round + 1 < ROUNDS;
             let better = match &found.wrong[..] {
-                [] if found.verdict == Verdict::Unfit => None,
+                [] if found.verdict == Verdict::Unfit => {
+                    let larger = noise::with_larger(told.case(), noise, &found);
+                    larger.filter(|_| more_rounds)
+                }
                 [] => {
                     let last = found.ladder.last().expect("the base");
                     again(found.nearest.as_ref().unwrap_or(last), found.verdict != Verdict::Unexplained)
                 }
-                wrong => (round + 1 < ROUNDS).then(|| noise::with_wrong(self.quoted, noise, wrong)),
+                wrong => more_rounds.then(|| noise::with_wrong(self.quoted, noise, wrong)),
             };
             if let Some(better) = better {
                 return Ok(Attempt::Again(better));

@@ -45,5 +45,5 @@ pub fn fit(
 ) -> Result<Fit, InputError> {
     let model = Model::new(mission);
     let fit = fit_rows(&model, data, keys, options, progress, |_| true)?;
-    Ok(Fit { parameters: profile_errors::widened(&model.like(&fit.mission), data, &fit)?, ..fit })
+    Ok(Fit { parameters: profile_errors::widened(&model.like(&fit.mission), data, &fit, progress)?, ..fit })
 }

@@ -349,6 +349,23 @@ fn errors_that_are_wrong_are_told_and_make_no_effects() {
     assert!(said(&found).contains("times the quoted sigma"));
 }
 
+/// Few rows, of which effects could make anything: errors too small show in what the right model leaves alone.
+#[test]
+fn errors_of_a_few_rows_are_told_from_what_the_right_model_leaves() {
+    let folder = corpus("strong-thermometer-cold");
+    let (mission, mut data) = read(&folder, "");
+    data[0].rows.iter_mut().for_each(|row| row.sigma /= 1.4);
+    let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
+    assert_eq!(
+        (found.verdict, effects(&found)),
+        (Verdict::Missing, vec!["temperature-offset".into()]),
+        "{}",
+        found.reason
+    );
+    // 45 degrees of freedom: 11 %.
+    assert!((1.1..1.9).contains(&found.noise[0].scale), "{:?}", found.noise);
+}
+
 #[test]
 #[ignore = "slow: .ci/run runs it"]
 fn a_hypothesis_of_the_users_competes_on_equal_terms() {

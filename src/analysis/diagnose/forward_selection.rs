@@ -54,10 +54,7 @@ impl Evidence<'_> {
         match found {
             Some(found) => Ok(found),
             None if by_chance || self.mere_noise(self.base)?.is_some() => Ok(self.complete(self.not_borne_out(&tried))),
-            None => {
-                let nearest = tried.iter().min_by(|a, b| self.score(a).total_cmp(&self.score(b))).cloned();
-                Ok(Found { nearest, ..self.unexplained(&tried)? })
-            }
+            None => self.unexplained(&tried),
         }
     }
 

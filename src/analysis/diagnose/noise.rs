@@ -12,7 +12,9 @@ mod wrong_rows;
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
+use super::evidence::Found;
 use super::fitted_model::{Case, Node};
+use super::result::Reason;
 use super::search::Expansion;
 use crate::analysis::measurement::DataSet;
 use crate::analysis::validate::along_neighbours;
@@ -58,6 +60,8 @@ pub struct SetNoise {
     pub pedestal_sigma: Option<f64>,
     /// Degrees of freedom that a scale other than 1 was estimated from.
     freedom: Option<f64>,
+    /// Whether the scale is known from a model that leaves nothing but noise, more of it than the errors say.
+    by_model: bool,
 }
 
 /// A row that is wrong.
@@ -90,6 +94,7 @@ impl SetNoise {
             pedestal: None,
             pedestal_sigma: None,
             freedom: None,
+            by_model: false,
         }
     }
 
@@ -218,13 +223,18 @@ fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known:
     let too_large = if known.scale < 1.0 { STILL } else { TOO_LARGE };
     let believed = law.sf(squares) > too_small && (has_floor || law.cdf(squares) > too_large);
     let scale = if believed { 1.0 } else { found.scale.min(roughness(set, residuals, &found)) };
+    let (scale, freedom) = match known.by_model {
+        true => (scale.max(known.scale), known.freedom),
+        false => (scale, (!believed).then_some(found.freedom)),
+    };
     SetNoise {
         scale,
+        by_model: known.by_model,
         correlation: found.correlation,
         neighbours: found.neighbours,
         // In errors as they are.
         wrong: wrong.into_iter().map(|wrong| wrong.over(if wrong.by_model { 1.0 } else { scale })).collect(),
-        freedom: (!believed).then_some(found.freedom),
+        freedom,
         ..SetNoise::as_quoted(set)
     }
 }
@@ -258,6 +268,19 @@ pub(super) fn with_wrong(quoted: &[DataSet], noise: &[SetNoise], wrong: &[(usize
         all[set].wrong.sort_by_key(|wrong| wrong.row);
     }
     all
+}
+
+/// The same with larger errors of the file in which a model leaves more noise than they say, and nothing else; None where a search found
+/// no such model, and where that was done before or is more than can be allowed for.
+pub(super) fn with_larger(case: &Case, noise: &[SetNoise], found: &Found) -> Option<Vec<SetNoise>> {
+    let (Reason::SmallErrors { file, factor }, Some(node)) = (&found.reason, &found.nearest) else { return None };
+    let index = noise.iter().position(|noise| noise.file == *file && !noise.by_model)?;
+    let freedom = case.rows(index).len() as f64 * node.freedom() / case.n() as f64;
+    let larger =
+        SetNoise { scale: noise[index].scale * factor, freedom: Some(freedom), by_model: true, ..noise[index].clone() };
+    let mut all = noise.to_vec();
+    all[index] = larger;
+    (!all[index].is_beyond()).then_some(all)
 }
 
 /// The same with the pedestals at a fitted model.

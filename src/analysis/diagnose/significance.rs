@@ -31,8 +31,12 @@ pub(super) struct Noise {
     freedom: Vec<Option<f64>>,
 }
 
-/// Errors by which a scale or a correlation must differ to be clear.
+/// Errors by which a correlation must differ from 0 to be clear.
 const CLEAR: f64 = 3.5;
+
+/// Errors by which what is left of a file must be beyond its errors for them to be taken as too small. An effect is claimed against them:
+/// to take them as too small in one of forty files where they are right costs little.
+const BEYOND: f64 = 2.0;
 
 impl Noise {
     /// As the errors say, those that were estimated being as uncertain as they are.
@@ -46,16 +50,21 @@ impl Noise {
         self.freedom.iter().all(Option::is_none)
     }
 
-    /// The noise that is left at a fitted model: more than the errors say, where it clearly is.
+    /// The noise that is left at a fitted model: more than the errors say, where it is likely to be, and then as uncertain as what it
+    /// is estimated from.
     pub(super) fn left_at(case: &Case, node: &Node) -> Noise {
+        let mut noise = Noise::of(case);
         let taken = node.freedom() / case.n() as f64;
-        let scale = (0..case.data.len()).map(|set| {
+        for set in 0..case.data.len() {
             let rows = case.rows(set);
             let freedom = (rows.len() as f64 * taken).max(1.0);
             let chi2: f64 = rows.map(|row| node.residuals[row].powi(2)).sum();
-            if chi2 > freedom + CLEAR * (2.0 * freedom).sqrt() { (chi2 / freedom).sqrt() } else { 1.0 }
-        });
-        Noise { scale: scale.collect(), ..Noise::of(case) }
+            if chi2 > freedom + BEYOND * (2.0 * freedom).sqrt() {
+                noise.scale[set] = (chi2 / freedom).sqrt();
+                noise.freedom[set] = Some(noise.freedom[set].map_or(freedom, |known| known.min(freedom)));
+            }
+        }
+        noise
     }
 
     fn sample(&self, case: &Case, random: &mut ChaCha8Rng) -> DVector<f64> {

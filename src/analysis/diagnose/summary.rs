@@ -41,7 +41,8 @@ impl Evidence<'_> {
                 }
             })
             .collect();
-        let values = fit::profile_errors::widened(&node.model, self.case().data, &node.fit)?;
+        let values =
+            fit::profile_errors::widened(&node.model, self.case().data, &node.fit, &|_| self.case().work.count())?;
         rungs.last_mut().expect("the base").parameters = values.clone();
         let mut steps = Vec::new();
         let mut told: Vec<usize> = Vec::new();

@@ -18,14 +18,14 @@ impl Evidence<'_> {
     /// No combination explains the data: what helps most, if it helps much, and what residuals trend on; or errors that are
     /// too small, where they trend on nothing and are not off in the mean.
     pub(super) fn unexplained(&self, tried: &[Arc<Node>]) -> Result<Found, InputError> {
-        let validation = validate(self.base.mission(), self.case().data, self.options.seed)?;
-        let trends = validation.trends.iter().any(|trend| trend.false_alarm < LEAN * self.options.level);
-        let off = validation.sets.iter().any(|set| set.bias_alarm(validation.sets.len()) < LEAN * self.options.level);
-        let white = !trends && !off && correlation(self.case(), &self.base.residuals) == 0.0;
-        if white {
-            let best = tried.iter().min_by(|a, b| a.chi2().total_cmp(&b.chi2())).unwrap_or(self.base);
-            let reason = data_quality::sigma_too_small(self.case(), best);
-            return Ok(Found::of(Verdict::Unfit, reason, vec![self.base.clone()]));
+        let by_score = |a: &&Arc<Node>, b: &&Arc<Node>| self.score(a).total_cmp(&self.score(b));
+        if self.is_white(self.base)? {
+            // With one effect at most: a few more make what they like of errors that are too small.
+            let simple = tried.iter().filter(|node| node.added.len() <= 1).min_by(by_score);
+            let nearest = simple.map(|node| Ok(self.is_white(node)?.then(|| node.clone()))).transpose()?.flatten();
+            let best = tried.iter().min_by(|a, b| a.chi2().total_cmp(&b.chi2()));
+            let reason = data_quality::sigma_too_small(self.case(), nearest.as_ref().or(best).unwrap_or(self.base));
+            return Ok(Found { nearest, ..Found::of(Verdict::Unfit, reason, vec![self.base.clone()]) });
         }
         let mut ladder = vec![self.base.clone()];
         loop {
@@ -43,7 +43,16 @@ impl Evidence<'_> {
             }
             ladder.push(next.clone());
         }
-        let undone = self.work().undone();
-        Ok(Found::of(Verdict::Unexplained, Reason::Unexplained { undone }, ladder))
+        let (undone, nearest) = (self.work().undone(), tried.iter().min_by(by_score).cloned());
+        Ok(Found { nearest, ..Found::of(Verdict::Unexplained, Reason::Unexplained { undone }, ladder) })
+    }
+
+    /// Whether what a model leaves trends on nothing, is not off in the mean and not correlated.
+    fn is_white(&self, node: &Node) -> Result<bool, InputError> {
+        let validation = validate(node.mission(), self.case().data, self.options.seed)?;
+        let level = LEAN * self.options.level;
+        let trends = validation.trends.iter().any(|trend| trend.false_alarm < level);
+        let off = validation.sets.iter().any(|set| set.bias_alarm(validation.sets.len()) < level);
+        Ok(!trends && !off && correlation(self.case(), &node.residuals) == 0.0)
     }
 }

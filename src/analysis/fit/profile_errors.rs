@@ -29,9 +29,14 @@ const FARTHEST: f64 = 30.0;
 ///
 /// # Errors
 /// As [`super::fit`].
-pub(crate) fn widened(model: &Model, data: &[DataSet], fit: &Fit) -> Result<Vec<Fitted>, InputError> {
+pub(crate) fn widened(
+    model: &Model,
+    data: &[DataSet],
+    fit: &Fit,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Vec<Fitted>, InputError> {
     let keys: Vec<String> = fit.parameters.iter().map(|fitted| fitted.key.clone()).collect();
-    let problem = Problem::new(model, data, &keys, &|_| (), |_| true)?;
+    let problem = Problem::new(model, data, &keys, progress, |_| true)?;
     let widen = |(index, fitted): (usize, &Fitted)| {
         let sides = |sigma: f64| [1.0, -1.0].map(|sign| side(&problem, fit, index, sign * sigma));
         let moment = problem.parameters[index].is_event_epoch;
