@@ -21,7 +21,7 @@ pub mod survey;
 use std::sync::{Arc, OnceLock};
 
 use crate::error::InputError;
-use crate::mission::{Detector, Mission, ReadoutMethod, TrapsAtStart};
+use crate::mission::{Accuracy, Detector, Mission, ReadoutMethod, TrapsAtStart};
 use crate::physics::accuracy::Purpose;
 use crate::physics::conditions::Conditions;
 use crate::physics::damage::Irradiation;
@@ -70,7 +70,8 @@ impl Model {
     /// Prepares a mission that is like this one in much: images of galaxies that are the same are not drawn again.
     pub fn like(&self, mission: &Mission) -> Model {
         let model = Model::new(mission);
-        if self.shares_scenes(mission) { Model { scenes: Arc::clone(&self.scenes), ..model } } else { model }
+        let shares = self.shares_scenes(mission) && self.positions() == model.positions();
+        if shares { Model { scenes: Arc::clone(&self.scenes), ..model } } else { model }
     }
 
     /// Whether the images of a mission's galaxies are those of this one.
@@ -80,6 +81,15 @@ impl Model {
             && known.psf == mission.psf
             && known.sky == mission.sky
             && known.accuracy == mission.accuracy
+    }
+
+    /// Sub-pixel positions in x and in y at which galaxies are read out. Columns that differ, or know of one another, ask for as many
+    /// in x as in y.
+    pub(crate) fn positions(&self) -> [u32; 2] {
+        let Accuracy { subpixel_grid, readout, .. } = self.mission.accuracy;
+        let serial = self.effects.iter().any(|effect| effect.serial().is_some());
+        let differ = serial || readout == ReadoutMethod::MonteCarlo;
+        [if differ { subpixel_grid } else { scene::positions_across(subpixel_grid) }, subpixel_grid]
     }
 
     /// When dose comes: active years, steps, where the rate comes from, and what is doubtful about it.
@@ -224,17 +234,17 @@ impl Model {
         device: &Device,
         realisations: Realisations,
     ) -> Result<Option<NoiseTerm>, InputError> {
-        let mut mission = self.mission.clone();
-        mission.accuracy.subpixel_grid = mission.accuracy.subpixel_grid.min(noise::GRID);
+        let mission = &self.mission;
         let galaxy = &mission.galaxies[galaxy];
-        let scene = Scene::of(&mission, galaxy);
+        let scene = Scene::of(mission, galaxy, self.positions().map(|positions| positions.min(noise::GRID)));
         let read_noise_e = mission.read_noise_e(galaxy);
         scene.map_or(Ok(None), |scene| scene.noise_term(device, read_noise_e, realisations))
     }
 
     /// A galaxy's image, ready to be trailed, by its place in the mission. None where it has no measurable shape.
     pub fn scene(&self, galaxy: usize) -> Option<&Scene> {
-        self.scenes[galaxy].get_or_init(|| Scene::of(&self.mission, &self.mission.galaxies[galaxy])).as_ref()
+        let drawn = || Scene::of(&self.mission, &self.mission.galaxies[galaxy], self.positions());
+        self.scenes[galaxy].get_or_init(drawn).as_ref()
     }
 
     /// Place of the judged galaxy in the mission.

@@ -503,7 +503,13 @@ pub const KEYS: &[Key] = &[
     key("accuracy.relative", "relative accuracy of the readout", "", Number(1e-12, 0.1), Default("1e-6")),
     key("accuracy.levels", "number of heights of the fractional traps", "", Integer(10, 1_000_000), Default("10000")),
     key("accuracy.seed", "seed of all random numbers", "", Integer(0, i64::MAX), Default("1")),
-    key("accuracy.subpixel_grid", "sub-pixel positions in x and in y", "", Integer(1, 64), Default("4")),
+    key(
+        "accuracy.subpixel_grid",
+        "sub-pixel positions in y; as many in x if columns are not alike and independent, two (four above 8) otherwise",
+        "",
+        Integer(1, 64),
+        Default("4"),
+    ),
     key(
         "accuracy.noise_realisations",
         "noise realisations of the judged galaxy, and half of them of others; 0 for no noise",

@@ -187,3 +187,22 @@ fn a_gaussian_loses_its_leading_side_to_traps_that_never_release() {
         assert!((change.delta_size / change.delta_e1 + 0.5).abs() < 0.02, "{sigma_px} px: {change:?}");
     }
 }
+
+/// Two positions in x are as good as twelve, and as good as anything beside the few in y, for narrow PSFs too.
+#[test]
+fn few_positions_across_are_as_good_as_many() {
+    let device = device(vec![species(0.05, 0.5), species(0.05, 30.0)], Cloud::new(161_000.0, 0.0, 0.5), 120.0, 1650);
+    for (fwhm_px, allowed) in [(0.7, 1e-4), (1.0, 2e-5), (2.9, 2e-5)] {
+        for (sersic_index, half_light_px) in [(1.0, 0.5), (4.0, 0.5), (4.0, 3.0)] {
+            let profile = Profile::new(sersic_index, half_light_px, 0.2, fwhm_px, 3.5);
+            let at = |in_x: u32| {
+                let scene = Scene::new(&profile, 3000.0, 120.0, 4.0, [in_x, 4]).unwrap();
+                scene.change_by(&device).unwrap().unwrap()
+            };
+            let (few, many) = (at(super::scene::positions_across(4)), at(12));
+            let off = few.delta_e1 / many.delta_e1 - 1.0;
+            println!("{fwhm_px} px, n = {sersic_index}, {half_light_px} px: {off:+.1e}");
+            assert!(off.abs() < allowed, "{fwhm_px} px, n = {sersic_index}: {off:e}");
+        }
+    }
+}

@@ -179,7 +179,7 @@ impl Survey<'_> {
     }
 
     fn scene(&self, object: &LensedGalaxy, flux_e: f64) -> Option<Scene> {
-        Scene::lensed(object, flux_e, self.galaxy.weight_px, &self.model.mission)
+        Scene::lensed(object, flux_e, self.galaxy.weight_px, &self.model.mission, self.model.positions())
     }
 
     fn measured(&self, object: &LensedGalaxy, flux_e: f64, devices: &[Device]) -> Result<Option<Measured>, InputError> {

@@ -56,7 +56,8 @@ impl Model {
         galaxy: &SurveyGalaxy,
         devices: &[Device],
     ) -> Result<Option<Vec<ShapeChange>>, InputError> {
-        let scene = Scene::lensed(&galaxy.unsheared(), galaxy.flux_e, galaxy.weight_px, &self.mission);
+        let positions = self.positions();
+        let scene = Scene::lensed(&galaxy.unsheared(), galaxy.flux_e, galaxy.weight_px, &self.mission, positions);
         let Some(scene) = scene else { return Ok(None) };
         let change = |device: &Device| -> Result<Option<ShapeChange>, InputError> {
             scene.change_by(device)?.map(|change| device.observed_change(change)).transpose()

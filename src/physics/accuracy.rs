@@ -73,5 +73,18 @@ pub const SHOWS_IN_SHAPES: f64 = 1e-3;
 pub const FINEST: (f64, u32) = (1e-8, 12);
 
 /// Accuracies and grids that a diagnosis may choose, the cheapest first.
-pub const LADDER: [(f64, u32); 10] =
-    [(1e-1, 2), (3e-2, 2), (1e-2, 2), (1e-3, 2), (1e-4, 2), (1e-4, 3), (1e-5, 4), (1e-5, 6), (1e-6, 8), (1e-7, 12)];
+pub const LADDER: [(f64, u32); 13] = [
+    (1e-1, 2),
+    (3e-2, 2),
+    (1e-2, 2),
+    (1e-3, 2),
+    (1e-4, 2),
+    (1e-4, 3),
+    (1e-4, 4),
+    (1e-5, 4),
+    (1e-4, 6),
+    (1e-5, 6),
+    (1e-5, 8),
+    (1e-6, 8),
+    (1e-7, 12),
+];
