@@ -17,6 +17,10 @@
 //! ```
 //!
 //! A solar event in between comes unforeseen: the Sun is drawn as for the date as a distribution.
+//!
+//! Intervals that are given are looked at one by one; the longest that keeps all limits is solved for (`calibration/longest.rs`).
+
+mod longest;
 
 use serde::Serialize;
 
@@ -32,11 +36,13 @@ use crate::plan::judgement::Limited;
 use crate::plan::population::PopulationBias;
 use crate::warning::Warning;
 
+pub use longest::{Longest, Outcome, TOLERANCE};
+
 /// Months of a year.
 const MONTHS: f64 = 12.0;
 
 /// Shortest interval between calibrations, months.
-const LEAST_MONTHS: f64 = 0.1;
+pub const LEAST_MONTHS: f64 = 0.1;
 
 /// Relative change of a parameter by which a derivative is found: both ways, so that what bends is left out.
 const STEP: f64 = 0.05;
@@ -78,6 +84,9 @@ pub enum Continued {
     Linear,
 }
 
+/// All ways.
+const WAYS: [Continued; 2] = [Continued::Constant, Continued::Linear];
+
 /// What the study finds.
 #[derive(Clone, Debug)]
 pub struct Results {
@@ -89,6 +98,8 @@ pub struct Results {
     pub known: Vec<Known>,
     /// Each interval, continued in each way.
     pub intervals: Vec<Interval>,
+    /// The longest interval that keeps all limits, densities continued in each way.
+    pub longest: Vec<Longest>,
     /// The probability that was asked for.
     pub probability: f64,
     /// Why the Sun is not drawn; None where it is.
@@ -161,11 +172,15 @@ impl Study for Calibration {
         let courses = Courses::of(mission, self.samples)?;
         let mut intervals = Vec::new();
         for interval_months in &self.intervals_months {
-            for continued in [Continued::Constant, Continued::Linear] {
+            for continued in WAYS {
                 advance();
                 intervals.push(self.interval(&sensitivities, &courses, *interval_months, continued));
             }
         }
+        let longest = WAYS.map(|continued| {
+            advance();
+            self.longest(&sensitivities, &courses, continued)
+        });
         let requirement = &mission.requirement;
         let limited = Limited::by(mission);
         let limit = |limited: &Limited| match limited {
@@ -178,6 +193,7 @@ impl Study for Calibration {
             limited,
             known: known(&model, &sensitivities),
             intervals,
+            longest: longest.to_vec(),
             probability: self.probability,
             sun_not_drawn: courses.sun_not_drawn,
             warnings: warnings(mission),
@@ -308,10 +324,7 @@ impl Calibration {
         interval_months: f64,
         continued: Continued,
     ) -> Interval {
-        let interval_yr = interval_months / MONTHS;
-        let worst: Vec<Worst> = parallel::map(&courses.of_draws, |course| {
-            self.worst(sensitivities, course, courses.end_yr, interval_yr, continued)
-        });
+        let worst = self.over_draws(sensitivities, courses, interval_months, continued);
         let quantile_of = |of: fn(&Worst) -> f64| {
             let mut values: Vec<f64> = worst.iter().map(of).collect();
             values.sort_by(f64::total_cmp);
@@ -330,6 +343,19 @@ impl Calibration {
             met_percent: 100.0 * met,
             met_error_percent: 100.0 * share_error(met, worst.len() as f64),
         }
+    }
+
+    /// What calibrations at an interval leave of each draw of the Sun.
+    fn over_draws(
+        &self,
+        sensitivities: &[Sensitivity],
+        courses: &Courses,
+        interval_months: f64,
+        continued: Continued,
+    ) -> Vec<Worst> {
+        parallel::map(&courses.of_draws, |course| {
+            self.worst(sensitivities, course, courses.end_yr, interval_months / MONTHS, continued)
+        })
     }
 
     /// What calibrations leave of a draw: looked at just before each of them and at times in between.

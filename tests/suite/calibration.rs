@@ -3,7 +3,7 @@
 use ctiplan::mission::{Mission, Orbit};
 use ctiplan::plan::evaluate::evaluate;
 use ctiplan::study::Study;
-use ctiplan::study::calibration::{Calibration, Continued, Results};
+use ctiplan::study::calibration::{Calibration, Continued, Outcome, Results, TOLERANCE};
 
 /// SNAP with its first species alone, quickly evaluated.
 fn one_species() -> Mission {
@@ -82,4 +82,47 @@ fn intervals_that_make_no_sense_are_refused() {
         let message = asked.study(&one_species(), &|| {}).unwrap_err().to_string();
         assert!(message.contains("allowed: 0.1 to 60"), "{message}");
     }
+}
+
+/// Even growth that is not continued is missed in proportion to the interval: the limit is reached where the share of the mission is
+/// the error with which the density must be known.
+#[test]
+fn the_longest_interval_is_solved_for_or_said_to_be_any_or_none() {
+    let asked =
+        Calibration { intervals_months: vec![6.0], density_error: 0.0, release_error: 0.0, ..Calibration::default() };
+    let with = |delta_e: f64| {
+        let found = ask(&asked, &even().with(&[("requirement.delta_e".into(), delta_e.into())]).unwrap());
+        (found.longest[0].clone(), found.known[0].needed_percent.unwrap())
+    };
+    let (solved, needed_percent) = with(1e-4);
+    assert_eq!((solved.continued, solved.outcome), (Continued::Constant, Outcome::Solved));
+    let expected = 60.0 * needed_percent / 100.0;
+    let months = solved.interval_months.unwrap();
+    assert!((months / expected - 1.0).abs() < 2.0 * TOLERANCE, "{months} {expected}");
+    // Nothing is drawn.
+    assert_eq!(solved.error_months, None);
+    let (any, _) = with(1e-1);
+    assert_eq!((any.outcome, any.interval_months.map(f64::round)), (Outcome::AlwaysMet, Some(60.0)));
+    let (none, _) = with(1e-8);
+    assert_eq!((none.outcome, none.interval_months), (Outcome::NotReachable, None));
+    assert!(none.used_at_shortest_percent > 100.0);
+}
+
+/// Under a Sun that is drawn: kept just before, exceeded just after, as the table of intervals says.
+#[test]
+fn the_longest_interval_parts_those_that_keep_the_limits_from_those_that_do_not() {
+    let asked = Calibration { samples: 100, probability: 0.8, intervals_months: vec![6.0], ..Calibration::default() };
+    let used = ask(&asked, &one_species()).intervals[0].used_percent;
+    // A limit that calibrations every half year just use up.
+    let limit = 0.01 * used * one_species().requirement.delta_e;
+    let mission = one_species().with(&[("requirement.delta_e".into(), limit.into())]).unwrap();
+    let longest = &ask(&asked, &mission).longest[0];
+    let months = longest.interval_months.unwrap_or_else(|| panic!("{longest:?}"));
+    assert_eq!(longest.outcome, Outcome::Solved, "{longest:?}");
+    assert!(months <= 6.0 * (1.0 + TOLERANCE), "{longest:?}");
+    let around = Calibration { intervals_months: vec![months / 1.01, months * 1.01], ..asked };
+    let around = ask(&around, &mission);
+    let used: Vec<f64> =
+        around.intervals.iter().filter(|one| one.continued == longest.continued).map(|one| one.used_percent).collect();
+    assert!(used[0] <= 100.0 && used[1] >= 100.0, "{used:?} {longest:?}");
 }
