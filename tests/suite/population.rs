@@ -4,7 +4,11 @@ use std::fs;
 
 use ctiplan::evaluate;
 use ctiplan::mission::Mission;
+use ctiplan::plan::judgement::Limited;
 use ctiplan::plan::population::{PopulationBias, ShearBias};
+use ctiplan::study::Study;
+use ctiplan::study::calibration::Calibration;
+use ctiplan::study::correction::{Cause, Correction};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -203,4 +207,66 @@ fn what_a_table_cannot_be_is_refused_with_its_line() {
     ] {
         assert!(message.contains(part), "{message}");
     }
+}
+
+/// Densities and release times are off; the rest is known.
+fn correction(density_error: f64, release_error: f64) -> Correction {
+    Correction {
+        density_error,
+        release_error,
+        well_fill_error: 0.0,
+        draws: 2,
+        realisations: 0,
+        ..Correction::default()
+    }
+}
+
+/// To first order a correction leaves of a population's c what its iterations leave of the galaxy.
+#[test]
+fn a_correction_leaves_of_a_population_of_one_galaxy_what_it_leaves_of_that_galaxy() {
+    let mission = mission(Some("weight\n3.0\n"), "", "c = 1e-4");
+    let found = correction(0.02, 0.02).study(&mission, &|| {}).unwrap();
+    let (galaxy, population) = (found.remainder.unwrap(), found.population.unwrap());
+    let squares: f64 = galaxy
+        .causes
+        .iter()
+        .filter(|left| matches!(left.cause, Cause::Parameter(_)))
+        .map(|left| left.delta_e.unwrap().powi(2))
+        .sum();
+    let share = squares.sqrt() / galaxy.uncorrected_delta_e;
+    let c1 = &population.biases[0];
+    assert_eq!((c1.bias.as_str(), c1.uncorrected_error, c1.factor_error), ("c1", None, None));
+    // Shears of 0.01, and a step of 5 % for one of 2 %.
+    assert!((c1.left / c1.uncorrected.abs() / share - 1.0).abs() < 0.03, "{c1:?} {share}");
+    assert!((c1.factor.unwrap() * c1.left_percent.unwrap() - 100.0).abs() < 1e-9);
+    assert!((c1.used_percent.unwrap() - 1e6 * c1.left).abs() < 1e-9);
+}
+
+/// What the population asks of the correction is what calibrations must reach; and where galaxies differ, a bias and what is left of it
+/// have errors that go together.
+#[test]
+fn what_a_population_asks_of_a_correction_is_what_calibrations_must_reach() {
+    let mission = mission(None, &format!("{LAW}galaxies = 8"), "c = 1.1e-4\nm = 1e-3");
+    let found = correction(0.05, 0.0).study(&mission, &|| {}).unwrap().population.unwrap();
+    let asked = Calibration { samples: 50, ..Calibration::default() };
+    let known = asked.study(&mission, &|| {}).unwrap().known;
+    assert_eq!(found.tolerances.len(), known.len());
+    for (tolerance, known) in found.tolerances.iter().zip(&known) {
+        let needed = match known.by {
+            Some(Limited::C) => tolerance.needed_c_percent,
+            Some(Limited::M) => tolerance.needed_m_percent,
+            _ => continue,
+        };
+        assert_eq!((&tolerance.parameter, needed), (&known.parameter, known.needed_percent));
+    }
+    let density = &found.tolerances[0];
+    assert!((density.error_percent.unwrap() - 5.0).abs() < 1e-9 && found.tolerances[4].error_percent.is_none());
+    for bias in [&found.biases[0], &found.biases[2]] {
+        let relative = bias.uncorrected_error.unwrap() / bias.uncorrected.abs();
+        let left = bias.left_error_percent.unwrap() / bias.left_percent.unwrap();
+        assert!(left > 0.0 && left < 0.5 * relative, "{bias:?}");
+    }
+    // Half the error leaves half.
+    let half = correction(0.025, 0.0).study(&mission, &|| {}).unwrap().population.unwrap();
+    assert!((half.biases[0].left / found.biases[0].left - 0.5).abs() < 1e-9);
 }
