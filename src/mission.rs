@@ -80,6 +80,8 @@ pub struct Imported {
     /// A course of the Sun that was drawn: years since launch, rising, and dose of solar protons since launch (MeV/g, before
     /// `environment.dose_factor`). It stands in place of all solar protons that the environment gives.
     pub sun: Option<Vec<(f64, f64)>>,
+    /// A level of cosmic rays that was drawn: their dose over that of a mean cycle.
+    pub cosmic_rays: Option<f64>,
 }
 
 /// A proton spectrum of another program.
@@ -352,8 +354,12 @@ impl Survey {
 /// `[uncertainty]`: relative uncertainties (1 σ of the logarithm).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Uncertainty {
-    /// Dose model: spectrum and damage curve at a given confidence; not the luck of the Sun.
+    /// Dose model: spectrum and transport at a given confidence, and the damage curve where the dose is given; not the luck of the Sun.
     pub dose_model: f64,
+    /// Damage curve of protons in silicon (NIEL), where the dose is derived with it.
+    pub niel: f64,
+    /// Modulation of cosmic rays from cycle to cycle, where they are a source of the mission.
+    pub cosmic_ray_modulation: f64,
     /// Thickness of the shield.
     pub shielding: f64,
     /// Density of each species.
