@@ -26,6 +26,11 @@ pub(super) struct Quantity {
 }
 
 impl Quantity {
+    /// One that is no mean over galaxies.
+    pub fn exact(value: f64) -> Quantity {
+        Quantity { value, influence: BTreeMap::new() }
+    }
+
     /// Σ wᵢ qᵢ.
     pub fn sum<'a>(terms: impl Iterator<Item = (f64, &'a Quantity)>) -> Quantity {
         let mut sum = Quantity::default();
@@ -71,7 +76,7 @@ pub(super) fn at_end(model: &Model, asked: &[Limited]) -> Result<Vec<Limitable>,
                 let lost =
                     || InputError::new("cannot study a correction", "no shape is left at the end of the mission");
                 let change = model.change(model.judged(), mission.mission.duration_yr)?.ok_or_else(lost)?;
-                [change.delta_e1, change.delta_e2].map(|value| Quantity { value, influence: BTreeMap::new() })
+                [change.delta_e1, change.delta_e2].map(Quantity::exact)
             }
             Limited::C => of_bias(|end| (&end.bias.c, &end.influence_c)),
             Limited::M => of_bias(|end| (&end.bias.m, &end.influence_m)),

@@ -108,7 +108,7 @@ fn the_longest_interval_is_solved_for_or_said_to_be_any_or_none() {
     assert!(none.used_at_shortest_percent > 100.0);
 }
 
-/// Under a Sun that is drawn: kept just before, exceeded just after, as the table of intervals says.
+/// Under a Sun that is drawn: of the intervals that grow by 1.3, all below the longest keep the limits, and the next one does not.
 #[test]
 fn the_longest_interval_parts_those_that_keep_the_limits_from_those_that_do_not() {
     let asked = Calibration { samples: 100, probability: 0.8, intervals_months: vec![6.0], ..Calibration::default() };
@@ -116,12 +116,14 @@ fn the_longest_interval_parts_those_that_keep_the_limits_from_those_that_do_not(
     // A limit that calibrations every half year just use up.
     let limit = 0.00999 * used * one_species().requirement.delta_e;
     let mission = one_species().with(&[("requirement.delta_e".into(), limit.into())]).unwrap();
-    let longest = &ask(&asked, &mission).longest[0];
-    let months = longest.interval_months.unwrap_or_else(|| panic!("{longest:?}"));
-    assert_eq!(longest.outcome, Outcome::Solved, "{longest:?}");
-    let around = Calibration { intervals_months: vec![months / 1.003, months * 1.003], ..asked };
-    let around = ask(&around, &mission);
-    let used: Vec<f64> =
-        around.intervals.iter().filter(|one| one.continued == longest.continued).map(|one| one.used_percent).collect();
-    assert!(used[0] <= 100.0 && used[1] >= 100.0, "{used:?} {longest:?}");
+    let grid: Vec<f64> = (0..=25).map(|step| 0.1 * (60.0_f64 / 0.1).powf(f64::from(step) / 25.0)).collect();
+    let found = ask(&Calibration { intervals_months: grid[..25].to_vec(), ..asked }, &mission);
+    for longest in &found.longest {
+        let months = longest.interval_months.unwrap_or_else(|| panic!("{longest:?}"));
+        assert_eq!(longest.outcome, Outcome::Solved, "{longest:?}");
+        let of = found.intervals.iter().filter(|one| one.continued == longest.continued);
+        let (shorter, longer): (Vec<_>, Vec<_>) = of.partition(|one| one.interval_months < months);
+        assert!(shorter.len() > 5 && shorter.iter().all(|one| one.used_percent <= 100.0), "{longest:?} {shorter:?}");
+        assert!(longer.first().is_none_or(|next| next.used_percent > 100.0), "{longest:?} {longer:?}");
+    }
 }

@@ -2,7 +2,8 @@
 //!
 //! The share u of a limit that is used over the mission, not exceeded with the probability asked for, is a function of the interval Δ.
 //! From the shortest interval on, Δ grows in equal ratios until u exceeds 1; u(Δ) = 1 is solved between the last two, by Brent's
-//! method in ln Δ. Where u falls again at longer intervals, as it may by the dates of single events, those do not count: every
+//! method in ln Δ. With few draws u is jagged, as events fall just before or after a calibration; the error of the interval says how much
+//! that is. Where u falls again at longer intervals, as it may by the dates of single events, those do not count: every
 //! interval that was tried up to the longest keeps the limits.
 
 use serde::Serialize;

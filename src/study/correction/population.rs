@@ -215,7 +215,7 @@ mod tests {
     /// Errors of one sign add up, errors of opposite signs cancel, and independent ones add in squares.
     #[test]
     fn what_is_left_follows_the_correlations() {
-        let slope = |value: f64| Quantity::sum([(value, &Quantity { value: 1.0, ..Quantity::default() })].into_iter());
+        let slope = |value: f64| Quantity::exact(value);
         let (one, two) = (slope(3.0), slope(4.0));
         let parameters: Vec<Parameter> = vec![("a".into(), 1.0), ("b".into(), 2.0)];
         let left = |correlation: Option<f64>| {
