@@ -444,8 +444,32 @@ pub struct Population {
     pub psf_stars_e: Option<f64>,
     /// Orientations of the detector on the sky over which the survey averages, degrees.
     pub orientations_deg: Vec<f64>,
+    /// Rows by which a galaxy is farther from the register in each exposure than at its own place, px; the survey averages over exposures.
+    pub dither_rows_px: Vec<f64>,
+    /// Columns by which it is farther from the amplifier, px, of the same exposures; None: no columns.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dither_columns_px: Option<Vec<f64>>,
     /// Whether ellipticities are measured with the noise of one exposure.
     pub noise: PopulationNoise,
+}
+
+/// Place of a galaxy in an exposure, relative to its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Dither {
+    /// More parallel transfers.
+    pub rows: i64,
+    /// More serial transfers.
+    pub columns: i64,
+}
+
+impl Population {
+    /// Places in all exposures, in whole pixels: parts of a pixel are averaged over anyway.
+    pub fn dithers(&self) -> Vec<Dither> {
+        let columns = |place: usize| self.dither_columns_px.as_ref().map_or(0.0, |columns| columns[place]);
+        let dither =
+            |(place, rows): (usize, &f64)| Dither { rows: rows.round() as i64, columns: columns(place).round() as i64 };
+        self.dither_rows_px.iter().enumerate().map(dither).collect()
+    }
 }
 
 /// Transfers of the galaxies of a population.

@@ -457,6 +457,20 @@ pub const KEYS: &[Key] = &[
         Default("[0.0]"),
     ),
     key(
+        "population.dither_rows_px",
+        "rows by which a galaxy is farther from the register in an exposure; the survey averages over all of the list",
+        "px",
+        Numbers(-100_000.0, 100_000.0),
+        Default("[0.0]"),
+    ),
+    key(
+        "population.dither_columns_px",
+        "columns by which it is farther from the amplifier in the same exposure; none if absent",
+        "px",
+        Numbers(-100_000.0, 100_000.0),
+        Optional,
+    ),
+    key(
         "population.noise",
         "noise of one exposure in the ellipticities",
         "",

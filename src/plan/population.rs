@@ -5,7 +5,7 @@
 //! ```
 //!
 //! with each galaxy's weight w, its responses R to shear and S to the PSF (see [`crate::model::shear`]), and the trailing of the
-//! stars of the PSF model, Δe*. Errors are those of the finite sample: of a ratio of two sums, as the jackknife has it to first
+//! stars of the PSF model, Δe*. Trailing is the mean over the exposures of dithers. Errors are those of the finite sample: of a ratio of two sums, as the jackknife has it to first
 //! order. A survey that turns its detector averages c and m over the orientations.
 //!
 //! Each galaxy is read out at the end of the mission and at half the traps. In between a parabola through 0 is used while the
@@ -180,7 +180,7 @@ impl PopulationBias {
         let sample = sample::of(&model.mission, population, seed);
         let noise =
             (population.noise == PopulationNoise::Included).then_some(Realisations { count: REALISATIONS, seed });
-        let how = SurveyMeasurement { psf_stars_e: population.psf_stars_e, noise };
+        let how = SurveyMeasurement { dithers: population.dithers(), psf_stars_e: population.psf_stars_e, noise };
         let course = Course::of(model)?;
         let model = &Model::new(&of_many(&model.mission, sample.galaxies.len()));
         let of = |member: &Member| {

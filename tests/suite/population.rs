@@ -125,6 +125,36 @@ fn orientations_cancel_the_additive_bias_and_average_the_multiplicative_one() {
     assert!((all.m[0].value - all.m[1].value).abs() < 1e-12);
 }
 
+/// A dither of nothing changes no bit; the mean over exposures is that of missions with one exposure each, in rows and in columns.
+#[test]
+fn biases_of_dithers_are_the_mean_of_those_of_each_exposure() {
+    let serial = "[effects.serial-traps]\npixel_time_ms = 0.025\ntransfers = 1000\n[[effects.serial-traps.traps]]\n\
+                  name = \"serial\"\ndensity_per_px = 0.3\nrelease_ms = 0.1\nenergy_ev = 0.2\n";
+    let table = "e1,e2,transfers\n0.3,0.2,1000\n-0.1,0.4,1500\n";
+    let of = |dithers: &str| {
+        let mut mission = mission(Some(table), dithers, "");
+        let effects = serial.parse::<toml::Table>().unwrap().remove("effects").unwrap();
+        mission.effects = effects.as_table().unwrap().clone();
+        end(&mission)
+    };
+    let own = of("");
+    assert_eq!(own, of("dither_rows_px = [0.0]\ndither_columns_px = [0.0]"));
+    let (rows, columns) = (of("dither_rows_px = [-600]"), of("dither_rows_px = [0]\ndither_columns_px = [800]"));
+    // Nearer to the register, less is trailed along y; farther from the amplifier, more along x: e1 falls by either less or more.
+    assert!(rows.c[0].value > own.c[0].value && columns.c[0].value > own.c[0].value, "{own:?} {rows:?} {columns:?}");
+    let mean = of("dither_rows_px = [0, -600, 0]\ndither_columns_px = [0, 0, 800]");
+    for member in [0, 1] {
+        for of in [|bias: &ShearBias| bias.c, |bias: &ShearBias| bias.m] {
+            let expected = [&own, &rows, &columns].map(|bias| of(bias)[member].value).iter().sum::<f64>() / 3.0;
+            let found = of(&mean)[member].value;
+            assert!((found - expected).abs() < 1e-12 + 1e-9 * expected.abs(), "{found} {expected}");
+        }
+    }
+    // An exposure in which a galaxy is not on the detector does not count for it: of these two, the first galaxy has one.
+    let (both, far) = (of("dither_rows_px = [0, -1200]"), of("dither_rows_px = [-1200]"));
+    assert!(both != own && far.c[0].error.is_none(), "{both:?} {far:?}");
+}
+
 #[test]
 fn limits_on_biases_are_judged_like_the_one_on_a_galaxy() {
     let table = "e1\n0.4\n-0.4\n";
@@ -204,6 +234,11 @@ fn what_a_table_cannot_be_is_refused_with_its_line() {
         (of_table("pixel_arcsec = 0.2"), "belongs to the law of galaxies"),
         (parsed("", "c = 1e-4"), "there is no [population]"),
         (parsed(&format!("[population]\n{LAW}magnitude_range = [25.0, 20.0]"), ""), "brighter one"),
+        (
+            parsed(&format!("[population]\n{LAW}dither_columns_px = [0, 5]"), ""),
+            "2 offsets in columns (px), but 1 in rows",
+        ),
+        (parsed(&format!("[population]\n{LAW}dither_rows_px = {:?}", [0.0; 65]), ""), "allowed: 1 to 64"),
     ] {
         assert!(message.contains(part), "{message}");
     }
