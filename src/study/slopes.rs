@@ -56,6 +56,9 @@ pub(super) struct Limitable {
     pub members: [Quantity; 2],
 }
 
+/// Members 1 and 2 of a bias, and what each draw of galaxies adds to their errors.
+type Members<'a> = (&'a [Estimated; 2], &'a [BTreeMap<usize, f64>; 2]);
+
 /// A parameter of the detector: its key in the mission, and a deviation in the key's unit.
 pub(super) type Parameter = (String, f64);
 
@@ -66,7 +69,7 @@ pub(super) fn at_end(model: &Model, asked: &[Limited]) -> Result<Vec<Limitable>,
         true => PopulationBias::of(model, mission.accuracy.seed)?.map(|biases| biases.at_end),
         false => None,
     };
-    let of_bias = |of: fn(&EndBias) -> (&[Estimated; 2], &[BTreeMap<usize, f64>; 2])| {
+    let of_bias = |of: fn(&EndBias) -> Members<'_>| {
         let (values, influences) = of(biases.as_ref().expect("a population"));
         [0, 1].map(|member| Quantity { value: values[member].value, influence: influences[member].clone() })
     };
