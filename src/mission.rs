@@ -80,6 +80,8 @@ pub struct Imported {
     /// A course of the Sun that was drawn: years since launch, rising, and dose of solar protons since launch (MeV/g, before
     /// `environment.dose_factor`). It stands in place of all solar protons that the environment gives.
     pub sun: Option<Vec<(f64, f64)>>,
+    /// A level of cosmic rays that was drawn: their dose over that of a mean cycle.
+    pub cosmic_rays: Option<f64>,
 }
 
 /// A proton spectrum of another program.
@@ -352,8 +354,12 @@ impl Survey {
 /// `[uncertainty]`: relative uncertainties (1 σ of the logarithm).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Uncertainty {
-    /// Dose model: spectrum and damage curve at a given confidence; not the luck of the Sun.
+    /// Dose model: spectrum and transport at a given confidence, and the damage curve where the dose is given; not the luck of the Sun.
     pub dose_model: f64,
+    /// Damage curve of protons in silicon (NIEL), where the dose is derived with it.
+    pub niel: f64,
+    /// Modulation of cosmic rays from cycle to cycle, where they are a source of the mission.
+    pub cosmic_ray_modulation: f64,
     /// Thickness of the shield.
     pub shielding: f64,
     /// Density of each species.
@@ -438,8 +444,32 @@ pub struct Population {
     pub psf_stars_e: Option<f64>,
     /// Orientations of the detector on the sky over which the survey averages, degrees.
     pub orientations_deg: Vec<f64>,
+    /// Rows by which a galaxy is farther from the register in each exposure than at its own place, px; the survey averages over exposures.
+    pub dither_rows_px: Vec<f64>,
+    /// Columns by which it is farther from the amplifier, px, of the same exposures; None: no columns.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dither_columns_px: Option<Vec<f64>>,
     /// Whether ellipticities are measured with the noise of one exposure.
     pub noise: PopulationNoise,
+}
+
+/// Place of a galaxy in an exposure, relative to its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Dither {
+    /// More parallel transfers.
+    pub rows: i64,
+    /// More serial transfers.
+    pub columns: i64,
+}
+
+impl Population {
+    /// Places in all exposures, in whole pixels: parts of a pixel are averaged over anyway.
+    pub fn dithers(&self) -> Vec<Dither> {
+        let columns = |place: usize| self.dither_columns_px.as_ref().map_or(0.0, |columns| columns[place]);
+        let dither =
+            |(place, rows): (usize, &f64)| Dither { rows: rows.round() as i64, columns: columns(place).round() as i64 };
+        self.dither_rows_px.iter().enumerate().map(dither).collect()
+    }
 }
 
 /// Transfers of the galaxies of a population.

@@ -16,6 +16,8 @@ pub mod preflash;
 pub mod requirement;
 pub mod shielding;
 mod signal;
+mod slopes;
+mod tolerance;
 
 use crate::error::InputError;
 use crate::mission::{FitSettings, Mission};

@@ -22,6 +22,9 @@ const REST_GEV: f64 = 0.938_272;
 /// Modulation (GV) at solar minimum and at maximum: rounded from the series of Usoskin et al., 0.3 to 0.45 and 0.7 to 1.1.
 pub const MODULATION_GV: (f64, f64) = (0.40, 0.85);
 
+/// Least and greatest modulation (GV) of five solar minima, and of five maxima, 1954 to 2000: Usoskin et al. 2005.
+pub const MODULATION_RANGES_GV: [(f64, f64); 2] = [(0.30, 0.45), (0.70, 1.10)];
+
 /// Dose of helium and heavier nuclei over that of the protons: 0.5 to 1, an estimate of this project from their share of the flux
 /// (12 % helium, 1 % heavier) and damage that grows as the square of their charge.
 pub const NUCLEI_OVER_PROTONS: f64 = 0.75;
@@ -65,6 +68,19 @@ mod tests {
         // `orbit/oracle-public.csv` P33 and P34, to their printed digits.
         assert_eq!(format!("{:.0}", flux_m2_s_sr_gev(1000.0, 0.44)), "1219");
         assert_eq!(format!("{:.1}", flux_m2_s_sr_gev(200.0, 0.9)), "417.6");
+    }
+
+    /// The default of `uncertainty.cosmic_ray_modulation`: the range of five normal numbers is 2.326 standard deviations on average
+    /// (Tippett 1925, Biometrika 17, 364).
+    #[test]
+    fn the_modulation_scatters_from_cycle_to_cycle_as_it_did() {
+        let sigmas = MODULATION_RANGES_GV.map(|(least, greatest)| (greatest / least).ln() / 2.326);
+        let (minima, maxima) = (sigmas[0], sigmas[1]);
+        assert!((0.5 * (minima + maxima) - 0.18).abs() < 0.01, "{minima} {maxima}");
+        // Those of the model lie within.
+        let (minimum, maximum) = MODULATION_GV;
+        let inside = |value: f64, (least, greatest): (f64, f64)| value > least && value < greatest;
+        assert!(inside(minimum, MODULATION_RANGES_GV[0]) && inside(maximum, MODULATION_RANGES_GV[1]));
     }
 
     #[test]

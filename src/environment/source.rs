@@ -58,6 +58,11 @@ pub trait Source: Sync {
         false
     }
 
+    /// Whether its spectra depend on the modulation of cosmic rays.
+    fn is_modulated(&self) -> bool {
+        false
+    }
+
     /// Neutrons that a nuclear reaction of one of its protons makes.
     fn neutrons(&self) -> f64 {
         2.0
@@ -84,6 +89,15 @@ pub struct Setting {
     pub confidence: f64,
     /// Active years whose quantile is taken at once, above 0.
     pub active_years: f64,
+    /// Modulation of cosmic rays over that of a mean cycle, at each phase.
+    pub modulation: f64,
+}
+
+impl Setting {
+    /// The same for sources that do not depend on events: all such settings are one.
+    pub(crate) fn without_events(&self) -> Setting {
+        Setting { confidence: 0.5, active_years: 1.0, ..self.clone() }
+    }
 }
 
 /// A spectrum and when it comes.

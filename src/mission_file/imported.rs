@@ -35,6 +35,7 @@ pub(super) fn import(mission: &mut Mission, folder: &Path) -> Result<(), Refusal
         temperatures: temperatures(mission)?,
         galaxies: galaxies(mission)?,
         sun: None,
+        cosmic_rays: None,
     };
     match mission.history_problem() {
         Some(problem) => Err(wrong("environment.history", problem)),

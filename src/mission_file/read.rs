@@ -14,9 +14,12 @@ use crate::environment::source::{self, SOURCES};
 use crate::error::{InputError, nearest, shortened};
 use crate::io::{input, json};
 use crate::mission::keys::{self, ARRAYS, Allowed, KEYS, Need, OPTIONAL_TABLES};
-use crate::mission::{DoseModel, Mission, Orbit, OrbitKind, ReadoutMethod, TrapsAtStart};
+use crate::mission::{DoseModel, Mission, Orbit, OrbitKind, Population, ReadoutMethod, TrapsAtStart};
 use crate::numeric::calendar;
 use crate::readout::MAX_SPECIES;
+
+/// Most exposures of a dither.
+const MOST_DITHERS: usize = 64;
 
 impl Mission {
     /// Reads a mission file.
@@ -411,12 +414,31 @@ impl<'a> Source<'a> {
             let problem = "it belongs to the law of galaxies, but the galaxies come from population.table";
             return Err(self.fault(&key, problem).with_help("remove one of them"));
         }
+        self.check_dithers(population)?;
         match population.magnitude_range[..] {
             [bright, faint] if bright < faint => Ok(()),
             _ => {
                 Err(self
                     .fault("population.magnitude_range", "two magnitudes are needed, the brighter one (smaller) first"))
             }
+        }
+    }
+
+    /// Rows and columns of dithers are of the same exposures, and these are no more than can be read out.
+    fn check_dithers(&self, population: &Population) -> Result<(), InputError> {
+        let rows = population.dither_rows_px.len();
+        if rows > MOST_DITHERS {
+            let problem = format!("{rows} exposures; allowed: 1 to {MOST_DITHERS}, each of which is read out");
+            let help = "give places that stand for many";
+            return Err(self.fault("population.dither_rows_px", problem).with_help(help));
+        }
+        match &population.dither_columns_px {
+            Some(columns) if columns.len() != rows => {
+                let problem = format!("{} offsets in columns (px), but {rows} in rows", columns.len());
+                let help = "give dither_rows_px and dither_columns_px one number for each exposure";
+                Err(self.fault("population.dither_columns_px", problem).with_help(help))
+            }
+            _ => Ok(()),
         }
     }
 

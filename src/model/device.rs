@@ -3,6 +3,7 @@
 use ndarray::{Array2, ArrayView1, Axis};
 
 use super::effects::Effects;
+use super::shear::farther;
 use crate::error::InputError;
 use crate::mission::Store;
 use crate::physics::accuracy::Purpose;
@@ -187,6 +188,15 @@ impl Device {
         let proportional =
             || ours.iter().zip(&theirs).all(|(ours, theirs)| (ours - factor * theirs).abs() <= 1e-9 * ours);
         (alike && factor.is_finite() && proportional()).then_some(factor)
+    }
+
+    /// The same device for an object so many columns farther from the amplifier, in all serial registers; None where it is not on the
+    /// detector.
+    pub(super) fn columns_farther(mut self, columns: i64) -> Option<Device> {
+        for register in &mut self.registers {
+            register.transfers = farther(register.transfers, columns)?;
+        }
+        Some(self)
     }
 
     /// Whether charge goes from one column to another: a serial register has traps.

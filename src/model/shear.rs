@@ -17,7 +17,7 @@
 //! S Δe* from the galaxy's Δe.
 
 use crate::error::InputError;
-use crate::mission::Mission;
+use crate::mission::{Dither, Mission};
 use crate::model::noise::Realisations;
 use crate::model::{Device, Model, Scene};
 use crate::physics::accuracy::Purpose;
@@ -72,8 +72,10 @@ pub struct TrailedResponse {
 }
 
 /// How a galaxy of a survey is measured.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct SurveyMeasurement {
+    /// Its places in the exposures over which changes of shape are averaged; one at least.
+    pub dithers: Vec<Dither>,
     /// Flux of the stars of which the PSF is made, e-.
     pub psf_stars_e: Option<f64>,
     /// Noise, if it is included.
@@ -87,8 +89,8 @@ struct Measured {
 }
 
 impl Model {
-    /// How a galaxy responds to shear and trailing at some times (years since launch). None where it, or a star, has no measurable
-    /// shape, before or after.
+    /// How a galaxy responds to shear and trailing at some times (years since launch), mean over the exposures that have it on the
+    /// detector. None where it, or a star, has no measurable shape, before or after, or no exposure has it.
     ///
     /// # Errors
     /// As [`Model::dose_mev_g`].
@@ -98,14 +100,47 @@ impl Model {
         times_yr: &[f64],
         how: &SurveyMeasurement,
     ) -> Result<Option<ShearResponse>, InputError> {
-        let device = |t_yr: &f64| {
-            let at = Conditions { transfers: galaxy.transfers, ..self.conditions(*t_yr) };
-            Ok(self.device(&at)?.fit_for(Purpose::ManyShapes))
+        let device = |t_yr: &f64, dither: Dither| -> Result<Option<Device>, InputError> {
+            let Some(transfers) = farther(galaxy.transfers, dither.rows) else { return Ok(None) };
+            let at = Conditions { transfers, ..self.conditions(*t_yr) };
+            Ok(self.device(&at)?.fit_for(Purpose::ManyShapes).columns_farther(dither.columns))
         };
-        let devices = times_yr.iter().map(device).collect::<Result<Vec<Device>, InputError>>()?;
+        let mut devices = Vec::with_capacity(how.dithers.len() * times_yr.len());
+        for dither in &how.dithers {
+            let exposure: Option<Vec<Device>> =
+                times_yr.iter().map(|t_yr| device(t_yr, *dither)).collect::<Result<_, _>>()?;
+            devices.extend(exposure.into_iter().flatten());
+        }
+        if devices.is_empty() {
+            return Ok(None);
+        }
         let survey = Survey { model: self, galaxy, how };
-        survey.response(&devices)
+        let found = survey.response(&devices)?;
+        Ok(found.map(|found| ShearResponse { trailed: mean_of_exposures(&found.trailed, times_yr.len()), ..found }))
     }
+}
+
+/// So many transfers and some more, or fewer; None where the object is not on the detector.
+pub(super) fn farther(transfers: u32, more: i64) -> Option<u32> {
+    u32::try_from(i64::from(transfers) + more).ok().filter(|transfers| *transfers > 0)
+}
+
+/// Changes at each of so many times, mean over exposures, which follow one another.
+fn mean_of_exposures(trailed: &[TrailedResponse], times: usize) -> Vec<TrailedResponse> {
+    let exposures = trailed.len() / times;
+    if exposures == 1 {
+        return trailed.to_vec();
+    }
+    let mean = |of: fn(&TrailedResponse) -> [f64; 2], time: usize| {
+        let sum = |member: usize| trailed[time..].iter().step_by(times).map(|one| of(one)[member]).sum::<f64>();
+        [0, 1].map(|member| sum(member) / exposures as f64)
+    };
+    let at = |time: usize| TrailedResponse {
+        change: mean(|one| one.change, time),
+        response: mean(|one| one.response, time),
+        star: mean(|one| one.star, time),
+    };
+    (0..times).map(at).collect()
 }
 
 /// A galaxy to be measured.

@@ -246,6 +246,12 @@ impl DoseHistory {
         self.dose_factor() * source.dose_mev_g(self.launch, from_yr, to_yr, active)
     }
 
+    /// Dose (MeV/g) of all cosmic rays over the first years since launch, before effects.
+    pub(crate) fn cosmic_rays_mev_g(&self, until_yr: f64) -> f64 {
+        let modulated = self.sources.iter().filter(|source| source.is_modulated());
+        modulated.map(|source| self.of_source_mev_g(source, 0.0, until_yr)).sum()
+    }
+
     /// Dose since launch (MeV/g) of an imported history, before effects.
     pub fn imported_mev_g(&self, t_yr: f64) -> f64 {
         tabulated(&self.table, t_yr).0

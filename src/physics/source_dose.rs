@@ -12,6 +12,7 @@ use crate::environment::{Niel, SECONDS_PER_YEAR};
 use crate::mission::{Accumulate, DoseModel, Environment, ImportedSpectrum, Mission, SecondariesCounted, SolarPhase};
 use crate::numeric::calendar::decimal_year;
 use crate::numeric::recent::Recent;
+use crate::physics::DoseHistory;
 
 /// A source of protons, and the dose it makes.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,6 +37,24 @@ pub struct StreamDose {
 }
 
 impl SourceDose {
+    /// Whether the modulation of cosmic rays decides on it.
+    pub(crate) fn is_modulated(&self) -> bool {
+        self.card.is_some() && source::source(&self.name).is_some_and(|source| source.is_modulated())
+    }
+
+    /// The same with so many times the protons.
+    fn times(&self, factor: f64) -> SourceDose {
+        let stream = |dosed: &StreamDose| StreamDose {
+            stream: Stream { yearly: dosed.stream.yearly.times(factor), when: dosed.stream.when.clone() },
+            dose_mev_g_yr: factor * dosed.dose_mev_g_yr,
+            secondaries: Secondaries {
+                lost_mev_g: factor * dosed.secondaries.lost_mev_g,
+                neutrons_mev_g: factor * dosed.secondaries.neutrons_mev_g,
+            },
+        };
+        SourceDose { streams: self.streams.iter().map(stream).collect(), ..self.clone() }
+    }
+
     /// Years' worth of each stream between two times (years since launch), where `active` of them are active years of the Sun.
     fn weights(&self, launch: f64, from_yr: f64, to_yr: f64, active: f64) -> impl Iterator<Item = (&StreamDose, f64)> {
         self.streams.iter().map(move |dosed| {
@@ -96,22 +115,10 @@ pub(crate) fn source_doses(mission: &Mission, active_years: f64) -> Vec<Arc<Sour
         return of_spectra(mission, &shield, shielding.secondaries);
     }
     let Some(place) = mission.place() else { return Vec::new() };
-    let setting = Setting {
-        place,
-        middle: decimal_year(mission.mission.launch.0) + 0.5 * mission.mission.duration_yr,
-        confidence: environment.confidence,
-        active_years: match environment.accumulate() {
-            Accumulate::Mission if active_years > 0.0 => active_years,
-            _ => 1.0,
-        },
-    };
+    let setting = setting(mission, place, active_years);
     let inputs = |source: &dyn Source| Inputs {
         source: source.card().name,
-        setting: if source.depends_on_events() {
-            setting.clone()
-        } else {
-            Setting { confidence: 0.5, active_years: 1.0, ..setting.clone() }
-        },
+        setting: if source.depends_on_events() { setting.clone() } else { setting.without_events() },
         shield: shield.clone(),
         niel: environment.niel,
         secondaries: shielding.secondaries,
@@ -119,8 +126,46 @@ pub(crate) fn source_doses(mission: &Mission, active_years: f64) -> Vec<Arc<Sour
     };
     // A drawn Sun stands in place of the quantile of its fluence.
     let counted = |source: &&dyn Source| mission.imported.sun.is_none() || !source.depends_on_events();
-    let counted = sources(environment, &place).into_iter().filter(counted);
-    counted.map(|source| known(source, inputs(source))).collect()
+    let of = |source: &'static dyn Source| {
+        let dose = known(source, inputs(source));
+        match mission.imported.cosmic_rays.filter(|_| source.is_modulated()) {
+            Some(level) => Arc::new(dose.times(level)),
+            None => dose,
+        }
+    };
+    sources(environment, &place).into_iter().filter(counted).map(of).collect()
+}
+
+/// What the sources of a mission with so many active years depend on, with cosmic rays of a mean cycle.
+fn setting(mission: &Mission, place: Place, active_years: f64) -> Setting {
+    Setting {
+        place,
+        middle: decimal_year(mission.mission.launch.0) + 0.5 * mission.mission.duration_yr,
+        confidence: mission.environment.confidence,
+        active_years: match mission.environment.accumulate() {
+            Accumulate::Mission if active_years > 0.0 => active_years,
+            _ => 1.0,
+        },
+        modulation: 1.0,
+    }
+}
+
+/// Dose (MeV/g, before the mission's factor on all doses) of the protons of cosmic rays behind the shield over the mission, with so many
+/// times the modulation of a mean cycle. None where no cosmic rays are among its sources, which `history` lists.
+pub(crate) fn cosmic_ray_dose_mev_g(mission: &Mission, history: &DoseHistory, modulation: f64) -> Option<f64> {
+    let is_modulated = |dose: &&Arc<SourceDose>| dose.is_modulated();
+    let name = history.sources.iter().find(is_modulated)?.name.clone();
+    let (source, shielding) = (source::source(&name)?, mission.shielding.as_ref()?);
+    let inputs = Inputs {
+        source: source.card().name,
+        setting: Setting { modulation, ..setting(mission, mission.place()?, 1.0).without_events() },
+        shield: mission.shield()?,
+        niel: mission.environment.niel,
+        secondaries: shielding.secondaries,
+        phase: mission.environment.solar_phase,
+    };
+    let launch = decimal_year(mission.mission.launch.0);
+    Some(known(source, inputs).dose_mev_g(launch, 0.0, mission.mission.duration_yr, 0.0))
 }
 
 /// The dose of a source. It takes milliseconds to seconds and is asked for by every fit and study, mostly for the same mission.

@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Inputs are multiplied by exp(σ z) with the relative uncertainties σ of `[uncertainty]` and standard normal z, points of Sobol's
-//! sequence. The Sun is drawn as events, with coming maxima: see [`crate::environment::solar_events`]. What a posterior holds is
-//! taken from it in place of the uncertainty of the same key.
+//! sequence. The Sun is drawn as events, with coming maxima: see [`crate::environment::solar_events`]; the level of cosmic rays and the
+//! damage curve are inputs where they apply (`draws/input.rs`). What a posterior holds is taken from it in place of the uncertainty of the same key.
 //!
 //! Doses and traps of each draw are those of its own model. Its changes of shape are emulated (`draws/emulator.rs`) from readouts at
 //! some of the draws, where that is good to [`ACCEPTED`], and read out one by one otherwise.
@@ -38,7 +38,7 @@ use crate::plan::progress::Progress;
 
 pub use course::Fate;
 use emulator::{Emulator, Place};
-use input::{Input, Shield, cycles, inputs};
+use input::{Derived, Input, cycles, inputs};
 use shares::Explained;
 use sun::Suns;
 
@@ -153,7 +153,7 @@ impl<'a> Draws<'a> {
         let mut expected = base.clone();
         as_numbers(&mut expected, &nominal, false);
         as_numbers(&mut base, &nominal, suns.is_ok());
-        let mut inputs = inputs(&base, Shield::of(mission));
+        let mut inputs = inputs(&base, Derived::of(mission));
         if suns.is_err() && !nominal.history().averages_the_cycle() {
             let last = decimal_year(base.mission.launch.0) + base.mission.duration_yr;
             let maxima = solar_cycle::maxima(&base.environment.solar_maximum, last + ACTIVE_YR);

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! with each galaxy's weight w, its responses R to shear and S to the PSF (see [`crate::model::shear`]), and the trailing of the
-//! stars of the PSF model, Δe*. Errors are those of the finite sample: of a ratio of two sums, as the jackknife has it to first
+//! stars of the PSF model, Δe*. Trailing is the mean over the exposures of dithers. Errors are those of the finite sample: of a ratio of two sums, as the jackknife has it to first
 //! order. A survey that turns its detector averages c and m over the orientations.
 //!
 //! Each galaxy is read out at the end of the mission and at half the traps. In between a parabola through 0 is used while the
@@ -43,6 +43,8 @@ pub struct PopulationBias {
     pub response: [f64; 2],
     /// Biases at the end of each year, and of the mission.
     pub years: Vec<(f64, ShearBias)>,
+    /// Biases at the end of the mission, and what each draw of galaxies adds to their errors.
+    pub at_end: EndBias,
     /// Biases against the number of traps, where nothing but that changes.
     pub by_traps: Option<ByTraps>,
     /// What becomes of `requirement.c`.
@@ -60,6 +62,18 @@ pub struct ShearBias {
     pub m: [Estimated; 2],
 }
 
+/// Biases at the end of a mission, and what each draw of galaxies adds to their errors: values of the jackknife, to first order, by the
+/// number of the draw. Errors of differences and ratios of biases that are means over the same galaxies follow from these.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EndBias {
+    /// The biases.
+    pub bias: ShearBias,
+    /// Parts of the error of c, members 1 and 2.
+    pub influence_c: [BTreeMap<usize, f64>; 2],
+    /// Parts of the error of m.
+    pub influence_m: [BTreeMap<usize, f64>; 2],
+}
+
 /// A value and its standard error from the finite sample; None for one galaxy.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Estimated {
@@ -67,6 +81,15 @@ pub struct Estimated {
     pub value: f64,
     /// Its standard error.
     pub error: Option<f64>,
+}
+
+impl Estimated {
+    /// A value with what each draw adds to its error; no error of one draw.
+    pub(crate) fn of(value: f64, influence: &BTreeMap<usize, f64>) -> Estimated {
+        let squares: f64 = influence.values().map(|one| one * one).sum();
+        let n = influence.len() as f64;
+        Estimated { value, error: (n > 1.0).then(|| (n / (n - 1.0) * squares).sqrt()) }
+    }
 }
 
 /// Biases of a population against the number of traps over that at the end of the mission: a parabola through 0.
@@ -157,7 +180,7 @@ impl PopulationBias {
         let sample = sample::of(&model.mission, population, seed);
         let noise =
             (population.noise == PopulationNoise::Included).then_some(Realisations { count: REALISATIONS, seed });
-        let how = SurveyMeasurement { psf_stars_e: population.psf_stars_e, noise };
+        let how = SurveyMeasurement { dithers: population.dithers(), psf_stars_e: population.psf_stars_e, noise };
         let course = Course::of(model)?;
         let model = &Model::new(&of_many(&model.mission, sample.galaxies.len()));
         let of = |member: &Member| {
@@ -186,9 +209,10 @@ impl PopulationBias {
             m: judged(requirement.m, |bias| largest(&bias.m))?,
             by_traps: biases.course.half.map(|half| ByTraps {
                 half,
-                at_end: biases.weighted(&[1.0, 0.0]),
-                at_half: biases.weighted(&[0.0, 1.0]),
+                at_end: biases.weighted(&[1.0, 0.0]).bias,
+                at_half: biases.weighted(&[0.0, 1.0]).bias,
             }),
+            at_end: biases.weighted(&biases.weights(model.mission.mission.duration_yr)?),
             years,
         }))
     }
@@ -315,12 +339,17 @@ struct Biases<'a> {
 
 impl Biases<'_> {
     fn at(&self, t_yr: f64) -> Result<ShearBias, InputError> {
+        Ok(self.weighted(&self.weights(t_yr)?).bias)
+    }
+
+    /// Weights of the times of the course at a time.
+    fn weights(&self, t_yr: f64) -> Result<Vec<f64>, InputError> {
         let end = self.model.device_at(self.model.mission.mission.duration_yr)?;
-        Ok(self.weighted(&self.course.weights(t_yr, &self.model.device_at(t_yr)?, &end)))
+        Ok(self.course.weights(t_yr, &self.model.device_at(t_yr)?, &end))
     }
 
     /// Biases where the times of the course have these weights.
-    fn weighted(&self, weights: &[f64]) -> ShearBias {
+    fn weighted(&self, weights: &[f64]) -> EndBias {
         let trailed: Vec<TrailedResponse> =
             self.galaxies.iter().map(|galaxy| combined(&galaxy.response.trailed, weights)).collect();
         let ratio = |numerators: Vec<[f64; 2]>, rotate: fn(&Rotations, [f64; 2]) -> [f64; 2]| {
@@ -331,14 +360,16 @@ impl Biases<'_> {
         let net = |(galaxy, trailed): (&Weighted, &TrailedResponse)| {
             [0, 1].map(|member| trailed.change[member] - galaxy.response.leakage[member] * trailed.star[member])
         };
-        ShearBias {
-            c: ratio(self.galaxies.iter().zip(&trailed).map(net).collect(), Rotations::additive),
-            m: ratio(trailed.iter().map(|trailed| trailed.response).collect(), Rotations::response),
-        }
+        let c = ratio(self.galaxies.iter().zip(&trailed).map(net).collect(), Rotations::additive);
+        let m = ratio(trailed.iter().map(|trailed| trailed.response).collect(), Rotations::response);
+        let ([c1, c2], [m1, m2]) = (c, m);
+        let estimated = |one: &(f64, BTreeMap<usize, f64>)| Estimated::of(one.0, &one.1);
+        let bias = ShearBias { c: [estimated(&c1), estimated(&c2)], m: [estimated(&m1), estimated(&m2)] };
+        EndBias { bias, influence_c: [c1.1, c2.1], influence_m: [m1.1, m2.1] }
     }
 
-    /// Σ w x / Σ w R, and its standard error.
-    fn over_response(&self, member: usize, x: impl Fn(usize) -> f64) -> Estimated {
+    /// Σ w x / Σ w R, and what each draw adds to its error.
+    fn over_response(&self, member: usize, x: impl Fn(usize) -> f64) -> (f64, BTreeMap<usize, f64>) {
         let response = |galaxy: &Weighted| galaxy.weight * self.response(galaxy)[member];
         let total: f64 = self.galaxies.iter().map(response).sum();
         let value =
@@ -347,9 +378,7 @@ impl Biases<'_> {
         for (index, galaxy) in self.galaxies.iter().enumerate() {
             *left.entry(galaxy.draw).or_default() += (galaxy.weight * x(index) - value * response(galaxy)) / total;
         }
-        let squares: f64 = left.values().map(|left| left * left).sum();
-        let n = left.len() as f64;
-        Estimated { value, error: (n > 1.0).then(|| (n / (n - 1.0) * squares).sqrt()) }
+        (value, left)
     }
 
     fn mean_response(&self) -> [f64; 2] {

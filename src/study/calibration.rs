@@ -17,29 +17,32 @@
 //! ```
 //!
 //! A solar event in between comes unforeseen: the Sun is drawn as for the date as a distribution.
+//!
+//! Intervals that are given are looked at one by one; the longest that keeps all limits is solved for (`calibration/longest.rs`).
+
+mod longest;
 
 use serde::Serialize;
 
+use super::tolerance::{Sensitivity, known, limit};
 use super::{Study, ready, warnings};
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::model::Model;
 use crate::numeric::estimate::quantile;
 use crate::numeric::parallel;
 use crate::plan::date_distribution::{Confidence, share_error};
 use crate::plan::draws::Draws;
 use crate::plan::judgement::Limited;
-use crate::plan::population::PopulationBias;
 use crate::warning::Warning;
+
+pub use super::tolerance::Known;
+pub use longest::{Longest, Outcome, TOLERANCE};
 
 /// Months of a year.
 const MONTHS: f64 = 12.0;
 
 /// Shortest interval between calibrations, months.
-const LEAST_MONTHS: f64 = 0.1;
-
-/// Relative change of a parameter by which a derivative is found: both ways, so that what bends is left out.
-const STEP: f64 = 0.05;
+pub const LEAST_MONTHS: f64 = 0.1;
 
 /// Options of the study.
 #[derive(Clone, Debug)]
@@ -78,6 +81,9 @@ pub enum Continued {
     Linear,
 }
 
+/// All ways.
+const WAYS: [Continued; 2] = [Continued::Constant, Continued::Linear];
+
 /// What the study finds.
 #[derive(Clone, Debug)]
 pub struct Results {
@@ -89,23 +95,14 @@ pub struct Results {
     pub known: Vec<Known>,
     /// Each interval, continued in each way.
     pub intervals: Vec<Interval>,
+    /// The longest interval that keeps all limits, densities continued in each way.
+    pub longest: Vec<Longest>,
     /// The probability that was asked for.
     pub probability: f64,
     /// Why the Sun is not drawn; None where it is.
     pub sun_not_drawn: Option<String>,
     /// Warnings about the mission.
     pub warnings: Vec<Warning>,
-}
-
-/// How well a parameter must be known, all others known exactly.
-#[derive(Clone, Debug, Serialize)]
-pub struct Known {
-    /// The parameter.
-    pub parameter: String,
-    /// Largest relative error (1 σ) with which every limit is met at the end of the mission, %; None if it does nothing.
-    pub needed_percent: Option<f64>,
-    /// The limit that asks for it.
-    pub by: Option<Limited>,
 }
 
 /// Calibrations at an interval.
@@ -129,136 +126,37 @@ pub struct Interval {
     pub met_error_percent: f64,
 }
 
-/// Derivatives of what is limited at the end of the mission, over its limit: by the logarithms of densities and release times.
-struct Sensitivity {
-    limited: Limited,
-    /// Members (1 and 2) of each species.
-    densities: Vec<[f64; 2]>,
-    releases: Vec<[f64; 2]>,
-}
-
-impl Sensitivity {
-    /// Share of the limit that is used with independent relative errors of the parameters, and one that all densities share; traps
-    /// are so many times those at the end.
-    fn used(&self, density_error: f64, release_error: f64, common: f64, traps: f64) -> f64 {
-        let member = |member: usize| {
-            let squares = |of: &[[f64; 2]], error: f64| of.iter().map(|one| (one[member] * error).powi(2)).sum::<f64>();
-            let all: f64 = self.densities.iter().map(|one| one[member]).sum();
-            let own = squares(&self.densities, density_error) + squares(&self.releases, release_error * traps);
-            (own + (all * common).powi(2)).sqrt()
-        };
-        member(0).max(member(1))
-    }
-}
-
 impl Study for Calibration {
     type Results = Results;
 
     fn study(&self, mission: &Mission, advance: &(dyn Fn() + Sync)) -> Result<Results, InputError> {
         self.check(mission)?;
         let model = ready(mission)?;
-        let sensitivities = sensitivities(&model, advance)?;
+        let sensitivities = Sensitivity::all(&model, advance)?;
         let courses = Courses::of(mission, self.samples)?;
         let mut intervals = Vec::new();
         for interval_months in &self.intervals_months {
-            for continued in [Continued::Constant, Continued::Linear] {
+            for continued in WAYS {
                 advance();
                 intervals.push(self.interval(&sensitivities, &courses, *interval_months, continued));
             }
         }
-        let requirement = &mission.requirement;
+        let longest = WAYS.map(|continued| {
+            advance();
+            self.longest(&sensitivities, &courses, continued)
+        });
         let limited = Limited::by(mission);
-        let limit = |limited: &Limited| match limited {
-            Limited::DeltaE => requirement.delta_e,
-            Limited::C => requirement.c.unwrap_or(f64::NAN),
-            Limited::M => requirement.m.unwrap_or(f64::NAN),
-        };
         Ok(Results {
-            limits: limited.iter().map(limit).collect(),
+            limits: limited.iter().filter_map(|one| limit(mission, *one)).collect(),
             limited,
-            known: known(&model, &sensitivities),
+            known: known(mission, &sensitivities),
             intervals,
+            longest: longest.to_vec(),
             probability: self.probability,
             sun_not_drawn: courses.sun_not_drawn,
             warnings: warnings(mission),
         })
     }
-}
-
-/// What is limited, over its limit: members 1 and 2.
-type OverLimit = (Limited, [f64; 2]);
-
-/// What is limited at the end of the mission.
-fn over_limits(model: &Model) -> Result<Vec<OverLimit>, InputError> {
-    let mission = &model.mission;
-    let requirement = &mission.requirement;
-    let mut found = Vec::new();
-    if requirement.limits_a_galaxy() {
-        let change = model.change(model.judged(), mission.mission.duration_yr)?;
-        let lost = || InputError::new("cannot study a correction", "no shape is left at the end of the mission");
-        let change = change.ok_or_else(lost)?;
-        found.push((Limited::DeltaE, [change.delta_e1, change.delta_e2].map(|e| e / requirement.delta_e)));
-    }
-    if requirement.c.is_some() || requirement.m.is_some() {
-        let biases = PopulationBias::of(model, mission.accuracy.seed)?;
-        let end = biases.and_then(|biases| biases.years.last().map(|year| year.1)).expect("a population with a year");
-        let over = |limit: f64, of: [crate::plan::population::Estimated; 2]| of.map(|one| one.value / limit);
-        found.extend(requirement.c.map(|limit| (Limited::C, over(limit, end.c))));
-        found.extend(requirement.m.map(|limit| (Limited::M, over(limit, end.m))));
-    }
-    Ok(found)
-}
-
-/// Derivatives of all that is limited, by differences.
-fn sensitivities(model: &Model, advance: &(dyn Fn() + Sync)) -> Result<Vec<Sensitivity>, InputError> {
-    let species = model.mission.detector.traps.len();
-    let derivative = |parameter: usize| -> Result<Vec<[f64; 2]>, InputError> {
-        let at = |sign: f64| {
-            let mut mission = model.mission.clone();
-            let trap = &mut mission.detector.traps[parameter % species];
-            let factor = (sign * STEP).exp();
-            if parameter < species {
-                trap.density_per_px *= factor
-            } else {
-                trap.release_ms *= factor
-            }
-            over_limits(&model.like(&mission))
-        };
-        let (high, low) = (at(1.0)?, at(-1.0)?);
-        advance();
-        let slope = |(high, low): (&OverLimit, &OverLimit)| {
-            [0, 1].map(|member| (high.1[member] - low.1[member]) / (2.0 * STEP))
-        };
-        Ok(high.iter().zip(&low).map(slope).collect())
-    };
-    let slopes = parallel::try_map(0..2 * species, derivative)?;
-    let one = |(place, limited): (usize, Limited)| Sensitivity {
-        limited,
-        densities: slopes[..species].iter().map(|all| all[place]).collect(),
-        releases: slopes[species..].iter().map(|all| all[place]).collect(),
-    };
-    Ok(Limited::by(&model.mission).into_iter().enumerate().map(one).collect())
-}
-
-/// How well each parameter must be known, and all of them.
-fn known(model: &Model, sensitivities: &[Sensitivity]) -> Vec<Known> {
-    let species = &model.mission.detector.traps;
-    let of = |parameter: String, used: &dyn Fn(&Sensitivity) -> f64| {
-        let most = sensitivities.iter().map(|one| (one.limited, used(one))).max_by(|a, b| a.1.total_cmp(&b.1));
-        let most = most.filter(|(_, used)| *used > 0.0);
-        Known { parameter, needed_percent: most.map(|(_, used)| 100.0 / used), by: most.map(|(limited, _)| limited) }
-    };
-    let largest = |members: [f64; 2]| members[0].abs().max(members[1].abs());
-    let mut known = Vec::new();
-    for (place, trap) in species.iter().enumerate() {
-        known.push(of(format!("density {}", trap.name), &|one| largest(one.densities[place])));
-    }
-    known.push(of("all densities".into(), &|one| one.used(1.0, 0.0, 0.0, 1.0)));
-    for (place, trap) in species.iter().enumerate() {
-        known.push(of(format!("release {}", trap.name), &|one| largest(one.releases[place])));
-    }
-    known.push(of("all release times".into(), &|one| one.used(0.0, 1.0, 0.0, 1.0)));
-    known
 }
 
 /// Courses of the number of traps, each over that expected at the end.
@@ -308,10 +206,7 @@ impl Calibration {
         interval_months: f64,
         continued: Continued,
     ) -> Interval {
-        let interval_yr = interval_months / MONTHS;
-        let worst: Vec<Worst> = parallel::map(&courses.of_draws, |course| {
-            self.worst(sensitivities, course, courses.end_yr, interval_yr, continued)
-        });
+        let worst = self.over_draws(sensitivities, courses, interval_months, continued);
         let quantile_of = |of: fn(&Worst) -> f64| {
             let mut values: Vec<f64> = worst.iter().map(of).collect();
             values.sort_by(f64::total_cmp);
@@ -330,6 +225,19 @@ impl Calibration {
             met_percent: 100.0 * met,
             met_error_percent: 100.0 * share_error(met, worst.len() as f64),
         }
+    }
+
+    /// What calibrations at an interval leave of each draw of the Sun.
+    fn over_draws(
+        &self,
+        sensitivities: &[Sensitivity],
+        courses: &Courses,
+        interval_months: f64,
+        continued: Continued,
+    ) -> Vec<Worst> {
+        parallel::map(&courses.of_draws, |course| {
+            self.worst(sensitivities, course, courses.end_yr, interval_months / MONTHS, continued)
+        })
     }
 
     /// What calibrations leave of a draw: looked at just before each of them and at times in between.

@@ -11,8 +11,11 @@
 //! but corrected as if before them, which leaves a part of its own (Massey et al. 2014, MNRAS 439, 887). Published: 97 % of
 //! trails corrected on ACS (Massey et al. 2010), 98 % (Massey et al. 2014), and for a perfect model with read noise alone 99.68 %
 //! of ellipticity in simulations for Euclid (Israel et al. 2015, MNRAS 453, 561).
+//!
+//! Of a population's shear biases what is left is known to first order (`correction/population.rs`).
 
 mod knowledge;
+mod population;
 mod round_trip;
 
 use std::path::PathBuf;
@@ -30,6 +33,7 @@ use crate::plan::timeline::Timeline;
 use crate::warning::Warning;
 
 pub use knowledge::Knowledge;
+pub use population::{BiasLeft, PopulationRemainder, Tolerance};
 pub use round_trip::{RoundTrip, corrected};
 
 /// Options of the study.
@@ -76,6 +80,8 @@ impl Default for Correction {
 pub struct Results {
     /// What is left after correction; None if there is nothing to correct: no traps, or no shape left.
     pub remainder: Option<Remainder>,
+    /// What is left of the shear biases of the population; None where the mission has none.
+    pub population: Option<PopulationRemainder>,
     /// Warnings about the mission.
     pub warnings: Vec<Warning>,
 }
@@ -166,7 +172,8 @@ impl Study for Correction {
             Some(round_trip) => Some(self.remainder(mission, &model, &round_trip, &knowledge, advance)?),
             None => None,
         };
-        Ok(Results { remainder, warnings: warnings(mission) })
+        let population = PopulationRemainder::of(&model, &knowledge, advance)?;
+        Ok(Results { remainder, population, warnings: warnings(mission) })
     }
 }
 

@@ -3,7 +3,7 @@
 use ctiplan::mission::{Mission, Orbit};
 use ctiplan::plan::evaluate::evaluate;
 use ctiplan::study::Study;
-use ctiplan::study::calibration::{Calibration, Continued, Results};
+use ctiplan::study::calibration::{Calibration, Continued, Outcome, Results, TOLERANCE};
 
 /// SNAP with its first species alone, quickly evaluated.
 fn one_species() -> Mission {
@@ -81,5 +81,49 @@ fn intervals_that_make_no_sense_are_refused() {
         let asked = Calibration { intervals_months: vec![months], ..Calibration::default() };
         let message = asked.study(&one_species(), &|| {}).unwrap_err().to_string();
         assert!(message.contains("allowed: 0.1 to 60"), "{message}");
+    }
+}
+
+/// Even growth that is not continued is missed in proportion to the interval: the limit is reached where the share of the mission is
+/// the error with which the density must be known.
+#[test]
+fn the_longest_interval_is_solved_for_or_said_to_be_any_or_none() {
+    let asked =
+        Calibration { intervals_months: vec![6.0], density_error: 0.0, release_error: 0.0, ..Calibration::default() };
+    let with = |delta_e: f64| {
+        let found = ask(&asked, &even().with(&[("requirement.delta_e".into(), delta_e.into())]).unwrap());
+        (found.longest[0].clone(), found.known[0].needed_percent.unwrap())
+    };
+    let (solved, needed_percent) = with(1e-4);
+    assert_eq!((solved.continued, solved.outcome), (Continued::Constant, Outcome::Solved));
+    let expected = 60.0 * needed_percent / 100.0;
+    let months = solved.interval_months.unwrap();
+    assert!((months / expected - 1.0).abs() < 2.0 * TOLERANCE, "{months} {expected}");
+    // Nothing is drawn.
+    assert_eq!(solved.error_months, None);
+    let (any, _) = with(1e-1);
+    assert_eq!((any.outcome, any.interval_months.map(f64::round)), (Outcome::AlwaysMet, Some(60.0)));
+    let (none, _) = with(1e-8);
+    assert_eq!((none.outcome, none.interval_months), (Outcome::NotReachable, None));
+    assert!(none.used_at_shortest_percent > 100.0);
+}
+
+/// Under a Sun that is drawn: of the intervals that grow by 1.3, all below the longest keep the limits, and the next one does not.
+#[test]
+fn the_longest_interval_parts_those_that_keep_the_limits_from_those_that_do_not() {
+    let asked = Calibration { samples: 100, probability: 0.8, intervals_months: vec![6.0], ..Calibration::default() };
+    let used = ask(&asked, &one_species()).intervals[0].used_percent;
+    // A limit that calibrations every half year just use up.
+    let limit = 0.00999 * used * one_species().requirement.delta_e;
+    let mission = one_species().with(&[("requirement.delta_e".into(), limit.into())]).unwrap();
+    let grid: Vec<f64> = (0..=25).map(|step| 0.1 * (60.0_f64 / 0.1).powf(f64::from(step) / 25.0)).collect();
+    let found = ask(&Calibration { intervals_months: grid[..25].to_vec(), ..asked }, &mission);
+    for longest in &found.longest {
+        let months = longest.interval_months.unwrap_or_else(|| panic!("{longest:?}"));
+        assert_eq!(longest.outcome, Outcome::Solved, "{longest:?}");
+        let of = found.intervals.iter().filter(|one| one.continued == longest.continued);
+        let (shorter, longer): (Vec<_>, Vec<_>) = of.partition(|one| one.interval_months < months);
+        assert!(shorter.len() > 5 && shorter.iter().all(|one| one.used_percent <= 100.0), "{longest:?} {shorter:?}");
+        assert!(longer.first().is_none_or(|next| next.used_percent > 100.0), "{longest:?} {longer:?}");
     }
 }

@@ -3,6 +3,7 @@
 use std::fs;
 use std::process::{Command, Output};
 
+use ctiplan::environment::{Niel, cosmic_rays};
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
 use ctiplan::plan::compliance::lines;
@@ -41,6 +42,8 @@ fn uncertainty(sigma: f64) -> String {
         "background",
         "galaxy_flux",
         "galaxy_size",
+        "niel",
+        "cosmic_ray_modulation",
     ];
     let lines: String = keys.iter().map(|key| format!("{key} = {sigma}\n")).collect();
     format!("[uncertainty]\n{lines}\n[requirement]")
@@ -261,4 +264,86 @@ fn a_confidence_that_is_asked_for_decides_the_exit_status() {
     assert!(status == 2 && refusal.contains("--samples 5000 or more"), "{refusal}");
     let (status, _, refusal) = run(&["--confidence", "0.9", "--samples", "0"]);
     assert!(status == 2 && refusal.contains("--samples"), "{refusal}");
+}
+
+/// NIEL where the dose is made by it and the reference is not; cosmic rays where they are a source. Nowhere else.
+#[test]
+fn niel_and_cosmic_rays_are_inputs_where_they_apply() {
+    let names = |mission: &Mission| -> Vec<String> {
+        let draws = Draws::of(mission, None, 50, 1).unwrap();
+        draws.inputs().iter().map(|input| input.name.clone()).collect()
+    };
+    let has = |mission: &Mission| {
+        let names = names(mission);
+        ["NIEL", "cosmic-ray modulation"].map(|name| names.iter().any(|known| known == name))
+    };
+    assert_eq!(has(&mission(&[])), [true, true]);
+    let sources = "[environment]\nsources = [\"solar-protons\", \"cosmic-ray-nuclei\"]";
+    assert_eq!(has(&mission(&[("[environment]", sources)])), [true, true]);
+    assert_eq!(has(&mission(&[("[environment]", "[environment]\nsources = [\"solar-protons\"]")])), [true, false]);
+    let given = "[environment]\nactive_dose_rate_mev_g_yr = 2.54e6";
+    let given = mission(&[("[environment]", given), ("model = \"derived\"", "model = \"solar-cycle\"")]);
+    assert_eq!(has(&given), [false, false]);
+    // What is exactly known is no input.
+    assert!(names(&mission(&[("[requirement]", &uncertainty(0.0))])).is_empty());
+}
+
+/// With cosmic rays alone, at solar minimum: another modulation makes the dose of its spectrum, and all of the variance.
+#[test]
+fn the_level_of_cosmic_rays_is_that_of_their_modulation() {
+    let sources = "[environment]\nsources = [\"cosmic-rays\"]\nsolar_phase = \"min\"\nniel = \"sr\"";
+    let sigma: f64 = 0.18;
+    let one = uncertainty(0.0).replace("cosmic_ray_modulation = 0", "cosmic_ray_modulation = 0.18");
+    let mission = mission(&[("[environment]", sources), ("[requirement]", &one)]);
+    let draws = Draws::of(&mission, None, 400, 1).unwrap();
+    assert!(draws.sun_not_drawn().is_some());
+    let [less, mean, more] = [Some((0, -1.0)), None, Some((0, 1.0))].map(|input| draws.alone(input).unwrap());
+    let shield = mission.shield().unwrap();
+    let dose = |factor: f64| shield.dose(&cosmic_rays::yearly(factor * 0.40), Niel::Sr.curve());
+    for (fate, factor) in [(less, (-sigma).exp()), (more, sigma.exp())] {
+        let found = fate.delta_e.unwrap() / mean.delta_e.unwrap();
+        // Few traps: in proportion to the dose.
+        assert!((found / (dose(factor) / dose(1.0)) - 1.0).abs() < 2e-3, "{found} {factor}");
+        // The Sun has no part in it.
+        assert!((fate.sun_mev_g / mean.sun_mev_g - 1.0).abs() < 1e-9);
+    }
+    let found = dates(&mission, 400);
+    assert_eq!(found.shares[0].input, "cosmic-ray modulation");
+    assert!(found.shares[0].share > 0.99, "{:?}", found.shares);
+}
+
+/// Changed by what parts the two published curves, NIEL makes the damage of the other curve: where densities are quoted at a dose, and
+/// where they are quoted at a fluence, of which most cancels. With the Sun and all else drawn, shares still sum to one.
+#[test]
+fn niel_has_a_share_of_its_own() {
+    let at_dose =
+        [("reference_fluence_cm2 = 2e10", "reference_dose_mev_g = 1.78e8"), ("reference_energy_mev = 12.5", "")];
+    let mut effects = Vec::new();
+    for reference in [&at_dose[..], &[]] {
+        let only = uncertainty(0.0).replace("niel = 0", "niel = 0.1");
+        let with = |niel: &str| {
+            let curve = format!("[environment]\nniel = \"{niel}\"");
+            mission(&[reference, &[("[environment]", &curve), ("[requirement]", &only)]].concat())
+        };
+        let (own, other) = (with("sr"), with("rd50"));
+        let ratio = {
+            let [own, other] = [&own, &other].map(|mission| Model::new(mission).dose_mev_g(5.0).unwrap());
+            other / own
+        };
+        assert!((0.85..0.95).contains(&ratio), "{ratio}");
+        let draws = Draws::of(&own, None, 50, 1).unwrap();
+        assert_eq!(draws.inputs().len(), 1);
+        let [before, after] =
+            [None, Some((0, ratio.ln() / 0.1))].map(|input| draws.alone(input).unwrap().delta_e.unwrap());
+        let expected = Draws::of(&other, None, 50, 1).unwrap().alone(None).unwrap().delta_e.unwrap();
+        assert!((after / expected - 1.0).abs() < 1e-6, "{after} {expected}");
+        effects.push((after / before).ln());
+    }
+    assert!(effects[0] < -0.08 && effects[1].abs() < 0.5 * effects[0].abs(), "{effects:?}");
+    let found = dates(&mission(&at_dose), 400);
+    let share = |name: &str| found.shares.iter().find(|share| share.input == name).map_or(0.0, |share| share.share);
+    assert!(share("NIEL") > 0.0 && share("NIEL") < share("dose model"), "{:?}", found.shares);
+    let sum: f64 = found.shares.iter().map(|share| share.share).sum();
+    assert!((sum - 1.0).abs() < 1e-9, "{sum}");
+    assert!(found.emulated.unwrap().relative_error <= ACCEPTED, "{:?}", found.emulated);
 }

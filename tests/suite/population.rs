@@ -4,7 +4,11 @@ use std::fs;
 
 use ctiplan::evaluate;
 use ctiplan::mission::Mission;
+use ctiplan::plan::judgement::Limited;
 use ctiplan::plan::population::{PopulationBias, ShearBias};
+use ctiplan::study::Study;
+use ctiplan::study::calibration::Calibration;
+use ctiplan::study::correction::{Cause, Correction};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -121,6 +125,36 @@ fn orientations_cancel_the_additive_bias_and_average_the_multiplicative_one() {
     assert!((all.m[0].value - all.m[1].value).abs() < 1e-12);
 }
 
+/// A dither of nothing changes no bit; the mean over exposures is that of missions with one exposure each, in rows and in columns.
+#[test]
+fn biases_of_dithers_are_the_mean_of_those_of_each_exposure() {
+    let serial = "[effects.serial-traps]\npixel_time_ms = 0.025\ntransfers = 1000\n[[effects.serial-traps.traps]]\n\
+                  name = \"serial\"\ndensity_per_px = 0.3\nrelease_ms = 0.1\nenergy_ev = 0.2\n";
+    let table = "e1,e2,transfers\n0.3,0.2,1000\n-0.1,0.4,1500\n";
+    let of = |dithers: &str| {
+        let mut mission = mission(Some(table), dithers, "");
+        let effects = serial.parse::<toml::Table>().unwrap().remove("effects").unwrap();
+        mission.effects = effects.as_table().unwrap().clone();
+        end(&mission)
+    };
+    let own = of("");
+    assert_eq!(own, of("dither_rows_px = [0.0]\ndither_columns_px = [0.0]"));
+    let (rows, columns) = (of("dither_rows_px = [-600]"), of("dither_rows_px = [0]\ndither_columns_px = [800]"));
+    // Nearer to the register, less is trailed along y; farther from the amplifier, more along x: e1 falls by either less or more.
+    assert!(rows.c[0].value > own.c[0].value && columns.c[0].value > own.c[0].value, "{own:?} {rows:?} {columns:?}");
+    let mean = of("dither_rows_px = [0, -600, 0]\ndither_columns_px = [0, 0, 800]");
+    for member in [0, 1] {
+        for of in [|bias: &ShearBias| bias.c, |bias: &ShearBias| bias.m] {
+            let expected = [&own, &rows, &columns].map(|bias| of(bias)[member].value).iter().sum::<f64>() / 3.0;
+            let found = of(&mean)[member].value;
+            assert!((found - expected).abs() < 1e-12 + 1e-9 * expected.abs(), "{found} {expected}");
+        }
+    }
+    // An exposure in which a galaxy is not on the detector does not count for it: of these two, the first galaxy has one.
+    let (both, far) = (of("dither_rows_px = [0, -1200]"), of("dither_rows_px = [-1200]"));
+    assert!(both != own && far.c[0].error.is_none(), "{both:?} {far:?}");
+}
+
 #[test]
 fn limits_on_biases_are_judged_like_the_one_on_a_galaxy() {
     let table = "e1\n0.4\n-0.4\n";
@@ -200,7 +234,74 @@ fn what_a_table_cannot_be_is_refused_with_its_line() {
         (of_table("pixel_arcsec = 0.2"), "belongs to the law of galaxies"),
         (parsed("", "c = 1e-4"), "there is no [population]"),
         (parsed(&format!("[population]\n{LAW}magnitude_range = [25.0, 20.0]"), ""), "brighter one"),
+        (
+            parsed(&format!("[population]\n{LAW}dither_columns_px = [0, 5]"), ""),
+            "2 offsets in columns (px), but 1 in rows",
+        ),
+        (parsed(&format!("[population]\n{LAW}dither_rows_px = {:?}", [0.0; 65]), ""), "allowed: 1 to 64"),
     ] {
         assert!(message.contains(part), "{message}");
     }
+}
+
+/// Densities and release times are off; the rest is known.
+fn correction(density_error: f64, release_error: f64) -> Correction {
+    Correction {
+        density_error,
+        release_error,
+        well_fill_error: 0.0,
+        draws: 2,
+        realisations: 0,
+        ..Correction::default()
+    }
+}
+
+/// To first order a correction leaves of a population's c what its iterations leave of the galaxy.
+#[test]
+fn a_correction_leaves_of_a_population_of_one_galaxy_what_it_leaves_of_that_galaxy() {
+    let mission = mission(Some("weight\n3.0\n"), "", "c = 1e-4");
+    let found = correction(0.02, 0.02).study(&mission, &|| {}).unwrap();
+    let (galaxy, population) = (found.remainder.unwrap(), found.population.unwrap());
+    let squares: f64 = galaxy
+        .causes
+        .iter()
+        .filter(|left| matches!(left.cause, Cause::Parameter(_)))
+        .map(|left| left.delta_e.unwrap().powi(2))
+        .sum();
+    let share = squares.sqrt() / galaxy.uncorrected_delta_e;
+    let c1 = &population.biases[0];
+    assert_eq!((c1.bias.as_str(), c1.uncorrected_error, c1.factor_error), ("c1", None, None));
+    // Shears of 0.01, and a step of 5 % for one of 2 %.
+    assert!((c1.left / c1.uncorrected.abs() / share - 1.0).abs() < 0.03, "{c1:?} {share}");
+    assert!((c1.factor.unwrap() * c1.left_percent.unwrap() - 100.0).abs() < 1e-9);
+    assert!((c1.used_percent.unwrap() - 1e6 * c1.left).abs() < 1e-9);
+}
+
+/// What the population asks of the correction is what calibrations must reach; and where galaxies differ, a bias and what is left of it
+/// have errors that go together.
+#[test]
+fn what_a_population_asks_of_a_correction_is_what_calibrations_must_reach() {
+    let mission = mission(None, &format!("{LAW}galaxies = 8"), "c = 1.1e-4\nm = 1e-3");
+    let found = correction(0.05, 0.0).study(&mission, &|| {}).unwrap().population.unwrap();
+    let asked = Calibration { samples: 50, ..Calibration::default() };
+    let known = asked.study(&mission, &|| {}).unwrap().known;
+    assert_eq!(found.tolerances.len(), known.len());
+    for (tolerance, known) in found.tolerances.iter().zip(&known) {
+        let needed = match known.by {
+            Some(Limited::C) => tolerance.needed_c_percent,
+            Some(Limited::M) => tolerance.needed_m_percent,
+            _ => continue,
+        };
+        assert_eq!((&tolerance.parameter, needed), (&known.parameter, known.needed_percent));
+    }
+    let density = &found.tolerances[0];
+    assert!((density.error_percent.unwrap() - 5.0).abs() < 1e-9 && found.tolerances[4].error_percent.is_none());
+    for bias in [&found.biases[0], &found.biases[2]] {
+        let relative = bias.uncorrected_error.unwrap() / bias.uncorrected.abs();
+        let left = bias.left_error_percent.unwrap() / bias.left_percent.unwrap();
+        assert!(left > 0.0 && left < 0.5 * relative, "{bias:?}");
+    }
+    // Half the error leaves half.
+    let half = correction(0.025, 0.0).study(&mission, &|| {}).unwrap().population.unwrap();
+    assert!((half.biases[0].left / found.biases[0].left - 0.5).abs() < 1e-9);
 }

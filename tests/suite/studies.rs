@@ -538,6 +538,8 @@ fn an_error_budget_without_uncertainty_is_a_single_date() {
         "background",
         "galaxy_flux",
         "galaxy_size",
+        "niel",
+        "cosmic_ray_modulation",
     ];
     let names = keys.map(|key| format!("uncertainty.{key}"));
     let mut settings: Vec<(&str, toml::Value)> = names.iter().map(|name| (name.as_str(), 0.0.into())).collect();

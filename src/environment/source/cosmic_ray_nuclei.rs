@@ -26,6 +26,10 @@ impl Source for CosmicRayNuclei {
         protons.map(|stream| Stream { yearly: stream.yearly.times(NUCLEI_OVER_PROTONS), ..stream }).collect()
     }
 
+    fn is_modulated(&self) -> bool {
+        true
+    }
+
     fn neutrons(&self) -> f64 {
         CosmicRays.neutrons()
     }

@@ -35,7 +35,8 @@ impl Source for CosmicRays {
             Place::Earth(elements) => Some(Exposure::along(elements, setting.middle)),
         };
         let stream = |(node, cosines): (usize, Vec<f64>)| {
-            let outside = yearly(modulation_gv(0.5 * node as f64 / (PHASES - 1) as f64));
+            let phase = 0.5 * node as f64 / (PHASES - 1) as f64;
+            let outside = yearly(setting.modulation * modulation_gv(phase));
             let yearly = match &exposure {
                 None => outside,
                 Some(exposure) => outside.attenuated(|energy_mev| exposure.at(energy_mev)),
@@ -43,6 +44,10 @@ impl Source for CosmicRays {
             Stream { yearly, when: When::Cycle { cosines, phase: Phase { lag_yr: 0.0 } } }
         };
         interpolation(PHASES).into_iter().enumerate().map(stream).collect()
+    }
+
+    fn is_modulated(&self) -> bool {
+        true
     }
 
     fn neutrons(&self) -> f64 {

@@ -14,7 +14,8 @@ pub struct Fate {
     /// First time (years since launch) at which it exceeds the uncorrected and the corrected budget; None if not within the
     /// mission.
     pub exceeded_yr: [Option<f64>; 2],
-    /// Dose at the end of the mission over the factor on all doses, MeV/g: what the Sun of this draw makes of it.
+    /// Dose at the end of the mission over the factor on all doses, with cosmic rays of a mean cycle, MeV/g: what the Sun of this draw
+    /// makes of it.
     pub sun_mev_g: f64,
     /// The same of the limits on c and on m of the population: when so many traps are there.
     pub biases_exceeded_yr: [[Option<f64>; 2]; 2],
@@ -57,7 +58,7 @@ impl Fate {
             point.1 = magnitude(point.0)?;
         }
         let first = |limit: f64| Ok(crossing(limit, &points, magnitude)?.t_yr);
-        let sun_mev_g = model.history().dose_mev_g(end_yr)? / model.mission.environment.dose_factor;
+        let sun_mev_g = sun_mev_g(model, end_yr)?;
         Ok(Fate {
             delta_e: points.iter().find(|point| point.0 == end_yr).and_then(|end| end.1),
             exceeded_yr: [first(limits[0])?, first(limits[1])?],
@@ -65,6 +66,17 @@ impl Fate {
             biases_exceeded_yr,
         })
     }
+}
+
+/// Dose (MeV/g) at the end of the mission, over the factor on all doses, with cosmic rays of a mean cycle.
+fn sun_mev_g(model: &Model, end_yr: f64) -> Result<f64, InputError> {
+    let history = model.history();
+    let all = history.dose_mev_g(end_yr)?;
+    let factor = model.mission.environment.dose_factor;
+    Ok(match model.mission.imported.cosmic_rays {
+        None => all / factor,
+        Some(level) => (all - (1.0 - 1.0 / level) * history.cosmic_rays_mev_g(end_yr)) / factor,
+    })
 }
 
 /// When there are so many traps of all species, looked for at some times (years since launch).

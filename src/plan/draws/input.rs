@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
-use crate::environment::esp;
 use crate::environment::shielding::{self, Geometry};
 use crate::environment::solar_cycle::{CYCLE_SCATTER_YR, Maximum};
+use crate::environment::{Niel, esp};
 use crate::mission::{DoseModel, Mission};
 use crate::model::Model;
 use crate::numeric::parallel;
 use crate::physics::SourceDose;
+use crate::physics::source_dose::cosmic_ray_dose_mev_g;
 use crate::plan::dose;
 
 /// Changes a mission by a deviation of an input.
@@ -67,9 +68,60 @@ pub fn cycles(maxima: &[Maximum]) -> Vec<Input> {
     ahead.map(shift).collect()
 }
 
-/// The inputs of a mission, those known exactly left out. `shield` says by how much the
-/// dose changes with the shield's thickness.
-pub fn inputs(mission: &Mission, shield: Option<Shield>) -> Vec<Input> {
+/// What the dose of a mission is derived from, as far as that is uncertain.
+#[derive(Clone, Default)]
+pub struct Derived {
+    /// By how much the dose changes with the shield's thickness.
+    pub shield: Option<Shield>,
+    /// By how much that of cosmic rays changes with their modulation; None where they are no source.
+    pub modulation: Option<CosmicRayModulation>,
+    /// Power of a factor on the damage curve that is left in the number of traps; None where no dose is made by it.
+    pub niel_power: Option<f64>,
+}
+
+impl Derived {
+    /// Of a mission as it was read.
+    pub fn of(mission: &Mission) -> Derived {
+        Derived {
+            shield: Shield::of(mission),
+            modulation: CosmicRayModulation::of(mission),
+            niel_power: niel_power(mission),
+        }
+    }
+}
+
+/// Power of a factor on the damage curve that is left in D/D_ref. It is 1 where densities are quoted at a dose. Where they are quoted at a
+/// fluence, both doses are made with the same curve, and what is common to both cancels; the rest is as the two published curves
+/// have it, whose ratios are r for the mission's dose and r_ref at the energy of the reference:
+///
+/// ```text
+/// power = ln(r/r_ref)/ln r
+/// ```
+fn niel_power(mission: &Mission) -> Option<f64> {
+    let environment = &mission.environment;
+    let given = environment.active_dose_rate_mev_g_yr.is_some()
+        || environment.model == DoseModel::History
+        || environment.dose_depth.is_some();
+    if given {
+        return None;
+    }
+    let mut other = mission.clone();
+    other.environment.niel = match environment.niel {
+        Niel::Sr => Niel::Rd50,
+        Niel::Rd50 => Niel::Sr,
+    };
+    let log = |mission: &Mission| {
+        let dose_mev_g = Model::new(mission).dose_mev_g(mission.mission.duration_yr).ok()?;
+        Some((dose_mev_g.ln(), mission.reference_dose_mev_g().ln()))
+    };
+    let ((own, own_reference), (dose, reference)) = (log(mission)?, log(&other)?);
+    let power = 1.0 - (reference - own_reference) / (dose - own);
+    power.is_finite().then_some(power)
+}
+
+/// The inputs of a mission, those known exactly left out.
+pub fn inputs(mission: &Mission, derived: Derived) -> Vec<Input> {
+    let Derived { shield, modulation, niel_power } = derived;
     let known = &mission.uncertainty;
     let mut inputs = vec![input("dose model", DOSE_KEYS, known.dose_model, |mission, factor| {
         mission.environment.dose_factor *= factor;
@@ -108,6 +160,18 @@ pub fn inputs(mission: &Mission, shield: Option<Shield>) -> Vec<Input> {
     inputs.push(input("galaxy size", [&size], known.galaxy_size, |mission, factor| {
         mission.galaxies[0].half_light_px *= factor
     }));
+    // At the end: the numbers of the others stay those that they were.
+    if let Some(power) = niel_power {
+        inputs.push(input("NIEL", DOSE_KEYS, known.niel, move |mission, factor| {
+            mission.environment.dose_factor *= factor.powf(power);
+        }));
+    }
+    if let Some(modulation) = modulation {
+        let name = "cosmic-ray modulation";
+        inputs.push(input(name, [], known.cosmic_ray_modulation, move |mission, factor| {
+            mission.imported.cosmic_rays = Some(modulation.dose(factor));
+        }));
+    }
     inputs.retain(|input| input.sigma != Sigma::Relative(0.0));
     inputs
 }
@@ -177,9 +241,44 @@ impl Shield {
 
     /// Dose behind so many times the thickness, over the dose behind it.
     fn dose(&self, factor: f64) -> f64 {
-        let log = factor.ln();
-        let after = self.curve.partition_point(|point| point.0 <= log).clamp(1, self.curve.len() - 1);
-        let ((from, low), (to, high)) = (self.curve[after - 1], self.curve[after]);
-        (low + (high - low) * (log - from) / (to - from)).exp()
+        interpolated(&self.curve, factor)
+    }
+}
+
+/// Factor whose logarithm is on straight lines between points, at a factor; beyond the ends on those of the end pair.
+fn interpolated(curve: &[(f64, f64)], factor: f64) -> f64 {
+    let log = factor.ln();
+    let after = curve.partition_point(|point| point.0 <= log).clamp(1, curve.len() - 1);
+    let ((from, low), (to, high)) = (curve[after - 1], curve[after]);
+    (low + (high - low) * (log - from) / (to - from)).exp()
+}
+
+/// Dose of cosmic rays over the mission with another modulation, over that of a mean cycle: its logarithm, at logarithms of the
+/// factor on the modulation, which is the same at all phases of the cycle.
+#[derive(Clone)]
+pub struct CosmicRayModulation {
+    curve: Vec<(f64, f64)>,
+}
+
+/// Logarithms of factors on a modulation between which its dose is followed.
+const MODULATIONS: (f64, f64, usize) = (-1.0, 1.0, 17);
+
+impl CosmicRayModulation {
+    /// Of a mission; None where cosmic rays are not among its sources.
+    pub fn of(mission: &Mission) -> Option<CosmicRayModulation> {
+        let model = Model::new(mission);
+        let itself = cosmic_ray_dose_mev_g(mission, model.history(), 1.0)?.ln();
+        let (from, to, count) = MODULATIONS;
+        let dose = |index: usize| {
+            let log = from + (to - from) * index as f64 / (count - 1) as f64;
+            Some((log, cosmic_ray_dose_mev_g(mission, model.history(), log.exp())?.ln() - itself))
+        };
+        let curve: Option<Vec<(f64, f64)>> = parallel::map(0..count, dose).into_iter().collect();
+        curve.filter(|curve| curve.iter().all(|point| point.1.is_finite())).map(|curve| CosmicRayModulation { curve })
+    }
+
+    /// Dose with so many times the modulation, over that of a mean cycle.
+    pub fn dose(&self, factor: f64) -> f64 {
+        interpolated(&self.curve, factor)
     }
 }

@@ -39,9 +39,13 @@ pub(super) fn say(biases: &PopulationBias, mission: &Mission, out: &mut Parts) {
         PopulationNoise::Included => "with the noise of one exposure",
     };
     let [r1, r2] = biases.response;
+    let exposures = match population.dither_rows_px.len() {
+        1 => String::new(),
+        exposures => format!(" and {exposures} exposures"),
+    };
     out.words(
         format!(
-            "  Response of the ellipticity to shear {r1:.3}, {r2:.3}; {stars}; {noise}; mean over {} orientation{}. Errors: finite \
+            "  Response of the ellipticity to shear {r1:.3}, {r2:.3}; {stars}; {noise}; mean over {} orientation{}{exposures}. Errors: finite \
              sample.",
             population.orientations_deg.len(),
             if population.orientations_deg.len() == 1 { "" } else { "s" }

@@ -6,7 +6,7 @@ use super::{DataTable, Digits, Shown, StudyReport, short};
 use crate::mission::Mission;
 use crate::report::plot::{Figure, Panel, level, line};
 use crate::study::Estimate;
-use crate::study::calibration::{Continued, Interval, Known, Results};
+use crate::study::calibration::{Continued, Known, LEAST_MONTHS, Longest, Outcome, Results, TOLERANCE};
 
 /// Ways to continue densities, with their names.
 const WAYS: [(Continued, &str); 2] =
@@ -22,7 +22,7 @@ impl Shown for Results {
         );
         let mut report = StudyReport::of("calibration", mission, title, &self.warnings);
         report.cite("Errors of a correction from errors of its parameters", "Israel et al. 2015 (MNRAS 453, 561)");
-        report.tables = vec![intervals(self), known(self)];
+        report.tables = vec![intervals(self), longest(self), known(self)];
         report.draw(figure(self, mission));
         describe(&mut report, self);
         report
@@ -43,6 +43,20 @@ fn intervals(results: &Results) -> DataTable {
     DataTable::of("intervals", &results.intervals, columns).titled(format!(
         "Largest error of the densities (of those at the end) and largest use of a limit over the mission, not exceeded with {percent} %; \
          beyond: mean share of the mission in which one is exceeded; met: probability that none is to the end"
+    ))
+}
+
+fn longest(results: &Results) -> DataTable {
+    let percent = short(100.0 * results.probability);
+    let columns = vec![
+        words("continued", "densities"),
+        words("outcome", "longest interval"),
+        column("interval_months", "months", Digits::Significant(3)).with_error("error_months"),
+        words("by", "limited by"),
+        column("used_at_shortest_percent", "", Digits::Significant(3)),
+    ];
+    DataTable::of("longest", &results.longest, columns).titled(format!(
+        "Longest interval between calibrations that keeps all limits with {percent} %, between {LEAST_MONTHS} months and the mission"
     ))
 }
 
@@ -86,21 +100,8 @@ fn describe(report: &mut StudyReport, results: &Results) {
             ));
         }
     }
-    for (continued, name) in WAYS {
-        let kept = |one: &&Interval| one.continued == continued && one.met_percent >= 100.0 * results.probability;
-        let enough = results.intervals.iter().filter(kept);
-        let longest = enough.max_by(|a, b| a.interval_months.total_cmp(&b.interval_months));
-        let key = if continued == Continued::Linear { "longest_linear_months" } else { "longest_constant_months" };
-        report.result(key, longest.map(|one| one.interval_months));
-        let percent = short(100.0 * results.probability);
-        report.find(match longest {
-            Some(one) => format!(
-                "Densities {name}: calibrations every {} months are enough with {percent} %; all limits are met with {} %.",
-                short(one.interval_months),
-                plus_minus(Estimate { value: one.met_percent, error: one.met_error_percent })
-            ),
-            None => format!("Densities {name}: no interval tried is enough with {percent} %."),
-        });
+    for longest in &results.longest {
+        describe_longest(report, results, longest);
     }
     report.find(
         "An event of the Sun is not foreseen: until the next calibration densities are too small by what it made, however short the \
@@ -110,4 +111,33 @@ fn describe(report: &mut StudyReport, results: &Results) {
     if let Some(why) = &results.sun_not_drawn {
         report.find(format!("The Sun is not drawn: {why}. There is one course of the densities."));
     }
+}
+
+/// The longest interval, densities continued in one way.
+fn describe_longest(report: &mut StudyReport, results: &Results, longest: &Longest) {
+    let key = if longest.continued == Continued::Linear { "longest_linear" } else { "longest_constant" };
+    report.result(&format!("{key}_months"), longest.interval_months);
+    report.result(&format!("{key}_error_months"), longest.error_months);
+    let name = WAYS.into_iter().find(|(continued, _)| *continued == longest.continued).map_or("", |(_, name)| name);
+    let percent = short(100.0 * results.probability);
+    report.find(match (longest.outcome, longest.interval_months) {
+        (Outcome::Solved, Some(months)) => {
+            let unknown = results.sun_not_drawn.is_none() && longest.error_months.is_none_or(|error| error > 0.5 * months);
+            let error = if unknown { "; these draws do not determine it: more --samples" } else { "" };
+            format!(
+                "Densities {name}: calibrations every {} months keep all limits with {percent} % (solved to {} %, among {LEAST_MONTHS} \
+                 months to the mission{error}).",
+                plus_minus(Estimate { value: months, error: longest.error_months.unwrap_or(0.0) }),
+                short(100.0 * TOLERANCE)
+            )
+        }
+        (Outcome::AlwaysMet, _) => {
+            format!("Densities {name}: always met. One calibration at launch keeps all limits to the end with {percent} %.")
+        }
+        _ => format!(
+            "Densities {name}: not reachable. Calibrations every {LEAST_MONTHS} months use {} % of the limit on {} with {percent} %.",
+            short(longest.used_at_shortest_percent),
+            longest.by.map_or("a parameter", |by| by.symbol())
+        ),
+    });
 }

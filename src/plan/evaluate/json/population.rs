@@ -13,6 +13,8 @@ pub(super) struct Document<'a> {
     lost: usize,
     psf_stars_e: Option<f64>,
     orientations_deg: &'a [f64],
+    dither_rows_px: &'a [f64],
+    dither_columns_px: Option<&'a [f64]>,
     response: [f64; 2],
     years: Vec<Year>,
 }
@@ -58,6 +60,8 @@ impl<'a> Document<'a> {
             lost: biases.lost,
             psf_stars_e: population.psf_stars_e,
             orientations_deg: &population.orientations_deg,
+            dither_rows_px: &population.dither_rows_px,
+            dither_columns_px: population.dither_columns_px.as_deref(),
             response: biases.response,
             years: biases.years.iter().map(|(t_yr, bias)| Year::of(*t_yr, bias)).collect(),
         }
