@@ -85,7 +85,7 @@ impl Model {
 
     /// Sub-pixel positions in x and in y at which galaxies are read out. Columns that differ, or know of one another, ask for as many
     /// in x as in y.
-    pub(crate) fn positions(&self) -> [u32; 2] {
+    pub fn positions(&self) -> [u32; 2] {
         let Accuracy { subpixel_grid, readout, .. } = self.mission.accuracy;
         let serial = self.effects.iter().any(|effect| effect.serial().is_some());
         let differ = serial || readout == ReadoutMethod::MonteCarlo;
