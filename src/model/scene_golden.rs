@@ -39,6 +39,8 @@ fn species(density_per_px: f64, release_transfers: f64) -> SpeciesState {
         release_ms: release_transfers,
         release_sigma: 0.0,
         capture_ms: 0.0,
+        capture_density_power: 0.0,
+        capture_at_e: 161_000.0,
         well_fill_power: None,
         surface_level_e: None,
     }
