@@ -183,7 +183,8 @@ impl Model {
             return Err(self.effects.of_mission(error));
         }
         let (store, effects) = (self.mission.readout.store, self.effects.clone());
-        Ok(Device { at, traps, cloud, clock, store, method: self.method(), registers, effects })
+        let persistence = self.mission.survey.clone().filter(|survey| survey.persistence.is_some());
+        Ok(Device { at, traps, cloud, clock, store, persistence, method: self.method(), registers, effects })
     }
 
     /// Mean change of a galaxy's shape (by its place in the mission) at a time (years since launch). None where no shape

@@ -78,6 +78,13 @@ impl Catalogued for FiniteCapture {
 
     fn check(&self, mission: &Mission) -> Result<(), Refusal> {
         self.check_reference(mission)?;
+        if self.capture_ms > 0.0 && mission.persistence().is_some() {
+            return Err(Refusal {
+                key: "capture_ms".into(),
+                problem: "traps that keep charge into the next exposure are modelled with capture at once".into(),
+                help: Some("remove [survey.persistence], or set capture_ms = 0".into()),
+            });
+        }
         let own_power = |table: &toml::Table| table.contains_key("well_fill_power");
         let of_register = |table: &toml::Table| {
             let species = table.get("traps").and_then(toml::Value::as_array);

@@ -24,6 +24,7 @@ fn device(traps: Vec<SpeciesState>, cloud: Cloud, background_e: f64, transfers: 
         cloud,
         clock: Clock::single(),
         store: None,
+        persistence: None,
         method: Method::Fast { relative: 1e-6 },
         registers: Vec::new(),
         effects: Effects::of(&mission),

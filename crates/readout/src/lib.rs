@@ -17,7 +17,8 @@
 //! That is a clock of one phase. In a clock of several, part of what is released returns to the packet that has just left: see
 //! `phase.rs`. Traps that need time to capture follow another law, inside the cloud as the packet arrives: see `finite_capture.rs`; that time
 //! may depend on the density of the cloud: see [`CaptureDensity`]. Release times that are spread are resolved into many species of one release time each: see `continuum.rs`. A store region between the
-//! image and the register, which is filled by a burst, makes a composition of readouts: see `frame_transfer.rs`.
+//! image and the register, which is filled by a burst, makes a composition of readouts: see `frame_transfer.rs`. Traps that keep charge from
+//! one frame to the next are in `persistence.rs`.
 //!
 //! Sources: Rhodes et al. 2010 (PASP 122, 439), section 3; Massey et al. 2010 (MNRAS 401, 371) for the cloud that
 //! captures at once.
@@ -39,6 +40,7 @@ mod monte_carlo;
 mod multirevolution;
 mod pass;
 mod passage;
+mod persistence;
 mod phase;
 mod pixel;
 mod power;
@@ -51,6 +53,7 @@ pub use bands::Band;
 pub use cloud::Cloud;
 pub use equal_blocks::Allowed;
 pub use frame_transfer::FrameTransfer;
+pub use persistence::Persistence;
 pub use phase::{Clock, ClockFault, ClockStep, Phase};
 
 use std::sync::{Mutex, PoisonError};
