@@ -151,12 +151,10 @@ impl<const S: usize> ByDensity<S> {
         };
         let ratio = cloud.density_e(charge_e) / reference;
         let strength = if ratio > 0.0 { power(ratio, of_density) } else { 0.0 };
-        for s in 0..S {
-            let rate = self.capture[s] * strength;
-            exponent[s] = (rate + self.release[s]).min(NOTHING_LEFT);
-            course.full[s] = rate / (rate + self.release[s]);
-            course.approach[s] = exp2(-exponent[s]);
-        }
+        let rate: [f64; S] = std::array::from_fn(|s| self.capture[s] * strength);
+        exponent = std::array::from_fn(|s| (rate[s] + self.release[s]).min(NOTHING_LEFT));
+        course.full = std::array::from_fn(|s| rate[s] / (rate[s] + self.release[s]));
+        course.approach = exponent.map(|exponent| exp2(-exponent));
         exponent
     }
 }
@@ -256,10 +254,9 @@ impl<const S: usize> FiniteCapturePixel<S> {
         let Some(law) = &self.by_density else { return };
         let mut course = *watermarks.history.last().expect("a history starts before the first packet");
         let exponent = law.inside(&self.cloud, charge_e, &mut course);
-        for s in 0..S {
-            course.filled[s] = course.full[s] + (course.filled[s] - course.full[s]) * course.approach[s];
-            course.exponent[s] += exponent[s];
-        }
+        let Course { filled, full, approach, .. } = course;
+        course.filled = std::array::from_fn(|s| full[s] + (filled[s] - full[s]) * approach[s]);
+        course.exponent.iter_mut().zip(exponent).for_each(|(sum, exponent)| *sum += exponent);
         watermarks.history.push(course);
     }
 

@@ -63,10 +63,9 @@ fn followed_in_time(frames_e: &[Vec<f64>], traps: &[(f64, f64)]) -> Vec<Vec<f64>
             since[pixel] = 0.0;
         }
         for line in 1..rows {
-            for row in line..rows {
-                let pixel = row - line;
-                packets_e[row] += pixels[pixel].release(traps, 1.0);
-                pixels[pixel].capture(traps, &mut packets_e[row]);
+            for (pixel, charge_e) in pixels.iter_mut().zip(&mut packets_e[line..]) {
+                *charge_e += pixel.release(traps, 1.0);
+                pixel.capture(traps, charge_e);
             }
         }
         // Packets of the last row have gone, and no other comes.
