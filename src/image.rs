@@ -209,7 +209,7 @@ impl Job {
     /// galaxies; a mission that wants another method keeps it.
     ///
     /// # Errors
-    /// Where serial transfers are wanted of a mission without serial traps, or parallel ones of a mission with a store, or a formula
+    /// Where serial transfers are wanted of a mission without serial traps, or parallel ones of a mission with a store or persistence, or a formula
     /// fails.
     pub fn new(
         task: Task,
@@ -225,6 +225,18 @@ impl Job {
                 format!("mission \"{}\" has a store: frames are shifted into it first", model.mission.mission.name),
             )
             .with_help("frame transfer is modelled for galaxies and measurements; remove [readout.store] for frames"));
+        }
+        if geometry.transfers.parallel() && device.persistence.is_some() {
+            return Err(InputError::new(
+                "cannot model the transfers of a frame",
+                format!(
+                    "mission \"{}\" keeps charge from exposures before, which are not given",
+                    model.mission.mission.name
+                ),
+            )
+            .with_help(
+                "persistence is modelled for galaxies and measurements; remove [survey.persistence] for frames",
+            ));
         }
         if geometry.transfers.serial() && device.serial().is_empty() {
             return Err(InputError::new(

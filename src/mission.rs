@@ -341,6 +341,30 @@ pub struct Survey {
     pub exposure_s: f64,
     /// Time from one exposure to the next that reading out may fill, s.
     pub slew_s: f64,
+    /// What exposures before have left in the traps; none where the traps are empty.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub persistence: Option<Persistence>,
+}
+
+/// `[survey.persistence]`: exposures before, whose charge slow traps keep.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Persistence {
+    /// Exposures before.
+    pub exposures: u32,
+    /// What they saw.
+    pub scene: SceneBefore,
+    /// Rows of the frame, all of which are read.
+    pub rows: u32,
+}
+
+/// What exposures before saw in the columns of an object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SceneBefore {
+    /// The same, in the same pixels: the telescope has not moved.
+    Same,
+    /// Sky alone: it has moved.
+    Sky,
 }
 
 impl Survey {
@@ -628,6 +652,11 @@ impl fmt::Display for Date {
 }
 
 impl Mission {
+    /// What exposures before have left in the traps, if that is modelled.
+    pub fn persistence(&self) -> Option<Persistence> {
+        self.survey.as_ref()?.persistence
+    }
+
     /// Dose at which the densities are quoted, MeV/g: as given, or that of the reference fluence by the mission's own damage curve,
     /// which at 10 MeV is that of the table.
     pub fn reference_dose_mev_g(&self) -> f64 {

@@ -21,6 +21,7 @@ pub mod survey;
 use std::sync::{Arc, OnceLock};
 
 use crate::error::InputError;
+use crate::mission::keys::plain;
 use crate::mission::{Accuracy, Detector, Mission, ReadoutMethod, TrapsAtStart};
 use crate::physics::accuracy::Purpose;
 use crate::physics::conditions::Conditions;
@@ -191,8 +192,22 @@ impl Model {
             .map_or(Clock::single(), |phases| phases.clock().expect("a mission's clock was checked when it was read"));
         self.effects.apply(|effect| effect.clock(&mut clock, &at))?;
         self.effects.apply(|effect| effect.traps(&mut traps, &at))?;
+        let without_density = |species: &&SpeciesState| {
+            species.capture_density_power > 0.0 && cloud.density_e(species.capture_at_e) == 0.0
+        };
+        if let Some(species) = traps.iter().find(without_density) {
+            let problem = format!(
+                "packets of {} e- have no cloud, and their density gives no capture time",
+                plain(species.capture_at_e)
+            );
+            let error = InputError::new("cannot model capture by density", problem).with_help(
+                "set effects.finite-capture.capture_at_e to the charge of packets that fill a part of the well",
+            );
+            return Err(self.effects.of_mission(error));
+        }
         let (store, effects) = (self.mission.readout.store, self.effects.clone());
-        Ok(Device { at, traps, cloud, clock, store, method: self.method(), registers, effects })
+        let persistence = self.mission.survey.clone().filter(|survey| survey.persistence.is_some());
+        Ok(Device { at, traps, cloud, clock, store, persistence, method: self.method(), registers, effects })
     }
 
     /// Mean change of a galaxy's shape (by its place in the mission) at a time (years since launch). None where no shape

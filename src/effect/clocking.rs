@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::{Card, Catalogued, Effect, Reach, numbers};
+use super::{Card, Catalogued, Effect, Reach, Refusal, numbers};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::mission::keys::{Allowed::Number, Key, Need::Required, key};
@@ -47,6 +47,17 @@ impl Catalogued for Clocking {
 
     fn example(_: &Mission) -> toml::Table {
         numbers(&[("return_share", 1.0 / 3.0)])
+    }
+
+    fn check(&self, mission: &Mission) -> Result<(), Refusal> {
+        if self.return_share == 0.0 || mission.persistence().is_none() {
+            return Ok(());
+        }
+        Err(Refusal {
+            key: "return_share".into(),
+            problem: "traps that keep charge into the next exposure are modelled in a clock of one phase".into(),
+            help: Some("remove [survey.persistence], or set return_share = 0".into()),
+        })
     }
 
     fn trials(_: &Mission, _: &Reach) -> Vec<Vec<toml::Table>> {

@@ -64,7 +64,7 @@ pub enum Need {
 
 /// All tables, in the order of the file, with a description; `[]` is a member of an array of tables. Effects have tables of
 /// their own, known to the catalogue of effects.
-pub const TABLES: [(&str, &str); 20] = [
+pub const TABLES: [(&str, &str); 21] = [
     ("mission", "name, launch, duration, orbit"),
     ("orbit", "orbit, by its elements; in place of mission.orbit"),
     ("environment", "displacement damage dose: given, or derived from orbit, Sun, [shielding] and NIEL"),
@@ -83,7 +83,11 @@ pub const TABLES: [(&str, &str); 20] = [
         "store region of a frame-transfer detector: a burst shifts the image into it, and line_time_ms is that of its readout",
     ),
     ("readout.noise", "read noise against pixel rate, as a formula or as a table; for trade studies"),
-    ("survey", "exposure and slew times of a survey; for trade studies"),
+    ("survey", "exposure and slew times of a survey; for trade studies, and for persistence"),
+    (
+        "survey.persistence",
+        "charge that slow traps keep from exposures before; without it, traps are empty before each exposure",
+    ),
     ("sky", "background"),
     ("psf", "point spread function: a Moffat profile"),
     ("galaxies[]", "one galaxy; its brightness is flux_e, or snr within aperture_px"),
@@ -98,7 +102,7 @@ pub const TABLES: [(&str, &str); 20] = [
 ];
 
 /// Tables that may be absent as a whole; their required keys are required only if the table is given.
-pub const OPTIONAL_TABLES: [&str; 8] = [
+pub const OPTIONAL_TABLES: [&str; 9] = [
     "orbit",
     "shielding",
     "shielding.layers[]",
@@ -106,6 +110,7 @@ pub const OPTIONAL_TABLES: [&str; 8] = [
     "readout.store",
     "readout.noise",
     "survey",
+    "survey.persistence",
     "population",
 ];
 
@@ -394,6 +399,21 @@ pub const KEYS: &[Key] = &[
         Number(0.0, 1e7),
         Default("0.0"),
     ),
+    key(
+        "survey.persistence.exposures",
+        "number of exposures before, of the same length and readout",
+        "",
+        Integer(1, 20),
+        Required,
+    ),
+    key(
+        "survey.persistence.scene",
+        "scene of the exposures before, same (in the same pixels) or sky (the telescope has moved)",
+        "",
+        Choice(&["same", "sky"]),
+        Required,
+    ),
+    key("survey.persistence.rows", "number of rows of the frame", "", Integer(1, 100_000), Required),
     key("sky.background_e", "background", "e- per pixel", Number(0.0, 1e7), Required),
     Key {
         help: |value| (value > 0.0).then(|| "in pixels, not in arcseconds".into()),

@@ -342,6 +342,7 @@ impl<'a> Source<'a> {
             }
         }
         self.check_clock(mission)?;
+        self.check_persistence(mission)?;
         self.check_noise(mission)?;
         self.check_population(mission, table)?;
         self.check_dose(mission)
@@ -370,6 +371,37 @@ impl<'a> Source<'a> {
                 clock.kinds()
             );
             return Err(self.fault("readout.clock.phases", problem));
+        }
+        Ok(())
+    }
+
+    /// Frames follow one another through traps that capture at once, in an image that ends at the register.
+    fn check_persistence(&self, mission: &Mission) -> Result<(), InputError> {
+        let Some(persistence) = mission.persistence() else { return Ok(()) };
+        let readout = &mission.readout;
+        let without = |key: &str, problem: &str, help: &str| {
+            let help = format!("{help}, or remove [survey.persistence]");
+            Err(self.fault(key, problem).with_help(help))
+        };
+        if readout.store.is_some() {
+            let problem = "charge that stays from exposures before is modelled in an image without a store only";
+            return without("readout.store.rows", problem, "remove [readout.store]");
+        }
+        if readout.traps_at_start == TrapsAtStart::Carried {
+            let problem = "traps that start as their neighbours were left keep nothing from exposures before";
+            return without("readout.traps_at_start", problem, "set traps_at_start = \"empty\"");
+        }
+        if matches!(mission.accuracy.readout, ReadoutMethod::Fractional | ReadoutMethod::MonteCarlo) {
+            let problem = "charge that stays from exposures before is computed by the methods fast and exact only";
+            return without("accuracy.readout", problem, "set accuracy.readout = \"exact\"");
+        }
+        if readout.clock.as_ref().is_some_and(|clock| clock.phases > 1) {
+            let problem = "charge that stays from exposures before is modelled in a clock of one phase only";
+            return without("readout.clock.phases", problem, "remove [readout.clock]");
+        }
+        if persistence.rows < readout.transfers {
+            let problem = format!("a frame of {} rows; readout.transfers is {}", persistence.rows, readout.transfers);
+            return without("survey.persistence.rows", &problem, "set rows to the number of rows of the image");
         }
         Ok(())
     }

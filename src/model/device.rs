@@ -5,13 +5,13 @@ use ndarray::{Array2, ArrayView1, Axis};
 use super::effects::Effects;
 use super::shear::farther;
 use crate::error::InputError;
-use crate::mission::Store;
+use crate::mission::{SceneBefore, Store, Survey};
 use crate::physics::accuracy::Purpose;
 use crate::physics::conditions::Conditions;
 use crate::physics::damage::SpeciesState;
 use crate::physics::observable::{Observable, Probe};
 use crate::physics::shape::ShapeChange;
-use crate::readout::{Clock, Cloud, Downstream, FrameTransfer, Method, Readout};
+use crate::readout::{Clock, Cloud, Downstream, FrameTransfer, Method, Persistence, Readout};
 
 /// Traps, wells, registers and amplifier under given conditions.
 #[derive(Clone, Debug)]
@@ -26,6 +26,8 @@ pub struct Device {
     pub clock: Clock,
     /// The store that frames are shifted into before they are read.
     pub store: Option<Store>,
+    /// The cadence of exposures, where traps keep charge from those before.
+    pub persistence: Option<Survey>,
     /// How transfers are computed.
     pub method: Method,
     /// Serial registers with traps.
@@ -84,6 +86,22 @@ impl Device {
         })
     }
 
+    /// The readout after exposures before, if traps keep their charge.
+    fn after_exposures(&self) -> Option<Persistence> {
+        let survey = self.persistence.as_ref()?;
+        let before = survey.persistence?;
+        let line_time_s = 1e-3 * self.at.line_time_ms;
+        let readout_s = f64::from(before.rows) * line_time_s;
+        Some(Persistence {
+            readout: self.readout(),
+            frames: before.exposures,
+            same_scene: before.scene == SceneBefore::Same,
+            rows: before.rows,
+            dead_transfers: readout_s.max(survey.slew_s) / line_time_s,
+            exposure_transfers: survey.exposure_s / line_time_s,
+        })
+    }
+
     /// The longest release time of the pixels, in units of the shortest time between two transfers.
     pub(super) fn longest_release_transfers(&self) -> f64 {
         let line_time_ms = self.at.line_time_ms;
@@ -93,6 +111,9 @@ impl Device {
 
     /// Charges (e-, `[[row, column]]`) after all parallel transfers, behind n rows of a background of each column, e-.
     pub(super) fn clocked(&self, charge_e: &Array2<f64>, rows: i64, background_e: &[f64]) -> Array2<f64> {
+        if let Some(repeated) = self.after_exposures() {
+            return repeated.parallel_after_each(charge_e, rows, background_e);
+        }
         match self.frame_transfer() {
             Some(transfer) => transfer.parallel_after_each(charge_e, rows, background_e),
             None => self.readout().parallel_after_each(charge_e, rows, background_e),
@@ -181,6 +202,7 @@ impl Device {
         let alike = self.at.but_for_dose() == other.at.but_for_dose()
             && self.cloud == other.cloud
             && self.store == other.store
+            && self.persistence == other.persistence
             && self.species().map(bare).eq(other.species().map(bare));
         let densities = |device: &Device| device.species().map(|species| species.density_per_px).collect::<Vec<f64>>();
         let (ours, theirs) = (densities(self), densities(other));

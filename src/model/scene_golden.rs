@@ -24,6 +24,7 @@ fn device(traps: Vec<SpeciesState>, cloud: Cloud, background_e: f64, transfers: 
         cloud,
         clock: Clock::single(),
         store: None,
+        persistence: None,
         method: Method::Fast { relative: 1e-6 },
         registers: Vec::new(),
         effects: Effects::of(&mission),
@@ -39,6 +40,8 @@ fn species(density_per_px: f64, release_transfers: f64) -> SpeciesState {
         release_ms: release_transfers,
         release_sigma: 0.0,
         capture_ms: 0.0,
+        capture_density_power: 0.0,
+        capture_at_e: 161_000.0,
         well_fill_power: None,
         surface_level_e: None,
     }

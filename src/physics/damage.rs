@@ -16,7 +16,7 @@ use serde::Serialize;
 use crate::error::InputError;
 use crate::mission::{Detector, Species};
 use crate::physics::dose_history::DoseHistory;
-use crate::readout::{Phase, Trap};
+use crate::readout::{CaptureDensity, Phase, Trap};
 
 /// Boltzmann's constant, eV/K (CODATA 2018).
 pub const BOLTZMANN_EV_K: f64 = 8.617_333_262e-5;
@@ -36,6 +36,12 @@ pub struct SpeciesState {
     /// Capture time inside the charge cloud, ms; 0 where capture is instantaneous.
     #[serde(skip)]
     pub capture_ms: f64,
+    /// Exponent of the density of the cloud to which the capture rate is proportional; 0 where it is the same in every cloud.
+    #[serde(skip)]
+    pub capture_density_power: f64,
+    /// Charge of the packets in which the capture time is that, if it depends on the density, e-.
+    #[serde(skip)]
+    pub capture_at_e: f64,
     /// Exponent of its cloud's height, where it is not the detector's.
     #[serde(skip)]
     pub well_fill_power: Option<f64>,
@@ -52,6 +58,8 @@ impl SpeciesState {
             release_transfers: self.release_ms / transfer_ms,
             release_sigma: self.release_sigma,
             capture_transfers: self.capture_ms / transfer_ms,
+            capture_density: (self.capture_density_power > 0.0)
+                .then_some(CaptureDensity { power: self.capture_density_power, at_e: self.capture_at_e }),
             well_fill_power: self.well_fill_power,
             surface_level_e: self.surface_level_e,
             phase: Phase::SINGLE,
@@ -165,6 +173,8 @@ fn after(detector: &Detector, reference_dose_mev_g: f64, dose_mev_g: f64, temper
             * release_factor(species.energy_ev, temperature_k, detector.reference_temperature_k),
         release_sigma: 0.0,
         capture_ms: 0.0,
+        capture_density_power: 0.0,
+        capture_at_e: detector.full_well_e,
         well_fill_power: species.well_fill_power,
         surface_level_e: species.surface_level_e,
     };

@@ -55,6 +55,12 @@ pub fn of(mission: &Mission) -> Vec<Source> {
             "derived for ctiplan as a composition of readouts",
         ));
     }
+    if mission.persistence().is_some() {
+        sources.push(Source::new(
+            "Persistence: traps that are still filled from exposures before",
+            "derived for ctiplan from release times and the cadence of exposures",
+        ));
+    }
     let temperatures = mission.detector.temperature_history.iter();
     sources.extend(temperatures.map(|file| Source::new("Temperature over time, imported", file.as_str())));
     if mission.readout.noise.is_some() {

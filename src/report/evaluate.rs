@@ -11,7 +11,7 @@ use serde::ser::{Serialize, Serializer};
 
 use super::{Page, Parts, Report, exceeded, or_dash, table};
 use crate::mission::keys::plain;
-use crate::mission::{Mission, Store};
+use crate::mission::{Mission, Persistence, SceneBefore, Store};
 use crate::model::realise::NoisyChange;
 use crate::physics::RateOrigin;
 use crate::physics::shape::ShapeChange;
@@ -124,13 +124,14 @@ impl Page for Assessment {
         out.title(
             &header.name,
             format!(
-                "{} yr from {}, orbit {}; {} transfers of {} ms{}, {}",
+                "{} yr from {}, orbit {}; {} transfers of {} ms{}{}, {}",
                 header.duration_yr,
                 header.launch,
                 mission.orbit_name(),
                 mission.readout.transfers,
                 mission.readout.line_time_ms,
                 mission.readout.store.map_or(String::new(), burst),
+                mission.persistence().map_or(String::new(), exposures_before),
                 temperature(mission)
             ),
         );
@@ -340,6 +341,12 @@ impl Assessment {
 fn burst(store: Store) -> String {
     let Store { rows, burst_line_time_ms, trap_ratio } = store;
     format!(" from a store filled by {rows} transfers of {burst_line_time_ms} ms (traps x {trap_ratio})")
+}
+
+/// The exposures that were read before.
+fn exposures_before(before: Persistence) -> String {
+    let scene = if before.scene == SceneBefore::Same { "the same scene" } else { "sky" };
+    format!(" after {} exposures of {scene}", before.exposures)
 }
 
 /// The operating temperature.

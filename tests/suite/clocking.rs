@@ -194,3 +194,47 @@ fn a_burst_at_the_line_time_makes_every_transfer_count() {
     let ratio = change(&with_store("burst_line_time_ms = 25.0")) / change(&mission(""));
     assert!((ratio / (3406.0 / 1650.0) - 1.0).abs() < 0.02, "{ratio}");
 }
+
+/// SNAP after exposures of 300 s, with a species that releases in some time (ms) in place of CO.
+fn repeated(release_ms: f64, scene: Option<&str>) -> Mission {
+    let text = SNAP.replace("release_ms = 5000.0", &format!("release_ms = {release_ms:e}"));
+    let before = scene.map_or(String::new(), |scene| {
+        format!("[survey]\nexposure_s = 300.0\nslew_s = 30.0\n[survey.persistence]\nexposures = 3\nscene = \"{scene}\"\nrows = 1756\n")
+    });
+    let text = format!("{text}\n[accuracy]\nsubpixel_grid = 1\n{before}");
+    Mission::parse(&text).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn traps_that_are_fast_compared_with_the_cadence_keep_no_charge() {
+    let plain = change(&repeated(5000.0, None));
+    for scene in ["same", "sky"] {
+        let after = change(&repeated(5000.0, Some(scene)));
+        // exp(−60) of the traps are still filled; both are read to their accuracy.
+        assert!((after / plain - 1.0).abs() < 1e-4, "{scene}: {after}, {plain}");
+    }
+}
+
+#[test]
+fn traps_that_are_slow_compared_with_the_cadence_take_less_from_the_same_scene() {
+    let flux = |scene: Option<&str>| {
+        let mission = repeated(1e6, scene);
+        Model::new(&mission).change(0, 5.0).unwrap().unwrap().delta_flux.abs()
+    };
+    let [plain, same, sky] = [None, Some("same"), Some("sky")].map(flux);
+    assert!(same < 0.9 * plain, "{same}, {plain}");
+    // Sky fills what it fills directly before a galaxy as well, but for the pixels in which packets start.
+    assert!(sky <= plain && sky > 0.97 * plain, "{sky}, {plain}");
+}
+
+#[test]
+fn measurements_are_read_after_the_exposures_before_them() {
+    let trail = |scene: Option<&str>| {
+        let text = "# observable: packet_charge\n# signal_e: 1000\n# t_yr: 5\nvalue,sigma\n1000,1\n";
+        let mission = repeated(1e6, scene);
+        let data = vec![DataSet::of(Table::parse("packets.csv", text).unwrap(), &mission).unwrap()];
+        predict(&Model::new(&mission), &questions(&data)).unwrap()[0]
+    };
+    let [plain, same] = [None, Some("same")].map(trail);
+    assert!(same > plain + 1.0 && same <= 1000.0, "{same} e-, {plain} e-");
+}

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use ctiplan::analysis::fit::{Fit, Options, fit};
 use ctiplan::analysis::measurement::{DataSet, questions};
+use ctiplan::io::table::Table;
 use ctiplan::mission::Mission;
 use ctiplan::mission_file;
 use ctiplan::model::Model;
@@ -138,4 +139,26 @@ fn a_superset_of_free_keys_ends_no_higher() {
         check(&mission, &data, &[power, densities[0], RELEASE]);
     }
     assert_eq!(checked, 14);
+}
+
+/// Trails of packets of several charges say how the capture rate depends on the density of their clouds.
+#[test]
+fn the_power_of_the_density_in_the_capture_rate_is_fitted() {
+    let power = "effects.finite-capture.density_power";
+    let snap = include_str!("../../missions/snap_l2.toml");
+    let mission = Mission::parse(&format!("{snap}\n[effects.finite-capture]\ncapture_ms = 3.0\n")).unwrap();
+    let truth = mission.with(&[(power.into(), 0.8.into())]).unwrap();
+    let rows =
+        [100, 1000, 10_000, 60_000].map(|signal_e| [1, 2, 3].map(|trail_px| format!("{signal_e},{trail_px},0,1e-5\n")));
+    let text = format!("# observable: trail\n# t_yr: 5\nsignal_e,trail_px,value,sigma\n{}", rows.concat().concat());
+    let mut data = vec![DataSet::of(Table::parse("trails.csv", &text).unwrap(), &mission).unwrap()];
+    let values = predict(&Model::new(&truth), &questions(&data)).unwrap();
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    for (row, value) in data[0].rows.iter_mut().zip(values) {
+        let noise: f64 = StandardNormal.sample(&mut random);
+        row.value = value + noise * row.sigma;
+    }
+    let found = fitted(&mission, &data, &[power]);
+    let sigma = found.parameters[0].sigma.unwrap();
+    assert!((found.parameters[0].value - 0.8).abs() < 3.5 * sigma && sigma < 0.02, "{:?}", found.parameters[0]);
 }

@@ -106,6 +106,14 @@ impl Cloud {
         }
     }
 
+    /// Electrons in a cloud per volume that it fills, n/h(n), in units of e- per full well's volume; 0 where the cloud has no height and meets no
+    /// trap. The whole charge counts: a notch has no volume of its own but for the volume at zero charge. With a notch and no such volume,
+    /// the density grows without limit towards the notch, while the traps that are met become none.
+    pub fn density_e(&self, charge_e: f64) -> f64 {
+        let height = self.height(charge_e);
+        if height > 0.0 { charge_e / height } else { 0.0 }
+    }
+
     /// ((n − d) / (w − d))^α, 0 to 1.
     #[inline]
     fn height_above_notch(&self, charge_e: f64) -> f64 {

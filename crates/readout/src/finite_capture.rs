@@ -8,7 +8,15 @@
 //! above    df/dt = −f/τ                  f ← f exp(−1/τ)
 //! ```
 //!
-//! Massey et al. 2014 (MNRAS 439, 887), appendix A. A packet no longer fills what it covers, so that a watermark remembers all
+//! Massey et al. 2014 (MNRAS 439, 887), appendix A. Where τc depends on the density of the packet's cloud, f∞ and both factors inside are those of
+//! each packet. All fractions inside then approach one another: with the one that is empty before the first packet, P_k after k packets, and the
+//! exponents of all packets summed up, E_k,
+//!
+//! ```text
+//! P ← f∞(n) + (P − f∞(n)) exp(−1/τc(n) − 1/τ)      f_k = P_k + (f_m − P_m) exp(−(E_k − E_m))
+//! ```
+//!
+//! A packet no longer fills what it covers, so that a watermark remembers all
 //! packets that ever reached it, each with the fraction filled of every species; watermarks are merged where that costs less
 //! charge than is asked for. Nor do packets upstream find the steady state after one packet of background:
 //! [`FiniteCapturePixel::new`] follows the background, packet by packet, until it settles.
@@ -18,13 +26,17 @@
 //! side, and since when, until a cloud ends on its other side. A packet costs as much as the watermarks between its own height
 //! and the one before.
 
+use std::f64::consts::LOG2_E;
 use std::mem::take;
 use std::slice;
 
+use fearless_simd::{Level, dispatch};
+
 use super::block_path::BlockPath;
 use super::passage::{Block, Lead, Passage, Stage};
+use super::power::{exp2, power};
 use super::simd::{LANES, Packets};
-use super::{Cloud, Downstream, Trap};
+use super::{Cloud, Downstream, Phase, Trap};
 
 /// The traps of one pixel, for `S` species (padded with species of no density).
 pub(super) struct FiniteCapturePixel<const S: usize> {
@@ -37,6 +49,8 @@ pub(super) struct FiniteCapturePixel<const S: usize> {
     keep: Vec<[f64; S]>,
     /// exp(−m/τc − m/τ), what is left inside m clouds of the distance from f∞.
     approach: Vec<[f64; S]>,
+    /// Where the capture time of some species depends on the density of the cloud; `full` and `approach` do not hold then.
+    by_density: Option<ByDensity<S>>,
     /// Charge that may be misplaced in a pixel: by a merger of watermarks, or by a background that has not quite settled, e-.
     merge_e: f64,
     /// What the background has left in a pixel that it passed 0, 1, 2, … times; the last holds for more.
@@ -55,6 +69,24 @@ pub(super) struct Watermarks<const S: usize> {
     filled_above: [f64; S],
     /// Packets that came by.
     packets: usize,
+    /// What 0, 1, 2, … packets do inside their clouds, as far as they are known, where that depends on their density; otherwise nothing.
+    history: Vec<Course<S>>,
+}
+
+/// What packets have done to traps that were inside the cloud of each of them.
+#[derive(Clone, Copy)]
+struct Course<const S: usize> {
+    /// P, fractions filled of those that were empty before the first packet.
+    filled: [f64; S],
+    /// E, the sum of 1/τc + 1/τ, in powers of 2.
+    exponent: [f64; S],
+    /// f∞ and exp(−1/τc − 1/τ) of the last of them.
+    full: [f64; S],
+    approach: [f64; S],
+}
+
+impl<const S: usize> Course<S> {
+    const START: Course<S> = Course { filled: [0.0; S], exponent: [0.0; S], full: [0.0; S], approach: [1.0; S] };
 }
 
 /// Traps between the next watermark below and `top`.
@@ -76,7 +108,54 @@ impl<const S: usize> Default for Watermarks<S> {
             filled_inside: [0.0; S],
             filled_above: [0.0; S],
             packets: 0,
+            history: Vec::new(),
         }
+    }
+}
+
+/// Species whose capture time depends on the density of the cloud.
+struct ByDensity<const S: usize> {
+    traps: Vec<Trap>,
+    /// 1/τc at the density of the reference, and 1/τ, in powers of 2; where all species share a law and the clock has one phase.
+    capture: [f64; S],
+    release: [f64; S],
+    /// That density, and the power.
+    shared: Option<(f64, f64)>,
+}
+
+/// Exponent at which nothing is left: 2^−1000 of a trap. A sum of larger ones would forget the smaller.
+const NOTHING_LEFT: f64 = 1000.0;
+
+impl<const S: usize> ByDensity<S> {
+    fn new(traps: &[Trap], cloud: &Cloud) -> ByDensity<S> {
+        let first = traps[0].capture_density;
+        let alike =
+            |trap: &Trap| trap.capture_density == first && trap.phase == Phase::SINGLE && trap.capture_transfers > 0.0;
+        let shared = first.filter(|_| traps.iter().all(alike)).map(|law| (cloud.density_e(law.at_e), law.power));
+        // Species of no density have to be something.
+        let rate = |time: fn(&Trap) -> f64| std::array::from_fn(|s| LOG2_E / traps.get(s).map_or(1.0, time));
+        let (capture, release) = (rate(|trap| trap.capture_transfers), rate(|trap| trap.release_transfers));
+        ByDensity { traps: traps.to_vec(), capture, release, shared }
+    }
+
+    /// f∞ and the factor of a packet; gives 1/τc + 1/τ in powers of 2.
+    #[inline(always)]
+    fn inside(&self, cloud: &Cloud, charge_e: f64, course: &mut Course<S>) -> [f64; S] {
+        let mut exponent = [0.0; S];
+        let Some((reference, of_density)) = self.shared else {
+            for (s, trap) in self.traps.iter().enumerate() {
+                (_, course.full[s], course.approach[s]) = trap.passage_of(cloud, charge_e);
+                exponent[s] = -course.approach[s].log2().max(-NOTHING_LEFT);
+            }
+            return exponent;
+        };
+        let ratio = cloud.density_e(charge_e) / reference;
+        let strength = if ratio > 0.0 { power(ratio, of_density) } else { 0.0 };
+        let rate: [f64; S] = std::array::from_fn(|s| self.capture[s] * strength);
+        exponent = std::array::from_fn(|s| (rate[s] + self.release[s]).min(NOTHING_LEFT));
+        course.full = std::array::from_fn(|s| rate[s] / (rate[s] + self.release[s]));
+        course.approach = exponent.map(|exponent| exp2(-exponent));
+        exponent
     }
 }
 
@@ -109,9 +188,15 @@ impl<const S: usize> FiniteCapturePixel<S> {
             full: [0.0; S],
             keep: vec![[1.0; S], [0.0; S]],
             approach: vec![[1.0; S], [0.0; S]],
+            by_density: None,
             merge_e,
-            background: vec![Watermarks::default()],
+            background: Vec::new(),
         };
+        let by_density = traps.iter().any(|trap| trap.capture_density.is_some());
+        pixel.by_density = by_density.then(|| ByDensity::new(traps, &pixel.cloud));
+        let mut empty = Watermarks::default();
+        pixel.settle(&mut empty);
+        pixel.background.push(empty);
         for (s, trap) in traps.iter().enumerate() {
             pixel.density[s] = trap.density_per_px;
             (pixel.keep[1][s], pixel.full[s], pixel.approach[1][s]) = trap.passage();
@@ -151,12 +236,37 @@ impl<const S: usize> FiniteCapturePixel<S> {
         (self.exchange(watermarks, charge_e, height), met)
     }
 
+    /// f∞ and exp(−1/τc − 1/τ) of the next packet's cloud.
+    fn inside(&self, watermarks: &mut Watermarks<S>, charge_e: f64) -> ([f64; S], [f64; S]) {
+        if self.by_density.is_none() {
+            return (self.full, self.approach[1]);
+        }
+        if watermarks.history.len() == watermarks.packets + 1 {
+            self.foretell(watermarks, charge_e);
+        }
+        let course = &watermarks.history[watermarks.packets + 1];
+        (course.full, course.approach)
+    }
+
+    /// One more packet of the history.
+    #[inline(always)]
+    fn foretell(&self, watermarks: &mut Watermarks<S>, charge_e: f64) {
+        let Some(law) = &self.by_density else { return };
+        let mut course = *watermarks.history.last().expect("a history starts before the first packet");
+        let exponent = law.inside(&self.cloud, charge_e, &mut course);
+        let Course { filled, full, approach, .. } = course;
+        course.filled = std::array::from_fn(|s| full[s] + (filled[s] - full[s]) * approach[s]);
+        course.exponent.iter_mut().zip(exponent).for_each(|(sum, exponent)| *sum += exponent);
+        watermarks.history.push(course);
+    }
+
     /// Capture inside and release everywhere for one transfer; the packet's change, e-.
     fn exchange(&self, watermarks: &mut Watermarks<S>, charge_e: f64, height: f64) -> f64 {
+        let (full, approach) = self.inside(watermarks, charge_e);
         let (mut captured, mut released) = ([0.0; S], [0.0; S]);
         let (mut captured_e, mut released_e) = (0.0, 0.0);
         for s in 0..S {
-            captured[s] = (height * self.full[s] - watermarks.filled_inside[s]) * (1.0 - self.approach[1][s]);
+            captured[s] = (height * full[s] - watermarks.filled_inside[s]) * (1.0 - approach[s]);
             released[s] = watermarks.filled_above[s] * (1.0 - self.keep[1][s]);
             captured_e += self.density[s] * captured[s];
             released_e += self.density[s] * released[s];
@@ -166,11 +276,12 @@ impl<const S: usize> FiniteCapturePixel<S> {
         let short = charge_e < self.density_all * height && captured_e > available_e;
         let share = if short { available_e / captured_e } else { 1.0 };
         if short {
-            for watermark in &mut watermarks.inside {
-                let before = self.filled_inside(watermark, watermarks.packets);
-                let after = self.filled_inside(watermark, watermarks.packets + 1);
+            let Watermarks { inside, packets, history, .. } = watermarks;
+            for watermark in inside {
+                let before = self.filled_inside(history, watermark, *packets);
+                let after = self.filled_inside(history, watermark, *packets + 1);
                 watermark.fill = std::array::from_fn(|s| before[s] + share * (after[s] - before[s]));
-                watermark.since = watermarks.packets + 1;
+                watermark.since = *packets + 1;
             }
         }
         for s in 0..S {
@@ -182,7 +293,17 @@ impl<const S: usize> FiniteCapturePixel<S> {
     }
 
     /// Fractions of a watermark inside the cloud after n packets.
-    fn filled_inside(&self, watermark: &Watermark<S>, packets: usize) -> [f64; S] {
+    fn filled_inside(&self, history: &[Course<S>], watermark: &Watermark<S>, packets: usize) -> [f64; S] {
+        if self.by_density.is_some() {
+            if packets == watermark.since {
+                return watermark.fill;
+            }
+            let (from, to) = (&history[watermark.since], &history[packets]);
+            return std::array::from_fn(|s| {
+                let left = exp2(from.exponent[s] - to.exponent[s]);
+                to.filled[s] + (watermark.fill[s] - from.filled[s]) * left
+            });
+        }
         let approach = &self.approach[packets - watermark.since];
         std::array::from_fn(|s| self.full[s] + (watermark.fill[s] - self.full[s]) * approach[s])
     }
@@ -201,7 +322,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
             && watermark.top > height
         {
             watermarks.inside.pop();
-            let fill = self.filled_inside(&watermark, since);
+            let fill = self.filled_inside(&watermarks.history, &watermark, since);
             let floor = top(&watermarks.inside);
             if floor < height {
                 watermarks.inside.push(Watermark { top: height, packet, ..watermark });
@@ -240,7 +361,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
     /// Adds a watermark on top of those inside; one that is filled almost as its neighbour joins it, without loss of charge.
     fn put_inside(&self, watermarks: &mut Watermarks<S>, upper: Watermark<S>) {
         if let Some(lower) = watermarks.inside.pop() {
-            let fill = self.filled_inside(&lower, upper.since);
+            let fill = self.filled_inside(&watermarks.history, &lower, upper.since);
             let (below, above) = (lower.top - top(&watermarks.inside), upper.top - lower.top);
             if self.alike(&fill, &upper.fill, below.min(above)) {
                 watermarks.inside.push(Watermark { fill: joined(&fill, below, &upper.fill, above), ..upper });
@@ -274,20 +395,35 @@ impl<const S: usize> FiniteCapturePixel<S> {
     fn settle(&self, watermarks: &mut Watermarks<S>) {
         let packets = take(&mut watermarks.packets);
         for watermark in &mut watermarks.inside {
-            *watermark = Watermark { fill: self.filled_inside(watermark, packets), since: 0, ..*watermark };
+            let fill = self.filled_inside(&watermarks.history, watermark, packets);
+            *watermark = Watermark { fill, since: 0, ..*watermark };
         }
+        self.forget(watermarks);
         for watermark in &mut watermarks.above {
             *watermark = Watermark { fill: self.filled_above(watermark, packets), since: 0, ..*watermark };
         }
     }
 
+    /// A history of no packets.
+    fn forget(&self, watermarks: &mut Watermarks<S>) {
+        watermarks.history.clear();
+        watermarks.history.extend(self.by_density.is_some().then_some(Course::START));
+    }
+
     /// Watermarks of a pixel (counted from the register) as the background has left them before row 0 comes.
     pub fn start(&self, pixel: i64, rows_downstream: i64, watermarks: &mut Watermarks<S>) {
+        self.forget(watermarks);
+        self.place(pixel, rows_downstream, watermarks);
+    }
+
+    /// The same before packets whose history is known.
+    fn place(&self, pixel: i64, rows_downstream: i64, watermarks: &mut Watermarks<S>) {
         let passed = (rows_downstream - pixel).max(0) as usize;
         let left = &self.background[passed.min(self.background.len() - 1)];
         watermarks.inside.clone_from(&left.inside);
         watermarks.above.clone_from(&left.above);
-        *watermarks = Watermarks { inside: take(&mut watermarks.inside), above: take(&mut watermarks.above), ..*left };
+        let Watermarks { inside, above, history, .. } = take(watermarks);
+        *watermarks = Watermarks { inside, above, history, ..*left };
     }
 }
 
@@ -323,12 +459,23 @@ impl<const S: usize> Passage for FiniteCapturePixel<S> {
                 change_e.iter_mut().chain(meets.iter_mut()).for_each(|row| row[lane] = row[lane - 1]);
                 continue;
             }
+            // Charges are held fixed: packets do the same inside their clouds in all pixels.
+            self.forget(watermarks);
+            if self.by_density.is_some() {
+                dispatch!(Level::new(), _simd => {
+                    for row in charge_e {
+                        self.foretell(watermarks, row[lane]);
+                    }
+                });
+            }
             let mut nearest = block.nearest;
             while nearest < block.nearest + block.pixels {
                 // Pixels that all packets pass, and that the background has left alike, count as one.
                 let pixels = (identical.min(block.nearest + block.pixels) - nearest).max(1);
-                self.start(nearest, downstream.rows, watermarks);
+                self.place(nearest, downstream.rows, watermarks);
                 let first = (nearest - downstream.rows).clamp(0, charge_e.len() as i64) as usize;
+                // Where packets start, no background has passed, and the traps are empty.
+                watermarks.packets = if self.by_density.is_some() { first } else { 0 };
                 for row in first..charge_e.len() {
                     let (change, met) = self.packet_of(watermarks, charge_e[row][lane], heights[row][lane], row + 1);
                     change_e[row][lane] += pixels as f64 * change;
@@ -357,6 +504,7 @@ impl<const S: usize> Passage for FiniteCapturePixel<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::CaptureDensity;
 
     fn traps() -> Vec<Trap> {
         vec![
@@ -365,8 +513,21 @@ mod tests {
         ]
     }
 
+    /// The same, faster in denser clouds, each in its own way.
+    fn by_density() -> Vec<Trap> {
+        let law = |power, at_e, trap| Trap { capture_density: Some(CaptureDensity { power, at_e }), ..trap };
+        let [one, other] = [traps()[0], traps()[1]];
+        vec![law(0.3, 1e-4, one), law(1.0, 300.0, other)]
+    }
+
     /// The same watermarks kept from the bottom up, each of which is brought up to date by every packet.
-    fn one_by_one(pixel: &FiniteCapturePixel<2>, watermarks: &mut Vec<(f64, [f64; 2])>, charge_e: f64) -> (f64, bool) {
+    fn one_by_one(
+        pixel: &FiniteCapturePixel<2>,
+        traps: &[Trap],
+        watermarks: &mut Vec<(f64, [f64; 2])>,
+        charge_e: f64,
+    ) -> (f64, bool) {
+        let inside = [0, 1].map(|s: usize| traps[s].passage_of(&pixel.cloud, charge_e));
         let height = pixel.cloud.height(charge_e);
         let at = watermarks.iter().position(|(top, _)| *top >= height).unwrap_or(watermarks.len());
         let fill = watermarks.get(at).map_or([0.0; 2], |(_, fill)| *fill);
@@ -378,7 +539,8 @@ mod tests {
                     let traps = pixel.density[s] * (*top - floor);
                     let before = *fill;
                     if index <= at {
-                        *fill += share * (pixel.full[s] - before) * (1.0 - pixel.approach[1][s]);
+                        let (_, full, approach) = inside[s];
+                        *fill += share * (full - before) * (1.0 - approach);
                         captured_e += traps * (*fill - before);
                     } else {
                         *fill *= pixel.keep[1][s];
@@ -401,12 +563,18 @@ mod tests {
         let packets: Vec<f64> = (0..300_u32)
             .map(|row| if row < 40 { 1e-6 * f64::from(row) } else { f64::from(row * row * 37 % 1001) })
             .collect();
+        for traps in [traps(), by_density()] {
+            follow(&traps, &packets);
+        }
+    }
+
+    fn follow(traps: &[Trap], packets: &[f64]) {
         let pixel =
-            FiniteCapturePixel::<2>::new(&traps(), Cloud::new(1e4, 0.0, 0.5), Downstream::NONE, packets.len(), 0.0);
-        let (mut watermarks, mut followed) = (Watermarks::default(), Vec::new());
+            FiniteCapturePixel::<2>::new(traps, Cloud::new(1e4, 0.0, 0.5), Downstream::NONE, packets.len(), 0.0);
+        let (mut watermarks, mut followed) = (pixel.background[0].clone(), Vec::new());
         let mut short = 0;
-        for charge_e in packets {
-            let (expected_e, spent) = one_by_one(&pixel, &mut followed, charge_e);
+        for &charge_e in packets {
+            let (expected_e, spent) = one_by_one(&pixel, traps, &mut followed, charge_e);
             let (change_e, _) = pixel.packet(&mut watermarks, charge_e, 1);
             assert!((change_e - expected_e).abs() < 1e-12, "{charge_e} e-: {change_e}, {expected_e}");
             short += usize::from(spent);
@@ -417,8 +585,14 @@ mod tests {
     #[test]
     fn what_a_packet_loses_the_traps_hold() {
         let downstream = Downstream::NONE;
-        let pixel = FiniteCapturePixel::<2>::new(&traps(), Cloud::new(1e4, 0.0, 0.5), downstream, 7, 0.0);
-        let mut watermarks = Watermarks::default();
+        for traps in [traps(), by_density()] {
+            what_is_lost_is_held(&traps, downstream);
+        }
+    }
+
+    fn what_is_lost_is_held(traps: &[Trap], downstream: Downstream) {
+        let pixel = FiniteCapturePixel::<2>::new(traps, Cloud::new(1e4, 0.0, 0.5), downstream, 7, 0.0);
+        let mut watermarks = pixel.background[0].clone();
         let held = |watermarks: &Watermarks<2>| -> f64 {
             let mut watermarks = watermarks.clone();
             pixel.settle(&mut watermarks);

@@ -32,7 +32,7 @@ pub(super) fn column(
         for ((trap, cloud), species) in traps.iter().zip(clouds).zip(&mut filling) {
             let filled_before = filled_before(cloud);
             species.fill(0.0);
-            species[..filled_before].fill(trap.filled_by(downstream.rows - pixel));
+            species[..filled_before].fill(trap.filled_by(downstream.rows - pixel, cloud, downstream.charge_e));
             occupied = occupied.max(filled_before);
         }
         let first = (pixel - downstream.rows).max(0) as usize;
@@ -43,7 +43,7 @@ pub(super) fn column(
                 if trap.capture_transfers > 0.0 {
                     let arrived = below(cloud.height(arrived_e));
                     occupied = occupied.max(arrived);
-                    let (keep, full, approach) = trap.passage();
+                    let (keep, full, approach) = trap.passage_of(cloud, arrived_e);
                     for (level, fill) in filling[..occupied].iter_mut().enumerate() {
                         let after = if level < arrived { full + (*fill - full) * approach } else { *fill * keep };
                         // No more than the packet has.

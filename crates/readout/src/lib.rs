@@ -15,9 +15,10 @@
 //! [`Method::Exact`], [`Method::Fractional`] and [`Method::MonteCarlo`]; [`Method::CarriedTraps`] is ArCTIc's other convention.
 //!
 //! That is a clock of one phase. In a clock of several, part of what is released returns to the packet that has just left: see
-//! `phase.rs`. Traps that need time to capture follow another law, inside the cloud as the packet arrives: see `finite_capture.rs`. Release
-//! times that are spread are resolved into many species of one release time each: see `continuum.rs`. A store region between the
-//! image and the register, which is filled by a burst, makes a composition of readouts: see `frame_transfer.rs`.
+//! `phase.rs`. Traps that need time to capture follow another law, inside the cloud as the packet arrives: see `finite_capture.rs`; that time
+//! may depend on the density of the cloud: see [`CaptureDensity`]. Release times that are spread are resolved into many species of one release time each: see `continuum.rs`. A store region between the
+//! image and the register, which is filled by a burst, makes a composition of readouts: see `frame_transfer.rs`. Traps that keep charge from
+//! one frame to the next are in `persistence.rs`.
 //!
 //! Sources: Rhodes et al. 2010 (PASP 122, 439), section 3; Massey et al. 2010 (MNRAS 401, 371) for the cloud that
 //! captures at once.
@@ -39,6 +40,7 @@ mod monte_carlo;
 mod multirevolution;
 mod pass;
 mod passage;
+mod persistence;
 mod phase;
 mod pixel;
 mod power;
@@ -51,6 +53,7 @@ pub use bands::Band;
 pub use cloud::Cloud;
 pub use equal_blocks::Allowed;
 pub use frame_transfer::FrameTransfer;
+pub use persistence::Persistence;
 pub use phase::{Clock, ClockFault, ClockStep, Phase};
 
 use std::sync::{Mutex, PoisonError};
@@ -79,12 +82,30 @@ pub struct Trap {
     pub release_sigma: f64,
     /// Capture time constant τc inside the cloud, in units of one transfer; 0 where capture is instantaneous.
     pub capture_transfers: f64,
+    /// How τc depends on the density of the cloud; none where it is the same in every cloud.
+    pub capture_density: Option<CaptureDensity>,
     /// Exponent of its cloud's height, where it is not that of the readout's cloud.
     pub well_fill_power: Option<f64>,
     /// Charge above which a packet reaches the surface, where the trap lies, e-; none for a trap of the bulk.
     pub surface_level_e: Option<f64>,
     /// When packets are over it; [`Clock::spread`] divides traps among the phases of a pixel.
     pub phase: Phase,
+}
+
+/// A capture rate that depends on the density of electrons in the cloud, n/h(n): one over
+///
+/// ```text
+/// τc(n) = τc [(n₀/h(n₀)) / (n/h(n))]^power
+/// ```
+///
+/// In Shockley-Read-Hall statistics the rate is σ v_th n_e: power 1 (Short et al. 2013, MNRAS 430, 3078, equation 4). The charge n is that on
+/// arrival, and h(n) the height of the readout's cloud, which a packet's volume is proportional to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CaptureDensity {
+    /// Exponent of the density, 0 or more.
+    pub power: f64,
+    /// Charge n₀ of the packets in which the capture time is [`Trap::capture_transfers`], e-.
+    pub at_e: f64,
 }
 
 impl Trap {
@@ -95,15 +116,33 @@ impl Trap {
             release_transfers,
             release_sigma: 0.0,
             capture_transfers: 0.0,
+            capture_density: None,
             well_fill_power: None,
             surface_level_e: None,
             phase: Phase::SINGLE,
         }
     }
 
-    /// Fraction filled inside the clouds of so many packets of background.
-    fn filled_by(&self, packets: i64) -> f64 {
-        let (_, full, approach) = self.passage();
+    /// Capture time in the cloud of a packet, in units of one transfer.
+    fn capture_of(&self, cloud: &Cloud, charge_e: f64) -> f64 {
+        match self.capture_density {
+            // An infinite time where there is no charge, also where capture is at once elsewhere.
+            Some(density) if self.capture_transfers > 0.0 => {
+                let ratio = cloud.density_e(density.at_e) / cloud.density_e(charge_e);
+                self.capture_transfers * ratio.powf(density.power)
+            }
+            _ => self.capture_transfers,
+        }
+    }
+
+    /// [`Trap::passage`] of a packet in a cloud.
+    fn passage_of(&self, cloud: &Cloud, charge_e: f64) -> (f64, f64, f64) {
+        Trap { capture_transfers: self.capture_of(cloud, charge_e), ..*self }.passage()
+    }
+
+    /// Fraction filled inside the clouds of so many packets (e-) of background.
+    fn filled_by(&self, packets: i64, cloud: &Cloud, charge_e: f64) -> f64 {
+        let (_, full, approach) = self.passage_of(cloud, charge_e);
         full * (1.0 - approach.powf(packets as f64))
     }
 
@@ -148,13 +187,14 @@ impl Trap {
         (self.kept(), (1.0 - self.returned()) * full * captured / (1.0 - approach), approach)
     }
 
-    /// Traps per pixel that a packet leaves filled below its height in a pixel, of those that are filled there in the end.
-    fn held_per_px(&self) -> f64 {
+    /// Traps per pixel that a packet (e-) leaves filled below its height in a pixel, of those that are filled there in the end.
+    fn held_per_px(&self, cloud: &Cloud, charge_e: f64) -> f64 {
+        let held = |trap: &Trap| trap.density_per_px * trap.passage_of(cloud, charge_e).1;
         if !self.returns() {
-            return self.density_per_px * self.passage().1;
+            return held(self);
         }
         // What returns depends on the release time.
-        continuum::resolved(&[*self], WIDEST).iter().map(|trap| trap.density_per_px * trap.passage().1).sum()
+        continuum::resolved(&[*self], WIDEST).iter().map(held).sum()
     }
 }
 
@@ -356,7 +396,7 @@ impl Readout {
         let spent_e: f64 = (0..clouds.len())
             .map(|cloud| {
                 let species = self.traps.iter().zip(&of).filter(|(_, of)| **of == cloud);
-                let held = species.map(|(trap, _)| trap.held_per_px()).sum::<f64>();
+                let held = species.map(|(trap, _)| trap.held_per_px(&clouds[cloud], charge_e)).sum::<f64>();
                 held * clouds[cloud].height(charge_e)
             })
             .sum();

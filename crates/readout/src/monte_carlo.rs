@@ -19,8 +19,8 @@ struct Site {
     /// Chances to be emptied until a packet captures, or while it is elsewhere, and as it leaves.
     release: f64,
     returned: f64,
-    /// Chances to be filled after a transfer inside the cloud, if empty and if filled before; where capture takes time.
-    inside: Option<[f64; 2]>,
+    /// Whether capture takes time.
+    slow: bool,
     filled: bool,
 }
 
@@ -37,6 +37,12 @@ pub(super) fn column(
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(lane | (pixels.start as u64) << 32);
     let numbers: Vec<Option<Poisson<f64>>> = traps.iter().map(|trap| Poisson::new(trap.density_per_px).ok()).collect();
+    // Chances to be filled after a transfer inside the cloud of a packet, if empty and if filled before; where capture takes time.
+    let chances = |species: usize, charge_e: f64| {
+        let (_, full, approach) = traps[species].passage_of(clouds[species], charge_e);
+        [full * (1.0 - approach), full + (1.0 - full) * approach]
+    };
+    let mut inside: Vec<[f64; 2]> = (0..traps.len()).map(|species| chances(species, 0.0)).collect();
     let mut sites = Vec::new();
     let mut heights = vec![0.0; clouds.len()];
     // Species mostly share one cloud.
@@ -53,25 +59,26 @@ pub(super) fn column(
             let filled_before = if pixel < downstream.rows { clouds[species].height(downstream.charge_e) } else { 0.0 };
             // No Poisson distribution has mean 0: a species of no density has no traps.
             let count = number.map_or(0.0, |number| number.sample(&mut random)) as usize;
-            let (_, full, approach) = trap.passage();
             let slow = trap.capture_transfers > 0.0;
             // Where capture takes time, all that a line does is one step.
             let (release, returned) = if slow { (trap.lost(), 0.0) } else { (trap.released(), trap.returned()) };
-            let inside = slow.then_some([full * (1.0 - approach), full + (1.0 - full) * approach]);
-            let filled = trap.filled_by(downstream.rows - pixel);
+            let filled = trap.filled_by(downstream.rows - pixel, clouds[species], downstream.charge_e);
             let sure = !slow && filled == 1.0;
             for _ in 0..count {
                 let height = random.random::<f64>();
                 let filled = height < filled_before && (sure || random.random::<f64>() < filled);
-                sites.push(Site { height, species, release, returned, inside, filled });
+                sites.push(Site { height, species, release, returned, slow, filled });
             }
         }
         let first = (pixel - downstream.rows).max(0) as usize;
         for charge in &mut charge_e[first..] {
             set_heights(&mut heights, *charge);
+            for species in (0..traps.len()).filter(|species| traps[*species].capture_density.is_some()) {
+                inside[species] = chances(species, *charge);
+            }
             for site in &mut sites {
-                if let Some(inside) = site.inside.filter(|_| site.height < heights[site.species]) {
-                    let fills = random.random::<f64>() < inside[usize::from(site.filled)];
+                if site.slow && site.height < heights[site.species] {
+                    let fills = random.random::<f64>() < inside[site.species][usize::from(site.filled)];
                     if fills && !site.filled && *charge >= 1.0 {
                         site.filled = true;
                         *charge -= 1.0;
@@ -87,7 +94,7 @@ pub(super) fn column(
             set_heights(&mut heights, *charge);
             for site in &mut sites {
                 // A whole electron must be there to be caught.
-                if site.inside.is_none() && !site.filled && site.height < heights[site.species] && *charge >= 1.0 {
+                if !site.slow && !site.filled && site.height < heights[site.species] && *charge >= 1.0 {
                     site.filled = true;
                     *charge -= 1.0;
                 }

@@ -3,7 +3,7 @@
 mod brute_force;
 
 use brute_force::{Column, clocked_out};
-use ctiplan_readout::{Clock, ClockStep, Cloud, Downstream, Method, Phase, Readout, Trap};
+use ctiplan_readout::{CaptureDensity, Clock, ClockStep, Cloud, Downstream, Method, Phase, Readout, Trap};
 
 const EXACT: Method = Method::Exact;
 const FAST: Method = Method::Fast { relative: 1e-5 };
@@ -97,6 +97,11 @@ fn every_step_gives_the_same_where_capture_takes_time() {
     let traps = [Trap::new(0.3, 0.3), slow(Trap::new(0.3, 0.4)), slow(Trap::new(0.2, 7.0))];
     let [exact, fast] = worst(&traps, &[(0, 0.0), (25, 60.0)]);
     // The height is that of the packet on arrival, here for the time below all phases.
+    assert!(exact < 1e-3 && fast < 5e-5, "{exact:e}, {fast:e}");
+    // The same where denser clouds are captured faster.
+    let by_density =
+        traps.map(|trap| Trap { capture_density: Some(CaptureDensity { power: 1.0, at_e: 900.0 }), ..trap });
+    let [exact, fast] = worst(&by_density, &[(0, 0.0), (25, 60.0)]);
     assert!(exact < 1e-3 && fast < 5e-5, "{exact:e}, {fast:e}");
 }
 

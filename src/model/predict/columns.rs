@@ -115,6 +115,7 @@ impl<'a> Column<'a> {
             && self.rows_downstream() == other.rows_downstream()
             && self.readout == other.readout
             && self.device.store == other.device.store
+            && self.device.persistence == other.device.persistence
     }
 
     /// Charges (e-) that are clocked out, `[[row, 0]]`: with the signal and what precedes it, and of background alone.

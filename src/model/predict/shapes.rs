@@ -12,6 +12,7 @@ use crate::model::{Device, Model};
 use crate::numeric::parallel;
 use crate::physics::accuracy::Purpose;
 use crate::physics::conditions::Conditions;
+use crate::physics::damage::SpeciesState;
 use crate::physics::shape::ShapeChange;
 
 /// Intervals between Chebyshev's points to start with.
@@ -100,7 +101,9 @@ fn same_species(a: &Device, b: &Device) -> bool {
         && !b.has_serial_traps()
         && a.traps.len() == b.traps.len()
         && a.traps.iter().zip(&b.traps).all(|(a, b)| {
-            (a.release_ms, a.release_sigma, a.capture_ms) == (b.release_ms, b.release_sigma, b.capture_ms)
+            let capture =
+                |species: &SpeciesState| (species.capture_ms, species.capture_density_power, species.capture_at_e);
+            (a.release_ms, a.release_sigma, capture(a)) == (b.release_ms, b.release_sigma, capture(b))
         })
 }
 

@@ -37,6 +37,10 @@ impl Place {
         for species in device.species() {
             numbers.extend([species.release_ms.ln(), species.release_sigma, species.capture_ms]);
             numbers.push(species.well_fill_power.unwrap_or(0.0));
+            // One capture time for all clouds has neither.
+            if species.capture_density_power > 0.0 {
+                numbers.extend([species.capture_density_power, species.capture_at_e.ln()]);
+            }
         }
         let (detector, galaxy) = (&mission.detector, &mission.galaxies[0]);
         numbers.extend([

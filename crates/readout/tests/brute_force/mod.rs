@@ -67,7 +67,9 @@ pub fn clocked_out(
                         let change_e = match near {
                             Near::Over(_) => {
                                 let height = height(met_e, trap);
-                                let captured = captured(levels, height, caught(trap, dwell));
+                                let density_e =
+                                    |charge_e: f64| charge_e / ((charge_e / full_well_e).powf(power).min(1.0));
+                                let captured = captured(levels, height, caught(trap, dwell, met_e, density_e));
                                 density * (released(levels, height, kept) - captured)
                             }
                             Near::Between(_) => density * released(levels, 0.0, kept),
@@ -130,12 +132,14 @@ fn near(pixel: i64, phase: i64, lines: i64, [first, last]: [i64; 2], phases: i64
 }
 
 /// What traps inside a cloud are filled to in the end, and what is left of the distance from that after some time (in lines).
-fn caught(trap: &Trap, time: f64) -> (f64, f64) {
+fn caught(trap: &Trap, time: f64, met_e: f64, density_e: impl Fn(f64) -> f64) -> (f64, f64) {
     if trap.capture_transfers == 0.0 {
         return (1.0, 0.0);
     }
+    let denser = |law: ctiplan_readout::CaptureDensity| (density_e(met_e) / density_e(law.at_e)).powf(law.power);
+    let faster = trap.capture_density.filter(|_| met_e > 0.0).map_or(1.0, denser);
     // df/dt = (1 − f)/τc − f/τ
-    let (capture, release) = (1.0 / trap.capture_transfers, 1.0 / trap.release_transfers);
+    let (capture, release) = (faster / trap.capture_transfers, 1.0 / trap.release_transfers);
     (capture / (capture + release), (-time * (capture + release)).exp())
 }
 
