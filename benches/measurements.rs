@@ -1,13 +1,18 @@
-//! Model against measurements: 500 rows of each kind validated, and a fit of 5 parameters to 200 rows.
+//! Model against measurements: 500 rows of each kind validated, a fit of 5 parameters to 200 rows, and a diagnosis of 600 rows on 50
+//! backgrounds that finds two effects.
 //!
-//! `cargo bench --bench measurements`. On files that are made here, without noise; the accuracy is the default one.
+//! `cargo bench --bench measurements`. On files that are made here, with noise for the diagnosis alone; the accuracy is the default one.
 
+use ctiplan::analysis::diagnose::{self, Progress, Verdict, diagnose};
 use ctiplan::analysis::fit::{Options, fit};
 use ctiplan::analysis::measurement::DataSet;
 use ctiplan::analysis::validate::validate;
 use ctiplan::io::table::Table;
 use ctiplan::mission::Mission;
 use divan::Bencher;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 
 fn main() {
     divan::main();
@@ -87,5 +92,29 @@ fn fit_5_parameters_to_200_rows(bencher: Bencher) {
     bencher.bench(|| {
         let found = fit(&start, &sets, &keys, &Options::default(), &|_| {}).expect("a fit");
         assert!(found.chi2 < 1.0, "{}", found.chi2);
+    });
+}
+
+#[divan::bench(sample_count = 1, args = [false, true])]
+fn diagnose_600_rows_on_50_backgrounds(bencher: Bencher, stability: bool) {
+    let mission = mission();
+    let effects = "[effects.annealing]\ntime_yr = 6.0\n[effects.notch]\nnotch_e = 40.0\n";
+    let truth = Mission::parse(&format!("{}\n{effects}", mission.to_toml())).expect("a valid mission");
+    let meta = "# observable: trail\n# signal_e: 3000\n# transfers: 1000\n";
+    let mut set = data(meta, "background_e,trail_px,t_yr", 600, |row| {
+        format!("{:.3},{},{}", 2.0 * 1.12_f64.powi((row / 12) as i32), 1 + row % 12, 1 + row / 12 % 5)
+    });
+    let values = validate(&truth, std::slice::from_ref(&set), 1).expect("values").sets[0].model.clone();
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    for (row, value) in set.rows.iter_mut().zip(values) {
+        row.sigma = 1e-4;
+        let noise: f64 = StandardNormal.sample(&mut random);
+        row.value = value + row.sigma * noise;
+    }
+    let options = diagnose::Options { free: mission.fit.free.clone(), stability, ..diagnose::Options::default() };
+    let silent = Progress { stage: &|_, _| (), advance: &|| () };
+    bencher.bench(|| {
+        let found = diagnose(&mission, std::slice::from_ref(&set), &options, &silent).expect("a diagnosis");
+        assert_eq!((found.verdict, found.steps.len()), (Verdict::Missing, 2), "{}", found.reason);
     });
 }

@@ -242,7 +242,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
             return (self.full, self.approach[1]);
         }
         if watermarks.history.len() == watermarks.packets + 1 {
-            self.foretell(watermarks, charge_e);
+            self.extend_history(watermarks, charge_e);
         }
         let course = &watermarks.history[watermarks.packets + 1];
         (course.full, course.approach)
@@ -250,7 +250,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
 
     /// One more packet of the history.
     #[inline(always)]
-    fn foretell(&self, watermarks: &mut Watermarks<S>, charge_e: f64) {
+    fn extend_history(&self, watermarks: &mut Watermarks<S>, charge_e: f64) {
         let Some(law) = &self.by_density else { return };
         let mut course = *watermarks.history.last().expect("a history starts before the first packet");
         let exponent = law.inside(&self.cloud, charge_e, &mut course);
@@ -464,7 +464,7 @@ impl<const S: usize> Passage for FiniteCapturePixel<S> {
             if self.by_density.is_some() {
                 dispatch!(Level::new(), _simd => {
                     for row in charge_e {
-                        self.foretell(watermarks, row[lane]);
+                        self.extend_history(watermarks, row[lane]);
                     }
                 });
             }
