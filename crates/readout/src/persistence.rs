@@ -28,7 +28,7 @@ use ndarray::{Array2, Axis, concatenate, s};
 use super::bands::Journey;
 use super::block_path::BlockPath;
 use super::passage::{Block, Lead, Passage, Stage};
-use super::several_clouds::clouds_of;
+use super::several_clouds::{Watermark, clouds_of, layers, share};
 use super::simd::{LANES, Packets};
 use super::{Cloud, Course, Method, Readout, Trap, WIDEST, columns, continuum, side_by_side};
 
@@ -127,17 +127,10 @@ struct Time {
     row: i64,
 }
 
-/// Traps between the next watermark below and `height`, last filled at a time.
-#[derive(Clone, Copy)]
-struct Watermark {
-    height: f64,
-    filled: Time,
-}
-
 /// Watermarks of every cloud, the highest first, and electrons in the traps of every species.
 #[derive(Clone, Default)]
 struct Stacks {
-    watermarks: Vec<Vec<Watermark>>,
+    watermarks: Vec<Vec<Watermark<Time>>>,
     stored_e: Vec<f64>,
     /// Heights of a packet's clouds, and what it captures of each species, e-.
     heights: Vec<f64>,
@@ -279,7 +272,8 @@ impl PersistentPixel {
         // A packet cannot give more than it has: it fills every cloud to the same share.
         let spent = wanted_e > present_e;
         if spent {
-            let share = self.share(stacks, &heights, now, present_e.max(0.0));
+            let at = |heights: &[f64]| self.wanted_e(stacks, heights, now, &mut Vec::new());
+            let share = share(&stacks.watermarks, &heights, present_e.max(0.0), at);
             heights.iter_mut().for_each(|height| *height *= share);
             self.wanted_e(stacks, &heights, now, &mut captured_e);
             wanted_e = present_e.max(0.0);
@@ -315,52 +309,14 @@ impl PersistentPixel {
         }
         of_species.iter().sum()
     }
-
-    /// The share of their heights up to which clouds take so much charge: linear between the places of watermarks.
-    fn share(&self, stacks: &Stacks, heights: &[f64], now: Time, available_e: f64) -> f64 {
-        let at = |share: f64| {
-            let heights: Vec<f64> = heights.iter().map(|height| share * height).collect();
-            self.wanted_e(stacks, &heights, now, &mut Vec::new())
-        };
-        let places = stacks.watermarks.iter().zip(heights);
-        let mut shares: Vec<f64> = places
-            .flat_map(|(watermarks, height)| watermarks.iter().map(move |watermark| watermark.height / height))
-            .filter(|share| *share > 0.0 && *share < 1.0)
-            .chain([1.0])
-            .collect();
-        shares.sort_by(f64::total_cmp);
-        let mut below = (0.0, 0.0);
-        for share in shares {
-            let wanted_e = at(share);
-            if wanted_e > available_e {
-                return below.0 + (share - below.0) * (available_e - below.1) / (wanted_e - below.1);
-            }
-            below = (share, wanted_e);
-        }
-        1.0
-    }
 }
 
 /// Traps below a height were filled at a time.
-fn fill(watermarks: &mut Vec<Watermark>, height: f64, filled: Time) {
+fn fill(watermarks: &mut Vec<Watermark<Time>>, height: f64, filled: Time) {
     while watermarks.last().is_some_and(|watermark| watermark.height <= height) {
         watermarks.pop();
     }
     watermarks.push(Watermark { height, filled });
-}
-
-/// The layers of traps below a height, from the bottom up: their thickness, and when they were filled last, if ever.
-fn layers(watermarks: &[Watermark], height: f64, mut layer: impl FnMut(f64, Option<Time>)) {
-    let mut reached = 0.0;
-    for watermark in watermarks.iter().rev() {
-        let top = watermark.height.min(height);
-        layer(top - reached, Some(watermark.filled));
-        reached = top;
-        if watermark.height > height {
-            return;
-        }
-    }
-    layer(height - reached, None);
 }
 
 /// Of the pixels between the image and the register, which are alike. Rows are those of all frames.

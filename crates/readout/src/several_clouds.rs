@@ -27,15 +27,15 @@ pub(super) struct SeveralClouds {
 /// Watermarks of every cloud, and electrons in the traps of every species.
 #[derive(Clone, Default)]
 pub(super) struct Stacks {
-    watermarks: Vec<Vec<Watermark>>,
+    watermarks: Vec<Vec<Watermark<usize>>>,
     stored_e: Vec<f64>,
 }
 
-/// Traps between the next watermark below and `height`, last filled by one packet: its row plus one; 0 for the background.
+/// Traps between the next watermark below and `height`, last filled by one packet: here by its row plus one; 0 for the background.
 #[derive(Clone, Copy)]
-struct Watermark {
-    height: f64,
-    packet: usize,
+pub(super) struct Watermark<T> {
+    pub height: f64,
+    pub filled: T,
 }
 
 /// Added to the number of the last watermark met by a packet that is spent.
@@ -75,7 +75,7 @@ impl SeveralClouds {
             self.clouds.iter().map(|cloud| background_e.map_or(0.0, |charge_e| cloud.height(charge_e))).collect();
         for (watermarks, height) in stacks.watermarks.iter_mut().zip(&heights) {
             watermarks.clear();
-            watermarks.push(Watermark { height: *height, packet: 0 });
+            watermarks.push(Watermark { height: *height, filled: 0 });
         }
         stacks.stored_e.clear();
         let held = |s: usize| heights[self.cloud_of[s]] * self.left[0][s] * (1.0 - self.returned[s]);
@@ -94,7 +94,8 @@ impl SeveralClouds {
         let wanted_e = self.wanted_e(stacks, &heights, row);
         // A packet cannot give more than it has.
         let spent = wanted_e > present_e;
-        let share = if spent { self.share(stacks, &heights, row, present_e.max(0.0)) } else { 1.0 };
+        let at = |heights: &[f64]| self.wanted_e(stacks, heights, row);
+        let share = if spent { share(&stacks.watermarks, &heights, present_e.max(0.0), at) } else { 1.0 };
         let mut met = if spent { SPENT } else { 0.0 };
         let Stacks { watermarks, stored_e } = stacks;
         for (cloud, (watermarks, height)) in watermarks.iter_mut().zip(&heights).enumerate() {
@@ -108,8 +109,8 @@ impl SeveralClouds {
                 watermarks.pop();
             }
             // Distinct for each set of watermarks that was reached.
-            met = met * 1e3 + watermarks.last().map_or(0, |watermark| watermark.packet + 1) as f64;
-            watermarks.push(Watermark { height, packet: row + 1 });
+            met = met * 1e3 + watermarks.last().map_or(0, |watermark| watermark.filled + 1) as f64;
+            watermarks.push(Watermark { height, filled: row + 1 });
         }
         let taken_e = if spent { present_e.max(0.0) } else { wanted_e };
         let mut left_e = present_e - taken_e;
@@ -137,38 +138,44 @@ impl SeveralClouds {
         }
         wanted_e
     }
-
-    /// The share of their heights up to which clouds take so much charge: linear between the places of watermarks.
-    fn share(&self, stacks: &Stacks, heights: &[f64], row: usize, available_e: f64) -> f64 {
-        let at = |share: f64| {
-            let heights: Vec<f64> = heights.iter().map(|height| share * height).collect();
-            self.wanted_e(stacks, &heights, row)
-        };
-        let places = stacks.watermarks.iter().zip(heights);
-        let mut shares: Vec<f64> = places
-            .flat_map(|(watermarks, height)| watermarks.iter().map(move |watermark| watermark.height / height))
-            .filter(|share| *share > 0.0 && *share < 1.0)
-            .chain([1.0])
-            .collect();
-        shares.sort_by(f64::total_cmp);
-        let mut below = (0.0, 0.0);
-        for share in shares {
-            let wanted_e = at(share);
-            if wanted_e > available_e {
-                return below.0 + (share - below.0) * (available_e - below.1) / (wanted_e - below.1);
-            }
-            below = (share, wanted_e);
-        }
-        1.0
-    }
 }
 
-/// The layers of traps below a height, from the bottom up: their thickness and the packet that filled them last, if any did.
-fn layers(watermarks: &[Watermark], height: f64, mut layer: impl FnMut(f64, Option<usize>)) {
+/// The share of their heights up to which clouds take so much charge (e-): linear between the places of watermarks. `wanted_e` is what
+/// they take up to given heights.
+pub(super) fn share<T>(
+    watermarks: &[Vec<Watermark<T>>],
+    heights: &[f64],
+    available_e: f64,
+    wanted_e: impl Fn(&[f64]) -> f64,
+) -> f64 {
+    let at = |share: f64| {
+        let heights: Vec<f64> = heights.iter().map(|height| share * height).collect();
+        wanted_e(&heights)
+    };
+    let places = watermarks.iter().zip(heights);
+    let mut shares: Vec<f64> = places
+        .flat_map(|(watermarks, height)| watermarks.iter().map(move |watermark| watermark.height / height))
+        .filter(|share| *share > 0.0 && *share < 1.0)
+        .chain([1.0])
+        .collect();
+    shares.sort_by(f64::total_cmp);
+    let mut below = (0.0, 0.0);
+    for share in shares {
+        let wanted_e = at(share);
+        if wanted_e > available_e {
+            return below.0 + (share - below.0) * (available_e - below.1) / (wanted_e - below.1);
+        }
+        below = (share, wanted_e);
+    }
+    1.0
+}
+
+/// The layers of traps below a height, from the bottom up: their thickness and what filled them last, if anything did.
+pub(super) fn layers<T: Copy>(watermarks: &[Watermark<T>], height: f64, mut layer: impl FnMut(f64, Option<T>)) {
     let mut reached = 0.0;
     for watermark in watermarks.iter().rev() {
         let top = watermark.height.min(height);
-        layer(top - reached, Some(watermark.packet));
+        layer(top - reached, Some(watermark.filled));
         reached = top;
         if watermark.height > height {
             return;
