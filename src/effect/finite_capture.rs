@@ -67,7 +67,8 @@ impl Catalogued for FiniteCapture {
     }
 
     fn example(mission: &Mission) -> toml::Table {
-        numbers(&[("capture_ms", 0.3 * mission.readout.line_time_ms)])
+        let capture_ms = 0.3 * mission.readout.line_time_ms;
+        numbers(&[("capture_ms", capture_ms), ("density_power", 0.0), ("capture_at_e", mission.detector.full_well_e)])
     }
 
     fn trials(_: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
