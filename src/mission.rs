@@ -590,7 +590,7 @@ pub struct Accuracy {
     pub levels: u32,
     /// Seed of everything random.
     pub seed: u64,
-    /// Sub-pixel positions in y over which shapes are averaged; see [`crate::model::Model`] for those in x.
+    /// Sub-pixel positions in y over which shapes are averaged; see [`crate::model::Model::positions`] for those in x.
     pub subpixel_grid: u32,
     /// Realisations of the noise of one exposure of the judged galaxy; half of them of others. 0 for none.
     pub noise_realisations: u32,

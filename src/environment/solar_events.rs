@@ -48,8 +48,8 @@ pub const EVENTS_PER_ACTIVE_YR: f64 = 6.15;
 /// Maxima of the 13-month smoothed international sunspot number v2.0, cycles 19 to 25 (NOAA/SWPC).
 ///
 /// Events are more frequent in higher cycles, in proportion to the sunspot number, with the same distribution of sizes (Nymmik, Moscow
-/// State University, quantitative probabilistic model of the fluxes of solar energetic particles); but their mean fluence is smaller there (Barnard & Lockwood 2011, J. Geophys. Res. 116,
-/// A05103, cycles 20 to 23), so that not even the sign of what height does to the fluence of a cycle is known. Cycle 24 had a third
+/// State University, quantitative probabilistic model of the fluxes of solar energetic particles); but their mean fluence is smaller
+/// there (Barnard & Lockwood 2011, J. Geophys. Res. 116, A05103, cycles 20 to 23), so that not even the sign of what height does to the fluence of a cycle is known. Cycle 24 had a third
 /// fewer events than cycle 23, and 4 to 10 times less fluence above 10 MeV (Mewaldt et al. 2015, PoS ICRC2015 030).
 ///
 /// ESP is fitted to years of the maxima of three cycles, 20 to 22, whose heights differ. If fluences were in proportion to the height, and ESP

@@ -212,7 +212,7 @@ impl Device {
         (alike && factor.is_finite() && proportional()).then_some(factor)
     }
 
-    /// The same device for an object so many columns farther from the amplifier, in all serial registers; None where it is not on the
+    /// The same device for an object n columns farther from the amplifier, in all serial registers; None where it is not on the
     /// detector.
     pub(super) fn columns_farther(mut self, columns: i64) -> Option<Device> {
         for register in &mut self.registers {

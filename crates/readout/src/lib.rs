@@ -140,7 +140,7 @@ impl Trap {
         Trap { capture_transfers: self.capture_of(cloud, charge_e), ..*self }.passage()
     }
 
-    /// Fraction filled inside the clouds of so many packets (e-) of background.
+    /// Fraction filled inside the clouds of n packets (e-) of background.
     fn filled_by(&self, packets: i64, cloud: &Cloud, charge_e: f64) -> f64 {
         let (_, full, approach) = self.passage_of(cloud, charge_e);
         full * (1.0 - approach.powf(packets as f64))

@@ -166,8 +166,9 @@ pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, k
     let of = |(index, set): (usize, &DataSet)| {
         let rows = case.rows(index);
         if rows.len() < FEW {
-            let wrong = by_model(&known[index]);
-            return SetNoise { wrong, ..SetNoise::as_quoted(set) };
+            let known = &known[index];
+            let as_known = if known.by_model { known.clone() } else { SetNoise::as_quoted(set) };
+            return SetNoise { wrong: by_model(known), ..as_known };
         }
         let model = &node.fit.values[rows.clone()];
         let as_quoted = |signature: &DVector<f64>| {
