@@ -199,7 +199,23 @@ impl Cloud {
         // The height jumps where charge begins.
         zero.below(lower_e).select(steep, zero.below(upper_e).select(unlimited, zero))
     }
+
+    /// The steepest rise of the height (per electron) for packets of some charge (e-) and more, as its values 1 % of that charge apart and at
+    /// twice, four times ... as much tell.
+    pub(super) fn steepest_from(&self, charge_e: f64) -> f64 {
+        let slope = |low_e: f64, high_e: f64| (self.height(high_e) - self.height(low_e)) / (high_e - low_e);
+        let mut steepest = 0.0;
+        let [mut low_e, mut high_e] = [charge_e, 1.01 * charge_e];
+        while high_e > low_e && low_e < LARGEST_E && self.height(low_e) < 1.0 {
+            steepest = f64::max(steepest, slope(low_e, high_e));
+            [low_e, high_e] = [high_e, 2.0 * high_e];
+        }
+        steepest
+    }
 }
+
+/// Charge beyond which no well is asked for, e-.
+const LARGEST_E: f64 = 1e9;
 
 /// Share of the full well below which clouds side by side have no height: far less than an electron's share of any well.
 const TINY: f64 = 1e-30;

@@ -19,7 +19,10 @@
 //! A packet no longer fills what it covers, so that a watermark remembers all
 //! packets that ever reached it, each with the fraction filled of every species; watermarks are merged where that costs less
 //! charge than is asked for. Nor do packets upstream find the steady state after one packet of background:
-//! [`FiniteCapturePixel::new`] follows the background, packet by packet, until it settles.
+//! [`FiniteCapturePixel::new`] follows the background, packet by packet, until it settles. Pixels that it leaves nearly alike are passed
+//! together: what packets exchange with traps is linear in the fractions filled, so that all pixels of a stretch together do what as many
+//! pixels of their mean do, until the packets have changed. So do the pixels that packets start in, as a sum that grows by an empty pixel with
+//! each packet, if no packet is spent.
 //!
 //! Both laws are the same for all watermarks on one side of the cloud's top. So what a packet exchanges with the traps follows
 //! from two sums, of the traps filled inside and above; and a watermark keeps the fraction that it had when it came to its
@@ -28,6 +31,7 @@
 
 use std::f64::consts::LOG2_E;
 use std::mem::take;
+use std::ops::Range;
 use std::slice;
 
 use fearless_simd::{Level, dispatch};
@@ -53,8 +57,16 @@ pub(super) struct FiniteCapturePixel<const S: usize> {
     by_density: Option<ByDensity<S>>,
     /// Charge that may be misplaced in a pixel: by a merger of watermarks, or by a background that has not quite settled, e-.
     merge_e: f64,
-    /// What the background has left in a pixel that it passed 0, 1, 2, … times; the last holds for more.
-    background: Vec<Watermarks<S>>,
+    /// What the background has left in pixels that it passed so many times; the last holds for more.
+    background: Vec<Stretch<S>>,
+}
+
+/// Pixels that the background has left nearly alike.
+struct Stretch<const S: usize> {
+    /// Packets of background that passed the first of them. As many as one more passed the next.
+    from: usize,
+    /// Their mean.
+    mean: Watermarks<S>,
 }
 
 /// The traps of a pixel, cut where clouds have ended.
@@ -69,14 +81,17 @@ pub(super) struct Watermarks<const S: usize> {
     filled_above: [f64; S],
     /// Packets that came by.
     packets: usize,
-    /// What 0, 1, 2, … packets do inside their clouds, as far as they are known, where that depends on their density; otherwise nothing.
+    /// Pixels that all of this is the sum of.
+    pixels: f64,
+    /// What 0, 1, 2, … packets do inside their clouds, as far as they are known, where that depends on their density or the number of
+    /// pixels grows; otherwise nothing.
     history: Vec<Course<S>>,
 }
 
 /// What packets have done to traps that were inside the cloud of each of them.
 #[derive(Clone, Copy)]
 struct Course<const S: usize> {
-    /// P, fractions filled of those that were empty before the first packet.
+    /// P, fractions filled of those that were empty before the first packet; the sum of all pixels'.
     filled: [f64; S],
     /// E, the sum of 1/τc + 1/τ, in powers of 2.
     exponent: [f64; S],
@@ -100,6 +115,13 @@ struct Watermark<const S: usize> {
     packet: usize,
 }
 
+impl<const S: usize> Watermarks<S> {
+    /// From the bottom up.
+    fn upwards(&self) -> impl Iterator<Item = &Watermark<S>> {
+        self.inside.iter().chain(self.above.iter().rev())
+    }
+}
+
 impl<const S: usize> Default for Watermarks<S> {
     fn default() -> Self {
         Watermarks {
@@ -108,6 +130,7 @@ impl<const S: usize> Default for Watermarks<S> {
             filled_inside: [0.0; S],
             filled_above: [0.0; S],
             packets: 0,
+            pixels: 1.0,
             history: Vec::new(),
         }
     }
@@ -172,6 +195,10 @@ fn mark<const S: usize>(watermark: Option<&Watermark<S>>) -> f64 {
 /// Change of a packet of background in one pixel, e-, below which the background counts as settled in any case.
 const SETTLED_E: f64 = 1e-13;
 
+/// Pixels that change by d from the first of them to the last, N of them, do the same to packets as N of their mean but for
+/// N³/12 of how a change by d/N and a change of the packets do not commute (the second term of Magnus's expansion).
+const MAGNUS: f64 = 1.0 / 12.0;
+
 impl<const S: usize> FiniteCapturePixel<S> {
     /// Follows the background (e-) of the rows downstream of an image of `rows` until one more packet of it changes nothing.
     pub fn new(
@@ -194,33 +221,94 @@ impl<const S: usize> FiniteCapturePixel<S> {
         };
         let by_density = traps.iter().any(|trap| trap.capture_density.is_some());
         pixel.by_density = by_density.then(|| ByDensity::new(traps, &pixel.cloud));
-        let mut empty = Watermarks::default();
-        pixel.settle(&mut empty);
-        pixel.background.push(empty);
         for (s, trap) in traps.iter().enumerate() {
             pixel.density[s] = trap.density_per_px;
             (pixel.keep[1][s], pixel.full[s], pixel.approach[1][s]) = trap.passage();
         }
-        let mut charge_e = downstream.charge_e;
-        let mut quiet = 0;
-        for _ in 0..downstream.rows {
-            let mut after = pixel.background.last().expect("the empty pixel at least").clone();
-            let change_e = pixel.packet(&mut after, charge_e, 0).0;
-            // Twice, since a change that turns from loss to gain is small once.
-            quiet = if change_e.abs() <= merge_e.max(SETTLED_E) { quiet + 1 } else { 0 };
-            if quiet == 2 {
-                break;
-            }
-            charge_e += change_e;
-            pixel.settle(&mut after);
-            pixel.background.push(after);
-        }
+        pixel.follow(downstream);
         for packets in 2..=rows {
             for powers in [&mut pixel.keep, &mut pixel.approach] {
                 powers.push(std::array::from_fn(|s| powers[packets - 1][s] * powers[1][s]));
             }
         }
         pixel
+    }
+
+    /// Passes the background until one more packet of it changes nothing, and keeps what it leaves.
+    fn follow(&mut self, downstream: Downstream) {
+        let mut latest = Watermarks::default();
+        self.settle(&mut latest);
+        self.background.push(Stretch { from: 0, mean: latest.clone() });
+        let mut charge_e = downstream.charge_e;
+        let steepest = self.density_all * self.cloud.steepest_from(charge_e);
+        // Pixels of the stretch that is open, how many packets passed the first of them, and the charge that they differ by.
+        let (mut open, mut from, mut differ_e) = (Vec::new(), 1, 0.0);
+        let mut quiet = 0;
+        for packets in 1..=downstream.rows {
+            let change_e = self.packet(&mut latest, charge_e, 0).0;
+            // Twice, since a change that turns from loss to gain is small once.
+            quiet = if change_e.abs() <= self.merge_e.max(SETTLED_E) { quiet + 1 } else { 0 };
+            if quiet == 2 {
+                break;
+            }
+            charge_e += change_e;
+            self.settle(&mut latest);
+            differ_e += change_e.abs();
+            // A merger may misplace as much in every pixel.
+            if MAGNUS * (open.len() + 1) as f64 * steepest * differ_e > self.merge_e {
+                self.close(from, &mut open);
+            }
+            if open.is_empty() {
+                (from, differ_e) = (packets as usize, 0.0);
+            }
+            open.push(latest.clone());
+        }
+        // The last pixel stands for all that follow.
+        let Some(last) = open.pop() else { return };
+        let before = open.len();
+        self.close(from, &mut open);
+        self.background.push(Stretch { from: from + before, mean: last });
+    }
+
+    /// One more stretch, of pixels that were passed so many times and more.
+    fn close(&mut self, from: usize, pixels: &mut Vec<Watermarks<S>>) {
+        if !pixels.is_empty() {
+            self.background.push(Stretch { from, mean: self.mean(pixels) });
+            pixels.clear();
+        }
+    }
+
+    /// The mean of some pixels that no packet is in.
+    fn mean(&self, pixels: &[Watermarks<S>]) -> Watermarks<S> {
+        if let [pixel] = pixels {
+            return pixel.clone();
+        }
+        let mut tops: Vec<f64> = pixels.iter().flat_map(Watermarks::upwards).map(|watermark| watermark.top).collect();
+        tops.sort_by(f64::total_cmp);
+        tops.dedup();
+        let mut fills = vec![[0.0; S]; tops.len()];
+        for pixel in pixels {
+            let mut watermarks = pixel.upwards().peekable();
+            for (top, fill) in tops.iter().zip(&mut fills) {
+                while watermarks.next_if(|watermark| watermark.top < *top).is_some() {}
+                let here = watermarks.peek().map_or([0.0; S], |watermark| watermark.fill);
+                fill.iter_mut().zip(here).for_each(|(sum, fill)| *sum += fill / pixels.len() as f64);
+            }
+        }
+        let mut mean = Watermarks::default();
+        self.forget(&mut mean);
+        for (top, fill) in tops.into_iter().zip(fills) {
+            let thickness = top - self::top(&mean.inside);
+            mean.filled_inside.iter_mut().zip(fill).for_each(|(sum, fill)| *sum += thickness * fill);
+            self.put_inside(&mut mean, Watermark { top, fill, since: 0, packet: 0 });
+        }
+        mean
+    }
+
+    /// The stretch of a pixel (counted from the register).
+    fn stretch(&self, pixel: i64, rows_downstream: i64) -> usize {
+        let passed = (rows_downstream - pixel).max(0) as usize;
+        self.background.partition_point(|stretch| stretch.from <= passed) - 1
     }
 
     /// Passes one packet over the watermarks; its change (e-), and what watermarks it met as one number.
@@ -238,7 +326,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
 
     /// f∞ and exp(−1/τc − 1/τ) of the next packet's cloud.
     fn inside(&self, watermarks: &mut Watermarks<S>, charge_e: f64) -> ([f64; S], [f64; S]) {
-        if self.by_density.is_none() {
+        if watermarks.history.is_empty() {
             return (self.full, self.approach[1]);
         }
         if watermarks.history.len() == watermarks.packets + 1 {
@@ -251,12 +339,16 @@ impl<const S: usize> FiniteCapturePixel<S> {
     /// One more packet of the history.
     #[inline(always)]
     fn extend_history(&self, watermarks: &mut Watermarks<S>, charge_e: f64) {
-        let Some(law) = &self.by_density else { return };
         let mut course = *watermarks.history.last().expect("a history starts before the first packet");
-        let exponent = law.inside(&self.cloud, charge_e, &mut course);
+        if let Some(law) = &self.by_density {
+            let exponent = law.inside(&self.cloud, charge_e, &mut course);
+            course.exponent.iter_mut().zip(exponent).for_each(|(sum, exponent)| *sum += exponent);
+        } else {
+            (course.full, course.approach) = (self.full, self.approach[1]);
+        }
         let Course { filled, full, approach, .. } = course;
-        course.filled = std::array::from_fn(|s| full[s] + (filled[s] - full[s]) * approach[s]);
-        course.exponent.iter_mut().zip(exponent).for_each(|(sum, exponent)| *sum += exponent);
+        let pixels = watermarks.pixels;
+        course.filled = std::array::from_fn(|s| pixels * full[s] + (filled[s] - pixels * full[s]) * approach[s]);
         watermarks.history.push(course);
     }
 
@@ -266,7 +358,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
         let (mut captured, mut released) = ([0.0; S], [0.0; S]);
         let (mut captured_e, mut released_e) = (0.0, 0.0);
         for s in 0..S {
-            captured[s] = (height * full[s] - watermarks.filled_inside[s]) * (1.0 - approach[s]);
+            captured[s] = (watermarks.pixels * height * full[s] - watermarks.filled_inside[s]) * (1.0 - approach[s]);
             released[s] = watermarks.filled_above[s] * (1.0 - self.keep[1][s]);
             captured_e += self.density[s] * captured[s];
             released_e += self.density[s] * released[s];
@@ -294,13 +386,16 @@ impl<const S: usize> FiniteCapturePixel<S> {
 
     /// Fractions of a watermark inside the cloud after n packets.
     fn filled_inside(&self, history: &[Course<S>], watermark: &Watermark<S>, packets: usize) -> [f64; S] {
-        if self.by_density.is_some() {
+        if !history.is_empty() {
             if packets == watermark.since {
                 return watermark.fill;
             }
             let (from, to) = (&history[watermark.since], &history[packets]);
             return std::array::from_fn(|s| {
-                let left = exp2(from.exponent[s] - to.exponent[s]);
+                let left = match self.by_density {
+                    Some(_) => exp2(from.exponent[s] - to.exponent[s]),
+                    None => self.approach[packets - watermark.since][s],
+                };
                 to.filled[s] + (watermark.fill[s] - from.filled[s]) * left
             });
         }
@@ -418,8 +513,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
 
     /// The same before packets whose history is known.
     fn place(&self, pixel: i64, rows_downstream: i64, watermarks: &mut Watermarks<S>) {
-        let passed = (rows_downstream - pixel).max(0) as usize;
-        let left = &self.background[passed.min(self.background.len() - 1)];
+        let left = &self.background[self.stretch(pixel, rows_downstream)].mean;
         watermarks.inside.clone_from(&left.inside);
         watermarks.above.clone_from(&left.above);
         let Watermarks { inside, above, history, .. } = take(watermarks);
@@ -448,7 +542,6 @@ impl<const S: usize> Passage for FiniteCapturePixel<S> {
         let Stage { change_e, drift_e, doubtful_e, meets } = found;
         change_e.fill([0.0; LANES]);
         meets.fill([0.0; LANES]);
-        let identical = Passage::identical_below(self, downstream);
         // Kept in the place of what is told last.
         let heights = drift_e;
         heights.copy_from_slice(charge_e);
@@ -459,8 +552,36 @@ impl<const S: usize> Passage for FiniteCapturePixel<S> {
                 change_e.iter_mut().chain(meets.iter_mut()).for_each(|row| row[lane] = row[lane - 1]);
                 continue;
             }
+            let end = block.nearest + block.pixels;
+            let home = block.nearest.max(downstream.rows);
+            let first = (home - downstream.rows) as usize;
+            let spent = |row: usize| charge_e[row][lane] < self.density_all * heights[row][lane];
+            let together = home < end && !(first..charge_e.len()).any(spent);
+            let mut pass = |watermarks: &mut Watermarks<S>, row: usize, pixels: i64| {
+                let (change, met) = self.packet_of(watermarks, charge_e[row][lane], heights[row][lane], row + 1);
+                change_e[row][lane] += pixels as f64 * change;
+                meets[row][lane] += met;
+            };
+            if together {
+                self.start(home, downstream.rows, watermarks);
+                watermarks.pixels = 0.0;
+                watermarks.history = vec![Course::START];
+                for row in first..charge_e.len() {
+                    // Its own pixel joins, empty.
+                    if row as i64 + downstream.rows < end {
+                        watermarks.pixels += 1.0;
+                    }
+                    pass(watermarks, row, 1);
+                }
+            }
+            let mut nearest = block.nearest;
+            let end = if together { home } else { end };
+            if nearest == end {
+                continue;
+            }
             // Charges are held fixed: packets do the same inside their clouds in all pixels.
             self.forget(watermarks);
+            watermarks.pixels = 1.0;
             if self.by_density.is_some() {
                 dispatch!(Level::new(), _simd => {
                     for row in charge_e {
@@ -468,18 +589,16 @@ impl<const S: usize> Passage for FiniteCapturePixel<S> {
                     }
                 });
             }
-            let mut nearest = block.nearest;
-            while nearest < block.nearest + block.pixels {
-                // Pixels that all packets pass, and that the background has left alike, count as one.
-                let pixels = (identical.min(block.nearest + block.pixels) - nearest).max(1);
+            while nearest < end {
+                let alike =
+                    if nearest < downstream.rows { self.alike_pixels(nearest, downstream).end } else { nearest + 1 };
+                let pixels = alike.min(end) - nearest;
                 self.place(nearest, downstream.rows, watermarks);
                 let first = (nearest - downstream.rows).clamp(0, charge_e.len() as i64) as usize;
                 // Where packets start, no background has passed, and the traps are empty.
                 watermarks.packets = if self.by_density.is_some() { first } else { 0 };
                 for row in first..charge_e.len() {
-                    let (change, met) = self.packet_of(watermarks, charge_e[row][lane], heights[row][lane], row + 1);
-                    change_e[row][lane] += pixels as f64 * change;
-                    meets[row][lane] += met;
+                    pass(watermarks, row, pixels);
                 }
                 nearest += pixels;
             }
@@ -496,8 +615,17 @@ impl<const S: usize> Passage for FiniteCapturePixel<S> {
         slice::from_ref(&self.cloud)
     }
 
-    fn identical_below(&self, downstream: &Lead) -> i64 {
-        downstream.rows.min(downstream.rows - self.background.len() as i64 + 2)
+    fn knows_paths(&self) -> bool {
+        false
+    }
+
+    fn alike_pixels(&self, pixel: i64, downstream: &Lead) -> Range<i64> {
+        if pixel >= downstream.rows {
+            return downstream.rows..i64::MAX;
+        }
+        let stretch = self.stretch(pixel, downstream.rows);
+        let nearest = self.background.get(stretch + 1).map_or(i64::MIN, |next| downstream.rows - next.from as i64 + 1);
+        nearest..downstream.rows - self.background[stretch].from as i64 + 1
     }
 }
 
@@ -571,7 +699,7 @@ mod tests {
     fn follow(traps: &[Trap], packets: &[f64]) {
         let pixel =
             FiniteCapturePixel::<2>::new(traps, Cloud::new(1e4, 0.0, 0.5), Downstream::NONE, packets.len(), 0.0);
-        let (mut watermarks, mut followed) = (pixel.background[0].clone(), Vec::new());
+        let (mut watermarks, mut followed) = (pixel.background[0].mean.clone(), Vec::new());
         let mut short = 0;
         for &charge_e in packets {
             let (expected_e, spent) = one_by_one(&pixel, traps, &mut followed, charge_e);
@@ -592,7 +720,7 @@ mod tests {
 
     fn what_is_lost_is_held(traps: &[Trap], downstream: Downstream) {
         let pixel = FiniteCapturePixel::<2>::new(traps, Cloud::new(1e4, 0.0, 0.5), downstream, 7, 0.0);
-        let mut watermarks = pixel.background[0].clone();
+        let mut watermarks = pixel.background[0].mean.clone();
         let held = |watermarks: &Watermarks<2>| -> f64 {
             let mut watermarks = watermarks.clone();
             pixel.settle(&mut watermarks);
@@ -617,14 +745,73 @@ mod tests {
     fn a_background_settles_in_the_balance_of_capture_and_release() {
         let downstream = Downstream { rows: 1000, charge_e: 100.0 };
         let pixel = FiniteCapturePixel::<2>::new(&traps(), Cloud::new(1e4, 0.0, 0.5), downstream, 1, 1e-9);
-        let packets = pixel.background.len();
+        let packets = pixel.background.last().unwrap().from;
         assert!(packets < 500, "{packets} packets until the background settles");
-        let settled = pixel.background.last().unwrap();
+        let settled = &pixel.background.last().unwrap().mean;
         assert!((settled.inside[0].fill[0] - 3.0 / 3.3).abs() < 1e-6);
         assert!((settled.inside[0].fill[1] - 40.0 / 42.0).abs() < 1e-6);
         let mut watermarks = settled.clone();
         // The packets have paid for the traps they filled.
         let charge_e = 100.0 - 0.1 * (0.8 * 3.0 / 3.3 + 0.5 * 40.0 / 42.0);
         assert!(pixel.packet(&mut watermarks, charge_e, 1).0.abs() < 1e-3);
+    }
+
+    /// A block is the sum of its pixels while charges are held fixed: those that packets start in, with and without a spent packet, and those that
+    /// the background has left nearly alike.
+    #[test]
+    fn a_block_does_what_its_pixels_do_one_by_one() {
+        let rows = 40;
+        let charges_e: [fn(usize) -> f64; 2] = [
+            |row| 60.0 + 900.0 * (-((row as f64 - 15.0) / 4.0).powi(2)).exp(),
+            |row| (row * row * 37 % 101) as f64 * 0.01,
+        ];
+        for (traps, charge_e) in
+            [traps(), by_density()].iter().flat_map(|traps| charges_e.map(|charge_e| (traps, charge_e)))
+        {
+            let charge_e: Vec<Packets> = (0..rows).map(|row| [charge_e(row); LANES]).collect();
+            let lead = Lead { rows: 500, charge_e: [60.0; LANES], pixels: 0..i64::MAX };
+            let downstream = Downstream { rows: 500, charge_e: 60.0 };
+            let pixel = FiniteCapturePixel::<2>::new(traps, Cloud::new(1e4, 0.0, 0.5), downstream, rows, 1e-9);
+            let changes = |nearest: i64, pixels: i64| {
+                let mut found = Stage::new(rows);
+                let block = Block { nearest, pixels };
+                pixel.pass(&charge_e, BlockPath::Unknown, block, &lead, &mut Watermarks::default(), &mut found);
+                found.change_e.iter().map(|row| row[0]).collect::<Vec<f64>>()
+            };
+            assert!(pixel.background.len() < 100, "{} stretches of 500 pixels", pixel.background.len());
+            for (nearest, pixels) in [(500, 40), (507, 20), (0, 500), (350, 190)] {
+                let together = changes(nearest, pixels);
+                let mut one_by_one = vec![0.0; rows];
+                for nearest in nearest..nearest + pixels {
+                    one_by_one.iter_mut().zip(changes(nearest, 1)).for_each(|(sum, change)| *sum += change);
+                }
+                for (row, (together, one_by_one)) in together.iter().zip(&one_by_one).enumerate() {
+                    // As much as mergers may misplace.
+                    let off = (together - one_by_one).abs();
+                    assert!(off < 1e-9 * pixels as f64, "pixels {nearest} to {}, row {row}: {off:e}", nearest + pixels);
+                }
+            }
+        }
+    }
+
+    /// Stretches of the background are as many packets long as it was followed, without gap, and their means keep its charge.
+    #[test]
+    fn stretches_hold_what_the_background_has_left() {
+        let downstream = Downstream { rows: 300, charge_e: 60.0 };
+        let followed =
+            |merge_e| FiniteCapturePixel::<2>::new(&traps(), Cloud::new(1e4, 0.0, 0.5), downstream, 1, merge_e);
+        let (each, together) = (followed(0.0), followed(1e-8));
+        assert!(each.background.len() > 3 * together.background.len());
+        let held = |pixel: &FiniteCapturePixel<2>, passed: i64| {
+            let Watermarks { filled_inside, filled_above, .. } = &pixel.background[pixel.stretch(-passed, 0)].mean;
+            (0..2).map(|s| pixel.density[s] * (filled_inside[s] + filled_above[s])).sum::<f64>()
+        };
+        for (place, stretch) in together.background.iter().enumerate() {
+            let next = together.background.get(place + 1).map_or(stretch.from + 1, |next| next.from);
+            let pixels = stretch.from..next;
+            let mean = pixels.clone().map(|passed| held(&each, passed as i64)).sum::<f64>() / pixels.len() as f64;
+            let off = (held(&together, stretch.from as i64) - mean).abs();
+            assert!(off < 1e-8 * next as f64, "{pixels:?}: {off:e}");
+        }
     }
 }

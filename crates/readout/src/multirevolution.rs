@@ -131,20 +131,19 @@ pub(super) fn columns<P: Passage>(
     work: &mut Workspace<P::Watermarks>,
 ) {
     let Range { start: nearest, end } = downstream.pixels;
-    let identical = pixel.identical_below(downstream).min(end).max(nearest);
-    singly(pixel, charge_e, identical..end, downstream, work);
-    let image = downstream.rows.clamp(nearest, identical)..identical;
-    let shared = nearest..downstream.rows.min(identical);
+    let image = downstream.rows.clamp(nearest, end)..end;
+    let shared = nearest..downstream.rows.min(end);
     for region in [image, shared] {
         let length = region.end - region.start;
         let staggered = region.start >= downstream.rows;
         let mut position = region.end;
-        let mut pixels = length;
+        let mut wanted = length;
         let mut by_first = true;
         let mut refused = 0;
         while position > region.start {
             interrupt::check();
-            pixels = pixels.clamp(1, position - region.start);
+            let alike = pixel.alike_pixels(position - 1, downstream).start.max(region.start);
+            let pixels = wanted.clamp(1, position - alike);
             let block = Block { nearest: position - pixels, pixels };
             // Evenly over the region's pixels.
             let tolerance_e = aim.tolerance_e * pixels as f64 / length as f64;
@@ -157,16 +156,18 @@ pub(super) fn columns<P: Passage>(
             let stretch = if ratio > 0.0 { 0.9 * ratio.powf(-1.0 / (order - 1.0)) } else { 4.0 };
             if ratio <= 1.0 {
                 position -= pixels;
-                pixels = (pixels as f64 * stretch.clamp(1.0, 4.0)) as i64;
+                let longer = (pixels as f64 * stretch.clamp(1.0, 4.0)) as i64;
+                // A step that pixels unlike its own cut short says nothing against longer ones.
+                wanted = if pixels < wanted { longer.max(wanted) } else { longer };
                 refused = 0;
             } else if pixels as f64 * stretch > SINGLY as f64 {
-                pixels = (pixels as f64 * stretch.clamp(0.1, 0.7)) as i64;
+                wanted = (pixels as f64 * stretch.clamp(0.1, 0.7)) as i64;
             } else {
                 // No use in trying again at once, and less and less where that has failed already.
                 let next = region.start.max(position - (SINGLY << (1 + refused).min(PATIENCE)));
                 singly(pixel, charge_e, next..position, downstream, work);
                 position = next;
-                pixels = 2 * SINGLY;
+                wanted = 2 * SINGLY;
                 refused += 1;
             }
         }
@@ -218,23 +219,26 @@ impl<P: Passage> Step<'_, P> {
         let Step { pixel, block, downstream, .. } = *self;
         if block.pixels <= SINGLY {
             singly(pixel, charge_e, block.nearest..block.nearest + block.pixels, downstream, work);
-            return Attempt { ratio: 0.0, order: 5.0, by_first: false };
+            return Attempt { ratio: 0.0, order: 5.0, by_first: true };
         }
         let Workspace { watermarks, stages: [k1, k2, k3, k4], stage_e, path } = work;
         let mut pass = |charge_e: &[Packets], path: BlockPath, found: &mut Stage| {
             pixel.pass(charge_e, path, block, downstream, watermarks, found);
         };
 
-        let seek = self.staggered && self.first_order > LIKELY_FIRST;
+        let only_first = self.staggered && !pixel.knows_paths();
+        let seek = self.staggered && !only_first && self.first_order > LIKELY_FIRST;
         pass(charge_e, if seek { BlockPath::Sought(path) } else { BlockPath::Unknown }, k1);
         if estimate::exhausted(estimate::volume_at_zero(pixel.clouds()) * pixel.density(), charge_e, k1) {
             return Attempt { ratio: f64::INFINITY, order: 2.0, by_first: self.first_order <= HOPELESS_FIRST };
         }
-        if self.first_order <= HOPELESS_FIRST {
+        if only_first || self.first_order <= HOPELESS_FIRST {
             let traps = block.pixels as f64 * pixel.density();
             let ratio = ratio(estimate::first(pixel.clouds(), traps, charge_e, k1), SHARE_OF_BOUNDS * self.tolerance_e);
             if ratio <= 1.0 {
                 estimate::add(charge_e, &[(1.0, k1)]);
+            }
+            if ratio <= 1.0 || only_first {
                 return Attempt { ratio, order: 2.0, by_first: true };
             }
         }

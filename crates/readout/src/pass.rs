@@ -4,6 +4,7 @@
 //! its clouds reach, and leaves a watermark of its own. Packets that have less charge than the traps in their reach would take
 //! are followed one by one.
 
+use std::ops::Range;
 use std::slice;
 
 use fearless_simd::prelude::*;
@@ -396,8 +397,12 @@ impl<const S: usize, const RETURNS: bool> Passage for Pixel<S, RETURNS> {
         slice::from_ref(&self.cloud)
     }
 
-    fn identical_below(&self, _: &Lead) -> i64 {
+    fn knows_paths(&self) -> bool {
+        true
+    }
+
+    fn alike_pixels(&self, _: i64, _: &Lead) -> Range<i64> {
         // Pixels differ in known ways: see the module.
-        i64::MAX
+        i64::MIN..i64::MAX
     }
 }

@@ -62,9 +62,12 @@ pub(super) trait Passage: Sync {
     /// How high packets reach, among the traps of each kind.
     fn clouds(&self) -> &[Cloud];
 
-    /// Distance from the register (pixels) below which blocks may be passed in one step; beyond it pixels are too unlike
-    /// one another.
-    fn identical_below(&self, downstream: &Lead) -> i64;
+    /// Whether a pass can find the path of packets that start within a block, and follow a known one ([`BlockPath`]); otherwise such blocks
+    /// are advanced to first order only.
+    fn knows_paths(&self) -> bool;
+
+    /// The pixels that are so much like one, which is one of them, that they may be passed in one step.
+    fn alike_pixels(&self, pixel: i64, downstream: &Lead) -> Range<i64>;
 }
 
 /// What one pass finds.

@@ -22,6 +22,7 @@
 //! follows every pixel through all frames in time.
 
 use std::mem::take;
+use std::ops::Range;
 
 use ndarray::{Array2, Axis, concatenate, s};
 
@@ -359,7 +360,11 @@ impl Passage for PersistentPixel {
         &self.clouds
     }
 
-    fn identical_below(&self, downstream: &Lead) -> i64 {
-        downstream.rows
+    fn knows_paths(&self) -> bool {
+        false
+    }
+
+    fn alike_pixels(&self, pixel: i64, downstream: &Lead) -> Range<i64> {
+        if pixel < downstream.rows { i64::MIN..downstream.rows } else { pixel..pixel + 1 }
     }
 }

@@ -7,6 +7,8 @@
 //!
 //! Pixels that all packets pass are alike and count as one; those of the image are done one by one.
 
+use std::ops::Range;
+
 use super::block_path::BlockPath;
 use super::passage::{Block, Lead, Passage, Stage};
 use super::simd::{LANES, Packets};
@@ -208,8 +210,9 @@ impl Passage for SeveralClouds {
                 continue;
             }
             let mut nearest = block.nearest;
-            while nearest < block.nearest + block.pixels {
-                let pixels = (downstream.rows.min(block.nearest + block.pixels) - nearest).max(1);
+            let end = block.nearest + block.pixels;
+            while nearest < end {
+                let pixels = self.alike_pixels(nearest, downstream).end.min(end) - nearest;
                 self.start((nearest < downstream.rows).then_some(downstream.charge_e[lane]), stacks);
                 let first = (nearest - downstream.rows).clamp(0, charge_e.len() as i64) as usize;
                 for row in first..charge_e.len() {
@@ -231,7 +234,11 @@ impl Passage for SeveralClouds {
         &self.clouds
     }
 
-    fn identical_below(&self, downstream: &Lead) -> i64 {
-        downstream.rows
+    fn knows_paths(&self) -> bool {
+        false
+    }
+
+    fn alike_pixels(&self, pixel: i64, downstream: &Lead) -> Range<i64> {
+        if pixel < downstream.rows { i64::MIN..downstream.rows } else { pixel..pixel + 1 }
     }
 }
