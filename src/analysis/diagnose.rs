@@ -81,10 +81,7 @@ pub fn diagnose(
     let mut noise = noise::as_quoted(data);
     for round in 0..ROUNDS {
         match task.attempt(&noise, round)? {
-            Attempt::Done(found) => {
-                let stability = task.stability(&found)?;
-                return Ok(Diagnosis { stability, ..*found });
-            }
+            Attempt::Done(found) => return Ok(*found),
             Attempt::Again(better) => noise = better,
         }
     }
@@ -109,10 +106,12 @@ enum Attempt {
 }
 
 impl Task<'_> {
-    /// Does something with the base fit and all that a search of some data needs.
+    /// Does something with the base fit and all that a search of some data needs; of the same data with other errors, it begins where
+    /// another search ended.
     fn with_evidence<T>(
         &self,
         data: &[DataSet],
+        like: Option<&Search>,
         then: impl FnOnce(&Evidence, Vec<Note>) -> Result<T, InputError>,
     ) -> Result<T, InputError> {
         let case = Case { work: self.work.clone(), ..Case::of(data) };
@@ -123,7 +122,10 @@ impl Task<'_> {
         let level: Vec<DataSet> = data.iter().map(DataSet::without_pedestal).collect();
         let level = Case { work: self.work.clone(), ..Case::of(&level) };
         let base = Arc::new(base_fit([&case, &level], &Model::new(&accurate), &free, self.options.seed)?);
-        let search = Search::new([&case, &level], &self.hypotheses, free, self.options.seed, self.progress);
+        let mut search = Search::new([&case, &level], &self.hypotheses, free, self.options.seed, self.progress);
+        if let Some(other) = like {
+            search.begin_like(other, &base);
+        }
         let split = holdout::split(&case);
         then(&Evidence { search: &search, options: self.options, base: &base, split: split.as_ref() }, notes)
     }
@@ -132,7 +134,7 @@ impl Task<'_> {
     fn attempt(&self, noise: &[SetNoise], round: usize) -> Result<Attempt, InputError> {
         self.work.begin_round();
         let data = noise::allowed_for(self.quoted, noise);
-        self.with_evidence(&data, |told, notes| {
+        self.with_evidence(&data, None, |told, notes| {
             let again = |node: &Arc<Node>, explains: bool| {
                 let known = if explains { noise::confirmed(told.case(), node, noise) } else { noise.to_vec() };
                 let found = noise::estimate(told.case(), self.quoted, &told.search.expand(node), &known);
@@ -177,7 +179,9 @@ impl Task<'_> {
                 _ => noise::with_pedestals(told.case(), found.ladder.last().expect("the base"), noise),
             };
             told.explain(&mut found)?;
-            Ok(Attempt::Done(Box::new(told.diagnosis(self.mission, found, notes)?)))
+            let found = told.diagnosis(self.mission, found, notes)?;
+            let stability = self.stability(told, &found)?;
+            Ok(Attempt::Done(Box::new(Diagnosis { stability, ..found })))
         })
     }
 }
@@ -193,7 +197,7 @@ fn base_fit([case, level]: [&Case; 2], model: &Model, free: &[String], seed: u64
     }
     let count = |_| case.work.count();
     let roughly = |model: &Model, case: &Case| -> Result<(Model, f64), InputError> {
-        let (mission, chi2) = Problem::new(model, case.data, free, &count, |_| true)?.sketch_afresh()?;
+        let (mission, chi2) = Problem::new(model, case.data, free, &count, |_| true)?.sketch()?;
         Ok((model.like(&mission), chi2))
     };
     // Far from the data what is free is no slope to a pedestal that takes all of it: from where there is none as well.

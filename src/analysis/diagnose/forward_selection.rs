@@ -23,6 +23,9 @@ const NEAREST: usize = 4;
 /// Share of the fall of chi2 within which two models that fall as far say the same of the data.
 const THE_SAME: f64 = 0.02;
 
+/// Fall of chi2, in units of what a row leaves, below which an effect is weak.
+const WEAK: f64 = 20.0;
+
 /// Fall of chi2 that any effect reaches by chance.
 const NO_GAIN: f64 = 4.0;
 
@@ -196,10 +199,18 @@ impl Evidence<'_> {
         Ok(nodes)
     }
 
+    /// Whether no effect takes more from what the base leaves than noise makes effects take. All that effects make to first order is
+    /// taken out of what is left before errors are told from it, and more than that weak ones do not make.
+    fn is_near(&self) -> bool {
+        let expansion = self.search.expand(self.base);
+        let most = (0..expansion.trials.len()).map(|place| expansion.gain(place)).fold(0.0, f64::max);
+        !self.base.has_pedestal() && most < WEAK * (self.base.chi2() / self.base.freedom()).max(1.0)
+    }
+
     /// The models with one effect at most that are nearest to the data, the best first: what is left there is nearer to their noise
     /// than at a base that lacks much.
     pub(super) fn nearest(&self) -> Result<Vec<Arc<Node>>, InputError> {
-        let mut nodes = self.further(self.base, NEAREST)?;
+        let mut nodes = if self.is_near() { Vec::new() } else { self.further(self.base, NEAREST)? };
         nodes.push(self.base.clone());
         self.sort(&mut nodes);
         Ok(nodes)

@@ -12,7 +12,7 @@ use super::fitted_model::{Added, Case, Node};
 use super::hypothesis::{FARTHEST, Hypothesis, Trial};
 use super::options::Progress;
 use super::significance::{Noise, Null};
-use crate::analysis::fit::{self, Problem};
+use crate::analysis::fit::{self, Optimum, Problem, helped};
 use crate::effect;
 use crate::error::InputError;
 use crate::mission::Mission;
@@ -25,6 +25,9 @@ const FITTED: usize = 2;
 
 /// Share of the gain of its best trial that another must promise to be fitted as well.
 const ALSO: f64 = 0.3;
+
+/// chi2 of a start, as a multiple of that at the end of another, from which on it is not followed.
+const FAR_BEHIND: f64 = 2.0;
 
 /// Effects fitted on top of a model that has some already: those that promise most.
 pub(super) const BREADTH: usize = 6;
@@ -52,6 +55,13 @@ impl Sketch {
         let parameters = self.added.last().map_or(0, |added| added.free.len());
         node.gain_of(self.chi2, &self.pedestal_costs, parameters)
     }
+}
+
+/// A model with more effects on the way to its optimum: a mission, and how far its free parameters have come from there.
+struct Start {
+    added: Vec<Added>,
+    mission: Mission,
+    found: Optimum,
 }
 
 /// What can be added to a fitted model.
@@ -91,6 +101,15 @@ impl Expansion {
     }
 }
 
+/// The trials of an effect that promise most at a model, the best first.
+fn most_promising<'t>(trials: &'t [Trial], node: &Node) -> Vec<&'t Trial> {
+    let gain = |trial: &Trial| trial.gain_in_reach(&node.residuals);
+    let mut order: Vec<&Trial> = trials.iter().collect();
+    order.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+    order.truncate(FITTED);
+    order
+}
+
 /// All that stays the same during a search.
 pub(super) struct Search<'a> {
     pub case: &'a Case<'a>,
@@ -106,6 +125,10 @@ pub(super) struct Search<'a> {
     settled: Mutex<Vec<Arc<Node>>>,
     expansions: Mutex<Vec<Arc<Expansion>>>,
     levels: Mutex<Vec<Arc<Node>>>,
+    /// Rough fits of another search of the same data, from which those of this one start.
+    known: Vec<Sketch>,
+    /// Counts an evaluation of the model at all rows.
+    count: Box<dyn Fn(f64) + Sync + 'a>,
 }
 
 impl<'a> Search<'a> {
@@ -127,6 +150,26 @@ impl<'a> Search<'a> {
             nodes: Mutex::default(),
             settled: Mutex::default(),
             expansions: Mutex::default(),
+            known: Vec::new(),
+            count: Box::new(|_| case.work.count()),
+        }
+    }
+
+    /// Begins where another search of the same data, with the same keys free, has ended. Other errors leave an optimum nearly where it
+    /// was; where they are the same as well (what noise does is drawn anew), so is all that was fitted on top of the same base.
+    pub fn begin_like(&mut self, other: &Search, base: &Node) {
+        let expansions = other.expansions.lock().expect("nobody panics");
+        for expansion in expansions.iter() {
+            let sketches = expansion.sketches.lock().expect("nobody panics");
+            self.known.extend(sketches.values().flatten().cloned());
+        }
+        let same_errors = self.case.sigmas == other.case.sigmas;
+        let is_base = |expansion: &&Arc<Expansion>| expansion.node.added.is_empty();
+        let same_base = |known: &Arc<Expansion>| known.node.fit.values == base.fit.values;
+        if same_errors && expansions.iter().find(is_base).is_some_and(same_base) {
+            let of = |nodes: &Mutex<Vec<Arc<Node>>>| Mutex::new(nodes.lock().expect("nobody panics").clone());
+            (self.nodes, self.settled, self.levels) = (of(&other.nodes), of(&other.settled), of(&other.levels));
+            self.expansions = Mutex::new(expansions.clone());
         }
     }
 
@@ -149,7 +192,22 @@ impl<'a> Search<'a> {
         }
         let found = self.fit(&node.model, &node.added, false)?;
         self.settled.lock().expect("nobody panics").push(found.clone());
+        self.improve_sketch(&found);
         Ok(found)
+    }
+
+    /// Puts a model at its very optimum in the place of the rough fit that it was made from.
+    fn improve_sketch(&self, found: &Node) {
+        let Some((last, before)) = found.added.split_last() else { return };
+        let is_parent = |expansion: &&Arc<Expansion>| expansion.node.added == before;
+        let expansions = self.expansions.lock().expect("nobody panics");
+        let Some(parent) = expansions.iter().find(is_parent) else { return };
+        let (added, mission, chi2) = (found.added.clone(), found.mission().clone(), found.chi2());
+        let better = Sketch { added, mission, chi2, pedestal_costs: found.pedestal_costs.clone() };
+        let mut sketches = parent.sketches.lock().expect("nobody panics");
+        if sketches.get(&last.hypothesis).and_then(Option::as_ref).is_some_and(|known| chi2 < known.chi2) {
+            sketches.insert(last.hypothesis, Some(better));
+        }
     }
 
     fn known(&self, set: &[usize]) -> Option<Arc<Node>> {
@@ -227,35 +285,60 @@ impl<'a> Search<'a> {
 
     /// The best rough fit of an effect from its most promising trials.
     fn sketch(&self, node: &Node, trials: &[Trial]) -> Option<Sketch> {
-        let mut order: Vec<&Trial> = trials.iter().collect();
+        if let Some(start) = self.start_from_known(node, trials.first()?.hypothesis) {
+            return self.followed(node, vec![start]);
+        }
+        let mut wanted = most_promising(trials, node);
         let gain = |trial: &Trial| trial.gain_in_reach(&node.residuals);
-        order.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
-        let first = order.first().map_or(0.0, |trial| gain(trial));
-        let also = |trial: &&Trial| gain(trial) >= ALSO * first;
-        let wanted: Vec<&Trial> = order.into_iter().filter(also).take(FITTED).collect();
-        let fitted = parallel::map(&wanted, |trial| {
+        let first = wanted.first().map_or(0.0, |trial| gain(trial));
+        wanted.retain(|trial| gain(trial) >= ALSO * first);
+        let near = parallel::map(&wanted, |trial| {
             let strength = trial.strength(&node.residuals).clamp(0.1, FARTHEST);
-            self.sketch_of(node, &[(trial, strength)])
+            self.start_of(node, &[(trial, strength)])
         });
-        let level = wanted.first().and_then(|trial| self.sketch_from_level(node, trial.hypothesis));
-        fitted.into_iter().flatten().chain(level).min_by(|a, b| a.chi2.total_cmp(&b.chi2))
+        let near = self.followed(node, near.into_iter().flatten().collect());
+        if near.as_ref().is_some_and(|near| near.pedestal_costs.iter().all(|cost| *cost == 0.0)) {
+            return near;
+        }
+        let level = wanted.first().and_then(|trial| self.start_from_level(node, trial.hypothesis));
+        let far = self.followed(node, level.into_iter().collect());
+        near.into_iter().chain(far).min_by(|a, b| a.chi2.total_cmp(&b.chi2))
     }
 
-    /// The same from where files have no pedestals. One that a model seems to need which lacks an effect hides what the effect does,
+    /// The start where another search of the same data ended with the same effects; None where it did not try them.
+    fn start_from_known(&self, node: &Node, place: usize) -> Option<Start> {
+        let places = |added: &[Added]| added.iter().map(|added| added.hypothesis).collect::<Vec<_>>();
+        let wanted = [places(&node.added), vec![place]].concat();
+        let known = self.known.iter().find(|known| places(&known.added) == wanted)?;
+        let mission = Mission { accuracy: node.mission().accuracy.clone(), ..known.mission.clone() };
+        let model = node.model.like(&mission);
+        let found = self.problem(&model, &known.added).ok()?.start();
+        Some(Start { added: known.added.clone(), mission, found })
+    }
+
+    /// A start from where files have no pedestals. One that a model seems to need which lacks an effect hides what the effect does,
     /// and is no slope that a fit could follow. None where the model has none.
-    fn sketch_from_level(&self, node: &Node, place: usize) -> Option<Sketch> {
+    fn start_from_level(&self, node: &Node, place: usize) -> Option<Start> {
         let level = self.level(node)?;
         let trials = self.hypotheses[place].trials(place, self.level_case, &level);
-        let mut order: Vec<&Trial> = trials.iter().collect();
-        let gain = |trial: &Trial| trial.gain_in_reach(&level.residuals);
-        order.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
-        let fitted = order.into_iter().take(FITTED).filter_map(|trial| {
+        let starts = most_promising(&trials, &level).into_iter().filter_map(|trial| {
             let strength = trial.strength(&level.residuals).clamp(0.1, FARTHEST);
             let scaled = self.hypotheses[place].scaled(level.mission(), &trial.table, strength);
             let table = scaled.map_or_else(|| trial.table.clone(), |(table, _)| table);
-            self.fit_roughly(&level, std::iter::once((place, table)), true)
+            let (mission, added) = self.added(&level, std::iter::once((place, table)))?;
+            let model = level.model.like(&mission);
+            let problem = self.problem(&model, &added).ok()?.without_pedestals();
+            let found = problem.approach(&problem.nothing_known());
+            Some(Start { added, mission, found })
         });
-        fitted.min_by(|a, b| a.chi2.total_cmp(&b.chi2))
+        let Start { added, mission, found } = starts.min_by(|a, b| a.found.chi2.total_cmp(&b.found.chi2))?;
+        let model = level.model.like(&mission);
+        let problem = self.problem(&model, &added).ok()?.without_pedestals();
+        let mission = problem.mission(&problem.polish(found).at).ok()?;
+        let model = level.model.like(&mission);
+        let problem = self.problem(&model, &added).ok()?;
+        let found = problem.approach(&problem.nothing_known());
+        Some(Start { added, mission, found })
     }
 
     /// Effects that promise most on top of a model where files have no pedestals, the best first.
@@ -291,6 +374,11 @@ impl<'a> Search<'a> {
 
     /// The rough fit of some trials together, each from so many times as strong as its table.
     pub fn sketch_of(&self, node: &Node, trials: &[(&Trial, f64)]) -> Option<Sketch> {
+        self.followed(node, self.start_of(node, trials).into_iter().collect())
+    }
+
+    /// A start of some trials together, each from so many times as strong as its table.
+    fn start_of(&self, node: &Node, trials: &[(&Trial, f64)]) -> Option<Start> {
         let from = |share: f64| {
             let scaled = |(trial, strength): &(&Trial, f64)| {
                 let hypothesis = &self.hypotheses[trial.hypothesis];
@@ -298,41 +386,64 @@ impl<'a> Search<'a> {
                 (trial.hypothesis, scaled.map_or_else(|| trial.table.clone(), |(table, _)| table))
             };
             let as_given = |(trial, _): &(&Trial, f64)| (trial.hypothesis, trial.table.clone());
-            self.fit_roughly(node, trials.iter().map(scaled), false)
-                .or_else(|| self.fit_roughly(node, trials.iter().map(as_given), false))
+            let tables = self.added(node, trials.iter().map(scaled));
+            self.start(node, tables).or_else(|| self.start(node, self.added(node, trials.iter().map(as_given))))
         };
-        let sketch = from(1.0)?;
+        let start = from(1.0)?;
         // More effects cannot do worse: the start was too far away.
-        let astray = sketch.chi2 > node.chi2() + 1.0;
+        let astray = start.found.chi2 > node.chi2() + 1.0;
         let again = astray.then(|| from(0.05)).flatten();
-        Some(again.filter(|again| again.chi2 < sketch.chi2).unwrap_or(sketch))
+        Some(again.filter(|again| again.found.chi2 < start.found.chi2).unwrap_or(start))
     }
 
-    /// A rough fit with more effects; from one in which files have no pedestals, if that is wanted.
-    fn fit_roughly(
-        &self,
-        node: &Node,
-        tables: impl Iterator<Item = (usize, toml::Table)>,
-        without_pedestals: bool,
-    ) -> Option<Sketch> {
+    /// A short minimisation from a mission with more effects than a fitted one.
+    fn start(&self, node: &Node, with: Option<(Mission, Vec<Added>)>) -> Option<Start> {
+        let (mission, added) = with?;
+        let model = node.model.like(&mission);
+        let found = self.problem(&model, &added).ok()?.approach(&node.fit.jacobian);
+        found.chi2.is_finite().then_some(Start { added, mission, found })
+    }
+
+    /// The best rough fit that some starts lead to. The nearest is followed to its end; another one where it does not seem to lead to
+    /// the same end, and is not far behind.
+    fn followed(&self, node: &Node, mut starts: Vec<Start>) -> Option<Sketch> {
+        starts.sort_by(|a, b| a.found.chi2.total_cmp(&b.found.chi2));
+        let mut best: Option<Start> = None;
+        for start in starts {
+            let chi2 = start.found.chi2;
+            let elsewhere =
+                |best: &Start| chi2 > best.found.chi2 + helped(best.found.chi2) && chi2 < FAR_BEHIND * best.found.chi2;
+            if !best.as_ref().is_none_or(elsewhere) {
+                continue;
+            }
+            let model = node.model.like(&start.mission);
+            let found = self.problem(&model, &start.added).ok()?.polish(start.found);
+            if best.as_ref().is_none_or(|best| found.chi2 < best.found.chi2) {
+                best = Some(Start { found, ..start });
+            }
+        }
+        let Start { added, mission, found } = best?;
+        let model = node.model.like(&mission);
+        let mission = self.problem(&model, &added).ok()?.mission(&found.at).ok()?;
+        // Only where the model has pedestals does one need to know of them.
+        let model = node.model.like(&mission);
+        let pedestal_costs = if node.has_pedestal() { self.case.pedestal_costs(&model) } else { Vec::new() };
+        found.chi2.is_finite().then_some(Sketch { added, mission, chi2: found.chi2, pedestal_costs })
+    }
+
+    /// The problem of fitting a model with effects that were added to all data.
+    fn problem<'m>(&'m self, model: &'m Model, added: &[Added]) -> Result<Problem<'m>, InputError> {
+        let keys: Vec<String> = self.base.iter().chain(added.iter().flat_map(|added| &added.free)).cloned().collect();
+        Problem::new(model, self.case.data, &keys, &self.count, |_| true)
+    }
+
+    /// A fitted mission with more effects.
+    fn added(&self, node: &Node, tables: impl Iterator<Item = (usize, toml::Table)>) -> Option<(Mission, Vec<Added>)> {
         let (mut mission, mut added) = (node.mission().clone(), node.added.clone());
         for (place, table) in tables {
             mission = self.add(&mission, &mut added, place, &table)?;
         }
-        let keys: Vec<String> = self.base.iter().chain(added.iter().flat_map(|added| &added.free)).cloned().collect();
-        let model = node.model.like(&mission);
-        let count = |_| self.case.work.count();
-        let problem = |model| Problem::new(model, self.case.data, &keys, &count, |_| true).ok();
-        let (mission, chi2) = if without_pedestals {
-            let (mission, _) = problem(&model)?.without_pedestals().sketch_afresh().ok()?;
-            problem(&model.like(&mission))?.sketch_afresh().ok()?
-        } else {
-            problem(&model)?.sketch(&node.fit.jacobian).ok()?
-        };
-        // Only where the model has pedestals does one need to know of them.
-        let needed = node.has_pedestal() || without_pedestals;
-        let pedestal_costs = if needed { self.case.pedestal_costs(&model.like(&mission)) } else { Vec::new() };
-        chi2.is_finite().then_some(Sketch { added, mission, chi2, pedestal_costs })
+        Some((mission, added))
     }
 
     /// A mission with one more effect. Keys of an effect that gets company of its kind get numbers.

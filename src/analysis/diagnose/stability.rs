@@ -61,7 +61,7 @@ impl Task<'_> {
     ///
     /// # Errors
     /// As [`super::diagnose`].
-    pub(super) fn stability(&self, found: &Diagnosis) -> Result<Stability, InputError> {
+    pub(super) fn stability(&self, told: &Evidence, found: &Diagnosis) -> Result<Stability, InputError> {
         if found.verdict == Verdict::Unfit || !self.options.stability {
             return Ok(Stability::default());
         }
@@ -72,7 +72,7 @@ impl Task<'_> {
                 all.undone.push(change.name);
                 continue;
             }
-            let changed = self.changed(found, change, &work)?;
+            let changed = self.changed(told, found, change, &work)?;
             // That a search which was cut short explains nothing says nothing.
             if changed.verdict == Verdict::Unexplained && !work.undone().is_empty() {
                 all.undone.push(changed.change);
@@ -134,7 +134,13 @@ impl Task<'_> {
         self.mission.with(&settings.collect::<Option<Vec<_>>>()?).ok()
     }
 
-    fn changed(&self, found: &Diagnosis, change: Change, work: &Arc<Work>) -> Result<Changed, InputError> {
+    fn changed(
+        &self,
+        told: &Evidence,
+        found: &Diagnosis,
+        change: Change,
+        work: &Arc<Work>,
+    ) -> Result<Changed, InputError> {
         let data = noise::allowed_for(self.quoted, &change.noise);
         let task = Task {
             mission: &change.mission,
@@ -144,7 +150,8 @@ impl Task<'_> {
             progress: self.progress,
             work: work.clone(),
         };
-        task.with_evidence(&data, |told: &Evidence, _| {
+        let like = (change.mission == *self.mission && change.options.free == self.options.free).then_some(told.search);
+        task.with_evidence(&data, like, |told: &Evidence, _| {
             let other = told.hunt()?;
             let last = other.ladder.last().expect("the base");
             let effects: Vec<String> = last.set().into_iter().map(|place| told.name(place)).collect();

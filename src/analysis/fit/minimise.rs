@@ -22,6 +22,15 @@ const SKETCHED: f64 = 1e-3;
 const FRESH: usize = 3;
 const HELPED: f64 = 2.0;
 
+/// The fall of chi2 from so much that was worth another minimisation.
+pub(crate) fn helped(chi2: f64) -> f64 {
+    HELPED.max(HELPED * 1e-3 * chi2)
+}
+
+fn rough_solver() -> LevenbergMarquardt<f64> {
+    LevenbergMarquardt::new().with_ftol(SKETCHED).with_xtol(SKETCHED)
+}
+
 impl Problem<'_> {
     /// Missions near optima other than one of so much chi2, from random starting points.
     pub(crate) fn elsewhere(&self, starts: usize, seed: u64, chi2: f64) -> Vec<Mission> {
@@ -35,16 +44,29 @@ impl Problem<'_> {
         sketches.collect()
     }
 
-    /// A mission near the optimum, and its chi2: a short minimisation from the mission's own values, moments held. Derivatives
-    /// with respect to the first parameters may be known from a fit without the others.
-    pub(crate) fn sketch(&self, known: &DMatrix<f64>) -> Result<(Mission, f64), InputError> {
-        let here: Vec<f64> = self.parameters.iter().map(|parameter| parameter.start).collect();
-        let solver = || LevenbergMarquardt::new().with_ftol(SKETCHED).with_xtol(SKETCHED);
-        let mut found = self.minimise_once(&here, solver(), known);
-        // Derivatives that have followed far lead astray: once more with fresh ones, while that helps.
+    /// The mission's own values.
+    pub(crate) fn start(&self) -> Optimum {
+        self.state(&self.here())
+    }
+
+    fn state(&self, at: &[f64]) -> Optimum {
+        let chi2 = self.residuals(at).map_or(f64::INFINITY, |residuals| chi2(&residuals));
+        Optimum { at: at.to_vec(), chi2 }
+    }
+
+    /// A point near the optimum: a short minimisation from the mission's own values, moments held. Derivatives with respect to the
+    /// first parameters may be known from a fit without the others.
+    pub(crate) fn approach(&self, known: &DMatrix<f64>) -> Optimum {
+        self.minimise_once(&self.here(), rough_solver(), known)
+    }
+
+    /// The same from a point nearby with fresh derivatives, again and again while that helps: those that have followed far lead
+    /// astray.
+    pub(crate) fn polish(&self, near: Optimum) -> Optimum {
+        let mut found = near;
         for _ in 0..FRESH {
-            let again = self.minimise_once(&found.at, solver(), &self.nothing_known());
-            let settled = again.chi2 > found.chi2 - HELPED.max(HELPED * 1e-3 * found.chi2);
+            let again = self.roughly(&found.at);
+            let settled = again.chi2 > found.chi2 - helped(found.chi2);
             if again.chi2 < found.chi2 {
                 found = again;
             }
@@ -52,21 +74,26 @@ impl Problem<'_> {
                 break;
             }
         }
-        Ok((self.mission(&found.at)?, found.chi2))
+        found
     }
 
-    /// The same, with no derivatives known.
-    pub(crate) fn sketch_afresh(&self) -> Result<(Mission, f64), InputError> {
-        self.sketch(&self.nothing_known())
+    /// A mission near the optimum, and its chi2: both steps, with no derivatives known.
+    pub(crate) fn sketch(&self) -> Result<(Mission, f64), InputError> {
+        let found = self.polish(self.roughly(&self.here()));
+        Ok((self.mission(&found.at)?, found.chi2))
     }
 
     /// A point near the minimum that a start leads to, moments held.
     pub(super) fn roughly(&self, start: &[f64]) -> Optimum {
-        let solver = LevenbergMarquardt::new().with_ftol(SKETCHED).with_xtol(SKETCHED);
-        self.minimise_once(start, solver, &self.nothing_known())
+        self.minimise_once(start, rough_solver(), &self.nothing_known())
     }
 
-    fn nothing_known(&self) -> DMatrix<f64> {
+    fn here(&self) -> Vec<f64> {
+        self.parameters.iter().map(|parameter| parameter.start).collect()
+    }
+
+    /// Derivatives with respect to no parameter.
+    pub(crate) fn nothing_known(&self) -> DMatrix<f64> {
         DMatrix::zeros(self.values.len(), 0)
     }
 
@@ -93,12 +120,8 @@ impl Problem<'_> {
     /// the start, where those of the first parameters may be `known`.
     fn minimise_once(&self, start: &[f64], solver: LevenbergMarquardt<f64>, known: &DMatrix<f64>) -> Optimum {
         let moving: Vec<usize> = (0..start.len()).filter(|&index| !self.parameters[index].is_event_epoch).collect();
-        let state = |at: &[f64]| -> Optimum {
-            let chi2 = self.residuals(at).map_or(f64::INFINITY, |residuals| chi2(&residuals));
-            Optimum { at: at.to_vec(), chi2 }
-        };
         if moving.is_empty() {
-            return state(start);
+            return self.state(start);
         }
         let (known, last) = (known.clone(), RefCell::new(None));
         let mut run = Run { problem: self, moving, at: start.to_vec(), residuals: None, known, last };
@@ -110,7 +133,7 @@ impl Problem<'_> {
         let (run, _) = solver.with_gtol(0.0).with_patience(25).minimize(run);
         match &run.residuals {
             Some(residuals) => Optimum { chi2: chi2(residuals), at: run.at },
-            None => state(start),
+            None => self.state(start),
         }
     }
 }
