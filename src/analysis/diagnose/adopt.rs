@@ -41,14 +41,29 @@ impl Evidence<'_> {
         self.search.with(self.base, &others.map(|(_, added)| added.hypothesis).collect::<Vec<_>>())
     }
 
-    /// Chance that noise alone makes an effect of a model look as good, given its other effects and the noise it leaves.
+    /// Chance that noise alone makes an effect of a model look as good, given its other effects and the noise it leaves. Beside other
+    /// effects, also if the errors of all rows are wrong by the factor that makes each model likeliest: what a model leaves without
+    /// the effect may be nothing but errors that are too small.
     pub(super) fn false_alarm(&self, node: &Node, place: usize) -> Result<f64, InputError> {
         let parent = self.without(node, place)?;
         let noise = Noise::left_at(self.case(), node);
         let null = self.search.null(&parent, &noise);
         let added = &node.added[place];
         let gain = parent.gain_of(node.chi2(), &node.pedestal_costs, added.free.len());
-        Ok(null.false_alarm(added.hypothesis, gain))
+        let alarm = null.false_alarm(added.hypothesis, gain);
+        let quoted = Noise::of(self.case());
+        if parent.added.is_empty() || !quoted.is_as_quoted() {
+            return Ok(alarm);
+        }
+        // -2 ln of the likelihood ratio with a scale of all errors that is free in both; Fisher's F to a few per cent.
+        let with_scale = node.freedom() * (gain.max(0.0) / node.chi2_of_rows()).ln_1p();
+        Ok(alarm.max(self.search.null(&parent, &quoted).false_alarm(added.hypothesis, with_scale)))
+    }
+
+    /// Whether that chance is too large for the effect to be adopted.
+    pub(super) fn may_be_noise(&self, node: &Node, place: usize) -> Result<bool, InputError> {
+        let parent = self.without(node, place)?;
+        Ok(self.false_alarm(node, place)? > self.level(&parent))
     }
 
     /// Whether a model also foretells rows that were left out better than without one of its effects.
@@ -96,13 +111,13 @@ impl Evidence<'_> {
     /// Adopts a model that explains the data, if noise or a few rows alone did not make it.
     pub(super) fn adopt(&self, node: &Arc<Node>) -> Result<Ended, InputError> {
         for place in 0..node.added.len() {
-            if self.false_alarm(node, place)? > self.options.level {
+            if self.may_be_noise(node, place)? {
                 return Ok(Ended::ByChance);
             }
         }
         let (node, rivals::Around { rivals, aside }) = rivals::of(self, node)?;
         for place in 0..node.added.len() {
-            if self.false_alarm(&node, place)? > self.options.level || !self.confirmed(&node, place)? {
+            if self.may_be_noise(&node, place)? || !self.confirmed(&node, place)? {
                 return Ok(Ended::Nothing);
             }
         }

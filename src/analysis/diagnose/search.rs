@@ -26,8 +26,11 @@ const FITTED: usize = 2;
 /// Share of the gain of its best trial that another must promise to be fitted as well.
 const ALSO: f64 = 0.3;
 
-/// chi2 of a start, as a multiple of that at the end of another, from which on it is not followed.
+/// A start is not followed to its end if chi2 is more than that at the end of another by this factor and this number, or by less than
+/// this share of what is worth a minimisation.
 const FAR_BEHIND: f64 = 2.0;
+const BEHIND: f64 = 50.0;
+const SAME_END: f64 = 0.25;
 
 /// Effects fitted on top of a model that has some already: those that promise most.
 pub(super) const BREADTH: usize = 6;
@@ -411,8 +414,10 @@ impl<'a> Search<'a> {
         let mut best: Option<Start> = None;
         for start in starts {
             let chi2 = start.found.chi2;
-            let elsewhere =
-                |best: &Start| chi2 > best.found.chi2 + helped(best.found.chi2) && chi2 < FAR_BEHIND * best.found.chi2;
+            let elsewhere = |best: &Start| {
+                let known = best.found.chi2;
+                chi2 > known + SAME_END * helped(known) && chi2 < FAR_BEHIND * known + BEHIND
+            };
             if !best.as_ref().is_none_or(elsewhere) {
                 continue;
             }

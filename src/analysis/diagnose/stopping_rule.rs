@@ -50,7 +50,8 @@ impl Evidence<'_> {
         Ok((!trends).then_some(null))
     }
 
-    fn level(&self, node: &Node) -> f64 {
+    /// The level at which something on top of a model is believed.
+    pub(super) fn level(&self, node: &Node) -> f64 {
         self.options.level * if node.added.is_empty() { 1.0 } else { FURTHER }
     }
 }

@@ -38,7 +38,7 @@ impl Evidence<'_> {
             let newest = newest(&here, next);
             let new = next.added.iter().rposition(|added| added.hypothesis == newest).expect("it was added");
             let helps = here.chi2() - next.chi2() > MOST_OF_IT * excess;
-            if !helps || !self.confirmed(next, new)? || self.false_alarm(next, new)? > self.options.level {
+            if !helps || !self.confirmed(next, new)? || self.may_be_noise(next, new)? {
                 break;
             }
             ladder.push(next.clone());

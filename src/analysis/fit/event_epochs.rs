@@ -83,15 +83,12 @@ impl Problem<'_> {
     /// parameters following to first order, does not rise by more.
     fn around(&self, optimum: &Optimum, index: usize, rise: f64) -> Vec<Interval> {
         let epochs = self.epochs();
-        let Ok(jacobian) = self.jacobian(&optimum.at) else { return Vec::new() };
-        // The signature of a flare is another one where the flare is; those of all else hardly change.
-        let event = |index: usize| self.parameters[index].key.rsplit_once('.').map(|(event, _)| event);
-        let is_of_event = |other: usize| event(other) == event(index);
         let interval = |ends: &[f64]| -> Option<Interval> {
             let mut at = optimum.at.clone();
             at[index] = 0.5 * (ends[0] + ends[1]);
             let residuals = DVector::from_vec(self.residuals(&at).ok()?);
-            let jacobian = self.renewed(&jacobian, &at, is_of_event).ok()?;
+            // The signature of a flare is another one where the flare is.
+            let jacobian = self.jacobian(&at).ok()?;
             let follow = -Span::of(&jacobian, LOOSE).solve(&residuals);
             let rise = (residuals + jacobian * &follow).norm_squared() - optimum.chi2;
             Some(Interval { from_yr: ends[0], to_yr: ends[1], rise, follow })

@@ -139,19 +139,9 @@ impl<'a> Problem<'a> {
     /// Derivatives of the residuals with respect to the parameters, `[(row, parameter)]`, from one step to either side; 0 for
     /// moments, which have none.
     pub(super) fn jacobian(&self, at: &[f64]) -> Result<DMatrix<f64>, InputError> {
-        self.renewed(&DMatrix::zeros(self.values.len(), at.len()), at, |_| true)
-    }
-
-    /// Derivatives of which those with respect to some parameters are computed anew.
-    pub(super) fn renewed(
-        &self,
-        known: &DMatrix<f64>,
-        at: &[f64],
-        wanted: impl Fn(usize) -> bool + Sync,
-    ) -> Result<DMatrix<f64>, InputError> {
         let derivative = |(index, parameter): (usize, &Parameter)| -> Result<DVector<f64>, InputError> {
-            if parameter.is_event_epoch || !wanted(index) {
-                return Ok(known.column(index).into_owned());
+            if parameter.is_event_epoch {
+                return Ok(DVector::zeros(self.values.len()));
             }
             let (low, high) = parameter.around(at[index]);
             let moved = |value: f64| {
