@@ -1,5 +1,5 @@
-//! Model against measurements: 500 rows of each kind validated, a fit of 5 parameters to 200 rows, and a diagnosis of 600 rows on 50
-//! backgrounds that finds two effects.
+//! Model against measurements: 500 rows of each kind validated, a fit of 5 parameters to 200 rows, a diagnosis of 600 rows on 50
+//! backgrounds that finds two effects, and one of 92 rows of dose, trails and shapes in which nothing is hidden.
 //!
 //! `cargo bench --bench measurements`. On files that are made here, with noise for the diagnosis alone; the accuracy is the default one.
 
@@ -24,11 +24,16 @@ fn mission() -> Mission {
 
 /// Rows of a measurement file: header lines, names, and what is written for each row.
 fn data(meta: &str, names: &str, rows: usize, row: impl Fn(usize) -> String) -> DataSet {
+    data_of(&mission(), meta, names, rows, row)
+}
+
+/// The same of another mission.
+fn data_of(mission: &Mission, meta: &str, names: &str, rows: usize, row: impl Fn(usize) -> String) -> DataSet {
     let mut text = format!("{meta}{names},value,sigma\n");
     for index in 0..rows {
         text.push_str(&format!("{},0.001,0.001\n", row(index)));
     }
-    DataSet::of(Table::parse("bench.csv", &text).expect("a table"), &mission()).expect("measurements")
+    DataSet::of(Table::parse("bench.csv", &text).expect("a table"), mission).expect("measurements")
 }
 
 fn packets(rows: usize) -> DataSet {
@@ -104,17 +109,51 @@ fn diagnose_600_rows_on_50_backgrounds(bencher: Bencher, stability: bool) {
     let mut set = data(meta, "background_e,trail_px,t_yr", 600, |row| {
         format!("{:.3},{},{}", 2.0 * 1.12_f64.powi((row / 12) as i32), 1 + row % 12, 1 + row / 12 % 5)
     });
-    let values = validate(&truth, std::slice::from_ref(&set), 1).expect("values").sets[0].model.clone();
+    measured(&truth, &mut set, |_| 1e-4);
+    let options = diagnose::Options { free: mission.fit.free.clone(), stability, ..diagnose::Options::default() };
+    bencher.bench(|| {
+        let found = diagnose(&mission, std::slice::from_ref(&set), &options, &SILENT).expect("a diagnosis");
+        assert_eq!((found.verdict, found.steps.len()), (Verdict::Missing, 2), "{}", found.reason);
+    });
+}
+
+/// 20 readings of the dose, 48 of trails (1 %) and 24 changes of shape (0.2 %), without the repetitions under other assumptions.
+#[divan::bench(sample_count = 1, args = [0, 3, 6])]
+fn diagnose_92_rows_with_nothing_hidden(bencher: Bencher, free: usize) {
+    let mission =
+        Mission::parse(include_str!("../tests/practice/nothing-missing/mission.toml")).expect("a valid mission");
+    let epochs_yr = [3.5, 4.5, 6.0, 8.0];
+    let dose = data_of(&mission, "# observable: dose\n", "t_yr", 20, |row| format!("{}", 0.4 * (row + 1) as f64));
+    let trails = "# observable: trail\n# background_e: 80\n# transfers: 1650\n";
+    let trails = data_of(&mission, trails, "t_yr,signal_e,trail_px", 48, |row| {
+        format!("{},{},{}", epochs_yr[row / 12], [1000, 5000, 20_000][row / 4 % 3], 1 << (row % 4))
+    });
+    let shapes = data_of(&mission, "# observable: delta_e1\n", "t_yr,galaxy,transfers", 24, |row| {
+        format!("{},{},{}", epochs_yr[row / 6], ["faint", "bright"][row / 3 % 2], 550 * (1 + row % 3))
+    });
+    let mut sets = [dose, trails, shapes];
+    for (set, (share, least)) in sets.iter_mut().zip([(0.01, 1e4), (0.01, 2e-6), (0.002, 1e-7)]) {
+        measured(&mission, set, |value| (share * value.abs()).max(least));
+    }
+    let keys = ["density_per_px", "release_ms"];
+    let keys = keys.into_iter().flat_map(|key| ["Ci", "VV", "CO"].map(|name| format!("detector.traps.{name}.{key}")));
+    let options =
+        diagnose::Options { free: keys.take(free).collect(), stability: false, ..diagnose::Options::default() };
+    bencher.bench(|| {
+        let found = diagnose(&mission, &sets, &options, &SILENT).expect("a diagnosis");
+        assert_eq!(found.verdict, Verdict::Complete, "{}", found.reason);
+    });
+}
+
+const SILENT: Progress = Progress { stage: &|_, _| (), advance: &|| () };
+
+/// Values as a mission makes them, with an error that depends on the value, and noise.
+fn measured(truth: &Mission, set: &mut DataSet, sigma: impl Fn(f64) -> f64) {
+    let values = validate(truth, std::slice::from_ref(set), 1).expect("values").sets[0].model.clone();
     let mut random = ChaCha8Rng::seed_from_u64(3);
     for (row, value) in set.rows.iter_mut().zip(values) {
-        row.sigma = 1e-4;
+        row.sigma = sigma(value);
         let noise: f64 = StandardNormal.sample(&mut random);
         row.value = value + row.sigma * noise;
     }
-    let options = diagnose::Options { free: mission.fit.free.clone(), stability, ..diagnose::Options::default() };
-    let silent = Progress { stage: &|_, _| (), advance: &|| () };
-    bencher.bench(|| {
-        let found = diagnose(&mission, std::slice::from_ref(&set), &options, &silent).expect("a diagnosis");
-        assert_eq!((found.verdict, found.steps.len()), (Verdict::Missing, 2), "{}", found.reason);
-    });
 }
