@@ -456,9 +456,10 @@ fn a_limit_is_where_an_effect_is_seen() {
     assert!(chance >= 0.01, "{seen} of {DATA_SETS}: as few have a chance of {chance:.1e} at a power of 95 %");
 }
 
+/// `cargo test --release --test suite expensive_real_ccd -- --ignored`
 #[test]
-#[ignore = "slow: .ci/run runs it"]
-fn a_real_ccd_lacks_a_third_species() {
+#[ignore = "expensive: minutes, see above"]
+fn expensive_real_ccd_lacks_a_third_species() {
     let folder = Path::new("../shared/practice/real-ccd");
     if !folder.exists() {
         crate::skipped::for_want_of(folder.display().to_string());
