@@ -141,22 +141,30 @@ impl Task<'_> {
                 (round + 1 < ROUNDS && !noise::is_same(&found, noise)).then_some(found)
             };
             let refusal = data_quality::refusal(told.case(), self.options.free.len());
+            let mut hunted = None;
             if refusal.is_none() && round == 0 {
                 let nearest = told.nearest()?;
                 if let Some(better) = again(&nearest[0], false) {
-                    // One wrong row that bends all that is smooth looks like errors of all rows.
+                    // One wrong row that bends all that is smooth looks like errors of all rows, and so does an effect that is not
+                    // among the nearest: data that a model explains with their quoted errors have those.
                     let beyond = data_quality::errors_beyond(&better).is_some();
                     let odd = if beyond { told.odd_rows(None, &nearest) } else { None };
-                    let wrong = odd.map(|odd| noise::with_wrong(self.quoted, noise, &odd.rows));
-                    return Ok(Attempt::Again(wrong.unwrap_or(better)));
+                    if beyond && odd.is_none() {
+                        hunted = Some(told.hunt()?).filter(Found::explains);
+                    }
+                    if hunted.is_none() {
+                        let wrong = odd.map(|odd| noise::with_wrong(self.quoted, noise, &odd.rows));
+                        return Ok(Attempt::Again(wrong.unwrap_or(better)));
+                    }
                 }
             }
             let refusal = refusal
                 .or_else(|| data_quality::errors_beyond(noise))
                 .or_else(|| data_quality::contradictory(told.case()));
-            let mut found = match refusal {
-                Some(reason) => Found::of(Verdict::Unfit, reason, vec![told.base.clone()]),
-                None => told.hunt()?,
+            let mut found = match (refusal, hunted) {
+                (Some(reason), _) => Found::of(Verdict::Unfit, reason, vec![told.base.clone()]),
+                (None, Some(found)) => found,
+                (None, None) => told.hunt()?,
             };
             let more_rounds = round + 1 < ROUNDS;
             let better = match &found.wrong[..] {

@@ -47,6 +47,11 @@ impl Found {
             noise: Vec::new(),
         }
     }
+
+    /// Whether a model explains the data.
+    pub fn explains(&self) -> bool {
+        !matches!(self.verdict, Verdict::Unexplained | Verdict::Unfit)
+    }
 }
 
 /// How a search ends, or one step of it.

@@ -36,7 +36,7 @@ const COORDINATES: usize = 5;
 const COSTS: [usize; COORDINATES] = [3, 3, 2, 2, 2];
 
 /// Galaxies that are fitted, step by step, and the degree of their polynomials in halves.
-const STEPS: [(usize, usize); 5] = [(400, 13), (900, 17), (1800, 19), (3600, 21), (7200, 21)];
+const STEPS: [(usize, usize); 5] = [(400, 13), (900, 17), (1800, 21), (3600, 23), (7200, 25)];
 
 /// Share of the galaxies that may be fitted: else it would be no faster than to read all of them out.
 const SHARE: usize = 4;
