@@ -119,7 +119,8 @@ fn practice_cases_are_told_as_they_are() {
     let mut cases = 0;
     for entry in fs::read_dir("tests/practice").unwrap() {
         let folder = entry.unwrap().path();
-        if folder.join("truth.json").exists() {
+        // What no effect explains is searched longest: `a_hypothesis_of_the_users_competes_on_equal_terms` has it.
+        if folder.join("truth.json").exists() && !folder.ends_with("gain-drift") {
             assert_right(&folder);
             cases += 1;
         }
@@ -370,7 +371,8 @@ fn errors_of_a_few_rows_are_told_from_what_the_right_model_leaves() {
 #[ignore = "slow: .ci/run runs it"]
 fn a_hypothesis_of_the_users_competes_on_equal_terms() {
     let (mission, data) = read(&practice("gain-drift"), "");
-    let alone = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
+    assert_right(&practice("gain-drift"));
+    let alone = diagnosed(practice("gain-drift"), "");
     assert_eq!((alone.verdict, alone.steps.len()), (Verdict::Unexplained, 0));
     // What is suggested explains the data when it is taken up.
     let suggestion = alone.suggestion.as_ref().unwrap();
