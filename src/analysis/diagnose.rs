@@ -105,6 +105,14 @@ enum Attempt {
     Again(Vec<SetNoise>),
 }
 
+/// What the errors look like before a search.
+enum FirstLook {
+    AsQuoted,
+    Others(Vec<SetNoise>),
+    /// Far from the quoted ones; but with these a model explains the data.
+    Explained(Box<Found>),
+}
+
 impl Task<'_> {
     /// Does something with the base fit and all that a search of some data needs; of the same data with other errors, it begins where
     /// another search ended.
@@ -134,28 +142,15 @@ impl Task<'_> {
     fn attempt(&self, noise: &[SetNoise], round: usize) -> Result<Attempt, InputError> {
         self.work.begin_round();
         let data = noise::allowed_for(self.quoted, noise);
+        let more_rounds = round + 1 < ROUNDS;
         self.with_evidence(&data, None, |told, notes| {
-            let again = |node: &Arc<Node>, explains: bool| {
-                let known = if explains { noise::confirmed(told.case(), node, noise) } else { noise.to_vec() };
-                let found = noise::estimate(told.case(), self.quoted, &told.search.expand(node), &known);
-                (round + 1 < ROUNDS && !noise::is_same(&found, noise)).then_some(found)
-            };
             let refusal = data_quality::refusal(told.case(), self.options.free.len());
             let mut hunted = None;
             if refusal.is_none() && round == 0 {
-                let nearest = told.nearest()?;
-                if let Some(better) = again(&nearest[0], false) {
-                    // One wrong row that bends all that is smooth looks like errors of all rows, and so does an effect that is not
-                    // among the nearest: data that a model explains with their quoted errors have those.
-                    let beyond = data_quality::errors_beyond(&better).is_some();
-                    let odd = if beyond { told.odd_rows(None, &nearest) } else { None };
-                    if beyond && odd.is_none() {
-                        hunted = Some(told.hunt()?).filter(Found::explains);
-                    }
-                    if hunted.is_none() {
-                        let wrong = odd.map(|odd| noise::with_wrong(self.quoted, noise, &odd.rows));
-                        return Ok(Attempt::Again(wrong.unwrap_or(better)));
-                    }
+                match self.first_look(told, noise)? {
+                    FirstLook::Others(better) => return Ok(Attempt::Again(better)),
+                    FirstLook::Explained(found) => hunted = Some(*found),
+                    FirstLook::AsQuoted => (),
                 }
             }
             let refusal = refusal
@@ -166,19 +161,7 @@ impl Task<'_> {
                 (None, Some(found)) => found,
                 (None, None) => told.hunt()?,
             };
-            let more_rounds = round + 1 < ROUNDS;
-            let better = match &found.wrong[..] {
-                [] if found.verdict == Verdict::Unfit => {
-                    let larger = noise::with_larger(told.case(), noise, &found);
-                    larger.filter(|_| more_rounds)
-                }
-                [] => {
-                    let last = found.ladder.last().expect("the base");
-                    again(found.nearest.as_ref().unwrap_or(last), found.verdict != Verdict::Unexplained)
-                }
-                wrong => more_rounds.then(|| noise::with_wrong(self.quoted, noise, wrong)),
-            };
-            if let Some(better) = better {
+            if let Some(better) = self.other_errors(told, noise, &found).filter(|_| more_rounds) {
                 return Ok(Attempt::Again(better));
             }
             found.noise = match found.verdict {
@@ -191,6 +174,39 @@ impl Task<'_> {
             let stability = self.stability(told, &found)?;
             Ok(Attempt::Done(Box::new(Diagnosis { stability, ..found })))
         })
+    }
+
+    /// The errors as the model nearest to the data leaves them, before anything is searched for.
+    fn first_look(&self, told: &Evidence, noise: &[SetNoise]) -> Result<FirstLook, InputError> {
+        let nearest = told.nearest()?;
+        let better = noise::estimate(told.case(), self.quoted, &told.search.expand(&nearest[0]), noise);
+        if noise::is_same(&better, noise) {
+            return Ok(FirstLook::AsQuoted);
+        }
+        if data_quality::errors_beyond(&better).is_none() {
+            return Ok(FirstLook::Others(better));
+        }
+        // One wrong row that bends all that is smooth looks like errors of all rows, and so does an effect that is not among the nearest:
+        // data that a model explains with their quoted errors have those.
+        if let Some(odd) = told.odd_rows(None, &nearest) {
+            return Ok(FirstLook::Others(noise::with_wrong(self.quoted, noise, &odd.rows)));
+        }
+        let found = told.hunt()?;
+        Ok(if found.explains() { FirstLook::Explained(Box::new(found)) } else { FirstLook::Others(better) })
+    }
+
+    /// The errors that a search should have had, as it shows at its end; None if it had them.
+    fn other_errors(&self, told: &Evidence, noise: &[SetNoise], found: &Found) -> Option<Vec<SetNoise>> {
+        if !found.wrong.is_empty() {
+            return Some(noise::with_wrong(self.quoted, noise, &found.wrong));
+        }
+        if found.verdict == Verdict::Unfit {
+            return noise::with_larger(told.case(), noise, found);
+        }
+        let node = found.nearest.as_ref().unwrap_or(found.ladder.last().expect("the base"));
+        let known = if found.explains() { noise::confirmed(told.case(), node, noise) } else { noise.to_vec() };
+        let better = noise::estimate(told.case(), self.quoted, &told.search.expand(node), &known);
+        (!noise::is_same(&better, noise)).then_some(better)
     }
 }
 
