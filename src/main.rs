@@ -1,5 +1,10 @@
 use std::process::ExitCode;
 
+/// A diagnosis makes millions of short-lived buffers of 10 to 100 kB, for which musl asks the system each time.
+#[cfg(target_env = "musl")]
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 fn main() -> ExitCode {
     #[cfg(unix)]
     if standard_output::was_closed() {
