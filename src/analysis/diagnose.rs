@@ -183,13 +183,14 @@ impl Task<'_> {
         if noise::is_same(&better, noise) {
             return Ok(FirstLook::AsQuoted);
         }
-        if data_quality::errors_beyond(&better).is_none() {
-            return Ok(FirstLook::Others(better));
-        }
+        let Some(beyond) = data_quality::errors_beyond(&better) else { return Ok(FirstLook::Others(better)) };
         // One wrong row that bends all that is smooth looks like errors of all rows, and so does an effect that is not among the nearest:
-        // data that a model explains with their quoted errors have those.
+        // data that a model explains with their quoted errors have those. Errors that are too large let anything explain them.
         if let Some(odd) = told.odd_rows(None, &nearest) {
             return Ok(FirstLook::Others(noise::with_wrong(self.quoted, noise, &odd.rows)));
+        }
+        if !matches!(beyond, Reason::SmallErrors { .. }) {
+            return Ok(FirstLook::Others(better));
         }
         let found = told.hunt()?;
         Ok(if found.explains() { FirstLook::Explained(Box::new(found)) } else { FirstLook::Others(better) })
