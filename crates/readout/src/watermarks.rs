@@ -71,7 +71,7 @@ impl<const S: usize> Watermarks<S> {
             height[lane] = if known { height[lane - 1] } else { pixel.cloud.height(charge_e) };
         }
         // Where the first packets do not come by, neither does the background.
-        debug_assert!(first == 0 || visits == 0.0);
+        assert!(first == 0 || visits == 0.0);
         for (place, height, visits) in [(NONE, [f64::INFINITY; LANES], 0.0), (BACKGROUND, height, visits)] {
             self.height[place] = height;
             self.home_height[place] = height;
