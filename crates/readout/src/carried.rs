@@ -64,7 +64,7 @@ impl Readout {
         if image.is_empty() || traps.is_empty() {
             return image.clone();
         }
-        let traps = continuum::resolved(&traps, WIDEST);
+        let traps = continuum::resolved(&traps, WIDEST, continuum::error_of(self.method));
         let (clouds, cloud_of) = several_clouds::clouds_of(&traps, &self.cloud);
         if clouds.len() > 1 || traps.iter().any(Trap::returns) {
             let exact = Readout { method: Method::CarriedTraps, ..self.clone() };

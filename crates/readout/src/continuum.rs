@@ -4,21 +4,37 @@
 //! species of densities ρ w and release times τ exp(σ t), with the weights w of a rule of integration over the normal
 //! distribution of t. The trapezoidal rule converges faster than any power of its step h for such integrands. What is
 //! integrated are decays exp(−m exp(−σ t)/τ), whose Fourier transform falls as exp(−π ω/(2σ)): its error is
-//! exp(−π²/(h σ)), and that of the normal distribution itself exp(−2π²/h²).
+//! exp(−π²/(h σ)), and that of the normal distribution itself exp(−2π²/h²). Steps and the range of t are those that leave the
+//! error that is asked for.
 
-use super::Trap;
+use std::f64::consts::PI;
 
-/// Longest step in units of the standard deviation of t: exp(−2π²/h²) is 3e-9.
-const LONGEST_STEP: f64 = 1.0;
+use super::{Method, Trap};
 
-/// Longest step in ln τ: exp(−π²/(h σ)) is 7e-8.
-const LONGEST_STEP_IN_LN_RELEASE: f64 = 0.6;
+/// Error of the filled traps, as a share, that no sum over release times is computed below.
+pub(super) const FINEST: f64 = 5e-8;
 
-/// Where the normal distribution is cut off, in standard deviations: beyond it lie 1e-7 of the traps.
-const CUT_OFF: f64 = 5.3;
+/// Error that no sum is computed above: so few release times would stand out in a trail.
+const COARSEST: f64 = 1e-4;
 
-/// The same traps as species of one release time each, `most` of them at most.
-pub(super) fn resolved(traps: &[Trap], most: usize) -> Vec<Trap> {
+/// Error of such a sum, as a share of the accuracy of the readout.
+const OF_READOUT: f64 = 0.1;
+
+/// The error of sums over release times that goes with a method: it must not show beside that of the transfers.
+pub(super) fn error_of(method: Method) -> f64 {
+    match method {
+        Method::Fast { relative } => (OF_READOUT * relative).clamp(FINEST, COARSEST),
+        Method::Exact | Method::CarriedTraps | Method::Fractional { .. } | Method::MonteCarlo { .. } => FINEST,
+    }
+}
+
+/// The same traps as species of one release time each, `most` of them at most, with an error of the filled traps as a share.
+pub(super) fn resolved(traps: &[Trap], most: usize, error: f64) -> Vec<Trap> {
+    let digits = -error.ln();
+    let longest_step = PI * (2.0 / digits).sqrt();
+    let longest_step_in_ln_release = PI * PI / digits;
+    // Beyond so many standard deviations lie as many traps: exp(−c²/2) √(2/π)/c, solved in one step from exp(−c²/2).
+    let cut_off = (2.0 * (digits - ((2.0 * digits).sqrt() * (0.5 * PI).sqrt()).ln())).sqrt();
     let spread = traps.iter().filter(|trap| trap.release_sigma > 0.0).count();
     let nodes = (most - (traps.len() - spread)).checked_div(spread).unwrap_or(0);
     let mut species = Vec::new();
@@ -27,9 +43,9 @@ pub(super) fn resolved(traps: &[Trap], most: usize) -> Vec<Trap> {
             species.push(*trap);
             continue;
         }
-        let step = LONGEST_STEP.min(LONGEST_STEP_IN_LN_RELEASE / trap.release_sigma);
-        let half = ((CUT_OFF / step).ceil() as i64).min((nodes as i64 - 1) / 2);
-        let step = CUT_OFF / half as f64;
+        let step = longest_step.min(longest_step_in_ln_release / trap.release_sigma);
+        let half = ((cut_off / step).ceil() as i64).min((nodes as i64 - 1) / 2);
+        let step = cut_off / half as f64;
         let weight = |node: i64| (-0.5 * (node as f64 * step).powi(2)).exp();
         let total: f64 = (-half..=half).map(weight).sum();
         species.extend((-half..=half).map(|node| Trap {
@@ -50,8 +66,10 @@ mod tests {
     fn a_continuum_decays_as_its_integral_says() {
         for sigma in [0.05, 0.3, 1.0, 2.0] {
             let trap = Trap { release_sigma: sigma, ..Trap::new(2.0, 7.0) };
-            let species = resolved(&[trap], 256);
-            for after in [0.01, 1.0, 7.0, 30.0, 1000.0] {
+            for (after, error) in
+                [0.01, 1.0, 7.0, 30.0, 1000.0].into_iter().flat_map(|after| [(after, FINEST), (after, 1e-4)])
+            {
+                let species = resolved(&[trap], 256, error);
                 let kept: f64 =
                     species.iter().map(|one| one.density_per_px * (-after / one.release_transfers).exp()).sum();
                 // A rule forty times finer, over more standard deviations.
@@ -62,8 +80,9 @@ mod tests {
                     fine += weight * (-after / (7.0 * (sigma * t).exp())).exp();
                     total += weight;
                 }
-                // The cut-off leaves 1e-7 of the traps out.
-                assert!((kept - 2.0 * fine / total).abs() < 1e-6, "{sigma}, {after}: {kept}, {}", 2.0 * fine / total);
+                // Steps and the cut-off each leave the error, on both sides.
+                let off = kept / 2.0 - fine / total;
+                assert!(off.abs() < 4.0 * error, "{sigma}, {after}, {error}: {off}");
             }
         }
     }
@@ -71,6 +90,6 @@ mod tests {
     #[test]
     fn a_spread_of_nothing_is_one_release_time() {
         let trap = Trap::new(1.0, 3.0);
-        assert_eq!(resolved(&[trap], 256), vec![trap]);
+        assert_eq!(resolved(&[trap], 256, FINEST), vec![trap]);
     }
 }

@@ -28,6 +28,7 @@ mod block_path;
 mod cloud;
 mod continuum;
 mod duplicate_columns;
+mod encounter;
 mod equal_blocks;
 mod estimate;
 mod every_transfer;
@@ -194,7 +195,7 @@ impl Trap {
             return held(self);
         }
         // What returns depends on the release time.
-        continuum::resolved(&[*self], WIDEST).iter().map(held).sum()
+        continuum::resolved(&[*self], WIDEST, continuum::FINEST).iter().map(held).sum()
     }
 }
 
@@ -414,7 +415,7 @@ impl Readout {
         if image.is_empty() || traps.is_empty() {
             return image.clone();
         }
-        let traps = continuum::resolved(&traps, WIDEST);
+        let traps = continuum::resolved(&traps, WIDEST, continuum::error_of(self.method));
         let settled_e = |charge_e: &f64| if journey.fill_their_own { self.settled_e(*charge_e) } else { *charge_e };
         let settled_e: Vec<f64> = charge_e.iter().map(settled_e).collect();
         let settled = |column: u64| Downstream { rows: journey.rows, charge_e: settled_e[column as usize] };
@@ -486,7 +487,7 @@ impl Readout {
         if image.is_empty() || traps.is_empty() {
             return Some(image.clone());
         }
-        let traps = continuum::resolved(&traps, WIDEST);
+        let traps = continuum::resolved(&traps, WIDEST, continuum::error_of(self.method));
         let (clouds, _) = several_clouds::clouds_of(&traps, &self.cloud);
         if clouds.len() > 1 || traps.iter().any(|trap| trap.capture_transfers > 0.0) {
             return None;

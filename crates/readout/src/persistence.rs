@@ -28,6 +28,7 @@ use ndarray::{Array2, Axis, concatenate, s};
 
 use super::bands::Journey;
 use super::block_path::BlockPath;
+use super::encounter::Encounter;
 use super::passage::{Block, Lead, Passage, Stage};
 use super::several_clouds::{Watermark, clouds_of, layers, share};
 use super::simd::{LANES, Packets};
@@ -74,7 +75,8 @@ impl Persistence {
         let before = if self.same_scene { image } else { &sky };
         let frames: Vec<_> = (0..self.frames_read()).map(|_| before.view()).chain([image.view()]).collect();
         let frames_e = concatenate(Axis(0), &frames).expect("frames of one shape");
-        let pixel = PersistentPixel::new(self, &continuum::resolved(&traps, WIDEST), image.nrows(), rows);
+        let traps = continuum::resolved(&traps, WIDEST, continuum::error_of(self.readout.method));
+        let pixel = PersistentPixel::new(self, &traps, image.nrows(), rows);
         let settled_e: Vec<f64> = charge_e.iter().map(|charge_e| self.readout.settled_e(*charge_e)).collect();
         let shared = rows.max(0);
         let read_e = match self.readout.method {
@@ -279,17 +281,16 @@ impl PersistentPixel {
             self.wanted_e(stacks, &heights, now, &mut captured_e);
             wanted_e = present_e.max(0.0);
         }
-        let mut met = if spent { 0.25 } else { 0.0 };
+        let mut met = Encounter::default().and(u64::from(spent));
         stacks.stored_e.iter_mut().zip(&captured_e).for_each(|(stored_e, captured_e)| *stored_e += captured_e);
         for (cloud, &height) in heights.iter().enumerate() {
             fill(&mut stacks.watermarks[cloud], height, now);
             let below = stacks.watermarks[cloud].iter().rev().nth(1);
-            // Distinct for each set of watermarks that was reached.
-            met = met * 1e3
-                + below.map_or(0.0, |mark| (mark.filled.frame * (self.rows + 2)) as f64 + mark.filled.row as f64 + 2.0);
+            let number = |filled: Time| (filled.frame * (self.rows + 2)) as u64 + (filled.row + 2) as u64;
+            met = met.and(below.map_or(0, |mark| number(mark.filled)));
         }
         (stacks.heights, stacks.captured_e) = (heights, captured_e);
-        (present_e - wanted_e - charge_e, met)
+        (present_e - wanted_e - charge_e, met.number())
     }
 
     /// Empty traps of a species, per pixel, where they were last filled at a time, or never.

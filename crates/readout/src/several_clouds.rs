@@ -10,6 +10,7 @@
 use std::ops::Range;
 
 use super::block_path::BlockPath;
+use super::encounter::Encounter;
 use super::passage::{Block, Lead, Passage, Stage};
 use super::simd::{LANES, Packets};
 use super::{Cloud, Trap};
@@ -39,9 +40,6 @@ pub(super) struct Watermark<T> {
     pub height: f64,
     pub filled: T,
 }
-
-/// Added to the number of the last watermark met by a packet that is spent.
-const SPENT: f64 = 0.25;
 
 /// The distinct clouds of some species, and the place among them of each species' own.
 pub(super) fn clouds_of(traps: &[Trap], cloud: &Cloud) -> (Vec<Cloud>, Vec<usize>) {
@@ -98,7 +96,7 @@ impl SeveralClouds {
         let spent = wanted_e > present_e;
         let at = |heights: &[f64]| self.wanted_e(stacks, heights, row);
         let share = if spent { share(&stacks.watermarks, &heights, present_e.max(0.0), at) } else { 1.0 };
-        let mut met = if spent { SPENT } else { 0.0 };
+        let mut met = Encounter::default().and(u64::from(spent));
         let Stacks { watermarks, stored_e } = stacks;
         for (cloud, (watermarks, height)) in watermarks.iter_mut().zip(&heights).enumerate() {
             let height = share * height;
@@ -110,8 +108,7 @@ impl SeveralClouds {
             while watermarks.last().is_some_and(|watermark| watermark.height <= height) {
                 watermarks.pop();
             }
-            // Distinct for each set of watermarks that was reached.
-            met = met * 1e3 + watermarks.last().map_or(0, |watermark| watermark.filled + 1) as f64;
+            met = met.and(watermarks.last().map_or(0, |watermark| watermark.filled as u64 + 1));
             watermarks.push(Watermark { height, filled: row + 1 });
         }
         let taken_e = if spent { present_e.max(0.0) } else { wanted_e };
@@ -121,7 +118,7 @@ impl SeveralClouds {
             *stored_e -= back_e;
             left_e += back_e;
         }
-        (left_e - charge_e, met)
+        (left_e - charge_e, met.number())
     }
 
     /// Empty traps of a species, per pixel, where they were last filled by a packet, or never.
