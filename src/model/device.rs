@@ -37,7 +37,7 @@ pub struct Device {
 }
 
 /// A serial register under given conditions.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Register {
     pub traps: Vec<SpeciesState>,
     /// Time between two serial transfers, ms.
@@ -171,13 +171,25 @@ impl Device {
     pub fn after(
         &self,
         before_e: &Array2<f64>,
-        mut read_e: Array2<f64>,
+        clocked_e: Array2<f64>,
         beside: Beside,
     ) -> Result<Array2<f64>, InputError> {
-        for (readout, transfers) in self.serial() {
-            read_e = self.through_serial(&readout, transfers, &read_e, beside);
-        }
-        self.amplified(before_e, read_e)
+        self.amplified(before_e, self.through_registers(clocked_e, beside))
+    }
+
+    /// Charges (e-) that were clocked out, as they leave the serial registers.
+    pub(super) fn through_registers(&self, clocked_e: Array2<f64>, beside: Beside) -> Array2<f64> {
+        self.serial().iter().fold(clocked_e, |charge_e, (readout, transfers)| {
+            self.through_serial(readout, *transfers, &charge_e, beside)
+        })
+    }
+
+    /// Whether charges leave the registers of both alike.
+    pub(super) fn has_the_registers_of(&self, other: &Device) -> bool {
+        self.registers == other.registers
+            && self.cloud == other.cloud
+            && self.method == other.method
+            && self.at.background_e == other.at.background_e
     }
 
     /// Charges (e-) as the amplifier gives them out, with those before the first transfer.
@@ -246,7 +258,9 @@ impl Device {
     pub fn fit_for(&self, purpose: Purpose) -> Device {
         match self.method {
             Method::Fast { relative } => self.by(Method::Fast { relative: purpose.relative(relative) }),
-            _ => self.clone(),
+            Method::Exact | Method::CarriedTraps | Method::Fractional { .. } | Method::MonteCarlo { .. } => {
+                self.clone()
+            }
         }
     }
 
@@ -263,6 +277,11 @@ impl Device {
     /// The same device with one of its species alone (by its place among them).
     pub fn with_species(&self, index: usize) -> Device {
         Device { traps: vec![self.traps[index].clone()], ..self.clone() }
+    }
+
+    /// The same device without traps in the image: registers and amplifiers alone.
+    pub fn without_traps(&self) -> Device {
+        Device { traps: Vec::new(), ..self.clone() }
     }
 
     /// Dose since launch as its monitor sees it, MeV/g.

@@ -155,17 +155,24 @@ fn together(columns: &[Column]) -> Result<Vec<(usize, Vec<f64>)>, InputError> {
         placed.push(column.before(rows)?.map(|before_e| (place(&before_e, background_e), before_e)));
     }
     let clocked = first.device.clocked(&image, first.rows_downstream(), &downstream_e);
-    columns
-        .iter()
-        .zip(placed)
-        .map(|(column, placed)| {
-            let [signal, flat] = placed.map(|(place, before_e)| {
-                let clocked_e = clocked.slice(s![.., place..=place]).to_owned();
-                column.device.after(&before_e, clocked_e, column.beside())
-            });
-            let last = column.rows_ahead() + column.block_px() - 1;
-            let read_e = signal? - flat?;
-            Ok((column.index, read_e.slice(s![last..=last + column.reading.trail_px, 0]).to_vec()))
-        })
-        .collect()
+    // Backgrounds that come through equal registers.
+    let mut flats: Vec<(usize, &Column, Array2<f64>)> = Vec::new();
+    let mut found = Vec::new();
+    for (column, placed) in columns.iter().zip(placed) {
+        let [(signal, before_e), (flat, flat_before_e)] = placed;
+        let device = column.device;
+        let registered =
+            |place: usize| device.through_registers(clocked.slice(s![.., place..=place]).to_owned(), column.beside());
+        let known = flats.iter().find(|(place, other, _)| {
+            *place == flat && other.beside() == column.beside() && other.device.has_the_registers_of(device)
+        });
+        let flat_e = known.map_or_else(|| registered(flat), |(.., flat_e)| flat_e.clone());
+        if known.is_none() {
+            flats.push((flat, column, flat_e.clone()));
+        }
+        let read_e = device.amplified(&before_e, registered(signal))? - device.amplified(&flat_before_e, flat_e)?;
+        let last = column.rows_ahead() + column.block_px() - 1;
+        found.push((column.index, read_e.slice(s![last..=last + column.reading.trail_px, 0]).to_vec()));
+    }
+    Ok(found)
 }

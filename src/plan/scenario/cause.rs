@@ -25,6 +25,18 @@ pub enum Cause {
         /// |Δe| per dose of the better one over that of the worse.
         ratio: f64,
     },
+    /// One of them has effects that the other does not have.
+    Effects {
+        /// Those of the better one alone.
+        only_better: Vec<String>,
+        /// Those of the worse one alone.
+        only_worse: Vec<String>,
+    },
+    /// Not all of the change is by traps of the image: registers and amplifiers change shapes too.
+    Beside {
+        /// |Δe| without these traps, as a share of |Δe| in the better one and in the worse.
+        share: [f64; 2],
+    },
     /// A species has another share.
     Species {
         /// Its name.
@@ -41,6 +53,10 @@ pub(super) struct State {
     delta_e: Option<f64>,
     dose_mev_g: f64,
     active_yr: f64,
+    /// Names of its effects.
+    effects: Vec<String>,
+    /// |Δe| without the traps of the image.
+    beside: f64,
     /// For each species its share of |Δe| were it alone, and its release time in transfers.
     shares: Vec<(String, f64, f64)>,
 }
@@ -53,10 +69,17 @@ impl State {
             delta_e: model.change(0, t_yr)?.map(|change| change.magnitude()),
             dose_mev_g: model.dose_mev_g(t_yr)?,
             active_yr: model.history().active_years(t_yr),
+            effects: mission.effects.keys().cloned().collect(),
+            beside: model
+                .change_by(0, &model.device_at(t_yr)?.without_traps())?
+                .map_or(0.0, |change| change.magnitude()),
             shares: shares(&model, t_yr)?,
         })
     }
 }
+
+/// From this share of |Δe| on, what is not by traps of the image is named, and their shares are not.
+const BESIDE: f64 = 0.05;
 
 /// |Δe| of the better over that of the worse, and what makes it so.
 pub(super) fn why(better: &State, worse: &State) -> (Option<f64>, Vec<Cause>) {
@@ -78,22 +101,38 @@ pub(super) fn why(better: &State, worse: &State) -> (Option<f64>, Vec<Cause>) {
             active_yr: [better.active_yr, worse.active_yr],
         });
     }
+    let only = |of: &State, other: &State| -> Vec<String> {
+        of.effects.iter().filter(|name| !other.effects.contains(name)).cloned().collect()
+    };
+    let (only_better, only_worse) = (only(better, worse), only(worse, better));
+    if !only_better.is_empty() || !only_worse.is_empty() {
+        causes.push(Cause::Effects { only_better, only_worse });
+    }
     if better.dose_mev_g > 0.0 && worse.dose_mev_g > 0.0 {
         let (better_per, worse_per) = (better_e / better.dose_mev_g, worse_e / worse.dose_mev_g);
         if (better_per / worse_per - 1.0).abs() > 0.01 {
             causes.push(Cause::PerDose { although: although(better_per > worse_per), ratio: better_per / worse_per });
         }
-        for ((name, worse_share, worse_transfers), (_, better_share, better_transfers)) in
-            worse.shares.iter().zip(&better.shares).filter(|(from, to)| from.0 == to.0 && (from.1 - to.1).abs() > 0.02)
-        {
-            causes.push(Cause::Species {
-                name: name.clone(),
-                release_transfers: [*better_transfers, *worse_transfers],
-                share: [*better_share, *worse_share],
-            });
-        }
+    }
+    let beside = [better.beside / better_e, worse.beside / worse_e];
+    if beside.iter().any(|share| *share > BESIDE) {
+        causes.push(Cause::Beside { share: beside });
+    } else {
+        causes.extend(species(better, worse));
     }
     (Some(ratio), causes)
+}
+
+/// Species of both that have another share.
+fn species(better: &State, worse: &State) -> Vec<Cause> {
+    let both = worse.shares.iter().zip(&better.shares).filter(|(from, to)| from.0 == to.0);
+    both.filter(|(from, to)| (from.1 - to.1).abs() > 0.02)
+        .map(|((name, worse_share, worse_transfers), (_, better_share, better_transfers))| Cause::Species {
+            name: name.clone(),
+            release_transfers: [*better_transfers, *worse_transfers],
+            share: [*better_share, *worse_share],
+        })
+        .collect()
 }
 
 /// For each species its share of |Δe| were it alone, and its release time in transfers.

@@ -17,8 +17,24 @@ impl fmt::Display for Cause {
                 but(although)
             ),
             Cause::PerDose { although, ratio } => {
-                write!(out, "{}the same dose does {ratio:.3} of the change of shape", but(although))
+                write!(out, "{}|delta e| for each unit of dose is {ratio:.3} of the worst's", but(although))
             }
+            Cause::Effects { only_better, only_worse } => {
+                let alone = |names: &[String], whose| format!("{} is in the {whose} alone", names.join(", "));
+                let both = [(only_better, "best"), (only_worse, "worst")];
+                let said: Vec<_> = both
+                    .iter()
+                    .filter(|(names, _)| !names.is_empty())
+                    .map(|(names, whose)| alone(names, whose))
+                    .collect();
+                out.write_str(&said.join(", and "))
+            }
+            Cause::Beside { share } => write!(
+                out,
+                "registers and amplifiers make {:.0} % of it against {:.0} %",
+                100.0 * share[0],
+                100.0 * share[1]
+            ),
             Cause::Species { name, release_transfers: [better, worse], share } => write!(
                 out,
                 "{name}, released after {better:.3} against {worse:.3} transfers, makes {:.0} % of it against {:.0} %",
