@@ -278,7 +278,7 @@ impl Reader<'_> {
         let sigma = self.measured(row, "sigma")?;
         if sigma <= 0.0 {
             let problem = format!("the error of a measurement is above 0; this is {sigma}");
-            let help = "leave the row out, or give the error that the scatter of the data tells";
+            let help = "leave the row out, or give the error that the scatter of the data shows";
             return Err(self.table.fault(Some(row), Some("sigma"), problem).with_help(help));
         }
         let floor = self.floor(row, value)?;

@@ -48,7 +48,7 @@ impl From<Written> for Formula {
 #[derive(Clone, Debug)]
 struct Compiled {
     expression: Expression,
-    /// Allowed of the slots, as far as they never change: those of parameters.
+    /// Values of the slots, as far as they never change: those of parameters.
     slots: Vec<f64>,
     /// The slot of the quantity that changes.
     quantity: Option<usize>,
@@ -73,7 +73,7 @@ impl Compiled {
         Compiled { slots, quantity: expression.slot(quantity), charge_e, conditions, expression }
     }
 
-    /// Allowed of all slots under given conditions, but for those that [`Compiled::value`] fills.
+    /// Values of all slots under given conditions, but for those that [`Compiled::value`] fills.
     fn slots(&self, known: impl Fn(&str) -> Option<f64>) -> Result<Vec<f64>, InputError> {
         let mut slots = self.slots.clone();
         for (slot, name) in &self.conditions {

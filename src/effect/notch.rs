@@ -13,6 +13,9 @@ pub struct Notch {
     notch_e: f64,
 }
 
+/// Share of a background that a channel nearly holds.
+const NEARLY: f64 = 0.97;
+
 impl Catalogued for Notch {
     const CARD: Card = Card {
         kind: "notch",
@@ -39,8 +42,12 @@ impl Catalogued for Notch {
         let highest_e = (0.5 * brightest_e).min(0.5 * mission.detector.full_well_e);
         let lowest_e = (0.25 * least_e).max(0.3).min(0.5 * highest_e);
         let count = (highest_e / lowest_e).log(2.5).ceil() as usize + 1;
-        let deeper = |notch_e: f64| vec![numbers(&[("notch_e", mission.detector.notch_e + notch_e)])];
-        ratios(lowest_e, highest_e, count).map(deeper).collect()
+        let deeper = ratios(lowest_e, highest_e, count).map(|notch_e| mission.detector.notch_e + notch_e);
+        // A channel that nearly holds a background does far more to its small packets than one that holds a little less or more.
+        let least_e = mission.detector.notch_e;
+        let nearly =
+            reach.backgrounds_e.iter().map(|background_e| NEARLY * background_e).filter(|notch_e| *notch_e > least_e);
+        deeper.chain(nearly).map(|notch_e| vec![numbers(&[("notch_e", notch_e)])]).collect()
     }
 
     fn check(&self, mission: &Mission) -> Result<(), Refusal> {

@@ -14,6 +14,8 @@ pub struct Reach {
     /// Least charge that a pixel holds (the faintest background, the faintest packet where there is none) and the brightest
     /// packet or block with its background, e-; None where there are only galaxies.
     pub charge_e: Option<[f64; 2]>,
+    /// Distinct backgrounds above 0, rising, [`BACKGROUNDS`] of them at most, e-.
+    pub backgrounds_e: Vec<f64>,
     /// Coldest and warmest detector, K.
     pub temperature_k: [f64; 2],
     /// Dose of the model at the last epoch, or a year after launch if that is later, to scale a trial with, MeV/g.
@@ -42,10 +44,20 @@ impl Reach {
             epochs_yr,
             line_time_ms: ends(&|at| Some(at.line_time_ms)).expect("at least one row"),
             trail_px: rows.clone().filter_map(|at| at.trail_px).max().unwrap_or(1),
+            backgrounds_e: Reach::backgrounds_of(rows.clone()),
             charge_e: packets_e.map(|[faintest_e, brightest_e]| [background_e.unwrap_or(faintest_e), brightest_e]),
             temperature_k: ends(&|at| Some(at.temperature_k)).expect("at least one row"),
             dose_mev_g: 0.0,
         }
+    }
+
+    /// Distinct backgrounds above 0 of some rows' conditions, rising, [`BACKGROUNDS`] of them at most, evenly chosen, e-.
+    pub fn backgrounds_of<'a>(rows: impl Iterator<Item = &'a Conditions>) -> Vec<f64> {
+        let mut all: Vec<f64> = rows.map(|at| at.background_e).filter(|background_e| *background_e > 0.0).collect();
+        all.sort_by(f64::total_cmp);
+        all.dedup();
+        let step = all.len().div_ceil(BACKGROUNDS).max(1);
+        all.into_iter().step_by(step).collect()
     }
 
     /// The same with the dose that a model has; a dose that it cannot give is 0.
@@ -70,6 +82,9 @@ impl Reach {
         self.temperature_k[1] > self.temperature_k[0]
     }
 }
+
+/// Backgrounds that are named at most.
+pub const BACKGROUNDS: usize = 8;
 
 /// Numbers from one to another whose ratios are equal, both included.
 pub fn ratios(low: f64, high: f64, count: usize) -> impl Iterator<Item = f64> {

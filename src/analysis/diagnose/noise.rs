@@ -38,6 +38,9 @@ const AT_MOST: f64 = 3.4;
 const SAME_SCALE: f64 = 0.15;
 const SAME_CORRELATION: f64 = 0.15;
 
+/// Sigma within which a row is right of which another model said that it is wrong.
+const NEAR: f64 = 3.5;
+
 /// Pedestals from so many of their errors on are told.
 const CLEAR: f64 = 3.5;
 
@@ -185,7 +188,8 @@ pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, k
     quoted.iter().enumerate().map(of).collect()
 }
 
-/// The same, at a model that explains the data: rows that are as far from it as rows are that are wrong stay so.
+/// The same, at a model that explains the data: rows that are as far from it as rows are that are wrong stay so, and those are right
+/// after all that are no farther than noise puts rows.
 pub(super) fn confirmed(case: &Case, node: &Node, noise: &[SetNoise]) -> Vec<SetNoise> {
     let of = |(index, noise): (usize, &SetNoise)| {
         let first = case.rows(index).start;
@@ -194,9 +198,13 @@ pub(super) fn confirmed(case: &Case, node: &Node, noise: &[SetNoise]) -> Vec<Set
             // Their errors were made as large as they are far off.
             let sigma = case.sigmas[place] / wrong.off_sigma.abs().max(1.0);
             let off_sigma = (case.values[place] - node.fit.values[place]) / sigma;
-            if off_sigma.abs() > wrong_rows::FAR { WrongRow { off_sigma, by_model: true, ..*wrong } } else { *wrong }
+            match off_sigma.abs() {
+                far if far > wrong_rows::FAR => Some(WrongRow { off_sigma, by_model: true, ..*wrong }),
+                near if near < NEAR => None,
+                _ => Some(*wrong),
+            }
         };
-        SetNoise { wrong: noise.wrong.iter().map(confirm).collect(), ..noise.clone() }
+        SetNoise { wrong: noise.wrong.iter().filter_map(confirm).collect(), ..noise.clone() }
     };
     noise.iter().enumerate().map(of).collect()
 }
