@@ -282,8 +282,8 @@ impl fmt::Display for Warning {
             ),
             Warning::NeverReleases { species, over_readout } => write!(
                 out,
-                "{species} releases after {over_readout:.3e} readouts: its traps stay filled from one exposure to the \
-                 next, which is not modelled (traps start empty)"
+                "{species} releases after {over_readout:.3e} readouts: its traps stay filled from one exposure to the next, but \
+                 here they start empty: describe the exposures before in [survey.persistence]"
             ),
             Warning::ReleasesInPlace { species, over_line } => write!(
                 out,
@@ -328,7 +328,7 @@ impl fmt::Display for Warning {
             ),
             Warning::TrailInBias { name, excess_e, sigma_e } => write!(
                 out,
-                "{name}: the trail reaches into the rows that tell the level of no charge, whose first half holds {excess_e:.2} +- \
+                "{name}: the trail reaches into the rows that define the level of no charge, whose first half holds {excess_e:.2} +- \
                  {sigma_e:.2} e- more than the second: values are too small by about that; use --bias-from columns (of injected charge: \
                  --background-from front), or more rows"
             ),

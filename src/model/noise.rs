@@ -140,7 +140,9 @@ impl Exposure {
         let below = downstream(device.at.transfers, half_px, background_e);
         let device = match device.method {
             Method::CarriedTraps => device.clone(),
-            _ => device.by(Method::Fast { relative: Purpose::Noise.relative(0.0) }),
+            Method::Fast { .. } | Method::Exact | Method::Fractional { .. } | Method::MonteCarlo { .. } => {
+                device.by(Method::Fast { relative: Purpose::Noise.relative(0.0) })
+            }
         };
         let longest = device.longest_release_transfers();
         let lead = (LEAD_RELEASES * longest).ceil().min(LEAD_ROWS as f64).min(below.rows.max(0) as f64) as usize;

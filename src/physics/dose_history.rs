@@ -155,7 +155,7 @@ impl DoseHistory {
             // One endless stretch at a share of the rate.
             (Some(years), _) => (vec![(0.0, f64::INFINITY)], years / duration_yr),
             (None, DoseModel::Constant) => (vec![(0.0, f64::INFINITY)], solar_cycle::ACTIVE_SHARE),
-            (None, _) => (windows(&cycle), 1.0),
+            (None, DoseModel::SolarCycle | DoseModel::Derived | DoseModel::History) => (windows(&cycle), 1.0),
         };
         let ahead = |maximum: &Maximum| maximum.cycles_ahead > 0 && maximum.year + ACTIVE_AFTER_YR > launch;
         let extrapolated = maxima.into_iter().filter(ahead).collect();
@@ -218,13 +218,14 @@ impl DoseHistory {
         }
         let quantile_years = match environment.accumulate() {
             Accumulate::Mission if active_years > 0.0 => active_years.max(1.0),
-            _ => 1.0,
+            Accumulate::Mission | Accumulate::Yearly => 1.0,
         };
         self.origin = match environment.model {
             _ if environment.dose_depth.is_some() => RateOrigin::DoseDepth,
             _ if environment.spectra.is_some() => RateOrigin::Spectra,
             DoseModel::Derived => RateOrigin::Sources { active_years: quantile_years },
-            _ => RateOrigin::Esp { active_years: quantile_years },
+            DoseModel::Constant | DoseModel::SolarCycle => RateOrigin::Esp { active_years: quantile_years },
+            DoseModel::History => unreachable!("a history is not derived"),
         };
     }
 

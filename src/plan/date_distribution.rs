@@ -176,13 +176,13 @@ fn shares(found: &Fates, seed: u64) -> Vec<Share> {
 /// Name of what inputs together do, or one by itself that is not linear; with a posterior, also what that does.
 pub const NOT_LINEAR: &str = "rest";
 
-/// Draws that must lie beyond a probability for it to be told.
+/// Draws that must lie beyond a probability for it to be estimated.
 const LEAST_BEYOND: f64 = 5.0;
 
 /// Draws that are none but for rounding: 1 − 0.9 is a little less than 0.1.
 const ROUNDING: f64 = 1e-6;
 
-/// With which probability a budget is to be met, and of how many draws that is told.
+/// With which probability a budget is to be met, and from how many draws that is estimated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Confidence {
     /// Probability, between 0 and 1.
@@ -192,18 +192,22 @@ pub struct Confidence {
 }
 
 impl Confidence {
-    /// Whether that can be told of so many draws.
+    /// Standard error of the probability.
+    pub fn error(self) -> f64 {
+        share_error(self.probability, f64::from(self.samples))
+    }
+
+    /// Whether it can be estimated from so many draws.
     ///
     /// # Errors
-    /// Where they are too few.
+    /// If they are too few.
     pub fn check(self) -> Result<(), InputError> {
         let percent = 100.0 * self.probability;
         let needed = (LEAST_BEYOND / (1.0 - self.probability).min(self.probability) - ROUNDING).ceil();
         if f64::from(self.samples) < needed {
             let problem = format!("{} draws are too few for a probability of {percent} %", self.samples);
-            return Err(
-                InputError::new("cannot tell probabilities", problem).with_help(format!("--samples {needed} or more"))
-            );
+            return Err(InputError::new("cannot estimate probabilities", problem)
+                .with_help(format!("--samples {needed} or more")));
         }
         Ok(())
     }

@@ -224,7 +224,7 @@ pub(crate) fn warnings(model: &Model) -> Result<Vec<Warning>, InputError> {
     let one_step = device.clock == Clock::single();
     for species in device.traps {
         let over_readout = species.release_ms / (mission.readout.line_time_ms * f64::from(mission.readout.transfers));
-        if over_readout > 1.0 && species.density_per_px > 0.0 {
+        if over_readout > 1.0 && species.density_per_px > 0.0 && mission.persistence().is_none() {
             warnings.push(Warning::NeverReleases { species: species.name.clone(), over_readout });
         }
         let over_line = species.release_ms / mission.readout.line_time_ms;
