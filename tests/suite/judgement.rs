@@ -8,11 +8,12 @@ use ctiplan::mission::Mission;
 use ctiplan::plan::date_distribution::Confidence;
 use ctiplan::plan::evaluate::Evaluation;
 use ctiplan::plan::judgement::Limited;
-use ctiplan::plan::scenario::{Axis, Candidate, Comparison, Criterion, compare};
+use ctiplan::plan::scenario::{Axis, Candidate, Cause, Comparison, Criterion, compare};
 use ctiplan::study::Study;
 use ctiplan::study::clock::Clock;
 use ctiplan::study::launch::Launch;
 use ctiplan::study::shielding::Shielding;
+use ctiplan::warning::Warning;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -175,4 +176,38 @@ fn what_cannot_be_told_of_draws_is_refused() {
     assert!(message.contains("too few"), "{message}");
     let json: Value = serde_json::json!(Limited::DeltaE);
     assert_eq!(json, "delta_e");
+}
+
+/// A change that no trap of the image makes is not shared out among its species.
+#[test]
+fn what_registers_and_amplifiers_do_is_named_as_the_cause() {
+    let plain = Mission::parse(include_str!("../../missions/snap_l2.toml")).unwrap();
+    let settings = [("accuracy.subpixel_grid".to_string(), 1.into())];
+    let plain = plain.with(&settings).unwrap();
+    let bounce = toml::Table::from_iter([("fraction".to_string(), 0.05.into()), ("length_px".to_string(), 2.0.into())]);
+    let mut trailed = plain.clone();
+    trailed.effects.insert("signal-bounce".into(), bounce.into());
+    let candidates = [plain, trailed].map(|mission| Candidate { file: "snap.toml".into(), mission });
+    let found = compare(&candidates, &[], None, || {}).unwrap();
+    let only = Cause::Effects { only_better: Vec::new(), only_worse: vec!["signal-bounce".into()] };
+    assert!(found.why.contains(&only), "{:?}", found.why);
+    let beside =
+        found.why.iter().find_map(|cause| if let Cause::Beside { share } = cause { Some(*share) } else { None });
+    let [best, worst] = beside.unwrap();
+    assert!(best < 1e-9 && worst > 0.9, "{best} {worst}");
+    assert!(!found.why.iter().any(|cause| matches!(cause, Cause::Species { .. })), "{:?}", found.why);
+}
+
+#[test]
+fn traps_that_stay_filled_are_warned_of_unless_the_exposures_before_are_described() {
+    let warned = |more: &str| {
+        let text = include_str!("../../missions/snap_l2.toml").replace("release_ms = 5000.0", "release_ms = 1.0e5");
+        assert!(text.contains("1.0e5"));
+        let mission = Mission::parse(&format!("{text}{more}\n[accuracy]\nsubpixel_grid = 1\n")).unwrap();
+        evaluate(&mission).unwrap().warnings.iter().any(|warning| matches!(warning, Warning::NeverReleases { .. }))
+    };
+    assert!(warned(""));
+    assert!(!warned(
+        "\n[survey]\nexposure_s = 300.0\nslew_s = 30.0\n[survey.persistence]\nscene = \"same\"\nexposures = 1\nrows = 2000\n"
+    ));
 }
