@@ -70,7 +70,7 @@ enum Command {
     Correct(frames::Correct),
     /// Make measurement tables from frames (FITS): edges of flat fields, trails of warm pixels, injected charge, dipoles
     Measure(measure::Measure),
-    /// Run a trade study: clock, distance, correction, preflash, charge injection, pumping, launch, shielding, error budget
+    /// Run a trade study: clock, distance, correction, preflash, charge injection, pumping, calibration, launch, shielding, requirement, error budget
     Study(study::Study),
     /// List the catalogue of effects, or describe one: its physics, its parameters, and its residuals
     Effects(effects::Effects),

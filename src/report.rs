@@ -163,6 +163,12 @@ fn wrapped(text: &str, indent: usize) -> String {
     out
 }
 
+/// A number in common notation, rounded to so many digits.
+fn significant(number: f64, digits: usize) -> String {
+    let decimals = digits.saturating_sub(1);
+    plain(format!("{number:.decimals$e}").parse().expect("a number that was printed"))
+}
+
 /// A number or a dash.
 fn or_dash(value: Option<String>) -> String {
     value.unwrap_or_else(|| "-".into())

@@ -7,7 +7,7 @@ use crate::plan::date_distribution::Confidence;
 /// Options of commands that rank missions.
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct Confident {
-    /// Rank by how long budgets are kept with this probability, such as 0.9, not as expected: the Sun and [uncertainty] are drawn
+    /// Rank by how long budgets are kept with this probability, such as 0.9, instead of in the design case: the Sun and [uncertainty] are drawn
     #[arg(long, value_name = "P", value_parser = probability)]
     confidence: Option<f64>,
     /// Draws of each mission, with --confidence

@@ -22,7 +22,7 @@ pub(super) struct Dose {
     /// Phase of the solar cycle at which trapped protons and cosmic rays are held
     #[arg(long, value_name = "PHASE", value_parser = ["min", "max"])]
     solar_phase: Option<String>,
-    /// The way from the particle spectrum to the dose, in ten lines with their numbers
+    /// Print the calculation from the particle spectrum to the dose, in ten steps with their numbers
     #[arg(long)]
     explain: bool,
     /// Draw the Sun as events so many times, and print quantiles of the dose, year by year

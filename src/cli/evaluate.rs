@@ -33,7 +33,7 @@ pub(super) struct Evaluate {
     /// Exit with status 1 if a corrected budget is exceeded during the mission
     #[arg(long)]
     check: bool,
-    /// The probability to meet the budget of the galaxy to the end of the mission that is asked for, such as 0.9
+    /// Required probability that the budget of the galaxy is met to the end of the mission, such as 0.9
     #[arg(long, value_name = "P", value_parser = probability)]
     confidence: Option<f64>,
     #[command(flatten)]

@@ -267,7 +267,7 @@ struct Input {
     /// Bias: value of a pixel without charge, in the unit of the frame; without it: measured in the overscan
     #[arg(long, value_name = "DN", allow_negative_numbers = true, value_parser = finite)]
     bias_dn: Option<f64>,
-    /// Pixels that tell the bias [default: the first of these that the frame has]
+    /// Pixels from which the bias is measured [default: the first of these that the frame has]
     #[arg(long, value_name = "PIXELS", conflicts_with = "bias_dn")]
     bias_from: Option<BiasFrom>,
     #[command(flatten)]

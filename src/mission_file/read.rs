@@ -461,7 +461,7 @@ impl<'a> Source<'a> {
         let rows = population.dither_rows_px.len();
         if rows > MOST_DITHERS {
             let problem = format!("{rows} exposures; allowed: 1 to {MOST_DITHERS}, each of which is read out");
-            let help = "give places that stand for many";
+            let help = "give fewer offsets, which represent the others";
             return Err(self.fault("population.dither_rows_px", problem).with_help(help));
         }
         match &population.dither_columns_px {
@@ -616,7 +616,7 @@ impl<'a> Source<'a> {
                     .with_help("name at least one, or remove the key"));
             }
             if let Some(index) = (1..list.len()).find(|index| list[..*index].contains(&list[*index])) {
-                let problem = format!("\"{}\" stands twice, and would count twice", list[index]);
+                let problem = format!("\"{}\" is given twice, and would count twice", list[index]);
                 return Err(self.fault(&format!("environment.{key}[{index}]"), problem));
             }
         }
@@ -904,7 +904,7 @@ fn resolve(table: &toml::Table, key: &str) -> Result<String, (String, Option<Str
         let places = effect_places(table, kind);
         let several = get(table, &format!("effects.{kind}")).is_some_and(Value::is_array);
         if places.is_empty() {
-            let help = format!("add [effects.{kind}] with values to start from; `ctiplan effects {kind}` tells which");
+            let help = format!("add [effects.{kind}] with values to start from; `ctiplan effects {kind}` lists them");
             return Err((format!("the mission has no [effects.{kind}]"), Some(help)));
         }
         path = match rest.split_once('.').and_then(|(number, rest)| Some((number.parse::<usize>().ok()?, rest))) {

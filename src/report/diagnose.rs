@@ -6,14 +6,13 @@ mod noise;
 mod reason;
 
 use super::fit::value_and_error;
-use super::{Page, Parts, Report, chance, or_dash, table};
+use super::{Page, Parts, Report, chance, or_dash, significant, table};
 use crate::analysis::diagnose::noise::SetNoise;
 use crate::analysis::diagnose::{Changed, Diagnosis, Next, Rung, Stability, Tried, Verdict};
 use crate::analysis::fit::Fitted;
 use crate::analysis::validate::SetResult;
 use crate::analysis::whitening::PEDESTAL;
 use crate::mission::Mission;
-use crate::mission::keys::plain;
 use crate::numeric::calendar::date_after;
 use crate::plan::sources::{self, Source};
 use crate::report::plot::Figure;
@@ -174,7 +173,7 @@ impl Diagnosis {
     fn reservations(&self) -> String {
         let fails = self.stability.done.iter().filter(|changed| !changed.holds);
         let fails: Vec<String> = fails.map(|changed| format!("with {}: {}", changed.change, changed.found())).collect();
-        let unstable = if fails.is_empty() { String::new() } else { format!(" Not stable: {}.", fails.join("; ")) };
+        let unstable = if fails.is_empty() { String::new() } else { format!(" It changes {}.", fails.join("; ")) };
         // That an unexplained one is incomplete its reason says.
         let incomplete = !self.undone.is_empty() && self.verdict != Verdict::Unexplained;
         let undone = if incomplete { " The search is incomplete (see the note)." } else { "" };
@@ -227,8 +226,8 @@ impl Diagnosis {
         });
         out.words(
             format!(
-                "  {} rows; free parameters are refitted in every row; a constant that all values of a file share counts for at most \
-                 {PEDESTAL} in chi2; p-value: probability that noise alone does as well, corrected for all effects tried{held_out}",
+                "  {} rows; free parameters are refitted in every row; each file may have a constant offset, which adds at most \
+                 {PEDESTAL} to chi2; p-value: probability that noise alone does as well, corrected for all effects tried{held_out}",
                 self.baseline.n
             ),
             4,
@@ -272,7 +271,7 @@ impl Diagnosis {
 
     fn measure(&self, next: &Next) -> String {
         let mut conditions: Vec<String> =
-            next.conditions.iter().map(|(name, value)| format!("{name} {}", short(*value))).collect();
+            next.conditions.iter().map(|(name, value)| format!("{name} {}", significant(*value, 5))).collect();
         conditions.extend(next.galaxy.iter().map(|galaxy| format!("galaxy {galaxy}")));
         format!(
             "Measure next: {} at {}. There {} and {} differ by {:.1} sigma, for an error of {:.2e}{}.",
@@ -305,7 +304,7 @@ impl Diagnosis {
             out.gap();
             out.words(
                 format!(
-                    "An empirical formula to start from lowers chi2 from {:.1} to {:.1}. It describes the residuals and names \
+                    "An empirical formula to start from lowers chi2, without constant offsets of the files, from {:.1} to {:.1}. It describes the residuals and names \
                      no cause. Refine it, and add it to the search: --candidates FILE.toml",
                     suggestion.chi2[0], suggestion.chi2[1]
                 ),
@@ -326,7 +325,7 @@ impl Diagnosis {
                 Some(table) => {
                     let inner = || table.get("traps")?.as_array()?.first()?.as_table();
                     let table = if table.contains_key(&limit.parameter) { Some(table) } else { inner() };
-                    let number = |value: &toml::Value| value.as_float().map(short);
+                    let number = |value: &toml::Value| value.as_float().map(|number| significant(number, 4));
                     let strength = table.and_then(|table| table.get(&limit.parameter)).and_then(number);
                     let others: Vec<String> = table
                         .into_iter()
@@ -387,19 +386,5 @@ impl Diagnosis {
                 4,
             );
         }
-    }
-}
-
-/// Four digits.
-fn short(value: f64) -> String {
-    if value == 0.0 || (value.fract() == 0.0 && value.abs() < 1e6) {
-        return plain(value);
-    }
-    let exponent = value.abs().log10().floor() as i32;
-    if (-3..6).contains(&exponent) {
-        let scale = 10_f64.powi(3 - exponent);
-        plain((value * scale).round() / scale)
-    } else {
-        format!("{value:.3e}")
     }
 }

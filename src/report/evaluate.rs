@@ -234,7 +234,14 @@ impl Assessment {
         if !requirement.limits_a_galaxy() {
             return;
         }
-        out.verdict(format!("Budget: |delta e| of \"{}\" below {}", requirement.galaxy, plain(requirement.delta_e)), 2);
+        out.verdict(
+            format!(
+                "Budget, design case: |delta e| of \"{}\" below {}",
+                requirement.galaxy,
+                plain(requirement.delta_e)
+            ),
+            2,
+        );
         let corrected = format!("corrected, factor {}", requirement.correction_factor);
         let width = corrected.len();
         for (name, crossing) in [("uncorrected", &verdict.uncorrected), (corrected.as_str(), &verdict.corrected)] {

@@ -21,9 +21,8 @@ use chrono::NaiveDate;
 use serde::ser::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
-use super::{Page, Parts, Report};
+use super::{Page, Parts, Report, significant};
 use crate::mission::Mission;
-use crate::mission::keys::plain;
 use crate::plan::judgement::Limited;
 use crate::plan::sources::{self, Source};
 use crate::report::plot::{Figure, Series, level};
@@ -172,7 +171,7 @@ impl Page for StudyReport {
 
 /// A number with four digits, as people write it.
 fn short(number: f64) -> String {
-    plain(format!("{number:.3e}").parse().expect("a number that was printed"))
+    significant(number, 4)
 }
 
 /// The limit on |Δe| of the judged galaxy in a figure, where there is one.

@@ -7,7 +7,7 @@ use crate::study::clock;
 
 #[derive(Debug, Args)]
 pub(super) struct Clock {
-    /// Times between two parallel transfers, ms, such as 1,5,25 or 5..100:log:8 [default: a factor 30 either way]
+    /// Times between two parallel transfers, ms, such as 1,5,25 or 5..100:log:8 [default: 1/30 to 30 times the mission's]
     #[arg(long, value_name = "MS")]
     line_time_ms: Option<String>,
     #[command(flatten)]

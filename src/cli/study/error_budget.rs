@@ -14,7 +14,7 @@ pub(super) struct ErrorBudget {
     /// Years since launch up to which dates are followed, at most 100 [default: the mission]
     #[arg(long, value_name = "YEARS")]
     horizon_yr: Option<f64>,
-    /// Also fly this mission's detector, such as an n-channel one beside a p-channel one, all else the same
+    /// Also evaluate with the detector of this mission, such as an n-channel one beside a p-channel one, all else the same
     #[arg(long, value_name = "MISSION")]
     detector_of: Option<InputFile>,
     /// Seed of the draws, in place of the mission's

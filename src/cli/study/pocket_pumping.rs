@@ -6,13 +6,13 @@ use crate::study::pocket_pumping;
 
 #[derive(Debug, Args)]
 pub(super) struct PocketPumping {
-    /// Temperatures at which is pumped, K [default: the operating one, 20 K below, and up to 80 K above]
+    /// Temperatures of the pumping, K [default: the operating one, 20 K below, and up to 80 K above]
     #[arg(long, value_name = "KELVIN")]
     temperature_k: Option<String>,
     /// Phase times, ms [default: 0.001..10000:log:29]
     #[arg(long, value_name = "MS")]
     phase_ms: Option<String>,
-    /// Most cycles of one image
+    /// Largest number of cycles of one image
     #[arg(long, value_name = "N", default_value_t = default().cycles, value_parser = clap::value_parser!(u32).range(1..))]
     cycles: u32,
     /// Longest pumping of one image, s

@@ -6,6 +6,7 @@ use serde::ser::{Serialize, Serializer};
 
 use crate::analysis::diagnose::{Note, Reason, RowPlace};
 use crate::mission::keys::plain;
+use crate::report::significant;
 
 impl fmt::Display for Reason {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -99,15 +100,15 @@ impl fmt::Display for Note {
             }
             Note::DoesNotExtrapolate { effect, condition, beyond_rms_sigma: [without, with] } => write!(
                 out,
-                "{effect} describes, and does not extrapolate: the ends of the range of {condition}, left out of the fit, are \
+                "{effect} describes the data but does not extrapolate: the ends of the range of {condition}, left out of the fit, are \
                  predicted to {with:.1} sigma with it and to {without:.1} sigma without it"
             ),
             Note::TrustInside { condition, range: [low, high], rms_sigma: [inside, beyond] } => write!(
                 out,
                 "rely on the model for {condition} from {} to {} only: groups inside, left out of the fit, are predicted to \
                  {inside:.1} sigma, those at the ends to {beyond:.1} sigma",
-                plain(*low),
-                plain(*high)
+                significant(*low, 4),
+                significant(*high, 4)
             ),
             Note::InPlaceOfPedestals { effect, files, fall } => write!(
                 out,
@@ -123,8 +124,8 @@ impl fmt::Display for Note {
                 };
                 write!(
                     out,
-                    "{effect} in place of {instead_of} was set aside: chi2 is larger by {chi2:.1}, with {more}; the limit is \
-                     that of a chance below half the level"
+                    "{effect} in place of {instead_of} is rejected: chi2 is larger by {chi2:.1}, with {more} (p-value below half the \
+                     level)"
                 )
             }
         }

@@ -33,8 +33,8 @@ pub(super) fn table_of(lines: &[Line], confidence: Option<f64>) -> Table {
             match (line.met, confidence.is_some() && !line.by_probability) {
                 (true, false) => "yes".into(),
                 (false, false) => "no".into(),
-                (true, true) => "as expected: yes".into(),
-                (false, true) => "as expected: no".into(),
+                (true, true) => "design case: yes".into(),
+                (false, true) => "design case: no".into(),
             },
         ]);
     }

@@ -9,7 +9,7 @@ use crate::numeric::estimate::Estimate;
 use crate::plan::compliance::Line;
 use crate::plan::date_distribution::{DateDistribution, DateQuantile, Dates, NOT_LINEAR, QUANTILES};
 use crate::report::plot::{Figure, Mark, Panel, Series, line};
-use crate::report::study::estimate::{days, known_date, plus_minus};
+use crate::report::study::estimate::{error_of_date, known_date, plus_minus};
 use crate::report::{Parts, table};
 
 /// Inputs that are named with their shares, at most.
@@ -48,7 +48,7 @@ fn dates_of(found: &DateDistribution, mission: &Mission) -> Table {
         plus_minus(met.times(100.0))
     });
     for (place, p) in QUANTILES.iter().enumerate() {
-        row(format!("exceeded by then with {:.0} %", 100.0 * p), &|limit| date(&limit.quantiles[place]));
+        row(format!("exceeded in {:.0} % of draws by", 100.0 * p), &|limit| date(&limit.quantiles[place]));
     }
     dates
 }
@@ -90,11 +90,13 @@ fn conditions(found: &DateDistribution, mission: &Mission) -> String {
     let environment = &mission.environment;
     if found.sun_not_drawn.is_none() && environment.active_dose_rate_mev_g_yr.is_some() {
         let percent = plain(100.0 * environment.confidence);
-        said.push(format!("the Sun is drawn behind the aluminium that makes the given rate at {percent} %"));
+        said.push(format!(
+            "solar proton events are drawn behind the aluminium thickness that gives the stated rate at {percent} %"
+        ));
     }
     said.push(match &found.emulated {
         Some(emulated) => format!(
-            "changes of shape emulated from {} readouts, {:.1e} off (rms) at {} others",
+            "changes of shape emulated from {} readouts, with an rms relative error of {:.1e} at {} others",
             emulated.readouts, emulated.relative_error, emulated.held_back
         ),
         None if found.samples < found.asked as usize => {
@@ -123,7 +125,7 @@ fn date(at: &DateQuantile) -> String {
     let error_d = at.error_yr.map(|error_yr| error_yr * DAYS_PER_YEAR);
     let Some(date) = at.date else { return "-".into() };
     match error_d {
-        Some(error_d) => format!("{} {}", known_date(date, Some(error_d)), days(error_d)),
+        Some(error_d) => format!("{} {}", known_date(date, Some(error_d)), error_of_date(error_d)),
         None => date.to_string(),
     }
 }

@@ -68,7 +68,7 @@ pub(super) fn judge(biases: &PopulationBias, mission: &Mission, out: &mut Parts)
     let factor = mission.requirement.correction_factor;
     for (name, what, verdict) in [("c", "additive", &biases.c), ("m", "multiplicative", &biases.m)] {
         let Some(verdict) = verdict else { continue };
-        out.verdict(format!("Budget: {what} shear bias {name} within +- {}", plain(verdict.limit)), 2);
+        out.verdict(format!("Budget, design case: {what} shear bias {name} within +- {}", plain(verdict.limit)), 2);
         let corrected = format!("corrected, factor {factor}");
         let width = corrected.len();
         for (how, crossing) in [("uncorrected", &verdict.uncorrected), (corrected.as_str(), &verdict.corrected)] {

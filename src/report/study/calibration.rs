@@ -122,14 +122,20 @@ fn describe_longest(report: &mut StudyReport, results: &Results, longest: &Longe
     let percent = short(100.0 * results.probability);
     report.find(match (longest.outcome, longest.interval_months) {
         (Outcome::Solved, Some(months)) => {
+            let months_and_error = plus_minus(Estimate { value: months, error: longest.error_months.unwrap_or(0.0) });
             let unknown = results.sun_not_drawn.is_none() && longest.error_months.is_none_or(|error| error > 0.5 * months);
-            let error = if unknown { "; these draws do not determine it: more --samples" } else { "" };
-            format!(
-                "Densities {name}: calibrations every {} months keep all limits with {percent} % (solved to {} %, among {LEAST_MONTHS} \
-                 months to the mission{error}).",
-                plus_minus(Estimate { value: months, error: longest.error_months.unwrap_or(0.0) }),
-                short(100.0 * TOLERANCE)
-            )
+            if unknown {
+                format!(
+                    "Densities {name}: the interval that keeps all limits with {percent} % is not determined by these draws \
+                     ({months_and_error} months): increase --samples."
+                )
+            } else {
+                format!(
+                    "Densities {name}: calibrations every {months_and_error} months keep all limits with {percent} % (solved to {} %, \
+                     between {LEAST_MONTHS} months and the end of the mission).",
+                    short(100.0 * TOLERANCE)
+                )
+            }
         }
         (Outcome::AlwaysMet, _) => {
             format!("Densities {name}: always met. One calibration at launch keeps all limits to the end with {percent} %.")

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::estimate::{days, known_date, plus_minus, scientific};
+use super::estimate::{error_of_date, known_date, plus_minus, scientific};
 use super::table::{column, words};
 use super::{DataTable, Digits, Shown, StudyReport, budget, short, when};
 use crate::mission::Mission;
@@ -60,7 +60,7 @@ fn name(cause: &Cause) -> String {
         Cause::PerfectKnowledge => "perfect knowledge".into(),
         Cause::Parameter(key) => key.strip_prefix("detector.").unwrap_or(key).into(),
         Cause::Together => "all together, rms".into(),
-        Cause::Noise(read_noise_e) => format!("noise, {} e- of reading", short(*read_noise_e)),
+        Cause::Noise(read_noise_e) => format!("noise, {} e- read noise", short(*read_noise_e)),
     }
 }
 
@@ -96,7 +96,7 @@ fn figure(remainder: &Remainder, earned: &Earned, mission: &Mission) -> Figure {
         series: vec![
             line("uncorrected", 2, &x, curve(1.0)),
             line(&format!("assumed factor {assumed}"), 1, &x, curve(assumed)),
-            line(&format!("earned factor {}", plus_minus(earned.factor)), 3, &x, curve(earned.factor.value)),
+            line(&format!("achieved factor {}", plus_minus(earned.factor)), 3, &x, curve(earned.factor.value)),
         ]
         .into_iter()
         .chain(budget(mission))
@@ -172,7 +172,9 @@ fn noise(delta_e: Option<Estimate>) -> String {
 
 fn earned_date(earned: &Earned) -> String {
     match (earned.exceeded_date, earned.exceeded_error_d) {
-        (Some(date), Some(error_d)) => format!("exceeded {} ({})", known_date(date, Some(error_d)), days(error_d)),
+        (Some(date), Some(error_d)) => {
+            format!("exceeded {} ({})", known_date(date, Some(error_d)), error_of_date(error_d))
+        }
         (Some(date), None) => format!("exceeded {}", known_date(date, None)),
         (None, _) => when(None),
     }

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value};
 
-use super::estimate::{days, known_date, plus_minus};
+use super::estimate::{error_of_date, known_date, plus_minus};
 use super::table::{column, words};
 use super::{DataTable, Digits, Shown, StudyReport, short};
 use crate::mission::Mission;
@@ -30,7 +30,7 @@ impl Shown for Results {
             "Saltelli et al. 2008, Global Sensitivity Analysis",
         );
         let title = "Percentiles of the date on which the budget is exceeded (-: later than the years that were followed), \
-                     with standard errors in days; flown: % of draws in which that is within the mission";
+                     with standard errors; flown: % of draws in which that is within the mission";
         report.tables = vec![inputs(&self.own), dates("dates", &self.own).titled(title)];
         report.draw(figure(&self.own, mission));
         describe(&mut report, self);
@@ -188,7 +188,7 @@ fn spread(report: &mut StudyReport, name: &str, exceeded: &Exceeded, horizon_yr:
     let day = |place: usize| exceeded.percentiles[place].as_ref().and_then(Percentile::day);
     let said = |place: usize| match day(place) {
         Some((date, error_d)) => {
-            format!("{} ({})", known_date(date, error_d), error_d.map_or("error not known".into(), days))
+            format!("{} ({})", known_date(date, error_d), error_d.map_or("error not known".into(), error_of_date))
         }
         None => format!("later than {} yr after launch", short(horizon_yr)),
     };

@@ -8,20 +8,27 @@ use crate::study::Estimate;
 /// Days of a month.
 const MONTH_D: f64 = 365.25 / 12.0;
 
+/// Errors of as many months or more leave only the year.
+const MONTHS_BELOW: f64 = 24.0;
+
 /// A date that is known to so many days (1 sigma), to the unit that they leave: a day, a month, or a year.
 pub(in crate::report) fn known_date(date: NaiveDate, error_d: Option<f64>) -> String {
     let format = match error_d {
         Some(error_d) if error_d < 0.5 * MONTH_D => "%Y-%m-%d",
-        Some(error_d) if error_d < 6.0 * MONTH_D => "%Y-%m",
+        Some(error_d) if error_d < MONTHS_BELOW * MONTH_D => "%Y-%m",
         _ => "%Y",
     };
     date.format(format).to_string()
 }
 
-/// An error in days, to one digit or two.
-pub(in crate::report) fn days(error_d: f64) -> String {
-    let unit = if error_d < 100.0 { 1.0 } else { 10.0 };
-    format!("+- {} d", (error_d / unit).ceil() * unit)
+/// The error of such a date, in the same unit, rounded up.
+pub(in crate::report) fn error_of_date(error_d: f64) -> String {
+    match error_d / MONTH_D {
+        months if months < 0.5 => format!("+- {} d", error_d.ceil()),
+        months if months <= 1.0 => "+- 1 month".into(),
+        months if months < MONTHS_BELOW => format!("+- {} months", months.ceil()),
+        months => format!("+- {} yr", (months / 12.0).ceil()),
+    }
 }
 
 /// Without an exponent, to the digits that the error leaves; without an error if that is 0.
@@ -88,5 +95,15 @@ mod tests {
         assert_eq!(scientific(Estimate { value: 7.934e-5, error: 3.1e-6 }), "7.9e-5 +- 3e-6");
         assert_eq!(scientific(Estimate { value: 7.934e-5, error: 1.31e-6 }), "7.93e-5 +- 1.3e-6");
         assert_eq!(scientific(Estimate { value: 1.13e-6, error: 1.2e-5 }), "1.1e-6 +- 1.2e-5");
+    }
+
+    #[test]
+    fn a_date_and_its_error_have_one_unit() {
+        let date = NaiveDate::from_ymd_opt(2012, 7, 22).unwrap();
+        let shown = |error_d| format!("{} {}", known_date(date, Some(error_d)), error_of_date(error_d));
+        assert_eq!(shown(10.2), "2012-07-22 +- 11 d");
+        assert_eq!(shown(15.4), "2012-07 +- 1 month");
+        assert_eq!(shown(210.0), "2012-07 +- 7 months");
+        assert_eq!(shown(731.0), "2012 +- 3 yr");
     }
 }

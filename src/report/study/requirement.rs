@@ -7,6 +7,7 @@ use super::{DataTable, Digits, Shown, StudyReport, short};
 use crate::mission::Mission;
 use crate::plan::date_distribution::Confidence;
 use crate::report::plot::{Figure, Panel, level, line};
+use crate::report::significant;
 use crate::study::requirement::{Bound, Limit, Results};
 
 /// A quantity that scales with the dose: what the mission has, and what is allowed.
@@ -41,18 +42,19 @@ impl Shown for Results {
             report.result(&format!("{name}_dose_factor_confident"), limit.factor[1].value());
         }
         report.result("launches_tried", self.launches.len());
-        if let Some(Confidence { probability, samples }) = self.confidence {
+        if let Some(asked) = self.confidence {
+            let Confidence { probability, samples } = asked;
             report.result("confidence", probability);
-            let error = 100.0 * (probability * (1.0 - probability) / f64::from(samples)).sqrt();
             report.find(format!(
-                "{samples} draws of the Sun and [uncertainty] tell a probability of {:.0} % to {error:.1} %: what is allowed with it \
-                 is known to some per cent. Doses of the Sun have a long tail.",
-                100.0 * probability
+                "With {samples} draws of the Sun and [uncertainty], a probability of {:.0} % has a standard error of {:.1} %. What is \
+                 allowed with it is known to a few per cent only, because solar doses have a long tail.",
+                100.0 * probability,
+                100.0 * asked.error()
             ));
         }
         report.find(
-            "Dose, traps and fluence stand for one another: each is the mission's times the same factor. The shield is the \
-             mission's own, thinner or thicker on all sides.",
+            "Dose, traps and fluence scale together: each is the mission's times the same factor. The shield is the mission's \
+             own, thinner or thicker on all sides.",
         );
         report
     }
@@ -67,31 +69,29 @@ fn allowed(results: &Results) -> DataTable {
     let of = |limit: usize, which: usize, bound: fn(&Limit) -> [Bound; 2], times: f64| {
         bound(&results.limits[limit])[which].value().map(|value| value * times)
     };
-    let row = |quantity, own: f64, bound: fn(&Limit) -> [Bound; 2]| Row {
+    let row = |quantity, own: f64, unit: f64, bound: fn(&Limit) -> [Bound; 2]| Row {
         quantity,
         mission: Some(own),
-        uncorrected: of(0, 0, bound, own),
-        corrected: of(1, 0, bound, own),
-        uncorrected_confident: of(0, 1, bound, own),
-        corrected_confident: of(1, 1, bound, own),
+        uncorrected: of(0, 0, bound, unit),
+        corrected: of(1, 0, bound, unit),
+        uncorrected_confident: of(0, 1, bound, unit),
+        corrected_confident: of(1, 1, bound, unit),
     };
+    // A bound is a factor on what the mission has.
+    let factor_on = |quantity, own: f64, bound| row(quantity, own, own, bound);
     let dose: fn(&Limit) -> [Bound; 2] = |limit| limit.factor;
     let mut rows = vec![
-        row("dose at the end [MeV/g]", own.dose_mev_g, dose),
-        row("protons of 10 MeV [1/cm2]", own.protons_10mev_cm2, dose),
-        row("traps at the end [1/px]", own.traps_per_px, dose),
-        row("factor on the dose", 1.0, dose),
+        factor_on("dose at the end, at most [MeV/g]", own.dose_mev_g, dose),
+        factor_on("protons of 10 MeV, at most [1/cm2]", own.protons_10mev_cm2, dose),
+        factor_on("traps at the end, at most [1/px]", own.traps_per_px, dose),
+        factor_on("factor on the dose, at most", 1.0, dose),
     ];
     if let Some(areal) = own.shield_g_cm2 {
-        rows.push(row("shield, at least [g/cm2]", areal, |limit| limit.shield));
+        rows.push(factor_on("shield, at least [g/cm2]", areal, |limit| limit.shield));
     }
-    rows.push(row("transfers", f64::from(own.transfers), |_| [Bound::NotSought; 2]));
-    if let Some(last) = rows.last_mut() {
-        last.uncorrected = results.limits[0].transfers.value();
-        last.corrected = results.limits[1].transfers.value();
-    }
+    rows.push(row("transfers, at most", f64::from(own.transfers), 1.0, |limit| [limit.transfers, Bound::NotSought]));
     let mut columns = vec![
-        words("quantity", "at most"),
+        words("quantity", "allowed"),
         column("mission", "mission", Digits::Significant(4)),
         column("uncorrected", "uncorrected", Digits::Significant(4)),
         column("corrected", "corrected", Digits::Significant(4)),
@@ -130,16 +130,17 @@ fn sentence(results: &Results, name: &str, limit: &Limit) -> String {
         Bound::At(factor) if factor >= 1.0 => format!("allows {} times the mission's dose", short(factor)),
         Bound::At(factor) => format!("allows {} of the mission's dose", short(factor)),
         Bound::All => "is kept at any dose that was tried, up to 1000 times the mission's".into(),
-        Bound::None | Bound::NotSought => "is not kept by a thousandth of the mission's dose".into(),
+        Bound::None => "is not kept by a thousandth of the mission's dose".into(),
+        Bound::NotSought => "was not solved for".into(),
     };
     let confident = match (limit.factor[1], results.confidence.map(|asked| asked.probability)) {
-        (Bound::At(factor), Some(p)) => format!(", {factor:.2} with {:.0} %", 100.0 * p),
+        (Bound::At(factor), Some(p)) => format!(", {} with {:.0} %", significant(factor, 2), 100.0 * p),
         (Bound::All, Some(p)) => format!(", any with {:.0} %", 100.0 * p),
         (Bound::None, Some(p)) => format!(", none with {:.0} %", 100.0 * p),
         _ => String::new(),
     };
     format!(
-        "The {name} budget {factor} as expected{confident}; {} of {} launches over a solar cycle keep it.",
+        "The {name} budget {factor} in the design case{confident}; {} of {} launches over a solar cycle keep it.",
         limit.launches,
         results.launches.len()
     )

@@ -5,9 +5,8 @@ use comfy_table::Table;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::estimate::{days, known_date, plus_minus, scientific};
-use crate::mission::keys::plain;
-use crate::report::{keep_errors, or_dash, table};
+use super::estimate::{error_of_date, known_date, plus_minus, scientific};
+use crate::report::{keep_errors, or_dash, significant, table};
 use crate::study::Estimate;
 
 /// Rows of one kind, and which of their values are shown.
@@ -70,7 +69,7 @@ impl Column {
         let error = self.error_key.as_ref().map(|key| row.get(key).and_then(Value::as_f64));
         match (row.get(&self.key), error) {
             (Some(Value::String(words)), Some(error_d)) => match words.parse::<NaiveDate>() {
-                Ok(date) => format!("{}\n{}", known_date(date, error_d), error_d.map_or("+- ?".into(), days)),
+                Ok(date) => format!("{}\n{}", known_date(date, error_d), error_d.map_or("+- ?".into(), error_of_date)),
                 Err(_) => words.clone(),
             },
             (Some(Value::String(words)), None) => words.clone(),
@@ -92,10 +91,7 @@ impl Column {
         match self.digits {
             Digits::Fixed(decimals) => format!("{number:.decimals$}"),
             Digits::Scientific(decimals) => format!("{number:.decimals$e}"),
-            Digits::Significant(digits) => {
-                let decimals = digits.saturating_sub(1);
-                plain(format!("{number:.decimals$e}").parse().expect("a number that was printed"))
-            }
+            Digits::Significant(digits) => significant(number, digits),
         }
     }
 }
