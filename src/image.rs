@@ -182,15 +182,28 @@ pub struct FrameDone {
 pub struct CompanionsDone {
     /// The HDU of errors, and the ratio of their root mean squares after and before.
     pub errors: Option<(usize, f64)>,
-    /// The HDU of data quality: pixels flagged as bad and as saturated, and those in which the bit of uncertain ones was set.
-    pub quality: Option<(usize, usize, usize, usize)>,
+    /// What its data quality marks.
+    pub quality: Option<QualityDone>,
+}
+
+/// What data quality says of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct QualityDone {
+    /// Its HDU.
+    pub hdu: usize,
+    /// Pixels flagged as bad.
+    pub bad_px: usize,
+    /// Pixels flagged as saturated.
+    pub saturated_px: usize,
+    /// Pixels in which the bit of uncertain ones was set.
+    pub set_px: usize,
 }
 
 impl CompanionsDone {
     /// Whether an HDU has other values than before.
     pub fn changed(&self, hdu: usize) -> bool {
         self.errors.is_some_and(|(errors, _)| errors == hdu)
-            || self.quality.is_some_and(|(quality, .., set_px)| quality == hdu && set_px > 0)
+            || self.quality.is_some_and(|quality| quality.hdu == hdu && quality.set_px > 0)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use serde::ser::{Serialize, Serializer};
 
-use super::{Done, FrameDone, HduDone, Residual, Uncertain};
+use super::{Done, FrameDone, HduDone, QualityDone, Residual, Uncertain};
 use crate::physics::SpeciesState;
 use crate::readout::Method;
 use crate::warning::Warning;
@@ -70,7 +70,7 @@ struct Correction<'a> {
     error_e: Option<f64>,
     left: Option<Residual>,
     errors: Option<Errors>,
-    quality: Option<Quality>,
+    quality: Option<QualityDone>,
 }
 
 #[derive(serde::Serialize)]
@@ -83,14 +83,6 @@ struct Correlation<'a> {
 struct Errors {
     hdu: usize,
     ratio_rms: f64,
-}
-
-#[derive(serde::Serialize)]
-struct Quality {
-    hdu: usize,
-    bad_px: usize,
-    saturated_px: usize,
-    set_px: usize,
 }
 
 impl Serialize for Done {
@@ -168,12 +160,7 @@ impl<'a> Correction<'a> {
             error_e: uncertain.map(|uncertain| uncertain.error_e),
             left: uncertain.map(|uncertain| uncertain.left),
             errors: done.beside.errors.map(|(hdu, ratio_rms)| Errors { hdu, ratio_rms }),
-            quality: done.beside.quality.map(|(hdu, bad_px, saturated_px, set_px)| Quality {
-                hdu,
-                bad_px,
-                saturated_px,
-                set_px,
-            }),
+            quality: done.beside.quality,
         }
     }
 }

@@ -9,7 +9,7 @@ use ndarray::{Array2, Zip};
 use super::amplifier::Amplifiers;
 use super::companions::{Bits, Companions};
 use super::fits::{Fits, Hdu, Pixels};
-use super::{CompanionsDone, FrameDone, Job, Task, amplifier_table, cards, errors, fits};
+use super::{CompanionsDone, FrameDone, Job, QualityDone, Task, amplifier_table, cards, errors, fits};
 use crate::error::InputError;
 
 /// What was computed of a frame.
@@ -140,7 +140,12 @@ impl<'a> Work<'a> {
                 );
                 self.ready.insert(at, (quality, cards(&told)));
             }
-            beside.quality = Some((at, count(&flagged.bad), count(&flagged.saturated), set_px));
+            beside.quality = Some(QualityDone {
+                hdu: at,
+                bad_px: count(&flagged.bad),
+                saturated_px: count(&flagged.saturated),
+                set_px,
+            });
         }
         worked.done.beside = beside;
         let told = self.job.header(&worked.done, self.dose_mev_g);

@@ -1,7 +1,7 @@
 //! `ctiplan readout` and `ctiplan correct`.
 
 use super::{Report, lines, or_dash, table, wrapped};
-use crate::image::{CompanionsDone, Done, FrameDone, HduDone, Task, Transfers};
+use crate::image::{CompanionsDone, Done, FrameDone, HduDone, QualityDone, Task, Transfers};
 use crate::readout::Method;
 
 impl Report for Done {
@@ -147,7 +147,7 @@ impl Done {
         let all = || self.frames().map(|(_, frame)| frame.beside);
         if all().any(|beside| beside.errors.is_some_and(|(hdu, _)| hdu == index)) {
             "propagated"
-        } else if all().any(|beside| beside.quality.is_some_and(|(hdu, .., set_px)| hdu == index && set_px > 0)) {
+        } else if all().any(|beside| beside.quality.is_some_and(|quality| quality.hdu == index && quality.set_px > 0)) {
             "bits set"
         } else {
             "copied"
@@ -187,8 +187,8 @@ fn beside(index: usize, done: CompanionsDone) -> String {
             2,
         );
     }
-    if let Some((hdu, bad_px, saturated_px, set_px)) =
-        done.quality.filter(|(_, bad, saturated, set)| bad + saturated + set > 0)
+    if let Some(QualityDone { hdu, bad_px, saturated_px, set_px }) =
+        done.quality.filter(|quality| quality.bad_px + quality.saturated_px + quality.set_px > 0)
     {
         let used =
             format!("HDU {index}: data quality in HDU {hdu} marks {bad_px} bad and {saturated_px} saturated pixels");
