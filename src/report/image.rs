@@ -6,87 +6,13 @@ use crate::readout::Method;
 
 impl Report for Done {
     fn text(&self) -> String {
-        let at = &self.at;
-        let mut out = wrapped(
-            &format!(
-                "{}, {} yr after launch, {:.3e} MeV/g, {} K, {} ms per row: trails {}",
-                self.mission,
-                at.t_yr,
-                self.dose_mev_g,
-                at.temperature_k,
-                at.line_time_ms,
-                if self.task == Task::Readout { "added" } else { "taken out" }
-            ),
-            2,
-        );
-        let lies = match &self.amplifiers {
-            None => format!("Frames are {}.", self.geometry.sides()),
-            Some(table) => format!("Amplifiers are those of {table}."),
-        };
-        out.push_str(&wrapped(&format!("{lies} {}", accuracy(self.method)), 2));
+        let mut out = self.heading();
         out.push('\n');
-        let mut hdus =
-            table(&["HDU", "name", "size [px]", "gain [e-/DN]", "change [e-]", "missing", "saturated", "clipped"]);
-        for hdu in &self.hdus {
-            let name = hdu.name.clone().unwrap_or_else(|| "-".into());
-            hdus.add_row(match &hdu.frame {
-                None => {
-                    let mut row = vec![hdu.index.to_string(), name, self.beside(hdu.index).into()];
-                    row.resize(8, "-".into());
-                    row
-                }
-                Some(frame) => vec![
-                    hdu.index.to_string(),
-                    name,
-                    format!("{} x {}", frame.shape.1, frame.shape.0),
-                    frame.gain_e_per_dn.map_or("several".into(), |gain| gain.to_string()),
-                    format!("{:.4}", frame.largest_change_e),
-                    frame.missing_px.to_string(),
-                    frame.saturated_px.to_string(),
-                    frame.clipped_px.to_string(),
-                ],
-            });
-        }
-        out.push_str(&lines(&hdus));
+        out.push_str(&self.changes());
         if self.task != Task::Readout {
             out.push_str("\nResidual of the forward model against the observed frame\n");
-            let mut residuals = table(&[
-                "HDU",
-                "iterations",
-                "rms before [e-]",
-                "after [e-]",
-                "largest before [e-]",
-                "after [e-]",
-                "noise",
-            ]);
-            for (hdu, frame) in self.frames() {
-                let (Some(first), Some(uncertain)) = (frame.residuals.first(), &frame.uncertain) else { continue };
-                let last = uncertain.left;
-                residuals.add_row(vec![
-                    hdu.index.to_string(),
-                    (frame.residuals.len() - 1).to_string(),
-                    format!("{:.3e}", first.rms_e),
-                    format!("{:.3e}", last.rms_e),
-                    format!("{:.3e}", first.max_e),
-                    format!("{:.3e}", last.max_e),
-                    or_dash(frame.noise.as_ref().map(|noise| format!("x {:.3}", noise.ratio_rms))),
-                ]);
-            }
-            out.push_str(&lines(&residuals));
-            for (hdu, frame) in self.frames() {
-                let Some(uncertain) = &frame.uncertain else { continue };
-                let besides = match uncertain.count() {
-                    0 => String::new(),
-                    pixels => format!(", but for {pixels} uncertain pixels"),
-                };
-                let error = format!(
-                    "HDU {}: if the model is right, the error of a pixel is below {:.1e} e-",
-                    hdu.index, uncertain.error_e
-                );
-                out.push_str(&wrapped(&format!("{error}{besides}."), 2));
-                out.push_str(&correlation(hdu.index, frame));
-                out.push_str(&beside(hdu.index, frame.beside));
-            }
+            out.push_str(&self.residuals());
+            out.push_str(&self.pixel_errors());
         }
         for warning in &self.warnings {
             out.push_str(&wrapped(&format!("\nWarning: {warning}"), 2));
@@ -142,6 +68,103 @@ impl Report for Done {
 }
 
 impl Done {
+    /// The mission and its conditions, where the amplifiers are, and how transfers are computed.
+    fn heading(&self) -> String {
+        let at = &self.at;
+        let mut out = wrapped(
+            &format!(
+                "{}, {} yr after launch, {:.3e} MeV/g, {} K, {} ms per row: trails {}",
+                self.mission,
+                at.t_yr,
+                self.dose_mev_g,
+                at.temperature_k,
+                at.line_time_ms,
+                if self.task == Task::Readout { "added" } else { "taken out" }
+            ),
+            2,
+        );
+        let lies = match &self.amplifiers {
+            None => format!("Frames are {}.", self.geometry.sides()),
+            Some(table) => format!("Amplifiers are those of {table}."),
+        };
+        out.push_str(&wrapped(&format!("{lies} {}", accuracy(self.method)), 2));
+        out
+    }
+
+    /// A row for each HDU: how far its pixels changed, or what was done to it beside a frame.
+    fn changes(&self) -> String {
+        let mut hdus =
+            table(&["HDU", "name", "size [px]", "gain [e-/DN]", "change [e-]", "missing", "saturated", "clipped"]);
+        for hdu in &self.hdus {
+            let name = hdu.name.clone().unwrap_or_else(|| "-".into());
+            hdus.add_row(match &hdu.frame {
+                None => {
+                    let mut row = vec![hdu.index.to_string(), name, self.beside(hdu.index).into()];
+                    row.resize(8, "-".into());
+                    row
+                }
+                Some(frame) => vec![
+                    hdu.index.to_string(),
+                    name,
+                    format!("{} x {}", frame.shape.1, frame.shape.0),
+                    frame.gain_e_per_dn.map_or("several".into(), |gain| gain.to_string()),
+                    format!("{:.4}", frame.largest_change_e),
+                    frame.missing_px.to_string(),
+                    frame.saturated_px.to_string(),
+                    frame.clipped_px.to_string(),
+                ],
+            });
+        }
+        lines(&hdus)
+    }
+
+    /// A row for each corrected frame: what the forward model leaves of it, before and after.
+    fn residuals(&self) -> String {
+        let mut residuals = table(&[
+            "HDU",
+            "iterations",
+            "rms before [e-]",
+            "after [e-]",
+            "largest before [e-]",
+            "after [e-]",
+            "noise",
+        ]);
+        for (hdu, frame) in self.frames() {
+            let (Some(first), Some(uncertain)) = (frame.residuals.first(), &frame.uncertain) else { continue };
+            let last = uncertain.left;
+            residuals.add_row(vec![
+                hdu.index.to_string(),
+                (frame.residuals.len() - 1).to_string(),
+                format!("{:.3e}", first.rms_e),
+                format!("{:.3e}", last.rms_e),
+                format!("{:.3e}", first.max_e),
+                format!("{:.3e}", last.max_e),
+                or_dash(frame.noise.as_ref().map(|noise| format!("x {:.3}", noise.ratio_rms))),
+            ]);
+        }
+        lines(&residuals)
+    }
+
+    /// How far pixels of corrected frames may be off, and what their noise and companions became.
+    fn pixel_errors(&self) -> String {
+        let mut out = String::new();
+        for (hdu, frame) in self.frames() {
+            let Some(uncertain) = &frame.uncertain else { continue };
+            let besides = match uncertain.count() {
+                0 => String::new(),
+                pixels => format!(", but for {pixels} uncertain pixels"),
+            };
+            let error = format!(
+                "HDU {}: if the model is right, the error of a pixel is below {:.1e} e-",
+                hdu.index, uncertain.error_e
+            );
+            out.push_str(&wrapped(&format!("{error}{besides}."), 2));
+            out.push_str(&correlation(hdu.index, frame));
+            out.push_str(&beside(hdu.index, frame.beside));
+        }
+        out
+    }
+
     /// What was done to an HDU that is no frame.
     fn beside(&self, index: usize) -> &'static str {
         let all = || self.frames().map(|(_, frame)| frame.beside);
