@@ -79,6 +79,27 @@ impl Page for Validation {
         let mut out = Parts::default();
         out.title(&self.mission.mission.name, "model against data");
         out.gap();
+        self.by_file(&mut out);
+        if !self.trends.is_empty() {
+            self.residual_trends(&mut out);
+        }
+        self.largest_residuals(&mut out);
+        out.gap();
+        for word in self.words() {
+            out.verdict(word, 2);
+        }
+        out.verdict(self.conclusion(), 2);
+        out
+    }
+
+    fn figures(&self) -> Vec<(String, Figure)> {
+        self.drawn()
+    }
+}
+
+impl Validation {
+    /// How far the model is from each file.
+    fn by_file(&self, out: &mut Parts) {
         let mut sets = table(&["data", "observable", "rows", "chi2", "chi2/row", "rms", "bias", "scatter"]);
         for set in &self.sets {
             let n = set.data.rows.len();
@@ -107,31 +128,37 @@ impl Page for Validation {
             ),
             4,
         );
-        if !self.trends.is_empty() {
-            out.heading("Residual trends");
-            let mut trends = table(&["data", "condition", "first to last bin [sigma]", "bin means [sigma]", "p-value"]);
-            for trend in &self.trends {
-                let extremes = trend.bins.iter().map(|bin| bin.mean_sigma);
-                let low = extremes.clone().fold(f64::INFINITY, f64::min);
-                let high = extremes.fold(f64::NEG_INFINITY, f64::max);
-                trends.add_row(vec![
-                    self.sets[trend.set].name().to_string(),
-                    trend.name.clone(),
-                    format!("{:+.2} +- {:.2}", trend.slope_sigma, trend.slope_error_sigma),
-                    format!("{low:+.1} to {high:+.1}"),
-                    chance(trend.false_alarm),
-                ]);
-            }
-            out.table(trends);
-            out.words(
-                format!(
-                    "  p-value: probability that noise alone gives as strong a trend, corrected for {} {} tested",
-                    self.trends.len(),
-                    if self.trends.len() == 1 { "condition" } else { "conditions" }
-                ),
-                4,
-            );
+    }
+
+    /// How residuals change with conditions.
+    fn residual_trends(&self, out: &mut Parts) {
+        out.heading("Residual trends");
+        let mut trends = table(&["data", "condition", "first to last bin [sigma]", "bin means [sigma]", "p-value"]);
+        for trend in &self.trends {
+            let extremes = trend.bins.iter().map(|bin| bin.mean_sigma);
+            let low = extremes.clone().fold(f64::INFINITY, f64::min);
+            let high = extremes.fold(f64::NEG_INFINITY, f64::max);
+            trends.add_row(vec![
+                self.sets[trend.set].name().to_string(),
+                trend.name.clone(),
+                format!("{:+.2} +- {:.2}", trend.slope_sigma, trend.slope_error_sigma),
+                format!("{low:+.1} to {high:+.1}"),
+                chance(trend.false_alarm),
+            ]);
         }
+        out.table(trends);
+        out.words(
+            format!(
+                "  p-value: probability that noise alone gives as strong a trend, corrected for {} {} tested",
+                self.trends.len(),
+                if self.trends.len() == 1 { "condition" } else { "conditions" }
+            ),
+            4,
+        );
+    }
+
+    /// The rows that are farthest from the model.
+    fn largest_residuals(&self, out: &mut Parts) {
         out.heading("Largest residuals");
         let mut worst = table(&["data", "line", "value", "model", "residual [sigma]"]);
         for (set, row, residual) in self.worst(WORST) {
@@ -145,16 +172,6 @@ impl Page for Validation {
             ]);
         }
         out.table(worst);
-        out.gap();
-        for word in self.words() {
-            out.verdict(word, 2);
-        }
-        out.verdict(self.conclusion(), 2);
-        out
-    }
-
-    fn figures(&self) -> Vec<(String, Figure)> {
-        self.drawn()
     }
 }
 
