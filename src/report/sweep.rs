@@ -57,30 +57,11 @@ impl Serialize for SweepReport<'_> {
 
 impl Report for SweepReport<'_> {
     fn text(&self) -> String {
-        let grid = self.grid;
-        let listed = grid.combinations();
-        let mut out = wrapped(
-            &format!(
-                "Sweep {} of {}: {} points ({} x {} x {})",
-                grid.fingerprint,
-                grid.name,
-                grid.points(),
-                counted(grid.missions.len() as u64, "mission"),
-                counted(listed, "combination"),
-                counted(grid.draws, "draw")
-            ),
-            2,
-        );
-        let result = self.parts.result.display();
+        let mut out = self.heading();
         if let Some(done) = &self.done {
-            let of = self.shard.map_or(String::new(), |shard| format!("shard {}/{}: ", shard.number, shard.of));
-            let mut said =
-                format!("  {of}{} of {} points were there, {} computed", done.found, done.points, done.computed);
-            if self.shard.is_some() && done.problems > 0 {
-                said.push_str(&format!(", {} of them without a result", done.problems));
-            }
-            out.push_str(&wrapped(&said, 4));
+            out.push_str(&wrapped(&self.computed(done), 4));
         }
+        let result = self.parts.result.display();
         let Some(merged) = &self.merged else {
             let said = if self.parts.merged() {
                 format!("  {result} is complete")
@@ -92,35 +73,8 @@ impl Report for SweepReport<'_> {
         };
         out.push_str(&wrapped(&format!("  written to {result}"), 4));
         out.push('\n');
-        let mut spreads = table(&["output", "least", "16 %", "median", "84 %", "largest", "none"]);
-        for spread in &merged.spreads {
-            let mut row = vec![spread.name.clone()];
-            row.extend(spread.values().map(|value| or_dash(value.map(|value| shown(&spread.name, value)))));
-            row.push(spread.points_without_value.to_string());
-            spreads.add_row(row);
-        }
-        out.push_str(&lines(&spreads));
-        if merged.spreads.iter().any(|spread| spread.points_without_value > 0) {
-            out.push_str(&wrapped(
-                "  none: points without a value; a budget that is not exceeded within the mission has no time",
-                4,
-            ));
-        }
-        if let (count, Some((point, problem))) = &merged.problems {
-            out.push_str(&wrapped(
-                &format!(
-                    "{} without a result, see column problem; the first is point {point}: {problem}",
-                    counted(*count, "point")
-                ),
-                2,
-            ));
-        }
-        if let (count, Some(warning)) = &merged.warnings {
-            out.push_str(&wrapped(
-                &format!("{} with warnings, see column warnings; the first: {warning}", counted(*count, "point")),
-                2,
-            ));
-        }
+        out.push_str(&spreads(&merged.spreads));
+        out.push_str(&first_faults(merged));
         out
     }
 
@@ -135,6 +89,76 @@ impl Report for SweepReport<'_> {
         }
         rows
     }
+}
+
+impl SweepReport<'_> {
+    /// The grid and its size.
+    fn heading(&self) -> String {
+        let grid = self.grid;
+        wrapped(
+            &format!(
+                "Sweep {} of {}: {} points ({} x {} x {})",
+                grid.fingerprint,
+                grid.name,
+                grid.points(),
+                counted(grid.missions.len() as u64, "mission"),
+                counted(grid.combinations(), "combination"),
+                counted(grid.draws, "draw")
+            ),
+            2,
+        )
+    }
+
+    /// How many points were computed.
+    fn computed(&self, done: &Done) -> String {
+        let of = self.shard.map_or(String::new(), |shard| format!("shard {}/{}: ", shard.number, shard.of));
+        let mut said = format!("  {of}{} of {} points were there, {} computed", done.found, done.points, done.computed);
+        // Of a whole sweep, the result says it.
+        if self.shard.is_some() && done.problems > 0 {
+            said.push_str(&format!(", {} of them without a result", done.problems));
+        }
+        said
+    }
+}
+
+/// Quantiles of every output.
+fn spreads(all: &[Spread]) -> String {
+    let mut spreads = table(&["output", "least", "16 %", "median", "84 %", "largest", "none"]);
+    for spread in all {
+        let mut row = vec![spread.name.clone()];
+        row.extend(spread.values().map(|value| or_dash(value.map(|value| shown(&spread.name, value)))));
+        row.push(spread.points_without_value.to_string());
+        spreads.add_row(row);
+    }
+    let mut out = lines(&spreads);
+    if all.iter().any(|spread| spread.points_without_value > 0) {
+        out.push_str(&wrapped(
+            "  none: points without a value; a budget that is not exceeded within the mission has no time",
+            4,
+        ));
+    }
+    out
+}
+
+/// Points without a result and with warnings: how many, and the first of each.
+fn first_faults(merged: &Merged) -> String {
+    let mut out = String::new();
+    if let (count, Some((point, problem))) = &merged.problems {
+        out.push_str(&wrapped(
+            &format!(
+                "{} without a result, see column problem; the first is point {point}: {problem}",
+                counted(*count, "point")
+            ),
+            2,
+        ));
+    }
+    if let (count, Some(warning)) = &merged.warnings {
+        out.push_str(&wrapped(
+            &format!("{} with warnings, see column warnings; the first: {warning}", counted(*count, "point")),
+            2,
+        ));
+    }
+    out
 }
 
 /// Times in years, all else in powers of ten.
