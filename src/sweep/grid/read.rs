@@ -21,13 +21,18 @@ use crate::sweep::output::Output;
 /// What stands at the top of a grid file.
 const KNOWN: [&str; 7] = ["mission", "outputs", "sampling", "draws", "seed", "chunk_points", "axes"];
 
-/// Distributions, each with what it must say and what it may.
-const DISTRIBUTIONS: [(&str, &[&str], &[&str]); 5] = [
-    ("uniform", &["from", "to"], &[]),
-    ("log-uniform", &["from", "to"], &[]),
-    ("normal", &["mean", "sigma"], &["min", "max"]),
-    ("log-normal", &["median", "sigma"], &["min", "max"]),
-    ("choice", &["values"], &[]),
+/// All distributions.
+const DISTRIBUTIONS: [Syntax; 5] = [
+    Syntax { name: "uniform", family: Some(Family::Uniform), required: &["from", "to"], optional: &[] },
+    Syntax { name: "log-uniform", family: Some(Family::LogUniform), required: &["from", "to"], optional: &[] },
+    Syntax { name: "normal", family: Some(Family::Normal), required: &["mean", "sigma"], optional: &["min", "max"] },
+    Syntax {
+        name: "log-normal",
+        family: Some(Family::LogNormal),
+        required: &["median", "sigma"],
+        optional: &["min", "max"],
+    },
+    Syntax { name: "choice", family: None, required: &["values"], optional: &[] },
 ];
 
 const SAMPLINGS: [&str; 4] = ["grid", "latin-hypercube", "monte-carlo", "sobol"];
@@ -54,6 +59,25 @@ pub(super) fn grid(refused: &str, name: String, text: &str, folder: &Path) -> Re
     source.read(document.get_ref(), name, folder)
 }
 
+/// How a grid file writes a distribution.
+#[derive(Clone, Copy)]
+struct Syntax {
+    name: &'static str,
+    /// None where values are drawn from a list.
+    family: Option<Family>,
+    required: &'static [&'static str],
+    optional: &'static [&'static str],
+}
+
+/// A family of distributions of numbers.
+#[derive(Clone, Copy, PartialEq)]
+enum Family {
+    Uniform,
+    LogUniform,
+    Normal,
+    LogNormal,
+}
+
 struct Source<'a> {
     refused: &'a str,
     text: &'a str,
@@ -77,33 +101,10 @@ struct Entry<'a> {
 impl Source<'_> {
     fn read(&self, document: &DeTable, name: String, folder: &Path) -> Result<Grid, InputError> {
         let entries = self.entries(document, "");
-        for entry in &entries {
-            if !KNOWN.contains(&entry.key.as_str()) {
-                let help = match nearest(&entry.key, KNOWN) {
-                    Some(near) => format!("did you mean `{near}`?"),
-                    None if lookup::is_table(&entry.key) => {
-                        format!("keys of the mission stand under [axes]: [axes.{}]", entry.key)
-                    }
-                    None => format!("known here: {}", KNOWN.join(", ")),
-                };
-                return Err(self
-                    .fault(entry, format!("no key of a grid file is called `{}`", entry.key))
-                    .with_help(help));
-            }
-        }
-        let find = |key: &str| entries.iter().find(|entry| entry.key == key);
+        self.check_known(&entries)?;
+        let find = |key: &str| find(&entries, key);
         let missions = self.missions(find("mission"), folder)?;
-        let axes = match find("axes") {
-            None => Vec::new(),
-            Some(entry) => match entry.value {
-                DeValue::Table(table) => self.axes(table, &missions)?,
-                _ => {
-                    return Err(self
-                        .fault(entry, "must be a table: write [axes]")
-                        .with_help("such as readout.transfers = [825, 1650]"));
-                }
-            },
-        };
+        let axes = find("axes").map_or(Ok(Vec::new()), |entry| self.section_of_axes(entry, &missions))?;
         if missions.len() == 1 && axes.is_empty() {
             return Err(InputError::new(self.refused, "there is one mission and nothing that varies")
                 .with_help("add [axes] with a line such as readout.transfers = [825, 1650]"));
@@ -111,55 +112,16 @@ impl Source<'_> {
         let drawn: Vec<&Placed> =
             axes.iter().filter(|placed| !matches!(placed.axis.values, Values::Listed(_))).collect();
         let sampling = self.sampling(find("sampling"), drawn.first().map(|placed| placed.axis.key.as_str()))?;
-        let draws = match (find("draws"), sampling) {
-            (Some(entry), None) => {
-                return Err(self
-                    .fault(entry, "there is no distribution to draw from: lists and ranges are combined in full")
-                    .with_help(
-                        "leave draws away, or write { distribution = \"uniform\", from = ..., to = ... } for a key",
-                    ));
-            }
-            (Some(entry), Some(_)) => {
-                self.whole_number(entry, "number of draws at every combination of the lists", 1, MOST_POINTS)?
-            }
-            (None, None) => 1,
-            (None, Some(_)) => {
-                return Err(InputError::new(
-                    self.refused,
-                    format!(
-                        "`draws` is missing: the number of draws at every combination of the lists (whole numbers from 1 to {MOST_POINTS})"
-                    ),
-                ));
-            }
-        };
+        let draws = self.draws(find("draws"), sampling)?;
         let seed =
             find("seed").map_or(Ok(1), |entry| self.whole_number(entry, "seed of the draws", 0, i64::MAX as u64))?;
         let records = self.records(find("outputs"))?;
-        let listed = axes.iter().try_fold(missions.len() as u64 * draws, |product, placed| {
-            product.checked_mul(placed.axis.values.listed() as u64)
-        });
-        let Some(points) = listed.filter(|points| *points <= MOST_POINTS) else {
-            return Err(InputError::new(
-                self.refused,
-                format!("more than {MOST_POINTS} points: missions, listed values and draws are multiplied"),
-            )
-            .with_help(
-                "give distributions instead of lists: { distribution = \"choice\", values = [...] } draws from a list",
-            ));
-        };
+        let points = self.points(missions.len() as u64 * draws, &axes)?;
         let usual = points.div_ceil(CHUNKS).clamp(1, MOST_CHUNK_POINTS);
         let chunk_points = find("chunk_points").map_or(Ok(usual), |entry| {
             self.whole_number(entry, "number of points that are written together", 1, 1_000_000)
         })?;
-        if sampling == Some(Sampling::Sobol) && (draws > MOST_SOBOL.0 || drawn.len() > MOST_SOBOL.1) {
-            let problem = format!(
-                "{draws} draws from {} distributions; allowed with \"sobol\": up to {} draws from {} distributions",
-                drawn.len(),
-                MOST_SOBOL.0,
-                MOST_SOBOL.1
-            );
-            return Err(InputError::new(self.refused, problem).with_help("sampling = \"latin-hypercube\""));
-        }
+        self.check_sobol(sampling, draws, drawn.len())?;
         let sample = Sample::new(sampling.unwrap_or(Sampling::MonteCarlo), seed, draws, drawn.len());
         self.check_draws(&drawn, &sample, draws)?;
         let axes = axes.into_iter().map(|placed| placed.axis).collect();
@@ -177,6 +139,81 @@ impl Source<'_> {
         };
         grid.fingerprint = grid.hash();
         Ok(grid)
+    }
+
+    /// Every key at the top of the file is known.
+    fn check_known(&self, entries: &[Entry]) -> Result<(), InputError> {
+        let Some(unknown) = entries.iter().find(|entry| !KNOWN.contains(&entry.key.as_str())) else { return Ok(()) };
+        let help = match nearest(&unknown.key, KNOWN) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None if lookup::is_table(&unknown.key) => {
+                format!("keys of the mission stand under [axes]: [axes.{}]", unknown.key)
+            }
+            None => format!("known here: {}", KNOWN.join(", ")),
+        };
+        Err(self.fault(unknown, format!("no key of a grid file is called `{}`", unknown.key)).with_help(help))
+    }
+
+    fn section_of_axes<'a>(
+        &self,
+        entry: &Entry<'a>,
+        missions: &[(String, Mission)],
+    ) -> Result<Vec<Placed<'a>>, InputError> {
+        match entry.value {
+            DeValue::Table(table) => self.axes(table, missions),
+            _ => Err(self
+                .fault(entry, "must be a table: write [axes]")
+                .with_help("such as readout.transfers = [825, 1650]")),
+        }
+    }
+
+    /// Draws at every combination of the lists: said where there are distributions, and only there.
+    fn draws(&self, entry: Option<&Entry>, sampling: Option<Sampling>) -> Result<u64, InputError> {
+        match (entry, sampling) {
+            (Some(entry), None) => Err(self
+                .fault(entry, "there is no distribution to draw from: lists and ranges are combined in full")
+                .with_help(
+                    "leave draws away, or write { distribution = \"uniform\", from = ..., to = ... } for a key",
+                )),
+            (Some(entry), Some(_)) => {
+                self.whole_number(entry, "number of draws at every combination of the lists", 1, MOST_POINTS)
+            }
+            (None, None) => Ok(1),
+            (None, Some(_)) => Err(InputError::new(
+                self.refused,
+                format!(
+                    "`draws` is missing: the number of draws at every combination of the lists (whole numbers from 1 to {MOST_POINTS})"
+                ),
+            )),
+        }
+    }
+
+    /// Number of points: missions and draws, times the values of each list.
+    fn points(&self, missions_and_draws: u64, axes: &[Placed]) -> Result<u64, InputError> {
+        let listed = axes
+            .iter()
+            .try_fold(missions_and_draws, |product, placed| product.checked_mul(placed.axis.values.listed() as u64));
+        listed.filter(|points| *points <= MOST_POINTS).ok_or_else(|| {
+            InputError::new(
+                self.refused,
+                format!("more than {MOST_POINTS} points: missions, listed values and draws are multiplied"),
+            )
+            .with_help(
+                "give distributions instead of lists: { distribution = \"choice\", values = [...] } draws from a list",
+            )
+        })
+    }
+
+    /// Sobol's sequence has so many points, in so many dimensions.
+    fn check_sobol(&self, sampling: Option<Sampling>, draws: u64, distributions: usize) -> Result<(), InputError> {
+        if sampling == Some(Sampling::Sobol) && (draws > MOST_SOBOL.0 || distributions > MOST_SOBOL.1) {
+            let problem = format!(
+                "{draws} draws from {distributions} distributions; allowed with \"sobol\": up to {} draws from {} distributions",
+                MOST_SOBOL.0, MOST_SOBOL.1
+            );
+            return Err(InputError::new(self.refused, problem).with_help("sampling = \"latin-hypercube\""));
+        }
+        Ok(())
     }
 
     fn missions(&self, entry: Option<&Entry>, folder: &Path) -> Result<Vec<(String, Mission)>, InputError> {
@@ -364,27 +401,48 @@ impl Source<'_> {
     }
 
     fn distribution(&self, entry: &Entry, key: &'static keys::Key, table: &DeTable) -> Result<Values, InputError> {
-        let kinds = || DISTRIBUTIONS.iter().map(|(kind, ..)| *kind);
-        let known = kinds().map(|kind| format!("\"{kind}\"")).collect::<Vec<_>>().join(", ");
         let members = self.entries(table, "");
-        let find = |name: &str| members.iter().find(|member| member.key == name);
-        let Some(kind) = find("distribution") else {
+        let syntax = self.syntax(entry, &members)?;
+        self.check_members(entry, syntax, &members)?;
+        let Some(family) = syntax.family else { return self.choice(entry, key, &members) };
+        if matches!(key.kind, Allowed::Date) {
+            return self.days(entry, syntax, &members);
+        }
+        let Some(whole) = whole(key.kind) else {
+            return Err(self
+                .fault_at(
+                    entry,
+                    format!("the {} is no number: a {} distribution has none of it", key.what, syntax.name),
+                )
+                .with_help("{ distribution = \"choice\", values = [...] } draws from a list"));
+        };
+        let distribution = self.numbers(entry, family, &members)?;
+        self.sensible(entry, distribution)?;
+        Ok(if whole { Values::DrawnWhole(distribution) } else { Values::Drawn(distribution) })
+    }
+
+    /// Which distribution a table names.
+    fn syntax(&self, entry: &Entry, members: &[Entry]) -> Result<Syntax, InputError> {
+        let names = || DISTRIBUTIONS.iter().map(|syntax| syntax.name);
+        let known = names().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+        let Some(named) = find(members, "distribution") else {
             return Err(self.fault_at(
                 entry,
                 format!("a table says how values are drawn, and `distribution` is missing: {known}"),
             ));
         };
-        let DeValue::String(kind) = kind.value else {
+        let DeValue::String(name) = named.value else {
             return Err(self.fault_at(entry, format!("the distribution is of the wrong kind; allowed: {known}")));
         };
-        let Some((kind, required, optional)) = DISTRIBUTIONS.into_iter().find(|(known, ..)| *known == kind.as_ref())
-        else {
-            let help = nearest(kind, kinds()).map(|near| format!("did you mean \"{near}\"?"));
-            return Err(InputError {
-                help,
-                ..self.fault_at(entry, format!("the distribution is \"{kind}\"; allowed: {known}"))
-            });
-        };
+        DISTRIBUTIONS.into_iter().find(|syntax| syntax.name == name.as_ref()).ok_or_else(|| {
+            let help = nearest(name, names()).map(|near| format!("did you mean \"{near}\"?"));
+            InputError { help, ..self.fault_at(entry, format!("the distribution is \"{name}\"; allowed: {known}")) }
+        })
+    }
+
+    /// A distribution has the numbers that it needs, and no others.
+    fn check_members(&self, entry: &Entry, syntax: Syntax, members: &[Entry]) -> Result<(), InputError> {
+        let Syntax { name, required, optional, .. } = syntax;
         let allowed: Vec<&str> = ["distribution"].iter().chain(required).chain(optional).copied().collect();
         if let Some(unknown) = members.iter().find(|member| !allowed.contains(&member.key.as_str())) {
             let help = match nearest(&unknown.key, allowed.iter().copied()) {
@@ -392,49 +450,47 @@ impl Source<'_> {
                 None => format!("known here: {}", allowed.join(", ")),
             };
             return Err(self
-                .fault_at(entry, format!("a {kind} distribution has no `{}`", unknown.key))
+                .fault_at(entry, format!("a {name} distribution has no `{}`", unknown.key))
                 .with_help(help));
         }
-        if let Some(missing) = required.iter().find(|name| find(name).is_none()) {
+        if let Some(missing) = required.iter().find(|key| find(members, key).is_none()) {
             return Err(self.fault_at(
                 entry,
-                format!("`{missing}` is missing: a {kind} distribution needs {}", required.join(" and ")),
+                format!("`{missing}` is missing: a {name} distribution needs {}", required.join(" and ")),
             ));
         }
-        if kind == "choice" {
-            let DeValue::Array(values) = find("values").expect("required").value else {
-                return Err(self.fault_at(entry, "values must be a list"));
-            };
-            if values.is_empty() {
-                return Err(self.fault_at(entry, "the list of values is empty"));
-            }
-            return self.list(entry, key, values).map(Values::Chosen);
-        }
-        if matches!(key.kind, Allowed::Date) {
-            return self.days(entry, kind, find("from"), find("to"));
-        }
-        let Some(whole) = whole(key.kind) else {
-            return Err(self
-                .fault_at(entry, format!("the {} is no number: a {kind} distribution has none of it", key.what))
-                .with_help("{ distribution = \"choice\", values = [...] } draws from a list"));
+        Ok(())
+    }
+
+    /// A list to draw from.
+    fn choice(&self, entry: &Entry, key: &'static keys::Key, members: &[Entry]) -> Result<Values, InputError> {
+        let DeValue::Array(values) = find(members, "values").expect("required").value else {
+            return Err(self.fault_at(entry, "values must be a list"));
         };
-        let number = |name: &str, otherwise: f64| find(name).map_or(Ok(otherwise), |member| self.number(entry, member));
-        let distribution = match kind {
-            "uniform" => Distribution::Uniform { from: number("from", 0.0)?, to: number("to", 0.0)? },
-            "log-uniform" => Distribution::LogUniform { from: number("from", 0.0)?, to: number("to", 0.0)? },
-            "normal" => Distribution::Normal {
+        if values.is_empty() {
+            return Err(self.fault_at(entry, "the list of values is empty"));
+        }
+        self.list(entry, key, values).map(Values::Chosen)
+    }
+
+    /// The distribution of a family that has the numbers of a table.
+    fn numbers(&self, entry: &Entry, family: Family, members: &[Entry]) -> Result<Distribution, InputError> {
+        let number =
+            |name: &str, otherwise: f64| find(members, name).map_or(Ok(otherwise), |member| self.number(entry, member));
+        Ok(match family {
+            Family::Uniform => Distribution::Uniform { from: number("from", 0.0)?, to: number("to", 0.0)? },
+            Family::LogUniform => Distribution::LogUniform { from: number("from", 0.0)?, to: number("to", 0.0)? },
+            Family::Normal => Distribution::Normal {
                 mean: number("mean", 0.0)?,
                 sigma: number("sigma", 0.0)?,
                 ends: (number("min", f64::NEG_INFINITY)?, number("max", f64::INFINITY)?),
             },
-            _ => Distribution::LogNormal {
+            Family::LogNormal => Distribution::LogNormal {
                 median: number("median", 0.0)?,
                 sigma: number("sigma", 0.0)?,
                 ends: (number("min", 0.0)?, number("max", f64::INFINITY)?),
             },
-        };
-        self.sensible(entry, distribution)?;
-        Ok(if whole { Values::DrawnWhole(distribution) } else { Values::Drawn(distribution) })
+        })
     }
 
     fn sensible(&self, entry: &Entry, distribution: Distribution) -> Result<(), InputError> {
@@ -462,11 +518,12 @@ impl Source<'_> {
         problem.map_or(Ok(()), |problem| Err(self.fault_at(entry, problem)))
     }
 
-    fn days(&self, entry: &Entry, kind: &str, from: Option<&Entry>, to: Option<&Entry>) -> Result<Values, InputError> {
-        if kind != "uniform" {
-            return Err(
-                self.fault_at(entry, format!("days have no {kind} distribution; allowed: \"uniform\", \"choice\""))
-            );
+    fn days(&self, entry: &Entry, syntax: Syntax, members: &[Entry]) -> Result<Values, InputError> {
+        if syntax.family != Some(Family::Uniform) {
+            return Err(self.fault_at(
+                entry,
+                format!("days have no {} distribution; allowed: \"uniform\", \"choice\"", syntax.name),
+            ));
         }
         let day = |member: &Entry| -> Result<NaiveDate, InputError> {
             let wrong = |why: &str| {
@@ -479,7 +536,9 @@ impl Source<'_> {
                 _ => Err(wrong("must be a day")),
             }
         };
-        let (Some(from), Some(to)) = (from, to) else { unreachable!("both are required") };
+        let (Some(from), Some(to)) = (find(members, "from"), find(members, "to")) else {
+            unreachable!("both are required")
+        };
         let (from, to) = (day(from)?, day(to)?);
         if from >= to {
             return Err(self.fault_at(entry, format!("from ({from}) must be before to ({to})")));
@@ -621,4 +680,8 @@ impl Source<'_> {
             problem,
         )
     }
+}
+
+fn find<'a, 'b>(entries: &'b [Entry<'a>], key: &str) -> Option<&'b Entry<'a>> {
+    entries.iter().find(|entry| entry.key == key)
 }
