@@ -14,7 +14,7 @@ use crate::environment::source::{self, SOURCES};
 use crate::error::{InputError, nearest, shortened};
 use crate::io::{input, json};
 use crate::mission::keys::{self, ARRAYS, Allowed, KEYS, Need, OPTIONAL_TABLES};
-use crate::mission::{DoseModel, Mission, Orbit, OrbitKind, Population, ReadoutMethod, TrapsAtStart};
+use crate::mission::{DoseModel, Galaxy, Mission, Orbit, OrbitKind, Population, ReadoutMethod, TrapsAtStart};
 use crate::numeric::calendar;
 use crate::readout::MAX_SPECIES;
 
@@ -283,52 +283,75 @@ impl<'a> Source<'a> {
 
     /// What keys say together.
     fn check_together(&self, mission: &Mission, table: &toml::Table) -> Result<(), InputError> {
-        let detector = &mission.detector;
+        self.check_traps(mission)?;
+        let galaxies: Vec<&str> = mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect();
+        self.check_names("galaxies", &galaxies)?;
+        for (index, galaxy) in mission.galaxies.iter().enumerate() {
+            self.check_flux(galaxy, index)?;
+        }
+        self.check_judged(&mission.requirement.galaxy, &galaxies)?;
+        self.check_effects(mission, table)?;
+        self.check_free(&mission.fit.free, table)?;
+        self.check_clock(mission)?;
+        self.check_persistence(mission)?;
+        self.check_noise(mission)?;
+        self.check_population(mission, table)?;
+        self.check_dose(mission)
+    }
+
+    /// Notch and surface are below the full well, and the readout can hold all species, each under its own name.
+    fn check_traps(&self, mission: &Mission) -> Result<(), InputError> {
+        let traps = &mission.detector.traps;
         if let Some(problem) = mission.notch_problem() {
             return Err(self.fault("detector.notch_e", problem));
         }
         if let Some((index, problem)) = mission.surface_problem() {
             return Err(self.fault(&format!("detector.traps[{index}].surface_level_e"), problem));
         }
-        if detector.traps.len() > MAX_SPECIES {
-            let problem = format!("{} trap species; allowed: up to {MAX_SPECIES}", detector.traps.len());
+        if traps.len() > MAX_SPECIES {
+            let problem = format!("{} trap species; allowed: up to {MAX_SPECIES}", traps.len());
             return Err(self.fault("detector.traps", problem));
         }
-        let names = |array: &str, names: Vec<&str>| {
-            (1..names.len()).find(|&index| names[..index].contains(&names[index])).map_or(Ok(()), |index| {
-                let problem = format!("duplicate name \"{}\"", names[index]);
-                Err(self.fault(&format!("{array}[{index}].name"), problem))
-            })
-        };
-        names("detector.traps", detector.traps.iter().map(|species| species.name.as_str()).collect())?;
-        let galaxies: Vec<&str> = mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect();
-        names("galaxies", galaxies.clone())?;
-        for (index, galaxy) in mission.galaxies.iter().enumerate() {
-            let at = |key: &str| format!("galaxies[{index}].{key}");
-            match (galaxy.flux_e, galaxy.snr, galaxy.aperture_px) {
-                (Some(_), Some(_), _) => {
-                    return Err(self.fault(&at("snr"), "give flux_e or snr, not both: one follows from the other"));
-                }
-                (None, None, _) => {
-                    let problem = format!("galaxy \"{}\" needs flux_e (e-), or snr with aperture_px (px)", galaxy.name);
-                    return Err(InputError {
-                        place: self.place(&format!("galaxies[{index}]")),
-                        ..self.fault("", problem)
-                    });
-                }
-                (None, Some(_), None) => {
-                    return Err(self
-                        .fault(&at("snr"), "a signal-to-noise ratio needs aperture_px, the radius in which it holds"));
-                }
-                _ => {}
+        let species: Vec<&str> = traps.iter().map(|species| species.name.as_str()).collect();
+        self.check_names("detector.traps", &species)
+    }
+
+    /// Members of an array have names of their own.
+    fn check_names(&self, array: &str, names: &[&str]) -> Result<(), InputError> {
+        (1..names.len()).find(|&index| names[..index].contains(&names[index])).map_or(Ok(()), |index| {
+            let problem = format!("duplicate name \"{}\"", names[index]);
+            Err(self.fault(&format!("{array}[{index}].name"), problem))
+        })
+    }
+
+    /// The charge of a galaxy is given, or follows from its signal-to-noise ratio.
+    fn check_flux(&self, galaxy: &Galaxy, index: usize) -> Result<(), InputError> {
+        let snr = format!("galaxies[{index}].snr");
+        match (galaxy.flux_e, galaxy.snr, galaxy.aperture_px) {
+            (Some(_), Some(_), _) => Err(self.fault(&snr, "give flux_e or snr, not both: one follows from the other")),
+            (None, None, _) => {
+                let problem = format!("galaxy \"{}\" needs flux_e (e-), or snr with aperture_px (px)", galaxy.name);
+                Err(InputError { place: self.place(&format!("galaxies[{index}]")), ..self.fault("", problem) })
             }
+            (None, Some(_), None) => {
+                Err(self.fault(&snr, "a signal-to-noise ratio needs aperture_px, the radius in which it holds"))
+            }
+            _ => Ok(()),
         }
-        let judged = &mission.requirement.galaxy;
-        if !galaxies.contains(&judged.as_str()) {
-            let help = nearest(judged, galaxies.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
-            let problem = format!("there is no galaxy \"{judged}\"; there are: {}", galaxies.join(", "));
-            return Err(InputError { help, ..self.fault("requirement.galaxy", problem) });
+    }
+
+    /// The requirement names a galaxy of the mission.
+    fn check_judged(&self, judged: &str, galaxies: &[&str]) -> Result<(), InputError> {
+        if galaxies.contains(&judged) {
+            return Ok(());
         }
+        let help = nearest(judged, galaxies.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
+        let problem = format!("there is no galaxy \"{judged}\"; there are: {}", galaxies.join(", "));
+        Err(InputError { help, ..self.fault("requirement.galaxy", problem) })
+    }
+
+    /// Each effect refuses what its own keys say together.
+    fn check_effects(&self, mission: &Mission, table: &toml::Table) -> Result<(), InputError> {
         for entry in &effect::CATALOGUE {
             entry.check(mission).map_err(|(index, refusal)| {
                 let place = &effect_places(table, entry.card.kind)[index];
@@ -336,16 +359,17 @@ impl<'a> Source<'a> {
                 InputError { help: refusal.help, ..self.fault(&path, refusal.problem) }
             })?;
         }
-        for (index, key) in mission.fit.free.iter().enumerate() {
+        Ok(())
+    }
+
+    /// Free parameters are keys of the mission.
+    fn check_free(&self, free: &[String], table: &toml::Table) -> Result<(), InputError> {
+        for (index, key) in free.iter().enumerate() {
             if let Err((problem, help)) = resolve(table, key) {
                 return Err(InputError { help, ..self.fault(&format!("fit.free[{index}]"), problem) });
             }
         }
-        self.check_clock(mission)?;
-        self.check_persistence(mission)?;
-        self.check_noise(mission)?;
-        self.check_population(mission, table)?;
-        self.check_dose(mission)
+        Ok(())
     }
 
     /// The steps of a clock move a packet by one pixel, and not too many species are divided among the phases.
