@@ -14,7 +14,9 @@ use crate::environment::source::{self, SOURCES};
 use crate::error::{InputError, nearest, shortened};
 use crate::io::{input, json};
 use crate::mission::keys::{self, ARRAYS, Allowed, KEYS, Need, OPTIONAL_TABLES};
-use crate::mission::{DoseModel, Galaxy, Mission, Orbit, OrbitKind, Population, ReadoutMethod, TrapsAtStart};
+use crate::mission::{
+    DoseModel, Environment, Galaxy, Mission, Orbit, OrbitKind, Population, ReadoutMethod, TrapsAtStart,
+};
 use crate::numeric::calendar;
 use crate::readout::MAX_SPECIES;
 
@@ -613,28 +615,49 @@ impl<'a> Source<'a> {
     /// The dose is given, derived or read, in one way.
     fn check_sources(&self, mission: &Mission) -> Result<(), InputError> {
         let environment = &mission.environment;
-        let model = environment.model;
+        self.check_model_keys(environment)?;
+        self.check_lists(environment)?;
         let given = environment.active_dose_rate_mev_g_yr.is_some();
+        match environment.model {
+            DoseModel::History => self.check_history(environment),
+            DoseModel::Derived if given => Err(self
+                .fault("environment.active_dose_rate_mev_g_yr", "the model \"derived\" derives the dose rate")
+                .with_help("remove it, or take the model \"solar-cycle\"")),
+            _ if given => Ok(()),
+            _ => {
+                self.check_derivable(mission)?;
+                self.check_source_names(environment)
+            }
+        }
+    }
+
+    /// Keys of another model than the mission's are absent.
+    fn check_model_keys(&self, environment: &Environment) -> Result<(), InputError> {
         for (key, is_there, of) in [
             ("history", environment.history.is_some(), DoseModel::History),
             ("sources", environment.sources.is_some(), DoseModel::Derived),
             ("spectra", environment.spectra.is_some(), DoseModel::Derived),
             ("dose_depth", environment.dose_depth.is_some(), DoseModel::Derived),
         ] {
-            if is_there && model != of {
+            if is_there && environment.model != of {
                 let word = if of == DoseModel::History { "history" } else { "derived" };
                 let problem = format!("{key} is for environment.model = \"{word}\"");
                 return Err(self.fault(&format!("environment.{key}"), problem));
             }
         }
-        let ways = [environment.sources.is_some(), environment.spectra.is_some(), environment.dose_depth.is_some()];
-        if ways.iter().filter(|given| **given).count() > 1 {
-            let key = if ways[1] { "environment.spectra" } else { "environment.dose_depth" };
+        Ok(())
+    }
+
+    /// The dose is made from one of its keys, and nothing counts twice in it.
+    fn check_lists(&self, environment: &Environment) -> Result<(), InputError> {
+        let (sources, spectra) = (environment.sources.is_some(), environment.spectra.is_some());
+        if [sources, spectra, environment.dose_depth.is_some()].iter().filter(|given| **given).count() > 1 {
+            let key = if spectra { "environment.spectra" } else { "environment.dose_depth" };
             return Err(self.fault(key, "give one of sources, spectra and dose_depth: each makes the whole dose"));
         }
         for (key, list) in [("sources", &environment.sources), ("spectra", &environment.spectra)] {
-            let list = list.as_deref().unwrap_or(&[]);
-            if list.is_empty() && ways[if key == "sources" { 0 } else { 1 }] {
+            let Some(list) = list else { continue };
+            if list.is_empty() {
                 return Err(self
                     .fault(&format!("environment.{key}"), "the list is empty: no dose would come")
                     .with_help("name at least one, or remove the key"));
@@ -644,34 +667,33 @@ impl<'a> Source<'a> {
                 return Err(self.fault(&format!("environment.{key}[{index}]"), problem));
             }
         }
-        if model == DoseModel::History {
-            if environment.history.is_none() {
-                let problem = "`environment.history` is missing: the file of the dose over time";
-                return Err(InputError { place: self.place("environment"), ..self.fault("", problem) });
+        Ok(())
+    }
+
+    /// A dose over time comes from its file alone.
+    fn check_history(&self, environment: &Environment) -> Result<(), InputError> {
+        if environment.history.is_none() {
+            let problem = "`environment.history` is missing: the file of the dose over time";
+            return Err(InputError { place: self.place("environment"), ..self.fault("", problem) });
+        }
+        for (key, is_there) in [
+            ("active_dose_rate_mev_g_yr", environment.active_dose_rate_mev_g_yr.is_some()),
+            ("active_years", environment.active_years.is_some()),
+            ("solar_phase", environment.solar_phase.is_some()),
+        ] {
+            if is_there {
+                let problem = "the model \"history\" takes its dose from the file alone";
+                return Err(self.fault(&format!("environment.{key}"), problem).with_help("remove it"));
             }
-            for (key, is_there) in [
-                ("active_dose_rate_mev_g_yr", given),
-                ("active_years", environment.active_years.is_some()),
-                ("solar_phase", environment.solar_phase.is_some()),
-            ] {
-                if is_there {
-                    let problem = "the model \"history\" takes its dose from the file alone";
-                    return Err(self.fault(&format!("environment.{key}"), problem).with_help("remove it"));
-                }
-            }
-            return Ok(());
         }
-        if given && model == DoseModel::Derived {
-            return Err(self
-                .fault("environment.active_dose_rate_mev_g_yr", "the model \"derived\" derives the dose rate")
-                .with_help("remove it, or take the model \"solar-cycle\""));
-        }
-        if given {
-            return Ok(());
-        }
-        let imports = ways[1] || ways[2];
-        let place = mission.place();
-        if place.is_none() && !imports {
+        Ok(())
+    }
+
+    /// A dose that is not given follows from an orbit and a shield.
+    fn check_derivable(&self, mission: &Mission) -> Result<(), InputError> {
+        let environment = &mission.environment;
+        let imports = environment.spectra.is_some() || environment.dose_depth.is_some();
+        if mission.place().is_none() && !imports {
             let problem = "a low Earth orbit is dosed by trapped protons, which depend on its altitude and inclination: \
                            the dose cannot be derived";
             return Err(self.fault("mission.orbit", problem).with_help(
@@ -679,8 +701,8 @@ impl<'a> Source<'a> {
                  \"derived\"; or give environment.active_dose_rate_mev_g_yr",
             ));
         }
-        if model != DoseModel::Derived && mission.orbit.as_ref().is_some_and(|orbit| orbit.kind == OrbitKind::Elements)
-        {
+        let has_elements = mission.orbit.as_ref().is_some_and(|orbit| orbit.kind == OrbitKind::Elements);
+        if environment.model != DoseModel::Derived && has_elements {
             let problem = "this model knows solar protons alone: trapped protons would be missing";
             return Err(self
                 .fault("environment.model", problem)
@@ -692,14 +714,18 @@ impl<'a> Source<'a> {
                 "add [shielding] with geometry = \"sphere\" or \"slab\" and thickness_mm, in mm of aluminium",
             ));
         }
+        Ok(())
+    }
+
+    /// Sources of protons are known.
+    fn check_source_names(&self, environment: &Environment) -> Result<(), InputError> {
         for (index, name) in environment.sources.iter().flatten().enumerate() {
-            let names = || SOURCES.iter().map(|source| source.card().name);
-            let refuse = |problem: String| self.fault(&format!("environment.sources[{index}]"), problem);
             if source::source(name).is_none() {
-                let near = nearest(name, names()).map(|near| format!("did you mean \"{near}\"?"));
+                let names = || SOURCES.iter().map(|source| source.card().name);
+                let help = nearest(name, names()).map(|near| format!("did you mean \"{near}\"?"));
                 let problem =
                     format!("no source is called \"{name}\"; there are: {}", names().collect::<Vec<_>>().join(", "));
-                return Err(InputError { help: near, ..refuse(problem) });
+                return Err(InputError { help, ..self.fault(&format!("environment.sources[{index}]"), problem) });
             }
         }
         Ok(())
