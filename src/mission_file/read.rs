@@ -868,22 +868,8 @@ pub(crate) fn check_value(
     key: &keys::Key,
     fault: impl Fn(String) -> InputError,
 ) -> Result<(), InputError> {
-    let allowed = key.kind.allowed(key.unit);
-    let wrong_kind = || fault(format!("the {} is of the wrong kind; allowed: {allowed}", key.what));
-    let check_number = |value: &DeValue| {
-        let number = match value {
-            DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
-            DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|i| i as f64),
-            _ => None,
-        };
-        let number = number.ok_or_else(wrong_kind)?;
-        if key.kind.refuses(number) {
-            let unit = if key.unit.is_empty() { String::new() } else { format!(" {}", key.unit) };
-            let problem = format!("the {} is {}{unit}; allowed: {allowed}", key.what, keys::plain(number));
-            return Err(InputError { help: (key.help)(number), ..fault(problem) });
-        }
-        Ok(())
-    };
+    let wrong_kind = || wrong_kind(key, &fault);
+    let check_number = |value: &DeValue| check_number(value, key, &fault);
     match (key.kind, value) {
         (Allowed::Number(..) | Allowed::Positive(..), value) => check_number(value),
         (Allowed::Integer(..), value @ DeValue::Integer(_)) => check_number(value),
@@ -899,16 +885,8 @@ pub(crate) fn check_value(
                 _ => Err(wrong_kind()),
             })
         }
-        (Allowed::Choice(words), DeValue::String(word)) if !words.contains(&word.as_ref()) => {
-            let help = nearest(word, words.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
-            let problem = format!("the {} is \"{word}\"; allowed: {allowed}", key.what);
-            Err(InputError { help, ..fault(problem) })
-        }
-        (Allowed::Choice(_), DeValue::String(_)) => Ok(()),
-        (Allowed::Text, DeValue::String(word)) if key.is_name() && word.contains(char::is_control) => {
-            Err(fault(format!("the {} holds an end of a line, a tab or another control character", key.what)))
-        }
-        (Allowed::Text, DeValue::String(word)) if !word.trim().is_empty() => Ok(()),
+        (Allowed::Choice(words), DeValue::String(word)) => check_choice(word, words, key, &fault),
+        (Allowed::Text, DeValue::String(word)) => check_text(word, key, &fault),
         (Allowed::Texts, DeValue::Array(members))
             if members.iter().all(|member| matches!(member.get_ref(), DeValue::String(_))) =>
         {
@@ -923,6 +901,51 @@ pub(crate) fn check_value(
         }
         _ => Err(wrong_kind()),
     }
+}
+
+fn wrong_kind(key: &keys::Key, fault: &impl Fn(String) -> InputError) -> InputError {
+    fault(format!("the {} is of the wrong kind; allowed: {}", key.what, key.kind.allowed(key.unit)))
+}
+
+fn check_number(value: &DeValue, key: &keys::Key, fault: &impl Fn(String) -> InputError) -> Result<(), InputError> {
+    let number = match value {
+        DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
+        DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|i| i as f64),
+        _ => None,
+    };
+    let number = number.ok_or_else(|| wrong_kind(key, fault))?;
+    if key.kind.refuses(number) {
+        let unit = if key.unit.is_empty() { String::new() } else { format!(" {}", key.unit) };
+        let allowed = key.kind.allowed(key.unit);
+        let problem = format!("the {} is {}{unit}; allowed: {allowed}", key.what, keys::plain(number));
+        return Err(InputError { help: (key.help)(number), ..fault(problem) });
+    }
+    Ok(())
+}
+
+fn check_choice(
+    word: &str,
+    words: &[&str],
+    key: &keys::Key,
+    fault: &impl Fn(String) -> InputError,
+) -> Result<(), InputError> {
+    if words.contains(&word) {
+        return Ok(());
+    }
+    let help = nearest(word, words.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
+    let problem = format!("the {} is \"{word}\"; allowed: {}", key.what, key.kind.allowed(key.unit));
+    Err(InputError { help, ..fault(problem) })
+}
+
+/// Text is not empty; names are written into tables, a row each.
+fn check_text(word: &str, key: &keys::Key, fault: &impl Fn(String) -> InputError) -> Result<(), InputError> {
+    if key.is_name() && word.contains(char::is_control) {
+        return Err(fault(format!("the {} holds an end of a line, a tab or another control character", key.what)));
+    }
+    if word.trim().is_empty() {
+        return Err(wrong_kind(key, fault));
+    }
+    Ok(())
 }
 
 /// Line of a place in a text, from 1.
