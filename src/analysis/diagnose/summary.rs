@@ -1,12 +1,14 @@
 //! Everything that is told of what was found.
 
+use std::sync::Arc;
+
 use super::evidence::{Evidence, Found, newest};
 use super::fitted_model::{Added, Node};
 use super::result::{Diagnosis, Leaning, Note, Rung, Step, Tried, Verdict};
 use super::stability::Stability;
 use super::{doubts, formula, holdout};
-use crate::analysis::fit::{self, Advice};
-use crate::analysis::validate::validate;
+use crate::analysis::fit::{self, Advice, Fitted};
+use crate::analysis::validate::{Validation, validate};
 use crate::effect;
 use crate::error::InputError;
 use crate::mission::Mission;
@@ -19,60 +21,24 @@ impl Evidence<'_> {
         let Found { verdict, reason, ladder, alternatives, next, limits, noise, aside, .. } = found;
         let node = ladder.last().expect("the base");
         (self.search.progress.stage)("budget", ladder.len() as u64);
-        let improved = Mission { accuracy: mission.accuracy.clone(), ..node.mission().clone() };
-        let before = validate(
-            &Mission { accuracy: mission.accuracy.clone(), ..self.base.mission().clone() },
-            self.case().data,
-            self.options.seed,
-        )?;
+        // A search may compute less accurately than was asked for.
+        let accurate = |node: &Node| Mission { accuracy: mission.accuracy.clone(), ..node.mission().clone() };
+        let improved = accurate(node);
+        let before = validate(&accurate(self.base), self.case().data, self.options.seed)?;
         let after = validate(&improved, self.case().data, self.options.seed)?;
-        let mut rungs: Vec<Rung> = ladder
-            .iter()
-            .map(|node| {
-                self.search.progress.step();
-                Rung {
-                    chi2: node.chi2(),
-                    n: self.case().n(),
-                    free: node.fit.parameters.len(),
-                    parameters: node.fit.parameters.clone(),
-                    holdout_rms_sigma: self.groups().and_then(|groups| holdout::rms_sigma(groups, node)),
-                    carried: holdout::carried(self.case(), node),
-                    budget: budget(node.mission()),
-                }
-            })
-            .collect();
+        let mut rungs: Vec<Rung> = ladder.iter().map(|node| self.rung(node)).collect();
         let values =
             fit::profile_errors::widened(&node.model, self.case().data, &node.fit, &|_| self.case().work.count())?;
         rungs.last_mut().expect("the base").parameters = values.clone();
-        let mut steps = Vec::new();
-        let mut told: Vec<usize> = Vec::new();
-        for (index, pair) in ladder.windows(2).enumerate() {
-            let hypothesis = newest(&pair[0], &pair[1]);
-            // Of two of a kind the first is told first.
-            let here = |place: &usize| node.added[*place].hypothesis == hypothesis && !told.contains(place);
-            let place = (0..node.added.len()).find(here).expect("it was added");
-            told.push(place);
-            let added = &node.added[place];
-            let parameters = values.iter().filter(|fitted| added.free.contains(&fitted.key)).cloned();
-            steps.push(Step {
-                effect: self.name(hypothesis),
-                parameters: parameters.collect(),
-                key: added.key.clone(),
-                rung: rungs[index + 1].clone(),
-                false_alarm: self.false_alarm(node, place)?,
-            });
-        }
+        let steps = self.steps(&ladder, &rungs, &values)?;
         let tried = if verdict == Verdict::Unfit { Vec::new() } else { self.tried() };
-        let mut covariates: Vec<Leaning> = Vec::new();
-        let mut suggestion = None;
-        if verdict == Verdict::Unexplained {
-            for trend in after.trends.iter().filter(|trend| trend.false_alarm < self.options.level) {
-                if covariates.iter().all(|known| known.name != trend.name) {
-                    covariates.push(Leaning { name: trend.name.clone(), false_alarm: trend.false_alarm });
-                }
-            }
-            suggestion = formula::suggest(&after, &covariates);
-        }
+        let (covariates, suggestion) = if verdict == Verdict::Unexplained {
+            let covariates = self.covariates(&after);
+            let suggestion = formula::suggest(&after, &covariates);
+            (covariates, suggestion)
+        } else {
+            (Vec::new(), None)
+        };
         let notes = [notes, aside, doubts::of(&rungs[0], &steps)].concat();
         let parameters = values.iter().filter(|fitted| self.search.base.contains(&fitted.key)).cloned();
         Ok(Diagnosis {
@@ -99,6 +65,55 @@ impl Evidence<'_> {
             after,
             advice: node.fit.advice.iter().cloned().chain(self.assumed(node)).collect(),
         })
+    }
+
+    /// What is told of one model.
+    fn rung(&self, node: &Node) -> Rung {
+        self.search.progress.step();
+        Rung {
+            chi2: node.chi2(),
+            n: self.case().n(),
+            free: node.fit.parameters.len(),
+            parameters: node.fit.parameters.clone(),
+            holdout_rms_sigma: self.groups().and_then(|groups| holdout::rms_sigma(groups, node)),
+            carried: holdout::carried(self.case(), node),
+            budget: budget(node.mission()),
+        }
+    }
+
+    /// The effect that each model adds to the one before; `values` are those of the last model.
+    fn steps(&self, ladder: &[Arc<Node>], rungs: &[Rung], values: &[Fitted]) -> Result<Vec<Step>, InputError> {
+        let node = ladder.last().expect("the base");
+        let mut steps = Vec::new();
+        let mut told: Vec<usize> = Vec::new();
+        for (index, pair) in ladder.windows(2).enumerate() {
+            let hypothesis = newest(&pair[0], &pair[1]);
+            // Of two of a kind the first is told first.
+            let here = |place: &usize| node.added[*place].hypothesis == hypothesis && !told.contains(place);
+            let place = (0..node.added.len()).find(here).expect("it was added");
+            told.push(place);
+            let added = &node.added[place];
+            let parameters = values.iter().filter(|fitted| added.free.contains(&fitted.key)).cloned();
+            steps.push(Step {
+                effect: self.name(hypothesis),
+                parameters: parameters.collect(),
+                key: added.key.clone(),
+                rung: rungs[index + 1].clone(),
+                false_alarm: self.false_alarm(node, place)?,
+            });
+        }
+        Ok(steps)
+    }
+
+    /// Conditions with which residuals still change, each once.
+    fn covariates(&self, after: &Validation) -> Vec<Leaning> {
+        let mut covariates: Vec<Leaning> = Vec::new();
+        for trend in after.trends.iter().filter(|trend| trend.false_alarm < self.options.level) {
+            if covariates.iter().all(|known| known.name != trend.name) {
+                covariates.push(Leaning { name: trend.name.clone(), false_alarm: trend.false_alarm });
+            }
+        }
+        covariates
     }
 
     /// Numbers of the effects that were added which were not fitted.
