@@ -10,6 +10,7 @@ use super::problem::{Optimum, Problem, chi2};
 use super::result::{Fit, Fitted, Minimum, is_same};
 use crate::analysis::measurement::{DataSet, questions};
 use crate::error::InputError;
+use crate::mission::Mission;
 use crate::model::Model;
 use crate::model::predict::predict;
 
@@ -45,26 +46,12 @@ pub(crate) fn fit_rows(
     wanted: impl Fn(usize) -> bool,
 ) -> Result<Fit, InputError> {
     let problem = Problem::new(model, data, keys, progress, wanted)?;
-    let (mission, n, all) = (&model.mission, problem.values.len(), questions(data));
+    let all = questions(data);
     let here: Vec<f64> = problem.parameters.iter().map(|parameter| parameter.start).collect();
     let before = problem.residuals(&here)?;
     let chi2_before = chi2(&before);
     if keys.is_empty() {
-        let values = predict(model, &all)?;
-        return Ok(Fit {
-            mission: mission.clone(),
-            parameters: Vec::new(),
-            correlation: Vec::new(),
-            chi2_before,
-            chi2: chi2_before,
-            n,
-            values,
-            advice: Vec::new(),
-            starts: vec![chi2_before],
-            chi2_from_mission: chi2_before,
-            minima: Vec::new(),
-            jacobian: DMatrix::zeros(n, 0),
-        });
+        return Ok(nothing_free(&model.mission, predict(model, &all)?, chi2_before, problem.values.len()));
     }
     let mut optima = match options.settled {
         true => vec![Optimum { at: here, chi2: chi2_before }],
@@ -78,19 +65,7 @@ pub(crate) fn fit_rows(
     let errors = Errors::of(&jacobian);
     let mut sigmas = errors.sigmas.clone();
     problem.add_event_epochs(&best, &mut sigmas);
-    let parameters: Vec<Fitted> = problem
-        .parameters
-        .iter()
-        .zip(&best.at)
-        .zip(&sigmas)
-        .map(|((parameter, value), sigma)| Fitted {
-            key: parameter.key.clone(),
-            unit: parameter.unit,
-            before: parameter.start,
-            value: *value,
-            sigma: *sigma,
-        })
-        .collect();
+    let parameters = problem.fitted(&best.at, &sigmas);
     let advice = advice::on(&problem.parameters, &parameters, &errors.correlation, &errors.flat);
     Ok(Fit {
         values: predict(&problem.base.like(&fitted), &all)?,
@@ -99,13 +74,31 @@ pub(crate) fn fit_rows(
         correlation: errors.correlation,
         chi2_before,
         chi2: best.chi2,
-        n,
+        n: problem.values.len(),
         advice,
         minima: minima(&optima),
         starts: optima.iter().map(|optimum| optimum.chi2).collect(),
         chi2_from_mission,
         jacobian: problem.without_idle(jacobian, &best.at),
     })
+}
+
+/// A mission that has no free parameters, as it is.
+fn nothing_free(mission: &Mission, values: Vec<f64>, chi2: f64, n: usize) -> Fit {
+    Fit {
+        mission: mission.clone(),
+        parameters: Vec::new(),
+        correlation: Vec::new(),
+        chi2_before: chi2,
+        chi2,
+        n,
+        values,
+        advice: Vec::new(),
+        starts: vec![chi2],
+        chi2_from_mission: chi2,
+        minima: Vec::new(),
+        jacobian: DMatrix::zeros(n, 0),
+    }
 }
 
 /// Minima other than the first of some optima, which come in the order of their chi2.
@@ -136,5 +129,21 @@ impl Problem<'_> {
             optima.extend(self.scanned(&best));
         }
         optima
+    }
+
+    /// Parameters with their values and errors.
+    fn fitted(&self, values: &[f64], sigmas: &[Option<f64>]) -> Vec<Fitted> {
+        self.parameters
+            .iter()
+            .zip(values)
+            .zip(sigmas)
+            .map(|((parameter, value), sigma)| Fitted {
+                key: parameter.key.clone(),
+                unit: parameter.unit,
+                before: parameter.start,
+                value: *value,
+                sigma: *sigma,
+            })
+            .collect()
     }
 }
