@@ -125,6 +125,31 @@ impl Table {
 
     /// Reads plain CSV.
     pub(super) fn read_csv(&mut self, text: &str) -> Result<(), InputError> {
+        let skip = self.comments(text)?;
+        let first = text.lines().skip(skip).find(|line| !is_comment(line)).unwrap_or("");
+        let delimiter = [',', ';', '\t'].into_iter().find(|&delimiter| first.contains(delimiter)).unwrap_or(',');
+        let mut rows = rows(text, skip, delimiter);
+        let names = self.names(rows.next(), text)?;
+        if let Some(number) = names.iter().find(|name| guess(name) != Datatype::Text) {
+            let problem = format!("the first line must name the columns, and `{number}` is a number");
+            return Err(self
+                .refuse_line(text, self.header_line, problem)
+                .with_help("above the rows, a line such as t_yr,value,sigma"));
+        }
+        let line = Some(self.header_line);
+        self.columns.extend(names.into_iter().map(|name| Column { line, ..named(name) }));
+        self.check_names()?;
+        // A spreadsheet also has rows in which nothing stands.
+        let rows = rows.filter(|row| !row.as_ref().is_ok_and(|row| row.cells.iter().all(String::is_empty)));
+        let records = self.records(rows, text)?;
+        for (index, column) in self.columns.iter_mut().enumerate() {
+            column.fill(records.iter().map(|record| record[index].as_str()));
+        }
+        Ok(())
+    }
+
+    /// Keeps what comments above the header say as `# key: value`. Gives the number of lines before the header.
+    fn comments(&mut self, text: &str) -> Result<usize, InputError> {
         let mut skip = 0;
         for (index, line) in text.lines().enumerate() {
             // A spreadsheet pads comments with delimiters, and puts those that hold a delimiter in quotes.
@@ -145,49 +170,39 @@ impl Table {
             }
             skip = index + 1;
         }
-        let first = text.lines().skip(skip).find(|line| !is_comment(line)).unwrap_or("");
-        let delimiter = [',', ';', '\t'].into_iter().find(|&delimiter| first.contains(delimiter)).unwrap_or(',');
-        let mut rows = rows(text, skip, delimiter);
-        let names = self.names(rows.next(), text)?;
-        if let Some(number) = names.iter().find(|name| guess(name) != Datatype::Text) {
-            let problem = format!("the first line must name the columns, and `{number}` is a number");
-            return Err(self
-                .refuse_line(text, self.header_line, problem)
-                .with_help("above the rows, a line such as t_yr,value,sigma"));
-        }
-        for name in names {
-            let (name, unit) = match name.strip_suffix(']').and_then(|name| name.split_once('[')) {
-                Some((name, unit)) => (name.trim().to_string(), Some(unit.trim().to_string())),
-                None => (name, None),
-            };
-            let unit = unit.filter(|unit| !unit.is_empty());
-            self.columns.push(Column { name, unit, line: Some(self.header_line), ..Column::default() });
-        }
-        self.check_names()?;
-        // A spreadsheet also has rows in which nothing stands.
-        let rows = rows.filter(|row| !row.as_ref().is_ok_and(|row| row.cells.iter().all(String::is_empty)));
-        let records = self.records(rows, text)?;
-        for (index, column) in self.columns.iter_mut().enumerate() {
-            let cells = records.iter().map(|record| record[index].as_str());
-            let kinds: Vec<Datatype> = cells.clone().filter(|cell| !cell.is_empty()).map(guess).collect();
-            column.datatype = if kinds.is_empty() || kinds.contains(&Datatype::Text) {
-                Datatype::Text
-            } else if kinds.contains(&Datatype::Float(64)) {
-                Datatype::Float(64)
-            } else {
-                Datatype::Int(64)
-            };
-            column.cells = cells
-                .map(|cell| match column.datatype {
-                    _ if cell.is_empty() => Cell::Missing,
-                    Datatype::Int(_) => cell.parse().map_or(Cell::Missing, Cell::Integer),
-                    Datatype::Float(_) => cell.parse().map_or(Cell::Missing, Cell::Number),
-                    _ => Cell::Text(cell.to_string()),
-                })
-                .collect();
-        }
-        Ok(())
+        Ok(skip)
     }
+}
+
+impl Column {
+    /// Takes the cells of a file, as what all of them seem to hold.
+    fn fill<'a>(&mut self, cells: impl Iterator<Item = &'a str> + Clone) {
+        let kinds: Vec<Datatype> = cells.clone().filter(|cell| !cell.is_empty()).map(guess).collect();
+        self.datatype = if kinds.is_empty() || kinds.contains(&Datatype::Text) {
+            Datatype::Text
+        } else if kinds.contains(&Datatype::Float(64)) {
+            Datatype::Float(64)
+        } else {
+            Datatype::Int(64)
+        };
+        self.cells = cells
+            .map(|cell| match self.datatype {
+                _ if cell.is_empty() => Cell::Missing,
+                Datatype::Int(_) => cell.parse().map_or(Cell::Missing, Cell::Integer),
+                Datatype::Float(_) => cell.parse().map_or(Cell::Missing, Cell::Number),
+                _ => Cell::Text(cell.to_string()),
+            })
+            .collect();
+    }
+}
+
+/// An empty column: `value [unit]` is its name and unit.
+fn named(header: String) -> Column {
+    let (name, unit) = match header.strip_suffix(']').and_then(|header| header.split_once('[')) {
+        Some((name, unit)) => (name.trim().to_string(), Some(unit.trim().to_string())),
+        None => (header, None),
+    };
+    Column { name, unit: unit.filter(|unit| !unit.is_empty()), ..Column::default() }
 }
 
 /// What a cell seems to hold.
