@@ -28,7 +28,16 @@ pub fn of(mission: &Mission) -> Vec<Source> {
         Some(_) => vec![over_time(mission), Source::new("Dose rate of an active year", "given by the mission file")],
         None => of_dose(mission),
     };
-    sources.extend([
+    sources.extend(of_traps());
+    sources.extend(of_readout(mission));
+    sources.extend(of_shapes());
+    sources.extend(of_effects(mission));
+    sources
+}
+
+/// Traps, and the charge that they meet.
+fn of_traps() -> [Source; 3] {
+    [
         Source::new(
             "Traps: linear in displacement damage dose",
             "Rhodes et al. 2010 (PASP 122, 439), section 4.1; densities, release times and levels from the mission file",
@@ -41,8 +50,12 @@ pub fn of(mission: &Mission) -> Vec<Source> {
             "Height of charge clouds: power law above a notch",
             "Rhodes et al. 2010, equation 1; Massey et al. 2010 (MNRAS 401, 371)",
         ),
-        readout(mission.accuracy.readout),
-    ]);
+    ]
+}
+
+/// The readout, with what a mission file adds to it.
+fn of_readout(mission: &Mission) -> Vec<Source> {
+    let mut sources = vec![readout(mission.accuracy.readout)];
     if mission.readout.clock.is_some() {
         sources.push(Source::new(
             "Clock phases: what a trap releases joins the nearest packet",
@@ -69,7 +82,12 @@ pub fn of(mission: &Mission) -> Vec<Source> {
             "Janesick 2001, Scientific Charge-Coupled Devices (SPIE); values from the mission file",
         ));
     }
-    sources.extend([
+    sources
+}
+
+/// Galaxies, their shapes, and the judgement of these.
+fn of_shapes() -> [Source; 3] {
+    [
         Source::new(
             "Galaxies: Sersic profiles through a Moffat PSF, as sums of Gaussians",
             "Ciotti & Bertin 1999 (A&A 352, 447); Kanter 1975 (Ann. Probab. 3, 697); Moffat 1969 (A&A 3, 455)",
@@ -83,9 +101,7 @@ pub fn of(mission: &Mission) -> Vec<Source> {
             "the mission file; Rhodes et al. 2010, section 6, after Amara & Refregier 2008 (a budget of 0.001, their limit on \
              multiplicative errors) and Massey et al. 2009 (a factor of 10)",
         ),
-    ]);
-    sources.extend(of_effects(mission));
-    sources
+    ]
 }
 
 /// Solar protons, shield and damage.
