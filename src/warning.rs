@@ -205,6 +205,7 @@ impl Serialize for Warning {
 impl fmt::Display for Warning {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            // The dose.
             Warning::SunExtrapolated { maxima } => {
                 let years: Vec<String> =
                     maxima.iter().map(|maximum| format!("{:.1} +- {:.1}", maximum.year, maximum.sigma_yr())).collect();
@@ -216,11 +217,6 @@ impl fmt::Display for Warning {
                     years.join(", ")
                 )
             }
-            Warning::Saturated { name, peak_e } => write!(
-                out,
-                "{name} puts {peak_e:.3e} e- into a pixel, more than the full well: the cloud then has its largest height, \
-                 and blooming is not modelled"
-            ),
             Warning::ShieldedByField => write!(
                 out,
                 "the magnetosphere shields a low Earth orbit from part of the solar protons: the ESP values hold outside it"
@@ -234,15 +230,11 @@ impl fmt::Display for Warning {
                 if *counted { "" } else { "not " },
                 if *counted { "" } else { "; shielding.secondaries = \"estimated\" counts them" }
             ),
-            Warning::RepeatsLongitudes { revolutions } => write!(
+            Warning::CosmicRaysTwice { floor_mev_g_yr } => write!(
                 out,
-                "the orbit makes {revolutions} revolution{} a day and meets the same longitudes again and again: its trapped protons \
-                 may be half or twice the mean over all longitudes that is used",
-                if *revolutions == 1 { "" } else { "s" }
+                "environment.cosmic_ray_floor_mev_g_yr = {floor_mev_g_yr:e} comes on top of the cosmic rays that are derived: remove \
+                 it, or name environment.sources without them"
             ),
-            Warning::DoesNotReach { sources, orbit } => {
-                write!(out, "{} do not reach the orbit ({orbit}) and add nothing", sources.join(" and "))
-            }
             Warning::SpectrumEnds { file, last_mev, stopped_mev } => write!(
                 out,
                 "{file} ends at {last_mev} MeV, but the shield stops protons below {stopped_mev:.0} MeV: what gets through is mostly \
@@ -253,10 +245,15 @@ impl fmt::Display for Warning {
                 "part of the shield is thinner or thicker than {file}, {least:.3} to {most:.3} g/cm2 of aluminium: its dose is \
                  extrapolated"
             ),
-            Warning::CosmicRaysTwice { floor_mev_g_yr } => write!(
+            // Protons along the orbit.
+            Warning::DoesNotReach { sources, orbit } => {
+                write!(out, "{} do not reach the orbit ({orbit}) and add nothing", sources.join(" and "))
+            }
+            Warning::RepeatsLongitudes { revolutions } => write!(
                 out,
-                "environment.cosmic_ray_floor_mev_g_yr = {floor_mev_g_yr:e} comes on top of the cosmic rays that are derived: remove \
-                 it, or name environment.sources without them"
+                "the orbit makes {revolutions} revolution{} a day and meets the same longitudes again and again: its trapped protons \
+                 may be half or twice the mean over all longitudes that is used",
+                if *revolutions == 1 { "" } else { "s" }
             ),
             Warning::OrbitMean { relative_error } => write!(
                 out,
@@ -275,10 +272,11 @@ impl fmt::Display for Warning {
                  may change by a factor of 10; give the orbit of each part of the mission, or import a spectrum",
                 if *held { "at this perigee" } else { "as a mean over all arguments of perigee" }
             ),
-            Warning::OneSetOfTraps => write!(
+            // The readout.
+            Warning::Saturated { name, peak_e } => write!(
                 out,
-                "accuracy.readout = \"monte-carlo\" has one realisation of random traps: its scatter affects every \
-                 value and the verdict; compare several values of accuracy.seed"
+                "{name} puts {peak_e:.3e} e- into a pixel, more than the full well: the cloud then has its largest height, \
+                 and blooming is not modelled"
             ),
             Warning::NeverReleases { species, over_readout } => write!(
                 out,
@@ -296,6 +294,15 @@ impl fmt::Display for Warning {
                 "readout.traps_at_start = \"carried\" is the default of ArCTIc, for comparison with it: charge is not conserved, \
                  and every transfer is computed, which takes longer than accuracy.readout = \"fast\""
             ),
+            Warning::OneSetOfTraps => write!(
+                out,
+                "accuracy.readout = \"monte-carlo\" has one realisation of random traps: its scatter affects every \
+                 value and the verdict; compare several values of accuracy.seed"
+            ),
+            Warning::CoarseAccuracy { relative } => {
+                write!(out, "accuracy.relative = {relative} may affect the shapes: 1e-6 takes little more time")
+            }
+            // Frames with trails added or removed.
             Warning::DoneBefore { name, task } => {
                 write!(
                     out,
@@ -305,22 +312,23 @@ impl fmt::Display for Warning {
             Warning::AfterLastHdu { bytes } => {
                 write!(out, "{bytes} bytes after the last HDU do not start with XTENSION: they are copied unchanged")
             }
+            Warning::CompanionOfOtherSize { name, frame } => write!(
+                out,
+                "{name} is called as errors or data quality of {frame} are, and has another size: it is copied, and neither used nor \
+                 changed; give it the size of the frame, or another name"
+            ),
             Warning::UncertainPixels { name, pixels, error_e, marked } => write!(
                 out,
                 "{pixels} pixels of {name} are uncertain by more than {error_e:.3e} e-: their packets, or packets ahead of \
                  them, were emptied by traps, and the frame does not determine their charge; they are marked in the extension \
                  {marked}"
             ),
-            Warning::CompanionOfOtherSize { name, frame } => write!(
-                out,
-                "{name} is called as errors or data quality of {frame} are, and has another size: it is copied, and neither used nor \
-                 changed; give it the size of the frame, or another name"
-            ),
             Warning::NotCorrected { name, max_e, of_e } => write!(
                 out,
                 "the correction of {name} leaves up to {max_e:.3e} e- of {of_e:.3e} e- that the forward model moves: increase \
                  --iterations, decrease --relative, or increase --tolerance; faint pixels without sky converge slowly"
             ),
+            // Measurements in frames.
             Warning::OneExposure => write!(
                 out,
                 "warm pixels were looked for in a single exposure: cosmic rays that hit one pixel alone count as warm pixels; give \
@@ -332,9 +340,6 @@ impl fmt::Display for Warning {
                  {sigma_e:.2} e- more than the second: values are too small by about that; use --bias-from columns (of injected charge: \
                  --background-from front), or more rows"
             ),
-            Warning::CoarseAccuracy { relative } => {
-                write!(out, "accuracy.relative = {relative} may affect the shapes: 1e-6 takes little more time")
-            }
         }
     }
 }
