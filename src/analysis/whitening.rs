@@ -24,6 +24,8 @@ pub struct Shared {
     pub pedestal: bool,
     /// Rows that are wrong, by their places in the data set: they are nobody's neighbours.
     pub wrong: Vec<usize>,
+    /// Rows that a model which explains the data has shown to be right, by their places in the data set.
+    pub right: Vec<usize>,
     /// Degrees of freedom from which the scale of the errors was estimated; None where it was not.
     pub freedom: Option<f64>,
 }

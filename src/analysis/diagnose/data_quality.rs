@@ -21,7 +21,7 @@ const ONE_IN: usize = 20;
 /// Standard deviations of chi2 within which a model nearly explains all other rows: it is fitted again without them.
 const NEARLY: f64 = 4.0;
 
-/// Share of a row's residual that free parameters take, from which on one of them hangs on it.
+/// Share of the residuals of a row, or of several together, that free parameters take, from which on one of them hangs on these rows.
 const HANGS_ON_IT: f64 = 0.5;
 
 /// Why the data cannot carry a verdict; None where they can.
@@ -152,7 +152,12 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
     // A row that a parameter hangs on may be all that shows an effect.
     let hangs = |row: &usize| node.basis.row(*row).norm_squared() > HANGS_ON_IT;
     let size = |row: usize| node.residuals[row].abs();
-    let mut clear: Vec<usize> = (0..case.n()).filter(|row| size(*row) > ODD_SIGMA && !hangs(row)).collect();
+    let is_right = |row: &usize| {
+        let set = case.set_of[*row];
+        case.data[set].shared.right.contains(&(row - case.rows(set).start))
+    };
+    let odd = |row: &usize| size(*row) > ODD_SIGMA && !hangs(row) && !is_right(row);
+    let mut clear: Vec<usize> = (0..case.n()).filter(odd).collect();
     clear.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
     // What effects leave in several rows may be what they cannot explain: a gain that drifts, in the brightest packets.
     if node.added.len() > 1 {
@@ -174,7 +179,8 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
         rows.iter().any(|&a| rows.iter().any(|&b| same(a, b)))
     };
     let explained = |rows: &[usize]| {
-        if together(rows) {
+        // What hangs on several rows together does not hang on one of them.
+        if together(rows) || holdout::least_seen(node, rows) < 1.0 - HANGS_ON_IT {
             return None;
         }
         let off = holdout::left_out(node, rows)?;

@@ -51,6 +51,11 @@ fn seen(node: &Node, members: &[usize]) -> (SymmetricEigen<f64, Dyn>, DVector<f6
     (seen.symmetric_eigen(), residuals)
 }
 
+/// The least share of a group's residuals, in any combination of its rows, that free parameters do not take.
+pub(super) fn least_seen(node: &Node, members: &[usize]) -> f64 {
+    seen(node, members).0.eigenvalues.min()
+}
+
 /// Residuals of a group's rows if they had been left out; None where the others do not foretell them.
 pub(super) fn left_out(node: &Node, members: &[usize]) -> Option<DVector<f64>> {
     let (eigen, residuals) = seen(node, members);

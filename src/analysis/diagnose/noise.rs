@@ -57,6 +57,8 @@ pub struct SetNoise {
     pub neighbours: Neighbours,
     /// Rows that are wrong, each with how far off it is, in sigma.
     pub wrong: Vec<WrongRow>,
+    /// Rows, by their places, that a worse model had called wrong, and the one that explains the data has shown to be right.
+    pub(super) right: Vec<usize>,
     /// A constant that all values have in common, in their unit; None where there is none.
     pub pedestal: Option<f64>,
     /// Error of a constant; None where the file cannot tell one.
@@ -94,6 +96,7 @@ impl SetNoise {
             correlation: 0.0,
             neighbours: Neighbours::default(),
             wrong: Vec::new(),
+            right: Vec::new(),
             pedestal: None,
             pedestal_sigma: None,
             freedom: None,
@@ -149,6 +152,7 @@ pub(super) fn allowed_for(quoted: &[DataSet], noise: &[SetNoise]) -> Vec<DataSet
             neighbours: noise.neighbours,
             pedestal: rows >= FEW_IN_ALL,
             wrong: noise.wrong.iter().map(|wrong| wrong.row).collect(),
+            right: noise.right.clone(),
             freedom: noise.freedom,
         };
         set
@@ -171,7 +175,7 @@ pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, k
         if rows.len() < FEW {
             let known = &known[index];
             let as_known = if known.by_model { known.clone() } else { SetNoise::as_quoted(set) };
-            return SetNoise { wrong: by_model(known), ..as_known };
+            return SetNoise { wrong: by_model(known), right: known.right.clone(), ..as_known };
         }
         let model = &node.fit.values[rows.clone()];
         let as_quoted = |signature: &DVector<f64>| {
@@ -193,18 +197,19 @@ pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, k
 pub(super) fn confirmed(case: &Case, node: &Node, noise: &[SetNoise]) -> Vec<SetNoise> {
     let of = |(index, noise): (usize, &SetNoise)| {
         let first = case.rows(index).start;
-        let confirm = |wrong: &WrongRow| {
-            let place = first + wrong.row;
+        let (mut wrong, mut right) = (Vec::new(), noise.right.clone());
+        for row in &noise.wrong {
+            let place = first + row.row;
             // Their errors were made as large as they are far off.
-            let sigma = case.sigmas[place] / wrong.off_sigma.abs().max(1.0);
+            let sigma = case.sigmas[place] / row.off_sigma.abs().max(1.0);
             let off_sigma = (case.values[place] - node.fit.values[place]) / sigma;
             match off_sigma.abs() {
-                far if far > wrong_rows::FAR => Some(WrongRow { off_sigma, by_model: true, ..*wrong }),
-                near if near < NEAR => None,
-                _ => Some(*wrong),
+                far if far > wrong_rows::FAR => wrong.push(WrongRow { off_sigma, by_model: true, ..*row }),
+                near if near < NEAR => right.push(row.row),
+                _ => wrong.push(*row),
             }
-        };
-        SetNoise { wrong: noise.wrong.iter().filter_map(confirm).collect(), ..noise.clone() }
+        }
+        SetNoise { wrong, right, ..noise.clone() }
     };
     noise.iter().enumerate().map(of).collect()
 }
@@ -217,7 +222,7 @@ fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known:
     let least_scatter = if has_floor { 1.0 } else { 1.0 / AT_MOST };
     let most = wrong_rows::most(residuals.len()).saturating_sub(wrong.len());
     for (row, off_sigma) in wrong_rows::of(residuals, smooth, least_scatter).into_iter().take(most) {
-        if wrong.iter().all(|known| known.row != row) {
+        if wrong.iter().all(|known| known.row != row) && !known.right.contains(&row) {
             wrong.push(WrongRow { row, line: set.table.lines.get(row).copied(), off_sigma, by_model: false });
         }
     }
@@ -244,6 +249,7 @@ fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known:
         // In errors as they are.
         wrong: wrong.into_iter().map(|wrong| wrong.over(if wrong.by_model { 1.0 } else { scale })).collect(),
         freedom,
+        right: known.right.clone(),
         ..SetNoise::as_quoted(set)
     }
 }
