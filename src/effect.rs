@@ -179,6 +179,9 @@ pub trait Catalogued: Effect + DeserializeOwned + 'static {
         vec![vec![Self::example(mission)]]
     }
 
+    /// Whether it replaces what stands in the mission, and so would a second one: a mission has one at most.
+    const REPLACES: bool = false;
+
     /// Kinds of which it is the general case: where it does no better, they are what is meant.
     const GENERALISES: &'static [&'static str] = &[];
 
@@ -217,6 +220,8 @@ pub struct Entry {
     pub example: fn(&Mission) -> toml::Table,
     /// Where a search starts.
     pub trials: fn(&Mission, &Reach) -> Vec<Vec<toml::Table>>,
+    /// Whether a mission has one at most.
+    pub replaces: bool,
     /// Kinds of which it is the general case.
     pub generalises: &'static [&'static str],
     /// Parameters that a search holds.
@@ -234,6 +239,7 @@ const fn entry<K: Catalogued>() -> Entry {
         nothing: K::nothing,
         example: K::example,
         trials: K::trials,
+        replaces: K::REPLACES,
         generalises: K::GENERALISES,
         held: K::held,
         read: |table| Ok(Arc::new(typed::<K>(table)?)),
@@ -252,6 +258,11 @@ impl Entry {
     /// The first that does not.
     pub(crate) fn check(&self, mission: &Mission) -> Result<(), (usize, Refusal)> {
         for (index, table) in tables(mission, self.card.kind).into_iter().enumerate() {
+            if self.replaces && index > 0 {
+                let problem = format!("a second {} would take the place of the first", self.card.kind);
+                let help = Some("keep one of them".into());
+                return Err((index, Refusal { key: String::new(), problem, help }));
+            }
             (self.check)(table, mission).map_err(|refusal| (index, refusal))?;
         }
         Ok(())

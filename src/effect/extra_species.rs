@@ -85,7 +85,7 @@ impl Catalogued for ExtraSpecies {
             return Err(Refusal {
                 key: "name".into(),
                 problem: format!("duplicate name \"{}\": another species has it", self.name),
-                help: None,
+                help: Some("give each species a `name` of its own".into()),
             });
         }
         Ok(())

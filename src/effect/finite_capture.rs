@@ -62,6 +62,8 @@ impl Catalogued for FiniteCapture {
         ],
     };
 
+    const REPLACES: bool = true;
+
     fn nothing(_: &Mission) -> toml::Table {
         numbers(&[("capture_ms", 0.0)])
     }

@@ -28,6 +28,8 @@ impl Catalogued for Notch {
         keys: &[key("notch_e", "charge that the channel holds", "e-", Number(0.0, 1e9), Required)],
     };
 
+    const REPLACES: bool = true;
+
     fn nothing(mission: &Mission) -> toml::Table {
         numbers(&[("notch_e", mission.detector.notch_e)])
     }

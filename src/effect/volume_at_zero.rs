@@ -29,6 +29,8 @@ impl Catalogued for VolumeAtZero {
         }],
     };
 
+    const REPLACES: bool = true;
+
     fn nothing(mission: &Mission) -> toml::Table {
         numbers(&[("fraction", mission.detector.volume_at_zero)])
     }

@@ -25,6 +25,8 @@ impl Catalogued for WellFill {
         keys: &[key("well_fill_power", "well fill power", "", keys::Allowed::Positive(0.0, 5.0), Required)],
     };
 
+    const REPLACES: bool = true;
+
     fn nothing(mission: &Mission) -> toml::Table {
         numbers(&[("well_fill_power", mission.detector.well_fill_power)])
     }

@@ -8,7 +8,7 @@ use toml::Value;
 use toml::de::{DeTable, DeValue};
 
 use super::{imported, lookup};
-use crate::effect;
+use crate::effect::{self, Entry};
 use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, CYCLE_YR};
 use crate::environment::source::{self, SOURCES};
 use crate::error::{InputError, nearest, shortened};
@@ -149,6 +149,7 @@ impl<'a> Source<'a> {
             self.complete(&mut table, "", key)?;
         }
         for entry in &effect::CATALOGUE {
+            name_each(&mut table, entry);
             for place in effect_places(&table, entry.card.kind) {
                 for key in entry.card.keys.iter().filter(|key| key.path != "*") {
                     self.complete(&mut table, &format!("{place}."), key)?;
@@ -951,6 +952,27 @@ fn check_text(word: &str, key: &keys::Key, fault: &impl Fn(String) -> InputError
 /// Line of a place in a text, from 1.
 pub(crate) fn line_at(text: &str, place: usize) -> usize {
     text[..place.min(text.len())].matches('\n').count() + 1
+}
+
+/// Names several of an effect that have none, where they have one by default: `extra`, `extra 2`, and so on.
+fn name_each(table: &mut toml::Table, entry: &Entry) {
+    let Some(Need::Default(default)) = entry.card.key("name").map(|key| key.need) else { return };
+    let default_name = default_value(default).as_str().unwrap_or_default().to_string();
+    let places = effect_places(table, entry.card.kind);
+    let names = |table: &toml::Table| -> Vec<String> {
+        let name = |place: &String| get(table, &format!("{place}.name"))?.as_str().map(str::to_string);
+        places.iter().filter_map(name).collect()
+    };
+    for place in places.iter().filter(|_| places.len() > 1) {
+        let path = format!("{place}.name");
+        if get(table, &path).is_none() {
+            let taken = names(table);
+            let numbered =
+                |number: usize| if number == 1 { default_name.clone() } else { format!("{default_name} {number}") };
+            let name = (1..).map(numbered).find(|name| !taken.contains(name)).expect("numbers do not end");
+            set(table, &path, name.into());
+        }
+    }
 }
 
 /// Paths of the tables of an effect: `effects.KIND`, or `effects.KIND[0]` and so on where there are several.

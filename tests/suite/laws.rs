@@ -104,6 +104,40 @@ fn every_effect_changes_something_and_no_two_do_the_same() {
     }
 }
 
+/// Two tables of a kind do the same in either order, or one of them would take the place of the other, which is refused. (Serial
+/// registers are passed one after the other, so that their order counts.)
+#[test]
+fn two_of_a_kind_add_up_or_are_refused() {
+    let twice = |kind: &str, tables: [&toml::Table; 2]| {
+        let tables = tables.map(|table| Value::Table(table.clone())).to_vec();
+        let effects = toml::Table::from_iter([(kind.to_string(), Value::Array(tables))]);
+        let text = toml::to_string(&toml::Table::from_iter([("effects".to_string(), Value::Table(effects))])).unwrap();
+        let plain = include_str!("../../missions/snap_l2.toml");
+        Mission::parse(&format!("{plain}\n{text}[accuracy]\nsubpixel_grid = 1\n")).map_err(|error| error.to_string())
+    };
+    let replacing = ["finite-capture", "notch", "well-fill", "volume-at-zero"];
+    for entry in CATALOGUE.iter().filter(|entry| entry.card.kind != "serial-traps") {
+        let kind = entry.card.kind;
+        let first = (entry.example)(&mission(""));
+        // The second with other numbers.
+        let mut second = first.clone();
+        for value in second.iter_mut().filter_map(|(_, value)| value.as_float().map(|number| (value, number))) {
+            *value.0 = Value::Float(0.9 * value.1);
+        }
+        let [there, back] = [twice(kind, [&first, &second]), twice(kind, [&second, &first])];
+        if replacing.contains(&kind) {
+            assert!(there.unwrap_err().contains("take the place of the first"), "{kind}");
+            continue;
+        }
+        let [there, back] = [there, back].map(|mission| {
+            let model = Model::new(&mission.unwrap_or_else(|error| panic!("{kind}: {error}")));
+            let change = model.change(0, 5.0).unwrap().unwrap();
+            [model.dose_mev_g(5.0).unwrap(), change.delta_e1, change.delta_y_px, change.delta_flux]
+        });
+        assert!(!differ(&there, &back), "{kind}: {there:?}, {back:?}");
+    }
+}
+
 #[test]
 fn charge_is_conserved_where_it_should_be() {
     // A linear cloud, so that no trail lasts for ever; traps that release soon, and rows enough behind.
