@@ -157,14 +157,15 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Verdict:
-    """When the budget of the judged galaxy is exceeded, without and with the software correction."""
+    """When the budget of the judged galaxy is exceeded, without and with the software correction; None where shear biases alone are limited."""
 
-    uncorrected: Crossing
-    corrected: Crossing
+    uncorrected: Crossing | None
+    corrected: Crossing | None
 
     @classmethod
     def _of(cls, said: Mapping[str, Any]) -> Verdict:
-        return cls(Crossing._of(said["uncorrected"]), Crossing._of(said["corrected"]))
+        uncorrected, corrected = said["uncorrected"], said["corrected"]
+        return cls(uncorrected and Crossing._of(uncorrected), corrected and Crossing._of(corrected))
 
 
 class Evaluation(Result):
@@ -227,7 +228,9 @@ class Evaluation(Result):
         return f"<Evaluation of {self.mission!r}, {_when(self.verdict.uncorrected)} without, {_when(self.verdict.corrected)} with correction>"
 
 
-def _when(crossing: Crossing) -> str:
+def _when(crossing: Crossing | None) -> str:
+    if crossing is None:
+        return "no budget of one galaxy"
     return f"budget exceeded after {crossing.t_yr:.3f} yr" if crossing.t_yr is not None else "budget met"
 
 

@@ -146,6 +146,13 @@ pub(crate) fn rate_at_launch_per_yr(model: &Model) -> Result<Option<f64>, InputE
     Ok(later.zip(launch).map(|(later, launch)| (later - launch) / just_after_yr))
 }
 
+/// Mean of d|Δe|/dt over the mission, per year, of |Δe| at its end; None if no shape is left at launch or then. Traps that are there at
+/// launch, and an amplifier, change shapes at no rate.
+pub(crate) fn mean_rate_per_yr(model: &Model, at_end: Option<f64>) -> Result<Option<f64>, InputError> {
+    let at_launch = magnitude(model, 0.0)?;
+    Ok(at_end.zip(at_launch).map(|(end, launch)| (end - launch) / model.mission.mission.duration_yr))
+}
+
 /// Judges the requirement; `years` (rising) are reused.
 fn verdict(model: &Model, years: &[Year]) -> Result<BudgetVerdict, InputError> {
     let magnitude = |year: &Year| year.galaxies[model.judged()].map(|change| change.magnitude());
@@ -156,7 +163,7 @@ fn verdict(model: &Model, years: &[Year]) -> Result<BudgetVerdict, InputError> {
         uncorrected,
         corrected,
         rate_at_launch_per_yr: rate_at_launch_per_yr(model)?,
-        mean_rate_per_yr: known.last().and_then(|end| end.1).map(|end| end / model.mission.mission.duration_yr),
+        mean_rate_per_yr: mean_rate_per_yr(model, known.last().and_then(|end| end.1))?,
     })
 }
 

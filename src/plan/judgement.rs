@@ -148,6 +148,11 @@ impl Judgement {
         }
     }
 
+    /// Whether a budget is stated of that.
+    pub fn limits(&self, limited: Limited) -> bool {
+        self.budgets.iter().any(|budget| budget.limited == limited)
+    }
+
     /// Whether shear biases of a population are among what is limited.
     pub fn limits_biases(&self) -> bool {
         self.budgets.iter().any(|budget| budget.limited != Limited::DeltaE)

@@ -15,7 +15,7 @@ use crate::model::{Device, Model};
 use crate::physics::accuracy::Purpose;
 use crate::physics::shape::ShapeChange;
 use crate::plan::date_distribution::Confidence;
-use crate::plan::evaluate::{crossings, rate_at_launch_per_yr, unmeasurable, warnings};
+use crate::plan::evaluate::{crossings, mean_rate_per_yr, rate_at_launch_per_yr, unmeasurable, warnings};
 use crate::plan::judgement::{Budget, Judgement, Limited};
 
 /// Models whose images are kept for others with the same galaxies.
@@ -162,13 +162,18 @@ impl EndOfLife<'_> {
             Output::ExceededCorrected => first(1, corrected),
             Output::AdditiveBias => Ok(budget(Limited::C).and_then(Budget::at_end)),
             Output::MultiplicativeBias => Ok(budget(Limited::M).and_then(Budget::at_end)),
+            Output::ExceededDeltaE | Output::MarginUncorrected | Output::MarginCorrected
+                if !requirement.limits_a_galaxy() =>
+            {
+                Ok(None)
+            }
             Output::ExceededDeltaE => self.exceeded_yr(requirement.delta_e),
             Output::ExceededAdditive => exceeded(Limited::C),
             Output::ExceededMultiplicative => exceeded(Limited::M),
             Output::MarginUncorrected => margin(requirement.delta_e),
             Output::MarginCorrected => margin(corrected),
             Output::RateAtLaunch => rate_at_launch_per_yr(self.model),
-            Output::MeanRate => Ok(self.delta_e()?.map(|delta_e| delta_e / self.duration_yr)),
+            Output::MeanRate => mean_rate_per_yr(self.model, self.delta_e()?),
             Output::ProbabilityMetUncorrected => met(0),
             Output::ProbabilityMetCorrected => met(1),
             Output::KeptUncorrected => kept(0),

@@ -211,3 +211,34 @@ fn traps_that_stay_filled_are_warned_of_unless_the_exposures_before_are_describe
         "\n[survey]\nexposure_s = 300.0\nslew_s = 30.0\n[survey.persistence]\nscene = \"same\"\nexposures = 1\nrows = 2000\n"
     ));
 }
+
+/// A rate is that of the growth: traps that are there at launch do not grow.
+#[test]
+fn the_mean_rate_does_not_count_what_is_there_at_launch() {
+    let rate = |more: &str| {
+        let text = include_str!("../../missions/snap_l2.toml");
+        let mission = Mission::parse(&format!("{text}\n{more}[accuracy]\nsubpixel_grid = 1\n")).unwrap();
+        evaluate(&mission).unwrap().verdict.mean_rate_per_yr.unwrap()
+    };
+    let plain = rate("");
+    let with_traps = rate("[effects.prelaunch-traps]\nCi = 0.02\nVV = 0.02\nCO = 0.02\n\n");
+    assert!((with_traps / plain - 1.0).abs() < 0.05, "{with_traps} {plain}");
+}
+
+/// What is not limited has no verdict, no margin, and no say in a ranking.
+#[test]
+fn a_mission_that_limits_shear_biases_alone_has_no_budget_of_one_galaxy() {
+    let (folder, _) = mission("delta_e = 1.0e-1\nc = 1.0e-1");
+    let path = folder.path().join("mission.toml");
+    let text = fs::read_to_string(&path).unwrap().replace("delta_e = 1.0e-1\n", "");
+    fs::write(&path, text).unwrap();
+    let alone = Mission::read(&path).unwrap().with(&[("accuracy.subpixel_grid".into(), 1.into())]).unwrap();
+    let json = serde_json::to_value(evaluated(&alone)).unwrap();
+    assert_eq!(json["budget"]["delta_e"], Value::Null);
+    assert_eq!(json["budget"]["uncorrected"], Value::Null);
+    assert_eq!(json["budget"]["c"]["uncorrected"]["exceeded"], Value::Bool(false));
+    // Detectors that differ in |Δe| and not in what is limited: the judged galaxy is not of the population.
+    let found = compared(&alone, "readout.transfers", "800,1650", None);
+    assert_eq!(found.scenarios[0].judgement.budgets.len(), 1);
+    assert!(found.ranking.by != Some(Criterion::End), "{:?}", found.ranking);
+}

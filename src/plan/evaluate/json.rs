@@ -87,7 +87,8 @@ struct NoisyLimit<'a> {
 
 #[derive(serde::Serialize)]
 struct Budget<'a> {
-    delta_e: f64,
+    /// Null where shear biases alone are limited.
+    delta_e: Option<f64>,
     galaxy: &'a str,
     #[serde(flatten)]
     verdict: DatedVerdict<'a>,
@@ -110,11 +111,11 @@ pub(crate) struct NamedChange<'a> {
     delta_flux: Option<f64>,
 }
 
-/// A verdict with the dates and the correction of its mission.
+/// A verdict with the dates and the correction of its mission; no crossings where shear biases alone are limited.
 #[derive(serde::Serialize)]
 pub(crate) struct DatedVerdict<'a> {
-    uncorrected: DatedCrossing<'a>,
-    corrected: DatedCrossing<'a>,
+    uncorrected: Option<DatedCrossing<'a>>,
+    corrected: Option<DatedCrossing<'a>>,
     rate_at_launch_per_yr: Option<f64>,
     mean_rate_per_yr: Option<f64>,
 }
@@ -136,6 +137,7 @@ impl Serialize for Evaluation {
         let (mission, dose) = (self.mission(), self.model.history());
         let (header, requirement) = (&mission.mission, &mission.requirement);
         let biases = self.population.as_ref();
+        let noise = self.noise.as_ref().filter(|_| requirement.limits_a_galaxy());
         let document = Document {
             mission: &header.name,
             launch: header.launch.0,
@@ -144,10 +146,10 @@ impl Serialize for Evaluation {
             active_years: dose.active_years(header.duration_yr),
             years: (0..self.years.len()).map(|year| NamedYear::of(self, year)).collect(),
             budget: Budget {
-                delta_e: requirement.delta_e,
+                delta_e: requirement.limits_a_galaxy().then_some(requirement.delta_e),
                 galaxy: &requirement.galaxy,
                 verdict: self.verdict.dated(mission),
-                noise: self.noise.as_ref().map(|noise| NoisyBudget::of(&noise.verdict, mission)),
+                noise: noise.map(|noise| NoisyBudget::of(&noise.verdict, mission)),
                 c: biases.and_then(|biases| Some(population::Budget::of(biases.c.as_ref()?, mission))),
                 m: biases.and_then(|biases| Some(population::Budget::of(biases.m.as_ref()?, mission))),
             },
@@ -227,10 +229,13 @@ impl<'a> NamedChange<'a> {
 impl BudgetVerdict {
     /// For JSON.
     pub(crate) fn dated(&self, mission: &Mission) -> DatedVerdict<'_> {
-        let launch = mission.mission.launch.0;
+        let requirement = &mission.requirement;
+        let dated = |crossing, factor| {
+            requirement.limits_a_galaxy().then(|| DatedCrossing::of(crossing, factor, mission.mission.launch.0))
+        };
         DatedVerdict {
-            uncorrected: DatedCrossing::of(&self.uncorrected, None, launch),
-            corrected: DatedCrossing::of(&self.corrected, Some(mission.requirement.correction_factor), launch),
+            uncorrected: dated(&self.uncorrected, None),
+            corrected: dated(&self.corrected, Some(requirement.correction_factor)),
             rate_at_launch_per_yr: self.rate_at_launch_per_yr,
             mean_rate_per_yr: self.mean_rate_per_yr,
         }

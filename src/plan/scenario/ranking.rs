@@ -10,7 +10,7 @@
 use serde::Serialize;
 
 use crate::numeric::calendar::DAYS_PER_YEAR;
-use crate::plan::judgement::Judgement;
+use crate::plan::judgement::{Judgement, Limited};
 
 /// What a mission is ranked by.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,7 +22,7 @@ pub struct Merit {
     /// Largest share of an uncorrected budget that is used at the end of the mission, infinite where no shape is left; 0 where |Δe|
     /// alone is limited.
     pub used: f64,
-    /// |Δe| at the end of the mission; None where no shape is left.
+    /// |Δe| at the end of the mission; None where no shape is left, and 0 where it is not limited.
     pub delta_e: Option<f64>,
 }
 
@@ -31,6 +31,7 @@ impl Merit {
     pub fn of(judgement: &Judgement, confidence: Option<f64>, delta_e: Option<f64>) -> Merit {
         let [uncorrected_yr, corrected_yr] = judgement.kept_yr(confidence);
         let used = if judgement.limits_biases() { judgement.used().unwrap_or(f64::INFINITY) } else { 0.0 };
+        let delta_e = if judgement.limits(Limited::DeltaE) { delta_e } else { Some(0.0) };
         Merit { uncorrected_yr, corrected_yr, used, delta_e }
     }
 }
