@@ -121,11 +121,24 @@ fn known(name: &str) -> Option<Known> {
     })
 }
 
+/// Other names for a time, in days.
+const DAYS: [&str; 3] = ["date", "mjd", "jd"];
+
 /// The condition whose error a column of that name holds.
 fn condition_of_sigma(name: &str) -> Option<&'static str> {
     let condition = name.strip_prefix(SIGMA_OF)?;
+    if DAYS.contains(&condition) {
+        return Some("t_yr");
+    }
     conditions::NAMES.into_iter().find(|known| *known == condition)
 }
+
+/// Julian dates on which `mjd` and `jd` are 0.
+const MODIFIED_JULIAN_DAY_0: f64 = 2_400_000.5;
+const JULIAN_DAY_0: f64 = 0.0;
+
+/// Days by which two times of a row may differ and be the same.
+const SAME_TIME_D: f64 = 2.0;
 
 /// Before the name of a condition: its 1-sigma error.
 const SIGMA_OF: &str = "sigma_";
@@ -269,7 +282,7 @@ impl Reader<'_> {
         let near = slip_of(condition).or(nearest(condition, conditions::NAMES));
         Err(fault.with_help(match near.or(conditions::NAMES.into_iter().find(|known| *known == condition)) {
             Some(near) => format!("did you mean `{SIGMA_OF}{near}`?"),
-            None => format!("conditions are: {}", conditions::NAMES.join(", ")),
+            None => format!("conditions are: {}, {}", conditions::NAMES.join(", "), DAYS.join(", ")),
         }))
     }
 
@@ -302,10 +315,11 @@ impl Reader<'_> {
 
     /// Errors of the conditions that have one.
     fn condition_sigmas(&self, row: usize) -> Result<Vec<(&'static str, f64)>, InputError> {
-        let mut sigmas = Vec::new();
-        for condition in conditions::NAMES {
-            let name = format!("{SIGMA_OF}{condition}");
-            let unit = known(condition).expect("a condition").unit;
+        let mut sigmas: Vec<(&'static str, f64)> = Vec::new();
+        let in_days = DAYS.map(|name| (name, "t_yr", Unit::Days, 1.0 / DAYS_PER_YEAR));
+        let others = conditions::NAMES.map(|name| (name, name, known(name).expect("a condition").unit, 1.0));
+        for (name, condition, unit, factor) in others.into_iter().chain(in_days) {
+            let name = format!("{SIGMA_OF}{name}");
             // A difference of temperatures is the same in kelvin and degrees Celsius.
             let Some((sigma, place)) =
                 self.number_by(row, &name, unit, |conversion, theirs| conversion.scale(theirs))?
@@ -317,7 +331,11 @@ impl Reader<'_> {
                     format!("the error of a condition is a number from 0 on; this is {sigma}{}", unit.behind());
                 return Err(self.table.fault(Some(row), Some(&place), problem));
             }
-            sigmas.push((condition, sigma));
+            if sigmas.iter().any(|(known, _)| *known == condition) {
+                let problem = format!("`{name}` is one error of the time too many");
+                return Err(self.table.fault(Some(row), Some(&place), problem).with_help("give one of them"));
+            }
+            sigmas.push((condition, factor * sigma));
         }
         Ok(sigmas)
     }
@@ -349,6 +367,11 @@ impl Reader<'_> {
         let names: Vec<&str> = self.mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect();
         match self.named(row, "galaxy", &names)? {
             Some(galaxy) => Ok(Some(galaxy)),
+            // That of [requirement], as everything that stands nowhere is the mission's.
+            None if self.table.column("galaxy").is_none() => {
+                let judged = &self.mission.requirement.galaxy;
+                Ok(names.iter().position(|name| name == judged))
+            }
             None => Err(self.missing("galaxy", row)),
         }
     }
@@ -387,16 +410,7 @@ impl Reader<'_> {
 
     fn conditions(&self, row: usize) -> Result<Conditions, InputError> {
         let dose_mev_g = self.condition(row, "dose_mev_g")?;
-        let (since_launch, date) = (self.condition(row, "t_yr")?, self.date(row)?);
-        if let (Some(t_yr), Some(date)) = (since_launch, date)
-            && (t_yr - date).abs() * DAYS_PER_YEAR > 2.0
-        {
-            let launch = self.mission.mission.launch;
-            let problem =
-                format!("date and t_yr contradict one another: launched {launch}, {t_yr} yr are not {date:.3} yr");
-            return Err(self.table.fault(Some(row), Some("date"), problem).with_help("give one of them"));
-        }
-        let t_yr = since_launch.or(date);
+        let t_yr = self.t_yr(row)?;
         let dose_will_do = self.observable.depends_on("dose_mev_g");
         if t_yr.is_none() && !(dose_will_do && dose_mev_g.is_some()) {
             return Err(self.missing(if dose_will_do { "t_yr or dose_mev_g" } else { "t_yr" }, row));
@@ -587,6 +601,28 @@ impl Reader<'_> {
         self.table.fault(row, Some(place), "a number is needed here")
     }
 
+    /// The row's time in years since launch, in whatever way it is given.
+    fn t_yr(&self, row: usize) -> Result<Option<f64>, InputError> {
+        let given = [
+            ("t_yr", self.condition(row, "t_yr")?),
+            ("date", self.date(row)?),
+            ("mjd", self.julian_date(row, "mjd", MODIFIED_JULIAN_DAY_0)?),
+            ("jd", self.julian_date(row, "jd", JULIAN_DAY_0)?),
+        ];
+        let mut given = given.into_iter().filter_map(|(name, t_yr)| Some((name, t_yr?)));
+        let Some((first, t_yr)) = given.next() else { return Ok(None) };
+        match given.find(|(_, other)| (t_yr - other).abs() * DAYS_PER_YEAR > SAME_TIME_D) {
+            Some((name, other)) => {
+                let launch = self.mission.mission.launch;
+                let problem = format!(
+                    "{name} and {first} contradict one another: launched {launch}, they are {other:.3} yr and {t_yr:.3} yr"
+                );
+                Err(self.table.fault(Some(row), Some(name), problem).with_help("give one of them"))
+            }
+            None => Ok(Some(t_yr)),
+        }
+    }
+
     /// The row's `date` in years since launch.
     fn date(&self, row: usize) -> Result<Option<f64>, InputError> {
         let column = self.table.column("date");
@@ -594,7 +630,7 @@ impl Reader<'_> {
             Some(column) => (&column.cells[row], "date"),
             None => match self.table.meta("date") {
                 Some(cell) => (cell, "meta.date"),
-                None => return self.julian_date(row),
+                None => return Ok(None),
             },
         };
         if *cell == Cell::Missing {
@@ -613,17 +649,12 @@ impl Reader<'_> {
         Ok(Some(t_yr))
     }
 
-    /// The row's `mjd` or `jd` in years since launch.
-    fn julian_date(&self, row: usize) -> Result<Option<f64>, InputError> {
-        /// Modified Julian date 0 is this Julian date.
-        const MODIFIED: f64 = 2_400_000.5;
-        let mjd = self.number(row, "mjd", Unit::Pure)?;
-        let Some((mjd, place)) = mjd.or(self.number(row, "jd", Unit::Pure)?.map(|(jd, place)| (jd - MODIFIED, place)))
-        else {
-            return Ok(None);
-        };
+    /// The row's `mjd` or `jd`, which are 0 on that Julian date, in years since launch.
+    fn julian_date(&self, row: usize, name: &str, zero: f64) -> Result<Option<f64>, InputError> {
+        let Some((days, place)) = self.number(row, name, Unit::Days)? else { return Ok(None) };
         let epoch = chrono::NaiveDate::from_ymd_opt(1858, 11, 17).expect("a day");
         let launch = self.mission.mission.launch.0;
+        let mjd = days + (zero - MODIFIED_JULIAN_DAY_0);
         let t_yr = (mjd - (launch - epoch).num_days() as f64) / DAYS_PER_YEAR;
         if (0.0..=1000.0).contains(&t_yr) {
             return Ok(Some(t_yr));

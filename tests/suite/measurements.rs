@@ -208,10 +208,57 @@ fn errors_of_conditions_are_kept_in_the_units_of_the_conditions() {
         let error = trail_with(columns, cells).expect_err(columns);
         assert!(error.contains(said), "{error}");
     };
+    refused("signal_e,sigma_mjd,sigma_t_yr", "800,3,0.1", "one error of the time too many");
     refused("signal_e,sigma_signal", "800,3", "did you mean `sigma_signal_e`?");
     refused("signal_e,Sigma_Signal_e", "800,3", "did you mean `sigma_signal_e`?");
     refused("signal_e,sigma_seeing", "800,3", "is the error of no condition");
     refused("signal_e,sigma_signal_e", "800,-3", "a number from 0 on");
+}
+
+/// A time may be given in several ways, if they agree; its error in days as well.
+#[test]
+fn times_in_several_ways_agree_or_are_refused() {
+    let read = |columns: &str, cells: &str| {
+        let text = format!("# observable: dose\n{columns},value,sigma\n{cells},1e6,1e4\n");
+        DataSet::of(Table::parse("dose.csv", &text).unwrap(), &mission()).map_err(|error| error.to_string())
+    };
+    // Launched on MJD 54832; 2012-01-01 is MJD 55927.
+    let expected = (55927.0 - 54832.0) / 365.25;
+    for (columns, cells) in [
+        ("mjd", "55927"),
+        ("mjd [d]", "55927"),
+        ("jd", "2455927.5"),
+        ("mjd,jd,date", "55927,2455927.5,2012-01-01"),
+        ("date,mjd", ",55927"),
+    ] {
+        let t_yr = read(columns, cells).unwrap_or_else(|error| panic!("{columns}: {error}")).rows[0].at.t_yr;
+        assert!((t_yr - expected).abs() < 1e-9, "{columns}: {t_yr}, {expected}");
+    }
+    for (columns, cells) in [
+        ("mjd,date", "55927,2013-01-01"),
+        ("mjd,jd", "55927,2456028.5"),
+        ("t_yr,jd", "1.0,2455927.5"),
+        ("t_yr,date", "1.0,2012-01-01"),
+    ] {
+        let error = read(columns, cells).expect_err(columns);
+        assert!(error.contains("contradict one another"), "{error}");
+    }
+    for name in ["sigma_mjd", "sigma_jd", "sigma_date"] {
+        let set = read(&format!("t_yr,{name}"), "1.0,36.525").unwrap();
+        assert!(
+            set.rows[0].condition_sigmas.iter().all(|(name, sigma)| *name == "t_yr" && (sigma - 0.1).abs() < 1e-12)
+        );
+        assert!(set.rows[0].condition_sigmas.len() == 1 && set.rows[0].at.covariates.is_empty());
+    }
+}
+
+/// What stands nowhere is the mission's: shapes are those of the galaxy that is judged.
+#[test]
+fn shapes_of_no_galaxy_in_particular_are_those_of_the_judged_one() {
+    let text = "# observable: delta_e1\nt_yr,value,sigma\n1.0,-3e-4,1e-5\n";
+    let set = DataSet::of(Table::parse("shapes.csv", text).unwrap(), &mission()).unwrap();
+    let judged = mission().galaxies.iter().position(|galaxy| galaxy.name == mission().requirement.galaxy);
+    assert_eq!(set.rows[0].galaxy, judged);
 }
 
 /// σ² = σ_row² + floor² + (share value)², the floor of the file as a number of `meta` or a column of any unit.

@@ -6,6 +6,7 @@ use crate::physics::observable::Observable;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Unit {
     Years,
+    Days,
     Dose,
     Kelvin,
     Milliseconds,
@@ -33,8 +34,16 @@ impl Conversion {
 }
 
 impl Unit {
-    const ALL: [Unit; 7] =
-        [Unit::Years, Unit::Dose, Unit::Kelvin, Unit::Milliseconds, Unit::Electrons, Unit::Pixels, Unit::Pure];
+    const ALL: [Unit; 8] = [
+        Unit::Years,
+        Unit::Days,
+        Unit::Dose,
+        Unit::Kelvin,
+        Unit::Milliseconds,
+        Unit::Electrons,
+        Unit::Pixels,
+        Unit::Pure,
+    ];
 
     /// That of an observable's values.
     pub fn of(observable: Observable) -> Unit {
@@ -44,6 +53,7 @@ impl Unit {
     pub fn name(self) -> &'static str {
         match self {
             Unit::Years => "yr",
+            Unit::Days => "d",
             Unit::Dose => "MeV/g",
             Unit::Kelvin => "K",
             Unit::Milliseconds => "ms",
@@ -71,6 +81,15 @@ impl Unit {
                 ("days", 1.0 / 365.25),
                 ("h", 1.0 / 8766.0),
                 ("s", 1.0 / 31_557_600.0),
+            ],
+            Unit::Days => &[
+                ("d", 1.0),
+                ("day", 1.0),
+                ("days", 1.0),
+                ("yr", 365.25),
+                ("h", 1.0 / 24.0),
+                ("min", 1.0 / 1440.0),
+                ("s", 1.0 / 86_400.0),
             ],
             Unit::Dose => {
                 &[("MeV/g", 1.0), ("keV/g", 1e-3), ("GeV/g", 1e3), ("TeV/g", 1e6), ("MeV/kg", 1e-3), ("eV/g", 1e-6)]
