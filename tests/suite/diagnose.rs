@@ -261,6 +261,22 @@ fn a_notch_just_below_the_background_is_among_the_rivals() {
     assert!(rivals.iter().any(|name| *name == "notch"), "{:?} {rivals:?}", effects(&found));
 }
 
+/// A channel that nearly holds a background does most in few rows. They are no wrong rows, and the minimum beside the background is
+/// found, although a wider one lies beyond it.
+#[test]
+fn a_notch_that_nearly_holds_a_background_is_found_and_its_rows_are_right() {
+    let found = diagnosed(Path::new("tests/corpus/edge/narrow-notch"), "");
+    assert_eq!(
+        (found.verdict, effects(&found).as_slice()),
+        (Verdict::Missing, &["notch".to_string()][..]),
+        "{}",
+        found.reason
+    );
+    assert!(found.noise.iter().all(|noise| noise.wrong.is_empty()), "{:?}", found.noise);
+    let notch = &found.steps[0].parameters[0];
+    assert!((notch.value - 4.9).abs() < 3.0 * notch.sigma.unwrap() && notch.sigma.unwrap() < 0.05, "{notch:?}");
+}
+
 /// A flare that noise nearly does as well is either not claimed, or with its rivals, and then the page says that larger errors take
 /// the claim away.
 #[test]
