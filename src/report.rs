@@ -163,6 +163,11 @@ fn wrapped(text: &str, indent: usize) -> String {
     out
 }
 
+/// So many of something.
+fn counted(number: u64, what: &str) -> String {
+    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
+}
+
 /// A number in common notation, rounded to so many digits.
 fn significant(number: f64, digits: usize) -> String {
     let decimals = digits.saturating_sub(1);

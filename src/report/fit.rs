@@ -7,7 +7,7 @@ mod profile;
 
 use serde::ser::{Serialize, Serializer};
 
-use super::{Page, Parts, Report, table};
+use super::{Page, Parts, Report, significant, table};
 use crate::analysis::fit::holdout::Holdout;
 use crate::analysis::fit::posterior::Posterior;
 use crate::analysis::fit::profile::Profile;
@@ -241,7 +241,7 @@ pub(super) fn value_and_error(parameter: &Fitted) -> (String, String) {
             let error = if shown.contains('e') { format!("{sigma:.1e}") } else { to_digits_of(sigma, sigma) };
             (shown, error)
         }
-        _ => (format!("{value:.6}"), "not known".into()),
+        _ => (significant(value, 4), "not known".into()),
     }
 }
 

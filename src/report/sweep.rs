@@ -2,7 +2,7 @@
 
 use serde::ser::{Serialize, Serializer};
 
-use super::{Report, lines, or_dash, table, wrapped};
+use super::{Report, counted, lines, or_dash, table, wrapped};
 use crate::sweep::{Done, Grid, Merged, Parts, Shard, Spread};
 
 /// What a sweep came to.
@@ -164,8 +164,4 @@ fn first_faults(merged: &Merged) -> String {
 /// Times in years, all else in powers of ten.
 fn shown(name: &str, value: f64) -> String {
     if name.ends_with("_yr") && !name.ends_with("per_yr") { format!("{value:.2}") } else { format!("{value:.2e}") }
-}
-
-fn counted(number: u64, what: &str) -> String {
-    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }

@@ -481,7 +481,8 @@ fn what_cannot_be_fitted_is_refused() {
     for (arguments, said) in [
         (&["--free", "detector.traps.Z.density_per_px"][..], "there is no trap species \"Z\""),
         (&["--free", "readout.transfers"], "only keys with real numbers can be fitted"),
-        (&["--free", "mission.name"], "it has no number to start from"),
+        (&["--free", "mission.name"], "only keys with real numbers can be fitted"),
+        (&["--free", "detector.reference_fluence_cm2"], "it has no number to start from"),
         (&["--free", "effects.annealing.time_yr"], "the mission has no [effects.annealing]"),
         (&["--holdout", "temperature_k"], "no data set varies in `temperature_k`"),
         (&["--write", "no/such/folder/new.toml"], "cannot write `no/such/folder/new.toml`"),

@@ -59,9 +59,6 @@ impl Parameter {
     pub fn of(mission: &Mission, key: &str) -> Result<Parameter, InputError> {
         let refusal = |problem: String| InputError::new(format!("cannot fit `{key}`"), problem);
         let path = mission.path(key).map_err(|(problem, help)| InputError { help, ..refusal(problem) })?;
-        let start = mission.number(key).ok_or_else(|| {
-            refusal("it has no number to start from".into()).with_help("give the key a value in the mission file")
-        })?;
         let known = lookup::find(&path).expect("a key that was found");
         let (scale, low, high) = match known.kind {
             keys::Allowed::Positive(low, high) => (Scale::Log, low, high),
@@ -70,6 +67,9 @@ impl Parameter {
             keys::Allowed::Number(low, high) => (Scale::Between, low, high),
             _ => return Err(refusal("only keys with real numbers can be fitted".into())),
         };
+        let start = mission.number(key).ok_or_else(|| {
+            refusal("it has no number to start from".into()).with_help("give the key a value in the mission file")
+        })?;
         let is_event_epoch = key.starts_with("effects.") && key.ends_with(".t_yr");
         let handle = Handle::of(mission, key);
         Ok(Parameter { key: key.to_string(), unit: known.unit, start, low, high, is_event_epoch, handle, scale })

@@ -6,7 +6,7 @@ use serde::ser::{Serialize, Serializer};
 
 use crate::analysis::diagnose::{Note, Reason, RowPlace};
 use crate::mission::keys::plain;
-use crate::report::significant;
+use crate::report::{counted, significant};
 
 impl fmt::Display for Reason {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -35,12 +35,16 @@ impl fmt::Display for Reason {
             ),
             Reason::TooFewRows { n, free } => write!(
                 out,
-                "{n} rows are too few to fit {free} free parameters and to test effects besides: free fewer, or give more data"
+                "{} {} too few to fit {} and to test effects besides: free fewer, or give more data",
+                counted(*n as u64, "row"),
+                if *n == 1 { "is" } else { "are" },
+                counted(*free as u64, "free parameter")
             ),
             Reason::Repeated { count, such_as: [a, b] } => write!(
                 out,
-                "{count} rows repeat another in every digit, such as {a} and {b}: counted twice, noise looks like an effect. \
-                 Give each measurement once"
+                "{} another in every digit, such as {a} and {b}: counted twice, noise looks like an effect. \
+                 Give each measurement once",
+                if *count == 1 { "1 row repeats".into() } else { format!("{count} rows repeat") }
             ),
             Reason::Contradictory { rows: [a, b], apart_sigma } => write!(
                 out,

@@ -36,7 +36,7 @@ fn sum(steps: &[Step]) -> f64 {
 fn words(step: &Step, confidence: f64) -> String {
     match step {
         Step::Orbit { orbit, duration_yr, active_years } => {
-            format!("orbit {orbit}; {duration_yr} yr, of which {active_years:.2} are active years of the Sun")
+            format!("orbit {orbit}; {duration_yr} yr with {active_years:.2} active years of the Sun")
         }
         Step::Source { name, law, share, held } => {
             let law = law.map_or(String::new(), |law| format!(": {law}"));

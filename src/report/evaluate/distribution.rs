@@ -10,7 +10,7 @@ use crate::plan::compliance::Line;
 use crate::plan::date_distribution::{DateDistribution, DateQuantile, Dates, NOT_LINEAR, QUANTILES};
 use crate::report::plot::{Figure, Mark, Panel, Series, line};
 use crate::report::study::estimate::{error_of_date, known_date, plus_minus};
-use crate::report::{Parts, table};
+use crate::report::{Parts, counted, table};
 
 /// Inputs that are named with their shares, at most.
 const NAMED: usize = 6;
@@ -20,7 +20,7 @@ const NAMED_FROM: f64 = 0.01;
 
 /// Quantiles of the dates, how probable it is that there is one, and what that comes from.
 pub(super) fn say(found: &DateDistribution, mission: &Mission, out: &mut Parts) {
-    out.heading(format!("Date as a distribution: {} draws of {}", found.samples, drawn(found)));
+    out.heading(format!("Date as a distribution: {} of {}", counted(found.samples as u64, "draw"), drawn(found)));
     let mut legend = "";
     if mission.requirement.limits_a_galaxy() {
         out.table(dates_of(found, mission));
