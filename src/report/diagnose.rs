@@ -173,7 +173,7 @@ impl Diagnosis {
     fn reservations(&self) -> String {
         let fails = self.stability.done.iter().filter(|changed| !changed.holds);
         let fails: Vec<String> = fails.map(|changed| format!("with {}: {}", changed.change, changed.found())).collect();
-        let unstable = if fails.is_empty() { String::new() } else { format!(" It changes {}.", fails.join("; ")) };
+        let unstable = if fails.is_empty() { String::new() } else { format!(" Not stable: {}.", fails.join("; ")) };
         // That an unexplained one is incomplete its reason says.
         let incomplete = !self.undone.is_empty() && self.verdict != Verdict::Unexplained;
         let undone = if incomplete { " The search is incomplete (see the note)." } else { "" };

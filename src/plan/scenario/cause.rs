@@ -117,7 +117,7 @@ pub(super) fn why(better: &State, worse: &State) -> (Option<f64>, Vec<Cause>) {
     let beside = [better.beside / better_e, worse.beside / worse_e];
     if beside.iter().any(|share| *share > BESIDE) {
         causes.push(Cause::Beside { share: beside });
-    } else {
+    } else if better.dose_mev_g > 0.0 && worse.dose_mev_g > 0.0 {
         causes.extend(species(better, worse));
     }
     (Some(ratio), causes)

@@ -81,17 +81,17 @@ fn allowed(results: &Results) -> DataTable {
     let factor_on = |quantity, own: f64, bound| row(quantity, own, own, bound);
     let dose: fn(&Limit) -> [Bound; 2] = |limit| limit.factor;
     let mut rows = vec![
-        factor_on("dose at the end, at most [MeV/g]", own.dose_mev_g, dose),
-        factor_on("protons of 10 MeV, at most [1/cm2]", own.protons_10mev_cm2, dose),
-        factor_on("traps at the end, at most [1/px]", own.traps_per_px, dose),
-        factor_on("factor on the dose, at most", 1.0, dose),
+        factor_on("dose at the end [MeV/g]", own.dose_mev_g, dose),
+        factor_on("protons of 10 MeV [1/cm2]", own.protons_10mev_cm2, dose),
+        factor_on("traps at the end [1/px]", own.traps_per_px, dose),
+        factor_on("factor on the dose", 1.0, dose),
     ];
     if let Some(areal) = own.shield_g_cm2 {
         rows.push(factor_on("shield, at least [g/cm2]", areal, |limit| limit.shield));
     }
-    rows.push(row("transfers, at most", f64::from(own.transfers), 1.0, |limit| [limit.transfers, Bound::NotSought]));
+    rows.push(row("transfers", f64::from(own.transfers), 1.0, |limit| [limit.transfers, Bound::NotSought]));
     let mut columns = vec![
-        words("quantity", "allowed"),
+        words("quantity", "allowed, at most"),
         column("mission", "mission", Digits::Significant(4)),
         column("uncorrected", "uncorrected", Digits::Significant(4)),
         column("corrected", "corrected", Digits::Significant(4)),
