@@ -261,6 +261,19 @@ fn a_notch_just_below_the_background_is_among_the_rivals() {
     assert!(rivals.iter().any(|name| *name == "notch"), "{:?} {rivals:?}", effects(&found));
 }
 
+/// Three rows of one epoch agree with anything.
+#[test]
+fn fewer_than_four_rows_carry_no_verdict() {
+    let text = "# observable: trail\n# t_yr: 3.0\n# signal_e: 800\ntrail_px,value,sigma\n";
+    let mission = Mission::read("missions/snap_l2.toml").unwrap();
+    for (rows, verdict) in [(3, Verdict::Unfit), (4, Verdict::Complete)] {
+        let table: String = (1..=rows).map(|px| format!("{px},0.0,1.0\n")).collect();
+        let data = [DataSet::of(Table::parse("trail.csv", &format!("{text}{table}")).unwrap(), &mission).unwrap()];
+        let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
+        assert_eq!(found.verdict, verdict, "{rows} rows: {}", found.reason);
+    }
+}
+
 /// A channel that nearly holds a background does most in few rows. They are no wrong rows, and the minimum beside the background is
 /// found, although a wider one lies beyond it.
 #[test]

@@ -105,6 +105,7 @@ const BEYOND_A_SCHEMA: [&str; 52] = [
     "reference_twice",
     "reference_without_energy",
     "same_name_twice",
+    "second_notch",
     "shield_twice",
     "shield_without_a_thickness",
     "snr_without_aperture",

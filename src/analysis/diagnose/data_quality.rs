@@ -11,6 +11,9 @@ use super::holdout;
 use super::noise::SetNoise;
 use super::result::{Reason, RowPlace};
 
+/// Rows that any verdict needs: an effect with two parameters, and as many rows to judge it by.
+const LEAST_ROWS: usize = 4;
+
 /// Chance below which something is no accident.
 const NO_ACCIDENT: f64 = 1e-5;
 
@@ -31,7 +34,7 @@ pub(super) fn refusal(case: &Case, free: usize) -> Option<Reason> {
 
 fn too_few(case: &Case, free: usize) -> Option<Reason> {
     let n = case.n();
-    (n < free + 3).then_some(Reason::TooFewRows { n, free })
+    (n < LEAST_ROWS.max(free + 3)).then_some(Reason::TooFewRows { n, free })
 }
 
 /// Rows of the same observable under the same circumstances, more than one each, as places among all rows.
