@@ -185,6 +185,7 @@ impl DataSet {
             return Err(table.fault(None, None, "there are no rows"));
         }
         reader.check_names()?;
+        reader.check_sigma_unit()?;
         let mut rows = (0..table.rows()).map(|row| reader.row(row)).collect::<Result<Vec<_>, _>>()?;
         condition_errors::add(&mut rows, observable, mission)?;
         let varying = varying(&table, &rows);
@@ -269,6 +270,18 @@ impl Reader<'_> {
             }
         }
         Ok(())
+    }
+
+    /// An error without a unit beside a value in a unit that is converted could be meant in either.
+    fn check_sigma_unit(&self) -> Result<(), InputError> {
+        let unit = |name: &str| self.table.column(name).map(|column| column.unit.as_deref().unwrap_or(""));
+        let (Some(of_value), Some("")) = (unit("value"), unit("sigma")) else { return Ok(()) };
+        let conversion = self.conversion("value", Some(of_value), Unit::of(self.observable), "value")?;
+        if conversion == units::Conversion::default() {
+            return Ok(());
+        }
+        let problem = format!("value is in {of_value}, and sigma has no unit");
+        Err(self.table.fault(None, Some("sigma"), problem).with_help("give sigma the unit that it is in"))
     }
 
     /// A name that says it is the error of a condition names one.

@@ -252,6 +252,19 @@ fn times_in_several_ways_agree_or_are_refused() {
     }
 }
 
+#[test]
+fn an_error_without_a_unit_beside_a_value_in_another_one_is_refused() {
+    let read = |columns: &str| {
+        let text = format!("# observable: trail\n# t_yr: 3.0\n# signal_e: 800\ntrail_px,{columns}\n1,1.2,0.1\n");
+        DataSet::of(Table::parse("trail.csv", &text).unwrap(), &mission()).map_err(|error| error.to_string())
+    };
+    let error = read("value [%],sigma").unwrap_err();
+    assert!(error.contains("value is in %, and sigma has no unit"), "{error}");
+    let row = &read("value [%],sigma [%]").unwrap().rows[0];
+    assert!((row.value - 0.012).abs() < 1e-15 && (row.sigma - 0.001).abs() < 1e-15);
+    assert!(read("value,sigma").is_ok());
+}
+
 /// What stands nowhere is the mission's: shapes are those of the galaxy that is judged.
 #[test]
 fn shapes_of_no_galaxy_in_particular_are_those_of_the_judged_one() {

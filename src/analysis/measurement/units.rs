@@ -22,6 +22,13 @@ pub(super) struct Conversion {
     offset: f64,
 }
 
+/// Nothing is to be done.
+impl Default for Conversion {
+    fn default() -> Conversion {
+        Conversion { factor: 1.0, offset: 0.0 }
+    }
+}
+
 impl Conversion {
     pub fn apply(self, theirs: f64) -> f64 {
         self.factor * theirs + self.offset
@@ -117,7 +124,7 @@ impl Unit {
     /// # Errors
     /// What is wrong with the unit, and what to try.
     pub fn from(self, given: Option<&str>) -> Result<Conversion, (String, Option<&'static str>)> {
-        let pure = Conversion { factor: 1.0, offset: 0.0 };
+        let pure = Conversion::default();
         let Some(given) = given.map(|given| given.replace(' ', "")).filter(|given| !given.is_empty()) else {
             return Ok(pure);
         };
