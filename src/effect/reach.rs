@@ -14,7 +14,7 @@ pub struct Reach {
     /// Least charge that a pixel holds (the faintest background, the faintest packet where there is none) and the brightest
     /// packet or block with its background, e-; None where there are only galaxies.
     pub charge_e: Option<[f64; 2]>,
-    /// Distinct backgrounds above 0, rising, [`BACKGROUNDS`] of them at most, e-.
+    /// Distinct backgrounds above 0, rising, eight of them at most, e-.
     pub backgrounds_e: Vec<f64>,
     /// Coldest and warmest detector, K.
     pub temperature_k: [f64; 2],
@@ -51,7 +51,7 @@ impl Reach {
         }
     }
 
-    /// Distinct backgrounds above 0 of some rows' conditions, rising, [`BACKGROUNDS`] of them at most, evenly chosen, e-.
+    /// Distinct backgrounds above 0 of some rows' conditions, rising, eight of them at most, evenly chosen, e-.
     pub fn backgrounds_of<'a>(rows: impl Iterator<Item = &'a Conditions>) -> Vec<f64> {
         let mut all: Vec<f64> = rows.map(|at| at.background_e).filter(|background_e| *background_e > 0.0).collect();
         all.sort_by(f64::total_cmp);
