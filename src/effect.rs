@@ -281,6 +281,12 @@ pub(crate) fn find_key(path: &str) -> Option<&'static Key> {
     find(kind.trim_end_matches("[]"))?.card.key(parameter)
 }
 
+/// A name that is not taken: `extra`, `extra 2`, and so on.
+pub(crate) fn new_name(first: &str, taken: &[String]) -> String {
+    let numbered = |number: usize| if number == 1 { first.to_string() } else { format!("{first} {number}") };
+    (1..).map(numbered).find(|name| !taken.contains(name)).expect("numbers do not end")
+}
+
 /// A mission's tables of one kind.
 pub(crate) fn tables<'a>(mission: &'a Mission, kind: &str) -> Vec<&'a toml::Table> {
     match mission.effects.get(kind) {

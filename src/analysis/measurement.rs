@@ -699,9 +699,10 @@ fn varying(table: &Table, rows: &[Row]) -> Vec<String> {
         let first = (rows[0].at.get(name).map(f64::to_bits), rows[0].word(name));
         rows.iter().any(|row| (row.at.get(name).map(f64::to_bits), row.word(name)) != first)
     };
-    let columns = table.columns.iter().map(|column| {
-        if ["date", "mjd", "jd"].contains(&column.name.as_str()) { "t_yr" } else { column.name.as_str() }
-    });
+    let columns = table
+        .columns
+        .iter()
+        .map(|column| if DAYS.contains(&column.name.as_str()) { "t_yr" } else { column.name.as_str() });
     let mut names: Vec<String> = columns.filter(|name| differs(name)).map(str::to_string).collect();
     names.dedup();
     names

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::reach::ratios;
-use super::{Card, Catalogued, Effect, Reach, Refusal, numbers, tables};
+use super::{Card, Catalogued, Effect, Reach, Refusal, new_name, numbers, tables};
 use crate::mission::keys::{self, Allowed::Number, Need::Default, Need::Optional, Need::Required, key};
 use crate::mission::{Detector, Mission, Species};
 
@@ -60,8 +60,7 @@ impl Catalogued for ExtraSpecies {
         let energies: &[f64] = if reach.varies_in_temperature() { &[0.21, 0.34, 0.45] } else { &[0.4] };
         let taken: Vec<String> =
             mission.detector.traps.iter().map(|species| species.name.clone()).chain(names(mission)).collect();
-        let name = (1..).map(|number| if number == 1 { "extra".into() } else { format!("extra {number}") });
-        let name = name.into_iter().find(|name| !taken.contains(name)).expect("numbers do not end");
+        let name = new_name("extra", &taken);
         let releases = ratios(0.3 * shortest_ms, last_ms, 12);
         let trial = |(release_ms, energy_ev): (f64, f64)| {
             let mut table =

@@ -46,9 +46,9 @@ impl Catalogued for Notch {
         let count = (highest_e / lowest_e).log(2.5).ceil() as usize + 1;
         let deeper = ratios(lowest_e, highest_e, count).map(|notch_e| mission.detector.notch_e + notch_e);
         // A channel that nearly holds a background does far more to its small packets than one that holds a little less or more.
-        let least_e = mission.detector.notch_e;
+        let own_e = mission.detector.notch_e;
         let nearly =
-            reach.backgrounds_e.iter().map(|background_e| NEARLY * background_e).filter(|notch_e| *notch_e > least_e);
+            reach.backgrounds_e.iter().map(|background_e| NEARLY * background_e).filter(|notch_e| *notch_e > own_e);
         deeper.chain(nearly).map(|notch_e| vec![numbers(&[("notch_e", notch_e)])]).collect()
     }
 

@@ -84,7 +84,7 @@ impl Reach {
 }
 
 /// Backgrounds that are named at most.
-pub const BACKGROUNDS: usize = 8;
+const BACKGROUNDS: usize = 8;
 
 /// Numbers from one to another whose ratios are equal, both included.
 pub fn ratios(low: f64, high: f64, count: usize) -> impl Iterator<Item = f64> {

@@ -957,20 +957,21 @@ pub(crate) fn line_at(text: &str, place: usize) -> usize {
 /// Names several of an effect that have none, where they have one by default: `extra`, `extra 2`, and so on.
 fn name_each(table: &mut toml::Table, entry: &Entry) {
     let Some(Need::Default(default)) = entry.card.key("name").map(|key| key.need) else { return };
-    let default_name = default_value(default).as_str().unwrap_or_default().to_string();
     let places = effect_places(table, entry.card.kind);
-    let names = |table: &toml::Table| -> Vec<String> {
-        let name = |place: &String| get(table, &format!("{place}.name"))?.as_str().map(str::to_string);
-        places.iter().filter_map(name).collect()
+    if places.len() < 2 {
+        return;
+    }
+    let first = default_value(default);
+    let named = |table: &toml::Table, place: &String| {
+        get(table, &format!("{place}.name")).and_then(Value::as_str).map(str::to_string)
     };
-    for place in places.iter().filter(|_| places.len() > 1) {
+    let mut taken: Vec<String> = places.iter().filter_map(|place| named(table, place)).collect();
+    for place in &places {
         let path = format!("{place}.name");
         if get(table, &path).is_none() {
-            let taken = names(table);
-            let numbered =
-                |number: usize| if number == 1 { default_name.clone() } else { format!("{default_name} {number}") };
-            let name = (1..).map(numbered).find(|name| !taken.contains(name)).expect("numbers do not end");
-            set(table, &path, name.into());
+            let name = effect::new_name(first.as_str().unwrap_or_default(), &taken);
+            set(table, &path, name.clone().into());
+            taken.push(name);
         }
     }
 }

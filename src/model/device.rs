@@ -184,14 +184,6 @@ impl Device {
         })
     }
 
-    /// Whether charges leave the registers of both alike.
-    pub(super) fn has_the_registers_of(&self, other: &Device) -> bool {
-        self.registers == other.registers
-            && self.cloud == other.cloud
-            && self.method == other.method
-            && self.at.background_e == other.at.background_e
-    }
-
     /// Charges (e-) as the amplifier gives them out, with those before the first transfer.
     ///
     /// # Errors

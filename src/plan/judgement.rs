@@ -155,7 +155,7 @@ impl Judgement {
 
     /// Whether shear biases of a population are among what is limited.
     pub fn limits_biases(&self) -> bool {
-        self.budgets.iter().any(|budget| budget.limited != Limited::DeltaE)
+        self.limits(Limited::C) || self.limits(Limited::M)
     }
 }
 

@@ -304,8 +304,8 @@ impl Diagnosis {
             out.gap();
             out.words(
                 format!(
-                    "An empirical formula to start from lowers chi2, without constant offsets of the files, from {:.1} to {:.1}. It describes the residuals and names \
-                     no cause. Refine it, and add it to the search: --candidates FILE.toml",
+                    "An empirical formula to start from lowers chi2, without constant offsets of the files, from {:.1} to {:.1}. It \
+                     describes the residuals and names no cause. Refine it, and add it to the search: --candidates FILE.toml",
                     suggestion.chi2[0], suggestion.chi2[1]
                 ),
                 2,

@@ -87,6 +87,14 @@ mod tests {
         }
     }
 
+    /// The numbers that docs/physics.md has.
+    #[test]
+    fn so_many_release_times_are_summed_over() {
+        let trap = Trap { release_sigma: 1.0, ..Trap::new(2.0, 7.0) };
+        let count = |method| resolved(&[trap], 256, error_of(method)).len();
+        assert_eq!([count(Method::Exact), count(Method::Fast { relative: 1e-4 })], [21, 13]);
+    }
+
     #[test]
     fn a_spread_of_nothing_is_one_release_time() {
         let trap = Trap::new(1.0, 3.0);

@@ -155,7 +155,7 @@ fn together(columns: &[Column]) -> Result<Vec<(usize, Vec<f64>)>, InputError> {
         placed.push(column.before(rows)?.map(|before_e| (place(&before_e, background_e), before_e)));
     }
     let clocked = first.device.clocked(&image, first.rows_downstream(), &downstream_e);
-    // Backgrounds that come through equal registers.
+    // Backgrounds that come through equal registers; clouds and methods of these columns are equal.
     let mut flats: Vec<(usize, &Column, Array2<f64>)> = Vec::new();
     let mut found = Vec::new();
     for (column, placed) in columns.iter().zip(placed) {
@@ -164,7 +164,7 @@ fn together(columns: &[Column]) -> Result<Vec<(usize, Vec<f64>)>, InputError> {
         let registered =
             |place: usize| device.through_registers(clocked.slice(s![.., place..=place]).to_owned(), column.beside());
         let known = flats.iter().find(|(place, other, _)| {
-            *place == flat && other.beside() == column.beside() && other.device.has_the_registers_of(device)
+            *place == flat && other.beside() == column.beside() && other.device.registers == device.registers
         });
         let flat_e = known.map_or_else(|| registered(flat), |(.., flat_e)| flat_e.clone());
         if known.is_none() {

@@ -2,7 +2,7 @@
 
 use crate::error::InputError;
 use crate::mission::Mission;
-use crate::model::Model;
+use crate::model::{Device, Model};
 
 /// What makes one scenario better than another; the report has the words.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,15 +65,14 @@ impl State {
     pub fn of(mission: &Mission, t_yr: f64) -> Result<State, InputError> {
         let judged = Mission { galaxies: vec![mission.judged_galaxy().clone()], ..mission.clone() };
         let model = Model::new(&judged);
+        let device = model.device_at(t_yr)?;
         Ok(State {
             delta_e: model.change(0, t_yr)?.map(|change| change.magnitude()),
             dose_mev_g: model.dose_mev_g(t_yr)?,
             active_yr: model.history().active_years(t_yr),
             effects: mission.effects.keys().cloned().collect(),
-            beside: model
-                .change_by(0, &model.device_at(t_yr)?.without_traps())?
-                .map_or(0.0, |change| change.magnitude()),
-            shares: shares(&model, t_yr)?,
+            beside: model.change_by(0, &device.without_traps())?.map_or(0.0, |change| change.magnitude()),
+            shares: shares(&model, &device)?,
         })
     }
 }
@@ -136,8 +135,7 @@ fn species(better: &State, worse: &State) -> Vec<Cause> {
 }
 
 /// For each species its share of |Δe| were it alone, and its release time in transfers.
-fn shares(model: &Model, t_yr: f64) -> Result<Vec<(String, f64, f64)>, InputError> {
-    let device = model.device_at(t_yr)?;
+fn shares(model: &Model, device: &Device) -> Result<Vec<(String, f64, f64)>, InputError> {
     let alone = |index: usize| -> Result<f64, InputError> {
         Ok(model.change_by(0, &device.with_species(index))?.map_or(0.0, |change| change.magnitude()))
     };
