@@ -190,6 +190,12 @@ pub trait Catalogued: Effect + DeserializeOwned + 'static {
         &[]
     }
 
+    /// Values, by dotted key, with which a fitted mission predicts the same and reads better, such as a time within the mission;
+    /// none where it reads well. `key` is that of the table, `given` the mission before the fit of the `free` keys.
+    fn plainer(_fitted: &Mission, _given: &Mission, _free: &[String], _key: &str) -> Vec<(String, f64)> {
+        Vec::new()
+    }
+
     /// Whether it makes sense in a mission.
     ///
     /// # Errors
@@ -226,6 +232,8 @@ pub struct Entry {
     pub generalises: &'static [&'static str],
     /// Parameters that a search holds.
     pub held: fn(&Reach) -> &'static [&'static str],
+    /// Values that mean the same and read better.
+    pub plainer: fn(&Mission, &Mission, &[String], &str) -> Vec<(String, f64)>,
     read: fn(&toml::Table) -> Result<Arc<dyn Effect>, String>,
     check: fn(&toml::Table, &Mission) -> Result<(), Refusal>,
 }
@@ -242,6 +250,7 @@ const fn entry<K: Catalogued>() -> Entry {
         replaces: K::REPLACES,
         generalises: K::GENERALISES,
         held: K::held,
+        plainer: K::plainer,
         read: |table| Ok(Arc::new(typed::<K>(table)?)),
         check: |table, mission| {
             let effect = typed::<K>(table).map_err(|problem| Refusal { key: String::new(), problem, help: None })?;

@@ -70,22 +70,32 @@ pub fn diagnose(
     for key in &options.free {
         fit::parameter::Parameter::of(mission, key)?;
     }
+    let order = by_name(data);
+    let sorted: Vec<DataSet> = order.iter().map(|&place| data[place].clone()).collect();
     let task = Task {
         mission,
-        quoted: data,
+        quoted: &sorted,
         hypotheses: hypothesis::all(mission, options.candidates.as_ref())?,
         options,
         progress,
         work: Arc::new(Work::of_at_most(options.evaluations)),
     };
-    let mut noise = noise::as_quoted(data);
+    let mut noise = noise::as_quoted(&sorted);
     for round in 0..ROUNDS {
         match task.attempt(&noise, round)? {
-            Attempt::Done(found) => return Ok(*found),
+            Attempt::Done(found) => return Ok(found.with_files_at(&order)),
             Attempt::Again(better) => noise = better,
         }
     }
     unreachable!("the last round is done")
+}
+
+/// The places of data sets in the order of their names: a search takes other turns for rounding alone, and the order in which files
+/// are given is to change nothing.
+fn by_name(data: &[DataSet]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..data.len()).collect();
+    order.sort_by(|&a, &b| data[a].file.cmp(&data[b].file));
+    order
 }
 
 /// What stays the same from round to round.
@@ -130,7 +140,8 @@ impl Task<'_> {
         let level: Vec<DataSet> = data.iter().map(DataSet::without_pedestal).collect();
         let level = Case { work: self.work.clone(), ..Case::of(&level) };
         let base = Arc::new(base_fit([&case, &level], &Model::new(&accurate), &free, self.options.seed)?);
-        let mut search = Search::new([&case, &level], &self.hypotheses, free, self.options.seed, self.progress);
+        let mut search =
+            Search::new([&case, &level], self.mission, &self.hypotheses, free, self.options.seed, self.progress);
         if let Some(other) = like {
             search.begin_like(other, &base);
         }

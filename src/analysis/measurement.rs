@@ -217,6 +217,11 @@ impl DataSet {
         values
     }
 
+    /// Whether a condition or covariate differs between rows.
+    pub fn varies_in(&self, name: &str) -> bool {
+        self.varying.iter().any(|varying| varying == name)
+    }
+
     /// Whether a varying column holds words.
     pub fn is_words(&self, name: &str) -> bool {
         self.rows.iter().any(|row| row.word(name).is_some())

@@ -73,6 +73,15 @@ impl Catalogued for Cycle {
         periods.into_iter().flat_map(phases).map(trial).collect()
     }
 
+    /// The maximum nearest to the middle of the mission.
+    fn plainer(fitted: &Mission, _: &Mission, _: &[String], key: &str) -> Vec<(String, f64)> {
+        let number = |name: &str| fitted.number(&format!("{key}.{name}")).expect("a required number");
+        let middle = decimal_year(fitted.mission.launch.0) + 0.5 * fitted.mission.duration_yr;
+        let (peak, period_yr) = (number("peak"), number("period_yr"));
+        let periods = ((peak - middle) / period_yr).round();
+        if periods == 0.0 { Vec::new() } else { vec![(format!("{key}.peak"), peak - periods * period_yr)] }
+    }
+
     fn held(reach: &Reach) -> &'static [&'static str] {
         if shows_period(reach) { &[] } else { &["period_yr"] }
     }
@@ -92,5 +101,28 @@ impl Effect for Cycle {
         if amplitude > 0.0 {
             dose.modulations.push(Modulation { amplitude, period_yr, peak });
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mission_file::add_effect;
+    use crate::model::Model;
+
+    #[test]
+    fn a_maximum_is_told_as_that_nearest_to_the_middle_of_the_mission() {
+        let mission = Mission::read("missions/snap_l2.toml").unwrap();
+        let middle = decimal_year(mission.mission.launch.0) + 0.5 * mission.mission.duration_yr;
+        let (far, key) = add_effect(&mission, "cycle", table(0.4, 7.0, middle + 1.5 - 17.0 * 7.0)).unwrap();
+        let values = Cycle::plainer(&far, &mission, &[], &key);
+        assert_eq!(values.len(), 1);
+        assert!((values[0].1 - middle - 1.5).abs() < 1e-9, "{values:?}");
+        let near = far.with(&[(values[0].0.clone(), values[0].1.into())]).unwrap();
+        for t_yr in [0.5, 2.0, 6.0] {
+            let [a, b] = [&far, &near].map(|mission| Model::new(mission).dose_mev_g(t_yr).unwrap());
+            assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
+        }
+        assert!(Cycle::plainer(&near, &mission, &[], &key).is_empty());
     }
 }

@@ -17,6 +17,9 @@ pub struct ExtraSpecies {
     well_fill_power: Option<f64>,
 }
 
+/// Parameters that tell one species from another.
+const NAMES: [&str; 2] = ["density_per_px", "release_ms"];
+
 impl Catalogued for ExtraSpecies {
     const CARD: Card = Card {
         kind: "extra-species",
@@ -74,6 +77,26 @@ impl Catalogued for ExtraSpecies {
             .collect()
     }
 
+    /// A species whose density and release time are free, and which a fit has taken away from its release time to one that the
+    /// extra species is nearer to than it, changes places with it.
+    fn plainer(fitted: &Mission, given: &Mission, free: &[String], key: &str) -> Vec<(String, f64)> {
+        let own = |name: &str| format!("{key}.{name}");
+        let of = |species: &Species, name: &str| format!("detector.traps.{}.{name}", species.name);
+        let extra_ms = fitted.number(&own("release_ms")).expect("a required number");
+        let is_nearer = |species: &&Species| {
+            let before = &given.detector.traps.iter().find(|known| known.name == species.name);
+            let away = |release_ms: f64| before.map_or(0.0, |before| (release_ms / before.release_ms).ln().abs());
+            NAMES.iter().all(|name| free.contains(&of(species, name))) && away(extra_ms) < away(species.release_ms)
+        };
+        let Some(species) = fitted.detector.traps.iter().find(is_nearer) else { return Vec::new() };
+        let swapped = |name: &&str| {
+            let keys = [own(name), of(species, name)];
+            let [a, b] = [0, 1].map(|place| fitted.number(&keys[place]).expect("a number"));
+            keys.into_iter().zip([b, a])
+        };
+        NAMES.iter().flat_map(swapped).collect()
+    }
+
     fn held(reach: &Reach) -> &'static [&'static str] {
         if reach.varies_in_temperature() { &[] } else { &["energy_ev"] }
     }
@@ -107,5 +130,33 @@ impl Effect for ExtraSpecies {
             well_fill_power: self.well_fill_power,
             surface_level_e: None,
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mission_file::add_effect;
+
+    #[test]
+    fn a_species_keeps_its_name() {
+        let given = Mission::read("missions/snap_l2.toml").unwrap();
+        let species = &given.detector.traps[0];
+        let keys = NAMES.map(|name| format!("detector.traps.{}.{name}", species.name));
+        let (density_per_px, release_ms) = (species.density_per_px, species.release_ms);
+        let fitted = |own_ms: f64, extra_ms: f64| {
+            let at = given.with(&[(keys[0].clone(), 0.5.into()), (keys[1].clone(), own_ms.into())]).unwrap();
+            let table = numbers(&[("density_per_px", density_per_px), ("release_ms", extra_ms), ("energy_ev", 0.4)]);
+            add_effect(&at, ExtraSpecies::CARD.kind, table).unwrap()
+        };
+        let (away, key) = fitted(0.01 * release_ms, 1.1 * release_ms);
+        let mut swapped = ExtraSpecies::plainer(&away, &given, &keys, &key);
+        swapped.sort_by(|a, b| a.0.cmp(&b.0));
+        let values: Vec<f64> = swapped.iter().map(|(_, value)| *value).collect();
+        assert_eq!(values, [density_per_px, 1.1 * release_ms, 0.5, 0.01 * release_ms], "{swapped:?}");
+        // What is not free cannot change places, and what is at its place need not.
+        assert!(ExtraSpecies::plainer(&away, &given, &keys[..1], &key).is_empty());
+        let (here, key) = fitted(1.1 * release_ms, 0.01 * release_ms);
+        assert!(ExtraSpecies::plainer(&here, &given, &keys, &key).is_empty());
     }
 }

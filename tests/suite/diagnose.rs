@@ -290,6 +290,54 @@ fn a_notch_that_nearly_holds_a_background_is_found_and_its_rows_are_right() {
     assert!((notch.value - 4.9).abs() < 3.0 * notch.sigma.unwrap() && notch.sigma.unwrap() < 0.05, "{notch:?}");
 }
 
+/// Doses at many epochs beside trails at one: rows that are left out by their epoch are doses, which no well changes.
+#[test]
+fn an_effect_on_trails_of_one_epoch_is_found_beside_doses_of_many() {
+    let found = diagnosed(Path::new("tests/corpus/edge/one-epoch-of-trails"), "");
+    assert_eq!((found.verdict, effects(&found).as_slice()), (Verdict::Missing, &["well-fill".to_string()][..]));
+    let power = &found.steps[0].parameters[0];
+    assert!((power.value - 0.62).abs() < 3.0 * power.sigma.unwrap(), "{power:?}");
+    assert_eq!(found.held_out.as_deref(), Some("t_yr, signal_e"));
+    // Trails are left out too.
+    assert!(found.baseline.holdout_rms_sigma.unwrap() > 3.0, "{:?}", found.baseline.holdout_rms_sigma);
+}
+
+/// As long as the notch is missing, a fit takes the release time that is free to where it moves nothing.
+#[test]
+fn a_free_key_that_ran_away_comes_back_with_the_effect_that_was_missing() {
+    let found = diagnosed(Path::new("tests/corpus/edge/runaway-release-time"), "");
+    assert_eq!((found.verdict, effects(&found).as_slice()), (Verdict::Missing, &["notch".to_string()][..]));
+    let value = |key: &str| found.parameters.iter().find(|fitted| fitted.key == key).unwrap();
+    for (key, truth) in [("detector.traps.C.density_per_px", 3.7), ("detector.traps.C.release_ms", 960.0)] {
+        let fitted = value(key);
+        assert!((fitted.value - truth).abs() < 3.0 * fitted.sigma.unwrap(), "{fitted:?}");
+    }
+    let ran_away = found.baseline.parameters.iter().find(|fitted| fitted.key == "detector.traps.C.release_ms").unwrap();
+    assert!(ran_away.value > 1e5, "the case shows nothing: {ran_away:?}");
+}
+
+/// Rounding that depends on the order of the rows can lead a search to another minimum.
+#[test]
+fn the_order_of_files_changes_nothing() {
+    for case in ["one-epoch-of-trails", "runaway-release-time"] {
+        let folder = Path::new("tests/corpus/edge").join(case);
+        let found = diagnosed(&folder, "");
+        let (mission, mut data) = read(&folder, "");
+        data.reverse();
+        let reversed = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
+        let names = |of: &Diagnosis| of.noise.iter().map(|noise| noise.file.clone()).collect::<Vec<_>>();
+        let given: Vec<String> = data.iter().map(|set| set.file.clone()).collect();
+        assert_eq!(names(&reversed), given);
+        assert_eq!(reversed.after.sets.iter().map(|set| set.data.file.clone()).collect::<Vec<_>>(), given);
+        let told = |of: &Diagnosis| {
+            let mut json: Value = serde_json::from_str(&of.render(Format::Json)).unwrap();
+            json["noise"].as_array_mut().unwrap().sort_by_key(|noise| noise["file"].to_string());
+            json.to_string()
+        };
+        assert_eq!(told(&reversed), told(&found), "{case}");
+    }
+}
+
 /// A flare that noise nearly does as well is either not claimed, or with its rivals, and then the page says that larger errors take
 /// the claim away.
 #[test]

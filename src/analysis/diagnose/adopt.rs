@@ -69,7 +69,7 @@ impl Evidence<'_> {
     /// Whether a model also foretells rows that were left out better than without one of its effects.
     pub(super) fn confirmed(&self, node: &Node, place: usize) -> Result<bool, InputError> {
         let parent = self.without(node, place)?;
-        let better = |groups| holdout::surprise(groups, node) < holdout::surprise(groups, &parent);
+        let better = |groups| holdout::surprise_of_all(groups, node) < holdout::surprise_of_all(groups, &parent);
         Ok(self.groups().is_none_or(better))
     }
 

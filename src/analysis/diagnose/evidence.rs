@@ -69,8 +69,8 @@ pub(super) struct Evidence<'a> {
     pub search: &'a Search<'a>,
     pub options: &'a Options,
     pub base: &'a Arc<Node>,
-    /// A column, and the groups of rows that are left out by it.
-    pub split: Option<&'a (&'static str, Vec<Vec<usize>>)>,
+    /// Columns, and the groups of rows that are left out by them.
+    pub split: Option<&'a (Vec<&'static str>, Vec<Vec<usize>>)>,
 }
 
 impl Evidence<'_> {

@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 use serde::Serialize;
 
 use super::fitted_model::{Case, Node};
-use crate::analysis::fit::holdout::groups;
+use crate::analysis::fit::holdout::{groups, groups_among};
 
 /// Eigenvalue of 1 − H_gg below which a group cannot be predicted from the others: a parameter hangs on it alone.
 const UNSEEN: f64 = 1e-3;
@@ -17,30 +17,38 @@ const UNSEEN: f64 = 1e-3;
 /// The same as far as it can be told from 0.
 const NOT_SEEN: f64 = 1e-6;
 
-/// Columns by whose values groups are left out, the first that varies in three or more values; pixels of a trail share their
-/// errors and come last.
-const COLUMNS: [&str; 9] = [
-    "t_yr",
-    "signal_e",
-    "transfers",
-    "temperature_k",
-    "dose_mev_g",
-    "background_e",
-    "line_time_ms",
-    "galaxy",
-    "trail_px",
-];
+/// Conditions by whose values groups are left out.
+const CONDITIONS: [&str; 8] =
+    ["t_yr", "signal_e", "transfers", "temperature_k", "dose_mev_g", "background_e", "line_time_ms", "galaxy"];
 
-/// Rows that are left out together, and the column whose values they share. None where nothing varies.
-pub(super) fn split(case: &Case) -> Option<(&'static str, Vec<Vec<usize>>)> {
+/// Pixels of a trail share their errors, and are left out only where nothing else varies.
+const PIXELS: &str = "trail_px";
+
+/// Rows that are left out together, and the columns whose values they share: that by which most rows can be left out, of the files
+/// that do not vary in it another one, and so on. An effect that changes one file alone can be judged by rows of that file only.
+/// None where nothing varies.
+pub(super) fn split(case: &Case) -> Option<(Vec<&'static str>, Vec<Vec<usize>>)> {
+    let mut rest: Vec<usize> = (0..case.data.len()).collect();
+    let (mut columns, mut all) = (Vec::new(), Vec::new());
+    while let Some((column, groups)) = most_rows(case, &rest, &CONDITIONS) {
+        rest.retain(|&file| !case.data[file].varies_in(column));
+        columns.push(column);
+        all.extend(groups);
+    }
+    if columns.is_empty() {
+        return most_rows(case, &rest, &[PIXELS]).map(|(column, groups)| (vec![column], groups));
+    }
+    Some((columns, all))
+}
+
+/// The column by which most rows of some files can be left out in three groups or more, and the groups.
+fn most_rows(case: &Case, files: &[usize], columns: &[&'static str]) -> Option<(&'static str, Vec<Vec<usize>>)> {
     let split = |column: &&'static str| {
         let groups: Vec<Vec<usize>> =
-            groups(case.data, column).ok()?.into_iter().map(|(_, members, _)| members).collect();
+            groups_among(case.data, files, column).into_iter().map(|(_, members, _)| members).collect();
         (groups.len() > 2).then_some((*column, groups))
     };
-    let most =
-        COLUMNS[..8].iter().filter_map(split).max_by_key(|(_, groups)| groups.iter().map(Vec::len).sum::<usize>());
-    most.or_else(|| COLUMNS[8..].iter().find_map(split))
+    columns.iter().filter_map(split).max_by_key(|(_, groups)| groups.iter().map(Vec::len).sum::<usize>())
 }
 
 /// 1 − H_gg of a group, and the residuals of its rows.
@@ -83,6 +91,13 @@ pub(super) fn surprise(groups: &[Vec<usize>], node: &Node) -> f64 {
     groups.iter().map(of).sum()
 }
 
+/// The same of all rows; those that are never left out (a trail at one brightness) count as the model leaves them.
+pub(super) fn surprise_of_all(groups: &[Vec<usize>], node: &Node) -> f64 {
+    let mut never = node.residuals.clone();
+    groups.iter().flatten().for_each(|&row| never[row] = 0.0);
+    surprise(groups, node) + never.norm_squared()
+}
+
 /// The same of the groups at the ends of the range of every condition, to which a model is extrapolated from the others.
 pub(super) fn surprise_beyond(case: &Case, node: &Node) -> f64 {
     let ends = |column: &&str| {
@@ -90,12 +105,7 @@ pub(super) fn surprise_beyond(case: &Case, node: &Node) -> f64 {
         let ends = groups.into_iter().filter(|(_, _, at_end)| *at_end);
         Some(ends.map(|(_, members, _)| members).collect::<Vec<_>>())
     };
-    surprise(&conditions().filter_map(ends).flatten().collect::<Vec<_>>(), node)
-}
-
-/// Conditions to whose ends a model can be extrapolated.
-fn conditions() -> impl Iterator<Item = &'static &'static str> {
-    COLUMNS.iter().filter(|column| **column != "trail_px")
+    surprise(&CONDITIONS.iter().filter_map(ends).flatten().collect::<Vec<_>>(), node)
 }
 
 /// rms of (value − model)/sigma over groups left out in turn.
@@ -142,7 +152,7 @@ pub(super) fn carried(case: &Case, node: &Node) -> Vec<Carried> {
             beyond_rms_sigma: rms(true),
         })
     };
-    conditions().filter_map(of).collect()
+    CONDITIONS.iter().filter_map(of).collect()
 }
 
 #[cfg(test)]
@@ -169,8 +179,8 @@ mod tests {
         let keys = ["fast", "mid", "slow"].map(|name| format!("effects.prelaunch-traps.{name}"));
         let case = Case::of(&data);
         let node = Node::fit(&case, &Model::new(&mission), Vec::new(), &keys, &Options::default()).unwrap();
-        let (column, groups) = split(&case).unwrap();
-        assert_eq!(column, "t_yr");
+        let (columns, groups) = split(&case).unwrap();
+        assert_eq!(columns, ["t_yr"]);
         for members in &groups {
             let without = |row: usize| !members.contains(&row);
             let fit = fit::fit_rows(&node.model, &data, &keys, &Options::default(), &|_| (), without).unwrap();

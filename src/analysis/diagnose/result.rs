@@ -320,6 +320,19 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// The same with what is told of each file at another place.
+    pub(super) fn with_files_at(mut self, places: &[usize]) -> Diagnosis {
+        fn put<T>(all: &mut Vec<T>, places: &[usize]) {
+            let mut placed: Vec<(usize, T)> = places.iter().copied().zip(all.drain(..)).collect();
+            placed.sort_by_key(|(place, _)| *place);
+            all.extend(placed.into_iter().map(|(_, one)| one));
+        }
+        put(&mut self.noise, places);
+        put(&mut self.before.sets, places);
+        put(&mut self.after.sets, places);
+        self
+    }
+
     /// The tables of effects that differ from those of the mission as given, by kind.
     pub fn added_effects(&self) -> toml::Table {
         let known = &self.mission.effects;

@@ -12,6 +12,7 @@ use super::fitted_model::{Added, Case, Node};
 use super::hypothesis::{FARTHEST, Hypothesis, Trial};
 use super::options::Progress;
 use super::significance::{Noise, Null};
+use crate::analysis::fit::parameter::Parameter;
 use crate::analysis::fit::{self, Optimum, Problem, helped};
 use crate::effect;
 use crate::error::InputError;
@@ -31,6 +32,12 @@ const ALSO: f64 = 0.3;
 const FAR_BEHIND: f64 = 2.0;
 const BEHIND: f64 = 50.0;
 const SAME_END: f64 = 0.25;
+
+/// Ordinary changes of a free key from the mission's value, beyond which a fit begins once more from that value.
+const FAR: f64 = 0.25;
+
+/// Difference of chi2 of two fits that have come to the same minimum.
+const SAME_MINIMUM: f64 = 0.01;
 
 /// Effects fitted on top of a model that has some already: those that promise most.
 pub(super) const BREADTH: usize = 6;
@@ -119,6 +126,8 @@ pub(super) struct Search<'a> {
     /// The same data without pedestals.
     pub level_case: &'a Case<'a>,
     pub hypotheses: &'a [Hypothesis],
+    /// The mission before anything was fitted.
+    given: &'a Mission,
     /// Keys that are free from the start.
     pub base: Vec<String>,
     pub seed: u64,
@@ -137,6 +146,7 @@ pub(super) struct Search<'a> {
 impl<'a> Search<'a> {
     pub fn new(
         [case, level_case]: [&'a Case<'a>; 2],
+        given: &'a Mission,
         hypotheses: &'a [Hypothesis],
         base: Vec<String>,
         seed: u64,
@@ -148,6 +158,7 @@ impl<'a> Search<'a> {
             levels: Mutex::default(),
             hypotheses,
             base,
+            given,
             seed,
             progress,
             nodes: Mutex::default(),
@@ -190,13 +201,29 @@ impl<'a> Search<'a> {
     pub fn settled(&self, node: &Node) -> Result<Arc<Node>, InputError> {
         let settled =
             self.settled.lock().expect("nobody panics").iter().find(|known| known.set() == node.set()).cloned();
-        if let Some(settled) = settled.filter(|settled| settled.chi2() <= node.chi2()) {
+        if let Some(settled) = settled.filter(|settled| settled.chi2() <= node.chi2() + SAME_MINIMUM) {
             return Ok(settled);
         }
-        let found = self.fit(&node.model, &node.added, false)?;
+        let found = self.plainer(self.fit(&node.model, &node.added, false)?)?;
         self.settled.lock().expect("nobody panics").push(found.clone());
         self.improve_sketch(&found);
         Ok(found)
+    }
+
+    /// A fitted model, or one that means the same and reads better: from other values of its effects' parameters it comes to a minimum
+    /// as low.
+    fn plainer(&self, node: Arc<Node>) -> Result<Arc<Node>, InputError> {
+        let plainer = |added: &Added| {
+            let entry = effect::find(self.hypotheses[added.hypothesis].kind);
+            entry.map_or_else(Vec::new, |entry| (entry.plainer)(node.mission(), self.given, &self.base, &added.key))
+        };
+        let values: Vec<_> = node.added.iter().flat_map(plainer).map(|(key, value)| (key, value.into())).collect();
+        let Some(mission) = (!values.is_empty()).then(|| node.mission().with(&values).ok()).flatten() else {
+            return Ok(node);
+        };
+        let options = fit::Options { scan: false, moments: false, seed: self.seed, ..fit::Options::default() };
+        let other = Node::fit(self.case, &node.model.like(&mission), node.added.clone(), &self.base, &options)?;
+        Ok(if other.chi2() < node.chi2() + SAME_MINIMUM { self.remembered(other) } else { node })
     }
 
     /// Puts a model at its very optimum in the place of the rough fit that it was made from.
@@ -221,11 +248,16 @@ impl<'a> Search<'a> {
         // A search has tried all intervals, unless they are too many.
         let moments = self.case.reach.epochs_yr.len() > effect::EVENT_EPOCHS;
         let options = fit::Options { starts: 1, scan: !settled, seed: self.seed, moments, settled };
-        let node = Arc::new(Node::fit(self.case, model, added.to_vec(), &self.base, &options)?);
+        Ok(self.remembered(Node::fit(self.case, model, added.to_vec(), &self.base, &options)?))
+    }
+
+    /// A fitted model, in the place of others with the same effects.
+    fn remembered(&self, node: Node) -> Arc<Node> {
+        let node = Arc::new(node);
         let mut nodes = self.nodes.lock().expect("nobody panics");
         nodes.retain(|known| known.set() != node.set());
         nodes.push(node.clone());
-        Ok(node)
+        node
     }
 
     /// The fitted model with some hypotheses, added one by one to another.
@@ -299,13 +331,36 @@ impl<'a> Search<'a> {
             let strength = trial.strength(&node.residuals).clamp(0.1, FARTHEST);
             self.start_of(node, &[(trial, strength)])
         });
-        let near = self.followed(node, near.into_iter().flatten().collect());
+        let near = self.from_given_values(node, self.followed(node, near.into_iter().flatten().collect())?);
         if near.as_ref().is_some_and(|near| near.pedestal_costs.iter().all(|cost| *cost == 0.0)) {
             return near;
         }
         let level = wanted.first().and_then(|trial| self.start_from_level(node, trial.hypothesis));
         let far = self.followed(node, level.into_iter().collect());
         near.into_iter().chain(far).min_by(|a, b| a.chi2.total_cmp(&b.chi2))
+    }
+
+    /// A rough fit, or that which the mission's own values of the keys that are free from the beginning lead to, where that is better.
+    /// A model that lacks an effect may have driven a free key to where it moves nothing (a release time to its bound), from
+    /// where no slope leads back once the effect is there.
+    fn from_given_values(&self, node: &Node, sketch: Sketch) -> Option<Sketch> {
+        let given = self.base.iter().filter_map(|key| Parameter::of(self.given, key).ok());
+        let is_far = |given: &Parameter| {
+            let value = sketch.mission.number(&given.key);
+            value.is_some_and(|value| given.changes_from_start(value) > FAR)
+        };
+        let moved: Vec<_> = given.filter(is_far).map(|given| (given.key, given.start.into())).collect();
+        if moved.is_empty() {
+            return Some(sketch);
+        }
+        let back = || -> Option<Sketch> {
+            let mission = sketch.mission.with(&moved).ok()?;
+            let model = node.model.like(&mission);
+            let problem = self.problem(&model, &sketch.added).ok()?;
+            let found = problem.approach(&problem.nothing_known());
+            self.followed(node, vec![Start { added: sketch.added.clone(), mission, found }])
+        };
+        back().into_iter().chain([sketch]).min_by(|a, b| a.chi2.total_cmp(&b.chi2))
     }
 
     /// The start where another search of the same data ended with the same effects; None where it did not try them.

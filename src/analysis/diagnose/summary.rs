@@ -55,7 +55,7 @@ impl Evidence<'_> {
             suggestion,
             next,
             limits,
-            held_out: self.split.map(|(column, _)| column.to_string()),
+            held_out: self.split.map(|(columns, _)| columns.join(", ")),
             noise,
             stability: Stability::default(),
             notes,

@@ -82,7 +82,7 @@ pub fn holdout(
 
 /// Groups of rows (by their place among all): name, members, whether at an end.
 pub(crate) fn groups(data: &[DataSet], column: &str) -> Result<Vec<(String, Vec<usize>, bool)>, InputError> {
-    if !data.iter().any(|set| set.varying.iter().any(|name| name == column)) {
+    if !data.iter().any(|set| set.varies_in(column)) {
         let varying: Vec<&str> = data.iter().flat_map(|set| &set.varying).map(String::as_str).collect();
         let mut listed = varying.clone();
         listed.sort_unstable();
@@ -94,8 +94,12 @@ pub(crate) fn groups(data: &[DataSet], column: &str) -> Result<Vec<(String, Vec<
             None => refusal,
         });
     }
-    // Data sets that do not vary in the column are never left out.
-    let varies = data.iter().map(|set| (set, set.varying.iter().any(|name| name == column)));
+    Ok(groups_among(data, &(0..data.len()).collect::<Vec<_>>(), column))
+}
+
+/// The same of some data sets, by their places among all; those that do not vary in the column are never left out.
+pub(crate) fn groups_among(data: &[DataSet], some: &[usize], column: &str) -> Vec<(String, Vec<usize>, bool)> {
+    let varies = data.iter().enumerate().map(|(place, set)| (set, some.contains(&place) && set.varies_in(column)));
     let rows = varies.flat_map(|(set, varies)| set.rows.iter().map(move |row| (row, varies)));
     let rows = rows.enumerate().filter(|(_, (_, varies))| *varies).map(|(index, (row, _))| (index, row));
     if data.iter().any(|set| set.is_words(column)) {
@@ -107,7 +111,7 @@ pub(crate) fn groups(data: &[DataSet], column: &str) -> Result<Vec<(String, Vec<
                 None => groups.push((word.to_string(), vec![index], false)),
             }
         }
-        return Ok(groups);
+        return groups;
     }
     let mut numbers: Vec<(f64, usize)> =
         rows.filter_map(|(index, row)| Some((row.at.get(column)?, index))).filter(|(at, _)| at.is_finite()).collect();
@@ -116,7 +120,7 @@ pub(crate) fn groups(data: &[DataSet], column: &str) -> Result<Vec<(String, Vec<
     distinct.dedup();
     let count = distinct.len().min(GROUPS);
     let cut = |group: usize| distinct[group * distinct.len() / count];
-    Ok((0..count)
+    (0..count)
         .map(|group| {
             let (low, next) = (cut(group), (group + 1 < count).then(|| cut(group + 1)));
             let within = |at: f64| at >= low && next.is_none_or(|next| at < next);
@@ -125,5 +129,5 @@ pub(crate) fn groups(data: &[DataSet], column: &str) -> Result<Vec<(String, Vec<
             let members = numbers.iter().filter(|(at, _)| within(*at)).map(|(_, index)| *index).collect();
             (name, members, group == 0 || group + 1 == count)
         })
-        .collect())
+        .collect()
 }

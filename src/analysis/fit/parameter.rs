@@ -117,6 +117,15 @@ impl Parameter {
         if self.is_log() { 1e-12 * self.high.min(1.0) } else { self.low }
     }
 
+    /// How far a value is from the mission's, in ordinary changes (of its logarithm, where it must be above 0).
+    pub fn changes_from_start(&self, value: f64) -> f64 {
+        let change = (self.inner(value) - self.inner(self.start)).abs();
+        match self.scale {
+            Scale::Log | Scale::Between => change,
+            Scale::From | Scale::Linear => change / self.size(),
+        }
+    }
+
     /// The coordinate along which a parameter is followed, and in which a flat prior is flat: ln x where x must be above 0, else x.
     pub fn coordinate(&self, value: f64) -> f64 {
         if self.is_log() { value.max(self.least()).ln() } else { value }
