@@ -3,7 +3,7 @@
 //! Weighted least squares by Levenberg and Marquardt's method (the crate's port of MINPACK), in coordinates in which bounds
 //! are out of reach (`problem`, `parameter`, `minimise`), from one start or several (`solve`, `elsewhere`). Errors are those
 //! of the linear theory at the optimum, from derivatives with respect to the parameters themselves (`errors`), larger where
-//! the model is curved (`profile_errors`). The moment of an event (a flare, a bakeout) has no derivative: data only tell between which
+//! the model is curved (`profile_errors`); where data set no limit on one side, that is told (`open_sides`). The moment of an event (a flare, a bakeout) has no derivative: data only tell between which
 //! two of their epochs it lies, so that these are tried one after another; what is given is the middle of all that do as well
 //! (`event_epochs`).
 
@@ -13,6 +13,7 @@ mod errors;
 mod event_epochs;
 pub mod holdout;
 mod minimise;
+pub(crate) mod open_sides;
 pub mod parameter;
 pub mod posterior;
 mod problem;
@@ -46,5 +47,8 @@ pub fn fit(
 ) -> Result<Fit, InputError> {
     let model = Model::new(mission);
     let fit = fit_rows(&model, data, keys, options, progress, |_| true)?;
-    Ok(Fit { parameters: profile_errors::widened(&model.like(&fit.mission), data, &fit, progress)?, ..fit })
+    let model = model.like(&fit.mission);
+    let parameters = profile_errors::widened(&model, data, &fit, progress)?;
+    let open = open_sides::open_sides(&model, data, &fit, &parameters, progress)?;
+    Ok(Fit { parameters, advice: [fit.advice.clone(), open].concat(), ..fit })
 }

@@ -181,7 +181,7 @@ fn with_unit(value: f64, set: &SetResult) -> String {
 }
 
 /// Four digits.
-fn significant(value: f64) -> String {
+pub(super) fn significant(value: f64) -> String {
     if value != 0.0 && !(1e-2..1e5).contains(&value.abs()) {
         return format!("{value:.3e}");
     }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ctiplan::analysis::fit::{Fit, Options, fit};
+use ctiplan::analysis::fit::{Advice, Fit, Options, fit};
 use ctiplan::analysis::measurement::{DataSet, questions};
 use ctiplan::io::table::Table;
 use ctiplan::mission::Mission;
@@ -53,6 +53,26 @@ fn a_value_that_moves_nothing_does_not_run_away() {
         let chi2 = fitted(&best, &data, &[]).chi2;
         assert!(found.chi2 < chi2 + 0.1, "seed {seed}: {} {chi2}", found.chi2);
     }
+}
+
+/// A release time far below or above what the data span has a limit on one side, and that is told; one that they know has none.
+#[test]
+fn a_limit_on_one_side_only_is_told() {
+    let density = "detector.traps.VV.density_per_px";
+    let open = |release_ms: f64| -> Vec<bool> {
+        let (mission, data) = measured(release_ms, 1);
+        let start = mission.with(&[(RELEASE.into(), release_ms.into())]).unwrap();
+        let found = fitted(&start, &data, &[density, RELEASE]);
+        let side = |advice: &Advice| match advice {
+            Advice::Open { key, above, rise, .. } => {
+                assert!(key == RELEASE && *rise < 9.0, "{advice:?}");
+                Some(*above)
+            }
+            _ => None,
+        };
+        found.advice.iter().filter_map(side).collect()
+    };
+    assert_eq!([3.0, 12.15, 30_000.0].map(open), [vec![false], vec![], vec![true]]);
 }
 
 /// An error is as far as chi2 rises by 1, the other parameter following, to that side where it is farther.

@@ -29,6 +29,9 @@ impl Evidence<'_> {
         let mut rungs: Vec<Rung> = ladder.iter().map(|node| self.rung(node)).collect();
         let values =
             fit::profile_errors::widened(&node.model, self.case().data, &node.fit, &|_| self.case().work.count())?;
+        let open = fit::open_sides::open_sides(&node.model, self.case().data, &node.fit, &values, &|_| {
+            self.case().work.count()
+        })?;
         rungs.last_mut().expect("the base").parameters = values.clone();
         let steps = self.steps(&ladder, &rungs, &values)?;
         let tried = if verdict == Verdict::Unfit { Vec::new() } else { self.tried() };
@@ -63,7 +66,7 @@ impl Evidence<'_> {
             undone: self.case().work.undone(),
             before,
             after,
-            advice: node.fit.advice.iter().cloned().chain(self.assumed(node)).collect(),
+            advice: node.fit.advice.iter().cloned().chain(open).chain(self.assumed(node)).collect(),
         })
     }
 

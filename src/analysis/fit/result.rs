@@ -116,6 +116,19 @@ pub enum Advice {
         /// The bound.
         bound: f64,
     },
+    /// Values far away on one side are not excluded: there is a limit on the other side only.
+    Open {
+        /// The key.
+        key: String,
+        /// Whether it is the side of larger values.
+        above: bool,
+        /// A value far away.
+        value: f64,
+        /// Unit of the value.
+        unit: &'static str,
+        /// By how much chi2 is larger there, all others fitted.
+        rise: f64,
+    },
     /// It was not fitted, and others would be different if it were.
     Assumed {
         /// The key.

@@ -6,6 +6,7 @@ use serde::ser::{Serialize, Serializer};
 
 use crate::analysis::fit::Advice;
 use crate::mission::keys::plain;
+use crate::report::validate::significant;
 
 impl fmt::Display for Advice {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -27,6 +28,12 @@ impl fmt::Display for Advice {
                 keys[0], keys[1]
             ),
             Advice::AtBound { key, bound } => write!(out, "{key}: at its bound, {}", plain(*bound)),
+            Advice::Open { key, above, value, unit, rise } => {
+                let limit = if *above { "a lower" } else { "an upper" };
+                let at = [significant(*value), unit.to_string()].join(" ");
+                let at = at.trim_end();
+                write!(out, "{key}: the data set {limit} limit only; at {at} chi2 is larger by just {rise:.1}")
+            }
             Advice::Assumed { key, value } => {
                 write!(out, "{key}: assumed, not fitted; the values above hold with {}", plain(*value))
             }

@@ -1,0 +1,65 @@
+//! Sides on which data set a parameter no limit.
+//!
+//! An error tells how far a parameter can be moved until chi2 has risen by 1. Beyond that chi2 may hardly rise any more: no trail
+//! tells a release time of a hundred transfers from one of ten thousand. Such a parameter has a limit on one side, and its error
+//! must not be taken for that of a normal distribution. A parameter that is known to worse than a few tenths is therefore held
+//! far away on either side, all others fitted, and chi2 compared.
+
+use super::parameter::Parameter;
+use super::problem::Problem;
+use super::result::{Advice, Fit, Fitted};
+use crate::analysis::measurement::DataSet;
+use crate::error::InputError;
+use crate::model::Model;
+use crate::numeric::parallel;
+
+/// Error over value from which on the sides are looked at.
+const POORLY_KNOWN: f64 = 0.3;
+
+/// Factor by which a value is moved to either side.
+const FAR: f64 = 100.0;
+
+/// Rise of chi2 from which on a value is excluded, to three errors.
+const EXCLUDED: f64 = 9.0;
+
+/// The open sides of all parameters of a fit that must be above 0; `fitted` are they with their errors.
+///
+/// # Errors
+/// As [`super::fit`].
+pub(crate) fn open_sides(
+    model: &Model,
+    data: &[DataSet],
+    fit: &Fit,
+    fitted: &[Fitted],
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Vec<Advice>, InputError> {
+    let doubtful = fitted.iter().filter(|fitted| fitted.sigma.is_some_and(|sigma| sigma > POORLY_KNOWN * fitted.value));
+    let parameters = doubtful.map(|fitted| Parameter::of(&fit.mission, &fitted.key)).collect::<Result<Vec<_>, _>>()?;
+    let inside = |parameter: &&Parameter| parameter.is_log() && parameter.at_bound(parameter.start).is_none();
+    let sides = parameters.iter().filter(inside).flat_map(|parameter| [(parameter, true), (parameter, false)]);
+    let open = |(parameter, above): (&Parameter, bool)| -> Result<Option<Advice>, InputError> {
+        let (low, high) = parameter.coordinates();
+        let factor = if above { FAR } else { FAR.recip() };
+        let coordinate = parameter.coordinate(parameter.start * factor).clamp(low, high);
+        let value = parameter.at_coordinate(coordinate);
+        let rise = chi2_held_at(model, data, fit, &parameter.key, value, progress)? - fit.chi2;
+        let advice = Advice::Open { key: parameter.key.clone(), above, value, unit: parameter.unit, rise };
+        Ok((rise < EXCLUDED).then_some(advice))
+    };
+    Ok(parallel::try_map(sides, open)?.into_iter().flatten().collect())
+}
+
+/// chi2 with a parameter held at a value and all others fitted from where they are.
+fn chi2_held_at(
+    model: &Model,
+    data: &[DataSet],
+    fit: &Fit,
+    key: &str,
+    value: f64,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<f64, InputError> {
+    let held = model.like(&fit.mission.with(&[(key.to_string(), value.into())])?);
+    let others: Vec<String> =
+        fit.parameters.iter().map(|fitted| fitted.key.clone()).filter(|other| other != key).collect();
+    Ok(Problem::new(&held, data, &others, progress, |_| true)?.sketch()?.1)
+}
