@@ -46,6 +46,8 @@ pub enum Warning {
     },
     /// The dose of solar protons is shown for an orbit that they do not reach unhindered.
     ShieldedByField,
+    /// A phase of the solar cycle is asked for, and the dose does not depend on it.
+    IdlePhase,
     /// Nuclear reactions in the shield change the dose.
     Secondaries {
         /// Share of the dose that is lost with protons that react.
@@ -220,6 +222,11 @@ impl fmt::Display for Warning {
             Warning::ShieldedByField => write!(
                 out,
                 "the magnetosphere shields a low Earth orbit from part of the solar protons: the ESP values hold outside it"
+            ),
+            Warning::IdlePhase => write!(
+                out,
+                "the phase of the solar cycle (environment.solar_phase) has no effect on a dose that is given: derive it with \
+                 environment.model = \"derived\""
             ),
             Warning::Secondaries { lost, neutrons, counted } => write!(
                 out,

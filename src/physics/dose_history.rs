@@ -295,6 +295,11 @@ impl DoseHistory {
         sun.into_iter().chain(shield).chain(orbit).collect()
     }
 
+    /// Whether a mission asks for a phase of the solar cycle although none of its sources is derived.
+    pub(crate) fn idle_phase(&self, mission: &Mission) -> Option<Warning> {
+        (mission.environment.solar_phase.is_some() && self.sources.is_empty()).then_some(Warning::IdlePhase)
+    }
+
     /// Whether part of the dose comes in active years alone.
     fn follows_active_years(&self) -> bool {
         self.active_rate_mev_g_yr > 0.0

@@ -222,6 +222,7 @@ pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputEr
 
 fn warnings(mission: &Mission, history: &DoseHistory) -> Vec<Warning> {
     let mut warnings = history.warnings(mission.mission.duration_yr);
+    warnings.extend(history.idle_phase(mission));
     if mission.place().is_none() {
         warnings.push(Warning::ShieldedByField);
     }

@@ -215,6 +215,7 @@ pub(crate) fn unmeasurable(mission: &Mission, galaxy: &Galaxy) -> InputError {
 pub(crate) fn warnings(model: &Model) -> Result<Vec<Warning>, InputError> {
     let mission = &model.mission;
     let mut warnings = model.history().warnings(mission.mission.duration_yr);
+    warnings.extend(model.history().idle_phase(mission));
     for (index, galaxy) in mission.galaxies.iter().enumerate() {
         let peak_e = model.scene(index).map_or(0.0, Scene::peak_e);
         if peak_e > mission.detector.full_well_e {

@@ -8,8 +8,10 @@ use ctiplan::environment::source::SOURCES;
 use ctiplan::mission::Mission;
 use ctiplan::model::Model;
 use ctiplan::plan::dose::{Survey, survey};
+use ctiplan::plan::evaluate::evaluate;
 use ctiplan::study::Study;
 use ctiplan::study::shielding::Shielding;
+use ctiplan::warning::Warning;
 use serde_json::Value;
 
 /// A mission of ten years behind 10 mm of aluminium, with an orbit and more lines of its environment.
@@ -387,4 +389,19 @@ fn imports_are_not_extrapolated_in_silence() {
     assert!(!warned(&read("dose_depth = \"depth.csv\"", 10.0), "is extrapolated"));
     let refused = Shielding::default().study(&read("dose_depth = \"depth.csv\"", 10.0), &|| {});
     assert!(refused.unwrap_err().to_string().contains("the dose is imported"));
+}
+
+/// A phase of the solar cycle holds sources that are derived; beside a dose rate that is given it does nothing, and that is said.
+#[test]
+fn a_phase_without_a_derived_source_is_warned_of() {
+    let derived = text("kind = \"l2\"", "solar_phase = \"min\"", SPHERE);
+    let rate = "model = \"constant\"\nactive_dose_rate_mev_g_yr = 2.54e6";
+    let given = derived.replace("model = \"derived\"", rate);
+    let unasked = given.replace("solar_phase = \"min\"\n", "");
+    for (text, warned) in [(derived, false), (given, true), (unasked, false)] {
+        let mission = Mission::parse(&text).unwrap();
+        for warnings in [asked(&mission).warnings, evaluate(&mission).unwrap().warnings] {
+            assert_eq!(warnings.contains(&Warning::IdlePhase), warned, "{text}");
+        }
+    }
 }
