@@ -7,7 +7,7 @@
 //!                                                        └──▶ [correct] ─────────┘   the readout, turned round
 //! ```
 //!
-//! One HDU is in memory at a time. What is done to a frame is told in `docs/images.md`.
+//! One HDU is in memory at a time. What is done to a frame stands in `docs/images.md`.
 
 pub mod amplifier;
 pub mod amplifier_table;
@@ -279,7 +279,7 @@ impl Job {
         })
     }
 
-    /// Works on a file. `progress` is told the HDUs that are done, how many there are, and what is being done.
+    /// Works on a file. `progress` is given the HDUs that are done, how many there are, and what is being done.
     ///
     /// # Errors
     /// Where the input is no FITS file or holds nothing to work on, a unit is not known, a formula fails, or the output cannot
@@ -438,10 +438,10 @@ impl Job {
         pixels: &mut fits::Pixels,
         amplifiers: &Amplifiers,
         flagged: Option<&Flagged>,
-        tell: &dyn Fn(&str),
+        status: &dyn Fn(&str),
     ) -> Result<work::Worked, InputError> {
         let charge_e = amplifiers.charge_e(&pixels.physical());
-        let mut worked = self.charges(charge_e, amplifiers, flagged, tell)?;
+        let mut worked = self.charges(charge_e, amplifiers, flagged, status)?;
         // A pixel that does not change keeps its very bits.
         let changed = Zip::from(&worked.before_e)
             .and(&worked.after_e)
@@ -458,7 +458,7 @@ impl Job {
         mut before_e: Array2<f64>,
         amplifiers: &Amplifiers,
         flagged: Option<&Flagged>,
-        tell: &dyn Fn(&str),
+        status: &dyn Fn(&str),
     ) -> Result<work::Worked, InputError> {
         if let Some(flagged) = flagged {
             Zip::from(&mut before_e).and(&flagged.bad).for_each(|charge_e, bad| {
@@ -496,7 +496,7 @@ impl Job {
             Task::Correct { stop, noise } => {
                 Zip::from(&mut kept).and(&saturated).for_each(|kept, full| *kept |= *full);
                 let masks = Masks { kept: &kept, counted: lit & !&kept };
-                self.corrected(&before_e, amplifiers, &masks, (stop, noise), &mut done, tell)?
+                self.corrected(&before_e, amplifiers, &masks, (stop, noise), &mut done, status)?
             }
         };
         Zip::from(&before_e).and(&after_e).and(&kept).for_each(|before, after, kept| {
@@ -515,7 +515,7 @@ impl Job {
         masks: &Masks,
         (stop, noise): (Stop, Option<(f64, u64)>),
         done: &mut FrameDone,
-        tell: &dyn Fn(&str),
+        status: &dyn Fn(&str),
     ) -> Result<Array2<f64>, InputError> {
         let separated = |frame_e: &Array2<f64>| {
             self.separate_noise.then(|| amplifiers.read_noise(frame_e, &masks.counted)).transpose()
@@ -529,8 +529,8 @@ impl Job {
             None => image_e,
         };
         let solve = |observed: &Array2<f64>, what: &str| {
-            let tell = |said: &str| tell(&format!(", {what}{said}"));
-            invert(&FrameTransport::new(amplifiers, observed, &tell), observed, Some(masks.kept), stop)
+            let status = |said: &str| status(&format!(", {what}{said}"));
+            invert(&FrameTransport::new(amplifiers, observed, &status), observed, Some(masks.kept), stop)
         };
         let noise_e = separated(before_e)?;
         let observed_e = without(before_e, &noise_e);
@@ -543,7 +543,7 @@ impl Job {
             let image_e = with(corrected.image.clone(), &noise_e);
             done.noise = Some(noise::followed(before_e, &image_e, &masks.counted, noise, again)?);
         }
-        tell(", looking for emptied packets");
+        status(", looking for emptied packets");
         let moved_e = corrected.residuals[0].max_e;
         let accuracy_e = if stop.error_e > 0.0 { stop.error_e } else { moved_e * stop.relative.max(self.accuracy()) };
         let transport = FrameTransport::new(amplifiers, &observed_e, &|_| ());
@@ -597,7 +597,7 @@ impl Job {
 
     fn history(&self, frame: &FrameDone, dose_mev_g: f64) -> Vec<Card> {
         let at = &self.device.at;
-        let mut told = vec![format!(
+        let mut history = vec![format!(
             "ctiplan {} {}: charge transfer inefficiency {}, {} transfers",
             env!("CARGO_PKG_VERSION"),
             self.task.word(),
@@ -608,22 +608,22 @@ impl Job {
                 Transfers::Both => "parallel and serial",
             }
         )];
-        told.push(format!(
+        history.push(format!(
             "mission {}, {} yr after launch, dose {:.4e} MeV/g, {} K, {} ms per row",
             self.model.mission.mission.name, at.t_yr, dose_mev_g, at.temperature_k, at.line_time_ms
         ));
-        told.extend(frame.amplifiers.0.iter().flat_map(history_of));
+        history.extend(frame.amplifiers.0.iter().flat_map(history_of));
         if let Some(map) = &self.trap_map {
-            told.push(format!("trap densities times the factors in {}", map.name));
+            history.push(format!("trap densities times the factors in {}", map.name));
         }
         if self.separate_noise {
             let noise = |amplifier: &Amplifier| amplifier.read_noise_e.unwrap_or(0.0).to_string();
             let noises: Vec<String> = frame.amplifiers.0.iter().map(noise).collect();
-            told.push(format!("read noise of {} e- separated before the correction", noises.join(", ")));
+            history.push(format!("read noise of {} e- separated before the correction", noises.join(", ")));
         }
         if let (Some(first), Some(uncertain)) = (frame.residuals.first(), &frame.uncertain) {
             let last = uncertain.left;
-            told.push(format!(
+            history.push(format!(
                 "iterations: {}; residual of the model {:.3e} e- rms, largest {:.3e} e- (before: {:.3e} and {:.3e})",
                 frame.residuals.len() - 1,
                 last.rms_e,
@@ -633,13 +633,13 @@ impl Job {
             ));
             let pixels = uncertain.count();
             if pixels > 0 {
-                told.push(format!(
+                history.push(format!(
                     "{pixels} pixels, not counted there, are uncertain by more than {:.3e} e-",
                     uncertain.error_e
                 ));
             }
         }
-        told.iter().flat_map(|line| cards(line)).collect()
+        history.iter().flat_map(|line| cards(line)).collect()
     }
 }
 

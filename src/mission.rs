@@ -57,12 +57,12 @@ pub struct Mission {
     pub uncertainty: Uncertainty,
     /// What may be adjusted to measurements.
     pub fit: FitSettings,
-    /// What the files hold that the mission names, and a course of the Sun that was drawn.
+    /// What the files hold that the mission names, and a realisation of the Sun that was drawn.
     #[serde(skip)]
     pub imported: Imported,
 }
 
-/// What a mission has besides its file: contents of the files that it names, read with it, and a course of the Sun.
+/// What a mission has besides its file: contents of the files that it names, read with it, and a realisation of the Sun.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Imported {
     /// `environment.history`: years since launch, rising from 0, and dose since launch, MeV/g.
@@ -77,7 +77,7 @@ pub struct Imported {
     pub temperatures: Vec<(f64, f64)>,
     /// `population.table`: galaxies.
     pub galaxies: Vec<PopulationGalaxy>,
-    /// A course of the Sun that was drawn: years since launch, rising, and dose of solar protons since launch (MeV/g, before
+    /// A realisation of the Sun that was drawn: years since launch, rising, and dose of solar protons since launch (MeV/g, before
     /// `environment.dose_factor`). It stands in place of all solar protons that the environment gives.
     pub sun: Option<Vec<(f64, f64)>>,
     /// A level of cosmic rays that was drawn: their dose over that of a mean cycle.

@@ -45,7 +45,7 @@ use fitted_model::{Case, Node};
 pub use hypothesis::Hypothesis;
 use noise::SetNoise;
 pub use options::{EVALUATIONS, Options, Progress};
-pub use result::{Diagnosis, Leaning, Limit, Next, Note, Reason, RowPlace, Rung, Step, Suggestion, Tried, Verdict};
+pub use result::{Covariate, Diagnosis, Limit, Next, Note, Reason, RowPlace, Rung, Step, Suggestion, Tried, Verdict};
 use search::Search;
 pub use stability::{Changed, Stability};
 use work::Work;
@@ -154,70 +154,70 @@ impl Task<'_> {
         self.work.begin_round();
         let data = noise::allowed_for(self.quoted, noise);
         let more_rounds = round + 1 < ROUNDS;
-        self.with_evidence(&data, None, |told, notes| {
-            let refusal = data_quality::refusal(told.case(), self.options.free.len());
-            let mut hunted = None;
+        self.with_evidence(&data, None, |evidence, notes| {
+            let refusal = data_quality::refusal(evidence.case(), self.options.free.len());
+            let mut selected = None;
             if refusal.is_none() && round == 0 {
-                match self.first_look(told, noise)? {
+                match self.first_look(evidence, noise)? {
                     FirstLook::Others(better) => return Ok(Attempt::Again(better)),
-                    FirstLook::Explained(found) => hunted = Some(*found),
+                    FirstLook::Explained(found) => selected = Some(*found),
                     FirstLook::AsQuoted => (),
                 }
             }
             let refusal = refusal
                 .or_else(|| data_quality::errors_beyond(noise))
-                .or_else(|| data_quality::contradictory(told.case()));
-            let mut found = match (refusal, hunted) {
-                (Some(reason), _) => Found::of(Verdict::Unfit, reason, vec![told.base.clone()]),
+                .or_else(|| data_quality::contradictory(evidence.case()));
+            let mut found = match (refusal, selected) {
+                (Some(reason), _) => Found::of(Verdict::Unfit, reason, vec![evidence.base.clone()]),
                 (None, Some(found)) => found,
-                (None, None) => told.hunt()?,
+                (None, None) => evidence.select()?,
             };
-            if let Some(better) = self.other_errors(told, noise, &found).filter(|_| more_rounds) {
+            if let Some(better) = self.other_errors(evidence, noise, &found).filter(|_| more_rounds) {
                 return Ok(Attempt::Again(better));
             }
             found.noise = match found.verdict {
                 // Of what no model explains nobody knows what is a pedestal.
                 Verdict::Unexplained => noise.to_vec(),
-                _ => noise::with_pedestals(told.case(), found.ladder.last().expect("the base"), noise),
+                _ => noise::with_pedestals(evidence.case(), found.ladder.last().expect("the base"), noise),
             };
-            told.explain(&mut found)?;
-            let found = told.diagnosis(self.mission, found, notes)?;
-            let stability = self.stability(told, &found)?;
+            evidence.explain(&mut found)?;
+            let found = evidence.diagnosis(self.mission, found, notes)?;
+            let stability = self.stability(evidence, &found)?;
             Ok(Attempt::Done(Box::new(Diagnosis { stability, ..found })))
         })
     }
 
     /// The errors as the model nearest to the data leaves them, before anything is searched for.
-    fn first_look(&self, told: &Evidence, noise: &[SetNoise]) -> Result<FirstLook, InputError> {
-        let nearest = told.nearest()?;
-        let better = noise::estimate(told.case(), self.quoted, &told.search.expand(&nearest[0]), noise);
+    fn first_look(&self, evidence: &Evidence, noise: &[SetNoise]) -> Result<FirstLook, InputError> {
+        let nearest = evidence.nearest()?;
+        let better = noise::estimate(evidence.case(), self.quoted, &evidence.search.expand(&nearest[0]), noise);
         if noise::is_same(&better, noise) {
             return Ok(FirstLook::AsQuoted);
         }
         let Some(beyond) = data_quality::errors_beyond(&better) else { return Ok(FirstLook::Others(better)) };
         // One wrong row that bends all that is smooth looks like errors of all rows, and so does an effect that is not among the nearest:
         // data that a model explains with their quoted errors have those. Errors that are too large let anything explain them.
-        if let Some(odd) = told.odd_rows(None, &nearest) {
+        if let Some(odd) = evidence.odd_rows(None, &nearest) {
             return Ok(FirstLook::Others(noise::with_wrong(self.quoted, noise, &odd.rows)));
         }
         if !matches!(beyond, Reason::SmallErrors { .. }) {
             return Ok(FirstLook::Others(better));
         }
-        let found = told.hunt()?;
+        let found = evidence.select()?;
         Ok(if found.explains() { FirstLook::Explained(Box::new(found)) } else { FirstLook::Others(better) })
     }
 
     /// The errors that a search should have had, as it shows at its end; None if it had them.
-    fn other_errors(&self, told: &Evidence, noise: &[SetNoise], found: &Found) -> Option<Vec<SetNoise>> {
+    fn other_errors(&self, evidence: &Evidence, noise: &[SetNoise], found: &Found) -> Option<Vec<SetNoise>> {
         if !found.wrong.is_empty() {
             return Some(noise::with_wrong(self.quoted, noise, &found.wrong));
         }
         if found.verdict == Verdict::Unfit {
-            return noise::with_larger(told.case(), noise, found);
+            return noise::with_larger(evidence.case(), noise, found);
         }
         let node = found.nearest.as_ref().unwrap_or(found.ladder.last().expect("the base"));
-        let known = if found.explains() { noise::confirmed(told.case(), node, noise) } else { noise.to_vec() };
-        let better = noise::estimate(told.case(), self.quoted, &told.search.expand(node), &known);
+        let known = if found.explains() { noise::confirmed(evidence.case(), node, noise) } else { noise.to_vec() };
+        let better = noise::estimate(evidence.case(), self.quoted, &evidence.search.expand(node), &known);
         (!noise::is_same(&better, noise)).then_some(better)
     }
 }

@@ -96,7 +96,7 @@ pub struct Event {
     pub activity: Activity,
 }
 
-/// One course of the Sun over a mission.
+/// One realisation of the Sun over a mission.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SunSample {
     /// Active years of the mission; 0 or at least 1, as ESP counts them.

@@ -73,9 +73,9 @@ pub(crate) struct Place {
     pub columns: Range<usize>,
     pub geometry: Geometry,
     pub gain_e_per_dn: f64,
-    /// In the unit of the frame, if it is told.
+    /// In the unit of the frame, if it is given.
     pub bias_dn: Option<f64>,
-    /// In the unit of the frame, if it is told.
+    /// In the unit of the frame, if it is given.
     pub saturated_dn: Option<f64>,
     pub read_noise_e: Option<f64>,
 }

@@ -71,7 +71,7 @@ pub struct Summary {
 }
 
 impl Batch {
-    /// Works on files and writes each under its own name into a folder. `progress` is told the files that are done and what is
+    /// Works on files and writes each under its own name into a folder. `progress` is given the files that are done and what is
     /// being done.
     ///
     /// # Errors
@@ -97,8 +97,8 @@ impl Batch {
             let outcome = if existing == Existing::Kept && output.exists() {
                 is_of(job, &output).map_or_else(Outcome::Failed, |()| Outcome::Kept)
             } else {
-                let tell = |_, _, what: &str| progress(done, &format!("{}, {what}", input.display()));
-                match job.run(input, &output, existing == Existing::Replaced, &tell) {
+                let status = |_, _, what: &str| progress(done, &format!("{}, {what}", input.display()));
+                match job.run(input, &output, existing == Existing::Replaced, &status) {
                     Ok(done) => Outcome::Done(Summary::of(&done)),
                     Err(error) => Outcome::Failed(error),
                 }

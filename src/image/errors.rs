@@ -122,13 +122,13 @@ fn inverted(
 ) -> Result<Array2<f64>, InputError> {
     let band = band(read, image, variance, along)?;
     let across = Axis(1 - along.index());
-    let lanes: Vec<Vec<f64>> = parallel::map(0..image.len_of(across), |lane| {
-        let band: Vec<ArrayView1<f32>> = band.iter().map(|lag| lag.index_axis(across, lane)).collect();
-        lane_inverted(&band, held.index_axis(across, lane), variance.index_axis(across, lane))
+    let lines: Vec<Vec<f64>> = parallel::map(0..image.len_of(across), |line| {
+        let band: Vec<ArrayView1<f32>> = band.iter().map(|lag| lag.index_axis(across, line)).collect();
+        line_inverted(&band, held.index_axis(across, line), variance.index_axis(across, line))
     });
     let mut before = Array2::zeros(image.raw_dim());
-    for (mut lane, values) in before.axis_iter_mut(across).zip(lanes) {
-        lane.assign(&ArrayView1::from(&values));
+    for (mut line, values) in before.axis_iter_mut(across).zip(lines) {
+        line.assign(&ArrayView1::from(&values));
     }
     Ok(before)
 }
@@ -142,8 +142,8 @@ fn band(
 ) -> Result<Vec<Array2<f32>>, InputError> {
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let place = |(row, column): (usize, usize)| if along == Axis(0) { row } else { column };
-    let at = |packet: usize, lane: usize| if along == Axis(0) { [packet, lane] } else { [lane, packet] };
-    let (length, lanes) = (image.len_of(along), image.len_of(Axis(1 - along.index())));
+    let at = |packet: usize, line: usize| if along == Axis(0) { [packet, line] } else { [line, packet] };
+    let (length, lines) = (image.len_of(along), image.len_of(Axis(1 - along.index())));
     let unchanged = read(image)?;
     let mut band = vec![Array2::<f32>::zeros(image.raw_dim()); LAGS];
     for phase in 0..LAGS {
@@ -160,8 +160,8 @@ fn band(
         let change = read(&(image + &step))? - &unchanged;
         for (lag, band) in band.iter_mut().enumerate() {
             for packet in (phase..length.saturating_sub(lag)).step_by(LAGS) {
-                for lane in 0..lanes {
-                    band[at(packet, lane)] = (change[at(packet + lag, lane)] / step[at(packet, lane)]) as f32;
+                for line in 0..lines {
+                    band[at(packet, line)] = (change[at(packet + lag, line)] / step[at(packet, line)]) as f32;
                 }
             }
         }
@@ -170,7 +170,7 @@ fn band(
 }
 
 /// One column or row: Σⱼ (T⁻¹)²ᵢⱼ σ²ⱼ, with T the band. A pixel that is held is what was observed.
-fn lane_inverted(band: &[ArrayView1<f32>], held: ArrayView1<bool>, variance: ArrayView1<f64>) -> Vec<f64> {
+fn line_inverted(band: &[ArrayView1<f32>], held: ArrayView1<bool>, variance: ArrayView1<f64>) -> Vec<f64> {
     let length = variance.len();
     let of = |packet: usize, lag: usize| f64::from(band[lag][packet]);
     let mut before = vec![0.0; length];

@@ -14,15 +14,15 @@ use crate::readout::Allowed;
 pub struct FrameTransport<'a> {
     amplifiers: &'a Amplifiers,
     dark: Array2<bool>,
-    tell: &'a dyn Fn(&str),
+    status: &'a dyn Fn(&str),
     readouts: Cell<usize>,
 }
 
 impl<'a> FrameTransport<'a> {
-    /// For frames like this one; `tell` is told what is being done.
-    pub fn new(amplifiers: &'a Amplifiers, frame: &Array2<f64>, tell: &'a dyn Fn(&str)) -> FrameTransport<'a> {
+    /// For frames like this one; `status` is given what is being done.
+    pub fn new(amplifiers: &'a Amplifiers, frame: &Array2<f64>, status: &'a dyn Fn(&str)) -> FrameTransport<'a> {
         let dark = amplifiers.covered(frame) & !amplifiers.lit(frame);
-        FrameTransport { amplifiers, dark, tell, readouts: Cell::new(0) }
+        FrameTransport { amplifiers, dark, status, readouts: Cell::new(0) }
     }
 }
 
@@ -31,12 +31,12 @@ impl Transport for FrameTransport<'_> {
 
     fn read(&self, image_e: &Array2<f64>, allowed_e: Option<f64>) -> Result<Array2<f64>, InputError> {
         self.readouts.set(self.readouts.get() + 1);
-        (self.tell)(&format!("readout {}", self.readouts.get()));
+        (self.status)(&format!("readout {}", self.readouts.get()));
         self.amplifiers.read_within(image_e, allowed_e)
     }
 
     fn before(&self, read_e: &Array2<f64>, allowed: Allowed) -> Result<Option<Array2<f64>>, InputError> {
-        (self.tell)("transfers in the opposite order");
+        (self.status)("transfers in the opposite order");
         let mut before_e = read_e.clone();
         for amplifier in &self.amplifiers.0 {
             let part_e = amplifier.part(read_e).to_owned();

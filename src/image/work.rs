@@ -69,7 +69,7 @@ impl<'a> Work<'a> {
         Ok(Work { job, fits, frames: with, bits, dose_mev_g, ready: BTreeMap::new(), done: BTreeMap::new() })
     }
 
-    /// Writes the whole file, and gives the number of bytes behind its last HDU. `progress` is told the HDUs that are done, how many
+    /// Writes the whole file, and gives the number of bytes behind its last HDU. `progress` is given the HDUs that are done, how many
     /// there are, and what is being done.
     ///
     /// # Errors
@@ -82,8 +82,8 @@ impl<'a> Work<'a> {
         let all = self.fits.hdus.len();
         for index in 0..all {
             let name = self.fits.hdus[index].to_string();
-            let tell = |what: &str| progress(index, all, &format!("{name}{what}"));
-            if let Err(error) = self.write(index, &tell, out)? {
+            let status = |what: &str| progress(index, all, &format!("{name}{what}"));
+            if let Err(error) = self.write(index, &status, out)? {
                 return Ok(Err(error));
             }
         }
@@ -97,7 +97,7 @@ impl<'a> Work<'a> {
     fn write(
         &mut self,
         index: usize,
-        tell: &dyn Fn(&str),
+        status: &dyn Fn(&str),
         out: &mut (impl Write + Seek),
     ) -> Result<std::io::Result<()>, InputError> {
         let concerned = self
@@ -106,7 +106,7 @@ impl<'a> Work<'a> {
             .position(|(frame, _, companions)| *frame == index || companions.has(index))
             .filter(|place| !self.done.contains_key(&self.frames[*place].0));
         if let Some(place) = concerned {
-            self.process(place, tell)?;
+            self.process(place, status)?;
         }
         Ok(match self.ready.remove(&index) {
             Some((pixels, cards)) => self.fits.hdus[index].write(&pixels, &cards, out),
@@ -115,15 +115,15 @@ impl<'a> Work<'a> {
     }
 
     /// Processes a frame with what goes with it.
-    fn process(&mut self, place: usize, tell: &dyn Fn(&str)) -> Result<(), InputError> {
+    fn process(&mut self, place: usize, status: &dyn Fn(&str)) -> Result<(), InputError> {
         let (index, amplifiers, companions) = self.frames[place].clone();
         let mut pixels = self.fits.pixels(index)?;
         let quality = companions.quality.map(|quality| self.fits.pixels(quality)).transpose()?;
         let flagged = quality.as_ref().map(|quality| self.bits.flagged(quality));
-        let mut worked = self.job.frame(&mut pixels, &amplifiers, flagged.as_ref(), tell)?;
+        let mut worked = self.job.frame(&mut pixels, &amplifiers, flagged.as_ref(), status)?;
         let mut beside = CompanionsDone::default();
         if let Some(errors) = companions.errors {
-            tell(", propagating errors");
+            status(", propagating errors");
             let ratio = self.errors(errors, index, &amplifiers, &worked)?;
             beside.errors = Some((errors, ratio));
         }
@@ -133,12 +133,12 @@ impl<'a> Work<'a> {
             if let (true, Some(uncertain)) = (self.bits.uncertain != 0, &worked.done.uncertain) {
                 let hdu = &self.fits.hdus[at];
                 set_px = self.bits.mark(&mut quality, &uncertain.pixels, hdu)?;
-                let told = format!(
+                let header = format!(
                     "ctiplan {}: bit {} set in {set_px} pixels whose correction is uncertain",
                     env!("CARGO_PKG_VERSION"),
                     self.bits.uncertain
                 );
-                self.ready.insert(at, (quality, cards(&told)));
+                self.ready.insert(at, (quality, cards(&header)));
             }
             beside.quality = Some(QualityDone {
                 hdu: at,
@@ -148,8 +148,8 @@ impl<'a> Work<'a> {
             });
         }
         worked.done.beside = beside;
-        let told = self.job.header(&worked.done, self.dose_mev_g);
-        self.ready.insert(index, (pixels, told));
+        let header = self.job.header(&worked.done, self.dose_mev_g);
+        self.ready.insert(index, (pixels, header));
         self.done.insert(index, worked.done);
         Ok(())
     }
@@ -171,12 +171,12 @@ impl<'a> Work<'a> {
         };
         let ratio = (squares(&after_e) / squares(&sigma_e)).sqrt();
         pixels.set(changed.iter().copied());
-        let told = format!(
+        let header = format!(
             "ctiplan {}: errors propagated through the correction of {}, x {ratio:.4} rms",
             env!("CARGO_PKG_VERSION"),
             self.fits.hdus[frame]
         );
-        self.ready.insert(at, (pixels, cards(&told)));
+        self.ready.insert(at, (pixels, cards(&header)));
         Ok(ratio)
     }
 

@@ -48,7 +48,7 @@ impl Default for Dipoles {
 type Place = (usize, usize, usize, usize);
 
 impl Dipoles {
-    /// Measures the dipoles of all frames, which are read twice. `progress` is told the files that are done.
+    /// Measures the dipoles of all frames, which are read twice. `progress` is given the files that are done.
     ///
     /// # Errors
     /// If frames cannot be read as is said, phase time or cycles are not told, or no dipole is found.
@@ -163,7 +163,7 @@ fn measured(exposure: &Exposure, (_, _, row, column): Place, half: i64) -> Resul
     let about = &exposure.about;
     let needed = |value: Option<f64>, what: &str, option: &str, keyword: &str| {
         value.ok_or_else(|| {
-            InputError::new(about.place(), format!("{what} is not told"))
+            InputError::new(about.place(), format!("{what} is not given"))
                 .with_help(format!("give --{option}, or --{keyword} with the keyword of the header that holds it"))
         })
     };

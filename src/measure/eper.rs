@@ -50,7 +50,7 @@ pub struct Eper {
 }
 
 impl Eper {
-    /// Measures the edges of all frames. `progress` is told the files that are done.
+    /// Measures the edges of all frames. `progress` is given the files that are done.
     ///
     /// # Errors
     /// If the frames have no overscan rows, or too few, or cannot be read as is said.

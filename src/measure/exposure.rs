@@ -114,13 +114,13 @@ pub struct About {
     pub bias: Bias,
     /// When it was taken.
     pub when: When,
-    /// Temperature of the detector, K, if it was told.
+    /// Temperature of the detector, K, if it was given.
     pub temperature_k: Option<f64>,
-    /// Time between two parallel transfers, ms, if it was told.
+    /// Time between two parallel transfers, ms, if it was given.
     pub line_time_ms: Option<f64>,
-    /// Time of one phase of trap pumping, ms, if it was told.
+    /// Time of one phase of trap pumping, ms, if it was given.
     pub phase_time_ms: Option<f64>,
-    /// Cycles of trap pumping, if they were told.
+    /// Cycles of trap pumping, if they were given.
     pub cycles: Option<f64>,
     /// How its pixels lie on the detector.
     pub geometry: Geometry,
@@ -177,7 +177,7 @@ impl About {
 }
 
 impl When {
-    /// Years since launch, if they are told so; since the dose was given otherwise.
+    /// Years since launch, if they are given so; since the dose was given otherwise.
     pub fn t_yr(self) -> Option<f64> {
         match self {
             When::Date(_) => None,
@@ -186,7 +186,7 @@ impl When {
         }
     }
 
-    /// Dose of the traps, MeV/g, if it is told.
+    /// Dose of the traps, MeV/g, if it is given.
     pub fn dose_mev_g(self) -> Option<f64> {
         if let When::Dose(dose_mev_g, _) = self { Some(dose_mev_g) } else { None }
     }
@@ -235,7 +235,7 @@ pub struct FrameArray {
 }
 
 impl Frames {
-    /// Shows every exposure to `visit`, one after another: a frame is in memory at a time. `progress` is told the files that are
+    /// Shows every exposure to `visit`, one after another: a frame is in memory at a time. `progress` is given the files that are
     /// done.
     ///
     /// # Errors

@@ -61,7 +61,7 @@ struct Blocks {
 }
 
 impl Injection {
-    /// Measures the blocks of all frames. `progress` is told the files that are done.
+    /// Measures the blocks of all frames. `progress` is given the files that are done.
     ///
     /// # Errors
     /// If frames cannot be read as is said, or hold no blocks.

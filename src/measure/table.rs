@@ -13,9 +13,9 @@ pub struct Measurement {
     pub conditions: Vec<(&'static str, f64)>,
     /// When it was taken.
     pub when: When,
-    /// Temperature of the detector, K, if it was told.
+    /// Temperature of the detector, K, if it was given.
     pub temperature_k: Option<f64>,
-    /// Time between two parallel transfers, ms, if it was told.
+    /// Time between two parallel transfers, ms, if it was given.
     pub line_time_ms: Option<f64>,
     /// The value, in the unit of the observable.
     pub value: f64,

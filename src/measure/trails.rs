@@ -78,7 +78,7 @@ struct Seen {
 }
 
 impl Trails {
-    /// Measures the trails of all frames, which are read twice. `progress` is told the files that are done.
+    /// Measures the trails of all frames, which are read twice. `progress` is given the files that are done.
     ///
     /// # Errors
     /// If frames cannot be read as is said, no warm pixels are found, or they are too few.

@@ -11,8 +11,8 @@
 //! Doses and traps of each draw are those of its own model. Its changes of shape are emulated (`draws/emulator.rs`) from readouts at
 //! some of the draws, where that is good to [`ACCEPTED`], and read out one by one otherwise.
 
-mod course;
 mod emulator;
+mod fate;
 pub mod input;
 mod shares;
 mod sun;
@@ -36,8 +36,8 @@ use crate::plan::mission_sample::MissionSample;
 use crate::plan::population::TrapLimits;
 use crate::plan::progress::Progress;
 
-pub use course::Fate;
 use emulator::{Emulator, Place};
+pub use fate::Fate;
 use input::{Derived, Input, cycles, inputs};
 use shares::Explained;
 use sun::Suns;
@@ -219,7 +219,7 @@ impl<'a> Draws<'a> {
     /// If the Sun is not drawn.
     pub fn under_the_sun_of(&self, number: u32) -> Result<Fate, InputError> {
         let mut mission = self.model.mission.clone();
-        mission.imported.sun = Some(self.suns.as_ref().expect("a Sun that is drawn").course(number as usize));
+        mission.imported.sun = Some(self.suns.as_ref().expect("a Sun that is drawn").realisation(number as usize));
         self.fate_of(&mission)
     }
 
@@ -234,18 +234,18 @@ impl<'a> Draws<'a> {
         };
         let expected = self.model.like(&self.expected);
         let most = sum(&expected, self.end_yr)?.max(f64::MIN_POSITIVE);
-        let course = |model: &Model| -> Result<Vec<(f64, f64)>, InputError> {
+        let traps = |model: &Model| -> Result<Vec<(f64, f64)>, InputError> {
             let mut times = model.times_yr(self.end_yr);
             times.extend([0.0, self.end_yr]);
             times.sort_by(f64::total_cmp);
             times.dedup();
             times.into_iter().map(|t_yr| Ok((t_yr, sum(model, t_yr)? / most))).collect()
         };
-        let Ok(suns) = &self.suns else { return Ok(vec![course(&expected)?]) };
+        let Ok(suns) = &self.suns else { return Ok(vec![traps(&expected)?]) };
         let under = |number: u32| {
             let mut mission = self.model.mission.clone();
-            mission.imported.sun = Some(suns.course(number as usize));
-            course(&self.model.like(&mission))
+            mission.imported.sun = Some(suns.realisation(number as usize));
+            traps(&self.model.like(&mission))
         };
         parallel::try_map(0..self.samples, under)
     }
@@ -314,7 +314,7 @@ impl<'a> Draws<'a> {
         for (input, deviation) in self.inputs.iter().zip(&deviations) {
             input.deviate(&mut mission, *deviation);
         }
-        mission.imported.sun = self.suns.as_ref().ok().map(|suns| suns.course(index as usize));
+        mission.imported.sun = self.suns.as_ref().ok().map(|suns| suns.realisation(index as usize));
         Ok(Draw { model: self.model.like(&mission), deviations, others })
     }
 

@@ -140,7 +140,7 @@ pub struct BiasVerdict {
     pub corrected: Crossing,
 }
 
-/// A galaxy with its weight and its responses; those of the times of [`Course`].
+/// A galaxy with its weight and its responses; those of the times of [`ReadoutTimes`].
 struct Weighted {
     weight: f64,
     /// Galaxies of one draw are not independent.
@@ -181,10 +181,10 @@ impl PopulationBias {
         let noise =
             (population.noise == PopulationNoise::Included).then_some(Realisations { count: REALISATIONS, seed });
         let how = SurveyMeasurement { dithers: population.dithers(), psf_stars_e: population.psf_stars_e, noise };
-        let course = Course::of(model)?;
+        let times = ReadoutTimes::of(model)?;
         let model = &Model::new(&of_many(&model.mission, sample.galaxies.len()));
         let of = |member: &Member| {
-            let response = model.shear_response(&member.galaxy, &course.times_yr, &how)?;
+            let response = model.shear_response(&member.galaxy, &times.times_yr, &how)?;
             Ok(response.map(|response| Weighted { weight: member.weight, draw: member.draw, response }))
         };
         let responses: Vec<Option<Weighted>> = parallel::try_map(&sample.galaxies, of)?;
@@ -193,7 +193,7 @@ impl PopulationBias {
         if galaxies.is_empty() {
             return Err(unmeasurable(&model.mission));
         }
-        let biases = Biases { model, course, galaxies, rotations: Rotations::of(&population.orientations_deg) };
+        let biases = Biases { model, times, galaxies, rotations: Rotations::of(&population.orientations_deg) };
         let years = year_ends(model.mission.mission.duration_yr).into_iter();
         let years = years.map(|t_yr| Ok((t_yr, biases.at(t_yr)?))).collect::<Result<Vec<_>, InputError>>()?;
         let requirement = &model.mission.requirement;
@@ -207,7 +207,7 @@ impl PopulationBias {
             response: biases.mean_response(),
             c: judged(requirement.c, |bias| largest(&bias.c))?,
             m: judged(requirement.m, |bias| largest(&bias.m))?,
-            by_traps: biases.course.half.map(|half| ByTraps {
+            by_traps: biases.times.half.map(|half| ByTraps {
                 half,
                 at_end: biases.weighted(&[1.0, 0.0]).bias,
                 at_half: biases.weighted(&[0.0, 1.0]).bias,
@@ -232,7 +232,7 @@ fn unmeasurable(mission: &Mission) -> InputError {
 }
 
 /// Times at which galaxies are read out.
-struct Course {
+struct ReadoutTimes {
     times_yr: Vec<f64>,
     /// The first time is the end of the mission, and the second has so many of its traps, where all that changes is their number.
     half: Option<f64>,
@@ -253,8 +253,8 @@ fn thinned(times_yr: Vec<f64>) -> Vec<f64> {
 /// Traps over those at the end within which a time is taken for half of them.
 const HALF: [f64; 2] = [0.2, 0.8];
 
-impl Course {
-    fn of(model: &Model) -> Result<Course, InputError> {
+impl ReadoutTimes {
+    fn of(model: &Model) -> Result<ReadoutTimes, InputError> {
         let end_yr = model.mission.mission.duration_yr;
         let end = model.device_at(end_yr)?;
         let mut closest: Option<(f64, f64)> = None;
@@ -272,13 +272,13 @@ impl Course {
             }
         }
         Ok(match closest.filter(|_| proportional) {
-            Some((t_yr, factor)) => Course { times_yr: vec![end_yr, t_yr], half: Some(factor) },
+            Some((t_yr, factor)) => ReadoutTimes { times_yr: vec![end_yr, t_yr], half: Some(factor) },
             None => {
                 let mut times_yr = model.times_yr(end_yr);
                 times_yr.extend(year_ends(end_yr));
                 times_yr.sort_by(f64::total_cmp);
                 times_yr.dedup();
-                Course { times_yr: thinned(times_yr), half: None }
+                ReadoutTimes { times_yr: thinned(times_yr), half: None }
             }
         })
     }
@@ -332,7 +332,7 @@ impl Rotations {
 /// A population with what is needed for its biases at any time.
 struct Biases<'a> {
     model: &'a Model,
-    course: Course,
+    times: ReadoutTimes,
     galaxies: Vec<Weighted>,
     rotations: Rotations,
 }
@@ -342,13 +342,13 @@ impl Biases<'_> {
         Ok(self.weighted(&self.weights(t_yr)?).bias)
     }
 
-    /// Weights of the times of the course at a time.
+    /// Weights of the times at which galaxies are read out, at a time.
     fn weights(&self, t_yr: f64) -> Result<Vec<f64>, InputError> {
         let end = self.model.device_at(self.model.mission.mission.duration_yr)?;
-        Ok(self.course.weights(t_yr, &self.model.device_at(t_yr)?, &end))
+        Ok(self.times.weights(t_yr, &self.model.device_at(t_yr)?, &end))
     }
 
-    /// Biases where the times of the course have these weights.
+    /// Biases where the times at which galaxies are read out have these weights.
     fn weighted(&self, weights: &[f64]) -> EndBias {
         let trailed: Vec<TrailedResponse> =
             self.galaxies.iter().map(|galaxy| combined(&galaxy.response.trailed, weights)).collect();

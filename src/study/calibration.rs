@@ -133,17 +133,17 @@ impl Study for Calibration {
         self.check(mission)?;
         let model = ready(mission)?;
         let sensitivities = Sensitivity::all(&model, advance)?;
-        let courses = Courses::of(mission, self.samples)?;
+        let histories = DensityHistories::of(mission, self.samples)?;
         let mut intervals = Vec::new();
         for interval_months in &self.intervals_months {
             for continued in WAYS {
                 advance();
-                intervals.push(self.interval(&sensitivities, &courses, *interval_months, continued));
+                intervals.push(self.interval(&sensitivities, &histories, *interval_months, continued));
             }
         }
         let longest = WAYS.map(|continued| {
             advance();
-            self.longest(&sensitivities, &courses, continued)
+            self.longest(&sensitivities, &histories, continued)
         });
         let limited = Limited::by(mission);
         Ok(Results {
@@ -153,24 +153,24 @@ impl Study for Calibration {
             intervals,
             longest: longest.to_vec(),
             probability: self.probability,
-            sun_not_drawn: courses.sun_not_drawn,
+            sun_not_drawn: histories.sun_not_drawn,
             warnings: warnings(mission),
         })
     }
 }
 
-/// Courses of the number of traps, each over that expected at the end.
-struct Courses {
+/// Histories of the number of traps, each over that expected at the end.
+struct DensityHistories {
     /// Years since launch, rising, and traps.
     of_draws: Vec<Vec<(f64, f64)>>,
     end_yr: f64,
     sun_not_drawn: Option<String>,
 }
 
-impl Courses {
-    fn of(mission: &Mission, samples: u32) -> Result<Courses, InputError> {
+impl DensityHistories {
+    fn of(mission: &Mission, samples: u32) -> Result<DensityHistories, InputError> {
         let draws = Draws::of(mission, None, samples, mission.accuracy.seed)?;
-        Ok(Courses {
+        Ok(DensityHistories {
             of_draws: draws.traps_over_expected()?,
             end_yr: mission.mission.duration_yr,
             sun_not_drawn: draws.sun_not_drawn().map(String::from),
@@ -178,10 +178,10 @@ impl Courses {
     }
 }
 
-/// A course at a time: straight between its points.
-fn at(course: &[(f64, f64)], t_yr: f64) -> f64 {
-    let after = course.partition_point(|point| point.0 < t_yr).clamp(1, course.len() - 1);
-    let ((from_yr, from), (to_yr, to)) = (course[after - 1], course[after]);
+/// A history at a time: straight between its points.
+fn at(history: &[(f64, f64)], t_yr: f64) -> f64 {
+    let after = history.partition_point(|point| point.0 < t_yr).clamp(1, history.len() - 1);
+    let ((from_yr, from), (to_yr, to)) = (history[after - 1], history[after]);
     from + (to - from) * ((t_yr - from_yr) / (to_yr - from_yr)).clamp(0.0, 1.0)
 }
 
@@ -202,11 +202,11 @@ impl Calibration {
     fn interval(
         &self,
         sensitivities: &[Sensitivity],
-        courses: &Courses,
+        histories: &DensityHistories,
         interval_months: f64,
         continued: Continued,
     ) -> Interval {
-        let worst = self.over_draws(sensitivities, courses, interval_months, continued);
+        let worst = self.over_draws(sensitivities, histories, interval_months, continued);
         let quantile_of = |of: fn(&Worst) -> f64| {
             let mut values: Vec<f64> = worst.iter().map(of).collect();
             values.sort_by(f64::total_cmp);
@@ -231,12 +231,12 @@ impl Calibration {
     fn over_draws(
         &self,
         sensitivities: &[Sensitivity],
-        courses: &Courses,
+        histories: &DensityHistories,
         interval_months: f64,
         continued: Continued,
     ) -> Vec<Worst> {
-        parallel::map(&courses.of_draws, |course| {
-            self.worst(sensitivities, course, courses.end_yr, interval_months / MONTHS, continued)
+        parallel::map(&histories.of_draws, |history| {
+            self.worst(sensitivities, history, histories.end_yr, interval_months / MONTHS, continued)
         })
     }
 
@@ -244,7 +244,7 @@ impl Calibration {
     fn worst(
         &self,
         sensitivities: &[Sensitivity],
-        course: &[(f64, f64)],
+        history: &[(f64, f64)],
         end_yr: f64,
         interval_yr: f64,
         continued: Continued,
@@ -255,10 +255,10 @@ impl Calibration {
             let last_yr = number as f64 * interval_yr;
             let next_yr = (last_yr + interval_yr).min(end_yr);
             let before_yr = (continued == Continued::Linear && number > 0).then_some(last_yr - interval_yr);
-            let calibrated = Calibrated::of(course, last_yr, before_yr);
+            let calibrated = Calibrated::of(history, last_yr, before_yr);
             for look in 1..=LOOKS {
                 let t_yr = last_yr + (next_yr - last_yr) * f64::from(look) / f64::from(LOOKS);
-                let traps = at(course, t_yr);
+                let traps = at(history, t_yr);
                 let (common, own) = calibrated.errors(t_yr, traps, self.density_error);
                 worst.density_error = worst.density_error.max(common.hypot(own));
                 let used = |one: &Sensitivity| (one.used(own, self.release_error, common, traps), one.limited);
@@ -298,8 +298,8 @@ struct Calibrated {
 }
 
 impl Calibrated {
-    fn of(course: &[(f64, f64)], last_yr: f64, before_yr: Option<f64>) -> Calibrated {
-        Calibrated { last: (last_yr, at(course, last_yr)), before: before_yr.map(|t_yr| (t_yr, at(course, t_yr))) }
+    fn of(history: &[(f64, f64)], last_yr: f64, before_yr: Option<f64>) -> Calibrated {
+        Calibrated { last: (last_yr, at(history, last_yr)), before: before_yr.map(|t_yr| (t_yr, at(history, t_yr))) }
     }
 
     /// Errors at a time with so many traps: what all densities share, and what each has of its own by the relative error of a

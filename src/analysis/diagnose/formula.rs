@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::result::{Leaning, Suggestion};
+use super::result::{Covariate, Suggestion};
 use crate::analysis::validate::{SetResult, Validation};
 use crate::numeric::least_squares::Span;
 use crate::physics::observable::Observable;
@@ -34,24 +34,24 @@ fn forms(validation: &Validation) -> Vec<Form> {
 
 /// A parabola in the condition that residuals trend on most, or a constant where they trend on none, added to the values or
 /// multiplied with them, of one observable or of all, whichever explains most. None where they trend on words alone.
-pub(super) fn suggest(validation: &Validation, covariates: &[Leaning]) -> Option<Suggestion> {
+pub(super) fn suggest(validation: &Validation, covariates: &[Covariate]) -> Option<Suggestion> {
     let words = |name: &str| validation.sets.iter().any(|set| set.data.is_words(name));
-    let leaning = covariates.iter().find(|leaning| !words(&leaning.name));
-    if leaning.is_none() && !covariates.is_empty() {
+    let covariate = covariates.iter().find(|covariate| !words(&covariate.name));
+    if covariate.is_none() && !covariates.is_empty() {
         return None;
     }
-    let powers = if leaning.is_some() { 3 } else { 1 };
+    let powers = if covariate.is_some() { 3 } else { 1 };
     let residuals = validation.sets.iter().flat_map(|set| set.off_sigma());
     let residuals = DVector::from_vec(residuals.collect());
     let explained = |form: Form| {
-        let columns = validation.sets.iter().flat_map(|set| columns(set, form, leaning, powers));
+        let columns = validation.sets.iter().flat_map(|set| columns(set, form, covariate, powers));
         let columns = DMatrix::from_row_iterator(residuals.len(), powers, columns);
         let found = Span::of(&columns, FLAT).solve(&residuals);
         (form, (&residuals - columns * &found).norm_squared(), found)
     };
     let all = forms(validation).into_iter().map(explained);
     let (form, chi2, found) = all.min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let parts = leaning.map_or_else(|| "a".into(), |Leaning { name, .. }| format!("a + b * {name} + c * {name}^2"));
+    let parts = covariate.map_or_else(|| "a".into(), |Covariate { name, .. }| format!("a + b * {name} + c * {name}^2"));
     let expression = if form.multiplied { format!("value * (1 + {parts})") } else { format!("value + {parts}") };
     let target = form.of.map_or_else(|| "value".into(), |of| format!("value.{}", of.name()));
     let mut toml = format!("[effects.formula]\ntarget = \"{target}\"\nexpression = \"{expression}\"\n");
@@ -62,8 +62,9 @@ pub(super) fn suggest(validation: &Validation, covariates: &[Leaning]) -> Option
 }
 
 /// How the rows of a data set (one after another, in sigma) change with each power of a form.
-fn columns(set: &SetResult, form: Form, leaning: Option<&Leaning>, powers: usize) -> Vec<f64> {
-    let places = leaning.map_or_else(|| vec![0.0; set.data.rows.len()], |leaning| set.data.against(&leaning.name));
+fn columns(set: &SetResult, form: Form, covariate: Option<&Covariate>, powers: usize) -> Vec<f64> {
+    let places =
+        covariate.map_or_else(|| vec![0.0; set.data.rows.len()], |covariate| set.data.against(&covariate.name));
     let concerned = form.of.is_none_or(|observable| observable == set.data.observable);
     let of_row = |(row, place): (usize, f64)| {
         let size = if form.multiplied { set.model[row] } else { 1.0 } / set.data.rows[row].sigma;

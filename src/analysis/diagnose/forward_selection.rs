@@ -37,7 +37,7 @@ const MUCH_SIMPLER: f64 = 15.0;
 
 impl Evidence<'_> {
     /// Searches until a model calls for nothing more, or nothing more helps.
-    pub(super) fn hunt(&self) -> Result<Found, InputError> {
+    pub(super) fn select(&self) -> Result<Found, InputError> {
         let hypotheses = self.search.hypotheses.len() as u64;
         (self.search.progress.stage)("every effect", 2 * hypotheses);
         self.search.expand(self.base);

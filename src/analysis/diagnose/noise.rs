@@ -41,7 +41,7 @@ const SAME_CORRELATION: f64 = 0.15;
 /// Sigma within which a row is right of which another model said that it is wrong.
 const NEAR: f64 = 3.5;
 
-/// Pedestals from so many of their errors on are told.
+/// Pedestals from so many of their errors on are evidence.
 const CLEAR: f64 = 3.5;
 
 /// The errors of one file.

@@ -226,7 +226,7 @@ pub struct Tried {
 
 /// A condition or covariate that residuals trend on.
 #[derive(Clone, Debug, Serialize)]
-pub struct Leaning {
+pub struct Covariate {
     /// Its name.
     pub name: String,
     /// Chance that noise alone trends as much on anything.
@@ -292,7 +292,7 @@ pub struct Diagnosis {
     /// Sets of effects that explain the data as well, the adopted one first.
     pub alternatives: Vec<Vec<String>>,
     /// What residuals trend on, the most significant first.
-    pub covariates: Vec<Leaning>,
+    pub covariates: Vec<Covariate>,
     /// A formula that describes what is left, where something is.
     pub suggestion: Option<Suggestion>,
     /// The measurement that would tell rivals apart.

@@ -55,47 +55,47 @@ const EQUAL: f64 = 1.0;
 /// A model's rivals, least chi2 first; and the model itself, or a rival that is to be preferred: since it has so much less freedom,
 /// or, of equals, since it predicts the ends of the conditions' ranges better from the rest. (Of all that are no worse than rivals
 /// may be, the best at the ends was the true one less often than that of least chi2: the ends are a few rows.)
-pub(super) fn of(told: &Evidence, node: &Arc<Node>) -> Result<(Arc<Node>, Around), InputError> {
+pub(super) fn of(evidence: &Evidence, node: &Arc<Node>) -> Result<(Arc<Node>, Around), InputError> {
     let mut adopted = node.clone();
     // A preferred rival has rivals of its own.
     for _ in 0..3 {
-        let around = around(told, &adopted)?;
-        match preferred(told, &adopted, &around.rivals) {
+        let around = around(evidence, &adopted)?;
+        match preferred(evidence, &adopted, &around.rivals) {
             Some(best) => adopted = best,
             None => return Ok((adopted, around)),
         }
     }
-    let around = around(told, &adopted)?;
+    let around = around(evidence, &adopted)?;
     Ok((adopted, around))
 }
 
 /// The rival that is to be preferred to a model; None where that is the best itself.
-fn preferred(told: &Evidence, node: &Arc<Node>, rivals: &[Rival]) -> Option<Arc<Node>> {
-    let beyond = |node: &Node| holdout::surprise_beyond(told.case(), node);
+fn preferred(evidence: &Evidence, node: &Arc<Node>, rivals: &[Rival]) -> Option<Arc<Node>> {
+    let beyond = |node: &Node| holdout::surprise_beyond(evidence.case(), node);
     let all = || std::iter::once(node).chain(rivals.iter().map(|rival| &rival.node));
-    let least = all().map(|node| told.score(node)).fold(f64::INFINITY, f64::min);
-    let equal = all().filter(|node| told.score(node) < least + EQUAL);
+    let least = all().map(|node| evidence.score(node)).fold(f64::INFINITY, f64::min);
+    let equal = all().filter(|node| evidence.score(node) < least + EQUAL);
     let best = equal.min_by(|a, b| beyond(a).total_cmp(&beyond(b)))?;
     (best.set() != node.set()).then(|| best.clone())
 }
 
 /// Rivals of a model, and those that are hardly worse.
-fn around(told: &Evidence, node: &Arc<Node>) -> Result<Around, InputError> {
-    let margin = margin(told.options.level);
+fn around(evidence: &Evidence, node: &Arc<Node>) -> Result<Around, InputError> {
+    let margin = margin(evidence.options.level);
     let (mut rivals, mut aside): (Vec<Rival>, Vec<Note>) = Default::default();
     for (place, added) in node.added.iter().enumerate() {
-        let parent = told.without(node, place)?;
-        let expansion = told.search.expand(&parent);
+        let parent = evidence.without(node, place)?;
+        let expansion = evidence.search.expand(&parent);
         let needed = LITTLE * (parent.chi2() - node.chi2());
         let mut wanted = expansion.promising();
         wanted.retain(|place| parent.added.is_empty() || expansion.gain(*place) > needed);
-        let sketches = told.search.sketches(&expansion, &wanted);
+        let sketches = evidence.search.sketches(&expansion, &wanted);
         for sketch in sketches.iter().filter(|sketch| sketch.last() != added.hypothesis) {
             if sketch.chi2 > node.chi2() + ROUGH * margin || node.set().contains(&sketch.last()) {
                 continue;
             }
-            let rival = told.search.settled(&*told.search.node(sketch, &parent)?)?;
-            let [general, special] = [sketch.last(), added.hypothesis].map(|place| &told.search.hypotheses[place]);
+            let rival = evidence.search.settled(&*evidence.search.node(sketch, &parent)?)?;
+            let [general, special] = [sketch.last(), added.hypothesis].map(|place| &evidence.search.hypotheses[place]);
             // Another name of the same.
             if general.generalises(special) && rival.chi2() > node.chi2() - margin {
                 continue;
@@ -108,8 +108,8 @@ fn around(told: &Evidence, node: &Arc<Node>) -> Result<Around, InputError> {
                 && parent.chi2() - rival.chi2() > MOST_OF_IT * (parent.chi2() - node.chi2())
             {
                 aside.push(Note::SetAside {
-                    effect: told.name(sketch.last()),
-                    instead_of: told.name(added.hypothesis),
+                    effect: evidence.name(sketch.last()),
+                    instead_of: evidence.name(added.hypothesis),
                     chi2: rival.chi2() - node.chi2(),
                     parameters: -freedom as i64,
                 });

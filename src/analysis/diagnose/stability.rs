@@ -61,7 +61,7 @@ impl Task<'_> {
     ///
     /// # Errors
     /// As [`super::diagnose`].
-    pub(super) fn stability(&self, told: &Evidence, found: &Diagnosis) -> Result<Stability, InputError> {
+    pub(super) fn stability(&self, evidence: &Evidence, found: &Diagnosis) -> Result<Stability, InputError> {
         if found.verdict == Verdict::Unfit || !self.options.stability {
             return Ok(Stability::default());
         }
@@ -72,7 +72,7 @@ impl Task<'_> {
                 all.undone.push(change.name);
                 continue;
             }
-            let changed = self.changed(told, found, change, &work)?;
+            let changed = self.changed(evidence, found, change, &work)?;
             // That a search which was cut short explains nothing says nothing.
             if changed.verdict == Verdict::Unexplained && !work.undone().is_empty() {
                 all.undone.push(changed.change);
@@ -136,7 +136,7 @@ impl Task<'_> {
 
     fn changed(
         &self,
-        told: &Evidence,
+        evidence: &Evidence,
         found: &Diagnosis,
         change: Change,
         work: &Arc<Work>,
@@ -150,11 +150,12 @@ impl Task<'_> {
             progress: self.progress,
             work: work.clone(),
         };
-        let like = (change.mission == *self.mission && change.options.free == self.options.free).then_some(told.search);
-        task.with_evidence(&data, like, |told: &Evidence, _| {
-            let other = told.hunt()?;
+        let like =
+            (change.mission == *self.mission && change.options.free == self.options.free).then_some(evidence.search);
+        task.with_evidence(&data, like, |evidence: &Evidence, _| {
+            let other = evidence.select()?;
             let last = other.ladder.last().expect("the base");
-            let effects: Vec<String> = last.set().into_iter().map(|place| told.name(place)).collect();
+            let effects: Vec<String> = last.set().into_iter().map(|place| evidence.name(place)).collect();
             let known = found.steps.iter().map(|step| &step.effect);
             let rivals: Vec<&String> = found.alternatives.iter().chain(&other.alternatives).flatten().collect();
             let agree = effects.len() == found.steps.len()

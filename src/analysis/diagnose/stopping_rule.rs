@@ -11,7 +11,7 @@ use crate::error::InputError;
 
 /// Parts of the level: of the search, of leanings, and of chi2.
 pub(super) const SEARCH: f64 = 0.5;
-pub(super) const LEAN: f64 = 0.25;
+pub(super) const TRENDS: f64 = 0.25;
 const CHI2: f64 = 0.1;
 
 /// Part of the level at which a model that has an effect added calls for more: two are missing less often than one, and a good
@@ -46,7 +46,7 @@ impl Evidence<'_> {
             return Ok(None);
         }
         let validation = validate(node.mission(), self.case().data, self.options.seed)?;
-        let trends = validation.trends.iter().any(|trend| trend.false_alarm < LEAN * self.level(node));
+        let trends = validation.trends.iter().any(|trend| trend.false_alarm < TRENDS * self.level(node));
         Ok((!trends).then_some(null))
     }
 

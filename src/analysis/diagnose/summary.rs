@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::evidence::{Evidence, Found, newest};
 use super::fitted_model::{Added, Node};
-use super::result::{Diagnosis, Leaning, Note, Rung, Step, Tried, Verdict};
+use super::result::{Covariate, Diagnosis, Note, Rung, Step, Tried, Verdict};
 use super::stability::Stability;
 use super::{doubts, formula, holdout};
 use crate::analysis::fit::{self, Advice, Fitted};
@@ -88,13 +88,13 @@ impl Evidence<'_> {
     fn steps(&self, ladder: &[Arc<Node>], rungs: &[Rung], values: &[Fitted]) -> Result<Vec<Step>, InputError> {
         let node = ladder.last().expect("the base");
         let mut steps = Vec::new();
-        let mut told: Vec<usize> = Vec::new();
+        let mut done: Vec<usize> = Vec::new();
         for (index, pair) in ladder.windows(2).enumerate() {
             let hypothesis = newest(&pair[0], &pair[1]);
-            // Of two of a kind the first is told first.
-            let here = |place: &usize| node.added[*place].hypothesis == hypothesis && !told.contains(place);
+            // Of two of a kind the first comes first.
+            let here = |place: &usize| node.added[*place].hypothesis == hypothesis && !done.contains(place);
             let place = (0..node.added.len()).find(here).expect("it was added");
-            told.push(place);
+            done.push(place);
             let added = &node.added[place];
             let parameters = values.iter().filter(|fitted| added.free.contains(&fitted.key)).cloned();
             steps.push(Step {
@@ -109,11 +109,11 @@ impl Evidence<'_> {
     }
 
     /// Conditions with which residuals still change, each once.
-    fn covariates(&self, after: &Validation) -> Vec<Leaning> {
-        let mut covariates: Vec<Leaning> = Vec::new();
+    fn covariates(&self, after: &Validation) -> Vec<Covariate> {
+        let mut covariates: Vec<Covariate> = Vec::new();
         for trend in after.trends.iter().filter(|trend| trend.false_alarm < self.options.level) {
             if covariates.iter().all(|known| known.name != trend.name) {
-                covariates.push(Leaning { name: trend.name.clone(), false_alarm: trend.false_alarm });
+                covariates.push(Covariate { name: trend.name.clone(), false_alarm: trend.false_alarm });
             }
         }
         covariates

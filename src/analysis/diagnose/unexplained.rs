@@ -7,7 +7,7 @@ use super::evidence::{Evidence, Found, newest};
 use super::fitted_model::Node;
 use super::result::{Reason, Verdict};
 use super::significance::correlation;
-use super::stopping_rule::LEAN;
+use super::stopping_rule::TRENDS;
 use crate::analysis::validate::validate;
 use crate::error::InputError;
 
@@ -50,7 +50,7 @@ impl Evidence<'_> {
     /// Whether what a model leaves trends on nothing, is not off in the mean and not correlated.
     fn is_white(&self, node: &Node) -> Result<bool, InputError> {
         let validation = validate(node.mission(), self.case().data, self.options.seed)?;
-        let level = LEAN * self.options.level;
+        let level = TRENDS * self.options.level;
         let trends = validation.trends.iter().any(|trend| trend.false_alarm < level);
         let off = validation.sets.iter().any(|set| set.bias_alarm(validation.sets.len()) < level);
         Ok(!trends && !off && correlation(self.case(), &node.residuals) == 0.0)

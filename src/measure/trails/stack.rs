@@ -130,8 +130,8 @@ impl Trail {
         let signal = if as_read { ("signal_read_e", self.signal_e) } else { ("signal_e", before_e) };
         let when = When::mean(&abouts.iter().map(|about| about.when).collect::<Vec<_>>());
         let mean_of = |value: fn(&About) -> Option<f64>| {
-            let told: Option<Vec<f64>> = abouts.iter().map(|about| value(about)).collect();
-            told.map(|told| told.iter().sum::<f64>() / told.len() as f64)
+            let values: Option<Vec<f64>> = abouts.iter().map(|about| value(about)).collect();
+            values.map(|values| values.iter().sum::<f64>() / values.len() as f64)
         };
         let row = |(index, mean): (usize, &Mean)| Measurement {
             conditions: vec![

@@ -56,7 +56,7 @@ pub struct SampledYear {
 }
 
 /// What becomes of one sample.
-struct Course {
+struct Realisation {
     /// Dose of solar events (MeV/g) since launch at the end of each calendar year.
     doses_mev_g: Vec<f64>,
     events: usize,
@@ -74,11 +74,12 @@ impl Samples {
         let history = model.history();
         let doses = SolarEventDoses::of(mission, history, samples, seed)?;
         let years: Vec<(i32, f64)> = calendar_years(mission).map(|(year, _, end_yr)| (year, end_yr)).collect();
-        let course = |index: usize| Course::of(&doses.steps(index), &years);
-        let courses: Vec<Course> = parallel::map(0..doses.events.samples(), course);
+        let realisation = |index: usize| Realisation::of(&doses.steps(index), &years);
+        let realisations: Vec<Realisation> = parallel::map(0..doses.events.samples(), realisation);
         let quantiles = |place: usize| {
             let others_mev_g = others_mev_g(mission, history, years[place].1);
-            let mut sorted: Vec<f64> = courses.iter().map(|course| others_mev_g + course.doses_mev_g[place]).collect();
+            let mut sorted: Vec<f64> =
+                realisations.iter().map(|realisation| others_mev_g + realisation.doses_mev_g[place]).collect();
             sorted.sort_by(f64::total_cmp);
             QUANTILES.map(|p| Quantile::of(&sorted, p)).to_vec()
         };
@@ -93,16 +94,16 @@ impl Samples {
             samples,
             quantiles: at_end,
             years,
-            events: mean(courses.iter().map(|course| course.events as f64)).unwrap_or(0.0),
-            largest_event_share: mean(courses.iter().filter_map(|course| course.largest)),
+            events: mean(realisations.iter().map(|realisation| realisation.events as f64)).unwrap_or(0.0),
+            largest_event_share: mean(realisations.iter().filter_map(|realisation| realisation.largest)),
             others_mev_g,
         })
     }
 }
 
-impl Course {
+impl Realisation {
     /// Of doses (MeV/g), each with its time, at the end of calendar years (years since launch).
-    fn of(steps: &[(f64, f64)], years: &[(i32, f64)]) -> Course {
+    fn of(steps: &[(f64, f64)], years: &[(i32, f64)]) -> Realisation {
         let mut doses_mev_g = vec![0.0; years.len()];
         for (t_yr, dose_mev_g) in steps {
             let year = years.partition_point(|(_, end_yr)| end_yr < t_yr).min(years.len() - 1);
@@ -114,7 +115,7 @@ impl Course {
             *dose_mev_g = sum;
         }
         let most = steps.iter().map(|(_, dose_mev_g)| *dose_mev_g).fold(0.0, f64::max);
-        Course { doses_mev_g, events: steps.len(), largest: (sum > 0.0).then(|| most / sum) }
+        Realisation { doses_mev_g, events: steps.len(), largest: (sum > 0.0).then(|| most / sum) }
     }
 }
 
@@ -165,8 +166,13 @@ mod tests {
 
     #[test]
     fn doses_add_up_year_by_year() {
-        let course =
-            Course::of(&[(1.5, 2.0), (0.2, 1.0), (2.0, 4.0), (0.1, 1.0)], &[(2030, 0.5), (2031, 1.5), (2032, 2.0)]);
-        assert_eq!((course.doses_mev_g, course.events, course.largest), (vec![2.0, 4.0, 8.0], 4, Some(0.5)));
+        let realisation = Realisation::of(
+            &[(1.5, 2.0), (0.2, 1.0), (2.0, 4.0), (0.1, 1.0)],
+            &[(2030, 0.5), (2031, 1.5), (2032, 2.0)],
+        );
+        assert_eq!(
+            (realisation.doses_mev_g, realisation.events, realisation.largest),
+            (vec![2.0, 4.0, 8.0], 4, Some(0.5))
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! A mission → courses of its Sun, each a dose of solar protons over time.
+//! A mission → realisations of its Sun, each a dose of solar protons over time.
 //!
 //! Where the mission gives its dose rate, the Sun is drawn behind the aluminium sphere that makes that rate in an active year at
 //! the mission's confidence; behind [`ASSUMED_MM`] and scaled to it, where no sphere does.
@@ -17,14 +17,14 @@ const ASSUMED_MM: f64 = 10.0;
 /// Time (yr) in which the dose of an event comes: three days.
 const EVENT_YR: f64 = 3.0 / 365.25;
 
-/// Courses of the Sun.
+/// Realisations of the Sun.
 pub struct Suns {
     doses: SolarEventDoses,
     factor: f64,
 }
 
 impl Suns {
-    /// So many courses of the Sun over a mission.
+    /// So many realisations of the Sun over a mission.
     ///
     /// # Errors
     /// Where its dose says nothing of single events: it is imported, has no solar protons, or is that of trapped protons in a low orbit
@@ -39,29 +39,29 @@ impl Suns {
         Ok(Suns { doses, factor })
     }
 
-    /// A course: years since launch, rising from 0, and dose of solar protons since launch (MeV/g, before the mission's factor on
+    /// A realisation: years since launch, rising from 0, and dose of solar protons since launch (MeV/g, before the mission's factor on
     /// all doses).
     ///
     /// # Panics
     /// If there are not so many.
-    pub fn course(&self, index: usize) -> Vec<(f64, f64)> {
+    pub fn realisation(&self, index: usize) -> Vec<(f64, f64)> {
         let mut changes: Vec<(f64, f64)> = Vec::new();
         for (t_yr, dose_mev_g) in self.doses.steps(index) {
             let rate = self.factor * dose_mev_g / EVENT_YR;
             changes.extend([(t_yr, rate), (t_yr + EVENT_YR, -rate)]);
         }
         changes.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (mut course, mut rate, mut dose_mev_g) = (vec![(0.0, 0.0)], 0.0_f64, 0.0);
+        let (mut realisation, mut rate, mut dose_mev_g) = (vec![(0.0, 0.0)], 0.0_f64, 0.0);
         for (t_yr, change) in changes {
-            let before_yr = course.last().expect("its start").0;
+            let before_yr = realisation.last().expect("its start").0;
             dose_mev_g += rate.max(0.0) * (t_yr - before_yr);
             rate += change;
-            match course.last_mut() {
+            match realisation.last_mut() {
                 Some(last) if last.0 == t_yr => last.1 = dose_mev_g,
-                _ => course.push((t_yr, dose_mev_g)),
+                _ => realisation.push((t_yr, dose_mev_g)),
             }
         }
-        course
+        realisation
     }
 }
 

@@ -3,7 +3,7 @@
 use serde::ser::{Serialize, Serializer};
 
 use crate::analysis::diagnose::noise::SetNoise;
-use crate::analysis::diagnose::{Changed, Diagnosis, Leaning, Limit, Next, Note, Reason, Rung, Step, Verdict};
+use crate::analysis::diagnose::{Changed, Covariate, Diagnosis, Limit, Next, Note, Reason, Rung, Step, Verdict};
 use crate::analysis::fit::{Advice, Fitted};
 use crate::effect::CATALOGUE;
 use crate::io::json;
@@ -16,7 +16,7 @@ struct Document<'a> {
     baseline: &'a Rung,
     steps: &'a [Step],
     alternatives: &'a [Vec<String>],
-    covariates: &'a [Leaning],
+    covariates: &'a [Covariate],
     next_measurement: Option<&'a Next>,
     parameters: Vec<Parameter<'a>>,
     tried: Vec<Attempt<'a>>,

@@ -109,7 +109,7 @@ fn describe(report: &mut StudyReport, results: &Results) {
     );
     report.find("What is left of the trailing is taken to first order; read noise and what a correction leaves of a known detector are those of `study correction`.");
     if let Some(why) = &results.sun_not_drawn {
-        report.find(format!("The Sun is not drawn: {why}. There is one course of the densities."));
+        report.find(format!("The Sun is not drawn: {why}. There is one history of the densities."));
     }
 }
 

@@ -8,7 +8,7 @@
 
 use serde::Serialize;
 
-use super::{Calibration, Continued, Courses, LEAST_MONTHS, MONTHS, Sensitivity};
+use super::{Calibration, Continued, DensityHistories, LEAST_MONTHS, MONTHS, Sensitivity};
 use crate::numeric::estimate::quantile;
 use crate::numeric::root_finding;
 use crate::plan::date_distribution::share_error;
@@ -54,20 +54,25 @@ type Tried = (f64, Vec<f64>);
 
 impl Calibration {
     /// The longest interval with which all limits are kept, with the probability asked for.
-    pub(super) fn longest(&self, sensitivities: &[Sensitivity], courses: &Courses, continued: Continued) -> Longest {
+    pub(super) fn longest(
+        &self,
+        sensitivities: &[Sensitivity],
+        histories: &DensityHistories,
+        continued: Continued,
+    ) -> Longest {
         let used = |months: f64| -> Vec<f64> {
-            let worst = self.over_draws(sensitivities, courses, months, continued);
+            let worst = self.over_draws(sensitivities, histories, months, continued);
             let mut used: Vec<f64> = worst.iter().map(|worst| worst.used).collect();
             used.sort_by(f64::total_cmp);
             used
         };
         let tried: Vec<Tried> =
-            intervals(MONTHS * courses.end_yr).into_iter().map(|months| (months, used(months))).collect();
+            intervals(MONTHS * histories.end_yr).into_iter().map(|months| (months, used(months))).collect();
         let solve = |probability: f64| solved(&tried, probability, &used);
         let (outcome, months) = solve(self.probability);
         // So many draws tell the probability to its error: what keeps the limits with a little more and a little less.
-        let drawn = courses.sun_not_drawn.is_none();
-        let error = share_error(self.probability, courses.of_draws.len() as f64);
+        let drawn = histories.sun_not_drawn.is_none();
+        let error = share_error(self.probability, histories.of_draws.len() as f64);
         let ends = || [1.0, -1.0].map(|sign| solve((self.probability + sign * error).clamp(0.0, 1.0)));
         let error_months =
             months.filter(|_| drawn && outcome == Outcome::Solved).and_then(|months| half(ends(), months));
@@ -78,7 +83,7 @@ impl Calibration {
             interval_months: months,
             error_months,
             used_at_shortest_percent: 100.0 * quantile(&tried[0].1, self.probability),
-            by: self.interval(sensitivities, courses, shown, continued).by,
+            by: self.interval(sensitivities, histories, shown, continued).by,
         }
     }
 }
