@@ -331,7 +331,8 @@ impl<'a> Search<'a> {
             let strength = trial.strength(&node.residuals).clamp(0.1, FARTHEST);
             self.start_of(node, &[(trial, strength)])
         });
-        let near = self.from_given_values(node, self.followed(node, near.into_iter().flatten().collect())?);
+        let near = self.followed(node, near.into_iter().flatten().collect());
+        let near = near.map(|near| self.from_given_values(node, near));
         if near.as_ref().is_some_and(|near| near.pedestal_costs.iter().all(|cost| *cost == 0.0)) {
             return near;
         }
@@ -343,7 +344,7 @@ impl<'a> Search<'a> {
     /// A rough fit, or that which the mission's own values of the keys that are free from the beginning lead to, where that is better.
     /// A model that lacks an effect may have driven a free key to where it moves nothing (a release time to its bound), from
     /// where no slope leads back once the effect is there.
-    fn from_given_values(&self, node: &Node, sketch: Sketch) -> Option<Sketch> {
+    fn from_given_values(&self, node: &Node, sketch: Sketch) -> Sketch {
         let given = self.base.iter().filter_map(|key| Parameter::of(self.given, key).ok());
         let is_far = |given: &Parameter| {
             let value = sketch.mission.number(&given.key);
@@ -351,7 +352,7 @@ impl<'a> Search<'a> {
         };
         let moved: Vec<_> = given.filter(is_far).map(|given| (given.key, given.start.into())).collect();
         if moved.is_empty() {
-            return Some(sketch);
+            return sketch;
         }
         let back = || -> Option<Sketch> {
             let mission = sketch.mission.with(&moved).ok()?;
@@ -360,7 +361,7 @@ impl<'a> Search<'a> {
             let found = problem.approach(&problem.nothing_known());
             self.followed(node, vec![Start { added: sketch.added.clone(), mission, found }])
         };
-        back().into_iter().chain([sketch]).min_by(|a, b| a.chi2.total_cmp(&b.chi2))
+        back().filter(|back| back.chi2 < sketch.chi2).unwrap_or(sketch)
     }
 
     /// The start where another search of the same data ended with the same effects; None where it did not try them.
