@@ -216,6 +216,9 @@ pub struct Refusal {
     pub help: Option<String>,
 }
 
+/// Fitted mission, mission before the fit, free keys and the key of a table → values, by dotted key (see [`Catalogued::plainer`]).
+pub type Plainer = fn(&Mission, &Mission, &[String], &str) -> Vec<(String, f64)>;
+
 /// One line of the catalogue.
 pub struct Entry {
     /// What a reader needs to know.
@@ -233,7 +236,7 @@ pub struct Entry {
     /// Parameters that a search holds.
     pub held: fn(&Reach) -> &'static [&'static str],
     /// Values that mean the same and read better.
-    pub plainer: fn(&Mission, &Mission, &[String], &str) -> Vec<(String, f64)>,
+    pub plainer: Plainer,
     read: fn(&toml::Table) -> Result<Arc<dyn Effect>, String>,
     check: fn(&toml::Table, &Mission) -> Result<(), Refusal>,
 }

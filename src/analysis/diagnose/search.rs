@@ -332,7 +332,7 @@ impl<'a> Search<'a> {
             self.start_of(node, &[(trial, strength)])
         });
         let near = self.followed(node, near.into_iter().flatten().collect());
-        let near = near.map(|near| self.from_given_values(node, near));
+        let near = near.map(|near| self.again_from_given_values(node, near));
         if near.as_ref().is_some_and(|near| near.pedestal_costs.iter().all(|cost| *cost == 0.0)) {
             return near;
         }
@@ -344,7 +344,7 @@ impl<'a> Search<'a> {
     /// A rough fit, or that which the mission's own values of the keys that are free from the beginning lead to, where that is better.
     /// A model that lacks an effect may have driven a free key to where it moves nothing (a release time to its bound), from
     /// where no slope leads back once the effect is there.
-    fn from_given_values(&self, node: &Node, sketch: Sketch) -> Sketch {
+    fn again_from_given_values(&self, node: &Node, sketch: Sketch) -> Sketch {
         let given = self.base.iter().filter_map(|key| Parameter::of(self.given, key).ok());
         let is_far = |given: &Parameter| {
             let value = sketch.mission.number(&given.key);
