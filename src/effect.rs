@@ -190,7 +190,7 @@ pub trait Catalogued: Effect + DeserializeOwned + 'static {
         &[]
     }
 
-    /// Values, by dotted key, with which a fitted mission predicts the same and reads better, such as a time within the mission;
+    /// Values (in the unit of each key), by dotted key, with which a fitted mission predicts the same and reads better, such as a time within the mission;
     /// none where it reads well. `key` is that of the table, `given` the mission before the fit of the `free` keys.
     fn plainer(_fitted: &Mission, _given: &Mission, _free: &[String], _key: &str) -> Vec<(String, f64)> {
         Vec::new()

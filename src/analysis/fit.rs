@@ -3,9 +3,9 @@
 //! Weighted least squares by Levenberg and Marquardt's method (the crate's port of MINPACK), in coordinates in which bounds
 //! are out of reach (`problem`, `parameter`, `minimise`), from one start or several (`solve`, `elsewhere`). Errors are those
 //! of the linear theory at the optimum, from derivatives with respect to the parameters themselves (`errors`), larger where
-//! the model is curved (`profile_errors`); where data set no limit on one side, that is told (`open_sides`). The moment of an event (a flare, a bakeout) has no derivative: data only tell between which
-//! two of their epochs it lies, so that these are tried one after another; what is given is the middle of all that do as well
-//! (`event_epochs`).
+//! the model is curved (`profile_errors`); if data set no limit on one side, that is said (`open_sides`). The moment of an event
+//! (a flare, a bakeout) has no derivative: data only tell between which two of their epochs it lies, so that these are tried one
+//! after another; what is given is the middle of all that do as well (`event_epochs`).
 
 mod advice;
 mod elsewhere;

@@ -19,7 +19,7 @@ pub use result::{Claim, Finding, SetResult, Validation};
 pub(crate) use result::{file_stem, plain_name};
 pub(crate) use scatter::{along_neighbours, second_differences};
 
-/// Holds a mission against data. The seed is that of the simulated noise with which leanings are compared.
+/// Holds a mission against data. The seed is that of the simulated noise with which residual trends are compared.
 ///
 /// # Errors
 /// Where there are no rows, or the model has no value for one.

@@ -75,6 +75,23 @@ fn a_limit_on_one_side_only_is_told() {
     assert_eq!([3.0, 12.15, 30_000.0].map(open), [vec![false], vec![], vec![true]]);
 }
 
+/// A full well a hundredth as large would lie below the notch: that side is closed, and the fit is not refused for it.
+#[test]
+fn values_that_make_no_sense_limit_a_parameter() {
+    let (mission, mut data) = measured(12.15, 1);
+    let full_well = "detector.full_well_e";
+    let mission = mission.with(&[(full_well.into(), 5e4.into()), ("detector.notch_e".into(), 1000.0.into())]).unwrap();
+    let values = predict(&Model::new(&mission), &questions(&data)).unwrap();
+    for (row, value) in data.iter_mut().flat_map(|set| &mut set.rows).zip(values) {
+        (row.value, row.sigma) = (value, 150.0 * row.sigma);
+    }
+    let found = fitted(&mission, &data, &[full_well]);
+    let fitted = &found.parameters[0];
+    assert!(fitted.sigma.unwrap() > 0.3 * fitted.value, "the case shows nothing: {fitted:?}");
+    let below = |advice: &Advice| matches!(advice, Advice::Open { above: false, .. });
+    assert!(!found.advice.iter().any(below), "{:?}", found.advice);
+}
+
 /// An error is as far as chi2 rises by 1, the other parameter following, to that side where it is farther.
 #[test]
 fn an_error_reaches_to_where_chi2_rises_by_one() {

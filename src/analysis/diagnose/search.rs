@@ -204,7 +204,7 @@ impl<'a> Search<'a> {
         if let Some(settled) = settled.filter(|settled| settled.chi2() <= node.chi2() + SAME_MINIMUM) {
             return Ok(settled);
         }
-        let found = self.plainer(self.fit(&node.model, &node.added, false)?)?;
+        let found = self.plainer(self.fit(&node.model, &node.added, false)?);
         self.settled.lock().expect("nobody panics").push(found.clone());
         self.improve_sketch(&found);
         Ok(found)
@@ -212,18 +212,19 @@ impl<'a> Search<'a> {
 
     /// A fitted model, or one that means the same and reads better: from other values of its effects' parameters it comes to a minimum
     /// as low.
-    fn plainer(&self, node: Arc<Node>) -> Result<Arc<Node>, InputError> {
+    fn plainer(&self, node: Arc<Node>) -> Arc<Node> {
         let plainer = |added: &Added| {
             let entry = effect::find(self.hypotheses[added.hypothesis].kind);
             entry.map_or_else(Vec::new, |entry| (entry.plainer)(node.mission(), self.given, &self.base, &added.key))
         };
         let values: Vec<_> = node.added.iter().flat_map(plainer).map(|(key, value)| (key, value.into())).collect();
         let Some(mission) = (!values.is_empty()).then(|| node.mission().with(&values).ok()).flatten() else {
-            return Ok(node);
+            return node;
         };
         let options = fit::Options { scan: false, moments: false, seed: self.seed, ..fit::Options::default() };
-        let other = Node::fit(self.case, &node.model.like(&mission), node.added.clone(), &self.base, &options)?;
-        Ok(if other.chi2() < node.chi2() + SAME_MINIMUM { self.remembered(other) } else { node })
+        let other = Node::fit(self.case, &node.model.like(&mission), node.added.clone(), &self.base, &options).ok();
+        let as_low = other.filter(|other| other.chi2() < node.chi2() + SAME_MINIMUM);
+        as_low.map_or(node, |other| self.remembered(other))
     }
 
     /// Puts a model at its very optimum in the place of the rough fit that it was made from.
@@ -332,7 +333,7 @@ impl<'a> Search<'a> {
             self.start_of(node, &[(trial, strength)])
         });
         let near = self.followed(node, near.into_iter().flatten().collect());
-        let near = near.map(|near| self.again_from_given_values(node, near));
+        let near = near.map(|near| self.refitted_from_given_values(node, near));
         if near.as_ref().is_some_and(|near| near.pedestal_costs.iter().all(|cost| *cost == 0.0)) {
             return near;
         }
@@ -344,7 +345,7 @@ impl<'a> Search<'a> {
     /// A rough fit, or that which the mission's own values of the keys that are free from the beginning lead to, where that is better.
     /// A model that lacks an effect may have driven a free key to where it moves nothing (a release time to its bound), from
     /// where no slope leads back once the effect is there.
-    fn again_from_given_values(&self, node: &Node, sketch: Sketch) -> Sketch {
+    fn refitted_from_given_values(&self, node: &Node, sketch: Sketch) -> Sketch {
         let given = self.base.iter().filter_map(|key| Parameter::of(self.given, key).ok());
         let is_far = |given: &Parameter| {
             let value = sketch.mission.number(&given.key);

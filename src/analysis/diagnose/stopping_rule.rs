@@ -9,7 +9,7 @@ use super::significance::{Noise, Null};
 use crate::analysis::validate::validate;
 use crate::error::InputError;
 
-/// Parts of the level: of the search, of leanings, and of chi2.
+/// Parts of the level: of the search, of residual trends, and of chi2.
 pub(super) const SEARCH: f64 = 0.5;
 pub(super) const TRENDS: f64 = 0.25;
 const CHI2: f64 = 0.1;

@@ -37,16 +37,18 @@ pub(crate) fn open_sides(
     let parameters = doubtful.map(|fitted| Parameter::of(&fit.mission, &fitted.key)).collect::<Result<Vec<_>, _>>()?;
     let inside = |parameter: &&Parameter| parameter.is_log() && parameter.at_bound(parameter.start).is_none();
     let sides = parameters.iter().filter(inside).flat_map(|parameter| [(parameter, true), (parameter, false)]);
-    let open = |(parameter, above): (&Parameter, bool)| -> Result<Option<Advice>, InputError> {
+    let open = |(parameter, above): (&Parameter, bool)| -> Option<Advice> {
         let (low, high) = parameter.coordinates();
         let factor = if above { FAR } else { FAR.recip() };
         let coordinate = parameter.coordinate(parameter.start * factor).clamp(low, high);
         let value = parameter.at_coordinate(coordinate);
-        let rise = chi2_held_at(model, data, fit, &parameter.key, value, progress)? - fit.chi2;
+        // A value that makes no sense in the mission (a full well below the notch) is excluded, too.
+        let chi2 = chi2_held_at(model, data, fit, &parameter.key, value, progress).ok()?;
+        let rise = chi2 - fit.chi2;
         let advice = Advice::Open { key: parameter.key.clone(), above, value, unit: parameter.unit, rise };
-        Ok((rise < EXCLUDED).then_some(advice))
+        (rise < EXCLUDED).then_some(advice)
     };
-    Ok(parallel::try_map(sides, open)?.into_iter().flatten().collect())
+    Ok(parallel::map(sides, open).into_iter().flatten().collect())
 }
 
 /// chi2 with a parameter held at a value and all others fitted from where they are.

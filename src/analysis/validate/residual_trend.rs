@@ -1,6 +1,6 @@
 //! Whether residuals trend on a condition.
 //!
-//! Rows are binned in a condition (its values themselves where they are few). Two figures tell a leaning: chi2 of the bins'
+//! Rows are binned in a condition (its values themselves where they are few). Two figures tell a trend: chi2 of the bins'
 //! means about the common one, for any shape, and the square of the slope against the bins' order, for a trend. Each has a
 //! chance of its own from the chi2 distribution; twice the smaller is the chance of this condition. How often the smallest
 //! chance of *all* conditions is as small by noise alone is found by simulation: that is the false alarm given.
@@ -101,7 +101,7 @@ impl Trial {
         (bins.len() > 1).then(|| Trial { set, file: data.file.clone(), name: name.to_string(), bins })
     }
 
-    /// Chance of the leaning, slope and its error. `residuals` have a scatter of 1.
+    /// Chance of the trend, slope and its error. `residuals` have a scatter of 1.
     fn chance(&self, residuals: &[f64]) -> (f64, f64, f64) {
         let (mut weight, mut sum) = (0.0, 0.0);
         let (mut order, mut order2, mut product) = (0.0, 0.0, 0.0);
@@ -129,7 +129,7 @@ impl Trial {
     }
 }
 
-/// Leanings of all trials, the most significant first. `scatter` is that of each data set's residuals where nothing trends.
+/// Trends of all trials, the most significant first. `scatter` is that of each data set's residuals where nothing trends.
 pub fn all(trials: &[Trial], residuals: &[Vec<f64>], scatter: &[f64], seed: u64) -> Vec<Trend> {
     let scaled: Vec<Vec<f64>> = residuals
         .iter()

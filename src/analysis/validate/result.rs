@@ -48,7 +48,7 @@ pub struct Validation {
     pub chi2: f64,
     /// Rows.
     pub n: usize,
-    /// Leanings on all conditions and covariates that vary, the most significant first.
+    /// Residual trends on all conditions and covariates that vary, the most significant first.
     pub trends: Vec<Trend>,
     /// Where the model fails; empty where it does not.
     pub findings: Vec<Finding>,
@@ -92,7 +92,7 @@ impl SetResult {
         (self.chi2 / self.data.rows.len() as f64).sqrt()
     }
 
-    /// The noise that leanings are judged by: 1, the quoted errors, unless the scatter is clearly larger.
+    /// The noise that residual trends are judged by: 1, the quoted errors, unless the scatter is clearly larger.
     pub fn noise_sigma(&self) -> f64 {
         // A scatter estimated from n rows is good to 1.6/√n (simulated).
         let clearly = 1.0 + 2.0 * 1.6 / (self.data.rows.len() as f64).sqrt();
