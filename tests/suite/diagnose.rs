@@ -316,6 +316,19 @@ fn a_free_key_that_ran_away_comes_back_with_the_effect_that_was_missing() {
     assert!(ran_away.value > 1e5, "the case shows nothing: {ran_away:?}");
 }
 
+/// Without a key free, a first look calls rows wrong that the effect explains: a search under another assumption tries them without,
+/// and takes them back, as the diagnosis itself does.
+#[test]
+fn searches_under_other_assumptions_take_rows_back_as_the_diagnosis_does() {
+    let (mission, data) = read(Path::new("tests/corpus/edge/one-epoch-of-trails"), "");
+    let free = vec!["detector.traps.A.release_ms".to_string()];
+    let found = diagnose(&mission, &data, &Options { free, ..Options::default() }, &SILENT).unwrap();
+    assert_eq!((found.verdict, effects(&found).as_slice()), (Verdict::Missing, &["well-fill".to_string()][..]));
+    let fixed = found.stability.done.iter().find(|changed| changed.change == "no key free").unwrap();
+    assert_eq!((fixed.verdict, fixed.holds), (Verdict::Missing, true), "{:?}", found.stability);
+    assert_eq!(found.stability.holds(), Some(true), "{:?}", found.stability);
+}
+
 /// Rounding that depends on the order of the rows can lead a search to another minimum.
 #[test]
 fn the_order_of_files_changes_nothing() {
