@@ -169,18 +169,19 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Begins where another search of the same data, with the same keys free, has ended. Other errors leave an optimum nearly where it
-    /// was; where they are the same as well (what noise does is drawn anew), so is all that was fitted on top of the same base.
+    /// Begins where another search of the same data, with no other keys free than here, has ended. Other errors leave an optimum nearly
+    /// where it was; where errors and free keys are the same (what noise does is drawn anew), so is all that was fitted on top of the
+    /// same base.
     pub fn begin_like(&mut self, other: &Search, base: &Node) {
         let expansions = other.expansions.lock().expect("nobody panics");
         for expansion in expansions.iter() {
             let sketches = expansion.sketches.lock().expect("nobody panics");
             self.known.extend(sketches.values().flatten().cloned());
         }
-        let same_errors = self.case.sigmas == other.case.sigmas;
+        let same_problem = self.case.sigmas == other.case.sigmas && self.base == other.base;
         let is_base = |expansion: &&Arc<Expansion>| expansion.node.added.is_empty();
         let same_base = |known: &Arc<Expansion>| known.node.fit.values == base.fit.values;
-        if same_errors && expansions.iter().find(is_base).is_some_and(same_base) {
+        if same_problem && expansions.iter().find(is_base).is_some_and(same_base) {
             let of = |nodes: &Mutex<Vec<Arc<Node>>>| Mutex::new(nodes.lock().expect("nobody panics").clone());
             (self.nodes, self.settled, self.levels) = (of(&other.nodes), of(&other.settled), of(&other.levels));
             self.expansions = Mutex::new(expansions.clone());

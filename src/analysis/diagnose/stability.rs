@@ -144,8 +144,9 @@ impl Task<'_> {
             progress: self.progress,
             work: work.clone(),
         };
-        let like =
-            (change.mission == *self.mission && change.options.free == self.options.free).then_some(evidence.search);
+        let frees_no_less = self.options.free.iter().all(|key| change.options.free.contains(key));
+        // Where only more is free, an optimum of the diagnosis is as good a start as one with other errors.
+        let like = (change.mission == *self.mission && frees_no_less).then_some(evidence.search);
         let mut noise = found.noise.clone();
         for round in 1.. {
             let data = noise::allowed_for(self.quoted, &noise::larger(&noise, change.larger));
