@@ -15,6 +15,7 @@ pub mod batch;
 pub mod companions;
 pub mod correct;
 pub mod errors;
+mod fingerprint;
 pub mod fits;
 pub mod frame;
 pub mod invert;
@@ -72,6 +73,10 @@ pub enum Task {
         noise: Option<(f64, u64)>,
     },
 }
+
+/// Charge in pixels without light, e- and over that of the image, beyond which it is hardly the trail of the image.
+const MOST_DARK_E: f64 = 5.0;
+const MOST_DARK: f64 = 0.2;
 
 /// Which HDU is meant.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -159,6 +164,8 @@ pub struct FrameDone {
     pub amplifiers: Amplifiers,
     /// Largest change of a pixel, e-.
     pub largest_change_e: f64,
+    /// Median charges in pixels without light and in those of the image, e-, if there are any of the former.
+    pub levels_e: Option<(f64, f64)>,
     /// Pixels without a value, which stay so.
     pub missing_px: usize,
     /// Pixels with a full well or more, or beyond what the converter tells.
@@ -366,6 +373,10 @@ impl Job {
             return Ok(frames);
         }
         let frames = frames(hdus, &self.hdus, &self.geometry, &self.unit).map_err(place)?;
+        for (index, _) in &frames {
+            unit::refuse_unknown_bias(&hdus[*index], &self.geometry, self.unit.bias_dn)
+                .map_err(|error| place(error.with_help("give --bias-dn: 0 if it is subtracted")))?;
+        }
         let of = |(index, scale): (usize, unit::Scale)| {
             let (rows, columns) = image_shape(&hdus[index]).expect("an image, as was checked");
             let amplifier = Amplifier {
@@ -398,6 +409,10 @@ impl Job {
         let keyword = if self.task == Task::Readout { "CTIADDED" } else { "CTICORR" };
         if hdu.history().any(before) || hdu.value(keyword).is_some() {
             warnings.push(Warning::DoneBefore { name: name.clone(), task });
+        }
+        let bias_left = |(dark_e, lit_e): &(f64, f64)| *dark_e > MOST_DARK_E && *dark_e > MOST_DARK * lit_e;
+        if let Some((dark_e, lit_e)) = frame.levels_e.filter(bias_left) {
+            warnings.push(Warning::DarkPixelsHoldCharge { name: name.clone(), dark_e, lit_e });
         }
         let (Some(first), Some(uncertain)) = (frame.residuals.first(), &frame.uncertain) else { return warnings };
         if !frame.converged {
@@ -468,7 +483,7 @@ impl Job {
             });
         }
         let missing = mask::fill(&mut before_e);
-        let lit = amplifiers.lit(&before_e);
+        let (covered, lit) = (amplifiers.covered(&before_e), amplifiers.lit(&before_e));
         let mut saturated = amplifiers.saturated(&before_e);
         if let Some(flagged) = flagged {
             saturated = saturated | &flagged.saturated & &lit;
@@ -480,6 +495,7 @@ impl Job {
             gain_e_per_dn: amplifiers.gain_e_per_dn(),
             amplifiers: amplifiers.clone(),
             largest_change_e: 0.0,
+            levels_e: mask::levels_e(&before_e, &covered, &lit),
             missing_px: count(&missing),
             saturated_px: count(&saturated),
             clipped_px: 0,
@@ -490,7 +506,7 @@ impl Job {
             beside: CompanionsDone::default(),
         };
         let mut kept = missing;
-        Zip::from(&mut kept).and(&amplifiers.covered(&before_e)).for_each(|kept, covered| *kept |= !*covered);
+        Zip::from(&mut kept).and(&covered).for_each(|kept, covered| *kept |= !*covered);
         let after_e = match self.task {
             Task::Readout => amplifiers.read(&before_e)?,
             Task::Correct { stop, noise } => {
@@ -578,6 +594,7 @@ impl Job {
             ("CTIMISS", text(&self.name_in_header()), "mission of the CTI model"),
             ("CTIYEAR", Value::Float(self.device.at.t_yr), "[yr] time since launch of the CTI model"),
             ("CTIDOSE", Value::Float(dose_mev_g), "[MeV/g] dose of the CTI model"),
+            (fingerprint::KEYWORD, text(&self.fingerprint()), "hash of CTI model and options"),
         ];
         if let Some(uncertain) = &frame.uncertain {
             let (left, iterations) = (uncertain.left, frame.residuals.len().saturating_sub(1));

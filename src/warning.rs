@@ -119,6 +119,15 @@ pub enum Warning {
         /// What was done.
         task: &'static str,
     },
+    /// Pixels without light hold much charge beside those of the image.
+    DarkPixelsHoldCharge {
+        /// The frame.
+        name: String,
+        /// Median charge in prescan and overscan, e-.
+        dark_e: f64,
+        /// Median charge in the image, e-.
+        lit_e: f64,
+    },
     /// A FITS file has bytes after its last HDU.
     AfterLastHdu {
         /// Bytes that were copied.
@@ -329,6 +338,11 @@ impl fmt::Display for Warning {
                 "{pixels} pixels of {name} are uncertain by more than {error_e:.3e} e-: their packets, or packets ahead of \
                  them, were emptied by traps, and the frame does not determine their charge; they are marked in the extension \
                  {marked}"
+            ),
+            Warning::DarkPixelsHoldCharge { name, dark_e, lit_e } => write!(
+                out,
+                "prescan and overscan of {name} hold {dark_e:.1} e- per pixel, and its image {lit_e:.1} e- (medians): if that is bias, \
+                 it was taken for charge; give the bias, or check the sizes of prescan and overscan"
             ),
             Warning::NotCorrected { name, max_e, of_e } => write!(
                 out,

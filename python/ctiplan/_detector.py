@@ -38,7 +38,7 @@ class Corrected:
     image: np.ndarray = field(repr=False)
     #: Pixels whose charge does not follow from the frame, because their packets were emptied; bool, in the shape of the frame.
     uncertain: np.ndarray = field(repr=False)
-    #: Error of all other pixels, e-, if the model is right.
+    #: Error of all other pixels, e-, if the model is right, and missing and saturated pixels held what is assumed of them.
     error_e: float
     #: Whether the residual is as small as was asked for.
     converged: bool

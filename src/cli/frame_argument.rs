@@ -1,5 +1,7 @@
 //! Frames as options of the command line: which images of a file, where they lie on the detector, and what their numbers mean.
 
+use std::str::FromStr;
+
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 
@@ -8,9 +10,9 @@ use crate::image::{Choice, Corner, Geometry, Split, Transfers, Unit};
 /// Which images, and where they lie on the detector.
 #[derive(Debug, Args)]
 pub(super) struct Layout {
-    /// HDUs to process, by number (0 is the primary one) or EXTNAME; by default all images except DQ, ERR, ...
-    #[arg(long, value_name = "HDU", value_delimiter = ',')]
-    pub hdu: Vec<Choice>,
+    /// HDUs to process: their numbers (0 is the primary one), EXTNAMEs, or EXTNAME,EXTVER; by default all images except DQ, ERR, ...
+    #[arg(long, value_name = "HDU")]
+    hdu: Vec<Choices>,
     /// Corner that is read first; the frame's first pixel is at the lower left
     #[arg(long, value_name = "CORNER", default_value = "lower-left")]
     corner: Corner,
@@ -31,7 +33,34 @@ pub(super) struct Layout {
     pub transfers_before: u32,
 }
 
+/// HDUs of a list: 1,4 or SCI,ERR or SCI,1,SCI,2.
+#[derive(Clone, Debug)]
+struct Choices(Vec<Choice>);
+
+impl FromStr for Choices {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Choices, String> {
+        let mut choices: Vec<Choice> = Vec::new();
+        for part in text.split(',') {
+            match (part.parse()?, choices.pop()) {
+                // A number behind a name is its EXTVER, as in tables of amplifiers.
+                (Choice::Index(version), Some(Choice::Name(name))) => {
+                    choices.push(Choice::Version(name, version as i64));
+                }
+                (choice, last) => choices.extend(last.into_iter().chain([choice])),
+            }
+        }
+        Ok(Choices(choices))
+    }
+}
+
 impl Layout {
+    /// The HDUs that are chosen; none: all images of charge.
+    pub fn hdus(&self) -> Vec<Choice> {
+        self.hdu.iter().flat_map(|choices| choices.0.clone()).collect()
+    }
+
     /// The geometry of frames that are read along their columns.
     pub fn geometry(&self) -> Geometry {
         Geometry {
@@ -62,7 +91,7 @@ pub(super) struct Gain {
 
 impl Gain {
     /// The unit of frames with this bias, in their own unit.
-    pub fn unit(&self, bias_dn: f64) -> Unit {
+    pub fn unit(&self, bias_dn: Option<f64>) -> Unit {
         Unit {
             gain_e_per_dn: self.gain_e_per_dn,
             gain_keyword: self.gain_keyword.as_deref().map(keyword),
@@ -120,5 +149,24 @@ impl ValueEnum for Split {
             Split::Both => ("both", "Each quarter is read to its corner"),
         };
         Some(PossibleValue::new(word).help(help))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hdus_are_numbers_names_or_names_with_versions() {
+        let of = |text: &str| text.parse::<Choices>().map(|choices| choices.0);
+        let name = |text: &str| Choice::Name(text.into());
+        let version = |text: &str, version| Choice::Version(text.into(), version);
+        assert_eq!(of("1,4"), Ok(vec![Choice::Index(1), Choice::Index(4)]));
+        assert_eq!(of("SCI, 2"), Ok(vec![version("SCI", 2)]));
+        assert_eq!(
+            of("4,SCI,1,SCI,2,ERR"),
+            Ok(vec![Choice::Index(4), version("SCI", 1), version("SCI", 2), name("ERR")])
+        );
+        assert!(of("SCI,,2").is_err() && of("").is_err());
     }
 }

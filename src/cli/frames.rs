@@ -136,9 +136,9 @@ struct Frames {
     serial_transfers_before: u32,
     #[command(flatten)]
     gain: Gain,
-    /// Bias: value of a pixel without charge, in the unit of the frame
-    #[arg(long, value_name = "DN", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
-    bias_dn: f64,
+    /// Bias: value of a pixel without charge, in the unit of the frame; needed (0 if it is subtracted) for counts with a prescan or an overscan
+    #[arg(long, value_name = "DN", allow_negative_numbers = true, value_parser = finite)]
+    bias_dn: Option<f64>,
     /// Accuracy of the readout, instead of accuracy.relative: error of a packet over the largest displacement of charge
     #[arg(long, value_name = "FRACTION", default_value_t = OF_FRAMES, value_parser = fraction)]
     relative: f64,
@@ -157,7 +157,7 @@ impl Frames {
         let model = Model::new(&mission);
         let amplifiers = self.amplifiers.as_ref().map(AmplifierTable::read).transpose()?;
         let job = Job::new(task(mission.accuracy.seed), &model, &conditions, self.relative, self.geometry()?)?;
-        let job = Job { unit: self.gain.unit(self.bias_dn), hdus: self.layout.hdu.clone(), amplifiers, ..job };
+        let job = Job { unit: self.gain.unit(self.bias_dn), hdus: self.layout.hdus(), amplifiers, ..job };
         let bits = beside.map_or(Bits::default(), Beside::bits);
         let propagate_errors = beside.is_some_and(|beside| !beside.keep_err);
         let job = Job {

@@ -359,8 +359,8 @@ impl Input {
         let said = &self.conditions;
         Ok(Reading {
             amplifiers: self.amplifiers.as_ref().map(AmplifierTable::read).transpose()?,
-            hdus: self.layout.hdu.clone(),
-            unit: self.gain.unit(0.0),
+            hdus: self.layout.hdus(),
+            unit: self.gain.unit(None),
             bias: self.bias_dn.map(BiasSource::Given).or(self.bias_from.map(from)),
             geometry: self.layout.geometry(),
             when: said.when(),

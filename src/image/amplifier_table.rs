@@ -17,7 +17,7 @@ use std::path::Path;
 use super::amplifier::{Amplifier, Amplifiers};
 use super::fits::{Hdu, HduKind};
 use super::frame::{Corner, Geometry, Transfers};
-use super::unit::{Scale, Unit, number_of};
+use super::unit::{Scale, Unit, number_of, refuse_unknown_bias};
 use super::{Choice, image_shape};
 use crate::error::InputError;
 use crate::io::table::Table;
@@ -121,18 +121,28 @@ impl AmplifierTable {
         Ok(AmplifierTable { name, table, rows })
     }
 
+    /// All that its rows say, as a text for comparisons.
+    pub(super) fn contents(&self) -> String {
+        format!("{:?}", self.rows)
+    }
+
     /// The frames of a file with their amplifiers, in the file's order: the HDUs that rows name. `device` is the mission's.
     ///
     /// # Errors
-    /// Where a row names no HDU of the file, or one that is no image; where a section does not fit it, amplifiers overlap, or a
-    /// keyword is absent.
+    /// Where a row names no HDU of the file, or one that is no image; where a section does not fit it, amplifiers overlap, a
+    /// keyword is absent, or a bias of counts is.
     pub(crate) fn frames(&self, hdus: &[Hdu], transfers: Transfers, device: &Device) -> Result<Vec<Frame>, InputError> {
-        let with_traps = |place: Place| {
+        let with_traps = |hdu: usize, place: Place| {
+            refuse_unknown_bias(&hdus[hdu], &place.geometry, place.bias_dn).map_err(|error| {
+                let help = "give bias_dn in the table: 0 if it is subtracted".to_string();
+                InputError { place: Some(error.refused.clone()), help: Some(help), ..self.refused(error) }
+            })?;
             let device = self.device(place.index, device)?;
             Ok(place.with(device))
         };
         let frame = |(hdu, places): (usize, Vec<Place>)| {
-            let amplifiers: Result<Vec<Amplifier>, InputError> = places.into_iter().map(with_traps).collect();
+            let amplifiers: Result<Vec<Amplifier>, InputError> =
+                places.into_iter().map(|place| with_traps(hdu, place)).collect();
             Ok((hdu, Amplifiers(amplifiers?)))
         };
         self.places(hdus, transfers)?.into_iter().map(frame).collect()
@@ -202,7 +212,7 @@ impl AmplifierTable {
         let unit = Unit {
             gain_e_per_dn: number(&row.gain_e_per_dn, "gain_e_per_dn")?,
             gain_keyword: None,
-            bias_dn: 0.0,
+            bias_dn: None,
             saturated_dn: None,
         };
         let scale = unit.scale(hdu, primary).map_err(|error| {

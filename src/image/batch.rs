@@ -4,11 +4,9 @@ use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use fitsio_pure::value::Value as FitsValue;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::Value;
 
-use super::fits::Fits;
 use super::{Done, FrameDone, Job};
 use crate::error::InputError;
 use crate::io::atomic_file;
@@ -20,7 +18,7 @@ pub enum Existing {
     Refused,
     /// They are replaced.
     Replaced,
-    /// They are complete, since files are written whole or not at all, and stay.
+    /// They are complete, since files are written whole or not at all, and stay. What an interruption left of others is removed.
     Kept,
 }
 
@@ -95,8 +93,11 @@ impl Batch {
         let mut files = Vec::new();
         for (done, (input, output)) in inputs.iter().zip(outputs).enumerate() {
             let outcome = if existing == Existing::Kept && output.exists() {
-                is_of(job, &output).map_or_else(Outcome::Failed, |()| Outcome::Kept)
+                job.refuse_others(&output).map_or_else(Outcome::Failed, |()| Outcome::Kept)
             } else {
+                if existing == Existing::Kept {
+                    atomic_file::remove_parts(&output)?;
+                }
                 let status = |_, _, what: &str| progress(done, &format!("{}, {what}", input.display()));
                 match job.run(input, &output, existing == Existing::Replaced, &status) {
                     Ok(done) => Outcome::Done(Summary::of(&done)),
@@ -117,33 +118,6 @@ impl Batch {
         let failed: Vec<String> = failed.map(|error| error.to_string().replace('\n', "\n  ")).collect();
         let refused = format!("{} of {} files failed; the others are complete", failed.len(), self.files.len());
         (!failed.is_empty()).then(|| InputError::new(refused, failed.join("\n  ")))
-    }
-}
-
-/// Refuses an output that is there already and was made with another mission, at another time or dose.
-fn is_of(job: &Job, output: &Path) -> Result<(), InputError> {
-    let number = |value: Option<&FitsValue>| match value {
-        Some(FitsValue::Float(number)) => *number,
-        Some(FitsValue::Integer(number)) => *number as f64,
-        _ => f64::NAN,
-    };
-    let wanted = (job.name_in_header().trim_end().to_string(), job.device.at.t_yr, job.device.dose_mev_g()?);
-    let hdus = Fits::open(output)?.hdus;
-    let made = hdus.iter().filter(|hdu| hdu.value("CTIMISS").is_some()).map(|hdu| {
-        let mission = hdu.text("CTIMISS").unwrap_or_default();
-        (mission.trim_end().to_string(), number(hdu.value("CTIYEAR")), number(hdu.value("CTIDOSE")))
-    });
-    let same = |a: f64, b: f64| (a - b).abs() <= 1e-9 * b.abs();
-    match made.into_iter().find(|made| made.0 != wanted.0 || !same(made.1, wanted.1) || !same(made.2, wanted.2)) {
-        None => Ok(()),
-        Some((mission, t_yr, dose_mev_g)) => {
-            let problem = format!(
-                "it was made with mission \"{mission}\" at {t_yr} yr, {dose_mev_g:.4e} MeV/g; asked for are \"{}\", {} yr, {:.4e} MeV/g",
-                wanted.0, wanted.1, wanted.2
-            );
-            Err(InputError::new(format!("cannot keep `{}`", output.display()), problem)
-                .with_help("give another folder for each epoch, or --overwrite"))
-        }
     }
 }
 

@@ -158,6 +158,11 @@ impl Geometry {
         Ok(())
     }
 
+    /// Some pixels hold no light.
+    pub fn has_dark_pixels(&self) -> bool {
+        self.prescan_columns + self.overscan_columns + self.overscan_rows > 0
+    }
+
     /// Pixels that hold light, in a frame of so many rows and columns.
     pub fn lit(&self, shape: (usize, usize)) -> Array2<bool> {
         let mut lit = Array2::from_elem(shape, false);

@@ -42,6 +42,19 @@ pub fn saturated(charge_e: &Array2<f64>, cloud: &Cloud, from_e: f64) -> Array2<b
     charge_e.mapv(|charge| charge >= from_e || cloud.height(charge) >= 1.0)
 }
 
+/// Pixels of which a level is taken, at most: a few of millions tell it as well.
+const LEVEL_PX: usize = 100_000;
+
+/// Median charges of pixels that are read but hold no light, and of those that do. None if there are none of either.
+pub fn levels_e(charge_e: &Array2<f64>, covered: &Array2<bool>, lit: &Array2<bool>) -> Option<(f64, f64)> {
+    let level_e = |wanted: bool| {
+        let is_wanted = |(_, (covered, lit)): &(&f64, (&bool, &bool))| **covered && **lit == wanted;
+        let charges = || charge_e.iter().zip(covered.iter().zip(lit)).filter(is_wanted).map(|(charge, _)| *charge);
+        median(charges().step_by(charges().count().div_ceil(LEVEL_PX).max(1)))
+    };
+    Some((level_e(false)?, level_e(true)?))
+}
+
 /// The middle of the finite values, the mean of the two middle ones where their number is even.
 fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();

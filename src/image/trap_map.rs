@@ -13,6 +13,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use ndarray::{Array2, Axis};
+use sha2::{Digest, Sha256};
 
 use super::fits::{Fits, Hdu, HduKind};
 use crate::error::InputError;
@@ -59,6 +60,14 @@ impl TrapMap {
             return Err(refusal(&name, "it has no image".into()));
         }
         Ok(TrapMap { name, images })
+    }
+
+    /// Adds all its factors to a hash.
+    pub(super) fn add_to(&self, hash: &mut Sha256) {
+        for (name, version, map) in &self.images {
+            hash.update(format!("{name:?} {version} {:?}", map.dim()));
+            map.iter().for_each(|factor| hash.update(factor.to_le_bytes()));
+        }
     }
 
     /// A map in memory, for all frames.

@@ -29,7 +29,7 @@ use super::invert::Transport;
 pub struct Uncertain {
     /// Pixels whose error may be larger than `error_e`.
     pub pixels: Array2<bool>,
-    /// Error of all other pixels, e-, if the forward model is right.
+    /// Error of all other pixels, e-, if the forward model is right, also in the charges of pixels that are held.
     pub error_e: f64,
     /// What the forward model leaves unexplained of all other pixels.
     pub left: Residual,

@@ -9,6 +9,7 @@
 use fitsio_pure::value::Value;
 
 use super::fits::Hdu;
+use super::frame::Geometry;
 use crate::error::InputError;
 
 /// How the numbers of a frame are to be understood.
@@ -18,8 +19,8 @@ pub struct Unit {
     pub gain_e_per_dn: Option<f64>,
     /// Header keyword that holds the gain.
     pub gain_keyword: Option<String>,
-    /// Level of no charge, in the frame's own unit.
-    pub bias_dn: f64,
+    /// Level of no charge, in the frame's own unit; none: 0, unless the frame shows that it is another ([`refuse_unknown_bias`]).
+    pub bias_dn: Option<f64>,
     /// Value from which on the converter tells no more, in the frame's own unit; none: only full wells are saturated.
     pub saturated_dn: Option<f64>,
 }
@@ -101,8 +102,20 @@ impl Unit {
                 );
             }
         };
-        Ok(Scale { gain_e_per_dn, bias_dn: self.bias_dn })
+        Ok(Scale { gain_e_per_dn, bias_dn: self.bias_dn.unwrap_or(0.0) })
     }
+}
+
+/// Refuses counts with a prescan or an overscan whose bias is not given: what the converter wrote there is hardly 0, and all of it
+/// would be taken for charge.
+pub(super) fn refuse_unknown_bias(hdu: &Hdu, geometry: &Geometry, given_dn: Option<f64>) -> Result<(), InputError> {
+    let bunit = hdu.text("BUNIT").unwrap_or_default();
+    let counts = matches!(written(&bunit), Written::Counts);
+    if given_dn.is_some() || !counts || !geometry.has_dark_pixels() {
+        return Ok(());
+    }
+    let problem = format!("BUNIT = '{bunit}', the frame has a prescan or an overscan, and no bias was given");
+    Err(InputError::new(hdu.to_string(), problem))
 }
 
 fn gain_of(keyword: &str, hdu: &Hdu, primary: &Hdu) -> Result<f64, InputError> {

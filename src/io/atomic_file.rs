@@ -1,11 +1,11 @@
 //! Files that are written whole or not at all, and never in place of one that is read.
 
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf, absolute};
 
-use tempfile::NamedTempFile;
+use tempfile::{Builder, NamedTempFile};
 
 use crate::error::InputError;
 
@@ -28,7 +28,8 @@ pub fn write_by(
     overwrite: bool,
     content: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), InputError>,
 ) -> Result<(), InputError> {
-    let mut file = NamedTempFile::new_in(folder_of(path)).map_err(refusal(path))?;
+    let mut file =
+        Builder::new().prefix(&before_part(path)).suffix(PART).tempfile_in(folder_of(path)).map_err(refusal(path))?;
     let mut buffered = BufWriter::new(file.as_file_mut());
     content(&mut buffered)?;
     buffered.flush().map_err(refusal(path))?;
@@ -46,10 +47,38 @@ pub(crate) fn write_by_way_of(
     path: &Path,
     content: impl FnOnce(&mut File) -> std::io::Result<()>,
 ) -> Result<(), InputError> {
-    let mut file = NamedTempFile::with_suffix_in(".part", folder).map_err(refusal(path))?;
+    let mut file = NamedTempFile::with_suffix_in(PART, folder).map_err(refusal(path))?;
     // Not the temporary file's own path in the message: it is gone by then.
     content(file.as_file_mut()).map_err(refusal(path))?;
     keep(file, path, true)
+}
+
+/// The end of the name of a file that is not complete.
+const PART: &str = ".part";
+
+/// The beginning of the name of what becomes a file: `.a.fits.`
+fn before_part(path: &Path) -> OsString {
+    let mut name = OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(".");
+    name
+}
+
+/// Removes what an interruption has left of a file that [`write_by`] began.
+///
+/// # Errors
+/// If it is there and cannot be removed.
+pub(crate) fn remove_parts(path: &Path) -> Result<(), InputError> {
+    let before = before_part(path);
+    let is_part = |name: &OsStr| {
+        let bytes = name.as_encoded_bytes();
+        bytes.starts_with(before.as_encoded_bytes()) && bytes.ends_with(PART.as_bytes())
+    };
+    let entries = fs::read_dir(folder_of(path)).into_iter().flatten().flatten();
+    for part in entries.filter(|entry| is_part(&entry.file_name())) {
+        fs::remove_file(part.path()).map_err(refusal(&part.path()))?;
+    }
+    Ok(())
 }
 
 fn folder_of(path: &Path) -> &Path {

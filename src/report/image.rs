@@ -154,8 +154,12 @@ impl Done {
                 0 => String::new(),
                 pixels => format!(", but for {pixels} uncertain pixels"),
             };
+            let unknown = match frame.missing_px + frame.saturated_px {
+                0 => String::new(),
+                pixels => format!(", and {pixels} missing or saturated pixels held what is assumed of them"),
+            };
             let error = format!(
-                "HDU {}: if the model is right, the error of a pixel is below {:.1e} e-",
+                "HDU {}: if the model is right{unknown}, the error of a pixel is below {:.1e} e-",
                 hdu.index, uncertain.error_e
             );
             out.push_str(&wrapped(&format!("{error}{besides}."), 2));

@@ -162,6 +162,46 @@ fn each_amplifier_has_its_gain_bias_and_traps() {
 }
 
 #[test]
+fn counts_with_an_overscan_need_a_bias() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let frame = |name: &str, unit: Option<&str>| {
+        let unit = unit.map(|unit| ("BUNIT", Value::String(unit.into())));
+        let mut dn = field(30, 8) / 2.0 + 100.0;
+        dn.slice_mut(s![.., 6..]).fill(100.0);
+        file(&at(name), &[], &[("RAW", 1, dn, unit.into_iter().collect())]);
+    };
+    frame("adu.fits", Some("adu"));
+    frame("unknown.fits", None);
+    let table = |bias: &str| {
+        table(
+            folder.path(),
+            &format!("hdu,corner,overscan_columns,gain_e_per_dn [e-/DN],bias_dn [DN]\nRAW,lower-left,2,2,{bias}\n"),
+        )
+    };
+    let options = ["--overscan-columns", "2", "--gain-e-per-dn", "2"];
+    let without = table("");
+    let amplifiers = ["--amplifiers", without.to_str().unwrap()];
+    for (more, help) in [(&options[..], "give --bias-dn"), (&amplifiers[..], "give bias_dn in the table")] {
+        let done = run("correct", &at("adu.fits"), &at("refused.fits"), more);
+        let stderr = String::from_utf8(done.stderr).unwrap();
+        assert_eq!(done.status.code(), Some(2), "{stderr}");
+        assert!(stderr.contains("no bias was given") && stderr.contains(help), "{stderr}");
+        // Numbers of unknown unit may be electrons: they are read, and what speaks against it is said.
+        let done = work("correct", &at("unknown.fits"), &at("out.fits"), &[more, &["--overwrite"]].concat());
+        let warning = done["warnings"][0].as_str().unwrap();
+        assert!(warning.contains("prescan and overscan of HDU 1 (RAW) hold 200.0 e- per pixel"), "{warning}");
+    }
+    // Given, it is used, and nothing is said.
+    let with = table("100");
+    let as_options = [&options[..], &["--bias-dn", "100"]].concat();
+    for more in [&as_options[..], &["--amplifiers", with.to_str().unwrap()]] {
+        let done = work("correct", &at("adu.fits"), &at("out.fits"), &[more, &["--overwrite"]].concat());
+        assert!(done["warnings"].as_array().unwrap().is_empty(), "{done}");
+    }
+}
+
+#[test]
 fn segments_of_a_camera_are_read_as_their_data_sections_say() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

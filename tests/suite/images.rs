@@ -354,8 +354,8 @@ fn headers_keep_their_cards_and_other_hdus_their_bytes() {
 fn without_a_choice_images_of_charge_are_read_out_and_those_beside_them_copied() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("out.fits");
-    let report =
-        work("readout", Path::new(CAMERA), &output, &[&LIES[..], &["--hdu", "sci", "--gain-e-per-dn", "1"]].concat());
+    let counts = ["--gain-e-per-dn", "1", "--bias-dn", "0"];
+    let report = work("readout", Path::new(CAMERA), &output, &[&LIES[..], &["--hdu", "sci"], &counts].concat());
     let copied: Vec<bool> = report["hdus"].as_array().unwrap().iter().map(|hdu| hdu["copied"] == true).collect();
     assert_eq!(copied, [true, false, true, true, true, false]);
     let mut fits = Fits::open(&output).unwrap();
@@ -364,7 +364,7 @@ fn without_a_choice_images_of_charge_are_read_out_and_those_beside_them_copied()
     assert!(fits.pixels(5).unwrap().physical().iter().any(|value| value.is_nan()));
     // The same without a choice: ERR and DQ are known by their names.
     let all = folder.path().join("all.fits");
-    work("readout", Path::new(CAMERA), &all, &[&LIES[..], &["--gain-e-per-dn", "1"]].concat());
+    work("readout", Path::new(CAMERA), &all, &[&LIES[..], &counts].concat());
     assert_eq!(fs::read(&all).unwrap(), fs::read(&output).unwrap());
 }
 

@@ -78,6 +78,60 @@ fn many_files_are_as_each_alone_and_one_that_fails_loses_no_other() {
 }
 
 #[test]
+fn only_files_of_the_same_command_mission_and_options_are_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let electrons = || vec![("BUNIT", Value::String("electron".into()))];
+    file(&at("a.fits"), &[], &[("SCI", 1, field(20, 5), electrons()), ("SCI", 2, field(20, 5), electrons())]);
+    let input = at("a.fits");
+    let map = at("map.fits");
+    file(&map, &[], &[("SCI", 1, Array2::from_elem((1, 5), 1.1), Vec::new())]);
+    let options: [&[&str]; 9] = [
+        &["--set", "detector.temperature_k=151"],
+        &["--set", "detector.traps.slow.density_per_px=0.3"],
+        &["--corner", "upper-left"],
+        &["--bias-dn", "3"],
+        &["--transfers-before", "7"],
+        &["--tolerance", "1e-2"],
+        &["--relative", "1e-5"],
+        &["--trap-map", map.to_str().unwrap()],
+        &["--keep-err"],
+    ];
+    assert!(many("correct", &[&input], &at("out"), &[]).status.success());
+    assert!(many("correct", &[&input], &at("out"), &["--resume"]).status.success());
+    let made = fs::read(at("out/a.fits")).unwrap();
+    let refused = |command: &str, more: &[&str], words: &str| {
+        let done = many(command, &[&input], &at("out"), &[&["--resume"], more].concat());
+        assert_eq!(done.status.code(), Some(2), "{command} {more:?}");
+        assert!(said(&done).contains("cannot keep") && said(&done).contains(words), "{more:?}: {}", said(&done));
+    };
+    for more in options {
+        refused("correct", more, "CTIJOB = ");
+    }
+    refused("readout", &[], "CTIJOB = ");
+    refused("correct", &["--hdu", "2"], "other HDUs");
+    refused("correct", &["--hdu", "SCI,1"], "other HDUs");
+    assert!(fs::read(at("out/a.fits")).unwrap() == made, "a file that is refused stays as it was");
+    // A raw frame under the name of the output.
+    fs::copy(&input, at("out/a.fits")).unwrap();
+    refused("correct", &[], "no frame in it has the keyword CTIJOB");
+}
+
+#[test]
+fn what_an_interruption_has_left_is_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    frame(&at("a.fits"), 0.0);
+    fs::create_dir(at("out")).unwrap();
+    fs::write(at("out/.a.fits.XyZ123.part"), "half").unwrap();
+    fs::write(at("out/.b.fits.XyZ123.part"), "of another command").unwrap();
+    assert!(many("correct", &[&at("a.fits")], &at("out"), &["--resume"]).status.success());
+    let mut names: Vec<_> = fs::read_dir(at("out")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, [".b.fits.XyZ123.part", "a.fits"]);
+}
+
+#[test]
 fn files_that_would_replace_one_another_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
