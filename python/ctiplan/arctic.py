@@ -349,10 +349,7 @@ def add_cti(
         serial_window_offset, serial_window_start, serial_window_stop,
     )  # fmt: skip
     _no_bounce(pixel_bounce_list)
-    frame = _electrons(image)
-    if not allow_negative_pixels:
-        frame = np.maximum(frame, 0.0)
-    trailed = _read_out(frame, parallel, serial)
+    trailed = _read_out(_electrons(image), parallel, serial, bool(allow_negative_pixels))
     _sign(header, parallel, serial)
     return trailed
 
@@ -441,9 +438,9 @@ def remove_cti(
 def _trailed_in_step(step: int, estimate: np.ndarray, parallel: _Direction, serial: _Direction) -> np.ndarray:
     # In its second step arcticpy reads the positive charge out alone, and adds the negative one afterwards.
     if step == 1:
-        trailed = _read_out(np.maximum(estimate, 0.0), parallel, serial)
+        trailed = _read_out(np.maximum(estimate, 0.0), parallel, serial, True)
         return np.asarray(trailed + np.minimum(estimate, 0.0))
-    return _read_out(estimate, parallel, serial)
+    return _read_out(estimate, parallel, serial, True)
 
 
 def CTI_model_for_HST_ACS(date: float) -> tuple[ROE, CCD, list[TrapInstantCapture]]:  # noqa: N802 (arcticpy's name)
@@ -515,10 +512,10 @@ class _Direction:
                 f"{name}_ccd=CCD(), {name}_roe=ROE() are the defaults",
             )  # fmt: skip
         phase, dwells, shares = _phases(name, ccd, roe)
-        offset += _whole(f"{name}_roe.prescan_offset", roe.prescan_offset, least=0)
+        prescan = _whole(f"{name}_roe.prescan_offset", roe.prescan_offset, least=0)
         setting = _well(f"{name}_ccd", phase) | {
-            "offset": offset,
-            "pixels": _pixels(name, roe, offset),
+            "offset": offset + prescan,
+            "pixels": _pixels(name, roe, prescan),
             "empty_for_first": bool(roe.empty_traps_for_first_transfers),
             "empty_between": bool(roe.empty_traps_between_columns),
             "relative": accuracy,
@@ -539,28 +536,23 @@ class _Direction:
             )  # fmt: skip
         return slice(first, last)
 
-    def read(self, frame: np.ndarray) -> np.ndarray:
-        """Reads a frame out along its first axis."""
-        return _ctiplan.arctic_readout(frame, self.traps, self.setting) if self.traps else frame
+    def read(self, frame: np.ndarray, start: int) -> np.ndarray:
+        """Reads a frame out along its first axis, from so many pixels on: charge in front does not take part."""
+        if not self.traps or not frame[start:].size:
+            return frame
+        taking_part = frame.copy()
+        taking_part[:start] = 0.0
+        return _ctiplan.arctic_readout(taking_part, self.traps, self.setting | {"first": start})
 
 
-def _read_out(frame: np.ndarray, parallel: _Direction, serial: _Direction) -> np.ndarray:
+def _read_out(frame: np.ndarray, parallel: _Direction, serial: _Direction, allow_negative: bool) -> np.ndarray:
     rows, columns = parallel.rows(frame.shape[0], "parallel"), serial.rows(frame.shape[1], "serial")
     trailed = frame.copy()
-    if parallel.traps and columns.start < columns.stop:
-        trailed[rows, columns] = parallel.read(_without_front(trailed[: rows.stop, columns], rows.start))[rows]
-    if serial.traps and rows.start < rows.stop:
-        trailed[rows, columns] = serial.read(_without_front(trailed[rows, : columns.stop].T, columns.start))[columns].T
+    if not allow_negative:
+        trailed[rows, columns] = np.maximum(trailed[rows, columns], 0.0)
+    trailed[rows, columns] = parallel.read(trailed[: rows.stop, columns], rows.start)[rows]
+    trailed[rows, columns] = serial.read(trailed[rows, : columns.stop].T, columns.start)[columns].T
     return trailed
-
-
-def _without_front(frame: np.ndarray, start: int) -> np.ndarray:
-    """The frame, its first rows without charge."""
-    if start == 0:
-        return frame
-    emptied = frame.copy()
-    emptied[:start] = 0.0
-    return emptied
 
 
 def _electrons(image: npt.ArrayLike) -> np.ndarray:
@@ -601,15 +593,15 @@ def _well(name: str, phase: CCDPhase) -> dict[str, float]:
     }
 
 
-def _pixels(name: str, roe: ROE, offset: int) -> int | None:
-    """Pixels with traps."""
+def _pixels(name: str, roe: ROE, prescan: int) -> int | None:
+    """Pixels with traps. A window's offset does not move the overscan."""
     start = _whole(f"{name}_roe.overscan_start", roe.overscan_start, least=-1)
     if start == -1:
         return None
     if start == 0:
         raise InputError(f"cannot use {name}_roe", "overscan_start = 0", "a number of 1 or more is needed, or -1 for none")
     # arcticpy takes the traps away from one pixel earlier on.
-    return start - 1 + offset
+    return start - 1 + prescan
 
 
 def _species(name: str, trap: Trap, dwell: float, fraction: float) -> dict[str, float]:

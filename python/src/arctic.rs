@@ -33,6 +33,7 @@ pub struct Setting {
     first_electron_fill: f64,
     offset: usize,
     pixels: Option<usize>,
+    first: usize,
     empty_for_first: bool,
     empty_between: bool,
     relative: f64,
@@ -127,8 +128,8 @@ impl Setting {
             full_exposed: traps.full_exposed,
         };
         let species: Vec<Species> = traps.iter().map(species).collect();
-        let Setting { offset, pixels, empty_for_first, empty_between, .. } = *self;
-        let order = Order { offset, pixels, empty_for_first, empty_between };
+        let Setting { offset, pixels, first, empty_for_first, empty_between, .. } = *self;
+        let order = Order { offset, pixels, first, empty_for_first, empty_between };
         let mut columns: Vec<Vec<f64>> = frame_e.axis_iter(Axis(1)).map(|column| column.to_vec()).collect();
         // Columns that leave their traps to the next are read one after another, others side by side.
         let together = if empty_between { 1 } else { columns.len().max(1) };

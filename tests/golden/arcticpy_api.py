@@ -82,6 +82,15 @@ def cases(arctic):
         ("overscan carried", sky(), roe_carried(overscan_start=41, prescan_offset=4)),
         ("columns joined", sky(), roe(empty_traps_between_columns=False)),
         ("columns joined carried", sky(), roe_carried(empty_traps_between_columns=False, prescan_offset=5)),
+        ("overscan, window offset", sky(), dict(roe(overscan_start=41, prescan_offset=4), parallel_window_offset=9)),
+        ("overscan carried, window offset", sky(), dict(roe_carried(overscan_start=41), parallel_window_offset=9)),
+        ("columns joined, window", sky(), dict(roe(empty_traps_between_columns=False), parallel_window_start=15)),
+        ("columns joined carried, window", sky(), dict(roe_carried(empty_traps_between_columns=False, prescan_offset=5),
+                                                       parallel_window_start=15, parallel_window_stop=45)),
+        ("columns joined, overscan", sky(), roe(empty_traps_between_columns=False, overscan_start=31)),
+        ("columns joined carried, overscan", sky(), roe_carried(empty_traps_between_columns=False, overscan_start=31)),
+        ("columns joined carried, overscan, window", sky(), dict(
+            roe_carried(empty_traps_between_columns=False, overscan_start=31, prescan_offset=3), parallel_window_start=12)),
         ("dwell", sky(), roe(dwell_times=[0.25])),
         ("fraction", sky(), dict(base, parallel_ccd=a.CCD([a.CCDPhase(84700.0, 0.0, 0.478)], [0.4]))),
         ("notch", sky(), well(84700.0, 70.0, 0.7)),
@@ -104,6 +113,8 @@ def cases(arctic):
         ("window carried", sky(), dict(default, parallel_window_start=15)),
         ("negative", sky(level=3.0) + noise, base),
         ("negative not allowed", sky(level=3.0) + noise, dict(base, allow_negative_pixels=0)),
+        ("negative not allowed, window", sky(level=3.0) + noise,
+         dict(base, allow_negative_pixels=0, parallel_window_start=15, parallel_window_stop=40)),
         ("no charge", sky(level=0.0), base),
         ("no charge carried", sky(level=0.0), default),
     ]
@@ -115,6 +126,8 @@ def cases(arctic):
         ("remove negative", sky(level=3.0) + noise, dict(base, n_iterations=3)),
         ("remove negative 2", sky(level=3.0) + noise, dict(default, n_iterations=2)),
         ("remove negative not allowed", sky(level=3.0) + noise, dict(base, n_iterations=3, allow_negative_pixels=0)),
+        ("remove negative not allowed, window", sky(level=3.0) + noise,
+         dict(base, n_iterations=3, allow_negative_pixels=0, parallel_window_start=15)),
         ("remove in windows", sky(), dict(base, n_iterations=2, parallel_window_start=10, serial_window_stop=4)),
     ]
     return [(name, a.add_cti, *rest) for name, *rest in add] + [(name, a.remove_cti, *rest) for name, *rest in remove]
@@ -159,6 +172,10 @@ def random_frame(arctic, number):
                      serial_roe=a.ROE(empty_traps_for_first_transfers=empty))
     if number % 7 == 3 and first == 0.0:
         words.update(parallel_window_start=rows // 4, parallel_window_stop=rows // 2)
+    if number % 6 in (4, 5):
+        roe.overscan_start = int(rng.integers(rows // 2, rows + 1))
+        words.update(parallel_window_offset=int(rng.integers(0, 30)))
+    roe.empty_traps_between_columns = number % 8 not in (5, 6)
     start = time.perf_counter()
     if number % 10 in (8, 9) and first == 0.0:
         result = a.remove_cti(frame, 3, **UNPRUNED, **words)

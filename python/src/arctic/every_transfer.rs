@@ -35,6 +35,8 @@ pub struct Order {
     pub offset: usize,
     /// Most transfers that a packet makes among traps: there are none in the pixels beyond. Without: all.
     pub pixels: Option<usize>,
+    /// The first packet that takes part. Those before it hold no charge, and leave the traps as they are.
+    pub first: usize,
     /// Traps of a pixel are empty when its first packet comes; else they are as that packet left the pixel before.
     pub empty_for_first: bool,
     /// Traps are empty when a column begins; else they are as the column before has left them.
@@ -85,7 +87,7 @@ impl<'a> Pixel<'a> {
         for place in (0..rows + order.offset).rev() {
             interrupt::check();
             state.clone_from(&start);
-            let first = place.saturating_sub(order.offset);
+            let first = place.saturating_sub(order.offset).max(order.first).min(rows);
             let end = (place + most).saturating_sub(order.offset).clamp(first, rows);
             for packet_e in &mut charge_e[first..end] {
                 self.packet(&mut state, packet_e);
@@ -94,20 +96,22 @@ impl<'a> Pixel<'a> {
         state
     }
 
-    /// Pixels from the nearest on, each of which starts as the first packet has left the one before. Gives that of the last.
+    /// Pixels from the nearest on, each of which starts as the first packet has left the one before. Gives the traps of the last one.
     fn carried(&self, charge_e: &mut [f64], mut start: State, order: Order) -> State {
         let pixels = charge_e.len() + order.offset;
+        let mut state = start.clone();
         for place in 0..order.pixels.map_or(pixels, |limit| limit.min(pixels)) {
             interrupt::check();
-            let (first, later) =
-                charge_e[place.saturating_sub(order.offset)..].split_first_mut().expect("a packet passes");
-            self.packet(&mut start, first);
-            let mut state = start.clone();
-            for packet_e in later {
+            let nearest = place.saturating_sub(order.offset);
+            if nearest >= order.first {
+                self.packet(&mut start, &mut charge_e[nearest]);
+            }
+            state.clone_from(&start);
+            for packet_e in &mut charge_e[order.first.max(nearest + 1)..] {
                 self.packet(&mut state, packet_e);
             }
         }
-        start
+        state
     }
 
     /// One packet passes.
