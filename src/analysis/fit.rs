@@ -3,7 +3,8 @@
 //! Weighted least squares by Levenberg and Marquardt's method (the crate's port of MINPACK), in coordinates in which bounds
 //! are out of reach (`problem`, `parameter`, `minimise`), from one start or several (`solve`, `elsewhere`). Errors are those
 //! of the linear theory at the optimum, from derivatives with respect to the parameters themselves (`errors`), larger where
-//! the model is curved (`profile_errors`); if data set no limit on one side, that is said (`open_sides`). The moment of an event
+//! the model is curved (`profile_errors`); if data set no limit on one side, that is said (`open_sides`). Species that a fit has
+//! exchanged get their own values back (`species_order`). The moment of an event
 //! (a flare, a bakeout) has no derivative: data only tell between which two of their epochs it lies, so that these are tried one
 //! after another; what is given is the middle of all that do as well (`event_epochs`).
 
@@ -21,6 +22,7 @@ pub mod profile;
 pub(crate) mod profile_errors;
 mod result;
 mod solve;
+pub(crate) mod species_order;
 
 use crate::analysis::measurement::DataSet;
 use crate::error::InputError;
@@ -47,6 +49,7 @@ pub fn fit(
 ) -> Result<Fit, InputError> {
     let model = Model::new(mission);
     let fit = fit_rows(&model, data, keys, options, progress, |_| true)?;
+    let fit = species_order::kept(&model, data, fit, options, progress)?;
     let model = model.like(&fit.mission);
     let parameters = profile_errors::widened(&model, data, &fit, progress)?;
     let open = open_sides::open_sides(&model, data, &fit, &parameters, progress)?;

@@ -199,3 +199,38 @@ fn the_power_of_the_density_in_the_capture_rate_is_fitted() {
     let sigma = found.parameters[0].sigma.unwrap();
     assert!((found.parameters[0].value - 0.8).abs() < 3.5 * sigma && sigma < 0.02, "{:?}", found.parameters[0]);
 }
+
+/// Two species whose values are exchanged are the same model at one temperature: they keep the order of their release times. At two
+/// temperatures their energy levels tell them apart, and that they were given in the wrong order is said.
+#[test]
+fn species_keep_the_order_of_their_release_times() {
+    let keys = ["Ci.release_ms", "VV.release_ms", "Ci.density_per_px", "VV.density_per_px"]
+        .map(|key| format!("detector.traps.{key}"));
+    let mission = Mission::read("missions/snap_l2.toml").unwrap();
+    let with = |values: [f64; 4]| {
+        let values: Vec<_> = keys.iter().cloned().zip(values.map(Into::into)).collect();
+        mission.with(&values).unwrap()
+    };
+    let (truth, given) = (with([160.0, 40.0, 0.5, 0.3]), with([70.0, 80.0, 0.4, 0.4]));
+    let of = |temperatures_k: &[f64]| {
+        let row = |temperature_k: &f64| {
+            let pixels = (1..=12).map(move |trail_px| format!("{temperature_k},10000,{trail_px},0,1e-5\n"));
+            pixels.collect::<String>()
+        };
+        let rows: String = temperatures_k.iter().map(row).collect();
+        let text = format!("# observable: trail\n# t_yr: 5\ntemperature_k,signal_e,trail_px,value,sigma\n{rows}");
+        let mut data = vec![DataSet::of(Table::parse("trails.csv", &text).unwrap(), &mission).unwrap()];
+        let values = predict(&Model::new(&truth), &questions(&data)).unwrap();
+        data[0].rows.iter_mut().zip(values).for_each(|(row, value)| row.value = value);
+        fitted(&given, &data, &keys.each_ref().map(String::as_str))
+    };
+    let is_exchanged = |fit: &Fit| fit.advice.iter().any(|advice| matches!(advice, Advice::Exchanged { .. }));
+    let near = |fit: &Fit, expected: [f64; 4]| {
+        fit.parameters.iter().zip(expected).all(|(found, expected)| (found.value / expected - 1.0).abs() < 0.01)
+    };
+    let one = of(&[mission.detector.temperature_k]);
+    assert!(near(&one, [40.0, 160.0, 0.3, 0.5]) && !is_exchanged(&one), "{:?}", one.parameters);
+    assert_eq!(one.parameters.iter().map(|found| found.before).collect::<Vec<_>>(), [70.0, 80.0, 0.4, 0.4]);
+    let two = of(&[mission.detector.temperature_k, mission.detector.temperature_k + 10.0]);
+    assert!(near(&two, [160.0, 40.0, 0.5, 0.3]) && is_exchanged(&two), "{:?}", two.parameters);
+}

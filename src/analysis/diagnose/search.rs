@@ -218,7 +218,9 @@ impl<'a> Search<'a> {
             let entry = effect::find(self.hypotheses[added.hypothesis].kind);
             entry.map_or_else(Vec::new, |entry| (entry.plainer)(node.mission(), self.given, &self.base, &added.key))
         };
-        let values: Vec<_> = node.added.iter().flat_map(plainer).map(|(key, value)| (key, value.into())).collect();
+        let in_order = fit::species_order::restored(node.mission(), self.given, &self.base);
+        let values = if in_order.is_empty() { node.added.iter().flat_map(plainer).collect() } else { in_order };
+        let values: Vec<_> = values.into_iter().map(|(key, value)| (key, value.into())).collect();
         let Some(mission) = (!values.is_empty()).then(|| node.mission().with(&values).ok()).flatten() else {
             return node;
         };

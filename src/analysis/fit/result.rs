@@ -129,6 +129,11 @@ pub enum Advice {
         /// By how much chi2 is larger there, all others fitted.
         rise: f64,
     },
+    /// Species have exchanged the order of their release times, and without that the data are described less well.
+    Exchanged {
+        /// The keys of the release times.
+        keys: Vec<String>,
+    },
     /// It was not fitted, and others would be different if it were.
     Assumed {
         /// The key.

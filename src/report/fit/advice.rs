@@ -34,6 +34,12 @@ impl fmt::Display for Advice {
                 let at = at.trim_end();
                 write!(out, "{key}: the data set {limit} limit only; at {at} chi2 is larger by just {rise:.1}")
             }
+            Advice::Exchanged { keys } => write!(
+                out,
+                "{}: the species have exchanged the order of their release times, and names and energy levels have stayed; in the order that was \
+                 given, chi2 is higher",
+                keys.join(" and ")
+            ),
             Advice::Assumed { key, value } => {
                 write!(out, "{key}: assumed, not fitted; the values above hold with {}", plain(*value))
             }

@@ -1,0 +1,113 @@
+//! Species of traps that a fit has exchanged.
+//!
+//! Two species whose densities and release times are both free are the same model with one another's values, if nothing else tells them
+//! apart. Their names and energy levels would stay where they are, so that at another temperature it is another detector. So species
+//! keep the order of their release times, unless the data are then described less well.
+
+use std::collections::BTreeMap;
+
+use super::result::{Advice, Fit, is_same};
+use super::solve::{Options, fit_rows};
+use crate::analysis::measurement::DataSet;
+use crate::error::InputError;
+use crate::mission::Mission;
+use crate::model::Model;
+
+/// What must be free for species to be exchanged.
+const EXCHANGED: [&str; 2] = ["density_per_px", "release_ms"];
+
+/// A fit, or one as good in which species keep the order of their release times; advice if there is none as good.
+///
+/// # Errors
+/// As [`super::fit`].
+pub(super) fn kept(
+    model: &Model,
+    data: &[DataSet],
+    fit: Fit,
+    options: &Options,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Fit, InputError> {
+    let keys: Vec<String> = fit.parameters.iter().map(|parameter| parameter.key.clone()).collect();
+    let values = restored(&fit.mission, &model.mission, &keys);
+    if values.is_empty() {
+        return Ok(fit);
+    }
+    let start = fit.mission.with(&values.iter().map(|(key, value)| (key.clone(), (*value).into())).collect::<Vec<_>>());
+    let options = Options { starts: 1, scan: false, ..options.clone() };
+    let other = start.and_then(|start| fit_rows(&model.like(&start), data, &keys, &options, progress, |_| true));
+    if let Some(other) = other.ok().filter(|other| is_same(other.chi2, fit.chi2)) {
+        let mut parameters = other.parameters;
+        parameters.iter_mut().zip(fit.parameters).for_each(|(after, before)| after.before = before.before);
+        let Fit { chi2_before, starts, chi2_from_mission, minima, .. } = fit;
+        return Ok(Fit { parameters, chi2_before, starts, chi2_from_mission, minima, ..other });
+    }
+    let exchanged = Advice::Exchanged { keys: values.into_keys().filter(|key| key.ends_with(EXCHANGED[1])).collect() };
+    Ok(Fit { advice: [fit.advice, vec![exchanged]].concat(), ..fit })
+}
+
+/// Values, by dotted key, with which species whose free keys have the same names are in the order of release times that they were
+/// given in. Empty if they are.
+pub(crate) fn restored(fitted: &Mission, given: &Mission, free: &[String]) -> BTreeMap<String, f64> {
+    let mut by_species: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for (species, name) in free.iter().filter_map(|key| key.rsplit_once('.')) {
+        by_species.entry(species).or_default().push(name);
+    }
+    let mut alike: BTreeMap<Vec<&str>, Vec<&str>> = BTreeMap::new();
+    for (species, mut names) in by_species {
+        names.sort_unstable();
+        if EXCHANGED.iter().all(|name| names.contains(name)) {
+            alike.entry(names).or_default().push(species);
+        }
+    }
+    let number = |mission: &Mission, species: &str, name: &str| mission.number(&format!("{species}.{name}"));
+    let in_order = |mission: &Mission, all: &[&'_ str]| {
+        let mut all: Vec<String> = all.iter().map(ToString::to_string).collect();
+        let release_ms = |species: &String| number(mission, species, EXCHANGED[1]).unwrap_or(f64::NAN);
+        all.sort_by(|a, b| release_ms(a).total_cmp(&release_ms(b)));
+        all
+    };
+    let mut values = BTreeMap::new();
+    for (names, all) in alike {
+        for (to, from) in in_order(given, &all).into_iter().zip(in_order(fitted, &all)).filter(|(to, from)| to != from)
+        {
+            let moved = names.iter().filter_map(|name| Some((format!("{to}.{name}"), number(fitted, &from, name)?)));
+            values.extend(moved);
+        }
+    }
+    values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn species_keep_the_order_of_their_release_times() {
+        let given = Mission::read("missions/snap_l2.toml").unwrap();
+        let names: Vec<String> = given.detector.traps.iter().map(|species| species.name.clone()).collect();
+        let key = |species: usize, name: &str| format!("detector.traps.{}.{name}", names[species]);
+        let free: Vec<String> = (0..names.len()).flat_map(|species| EXCHANGED.map(|name| key(species, name))).collect();
+        assert!(restored(&given, &given, &free).is_empty());
+        // All move on by one place.
+        let count = names.len();
+        let moved: Vec<_> = (0..count)
+            .flat_map(|species| {
+                let other = &given.detector.traps[(species + 1) % count];
+                [
+                    (key(species, EXCHANGED[0]), other.density_per_px.into()),
+                    (key(species, EXCHANGED[1]), other.release_ms.into()),
+                ]
+            })
+            .collect();
+        let fitted = given.with(&moved).unwrap();
+        let back: Vec<_> =
+            restored(&fitted, &given, &free).into_iter().map(|(key, value)| (key, value.into())).collect();
+        assert_eq!(back.len(), free.len());
+        assert_eq!(fitted.with(&back).unwrap().detector.traps, given.detector.traps);
+        // What is free in one alone tells them apart.
+        assert!(restored(&fitted, &given, &free[..1]).is_empty());
+        let told_apart: Vec<String> =
+            free.iter().cloned().chain((0..count - 1).map(|species| key(species, "energy_ev"))).collect();
+        assert!(restored(&fitted, &given, &told_apart).len() < free.len() + count - 1);
+    }
+}
