@@ -18,6 +18,7 @@ mod forward_selection;
 pub mod holdout;
 pub mod hypothesis;
 mod json;
+mod larger_errors;
 mod limits;
 pub mod noise;
 mod numerics;
@@ -194,7 +195,9 @@ impl Task<'_> {
         if noise::is_same(&better, noise) {
             return Ok(FirstLook::AsQuoted);
         }
-        let Some(beyond) = data_quality::errors_beyond(&better) else { return Ok(FirstLook::Others(better)) };
+        let Some(beyond) = data_quality::errors_beyond(&better) else {
+            return self.larger_or_effects(evidence, noise, better);
+        };
         // One wrong row that bends all that is smooth looks like errors of all rows, and so does an effect that is not among the nearest:
         // data that a model explains with their quoted errors have those. Errors that are too large let anything explain them.
         if let Some(odd) = evidence.odd_rows(None, &nearest) {
@@ -205,6 +208,28 @@ impl Task<'_> {
         }
         let found = evidence.select()?;
         Ok(if found.explains() { FirstLook::Explained(Box::new(found)) } else { FirstLook::Others(better) })
+    }
+
+    /// Larger errors that can be allowed for, unless effects explain the data better with the quoted ones.
+    fn larger_or_effects(
+        &self,
+        evidence: &Evidence,
+        noise: &[SetNoise],
+        better: Vec<SetNoise>,
+    ) -> Result<FirstLook, InputError> {
+        let is_larger = |better: &SetNoise| better.scale > 1.0;
+        if !better.iter().any(is_larger) || better.iter().any(|better| better.correlation > 0.0) {
+            return Ok(FirstLook::Others(better));
+        }
+        let as_quoted = noise::with_scales_of_1(&better);
+        if noise::is_same(&as_quoted, noise) {
+            let found = evidence.without_larger(&better)?;
+            return Ok(found.map_or(FirstLook::Others(better), |found| FirstLook::Explained(Box::new(found))));
+        }
+        // Rows that are wrong stay so.
+        let data = noise::allowed_for(self.quoted, &as_quoted);
+        let found = self.with_evidence(&data, None, |evidence, _| evidence.without_larger(&better))?;
+        Ok(FirstLook::Others(if found.is_some() { as_quoted } else { better }))
     }
 
     /// The errors that a search should have had, as it shows at its end; None if it had them.

@@ -4,12 +4,15 @@
 //! than what neighbouring rows scatter by. (Errors that are too small can only be told from a missing effect once effects
 //! have been tried: see [`sigma_too_small`].)
 
+use std::collections::HashMap;
+
 use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF};
 
 use super::fitted_model::{Case, Node};
 use super::holdout;
 use super::noise::SetNoise;
 use super::result::{Reason, RowPlace};
+use crate::physics::conditions::NAMES;
 
 /// Rows that any verdict needs: an effect with two parameters, and as many rows to judge it by.
 const LEAST_ROWS: usize = 4;
@@ -37,30 +40,34 @@ fn too_few(case: &Case, free: usize) -> Option<Reason> {
     (n < LEAST_ROWS.max(free + 3)).then_some(Reason::TooFewRows { n, free })
 }
 
-/// Rows of the same observable under the same circumstances, more than one each, as places among all rows.
+/// Rows of the same observable under the same circumstances, more than one each, as places among all rows. All that a file says of a row
+/// is a circumstance, in its columns or of all its rows.
 fn alike(case: &Case) -> Vec<Vec<usize>> {
-    let mut groups: Vec<(Vec<u64>, Vec<usize>)> = Vec::new();
-    let mut place: std::collections::HashMap<Vec<u64>, usize> = std::collections::HashMap::new();
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    let mut group_of: HashMap<_, usize> = HashMap::new();
     let mut first = 0;
     for set in case.data {
         let columns: Vec<Vec<f64>> = set.varying.iter().map(|name| set.against(name)).collect();
         for (row, measured) in set.rows.iter().enumerate() {
             let at = &measured.at;
-            let mut key: Vec<u64> =
-                vec![set.observable as u64, measured.galaxy.map_or(u64::MAX, |galaxy| galaxy as u64)];
-            let known =
-                crate::physics::conditions::NAMES.iter().map(|name| at.get(name).map_or(u64::MAX, f64::to_bits));
-            key.extend(known);
-            key.extend(columns.iter().map(|column| column[row].to_bits()));
-            let index = *place.entry(key.clone()).or_insert_with(|| {
-                groups.push((key, Vec::new()));
+            let known = NAMES.iter().map(|name| at.get(name).map(f64::to_bits));
+            let columns = columns.iter().map(|column| Some(column[row].to_bits()));
+            let covariates = at.covariates.iter().map(|(name, value)| (name.clone(), value.to_bits()));
+            let key = (
+                (set.observable as u64, measured.galaxy, measured.species),
+                known.chain(columns).collect::<Vec<Option<u64>>>(),
+                covariates.collect::<Vec<(String, u64)>>(),
+                measured.words.clone(),
+            );
+            let group = *group_of.entry(key).or_insert_with(|| {
+                groups.push(Vec::new());
                 groups.len() - 1
             });
-            groups[index].1.push(first + row);
+            groups[group].push(first + row);
         }
         first += set.rows.len();
     }
-    groups.into_iter().map(|(_, members)| members).filter(|members| members.len() > 1).collect()
+    groups.into_iter().filter(|members| members.len() > 1).collect()
 }
 
 /// Rows that are there twice: equal in every digit, more often than rounding makes them.

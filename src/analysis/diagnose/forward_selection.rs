@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::DVector;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::data_quality::Odd;
 use super::evidence::{Ended, Evidence, Found};
@@ -16,6 +17,9 @@ use crate::numeric::parallel;
 
 /// Effects added at most.
 const MOST: usize = 3;
+
+/// Chance of noise to leave more, below which it is asked whether a model stands for two effects.
+const DOUBTFUL: f64 = 0.05;
 
 /// Effects that promise most, of which one is added before the errors are told from what is left.
 const NEAREST: usize = 4;
@@ -200,11 +204,16 @@ impl Evidence<'_> {
     }
 
     /// Whether no effect takes more from what the base leaves than noise makes effects take. All that effects make to first order is
-    /// taken out of what is left before errors are told from it, and more than that weak ones do not make.
+    /// taken out of what is left before errors are told from it, and more than that weak ones do not make. How large noise is says what
+    /// an effect leaves: of few rows, one effect may be nearly all of what the base leaves.
     fn is_near(&self) -> bool {
         let expansion = self.search.expand(self.base);
-        let most = (0..expansion.trials.len()).map(|place| expansion.gain(place)).fold(0.0, f64::max);
-        !self.base.has_pedestal() && most < WEAK * (self.base.chi2() / self.base.freedom()).max(1.0)
+        let is_weak = |place: usize| {
+            let (gain, parameters) = (expansion.gain(place), expansion.parameters(place) as f64);
+            let freedom = (self.base.freedom() - parameters).max(1.0);
+            gain < WEAK * ((self.base.chi2() - gain) / freedom).max(1.0)
+        };
+        !self.base.has_pedestal() && (0..expansion.trials.len()).all(is_weak)
     }
 
     /// The models with one effect at most that are nearest to the data, the best first: what is left there is nearer to their noise
@@ -214,6 +223,28 @@ impl Evidence<'_> {
         nodes.push(self.base.clone());
         self.sort(&mut nodes);
         Ok(nodes)
+    }
+
+    /// Whether another model, hardly farther from the data, is much nearer than this one with one effect more. Asked of a model that
+    /// leaves more than noise mostly does: it may stand for two effects, of which none improves it.
+    fn is_outdone(&self, node: &Arc<Node>, others: &[Arc<Node>]) -> bool {
+        let chance = ChiSquared::new(node.freedom()).map_or(1.0, |law| law.sf(node.chi2()));
+        if chance > DOUBTFUL {
+            return false;
+        }
+        let margin = rivals::margin(self.options.level);
+        let is_near = |other: &&Arc<Node>| other.set() != node.set() && self.score(other) < self.score(node) + margin;
+        let most = node.chi2() + self.cost(node) - margin;
+        others.iter().filter(is_near).any(|other| {
+            let expansion = self.search.expand(other);
+            let mut wanted = expansion.promising();
+            wanted.truncate(BREADTH);
+            let cost = |sketch: &Sketch| {
+                let parameters = sketch.added.last().map_or(0, |added| added.free.len()) as f64;
+                self.cost(other) + self.choice() + 2.0 * parameters
+            };
+            self.search.sketches(&expansion, &wanted).iter().any(|sketch| sketch.chi2 + cost(sketch) < most)
+        })
     }
 
     /// Leaves out those that say the same of the data as a better one: another name for it is tried in its place in the end
@@ -244,7 +275,7 @@ impl Evidence<'_> {
                 break;
             }
             let node = self.search.settled(node)?;
-            if self.is_enough(&node)? {
+            if self.is_enough(&node)? && !self.is_outdone(&node, nodes) {
                 return self.adopt(&node);
             }
         }

@@ -127,6 +127,15 @@ pub(super) fn larger(noise: &[SetNoise], factor: f64) -> Vec<SetNoise> {
     noise.iter().map(|noise| SetNoise { scale: factor * noise.scale, ..noise.clone() }).collect()
 }
 
+/// The same rows wrong, with the scales that are quoted.
+pub(super) fn with_scales_of_1(noise: &[SetNoise]) -> Vec<SetNoise> {
+    let as_quoted = |noise: &SetNoise| {
+        let wrong = noise.wrong.iter().map(|wrong| if wrong.by_model { *wrong } else { wrong.over(1.0 / noise.scale) });
+        SetNoise { scale: 1.0, freedom: None, wrong: wrong.collect(), ..noise.clone() }
+    };
+    noise.iter().map(as_quoted).collect()
+}
+
 /// Whether two estimates are the same for a search.
 pub(super) fn is_same(one: &[SetNoise], other: &[SetNoise]) -> bool {
     one.iter().zip(other).all(|(one, other)| one.is_like(other))

@@ -89,6 +89,11 @@ impl Expansion {
         self.trials[hypothesis].iter().map(|trial| trial.gain_in_reach(&self.node.residuals)).fold(0.0, f64::max)
     }
 
+    /// Parameters of an effect, in the way in which it has most.
+    pub fn parameters(&self, hypothesis: usize) -> usize {
+        self.trials[hypothesis].iter().map(|trial| trial.basis.ncols()).max().unwrap_or(0)
+    }
+
     /// Effects that can be added, those that promise most first.
     pub fn promising(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.trials.len()).filter(|&place| !self.trials[place].is_empty()).collect();
