@@ -7,7 +7,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::data_quality::Odd;
 use super::evidence::{Ended, Evidence, Found};
-use super::fitted_model::Node;
+use super::fitted_model::{Added, Node};
 use super::pairs::{self, Pair};
 use super::result::{Reason, Verdict};
 use super::search::{BREADTH, LINES, Sketch};
@@ -180,21 +180,30 @@ impl Evidence<'_> {
         Ok(nodes)
     }
 
-    /// The best models with two effects more than the base of which neither is among the lines that were carried on, in full;
-    /// without those that leave the same residuals, to first order, as a model that was tried.
+    /// The best models with two effects more than the base, in full: those of which neither is among the lines that were carried on,
+    /// and some others, since two effects together may be elsewhere than one of them alone. Without those that leave the same
+    /// residuals, to first order, as a model that was tried.
     fn pairs(&self, lines: &[Arc<Node>], tried: &[Arc<Node>]) -> Result<Vec<Arc<Node>>, InputError> {
         let expansion = self.search.expand(self.base);
         let carried_on: Vec<usize> = lines.iter().flat_map(|line| line.set()).collect();
         let mut known: Vec<DVector<f64>> = tried.iter().map(|node| node.residuals.clone()).collect();
-        let mut wanted = pairs::promising(&expansion, self.search.hypotheses, |place| !carried_on.contains(&place));
-        wanted.retain(|pair| {
-            let new = known.iter().all(|known| (known - &pair.left).norm_squared() > NO_GAIN.max(THE_SAME * pair.gain));
-            if new {
-                known.push(pair.left.clone());
-            }
-            new
-        });
-        wanted.truncate(BREADTH);
+        let is_new = |a: usize, b: usize| !carried_on.contains(&a) && !carried_on.contains(&b);
+        let mut best = |wanted: &dyn Fn(usize, usize) -> bool, most: usize| {
+            let mut pairs = pairs::promising(&expansion, self.search.hypotheses, wanted);
+            pairs.retain(|pair| {
+                let same =
+                    |known: &DVector<f64>| (known - &pair.left).norm_squared() <= NO_GAIN.max(THE_SAME * pair.gain);
+                let new = !known.iter().any(same);
+                if new {
+                    known.push(pair.left.clone());
+                }
+                new
+            });
+            pairs.truncate(most);
+            pairs
+        };
+        let mut wanted = best(&is_new, BREADTH);
+        wanted.extend(best(&|a, b| !is_new(a, b), BREADTH / 2));
         let sketch = |pair: &Pair| self.search.sketch_of(self.base, &pair.trials);
         let sketches: Vec<Sketch> = parallel::map(&wanted, sketch).into_iter().flatten().collect();
         let polish = |sketch: &Sketch| self.search.node(sketch, self.base);
@@ -225,8 +234,8 @@ impl Evidence<'_> {
         Ok(nodes)
     }
 
-    /// Whether another model, hardly farther from the data, is much nearer than this one with one effect more. Asked of a model that
-    /// leaves more than noise mostly does: it may stand for two effects, of which none improves it.
+    /// Whether another model, hardly farther from the data, is much nearer than this one with one effect more, or the base with two at
+    /// once. Asked of a model that leaves more than noise mostly does: it may stand for two effects, of which none improves it.
     fn is_outdone(&self, node: &Arc<Node>, others: &[Arc<Node>]) -> bool {
         let chance = ChiSquared::new(node.freedom()).map_or(1.0, |law| law.sf(node.chi2()));
         if chance > DOUBTFUL {
@@ -235,16 +244,24 @@ impl Evidence<'_> {
         let margin = rivals::margin(self.options.level);
         let is_near = |other: &&Arc<Node>| other.set() != node.set() && self.score(other) < self.score(node) + margin;
         let most = node.chi2() + self.cost(node) - margin;
-        others.iter().filter(is_near).any(|other| {
+        let is_much_nearer = |sketch: &Sketch, from: &Node| {
+            let more = &sketch.added[from.added.len()..];
+            let cost = |added: &Added| self.choice() + 2.0 * added.free.len() as f64;
+            sketch.chi2 + self.cost(from) + more.iter().map(cost).sum::<f64>() < most
+        };
+        let with_one_more = |other: &Arc<Node>| {
             let expansion = self.search.expand(other);
             let mut wanted = expansion.promising();
             wanted.truncate(BREADTH);
-            let cost = |sketch: &Sketch| {
-                let parameters = sketch.added.last().map_or(0, |added| added.free.len()) as f64;
-                self.cost(other) + self.choice() + 2.0 * parameters
-            };
-            self.search.sketches(&expansion, &wanted).iter().any(|sketch| sketch.chi2 + cost(sketch) < most)
-        })
+            self.search.sketches(&expansion, &wanted).iter().any(|sketch| is_much_nearer(sketch, other))
+        };
+        let expansion = self.search.expand(self.base);
+        let promises = |pair: &Pair| self.base.chi2() - pair.gain + self.cost(self.base) + 2.0 * self.choice() < most;
+        let pairs = pairs::promising(&expansion, self.search.hypotheses, |_, _| true);
+        let pairs: Vec<Pair> = pairs.into_iter().take_while(promises).take(BREADTH).collect();
+        let with_two = |pair: &Pair| self.search.sketch_of(self.base, &pair.trials);
+        parallel::map(&pairs, with_two).iter().flatten().any(|sketch| is_much_nearer(sketch, self.base))
+            || others.iter().filter(is_near).any(with_one_more)
     }
 
     /// Leaves out those that say the same of the data as a better one: another name for it is tried in its place in the end

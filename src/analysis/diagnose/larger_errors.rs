@@ -55,7 +55,7 @@ impl Evidence<'_> {
             node.chi2() - gain + self.cost(node)
         });
         let expansion = self.search.expand(self.base);
-        let pairs = pairs::promising(&expansion, self.search.hypotheses, |_| true);
+        let pairs = pairs::promising(&expansion, self.search.hypotheses, |_, _| true);
         let with_two = pairs.first().map(|pair| self.base.chi2() - pair.gain + self.cost(self.base));
         with_one_more.chain(with_two).fold(f64::INFINITY, f64::min)
     }

@@ -25,11 +25,11 @@ pub(super) struct Pair<'a> {
 pub(super) fn promising<'a>(
     expansion: &'a Expansion,
     hypotheses: &[Hypothesis],
-    wanted: impl Fn(usize) -> bool,
+    wanted: impl Fn(usize, usize) -> bool,
 ) -> Vec<Pair<'a>> {
-    let places: Vec<usize> = (0..hypotheses.len()).filter(|&place| wanted(place)).collect();
-    let all = places.iter().enumerate().flat_map(|(first, &a)| places[first..].iter().map(move |&b| (a, b)));
-    let all: Vec<(usize, usize)> = all.filter(|&(a, b)| a != b || hypotheses[a].may_repeat()).collect();
+    let all = (0..hypotheses.len()).flat_map(|a| (a..hypotheses.len()).map(move |b| (a, b)));
+    let all: Vec<(usize, usize)> =
+        all.filter(|&(a, b)| wanted(a, b) && (a != b || hypotheses[a].may_repeat())).collect();
     let best = |&(a, b): &(usize, usize)| {
         let [one, other] = [a, b].map(|place| &expansion.trials[place]);
         let both = one.iter().flat_map(|one| other.iter().map(move |other| [one, other]));
