@@ -648,3 +648,97 @@ fn a_floor_of_errors_is_not_undone() {
     assert_eq!(found.verdict, Verdict::Complete, "{}", found.reason);
     assert!(found.noise[0].scale == 1.0 && found.noise[0].wrong.is_empty(), "{:?}", found.noise);
 }
+
+/// A camera in deep space, measured once a year.
+fn yearly(effects: &str) -> Mission {
+    let text = format!(
+        "[mission]\nname = \"yearly\"\nlaunch = 1999-12-10\nduration_yr = 25.0\n\n\
+         [environment]\nmodel = \"constant\"\nactive_dose_rate_mev_g_yr = 1.6e6\n\n\
+         [detector]\nfull_well_e = 1.0e5\nnotch_e = 0.0\nwell_fill_power = 0.5\ntemperature_k = 183.0\n\
+         reference_temperature_k = 183.0\nreference_dose_mev_g = 1.0e7\n\n\
+         [[detector.traps]]\nname = \"p\"\ndensity_per_px = 0.4\nrelease_ms = 0.5\nenergy_ev = 0.3\n\n\
+         [[detector.traps]]\nname = \"q\"\ndensity_per_px = 0.8\nrelease_ms = 5.0\nenergy_ev = 0.36\n\n\
+         [readout]\nline_time_ms = 1.0\ntransfers = 200\n\n[sky]\nbackground_e = 0.0\n\n\
+         [psf]\nfwhm_px = 2.0\nmoffat_beta = 3.5\n\n\
+         [[galaxies]]\nname = \"faint\"\nsersic_index = 1.0\nhalf_light_px = 3.0\nflux_e = 5000.0\nweight_px = 5.0\n\n\
+         [requirement]\ndelta_e = 1.0e-3\ncorrection_factor = 10.0\ngalaxy = \"faint\"\n\n{effects}"
+    );
+    Mission::parse(&text).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Doses of 24 years, as a mission has them, with noise; errors of 5e5 MeV/g are quoted, and the noise is larger by a factor.
+fn yearly_doses(truth: &Mission, seed: u64, factor: f64) -> Vec<DataSet> {
+    let rows: String = (0..24).map(|year| format!("{year}.5,0,5e5\n")).collect();
+    let text = format!("# observable: dose\nt_yr,value,sigma\n{rows}");
+    let mut data = vec![DataSet::of(Table::parse("dose.csv", &text).unwrap(), truth).unwrap()];
+    data[0].rows.iter_mut().for_each(|row| row.sigma *= factor);
+    remade(&mut data, truth, seed);
+    data[0].rows.iter_mut().for_each(|row| row.sigma /= factor);
+    data
+}
+
+fn diagnosis_of(mission: &Mission, data: &[DataSet], free: &[&str]) -> Diagnosis {
+    let free = free.iter().map(ToString::to_string).collect();
+    diagnose(mission, data, &Options { free, stability: false, ..Options::default() }, &SILENT).unwrap()
+}
+
+/// What one or two strong effects leave of a model that has none looks like noise of 24 rows. It is not taken for larger errors.
+#[test]
+fn effects_in_few_rows_are_not_taken_for_larger_errors() {
+    let (cycle, flare) = (
+        "[effects.cycle]\namplitude = 0.6\nperiod_yr = 10.8\npeak = 2009.0\n",
+        "[effects.solar-flare]\nt_yr = 3.9\ndose_mev_g = 4.0e6\n",
+    );
+    for (hidden, names) in
+        [(cycle.to_string(), vec!["cycle"]), (format!("{cycle}\n{flare}"), vec!["cycle", "solar-flare"])]
+    {
+        for seed in 1..=4 {
+            let found = diagnosis_of(&yearly(""), &yearly_doses(&yearly(&hidden), seed, 1.0), &[]);
+            let mut added = effects(&found).to_vec();
+            added.sort();
+            assert_eq!(
+                (found.verdict, &added[..]),
+                (Verdict::Missing, &names[..].iter().map(ToString::to_string).collect::<Vec<_>>()[..]),
+                "{seed}"
+            );
+            assert_eq!(found.noise[0].scale, 1.0);
+        }
+    }
+}
+
+/// Errors that are too small by 2, and nothing else: that is what is said of as few rows.
+#[test]
+fn larger_errors_in_few_rows_are_not_taken_for_effects() {
+    for seed in 1..=6 {
+        let found = diagnosis_of(&yearly(""), &yearly_doses(&yearly(""), seed, 2.0), &[]);
+        assert_eq!((found.verdict, effects(&found).len()), (Verdict::Complete, 0), "{seed}: {}", found.reason);
+        assert!((1.4..2.8).contains(&found.noise[0].scale), "{seed}: {:?}", found.noise);
+    }
+}
+
+/// Dipoles of two species, each in a file of its own: the rows were not taken under the same conditions.
+#[test]
+fn files_of_different_species_do_not_contradict_one_another() {
+    let mission = yearly("");
+    let of = |species: &str| {
+        let row = |phase_ms: f64| format!("183,{phase_ms},2000,5,0,15\n");
+        let rows: String = [0.2, 0.4, 0.7, 1.0, 2.0, 4.0, 7.0, 10.0, 20.0].map(row).concat();
+        let columns = "temperature_k,phase_time_ms,pumping_cycles,t_yr,value,sigma";
+        let text = format!("# observable: pumping_dipole\n# species: {species}\n{columns}\n{rows}");
+        DataSet::of(Table::parse(&format!("{species}.csv"), &text).unwrap(), &mission).unwrap()
+    };
+    let mut data = vec![of("p"), of("q")];
+    remade(&mut data, &mission, 1);
+    let found = diagnosis_of(&mission, &data, &[]);
+    assert_eq!(found.verdict, Verdict::Complete, "{}", found.reason);
+    // The same species twice is a contradiction, if the values are those of two.
+    let mut twice = vec![of("p"), of("p")];
+    let (first, other) = (twice[0].rows.clone(), data[1].rows.clone());
+    twice[1].rows = first
+        .into_iter()
+        .zip(other)
+        .map(|(row, other)| ctiplan::analysis::measurement::Row { value: other.value, ..row })
+        .collect();
+    twice[0].rows.clone_from(&data[0].rows);
+    assert_eq!(diagnosis_of(&mission, &twice, &[]).verdict, Verdict::Unfit);
+}

@@ -61,8 +61,30 @@ impl Evidence<'_> {
         match found {
             Some(found) => Ok(found),
             None if by_chance || self.mere_noise(self.base)?.is_some() => Ok(self.complete(self.not_borne_out(&tried))),
-            None => self.unexplained(&tried),
+            None => match self.enough_but_for_noise(&tried)? {
+                Some(found) => Ok(found),
+                None => self.unexplained(&tried),
+            },
         }
+    }
+
+    /// The simplest model that leaves nothing but noise, if all that it calls for was found to be what noise may make.
+    fn enough_but_for_noise(&self, tried: &[Arc<Node>]) -> Result<Option<Found>, InputError> {
+        let mut nodes: Vec<Arc<Node>> = tried.iter().filter(|node| !node.added.is_empty()).cloned().collect();
+        self.sort(&mut nodes);
+        nodes.sort_by_key(|node| node.added.len());
+        nodes.dedup_by(|a, b| a.set() == b.set());
+        for depth in 1..=MOST {
+            let Some(best) = nodes.iter().find(|node| node.added.len() == depth) else { continue };
+            let best = self.search.settled(best)?;
+            if self.mere_noise(&best)?.is_none() {
+                continue;
+            }
+            if let Ended::Adopted(found) = self.adopt(&best)? {
+                return Ok(Some(*found));
+            }
+        }
+        Ok(None)
     }
 
     fn complete(&self, reason: Reason) -> Found {
