@@ -217,8 +217,10 @@ impl Task<'_> {
         noise: &[SetNoise],
         better: Vec<SetNoise>,
     ) -> Result<FirstLook, InputError> {
-        let is_larger = |better: &SetNoise| better.scale > 1.0;
-        if !better.iter().any(is_larger) || better.iter().any(|better| better.correlation > 0.0) {
+        let larger = || better.iter().zip(self.quoted).filter(|(better, _)| better.scale > 1.0).map(|(_, set)| set);
+        // Many rows tell their errors whatever effects leave.
+        let few = larger().count() > 0 && larger().all(|set| set.rows.len() <= larger_errors::FEW);
+        if !few || better.iter().any(|better| better.correlation > 0.0) {
             return Ok(FirstLook::Others(better));
         }
         let as_quoted = noise::with_scales_of_1(&better);

@@ -2,6 +2,7 @@
 
 use super::holdout::Carried;
 use super::result::{Note, Rung, Step};
+use crate::analysis::fit::{Advice, Fitted};
 
 /// Share of what all effects explain below which one explains little.
 const LITTLE: f64 = 0.05;
@@ -27,6 +28,24 @@ pub(super) fn of(baseline: &Rung, steps: &[Step]) -> Vec<Note> {
         notes.extend(before.carried.iter().filter_map(trust_inside));
     }
     notes
+}
+
+/// Species whose density a fit has brought down to 0 beside an additional one: what is missing may be no species, but a parameter of
+/// theirs.
+pub(super) fn replaced(steps: &[Step], fitted: &[Fitted], advice: &[Advice]) -> Vec<Note> {
+    // An effect with a release time of its own is a species.
+    let is_species = |step: &&Step| {
+        let own = format!("effects.{}.", step.effect);
+        fitted.iter().any(|fitted| fitted.key.starts_with(&own) && fitted.key.ends_with(".release_ms"))
+    };
+    let Some(step) = steps.iter().find(is_species) else { return Vec::new() };
+    let gone = advice.iter().filter_map(|advice| match advice {
+        Advice::AtBound { key, bound } if *bound == 0.0 => Some(key.strip_suffix(".density_per_px")?.to_string()),
+        _ => None,
+    });
+    gone.filter(|species| species.starts_with("detector.traps."))
+        .map(|species| Note::TakesItsPlace { effect: step.effect.clone(), species })
+        .collect()
 }
 
 fn moves_the_date(before: &Rung, step: &Step, all: f64) -> Option<Note> {

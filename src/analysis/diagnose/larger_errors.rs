@@ -18,6 +18,9 @@ use super::noise::SetNoise;
 use super::{pairs, rivals};
 use crate::error::InputError;
 
+/// Rows of a file up to which effects may be taken for larger errors: two fifths of their directions may be smooth.
+pub(super) const FEW: usize = 64;
+
 impl Evidence<'_> {
     /// A model that explains the data with these errors, and much better than larger ones of some files do with the models nearest to
     /// the data. None if there is none.

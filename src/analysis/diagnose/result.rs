@@ -152,6 +152,13 @@ pub enum Note {
         /// rms of what is predicted inside and beyond, in sigma.
         rms_sigma: [f64; 2],
     },
+    /// A species of the mission has gone, and an additional one has come in its place.
+    TakesItsPlace {
+        /// The effect.
+        effect: String,
+        /// The key of the species that has gone.
+        species: String,
+    },
     /// An effect that would explain the pedestals of complete data: as simply as they do.
     InPlaceOfPedestals {
         /// The effect.

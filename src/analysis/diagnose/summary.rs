@@ -42,7 +42,8 @@ impl Evidence<'_> {
         } else {
             (Vec::new(), None)
         };
-        let notes = [notes, aside, doubts::of(&rungs[0], &steps)].concat();
+        let replaced = doubts::replaced(&steps, &values, &node.fit.advice);
+        let notes = [notes, aside, doubts::of(&rungs[0], &steps), replaced].concat();
         let parameters = values.iter().filter(|fitted| self.search.base.contains(&fitted.key)).cloned();
         Ok(Diagnosis {
             mission: mission.clone(),

@@ -114,6 +114,11 @@ impl fmt::Display for Note {
                 significant(*low, 4),
                 significant(*high, 4)
             ),
+            Note::TakesItsPlace { effect, species } => write!(
+                out,
+                "{effect} takes the place of {species}, whose density has gone to 0: perhaps it is that species, with another release time or \
+                 energy level than the mission file says; free {species}.release_ms and {species}.energy_ev to see"
+            ),
             Note::InPlaceOfPedestals { effect, files, fall } => write!(
                 out,
                 "instead of a constant in {}, {effect} could be missing (chi2 lower by {fall:.0}): these data do not distinguish \
