@@ -742,3 +742,15 @@ fn files_of_different_species_do_not_contradict_one_another() {
     twice[0].rows.clone_from(&data[0].rows);
     assert_eq!(diagnosis_of(&mission, &twice, &[]).verdict, Verdict::Unfit);
 }
+
+/// Of two bakeouts the second may be what noise makes, if errors may be wrong. Then the first is named, and not nothing.
+#[test]
+fn a_second_effect_that_may_be_noise_does_not_hide_the_first() {
+    let found = diagnosed(Path::new("tests/corpus/edge/second-bakeout"), "");
+    assert_eq!(
+        (found.verdict, &effects(&found)[..]),
+        (Verdict::Missing, &["bakeout".to_string()][..]),
+        "{}",
+        found.reason
+    );
+}

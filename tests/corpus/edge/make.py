@@ -3,9 +3,10 @@
 
 narrow-notch          A notch that nearly holds the fainter of two backgrounds: chi2 has a narrow minimum there, and a wide one beyond.
 one-epoch-of-trails   Trails at one epoch beside doses at many: rows that are left out by their epoch are doses, and no trail.
+second-bakeout        Trap densities before and after two bakeouts, of which the second may be noise if errors may be wrong.
 runaway-release-time  A release time that is free runs away as long as the notch is missing, and does not come back of itself.
 
-Command   python make.py [CASE ...] (numpy; two minutes): writes trails.ecsv, packets.ecsv and dose.ecsv into the folders of the
+Command   python make.py [CASE ...] (numpy; two minutes): writes the measurements into the folders of the
           cases, all of them by default.
 
 Every packet passes every pixel from its own to the register. Nothing here knows of ctiplan. The same seed gives the same bytes
@@ -165,5 +166,29 @@ def make(case, folder):
         write(folder / "dose.ecsv", {"observable": "dose"}, ["t_yr", "value", "sigma"], doses)
 
 
-for name in sys.argv[1:] or CASES:
-    make(CASES[name], Path(__file__).parent / name)
+# Seed, and the bakeouts: time in years, and the fraction of the traps that are there which it removes.
+BAKEOUTS = (4, [(2.9, 0.15), (6.6, 0.25)])
+
+
+def make_bakeouts(folder):
+    seed, bakeouts = BAKEOUTS
+    random = np.random.default_rng(seed)
+    densities, dose_rate, reference_dose = {"p": 0.4, "q": 0.8}, 2e7 * 7 / 11, 1e8
+    with open(folder / "trap_density.csv", "w") as file:
+        file.write("# observable: trap_density\nt_yr,species,value,sigma\n")
+        for t_yr in 0.4 + 0.8 * np.arange(13):
+            kept, last_yr = 0.0, 0.0
+            for at_yr, fraction in bakeouts:
+                if at_yr < t_yr:
+                    kept, last_yr = (kept + at_yr - last_yr) * (1 - fraction), at_yr
+            dose = dose_rate * (kept + t_yr - last_yr) / reference_dose
+            for species, density in densities.items():
+                sigma = 0.04 * density * dose
+                file.write(f"{t_yr:.1f},{species},{float(density * dose + random.normal() * sigma)!r},{float(sigma)!r}\n")
+
+
+for name in sys.argv[1:] or [*CASES, "second-bakeout"]:
+    if name == "second-bakeout":
+        make_bakeouts(Path(__file__).parent / name)
+    else:
+        make(CASES[name], Path(__file__).parent / name)
