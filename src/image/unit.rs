@@ -19,7 +19,7 @@ pub struct Unit {
     pub gain_e_per_dn: Option<f64>,
     /// Header keyword that holds the gain.
     pub gain_keyword: Option<String>,
-    /// Level of no charge, in the frame's own unit; none: 0, unless the frame shows that it is another ([`refuse_unknown_bias`]).
+    /// Level of no charge, in the frame's own unit; none: 0; counts with a prescan or an overscan are refused.
     pub bias_dn: Option<f64>,
     /// Value from which on the converter tells no more, in the frame's own unit; none: only full wells are saturated.
     pub saturated_dn: Option<f64>,
