@@ -540,9 +540,10 @@ class _Direction:
         """Reads a frame out along its first axis, from so many pixels on: charge in front does not take part."""
         if not self.traps or not frame[start:].size:
             return frame
-        taking_part = frame.copy()
-        taking_part[:start] = 0.0
-        return _ctiplan.arctic_readout(taking_part, self.traps, self.setting | {"first": start})
+        if start > 0:
+            frame = frame.copy()
+            frame[:start] = 0.0
+        return _ctiplan.arctic_readout(frame, self.traps, self.setting | {"first": start})
 
 
 def _read_out(frame: np.ndarray, parallel: _Direction, serial: _Direction, allow_negative: bool) -> np.ndarray:

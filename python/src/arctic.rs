@@ -33,6 +33,7 @@ pub struct Setting {
     first_electron_fill: f64,
     offset: usize,
     pixels: Option<usize>,
+    /// The first row that takes part; those before it hold no charge.
     first: usize,
     empty_for_first: bool,
     empty_between: bool,

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use fitsio_pure::value::Value;
 use sha2::{Digest, Sha256};
 
 use super::Job;
 use super::fits::{Fits, Hdu};
+use super::unit::number_of;
 use crate::error::InputError;
 
 /// The keyword that holds it.
@@ -72,11 +72,7 @@ struct Made {
 
 impl Made {
     fn of(hdu: &Hdu) -> Option<Made> {
-        let number = |keyword: &str| match hdu.value(keyword) {
-            Some(Value::Float(number)) => *number,
-            Some(Value::Integer(number)) => *number as f64,
-            _ => f64::NAN,
-        };
+        let number = |keyword: &str| number_of(keyword, hdu, hdu, "").unwrap_or(f64::NAN);
         let mission = hdu.text("CTIMISS").unwrap_or_default();
         let conditions = conditions(&mission, number("CTIYEAR"), number("CTIDOSE"));
         Some(Made { job: hdu.text(KEYWORD)?, conditions })

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock};
 
 use ctiplan::analysis::diagnose::{Diagnosis, Options, Progress, Verdict, diagnose};
-use ctiplan::analysis::measurement::{DataSet, questions};
+use ctiplan::analysis::measurement::{DataSet, Row, questions};
 use ctiplan::analysis::validate::validate;
 use ctiplan::io::table::Table;
 use ctiplan::mission::Mission;
@@ -694,13 +694,8 @@ fn effects_in_few_rows_are_not_taken_for_larger_errors() {
     {
         for seed in 1..=4 {
             let found = diagnosis_of(&yearly(""), &yearly_doses(&yearly(&hidden), seed, 1.0), &[]);
-            let mut added = effects(&found).to_vec();
-            added.sort();
-            assert_eq!(
-                (found.verdict, &added[..]),
-                (Verdict::Missing, &names[..].iter().map(ToString::to_string).collect::<Vec<_>>()[..]),
-                "{seed}"
-            );
+            assert_eq!(found.verdict, Verdict::Missing, "{seed}: {}", found.reason);
+            assert_eq!(effects(&found), names, "{seed}");
             assert_eq!(found.noise[0].scale, 1.0);
         }
     }
@@ -712,6 +707,7 @@ fn larger_errors_in_few_rows_are_not_taken_for_effects() {
     for seed in 1..=6 {
         let found = diagnosis_of(&yearly(""), &yearly_doses(&yearly(""), seed, 2.0), &[]);
         assert_eq!((found.verdict, effects(&found).len()), (Verdict::Complete, 0), "{seed}: {}", found.reason);
+        // Some 14 degrees of freedom are left beyond what is smooth: a scale is good to a fifth, and here to two of that.
         assert!((1.4..2.8).contains(&found.noise[0].scale), "{seed}: {:?}", found.noise);
     }
 }
@@ -734,11 +730,7 @@ fn files_of_different_species_do_not_contradict_one_another() {
     // The same species twice is a contradiction, if the values are those of two.
     let mut twice = vec![of("p"), of("p")];
     let (first, other) = (twice[0].rows.clone(), data[1].rows.clone());
-    twice[1].rows = first
-        .into_iter()
-        .zip(other)
-        .map(|(row, other)| ctiplan::analysis::measurement::Row { value: other.value, ..row })
-        .collect();
+    twice[1].rows = first.into_iter().zip(other).map(|(row, other)| Row { value: other.value, ..row }).collect();
     twice[0].rows.clone_from(&data[0].rows);
     assert_eq!(diagnosis_of(&mission, &twice, &[]).verdict, Verdict::Unfit);
 }

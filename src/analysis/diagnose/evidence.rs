@@ -97,6 +97,16 @@ impl Evidence<'_> {
         // A general law must bring more than a rival may be worse by, or its special case is what is meant.
         node.chi2() + 2.0 * node.fit.parameters.len() as f64 + rivals::margin(self.options.level) * general as f64
     }
+
+    /// What parameters cost, and the choice of effects among all.
+    pub fn cost(&self, node: &Node) -> f64 {
+        2.0 * node.fit.parameters.len() as f64 + self.choice() * node.added.len() as f64
+    }
+
+    /// What the best of all effects gains by chance.
+    pub fn choice(&self) -> f64 {
+        2.0 * (self.search.hypotheses.len() as f64).ln()
+    }
 }
 
 /// The effect that one model has more than another.

@@ -70,12 +70,9 @@ impl Evidence<'_> {
 
     /// The simplest model that leaves nothing but noise, if all that it calls for was found to be what noise may make.
     fn enough_but_for_noise(&self, tried: &[Arc<Node>]) -> Result<Option<Found>, InputError> {
-        let mut nodes: Vec<Arc<Node>> = tried.iter().filter(|node| !node.added.is_empty()).cloned().collect();
-        self.sort(&mut nodes);
-        nodes.sort_by_key(|node| node.added.len());
-        nodes.dedup_by(|a, b| a.set() == b.set());
-        for depth in 1..=MOST {
-            let Some(best) = nodes.iter().find(|node| node.added.len() == depth) else { continue };
+        for effects in 1..=MOST {
+            let nodes = tried.iter().filter(|node| node.added.len() == effects);
+            let Some(best) = nodes.min_by(|a, b| self.score(a).total_cmp(&self.score(b))) else { continue };
             let best = self.search.settled(best)?;
             if self.mere_noise(&best)?.is_none() {
                 continue;

@@ -18,7 +18,8 @@ use super::noise::SetNoise;
 use super::{pairs, rivals};
 use crate::error::InputError;
 
-/// Rows of a file up to which effects may be taken for larger errors: two fifths of their directions may be smooth.
+/// Rows of a file up to which effects are tried in the place of larger errors. In files of 60 rows two of them have been taken for such;
+/// of more, what is left beyond everything smooth tells the errors, and a search with errors that are too small takes as long again.
 pub(super) const FEW: usize = 64;
 
 impl Evidence<'_> {
@@ -61,15 +62,5 @@ impl Evidence<'_> {
         let pairs = pairs::promising(&expansion, self.search.hypotheses, |_, _| true);
         let with_two = pairs.first().map(|pair| self.base.chi2() - pair.gain + self.cost(self.base));
         with_one_more.chain(with_two).fold(f64::INFINITY, f64::min)
-    }
-
-    /// What parameters cost, and the choice of effects among all.
-    pub(super) fn cost(&self, node: &Node) -> f64 {
-        2.0 * node.fit.parameters.len() as f64 + self.choice() * node.added.len() as f64
-    }
-
-    /// What the best of all effects gains by chance.
-    pub(super) fn choice(&self) -> f64 {
-        2.0 * (self.search.hypotheses.len() as f64).ln()
     }
 }
