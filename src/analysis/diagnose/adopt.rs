@@ -37,8 +37,7 @@ impl Evidence<'_> {
 
     /// The model without one of its effects (by its place among those added), fitted.
     pub(super) fn without(&self, node: &Node, place: usize) -> Result<Arc<Node>, InputError> {
-        let others = node.added.iter().enumerate().filter(|(other, _)| *other != place);
-        self.search.with(self.base, &others.map(|(_, added)| added.hypothesis).collect::<Vec<_>>())
+        self.search.without(self.base, node, place)
     }
 
     /// Chance that noise alone makes an effect of a model look as good, given its other effects and the noise it leaves. Beside other
@@ -112,7 +111,10 @@ impl Evidence<'_> {
     pub(super) fn adopt(&self, node: &Arc<Node>) -> Result<Ended, InputError> {
         for place in 0..node.added.len() {
             if self.may_be_noise(node, place)? {
-                return Ok(Ended::ByChance);
+                // That explains the data by itself, which only the values of the larger model may have led to.
+                let simpler = self.without(node, place)?;
+                let is_enough = !simpler.added.is_empty() && self.is_enough(&simpler)?;
+                return if is_enough { self.adopt(&simpler) } else { Ok(Ended::ByChance) };
             }
         }
         let (node, rivals::Around { rivals, aside }) = rivals::of(self, node)?;

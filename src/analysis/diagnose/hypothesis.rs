@@ -213,6 +213,13 @@ impl Hypothesis {
         (!names.is_empty()).then_some((table, names))
     }
 
+    /// A table of it with which it can be added to a fitted model, if there is one.
+    pub(super) fn any_table(&self, case: &Case, node: &Node) -> Option<Table> {
+        let reach = case.reach.with_dose(|t_yr| node.model.dose_mev_g(t_yr).ok());
+        let tables = self.ways(node.mission(), &reach).into_iter().flatten();
+        tables.into_iter().find(|table| mission_file::add_effect(node.mission(), self.kind, table.clone()).is_ok())
+    }
+
     /// Its trials at a fitted model; none where the free parameters absorb it, or it changes nothing.
     pub(super) fn trials(&self, place: usize, case: &Case, node: &Node) -> Vec<Trial> {
         let reach = case.reach.with_dose(|t_yr| node.model.dose_mev_g(t_yr).ok());

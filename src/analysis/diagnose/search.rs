@@ -36,6 +36,9 @@ const SAME_END: f64 = 0.25;
 /// Ordinary changes of a free key from the mission's value, beyond which a fit begins once more from that value.
 const FAR: f64 = 0.25;
 
+/// chi2 per degree of freedom from which on a model does not explain the data, whatever their errors.
+const FAR_FROM_NOISE: f64 = 4.0;
+
 /// Difference of chi2 of two fits that have come to the same minimum.
 const SAME_MINIMUM: f64 = 0.01;
 
@@ -142,6 +145,10 @@ pub(super) struct Search<'a> {
     settled: Mutex<Vec<Arc<Node>>>,
     expansions: Mutex<Vec<Arc<Expansion>>>,
     levels: Mutex<Vec<Arc<Node>>>,
+    /// Predictions of models from which free keys were driven out, and the same models with the mission's values of these.
+    as_given: Mutex<Vec<(Vec<f64>, Arc<Node>)>>,
+    /// Predictions of models, and the same models without one of their effects (by its place).
+    smaller: Mutex<Vec<(Vec<f64>, usize, Arc<Node>)>>,
     /// Rough fits of another search of the same data, from which those of this one start.
     known: Vec<Sketch>,
     /// Counts an evaluation of the model at all rows.
@@ -161,6 +168,8 @@ impl<'a> Search<'a> {
             case,
             level_case,
             levels: Mutex::default(),
+            as_given: Mutex::default(),
+            smaller: Mutex::default(),
             hypotheses,
             base,
             given,
@@ -211,9 +220,17 @@ impl<'a> Search<'a> {
             return Ok(settled);
         }
         let found = self.plainer(self.fit(&node.model, &node.added, false)?);
-        self.settled.lock().expect("nobody panics").push(found.clone());
-        self.improve_sketch(&found);
+        self.remember_settled(&found);
         Ok(found)
+    }
+
+    /// Keeps a model at its optimum, in the place of others with the same effects.
+    fn remember_settled(&self, found: &Arc<Node>) {
+        let mut settled = self.settled.lock().expect("nobody panics");
+        settled.retain(|known| known.set() != found.set());
+        settled.push(found.clone());
+        drop(settled);
+        self.improve_sketch(found);
     }
 
     /// A fitted model, or one that means the same and reads better: from other values of its effects' parameters it comes to a minimum
@@ -281,12 +298,98 @@ impl<'a> Search<'a> {
         }
         let (last, before) = hypotheses.split_last().expect("not empty");
         let parent = self.with(base, before)?;
-        let trials = self.hypotheses[*last].trials(*last, self.case, &parent);
         self.make_level(&parent);
-        let sketch = self
-            .sketch(&parent, &trials)
-            .ok_or_else(|| InputError::new("cannot diagnose", "an effect that was there has no trial any more"))?;
-        self.settled(&*self.node(&sketch, &parent)?)
+        self.make_as_given(&parent);
+        let trials = self.trials(*last, &parent);
+        let node = match self.sketch(&parent, &trials) {
+            Some(sketch) => self.node(&sketch, &parent)?,
+            None => self.fit_without_trial(*last, &parent)?,
+        };
+        self.settled(&node)
+    }
+
+    /// The fitted model without one of the effects of another (by its place among those added): at least as near to the data as from
+    /// where the other's values of all else lead.
+    pub fn without(&self, base: &Arc<Node>, node: &Node, place: usize) -> Result<Arc<Node>, InputError> {
+        let mut others = node.added.clone();
+        others.remove(place);
+        let known = self.with(base, &others.iter().map(|added| added.hypothesis).collect::<Vec<_>>())?;
+        if others.is_empty() {
+            return Ok(known);
+        }
+        let same = |(larger, removed, _): &&(Vec<f64>, usize, Arc<Node>)| *larger == node.fit.values && *removed == place;
+        let done = self.smaller.lock().expect("nobody panics").iter().find(same).map(|(.., found)| found.clone());
+        if let Some(done) = done.filter(|done| done.chi2() <= known.chi2()) {
+            return Ok(done);
+        }
+        let found = self.from_values_of(&known, node, others).unwrap_or(known);
+        self.smaller.lock().expect("nobody panics").push((node.fit.values.clone(), place, found.clone()));
+        Ok(found)
+    }
+
+    /// A fitted model again from the values of one with more effects; None if that is no nearer to the data. `others` are the larger
+    /// model's effects that it has too.
+    fn from_values_of(&self, node: &Node, larger: &Node, mut others: Vec<Added>) -> Option<Arc<Node>> {
+        let mut from: Vec<(String, String)> = self.base.iter().map(|key| (key.clone(), key.clone())).collect();
+        for added in &node.added {
+            let other = others.remove(others.iter().position(|other| other.hypothesis == added.hypothesis)?);
+            let name = |key: &str| key.strip_prefix(&added.key).map(str::to_owned);
+            from.extend(added.free.iter().filter_map(|key| Some((key.clone(), other.key.clone() + &name(key)?))));
+        }
+        let values = from.into_iter().map(|(key, other)| Some((key, larger.mission().number(&other)?.into())));
+        let mission = node.mission().with(&values.collect::<Option<Vec<_>>>()?).ok()?;
+        let model = node.model.like(&mission);
+        let problem = self.problem(&model, &node.added).ok()?;
+        let found = problem.polish(problem.approach(&problem.nothing_known()));
+        if found.chi2 > node.chi2() - SAME_MINIMUM {
+            return None;
+        }
+        let found = self.fit(&node.model.like(&problem.mission(&found.at).ok()?), &node.added, false).ok()?;
+        self.remember_settled(&found);
+        Some(found)
+    }
+
+    /// A model with an effect that changes nothing beyond what its free parameters do: at any strength it explains as much.
+    fn fit_without_trial(&self, place: usize, parent: &Node) -> Result<Arc<Node>, InputError> {
+        let tables = self.hypotheses[place].any_table(self.case, parent).map(|table| (place, table));
+        let (mission, added) = self.added(parent, tables.into_iter()).ok_or_else(|| {
+            let name = &self.hypotheses[place].name;
+            InputError::new("cannot diagnose", format!("{name} cannot be added to the mission on its own"))
+        })?;
+        self.fit(&parent.model.like(&mission), &added, false)
+    }
+
+    /// The trials of an effect on top of a model. If it changes nothing there, and the model does not explain the data: on top of the same
+    /// model with the mission's values.
+    fn trials(&self, place: usize, node: &Node) -> Vec<Trial> {
+        let trials = self.hypotheses[place].trials(place, self.case, node);
+        let as_given = || self.as_given(node).map(|given| self.hypotheses[place].trials(place, self.case, &given));
+        if trials.is_empty() { as_given().unwrap_or_default() } else { trials }
+    }
+
+    /// A model with the mission's values of free keys that were driven out, as far as that was made (`make_as_given`).
+    fn as_given(&self, node: &Node) -> Option<Arc<Node>> {
+        let all = self.as_given.lock().expect("nobody panics");
+        all.iter().find(|(of, _)| *of == node.fit.values).map(|(_, given)| given.clone())
+    }
+
+    /// Puts free keys that were driven out back at the mission's values, if a model does not explain the data; not while others run in
+    /// parallel. A fit that lacks an effect may end without any traps that radiation makes: no effect on these could be seen there.
+    fn make_as_given(&self, node: &Node) {
+        if node.chi2() < FAR_FROM_NOISE * node.freedom() || self.as_given(node).is_some() {
+            return;
+        }
+        let given = self.base.iter().filter_map(|key| Parameter::of(self.given, key).ok());
+        let out = |given: &Parameter| node.mission().number(&given.key).is_some_and(|value| given.is_driven_out(value));
+        let moved: Vec<_> = given.filter(out).map(|given| (given.key, given.start.into())).collect();
+        if moved.is_empty() {
+            return;
+        }
+        let options = fit::Options { settled: true, ..fit::Options::default() };
+        let fit = |mission| Node::fit(self.case, &node.model.like(&mission), node.added.clone(), &self.base, &options);
+        if let Some(Ok(given)) = node.mission().with(&moved).ok().map(fit) {
+            self.as_given.lock().expect("nobody panics").push((node.fit.values.clone(), Arc::new(given)));
+        }
     }
 
     /// Every trial of every effect on top of a model, or of the best fit with the same effects.
@@ -298,9 +401,10 @@ impl<'a> Search<'a> {
         if let Some(expansion) = known.filter(|known| known.node.chi2() == node.chi2()) {
             return expansion;
         }
+        self.make_as_given(node);
         let trials = |(place, hypothesis): (usize, &Hypothesis)| {
             let new = if set.contains(&place) { hypothesis.may_repeat() } else { hypothesis.is_new_to(node.mission()) };
-            let trials = if new { hypothesis.trials(place, self.case, node) } else { Vec::new() };
+            let trials = if new { self.trials(place, node) } else { Vec::new() };
             self.progress.step();
             trials
         };
@@ -445,8 +549,15 @@ impl<'a> Search<'a> {
         self.followed(node, self.start_of(node, trials).into_iter().collect())
     }
 
-    /// A start of some trials together, each from so many times as strong as its table.
+    /// A start of some trials together, each from so many times as strong as its table: at a model, or where its free keys that were
+    /// driven out are at the mission's values.
     fn start_of(&self, node: &Node, trials: &[(&Trial, f64)]) -> Option<Start> {
+        let here = self.start_at(node, trials);
+        let given = self.as_given(node).and_then(|given| self.start_at(&given, trials));
+        here.into_iter().chain(given).min_by(|a, b| a.found.chi2.total_cmp(&b.found.chi2))
+    }
+
+    fn start_at(&self, node: &Node, trials: &[(&Trial, f64)]) -> Option<Start> {
         let from = |share: f64| {
             let scaled = |(trial, strength): &(&Trial, f64)| {
                 let hypothesis = &self.hypotheses[trial.hypothesis];
@@ -460,8 +571,8 @@ impl<'a> Search<'a> {
         let start = from(1.0)?;
         // More effects cannot do worse: the start was too far away.
         let astray = start.found.chi2 > node.chi2() + 1.0;
-        let again = astray.then(|| from(0.05)).flatten();
-        Some(again.filter(|again| again.found.chi2 < start.found.chi2).unwrap_or(start))
+        let again = if astray { from(0.05) } else { None };
+        [Some(start), again].into_iter().flatten().min_by(|a, b| a.found.chi2.total_cmp(&b.found.chi2))
     }
 
     /// A short minimisation from a mission with more effects than a fitted one.

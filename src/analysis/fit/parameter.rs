@@ -126,6 +126,16 @@ impl Parameter {
         }
     }
 
+    /// Whether a value that has one bound is less than a tenth, or more than ten times, as far from it as the mission's.
+    pub fn is_driven_out(&self, value: f64) -> bool {
+        let ratio = match self.scale {
+            Scale::Log => value / self.start,
+            Scale::From => (value - self.low) / self.size(),
+            Scale::Between | Scale::Linear => 1.0,
+        };
+        !(0.1..10.0).contains(&ratio)
+    }
+
     /// The coordinate along which a parameter is followed, and in which a flat prior is flat: ln x where x must be above 0, else x.
     pub fn coordinate(&self, value: f64) -> f64 {
         if self.is_log() { value.max(self.least()).ln() } else { value }
