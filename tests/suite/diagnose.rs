@@ -316,6 +316,24 @@ fn a_free_key_that_ran_away_comes_back_with_the_effect_that_was_missing() {
     assert!(ran_away.value > 1e5, "the case shows nothing: {ran_away:?}");
 }
 
+/// As long as annealing is missing, the best fit has none or few of the traps that radiation makes: an effect on these changes nothing
+/// there, or little, and a pedestal stands for part of what is missing.
+#[test]
+fn effects_are_also_seen_where_a_fit_without_them_leaves_hardly_any_growth() {
+    let folder = Path::new("tests/corpus/edge/no-growth");
+    let mission = Mission::read(folder.join("mission.toml")).unwrap();
+    for file in ["yearly.csv", "dense.csv"] {
+        let data = [DataSet::read(folder.join(file), &mission).unwrap()];
+        let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
+        let growth = found.baseline.parameters.iter().find(|fitted| fitted.key.ends_with("density_per_px")).unwrap();
+        assert!(growth.value < 0.2, "the case shows nothing: {growth:?}");
+        assert_eq!((found.verdict, effects(&found).as_slice()), (Verdict::Missing, &["annealing".to_string()][..]));
+        assert!(found.noise.iter().all(|noise| noise.pedestal.is_none()), "{:?}", found.noise);
+        let time = &found.steps[0].parameters[0];
+        assert!((time.value - 8.0).abs() < 3.0 * time.sigma.unwrap(), "{time:?}");
+    }
+}
+
 /// Without a key free, a first look calls rows wrong that the effect explains: a search under another assumption tries them without,
 /// and takes them back, as the diagnosis itself does.
 #[test]

@@ -299,7 +299,7 @@ impl<'a> Search<'a> {
         let (last, before) = hypotheses.split_last().expect("not empty");
         let parent = self.with(base, before)?;
         self.make_level(&parent);
-        self.make_as_given(&parent);
+        self.make_as_given(self.case, &parent);
         let trials = self.trials(*last, &parent);
         let node = match self.sketch(&parent, &trials) {
             Some(sketch) => self.node(&sketch, &parent)?,
@@ -375,7 +375,7 @@ impl<'a> Search<'a> {
 
     /// Puts free keys that were driven out back at the mission's values, if a model does not explain the data; not while others run in
     /// parallel. A fit that lacks an effect may end without any traps that radiation makes: no effect on these could be seen there.
-    fn make_as_given(&self, node: &Node) {
+    fn make_as_given(&self, case: &Case, node: &Node) {
         if node.chi2() < FAR_FROM_NOISE * node.freedom() || self.as_given(node).is_some() {
             return;
         }
@@ -386,7 +386,7 @@ impl<'a> Search<'a> {
             return;
         }
         let options = fit::Options { settled: true, ..fit::Options::default() };
-        let fit = |mission| Node::fit(self.case, &node.model.like(&mission), node.added.clone(), &self.base, &options);
+        let fit = |mission| Node::fit(case, &node.model.like(&mission), node.added.clone(), &self.base, &options);
         if let Some(Ok(given)) = node.mission().with(&moved).ok().map(fit) {
             self.as_given.lock().expect("nobody panics").push((node.fit.values.clone(), Arc::new(given)));
         }
@@ -401,7 +401,7 @@ impl<'a> Search<'a> {
         if let Some(expansion) = known.filter(|known| known.node.chi2() == node.chi2()) {
             return expansion;
         }
-        self.make_as_given(node);
+        self.make_as_given(self.case, node);
         let trials = |(place, hypothesis): (usize, &Hypothesis)| {
             let new = if set.contains(&place) { hypothesis.may_repeat() } else { hypothesis.is_new_to(node.mission()) };
             let trials = if new { self.trials(place, node) } else { Vec::new() };
@@ -492,6 +492,7 @@ impl<'a> Search<'a> {
     /// and is no slope that a fit could follow. None where the model has none.
     fn start_from_level(&self, node: &Node, place: usize) -> Option<Start> {
         let level = self.level(node)?;
+        let level = self.as_given(&level).unwrap_or(level);
         let trials = self.hypotheses[place].trials(place, self.level_case, &level);
         let starts = most_promising(&trials, &level).into_iter().filter_map(|trial| {
             let strength = trial.strength(&level.residuals).clamp(0.1, FARTHEST);
@@ -540,6 +541,7 @@ impl<'a> Search<'a> {
         }
         let options = fit::Options { scan: false, moments: false, ..fit::Options::default() };
         if let Ok(level) = Node::fit(self.level_case, &node.model, node.added.clone(), &self.base, &options) {
+            self.make_as_given(self.level_case, &level);
             self.levels.lock().expect("nobody panics").push(Arc::new(level));
         }
     }

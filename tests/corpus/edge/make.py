@@ -2,6 +2,8 @@
 """Cases in which a search can take a wrong turn. Each is a folder here: mission.toml, truth.json and the measurements.
 
 narrow-notch          A notch that nearly holds the fainter of two backgrounds: chi2 has a narrow minimum there, and a wide one beyond.
+no-growth             Traps at launch that anneal faster than radiation makes new ones, both free: without annealing the best fit has no
+                      growth, and no effect on what grows can be seen from there. Two lists of epochs, and two seeds.
 one-epoch-of-trails   Trails at one epoch beside doses at many: rows that are left out by their epoch are doses, and no trail.
 second-bakeout        Trap densities before and after two bakeouts, of which the second may be noise if errors may be wrong.
 runaway-release-time  A release time that is free runs away as long as the notch is missing, and does not come back of itself.
@@ -187,8 +189,32 @@ def make_bakeouts(folder):
                 file.write(f"{t_yr:.1f},{species},{float(density * dose + random.normal() * sigma)!r},{float(sigma)!r}\n")
 
 
-for name in sys.argv[1:] or [*CASES, "second-bakeout"]:
+# File, seed, number of epochs, and years between them.
+NO_GROWTH = [("yearly.csv", 5, 22, 1.0), ("dense.csv", 2, 60, 22 / 60)]
+
+
+def make_no_growth(folder):
+    at_launch, per_year, annealing_yr, packet_e, full_well_e, transfers = 4.0, 0.1, 8.0, 407.0, 1e5, 200
+    for name, seed, epochs, step_yr in NO_GROWTH:
+        random = np.random.default_rng(seed)
+        with open(folder / name, "w") as file:
+            file.write(f"# observable: cti\n# signal_e: {packet_e}\n# background_e: 0.0\n# transfers: {transfers}\n")
+            file.write("t_yr,value,sigma\n")
+            for t_yr in 0.5 + step_yr * np.arange(epochs):
+                left = np.exp(-t_yr / annealing_yr)
+                traps = at_launch * left + per_year * annealing_yr * (1 - left)
+                charge = packet_e
+                for _ in range(transfers):
+                    charge -= traps * (charge / full_well_e) ** 0.5
+                cti = 1 - (charge / packet_e) ** (1 / transfers)
+                sigma = 0.003 * cti
+                file.write(f"{t_yr:.4f},{float(cti + random.normal() * sigma)!r},{float(sigma)!r}\n")
+
+
+for name in sys.argv[1:] or [*CASES, "no-growth", "second-bakeout"]:
     if name == "second-bakeout":
         make_bakeouts(Path(__file__).parent / name)
+    elif name == "no-growth":
+        make_no_growth(Path(__file__).parent / name)
     else:
         make(CASES[name], Path(__file__).parent / name)
