@@ -1,11 +1,12 @@
 //! Mission and measurements → which physical effect the model lacks.
 //!
-//! In the order in which mistakes are avoided: whether the data can carry a verdict (`data_quality`), whether the readout is
-//! computed finely enough (`numerics`), the fit of what is free, every effect on top of it and pairs (`forward_selection`, with
-//! `hypothesis`, `search`, `pairs`) until nothing more is called for (`stopping_rule`); of what was found how often noise does as well
-//! (`adopt`, `significance`), groups of rows left out (`holdout`), rivals (`rivals`), and the measurement that would tell them apart
-//! (`experiment_design`); or what is left (`unexplained`, `formula`). Then everything that is told of it (`summary`). Nothing is called missing
-//! that noise could have made, and nothing is called certain that has a rival.
+//! The steps follow the order in which mistakes are avoided. First, can the data carry a verdict (`data_quality`), and is the
+//! readout computed finely enough (`numerics`)? Then the free parameters are fitted, and effects are added one at a time and in
+//! pairs (`forward_selection`, with `hypothesis`, `search`, `pairs`) until the stopping rule is met (`stopping_rule`). Each effect
+//! found is tested for significance against noise (`adopt`, `significance`), by prediction of groups of rows left out (`holdout`)
+//! and against rivals (`rivals`); `experiment_design` proposes the measurement that would distinguish these. If nothing explains
+//! the data, the remainder is described (`unexplained`, `formula`). `summary` collects all that is reported. Nothing is called
+//! missing that noise could have made, and nothing is called certain that has a rival.
 
 mod adopt;
 mod data_quality;
@@ -54,13 +55,13 @@ use work::Work;
 /// Random starting points of the base fit.
 const ELSEWHERE: usize = 3;
 
-/// Times that a search is repeated at most, each time with the errors that were told at the end of the one before.
+/// Rounds of the search at most, each with the errors estimated at the end of the one before.
 const ROUNDS: usize = 6;
 
 /// Finds out what a mission's model lacks.
 ///
 /// # Errors
-/// Where keys cannot be fitted, candidates make no sense, or the model has no value for a row.
+/// If keys cannot be fitted, candidates make no sense, or the model has no value for a row.
 pub fn diagnose(
     mission: &Mission,
     data: &[DataSet],
@@ -91,8 +92,8 @@ pub fn diagnose(
     unreachable!("the last round is done")
 }
 
-/// The places of data sets in the order of their names: a search takes other turns for rounding alone, and the order in which files
-/// are given is to change nothing.
+/// Indices of the data sets in the order of their names. Rounding alone can change the path of a search, and the order in which
+/// files are given must not change the result.
 fn by_name(data: &[DataSet]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..data.len()).collect();
     order.sort_by(|&a, &b| data[a].file.cmp(&data[b].file));
@@ -109,24 +110,24 @@ struct Task<'a> {
     work: Arc<Work>,
 }
 
-/// What a round comes to.
+/// The outcome of a round.
 enum Attempt {
     Done(Box<Diagnosis>),
-    /// The errors are others.
+    /// The estimated errors differ: another round is needed.
     Again(Vec<SetNoise>),
 }
 
-/// What the errors look like before a search.
+/// The state of the errors before a search.
 enum FirstLook {
     AsQuoted,
     Others(Vec<SetNoise>),
-    /// Far from the quoted ones; but with these a model explains the data.
+    /// Far from the quoted ones, but a model explains the data with the quoted ones.
     Explained(Box<Found>),
 }
 
 impl Task<'_> {
-    /// Does something with the base fit and all that a search of some data needs; of the same data with other errors, it begins where
-    /// another search ended.
+    /// Calls a function with the base fit and everything that a search of these data needs. If `like` is given (the same data with
+    /// other errors), it begins where that search ended.
     fn with_evidence<T>(
         &self,
         data: &[DataSet],
@@ -134,7 +135,7 @@ impl Task<'_> {
         then: impl FnOnce(&Evidence, Vec<Note>) -> Result<T, InputError>,
     ) -> Result<T, InputError> {
         let case = Case { work: self.work.clone(), ..Case::of(data) };
-        // Too few rows to fit what is free are refused later.
+        // Too few rows to fit the free parameters are refused later.
         let free = if case.n() < self.options.free.len() { Vec::new() } else { self.options.free.clone() };
         (self.progress.stage)("numerics and base fit", 0);
         let (accurate, notes) = numerics::accurate(&case, self.mission)?;
@@ -150,7 +151,7 @@ impl Task<'_> {
         then(&Evidence { search: &search, options: self.options, base: &base, split: split.as_ref() }, notes)
     }
 
-    /// The whole search, with errors that are believed in.
+    /// The whole search, with the errors taken as given.
     fn attempt(&self, noise: &[SetNoise], round: usize) -> Result<Attempt, InputError> {
         self.work.begin_round();
         let data = noise::allowed_for(self.quoted, noise);
@@ -177,7 +178,7 @@ impl Task<'_> {
                 return Ok(Attempt::Again(better));
             }
             found.noise = match found.verdict {
-                // Of what no model explains nobody knows what is a pedestal.
+                // If no model explains the data, a pedestal cannot be identified.
                 Verdict::Unexplained => noise.to_vec(),
                 _ => noise::with_pedestals(evidence.case(), found.ladder.last().expect("the base"), noise),
             };
@@ -188,7 +189,7 @@ impl Task<'_> {
         })
     }
 
-    /// The errors as the model nearest to the data leaves them, before anything is searched for.
+    /// The errors estimated from the residuals of the model nearest to the data, before any search.
     fn first_look(&self, evidence: &Evidence, noise: &[SetNoise]) -> Result<FirstLook, InputError> {
         let nearest = evidence.nearest()?;
         let better = noise::estimate(evidence.case(), self.quoted, &evidence.search.expand(&nearest[0]), noise);
@@ -198,8 +199,9 @@ impl Task<'_> {
         let Some(beyond) = data_quality::errors_beyond(&better) else {
             return self.larger_or_effects(evidence, noise, better);
         };
-        // One wrong row that bends all that is smooth looks like errors of all rows, and so does an effect that is not among the nearest:
-        // data that a model explains with their quoted errors have those. Errors that are too large let anything explain them.
+        // One wrong row that bends everything smooth looks like larger errors of all rows, and so does an effect that is not among
+        // the nearest. If a model explains the data with their quoted errors, these hold. With errors that are too large, anything
+        // would explain them.
         if let Some(odd) = evidence.odd_rows(None, &nearest) {
             return Ok(FirstLook::Others(noise::with_wrong(self.quoted, noise, &odd.rows)));
         }
@@ -218,7 +220,7 @@ impl Task<'_> {
         better: Vec<SetNoise>,
     ) -> Result<FirstLook, InputError> {
         let larger = || better.iter().zip(self.quoted).filter(|(better, _)| better.scale > 1.0).map(|(_, set)| set);
-        // Many rows tell their errors whatever effects leave.
+        // With many rows, errors can be estimated regardless of what effects leave.
         let few = larger().count() > 0 && larger().all(|set| set.rows.len() <= larger_errors::FEW);
         if !few || better.iter().any(|better| better.correlation > 0.0) {
             return Ok(FirstLook::Others(better));
@@ -228,13 +230,13 @@ impl Task<'_> {
             let found = evidence.without_larger(&better)?;
             return Ok(found.map_or(FirstLook::Others(better), |found| FirstLook::Explained(Box::new(found))));
         }
-        // Rows that are wrong stay so.
+        // Wrong rows stay marked as wrong.
         let data = noise::allowed_for(self.quoted, &as_quoted);
         let found = self.with_evidence(&data, None, |evidence, _| evidence.without_larger(&better))?;
         Ok(FirstLook::Others(if found.is_some() { as_quoted } else { better }))
     }
 
-    /// The errors that a search should have had, as it shows at its end; None if it had them.
+    /// The errors that the search should have used, as estimated at its end; None if it used them.
     fn other_errors(&self, evidence: &Evidence, noise: &[SetNoise], found: &Found) -> Option<Vec<SetNoise>> {
         if !found.wrong.is_empty() {
             return Some(noise::with_wrong(self.quoted, noise, &found.wrong));
@@ -249,7 +251,7 @@ impl Task<'_> {
     }
 }
 
-/// The fit of what is free: from elsewhere too where it does not explain the data.
+/// The fit of the free parameters; also from other starting points if it does not explain the data.
 fn base_fit([case, level]: [&Case; 2], model: &Model, free: &[String], seed: u64) -> Result<Node, InputError> {
     let fit = |model: &Model, scan: bool| {
         let options = fit::Options { seed, scan, ..fit::Options::default() };
@@ -263,7 +265,8 @@ fn base_fit([case, level]: [&Case; 2], model: &Model, free: &[String], seed: u64
         let (mission, chi2) = Problem::new(model, case.data, free, &count, |_| true)?.sketch()?;
         Ok((model.like(&mission), chi2))
     };
-    // Far from the data what is free is no slope to a pedestal that takes all of it: from where there is none as well.
+    // Far from the data, a pedestal absorbs the whole difference and leaves the free parameters no gradient. So one start is a fit
+    // without pedestals.
     let (near, _) = roughly(model, level)?;
     let mut starts = [roughly(&near, case)?, roughly(model, case)?];
     starts.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -279,7 +282,7 @@ fn base_fit([case, level]: [&Case; 2], model: &Model, free: &[String], seed: u64
     if !clear {
         return Ok(best);
     }
-    // A parameter with a kink (a notch near the background) has minima that no slope leads to.
+    // A parameter with a kink (a notch near the background) has minima that no gradient leads to.
     let scanned = fit(&best.model, true)?;
     if scanned.chi2() < best.chi2() {
         best = scanned;

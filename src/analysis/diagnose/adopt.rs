@@ -1,4 +1,4 @@
-//! Which of a model's effects are real: chance, groups left out, rivals.
+//! Which effects of a model are real: significance, groups left out, rivals.
 
 use std::sync::Arc;
 
@@ -10,11 +10,11 @@ use super::significance::Noise;
 use super::{experiment_design, holdout, limits, rivals};
 use crate::error::InputError;
 
-/// Effects that are fitted in the place of pedestals.
+/// Effects that are fitted in place of pedestals.
 const IN_PLACE: usize = 3;
 
 impl Evidence<'_> {
-    /// The models from the base to one with several effects, that with the larger gain first.
+    /// The models from the base to one with several effects, each time adding first the effect with the larger gain.
     fn ladder(&self, node: &Arc<Node>) -> Result<Vec<Arc<Node>>, InputError> {
         let mut rest: Vec<usize> = node.added.iter().map(|added| added.hypothesis).collect();
         let mut ladder = vec![self.base.clone()];
@@ -35,14 +35,14 @@ impl Evidence<'_> {
         Ok(ladder)
     }
 
-    /// The model without one of its effects (by its place among those added), fitted.
+    /// The fitted model without one of its effects (by its index among those added).
     pub(super) fn without(&self, node: &Node, place: usize) -> Result<Arc<Node>, InputError> {
         self.search.without(self.base, node, place)
     }
 
-    /// Chance that noise alone makes an effect of a model look as good, given its other effects and the noise it leaves. Beside other
-    /// effects, also if the errors of all rows are wrong by the factor that makes each model likeliest: what a model leaves without
-    /// the effect may be nothing but errors that are too small.
+    /// Probability that noise alone makes an effect of a model look as good, given its other effects and the residual noise. If
+    /// there are other effects, it is also computed for errors of all rows that are wrong by a common factor, the likeliest one of
+    /// each model: the residuals without the effect may only show that the errors are too small.
     pub(super) fn false_alarm(&self, node: &Node, place: usize) -> Result<f64, InputError> {
         let parent = self.without(node, place)?;
         let noise = Noise::left_at(self.case(), node);
@@ -54,26 +54,26 @@ impl Evidence<'_> {
         if parent.added.is_empty() || !quoted.is_as_quoted() {
             return Ok(alarm);
         }
-        // -2 ln of the likelihood ratio with a scale of all errors that is free in both; Fisher's F to a few per cent.
+        // −2 ln of the likelihood ratio with a common scale of all errors free in both; Fisher's F to a few per cent.
         let with_scale = node.freedom() * (gain.max(0.0) / node.chi2_of_rows()).ln_1p();
         Ok(alarm.max(self.search.null(&parent, &quoted).false_alarm(added.hypothesis, with_scale)))
     }
 
-    /// Whether that chance is too large for the effect to be adopted.
+    /// Whether that probability is too large for the effect to be adopted.
     pub(super) fn may_be_noise(&self, node: &Node, place: usize) -> Result<bool, InputError> {
         let parent = self.without(node, place)?;
         Ok(self.false_alarm(node, place)? > self.level(&parent))
     }
 
-    /// Whether a model also foretells rows that were left out better than without one of its effects.
+    /// Whether a model also predicts rows left out better than without one of its effects.
     pub(super) fn confirmed(&self, node: &Node, place: usize) -> Result<bool, InputError> {
         let parent = self.without(node, place)?;
         let better = |groups| holdout::surprise_of_all(groups, node) < holdout::surprise_of_all(groups, &parent);
         Ok(self.groups().is_none_or(better))
     }
 
-    /// The effect that would best explain the pedestals of the base, if one would: a change that a pedestal could make is no evidence, and
-    /// no reason to be sure.
+    /// The effect that would best explain the pedestals of the base, if any. A change that a pedestal could make is no evidence for
+    /// an effect, nor against one.
     fn in_place_of_pedestals(&self) -> Option<Note> {
         if !self.base.has_pedestal() || !self.work().allows("effects in the place of pedestals") {
             return None;
@@ -94,7 +94,7 @@ impl Evidence<'_> {
         (clear && !files.is_empty()).then(|| Note::InPlaceOfPedestals { effect: self.name(best.last()), files, fall })
     }
 
-    /// What is told besides a verdict: of complete data what they would have shown, of rivals what would tell them apart.
+    /// Adds to a verdict what complete data would have shown, or, if there are rivals, the measurement that would distinguish them.
     pub(super) fn explain(&self, found: &mut Found) -> Result<(), InputError> {
         let node = found.ladder.last().expect("the base");
         if found.verdict == Verdict::Complete {
@@ -107,7 +107,7 @@ impl Evidence<'_> {
         Ok(())
     }
 
-    /// Adopts a model that explains the data, if noise or a few rows alone did not make it.
+    /// Adopts a model that explains the data, unless noise or a few rows alone account for it.
     pub(super) fn adopt(&self, node: &Arc<Node>) -> Result<Ended, InputError> {
         for place in 0..node.added.len() {
             if self.may_be_noise(node, place)? {

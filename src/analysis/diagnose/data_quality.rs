@@ -1,8 +1,8 @@
 //! Whether data can carry a verdict at all.
 //!
-//! Before anything is fitted: enough rows, none twice, none that contradict one another, and errors that are not far larger
-//! than what neighbouring rows scatter by. (Errors that are too small can only be told from a missing effect once effects
-//! have been tried: see [`sigma_too_small`].)
+//! Checked before anything is fitted: enough rows, no duplicates, no contradictory rows, and errors not far larger than the scatter
+//! of neighbouring rows. (Errors that are too small can be distinguished from a missing effect only after effects have been tried:
+//! see [`sigma_too_small`].)
 
 use std::collections::HashMap;
 
@@ -14,23 +14,24 @@ use super::noise::SetNoise;
 use super::result::{Reason, RowPlace};
 use crate::physics::conditions::NAMES;
 
-/// Rows that any verdict needs: an effect with two parameters, and as many rows to judge it by.
+/// Rows that any verdict needs: an effect with two parameters, and as many rows to test it with.
 const LEAST_ROWS: usize = 4;
 
-/// Chance below which something is no accident.
+/// Probability below which something is no coincidence.
 const NO_ACCIDENT: f64 = 1e-5;
 
-/// Sigma from which on a row is far off, and of how many rows one may be: of fewer, one may be all that shows an effect.
+/// Sigma beyond which a row is an outlier, and one in how many rows may be one: of fewer rows, one may be all that shows an effect.
 const ODD_SIGMA: f64 = 5.0;
 const ONE_IN: usize = 20;
 
-/// Standard deviations of chi2 within which a model nearly explains all other rows: it is fitted again without them.
+/// Standard deviations of chi2 within which a model nearly explains all other rows: it is refitted without the outliers.
 const NEARLY: f64 = 4.0;
 
-/// Share of the residuals of a row, or of several together, that free parameters take, from which on one of them hangs on these rows.
+/// Share of the residuals of a row, or of several together, absorbed by free parameters beyond which one of them is determined by
+/// these rows.
 const HANGS_ON_IT: f64 = 0.5;
 
-/// Why the data cannot carry a verdict; None where they can.
+/// Why the data cannot carry a verdict; None if they can.
 pub(super) fn refusal(case: &Case, free: usize) -> Option<Reason> {
     too_few(case, free).or_else(|| repeated(case))
 }
@@ -40,8 +41,8 @@ fn too_few(case: &Case, free: usize) -> Option<Reason> {
     (n < LEAST_ROWS.max(free + 3)).then_some(Reason::TooFewRows { n, free })
 }
 
-/// Rows of the same observable under the same circumstances, more than one each, as places among all rows. All that a file says of a row
-/// is a circumstance, in its columns or of all its rows.
+/// Groups of two or more rows of the same observable under the same conditions, as indices among all rows. Everything that a file
+/// states about a row is a condition, in its columns or for all its rows.
 fn alike(case: &Case) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     let mut group_of: HashMap<_, usize> = HashMap::new();
@@ -70,7 +71,7 @@ fn alike(case: &Case) -> Vec<Vec<usize>> {
     groups.into_iter().filter(|members| members.len() > 1).collect()
 }
 
-/// Rows that are there twice: equal in every digit, more often than rounding makes them.
+/// Duplicate rows: equal in every digit, more often than by rounding.
 fn repeated(case: &Case) -> Option<Reason> {
     let groups = alike(case);
     let (mut pairs, mut equal, mut step_sigma) = (0u64, Vec::new(), 0.0_f64);
@@ -86,7 +87,7 @@ fn repeated(case: &Case) -> Option<Reason> {
             }
         }
     }
-    // Two normal numbers rounded to a step are equal with a chance of step/(2 √π sigma).
+    // Two normal variates rounded to a step are equal with a probability of step/(2 √π sigma).
     let chance = (step_sigma / (2.0 * std::f64::consts::PI.sqrt())).clamp(1e-12, 1.0);
     let accident = match equal.len() as u64 {
         0 => 1.0,
@@ -98,7 +99,7 @@ fn repeated(case: &Case) -> Option<Reason> {
     })
 }
 
-/// Decimals of a number as it is written shortest.
+/// Decimals of a number in its shortest form.
 fn decimals(value: f64) -> i32 {
     let text = format!("{value:e}");
     let (digits, exponent) = text.split_once('e').unwrap_or((&text, "0"));
@@ -106,7 +107,7 @@ fn decimals(value: f64) -> i32 {
     behind - exponent.parse::<i32>().unwrap_or(0)
 }
 
-/// Rows under the same circumstances that differ by far more than their errors.
+/// Rows under the same conditions that differ by far more than their errors.
 pub(super) fn contradictory(case: &Case) -> Option<Reason> {
     let (mut chi2, mut freedom, mut worst) = (0.0, 0usize, (0.0, 0, 0));
     for members in alike(case) {
@@ -129,14 +130,14 @@ pub(super) fn contradictory(case: &Case) -> Option<Reason> {
     (chance < NO_ACCIDENT).then(|| Reason::Contradictory { rows: [named(case, a), named(case, b)], apart_sigma })
 }
 
-/// A row by its place among all.
+/// A row by its index among all.
 fn named(case: &Case, row: usize) -> RowPlace {
     let index = case.set_of[row];
     let (set, row) = (&case.data[index], row - case.rows(index).start);
     RowPlace { file: set.file.clone(), line: set.table.lines.get(row).copied(), row }
 }
 
-/// Errors that are farther from the scatter than can be allowed for.
+/// Errors that differ from the scatter by more than can be allowed for.
 pub(super) fn errors_beyond(noise: &[SetNoise]) -> Option<Reason> {
     let beyond = noise.iter().find(|noise| noise.is_beyond())?;
     let file = beyond.file.clone();
@@ -146,20 +147,20 @@ pub(super) fn errors_beyond(noise: &[SetNoise]) -> Option<Reason> {
     })
 }
 
-/// Rows that are far from a model which explains all others.
+/// Outliers from a model that explains all other rows.
 pub(super) struct Odd {
-    /// By how much chi2 falls without them, each counted as a parameter.
+    /// Decrease of chi2 without them, each counted as a parameter.
     pub fall: f64,
-    /// Which, by their places among all, and how far, in sigma.
+    /// Their indices among all rows, and their distances, sigma.
     pub rows: Vec<(usize, f64)>,
-    /// The same as words.
+    /// The same as a reason for the report.
     pub reason: Reason,
 }
 
-/// A few rows, each far from a model that explains all others, or one row where an effect was added to it; None where more is
-/// wrong than that, or nothing.
+/// A few rows, each far from a model that explains all others. None if there are none, if more is wrong, or if the model has
+/// several added effects.
 pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
-    // A row that a parameter hangs on may be all that shows an effect.
+    // A row that alone determines a parameter may be all that shows an effect.
     let hangs = |row: &usize| node.basis.row(*row).norm_squared() > HANGS_ON_IT;
     let size = |row: usize| node.residuals[row].abs();
     let is_right = |row: &usize| {
@@ -169,11 +170,12 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
     let odd = |row: &usize| size(*row) > ODD_SIGMA && !hangs(row) && !is_right(row);
     let mut clear: Vec<usize> = (0..case.n()).filter(odd).collect();
     clear.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
-    // What effects leave in several rows may be what they cannot explain: a gain that drifts, in the brightest packets.
+    // The residuals of several effects may be a real change that they cannot describe: a gain that drifts, in the brightest
+    // packets.
     if node.added.len() > 1 {
         return None;
     }
-    // In each file one in twenty, those included that are known already.
+    // In each file one row in twenty, including those already known.
     let wrong = |set: usize| case.data[set].shared.wrong.len();
     let mut left: Vec<usize> =
         (0..case.data.len()).map(|set| case.rows(set).len().div_ceil(ONE_IN).saturating_sub(wrong(set))).collect();
@@ -183,13 +185,13 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
         *left -= usize::from(may_be);
         may_be
     });
-    // Neighbours that are off in the same direction are no accidents of single rows.
+    // Neighbours with residuals of the same sign are not accidents of single rows.
     let together = |rows: &[usize]| {
         let same = |a: usize, b: usize| a.abs_diff(b) == 1 && node.residuals[a] * node.residuals[b] > 0.0;
         rows.iter().any(|&a| rows.iter().any(|&b| same(a, b)))
     };
     let explained = |rows: &[usize]| {
-        // What hangs on several rows together does not hang on one of them.
+        // A parameter may be determined by several rows together and by none of them alone.
         if together(rows) || holdout::least_seen(node, rows) < 1.0 - HANGS_ON_IT {
             return None;
         }
@@ -206,8 +208,8 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
     Some(Odd { fall: fall - 2.0 * rows.len() as f64, rows, reason: Reason::OddRows { rows: each, with } })
 }
 
-/// Whether a row alone has the least or the largest value of a condition in its file: it may be all that shows an effect, such as an
-/// event before the second epoch.
+/// Whether a row alone has the lowest or highest value of a condition in its file. It may then be all that shows an effect, such as
+/// an event before the second epoch.
 pub(super) fn is_alone_at_an_end(case: &Case, place: usize) -> bool {
     let (set, row) = (&case.data[case.set_of[place]], place - case.rows(case.set_of[place]).start);
     set.varying.iter().filter(|name| !set.is_words(name)).any(|name| {
@@ -217,8 +219,8 @@ pub(super) fn is_alone_at_an_end(case: &Case, place: usize) -> bool {
     })
 }
 
-/// By how much chi2 falls at a model without some rows, each counted as a parameter; without those that the others do not predict it
-/// does not.
+/// Decrease of chi2 of a model without some rows, each counted as a parameter. If the other rows do not predict these, chi2 does
+/// not decrease.
 pub(super) fn fall_without(node: &Node, rows: &[(usize, f64)]) -> f64 {
     let places: Vec<usize> = rows.iter().map(|(row, _)| *row).collect();
     let off = holdout::left_out(node, &places);
@@ -226,7 +228,7 @@ pub(super) fn fall_without(node: &Node, rows: &[(usize, f64)]) -> f64 {
     fall - 2.0 * rows.len() as f64
 }
 
-/// Errors that are smaller than a scatter which trends on nothing.
+/// Errors smaller than a scatter without trends.
 pub(super) fn sigma_too_small(case: &Case, node: &Node) -> Reason {
     let (mut file, mut worst) = (String::new(), 0.0);
     for (index, set) in case.data.iter().enumerate() {

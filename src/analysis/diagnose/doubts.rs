@@ -1,4 +1,4 @@
-//! What is doubtful of a model that explains the data: dates that little moves far, predictions that do not carry.
+//! Doubts about a model that explains the data: weak effects that move the date far, and poor predictions outside the data's range.
 
 use super::holdout::Carried;
 use super::result::{Note, Rung, Step};
@@ -7,10 +7,10 @@ use crate::analysis::fit::{Advice, Fitted};
 /// Share of what all effects explain below which one explains little.
 const LITTLE: f64 = 0.05;
 
-/// Years by which it moves the date far.
+/// Shift of the date that counts as large, years.
 const FAR_YR: f64 = 0.5;
 
-/// Factor by which predictions at the ends of a range must become worse with an effect, and how bad they must be, in sigma.
+/// Factor by which predictions at the ends of a range must worsen with an effect, and how poor they must be, sigma.
 const WORSE: f64 = 1.15;
 const BAD_SIGMA: f64 = 1.5;
 
@@ -30,8 +30,8 @@ pub(super) fn of(baseline: &Rung, steps: &[Step]) -> Vec<Note> {
     notes
 }
 
-/// Species whose density a fit has brought down to 0 beside an additional one: what is missing may be no species, but a parameter of
-/// theirs.
+/// Species whose density a fit has reduced to 0 beside an additional species: the deficiency may be a parameter of theirs rather
+/// than a species.
 pub(super) fn replaced(steps: &[Step], fitted: &[Fitted], advice: &[Advice]) -> Vec<Note> {
     // An effect with a release time of its own is a species.
     let is_species = |step: &&Step| {

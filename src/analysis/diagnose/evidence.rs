@@ -1,4 +1,4 @@
-//! What a verdict is made from, and what a search came to.
+//! The evidence for a verdict, and the outcome of a search.
 
 use std::sync::Arc;
 
@@ -10,24 +10,24 @@ use super::rivals::{self, Rival};
 use super::search::Search;
 use super::work::Work;
 
-/// What a search came to.
+/// The outcome of a search.
 pub(super) struct Found {
     pub verdict: Verdict,
     pub reason: Reason,
-    /// Models from the base to that at the end.
+    /// Models from the base to the final one.
     pub ladder: Vec<Arc<Node>>,
     pub alternatives: Vec<Vec<String>>,
     pub next: Option<Next>,
     pub limits: Vec<Limit>,
-    /// Models with others in the place of one of its effects, the nearest first.
+    /// Models with another effect in place of one of its effects, the nearest first.
     pub rivals: Vec<Rival>,
-    /// Rivals that are hardly worse, and were set aside.
+    /// Rivals that are only slightly worse and were set aside.
     pub aside: Vec<Note>,
-    /// The model nearest to the data, where none explains them.
+    /// The model nearest to the data if none explains them.
     pub nearest: Option<Arc<Node>>,
-    /// Rows that are wrong (by their places among all), each with how far it is off, in sigma: the search is to be repeated without.
+    /// Wrong rows (indices among all), each with its residual in sigma: the search is to be repeated without them.
     pub wrong: Vec<(usize, f64)>,
-    /// The errors that the search saw.
+    /// The errors used in the search.
     pub noise: Vec<SetNoise>,
 }
 
@@ -54,22 +54,22 @@ impl Found {
     }
 }
 
-/// How a search ends, or one step of it.
+/// The outcome of a search, or of one step of it.
 pub(super) enum Ended {
     /// A model explains the data.
     Adopted(Box<Found>),
-    /// A model explains the data, and noise explains what it gains.
+    /// A model explains the data, but noise can explain its gain.
     ByChance,
-    /// None does.
+    /// No model does.
     Nothing,
 }
 
-/// All that a verdict is made from.
+/// Everything that a verdict is based on.
 pub(super) struct Evidence<'a> {
     pub search: &'a Search<'a>,
     pub options: &'a Options,
     pub base: &'a Arc<Node>,
-    /// Columns, and the groups of rows that are left out by them.
+    /// Columns whose groups of rows are left out, and these groups.
     pub split: Option<&'a (Vec<&'static str>, Vec<Vec<usize>>)>,
 }
 
@@ -91,19 +91,19 @@ impl Evidence<'_> {
         self.search.hypotheses[hypothesis].name.clone()
     }
 
-    /// A penalty for freedom beside chi2, when models compete.
+    /// chi2 with a penalty for free parameters, to compare models.
     pub fn score(&self, node: &Node) -> f64 {
         let general = node.added.iter().filter(|added| self.search.hypotheses[added.hypothesis].is_general()).count();
-        // A general law must bring more than a rival may be worse by, or its special case is what is meant.
+        // A general law must gain more than the margin of a rival; otherwise its special case is meant.
         node.chi2() + 2.0 * node.fit.parameters.len() as f64 + rivals::margin(self.options.level) * general as f64
     }
 
-    /// What parameters cost, and the choice of effects among all.
+    /// Penalty for parameters, and for the choice of effects among all.
     pub fn cost(&self, node: &Node) -> f64 {
         2.0 * node.fit.parameters.len() as f64 + self.choice() * node.added.len() as f64
     }
 
-    /// What the best of all effects gains by chance.
+    /// Gain of the best of all effects by chance.
     pub fn choice(&self) -> f64 {
         2.0 * (self.search.hypotheses.len() as f64).ln()
     }

@@ -1,7 +1,7 @@
-//! The measurement that tells two models apart.
+//! The measurement that best distinguishes two models.
 //!
-//! Both were fitted to the same data; a measurement is worth most where their predictions lie farthest apart in units of its
-//! own error and of what the fits leave open (T-optimality: Atkinson & Fedorov 1975, Biometrika 62, 57).
+//! Both were fitted to the same data. A measurement is worth most where their predictions differ most, in units of its own error
+//! and of the uncertainty left by the fits (T-optimality: Atkinson & Fedorov 1975, Biometrika 62, 57).
 
 use nalgebra::DVector;
 
@@ -16,10 +16,10 @@ use crate::numeric::parallel;
 use crate::physics::conditions::Conditions;
 use crate::physics::observable::Observable;
 
-/// Possible measurements for which it is computed together what the fits leave open.
+/// Possible measurements whose prediction uncertainty is computed together.
 const TOGETHER: usize = 24;
 
-/// The best measurement to tell a model from a rival. None where nothing that can be measured would.
+/// The best measurement to distinguish a model from a rival; None if no possible measurement would.
 pub(super) fn best(
     search: &Search,
     node: &Node,
@@ -44,8 +44,8 @@ pub(super) fn best(
         let apart = (one[index] - other[index]).abs() / sigma(index).hypot(open.sqrt());
         if apart.is_finite() { apart } else { 0.0 }
     };
-    // What the fits leave open takes many predictions, and only brings two models nearer: it is left out where they are not
-    // as far apart without it as the best so far with it.
+    // The uncertainty left by the fits takes many predictions, and only reduces the separation of two models. It is skipped if the
+    // separation without it is below the best so far with it.
     let mut order: Vec<usize> = (0..wanted.len()).collect();
     order.sort_by(|a, b| apart(*b, 0.0).total_cmp(&apart(*a, 0.0)).then(a.cmp(b)));
     let mut best = (order[0], 0.0);
@@ -80,7 +80,7 @@ pub(super) fn best(
 /// Pixels behind a packet that are worth measuring.
 const PIXELS: [u32; 6] = [1, 2, 4, 10, 30, 100];
 
-/// What could be measured: around the data's and the mission's own conditions, one condition changed at a time.
+/// Possible measurements: around the data's and the mission's own conditions, one condition changed at a time.
 fn possible(case: &Case, node: &Node, observable: Observable) -> Vec<(Observable, Conditions, Option<usize>)> {
     let mission = node.mission();
     let like = case.questions.iter().find(|question| question.observable == observable).or(case.questions.first());
@@ -119,7 +119,7 @@ fn possible(case: &Case, node: &Node, observable: Observable) -> Vec<(Observable
     let galaxy = if observable.is_shape() { judged() } else { None };
     let mut all = Vec::new();
     for at in around {
-        // What it does not depend on is nothing to be said.
+        // Conditions that it does not depend on are not stated.
         let at = Conditions {
             dose_mev_g: at.dose_mev_g.filter(|_| observable.depends_on("dose_mev_g")),
             signal_e: at.signal_e.filter(|_| observable.depends_on("signal_e")),
@@ -135,8 +135,7 @@ fn possible(case: &Case, node: &Node, observable: Observable) -> Vec<(Observable
     all
 }
 
-/// The error that a measurement of an observable would have: that of the data where they have it, or a hundredth of the
-/// value.
+/// The error of a measurement of an observable: as in the data if they include it, or a hundredth of the value.
 fn error(case: &Case, observable: Observable, value: f64) -> f64 {
     let mut sigmas: Vec<f64> = case
         .questions
@@ -150,7 +149,7 @@ fn error(case: &Case, observable: Observable, value: f64) -> f64 {
     sigmas.get(sigmas.len() / 2).copied().unwrap_or((0.01 * value.abs()).max(least))
 }
 
-/// The variance that a fit leaves open in predictions.
+/// The variance of predictions that a fit leaves.
 fn left_open(node: &Node, questions: &[Question]) -> Result<Vec<f64>, InputError> {
     if node.fit.parameters.is_empty() {
         return Ok(vec![0.0; questions.len()]);

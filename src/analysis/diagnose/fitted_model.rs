@@ -24,7 +24,7 @@ pub(super) struct Case<'a> {
     pub sigmas: Vec<f64>,
     /// Data set of each row.
     pub set_of: Vec<usize>,
-    /// For each row the row before it in the same trail, and how many pixels lie between.
+    /// For each row the preceding row in the same trail, and their distance in pixels.
     pub before: Vec<Link>,
     pub(super) whitening: Whitening,
     pub reach: Reach,
@@ -60,10 +60,10 @@ impl<'a> Case<'a> {
         self.values.len()
     }
 
-    /// Predictions in units of each row's sigma, without what the errors of rows have in common.
+    /// Predictions in units of each row's sigma, whitened: without the part of the errors that rows have in common.
     ///
     /// # Errors
-    /// Where the model has no value for a row.
+    /// If the model has no value for a row.
     pub fn predict_sigma(&self, model: &Model) -> Result<DVector<f64>, InputError> {
         let values = predict(model, &self.questions)?;
         self.work.count();
@@ -76,19 +76,19 @@ impl<'a> Case<'a> {
         Ok(self.white(&values))
     }
 
-    /// Values in units of each row's sigma, without what the errors of rows have in common; pedestals are kept.
+    /// Values in units of each row's sigma, whitened as above; pedestals are kept.
     pub fn white(&self, values: &[f64]) -> DVector<f64> {
         DVector::from_vec(self.whitening.linear(&self.over_sigma(values)))
     }
 
-    /// What each file's pedestal costs in chi2 at a model; empty where it has no value.
+    /// The chi2 penalty of each file's pedestal for a model; empty if the model has no value.
     pub fn pedestal_costs(&self, model: &Model) -> Vec<f64> {
         let predicted = self.predict_sigma(model);
         let residuals = predicted.map(|predicted| self.white(&self.values) - predicted);
         residuals.map_or(Vec::new(), |residuals| self.whitening.costs(&self.whitening.levels(residuals.as_slice())))
     }
 
-    /// By how much another model's predictions are larger than a fitted one's, as residuals feel it.
+    /// Excess of another model's predictions over those of a fitted one, as it enters the residuals.
     ///
     /// # Errors
     /// As [`Case::predict_sigma`].
@@ -102,12 +102,12 @@ impl<'a> Case<'a> {
         values.iter().zip(&self.sigmas).map(|(value, sigma)| value / sigma).collect()
     }
 
-    /// A change of residuals with what the errors of rows have in common put back.
+    /// A whitened change of residuals with the common part of the errors restored.
     pub fn coloured(&self, white: &[f64]) -> DVector<f64> {
         DVector::from_vec(self.whitening.undone(white))
     }
 
-    /// Names of the files of some pedestals, by their places among all.
+    /// Names of the files of some pedestals, by their indices among all.
     pub fn pedestal_files(&self, places: impl Iterator<Item = usize>) -> Vec<String> {
         let sets = self.whitening.pedestal_sets();
         places.map(|place| self.data[sets[place]].file.clone()).collect()
@@ -120,7 +120,7 @@ impl<'a> Case<'a> {
     }
 }
 
-/// For each row of all data sets the row before it in the same trail.
+/// For each row of all data sets the preceding row in the same trail.
 fn neighbours(data: &[DataSet]) -> Vec<Link> {
     let mut all: Vec<Link> = Vec::new();
     for set in data {
@@ -133,11 +133,11 @@ fn neighbours(data: &[DataSet]) -> Vec<Link> {
 /// An effect that was added.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Added {
-    /// The hypothesis, by its place among all.
+    /// Index of the hypothesis among all.
     pub hypothesis: usize,
     /// Dotted key of its table in the mission.
     pub key: String,
-    /// Its parameters that were fitted, as dotted keys.
+    /// Its fitted parameters, as dotted keys.
     pub free: Vec<String>,
 }
 
@@ -147,18 +147,18 @@ pub(super) struct Node {
     pub added: Vec<Added>,
     pub model: Model,
     pub fit: Fit,
-    /// (value − model)/sigma, without what the errors of rows have in common.
+    /// (value − model)/sigma, whitened.
     pub residuals: DVector<f64>,
-    /// How high the pedestals are, in their errors.
+    /// Pedestals over their errors.
     levels: Vec<f64>,
-    /// What each costs in chi2.
+    /// chi2 penalty of each.
     pub pedestal_costs: Vec<f64>,
     /// Orthonormal directions that the free parameters can absorb, `[(row, direction)]`.
     pub basis: DMatrix<f64>,
 }
 
 impl Node {
-    /// Fits all that is free, from the model's own values.
+    /// Fits all free parameters, from the model's own values.
     pub fn fit(
         case: &Case,
         model: &Model,
@@ -177,7 +177,7 @@ impl Node {
         Ok(Node { added, model, fit, residuals, levels, pedestal_costs, basis })
     }
 
-    /// Whether a file's mean residual is beyond what noise makes.
+    /// Whether the mean residual of any file exceeds noise.
     pub fn has_pedestal(&self) -> bool {
         self.levels.iter().any(|level| level.abs() > CLEAR)
     }
@@ -190,14 +190,15 @@ impl Node {
         self.fit.chi2
     }
 
-    /// chi2 without what pedestals cost in a choice between models: that of the rows.
+    /// chi2 of the rows: without the penalty of pedestals in a comparison of models.
     pub fn chi2_of_rows(&self) -> f64 {
         self.chi2() - self.pedestal_costs.iter().sum::<f64>()
     }
 
-    /// By how much chi2 falls to that of another model with so many parameters more. What is saved by doing without pedestals is not
-    /// counted: that they are there needs no effect. But each parameter can take the place of one (as the choice of the effect can),
-    /// and that an effect does without more of them than it has parameters would be chance: the savings beyond the largest few count.
+    /// Decrease of chi2 to that of another model with `parameters` additional parameters. Savings of pedestal penalties are not
+    /// counted: pedestals can exist without an effect. But each parameter can take the place of one pedestal (as can the choice of
+    /// the effect), and an effect would replace more pedestals than it has parameters only by chance. So only the largest savings,
+    /// one per parameter, are subtracted.
     pub fn gain_of(&self, chi2: f64, pedestal_costs: &[f64], parameters: usize) -> f64 {
         let after = pedestal_costs.iter().copied().chain(std::iter::repeat(0.0));
         let mut saved: Vec<f64> =
@@ -206,20 +207,20 @@ impl Node {
         self.chi2() - chi2 - saved.iter().take(parameters.max(1)).sum::<f64>()
     }
 
-    /// Rows that are left when every free parameter has taken one.
+    /// Degrees of freedom: rows less free parameters.
     pub fn freedom(&self) -> f64 {
         (self.fit.n - self.basis.ncols()).max(1) as f64
     }
 
-    /// Hypotheses that were added, in rising order: what makes two nodes the same.
+    /// Added hypotheses, ascending: equal for two nodes with the same effects.
     pub fn set(&self) -> Vec<usize> {
         let mut set: Vec<usize> = self.added.iter().map(|added| added.hypothesis).collect();
         set.sort_unstable();
         set
     }
 
-    /// The mission with its free parameters where they absorb a change of the predictions to first order; None where that
-    /// makes no sense.
+    /// The mission with its free parameters moved to absorb a change of the predictions, to first order; None if the values make no
+    /// sense.
     pub fn absorbing(&self, change: &DVector<f64>) -> Option<Mission> {
         // The derivatives are those of (value − model)/sigma.
         let steps = Span::of(&self.fit.jacobian, FLAT).solve(change);
@@ -227,19 +228,19 @@ impl Node {
         self.mission().with(&self.fit.parameters.iter().zip(steps.iter()).map(moved).collect::<Vec<_>>()).ok()
     }
 
-    /// What the free parameters cannot absorb.
+    /// The part that the free parameters cannot absorb.
     pub fn beyond(&self, vector: &DVector<f64>) -> DVector<f64> {
         vector - &self.basis * self.basis.tr_mul(vector)
     }
 }
 
-/// Errors from which on a pedestal is no noise.
+/// Significance, in its errors, beyond which a pedestal is no noise.
 const CLEAR: f64 = 3.0;
 
-/// Part of a column that others leave, below which it is none.
+/// Share of a column beyond the span of the others, below which the column is linearly dependent.
 pub(super) const FLAT: f64 = 1e-5;
 
-/// Orthonormal directions that columns span.
+/// Orthonormal basis of the span of columns.
 pub(super) fn orthonormal(columns: &DMatrix<f64>) -> DMatrix<f64> {
     Span::of(columns, FLAT).directions().clone()
 }

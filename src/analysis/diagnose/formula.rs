@@ -1,4 +1,4 @@
-//! What is left, as a formula: the start of a hypothesis of the user's own.
+//! The remaining residuals as a formula: a starting point for the user's own hypothesis.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -7,7 +7,7 @@ use crate::analysis::validate::{SetResult, Validation};
 use crate::numeric::least_squares::Span;
 use crate::physics::observable::Observable;
 
-/// Part of a power of a covariate that lower ones leave, below which it is none.
+/// Share of a power of a covariate beyond the span of the lower ones, below which it is linearly dependent.
 const FLAT: f64 = 1e-10;
 
 /// What a formula changes, and how.
@@ -32,8 +32,8 @@ fn forms(validation: &Validation) -> Vec<Form> {
     }
 }
 
-/// A parabola in the condition that residuals trend on most, or a constant where they trend on none, added to the values or
-/// multiplied with them, of one observable or of all, whichever explains most. None where they trend on words alone.
+/// A parabola in the condition with the strongest residual trend, or a constant if there is no trend. It is added to the values or
+/// multiplied with them, of one observable or of all, whichever explains most. None if the residuals trend with words alone.
 pub(super) fn suggest(validation: &Validation, covariates: &[Covariate]) -> Option<Suggestion> {
     let words = |name: &str| validation.sets.iter().any(|set| set.data.is_words(name));
     let covariate = covariates.iter().find(|covariate| !words(&covariate.name));
@@ -61,7 +61,7 @@ pub(super) fn suggest(validation: &Validation, covariates: &[Covariate]) -> Opti
     Some(Suggestion { toml, chi2: [residuals.norm_squared(), chi2] })
 }
 
-/// How the rows of a data set (one after another, in sigma) change with each power of a form.
+/// Changes of the rows of a data set (consecutive, in sigma) with each power of a form.
 fn columns(set: &SetResult, form: Form, covariate: Option<&Covariate>, powers: usize) -> Vec<f64> {
     let places =
         covariate.map_or_else(|| vec![0.0; set.data.rows.len()], |covariate| set.data.against(&covariate.name));

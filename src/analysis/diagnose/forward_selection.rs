@@ -1,4 +1,4 @@
-//! From the base to a model that calls for nothing more: one effect at a time on the best few models, then two at once.
+//! From the base to a model that meets the stopping rule: one effect at a time on top of the best few models, then two at once.
 
 use std::sync::Arc;
 
@@ -18,29 +18,29 @@ use crate::numeric::parallel;
 /// Effects added at most.
 const MOST: usize = 3;
 
-/// Chance of noise to leave more, below which it is asked whether a model stands for two effects.
+/// Probability of a larger chi2 by noise, below which the model may stand for two effects, and alternatives are tested.
 const DOUBTFUL: f64 = 0.05;
 
-/// Effects that promise most, of which one is added before the errors are told from what is left.
+/// Most promising effects, of which one is added before the errors are estimated from the residuals.
 const NEAREST: usize = 4;
 
-/// Share of the fall of chi2 within which two models that fall as far say the same of the data.
+/// Share of the decrease of chi2 within which two models make the same predictions for the data.
 const THE_SAME: f64 = 0.02;
 
-/// Fall of chi2, in units of what a row leaves, below which an effect is weak.
+/// Decrease of chi2, relative to the residual chi2 per degree of freedom, below which an effect is weak.
 const WEAK: f64 = 20.0;
 
-/// Fall of chi2 that any effect reaches by chance.
+/// Decrease of chi2 that any effect reaches by chance.
 const NO_GAIN: f64 = 4.0;
 
-/// Share of the excess of chi2 that may be left after another effect, for one more to be tried.
+/// Share of the excess of chi2 that may remain after another effect for one more to be tried.
 const WORTH_GOING_ON: f64 = 0.5;
 
-/// By how much less chi2 and parameters must come to with rows left out than with an effect more, for the rows to be to blame.
+/// How much lower chi2 plus its penalties must be with rows left out than with additional effects, for the rows to be wrong.
 const MUCH_SIMPLER: f64 = 15.0;
 
 impl Evidence<'_> {
-    /// Searches until a model calls for nothing more, or nothing more helps.
+    /// Searches until a model meets the stopping rule, or nothing more helps.
     pub(super) fn select(&self) -> Result<Found, InputError> {
         let hypotheses = self.search.hypotheses.len() as u64;
         (self.search.progress.stage)("every effect", 2 * hypotheses);
@@ -68,7 +68,7 @@ impl Evidence<'_> {
         }
     }
 
-    /// The simplest model that leaves nothing but noise, if all that it calls for was found to be what noise may make.
+    /// The simplest model that leaves only noise, if every further effect was found to be possible noise.
     fn enough_but_for_noise(&self, tried: &[Arc<Node>]) -> Result<Option<Found>, InputError> {
         for effects in 1..=MOST {
             let nodes = tried.iter().filter(|node| node.added.len() == effects);
@@ -88,7 +88,7 @@ impl Evidence<'_> {
         Found::of(Verdict::Complete, reason, vec![self.base.clone()])
     }
 
-    /// That an effect does better than noise mostly does, and is not believed all the same.
+    /// The reason for a model without effects: the best effect gains more than noise usually does, but was not confirmed.
     fn not_borne_out(&self, tried: &[Arc<Node>]) -> Reason {
         let best =
             tried.iter().filter(|node| !node.added.is_empty()).min_by(|a, b| self.score(a).total_cmp(&self.score(b)));
@@ -99,7 +99,7 @@ impl Evidence<'_> {
         Reason::Noise { best }
     }
 
-    /// One effect more at a time on top of the best few models, from the base on, until one is adopted. All models are kept.
+    /// Adds one effect at a time to the best few models, from the base on, until one is adopted. All models are kept.
     fn lines(&self, tried: &mut Vec<Arc<Node>>) -> Result<Ended, InputError> {
         let hypotheses = self.search.hypotheses.len() as u64;
         let mut lines = vec![self.base.clone()];
@@ -115,7 +115,7 @@ impl Evidence<'_> {
                 let further = self.further(line, if depth == 1 { usize::MAX } else { BREADTH })?;
                 match self.success(&further)? {
                     Ended::Nothing => nodes.extend(further),
-                    // Two effects are no better known than one that is mere chance.
+                    // Several effects are only as certain as the least certain of them, so the search goes on.
                     Ended::ByChance if depth > 1 => nodes.extend(further),
                     ended => {
                         tried.extend(further);
@@ -137,11 +137,11 @@ impl Evidence<'_> {
             let excess = |node: &Node| (node.chi2() - node.freedom()).max(0.0);
             let helped = excess(best) < WORTH_GOING_ON * excess(&lines[0]);
             tried.extend(nodes.iter().cloned());
-            // Nothing is in excess but what one effect promised and did not keep.
+            // chi2 and residual trends are those of noise; the only sign of an effect was not confirmed by its fit.
             if depth == 1 && self.mere_noise(self.base)?.is_some() {
                 break;
             }
-            // Two effects can be needed where one is of little use; three are not looked for where the second was.
+            // Two effects may be needed although one is of little use. Three are not tried if the second was of little use.
             if depth > 1 && !helped {
                 break;
             }
@@ -151,8 +151,8 @@ impl Evidence<'_> {
         Ok(Ended::Nothing)
     }
 
-    /// Rows that are wrong, where that asks for less than the effects that were found: a row left out counts as a parameter. The
-    /// model with the fewest effects has the word; that which was adopted last, of rows that hid in errors that were told too large
+    /// Wrong rows, if they explain the data more simply than the effects found; a row left out counts as a parameter. The model
+    /// with the fewest effects decides. The one adopted last is also tested for rows that were hidden by errors overestimated
     /// because of them.
     pub(super) fn odd_rows(&self, found: Option<&Found>, tried: &[Arc<Node>]) -> Option<Odd> {
         let adopted = found.and_then(|found| found.ladder.last());
@@ -167,30 +167,31 @@ impl Evidence<'_> {
         odd.into_iter().chain(own).find(clear).map(|(_, odd)| odd)
     }
 
-    /// Whether rows, left out of a model which then has that score, are to blame rather than effects missing that were adopted.
+    /// Whether rows rather than missing effects explain the data: `score` is that of a model without the rows, `adopted` the model
+    /// with effects.
     fn are_to_blame(&self, score: f64, (node, odd): &(&Arc<Node>, Odd), adopted: &Arc<Node>) -> bool {
         let margin = rivals::margin(self.options.level);
         let adopted_without = self.score(adopted) - data_quality::fall_without(adopted, &odd.rows);
         if node.set() == adopted.set() {
             return true;
         }
-        // Without the rows the adopted effects gain no more than noise gives them, or are worse than as many others.
+        // Without the rows the adopted effects gain no more than noise would, or are worse than as many others.
         let simpler = node.added.len() < adopted.added.len();
         let gains_nothing = if simpler { score < adopted_without + margin } else { score + margin < adopted_without };
         let surrounded = !odd.rows.iter().any(|(row, _)| data_quality::is_alone_at_an_end(self.case(), *row));
         (surrounded && gains_nothing) || (simpler && score + MUCH_SIMPLER < self.score(adopted))
     }
 
-    /// The best models with one effect more, in full.
+    /// The best models with one more effect, fitted in full.
     fn further(&self, line: &Arc<Node>, breadth: usize) -> Result<Vec<Arc<Node>>, InputError> {
         let expansion = self.search.expand(line);
         let mut wanted = expansion.promising();
-        // Of an effect alone the first order may be wrong, where it is far from there; on top of others it is not.
+        // For a single effect, far from the data, the first order may be wrong; on top of others it is not.
         wanted.retain(|place| line.added.is_empty() || expansion.gain(*place) > NO_GAIN);
         wanted.truncate(breadth);
         let sketches = self.search.sketches(&expansion, &wanted);
         let gaining = sketches.iter().filter(|sketch| sketch.chi2 < line.chi2() - NO_GAIN).enumerate();
-        // The best is fitted in full in any case.
+        // The best is always fitted in full.
         let allowed =
             gaining.take_while(|(place, _)| *place == 0 || self.work().allows("full fits of further effects"));
         let polish = |(_, sketch): (usize, &Sketch)| self.search.node(sketch, line);
@@ -199,9 +200,9 @@ impl Evidence<'_> {
         Ok(nodes)
     }
 
-    /// The best models with two effects more than the base, in full: those of which neither is among the lines that were carried on,
-    /// and some others, since two effects together may be elsewhere than one of them alone. Without those that leave the same
-    /// residuals, to first order, as a model that was tried.
+    /// The best models with two effects more than the base, fitted in full. Both effects are new to the lines carried on, or, in a
+    /// few further pairs, one or both are known: two effects together may have another optimum than one of them alone. Pairs whose
+    /// residuals equal those of a tried model, to first order, are omitted.
     fn pairs(&self, lines: &[Arc<Node>], tried: &[Arc<Node>]) -> Result<Vec<Arc<Node>>, InputError> {
         let expansion = self.search.expand(self.base);
         let carried_on: Vec<usize> = lines.iter().flat_map(|line| line.set()).collect();
@@ -231,9 +232,9 @@ impl Evidence<'_> {
         Ok(nodes)
     }
 
-    /// Whether no effect takes more from what the base leaves than noise makes effects take. All that effects make to first order is
-    /// taken out of what is left before errors are told from it, and more than that weak ones do not make. How large noise is says what
-    /// an effect leaves: of few rows, one effect may be nearly all of what the base leaves.
+    /// Whether all effects are weak: none gains more from the residuals of the base than noise allows. The first order of all
+    /// effects is projected out before errors are estimated, and weak effects change nothing beyond it. The noise is measured by
+    /// what an effect leaves: with few rows, one effect may explain nearly all residuals of the base.
     fn is_near(&self) -> bool {
         let expansion = self.search.expand(self.base);
         let is_weak = |place: usize| {
@@ -244,8 +245,8 @@ impl Evidence<'_> {
         !self.base.has_pedestal() && (0..expansion.trials.len()).all(is_weak)
     }
 
-    /// The models with one effect at most that are nearest to the data, the best first: what is left there is nearer to their noise
-    /// than at a base that lacks much.
+    /// The models with at most one effect that are nearest to the data, the best first. Their residuals are closer to noise than
+    /// those of a base that lacks much.
     pub(super) fn nearest(&self) -> Result<Vec<Arc<Node>>, InputError> {
         let mut nodes = if self.is_near() { Vec::new() } else { self.further(self.base, NEAREST)? };
         nodes.push(self.base.clone());
@@ -253,8 +254,9 @@ impl Evidence<'_> {
         Ok(nodes)
     }
 
-    /// Whether another model, hardly farther from the data, is much nearer than this one with one effect more, or the base with two at
-    /// once. Asked of a model that leaves more than noise mostly does: it may stand for two effects, of which none improves it.
+    /// Whether another model of similar score is much nearer to the data than this one when it gets one more effect, or the base
+    /// when it gets two at once. Tested only for a model that leaves more than noise usually does: it may stand for two effects,
+    /// neither of which improves it.
     fn is_outdone(&self, node: &Arc<Node>, others: &[Arc<Node>]) -> bool {
         let chance = ChiSquared::new(node.freedom()).map_or(1.0, |law| law.sf(node.chi2()));
         if chance > DOUBTFUL {
@@ -283,8 +285,8 @@ impl Evidence<'_> {
             || others.iter().filter(is_near).any(with_one_more)
     }
 
-    /// Leaves out those that say the same of the data as a better one: another name for it is tried in its place in the end
-    /// (`rivals`), and would take the place of other lines here.
+    /// Omits models with the same predictions as a better one: equivalents of the adopted effect are tried at the end (`rivals`),
+    /// and would take the place of other lines here.
     fn unlike(&self, nodes: &mut Vec<Arc<Node>>) {
         let mut kept: Vec<Arc<Node>> = Vec::new();
         for node in nodes.drain(..) {
@@ -302,7 +304,7 @@ impl Evidence<'_> {
         nodes.sort_by(|a, b| self.score(a).total_cmp(&self.score(b)).then(a.set().cmp(&b.set())));
     }
 
-    /// The first of the best of some models that calls for nothing more, adopted.
+    /// The first of the best of some models that meets the stopping rule, adopted.
     fn success(&self, nodes: &[Arc<Node>]) -> Result<Ended, InputError> {
         let Some(best) = nodes.first() else { return Ok(Ended::Nothing) };
         let near = self.score(best) + rivals::margin(self.options.level);

@@ -1,8 +1,8 @@
 //! How well a fitted model predicts groups of rows that it has not seen.
 //!
 //! For a model that is linear in its parameters, the residuals of rows g left out of the fit are (1 − H_gg)⁻¹ r_g, with the
-//! residuals r and the hat matrix H of the fit to all rows (Cook & Weisberg 1982, Residuals and Influence in Regression,
-//! section 3.2). Near its optimum a model is that; a test holds this against fits without the rows.
+//! residuals r and the hat matrix H of the fit to all rows (Cook & Weisberg 1982, Residuals and Influence in Regression, section
+//! 3.2). Near its optimum a model is nearly linear; a test compares this with fits without the rows.
 
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
@@ -11,22 +11,22 @@ use serde::Serialize;
 use super::fitted_model::{Case, Node};
 use crate::analysis::fit::holdout::{groups, groups_among};
 
-/// Eigenvalue of 1 − H_gg below which a group cannot be predicted from the others: a parameter hangs on it alone.
+/// Eigenvalue of 1 − H_gg below which a group cannot be predicted from the others: it alone determines a parameter.
 const UNSEEN: f64 = 1e-3;
 
-/// The same as far as it can be told from 0.
+/// The eigenvalue below which it cannot be distinguished from 0.
 const NOT_SEEN: f64 = 1e-6;
 
-/// Conditions by whose values groups are left out.
+/// Conditions whose values define the groups.
 const CONDITIONS: [&str; 8] =
     ["t_yr", "signal_e", "transfers", "temperature_k", "dose_mev_g", "background_e", "line_time_ms", "galaxy"];
 
-/// Pixels of a trail share their errors, and are left out only where nothing else varies.
+/// Pixels of a trail share their errors, and are left out only if nothing else varies.
 const PIXELS: &str = "trail_px";
 
-/// Rows that are left out together, and the columns whose values they share: that by which most rows can be left out, of the files
-/// that do not vary in it another one, and so on. An effect that changes one file alone can be judged by rows of that file only.
-/// None where nothing varies.
+/// Groups of rows that are left out together, and the columns whose values define them. The first column is the one by which most
+/// rows can be left out; for files in which it does not vary, another column is chosen, and so on. An effect that changes a single
+/// file can only be tested with rows of that file. None if nothing varies.
 pub(super) fn split(case: &Case) -> Option<(Vec<&'static str>, Vec<Vec<usize>>)> {
     let mut rest: Vec<usize> = (0..case.data.len()).collect();
     let (mut columns, mut all) = (Vec::new(), Vec::new());
@@ -41,7 +41,7 @@ pub(super) fn split(case: &Case) -> Option<(Vec<&'static str>, Vec<Vec<usize>>)>
     Some((columns, all))
 }
 
-/// The column by which most rows of some files can be left out in three groups or more, and the groups.
+/// The column by which most rows of some files can be left out in three or more groups, and the groups.
 fn most_rows(case: &Case, files: &[usize], columns: &[&'static str]) -> Option<(&'static str, Vec<Vec<usize>>)> {
     let split = |column: &&'static str| {
         let groups: Vec<Vec<usize>> =
@@ -59,12 +59,12 @@ fn seen(node: &Node, members: &[usize]) -> (SymmetricEigen<f64, Dyn>, DVector<f6
     (seen.symmetric_eigen(), residuals)
 }
 
-/// The least share of a group's residuals, in any combination of its rows, that free parameters do not take.
+/// The least share of a group's residuals, in any combination of its rows, that free parameters do not absorb.
 pub(super) fn least_seen(node: &Node, members: &[usize]) -> f64 {
     seen(node, members).0.eigenvalues.min()
 }
 
-/// Residuals of a group's rows if they had been left out; None where the others do not foretell them.
+/// Residuals of a group's rows if left out; None if the others do not predict them.
 pub(super) fn left_out(node: &Node, members: &[usize]) -> Option<DVector<f64>> {
     let (eigen, residuals) = seen(node, members);
     if eigen.eigenvalues.iter().any(|value| *value < UNSEEN) {
@@ -74,10 +74,10 @@ pub(super) fn left_out(node: &Node, members: &[usize]) -> Option<DVector<f64>> {
     Some(&eigen.eigenvectors * along.component_div(&eigen.eigenvalues))
 }
 
-/// How badly a model foretells groups left out: −2 ln of the density that it gives to what was measured, but for a constant.
+/// How poorly a model predicts groups left out: −2 ln of the density that it assigns to the measured values, up to a constant.
 ///
-/// Without a group its rows are foretold with a covariance of (1 − H_gg)⁻¹. Squares alone would count against an effect that
-/// hangs on one group, and that without it nobody could know how strong it is.
+/// From the other groups, a group is predicted with a covariance of (1 − H_gg)⁻¹. Squared errors alone would penalise an effect
+/// that is determined by one group, although its strength cannot be known without that group.
 pub(super) fn surprise(groups: &[Vec<usize>], node: &Node) -> f64 {
     let of = |members: &Vec<usize>| -> f64 {
         let (eigen, residuals) = seen(node, members);
@@ -91,14 +91,14 @@ pub(super) fn surprise(groups: &[Vec<usize>], node: &Node) -> f64 {
     groups.iter().map(of).sum()
 }
 
-/// The same of all rows; those that are never left out (a trail at one brightness) count as the model leaves them.
+/// The same for all rows; those that are never left out (a trail at one brightness) count with their residuals.
 pub(super) fn surprise_of_all(groups: &[Vec<usize>], node: &Node) -> f64 {
     let mut never = node.residuals.clone();
     groups.iter().flatten().for_each(|&row| never[row] = 0.0);
     surprise(groups, node) + never.norm_squared()
 }
 
-/// The same of the groups at the ends of the range of every condition, to which a model is extrapolated from the others.
+/// The same for the groups at the ends of the range of every condition, to which a model is extrapolated from the others.
 pub(super) fn surprise_beyond(case: &Case, node: &Node) -> f64 {
     let ends = |column: &&str| {
         let groups = groups(case.data, column).ok().filter(|groups| groups.len() > 3)?;
@@ -120,20 +120,20 @@ pub(super) fn rms_sigma(groups: &[Vec<usize>], node: &Node) -> Option<f64> {
     (rows > 0).then(|| (squares / rows as f64).sqrt())
 }
 
-/// How well a model predicts rows inside and at the ends of the range of a condition, each group left out in turn.
+/// How well a model predicts rows inside and at the ends of the range of a condition; each group is left out in turn.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Carried {
     /// The condition.
     pub condition: String,
-    /// Least and largest value of it in the data.
+    /// Lowest and highest value of it in the data.
     pub range: [f64; 2],
-    /// rms of (value − model)/sigma of groups in between; None where the others say nothing of them.
+    /// rms of (value − model)/sigma of groups in between; None if the others do not predict them.
     pub inside_rms_sigma: Option<f64>,
     /// The same of the first and the last group, to which the others are extrapolated.
     pub beyond_rms_sigma: Option<f64>,
 }
 
-/// That of every condition by which groups can be left out.
+/// For every condition by which groups can be left out.
 pub(super) fn carried(case: &Case, node: &Node) -> Vec<Carried> {
     let of = |column: &&str| {
         let groups = groups(case.data, column).ok().filter(|groups| groups.len() > 3)?;
@@ -143,7 +143,7 @@ pub(super) fn carried(case: &Case, node: &Node) -> Vec<Carried> {
             let wanted = groups.iter().filter(|(_, _, at_end)| *at_end == ends);
             rms_sigma(&wanted.map(|(_, members, _)| members.clone()).collect::<Vec<_>>(), node)
         };
-        // Words have no ends.
+        // Words have no order, so no ends.
         (!values.is_empty()).then(|| Carried {
             condition: column.to_string(),
             range: [f64::INFINITY, f64::NEG_INFINITY]
@@ -184,11 +184,11 @@ mod tests {
         for members in &groups {
             let without = |row: usize| !members.contains(&row);
             let fit = fit::fit_rows(&node.model, &data, &keys, &Options::default(), &|_| (), without).unwrap();
-            let foretold = left_out(&node, members).unwrap();
+            let predicted = left_out(&node, members).unwrap();
             for (place, &row) in members.iter().enumerate() {
                 let really = (case.values[row] - fit.values[row]) / case.sigmas[row];
                 // Trails are not quite linear in the densities.
-                assert!((foretold[place] - really).abs() < 0.02, "row {row}: {} {really}", foretold[place]);
+                assert!((predicted[place] - really).abs() < 0.02, "row {row}: {} {really}", predicted[place]);
             }
         }
     }

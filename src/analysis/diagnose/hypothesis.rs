@@ -27,7 +27,7 @@ const SEVERAL: [&str; 4] = ["solar-flare", "bakeout", "extra-species", "formula"
 /// All hypotheses about a mission: every effect of the catalogue but formulas, and those of a user's file.
 ///
 /// # Errors
-/// Where one of the user's makes no sense in the mission.
+/// If one of the user's makes no sense in the mission.
 pub fn all(mission: &Mission, candidates: Option<&Table>) -> Result<Vec<Hypothesis>, InputError> {
     let kinds = CATALOGUE.iter().map(|entry| entry.card.kind).filter(|kind| *kind != "formula");
     let mut all: Vec<Hypothesis> = kinds.map(|kind| Hypothesis { name: kind.into(), kind, own: None }).collect();
@@ -52,23 +52,23 @@ pub fn all(mission: &Mission, candidates: Option<&Table>) -> Result<Vec<Hypothes
     Ok(all)
 }
 
-/// One way in which an effect could be there, at a fitted model.
+/// One form that an effect could take, at a fitted model.
 pub(super) struct Trial {
-    /// The hypothesis, by its place among all.
+    /// Index of the hypothesis among all.
     pub hypothesis: usize,
     /// The effect's table.
     pub table: Table,
-    /// Orthonormal directions in which it moves the predictions, beyond what the free parameters absorb.
+    /// Orthonormal directions in which it changes the predictions, beyond what the free parameters absorb.
     pub basis: DMatrix<f64>,
-    /// How far it moves them there, in sigma; of the sum, where it has several strengths.
+    /// Size of this change, sigma; of the sum if it has several strengths.
     pub moved_sigma: f64,
     /// Whether its strength is free, and not below zero.
     strength: Strength,
-    /// Whether it can be so weak that it does nothing.
+    /// Whether it can be so weak that it has no effect.
     pub can_be_nothing: bool,
 }
 
-/// Times as strong as its table that a fit starts from at most.
+/// Largest factor on the strength in its table from which a fit starts.
 pub(super) const FARTHEST: f64 = 30.0;
 
 #[derive(Clone, Copy, PartialEq)]
@@ -82,13 +82,13 @@ enum Strength {
 }
 
 impl Trial {
-    /// By how much chi2 falls with it, to first order, of residuals (free parameters' share already taken out) that reach so far
-    /// along each of its directions.
+    /// Decrease of chi2 with it, to first order. `along` are the projections of the residuals (without the part that free
+    /// parameters absorb) on its directions.
     pub fn gain_along(&self, along: &[f64]) -> f64 {
         self.fall_along(along).max(0.0)
     }
 
-    /// The same, below zero where it makes chi2 larger.
+    /// The same, negative if it increases chi2.
     fn fall_along(&self, along: &[f64]) -> f64 {
         match self.strength {
             Strength::Fixed => 2.0 * along[0] * self.moved_sigma - self.moved_sigma.powi(2),
@@ -97,13 +97,13 @@ impl Trial {
         }
     }
 
-    /// By how much chi2 of residuals falls with it where its strength stays in reach: of an effect that the free parameters
-    /// absorb but for a little, the little fits anything if it is only scaled up far enough.
+    /// Decrease of chi2 with it for a strength within reach. If the free parameters absorb most of an effect, the small remainder
+    /// would fit anything if scaled up far enough.
     pub fn gain_in_reach(&self, residuals: &DVector<f64>) -> f64 {
         self.change(residuals).max(0.0)
     }
 
-    /// The same, below zero where it makes chi2 larger.
+    /// The same, negative if it increases chi2.
     pub fn change(&self, residuals: &DVector<f64>) -> f64 {
         let gain = self.fall_along(self.basis.tr_mul(residuals).as_slice());
         match self.strength {
@@ -112,34 +112,33 @@ impl Trial {
         }
     }
 
-    /// How many times as strong as its table it fits residuals best, to first order.
+    /// Factor on the strength in its table that fits the residuals best, to first order.
     pub fn strength(&self, residuals: &DVector<f64>) -> f64 {
         self.basis.tr_mul(residuals).norm() / self.moved_sigma
     }
 
-    /// How many times as strong as its table it is where it moves the predictions so far along each of its directions; below
-    /// zero where its strength cannot be.
+    /// Factor on the strength in its table that gives these projections on its directions; negative if its strength cannot be.
     pub fn strength_along(&self, along: DVectorView<f64>) -> f64 {
         let sign = if self.strength == Strength::Positive { along[0].signum() } else { 1.0 };
         sign * along.norm() / self.moved_sigma
     }
 
-    /// How it moves the predictions where it has nothing to adjust.
+    /// Its change of the predictions, if it has nothing to adjust.
     pub fn fixed(&self) -> Option<DVector<f64>> {
         (self.strength == Strength::Fixed).then(|| self.basis.column(0) * self.moved_sigma)
     }
 
-    /// Ways in which its strength alone can move the predictions.
+    /// Number of independent changes of the predictions by its strength alone.
     pub fn dimensions(&self) -> usize {
         self.basis.ncols()
     }
 }
 
-/// Share of an effect's signature below which the free parameters are said to absorb it.
+/// Share of an effect's signature below which the free parameters count as absorbing it.
 const ABSORBED: f64 = 2e-3;
 
-/// Share below which what they do not absorb may be nothing but their own curvature: they are moved to where they absorb
-/// the signature to first order, and it is computed again.
+/// Share below which the remainder may be only the curvature of the free parameters. They are then moved to where they absorb the
+/// signature to first order, and it is computed again.
 const CURVED: f64 = 0.03;
 
 impl Hypothesis {
@@ -169,7 +168,7 @@ impl Hypothesis {
         numbers(key, table).into_iter().filter(fitted).map(|number| number.key).collect()
     }
 
-    /// Those that are not, and what they are held at.
+    /// The parameters that are not fitted, and their assumed values.
     pub fn assumed(&self, key: &str, table: &Table, reach: &Reach) -> Vec<(String, f64)> {
         let held = |number: &Number| number.value.is_integer() || self.is_held(number.name, reach);
         let value = |number: Number| {
@@ -183,12 +182,12 @@ impl Hypothesis {
         self.own.is_none() && effect::find(self.kind).is_some_and(|entry| (entry.held)(reach).contains(&name))
     }
 
-    /// Ways in which it could be there, as tables whose signatures add up.
+    /// The forms it could take, as tables whose signatures add.
     fn ways(&self, mission: &Mission, reach: &Reach) -> Vec<Vec<Table>> {
         let Some(own) = &self.own else {
             return effect::find(self.kind).map_or_else(Vec::new, |entry| (entry.trials)(mission, reach));
         };
-        // Any of its parameters may be what is not zero.
+        // Any of its parameters may be nonzero.
         let moved = |name: &String, factor: f64| {
             let mut table = own.clone();
             let value = own[name].as_float().unwrap_or(0.0);
@@ -202,8 +201,8 @@ impl Hypothesis {
         ways
     }
 
-    /// A table of it so many times as strong, and the parameters that make it so: those that are 0, or infinite, where it
-    /// does nothing, or the only one there is. None where it has no strength.
+    /// Its table with the strength multiplied by `factor`, and the parameters that set the strength: those that are 0, or infinite,
+    /// without the effect, or else its only parameter. None if it has no strength.
     pub fn scaled(&self, mission: &Mission, table: &Table, factor: f64) -> Option<(Table, Vec<String>)> {
         let nothing = (effect::find(self.kind)?.nothing)(mission);
         if self.own.is_some() {
@@ -220,7 +219,7 @@ impl Hypothesis {
         tables.into_iter().find(|table| mission_file::add_effect(node.mission(), self.kind, table.clone()).is_ok())
     }
 
-    /// Its trials at a fitted model; none where the free parameters absorb it, or it changes nothing.
+    /// Its trials at a fitted model; none if the free parameters absorb it, or it changes nothing.
     pub(super) fn trials(&self, place: usize, case: &Case, node: &Node) -> Vec<Trial> {
         let reach = case.reach.with_dose(|t_yr| node.model.dose_mev_g(t_yr).ok());
         let ways = self.ways(node.mission(), &reach);
@@ -251,7 +250,7 @@ impl Hypothesis {
                 _ => Strength::Any,
             };
             let moved_sigma = beyond.iter().skip(1).fold(first.clone(), |sum, other| sum + other).norm();
-            // One signature is its own direction, with its sign.
+            // A single signature is its own direction, with its sign.
             let basis = match &beyond[..] {
                 [one] => DMatrix::from_columns(&[one / one.norm()]),
                 several => orthonormal(&DMatrix::from_columns(several)),
@@ -313,7 +312,7 @@ fn scaled(table: &Table, nothing: &Table, factor: f64) -> (Table, Vec<String>) {
     (changed, names)
 }
 
-/// The larger of two numbers for every key.
+/// For every key the larger of two numbers.
 fn larger(a: &Table, b: &Table) -> Table {
     let mut larger = a.clone();
     for (key, value) in b {

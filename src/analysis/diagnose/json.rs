@@ -1,4 +1,4 @@
-//! What of a diagnosis stands in the JSON document that `ctiplan diagnose` prints, as it stands there.
+//! The part of a diagnosis that `ctiplan diagnose` prints as JSON, in that form.
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
 

@@ -1,14 +1,14 @@
 //! Larger errors, or effects that are missing?
 //!
-//! What two effects leave together, of which a model has none or one, looks like noise where rows are few: errors that are told from
-//! what is left are too large then, and hide both. So before larger errors are believed, effects are tried with the errors as they are
-//! quoted, and the two explanations are compared by their likelihood. With errors larger by s, to be fitted, n rows come to
+//! With few rows, the sum of two effects looks like noise to a model that has none or one of them: errors estimated from the
+//! residuals are then too large, and hide both. So before larger errors are accepted, effects are tried with the quoted errors, and
+//! the two explanations are compared by their likelihood. With errors larger by a factor s, which is fitted, n rows give
 //!
 //! ```text
 //! −2 ln L = n ln s² + chi2/s²,   s² = chi2/n
 //! ```
 //!
-//! and with quoted errors to chi2. Each parameter costs 2, and each effect what choosing it among all others gains by chance.
+//! and with quoted errors chi2. Each parameter costs 2, and each effect what the best of all effects gains by chance.
 
 use std::sync::Arc;
 
@@ -18,13 +18,14 @@ use super::noise::SetNoise;
 use super::{pairs, rivals};
 use crate::error::InputError;
 
-/// Rows of a file up to which effects are tried in the place of larger errors. In files of 60 rows two of them have been taken for such;
-/// of more, what is left beyond everything smooth tells the errors, and a search with errors that are too small takes as long again.
+/// Rows of a file up to which effects are tried in place of larger errors. In files of 60 rows, two effects have been mistaken for
+/// larger errors. With more rows, the errors are estimated from the residuals beyond everything smooth, and a search with errors
+/// that are too small would double the time.
 pub(super) const FEW: usize = 64;
 
 impl Evidence<'_> {
-    /// A model that explains the data with these errors, and much better than larger ones of some files do with the models nearest to
-    /// the data. None if there is none.
+    /// A model that explains the data with these errors, much better than the nearest models do with larger errors of some files.
+    /// None if there is none.
     ///
     /// # Errors
     /// Those of the search.
@@ -40,7 +41,7 @@ impl Evidence<'_> {
         Ok((found.explains() && is_better).then_some(found))
     }
 
-    /// −2 ln L of a model, with errors to be fitted in those files in which they are larger, and what its parameters cost.
+    /// −2 ln L of a model plus the cost of its parameters; errors are fitted in the files in which they are larger.
     fn with_larger(&self, node: &Node, larger: &[SetNoise]) -> f64 {
         let of_file = |(index, noise): (usize, &SetNoise)| {
             let rows = self.case().rows(index);
@@ -50,8 +51,8 @@ impl Evidence<'_> {
         larger.iter().enumerate().map(of_file).sum::<f64>() + self.cost(node)
     }
 
-    /// chi2 with one effect more than some models, or with two more than the base, to first order, and what is paid for less: mostly
-    /// less than it will be.
+    /// chi2 with one more effect than some models, or two more than the base, to first order, plus the cost of the model without
+    /// them: usually a lower limit.
     fn promised(&self, nearest: &[Arc<Node>]) -> f64 {
         let with_one_more = nearest.iter().map(|node| {
             let expansion = self.search.expand(node);

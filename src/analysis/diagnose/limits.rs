@@ -1,4 +1,4 @@
-//! What complete data would have shown: for each effect the strength that they reveal with 95 % power.
+//! What complete data would have shown: for each effect the strength that they detect with 95 % power.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -16,19 +16,19 @@ use crate::numeric::root_finding;
 /// Normal quantile of 95 %.
 const POWER: f64 = 1.645;
 
-/// Factor by which a strength is changed at most in the search for its limit, and by which it grows at most at a time.
+/// Largest factor on a strength in the search for its limit, and its largest increase per step.
 const FARTHEST: f64 = 1e4;
 const GROWTH: f64 = 3.2;
 
-/// Times as far as its signature would have to change in proportion that a strength is moved to come to the other side of its
-/// limit; and how far at least, as a logarithm.
+/// A step goes this factor beyond the expected limit, for a signature proportional to the strength; and the least step, as a
+/// logarithm.
 const BEYOND: f64 = 1.1;
 const LEAST: f64 = 0.05;
 
-/// Share of its steepest slope at which a signature levels off.
+/// Share of its steepest slope below which a signature levels off.
 const LEVELLED: f64 = 0.5;
 
-/// How exactly a limit is found, as a logarithm of the strength and of the signature.
+/// Accuracy of a limit, as a logarithm of the strength and of the signature.
 const EXACT: f64 = 1e-3;
 
 /// Limits of all effects.
@@ -45,10 +45,10 @@ pub(super) fn all(search: &Search, base: &Arc<Node>, level: f64) -> Result<Vec<L
     Ok(parallel::map(expansion.trials.iter().enumerate(), limit))
 }
 
-/// The limit of one effect: where it moves the predictions by so many sigma.
+/// The limit of one effect: the strength that changes the predictions by the given number of sigma.
 fn limit(search: &Search, base: &Node, hypothesis: &Hypothesis, trials: &[Trial], needed_sigma: f64) -> Limit {
     let none = Limit { effect: hypothesis.name.clone(), table: None, parameter: String::new() };
-    // Neither the easiest of its trials nor the hardest.
+    // The median of its trials by detectability.
     let mut order: Vec<&Trial> = trials.iter().collect();
     order.sort_by(|a, b| a.moved_sigma.total_cmp(&b.moved_sigma));
     let Some(trial) = order.get(order.len() / 2) else { return none };
@@ -58,7 +58,7 @@ fn limit(search: &Search, base: &Node, hypothesis: &Hypothesis, trials: &[Trial]
         return Limit { table: seen.then(|| trial.table.clone()), ..none };
     };
     let at = |log: f64| scaled(log.exp()).map_or_else(|| trial.table.clone(), |(table, _)| table);
-    // Logarithm of what it moves the predictions by over what is needed; of nothing where the model has no value.
+    // Logarithm of the change of the predictions over the change needed; a change of 0 if the model has no value.
     let excess = |log: f64| -> f64 {
         let moved_sigma = || -> Option<f64> {
             let (mission, _) = mission_file::add_effect(base.mission(), hypothesis.kind, at(log)).ok()?;
@@ -74,8 +74,8 @@ fn limit(search: &Search, base: &Node, hypothesis: &Hypothesis, trials: &[Trial]
     }
 }
 
-/// Logarithm of the strength at which a function of it, near to itself up to a constant, is 0: first from a strength of 1 to one
-/// on the other side, then in between. None where that is too far away, or the function levels off before it.
+/// Logarithm of the strength at which `excess` vanishes; its slope in that logarithm is nearly 1. Steps from a strength of 1 until
+/// the sign changes, then searches in between. None if that is too far away, or the function levels off before it.
 fn crossing(excess: impl Fn(f64) -> f64) -> Option<f64> {
     let mut here = (0.0, excess(0.0));
     let is_up = here.1 <= 0.0;
@@ -84,7 +84,7 @@ fn crossing(excess: impl Fn(f64) -> f64) -> Option<f64> {
     let mut steepest = 0.0_f64;
     loop {
         let stride = (BEYOND * here.1.abs()).max(least).min(longest);
-        // Farther each time, where the signature hardly changes.
+        // Larger steps each time, for signatures that hardly change.
         least *= 2.0;
         let place = here.0 + if is_up { stride } else { -stride };
         if place.abs() > FARTHEST.ln() {
@@ -95,7 +95,7 @@ fn crossing(excess: impl Fn(f64) -> f64) -> Option<f64> {
             let found = root_finding::try_between([here, there], EXACT, |log| Ok::<_, Infallible>(excess(log)));
             return Some(found.unwrap_or_else(|never| match never {}));
         }
-        // A signature that has begun to level off does not grow faster again.
+        // A signature that has begun to level off does not steepen again.
         let slope = (there.1 - here.1) / stride;
         let is_hopeless = there.1 + slope.max(0.0) * (FARTHEST.ln() - place) < 0.0;
         if is_up && slope < LEVELLED * steepest && is_hopeless {
@@ -120,7 +120,7 @@ mod tests {
             let found = crossing(|log| log - root).unwrap();
             assert!((found - root).abs() < 2.0 * EXACT, "{found}, not {root}");
         }
-        // Nothing at all up to a threshold, as of a notch below the background.
+        // Nothing at all up to a threshold, as for a notch below the background.
         let found = crossing(|log| if log < 3.0 { f64::NEG_INFINITY } else { 10.0 * (log - 3.2) }).unwrap();
         assert!((found - 3.2).abs() < 2.0 * EXACT, "{found}");
     }

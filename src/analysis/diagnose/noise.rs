@@ -1,9 +1,9 @@
-//! Errors as the rows tell them, file by file: scale, correlation along trails, rows that are wrong, a constant pedestal.
+//! Errors estimated from the rows, file by file: scale, correlation along trails, wrong rows, a constant pedestal.
 //!
-//! Quoted errors of flown data are wrong by a factor, shared along trails, and some rows are wrong altogether. All of that is
-//! told from how rows differ from what is smooth around them (`smooth`): never from what a model leaves, or a missing effect
-//! would hide in it. The search then sees data with these errors (`allowed_for`). At the model that a search adopts they are
-//! estimated once more; where they come out otherwise, it is repeated with these.
+//! Quoted errors of flight data are wrong by a factor, correlated along trails, and some rows are wrong altogether. All of this is
+//! estimated from the scatter of rows about everything that may be smooth (`smooth`), never from the residuals of a model alone,
+//! since these would include a missing effect. The search then uses data with these errors (`allowed_for`). At the adopted model
+//! they are estimated once more; if they differ, the search is repeated with the new ones.
 
 mod restricted_likelihood;
 mod smooth;
@@ -24,24 +24,25 @@ use restricted_likelihood::Likeliest;
 /// Rows of a file below which its errors are taken as quoted.
 const FEW: usize = 16;
 
-/// Chances below which quoted errors are not believed: too small ones make effects out of noise, too large ones only hide them.
+/// Probabilities below which quoted errors are rejected. Errors that are too small turn noise into effects; errors that are too
+/// large only hide effects.
 const TOO_SMALL: f64 = 0.02;
 const TOO_LARGE: f64 = 1e-4;
 
-/// The same where they were not believed before: a search is not to go back and forth.
+/// The same if they were rejected before: a search must not alternate.
 const STILL: f64 = 0.2;
 
-/// Factor by which errors may be wrong; beyond it (by more than its own error) nothing is to be made of the data.
+/// Factor by which errors may be wrong; if it is exceeded (by more than its own error), the data cannot be used.
 const AT_MOST: f64 = 3.4;
 
-/// Logarithm of scales, and difference of correlations, below which two estimates are one.
+/// Differences of the logarithm of scales, and of correlations, below which two estimates are equal.
 const SAME_SCALE: f64 = 0.15;
 const SAME_CORRELATION: f64 = 0.15;
 
-/// Sigma within which a row is right of which another model said that it is wrong.
+/// Sigma within which a row is right although another model had marked it as wrong.
 const NEAR: f64 = 3.5;
 
-/// Pedestals from so many of their errors on are evidence.
+/// Significance, in its errors, from which a pedestal counts.
 const CLEAR: f64 = 3.5;
 
 /// The errors of one file.
@@ -49,36 +50,36 @@ const CLEAR: f64 = 3.5;
 pub struct SetNoise {
     /// The file as given.
     pub file: String,
-    /// True errors over quoted ones, of all rows alike; 1 where the scatter does not contradict them.
+    /// True errors over quoted ones, for all rows; 1 if the scatter does not contradict the quoted ones.
     pub scale: f64,
-    /// Correlation of neighbours in a trail; 0 where it is not clear.
+    /// Correlation of neighbours in a trail; 0 if it is not significant.
     pub correlation: f64,
-    /// Which neighbours that is meant of.
+    /// The neighbours that it refers to.
     pub neighbours: Neighbours,
-    /// Rows that are wrong, each with how far off it is, in sigma.
+    /// Wrong rows, each with its residual in sigma.
     pub wrong: Vec<WrongRow>,
-    /// Rows, by their places, that a worse model had called wrong, and the one that explains the data has shown to be right.
+    /// Rows, by index, that a poorer model had marked as wrong and the model that explains the data has shown to be right.
     pub(super) right: Vec<usize>,
-    /// A constant that all values have in common, in their unit; None where there is none.
+    /// A constant common to all values, in their unit; None if there is none.
     pub pedestal: Option<f64>,
-    /// Error of a constant; None where the file cannot tell one.
+    /// Error of such a constant; None if the file does not constrain it.
     pub pedestal_sigma: Option<f64>,
-    /// Degrees of freedom that a scale other than 1 was estimated from.
+    /// Degrees of freedom from which a scale other than 1 was estimated.
     freedom: Option<f64>,
-    /// Whether the scale is known from a model that leaves nothing but noise, more of it than the errors say.
+    /// Whether the scale is from a model that leaves only noise, larger than the errors.
     by_model: bool,
 }
 
 /// A row that is wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WrongRow {
-    /// Its place among the rows of the file.
+    /// Its index among the rows of the file.
     pub row: usize,
     /// Its line in the file; None for a table that was not read from a file.
     pub line: Option<usize>,
-    /// How far it is from what the others predict, in sigma.
+    /// Its distance from the prediction of the others, sigma.
     pub off_sigma: f64,
-    /// Whether that is known from a model which explains all others, not from the rows around it.
+    /// Whether it was found with a model that explains all others, not from the surrounding rows.
     pub(super) by_model: bool,
 }
 
@@ -104,7 +105,7 @@ impl SetNoise {
         }
     }
 
-    /// Whether the errors are too far from the quoted ones: by which factor they are too large, or too small.
+    /// Whether the errors are too far from the quoted ones: the factor by which they are too large, or too small.
     pub(super) fn is_beyond(&self) -> bool {
         self.scale > AT_MOST || self.scale < 1.0 / AT_MOST
     }
@@ -117,17 +118,17 @@ impl SetNoise {
     }
 }
 
-/// Errors as they are quoted.
+/// The quoted errors.
 pub(super) fn as_quoted(data: &[DataSet]) -> Vec<SetNoise> {
     data.iter().map(SetNoise::as_quoted).collect()
 }
 
-/// Errors so many times larger.
+/// Errors multiplied by a factor.
 pub(super) fn larger(noise: &[SetNoise], factor: f64) -> Vec<SetNoise> {
     noise.iter().map(|noise| SetNoise { scale: factor * noise.scale, ..noise.clone() }).collect()
 }
 
-/// The same rows wrong, with the scales that are quoted.
+/// The same wrong rows, with the quoted scales.
 pub(super) fn with_scales_of_1(noise: &[SetNoise]) -> Vec<SetNoise> {
     let as_quoted = |noise: &SetNoise| {
         let wrong = noise.wrong.iter().map(|wrong| if wrong.by_model { *wrong } else { wrong.over(1.0 / noise.scale) });
@@ -136,15 +137,15 @@ pub(super) fn with_scales_of_1(noise: &[SetNoise]) -> Vec<SetNoise> {
     noise.iter().map(as_quoted).collect()
 }
 
-/// Whether two estimates are the same for a search.
+/// Whether two estimates are equivalent for a search.
 pub(super) fn is_same(one: &[SetNoise], other: &[SetNoise]) -> bool {
     one.iter().zip(other).all(|(one, other)| one.is_like(other))
 }
 
-/// Rows of all files below which no pedestals are allowed for: one of a few values may be all that an effect does.
+/// Rows of all files below which no pedestals are allowed for: with few values, a pedestal may be all that an effect does.
 const FEW_IN_ALL: usize = 8;
 
-/// Data with the errors that were estimated, and pedestals allowed for.
+/// Data with the estimated errors, and with pedestals allowed for.
 pub(super) fn allowed_for(quoted: &[DataSet], noise: &[SetNoise]) -> Vec<DataSet> {
     let rows: usize = quoted.iter().map(|set| set.rows.len()).sum();
     let with = |(set, noise): (&DataSet, &SetNoise)| {
@@ -153,7 +154,7 @@ pub(super) fn allowed_for(quoted: &[DataSet], noise: &[SetNoise]) -> Vec<DataSet
             row.sigma *= noise.scale;
         }
         for wrong in &noise.wrong {
-            // As far off as its error is then.
+            // Its error is raised to its distance from the others.
             set.rows[wrong.row].sigma *= wrong.off_sigma.abs().max(1.0);
         }
         set.shared = Shared {
@@ -169,8 +170,8 @@ pub(super) fn allowed_for(quoted: &[DataSet], noise: &[SetNoise]) -> Vec<DataSet
     quoted.iter().zip(noise).map(with).collect()
 }
 
-/// The errors of all files, told from residuals at a fitted model and every way in which an effect could change them. Rows that
-/// are known to be wrong from a model stay so.
+/// The errors of all files, estimated from residuals at a fitted model beyond every change that an effect could make. Rows that a
+/// model has shown to be wrong stay so.
 pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, known: &[SetNoise]) -> Vec<SetNoise> {
     let node = &expansion.node;
     let signatures: Vec<DVector<f64>> = node
@@ -201,15 +202,15 @@ pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, k
     quoted.iter().enumerate().map(of).collect()
 }
 
-/// The same, at a model that explains the data: rows that are as far from it as rows are that are wrong stay so, and those are right
-/// after all that are no farther than noise puts rows.
+/// The same at a model that explains the data: marked rows stay wrong if they are as far from it as wrong rows are, and are right
+/// after all if they are within noise.
 pub(super) fn confirmed(case: &Case, node: &Node, noise: &[SetNoise]) -> Vec<SetNoise> {
     let of = |(index, noise): (usize, &SetNoise)| {
         let first = case.rows(index).start;
         let (mut wrong, mut right) = (Vec::new(), noise.right.clone());
         for row in &noise.wrong {
             let place = first + row.row;
-            // Their errors were made as large as they are far off.
+            // Their errors had been raised to their distances.
             let sigma = case.sigmas[place] / row.off_sigma.abs().max(1.0);
             let off_sigma = (case.values[place] - node.fit.values[place]) / sigma;
             match off_sigma.abs() {
@@ -223,10 +224,10 @@ pub(super) fn confirmed(case: &Case, node: &Node, noise: &[SetNoise]) -> Vec<Set
     noise.iter().enumerate().map(of).collect()
 }
 
-/// The errors of one file, told from its residuals (in quoted errors) about what is smooth.
+/// The errors of one file, estimated from its residuals (in quoted errors) about everything smooth.
 fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known: &SetNoise) -> SetNoise {
     let mut wrong: Vec<WrongRow> = by_model(known);
-    // Systematic errors that are stated as a floor need not show in the scatter.
+    // Systematic errors stated as a floor need not show in the scatter.
     let has_floor = set.rows.iter().any(|row| row.floor > 0.0);
     let least_scatter = if has_floor { 1.0 } else { 1.0 / AT_MOST };
     let most = wrong_rows::most(residuals.len()).saturating_sub(wrong.len());
@@ -255,7 +256,7 @@ fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known:
         by_model: known.by_model,
         correlation: found.correlation,
         neighbours: found.neighbours,
-        // In errors as they are.
+        // In units of the estimated errors.
         wrong: wrong.into_iter().map(|wrong| wrong.over(if wrong.by_model { 1.0 } else { scale })).collect(),
         freedom,
         right: known.right.clone(),
@@ -263,13 +264,13 @@ fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known:
     }
 }
 
-/// Rows that are wrong as a model tells that explains all others.
+/// Rows found wrong with a model that explains all others.
 fn by_model(noise: &SetNoise) -> Vec<WrongRow> {
     noise.wrong.iter().filter(|wrong| wrong.by_model).copied().collect()
 }
 
-/// Scatter from row to row beyond which errors are not enlarged: what is left of a strong effect where it is not smooth is no
-/// noise. Without bound where neighbours share their errors, and where the scatter is not clearly less than the scale.
+/// Scatter from row to row up to which errors are enlarged: what remains of a strong effect that is not smooth is no noise.
+/// Unbounded if neighbours share their errors, or if the scatter is not clearly below the scale.
 fn roughness(set: &DataSet, residuals: &DVector<f64>, found: &Likeliest) -> f64 {
     let scatter = along_neighbours(set, residuals.as_slice(), crate::analysis::validate::second_differences);
     // A scatter estimated from n rows is good to 1.6/√n (simulated); this is the least of several.
@@ -277,7 +278,7 @@ fn roughness(set: &DataSet, residuals: &DVector<f64>, found: &Likeliest) -> f64 
     if found.correlation > 0.0 || clearly > found.scale { f64::INFINITY } else { scatter.max(1.0) }
 }
 
-/// The same with more rows that are wrong, by their places among all, each with how far it is off, in sigma.
+/// The same with further wrong rows, by their indices among all, each with its residual in sigma.
 pub(super) fn with_wrong(quoted: &[DataSet], noise: &[SetNoise], wrong: &[(usize, f64)]) -> Vec<SetNoise> {
     let mut all = noise.to_vec();
     for &(place, off_sigma) in wrong {
@@ -294,8 +295,8 @@ pub(super) fn with_wrong(quoted: &[DataSet], noise: &[SetNoise], wrong: &[(usize
     all
 }
 
-/// The same with larger errors of the file in which a model leaves more noise than they say, and nothing else; None where a search found
-/// no such model, and where that was done before or is more than can be allowed for.
+/// The same with larger errors for the file in which a model leaves only noise, but more than its errors. None if the search found
+/// no such model, if this was done before, or if the factor is beyond what can be allowed for.
 pub(super) fn with_larger(case: &Case, noise: &[SetNoise], found: &Found) -> Option<Vec<SetNoise>> {
     let (Reason::SmallErrors { file, factor }, Some(node)) = (&found.reason, &found.nearest) else { return None };
     let index = noise.iter().position(|noise| noise.file == *file && !noise.by_model)?;

@@ -1,8 +1,8 @@
-//! Whether the readout is computed finely enough to judge by.
+//! Whether the readout is computed accurately enough for a verdict.
 //!
-//! Coarse numerics fake an effect. The predictions are compared with those of a much finer readout; a shift of a few
-//! hundredths of a sigma in any row is too much. A readout that steps over many transfers at a time may choose other steps
-//! where parameters have moved, so that for it a third of that is: derivatives must not feel it.
+//! Coarse numerics can imitate an effect. The predictions are compared with those of a much finer readout; a shift of a few
+//! hundredths of a sigma in any row is too large. A multirevolution readout may choose other steps when parameters change, so its
+//! limit is a third of that: derivatives must not be affected.
 
 use super::fitted_model::Case;
 use super::result::Note;
@@ -14,11 +14,11 @@ use crate::physics::accuracy::{FINEST, LADDER};
 /// Largest shift allowed, sigma.
 const SHIFT_SIGMA: f64 = 0.03;
 
-/// The same where the accuracy asked for is coarser than this.
+/// The same if the accuracy requested is coarser than this.
 const COARSE: f64 = 1e-3;
 const COARSE_SHIFT_SIGMA: f64 = 0.01;
 
-/// The mission with the cheapest readout that is fine enough, and what is to be said of its own.
+/// The mission with the cheapest readout that is accurate enough, and notes on its own readout.
 pub(super) fn accurate(case: &Case, mission: &Mission) -> Result<(Mission, Vec<Note>), InputError> {
     let with = |(relative, subpixel_grid): (f64, u32)| {
         let mut other = mission.clone();

@@ -1,19 +1,19 @@
-//! How to search, and how it is heard of.
+//! Options of a search, and its progress.
 
 use crate::physics::observable::Observable;
 
-/// How to search.
+/// Options of a search.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// False alarms allowed among complete models.
+    /// False-alarm probability allowed for complete models.
     pub level: f64,
     /// Seed of all simulations.
     pub seed: u64,
-    /// Keys to adjust, as dotted keys.
+    /// Free parameters, as dotted keys.
     pub free: Vec<String>,
     /// The user's own effects, by kind, as in a mission's `[effects]`.
     pub candidates: Option<toml::Table>,
-    /// What could be measured next; all observables where empty.
+    /// Observables that could be measured next; all if empty.
     pub can: Vec<Observable>,
     /// Evaluations of the model at all rows after which a round of the search begins no further step.
     pub evaluations: u64,
@@ -39,7 +39,7 @@ impl Default for Options {
 /// `docs/diagnosis.md` takes.
 pub const EVALUATIONS: u64 = 20_000;
 
-/// Signs of life.
+/// Progress of a search.
 pub struct Progress<'a> {
     /// Called at the start of a stage, with its name and how many steps it has.
     pub stage: &'a (dyn Fn(&str, u64) + Sync),

@@ -1,8 +1,7 @@
 //! Two effects at once, to first order.
 //!
-//! The search adds one effect to the best few. Two of which neither is much alone, because each undoes what is wrong with
-//! the other, are not found in this way: for them the signatures of all pairs of trials are held against the residuals
-//! together. That takes no readout.
+//! The search adds one effect at a time to the best few models. It misses two effects that compensate each other, so that neither
+//! gains much alone. For these the signatures of all pairs of trials are fitted to the residuals together, which takes no readout.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -12,16 +11,16 @@ use super::search::Expansion;
 use crate::numeric::least_squares::Span;
 use crate::numeric::parallel;
 
-/// Two trials, each with how many times as strong as its table it is.
+/// Two trials, each with the factor on the strength in its table.
 pub(super) struct Pair<'a> {
     pub trials: [(&'a Trial, f64); 2],
-    /// By how much chi2 falls.
+    /// Decrease of chi2.
     pub gain: f64,
-    /// Residuals that are left.
+    /// Remaining residuals.
     pub left: DVector<f64>,
 }
 
-/// For each pair of hypotheses, of those that are wanted, the best pair of their trials; those that promise most first.
+/// For each wanted pair of hypotheses the best pair of their trials, sorted by decrease of chi2, the largest first.
 pub(super) fn promising<'a>(
     expansion: &'a Expansion,
     hypotheses: &[Hypothesis],
@@ -40,7 +39,7 @@ pub(super) fn promising<'a>(
     pairs
 }
 
-/// Two trials held against residuals together; None where they are one direction, or a strength is out of reach.
+/// Two trials fitted to residuals together; None if they are collinear, or a strength is out of reach.
 fn together<'a>(trials: [&'a Trial; 2], residuals: &DVector<f64>) -> Option<Pair<'a>> {
     let mut left = residuals.clone();
     for signature in trials.iter().filter_map(|trial| trial.fixed()) {

@@ -1,4 +1,4 @@
-//! What a diagnosis comes to.
+//! The result of a diagnosis.
 
 use serde::Serialize;
 
@@ -11,15 +11,15 @@ use crate::mission::Mission;
 use crate::physics::observable::Observable;
 use crate::plan::evaluate;
 
-/// What came of a diagnosis.
+/// The verdict of a diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
     /// The model explains the data.
     Complete,
-    /// Effects were missing; with them it does.
+    /// Effects were missing; with them the model explains the data.
     Missing,
-    /// The same, but some effect has rivals that these data cannot tell from it.
+    /// The same, but some effect has rivals that these data cannot distinguish from it.
     Ambiguous,
     /// No combination of effects explains the data.
     Unexplained,
@@ -40,21 +40,21 @@ impl Verdict {
     }
 }
 
-/// Why a diagnosis comes to its verdict; the report has the words.
+/// The reason for a verdict; the report has the wording.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Reason {
     /// Complete: the model explains the data.
     Explained,
-    /// Complete: what is left is noise.
+    /// Complete: the residuals are noise.
     Noise {
-        /// The effects that would help most, and by how much chi2 would fall.
+        /// The most helpful effects, and the decrease of chi2 with them.
         best: Option<(Vec<String>, f64)>,
     },
     /// Missing or ambiguous: effects explain the data.
     Lacking {
         /// The effects.
         effects: Vec<String>,
-        /// Whether the data leave others in their place.
+        /// Whether the data allow others in their place.
         has_rivals: bool,
     },
     /// Unexplained.
@@ -62,14 +62,14 @@ pub enum Reason {
         /// Steps of the search that were left undone.
         undone: Vec<String>,
     },
-    /// Unfit: fewer rows than questions.
+    /// Unfit: fewer rows than unknowns.
     TooFewRows {
         /// Rows.
         n: usize,
         /// Free parameters.
         free: usize,
     },
-    /// Unfit: rows that are there twice.
+    /// Unfit: duplicate rows.
     Repeated {
         /// How many.
         count: usize,
@@ -80,26 +80,26 @@ pub enum Reason {
     Contradictory {
         /// The two that differ most.
         rows: [RowPlace; 2],
-        /// By how much, in units of their errors.
+        /// Their difference, in units of their errors.
         apart_sigma: f64,
     },
     /// Unfit: quoted errors that are larger than the scatter.
     LargeErrors {
         /// The file.
         file: String,
-        /// So many times, rounded to a tenth.
+        /// Ratio to the scatter, rounded to a tenth.
         factor: f64,
     },
     /// Unfit: quoted errors that are smaller than a scatter without a trend.
     SmallErrors {
         /// The file.
         file: String,
-        /// So many times.
+        /// Ratio of the scatter to them.
         factor: f64,
     },
     /// Unfit: rows far from a model that explains all others.
     OddRows {
-        /// Each with how far off it is, in sigma.
+        /// Each with its residual in sigma.
         rows: Vec<(RowPlace, f64)>,
         /// Kinds of the effects that the model was given.
         with: Vec<String>,
@@ -111,72 +111,72 @@ pub enum Reason {
 pub struct RowPlace {
     /// The file as given.
     pub file: String,
-    /// Its line in there, from 1; None for a table that was not read from a file.
+    /// Its line in that file, from 1; None for a table that was not read from a file.
     pub line: Option<usize>,
-    /// Its number among the rows, from 0.
+    /// Its index among the rows, from 0.
     pub row: usize,
 }
 
-/// Something seen on the way; the report has the words.
+/// A warning or remark; the report has the wording.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Note {
-    /// The mission's own readout is too coarse, and a finer one is used.
+    /// The mission's own readout is too coarse; a finer one is used.
     CoarseReadout {
-        /// How far it is off at most, in sigma.
+        /// Its largest error, sigma.
         shift_sigma: f64,
     },
-    /// An effect explains little, and moves the date at which the budget is exceeded far.
+    /// An effect explains little, but moves the date at which the budget is exceeded far.
     MovesTheDate {
         /// The effect.
         effect: String,
-        /// Share of the fall of chi2 that is its own.
+        /// Its share of the decrease of chi2.
         share: f64,
-        /// By how many years the date moves; None where one of the two dates is not within the mission.
+        /// Shift of the date, years; None if either date is not within the mission.
         years: Option<f64>,
     },
-    /// An effect makes predictions at the ends of a condition's range worse than they were without it.
+    /// An effect worsens predictions at the ends of a condition's range.
     DoesNotExtrapolate {
         /// The effect.
         effect: String,
         /// The condition.
         condition: String,
-        /// rms of what is predicted beyond the other rows, in sigma, without and with it.
+        /// rms of (value − model)/sigma of groups left out at the ends of the range, without and with it.
         beyond_rms_sigma: [f64; 2],
     },
-    /// The final model is only good inside the range of a condition.
+    /// The final model predicts well only inside the range of a condition.
     TrustInside {
         /// The condition.
         condition: String,
         /// Its range in the data.
         range: [f64; 2],
-        /// rms of what is predicted inside and beyond, in sigma.
+        /// rms of (value − model)/sigma of groups left out inside the range and at its ends.
         rms_sigma: [f64; 2],
     },
-    /// A species of the mission has gone, and an additional one has come in its place.
+    /// The density of a species of the mission vanished, and an additional species took its place.
     TakesItsPlace {
         /// The effect.
         effect: String,
-        /// The key of the species that has gone.
+        /// The key of the species that vanished.
         species: String,
     },
-    /// An effect that would explain the pedestals of complete data: as simply as they do.
+    /// An effect that explains the pedestals of complete data as simply as they do.
     InPlaceOfPedestals {
         /// The effect.
         effect: String,
-        /// Files that would have no pedestal with it.
+        /// Files that have no pedestal with it.
         files: Vec<String>,
-        /// By how much chi2 would fall, pedestals counting as in the search.
+        /// Decrease of chi2 with it, pedestals counted as in the search.
         fall: f64,
     },
-    /// A rival that is hardly worse than the adopted effect, and was set aside.
+    /// A rival that is only slightly worse than the adopted effect and was set aside.
     SetAside {
         /// The rival.
         effect: String,
         /// The adopted effect.
         instead_of: String,
-        /// By how much its chi2 is larger, and by how many parameters it has more.
+        /// Excess of its chi2.
         chi2: f64,
-        /// Parameters that it has more.
+        /// Its additional parameters.
         parameters: i64,
     },
 }
@@ -192,11 +192,11 @@ pub struct Rung {
     pub free: usize,
     /// Their values.
     pub parameters: Vec<Fitted>,
-    /// rms of (value − model)/sigma over groups left out in turn; None where nothing can be left out.
+    /// rms of (value − model)/sigma over groups left out in turn; None if nothing can be left out.
     pub holdout_rms_sigma: Option<f64>,
     /// The same inside and at the ends of the range of each condition.
     pub carried: Vec<Carried>,
-    /// When the budget is exceeded with this model; None where the mission's galaxies lose their shapes.
+    /// When the budget is exceeded with this model; None if the mission's galaxies have no measurable shapes.
     pub budget: Option<evaluate::BudgetVerdict>,
 }
 
@@ -210,15 +210,15 @@ impl Rung {
 /// An effect that was added.
 #[derive(Clone, Debug)]
 pub struct Step {
-    /// Its name: the kind, for a user's own with its number.
+    /// Its name: the kind, with a number for the user's own.
     pub effect: String,
-    /// Its parameters with all effects added.
+    /// Its parameters in the final model.
     pub parameters: Vec<Fitted>,
     /// Dotted key of its table in the improved mission.
     pub key: String,
-    /// The model with it and those before it.
+    /// The fit of the model with this effect and those before it.
     pub rung: Rung,
-    /// Chance that noise alone looks as good, over everything that was tried.
+    /// False-alarm probability: that noise alone looks as good, over everything that was tried.
     pub false_alarm: f64,
 }
 
@@ -227,20 +227,20 @@ pub struct Step {
 pub struct Tried {
     /// Its name.
     pub effect: String,
-    /// chi2 with it alone; None where it changes nothing that the free parameters do not absorb.
+    /// chi2 with it alone; None if the free parameters absorb all that it changes.
     pub chi2: Option<f64>,
 }
 
-/// A condition or covariate that residuals trend on.
+/// A condition or covariate with a residual trend.
 #[derive(Clone, Debug, Serialize)]
 pub struct Covariate {
     /// Its name.
     pub name: String,
-    /// Chance that noise alone trends as much on anything.
+    /// Probability that noise alone gives such a trend with any condition.
     pub false_alarm: f64,
 }
 
-/// An effect that would describe what residuals trend on. It says nothing of the cause.
+/// An effect that would describe the residual trend. It says nothing about the cause.
 #[derive(Clone, Debug)]
 pub struct Suggestion {
     /// `[effects.formula]`, ready for a mission or for `--candidates`.
@@ -249,7 +249,7 @@ pub struct Suggestion {
     pub chi2: [f64; 2],
 }
 
-/// A measurement that separates rivals.
+/// A measurement that distinguishes rivals.
 #[derive(Clone, Debug)]
 pub struct Next {
     /// What to measure.
@@ -258,11 +258,11 @@ pub struct Next {
     pub conditions: Vec<(String, f64)>,
     /// The galaxy, of a change of shape.
     pub galaxy: Option<String>,
-    /// The effects that it separates.
+    /// The effects that it distinguishes.
     pub separates: [String; 2],
-    /// How far apart their predictions are, in units of the error of the measurement and of the fits.
+    /// Difference of their predictions, in units of the error of the measurement and of the fits.
     pub apart_sigma: f64,
-    /// The error assumed, in the observable's unit.
+    /// The assumed error, in the observable's unit.
     pub sigma: f64,
 }
 
@@ -271,9 +271,9 @@ pub struct Next {
 pub struct Limit {
     /// The effect.
     pub effect: String,
-    /// Its table at the limit; None where no strength would have been seen.
+    /// Its table at the limit; None if no strength would be detected.
     pub table: Option<toml::Table>,
-    /// The parameter that measures its strength; empty for an effect that has none.
+    /// The parameter that measures its strength; empty if it has none.
     pub parameter: String,
 }
 
@@ -286,48 +286,48 @@ pub struct Diagnosis {
     pub improved: Mission,
     /// Keys that were free from the start, with their values in the improved mission.
     pub parameters: Vec<Fitted>,
-    /// What came of it.
+    /// The verdict.
     pub verdict: Verdict,
-    /// Why the data cannot carry a verdict, or what is the matter with the model.
+    /// The reason for the verdict.
     pub reason: Reason,
     /// The mission's own model, fitted.
     pub baseline: Rung,
     /// Effects added, best first.
     pub steps: Vec<Step>,
-    /// Everything that was tried on top of the mission's own model, least chi2 first.
+    /// All effects tried on top of the mission's own model, lowest chi2 first.
     pub tried: Vec<Tried>,
-    /// Sets of effects that explain the data as well, the adopted one first.
+    /// Sets of effects that explain the data equally well, the adopted one first.
     pub alternatives: Vec<Vec<String>>,
-    /// What residuals trend on, the most significant first.
+    /// Residual trends, the most significant first.
     pub covariates: Vec<Covariate>,
-    /// A formula that describes what is left, where something is.
+    /// A formula that describes the remaining residuals, if there is a trend.
     pub suggestion: Option<Suggestion>,
-    /// The measurement that would tell rivals apart.
+    /// The measurement that would distinguish the rivals.
     pub next: Option<Next>,
-    /// What the data would have shown, where nothing is missing.
+    /// What the data would have shown, if nothing is missing.
     pub limits: Vec<Limit>,
     /// The column whose groups were left out.
     pub held_out: Option<String>,
-    /// The errors of each file as the search saw them.
+    /// The errors of each file as used in the search.
     pub noise: Vec<SetNoise>,
-    /// What is said under assumptions that are as good.
+    /// The verdict under equally plausible assumptions.
     pub stability: Stability,
-    /// Things seen on the way.
+    /// Warnings and remarks.
     pub notes: Vec<Note>,
-    /// Evaluations of the model at all rows that the search made, and after how many it begins no further step.
+    /// Evaluations of the model at all rows made by the search, and the number after which it begins no further step.
     pub evaluations: [u64; 2],
-    /// Steps of the search that were left undone for that.
+    /// Steps of the search omitted because of this limit.
     pub undone: Vec<String>,
-    /// The mission as given against the data, after the fit of what is free.
+    /// The mission as given compared with the data, after the fit of the free parameters.
     pub before: Validation,
-    /// The improved mission against the data.
+    /// The improved mission compared with the data.
     pub after: Validation,
-    /// What the data do not determine of the values of the improved mission.
+    /// Values of the improved mission that the data do not determine.
     pub advice: Vec<Advice>,
 }
 
 impl Diagnosis {
-    /// The same with what is told of each file at another place.
+    /// The same with the results of each file reordered.
     pub(super) fn with_files_at(mut self, places: &[usize]) -> Diagnosis {
         fn put<T>(all: &mut Vec<T>, places: &[usize]) {
             let mut placed: Vec<(usize, T)> = places.iter().copied().zip(all.drain(..)).collect();
@@ -369,7 +369,7 @@ impl Diagnosis {
         toml::to_string(&effects).expect("tables of numbers and words")
     }
 
-    /// The text of the mission's file with what was found.
+    /// The text of the mission's file with the values found.
     pub fn improved_text(&self, text: &str) -> String {
         let settings: Vec<(String, toml::Value)> =
             self.parameters.iter().map(|fitted| (fitted.key.clone(), fitted.value.into())).collect();

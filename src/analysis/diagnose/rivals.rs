@@ -1,9 +1,9 @@
 //! Effects that explain the data as well as the adopted one.
 //!
-//! For each adopted effect every other one is put in its place and fitted. If a rival were the truth, the adopted one could
-//! lie below it by chance by d in chi2 with a probability of at most Φ(−√d): both fits differ by λ in the mean with a
-//! standard deviation of 2√λ, and λ = d is the worst case. A rival is ruled out where that is below half the level; each
-//! parameter that the adopted one has more costs another 2, and each that it has less one less.
+//! Every other effect is fitted in place of each adopted effect. If a rival were the truth, the adopted effect could have a chi2
+//! lower by d by chance with a probability of at most Φ(−√d): the difference of the two fits has a mean of λ and a standard
+//! deviation of 2√λ, and λ = d is the worst case. A rival is ruled out if this is below half the level. Each additional parameter
+//! of the adopted effect costs another 2, and each additional parameter of the rival 1.
 
 use std::sync::Arc;
 
@@ -17,44 +17,44 @@ use crate::error::InputError;
 
 /// An effect in the place of an adopted one.
 pub struct Rival {
-    /// The adopted effect, by its place among the hypotheses.
+    /// Index of the adopted effect among the hypotheses.
     pub(super) instead_of: usize,
-    /// The rival, likewise.
+    /// Index of the rival.
     pub(super) hypothesis: usize,
     pub(super) node: Arc<Node>,
 }
 
-/// What else explains the data.
+/// Other models that explain the data.
 pub(super) struct Around {
-    /// As well, least chi2 first.
+    /// Equally well, lowest chi2 first.
     pub rivals: Vec<Rival>,
-    /// Hardly worse.
+    /// Slightly worse.
     pub aside: Vec<Note>,
 }
 
-/// How much larger chi2 may be for a rival not to be ruled out.
+/// Excess of chi2 below which a rival is not ruled out.
 pub(super) fn margin(level: f64) -> f64 {
     Normal::standard().inverse_cdf(level / 2.0).powi(2)
 }
 
-/// Share of the gain of an effect that a rival must promise to first order, on top of others, to be fitted.
+/// Share of the gain of an effect that a rival must reach to first order to be fitted, if there are other effects.
 const LITTLE: f64 = 0.2;
 
-/// Rivals up to so many margins away are said to have been set aside.
+/// Rivals within this number of margins are reported as set aside.
 const NEARLY: f64 = 2.0;
 
-/// Share of what the adopted effect explains that they explain as well.
+/// Share of what the adopted effect explains that such a rival must explain.
 const MOST_OF_IT: f64 = 0.5;
 
-/// Sketches are rough: those within so many margins are fitted in full.
+/// Sketches are rough: those within this number of margins are fitted in full.
 const ROUGH: f64 = 3.0;
 
-/// Difference of chi2, freedom counted, below which two models explain the data equally well.
+/// Difference of chi2, corrected for parameters, below which two models explain the data equally well.
 const EQUAL: f64 = 1.0;
 
-/// A model's rivals, least chi2 first; and the model itself, or a rival that is to be preferred: since it has so much less freedom,
-/// or, of equals, since it predicts the ends of the conditions' ranges better from the rest. (Of all that are no worse than rivals
-/// may be, the best at the ends was the true one less often than that of least chi2: the ends are a few rows.)
+/// A model's rivals, lowest chi2 first; and the model itself, or a preferred rival: one that is better by its number of parameters,
+/// or, among equals, one that predicts the ends of the conditions' ranges better from the rest. (Among all models within the margin
+/// of a rival, the best at the ends was the true one less often than the one with the lowest chi2: the ends are few rows.)
 pub(super) fn of(evidence: &Evidence, node: &Arc<Node>) -> Result<(Arc<Node>, Around), InputError> {
     let mut adopted = node.clone();
     // A preferred rival has rivals of its own.
@@ -69,7 +69,7 @@ pub(super) fn of(evidence: &Evidence, node: &Arc<Node>) -> Result<(Arc<Node>, Ar
     Ok((adopted, around))
 }
 
-/// The rival that is to be preferred to a model; None where that is the best itself.
+/// The rival preferred to a model; None if the model is the best.
 fn preferred(evidence: &Evidence, node: &Arc<Node>, rivals: &[Rival]) -> Option<Arc<Node>> {
     let beyond = |node: &Node| holdout::surprise_beyond(evidence.case(), node);
     let all = || std::iter::once(node).chain(rivals.iter().map(|rival| &rival.node));
@@ -79,7 +79,7 @@ fn preferred(evidence: &Evidence, node: &Arc<Node>, rivals: &[Rival]) -> Option<
     (best.set() != node.set()).then(|| best.clone())
 }
 
-/// Rivals of a model, and those that are hardly worse.
+/// Rivals of a model, and those that are only slightly worse.
 fn around(evidence: &Evidence, node: &Arc<Node>) -> Result<Around, InputError> {
     let margin = margin(evidence.options.level);
     let (mut rivals, mut aside): (Vec<Rival>, Vec<Note>) = Default::default();
@@ -96,11 +96,11 @@ fn around(evidence: &Evidence, node: &Arc<Node>) -> Result<Around, InputError> {
             }
             let rival = evidence.search.settled(&*evidence.search.node(sketch, &parent)?)?;
             let [general, special] = [sketch.last(), added.hypothesis].map(|place| &evidence.search.hypotheses[place]);
-            // Another name of the same.
+            // A generalisation of the same effect is no rival.
             if general.generalises(special) && rival.chi2() > node.chi2() - margin {
                 continue;
             }
-            // Each parameter takes 1 from chi2 in the mean, whether it is needed or not.
+            // Each parameter lowers chi2 by 1 on average, whether it is needed or not.
             let freedom = node.fit.parameters.len() as f64 - rival.fit.parameters.len() as f64;
             if rival.chi2() < node.chi2() + margin + 2.0 * freedom.max(0.0) + freedom.min(0.0) {
                 rivals.push(Rival { instead_of: added.hypothesis, hypothesis: sketch.last(), node: rival });

@@ -1,9 +1,9 @@
-//! The search: effects tried on top of a fitted model, one more at a time, several lines at once.
+//! The search: effects tried on top of fitted models, one more at a time, with several models carried on in parallel.
 //!
-//! At a fitted model every trial of every effect gives a signature; what the free parameters absorb of it is taken out, and
-//! the rest foretells how far chi2 falls. The trials that promise most are fitted, all free parameters with them, first
-//! roughly, then the best in full. Where no single effect is enough, the best few are carried on together: the first of two
-//! missing effects need not be the one that explains most by itself.
+//! At a fitted model every trial of every effect has a signature. The part that the free parameters absorb is removed, and the rest
+//! predicts the decrease of chi2. The most promising trials are fitted together with all free parameters, first roughly, then the
+//! best in full. If no single effect is enough, the best few models are carried on: the first of two missing effects need not be
+//! the one that explains most by itself.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
@@ -24,28 +24,28 @@ use crate::numeric::parallel;
 /// Trials of one effect that are fitted.
 const FITTED: usize = 2;
 
-/// Share of the gain of its best trial that another must promise to be fitted as well.
+/// Share of the predicted gain of the best trial that another must reach to be fitted as well.
 const ALSO: f64 = 0.3;
 
-/// A start is not followed to its end if chi2 is more than that at the end of another by this factor and this number, or by less than
-/// this share of what is worth a minimisation.
+/// A start is not followed to its minimum if its chi2 exceeds that of another minimum by more than this factor and this number, or
+/// by less than this share of the gain that is worth a minimisation.
 const FAR_BEHIND: f64 = 2.0;
 const BEHIND: f64 = 50.0;
 const SAME_END: f64 = 0.25;
 
-/// Ordinary changes of a free key from the mission's value, beyond which a fit begins once more from that value.
+/// Change of a free key from the mission's value, in ordinary changes, beyond which a fit is started once more from that value.
 const FAR: f64 = 0.25;
 
-/// chi2 per degree of freedom from which on a model does not explain the data, whatever their errors.
+/// chi2 per degree of freedom above which a model does not explain the data, even if errors are too small.
 const FAR_FROM_NOISE: f64 = 4.0;
 
-/// Difference of chi2 of two fits that have come to the same minimum.
+/// Difference of chi2 below which two fits have reached the same minimum.
 const SAME_MINIMUM: f64 = 0.01;
 
-/// Effects fitted on top of a model that has some already: those that promise most.
+/// Most promising effects fitted on top of a model that already has some.
 pub(super) const BREADTH: usize = 6;
 
-/// Models that are carried on together.
+/// Models carried on in parallel.
 pub(super) const LINES: usize = 4;
 
 /// A rough fit of one more effect.
@@ -54,7 +54,7 @@ pub(super) struct Sketch {
     pub added: Vec<Added>,
     pub mission: Mission,
     pub chi2: f64,
-    /// What each file's pedestal costs in it.
+    /// chi2 penalty of each file's pedestal in it.
     pub pedestal_costs: Vec<f64>,
 }
 
@@ -63,50 +63,49 @@ impl Sketch {
         self.added.last().expect("one more effect").hypothesis
     }
 
-    /// By how much chi2 falls from a model that lacks the last effect, as evidence for it.
+    /// Decrease of chi2 from a model without the last effect, as evidence for it.
     pub fn gain_over(&self, node: &Node) -> f64 {
         let parameters = self.added.last().map_or(0, |added| added.free.len());
         node.gain_of(self.chi2, &self.pedestal_costs, parameters)
     }
 }
 
-/// A model with more effects on the way to its optimum: a mission, and how far its free parameters have come from there.
+/// A model with more effects on the way to its optimum: a mission, and the progress of its free parameters from there.
 struct Start {
     added: Vec<Added>,
     mission: Mission,
     found: Optimum,
 }
 
-/// What can be added to a fitted model.
+/// Effects that can be added to a fitted model.
 pub(super) struct Expansion {
     pub node: Arc<Node>,
     /// By hypothesis.
     pub trials: Vec<Vec<Trial>>,
-    /// Rough fits made so far, by hypothesis; None where an effect cannot be fitted.
+    /// Rough fits made so far, by hypothesis; None if an effect cannot be fitted.
     sketches: Mutex<BTreeMap<usize, Option<Sketch>>>,
 }
 
 impl Expansion {
-    /// How far chi2 falls with an effect, to first order and within reach of its trials.
+    /// Decrease of chi2 with an effect, to first order and within reach of its trials.
     pub fn gain(&self, hypothesis: usize) -> f64 {
         self.trials[hypothesis].iter().map(|trial| trial.gain_in_reach(&self.node.residuals)).fold(0.0, f64::max)
     }
 
-    /// Parameters of an effect, in the way in which it has most.
+    /// Parameters of an effect, in the form that has most.
     pub fn parameters(&self, hypothesis: usize) -> usize {
         self.trials[hypothesis].iter().map(|trial| trial.basis.ncols()).max().unwrap_or(0)
     }
 
-    /// Effects that can be added, those that promise most first.
+    /// Effects that can be added, by predicted decrease of chi2, the largest first.
     pub fn promising(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.trials.len()).filter(|&place| !self.trials[place].is_empty()).collect();
         order.sort_by(|a, b| self.gain(*b).total_cmp(&self.gain(*a)).then(a.cmp(b)));
         order
     }
 
-    /// chi2 with an effect: of its rough fit where there is one, to first order elsewhere; more than without it where the data
-    /// rule it out. An effect that can be as weak as nothing is best so where no other strength helps. None where it changes
-    /// nothing.
+    /// chi2 with an effect: of its rough fit if there is one, otherwise to first order. Larger than without the effect if the data
+    /// rule it out; equal if its strength can be 0 and no other strength helps. None if it changes nothing.
     pub fn chi2(&self, hypothesis: usize) -> Option<f64> {
         let sketches = self.sketches.lock().expect("nobody panics");
         let fitted = sketches.get(&hypothesis).and_then(|sketch| sketch.as_ref().map(|sketch| sketch.chi2));
@@ -119,7 +118,7 @@ impl Expansion {
     }
 }
 
-/// The trials of an effect that promise most at a model, the best first.
+/// The most promising trials of an effect at a model, the best first.
 fn most_promising<'t>(trials: &'t [Trial], node: &Node) -> Vec<&'t Trial> {
     let gain = |trial: &Trial| trial.gain_in_reach(&node.residuals);
     let mut order: Vec<&Trial> = trials.iter().collect();
@@ -128,19 +127,19 @@ fn most_promising<'t>(trials: &'t [Trial], node: &Node) -> Vec<&'t Trial> {
     order
 }
 
-/// All that stays the same during a search.
+/// Everything that stays the same during a search.
 pub(super) struct Search<'a> {
     pub case: &'a Case<'a>,
     /// The same data without pedestals.
     pub level_case: &'a Case<'a>,
     pub hypotheses: &'a [Hypothesis],
-    /// The mission before anything was fitted.
+    /// The mission before any fit.
     given: &'a Mission,
     /// Keys that are free from the start.
     pub base: Vec<String>,
     pub seed: u64,
     pub progress: &'a Progress<'a>,
-    /// Fitted models, and those at their very optimum, one for each set of hypotheses.
+    /// Fitted models, and those at their final optimum, one for each set of hypotheses.
     nodes: Mutex<Vec<Arc<Node>>>,
     settled: Mutex<Vec<Arc<Node>>>,
     expansions: Mutex<Vec<Arc<Expansion>>>,
@@ -183,9 +182,9 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Begins where another search of the same data, with no other keys free than here, has ended. Other errors leave an optimum nearly
-    /// where it was; where errors and free keys are the same (what noise does is drawn anew), so is all that was fitted on top of the
-    /// same base.
+    /// Begins where another search of the same data ended, if that had no other free keys. With other errors an optimum hardly
+    /// moves. If errors and free keys are the same (only the simulated noise is drawn anew), everything fitted on top of the same
+    /// base is reused.
     pub fn begin_like(&mut self, other: &Search, base: &Node) {
         let expansions = other.expansions.lock().expect("nobody panics");
         for expansion in expansions.iter() {
@@ -202,7 +201,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The model of a sketch, with its errors; the same effects are fitted once.
+    /// The full fit of a sketch, with its errors; each set of effects is fitted once.
     pub fn node(&self, sketch: &Sketch, like: &Node) -> Result<Arc<Node>, InputError> {
         let mut set: Vec<usize> = sketch.added.iter().map(|added| added.hypothesis).collect();
         set.sort_unstable();
@@ -212,7 +211,7 @@ impl<'a> Search<'a> {
         self.fit(&like.model.like(&sketch.mission), &sketch.added, true)
     }
 
-    /// A model at its very optimum, every interval between epochs tried for moments.
+    /// A model at its final optimum; every interval between epochs is tried for event epochs.
     pub fn settled(&self, node: &Node) -> Result<Arc<Node>, InputError> {
         let settled =
             self.settled.lock().expect("nobody panics").iter().find(|known| known.set() == node.set()).cloned();
@@ -233,7 +232,7 @@ impl<'a> Search<'a> {
         self.improve_sketch(found);
     }
 
-    /// A fitted model, or one that means the same and reads better: from other values of its effects' parameters it comes to a minimum
+    /// A fitted model, or an equivalent one with plainer values of its effects' parameters, if a fit from there reaches a minimum
     /// as low.
     fn plainer(&self, node: Arc<Node>) -> Arc<Node> {
         let plainer = |added: &Added| {
@@ -252,7 +251,7 @@ impl<'a> Search<'a> {
         as_low.map_or(node, |other| self.remembered(other))
     }
 
-    /// Puts a model at its very optimum in the place of the rough fit that it was made from.
+    /// Replaces the rough fit of a model by the model at its final optimum.
     fn improve_sketch(&self, found: &Node) {
         let Some((last, before)) = found.added.split_last() else { return };
         let is_parent = |expansion: &&Arc<Expansion>| expansion.node.added == before;
@@ -271,13 +270,13 @@ impl<'a> Search<'a> {
     }
 
     fn fit(&self, model: &Model, added: &[Added], settled: bool) -> Result<Arc<Node>, InputError> {
-        // A search has tried all intervals, unless they are too many.
+        // A search has tried all intervals, unless there are too many.
         let moments = self.case.reach.epochs_yr.len() > effect::EVENT_EPOCHS;
         let options = fit::Options { starts: 1, scan: !settled, seed: self.seed, moments, settled };
         Ok(self.remembered(Node::fit(self.case, model, added.to_vec(), &self.base, &options)?))
     }
 
-    /// A fitted model, in the place of others with the same effects.
+    /// Stores a fitted model in place of others with the same effects.
     fn remembered(&self, node: Node) -> Arc<Node> {
         let node = Arc::new(node);
         let mut nodes = self.nodes.lock().expect("nobody panics");
@@ -317,7 +316,8 @@ impl<'a> Search<'a> {
         if others.is_empty() {
             return Ok(known);
         }
-        let same = |(larger, removed, _): &&(Vec<f64>, usize, Arc<Node>)| *larger == node.fit.values && *removed == place;
+        let same =
+            |(larger, removed, _): &&(Vec<f64>, usize, Arc<Node>)| *larger == node.fit.values && *removed == place;
         let done = self.smaller.lock().expect("nobody panics").iter().find(same).map(|(.., found)| found.clone());
         if let Some(done) = done.filter(|done| done.chi2() <= known.chi2()) {
             return Ok(done);
@@ -416,7 +416,7 @@ impl<'a> Search<'a> {
         expansion
     }
 
-    /// Rough fits of some effects on top of a model, least chi2 first.
+    /// Rough fits of some effects on top of a model, lowest chi2 first.
     pub fn sketches(&self, expansion: &Expansion, wanted: &[usize]) -> Vec<Sketch> {
         let known = |place: &usize| expansion.sketches.lock().expect("nobody panics").get(place).cloned();
         let sketch = |place: &usize| {
@@ -454,9 +454,9 @@ impl<'a> Search<'a> {
         near.into_iter().chain(far).min_by(|a, b| a.chi2.total_cmp(&b.chi2))
     }
 
-    /// A rough fit, or that which the mission's own values of the keys that are free from the beginning lead to, where that is better.
-    /// A model that lacks an effect may have driven a free key to where it moves nothing (a release time to its bound), from
-    /// where no slope leads back once the effect is there.
+    /// A rough fit, or the fit from the mission's own values of the initially free keys if that is better. A model that lacks an
+    /// effect may have driven a free key to where it has no influence (a release time to its bound), from where no gradient leads
+    /// back once the effect is added.
     fn refitted_from_given_values(&self, node: &Node, sketch: Sketch) -> Sketch {
         let given = self.base.iter().filter_map(|key| Parameter::of(self.given, key).ok());
         let is_far = |given: &Parameter| {
@@ -477,7 +477,7 @@ impl<'a> Search<'a> {
         back().filter(|back| back.chi2 < sketch.chi2).unwrap_or(sketch)
     }
 
-    /// The start where another search of the same data ended with the same effects; None where it did not try them.
+    /// The start at which another search of the same data ended with the same effects; None if it did not try them.
     fn start_from_known(&self, node: &Node, place: usize) -> Option<Start> {
         let places = |added: &[Added]| added.iter().map(|added| added.hypothesis).collect::<Vec<_>>();
         let wanted = [places(&node.added), vec![place]].concat();
@@ -488,8 +488,8 @@ impl<'a> Search<'a> {
         Some(Start { added: known.added.clone(), mission, found })
     }
 
-    /// A start from where files have no pedestals. One that a model seems to need which lacks an effect hides what the effect does,
-    /// and is no slope that a fit could follow. None where the model has none.
+    /// A start from the fit without pedestals. A pedestal that only a model without the effect needs hides the effect, and leaves
+    /// the fit no gradient to follow. None if the model has no pedestal.
     fn start_from_level(&self, node: &Node, place: usize) -> Option<Start> {
         let level = self.level(node)?;
         let level = self.as_given(&level).unwrap_or(level);
@@ -514,7 +514,7 @@ impl<'a> Search<'a> {
         Some(Start { added, mission, found })
     }
 
-    /// Effects that promise most on top of a model where files have no pedestals, the best first.
+    /// Most promising effects on top of a model without pedestals, the best first.
     pub fn promising_without_pedestals(&self, node: &Node) -> Vec<usize> {
         self.make_level(node);
         let Some(level) = self.level(node) else { return Vec::new() };
@@ -528,13 +528,13 @@ impl<'a> Search<'a> {
         gains.into_iter().map(|(place, _)| place).collect()
     }
 
-    /// A model fitted to files that have no pedestals, as far as that was done (`make_level`).
+    /// A model fitted without pedestals, if that fit was made (`make_level`).
     fn level(&self, node: &Node) -> Option<Arc<Node>> {
         let levels = self.levels.lock().expect("nobody panics");
         levels.iter().find(|known| node.has_pedestal() && known.set() == node.set()).cloned()
     }
 
-    /// Fits a model to files that have no pedestals, where it needs some; not while others run in parallel.
+    /// Fits a model without pedestals if it needs some; not to be called while others run in parallel.
     fn make_level(&self, node: &Node) {
         if !node.has_pedestal() || self.level(node).is_some() {
             return;
@@ -546,13 +546,13 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The rough fit of some trials together, each from so many times as strong as its table.
+    /// The rough fit of some trials together, each started at a factor on the strength in its table.
     pub fn sketch_of(&self, node: &Node, trials: &[(&Trial, f64)]) -> Option<Sketch> {
         self.followed(node, self.start_of(node, trials).into_iter().collect())
     }
 
-    /// A start of some trials together, each from so many times as strong as its table: at a model, or where its free keys that were
-    /// driven out are at the mission's values.
+    /// A start of some trials together, each at a factor on the strength in its table: at a model, or where its free keys that were driven
+    /// out have the mission's values again.
     fn start_of(&self, node: &Node, trials: &[(&Trial, f64)]) -> Option<Start> {
         let here = self.start_at(node, trials);
         let given = self.as_given(node).and_then(|given| self.start_at(&given, trials));
@@ -571,7 +571,7 @@ impl<'a> Search<'a> {
             self.start(node, tables).or_else(|| self.start(node, self.added(node, trials.iter().map(as_given))))
         };
         let start = from(1.0)?;
-        // More effects cannot do worse: the start was too far away.
+        // More effects cannot be worse: the start was too far away.
         let astray = start.found.chi2 > node.chi2() + 1.0;
         let again = if astray { from(0.05) } else { None };
         [Some(start), again].into_iter().flatten().min_by(|a, b| a.found.chi2.total_cmp(&b.found.chi2))
@@ -585,8 +585,8 @@ impl<'a> Search<'a> {
         found.chi2.is_finite().then_some(Start { added, mission, found })
     }
 
-    /// The best rough fit that some starts lead to. The nearest is followed to its end; another one where it does not seem to lead to
-    /// the same end, and is not far behind.
+    /// The best rough fit from some starts. The nearest is followed to its minimum; another one only if it seems to lead to a
+    /// different minimum and is not far behind.
     fn followed(&self, node: &Node, mut starts: Vec<Start>) -> Option<Sketch> {
         starts.sort_by(|a, b| a.found.chi2.total_cmp(&b.found.chi2));
         let mut best: Option<Start> = None;
@@ -608,13 +608,13 @@ impl<'a> Search<'a> {
         let Start { added, mission, found } = best?;
         let model = node.model.like(&mission);
         let mission = self.problem(&model, &added).ok()?.mission(&found.at).ok()?;
-        // Only where the model has pedestals does one need to know of them.
+        // Needed only if the model has pedestals.
         let model = node.model.like(&mission);
         let pedestal_costs = if node.has_pedestal() { self.case.pedestal_costs(&model) } else { Vec::new() };
         found.chi2.is_finite().then_some(Sketch { added, mission, chi2: found.chi2, pedestal_costs })
     }
 
-    /// The problem of fitting a model with effects that were added to all data.
+    /// The problem of fitting a model with added effects to all data.
     fn problem<'m>(&'m self, model: &'m Model, added: &[Added]) -> Result<Problem<'m>, InputError> {
         let keys: Vec<String> = self.base.iter().chain(added.iter().flat_map(|added| &added.free)).cloned().collect();
         Problem::new(model, self.case.data, &keys, &self.count, |_| true)
@@ -629,7 +629,7 @@ impl<'a> Search<'a> {
         Some((mission, added))
     }
 
-    /// A mission with one more effect. Keys of an effect that gets company of its kind get numbers.
+    /// A mission with one more effect. If there are several effects of its kind, their keys are numbered.
     fn add(&self, to: &Mission, added: &mut Vec<Added>, place: usize, table: &toml::Table) -> Option<Mission> {
         let hypothesis = &self.hypotheses[place];
         let (mission, key) = mission_file::add_effect(to, hypothesis.kind, table.clone()).ok()?;
@@ -646,7 +646,7 @@ impl<'a> Search<'a> {
         Some(mission)
     }
 
-    /// How often the search finds as much in noise, at a model whose noise is given.
+    /// The null distribution of the search: what it finds in noise, at a model and for its noise.
     pub fn null(&self, node: &Arc<Node>, noise: &Noise) -> Null {
         Null::simulate(self.case, node, &self.expand(node).trials, noise, self.seed)
     }

@@ -1,10 +1,10 @@
 //! How often noise alone does as well, over everything that was tried.
 //!
-//! Noise of residuals that were made independent (`whitening`) is drawn many times, what the free
-//! parameters absorb of it is taken out, and the whole search is repeated on it: every effect, every trial, to first order in
-//! the strength (a fit to pure noise finds weak effects only, for which the first order is all there is; see
-//! `docs/diagnosis.md` for how well that holds). Each effect's largest gain in chi2 is put on the scale of its own chance,
-//! because effects differ in freedom; how often the least chance of all effects is as small is the false alarm.
+//! Noise of whitened residuals (`whitening`) is drawn many times, the part that the free parameters absorb is removed, and the
+//! whole search is repeated on it: every effect, every trial, to first order in the strength. (In pure noise a fit finds only weak
+//! effects, for which the first order suffices; `docs/diagnosis.md` shows how well this holds.) Each effect's largest gain in chi2
+//! is converted to its own p-value, because effects differ in degrees of freedom. The false-alarm probability is how often the
+//! lowest p-value of all effects is as low.
 
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
@@ -19,7 +19,7 @@ use crate::numeric::parallel;
 /// Simulations of noise.
 const SIMULATIONS: u64 = 4000;
 
-/// Simulations that must be beyond a value for their number to tell its chance.
+/// Simulations that must exceed a value for its probability to be estimated from their number.
 const ENOUGH: usize = 20;
 
 /// The noise of whitened residuals.
@@ -27,19 +27,19 @@ const ENOUGH: usize = 20;
 pub(super) struct Noise {
     /// Standard deviation in each data set, in units of its sigma.
     scale: Vec<f64>,
-    /// Degrees of freedom from which that sigma was estimated, in each data set; None where it is as quoted.
+    /// Degrees of freedom from which that sigma was estimated, in each data set; None if it is as quoted.
     freedom: Vec<Option<f64>>,
 }
 
-/// Errors by which a correlation must differ from 0 to be clear.
+/// Significance, in its errors, of a correlation that differs from 0.
 const CLEAR: f64 = 3.5;
 
-/// Errors by which what is left of a file must be beyond its errors for them to be taken as too small. An effect is claimed against them:
-/// to take them as too small in one of forty files where they are right costs little.
+/// Excess of a file's chi2, in its standard deviations, from which its errors are taken as too small. The significance of effects
+/// is then computed with larger errors, so it costs little to do this in one of forty files whose errors are right.
 const BEYOND: f64 = 2.0;
 
 impl Noise {
-    /// As the errors say, those that were estimated being as uncertain as they are.
+    /// Noise with the given errors; estimated errors are uncertain by their degrees of freedom.
     pub(super) fn of(case: &Case) -> Noise {
         let freedom = case.data.iter().map(|set| set.shared.freedom).collect();
         Noise { scale: vec![1.0; case.data.len()], freedom }
@@ -50,8 +50,8 @@ impl Noise {
         self.freedom.iter().all(Option::is_none)
     }
 
-    /// The noise that is left at a fitted model: more than the errors say, where it is likely to be, and then as uncertain as what it
-    /// is estimated from.
+    /// The residual noise of a fitted model: larger than the errors if their excess is significant, and then as uncertain as its
+    /// estimate.
     pub(super) fn left_at(case: &Case, node: &Node) -> Noise {
         let mut noise = Noise::of(case);
         let taken = node.freedom() / case.n() as f64;
@@ -69,7 +69,7 @@ impl Noise {
 
     fn sample(&self, case: &Case, random: &mut ChaCha8Rng) -> DVector<f64> {
         let scale = self.scale.iter().zip(&self.freedom).map(|(scale, freedom)| {
-            // What was estimated from noise is wrong by noise: Student's t.
+            // An error estimated from noise is itself uncertain: Student's t.
             let squares = freedom.map(|freedom| (freedom, rand_distr::ChiSquared::new(freedom).expect("above 0")));
             scale * squares.map_or(1.0, |(freedom, law)| (freedom / law.sample(random)).sqrt())
         });
@@ -81,7 +81,7 @@ impl Noise {
     }
 }
 
-/// Correlation of residuals of neighbouring pixels, where it is clearly above 0.
+/// Correlation of residuals of neighbouring pixels; 0 unless it is significantly positive.
 pub(super) fn correlation(case: &Case, residuals: &DVector<f64>) -> f64 {
     let pairs = (0..case.n())
         .filter_map(|row| case.before[row].filter(|(_, apart)| *apart == 1).map(|(before, _)| (before, row)));
@@ -95,19 +95,19 @@ pub(super) fn correlation(case: &Case, residuals: &DVector<f64>) -> f64 {
     if correlation * f64::sqrt(count) > CLEAR { correlation.min(0.95) } else { 0.0 }
 }
 
-/// What the whole search finds in noise.
+/// The null distribution: what the whole search finds in noise.
 pub(super) struct Null {
-    /// For each hypothesis the gains of its best trial, rising.
+    /// For each hypothesis the gains of its best trial, ascending.
     gains: Vec<Vec<f64>>,
-    /// Power of the chi2 distribution that the tail of each follows.
+    /// Degrees of freedom of the chi2 distribution that the tail of each follows.
     freedom: Vec<f64>,
-    /// Least chance of all hypotheses in each simulation, rising.
+    /// Lowest p-value of all hypotheses in each simulation, ascending.
     least: Vec<f64>,
     /// Mean and variance of chi2.
     chi2: (f64, f64),
 }
 
-/// Simulations that are searched together: the same numbers by one product of matrices.
+/// Simulations that are searched together, by one matrix product; the result does not depend on it.
 const TOGETHER: u64 = 100;
 
 /// For each simulation of noise at a fitted model the gain of each hypothesis' best trial, and chi2.
@@ -178,25 +178,25 @@ impl Null {
         Null { freedom: freedom.collect(), gains, least, chi2: (mean, variance) }
     }
 
-    /// Chance that noise alone gains as much for one hypothesis, whatever its trial.
+    /// Probability that noise alone gains as much for one hypothesis with any of its trials.
     pub fn chance(&self, hypothesis: usize, gain: f64) -> f64 {
         let known = &self.gains[hypothesis];
         let beyond = known.len() - known.partition_point(|known| *known < gain);
         if beyond >= ENOUGH {
             return beyond as f64 / known.len() as f64;
         }
-        // Where free parameters absorb it, to first order, noise gains nothing.
+        // If free parameters absorb it, noise gains nothing, to first order.
         let law = ChiSquared::new(self.freedom[hypothesis]).expect("above 0");
         if known[known.len() - 1] <= 0.0 {
             return law.sf(gain);
         }
-        // Beyond the simulations, as a chi2 distribution falls from the last that is well known.
+        // Beyond the simulations, extrapolated with a chi2 distribution from the last well-determined gain.
         let last = known[known.len() - ENOUGH];
         let at_last = ENOUGH as f64 / known.len() as f64;
         if last <= 0.0 { at_last * law.sf(gain) } else { at_last * (law.sf(gain) / law.sf(last)).min(1.0) }
     }
 
-    /// Chance that noise alone makes any hypothesis look as good.
+    /// Probability that noise alone makes any hypothesis look as good.
     pub fn false_alarm(&self, hypothesis: usize, gain: f64) -> f64 {
         let chance = self.chance(hypothesis, gain);
         let below = |chance: f64| self.least.partition_point(|least| *least <= chance);
@@ -204,13 +204,13 @@ impl Null {
         if seen >= 4 * ENOUGH {
             return seen as f64 / self.least.len() as f64;
         }
-        // As many trials as the least chances show there to be.
+        // Effective number of trials, from the distribution of the lowest p-values.
         let at = 4.0 * ENOUGH as f64 / self.least.len() as f64;
         let trials = (below(at) as f64 / (at * self.least.len() as f64)).max(1.0);
         (chance * trials).min(1.0)
     }
 
-    /// The gain of a hypothesis whose false alarm is a level.
+    /// The gain of a hypothesis at which its false-alarm probability equals a level.
     pub fn threshold(&self, hypothesis: usize, level: f64) -> f64 {
         let (mut low, mut high) = (0.0, 1000.0);
         for _ in 0..60 {
@@ -220,7 +220,7 @@ impl Null {
         high
     }
 
-    /// Chance that noise alone has so large a chi2.
+    /// Probability of such a chi2 or a larger one from noise alone.
     pub fn chi2_above(&self, chi2: f64) -> f64 {
         let (mean, variance) = self.chi2;
         Gamma::new(mean * mean / variance, mean / variance).map_or(1.0, |law| law.sf(chi2))

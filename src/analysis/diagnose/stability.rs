@@ -1,4 +1,5 @@
-//! Whether a verdict also holds under assumptions that are as good: larger errors, another seed, other starts, other free keys.
+//! Whether a verdict also holds under equally plausible assumptions: larger errors, another seed, other starting points, other free
+//! keys.
 
 use std::sync::Arc;
 
@@ -13,39 +14,39 @@ use crate::analysis::fit::parameter::Parameter;
 use crate::error::InputError;
 use crate::mission::Mission;
 
-/// What a search comes to under another assumption.
+/// The outcome of a search under another assumption.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Changed {
     /// What was changed.
     pub change: String,
-    /// The verdict then.
+    /// The verdict with this change.
     pub verdict: Verdict,
-    /// The effects that are added then, in the order of the catalogue.
+    /// The effects added with this change, in the order of the catalogue.
     pub effects: Vec<String>,
-    /// Whether that is what is said without the change; of an ambiguous one, where the adopted effects are among the rivals.
+    /// Whether the verdict is the same as without the change, and the effects are the same or rivals of the adopted ones.
     pub holds: bool,
 }
 
-/// What searches under other assumptions come to.
+/// The outcome of searches under other assumptions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Stability {
-    /// Those that were made.
+    /// Searches made.
     pub done: Vec<Changed>,
-    /// Assumptions under which none was made, for want of evaluations.
+    /// Assumptions not tested because the limit on evaluations was reached.
     pub undone: Vec<String>,
 }
 
 impl Stability {
-    /// Whether a verdict holds under every assumption that was tried; None where none was.
+    /// Whether a verdict holds under every assumption that was tested; None if none was.
     pub fn holds(&self) -> Option<bool> {
         (!self.done.is_empty()).then(|| self.done.iter().all(|changed| changed.holds))
     }
 }
 
-/// Factor by which errors are made larger.
+/// Factor by which errors are enlarged.
 const LARGER: f64 = 1.35;
 
-/// Factor by which free keys start elsewhere, one up, the next down.
+/// Factor on the starting values of free keys, alternately up and down.
 const ELSEWHERE: f64 = 1.25;
 
 /// A search with one assumption changed.
@@ -53,12 +54,12 @@ struct Change {
     name: String,
     mission: Mission,
     options: Options,
-    /// By how much errors are larger.
+    /// Factor on the errors.
     larger: f64,
 }
 
 impl Task<'_> {
-    /// What becomes of a diagnosis under each change, in as many evaluations together as a round of the diagnosis may make.
+    /// Repeats a diagnosis under each change, with as many evaluations in total as one round of the diagnosis.
     ///
     /// # Errors
     /// As [`super::diagnose`].
@@ -74,7 +75,7 @@ impl Task<'_> {
                 continue;
             }
             let changed = self.changed(evidence, found, change, &work)?;
-            // That a search which was cut short explains nothing says nothing.
+            // That a search explains nothing is no result if it was cut short.
             if changed.verdict == Verdict::Unexplained && !work.undone().is_empty() {
                 all.undone.push(changed.change);
             } else {
@@ -118,7 +119,7 @@ impl Task<'_> {
         changes
     }
 
-    /// The mission with free keys that start elsewhere; None where such a mission makes no sense.
+    /// The mission with other starting values of the free keys; None if such a mission makes no sense.
     fn started_elsewhere(&self) -> Option<Mission> {
         let settings = self.options.free.iter().enumerate().map(|(index, key)| {
             let parameter = Parameter::of(self.mission, key).ok()?;
@@ -145,12 +146,12 @@ impl Task<'_> {
             work: work.clone(),
         };
         let frees_no_less = self.options.free.iter().all(|key| change.options.free.contains(key));
-        // Where only more is free, an optimum of the diagnosis is as good a start as one with other errors.
+        // If no key becomes fixed, an optimum of the diagnosis is also a good start with other errors.
         let like = (change.mission == *self.mission && frees_no_less).then_some(evidence.search);
         let mut noise = found.noise.clone();
         for round in 1.. {
             let data = noise::allowed_for(self.quoted, &noise::larger(&noise, change.larger));
-            // As a diagnosis does it: rows that only a poor model calls wrong are tried without, and come back.
+            // As in a diagnosis: rows that only a poor model marks as wrong are left out at first and restored later.
             let (other, better) = task.with_evidence(&data, like, |evidence, _| {
                 let other = evidence.select()?;
                 let better = task.other_errors(evidence, &noise, &other).filter(|_| round < ROUNDS);
@@ -164,7 +165,7 @@ impl Task<'_> {
         unreachable!("the last round returns")
     }
 
-    /// What a search came to, beside the diagnosis.
+    /// The outcome of a search, compared with the diagnosis.
     fn outcome(&self, evidence: &Evidence, found: &Diagnosis, other: &Found, change: &str) -> Changed {
         let last = other.ladder.last().expect("the base");
         let effects: Vec<String> = last.set().into_iter().map(|place| evidence.name(place)).collect();

@@ -1,4 +1,4 @@
-//! Whether a fitted model calls for more.
+//! The stopping rule: whether the data call for more than a fitted model.
 
 use std::sync::Arc;
 
@@ -9,20 +9,20 @@ use super::significance::{Noise, Null};
 use crate::analysis::validate::validate;
 use crate::error::InputError;
 
-/// Parts of the level: of the search, of residual trends, and of chi2.
+/// Shares of the level: for the search, for residual trends, and for chi2.
 pub(super) const SEARCH: f64 = 0.5;
 pub(super) const TRENDS: f64 = 0.25;
 const CHI2: f64 = 0.1;
 
-/// Part of the level at which a model that has an effect added calls for more: two are missing less often than one, and a good
-/// answer is not to be spoiled as often as data are complete.
+/// Share of the level for further effects on top of an added one: two effects are missing less often than one, and a correct answer
+/// must not be spoiled as often as a false alarm is allowed for complete data.
 const FURTHER: f64 = 0.2;
 
-/// False alarm to first order below which an effect is fitted to see.
+/// First-order false-alarm probability below which an effect is fitted to check.
 const NEAR: f64 = 0.3;
 
 impl Evidence<'_> {
-    /// Whether a model calls for nothing more: by chi2, by what residuals trend on, by any effect on top.
+    /// Whether a model needs nothing more, by chi2, by residual trends, and by any effect on top.
     pub(super) fn is_enough(&self, node: &Arc<Node>) -> Result<bool, InputError> {
         let Some(null) = self.mere_noise(node)? else { return Ok(false) };
         let expansion = self.search.expand(node);
@@ -34,10 +34,10 @@ impl Evidence<'_> {
         Ok(!sketches.iter().any(calls))
     }
 
-    /// Noise as the data state it, where neither chi2 nor what residuals trend on says that there is more; None elsewhere.
+    /// The null distribution for the noise of the data, if neither chi2 nor residual trends exceed it; None otherwise.
     pub(super) fn mere_noise(&self, node: &Arc<Node>) -> Result<Option<Null>, InputError> {
         let noise = Noise::of(self.case());
-        // By the textbook first: far beyond it nothing need be simulated.
+        // First by the textbook chi2: a large excess needs no simulation.
         if noise.is_as_quoted() && node.chi2_of_rows() > node.freedom() + 8.0 * (2.0 * node.freedom()).sqrt() {
             return Ok(None);
         }
@@ -50,7 +50,7 @@ impl Evidence<'_> {
         Ok((!trends).then_some(null))
     }
 
-    /// The level at which something on top of a model is believed.
+    /// The significance level for an addition to a model.
     pub(super) fn level(&self, node: &Node) -> f64 {
         self.options.level * if node.added.is_empty() { 1.0 } else { FURTHER }
     }

@@ -1,4 +1,4 @@
-//! Everything that is told of what was found.
+//! Summary of all findings for the report.
 
 use std::sync::Arc;
 
@@ -16,12 +16,12 @@ use crate::physics::accuracy::Purpose;
 use crate::plan::evaluate::{self, evaluate};
 
 impl Evidence<'_> {
-    /// Everything that is told of what was found.
+    /// Summary of all findings.
     pub(super) fn diagnosis(&self, mission: &Mission, found: Found, notes: Vec<Note>) -> Result<Diagnosis, InputError> {
         let Found { verdict, reason, ladder, alternatives, next, limits, noise, aside, .. } = found;
         let node = ladder.last().expect("the base");
         (self.search.progress.stage)("budget", ladder.len() as u64);
-        // A search may compute less accurately than was asked for.
+        // A search may use a coarser accuracy than requested.
         let accurate = |node: &Node| Mission { accuracy: mission.accuracy.clone(), ..node.mission().clone() };
         let improved = accurate(node);
         let before = validate(&accurate(self.base), self.case().data, self.options.seed)?;
@@ -71,7 +71,7 @@ impl Evidence<'_> {
         })
     }
 
-    /// What is told of one model.
+    /// Summary of one model.
     fn rung(&self, node: &Node) -> Rung {
         self.search.progress.step();
         Rung {
@@ -85,14 +85,14 @@ impl Evidence<'_> {
         }
     }
 
-    /// The effect that each model adds to the one before; `values` are those of the last model.
+    /// The effect that each model adds to the previous one; `values` are those of the last model.
     fn steps(&self, ladder: &[Arc<Node>], rungs: &[Rung], values: &[Fitted]) -> Result<Vec<Step>, InputError> {
         let node = ladder.last().expect("the base");
         let mut steps = Vec::new();
         let mut done: Vec<usize> = Vec::new();
         for (index, pair) in ladder.windows(2).enumerate() {
             let hypothesis = newest(&pair[0], &pair[1]);
-            // Of two of a kind the first comes first.
+            // Of two effects of a kind, the first comes first.
             let here = |place: &usize| node.added[*place].hypothesis == hypothesis && !done.contains(place);
             let place = (0..node.added.len()).find(here).expect("it was added");
             done.push(place);
@@ -109,7 +109,7 @@ impl Evidence<'_> {
         Ok(steps)
     }
 
-    /// Conditions with which residuals still change, each once.
+    /// Conditions with a remaining residual trend, each once.
     fn covariates(&self, after: &Validation) -> Vec<Covariate> {
         let mut covariates: Vec<Covariate> = Vec::new();
         for trend in after.trends.iter().filter(|trend| trend.false_alarm < self.options.level) {
@@ -120,7 +120,7 @@ impl Evidence<'_> {
         covariates
     }
 
-    /// Numbers of the effects that were added which were not fitted.
+    /// Parameters of the added effects that were not fitted.
     fn assumed(&self, node: &Node) -> Vec<Advice> {
         let of = |added: &Added| {
             let table = effect::table(node.mission(), &added.key)?;

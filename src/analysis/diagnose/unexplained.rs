@@ -1,4 +1,4 @@
-//! What is said where no combination of effects explains the data.
+//! The outcome if no combination of effects explains the data.
 
 use std::sync::Arc;
 
@@ -11,16 +11,16 @@ use super::stopping_rule::TRENDS;
 use crate::analysis::validate::validate;
 use crate::error::InputError;
 
-/// Share of what chi2 has in excess that an effect must explain to be named although the data remain unexplained.
+/// Share of the excess of chi2 that an effect must explain to be named although the data remain unexplained.
 const MOST_OF_IT: f64 = 0.95;
 
 impl Evidence<'_> {
-    /// No combination explains the data: what helps most, if it helps much, and what residuals trend on; or errors that are
-    /// too small, where they trend on nothing and are not off in the mean.
+    /// No combination explains the data. If the residuals of the base have no trend and no offset in the mean, the errors are too
+    /// small; otherwise the effects that help most are named if they help much.
     pub(super) fn unexplained(&self, tried: &[Arc<Node>]) -> Result<Found, InputError> {
         let by_score = |a: &&Arc<Node>, b: &&Arc<Node>| self.score(a).total_cmp(&self.score(b));
         if self.is_white(self.base)? {
-            // With one effect at most: a few more make what they like of errors that are too small.
+            // With at most one effect: with errors that are too small, several effects could fit anything.
             let simple = tried.iter().filter(|node| node.added.len() <= 1).min_by(by_score);
             let nearest = simple.map(|node| Ok(self.is_white(node)?.then(|| node.clone()))).transpose()?.flatten();
             let best = tried.iter().min_by(|a, b| a.chi2().total_cmp(&b.chi2()));
@@ -47,7 +47,7 @@ impl Evidence<'_> {
         Ok(Found { nearest, ..Found::of(Verdict::Unexplained, Reason::Unexplained { undone }, ladder) })
     }
 
-    /// Whether what a model leaves trends on nothing, is not off in the mean and not correlated.
+    /// Whether the residuals of a model have no trend, no offset in the mean and no correlation.
     fn is_white(&self, node: &Node) -> Result<bool, InputError> {
         let validation = validate(node.mission(), self.case().data, self.options.seed)?;
         let level = TRENDS * self.options.level;

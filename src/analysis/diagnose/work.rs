@@ -1,12 +1,13 @@
-//! How much a search may compute, counted in evaluations of the model at all rows: a count depends on no machine.
+//! Computing budget of a search, counted in evaluations of the model at all rows: a count does not depend on the machine.
 //!
-//! A step that has begun is ended, so that a search makes somewhat more evaluations than it may: those of every effect fitted roughly
-//! on top of one model at most. It is asked for only between steps, never while some run in parallel, so that the number of threads decides nothing.
+//! A step that has begun is completed, so a search can exceed its budget: at most by rough fits of every effect on top of one
+//! model. The budget is checked only between steps, never while some run in parallel, so the result does not depend on the number
+//! of threads.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Evaluations done, and what the last round of a search left undone for want of more.
+/// Evaluations done, and steps that the last round of a search omitted because the budget was used.
 #[derive(Debug)]
 pub struct Work {
     most: u64,
@@ -21,7 +22,7 @@ impl Work {
         Work { most, done: AtomicU64::new(0), before: AtomicU64::new(0), undone: Mutex::default() }
     }
 
-    /// A search that begins anew may make as many again; what the one before left undone is no matter.
+    /// A new round has the full budget; the steps omitted before are forgotten.
     pub fn begin_round(&self) {
         self.before.store(self.done(), Ordering::Relaxed);
         self.undone.lock().expect("nobody panics").clear();
@@ -37,7 +38,7 @@ impl Work {
         self.done.load(Ordering::Relaxed)
     }
 
-    /// Whether a step of the search may be done; where not, it is noted as undone.
+    /// Whether a step of the search may begin; if not, it is recorded as omitted.
     pub fn allows(&self, step: &str) -> bool {
         let allowed = self.done() - self.before.load(Ordering::Relaxed) < self.most;
         let mut undone = self.undone.lock().expect("nobody panics");
@@ -47,7 +48,7 @@ impl Work {
         allowed
     }
 
-    /// What was left undone, in the order in which it was asked for.
+    /// Omitted steps, in the order in which they were requested.
     pub fn undone(&self) -> Vec<String> {
         self.undone.lock().expect("nobody panics").clone()
     }

@@ -1,13 +1,13 @@
 //! Scale and correlation of errors by restricted maximum likelihood.
 //!
-//! Of residuals r = B b + e with anything smooth in B, and errors e of covariance s² V(ρ) along trails, the likelihood of what is
-//! left of r beyond B (Patterson & Thompson 1971, Biometrika 58, 545) is
+//! For residuals r = B b + e, with everything smooth in the columns of B and errors e of covariance s² V(ρ) along trails, the
+//! likelihood of the part of r beyond B (Patterson & Thompson 1971, Biometrika 58, 545) is
 //!
 //! ```text
 //! −2 ln L = (n − k) ln s² + ln |V| + ln |Bᵀ V⁻¹ B|,   s² = rᵀ P r/(n − k)
 //! ```
 //!
-//! It is not led astray by B taking away slow noise, as the correlation of what is left would be.
+//! It is unbiased although B absorbs slow noise, which would bias the correlation of the residuals.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -17,7 +17,7 @@ use crate::analysis::whitening::{Link, Neighbours, Shared};
 const STEP: f64 = 0.05;
 const STEPS: usize = 16;
 
-/// Rise of 2 ln L that a correlation must bring: one in two hundred of white noise.
+/// Increase of 2 ln L that a correlation must bring: reached by one in two hundred samples of white noise.
 const CLEAR: f64 = 6.6;
 
 /// The likeliest errors.
@@ -26,12 +26,12 @@ pub(super) struct Likeliest {
     pub scale: f64,
     pub correlation: f64,
     pub neighbours: Neighbours,
-    /// Degrees of freedom that are left beyond what is smooth.
+    /// Degrees of freedom beyond what is smooth.
     pub freedom: f64,
 }
 
 impl Likeliest {
-    /// Of residuals of some rows (those that are right), smooth directions, and the row before each in its trail.
+    /// From residuals of some rows (those that are right), smooth directions, and the preceding row of each in its trail.
     pub fn of(residuals: &DVector<f64>, smooth: &DMatrix<f64>, links: &[Link], right: &[usize]) -> Likeliest {
         let white = likelihood(residuals, smooth, links, right, &Shared::default());
         let mut best = (white.1 + CLEAR, white, Shared::default());

@@ -1,4 +1,4 @@
-//! What may be smooth in the residuals of a file: all that effects can do, and whatever else follows its conditions.
+//! Smooth components of the residuals of a file: everything that effects can do, and any other function of its conditions.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -8,20 +8,20 @@ use crate::numeric::least_squares::Span;
 /// Highest power of a condition.
 const DEGREE: usize = 3;
 
-/// Columns that every file may have, whatever its conditions.
+/// Columns of every file, regardless of its conditions.
 const CONSTANTS: usize = 2;
 
-/// Part of a column that others leave, below which it adds nothing: a hundred sigma of an effect leave two.
+/// Share of a column beyond the others, below which it adds nothing: a hundred sigma of an effect leave two.
 const FLAT: f64 = 0.02;
 
 /// Share of the directions of the rows that may be smooth.
 const MOST: f64 = 0.4;
 
-/// Rows for each word of a column, in the mean, from which on words have constants of their own.
+/// Rows per word of a column, on average, from which each word has its own constant.
 const ROWS_OF_A_WORD: usize = 4;
 
-/// Polynomials in every condition, products of two, and a constant for every word, as they stand and times the model; in quoted
-/// errors.
+/// Polynomials in every condition, products of two conditions, and a constant for every word, each alone and times the model; in
+/// quoted errors.
 pub(super) fn columns(set: &DataSet, model: &[f64]) -> Vec<DVector<f64>> {
     let rows = set.rows.len();
     let mut shapes: Vec<Vec<f64>> = vec![vec![1.0; rows]];
@@ -49,7 +49,7 @@ pub(super) fn columns(set: &DataSet, model: &[f64]) -> Vec<DVector<f64>> {
     shapes.iter().flat_map(|shape| [over_sigma(shape, false), over_sigma(shape, true)]).collect()
 }
 
-/// Places of values in their order, from −1 to 1, and how many differ; 0 of those that are no numbers.
+/// Ranks of values, scaled from −1 to 1, and the number of distinct values; 0 for values that are not finite.
 fn in_order(values: &[f64]) -> (Vec<f64>, usize) {
     let mut distinct: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     distinct.sort_by(f64::total_cmp);
@@ -62,7 +62,7 @@ fn in_order(values: &[f64]) -> (Vec<f64>, usize) {
     (values.iter().map(place).collect(), distinct.len().max(1))
 }
 
-/// One column for every word, which are numbered; none where they are too many.
+/// One column for every word (words are numbered); none if there are too many words.
 fn of_words(words: &[f64]) -> Vec<Vec<f64>> {
     let count = words.iter().copied().fold(-1.0, f64::max) as i64 + 1;
     if count as usize * ROWS_OF_A_WORD > words.len() {
@@ -71,12 +71,12 @@ fn of_words(words: &[f64]) -> Vec<Vec<f64>> {
     (0..count).map(|word| words.iter().map(|other| f64::from(u8::from(*other == word as f64))).collect()).collect()
 }
 
-/// Orthonormal directions that columns span, those that matter most first; the first columns, a constant as it stands and times
-/// the model, always: files have pedestals and gains.
+/// Orthonormal basis of the columns, the most important directions first. The first columns, a constant alone and times the model,
+/// are always included: files have pedestals and gains.
 pub(super) fn directions(smooth: Vec<DVector<f64>>, signatures: Vec<DVector<f64>>) -> DMatrix<f64> {
     let first = Span::of(&DMatrix::from_columns(&smooth[..CONSTANTS]), 1e-6).directions().clone();
     let most = (MOST * first.nrows() as f64) as usize;
-    // As parts of a length of 1, so that what is nearly constant counts as little as it is.
+    // As a share of a unit vector, so that a nearly constant column counts little.
     let beyond = |column: &DVector<f64>| {
         let column = column / column.norm().max(f64::MIN_POSITIVE);
         &column - &first * first.tr_mul(&column)

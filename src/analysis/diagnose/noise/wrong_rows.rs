@@ -1,37 +1,37 @@
 //! Rows that are wrong, found one by one.
 //!
-//! A row is wrong where it is far from what all others predict by what is smooth (an externally studentised residual: Cook &
-//! Weisberg 1982, Residuals and Influence in Regression, section 2.2), in units of the scatter that the others leave without it:
-//! smooth directions are many, and one wrong row bends them enough to hide in what it makes of all others. The farthest is left
-//! out, the rest is smoothed again, until more than one in twenty is out. All up to the last that was far are wrong (Rosner 1983,
-//! Technometrics 25, 165), so that two do not hide one another. Where more than one in twenty is far it is no accident of single
-//! rows; neither are rows next to one another that are off in the same direction, more of them than chance would put there.
+//! A row is wrong if it is far from the smooth prediction of all others (an externally studentised residual: Cook & Weisberg 1982,
+//! Residuals and Influence in Regression, section 2.2), in units of the scatter of the others: smooth directions are many, and one
+//! wrong row bends them enough to hide itself. The farthest row is left out and the rest is smoothed again, until more than one in
+//! twenty is out. All rows up to the last one that was far are wrong (Rosner 1983, Technometrics 25, 165), so that two cannot mask
+//! each other. If more than one in twenty is far, these are no accidents of single rows; nor are adjacent rows with residuals of
+//! the same sign, if there are more of them than expected by chance.
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, Discrete, Poisson, StudentsT};
 
 use crate::numeric::least_squares::Span;
 
-/// Distance from which on a row is wrong, in units of the scatter, and how often noise may put one of the file's rows there.
+/// Distance from which a row is wrong, in units of the scatter, and the probability that noise puts any row of the file there.
 pub(super) const FAR: f64 = 5.0;
 const BY_CHANCE: f64 = 2e-3;
 
 /// One row in this number may be wrong.
 const ONE_IN: usize = 20;
 
-/// Part of a row's residual that is its own, below which nothing is told of it: it may be all that shows an effect.
+/// Part of a row's residual that is its own, below which the row is not judged: it may be all that shows an effect.
 const ITS_OWN: f64 = 0.15;
 
-/// Chance below which rows that are off together are no accident.
+/// Probability below which adjacent far rows are no coincidence.
 const NO_ACCIDENT: f64 = 0.01;
 
-/// How many rows of a file may be wrong.
+/// Largest number of rows of a file that may be wrong.
 pub(super) fn most(rows: usize) -> usize {
     rows.div_ceil(ONE_IN)
 }
 
-/// Rows that are wrong, each with how far it is from what the others predict, in quoted errors; rising.
-/// A scatter of less than the least one, in quoted errors, is not believed.
+/// Wrong rows, ascending, each with its distance from the prediction of the others, in quoted errors. The scatter is not taken as
+/// less than `least_scatter`, in quoted errors.
 pub(super) fn of(residuals: &DVector<f64>, smooth: &DMatrix<f64>, least_scatter: f64) -> Vec<(usize, f64)> {
     let (most, mut out, mut wrong) = (most(residuals.len()), Vec::new(), 0);
     while out.len() <= most {
@@ -46,7 +46,7 @@ pub(super) fn of(residuals: &DVector<f64>, smooth: &DMatrix<f64>, least_scatter:
         return Vec::new();
     }
     out.truncate(wrong);
-    // Several wrong rows together bend what is smooth at others that are right.
+    // Several wrong rows together distort what is smooth at others that are right.
     let right = |out: &Vec<usize>| {
         out.iter().position(|&row| {
             let rest: Vec<usize> = out.iter().copied().filter(|other| *other != row).collect();
@@ -65,19 +65,19 @@ pub(super) fn of(residuals: &DVector<f64>, smooth: &DMatrix<f64>, least_scatter:
     if are_together(&far, residuals.len()) { Vec::new() } else { far }
 }
 
-/// Part of a column that others leave, below which it is none.
+/// Share of a column beyond the others, below which it is linearly dependent.
 const FLAT: f64 = 1e-6;
 
-/// Rows that are not out.
+/// Rows that are not left out.
 fn others(rows: usize, out: &[usize]) -> Vec<usize> {
     (0..rows).filter(|row| !out.contains(row)).collect()
 }
 
-/// How far rows are from what is smooth in them, some left out.
+/// Distances of rows from what is smooth, with some left out.
 struct Judged {
-    /// Rows of which something is told, each with its studentised distance, but for the scatter.
+    /// Rows that can be judged, each with its residual over √(1 − leverage): the studentised residual times the scatter.
     sizes: Vec<(usize, f64)>,
-    /// Rows in all.
+    /// Rows used.
     rows: f64,
     /// Sum of squares about what is smooth.
     squares: f64,
@@ -86,7 +86,7 @@ struct Judged {
 }
 
 impl Judged {
-    /// None where too few rows are left.
+    /// None if too few rows remain.
     fn without(out: &[usize], residuals: &DVector<f64>, smooth: &DMatrix<f64>) -> Option<Judged> {
         let right = others(residuals.len(), out);
         let directions = Span::of(&smooth.select_rows(&right), FLAT).directions().clone();
@@ -112,18 +112,18 @@ impl Judged {
 
     /// Whether a row of that size is far from the others.
     fn is_far(&self, size: f64, least_scatter: f64) -> bool {
-        // Without the row the squares that are left fall by that of its size.
+        // Without the row the residual sum of squares decreases by the square of its size.
         let scatter = ((self.squares - size * size).max(0.0) / self.law.freedom()).sqrt().max(least_scatter);
         let by_chance = 2.0 * self.law.sf(size / scatter) * self.rows;
         size > FAR * scatter && by_chance < BY_CHANCE
     }
 }
 
-/// Whether more rows than by chance are next to one another and off in the same direction.
+/// Whether more wrong rows than expected by chance are adjacent and of the same sign.
 fn are_together(far: &[(usize, f64)], rows: usize) -> bool {
     let same = |pair: &&[(usize, f64)]| pair[1].0 == pair[0].0 + 1 && pair[0].1.signum() == pair[1].1.signum();
     let pairs = far.windows(2).filter(same).count() as u64;
-    // Each of the pairs of wrong rows is next to one another with a chance of 2/rows, and of the same sign in half of the cases.
+    // A pair of wrong rows is adjacent with a probability of 2/rows, and of the same sign in half of these cases.
     let by_chance = (far.len() * far.len().saturating_sub(1)) as f64 / (2 * rows) as f64;
     let Ok(law) = Poisson::new(by_chance) else { return false };
     let fewer: f64 = (0..pairs).map(|pairs| law.pmf(pairs)).sum();
@@ -139,7 +139,7 @@ mod tests {
 
     use super::*;
 
-    /// Noise about a few polynomials in the place of a row, two fifths of the rows as many.
+    /// Noise about a few polynomials in the row index, as many as two fifths of the rows.
     fn noise(random: &mut ChaCha8Rng, rows: usize) -> (DVector<f64>, DMatrix<f64>) {
         let smooth = DMatrix::from_fn(rows, 2 * rows / 5, |row, power| {
             (std::f64::consts::PI * power as f64 * (row as f64 + 0.5) / rows as f64).cos()
@@ -148,8 +148,8 @@ mod tests {
         (DVector::from_fn(rows, |_, _| StandardNormal.sample(random)) + &smooth * strengths, smooth)
     }
 
-    /// One row in 25, 12 to 30 sigma off, whatever is smooth in the others, in files of 16 rows and more. Rows that hardly
-    /// differ from what bends to them are not told of: they are the few that are missed. (Sixty files of each size.)
+    /// One row in 25, 12 to 30 sigma off, regardless of what is smooth in the others, in files of 16 rows and more. Rows that
+    /// the smooth part follows almost exactly are not judged: they are the few that are missed. (Sixty files of each size.)
     #[test]
     fn rows_that_are_far_off_are_found_in_small_files_too() {
         let mut random = ChaCha8Rng::seed_from_u64(4);
@@ -167,7 +167,7 @@ mod tests {
                 others += wrong.iter().filter(|(row, _)| !off.contains(row)).count();
             }
             assert!(found * 10 >= made * 9, "{rows} rows: {found} of {made}");
-            // Of two that are next to one another their neighbours may be named, which differ from them by what is smooth.
+            // Of two adjacent rows the neighbours may be named, which differ from them by what is smooth.
             assert!(others * 20 <= made, "{rows} rows: {others} that were right");
         }
     }
