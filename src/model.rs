@@ -1,11 +1,11 @@
-//! A mission made ready: dose, traps, detector and galaxies with all effects, at any time and under any conditions.
+//! A mission ready for evaluation: dose, traps, detector and galaxies with all effects, at any time and under any conditions.
 //!
 //! ```text
 //! mission + effects → [`DoseHistory`] → [`Damage`] → [`Device`] → change of shape
 //! ```
 //!
-//! This is the only way from a mission to a dose, a trap density or a change of shape. What makes them is private to this
-//! module: commands, studies and fits ask a [`Model`], so that none of them can leave an effect out.
+//! This is the only way from a mission to a dose, a trap density or a change of shape. Its components are private to this module:
+//! commands, studies and fits use a [`Model`], so that none of them can omit an effect.
 
 mod device;
 mod effects;
@@ -35,10 +35,10 @@ use noise::{NoiseTerm, Realisations};
 pub use scene::Scene;
 pub(crate) use scene::{Above, downstream, half_px};
 
-/// Times of a mission at which a formula of the time is looked at.
+/// Number of times in a mission at which a formula of time is sampled.
 const FORMULA_TIMES: u32 = 240;
 
-/// A mission with its effects, ready to be asked.
+/// A mission with its effects, ready for evaluation.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// The mission.
@@ -47,7 +47,7 @@ pub struct Model {
     effects: Effects,
     detector: Detector,
     damage: Damage,
-    /// Images of the galaxies, drawn when they are needed; None where a galaxy has no measurable shape.
+    /// Images of the galaxies, drawn when needed; None if a galaxy has no measurable shape.
     scenes: Arc<Vec<OnceLock<Option<Scene>>>>,
 }
 
@@ -68,14 +68,14 @@ impl Model {
         Model { mission: mission.clone(), history, effects, detector, damage, scenes }
     }
 
-    /// Prepares a mission that is like this one in much: images of galaxies that are the same are not drawn again.
+    /// Prepares a similar mission: if its galaxies are the same, their images are reused.
     pub fn like(&self, mission: &Mission) -> Model {
         let model = Model::new(mission);
         let shares = self.shares_scenes(mission) && self.positions() == model.positions();
         if shares { Model { scenes: Arc::clone(&self.scenes), ..model } } else { model }
     }
 
-    /// Whether the images of a mission's galaxies are those of this one.
+    /// Whether a mission's galaxies have the same images as those of this one.
     pub(crate) fn shares_scenes(&self, mission: &Mission) -> bool {
         let known = &self.mission;
         known.galaxies == mission.galaxies
@@ -84,8 +84,8 @@ impl Model {
             && known.accuracy == mission.accuracy
     }
 
-    /// Sub-pixel positions in x and in y at which galaxies are read out. Columns that differ, or know of one another, ask for as many
-    /// in x as in y.
+    /// Sub-pixel positions in x and in y at which galaxies are read out. If columns differ or interact, as many are needed in x as
+    /// in y.
     pub fn positions(&self) -> [u32; 2] {
         let Accuracy { subpixel_grid, readout, .. } = self.mission.accuracy;
         let serial = self.effects.iter().any(|effect| effect.serial().is_some());
@@ -93,13 +93,13 @@ impl Model {
         [if differ { subpixel_grid } else { scene::positions_across(subpixel_grid) }, subpixel_grid]
     }
 
-    /// When dose comes: active years, steps, where the rate comes from, and what is doubtful about it.
+    /// The dose history: active years, steps, the source of the rate, and what is uncertain about it.
     pub fn history(&self) -> &DoseHistory {
         &self.history
     }
 
-    /// Times (years since launch, rising) at which a quantity of the model has to be known for its curve over a mission to be
-    /// smooth between them: launch, the end, each time at which the dose rate changes, and both sides of each jump.
+    /// Times (years since launch, ascending) between which every quantity of the model is smooth: launch, the end, each time at
+    /// which the dose rate changes, and both sides of each jump.
     pub fn times_yr(&self, duration_yr: f64) -> Vec<f64> {
         let within = |t_yr: &f64| *t_yr > 0.0 && *t_yr <= duration_yr;
         let jumps = self.history.steps.iter().map(|(t_yr, _)| *t_yr).chain(self.damage.losses_yr());
@@ -109,7 +109,7 @@ impl Model {
         let warmings = self.mission.imported.temperatures.iter().map(|(t_yr, _)| *t_yr);
         let jumps = jumps.chain(warmings);
         times.extend(jumps.filter(within).flat_map(|t_yr| [t_yr.next_down(), t_yr]));
-        // A formula of the time may do anything.
+        // A formula of time may be any function.
         if self.depends_on().iter().any(|name| name == "t_yr") {
             times.extend((1..FORMULA_TIMES).map(|index| duration_yr * f64::from(index) / f64::from(FORMULA_TIMES)));
         }
@@ -126,7 +126,7 @@ impl Model {
     /// Dose since launch as its monitor sees it, MeV/g, at a time (years since launch).
     ///
     /// # Errors
-    /// Where a formula has no value, here and below.
+    /// If a formula has no value, here and below.
     pub fn dose_mev_g(&self, t_yr: f64) -> Result<f64, InputError> {
         self.device_at(t_yr)?.dose_mev_g()
     }
@@ -157,20 +157,20 @@ impl Model {
         self.irradiated(at, &irradiation)
     }
 
-    /// Conditions as effects make them, which are believed to be the given ones.
+    /// The true conditions, modified by effects, if the given ones are assumed.
     fn true_conditions(&self, given: &Conditions) -> Result<Conditions, InputError> {
         let mut at = given.clone();
         self.effects.apply(|effect| effect.conditions(&mut at))?;
         Ok(at)
     }
 
-    /// What has come of the mission's dose, or of one given in a laboratory (MeV/g), up to a time (years since launch).
+    /// The irradiation by the mission's dose, or by a dose given in a laboratory (MeV/g), up to a time (years since launch).
     fn irradiation(&self, t_yr: f64, given_mev_g: Option<f64>) -> Result<Irradiation, InputError> {
         let irradiation = self.damage.irradiation(&self.history, t_yr, given_mev_g);
         irradiation.map_err(|error| self.effects.of_mission(error))
     }
 
-    /// The detector under conditions as they really are, after their dose.
+    /// The detector under true conditions, after their dose.
     fn irradiated(&self, at: Conditions, irradiation: &Irradiation) -> Result<Device, InputError> {
         let reference_dose_mev_g = self.history.reference_dose_mev_g;
         let damaged =
@@ -210,8 +210,8 @@ impl Model {
         Ok(Device { at, traps, cloud, clock, store, persistence, method: self.method(), registers, effects })
     }
 
-    /// Mean change of a galaxy's shape (by its place in the mission) at a time (years since launch). None where no shape
-    /// is left, or there was none.
+    /// Mean change of a galaxy's shape (by its index in the mission) at a time (years since launch). None if the shape is not
+    /// measurable before or after the readout.
     ///
     /// # Errors
     /// As [`Model::dose_mev_g`].
@@ -219,7 +219,7 @@ impl Model {
         self.change_by(galaxy, &self.device_at(t_yr)?)
     }
 
-    /// The same with a device that is at hand.
+    /// The same with a given device.
     ///
     /// # Errors
     /// As [`Model::dose_mev_g`].
@@ -230,7 +230,7 @@ impl Model {
         }
     }
 
-    /// Mean change of a galaxy's shape as a device makes it, before what effects make of the measured value.
+    /// Mean change of a galaxy's shape by a device, before effects modify the measured value.
     ///
     /// # Errors
     /// As [`Model::dose_mev_g`].
@@ -238,8 +238,8 @@ impl Model {
         self.scene(galaxy).map_or(Ok(None), |scene| scene.change_by(device))
     }
 
-    /// What the noise of one exposure adds to the mean change of a galaxy's shape, as a device makes it; see [`noise`]. None where no
-    /// shape is left.
+    /// The contribution of the noise of one exposure to the mean change of a galaxy's shape by a device; see [`noise`]. None if the
+    /// shape is lost.
     ///
     /// # Errors
     /// As [`Model::dose_mev_g`].
@@ -256,19 +256,19 @@ impl Model {
         scene.map_or(Ok(None), |scene| scene.noise_term(device, read_noise_e, realisations))
     }
 
-    /// A galaxy's image, ready to be trailed, by its place in the mission. None where it has no measurable shape.
+    /// A galaxy's image, ready to be trailed, by its index in the mission. None if it has no measurable shape.
     pub fn scene(&self, galaxy: usize) -> Option<&Scene> {
         let drawn = || Scene::of(&self.mission, &self.mission.galaxies[galaxy], self.positions());
         self.scenes[galaxy].get_or_init(drawn).as_ref()
     }
 
-    /// Place of the judged galaxy in the mission.
+    /// Index of the judged galaxy in the mission.
     pub fn judged(&self) -> usize {
         let judged = &self.mission.requirement.galaxy;
         self.mission.galaxies.iter().position(|galaxy| galaxy.name == *judged).expect("a mission has its judged galaxy")
     }
 
-    /// Conditions, by name, that effects depend on beyond those that the chain itself depends on.
+    /// Names of conditions that effects depend on in addition to those of the chain itself.
     pub fn depends_on(&self) -> Vec<String> {
         self.effects.iter().flat_map(|effect| effect.depends_on()).collect()
     }

@@ -1,4 +1,4 @@
-//! A detector as it is at one moment: charge in, charge out.
+//! A detector at one time: charge in, charge out.
 
 use ndarray::{Array2, ArrayView1, Axis};
 
@@ -16,7 +16,7 @@ use crate::readout::{Clock, Cloud, Downstream, FrameTransfer, Method, Persistenc
 /// Traps, wells, registers and amplifier under given conditions.
 #[derive(Clone, Debug)]
 pub struct Device {
-    /// The conditions as they really are, with the dose behind the traps.
+    /// The true conditions, with the dose that made the traps.
     pub at: Conditions,
     /// Traps of the pixels.
     pub traps: Vec<SpeciesState>,
@@ -26,13 +26,13 @@ pub struct Device {
     pub clock: Clock,
     /// The store that frames are shifted into before they are read.
     pub store: Option<Store>,
-    /// The cadence of exposures, where traps keep charge from those before.
+    /// The cadence of exposures, if traps keep charge from earlier ones.
     pub persistence: Option<Survey>,
-    /// How transfers are computed.
+    /// Method by which transfers are computed.
     pub method: Method,
     /// Serial registers with traps.
     pub(super) registers: Vec<Register>,
-    /// What else happens to charges and values.
+    /// Effects on charges and values.
     pub(super) effects: Effects,
 }
 
@@ -46,7 +46,7 @@ pub(super) struct Register {
     pub transfers: u32,
 }
 
-/// What stands beside the columns that are read out, in their rows.
+/// The surroundings of the columns that are read out, in their rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Beside {
     /// The image is a stamp around an object that makes the serial register's transfers. The number is that of the columns
@@ -70,7 +70,7 @@ impl Device {
         Readout { traps: self.clock.spread(&readout.traps), ..readout }
     }
 
-    /// The way through the store, if there is one.
+    /// The frame transfer through the store, if there is one.
     fn frame_transfer(&self) -> Option<FrameTransfer> {
         let Store { rows, burst_line_time_ms, trap_ratio } = self.store?;
         let stored = |line_time_ms: f64| {
@@ -86,7 +86,7 @@ impl Device {
         })
     }
 
-    /// The readout after exposures before, if traps keep their charge.
+    /// The readout after earlier exposures, if traps keep their charge.
     fn after_exposures(&self) -> Option<Persistence> {
         let survey = self.persistence.as_ref()?;
         let before = survey.persistence?;
@@ -140,10 +140,10 @@ impl Device {
         }
     }
 
-    /// The charges (e-, `[[row, column]]`, background included) as they are read.
+    /// The charges (e-, `[[row, column]]`, background included) as read out.
     ///
     /// # Errors
-    /// Where an effect has no value, here and below.
+    /// If an effect has no value, here and below.
     pub fn read(
         &self,
         charge_e: &Array2<f64>,
@@ -155,7 +155,7 @@ impl Device {
         self.after(&before_e, clocked_e, beside)
     }
 
-    /// The charges (e-) that are clocked out, given those that were collected.
+    /// The charges (e-) that are clocked out, for the collected ones.
     ///
     /// # Errors
     /// As [`Device::read`].
@@ -164,7 +164,7 @@ impl Device {
         Ok(charge_e)
     }
 
-    /// What is read of charges (e-) that were clocked out, given those before.
+    /// The charges (e-) as read out, for those that were clocked out and those before.
     ///
     /// # Errors
     /// As [`Device::read`].
@@ -184,7 +184,7 @@ impl Device {
         })
     }
 
-    /// Charges (e-) as the amplifier gives them out, with those before the first transfer.
+    /// Charges (e-) at the amplifier output, given those before the first transfer.
     ///
     /// # Errors
     /// As [`Device::read`].
@@ -193,14 +193,14 @@ impl Device {
         Ok(read_e)
     }
 
-    /// Whether a mirror image in x is read as the mirror image: if all columns are alike and independent. A serial register
-    /// with traps trails towards +x; traps at random places are others in each column.
+    /// Whether a mirror image in x is read as the mirror image: if all columns are identical and independent. A serial register
+    /// with traps trails towards +x; random traps differ from column to column.
     pub fn is_mirror_symmetric(&self) -> bool {
         !self.has_serial_traps() && !self.method.is_random()
     }
 
-    /// How many times as many traps this device has as another one, where that is all the difference between them. None where it
-    /// is not, or the other one has no traps.
+    /// Ratio of the numbers of traps of this device and another one, if they differ in nothing else. None if they do, or the other
+    /// one has no traps.
     pub(crate) fn traps_over(&self, other: &Device) -> Option<f64> {
         let bare = |species: &SpeciesState| SpeciesState { density_per_px: 0.0, ..species.clone() };
         let alike = self.at.but_for_dose() == other.at.but_for_dose()
@@ -216,8 +216,8 @@ impl Device {
         (alike && factor.is_finite() && proportional()).then_some(factor)
     }
 
-    /// The same device for an object n columns farther from the amplifier, in all serial registers; None where it is not on the
-    /// detector.
+    /// The same device for an object `columns` columns farther from the amplifier, in all serial registers; None if it is not on
+    /// the detector.
     pub(super) fn columns_farther(mut self, columns: i64) -> Option<Device> {
         for register in &mut self.registers {
             register.transfers = farther(register.transfers, columns)?;
@@ -225,18 +225,18 @@ impl Device {
         Some(self)
     }
 
-    /// Whether charge goes from one column to another: a serial register has traps.
+    /// Whether charge moves from one column to another: a serial register has traps.
     pub fn has_serial_traps(&self) -> bool {
         self.registers.iter().flat_map(|register| &register.traps).any(|species| species.density_per_px > 0.0)
     }
 
-    /// Columns of background that tell how those of an image so wide are read: one, unless they know of one another, in a
-    /// serial register.
+    /// Columns of background needed to represent those of an image of this width: one, unless columns interact in a serial
+    /// register.
     pub fn columns_of_background(&self, width_px: usize) -> usize {
         if self.has_serial_traps() { width_px } else { 1 }
     }
 
-    /// The same device without chance.
+    /// The same device without randomness.
     pub fn expected(&self) -> Device {
         self.by(self.method.expected())
     }
@@ -246,7 +246,7 @@ impl Device {
         Device { method, ..self.clone() }
     }
 
-    /// The same device, read out as accurately as a purpose asks for: never finer than it is.
+    /// The same device, read out with the accuracy that a purpose needs: never finer than its own.
     pub fn fit_for(&self, purpose: Purpose) -> Device {
         match self.method {
             Method::Fast { relative } => self.by(Method::Fast { relative: purpose.relative(relative) }),
@@ -266,7 +266,7 @@ impl Device {
         device
     }
 
-    /// The same device with one of its species alone (by its place among them).
+    /// The same device with only one of its species (by index).
     pub fn with_species(&self, index: usize) -> Device {
         Device { traps: vec![self.traps[index].clone()], ..self.clone() }
     }
@@ -285,7 +285,7 @@ impl Device {
         self.observed(dose_mev_g, Observable::Dose, &self.at)
     }
 
-    /// What is measured of a value.
+    /// The measured value for a true one.
     ///
     /// # Errors
     /// As [`Device::read`].
@@ -294,7 +294,7 @@ impl Device {
         Ok(value)
     }
 
-    /// What is measured of a change of shape.
+    /// The measured change of shape for a true one.
     ///
     /// # Errors
     /// As [`Device::read`].
@@ -334,7 +334,7 @@ impl Device {
 /// Ratio of the charges of rows that are read side by side: accuracy is relative to the brightest of them.
 const ABOUT_AS_BRIGHT: f64 = 1.1;
 
-/// Rows of a column (e-) by their charge, those together that are about as bright.
+/// Indices of the rows of a column (e-), grouped by similar charge.
 fn about_as_bright(charge_e: ArrayView1<f64>) -> Vec<Vec<usize>> {
     let mut order: Vec<usize> = (0..charge_e.len()).collect();
     order.sort_by(|a, b| charge_e[*a].total_cmp(&charge_e[*b]));

@@ -1,4 +1,4 @@
-//! The effects of a mission, applied to one noun of the chain at a time.
+//! The effects of a mission, applied to one quantity of the chain at a time.
 
 use std::sync::Arc;
 
@@ -25,12 +25,12 @@ impl Effects {
     /// Lets each effect change something in turn.
     ///
     /// # Errors
-    /// Where an effect has no value; names the mission.
+    /// If an effect has no value; names the mission.
     pub fn apply(&self, mut change: impl FnMut(&dyn Effect) -> Result<(), InputError>) -> Result<(), InputError> {
         self.iter().try_for_each(&mut change).map_err(|error| self.of_mission(error))
     }
 
-    /// An error of an effect that names the mission.
+    /// An error of an effect, with the name of the mission.
     pub fn of_mission(&self, error: InputError) -> InputError {
         InputError { refused: format!("{} of mission \"{}\"", error.refused, self.mission), ..error }
     }

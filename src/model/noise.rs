@@ -1,28 +1,28 @@
-//! Photon and read noise of one exposure: what they add to the change of a galaxy's shape.
+//! Photon and read noise of one exposure: their contribution to the change of a galaxy's shape.
 //!
-//! Photon noise is in the charge before the transfers. It decides which of two rows is the brighter one, and fills traps that a
-//! faint galaxy would otherwise meet; and it is trailed itself. Read noise comes after the transfers. Both spread the moments of
+//! Photon noise is part of the charge before the transfers. It decides which of two rows is the brighter one, fills traps that a
+//! faint galaxy would otherwise meet, and is itself trailed. Read noise is added after the transfers. Both spread the moments of
 //! single galaxies, of which an ellipticity is a ratio.
 //!
-//! **Estimator.** The bounded ellipticity of [`bounded`], on a centroid that is held where the image without noise has it, before
-//! and after the readout: a survey knows positions from many exposures. (A centroid that is fitted to each noisy image gives the same
-//! to within 0.2 % for SNAP's bright galaxy and 2 % for its faint one: see docs/population.md.)
+//! **Estimator.** The bounded ellipticity of [`bounded`], with the centroid fixed to that of the image without noise, before and
+//! after the readout: a survey knows positions from many exposures. (A centroid fitted to each noisy image gives the same to within
+//! 0.2 % for SNAP's bright galaxy and 2 % for its faint one: see docs/population.md.)
 //!
-//! **Method.** A, C and T, the sums that the ellipticity is made of, are normal to good accuracy. The mean ellipticity is that of
-//! their means Q and covariances Σ, an integral without random numbers ([`bounded::mean_ellipticity`]):
+//! **Method.** A, C and T, the sums that define the ellipticity, are normal to good accuracy. The mean ellipticity follows from
+//! their means Q and covariances Σ, as an integral without random numbers ([`bounded::mean_ellipticity`]):
 //!
 //! ```text
 //! mean Δe = ē(Q + ΔQ, Σ + ΔΣ) − ē(Q, Σ)
 //! ```
 //!
-//! Q and Σ before the readout are known exactly. What trailing does to them comes from realisations: the same photons before and after
-//! the readout, each with its antithetic twin (all deviates with the other sign), and less what the same noise without the galaxy
-//! does to ΔQ, whose mean is known: none, for the trailed sky is even. What is left has a thousandth of the variance of
-//! single ellipticities. ΔΣ sums what each column's noise has in common before and after, as columns are independent.
+//! Q and Σ before the readout are known exactly. Their changes by trailing are estimated from realisations: the same photons before
+//! and after the readout, each with its antithetic twin (all deviates with the opposite sign). The ΔQ of the same noise without the
+//! galaxy is subtracted as a control variate; its mean is 0, since the trailed sky is even. The variance is then a thousandth of
+//! that of single ellipticities. ΔΣ sums the covariances of each column's noise before and after, since columns are independent.
 //!
-//! Left out: the noise of rows farther downstream than `LEAD_ROWS` (they fill slow traps: 1 % of the change of the faintest galaxies),
-//! the weight beyond `STAMP_WEIGHTS` in what noise adds, and that A, C and T are not quite normal. Read noise is in Σ alone: it
-//! meets no traps.
+//! Neglected: the noise of rows farther downstream than `LEAD_ROWS` (they fill slow traps: 1 % of the change of the faintest
+//! galaxies), the weight beyond `STAMP_WEIGHTS` in the noise term, and small deviations of A, C and T from normality. Read noise
+//! enters Σ alone: it meets no traps.
 
 use ndarray::{Array2, ArrayView2, Zip, s};
 use rand::SeedableRng;
@@ -39,11 +39,11 @@ use crate::physics::shape::bounded::{self, Covariance, Quadrupoles};
 use crate::physics::shape::{Moments, ShapeChange};
 use crate::readout::{Downstream, Method};
 
-/// Half-width of the stamp on which noise is realised, in units of the weight's σ: the weight has fallen to 2e-3.
+/// Half-width of the stamp on which noise is realised, in units of the weight's σ: there the weight has fallen to 2e-3.
 const STAMP_WEIGHTS: f64 = 3.5;
 
-/// Rows of noisy sky at most that are clocked out ahead of a stamp: they fill slow traps as the sky does. With 200 rows in place
-/// of 100, SNAP's faint galaxy changes by 1.2 % less, the bright one by 0.1 %.
+/// Largest number of rows of noisy sky that are clocked out ahead of a stamp: they fill slow traps as the sky does. With 200 rows
+/// instead of 100, SNAP's faint galaxy changes by 1.2 % less, the bright one by 0.1 %.
 const LEAD_ROWS: usize = 100;
 
 /// Rows of noisy sky ahead, in units of the longest release time.
@@ -55,7 +55,7 @@ pub(super) const GRID: u32 = 2;
 /// Streams of random numbers, apart from those of other uses of a seed.
 const STREAMS: u64 = 1 << 41;
 
-/// What noise adds to the mean change of a galaxy's shape.
+/// Contribution of noise to the mean change of a galaxy's shape.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NoiseTerm {
     /// Mean Δe1 and Δe2 with noise, less those without.
@@ -66,7 +66,7 @@ pub struct NoiseTerm {
     pub error: [f64; 2],
 }
 
-/// How much is drawn.
+/// Number and seed of the realisations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Realisations {
     /// Realisations of each galaxy; rounded up to pairs at each sub-pixel position.
@@ -76,7 +76,7 @@ pub struct Realisations {
 }
 
 impl NoiseTerm {
-    /// The same from so many times the traps: to first order in their density.
+    /// The same for `factor` times as many traps: to first order in their density.
     pub fn times(self, factor: f64) -> NoiseTerm {
         let [added, error] = [self.added.map(|e| factor * e), self.error.map(|e| factor.abs() * e)];
         NoiseTerm { added, error, ..self }
@@ -84,11 +84,11 @@ impl NoiseTerm {
 }
 
 impl Scene {
-    /// What photon noise, and read noise (e- per pixel), add to the mean change of shape. None where the image without noise has no
-    /// centroid, before or after the readout.
+    /// Contribution of photon noise, and of read noise (e- per pixel), to the mean change of shape. None if the image without noise
+    /// has no centroid, before or after the readout.
     ///
     /// # Errors
-    /// Where an effect has no value.
+    /// If an effect has no value.
     pub(super) fn noise_term(
         &self,
         device: &Device,
@@ -97,7 +97,7 @@ impl Scene {
     ) -> Result<Option<NoiseTerm>, InputError> {
         let exposure = Exposure::new(device, self.weight_px(), self.half_px())?;
         let positions = self.positions_read(device.is_mirror_symmetric());
-        // At least two pairs, so that there is an error.
+        // At least two pairs, to estimate an error.
         let pairs = (realisations.count as usize).div_ceil(2 * positions.len()).max(2);
         let mut term = NoiseTerm::default();
         let mut variance = [0.0; 2];
@@ -133,7 +133,7 @@ struct Exposure {
 }
 
 impl Exposure {
-    /// By the fast readout wherever there is one: what noise adds is a small difference of images that are read alike.
+    /// Uses the fast readout if there is one: the noise term is a small difference of images that are read alike.
     fn new(device: &Device, weight_px: f64, largest_px: usize) -> Result<Exposure, InputError> {
         let background_e = device.at.background_e;
         let half_px = ((STAMP_WEIGHTS * weight_px).ceil() as usize).min(largest_px);
@@ -153,7 +153,7 @@ impl Exposure {
         Ok(Exposure { device, downstream: below, half_px, lead, weight_px, trailed_sky_e })
     }
 
-    /// What is read above the sky in the rows of the stamp, e-.
+    /// Charge above the sky in the rows of the stamp as read, e-.
     fn read(&self, charge_e: &Array2<f64>) -> Result<Array2<f64>, InputError> {
         let read = self.device.read(charge_e, self.downstream, Beside::Stamp(self.half_px))? - &self.trailed_sky_e;
         Ok(self.stamp(&read).to_owned())
@@ -168,7 +168,7 @@ impl Exposure {
         self.device.at.background_e
     }
 
-    /// A, C and T of what is independent of the rest: each column, or the whole where a serial register joins the columns.
+    /// A, C and T of each independent part: each column, or the whole image if a serial register couples the columns.
     fn quadrupoles(&self, image: ArrayView2<f64>, centroid_px: [f64; 2]) -> Vec<Quadrupoles> {
         let columns = bounded::quadrupoles_of_columns(image, self.weight_px, centroid_px);
         if self.device.has_serial_traps() { vec![total(&columns)] } else { columns }
@@ -223,7 +223,7 @@ impl Noiseless {
         }))
     }
 
-    /// Mean Δe1 and Δe2 with noise, less those without, as two antithetic realisations tell.
+    /// Mean Δe1 and Δe2 with noise, less those without, estimated from two antithetic realisations.
     fn added(&self, exposure: &Exposure, seed: u64, stream: u64) -> Result<[f64; 2], InputError> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(stream);
@@ -250,7 +250,7 @@ impl Noiseless {
         Ok([0, 1].map(|member| with[member] - without[member]))
     }
 
-    /// What trailing does to A, C and T of one realisation, the deviates times `sign`.
+    /// Change of A, C and T of one realisation by trailing, the deviates times `sign`.
     fn change_of_columns(
         &self,
         exposure: &Exposure,
@@ -279,12 +279,12 @@ impl Noiseless {
     }
 }
 
-/// What trailing does to A, C and T of a noisy image.
+/// Change of A, C and T of a noisy image by trailing.
 #[derive(Default)]
 struct TrailedNoise {
     /// Change, less that of the same noise without the galaxy.
     mean: Quadrupoles,
-    /// Product of the change (first index) with the noise before (second), over what is independent.
+    /// Product of the change (first index) with the noise before (second), summed over the independent parts.
     with_noise: Covariance,
 }
 
@@ -300,11 +300,11 @@ fn total(columns: &[Quadrupoles]) -> Quadrupoles {
     columns.iter().copied().fold([0.0; 3], plus)
 }
 
-/// From this mean on (e-), Poisson's law is that of Cornish and Fisher's expansion.
+/// Mean (e-) from which the Poisson distribution is approximated by the Cornish-Fisher expansion.
 const EXPANDED_E: f64 = 30.0;
 
-/// Number of photons of a mean that a normal deviate stands for: the same quantile of Poisson's law. From [`EXPANDED_E`] on it is
-/// that of Cornish and Fisher's expansion to the fourth cumulant (Abramowitz & Stegun 1964, 26.2.49), not rounded.
+/// Number of photons for a mean and a normal deviate: the same quantile of the Poisson distribution. From [`EXPANDED_E`] on it is
+/// that of the Cornish-Fisher expansion to the fourth cumulant (Abramowitz & Stegun 1964, 26.2.49), not rounded.
 fn photons(mean_e: f64, deviate: f64) -> f64 {
     if mean_e >= EXPANDED_E {
         let root = mean_e.sqrt();

@@ -1,9 +1,9 @@
-//! Model and conditions → what a measurement would give.
+//! Model and conditions → predicted measurement.
 //!
 //! Rows that share a readout (a packet and its trail, a block and its trail, all moments of a galaxy) are computed from one
-//! readout; packets and blocks that share a detector are read side by side (see `predict/columns.rs`), and all else in
-//! parallel; changes of shape of one galaxy at many doses are interpolated between a few (see
-//! `predict/shapes.rs`). The order of the rows, and the number of threads, change no bit.
+//! readout. Packets and blocks that share a detector are read side by side (see `predict/columns.rs`), everything else in parallel.
+//! Changes of shape of one galaxy at many doses are interpolated between a few (see `predict/shapes.rs`). The result does not
+//! depend on the order of the rows or the number of threads, to the last bit.
 
 mod columns;
 mod shapes;
@@ -18,28 +18,27 @@ use crate::physics::conditions::Conditions;
 use crate::physics::observable::{Observable, Probe};
 use crate::physics::shape::ShapeChange;
 
-/// What is to be predicted: an observable under conditions, and of which galaxy or species (by its place in the mission) if
-/// it is that of one.
+/// A quantity to be predicted: an observable under conditions, and its galaxy or species (by index in the mission) if it refers to
+/// one.
 #[derive(Clone, Copy, Debug)]
 pub struct Question<'a> {
     /// The quantity.
     pub observable: Observable,
-    /// The conditions that are believed in; effects may know better.
+    /// The assumed conditions; effects may modify them.
     pub at: &'a Conditions,
     /// The galaxy of a change of shape.
     pub galaxy: Option<usize>,
-    /// The species of a trap density (all together if it is None), or of a dipole.
+    /// The species of a trap density (None: all together), or of a dipole.
     pub species: Option<usize>,
 }
 
-/// Predicted values, in the observables' units and in the order of the questions. NaN for the shape of a galaxy that has
-/// lost it.
+/// Predicted values, in the observables' units and in the order of the questions. NaN for a galaxy whose shape is lost.
 ///
 /// # Errors
-/// Where a formula has no value.
+/// If a formula has no value.
 ///
 /// # Panics
-/// Where a question lacks a condition that its observable requires.
+/// If a question lacks a condition that its observable requires.
 pub fn predict(model: &Model, questions: &[Question]) -> Result<Vec<f64>, InputError> {
     let depends_on = model.depends_on();
     let before_transfer = signal_read::before_transfer(model, questions, &depends_on)?;
@@ -91,10 +90,10 @@ pub fn predict(model: &Model, questions: &[Question]) -> Result<Vec<f64>, InputE
     questions.iter().zip(&of_question).map(answer).collect()
 }
 
-/// Changes of a galaxy's shape (by its place in the mission) under many conditions; None where it has lost its shape.
+/// Changes of a galaxy's shape (by its index in the mission) under many conditions; None if the shape is lost.
 ///
 /// # Errors
-/// Where a formula has no value.
+/// If a formula has no value.
 pub fn changes(model: &Model, galaxy: usize, at: &[Conditions]) -> Result<Vec<Option<ShapeChange>>, InputError> {
     let readings: Vec<Reading> =
         at.iter().map(|at| Reading { kind: Probed::Galaxy(galaxy), at, trail_px: 0 }).collect();
@@ -104,7 +103,7 @@ pub fn changes(model: &Model, galaxy: usize, at: &[Conditions]) -> Result<Vec<Op
     observed.map(|(device, change)| change.map(|change| device.observed_change(change)).transpose()).collect()
 }
 
-/// The detector of each reading. Readings of one time and dose share what has come of it: an integral over all time before.
+/// The detector of each reading. Readings at the same time and dose share their irradiation: an integral over all earlier times.
 fn devices(model: &Model, readings: &[Reading]) -> Result<Vec<Device>, InputError> {
     let at = parallel::try_map(readings, |reading| model.true_conditions(reading.at))?;
     let mut ages: Vec<(f64, Option<f64>)> = Vec::new();
@@ -120,7 +119,7 @@ fn devices(model: &Model, readings: &[Reading]) -> Result<Vec<Device>, InputErro
     parallel::try_map(at.into_iter().zip(age_of), |(at, age)| model.irradiated(at, &irradiations[age]))
 }
 
-/// What one readout gives.
+/// The result of one readout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Probed {
     Dose,
@@ -130,7 +129,7 @@ enum Probed {
     Packet,
     /// A flat block.
     Block,
-    /// A galaxy, by its place in the mission.
+    /// A galaxy, by its index in the mission.
     Galaxy(usize),
 }
 
@@ -138,11 +137,11 @@ enum Probed {
 struct Reading<'a> {
     kind: Probed,
     at: &'a Conditions,
-    /// Pixels behind the packet that are asked for.
+    /// Pixels behind the packet that are needed.
     trail_px: usize,
 }
 
-/// What was read.
+/// The values read out.
 enum Read {
     Dose(f64),
     /// Traps per pixel of each species.

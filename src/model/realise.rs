@@ -1,4 +1,4 @@
-//! Galaxies one by one, with noise: what `--monte-carlo` shows beside the means of [`super::noise`].
+//! Single galaxies with noise: what `--monte-carlo` shows beside the means of [`super::noise`].
 //!
 //! Each realisation has a sub-pixel position of its own, photon noise of galaxy and sky before the readout, and read noise
 //! after it. Its shape is compared with that of the same noisy image read out without traps. The centroid is fitted to each image,
@@ -33,10 +33,10 @@ pub struct NoisyChange {
 
 /// Reads out `realisations` of a galaxy with noise. The same seed gives the same bits with any number of threads.
 ///
-/// None where fewer than two of them can be measured.
+/// None if fewer than two of them can be measured.
 ///
 /// # Errors
-/// Where a formula has no value.
+/// If a formula has no value.
 pub fn realise(
     mission: &Mission,
     galaxy: &Galaxy,

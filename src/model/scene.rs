@@ -1,12 +1,12 @@
 //! Galaxy, background and readout → change of shape.
 //!
-//! The galaxy stands on a flat background, `transfers` from the register, at every point of a grid of sub-pixel
-//! positions. Galaxy plus background are trailed, the trailed background alone is subtracted, and the weighted moments
-//! of the difference are compared with those before.
+//! The galaxy is placed on a flat background, `transfers` from the register, at every point of a grid of sub-pixel positions.
+//! Galaxy plus background are trailed, the trailed background alone is subtracted, and the weighted moments of the difference are
+//! compared with those before.
 //!
-//! The galaxy at x and at −x are mirror images, for its ellipticity has no e2. A detector whose columns are all alike and
-//! independent ([`Device::is_mirror_symmetric`]) reads mirror images as mirror images: Δe2 and Δx of the two cancel, all else
-//! is the same, and one of them is read out. Any other detector reads both.
+//! The galaxy at x and at −x are mirror images, since its ellipticity has no e2. A detector with identical, independent columns
+//! ([`Device::is_mirror_symmetric`]) reads mirror images as mirror images: Δe2 and Δx of the two cancel, everything else is equal,
+//! and only one of them is read out. Any other detector reads both.
 
 use std::num::NonZeroUsize;
 
@@ -21,10 +21,11 @@ use crate::physics::galaxy::{LensedGalaxy, Profile, snr};
 use crate::physics::shape::{Moments, ShapeChange};
 use crate::readout::Downstream;
 
-/// Half-width of a stamp in units of the weight's σ: the weight has fallen to 4e-6.
+/// Half-width of a stamp in units of the weight's σ: there the weight has fallen to 4e-6.
 const STAMP_WEIGHTS: f64 = 5.0;
 
-/// Flux of components of a galaxy that is left out where shear biases are wanted: they are ratios of images that leave out alike.
+/// Share of the flux below which components of a galaxy are omitted for shear biases: these are ratios of images with the same
+/// omissions.
 const OF_POPULATIONS: f64 = 1e-6;
 
 /// One galaxy, ready to be trailed.
@@ -34,7 +35,7 @@ pub struct Scene {
     weight_px: f64,
     half_px: usize,
     positions: Vec<Position>,
-    /// Whether the galaxy's mirror image in x is the galaxy: it has no e2.
+    /// Whether the galaxy equals its mirror image in x: its e2 is 0.
     is_even: bool,
 }
 
@@ -46,12 +47,12 @@ struct Position {
     before: Moments,
     /// Weight of both together.
     weight: f64,
-    /// In the middle of a column: it is its own mirror image.
+    /// At the centre of a column: it is its own mirror image.
     centred: bool,
 }
 
 impl Scene {
-    /// A mission's galaxy at so many sub-pixel positions in x and in y; None as for [`Scene::new`].
+    /// A mission's galaxy at the given numbers of sub-pixel positions in x and in y; None as for [`Scene::new`].
     pub(super) fn of(mission: &Mission, galaxy: &Galaxy, positions: [u32; 2]) -> Option<Scene> {
         Scene::new(
             &Profile::of(galaxy, &mission.psf),
@@ -62,10 +63,10 @@ impl Scene {
         )
     }
 
-    /// A galaxy of `flux_e` on a background (e- per pixel), at so many sub-pixel positions in x and in y, to be measured with a
-    /// weight of `weight_px` (σ).
+    /// A galaxy of `flux_e` on a background (e- per pixel), at the given numbers of sub-pixel positions in x and in y, to be
+    /// measured with a weight of `weight_px` (σ).
     ///
-    /// None where the weight finds no centroid, which needs a galaxy far larger than its weight.
+    /// None if the weight finds no centroid, as for a galaxy far larger than its weight.
     pub(super) fn new(
         profile: &Profile,
         flux_e: f64,
@@ -76,8 +77,8 @@ impl Scene {
         Scene::at(profile, flux_e, background_e, weight_px, &across(in_x), &along(in_y))
     }
 
-    /// The same at given positions (px from the centre of the central pixel) in x and in y with their weights. Each position
-    /// in x stands for its mirror image too: a weight is that of both.
+    /// The same at given positions (px from the centre of the central pixel) in x and in y with their weights. Each position in x
+    /// also represents its mirror image: its weight is that of both.
     pub(super) fn at(
         profile: &Profile,
         flux_e: f64,
@@ -103,7 +104,7 @@ impl Scene {
         Some(Scene { background_e, weight_px, half_px, positions, is_even: true })
     }
 
-    /// A galaxy that need not be its own mirror image in x, through a PSF: as [`Scene::new`], at positions in all of the pixel.
+    /// A galaxy that need not be its own mirror image in x, through a PSF: as [`Scene::new`], at positions in the whole pixel.
     pub(super) fn lensed(
         galaxy: &LensedGalaxy,
         flux_e: f64,
@@ -136,10 +137,10 @@ impl Scene {
 
     /// Mean change of shape over the sub-pixel positions, read out by a device under its conditions.
     ///
-    /// None where the trailed galaxy has no centroid any more.
+    /// None if the trailed galaxy has no centroid.
     ///
     /// # Errors
-    /// Where an effect has no value.
+    /// If an effect has no value.
     pub(super) fn change_by(&self, device: &Device) -> Result<Option<ShapeChange>, InputError> {
         let downstream = downstream(device.at.transfers, self.half_px, device.at.background_e);
         let beside = Beside::Stamp(self.half_px);
@@ -155,12 +156,11 @@ impl Scene {
         self.mean(device.is_mirror_symmetric(), |charge_e| above.read(charge_e))
     }
 
-    /// Mean change of shape over the sub-pixel positions if `observed` makes of charges above the background (e-) what is
-    /// measured of them, also above the background; `symmetric` if it makes mirror images in x of mirror images. None where no
-    /// shape is left.
+    /// Mean change of shape over the sub-pixel positions. `observed` turns charges above the background (e-) into measured ones,
+    /// also above the background; `symmetric` if it maps mirror images in x to mirror images. None if the shape is lost.
     ///
     /// # Errors
-    /// Those of what is observed.
+    /// Those of `observed`.
     pub(crate) fn mean(
         &self,
         symmetric: bool,
@@ -169,7 +169,7 @@ impl Scene {
         let seen = |before: &Moments, charge_e: &Array2<f64>| -> Result<Option<ShapeChange>, InputError> {
             let read_e = observed(charge_e)?;
             if read_e == *charge_e {
-                // Nothing happened; a centroid found anew would tell of rounding.
+                // Nothing changed; a new centroid would only show rounding.
                 return Ok(Some(ShapeChange::default()));
             }
             let after = Moments::near(&read_e, self.weight_px, [before.x_px, before.y_px]);
@@ -197,8 +197,8 @@ impl Scene {
         Ok(changes.map(mean))
     }
 
-    /// Charge above the background (e-) at each sub-pixel position that is read out, with its weight; their sum is 1. Mirror
-    /// images are left out where they are read alike.
+    /// Charge above the background (e-) at each sub-pixel position that is read out, with its weight; the weights sum to 1. Mirror
+    /// images are omitted if they are read alike.
     pub(super) fn positions_read(&self, symmetric: bool) -> Vec<(Array2<f64>, f64)> {
         let total: f64 = self.positions.iter().map(|position| position.weight).sum();
         let mut read = Vec::new();
@@ -241,10 +241,10 @@ impl Scene {
     }
 }
 
-/// Objects on a flat background as they are read, less the background as it is read alone.
+/// Objects on a flat background as read out, less the background as read out alone.
 ///
-/// One column of background stands beside each image. It hardly changes, and what error matters is told by how far the object
-/// moves: by itself it would be read out to an accuracy of its own, which takes longer than all the rest.
+/// One column of background is read beside each image. It hardly changes, and the error that matters is relative to the
+/// displacement of the object; read out by itself it would get an accuracy of its own, which takes longer than all the rest.
 pub(crate) struct Above<R> {
     background_e: f64,
     /// The background as it is read alone, where it cannot stand beside the images: in one column, or in all of them.

@@ -6,15 +6,16 @@
 //! R = (e(+g) − e(−g)) / 2g
 //! ```
 //!
-//! of the estimator itself, whatever that is: no assumption on the profile or the PSF enters. Its response to the shape of the PSF
-//! is found alike, with the PSF sheared by ± g, as a ratio to that of a star measured with the same weight:
+//! of the estimator itself, independent of its definition: no assumption on the profile or the PSF enters. Its response to the
+//! shape of the PSF is determined in the same way, with the PSF sheared by ± g, relative to that of a star measured with the same
+//! weight:
 //!
 //! ```text
 //! S = (e(PSF +g) − e(PSF −g)) / (e*(PSF +g) − e*(PSF −g))
 //! ```
 //!
-//! A survey corrects galaxies for the ellipticity of its PSF model, which is that of stars. Where these trail by Δe*, it takes
-//! S Δe* from the galaxy's Δe.
+//! A survey corrects galaxies for the ellipticity of its PSF model, which is derived from stars. If these are trailed by Δe*, the
+//! correction removes S Δe* from the galaxy's Δe.
 
 use crate::error::InputError;
 use crate::mission::{Dither, Mission};
@@ -24,7 +25,7 @@ use crate::physics::accuracy::Purpose;
 use crate::physics::conditions::Conditions;
 use crate::physics::galaxy::LensedGalaxy;
 
-/// Shear of a galaxy, and of the PSF: what is of second order in it is a few 1e-4 of the response.
+/// Shear of a galaxy, and of the PSF: second-order terms are a few 1e-4 of the response.
 const SHEAR: f64 = 0.01;
 
 /// Half-light radius of a star, px.
@@ -49,7 +50,7 @@ pub struct SurveyGalaxy {
     pub read_noise_e: f64,
 }
 
-/// What shear, the PSF and trailing do to a galaxy's ellipticity; members 1 and 2 of each.
+/// Effects of shear, the PSF and trailing on a galaxy's ellipticity; members 1 and 2 of each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShearResponse {
     /// R before the readout.
@@ -60,7 +61,7 @@ pub struct ShearResponse {
     pub trailed: Vec<TrailedResponse>,
 }
 
-/// What trailing changes.
+/// Changes by trailing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrailedResponse {
     /// Δe1 and Δe2 of the galaxy.
@@ -74,9 +75,9 @@ pub struct TrailedResponse {
 /// How a galaxy of a survey is measured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurveyMeasurement {
-    /// Its places in the exposures over which changes of shape are averaged; one at least.
+    /// Its positions in the exposures over which changes of shape are averaged; at least one.
     pub dithers: Vec<Dither>,
-    /// Flux of the stars of which the PSF is made, e-.
+    /// Flux of the stars from which the PSF model is derived, e-.
     pub psf_stars_e: Option<f64>,
     /// Noise, if it is included.
     pub noise: Option<Realisations>,
@@ -89,8 +90,8 @@ struct Measured {
 }
 
 impl Model {
-    /// How a galaxy responds to shear and trailing at some times (years since launch), mean over the exposures that have it on the
-    /// detector. None where it, or a star, has no measurable shape, before or after, or no exposure has it.
+    /// Response of a galaxy to shear and trailing at some times (years since launch), averaged over the exposures that have it on
+    /// the detector. None if it, or a star, has no measurable shape before or after, or if no exposure has it.
     ///
     /// # Errors
     /// As [`Model::dose_mev_g`].
@@ -120,12 +121,12 @@ impl Model {
     }
 }
 
-/// So many transfers and some more, or fewer; None where the object is not on the detector.
+/// `transfers` plus `more`; None if the object is not on the detector.
 pub(super) fn farther(transfers: u32, more: i64) -> Option<u32> {
     u32::try_from(i64::from(transfers) + more).ok().filter(|transfers| *transfers > 0)
 }
 
-/// Changes at each of so many times, mean over exposures, which follow one another.
+/// Changes at each of `times` times, averaged over consecutive exposures.
 fn mean_of_exposures(trailed: &[TrailedResponse], times: usize) -> Vec<TrailedResponse> {
     let exposures = trailed.len() / times;
     if exposures == 1 {
@@ -165,7 +166,7 @@ impl Survey<'_> {
             found.before[member] = slope(plus.before, minus.before);
             for ((trailed, plus), minus) in found.trailed.iter_mut().zip(&plus.changes).zip(&minus.changes) {
                 trailed.response[member] = slope(*plus, *minus);
-                // The mean over both members' pairs: what is even in the shear cancels alike in both.
+                // The mean over both members' pairs: terms even in the shear cancel equally in both.
                 for (change, (plus, minus)) in trailed.change.iter_mut().zip(plus.iter().zip(minus)) {
                     *change += 0.25 * (plus + minus);
                 }
@@ -244,10 +245,11 @@ fn along(member: usize, shear: f64) -> [f64; 2] {
     along
 }
 
-/// Galaxies up to which each is averaged over the mission's own grid of sub-pixel positions.
+/// Number of galaxies up to which each is averaged over the mission's own grid of sub-pixel positions.
 const FEW: usize = 8;
 
-/// The mission with the grid of sub-pixel positions for so many galaxies: the error of each is lost in their scatter.
+/// The mission with the grid of sub-pixel positions for a number of galaxies: the error of each is negligible compared with their
+/// scatter.
 pub fn of_many(mission: &Mission, galaxies: usize) -> Mission {
     let mut mission = mission.clone();
     if galaxies > FEW {

@@ -1,4 +1,4 @@
-//! A galaxy of a survey, at its place on the detector → change of shape.
+//! A galaxy of a survey, at its position on the detector → change of shape.
 
 use crate::error::InputError;
 use crate::mission::{Mission, PopulationGalaxy};
@@ -10,7 +10,7 @@ use crate::physics::galaxy::{LensedGalaxy, snr};
 use crate::physics::shape::ShapeChange;
 
 impl SurveyGalaxy {
-    /// A galaxy of a table; what the table does not say is as in a mission's judged galaxy, with all of its transfers.
+    /// A galaxy of a table; properties not in the table are those of the mission's judged galaxy, with all of its transfers.
     pub fn of(mission: &Mission, galaxy: &PopulationGalaxy) -> SurveyGalaxy {
         let judged = mission.judged_galaxy();
         SurveyGalaxy {
@@ -37,7 +37,8 @@ impl SurveyGalaxy {
 }
 
 impl Model {
-    /// The detector at a time (years since launch), for galaxies that make so many transfers, as accurate as very many shapes need.
+    /// The detector at a time (years since launch), for galaxies with `transfers` transfers, with the accuracy needed for very many
+    /// shapes.
     ///
     /// # Errors
     /// As [`Model::dose_mev_g`].
@@ -46,8 +47,8 @@ impl Model {
         Ok(self.device(&at)?.fit_for(Purpose::ManyShapes))
     }
 
-    /// Mean changes of a galaxy's shape over the sub-pixel positions, by several devices. None where no shape is left, or there was
-    /// none.
+    /// Mean changes of a galaxy's shape over the sub-pixel positions, by several devices. None if the shape is not measurable
+    /// before or after the readout.
     ///
     /// # Errors
     /// As [`Model::dose_mev_g`].

@@ -3,7 +3,7 @@
 //! Every other effect is fitted in place of each adopted effect. If a rival were the truth, the adopted effect could have a chi2
 //! lower by d by chance with a probability of at most Φ(−√d): the difference of the two fits has a mean of λ and a standard
 //! deviation of 2√λ, and λ = d is the worst case. A rival is ruled out if this is below half the level. Each additional parameter
-//! of the adopted effect costs another 2, and each additional parameter of the rival 1.
+//! of the adopted effect widens this margin by 2, and each additional parameter of the rival narrows it by 1.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Packets and blocks, many at a time: those that share traps, wells and transfers are columns of one image.
+//! Packets and blocks, many at a time: those with the same traps, wells and transfers are columns of one image.
 
 use ndarray::{Array2, ArrayView1, Axis, s};
 
@@ -9,15 +9,15 @@ use crate::numeric::parallel;
 use crate::physics::conditions::Conditions;
 use crate::readout::Readout;
 
-/// Columns of an image, backgrounds among them: as many as are read side by side. The accuracy of a readout is relative to its
-/// brightest column, so that few of about the same charge are better than many.
+/// Columns of an image, backgrounds included: as many as SIMD reads side by side. The accuracy of a readout is relative to its
+/// brightest column, so a few columns of similar charge are better than many.
 const TOGETHER: usize = 16;
 
-/// Charges less the trailed background, e-: of the packet or the block's last row, and of the pixels behind it. None for
-/// readings of other kinds.
+/// Charges less the trailed background, e-: of the packet or the block's last row, and of the pixels behind it. None for readings
+/// of other kinds.
 ///
 /// # Errors
-/// Where an effect has no value.
+/// If an effect has no value.
 pub(super) fn read(readings: &[Reading], devices: &[Device]) -> Result<Vec<Option<Vec<f64>>>, InputError> {
     let devices: Vec<Option<Device>> = parallel::map(readings.iter().zip(devices), |(reading, device)| {
         matches!(reading.kind, Probed::Packet | Probed::Block).then(|| device.expected())
@@ -70,7 +70,7 @@ fn images<'a, 'b>(mut group: &'a [Column<'b>]) -> Vec<&'a [Column<'b>]> {
 
 /// A packet or a block in a column of background.
 struct Column<'a> {
-    /// Of the reading among all.
+    /// Index of the reading among all.
     index: usize,
     reading: &'a Reading<'a>,
     device: &'a Device,
@@ -94,12 +94,12 @@ impl<'a> Column<'a> {
         }
     }
 
-    /// What stands beside it in a serial register.
+    /// The columns beside it in a serial register.
     fn beside(&self) -> Beside {
         if self.reading.kind == Probed::Block { Beside::Same } else { Beside::Background }
     }
 
-    /// Rows ahead of the signal that are part of the image: from that of a preceding packet on.
+    /// Rows ahead of the signal that belong to the image: from a preceding packet on.
     fn rows_ahead(&self) -> usize {
         self.device.at.preceding_px.unwrap_or(0) as usize
     }
@@ -140,7 +140,7 @@ fn together(columns: &[Column]) -> Result<Vec<(usize, Vec<f64>)>, InputError> {
     let rows = first.rows_ahead() + first.block_px() + behind;
     let mut image = Array2::zeros((rows, 0));
     let mut downstream_e = Vec::new();
-    // Backgrounds are mostly the same.
+    // Most backgrounds are equal.
     let mut place = |charge_e: &Array2<f64>, background_e: f64| {
         let known = |known: (ArrayView1<f64>, &f64)| known == (charge_e.column(0), &background_e);
         image.axis_iter(Axis(1)).zip(&downstream_e).position(known).unwrap_or_else(|| {
@@ -155,7 +155,7 @@ fn together(columns: &[Column]) -> Result<Vec<(usize, Vec<f64>)>, InputError> {
         placed.push(column.before(rows)?.map(|before_e| (place(&before_e, background_e), before_e)));
     }
     let clocked = first.device.clocked(&image, first.rows_downstream(), &downstream_e);
-    // Backgrounds that come through equal registers; clouds and methods of these columns are equal.
+    // Backgrounds in equal registers; clouds and methods of these columns are equal.
     let mut flats: Vec<(usize, &Column, Array2<f64>)> = Vec::new();
     let mut found = Vec::new();
     for (column, placed) in columns.iter().zip(placed) {

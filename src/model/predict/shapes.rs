@@ -1,9 +1,9 @@
-//! Changes of shape. One galaxy at many doses: interpolated between a few.
+//! Changes of shape of one galaxy at many doses: interpolated between a few.
 //!
-//! While only the densities of traps differ, and all along one line (as they do where a dose grows), the change of shape is
-//! a smooth function of the place on that line, close to a straight one. It is computed at Chebyshev's points, which are
-//! doubled until the interpolating polynomial of half as many foretells the new ones, and is evaluated by the barycentric
-//! formula (Berrut & Trefethen 2004, SIAM Review 46, 501).
+//! If only the densities of traps differ, and all lie on one line (as for a growing dose), the change of shape is a smooth, nearly
+//! linear function of the place on that line. It is computed at Chebyshev points. Their number is doubled until the interpolating
+//! polynomial of half as many predicts the new values. It is evaluated by the barycentric formula (Berrut & Trefethen 2004, SIAM
+//! Review 46, 501).
 
 use super::{Probed, Reading};
 use crate::error::InputError;
@@ -15,31 +15,31 @@ use crate::physics::conditions::Conditions;
 use crate::physics::damage::SpeciesState;
 use crate::physics::shape::ShapeChange;
 
-/// Intervals between Chebyshev's points to start with.
+/// Intervals between Chebyshev points to start with.
 const FIRST: usize = 2;
 
-/// Points of a curve at most: more would be no smooth curve.
+/// Largest number of points of a curve: one that needs more is not smooth.
 const MOST: usize = 33;
 
 /// Galaxies fewer than this are computed one by one.
 const FEW: usize = 7;
 
-/// A place so close to a point is that point: what rounding makes of 0 or of a half.
+/// A place this close to a point equals the point: 0 or a half up to rounding.
 const BESIDE: f64 = 1e-14;
 
-/// How far the polynomial may be from a new point, in units of the largest change on the line. Twice as many points are
-/// some four times closer: the curve has small kinks, where packets begin to meet one another's levels.
-const FORETOLD: f64 = 2e-4;
+/// Largest error of the polynomial at a new point, in units of the largest change on the line. Doubling the points reduces it some
+/// four times: the curve has small kinks, where packets begin to meet one another's watermarks.
+const TOLERANCE: f64 = 2e-4;
 
-/// Share of that from which on the points after the new ones count, by and by up to all of it: a fit's derivatives would see a jump
-/// otherwise, where twice as many points begin to be asked for.
+/// Share of that error from which the points after the new ones count, gradually up to full weight. Otherwise the derivatives of a
+/// fit would jump where the number of points is doubled.
 const GOOD: f64 = 0.7;
 
-/// Changes of shape of those readings that are of galaxies: interpolated if they lie on a line with enough others. None for
-/// all else, and where no shape is left.
+/// Changes of shape of the readings of galaxies: interpolated if they lie on a line with enough others. None for other readings,
+/// and if the shape is lost.
 ///
 /// # Errors
-/// Where an effect has no value.
+/// If an effect has no value.
 pub(super) fn changes(
     model: &Model,
     readings: &[Reading],
@@ -59,7 +59,7 @@ fn interpolated(
     devices: &[Device],
 ) -> Result<Vec<Option<ShapeChange>>, InputError> {
     let mut found = vec![None; readings.len()];
-    // Random traps are no smooth function of anything; nor need formulas be.
+    // Random traps give no smooth function, and formulas may not either.
     if model.mission.accuracy.readout == ReadoutMethod::MonteCarlo || !model.depends_on().is_empty() {
         return Ok(found);
     }
@@ -85,7 +85,7 @@ fn interpolated(
         let ends = [0.0, 1.0].map(|end| members[places.iter().position(|place| *place == end).expect("both ends")]);
         let [low, high] = ends.map(|end| devices[end].fit_for(Purpose::Measurement));
         let change = |place: f64| model.trailed(galaxy, &between(&low, &high, place));
-        // More points than galaxies are not worth it.
+        // Interpolation is not worthwhile with more points than galaxies.
         if let Some(curve) = Curve::of(change, members.len().min(MOST))? {
             for (&member, &place) in members.iter().zip(&places) {
                 found[member] = Some(curve.at(place));
@@ -96,7 +96,7 @@ fn interpolated(
 }
 
 fn same_species(a: &Device, b: &Device) -> bool {
-    // Serial registers have densities of their own, which need not lie on the same line.
+    // Serial registers have densities of their own, which may not lie on the same line.
     !a.has_serial_traps()
         && !b.has_serial_traps()
         && a.traps.len() == b.traps.len()
@@ -107,8 +107,8 @@ fn same_species(a: &Device, b: &Device) -> bool {
         })
 }
 
-/// Places of devices on the line through the two whose densities differ most, from 0 to 1. None where they are not on one
-/// line, or all alike.
+/// Places of devices on the line through the two with the most different densities, from 0 to 1. None if they are not on one line,
+/// or all equal.
 fn places(devices: &[Device], members: &[usize]) -> Option<Vec<f64>> {
     let density = |member: usize| devices[member].traps.iter().map(|species| species.density_per_px);
     let sum = |member: usize| density(member).sum::<f64>();
@@ -138,7 +138,7 @@ fn between(low: &Device, high: &Device, place: f64) -> Device {
     device
 }
 
-/// A polynomial through values at Chebyshev's points.
+/// A polynomial through values at Chebyshev points.
 #[derive(Clone)]
 struct Curve {
     places: Vec<f64>,
@@ -146,7 +146,7 @@ struct Curve {
 }
 
 impl Curve {
-    /// None where a shape is lost, or no polynomial through so many points at most is good enough.
+    /// None if a shape is lost, or no polynomial through at most `most` points is accurate enough.
     fn of(
         change: impl Fn(f64) -> Result<Option<ShapeChange>, InputError> + Sync,
         most: usize,
@@ -169,21 +169,21 @@ impl Curve {
             let new: Vec<(f64, ShapeChange)> = between.into_iter().zip(values).collect();
             let missed = new.iter().map(|(place, value)| known.missed(*place, value)).fold(0.0, f64::max);
             let weighed = new.iter().map(|(place, value)| {
-                let foretold = curve.at(*place);
-                (*place, foretold.plus(&value.plus(&foretold, -1.0), weight))
+                let predicted = curve.at(*place);
+                (*place, predicted.plus(&value.plus(&predicted, -1.0), weight))
             });
             curve = curve.with_between(weighed);
             known = known.with_between(new.iter().copied());
-            weight *= ((missed / FORETOLD - GOOD) / (1.0 - GOOD)).clamp(0.0, 1.0);
+            weight *= ((missed / TOLERANCE - GOOD) / (1.0 - GOOD)).clamp(0.0, 1.0);
             if weight == 0.0 {
                 return Ok(Some(curve));
             }
         }
-        // Good enough it was on the way, or never.
+        // Accepted if the curve came within the tolerance on the way.
         Ok((weight < 1.0).then_some(curve))
     }
 
-    /// The curve with a point between each two.
+    /// The curve with a new point between each two.
     fn with_between(&self, mut new: impl Iterator<Item = (f64, ShapeChange)>) -> Curve {
         let mut all = Vec::new();
         for known in self.places.iter().copied().zip(self.values.iter().copied()) {
@@ -194,7 +194,7 @@ impl Curve {
         Curve { places, values }
     }
 
-    /// How far the polynomial is from a value, in units of the largest change on the line.
+    /// Distance of the polynomial from a value, in units of the largest change on the line.
     fn missed(&self, place: f64, value: &ShapeChange) -> f64 {
         let found = self.at(place);
         let members: [fn(&ShapeChange) -> f64; 4] = [

@@ -1,7 +1,7 @@
-//! The charge of packets before transfer, where only the charge as read is known.
+//! The charge of packets before transfer, if only the charge as read is known.
 //!
-//! What is read grows with the charge before transfer, so that one root is to be found for each packet. It depends on the traps, and
-//! is found anew for each model.
+//! The charge as read increases with the charge before transfer, so each packet needs one root finding. The root depends on the
+//! traps, and is found anew for each model.
 
 use std::collections::HashMap;
 
@@ -15,15 +15,15 @@ use crate::physics::conditions::Conditions;
 /// Error of the charge before transfer over the charge as read.
 const TOLERANCE: f64 = 1e-10;
 
-/// Largest charge before transfer, and least one over the charge as read, e-.
+/// Largest charge before transfer, e-, and the smallest one relative to the charge as read.
 const LARGEST_E: f64 = 1e9;
 const LEAST_SHARE: f64 = 1e-6;
 
-/// For each question with `signal_read_e` alone its conditions with the `signal_e` of which the model reads so much; None for all
-/// others.
+/// For each question with `signal_read_e` alone, its conditions with the `signal_e` for which the model reads that charge; None for
+/// all others.
 ///
 /// # Errors
-/// Where the model reads so much of no packet, or a formula has no value.
+/// If the model reads that charge for no packet, or a formula has no value.
 pub(super) fn before_transfer(
     model: &Model,
     questions: &[Question],
@@ -49,7 +49,7 @@ pub(super) fn before_transfer(
     Ok(questions.iter().zip(&of_question).map(solved).collect())
 }
 
-/// Charge before transfer (e-) of one packet, or of each row of a block, of which the model reads `signal_read_e`.
+/// Charge before transfer (e-) of one packet, or of each row of a block, for which the model reads `signal_read_e`.
 fn charge_before_transfer(model: &Model, question: &Question) -> Result<f64, InputError> {
     let read_e = question.at.signal_read_e.expect("a packet whose charge is known as read");
     let excess_e = |signal_e: f64| -> Result<f64, InputError> {
@@ -59,7 +59,7 @@ fn charge_before_transfer(model: &Model, question: &Question) -> Result<f64, Inp
         let charges = columns::read(&[reading], &[device])?.remove(0).expect("a packet or a block");
         Ok(charges[0] - read_e)
     };
-    // Mostly a little is lost: the first step goes twice as far as that.
+    // Usually little is lost: the first step goes twice as far as that.
     let start = (read_e, excess_e(read_e)?);
     let mut other = start;
     let mut step_e = 2.0 * start.1.abs();
