@@ -61,7 +61,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// What a model is asked for this row.
+    /// The question to the model for this row.
     pub fn question(&self, observable: Observable) -> Question<'_> {
         Question { observable, at: &self.at, galaxy: self.galaxy, species: self.species }
     }
@@ -619,7 +619,7 @@ impl Reader<'_> {
         self.table.fault(row, Some(place), "a number is needed here")
     }
 
-    /// The row's time in years since launch, in whatever way it is given.
+    /// The row's time in years since launch, from any of its columns.
     fn t_yr(&self, row: usize) -> Result<Option<f64>, InputError> {
         let given = [
             ("t_yr", self.condition(row, "t_yr")?),

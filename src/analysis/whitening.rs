@@ -44,13 +44,13 @@ pub enum Neighbours {
 /// a pedestal; more than a rival may be worse by, or one would have rivals that need a pedestal besides.
 pub(crate) const PEDESTAL: f64 = 12.0;
 
-/// Part of a column that others leave, below which it is none.
+/// Share of a column beyond the others, below which it is linearly dependent.
 const FLAT: f64 = 1e-5;
 
-/// Rows of a file below which nothing is told of a pedestal: one of a few values may be all that an effect does.
+/// Rows of a file below which no pedestal is estimated: with few values, it may be all that an effect does.
 const FEW: usize = 4;
 
-/// A row, and the one before it in its trail with how many pixels lie between.
+/// The preceding row in the same trail, and the distance in pixels.
 pub(crate) type Link = Option<(usize, i32)>;
 
 /// Makes errors of rows independent, and allows for pedestals.

@@ -22,9 +22,9 @@ pub struct Options {
     pub samples: u32,
     /// Keys drawn together, in place of their uncertainties.
     pub posterior: Option<MissionSample>,
-    /// The probability to meet the corrected budget that is asked for, above 0 and below 1.
+    /// The requested probability to meet the corrected budget, above 0 and below 1.
     pub confidence: Option<f64>,
-    /// Whether what happens between the years is wanted, for figures.
+    /// Whether the time series between the years is needed, for figures.
     pub time_series: bool,
 }
 
@@ -33,14 +33,14 @@ pub struct Options {
 pub struct Assessment {
     /// The evaluation.
     pub evaluation: Evaluation,
-    /// Means of the noisy galaxies at the end of the mission, in the mission's order; empty where none were asked for; None where
-    /// fewer than two could be measured.
+    /// Means of the noisy galaxies at the end of the mission, in the mission's order; empty if not requested; None if fewer than
+    /// two could be measured.
     pub noisy: Vec<Option<NoisyChange>>,
-    /// The date as a distribution, where that was asked for.
+    /// The date as a distribution, if requested.
     pub distribution: Option<DateDistribution>,
-    /// The probability to meet the corrected budget that is asked for.
+    /// The requested probability to meet the corrected budget.
     pub confidence: Option<f64>,
-    /// What happens between the years, for figures; there are none without it.
+    /// The time series between the years; without it there are no figures.
     pub time_series: Option<TimeSeries>,
 }
 

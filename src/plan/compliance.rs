@@ -22,22 +22,22 @@ pub struct Line {
     pub noise: bool,
     /// Limit before correction.
     pub limit: f64,
-    /// Value at the end of the mission; None where no shape is left.
+    /// Value at the end of the mission; None if the shape is lost.
     pub at_end: Option<f64>,
-    /// When the limit is first exceeded, years since launch; None where it is not within the mission.
+    /// When the limit is first exceeded, years since launch; None if it is not within the mission.
     pub t_yr: Option<f64>,
     /// The day.
     pub date: Option<NaiveDate>,
-    /// Probability that it is met to the end, with the Sun and `[uncertainty]` drawn; of shear biases by the number of the traps
-    /// alone. None where that was not asked for, or is not told of this requirement.
+    /// Probability that it is met to the end, with the Sun and `[uncertainty]` drawn; for shear biases estimated from the number of
+    /// traps alone. None if it was not requested, or cannot be estimated for this requirement.
     pub probability_met: Option<f64>,
     /// Its standard error from the finite number of draws.
     pub probability_error: Option<f64>,
-    /// Whether it is met: with the probability that is asked for where one is told and asked for, as expected otherwise.
+    /// Whether it is met: with the requested probability if there is one and it can be estimated, otherwise by the expected value.
     pub met: bool,
-    /// Whether `met` is that of a probability.
+    /// Whether `met` is decided by a probability.
     pub by_probability: bool,
-    /// Whether it limits the population, whose probabilities are told by the number of traps alone.
+    /// Whether it limits the population, for which probabilities are estimated from the number of traps alone.
     #[serde(skip)]
     pub of_population: bool,
 }
@@ -48,7 +48,7 @@ pub fn passes(lines: &[Line]) -> bool {
 }
 
 /// The requirements of an evaluation: |Δe| of the judged galaxy, without and with noise, and shear biases of the population, each
-/// without and with correction. `confidence`: the probability that is asked for.
+/// without and with correction. `confidence`: the requested probability.
 pub fn lines(evaluation: &Evaluation, dates: Option<&DateDistribution>, confidence: Option<f64>) -> Vec<Line> {
     let mission = evaluation.mission();
     let (launch, requirement) = (mission.mission.launch.0, &mission.requirement);

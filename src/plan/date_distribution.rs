@@ -20,9 +20,9 @@ pub const QUANTILES: [f64; 3] = [0.05, 0.5, 0.95];
 pub struct DateDistribution {
     /// Missions that were evaluated.
     pub samples: usize,
-    /// Missions that were asked for: more, where shapes cannot be emulated.
+    /// Missions requested: more than `samples` if shapes cannot be emulated.
     pub asked: u32,
-    /// Independent missions that they are worth.
+    /// Effective number of independent missions.
     pub effective_samples: f64,
     /// Seed of the draws.
     pub seed: u64,
@@ -30,14 +30,14 @@ pub struct DateDistribution {
     pub uncorrected: Dates,
     /// With it.
     pub corrected: Dates,
-    /// Of the limit on the additive shear bias, and of that on the multiplicative one, by the number of traps alone; None where there is
+    /// For the limits on the additive and the multiplicative shear bias, estimated from the number of traps alone; None if there is
     /// no such limit, or biases do not follow from that number.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub c: Option<LimitDates>,
     /// See `c`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub m: Option<LimitDates>,
-    /// Of the first of all limits, where biases are limited and told.
+    /// For the first limit exceeded, if biases are limited and estimated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first: Option<LimitDates>,
     /// What each input contributes to the variance of ln |Δe| at the end of the mission, the largest first; empty where it
@@ -213,10 +213,10 @@ impl Confidence {
     }
 
     /// The date of a mission as a distribution, with the mission's own seed: missions that are compared have the same draws.
-    /// `biases`: those of its population, where they are limited.
+    /// `biases`: those of its population if they are limited.
     ///
     /// # Errors
-    /// As [`date_distribution`], and where biases are limited that cannot be told of draws.
+    /// As [`date_distribution`], and if biases are limited that cannot be estimated for draws.
     pub fn of(self, mission: &Mission, biases: Option<&PopulationBias>) -> Result<DateDistribution, InputError> {
         self.check()?;
         if biases.is_some_and(|biases| biases.by_traps.is_none()) {

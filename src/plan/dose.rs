@@ -30,7 +30,7 @@ const CONFIDENCES: [f64; 5] = [0.50, 0.75, 0.90, 0.95, 0.99];
 /// Thicknesses of the dose-depth curve, mm of aluminium.
 const DEPTHS_MM: [f64; 14] = [1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 13.6, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 70.0];
 
-/// Energies of the spectrum where none are asked for, MeV.
+/// Energies of the spectrum if none are requested, MeV.
 pub const ENERGIES_MEV: [f64; 17] =
     [0.1, 0.3, 1.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 80.0, 100.0, 150.0, 200.0, 300.0];
 
@@ -86,7 +86,7 @@ pub struct Survey {
     /// Whether the steps are to be shown.
     #[serde(skip)]
     pub explain: bool,
-    /// The dose with the Sun drawn; None where that is not asked for.
+    /// The dose with the Sun drawn; None if not requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub samples: Option<Samples>,
     /// What is doubtful about it.

@@ -28,11 +28,11 @@ pub struct Evaluation {
     pub years: Vec<Year>,
     /// When the budget is exceeded.
     pub verdict: BudgetVerdict,
-    /// Changes of shape with noise, where they were asked for.
+    /// Changes of shape with noise, if requested.
     pub noise: Option<NoisyEvaluation>,
-    /// Shear biases of the population, where they were asked for and there is one.
+    /// Shear biases of the population, if requested and there is one.
     pub population: Option<PopulationBias>,
-    /// Things seen that are not errors.
+    /// Warnings.
     pub warnings: Vec<Warning>,
 }
 
@@ -107,12 +107,12 @@ fn year(model: &Model, t_yr: f64) -> Result<Year, InputError> {
     })
 }
 
-/// |Δe| of the judged galaxy at a time (years since launch); None if no shape is left.
+/// |Δe| of the judged galaxy at a time (years since launch); None if the shape is lost.
 fn magnitude(model: &Model, t_yr: f64) -> Result<Option<f64>, InputError> {
     Ok(model.change(model.judged(), t_yr)?.map(|change| change.magnitude()))
 }
 
-/// When |Δe| of the judged galaxy crosses limits, each told by as few readouts as it takes; what is `known` is reused.
+/// When |Δe| of the judged galaxy crosses limits, each determined with as few readouts as possible; `known` points are reused.
 pub(crate) fn crossings<const N: usize>(
     model: &Model,
     limits: [f64; N],
@@ -121,7 +121,7 @@ pub(crate) fn crossings<const N: usize>(
     crossings_of(model, limits, known, |t_yr| magnitude(model, t_yr))
 }
 
-/// When a quantity of a model crosses limits, as in [`crossings`]: one that is smooth where the model's times say nothing else.
+/// When a quantity of a model crosses limits, as in [`crossings`]: it must be smooth between the model's times.
 pub(crate) fn crossings_of<const N: usize>(
     model: &Model,
     limits: [f64; N],

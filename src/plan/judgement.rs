@@ -1,6 +1,6 @@
-//! All budgets that a requirement states, judged together: |Δe| of the judged galaxy, and the shear biases c and m of the population.
+//! All budgets of a requirement, judged together: |Δe| of the judged galaxy, and the shear biases c and m of the population.
 //!
-//! A requirement is kept until the first of its budgets is exceeded. With a confidence the same is told of draws.
+//! A requirement is kept until the first of its budgets is exceeded. With a confidence, this is estimated from draws.
 
 use std::collections::BTreeMap;
 
@@ -75,20 +75,20 @@ impl Budget {
     }
 }
 
-/// What becomes of all budgets of a mission.
+/// The judgement of all budgets of a mission.
 #[derive(Clone, Debug)]
 pub struct Judgement {
     /// Those that are stated.
     pub budgets: Vec<Budget>,
-    /// The date as a distribution, where a confidence is asked for.
+    /// The date as a distribution, if a confidence is requested.
     pub distribution: Option<DateDistribution>,
 }
 
 impl Judgement {
-    /// Of a mission whose judged galaxy exceeds its uncorrected and its corrected budget so.
+    /// For a mission, with the crossings of the uncorrected and the corrected budget by its judged galaxy.
     ///
     /// # Errors
-    /// Where a formula has no value, no galaxy of the population can be measured, or a probability cannot be told.
+    /// If a formula has no value, no galaxy of the population can be measured, or a probability cannot be estimated.
     pub fn of(
         model: &Model,
         of_galaxy: [Crossing; 2],
@@ -174,10 +174,10 @@ pub struct JudgedRow {
     pub corrected_date: Option<NaiveDate>,
     /// Which one that is.
     pub corrected_by: Option<Limited>,
-    /// How long all uncorrected budgets are kept with the probability that was asked for, years since launch; None if to the end, or
-    /// none was asked for, here and below.
+    /// How long all uncorrected budgets are kept with the requested probability, years since launch; None if to the end, or if none
+    /// was requested, here and below.
     pub kept_t_yr: Option<f64>,
-    /// The same of the corrected budgets.
+    /// The same for the corrected budgets.
     pub corrected_kept_t_yr: Option<f64>,
     /// Probability that all uncorrected budgets are met to the end, %.
     pub met_percent: Option<f64>,
@@ -187,7 +187,7 @@ pub struct JudgedRow {
     pub corrected_met_percent: Option<f64>,
     /// Its standard error from the finite number of draws, %.
     pub corrected_met_error_percent: Option<f64>,
-    /// Why the Sun is not among what was drawn; None where it is, or nothing was.
+    /// Why the Sun was not drawn; None if it was, or nothing was.
     #[serde(skip)]
     pub sun_not_drawn: Option<String>,
     /// Of each budget: under its key the value at the end of the mission, and the times (years since launch) at which it is exceeded.
@@ -196,7 +196,7 @@ pub struct JudgedRow {
 }
 
 impl JudgedRow {
-    /// Of a mission launched on a day, with the probability that was asked for.
+    /// For a mission launched on a day, with the requested probability.
     pub fn of(judgement: &Judgement, launch: NaiveDate, confidence: Option<f64>) -> JudgedRow {
         let [exceeded, corrected] = judgement.first();
         let date = |exceeded: Option<(Limited, f64)>| date_after(launch, exceeded?.1);

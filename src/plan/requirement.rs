@@ -65,7 +65,7 @@ pub fn resolved(
     let mut points = known.to_vec();
     let mut open: Vec<[Point; 2]> = Vec::new();
     for (index, pair) in known.windows(2).enumerate() {
-        // Years are evenly spaced: a neighbour often tells enough.
+        // Years are evenly spaced: one neighbour is often enough.
         let before = index.checked_sub(1).map(|before| [known[before], pair[0], pair[1]]);
         let after = known.get(index + 2).map(|after| [pair[0], pair[1], *after]);
         let shown = [before, after].into_iter().flatten().any(|three| is_even(&three) && is_clear(&three, limits));

@@ -33,10 +33,10 @@ pub struct Candidate {
     pub mission: Mission,
 }
 
-/// One mission under one set of circumstances, and what becomes of it.
+/// One mission under one set of conditions, and its results.
 #[derive(Clone, Debug)]
 pub struct Scenario {
-    /// What tells its mission from the others that are compared: its name, and its file where others have the same name.
+    /// Label that distinguishes its mission from the others compared: its name, and its file if others have the same name.
     pub name: String,
     /// The file of its mission.
     pub file: String,
@@ -48,26 +48,26 @@ pub struct Scenario {
     pub dose_mev_g: f64,
     /// Active time of the mission, yr.
     pub active_yr: f64,
-    /// |Δe| of the judged galaxy at the end of the mission; None where no shape is left.
+    /// |Δe| of the judged galaxy at the end of the mission; None if the shape is lost.
     pub delta_e: Option<f64>,
     /// When |Δe| exceeds its budget.
     pub verdict: BudgetVerdict,
-    /// All budgets together, as a distribution too where a confidence is asked for.
+    /// All budgets together, also as a distribution if a confidence is requested.
     pub judgement: Judgement,
-    /// Probability with which budgets are to be kept, where one is asked for.
+    /// Probability with which budgets are to be kept, if requested.
     pub confidence: Option<f64>,
     /// Traps at the end of the mission.
     pub traps: Vec<SpeciesState>,
-    /// Things seen that are not errors.
+    /// Warnings.
     pub warnings: Vec<Warning>,
 }
 
-/// Scenarios, in the order asked for, and what tells them apart.
+/// Scenarios, in the order requested, with labels that distinguish them.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
     /// In the order of missions, then of the axes, the last axis fastest.
     pub scenarios: Vec<Scenario>,
-    /// What tells the missions apart that they are of, in the missions' order.
+    /// Labels that distinguish their missions, in the missions' order.
     #[serde(skip)]
     pub names: Vec<String>,
     /// Probability with which budgets are to be kept: scenarios are ranked by how long they are. None: by the date that is
@@ -169,8 +169,7 @@ fn under_the_sun(candidates: &[Candidate], axes: &[Axis]) -> (Vec<Candidate>, Ve
     (candidates, notes)
 }
 
-/// What tells candidates apart: their names, or names and files where a name stands more than once; the path where files of one
-/// name do.
+/// Labels that distinguish candidates: their names; names and files if a name is duplicate; the path if files have the same name.
 fn names(candidates: &[Candidate]) -> Vec<String> {
     let name = |candidate: &Candidate| candidate.mission.mission.name.clone();
     let short = |candidate: &Candidate| {

@@ -93,13 +93,13 @@ pub struct Results {
     pub limits: Vec<f64>,
     /// Each parameter alone, and all together.
     pub known: Vec<Known>,
-    /// Each interval, continued in each way.
+    /// Each interval, for each way of continuing the densities.
     pub intervals: Vec<Interval>,
-    /// The longest interval that keeps all limits, densities continued in each way.
+    /// The longest interval that keeps all limits, for each way of continuing the densities.
     pub longest: Vec<Longest>,
-    /// The probability that was asked for.
+    /// The requested probability.
     pub probability: f64,
-    /// Why the Sun is not drawn; None where it is.
+    /// Why the Sun is not drawn; None if it is.
     pub sun_not_drawn: Option<String>,
     /// Warnings about the mission.
     pub warnings: Vec<Warning>,
@@ -112,11 +112,11 @@ pub struct Interval {
     pub interval_months: f64,
     /// How densities are continued.
     pub continued: Continued,
-    /// Largest error of the densities over the mission, % of those at its end, that is not exceeded with the probability asked for.
+    /// Largest error of the densities over the mission, % of those at its end, not exceeded with the requested probability.
     pub density_error_percent: f64,
-    /// Largest share of a limit that is used over the mission, %, not exceeded with the probability asked for.
+    /// Largest share of a limit that is used over the mission, %, not exceeded with the requested probability.
     pub used_percent: f64,
-    /// The limit of which that is.
+    /// The limit with this share.
     pub by: Option<Limited>,
     /// Share of the time of the mission in which a limit is exceeded, mean over the draws, %.
     pub beyond_percent: f64,

@@ -49,9 +49,9 @@ pub struct Results {
     pub species: Vec<SpeciesState>,
     /// The line times compared; None if no shape is left with any.
     pub comparison: Option<Comparison>,
-    /// Line times by how long they keep all budgets; None where |Δe| alone is limited and no probability is asked for.
+    /// Line times ranked by how long they keep all budgets; None if |Δe| alone is limited and no probability is requested.
     pub ranking: Option<Ranking>,
-    /// The probability that was asked for.
+    /// The requested probability.
     pub confidence: Option<f64>,
     /// Warnings about the mission.
     pub warnings: Vec<Warning>,
@@ -66,13 +66,13 @@ pub struct LineTime {
     pub delta_e: Option<f64>,
     /// Flux lost, %.
     pub flux_loss_percent: Option<f64>,
-    /// None if the mission does not say what a clock costs, or the amplifier cannot be clocked so.
+    /// None if the mission does not give the cost of a clock, or the amplifier cannot be clocked at this rate.
     #[serde(flatten)]
     pub cost: Option<Cost>,
-    /// What becomes of the budgets over the mission; None where |Δe| alone is limited and no probability is asked for.
+    /// Judgement of the budgets over the mission; None if |Δe| alone is limited and no probability is requested.
     #[serde(flatten)]
     pub judged: Option<JudgedRow>,
-    /// What it is ranked by then.
+    /// Its ranking key in that case.
     #[serde(skip)]
     merit: Option<Merit>,
     /// Δe1 of each species alone, in the order of the species.
@@ -168,8 +168,7 @@ impl LineTime {
         })
     }
 
-    /// Whether the corrected budgets are kept to the end: all of them where they are judged together, with the probability that was
-    /// asked for.
+    /// Whether the corrected budgets are kept to the end: all of them if they are judged together, with the requested probability.
     fn keeps(&self, corrected: f64) -> bool {
         match (&self.judged, self.judged.as_ref().and_then(|judged| judged.corrected_met_percent)) {
             (Some(judged), Some(_)) => judged.corrected_kept_t_yr.is_none(),
@@ -183,8 +182,8 @@ impl LineTime {
     }
 }
 
-/// What becomes of all budgets over the mission with a line time, and what it is ranked by; None where |Δe| alone is limited and no
-/// probability is asked for.
+/// Judgement of all budgets over the mission with a line time, and its ranking key; None if |Δe| alone is limited and no
+/// probability is requested.
 fn judged(
     model: &Model,
     line_time_ms: f64,

@@ -26,9 +26,9 @@ const STEP_MONTHS: u32 = 6;
 pub struct Launch {
     /// Launch dates; every half year of 22 years from the mission's launch if none are given.
     pub launches: Option<Vec<NaiveDate>>,
-    /// Whether a dose that is an average over the solar cycle was asked for on purpose, and stays one.
+    /// Whether an average dose over the solar cycle was requested explicitly, and is kept.
     pub keep_average: bool,
-    /// The probability with which budgets are to be kept, by which launches are ranked then.
+    /// The probability with which budgets are to be kept; if given, launches are ranked by it.
     pub confidence: Option<Confidence>,
 }
 
@@ -41,7 +41,7 @@ pub struct Results {
     pub ranking: Ranking,
     /// The mission with the dose over time under which launches are compared.
     pub compared: Mission,
-    /// The probability that was asked for.
+    /// The requested probability.
     pub confidence: Option<f64>,
     /// What a reader has to know of that.
     pub note: Option<&'static str>,

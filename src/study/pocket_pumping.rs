@@ -304,7 +304,7 @@ impl PocketPumping {
                 (Normal::new(mean, sigma).expect("a finite width").sample(&mut random), sigma)
             };
             let measured: Vec<(f64, f64)> = setup.phases.iter().map(measure).collect();
-            // Seen at its best phase time, and so told from the flat.
+            // Detected at its best phase time, that is, distinguished from the flat.
             let seen = setup.phases.iter().zip(&measured).any(|(phase, (dipole_e, _))| {
                 phase.phase_ms == best.phase_ms && *dipole_e > self.threshold_sigma * noise_e
             });

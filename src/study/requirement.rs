@@ -28,10 +28,10 @@ use crate::warning::Warning;
 /// Factors on the dose between which that is looked for.
 const FACTORS: [f64; 2] = [1e-3, 1e3];
 
-/// How far the logarithm of a factor may be off.
+/// Tolerance of the logarithm of a factor.
 const CLOSE: f64 = 1e-4;
 
-/// How far it may be off where it is told by draws.
+/// The same if the factor is estimated from draws.
 const CLOSE_OF_DRAWS: f64 = 0.02;
 
 /// Line times on either side of the mission's own, as a factor, and how many.
@@ -56,9 +56,9 @@ pub struct Results {
     pub limits: [Limit; 2],
     /// What the mission has.
     pub own: Own,
-    /// Line times (ms) that were looked at, with |Δe| at the end of the mission; infinite where no shape is left.
+    /// Line times (ms) tried, with |Δe| at the end of the mission; infinite if the shape is lost.
     pub line_times: Vec<(f64, f64)>,
-    /// The probability that was asked for, and the draws that tell it.
+    /// The requested probability, and the draws from which it is estimated.
     pub confidence: Option<Confidence>,
     /// Launch dates that were tried, from the mission's own on.
     pub launches: Vec<NaiveDate>,
@@ -90,13 +90,13 @@ pub struct Own {
 pub struct Limit {
     /// Largest |Δe| before correction.
     pub delta_e: f64,
-    /// Factor on the dose, as expected, and with the probability that is asked for.
+    /// Factor on the dose, by the expected value, and with the requested probability.
     pub factor: [Bound; 2],
-    /// Factor on the thickness of the shield, the same.
+    /// Factor on the thickness of the shield, likewise.
     pub shield: [Bound; 2],
-    /// Most transfers; None where not even one is allowed, or all are.
+    /// Largest number of transfers; None if not even one is allowed, or all are.
     pub transfers: Bound,
-    /// Line times (ms), from and to, at which |Δe| at the end is within the limit, of those that were looked at.
+    /// Ranges of line time (ms) for which |Δe| at the end is within the limit, from those tried.
     pub line_times_ms: Vec<[f64; 2]>,
     /// Number of the launch dates that keep it.
     pub launches: usize,
@@ -105,7 +105,7 @@ pub struct Limit {
 /// The largest value (the smallest, of a shield) that is allowed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {
-    /// It was not asked for, or means nothing to this mission.
+    /// It was not requested, or does not apply to this mission.
     NotSought,
     /// None of those that were tried.
     None,
@@ -180,7 +180,7 @@ fn of_galaxy_alone(mission: &Mission) -> Mission {
 }
 
 impl Requirement {
-    /// Factor on the dose with which the budget is kept with the probability that is asked for.
+    /// Factor on the dose with which the budget is kept with the requested probability.
     fn confident(&self, mission: &Mission, place: usize, advance: &(dyn Fn() + Sync)) -> Result<Bound, InputError> {
         let Some(asked) = self.confidence else { return Ok(Bound::NotSought) };
         factor(FACTORS, CLOSE_OF_DRAWS, |factor| {
@@ -189,7 +189,7 @@ impl Requirement {
             scaled.environment.dose_factor *= factor;
             let found = asked.of(&scaled, None)?;
             let exceeded = [found.uncorrected, found.corrected][place].probability_exceeded;
-            // Half a draw off: no number of draws is exactly what is asked for.
+            // Offset by half a draw: no number of draws gives exactly the requested probability.
             Ok(exceeded - (1.0 - asked.probability) + 0.5 / f64::from(asked.samples))
         })
     }
@@ -299,7 +299,7 @@ fn at_line_time(model: &Model, line_time_ms: f64) -> Result<f64, InputError> {
     Ok(change.map_or(f64::INFINITY, |change| change.magnitude()))
 }
 
-/// Line times (ms) from and to, within a limit on |Δe|, told by those that were looked at and closed in between.
+/// Ranges of line time (ms) within a limit on |Δe|, bracketed by those tried and refined in between.
 fn within(model: &Model, clocks: &[(f64, f64)], limit: f64) -> Result<Vec<[f64; 2]>, InputError> {
     let excess = |delta_e: f64| (delta_e / limit - 1.0).min(1.0);
     let mut found: Vec<[f64; 2]> = Vec::new();

@@ -4,9 +4,9 @@
 //! margin = 1 − |Δe|(end)/(budget × correction factor)
 //! ```
 //!
-//! or that of a shear bias of the population, where it is smaller,
-//! with the dose derived from the ESP fluence at each confidence (`environment/esp.rs`) behind each thickness
-//! (`environment/shielding.rs`), and what other sources the mission's model has, whatever dose rate the mission gives.
+//! or that of a shear bias of the population if it is smaller, with the dose derived from the ESP fluence at each confidence
+//! (`environment/esp.rs`) behind each thickness (`environment/shielding.rs`), plus the other sources in the mission's model,
+//! regardless of the dose rate that the mission gives.
 
 use serde::Serialize;
 
@@ -56,13 +56,13 @@ pub struct Results {
     pub confidences: Vec<f64>,
     /// Each geometry, thickness and confidence, the last of them fastest; none in a low Earth orbit of unknown elements.
     pub cases: Vec<Case>,
-    /// What each confidence needs; none without cases.
+    /// Thickness needed at each confidence; none without cases.
     pub needed: Vec<Needed>,
-    /// Each geometry and thickness with the Sun and `[uncertainty]` drawn; none where no probability was asked for.
+    /// Each geometry and thickness with the Sun and `[uncertainty]` drawn; none if no probability was requested.
     pub drawn: Vec<Drawn>,
-    /// Shields by how long they keep the budgets with that probability.
+    /// Shields, ranked by how long they keep the budgets with that probability.
     pub ranking: Option<Ranking>,
-    /// The probability that was asked for.
+    /// The requested probability.
     pub probability: Option<f64>,
     /// Warnings about the mission.
     pub warnings: Vec<Warning>,
@@ -193,7 +193,7 @@ impl Study for Shielding {
 }
 
 impl Shielding {
-    /// Each geometry and thickness with the Sun and `[uncertainty]` drawn; none where no probability is asked for.
+    /// Each geometry and thickness with the Sun and `[uncertainty]` drawn; none if no probability is requested.
     fn drawn(
         &self,
         model: &Model,

@@ -62,7 +62,7 @@ type Members<'a> = (&'a [Estimated; 2], &'a [BTreeMap<usize, f64>; 2]);
 /// A parameter of the detector: its key in the mission, and a deviation in the key's unit.
 pub(super) type Parameter = (String, f64);
 
-/// What a requirement may limit, at the end of the mission, of the kinds that are asked for.
+/// Quantities that a requirement may limit at the end of the mission, of the requested kinds.
 pub(super) fn at_end(model: &Model, asked: &[Limited]) -> Result<Vec<Limitable>, InputError> {
     let mission = &model.mission;
     let biases = match asked.iter().any(|one| *one != Limited::DeltaE) {
@@ -89,7 +89,7 @@ pub(super) fn at_end(model: &Model, asked: &[Limited]) -> Result<Vec<Limitable>,
     asked.iter().map(quantity).collect()
 }
 
-/// What a deviation of each parameter changes, to first order: for each kind that is asked for, in the order of the parameters.
+/// Changes by a deviation of each parameter, to first order: for each requested kind, in the order of the parameters.
 pub(super) fn slopes(
     model: &Model,
     parameters: &[Parameter],

@@ -114,12 +114,12 @@ impl Output {
         }
     }
 
-    /// Whether it is told by draws of the Sun and of `[uncertainty]`.
+    /// Whether it is estimated from draws of the Sun and of `[uncertainty]`.
     pub fn is_drawn(self) -> bool {
         matches!(self, ProbabilityMetUncorrected | ProbabilityMetCorrected | KeptUncorrected | KeptCorrected)
     }
 
-    /// Whether it is told by all budgets together, where shear biases are limited.
+    /// Whether it is determined by all budgets together, if shear biases are limited.
     pub fn is_judged(self) -> bool {
         self.is_drawn()
             || matches!(

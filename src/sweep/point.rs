@@ -21,7 +21,7 @@ use crate::plan::judgement::{Budget, Judgement, Limited};
 /// Models whose images are kept for others with the same galaxies.
 const KEPT: usize = 32;
 
-/// What quantities that are drawn are told by, for each point.
+/// Probability and number of draws for quantities that are estimated from draws, for each point.
 const CONFIDENCE: Confidence = Confidence { probability: 0.9, samples: 400 };
 
 /// Computes points of one sweep; shared by threads.
@@ -114,14 +114,14 @@ impl<'a> Points<'a> {
     }
 }
 
-/// A mission at its end, and on the way there as far as that is asked for.
+/// A mission at its end, and on the way there as far as needed.
 struct EndOfLife<'a> {
     model: &'a Model,
     duration_yr: f64,
     device: Device,
-    /// Changes of the galaxies' shapes, once they are asked for.
+    /// Changes of the galaxies' shapes, computed when first needed.
     galaxies: OnceCell<Vec<Option<ShapeChange>>>,
-    /// All budgets together, where a recorded quantity asks for that.
+    /// All budgets together, if a recorded quantity needs them.
     judgement: Option<Judgement>,
 }
 

@@ -19,14 +19,14 @@ use crate::numeric::parallel;
 /// Distances of a scan from the optimum, in ordinary changes of a parameter (of its logarithm, if it must be above 0).
 const DISTANCES: [f64; 9] = [0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 3.2, 4.6];
 
-/// Times that all parameters are scanned, and new starts of each time: those that promise most.
+/// Rounds of scans of all parameters, and new starts in each: the most promising ones.
 const ROUNDS: usize = 3;
 const STARTS: usize = 3;
 
-/// Rise of chi2 within which a rough fit ends in the minimum that is known.
+/// Increase of chi2 within which a rough fit has found the known minimum.
 const ROUGH: f64 = 1.0;
 
-/// Rise of chi2, beside a share of it, from which on a minimum is not followed to its bottom.
+/// Excess of chi2, in addition to a share of it, beyond which a minimum is not followed to its bottom.
 const FAR_ABOVE: f64 = 30.0;
 
 /// Whether a rough fit may lead to a minimum other than one of so much chi2, not so far above it that nobody would ask for it.

@@ -1,7 +1,7 @@
-//! How well a fit predicts what it has not seen: groups of rows left out in turn.
+//! How well a fit predicts data that it has not seen: groups of rows left out in turn.
 //!
-//! A trail's pixels share their errors, so that whole groups are left out: a signal level, an epoch, a distance. Groups at
-//! the ends of a column's range are extrapolated to, which a plan does too, and are told apart from those in between.
+//! A trail's pixels share their errors, so whole groups are left out: a signal level, an epoch, a distance. Groups at the ends of a
+//! column's range are predicted by extrapolation, as in a plan, and are reported separately from those in between.
 
 use serde::Serialize;
 

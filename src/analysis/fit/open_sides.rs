@@ -1,9 +1,9 @@
-//! Sides on which data set a parameter no limit.
+//! Parameters that the data do not limit on one side.
 //!
-//! An error tells how far a parameter can be moved until chi2 has risen by 1. Beyond that chi2 may hardly rise any more: no trail
-//! tells a release time of a hundred transfers from one of ten thousand. Such a parameter has a limit on one side, and its error
-//! must not be taken for that of a normal distribution. A parameter that is known to worse than a few tenths is therefore held
-//! far away on either side, all others fitted, and chi2 compared.
+//! An error is the distance at which chi2 has increased by 1. Beyond that chi2 may hardly increase any more: no trail distinguishes
+//! a release time of a hundred transfers from one of ten thousand. Such a parameter has a limit on one side only, and its error
+//! must not be taken for that of a normal distribution. So a parameter with an error above a few tenths of its value is held far
+//! away on either side, all others are fitted, and chi2 is compared.
 
 use super::parameter::Parameter;
 use super::problem::Problem;
@@ -13,7 +13,7 @@ use crate::error::InputError;
 use crate::model::Model;
 use crate::numeric::parallel;
 
-/// Error over value from which on the sides are looked at.
+/// Error over value from which the sides are tested.
 const POORLY_KNOWN: f64 = 0.3;
 
 /// Factor by which a value is moved to either side.

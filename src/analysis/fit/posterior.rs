@@ -4,11 +4,11 @@
 //! ln p(θ | data) = −χ²(θ)/2 + constant      within the bounds of each key
 //! ```
 //!
-//! The prior is flat in ln θ where a value must be above 0, else in θ. An ensemble of walkers moves along the differences of two
-//! others (differential evolution: ter Braak 2006, Stat. Comput. 16, 239) or by the affine-invariant stretch (Goodman & Weare
-//! 2010, Comm. App. Math. Comp. Sci. 5, 65; Foreman-Mackey et al. 2013, PASP 125, 306), each with random numbers of its own: the
-//! same seed gives the same bits with any number of threads. Walkers start as the linear theory says and go on until the sample
-//! has as many independent draws as were asked for and is 50 autocorrelation times long, or no evaluation is left.
+//! The prior is flat in ln θ if a value must be above 0, else in θ. An ensemble of walkers moves along the differences of two
+//! others (differential evolution: ter Braak 2006, Stat. Comput. 16, 239) or by the affine-invariant stretch (Goodman & Weare 2010,
+//! Comm. App. Math. Comp. Sci. 5, 65; Foreman-Mackey et al. 2013, PASP 125, 306), each with random numbers of its own: the same
+//! seed gives the same bits with any number of threads. Walkers start from the linear theory and go on until the sample has the
+//! requested number of independent draws and is 50 autocorrelation times long, or the evaluations are used up.
 
 mod schedule;
 mod summary;

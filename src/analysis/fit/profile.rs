@@ -87,17 +87,17 @@ pub struct Interval {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "end", rename_all = "kebab-case")]
 pub enum End {
-    /// Where chi2 has risen by what was asked for.
+    /// At the value at which chi2 has increased by the requested amount.
     Crossing {
         /// In the unit of the key.
         value: f64,
     },
-    /// It does not within what is allowed.
+    /// At a bound of the key: chi2 does not increase that much within the allowed range.
     Bound {
         /// The bound, in the unit of the key.
         value: f64,
     },
-    /// It does not up to there; beyond that it was not looked for.
+    /// Not reached up to this value, where the search ended.
     Undone {
         /// In the unit of the key.
         value: f64,
@@ -105,7 +105,7 @@ pub enum End {
 }
 
 impl End {
-    /// The value at which chi2 has risen by what was asked for; None where none was found.
+    /// The value at which chi2 has increased by the requested amount; None if none was found.
     pub fn crossing(&self) -> Option<f64> {
         match self {
             End::Crossing { value } => Some(*value),

@@ -1,9 +1,9 @@
-//! Errors where chi2 is no parabola.
+//! Errors if chi2 is not parabolic.
 //!
-//! The error of a parameter is how far it can be moved, all others following, until chi2 has risen by 1 (Avni 1976,
-//! ApJ 210, 642). Linear theory foretells that; where a model is curved (a release time far below the line time, a time
-//! constant of many years) it is farther on one side. That is looked for from what linear theory says, and the larger of both
-//! sides is quoted. The other parameters follow to first order, and what they could absorb of the rest is not counted.
+//! The error of a parameter is the distance, all others being refitted, at which chi2 has increased by 1 (Avni 1976, ApJ 210, 642).
+//! Linear theory predicts it; if a model is curved (a release time far below the line time, a time constant of many years) it is
+//! larger on one side. It is searched for from the linear prediction, and the larger of both sides is quoted. The other parameters
+//! follow to first order, and what they could absorb of the rest is not counted.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -10,9 +10,9 @@ use crate::mission::Mission;
 pub struct Fit {
     /// The mission with the fitted values.
     pub mission: Mission,
-    /// Free parameters, in the order asked for.
+    /// Free parameters, in the order given.
     pub parameters: Vec<Fitted>,
-    /// Correlation of two parameters, `[[i, j]]`; 0 with one that the data do not move.
+    /// Correlation of two parameters, `[[i, j]]`; 0 with one to which the data are insensitive.
     pub correlation: Vec<Vec<f64>>,
     /// chi2 of the mission as it was.
     pub chi2_before: f64,

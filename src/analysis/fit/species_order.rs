@@ -1,8 +1,8 @@
-//! Species of traps that a fit has exchanged.
+//! Trap species that a fit has exchanged.
 //!
-//! Two species whose densities and release times are both free are the same model with one another's values, if nothing else tells them
-//! apart. Their names and energy levels would stay where they are, so that at another temperature it is another detector. So species
-//! keep the order of their release times, unless the data are then described less well.
+//! Two species whose densities and release times are both free give the same model with each other's values, if nothing else
+//! distinguishes them. Their names and energy levels are not exchanged, so at another temperature it is another detector. Species
+//! therefore keep the order of their release times, unless the data are then described less well.
 
 use std::collections::BTreeMap;
 
@@ -104,12 +104,12 @@ mod tests {
             restored(&fitted, &given, &free).into_iter().map(|(key, value)| (key, value.into())).collect();
         assert_eq!(back.len(), free.len());
         assert_eq!(fitted.with(&back).unwrap().detector.traps, given.detector.traps);
-        // What is free in one alone tells them apart.
+        // A key that is free in one species alone distinguishes them.
         assert!(restored(&fitted, &given, &free[..1]).is_empty());
-        let told_apart: Vec<String> =
+        let distinguished: Vec<String> =
             free.iter().cloned().chain((0..count - 1).map(|species| key(species, "energy_ev"))).collect();
         let last = format!("detector.traps.{}.", names[count - 1]);
-        let values = restored(&fitted, &given, &told_apart);
+        let values = restored(&fitted, &given, &distinguished);
         assert!(!values.is_empty() && values.keys().all(|key| !key.starts_with(&last)), "{values:?}");
     }
 }

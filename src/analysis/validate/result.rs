@@ -1,4 +1,4 @@
-//! A model held against data: residuals, data set by data set, and what is significant of them.
+//! A model compared with data: residuals, data set by data set, and their significant trends.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use statrs::function::erf::erfc;
@@ -37,7 +37,7 @@ pub struct Finding {
     pub chance: f64,
 }
 
-/// A model held against data.
+/// A model compared with data.
 #[derive(Clone, Debug)]
 pub struct Validation {
     /// The mission.
@@ -201,7 +201,7 @@ impl Validation {
     }
 }
 
-/// A file's name without folder and ending, with the number of its data set, which tells two of one name apart.
+/// A file's name without folder and extension, with the number of its data set, which distinguishes equal names.
 pub(crate) fn file_stem(index: usize, data: &DataSet) -> String {
     let stem =
         std::path::Path::new(&data.file).file_stem().map_or_else(|| "data".into(), |stem| stem.to_string_lossy());

@@ -1,19 +1,20 @@
-//! Changes of shape as polynomials of what a catalogue says of a galaxy.
+//! Changes of shape as polynomials in a galaxy's properties in a catalogue.
 //!
-//! **Coordinates.** The logarithms of flux, Sersic index and size, and the ellipticity (e1, e2), all but the index under the weight and
-//! through the PSF, as [`Observed`] has them: galaxies that look alike are close to each other, whatever they are before the PSF. All
-//! are scaled to −1 to 1.
+//! **Coordinates.** The logarithms of flux, Sersic index and size, and the ellipticity (e1, e2), all but the index under the weight
+//! and through the PSF, as in [`Observed`]: galaxies that look alike are close to each other, regardless of their shapes before the
+//! PSF. All are scaled to −1 to 1.
 //!
-//! **Transfers.** Beyond the stamp's half-width every pixel is passed by all of the stamp's packets, and a change is very nearly a
-//! parabola in the number of transfers. So the polynomials are fitted at three numbers of transfers and Lagrange's parabola is put
-//! through them. Closer to the register, where rows make few transfers or none, they are fitted at more numbers, and the
-//! interpolation is in the logarithm.
+//! **Transfers.** Beyond the stamp's half-width all of the stamp's packets pass every pixel, and a change is very nearly a parabola
+//! in the number of transfers. So the polynomials are fitted at three numbers of transfers, with Lagrange's parabola through them.
+//! Closer to the register, where rows make few transfers or none, they are fitted at more numbers, and interpolated in the
+//! logarithm.
 //!
 //! **Fit.** Least squares. Powers of flux and index cost one and a half times as much as the others: changes are smoother in them.
-//! Coefficients of high degrees are held down, so that there may be a term for each two or three galaxies. Galaxies are taken from all
-//! parts of the catalogue. More of them are taken, and higher degrees, until the error is as small as asked for. In a detector that reads mirror images as mirror images, Δe2 and Δx are odd in e2 and the others even.
+//! Coefficients of high degrees are regularised, so that there may be a term for each two or three galaxies. Galaxies are taken
+//! from all parts of the catalogue. Their number and the degree grow until the error is as small as requested. In a detector that
+//! reads mirror images as mirror images, Δe2 and Δx are odd in e2 and the others even.
 //!
-//! **Error.** Galaxies that were not fitted, chosen at random among all rows, are read out at their own place.
+//! **Error.** Galaxies that were not fitted, chosen at random among all rows, are read out at their own positions.
 
 use std::sync::Arc;
 
@@ -119,9 +120,9 @@ pub(super) struct Fit {
     pub fitted: usize,
     pub degree: f64,
     pub held_out: HeldOut,
-    /// Whether the error is as small as asked for.
+    /// Whether the error is as small as requested.
     pub is_used: bool,
-    /// Rows that were read out at their own place.
+    /// Rows that were read out at their own positions.
     pub read_out: Vec<(usize, Option<ShapeChange>)>,
 }
 

@@ -40,9 +40,9 @@ impl Merit {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Criterion {
-    /// The time at which the first uncorrected budget is exceeded; until when it is kept with a probability, where one is asked for.
+    /// The time at which the first uncorrected budget is exceeded, or until which it is kept with the requested probability.
     Uncorrected,
-    /// The same of the corrected budgets.
+    /// The same for the corrected budgets.
     Corrected,
     /// The largest share of a budget that is used at the end of the mission.
     #[serde(rename = "budget_used")]

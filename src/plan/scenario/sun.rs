@@ -1,19 +1,19 @@
 //! Launch dates are compared under the Sun of their years.
 //!
-//! With `environment.model = "constant"` the dose is an average over the solar cycle: every launch date has the same, and there
-//! is nothing to compare. Comparisons of launch dates take the cycle instead, unless the average is asked for beside them.
+//! With `environment.model = "constant"` the dose is an average over the solar cycle, equal for every launch date, so there is
+//! nothing to compare. Comparisons of launch dates use the cycle instead, unless the average is requested explicitly.
 
 use crate::mission::{DoseModel, Mission};
 
 /// Key of the model of the dose over time.
 pub(crate) const MODEL: &str = "environment.model";
 
-/// What is said where the cycle stands in for the average.
+/// Remark if the cycle replaces the average.
 const FOLLOWS: &str = "Launch dates are compared with environment.model = \"solar-cycle\": the mission's \"constant\" \
                                   is an average over the cycle, the same for every launch (--set environment.model=constant \
                                   keeps it).";
 
-/// What is said where the average was asked for.
+/// Remark if the average was requested.
 const AVERAGED: &str = "With environment.model = \"constant\", as was asked for, the dose is an average over the \
                                    solar cycle: every launch date is alike.";
 

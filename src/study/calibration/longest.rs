@@ -1,10 +1,10 @@
 //! The longest interval between calibrations that keeps all limits.
 //!
-//! The share u of a limit that is used over the mission, not exceeded with the probability asked for, is a function of the interval Δ.
-//! From the shortest interval on, Δ grows in equal ratios until u exceeds 1; u(Δ) = 1 is solved between the last two, by Brent's
-//! method in ln Δ. With few draws u is jagged, as events fall just before or after a calibration; the error of the interval says how much
-//! that is. Where u falls again at longer intervals, as it may by the dates of single events, those do not count: every
-//! interval that was tried up to the longest keeps the limits.
+//! The share u of a limit that is used over the mission, not exceeded with the requested probability, is a function of the interval
+//! Δ. From the shortest interval on, Δ grows in equal ratios until u exceeds 1; u(Δ) = 1 is solved between the last two by Brent's
+//! method in ln Δ. With few draws u is jagged, as events fall just before or after a calibration; the error of the interval
+//! includes this. If u decreases again at longer intervals, as it may because of the dates of single events, those do not count:
+//! every interval tried up to the longest keeps the limits.
 
 use serde::Serialize;
 
@@ -27,13 +27,13 @@ pub struct Longest {
     pub continued: Continued,
     /// Whether there is one.
     pub outcome: Outcome,
-    /// The interval, months; the length of the mission where that keeps the limits, None where no interval does.
+    /// The interval, months; the length of the mission if that keeps the limits, None if no interval does.
     pub interval_months: Option<f64>,
-    /// Its standard error from the finite number of draws, months; None where nothing is drawn, or the error is as large as the range.
+    /// Its standard error from the finite number of draws, months; None if nothing is drawn, or the error is as large as the range.
     pub error_months: Option<f64>,
-    /// Share of a limit that is used at the shortest interval, %, not exceeded with the probability asked for.
+    /// Share of a limit that is used at the shortest interval, %, not exceeded with the requested probability.
     pub used_at_shortest_percent: f64,
-    /// Share of a limit that is used at the longest interval, or at the shortest where none keeps the limits: the limit of which that is.
+    /// The limit with the largest share used at the longest interval, or at the shortest if none keeps the limits.
     pub by: Option<Limited>,
 }
 
@@ -41,7 +41,7 @@ pub struct Longest {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
-    /// Up to the interval that is found, and not beyond.
+    /// Up to the interval found, and not beyond.
     Solved,
     /// No interval keeps them, however short.
     NotReachable,
@@ -49,11 +49,11 @@ pub enum Outcome {
     AlwaysMet,
 }
 
-/// An interval (months), and the share of a limit that each draw uses with it, rising.
+/// An interval (months), and the share of a limit that each draw uses with it, ascending.
 type Tried = (f64, Vec<f64>);
 
 impl Calibration {
-    /// The longest interval with which all limits are kept, with the probability asked for.
+    /// The longest interval with which all limits are kept, with the requested probability.
     pub(super) fn longest(
         &self,
         sensitivities: &[Sensitivity],
