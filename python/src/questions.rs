@@ -110,10 +110,10 @@ pub fn fit(
                 .with_help("name some: free=[\"detector.traps.VV.density_per_px\"], or in [fit] free of the mission"));
         }
         let best = Mutex::new(f64::INFINITY);
-        let told = |chi2: f64| tell(watch, &best, chi2);
+        let report_best = |chi2: f64| tell(watch, &best, chi2);
         let seed = seed.unwrap_or(mission.accuracy.seed);
         let options = fitting::Options { starts, seed, ..fitting::Options::default() };
-        let fitted = fitting::fit(mission, &data, &keys, &options, &told)?;
+        let fitted = fitting::fit(mission, &data, &keys, &options, &report_best)?;
         let model = Model::new(&fitted.mission);
         let held_out =
             |column: String| fitting::holdout::holdout(&model, &data, &keys, &column, &options, &|_| watch.advance());

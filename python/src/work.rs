@@ -1,8 +1,8 @@
-//! Long work, out of the interpreter's way.
+//! Long computations, without blocking the interpreter.
 //!
-//! The interpreter's lock is released, and a pool of threads does the work. Meanwhile the calling thread looks after signals and tells
-//! the progress, so that callbacks are called where they are expected. Ctrl-C, or an exception in a callback, sets the token that all
-//! threads of the pool watch: their readouts end, and the exception is raised.
+//! The interpreter's lock is released, and a pool of threads does the work. Meanwhile the calling thread handles signals and
+//! reports the progress, so callbacks run in the thread that expects them. Ctrl-C, or an exception in a callback, sets the token
+//! that all threads of the pool watch: their readouts end, and the exception is raised.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -18,10 +18,10 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::errors;
 
-/// How often signals and progress are looked after.
+/// Interval at which signals and progress are checked.
 const EVERY: Duration = Duration::from_millis(40);
 
-/// How far work has come, as it tells from any thread.
+/// Progress of the work, updated from any thread.
 #[derive(Default)]
 pub struct Watch {
     stage: Mutex<String>,
@@ -63,12 +63,12 @@ pub fn run<T: Send>(
     let crew = Crew::take()?;
     let watch = Watch::default();
     let callback = progress.map(|progress| progress.clone().unbind());
-    let mut told = None;
+    let mut reported = None;
     let mut tell = |py: Python<'_>| -> PyResult<()> {
         let now = watch.now();
-        if let Some(callback) = callback.as_ref().filter(|_| told.as_ref() != Some(&now)) {
+        if let Some(callback) = callback.as_ref().filter(|_| reported.as_ref() != Some(&now)) {
             callback.call1(py, now.clone())?;
-            told = Some(now);
+            reported = Some(now);
         }
         Ok(())
     };
@@ -79,7 +79,7 @@ pub fn run<T: Send>(
             let watch = &watch;
             scope.spawn(move |_| {
                 let outcome = catch_unwind(AssertUnwindSafe(|| work(watch)));
-                // Nobody has gone away: the scope ends after this.
+                // The receiver still exists: the scope ends after this.
                 let _ = sender.send(outcome);
             });
             loop {
@@ -105,10 +105,10 @@ pub fn run<T: Send>(
     }
 }
 
-/// Threads asked for; 0: as many as there are processors, or RAYON_NUM_THREADS.
+/// Requested number of threads; 0: as many as there are processors, or RAYON_NUM_THREADS.
 static THREADS: AtomicUsize = AtomicUsize::new(0);
 
-/// Most threads that can be asked for.
+/// Largest number of threads that can be requested.
 const MOST_THREADS: i64 = 1024;
 
 /// Sets the number of threads of all work that begins later; 0: one for each processor.

@@ -149,7 +149,7 @@ impl Map {
 }
 
 impl Sheet {
-    /// log10 of the flux; 0 where there is none.
+    /// log10 of the flux; 0 if there is none.
     fn log_flux(&self, l: f64, b_over_b0: f64) -> f64 {
         let after = self.strings.partition_point(|string| string.l < l);
         if after == 0 || after == self.strings.len() {

@@ -36,7 +36,7 @@ pub struct Shell {
     pub b_over_b0: f64,
 }
 
-/// Drift shell of a geocentric place (RE). None where the line leaves 12 RE.
+/// Drift shell of a geocentric place (RE). None if the line leaves 12 RE.
 pub fn shell(field: &Field, place: [f64; 3]) -> Option<Shell> {
     let b_nt = length(field.at(place));
     let integral = invariant(field, place, b_nt)?;

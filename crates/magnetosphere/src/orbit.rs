@@ -84,9 +84,9 @@ impl Elements {
     /// A place on the orbit below a distance (RE) from the centre, by its number, from 0 on. The mean of a quantity over the orbit
     /// is the mean of weight times quantity over the first visits; it has converged when more of them change nothing.
     ///
-    /// Longitude of the node and argument of latitude, or anomaly where the perigee is held, follow the additive sequence of the
+    /// Longitude of the node and argument of latitude, or anomaly if the perigee is held, follow the additive sequence of the
     /// powers of 1/φ with φ³ = φ + 1, which fills the square as evenly as can be (Niederreiter 1992, Random Number Generation and
-    /// Quasi-Monte Carlo Methods). Where the perigee is free all arguments of latitude belong to any anomaly, which follows √2.
+    /// Quasi-Monte Carlo Methods). If the perigee is free all arguments of latitude belong to any anomaly, which follows √2.
     pub fn visit(&self, number: usize, below: f64) -> Visit {
         const GOLDEN: f64 = 1.324_717_957_244_746;
         let count = (number + 1) as f64;
@@ -115,7 +115,7 @@ impl Elements {
         Visit { place: self.place(radius * stretch, argument, node), weight: density * stretch * reach / PI }
     }
 
-    /// The place at a distance (RE) and an argument of latitude (rad), where the node has a longitude (rad).
+    /// The place at a distance (RE) and an argument of latitude (rad), for a longitude of the node (rad).
     fn place(&self, radius: f64, argument: f64, node: f64) -> [f64; 3] {
         let (sin, cos) = argument.sin_cos();
         let inclination = self.inclination_deg.to_radians();

@@ -1,7 +1,7 @@
 //! Columns whose pixels have more traps in some rows than in others.
 //!
-//! In each pixel the packets pass one after another, and what one pixel does to them depends on the charges with which they come from the
-//! pixels farther away, and on nothing else. So a readout is a composition of readouts, the farthest pixels first, and each of them may
+//! In each pixel the packets pass one after another, and the effect of a pixel on them depends only on the charges with which they
+//! arrive from the pixels farther away. So a readout is a composition of readouts, the farthest pixels first, and each of them may
 //! have densities of its own:
 //!
 //! ```text
@@ -9,8 +9,9 @@
 //!          ◀─── last ──── ◀───────────── … ◀───── first ────
 //! ```
 //!
-//! In a band only its own pixels are passed, by all packets that start in them or farther away. That is exact for every clock and
-//! every capture time that stand in this crate. It is not for [`super::Method::CarriedTraps`], whose pixels start in the state of their neighbours.
+//! In a band only its own pixels are passed, by all packets that start in them or farther away. This is exact for every clock and
+//! every capture time in this crate, but not for [`super::Method::CarriedTraps`], whose pixels start in the state of their
+//! neighbours.
 
 use std::ops::Range;
 
@@ -19,7 +20,7 @@ use ndarray::{Array2, Axis};
 use super::equal_blocks::{Allowed, Towards};
 use super::{Downstream, Method, Readout};
 
-/// Rows of pixels that have so many times the traps.
+/// Rows of pixels with a common factor on their trap densities.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Band {
     /// The first of its rows of the image. The last is in front of the next band.

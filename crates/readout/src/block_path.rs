@@ -1,13 +1,13 @@
-//! The path of packets through a block of pixels: what the second order needs to know of it.
+//! The path of packets through a block of pixels, as far as the second order needs it.
 //!
-//! The first order holds the charges as they are on arrival, and is wrong by what they change along the path. The second order
-//! holds them at their means over the path instead: what a pixel does is then right to second order where all packets are in
-//! step. In the image they are not. Packet r has passed r − p pixels when it comes to pixel p, and meets there the watermarks of
-//! packets that have passed fewer; and a watermark exists in the last pixels of the path only, where its packet has been. So two
-//! means are gathered along with the first order: over all pixels of the path, and over those of the watermark that the packet
-//! reaches into, which is the only one that it fills in part. Both are exact sums over the pixels, to first order: whatever
-//! exists in the last v pixels of the path counts v times in a sum, and v (v − 1)/2 times in the sum of sums from which means are
-//! made, since a change in a pixel is felt in all pixels ahead of it.
+//! The first order holds the charges at their values on arrival, and neglects their changes along the path. The second order holds
+//! them at their means over the path instead: the result for a pixel is then correct to second order if all packets are in step. In
+//! the image they are not. Packet r has passed r − p pixels when it comes to pixel p, and there meets the watermarks of packets
+//! that have passed fewer; and a watermark exists only in the last pixels of the path, where its packet has been. So two means are
+//! accumulated along with the first order: over all pixels of the path, and over those of the watermark that the packet reaches
+//! into, which is the only one that it fills in part. Both are exact sums over the pixels, to first order: a quantity that exists
+//! in the last v pixels of the path counts v times in a sum, and v (v − 1)/2 times in the sum of sums from which means are made,
+//! since a change in a pixel acts on all pixels ahead of it.
 
 use std::ops::{Add, Mul, Sub};
 
@@ -15,7 +15,7 @@ use fearless_simd::prelude::*;
 
 use super::simd::{LANES, Mask, Packets, Vector};
 
-/// How packets change along their path through a block, to first order, as far as the second order needs to know.
+/// Changes of packets along their path through a block, to first order, as far as the second order needs them.
 pub(super) struct PathMeans {
     /// Change of every packet until it is in a pixel of its path, on average over the path, e-. The pixel it starts in, where
     /// everything is known, is left out.
@@ -47,7 +47,7 @@ pub(super) enum BlockPath<'a> {
     Known(&'a PathMeans),
 }
 
-/// Something summed over pixels of the path, e-, and, where that is asked, over the sums up to each pixel.
+/// Something summed over pixels of the path, e-, and, if that is asked, over the sums up to each pixel.
 #[derive(Clone, Copy)]
 pub(super) struct Summed<T: Simd, const TWICE: bool> {
     pub once: Vector<T>,

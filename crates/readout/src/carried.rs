@@ -39,7 +39,7 @@ const FEWEST_BLOCKS: usize = 4;
 /// Shortest blocks that are tried: below, every pixel is done by itself.
 const SHORTEST: i64 = 3;
 
-/// Part of the tolerance that two attempts may differ by. The finer one is right to a third of their difference where the change is
+/// Part of the tolerance that two attempts may differ by. The finer one is right to a third of their difference if the change is
 /// smooth; behind rows without charge it is not, and both may miss the same.
 const SHARE: f64 = 0.1;
 
@@ -173,7 +173,7 @@ impl<L: Default> Work<L> {
         self.first_e.len() - 1
     }
 
-    /// Largest displacement of charge, as the fewest blocks tell, e-.
+    /// Largest displacement of charge, estimated with the fewest blocks, e-.
     fn moved_e<P: Passage<Watermarks = L>>(&mut self, pixel: &P) -> f64 {
         self.journey(pixel, self.longest(), f64::INFINITY);
         apart(&self.charge_e, &self.before_e)

@@ -38,7 +38,7 @@ impl Cloud {
     /// A well of `full_well_e` electrons (w) with a notch of `notch_e` (d, below w) and fill power `power` (α > 0).
     ///
     /// # Panics
-    /// Where the full well is not above the notch.
+    /// If the full well is not above the notch.
     pub fn new(full_well_e: f64, notch_e: f64, power: f64) -> Cloud {
         assert!(full_well_e > notch_e, "full well {full_well_e} e- must be above the notch {notch_e} e-");
         let law = if power == 0.5 { Law::SquareRoot } else { Law::Power };
@@ -69,7 +69,7 @@ impl Cloud {
     /// Of a tabulated cloud h it is (h(n) − h(level)) / (1 − h(level)).
     ///
     /// # Panics
-    /// Where the full well is not above the level.
+    /// If the full well is not above the level.
     pub fn above_level(&self, level_e: f64) -> Cloud {
         if let Law::Table(table) = &self.law {
             let law = Law::Table(Arc::new(table.above(table.height(level_e))));
@@ -85,16 +85,16 @@ impl Cloud {
     }
 
     /// A cloud of another law, given as height against charge (e-) and kept as a table (see [`Cloud::height`]). The
-    /// height is 0 where there is no charge, and is cut to 0 to 1.
+    /// height is 0 if there is no charge, and is cut to 0 to 1.
     ///
     /// # Errors
-    /// Where the law has no value.
+    /// If the law has no value.
     pub fn tabulated<E>(height: impl Fn(f64) -> Result<f64, E>) -> Result<Cloud, E> {
         let law = Law::Table(Arc::new(Table::of(height)?));
         Ok(Cloud { notch_e: 0.0, per_full_well: 1.0, power: 1.0, volume_at_zero: 0.0, law })
     }
 
-    /// Height of a cloud of `charge_e` electrons, 0 to 1. A tabulated one is right to 1e-6 of itself where the law is as
+    /// Height of a cloud of `charge_e` electrons, 0 to 1. A tabulated one is right to 1e-6 of itself if the law is as
     /// smooth as a power (a kink is rounded over 0.2 % of its charge), and is held constant beyond 1e9 e-.
     #[inline]
     pub fn height(&self, charge_e: f64) -> f64 {
@@ -106,9 +106,9 @@ impl Cloud {
         }
     }
 
-    /// Electrons in a cloud per volume that it fills, n/h(n), in units of e- per full well's volume; 0 where the cloud has no height and meets no
-    /// trap. The whole charge counts: a notch has no volume of its own but for the volume at zero charge. With a notch and no such volume,
-    /// the density grows without limit towards the notch, while the traps that are met become none.
+    /// Electrons in a cloud per volume that it fills, n/h(n), in units of e- per full well's volume; 0 if the cloud has no height
+    /// and meets no trap. The whole charge counts: a notch has no volume of its own but for the volume at zero charge. With a notch
+    /// and no such volume, the density grows without limit towards the notch, while the traps that are met become none.
     pub fn density_e(&self, charge_e: f64) -> f64 {
         let height = self.height(charge_e);
         if height > 0.0 { charge_e / height } else { 0.0 }
@@ -137,7 +137,7 @@ impl Cloud {
         let filled = (charge_e + -self.notch_e) * self.per_full_well;
         let tiny = Vector::all(simd, TINY);
         let heights = match self.law {
-            // The root of something small stands in for that of nothing.
+            // The root of a small number replaces that of 0.
             Law::SquareRoot => filled.max(tiny).sqrt(),
             _ => {
                 let mut heights = [0.0; LANES];
@@ -178,7 +178,7 @@ impl Cloud {
         }
     }
 
-    /// Steepest slopes dh/dn (per electron) between two charges each (e-); infinite where there is no limit, or none that
+    /// Steepest slopes dh/dn (per electron) between two charges each (e-); infinite if there is no limit, or none that
     /// is known.
     #[inline(always)]
     pub(super) fn steepest<S: Simd>(&self, simd: S, from_e: Vector<S>, to_e: Vector<S>) -> Vector<S> {
@@ -200,8 +200,8 @@ impl Cloud {
         zero.below(lower_e).select(steep, zero.below(upper_e).select(unlimited, zero))
     }
 
-    /// The steepest rise of the height (per electron) for packets of some charge (e-) and more, as its values 1 % of that charge apart and at
-    /// twice, four times ... as much tell.
+    /// The steepest slope of the height (per electron) for packets of some charge (e-) and more, from its values 1 % of that charge
+    /// apart and at twice, four times ... that charge.
     pub(super) fn steepest_from(&self, charge_e: f64) -> f64 {
         let slope = |low_e: f64, high_e: f64| (self.height(high_e) - self.height(low_e)) / (high_e - low_e);
         let mut steepest = 0.0;
@@ -214,7 +214,7 @@ impl Cloud {
     }
 }
 
-/// Charge beyond which no well is asked for, e-.
+/// Upper limit of the charge for which a well is evaluated, e-.
 const LARGEST_E: f64 = 1e9;
 
 /// Share of the full well below which clouds side by side have no height: far less than an electron's share of any well.

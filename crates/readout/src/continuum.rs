@@ -1,11 +1,10 @@
 //! Release times spread log-normally about their median, as many species of one release time each.
 //!
-//! Traps of a continuum do not know of one another, so that a species of density ρ, median τ and spread σ is the sum of
-//! species of densities ρ w and release times τ exp(σ t), with the weights w of a rule of integration over the normal
-//! distribution of t. The trapezoidal rule converges faster than any power of its step h for such integrands. What is
-//! integrated are decays exp(−m exp(−σ t)/τ), whose Fourier transform falls as exp(−π ω/(2σ)): its error is
-//! exp(−π²/(h σ)), and that of the normal distribution itself exp(−2π²/h²). Steps and the range of t are those that leave the
-//! error that is asked for.
+//! Traps of a continuum are independent, so a species of density ρ, median τ and spread σ is the sum of species of densities ρ w
+//! and release times τ exp(σ t), with the weights w of a rule of integration over the normal distribution of t. The trapezoidal
+//! rule converges faster than any power of its step h for such integrands. The integrands are decays exp(−m exp(−σ t)/τ), whose
+//! Fourier transform falls as exp(−π ω/(2σ)): the error of the rule is exp(−π²/(h σ)), and exp(−2π²/h²) for the normal distribution
+//! itself. Steps and the range of t are chosen for the requested error.
 
 use std::f64::consts::PI;
 

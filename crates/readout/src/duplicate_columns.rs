@@ -5,7 +5,7 @@ use ndarray::{Array2, ArrayView2};
 
 use super::simd;
 
-/// Rows that are looked at before whole columns are compared: columns of a noisy sky differ there already.
+/// Rows that are compared before whole columns are: columns of a noisy sky differ there already.
 const LOOKED_AT: usize = 4;
 
 /// The different columns of an image, and which of them each column is.
@@ -31,7 +31,7 @@ impl DuplicateColumns {
             for ([one, column], same) in pairs.iter().zip(same(image, downstream_e, &pairs)) {
                 first[*column] = if same { *one } else { *column };
             }
-            // Columns that are the same where they were looked at, and differ elsewhere, are compared once more in all rows.
+            // Columns that agree in these rows but differ elsewhere are compared once more in all rows.
             let differ = |some: &&[(u64, usize)]| some[1..].iter().any(|&(_, column)| first[column] == column);
             let some = marked.chunk_by(|a, b| a.0 == b.0).filter(differ).flatten();
             some.map(|(_, column)| *column).collect::<Vec<_>>()
@@ -107,7 +107,7 @@ mod tests {
     fn columns_are_alike_if_every_charge_is_and_what_lies_downstream() {
         let image = Array2::from_shape_fn((40, 6), |(row, column)| match column {
             0 | 2 | 5 => row as f64,
-            // Differs where nobody looked at first.
+            // Differs in the last row only.
             3 if row == 39 => -1.0,
             3 => row as f64,
             _ => 7.0,

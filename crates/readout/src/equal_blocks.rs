@@ -54,7 +54,7 @@ pub(super) enum Division {
 /// Most blocks of each region. Their error is a hundredth of one block's, or less.
 const MOST: i64 = 16;
 
-/// At least so many times is the error less in twice as many blocks, two short of the four of a smooth change: kinks remain.
+/// Least factor by which doubling the number of blocks reduces the error: less than the four of a smooth change, because of kinks.
 const FALL: f64 = 3.0;
 
 impl Division {
@@ -243,7 +243,7 @@ mod tests {
                 let whole = errors(3.0, phase, downstream, towards, &divisions);
                 let half = errors(1.5, phase, downstream, towards, &divisions);
                 let falls: Vec<f64> = whole.iter().zip(&half).map(|(whole, half)| whole / half).collect();
-                // An error of second order in the traps falls by 4 where they are halved, one of third order by 8.
+                // An error of second order in the traps falls by 4 if they are halved, one of third order by 8.
                 assert!(
                     (3.5..4.5).contains(&falls[0]) && (6.0..9.0).contains(&falls[2]),
                     "{towards:?} {whole:?} {half:?}"

@@ -1,4 +1,4 @@
-//! Arithmetic of whole columns of packets between two passes: sums of changes, and errors told from their differences.
+//! Arithmetic of whole columns of packets between two passes: sums of changes, and errors estimated from their differences.
 //!
 //! Errors are root mean squares over all packets, e-.
 
@@ -37,7 +37,7 @@ fn plus<S: Simd>(simd: S, mut charge_e: Vector<S>, row: usize, changes: &[(f64, 
 
 /// By how much packets change. None loses more than it has, although a first-order change may.
 ///
-/// Where any charge fills part of the wells, most of the change is what a packet leaves in the empty pixel that it starts in, which is
+/// If any charge fills part of the wells, most of the change is what a packet leaves in the empty pixel that it starts in, which is
 /// known exactly: an accuracy relative to that would leave nothing of all the rest, and is not meant.
 pub(super) fn moved(clouds: &[Cloud], charge_e: &[Packets], k1: &Stage) -> f64 {
     let changes = if volume_at_zero(clouds) > 0.0 { &k1.drift_e } else { &k1.change_e };
@@ -95,27 +95,27 @@ pub(super) fn first(clouds: &[Cloud], traps: f64, charge_e: &[Packets], k1: &Sta
 
 /// Errors of a second-order result.
 pub(super) struct Second {
-    /// Where the change is smooth.
+    /// For smooth changes.
     pub smooth_e: f64,
-    /// Where it has a kink.
+    /// For changes with a kink.
     pub kinked_e: f64,
     /// Distance from the first-order result.
     pub all_e: f64,
-    /// What is foretold of a third-order result, kinks and all.
+    /// Predicted for a third-order result, including kinks.
     pub third_e: f64,
-    /// What is foretold of a fourth-order result, but for kinks.
+    /// Predicted for a fourth-order result, without kinks.
     pub fourth_e: f64,
 }
 
-/// Share of the distance between results of two orders that a kink leaves as error: both rules take it for smooth, and
-/// miss what lies on one side of it by a part of the distance only.
+/// Share of the distance between results of two orders that remains as error at a kink: both rules treat it as smooth, and miss
+/// only part of the distance on one side of it.
 const KINKED: f64 = 0.1;
 
 /// Share of what was taken of home_watermarks, known on average only, that may be wrong.
 const DOUBTFUL: f64 = 0.1;
 
-/// Errors of the second-order result, which is k2 alone. Its distance e1 from the first-order result k1 bounds it, with room to
-/// spare, where the change has a kink; where it is smooth, the error is smaller by the ratio of e1 to the change.
+/// Errors of the second-order result, which is k2 alone. At a kink its distance e1 from the first-order result k1 is a safe bound;
+/// for a smooth change the error is smaller by the ratio of e1 to the change.
 pub(super) fn second(k1: &Stage, k2: &Stage) -> Second {
     dispatch!(Level::new(), simd => {
         let zero = Vector::all(simd, 0.0);
@@ -127,7 +127,7 @@ pub(super) fn second(k1: &Stage, k2: &Stage) -> Second {
             // A change that passes through 0 is not small there.
             let ratio = share(simd, e1, change_e.abs().max(before));
             let as_before = Vector::load(simd, &k1.meets[row]).equals(Vector::load(simd, &k2.meets[row]));
-            // Every order is better by the ratio.
+            // Each order reduces the error by this ratio.
             smooth.add(e1 * ratio);
             let doubtful_e = Vector::load(simd, &k2.doubtful_e[row]).abs() * DOUBTFUL;
             kinked.add(as_before.select(zero, e1 * KINKED) + doubtful_e);
@@ -141,10 +141,10 @@ pub(super) fn second(k1: &Stage, k2: &Stage) -> Second {
     })
 }
 
-/// Errors (smooth, kinked) of a result of higher order, `after_e`. Where the change is smooth, the errors e1 and e2 of the
-/// orders one and two foretell it, so many ratios e2/e1 further down (in the manner of DOP853, which combines two embedded
-/// estimates: Hairer, Nørsett & Wanner 1993, II.10); where it has a kink, a
-/// share of e2 is the error, twice over: there may be several kinks. The stages are the first two and the last.
+/// Errors (smooth, kinked) of a result of higher order, `after_e`. For a smooth change, the errors e1 and e2 of orders one and two
+/// predict it by `ratios` further factors of e2/e1 (in the manner of DOP853, which combines two embedded estimates: Hairer, Nørsett
+/// & Wanner 1993, II.10). At a kink, the error is a share of e2, twice over: there may be several kinks. The stages are the first
+/// two and the last.
 pub(super) fn higher(
     [k1, k2, last]: [&Stage; 3],
     charge_e: &[Packets],

@@ -76,7 +76,7 @@ pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downst
     }
 }
 
-/// The same where capture takes time.
+/// The same if capture takes time.
 pub(super) fn slow_column<const S: usize>(
     pixel: &FiniteCapturePixel<S>,
     charge_e: &mut [f64],
@@ -94,7 +94,7 @@ pub(super) fn slow_column<const S: usize>(
     }
 }
 
-/// The same where species differ in their clouds.
+/// The same if species differ in their clouds.
 pub(super) fn column_of_several_clouds(
     pixel: &SeveralClouds,
     charge_e: &mut [f64],

@@ -1,4 +1,4 @@
-//! What the traps of a pixel do to the packets that pass it where capture takes time.
+//! Effect of the traps of a pixel on the packets that pass it, for finite capture times.
 //!
 //! Inside the cloud, whose height is that of the charge on arrival, capture and release go on together for one transfer;
 //! above it there is release alone:
@@ -8,26 +8,25 @@
 //! above    df/dt = −f/τ                  f ← f exp(−1/τ)
 //! ```
 //!
-//! Massey et al. 2014 (MNRAS 439, 887), appendix A. Where τc depends on the density of the packet's cloud, f∞ and both factors inside are those of
-//! each packet. All fractions inside then approach one another: with the one that is empty before the first packet, P_k after k packets, and the
-//! exponents of all packets summed up, E_k,
+//! Massey et al. 2014 (MNRAS 439, 887), appendix A. If τc depends on the density of the packet's cloud, f∞ and both factors inside
+//! differ from packet to packet. All fractions inside then approach one another: with P_k, the fraction after k packets if empty
+//! before the first, and E_k, the sum of the exponents of all packets,
 //!
 //! ```text
 //! P ← f∞(n) + (P − f∞(n)) exp(−1/τc(n) − 1/τ)      f_k = P_k + (f_m − P_m) exp(−(E_k − E_m))
 //! ```
 //!
-//! A packet no longer fills what it covers, so that a watermark remembers all
-//! packets that ever reached it, each with the fraction filled of every species; watermarks are merged where that costs less
-//! charge than is asked for. Nor do packets upstream find the steady state after one packet of background:
-//! [`FiniteCapturePixel::new`] follows the background, packet by packet, until it settles. Pixels that it leaves nearly alike are passed
-//! together: what packets exchange with traps is linear in the fractions filled, so that all pixels of a stretch together do what as many
-//! pixels of their mean do, until the packets have changed. So do the pixels that packets start in, as a sum that grows by an empty pixel with
-//! each packet, if no packet is spent.
+//! A packet no longer fills what it covers, so the watermarks of all earlier packets are kept, each with the fraction filled of
+//! every species; they are merged if that misplaces less charge than allowed. Nor do packets upstream find the steady state after
+//! one packet of background: [`FiniteCapturePixel::new`] follows the background, packet by packet, until it settles. Pixels that it
+//! leaves nearly alike are passed together: the charge that packets exchange with traps is linear in the fractions filled, so all
+//! pixels of a stretch together act as the same number of pixels with their mean, until the packets have changed. The same holds
+//! for the pixels that packets start in, as a sum that grows by an empty pixel with each packet, if no packet is spent.
 //!
-//! Both laws are the same for all watermarks on one side of the cloud's top. So what a packet exchanges with the traps follows
-//! from two sums, of the traps filled inside and above; and a watermark keeps the fraction that it had when it came to its
-//! side, and since when, until a cloud ends on its other side. A packet costs as much as the watermarks between its own height
-//! and the one before.
+//! Both laws are the same for all watermarks on one side of the cloud's top. So the charge that a packet exchanges with the traps
+//! follows from two sums, of the traps filled inside and above; and a watermark keeps the fraction that it had when it came to its
+//! side, and the time since then, until a cloud ends on its other side. The cost of a packet is proportional to the number of
+//! watermarks between its own height and the previous one.
 
 use std::f64::consts::LOG2_E;
 use std::mem::take;
@@ -53,11 +52,11 @@ pub(super) struct FiniteCapturePixel<const S: usize> {
     keep: Vec<[f64; S]>,
     /// exp(−m/τc − m/τ), what is left inside m clouds of the distance from f∞.
     approach: Vec<[f64; S]>,
-    /// Where the capture time of some species depends on the density of the cloud; `full` and `approach` do not hold then.
+    /// Set if the capture time of some species depends on the density of the cloud; `full` and `approach` are not valid then.
     by_density: Option<ByDensity<S>>,
     /// Charge that may be misplaced in a pixel: by a merger of watermarks, or by a background that has not quite settled, e-.
     merge_e: f64,
-    /// What the background has left in pixels that it passed so many times; the last holds for more.
+    /// State of the traps by the number of background packets that have passed the pixel; the last holds for more.
     background: Vec<Stretch<S>>,
 }
 
@@ -83,7 +82,7 @@ pub(super) struct Watermarks<const S: usize> {
     packets: usize,
     /// Pixels that all of this is the sum of.
     pixels: f64,
-    /// What 0, 1, 2, … packets do inside their clouds, as far as they are known, where that depends on their density or the number of
+    /// What 0, 1, 2, … packets do inside their clouds, as far as they are known, if that depends on their density or the number of
     /// pixels grows; otherwise nothing.
     history: Vec<Course<S>>,
 }
@@ -139,7 +138,7 @@ impl<const S: usize> Default for Watermarks<S> {
 /// Species whose capture time depends on the density of the cloud.
 struct ByDensity<const S: usize> {
     traps: Vec<Trap>,
-    /// 1/τc at the density of the reference, and 1/τ, in powers of 2; where all species share a law and the clock has one phase.
+    /// 1/τc at the density of the reference, and 1/τ, in powers of 2; if all species share a law and the clock has one phase.
     capture: [f64; S],
     release: [f64; S],
     /// That density, and the power.
@@ -270,7 +269,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
         self.background.push(Stretch { from: from + before, mean: last });
     }
 
-    /// One more stretch, of pixels that were passed so many times and more.
+    /// Adds a stretch of pixels, the first of which `from` packets of background passed.
     fn close(&mut self, from: usize, pixels: &mut Vec<Watermarks<S>>) {
         if !pixels.is_empty() {
             self.background.push(Stretch { from, mean: self.mean(pixels) });
@@ -542,12 +541,12 @@ impl<const S: usize> Passage for FiniteCapturePixel<S> {
         let Stage { change_e, drift_e, doubtful_e, meets } = found;
         change_e.fill([0.0; LANES]);
         meets.fill([0.0; LANES]);
-        // Kept in the place of what is told last.
+        // Reuses the buffer of the output that is written last.
         let heights = drift_e;
         heights.copy_from_slice(charge_e);
         self.cloud.heights_in_place(heights);
         for lane in 0..LANES {
-            // Vector without a column of their own repeat the last one.
+            // Vectors without a column of their own repeat the last one.
             if lane > 0 && charge_e.iter().all(|row| row[lane] == row[lane - 1]) {
                 change_e.iter_mut().chain(meets.iter_mut()).for_each(|row| row[lane] = row[lane - 1]);
                 continue;

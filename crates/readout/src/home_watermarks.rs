@@ -74,7 +74,7 @@ impl<T: Simd, const S: usize> HomeWatermarks<T, S> {
         stay.select(in_part_e, zero)
     }
 
-    /// One more where it has any thickness, on so high a floor, with so many pixels ahead; filled m packets ago.
+    /// One more if it has any thickness, on so high a floor, with so many pixels ahead; filled m packets ago.
     #[inline(always)]
     pub fn leave<const RETURNS: bool>(
         &mut self,

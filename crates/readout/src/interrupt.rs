@@ -25,7 +25,7 @@ pub fn watch(token: Arc<AtomicBool>) {
 /// Goes on, unless this thread's token is set.
 ///
 /// # Panics
-/// With [`Interrupted`], without a message, where the token is set.
+/// With [`Interrupted`], without a message, if the token is set.
 pub fn check() {
     let set = WATCHED.with_borrow(|watched| watched.as_ref().is_some_and(|token| token.load(Ordering::Relaxed)));
     if set {
@@ -36,8 +36,8 @@ pub fn check() {
 /// Most pieces of a parallel loop.
 const MOST_PIECES: usize = 4096;
 
-/// Fewest items of a parallel loop of `count` that one thread takes together. Where one piece of a loop unwinds, rayon still begins all
-/// others, and divides them down to this length.
+/// Fewest items of a parallel loop of `count` that one thread takes together. If one piece of a loop unwinds, rayon still begins
+/// all others, and divides them down to this length.
 pub fn piece(count: usize) -> usize {
     count / MOST_PIECES + 1
 }
@@ -61,7 +61,7 @@ mod tests {
         for method in methods {
             for trap in [Trap::new(0.5, 3.0), slow] {
                 let readout = Readout { traps: vec![trap], cloud: Cloud::new(1e5, 0.0, 0.5), method };
-                let told = std::thread::spawn(move || {
+                let interrupted = std::thread::spawn(move || {
                     let token = Arc::new(AtomicBool::new(false));
                     watch(token.clone());
                     let read = || readout.column(&[10.0, 500.0, 3.0], Downstream::NONE);
@@ -70,7 +70,7 @@ mod tests {
                     let after = catch_unwind(AssertUnwindSafe(read));
                     before && after.is_err_and(|payload| payload.is::<Interrupted>())
                 });
-                assert!(told.join().unwrap(), "{method:?} of {trap:?}");
+                assert!(interrupted.join().unwrap(), "{method:?} of {trap:?}");
             }
         }
     }

@@ -79,11 +79,11 @@ pub struct Trap {
     pub density_per_px: f64,
     /// Release time constant τ, in units of one transfer; the median where it is spread.
     pub release_transfers: f64,
-    /// Standard deviation of ln τ; 0 where all traps have the same.
+    /// Standard deviation of ln τ; 0 if all traps have the same.
     pub release_sigma: f64,
-    /// Capture time constant τc inside the cloud, in units of one transfer; 0 where capture is instantaneous.
+    /// Capture time constant τc inside the cloud, in units of one transfer; 0 if capture is instantaneous.
     pub capture_transfers: f64,
-    /// How τc depends on the density of the cloud; none where it is the same in every cloud.
+    /// How τc depends on the density of the cloud; none if it is the same in every cloud.
     pub capture_density: Option<CaptureDensity>,
     /// Exponent of its cloud's height, where it is not that of the readout's cloud.
     pub well_fill_power: Option<f64>,
@@ -127,7 +127,7 @@ impl Trap {
     /// Capture time in the cloud of a packet, in units of one transfer.
     fn capture_of(&self, cloud: &Cloud, charge_e: f64) -> f64 {
         match self.capture_density {
-            // An infinite time where there is no charge, also where capture is at once elsewhere.
+            // An infinite time if there is no charge, even if capture is instantaneous otherwise.
             Some(density) if self.capture_transfers > 0.0 => {
                 let ratio = cloud.density_e(density.at_e) / cloud.density_e(charge_e);
                 self.capture_transfers * ratio.powf(density.power)
@@ -224,7 +224,7 @@ pub enum Method {
     /// The paper's real traps: whole numbers of them at random places and heights that catch and release whole
     /// electrons at random. One realisation per seed.
     MonteCarlo {
-        /// The same seed gives the same bits, whatever the number of threads.
+        /// The same seed gives the same bits, regardless of the number of threads.
         seed: u64,
     },
 }
@@ -247,7 +247,7 @@ impl Method {
 /// What lies between row 0 of an image and the register.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Downstream {
-    /// Number of rows; row r of the image makes r + 1 + rows transfers. Negative where the image reaches past the
+    /// Number of rows; row r of the image makes r + 1 + rows transfers. Negative if the image reaches past the
     /// register: those rows make no transfer.
     pub rows: i64,
     /// Charge of the packets in those rows before readout, e-. They have passed before row 0 does and have left the
@@ -308,7 +308,7 @@ impl Readout {
         self.along(image, Journey::of(downstream.rows), &vec![downstream.charge_e; image.ncols()], Axis(0))
     }
 
-    /// [`Readout::parallel`] where each column has a background of its own downstream: `charge_e[column]` in `rows` rows, as in
+    /// [`Readout::parallel`] if each column has a background of its own downstream: `charge_e[column]` in `rows` rows, as in
     /// [`Downstream`].
     ///
     /// # Panics
@@ -325,7 +325,7 @@ impl Readout {
         self.along(image, Journey::of(downstream.rows), &vec![downstream.charge_e; image.nrows()], Axis(1))
     }
 
-    /// [`Readout::serial`] where each row has a background of its own downstream: `charge_e[row]` in `columns` columns, as in
+    /// [`Readout::serial`] if each row has a background of its own downstream: `charge_e[row]` in `columns` columns, as in
     /// [`Downstream`].
     ///
     /// # Panics
@@ -343,9 +343,9 @@ impl Readout {
         self.parallel(&image, downstream).into_raw_vec_and_offset().0
     }
 
-    /// What an image was before [`Readout::parallel`], from what was read: the transfers in the opposite order, for about the work of
-    /// one readout. With every method, blocks of pixels are turned round as [`Method::Fast`] passes them. None where capture takes time or species
-    /// have clouds of their own, and pixels have to be passed one by one.
+    /// What an image was before [`Readout::parallel`], from what was read: the transfers in the opposite order, for about the work
+    /// of one readout. With every method, blocks of pixels are turned round as [`Method::Fast`] passes them. None if capture takes
+    /// time or species have clouds of their own, and pixels have to be passed one by one.
     ///
     /// # Panics
     /// With more than [`MAX_SPECIES`] species.
@@ -366,7 +366,7 @@ impl Readout {
         self.in_blocks(read, (Journey::of(downstream.rows), downstream.charge_e), Axis(1), (Towards::Light, allowed))
     }
 
-    /// [`Readout::parallel`] with an error that is allowed in e-, as coarsely as that admits. Where the method is not
+    /// [`Readout::parallel`] with an error that is allowed in e-, as coarsely as that admits. If the method is not
     /// [`Method::Fast`], capture takes time, or species have clouds of their own, the image is read out by the method.
     ///
     /// # Panics
@@ -474,7 +474,7 @@ impl Readout {
         fast.then(|| self.in_blocks(image, downstream, transfer, (Towards::Register, allowed))).flatten()
     }
 
-    /// Moves an image towards the register or the light, in equal blocks. None where pixels have to be passed one by one.
+    /// Moves an image towards the register or the light, in equal blocks. None if pixels have to be passed one by one.
     fn in_blocks(
         &self,
         image: &Array2<f64>,
@@ -546,7 +546,7 @@ impl Readout {
         })
     }
 
-    /// Where capture takes time; the columns of each background by themselves, for it is followed until it settles.
+    /// For finite capture times: the columns of each background by themselves, since it is followed until it settles.
     fn slowly(
         &self,
         traps: &[Trap],
@@ -694,14 +694,14 @@ fn brightest(image: ArrayView2<f64>, columns: &[usize]) -> usize {
     (0..columns.len()).fold(0, brighter)
 }
 
-/// Share of the accuracy asked for, of all the charge that the traps of a pixel can hold, that one merger of watermarks of
-/// slowly capturing traps may misplace: there may be one for every packet and pixel.
+/// One merger of watermarks of slowly capturing traps may misplace this share of the requested accuracy times the charge that the
+/// traps of a pixel can hold: there may be one for every packet and pixel.
 const MERGED: f64 = 1e-3;
 
 /// Groups of columns that one thread takes at a time: a stamp's columns are done sooner than a thread is woken.
 const GROUPS_PER_TASK: usize = 4;
 
-/// An image after something was done to each of its columns, which are told apart by their number.
+/// An image with a function applied to each of its columns, which are identified by their number.
 fn columns(image: &Array2<f64>, across: Axis, column: &(dyn Fn(&mut [f64], u64) + Sync)) -> Array2<f64> {
     let mut trailed = image.clone();
     trailed.axis_iter_mut(across).into_par_iter().enumerate().for_each(|(number, mut lane)| {

@@ -24,8 +24,8 @@ struct Site {
     filled: bool,
 }
 
-/// Clocks one column out through one random set of traps; `lane` tells the columns of an image apart, so that each
-/// has its own traps and its own stream of random numbers, and so has each run of pixels. `clouds`: that of each species.
+/// Clocks one column out through one random set of traps. `lane` identifies the column of an image, so that each has its own traps
+/// and its own stream of random numbers, and so has each run of pixels. `clouds`: that of each species.
 pub(super) fn column(
     traps: &[Trap],
     clouds: &[&Cloud],
@@ -37,7 +37,7 @@ pub(super) fn column(
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(lane | (pixels.start as u64) << 32);
     let numbers: Vec<Option<Poisson<f64>>> = traps.iter().map(|trap| Poisson::new(trap.density_per_px).ok()).collect();
-    // Chances to be filled after a transfer inside the cloud of a packet, if empty and if filled before; where capture takes time.
+    // Chances to be filled after a transfer inside the cloud of a packet, if empty and if filled before; if capture takes time.
     let chances = |species: usize, charge_e: f64| {
         let (_, full, approach) = traps[species].passage_of(clouds[species], charge_e);
         [full * (1.0 - approach), full + (1.0 - full) * approach]
@@ -60,7 +60,7 @@ pub(super) fn column(
             // No Poisson distribution has mean 0: a species of no density has no traps.
             let count = number.map_or(0.0, |number| number.sample(&mut random)) as usize;
             let slow = trap.capture_transfers > 0.0;
-            // Where capture takes time, all that a line does is one step.
+            // If capture takes time, all that a line does is one step.
             let (release, returned) = if slow { (trap.lost(), 0.0) } else { (trap.released(), trap.returned()) };
             let filled = trap.filled_by(downstream.rows - pixel, clouds[species], downstream.charge_e);
             let sure = !slow && filled == 1.0;

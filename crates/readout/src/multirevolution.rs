@@ -1,4 +1,4 @@
-//! As exact as asked for, in a handful of passes instead of thousands.
+//! Readout to the requested accuracy, in a handful of passes instead of thousands.
 //!
 //! What a packet loses in a pixel is tiny and almost the same in the next, so the charges n after each pixel follow a
 //! difference equation, n ← n + δ(n), with a smooth δ. A Runge-Kutta method for *differential* equations would be
@@ -15,10 +15,9 @@
 //!          │ (1+u)/(6(1−u))  (1−2u)(1−3u)/(3(1−u)²) (1−2u)(1+u)/(3(1−u)²)  (1+u)/(6(1−u))
 //! ```
 //!
-//! These satisfy the eight conditions of order four, where Σ k^p over the N transfers stands in place of ∫ k^p
-//! (derived for ctiplan; a test below asks them of every N, and that N = 2 and 3 are exact). Where order three is foretold to
-//! do, Kutta's method stands in with one pass less: the same second stage, a third at 1−u, and the weights that the four
-//! conditions of order three leave.
+//! These satisfy the eight conditions of order four, with Σ k^p over the N transfers in place of ∫ k^p (derived for ctiplan; a test
+//! below checks them for every N, and that N = 2 and 3 are exact). If order three is predicted to suffice, Kutta's method is used,
+//! with one pass less: the same second stage, a third at 1−u, and the weights that follow from the four conditions of order three.
 //!
 //! The journey is cut at row 0 of the image. Below it every packet passes every pixel. Within the image a packet only
 //! passes the pixels below its own row; blocks there are summed exactly for fixed charges (see [`super::pixel`]) and
@@ -35,23 +34,23 @@ use super::simd::{LANES, Packets};
 /// Transfers up to which a step is done one by one: it would need as many passes anyway.
 const SINGLY: i64 = 4;
 
-/// Up to so many times is the number of transfers doubled that are done one by one before a longer step is tried again.
+/// The number of transfers done one by one is doubled up to this many times before a longer step is tried again.
 const PATIENCE: u32 = 4;
 
-/// Share of e1 (the change of a block's second-order result from its first-order one) that may remain as error where packets
-/// start within the block: kinks that lie between its pixels, and that no pass over all of them sees.
+/// Share of e1 (the change of a block's second-order result from its first-order one) that may remain as error if packets start
+/// within the block: from kinks between its pixels, which no pass over all of them sees.
 const OUT_OF_STEP: f64 = 0.013;
 
-/// A fourth-order result foretold to be so many times worse than allowed is not computed.
+/// A fourth-order result is not computed if its predicted error exceeds the allowed one by this factor.
 const HOPELESS: f64 = 10.0;
 
-/// Part of the tolerance that first-order errors of each region may add up to: they are told from the steepest change that is
-/// possible, and are mostly some times smaller.
+/// Part of the tolerance that first-order errors of each region may add up to: they are bounded with the steepest possible change,
+/// and are mostly several times smaller.
 const SHARE_OF_BOUNDS: f64 = 0.5;
 
-/// Part of the tolerance that the other estimated errors of each region may add up to. They are estimates, and a kink that lies
-/// between two passes is not seen by either (`cargo test --release --test suite readout:: -- --ignored --nocapture` counts the
-/// misses; nearly all are without background, or with all of it in a notch).
+/// Part of the tolerance that the other estimated errors of each region may add up to. They are estimates: a kink between two
+/// passes is seen by neither (`cargo test --release --test suite readout:: -- --ignored --nocapture` counts the misses; nearly all
+/// are without background, or with all of it in a notch).
 const SHARE: f64 = 0.02;
 
 /// Buffers that steps reuse.
@@ -76,22 +75,22 @@ impl<L: Default> Workspace<L> {
     }
 }
 
-/// What is aimed at.
+/// The target accuracy.
 #[derive(Clone, Copy)]
 pub(super) struct Aim {
-    /// Error of the packets (e-, root mean square) that is allowed.
+    /// Allowed error of the packets (e-, root mean square).
     tolerance_e: f64,
-    /// First-order error of the whole journey in one step over what is allowed.
+    /// First-order error of the whole journey in one step, over the allowed one.
     first_order: f64,
     /// Pixels of the journey.
     pixels: i64,
 }
 
 impl Aim {
-    /// First-order error over what is allowed, as foretold for so many pixels of a region of some length.
-    fn foretold(&self, pixels: i64, length: i64) -> f64 {
+    /// Predicted first-order error over the allowed one, for `pixels` of a region of `length` pixels.
+    fn predicted(&self, pixels: i64, length: i64) -> f64 {
         let [of_journey, of_region] = [self.pixels, length].map(|all| pixels as f64 / all as f64);
-        // What is allowed grows with the pixels' share of the region.
+        // The allowed error is proportional to the pixels' share of the region.
         self.first_order * of_journey.powf(GROWTH) / of_region
     }
 }
@@ -100,8 +99,8 @@ impl Aim {
 /// because the steepest change along the path counts.
 const GROWTH: f64 = 2.5;
 
-/// Times what is allowed that the error of a first-order step is foretold to be around the brightest pixel: up to the one it is
-/// tried at once, beyond the other it is hopeless everywhere.
+/// Predicted first-order error around the brightest pixel, over the allowed one: up to the first value a first-order step is tried
+/// at once, beyond the second it is hopeless everywhere.
 const LIKELY_FIRST: f64 = 2.0;
 const HOPELESS_FIRST: f64 = 1000.0;
 
@@ -147,8 +146,8 @@ pub(super) fn columns<P: Passage>(
             let block = Block { nearest: position - pixels, pixels };
             // Evenly over the region's pixels.
             let tolerance_e = aim.tolerance_e * pixels as f64 / length as f64;
-            // Where it has not done once, it seldom does again.
-            let first_order = if by_first { aim.foretold(pixels, length) } else { HOPELESS_FIRST };
+            // If it did not suffice once, it seldom does again.
+            let first_order = if by_first { aim.predicted(pixels, length) } else { HOPELESS_FIRST };
             let step = Step { pixel, block, downstream, tolerance_e, staggered, first_order };
             let attempt = step.attempt(charge_e, work);
             by_first &= attempt.by_first;
@@ -157,13 +156,13 @@ pub(super) fn columns<P: Passage>(
             if ratio <= 1.0 {
                 position -= pixels;
                 let longer = (pixels as f64 * stretch.clamp(1.0, 4.0)) as i64;
-                // A step that pixels unlike its own cut short says nothing against longer ones.
+                // That a step was cut short by unlike pixels does not exclude longer ones.
                 wanted = if pixels < wanted { longer.max(wanted) } else { longer };
                 refused = 0;
             } else if pixels as f64 * stretch > SINGLY as f64 {
                 wanted = (pixels as f64 * stretch.clamp(0.1, 0.7)) as i64;
             } else {
-                // No use in trying again at once, and less and less where that has failed already.
+                // Not tried again at once, and ever later after repeated failures.
                 let next = region.start.max(position - (SINGLY << (1 + refused).min(PATIENCE)));
                 singly(pixel, charge_e, next..position, downstream, work);
                 position = next;
@@ -199,22 +198,22 @@ struct Step<'a, P> {
     tolerance_e: f64,
     /// Packets start within the block.
     staggered: bool,
-    /// First-order error that is foretold, over what is allowed.
+    /// Predicted first-order error, over the allowed one.
     first_order: f64,
 }
 
-/// How a step went.
+/// The outcome of a step.
 struct Attempt {
-    /// Estimated error over the allowed one; above 1 the charges were left alone.
+    /// Estimated error over the allowed one; if above 1, the charges are unchanged.
     ratio: f64,
-    /// Power of the step's length with which the estimate grows; what is allowed grows with the length itself.
+    /// Power of the step's length with which the estimate grows; the allowed error grows with the length itself.
     order: f64,
-    /// The first order has done.
+    /// The first order sufficed.
     by_first: bool,
 }
 
 impl<P: Passage> Step<'_, P> {
-    /// Advances the charges if that can be done with the error allowed, by the lowest order that will do.
+    /// Advances the charges if possible within the allowed error, by the lowest sufficient order.
     fn attempt(&self, charge_e: &mut [Packets], work: &mut Workspace<P::Watermarks>) -> Attempt {
         let Step { pixel, block, downstream, .. } = *self;
         if block.pixels <= SINGLY {
@@ -409,7 +408,7 @@ mod tests {
     fn a_step_is_of_fourth_order_in_the_change_for_every_number_of_transfers() {
         for transfers in [5, 6, 7, 10, 30, 1000] {
             let whole = 0.1 / f64::from(transfers);
-            // An error of fifth order falls by 32 where the change is halved.
+            // An error of fifth order falls by 32 if the change is halved.
             let fall = error(transfers, whole) / error(transfers, whole / 2.0);
             assert!((25.0..40.0).contains(&fall), "{transfers} transfers: {fall}");
         }
@@ -444,7 +443,7 @@ mod tests {
     fn blocks_of_the_image_are_advanced_to_second_order() {
         let galaxy = |row: usize| 800.0 * (1.0 + ((row as f64 - 22.0) / 3.0).powi(2)).powf(-2.5);
         let noise = |row: usize| ((row * 7919) % 31) as f64;
-        // Where packets are all alike, what they leave in their own pixels is most of what there is; see `super::home_watermarks`.
+        // If packets are all alike, what they leave in their own pixels is most of what there is; see `super::home_watermarks`.
         let flat: Vec<f64> = (0..40).map(|row| 120.0 + galaxy(row)).collect();
         let noisy: Vec<f64> = (0..40).map(|row| 120.0 + galaxy(row) + noise(row)).collect();
         let phase = Phase { over: 0.2, ahead: 0.3, tie: 0.1 };
@@ -456,7 +455,7 @@ mod tests {
             let errors = if returns { block_errors::<true> } else { block_errors::<false> };
             let [first, second] = errors(charges_e, &traps(1.0));
             let [first_of_half, second_of_half] = errors(charges_e, &traps(0.5));
-            // An error of second order in the traps falls by 4 where they are halved, one of third order by 8.
+            // An error of second order in the traps falls by 4 if they are halved, one of third order by 8.
             assert!((3.9..4.1).contains(&(first / first_of_half)), "{first:e}, {first_of_half:e}");
             assert!((7.8..8.2).contains(&(second / second_of_half)), "{second:e}, {second_of_half:e}");
             assert!(second < 0.01 * first, "{second:e}, {first:e}");

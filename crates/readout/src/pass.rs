@@ -19,7 +19,7 @@ use super::simd::{LANES, Mask, Packets, Vector};
 use super::spent::{Passed, Short};
 use super::watermarks::{BACKGROUND, NONE, PACKETS, Watermarks};
 
-/// A pass through a block, under way. All that it holds stays in registers where the species are few.
+/// A pass through a block, under way. All that it holds stays in registers if the species are few.
 pub(super) struct Pass<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const KNOWN: bool> {
     simd: T,
     pixel: &'a Pixel<S, RETURNS>,

@@ -43,7 +43,7 @@ pub(super) trait Passage: Sync {
     /// Change of every packet's charge (e-) by a passage through the block, all charges held fixed.
     ///
     /// `charge_e` is the charge on arrival. Exact for one pixel; for a block, to first order in the change, and to second order
-    /// where the path is known. What packets lose, the traps hold.
+    /// if the path is known. What packets lose, the traps hold.
     ///
     /// `found` has the length of `charge_e` and is overwritten.
     fn pass(
@@ -79,7 +79,7 @@ pub(super) struct Stage {
     /// What it took of watermarks at home (see [`super::home_watermarks`]) that it did not cover, e-: they are known on average only.
     pub doubtful_e: Vec<Packets>,
     /// At which earlier packet's watermark each packet ended, as a number. While these stay the same, the change is a smooth
-    /// function of the charges; where they differ from one pass to another, it has a kink in between.
+    /// function of the charges; if they differ from one pass to another, it has a kink in between.
     pub meets: Vec<Packets>,
 }
 

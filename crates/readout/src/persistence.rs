@@ -52,7 +52,7 @@ pub struct Persistence {
 }
 
 impl Persistence {
-    /// Frames before that are read. Each frame of sky leaves the same, whatever was before it.
+    /// Number of earlier frames that are read. Each frame of sky leaves the same state, regardless of what was before it.
     fn frames_read(&self) -> u32 {
         if self.same_scene { self.frames } else { self.frames.min(1) }
     }
@@ -114,7 +114,7 @@ struct PersistentPixel {
     frames: usize,
     /// Rows of the image in each of them.
     rows: usize,
-    /// Rows downstream; negative where the image reaches past the register.
+    /// Rows downstream; negative if the image reaches past the register.
     rows_downstream: i64,
     /// The last row of the frame, counted from the first of the image.
     last_row: i64,
@@ -184,7 +184,7 @@ impl PersistentPixel {
         });
     }
 
-    /// Passes the packets of all frames (e-) over a pixel; tells the change of each, e-, and what watermarks it met as one number.
+    /// Passes the packets of all frames (e-) over a pixel; reports the change of each, e-, and the watermarks it met as one number.
     fn each_packet(
         &self,
         home: Option<usize>,

@@ -1,10 +1,10 @@
-//! The phases of a pixel, and to which packet a trap below each of them gives its electron back.
+//! The phases of a pixel, and the packets to which traps below each of them release electrons.
 //!
-//! A pixel has P electrodes (phases), and its traps lie below all of them. The clock goes through some steps in the time of one line,
-//! and in each step packets lie below some of the phases. While a packet is over a trap, the trap captures at once whatever is
-//! below the height of the cloud, and releases to that packet what is above. Between two packets, what is released joins the nearer
-//! one: the packet ahead, which has just left, or the one behind, which comes next. Distances are counted in phases from the
-//! trap to the nearest phase of the packet; at equal distances each packet gets half.
+//! A pixel has P electrodes (phases), and its traps lie below all of them. The clock goes through some steps in the time of one
+//! line, and in each step packets lie below some of the phases. While a packet is over a trap, every trap below the height of the
+//! cloud captures at once, and those above release into that packet. Between two packets, the charge released joins the nearer one:
+//! the packet ahead, which has just left, or the one behind, which comes next. Distances are counted in phases from the trap to the
+//! nearest phase of the packet; at equal distances each packet gets half.
 //!
 //! ```text
 //! three phases, charge moves →      trap below phase 0, line time 1
@@ -27,7 +27,7 @@
 //! What the packet releases from above its own height while it is over the trap counts with Q, before it captures. With one phase
 //! a = t = 0, and this is the transfer in one step of the whole crate.
 //!
-//! A packet is as high below each of its phases as in a pixel of one phase; where it lies below two at once, no volume is shared
+//! A packet is as high below each of its phases as in a pixel of one phase; if it lies below two at once, no volume is shared
 //! between them. What it loses below the phases of one pixel is too little to change its height from one of them to the next.
 //!
 //! Derived for ctiplan from the geometry of the phases; a test follows every step of the clock. Capture on the way from one phase to
@@ -151,7 +151,7 @@ impl Clock {
     /// The steps of one line; `trap_share[phase]` is the part of the traps below each phase, in any unit.
     ///
     /// # Errors
-    /// Where that is not a clock.
+    /// If that is not a clock.
     pub fn new(steps: &[ClockStep], trap_share: &[f64]) -> Result<Clock, ClockFault> {
         let phases = trap_share.len();
         let (all_dwell, all_traps) = (steps.iter().map(|step| step.dwell).sum::<f64>(), trap_share.iter().sum::<f64>());
@@ -184,7 +184,7 @@ impl Clock {
 
     /// The same clock with more time between two packets: of the time that a packet is over a trap, the share `returns` (0 to ½) is
     /// spent near the packet that has just left, and as much near the next one. Of one phase this makes 1/(1 − 2 `returns`) equal
-    /// ones, where that is an odd number.
+    /// ones, if that is an odd number.
     pub fn with_return(&self, returns: f64) -> Clock {
         let longer = |(share, phase): &(f64, Phase)| {
             let over = phase.over;

@@ -17,7 +17,7 @@
 //! by their neighbours, and few more. Only packets that have less than the traps in their reach would take are followed
 //! one by one.
 //!
-//! **Phases.** Where the clock has several phases (`RETURNS`), part of what is released returns to the packet that has just left,
+//! **Phases.** If the clock has several phases (`RETURNS`), part of what is released returns to the packet that has just left,
 //! before the next one comes. Traps are still filled to exp(−m/τ) when the m-th packet after theirs captures; only to whom their
 //! electrons went differs. With one phase nothing is computed of that.
 //!
@@ -55,7 +55,7 @@ pub(super) struct Pixel<const S: usize, const RETURNS: bool> {
 pub(super) const FEW: usize = 5;
 
 impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
-    /// Species to go through: all places where they are few and known when the program is compiled, else those there are.
+    /// Species to go through: all places if they are few and known when the program is compiled, else those there are.
     #[inline(always)]
     pub(super) fn species(&self) -> std::ops::Range<usize> {
         0..if S <= FEW { S } else { self.species }

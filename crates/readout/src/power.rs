@@ -5,7 +5,7 @@
 //! the rounding: Muller, *Elementary Functions* (2016), chapters 3 and 11. Terms are added in pairs, and pairs of pairs
 //! (Estrin's scheme, chapter 5), so that the processor need not wait for one to begin the next.
 
-/// x^α for positive, finite x; within 1e-13 of itself where neither x nor the result is below 1e-300. A loop over many x
+/// x^α for positive, finite x; within 1e-13 of itself if neither x nor the result is below 1e-300. A loop over many x
 /// becomes vector instructions.
 #[inline(always)]
 pub(super) fn power(x: f64, alpha: f64) -> f64 {
@@ -41,11 +41,11 @@ const EXP: [f64; 14] = {
 fn log2(x: f64) -> f64 {
     const SQRT_HALF: u64 = 0x3FE6_A09E_667F_3BCD;
     const ONE: u64 = 0x3FF0_0000_0000_0000;
-    // How far the bits are above those of √½ tells the exponent for a mantissa between √½ and √2.
+    // The distance of the bits above those of √½ gives the exponent for a mantissa between √½ and √2.
     let above = x.to_bits().wrapping_add(ONE - SQRT_HALF);
     let exponent = above >> 52;
     let mantissa = f64::from_bits((above & 0x000F_FFFF_FFFF_FFFF) + SQRT_HALF);
-    // As a number without conversion, which AVX2 has not.
+    // Converted to a number by bit operations, since AVX2 has no such conversion.
     let exponent = f64::from_bits(exponent | 0x4330_0000_0000_0000) - 4_503_599_627_370_496.0 - 1023.0;
     let s = (mantissa - 1.0) / (mantissa + 1.0);
     let z = s * s;

@@ -1,5 +1,5 @@
-//! What the traps of a pixel do to the packets that pass it where species differ in their clouds: traps of another origin, or elsewhere
-//! in the pixel, fill with another power of the charge, or only where a packet is larger than a level: traps at the surface.
+//! What the traps of a pixel do to the packets that pass it if species differ in their clouds: traps of another origin, or
+//! elsewhere in the pixel, fill with another power of the charge, or only if a packet is larger than a level: traps at the surface.
 //!
 //! Every cloud has a stack of watermarks of its own (see [`super::pixel`]); what is released from all of them joins the one packet,
 //! whose charge then gives the height of each cloud. A packet that has less than the traps in its reach would take fills every cloud up

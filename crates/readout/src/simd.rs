@@ -1,9 +1,9 @@
 //! Columns side by side: one step of the program is taken for several of them at once.
 //!
-//! Columns do not know of one another but go through the same steps, so that whatever is done to the packets of a row is
-//! done to vectors of charges, one for each column, by the widest instructions that the processor has (SSE2 to AVX-512,
-//! NEON; chosen when the program runs, by crate `fearless_simd`). No operation is contracted, and columns are grouped in
-//! the same way everywhere, so that the bits are the same on all of them.
+//! Columns are independent but go through the same steps. So each operation on the packets of a row acts on vectors of charges, one
+//! for each column, with the widest instructions of the processor (SSE2 to AVX-512, NEON; chosen at run time, by crate
+//! `fearless_simd`). No operation is contracted, and columns are grouped in the same way everywhere, so the bits are the same on
+//! all of them.
 
 use std::borrow::Cow;
 use std::ops::{Add, BitAnd, Div, Mul, Sub};
@@ -34,7 +34,7 @@ pub(super) fn gather(image: ArrayView2<f64>, columns: &[usize], lanes: &mut Vec<
     }));
 }
 
-/// Charges of a row, which are copied where they do not lie side by side.
+/// Charges of a row, which are copied if they do not lie side by side.
 pub(super) fn in_one_piece(charge_e: ArrayView1<f64>) -> Cow<[f64]> {
     charge_e.to_slice().map_or_else(|| charge_e.to_vec().into(), Cow::from)
 }

@@ -32,8 +32,8 @@ pub(super) struct Short {
 }
 
 impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
-    /// Follows the packets of a row that have less than they would fill. `stored` and `stored_ahead` come as if all had enough,
-    /// and are mended where they had not; `watermarks` tells what the traps held before.
+    /// Follows the packets of a row that hold less charge than they would fill. `stored` and `stored_ahead` assume enough charge
+    /// for all, and are corrected for these; `watermarks` holds the state of the traps before.
     pub(super) fn spend(
         &self,
         short: Short,

@@ -21,7 +21,7 @@ pub(super) struct Watermarks<const S: usize> {
     pub height: Vec<Packets>,
     /// The same in the pixel that it started in.
     pub home_height: Vec<Packets>,
-    /// Height of what has been filled anew since, in the pixels of the watermark; only where the packets' path is known.
+    /// Height of what has been filled anew since, in the pixels of the watermark; only if the packets' path is known.
     pub floor: Vec<Packets>,
     /// Floors that the packets of this row have moved, with their places, should some of the packets turn out to be spent.
     pub moved: Vec<(usize, Packets)>,
@@ -29,7 +29,7 @@ pub(super) struct Watermarks<const S: usize> {
     pub below: Vec<Packets>,
     /// Pixels of the block in which the watermark exists, the packet's own not among them.
     pub visits: Vec<f64>,
-    /// 1 where the packet's own pixel is in the block, else 0.
+    /// 1 if the packet's own pixel is in the block, else 0.
     pub starts: Vec<f64>,
     /// Electrons in the traps of all the block's pixels, by species.
     pub stored: [Packets; S],
