@@ -117,7 +117,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let (cli, matches) = match parsed {
         Ok(parsed) => parsed,
         Err(error) => {
-            // Help and version are no errors. Where nothing can be printed there is no one to tell.
+            // Help and version are no errors. If nothing can be printed, the failure cannot be reported either.
             let _ = error.print();
             return if error.use_stderr() { 2 } else { 0 };
         }

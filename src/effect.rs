@@ -5,8 +5,8 @@
 //! that knows of them. To add one: a file beside the others, its `mod` line, its line in [`CATALOGUE`] (see
 //! `docs/adding-an-effect.md`).
 //!
-//! An effect changes one noun of the chain, by overriding the method of [`Effect`] that is called for it. Effects act in the
-//! order of the list, whatever the order of the file.
+//! An effect changes one quantity of the chain, by overriding the method of [`Effect`] that is called for it. Effects act in the
+//! order of the list, regardless of their order in the file.
 
 mod annealing;
 mod bakeout;
@@ -86,7 +86,7 @@ pub trait Effect: fmt::Debug + Send + Sync {
     fn dose(&self, _dose: &mut DoseHistory) {}
     /// Wells and trap species.
     fn detector(&self, _detector: &mut Detector) {}
-    /// How dose becomes traps, and what becomes of them.
+    /// Formation of traps by dose, and their evolution.
     fn damage(&self, _damage: &mut Damage) {}
     /// Traps under given conditions.
     fn traps(&self, _traps: &mut [SpeciesState], _at: &Conditions) -> Result<(), InputError> {
@@ -172,26 +172,26 @@ pub trait Catalogued: Effect + DeserializeOwned + 'static {
     /// Its table at a strength that can be seen, as an example.
     fn example(mission: &Mission) -> toml::Table;
 
-    /// Where a search for it starts in some data: ways in which it could be there, each as tables whose changes of the
-    /// predictions add up, with any weights. Nothing else is known of the strength than that it is not below zero. Weak ones
-    /// tell best what free parameters absorb.
+    /// Starting points of a search for it in some data: forms that it could take, each as tables whose changes of the predictions
+    /// add up, with any weights. The strength is only known to be not below zero. Weak effects show best what free parameters
+    /// absorb.
     fn trials(mission: &Mission, _reach: &Reach) -> Vec<Vec<toml::Table>> {
         vec![vec![Self::example(mission)]]
     }
 
-    /// Whether it replaces what stands in the mission, and so would a second one: a mission has one at most.
+    /// Whether it replaces a part of the mission, as a second one would again: a mission has one at most.
     const REPLACES: bool = false;
 
-    /// Kinds of which it is the general case: where it does no better, they are what is meant.
+    /// Kinds of which it is the general case: if it is no better, they are meant.
     const GENERALISES: &'static [&'static str] = &[];
 
-    /// Parameters that a search holds at the values of its trials: data do not tell them.
+    /// Parameters that a search holds at the values of its trials: the data do not determine them.
     fn held(_reach: &Reach) -> &'static [&'static str] {
         &[]
     }
 
     /// Values (in the unit of each key), by dotted key, with which a fitted mission predicts the same and reads better, such as a time within the mission;
-    /// none where it reads well. `key` is that of the table, `given` the mission before the fit of the `free` keys.
+    /// none if it reads well. `key` is that of the table, `given` the mission before the fit of the `free` keys.
     fn plainer(_fitted: &Mission, _given: &Mission, _free: &[String], _key: &str) -> Vec<(String, f64)> {
         Vec::new()
     }
@@ -199,7 +199,7 @@ pub trait Catalogued: Effect + DeserializeOwned + 'static {
     /// Whether it makes sense in a mission.
     ///
     /// # Errors
-    /// Where it does not.
+    /// If it does not.
     fn check(&self, _mission: &Mission) -> Result<(), Refusal> {
         Ok(())
     }

@@ -62,7 +62,7 @@ pub(crate) fn shortened(text: &str) -> String {
     if text.chars().count() > 60 { text.chars().take(57).chain("...".chars()).collect() } else { text.to_string() }
 }
 
-/// The nearest of the known names, where one is near enough to be meant.
+/// The nearest of the known names, if one is near enough to be meant.
 pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     known
         .into_iter()

@@ -138,7 +138,7 @@ pub struct Done {
     pub amplifiers: Option<String>,
     /// Each HDU, in the file's order.
     pub hdus: Vec<HduDone>,
-    /// Things seen that are not errors.
+    /// Warnings.
     pub warnings: Vec<Warning>,
 }
 
@@ -149,7 +149,7 @@ pub struct HduDone {
     pub index: usize,
     /// EXTNAME.
     pub name: Option<String>,
-    /// The frame, where it was one; None where the HDU was copied.
+    /// The frame, where it was one; None if the HDU was copied.
     pub frame: Option<FrameDone>,
 }
 
@@ -168,19 +168,19 @@ pub struct FrameDone {
     pub levels_e: Option<(f64, f64)>,
     /// Pixels without a value, which stay so.
     pub missing_px: usize,
-    /// Pixels with a full well or more, or beyond what the converter tells.
+    /// Pixels at or above full well, or beyond the range of the converter.
     pub saturated_px: usize,
-    /// Pixels cut to what their type holds.
+    /// Pixels clipped to the range of their type.
     pub clipped_px: usize,
     /// Of a correction: the residuals of the forward model, before it and after each step.
     pub residuals: Vec<Residual>,
-    /// Of a correction: pixels whose charge the frame does not tell.
+    /// Of a correction: pixels whose charge the frame does not determine.
     pub uncertain: Option<Uncertain>,
-    /// Of a correction: the last residual is as small as was asked for, but for the uncertain pixels.
+    /// Of a correction: the last residual is within the requested error, except for the uncertain pixels.
     pub converged: bool,
     /// Of a correction: what became of the amplifier's noise.
     pub noise: Option<NoiseAfter>,
-    /// What was done to the HDUs that go with it.
+    /// Changes of the HDUs that go with it.
     pub beside: CompanionsDone,
 }
 
@@ -229,8 +229,8 @@ impl Job {
     /// galaxies; a mission that wants another method keeps it.
     ///
     /// # Errors
-    /// Where serial transfers are wanted of a mission without serial traps, or parallel ones of a mission with a store or persistence, or a formula
-    /// fails.
+    /// If serial transfers are wanted of a mission without serial traps, or parallel ones of a mission with a store or persistence,
+    /// or a formula fails.
     pub fn new(
         task: Task,
         model: &Model,
@@ -289,7 +289,7 @@ impl Job {
     /// Works on a file. `progress` is given the HDUs that are done, how many there are, and what is being done.
     ///
     /// # Errors
-    /// Where the input is no FITS file or holds nothing to work on, a unit is not known, a formula fails, or the output cannot
+    /// If the input is no FITS file or holds nothing to work on, a unit is not known, a formula fails, or the output cannot
     /// be written, is the input, or is there already and must not be overwritten.
     pub fn run(
         &self,
@@ -395,8 +395,7 @@ impl Job {
         Ok(frames.into_iter().map(of).collect())
     }
 
-    /// Error of a readout over the largest displacement of charge: mostly ten times smaller than was asked for
-    /// (`docs/images.md`).
+    /// Error of a readout over the largest displacement of charge: mostly ten times smaller than requested (`docs/images.md`).
     fn accuracy(&self) -> f64 {
         if let Method::Fast { relative } = self.device.method { 0.1 * relative } else { 0.0 }
     }
@@ -426,11 +425,11 @@ impl Job {
         warnings
     }
 
-    /// Works on one frame in memory (e-, `[[row, column]]`, row 0 the lowest; NaN where a pixel is missing, which it stays), read by one
-    /// amplifier. Gives the charges afterwards, e-.
+    /// Works on one frame in memory (e-, `[[row, column]]`, row 0 the lowest; NaN if a pixel is missing, which it stays), read by
+    /// one amplifier. Gives the charges afterwards, e-.
     ///
     /// # Errors
-    /// Where the frame does not fit the geometry, or a formula fails.
+    /// If the frame does not fit the geometry, or a formula fails.
     pub fn array(&self, frame_e: &Array2<f64>) -> Result<(Array2<f64>, FrameDone), InputError> {
         self.geometry.check(frame_e.dim())?;
         let mut amplifiers = Amplifiers::one(&self.device, self.geometry, frame_e.dim());
@@ -467,7 +466,7 @@ impl Job {
         Ok(worked)
     }
 
-    /// Works on the charges of a frame, e-; NaN where a pixel is missing.
+    /// Works on the charges of a frame, e-; NaN if a pixel is missing.
     fn charges(
         &self,
         mut before_e: Array2<f64>,
@@ -570,7 +569,7 @@ impl Job {
         Ok(with(corrected.image, &noise_e))
     }
 
-    /// What the header will tell of this.
+    /// Header cards that record this.
     fn header(&self, frame: &FrameDone, dose_mev_g: f64) -> Vec<Card> {
         let mut cards = self.keywords(frame, dose_mev_g);
         cards.extend(self.history(frame, dose_mev_g));
@@ -665,7 +664,7 @@ fn is_gzip(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gz"))
 }
 
-/// What the header will tell of an amplifier.
+/// Header entries on an amplifier.
 fn history_of(amplifier: &Amplifier) -> [String; 2] {
     let (geometry, scale) = (&amplifier.geometry, amplifier.scale);
     let name = amplifier.name.as_ref().map(|name| format!("amplifier {name} {}: ", amplifier.section()));
@@ -690,7 +689,7 @@ fn history_of(amplifier: &Amplifier) -> [String; 2] {
 /// Places of the HDUs to work on (those that are chosen, or all that hold charge), and what their numbers mean.
 ///
 /// # Errors
-/// Where there is no such HDU, one is no image, does not fit the geometry, or its unit is not known.
+/// If there is no such HDU, one is no image, does not fit the geometry, or its unit is not known.
 pub(crate) fn frames(
     hdus: &[Hdu],
     choices: &[Choice],
@@ -722,7 +721,7 @@ pub(crate) fn frames(
 /// Rows and columns of an image that can be worked on.
 ///
 /// # Errors
-/// Where the HDU is no image of two axes, or its pixels are not those that are computed with.
+/// If the HDU is no image of two axes, or its pixels are not those that are computed with.
 pub(crate) fn image_shape(hdu: &Hdu) -> Result<(usize, usize), InputError> {
     let refusal = |problem: &str, help: &str| Err(InputError::new(hdu.to_string(), problem).with_help(help));
     match hdu.kind {

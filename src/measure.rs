@@ -33,7 +33,7 @@ use table::{Measurement, Origin};
 pub struct Measured {
     /// The command's word for the way it was measured.
     pub kind: &'static str,
-    /// The tables, the one that was asked for first.
+    /// The tables, the one requested first.
     pub tables: Vec<(Observable, Table)>,
     /// The exposures.
     pub exposures: Vec<About>,
@@ -41,7 +41,7 @@ pub struct Measured {
     pub counts: Vec<(&'static str, usize)>,
     /// Options, as they were understood.
     pub options: Json,
-    /// Things seen that are not errors.
+    /// Warnings.
     pub warnings: Vec<Warning>,
 }
 

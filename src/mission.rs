@@ -27,7 +27,7 @@ pub struct Mission {
     pub orbit: Option<OrbitElements>,
     /// Dose model.
     pub environment: Environment,
-    /// Matter around the detector; needed where the dose is derived.
+    /// Matter around the detector; needed if the dose is derived.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shielding: Option<Shielding>,
     /// Wells and traps.
@@ -50,7 +50,7 @@ pub struct Mission {
     /// What is added to the model, by kind: a table, or an array of tables; see [`crate::effect`].
     #[serde(default, skip_serializing_if = "toml::Table::is_empty")]
     pub effects: toml::Table,
-    /// What a survey does with its time; needed where areas are compared.
+    /// What a survey does with its time; needed if areas are compared.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub survey: Option<Survey>,
     /// How well the inputs are known.
@@ -139,7 +139,7 @@ pub struct Environment {
 }
 
 impl Environment {
-    /// How quantiles of years add up: the quantile of the sum where all sources are derived, the paper's way in its models.
+    /// How quantiles of years add up: the quantile of the sum if all sources are derived, the paper's way in its models.
     pub fn accumulate(&self) -> Accumulate {
         let default = if self.model == DoseModel::Derived { Accumulate::Mission } else { Accumulate::Yearly };
         self.accumulate.unwrap_or(default)
@@ -241,13 +241,13 @@ pub struct Clocking {
     /// What traps hold when the first packet comes.
     #[serde(default, skip_serializing_if = "TrapsAtStart::is_empty")]
     pub traps_at_start: TrapsAtStart,
-    /// The phases of a pixel; none where a transfer is one step.
+    /// The phases of a pixel; none if a transfer is one step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clock: Option<PhaseClock>,
-    /// The store that frames are shifted into before they are read; none where the image ends at the register.
+    /// The store that frames are shifted into before they are read; none if the image ends at the register.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub store: Option<Store>,
-    /// What the clock costs in read noise; needed where clocks are compared for more than shapes.
+    /// What the clock costs in read noise; needed if clocks are compared for more than shapes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise: Option<ReadNoise>,
 }
@@ -308,7 +308,7 @@ pub struct ReadNoise {
 }
 
 impl ReadNoise {
-    /// Pixel rate (kHz) that a line time (ms) asks for: `columns` pixels in what is left of it. None where nothing is left.
+    /// Pixel rate (kHz) that a line time (ms) asks for: `columns` pixels in what is left of it. None if nothing is left.
     pub fn pixel_rate_khz(&self, line_time_ms: f64) -> Option<f64> {
         let left_ms = line_time_ms - self.parallel_ms;
         (left_ms > 0.0).then(|| f64::from(self.columns) / left_ms)
@@ -341,7 +341,7 @@ pub struct Survey {
     pub exposure_s: f64,
     /// Time from one exposure to the next that reading out may fill, s.
     pub slew_s: f64,
-    /// What exposures before have left in the traps; none where the traps are empty.
+    /// What exposures before have left in the traps; none if the traps are empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub persistence: Option<Persistence>,
 }
@@ -368,7 +368,7 @@ pub enum SceneBefore {
 }
 
 impl Survey {
-    /// Time from one exposure of so many seconds to the next (s), where reading out takes so many: reading out and slewing go
+    /// Time from one exposure of so many seconds to the next (s), if reading out takes so many: reading out and slewing go
     /// on at once.
     pub fn cycle_s(&self, exposure_s: f64, readout_s: f64) -> f64 {
         exposure_s + readout_s.max(self.slew_s)
@@ -378,11 +378,12 @@ impl Survey {
 /// `[uncertainty]`: relative uncertainties (1 σ of the logarithm).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Uncertainty {
-    /// Dose model: spectrum and transport at a given confidence, and the damage curve where the dose is given; not the luck of the Sun.
+    /// Dose model: spectrum and transport at a given confidence, and the damage curve if the dose is given; not the luck of the
+    /// Sun.
     pub dose_model: f64,
-    /// Damage curve of protons in silicon (NIEL), where the dose is derived with it.
+    /// Damage curve of protons in silicon (NIEL), if the dose is derived with it.
     pub niel: f64,
-    /// Modulation of cosmic rays from cycle to cycle, where they are a source of the mission.
+    /// Modulation of cosmic rays from cycle to cycle, if they are a source of the mission.
     pub cosmic_ray_modulation: f64,
     /// Thickness of the shield.
     pub shielding: f64,
@@ -436,7 +437,7 @@ pub struct Galaxy {
     /// Radius of the aperture in which `snr` holds, px.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub aperture_px: Option<f64>,
-    /// Read noise that `snr` counts, and that noise has where `[readout.noise]` says nothing, e- per pixel.
+    /// Read noise that `snr` counts, and that noise has if `[readout.noise]` says nothing, e- per pixel.
     pub read_noise_e: f64,
     /// Ellipticity before the PSF, (a² − b²)/(a² + b²), positive along the rows' direction x.
     pub e1: f64,
@@ -540,7 +541,7 @@ pub struct PopulationGalaxy {
 /// `[requirement]`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Requirement {
-    /// Largest change of ellipticity; 0.999, which none reaches, where only shear biases are limited.
+    /// Largest change of ellipticity; 0.999, which none reaches, if only shear biases are limited.
     #[serde(default = "unlimited")]
     pub delta_e: f64,
     /// Largest additive shear bias of the population.
@@ -600,7 +601,7 @@ pub struct Accuracy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ReadoutMethod {
-    /// To the accuracy asked for.
+    /// To the requested accuracy.
     Fast,
     /// Every transfer.
     Exact,

@@ -44,9 +44,9 @@ pub enum Warning {
         /// Its charge, e-.
         peak_e: f64,
     },
-    /// The dose of solar protons is shown for an orbit that they do not reach unhindered.
+    /// The dose of solar protons is shown for an orbit that they do not reach freely.
     ShieldedByField,
-    /// A phase of the solar cycle is asked for, and the dose does not depend on it.
+    /// A phase of the solar cycle is given, but the dose does not depend on it.
     IdlePhase,
     /// Nuclear reactions in the shield change the dose.
     Secondaries {

@@ -1,7 +1,7 @@
 //! A measurement file → rows of value, error and conditions.
 //!
-//! One file, one observable. Conditions are columns, or stand once in `meta`, or are the mission's; columns that the model
-//! does not know are kept, so that residuals can be looked at against them too.
+//! One file, one observable. Conditions are columns, or stated once in `meta`, or those of the mission; columns that the model does
+//! not know are kept, so that residuals can be tested against them too.
 
 mod condition_errors;
 mod floor;
@@ -168,7 +168,7 @@ impl DataSet {
     /// Reads a measurement file, ECSV or CSV, for a mission.
     ///
     /// # Errors
-    /// Where the file cannot be read, or what it says makes no sense for the mission: one message with line, column, value
+    /// If the file cannot be read, or what it says makes no sense for the mission: one message with line, column, value
     /// and what is allowed.
     pub fn read(path: impl AsRef<Path>, mission: &Mission) -> Result<DataSet, InputError> {
         DataSet::of(Table::read(path)?, mission)
@@ -192,12 +192,12 @@ impl DataSet {
         Ok(DataSet { file: table.name.clone(), observable, rows, varying, table, shared: Shared::default() })
     }
 
-    /// The same where no pedestal is allowed for.
+    /// The same if no pedestal is allowed for.
     pub(crate) fn without_pedestal(&self) -> DataSet {
         DataSet { shared: Shared { pedestal: false, ..self.shared.clone() }, ..self.clone() }
     }
 
-    /// A condition, a covariate or a column of words of every row, as numbers; NaN where a row has none. Words are numbered
+    /// A condition, a covariate or a column of words of every row, as numbers; NaN if a row has none. Words are numbered
     /// in order of appearance.
     pub fn against(&self, name: &str) -> Vec<f64> {
         let mut words: Vec<&str> = Vec::new();
@@ -394,7 +394,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The species of a trap density or of a dipole, by its place in the mission; None where a row of a density names none. A
+    /// The species of a trap density or of a dipole, by its place in the mission; None if a row of a density names none. A
     /// dipole is that of one trap.
     fn species(&self, row: usize) -> Result<Option<usize>, InputError> {
         let pumped = matches!(self.observable.card().probe, Probe::Pumping(_));
@@ -409,7 +409,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The place of the name that a column, or `meta`, gives; None where neither does.
+    /// The place of the name that a column, or `meta`, gives; None if neither does.
     fn named(&self, row: usize, what: &str, names: &[&str]) -> Result<Option<usize>, InputError> {
         let column = self.table.column(what);
         let said = column.map(|column| &column.cells[row]).or_else(|| self.table.meta(what));

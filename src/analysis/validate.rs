@@ -22,7 +22,7 @@ pub(crate) use scatter::{along_neighbours, second_differences};
 /// Holds a mission against data. The seed is that of the simulated noise with which residual trends are compared.
 ///
 /// # Errors
-/// Where there are no rows, or the model has no value for one.
+/// If there are no rows, or the model has no value for one.
 pub fn validate(mission: &Mission, data: &[DataSet], seed: u64) -> Result<Validation, InputError> {
     some_rows(data, "cannot compare the model with measurements")?;
     let model = Model::new(mission);

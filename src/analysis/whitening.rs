@@ -1,6 +1,6 @@
 //! What the errors of a data set's rows have in common, taken out of its residuals.
 //!
-//! Residuals (value − model)/sigma of independent rows are what they are. Where errors of neighbouring pixels of a trail are
+//! Residuals (value − model)/sigma of independent rows are what they are. If errors of neighbouring pixels of a trail are
 //! correlated by r (r^d at a distance of d), each but the first is replaced by what the one before does not predict,
 //! (e_k − r^d e_(k−1))/√(1 − r^2d): the Cholesky factor of a first-order autoregressive process. A constant pedestal of a file
 //! is allowed for by counting its mean residual z (in its own error) as z/√(1 + z²/C): up to a few sigma as it is, beyond that
@@ -22,11 +22,11 @@ pub struct Shared {
     pub neighbours: Neighbours,
     /// Whether the file may carry a constant pedestal.
     pub pedestal: bool,
-    /// Rows that are wrong, by their places in the data set: they are nobody's neighbours.
+    /// Wrong rows, by their indices in the data set: they have no neighbours.
     pub wrong: Vec<usize>,
     /// Rows that a model which explains the data has shown to be right, by their places in the data set.
     pub right: Vec<usize>,
-    /// Degrees of freedom from which the scale of the errors was estimated; None where it was not.
+    /// Degrees of freedom from which the scale of the errors was estimated; None if it was not.
     pub freedom: Option<f64>,
 }
 
@@ -162,7 +162,7 @@ impl Whitening {
         white
     }
 
-    /// A change of such residuals as small changes of residuals make it, where pedestals are as high as levels say.
+    /// A change of such residuals as small changes of residuals make it, if pedestals are as high as levels say.
     pub fn change(&self, linear: &mut [f64], levels: &[f64]) {
         for (pedestal, level) in self.pedestals.iter().zip(levels) {
             let along = pedestal.level(linear);

@@ -17,13 +17,13 @@ pub(super) struct Confident {
 }
 
 impl Confident {
-    /// What is asked for, if anything is.
+    /// The requested confidence, if any.
     pub fn confidence(self) -> Option<Confidence> {
         self.confidence.map(|probability| Confidence { probability, samples: self.samples })
     }
 }
 
-/// A probability that can be asked for.
+/// Parses a probability.
 pub(super) fn probability(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value > 0.0 && value < 1.0 => Ok(value),

@@ -42,7 +42,7 @@ impl Drawn {
         self.html.as_ref().map_or(Ok(()), |path| atomic_file::refuse_unwritable(path))
     }
 
-    /// Draws what was asked for of a result that was made of these missions.
+    /// Draws the requested figures of a result for these missions.
     pub fn write(&self, result: &impl Page, missions: &[Mission]) -> Result<(), InputError> {
         if let Some(folder) = &self.plots {
             for (name, figure) in result.figures() {

@@ -102,7 +102,7 @@ pub fn refuse_clashes(arguments: &ArgMatches) -> Result<(), InputError> {
     let (mut inputs, mut outputs) = (Vec::<&Path>::new(), Vec::new());
     loop {
         for id in matches.ids() {
-            // Of another type than asked for are all but one, or all.
+            // An argument is of one of these types or of none: for the others there are no values.
             inputs.extend(values::<InputFile>(matches, id.as_str()).map(Deref::deref));
             outputs.extend(values::<OutputFile>(matches, id.as_str()).map(|file| Written::File(file)));
             let folders = values::<OutputFolder>(matches, id.as_str());

@@ -117,7 +117,7 @@ impl Fit {
         self.profile.iter().map(|key| profile::profile(&model, data, fitted, key, progress)).collect()
     }
 
-    /// The sample, which is written where that was asked for.
+    /// The sample, written to a file if requested.
     fn posterior(
         &self,
         fitted: &fit::Fit,

@@ -17,7 +17,7 @@ pub struct ExtraSpecies {
     well_fill_power: Option<f64>,
 }
 
-/// Parameters that tell one species from another.
+/// Parameters that distinguish one species from another.
 const NAMES: [&str; 2] = ["density_per_px", "release_ms"];
 
 impl Catalogued for ExtraSpecies {

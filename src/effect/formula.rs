@@ -21,7 +21,7 @@ use crate::readout::Cloud;
 pub struct Formula {
     target: String,
     parameters: BTreeMap<String, f64>,
-    /// What is wrong with the expression is told when the mission is checked.
+    /// An error in the expression is reported when the mission is checked.
     compiled: Result<Compiled, ExpressionError>,
 }
 

@@ -9,10 +9,10 @@ pub struct Reach {
     pub epochs_yr: Vec<f64>,
     /// Shortest and longest time between two parallel transfers, ms.
     pub line_time_ms: [f64; 2],
-    /// Largest distance behind a packet, px; 1 where there are no trails.
+    /// Largest distance behind a packet, px; 1 if there are no trails.
     pub trail_px: u32,
-    /// Least charge that a pixel holds (the faintest background, the faintest packet where there is none) and the brightest
-    /// packet or block with its background, e-; None where there are only galaxies.
+    /// Least charge that a pixel holds (the faintest background, the faintest packet if there is none) and the brightest
+    /// packet or block with its background, e-; None if there are only galaxies.
     pub charge_e: Option<[f64; 2]>,
     /// Distinct backgrounds above 0, rising, eight of them at most, e-.
     pub backgrounds_e: Vec<f64>,
@@ -26,7 +26,7 @@ impl Reach {
     /// That of some rows' conditions.
     ///
     /// # Panics
-    /// Where there are none.
+    /// If there are none.
     pub fn of<'a>(rows: impl Iterator<Item = &'a Conditions> + Clone) -> Reach {
         let ends = |value: &dyn Fn(&Conditions) -> Option<f64>| {
             rows.clone().filter_map(value).fold(None, |ends: Option<[f64; 2]>, value| match ends {

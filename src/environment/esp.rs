@@ -57,7 +57,7 @@ pub fn fluence(confidence: f64, active_years: f64) -> Spectrum {
     fluence_at(Normal::standard().inverse_cdf(confidence), active_years)
 }
 
-/// The same, where the confidence is given as the quantile z of the standard normal law.
+/// The same, if the confidence is given as the quantile z of the standard normal law.
 pub fn fluence_at(z: f64, active_years: f64) -> Spectrum {
     let years = active_years.max(1.0);
     spectrum(|yearly| {

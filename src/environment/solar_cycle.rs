@@ -65,7 +65,7 @@ pub struct ActiveYears {
     pub extrapolated: bool,
 }
 
-/// Active years around maxima (in order), joined where they overlap.
+/// Active years around maxima (in order), joined if they overlap.
 pub fn active_years(maxima: &[Maximum]) -> Vec<ActiveYears> {
     let mut stretches: Vec<ActiveYears> = Vec::new();
     for maximum in maxima {

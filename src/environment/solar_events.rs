@@ -119,8 +119,8 @@ pub struct SolarEvents {
 }
 
 impl SolarEvents {
-    /// So many samples of the Sun over a mission of so many years. Events are drawn anew when a sample is asked for, as many
-    /// samples of long missions would fill the memory.
+    /// Samples of the Sun over a mission of `duration_yr` years. Events are drawn anew when a sample is needed, since many samples
+    /// of long missions would fill the memory.
     pub fn new(sun: Sun, duration_yr: f64, samples: u32, seed: u64) -> SolarEvents {
         let mut events = SolarEvents { sun, duration_yr, seed, ranked: Vec::new() };
         let indices = 0..u64::from(samples);
@@ -151,7 +151,7 @@ impl SolarEvents {
         self.ranked.len()
     }
 
-    /// Least and greatest number of active years above 0, as ESP counts them; None where no sample has any.
+    /// Least and greatest number of active years above 0, as ESP counts them; None if no sample has any.
     pub fn active_years(&self) -> Option<(f64, f64)> {
         let years = || self.ranked.iter().map(|(years, _)| *years).filter(|years| *years > 0.0);
         years().next()?;

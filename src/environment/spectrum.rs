@@ -1,7 +1,6 @@
 //! Energy spectra of protons, as fluences above an energy.
 //!
-//! All of the chain from here to the damage is linear in a spectrum, whatever it comes from: the Sun, the belts, the Galaxy, or
-//! another program.
+//! From here to the damage, the chain is linear in a spectrum from any source: the Sun, the belts, the Galaxy, or another program.
 
 /// Integral fluence spectrum, omnidirectional (4π): known at some energies, with a law between them.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,7 +39,7 @@ const PER_DECADE: f64 = 40.0;
 
 impl Spectrum {
     /// From energies (MeV, rising) and fluences above them (cm⁻², falling). Beyond the ends the law of the end pair holds. Energies
-    /// from the first without a fluence on are left out; fewer than two are left where there is nothing.
+    /// from the first without a fluence on are left out; fewer than two are left if there is nothing.
     pub fn of(nodes: impl IntoIterator<Item = (f64, f64)>, law: Law) -> Spectrum {
         let known = nodes.into_iter().take_while(|(_, fluence)| *fluence > 0.0);
         let nodes: Vec<(f64, f64)> = known.map(|(energy_mev, fluence)| (energy_mev, fluence.ln())).collect();
@@ -63,7 +62,7 @@ impl Spectrum {
         Spectrum { kinks: Vec::new(), ..Spectrum::of(nodes, Law::Power) }
     }
 
-    /// What is left of it where only a share arrives, by energy (MeV). Followed to 100 GeV, as fast protons pass what stops others.
+    /// What is left of it if only a share arrives, by energy (MeV). Followed to 100 GeV, as fast protons pass what stops others.
     pub fn attenuated(&self, share: impl Fn(f64) -> f64) -> Spectrum {
         let (Some(first), Some(last)) = (self.nodes.first(), self.nodes.last()) else { return self.clone() };
         let mut energies_mev = tabulated(first.0, last.0.max(1e5));
@@ -107,7 +106,7 @@ impl Spectrum {
         -per_mev * self.above(energy_mev)
     }
 
-    /// Highest energy (MeV) that it is known at; None where there is nothing.
+    /// Highest energy (MeV) that it is known at; None if there is nothing.
     pub fn last_mev(&self) -> Option<f64> {
         self.nodes.last().map(|node| node.0)
     }

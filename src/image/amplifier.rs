@@ -28,7 +28,7 @@ pub struct Amplifier {
     pub geometry: Geometry,
     /// What their numbers mean.
     pub scale: Scale,
-    /// Value from which on its converter tells no more, in the unit of the frame.
+    /// Value at which its converter saturates, in the unit of the frame.
     pub saturated_dn: Option<f64>,
     /// Read noise, e- rms, if it is known.
     pub read_noise_e: Option<f64>,
@@ -88,7 +88,7 @@ impl Amplifiers {
     /// A frame with trails (e-, `[[row, column]]`), read by all amplifiers.
     ///
     /// # Errors
-    /// Where an effect has no value.
+    /// If an effect has no value.
     pub fn read(&self, frame_e: &Array2<f64>) -> Result<Array2<f64>, InputError> {
         self.read_within(frame_e, None)
     }
@@ -96,7 +96,7 @@ impl Amplifiers {
     /// The same with an error that is allowed for each direction of transfer, e-; none: as the devices are accurate.
     ///
     /// # Errors
-    /// Where an effect has no value.
+    /// If an effect has no value.
     pub fn read_within(&self, frame_e: &Array2<f64>, allowed_e: Option<f64>) -> Result<Array2<f64>, InputError> {
         let mut read_e = frame_e.clone();
         for amplifier in &self.0 {
@@ -106,7 +106,7 @@ impl Amplifiers {
         Ok(read_e)
     }
 
-    /// Values of a frame (in its unit) → charges, e-; 0 where nothing is read.
+    /// Values of a frame (in its unit) → charges, e-; 0 if nothing is read.
     pub fn charge_e(&self, values: &Array2<f64>) -> Array2<f64> {
         self.scaled(values, |amplifier, value| amplifier.scale.charge_e(value))
     }
@@ -116,7 +116,7 @@ impl Amplifiers {
         self.scaled(charge_e, |amplifier, charge_e| amplifier.scale.value(charge_e))
     }
 
-    /// Values of a frame, each changed by its amplifier; 0 where nothing is read.
+    /// Values of a frame, each changed by its amplifier; 0 if nothing is read.
     pub fn scaled(&self, values: &Array2<f64>, to: impl Fn(&Amplifier, f64) -> f64) -> Array2<f64> {
         self.each(values, 0.0, |amplifier, part| part.mapv(|value| to(amplifier, value)))
     }
@@ -131,7 +131,7 @@ impl Amplifiers {
         self.each(frame, false, |amplifier, part| amplifier.geometry.lit(part.dim()))
     }
 
-    /// Lit pixels of a full well or more, or beyond what the converter tells.
+    /// Lit pixels at or above full well, or beyond the range of the converter.
     pub fn saturated(&self, charge_e: &Array2<f64>) -> Array2<bool> {
         self.each(charge_e, false, |amplifier, part| {
             let from_e = amplifier.saturated_dn.map_or(f64::INFINITY, |value| amplifier.scale.charge_e(value));
@@ -140,10 +140,10 @@ impl Amplifiers {
         })
     }
 
-    /// The read noise (e-) that can be told from charge, where pixels count: see [`super::noise::separated`].
+    /// The read noise (e-) that can be separated from charge, for pixels that count: see [`super::noise::separated`].
     ///
     /// # Errors
-    /// Where the read noise of an amplifier is not known.
+    /// If the read noise of an amplifier is not known.
     pub fn read_noise(&self, charge_e: &Array2<f64>, count: &Array2<bool>) -> Result<Array2<f64>, InputError> {
         let mut noise_e = Array2::zeros(charge_e.raw_dim());
         for amplifier in &self.0 {

@@ -107,7 +107,7 @@ impl AmplifierTable {
     /// Reads a table.
     ///
     /// # Errors
-    /// Where the file cannot be read, a column is unknown or absent, or a cell is not allowed: one message with line, column and
+    /// If the file cannot be read, a column is unknown or absent, or a cell is not allowed: one message with line, column and
     /// value.
     pub fn read(path: impl AsRef<Path>) -> Result<AmplifierTable, InputError> {
         let name = path.as_ref().display().to_string();
@@ -129,8 +129,8 @@ impl AmplifierTable {
     /// The frames of a file with their amplifiers, in the file's order: the HDUs that rows name. `device` is the mission's.
     ///
     /// # Errors
-    /// Where a row names no HDU of the file, or one that is no image; where a section does not fit it, amplifiers overlap, a
-    /// keyword is absent, or a bias of counts is.
+    /// If a row names no HDU of the file, or one that is no image; if a section does not fit it, amplifiers overlap, a keyword is
+    /// absent, or a bias of counts is.
     pub(crate) fn frames(&self, hdus: &[Hdu], transfers: Transfers, device: &Device) -> Result<Vec<Frame>, InputError> {
         let with_traps = |hdu: usize, place: Place| {
             refuse_unknown_bias(&hdus[hdu], &place.geometry, place.bias_dn).map_err(|error| {

@@ -101,7 +101,7 @@ fn parts(hdu: &Hdu) -> Option<(String, String)> {
 }
 
 impl Bits {
-    /// With the bits of the instrument where none are given: full well or converter saturated (256, 2048), and lost or filled
+    /// With the bits of the instrument if none are given: full well or converter saturated (256, 2048), and lost or filled
     /// by software (1, 2), of HST/ACS.
     ///
     /// Source: table of ACS flags in spacetelescope/stginga (`dqflags_acs.txt`), as in the ACS Data Handbook.
@@ -128,7 +128,7 @@ impl Bits {
     /// Sets the bit of uncertain pixels, and says in how many.
     ///
     /// # Errors
-    /// Where the type of the pixels does not hold the bit.
+    /// If the type of the pixels does not hold the bit.
     pub fn mark(self, quality: &mut Pixels, uncertain: &Array2<bool>, hdu: &Hdu) -> Result<usize, InputError> {
         let flags = quality.physical();
         let marked = Zip::from(&flags)

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Each step takes out the trails that the step before has left: the error falls by about the fraction of the charge that
-//! is moved. What remains is known, observed − trail(image), and is kept for every step. Where the transfers can be turned round,
+//! is moved. What remains is known, observed − trail(image), and is kept for every step. If the transfers can be turned round,
 //! [`super::invert()`] does the same in fewer steps.
 //!
 //! Sources: Bristow 2003 (STIS model-based charge transfer inefficiency correction); Massey et al. 2010 (MNRAS 401, 371),
@@ -25,14 +25,14 @@ use crate::readout::{Allowed, Downstream, Readout};
 pub struct Stop {
     /// Largest residual of a pixel, as a fraction of the largest before the first step.
     pub relative: f64,
-    /// Error of the image, e- rms; 0 where only the residual counts.
+    /// Error of the image, e- rms; 0 if only the residual counts.
     pub error_e: f64,
     /// Most steps.
     pub iterations: usize,
 }
 
-/// Errors of residuals add up: so many times the residual may the error of the image be, and so many times their scatter that of a
-/// pixel.
+/// Errors of residuals add up: the error of the image may be this factor times the residual, and that of a pixel this factor times
+/// their scatter.
 pub(super) const ERROR_OVER_RESIDUAL: f64 = 10.0;
 
 impl Stop {
@@ -73,12 +73,12 @@ pub(super) struct Turned {
 pub struct Corrected {
     /// Charges before the transfers, e-, `[[row, column]]`.
     pub image: Array2<f64>,
-    /// What the forward model leaves unexplained: before the first step (the trails themselves, as they are first estimated), and
-    /// after each that was kept.
+    /// Residuals of the forward model: before the first step (the trails themselves, as first estimated), and after each step that
+    /// was kept.
     pub residuals: Vec<Residual>,
-    /// The last residual is as small as was asked for.
+    /// The last residual is within the requested error.
     pub converged: bool,
-    /// The last residual pixel by pixel, e-: observed − trail(image); 0 where a pixel is held.
+    /// The last residual pixel by pixel, e-: observed − trail(image); 0 for held pixels.
     pub left: Array2<f64>,
     /// If the image was found by turning the transfers round.
     pub(super) turned: Option<Turned>,
@@ -188,7 +188,7 @@ pub(super) fn go_on<E>(
         let image = sum(&found.image, &found.left);
         let left = without(difference(observed, &trail(&image)?), held);
         let residual = Residual::of(&left);
-        // Where a step makes nothing better the charge is as well known as it will be.
+        // If a step makes nothing better the charge is as well known as it will be.
         if !residual.is_below(found.last()) {
             break;
         }

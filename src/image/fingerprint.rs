@@ -1,4 +1,5 @@
-//! What tells the files of one job from those of another: a hash of all that their values depend on, but for the frames themselves.
+//! Fingerprint of a job, which distinguishes its files from those of another: a hash of everything that determines their values,
+//! except the frames themselves.
 
 use std::path::Path;
 
@@ -23,7 +24,7 @@ impl Job {
         hash.update(format!("{:?} {:?} {:?}", device.at, device.traps, device.method));
         hash.update(format!("{task:?} {geometry:?} {unit:?} {bits:?}"));
         hash.update(format!("{:?} {} {}", self.read_noise_e, self.separate_noise, self.propagate_errors));
-        // Files are told by what is in them, wherever they lie.
+        // Files are identified by their contents, regardless of their paths.
         hash.update(amplifiers.as_ref().map_or(String::new(), |table| table.contents()));
         trap_map.iter().for_each(|map| map.add_to(&mut hash));
         hash.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
@@ -64,7 +65,7 @@ impl Job {
     }
 }
 
-/// What the header of a frame tells of the job that made it.
+/// What the header of a frame records of the job that made it.
 struct Made {
     job: String,
     conditions: String,

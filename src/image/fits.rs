@@ -82,7 +82,7 @@ impl Fits {
     /// Opens a file, as it is or compressed with gzip, and reads its headers.
     ///
     /// # Errors
-    /// Where it is not there, no FITS file, truncated, or its headers are malformed.
+    /// If it is not there, no FITS file, truncated, or its headers are malformed.
     pub fn open(path: &Path) -> Result<Fits, InputError> {
         let name = path.display().to_string();
         let refusal = |problem: String| InputError::new(format!("cannot read `{name}`"), problem);
@@ -107,7 +107,7 @@ impl Fits {
         Ok(fits)
     }
 
-    /// The HDU that starts here. None where there is none: at the end, or where what follows is no extension.
+    /// The HDU that starts here. None if there is none: at the end, or where what follows is no extension.
     fn next(&mut self, start: u64) -> Result<Option<Hdu>, InputError> {
         let index = self.hdus.len();
         let mut header = Vec::new();
@@ -140,7 +140,7 @@ impl Fits {
     /// Reads the pixels of a two-dimensional image.
     ///
     /// # Errors
-    /// Where the file cannot be read, or its scaling cannot be undone.
+    /// If the file cannot be read, or its scaling cannot be undone.
     pub fn pixels(&mut self, index: usize) -> Result<Pixels, InputError> {
         let hdu = self.hdus[index].clone();
         let HduKind::Image { rows, columns, .. } = hdu.kind else { panic!("HDU {index} holds an image") };
@@ -174,7 +174,7 @@ impl Fits {
     /// Copies an HDU as it is.
     ///
     /// # Errors
-    /// Where reading or writing fails.
+    /// If reading or writing fails.
     pub fn copy(&mut self, index: usize, out: &mut impl Write) -> std::io::Result<()> {
         let (start, end) = (self.hdus[index].start, self.hdus[index].end());
         self.copy_from(start, end.min(self.length) - start, out)
@@ -183,7 +183,7 @@ impl Fits {
     /// Copies what follows the last HDU, and says how many bytes that are.
     ///
     /// # Errors
-    /// Where reading or writing fails.
+    /// If reading or writing fails.
     pub fn copy_rest(&mut self, out: &mut impl Write) -> std::io::Result<u64> {
         let end = self.hdus.last().map_or(0, Hdu::end).min(self.length);
         self.copy_from(end, self.length - end, out)?;
@@ -235,7 +235,7 @@ fn unpacked(file: &mut File) -> std::io::Result<File> {
 /// Compresses a file with gzip.
 ///
 /// # Errors
-/// Where reading or writing fails.
+/// If reading or writing fails.
 pub fn pack(mut plain: File, out: &mut impl Write) -> std::io::Result<()> {
     plain.rewind()?;
     let mut packed = GzEncoder::new(out, Compression::default());
@@ -325,7 +325,7 @@ impl Hdu {
         cards.filter_map(|card| card.comment.as_deref()).map(str::trim)
     }
 
-    /// EXTNAME, where there is one.
+    /// EXTNAME, if there is one.
     pub fn name(&self) -> Option<String> {
         self.text("EXTNAME").filter(|name| !name.is_empty())
     }
@@ -358,10 +358,10 @@ impl Hdu {
     }
 
     /// Writes the HDU with other pixels and with more cards before END, which replace those of the same keyword unless they are
-    /// HISTORY; checksums are brought up to date where there are any, and all other cards are as they were.
+    /// HISTORY; checksums are brought up to date if there are any, and all other cards are as they were.
     ///
     /// # Errors
-    /// Where writing fails.
+    /// If writing fails.
     pub fn write(&self, pixels: &Pixels, more: &[Card], out: &mut impl Write) -> std::io::Result<()> {
         let (mut header, data) = if self.is_compressed() {
             tiles::encoded(self, &pixels.stored, [pixels.shape.1, pixels.shape.0])?
@@ -396,7 +396,7 @@ pub fn history(line: &str) -> Card {
 /// behind what is written already.
 ///
 /// # Errors
-/// Where writing fails.
+/// If writing fails.
 pub fn write_mask(name: &str, of: usize, mask: &Array2<bool>, out: &mut (impl Write + Seek)) -> std::io::Result<()> {
     // A file may end without the blocks of its last HDU being full.
     let written = out.stream_position()?;
@@ -427,7 +427,7 @@ impl fmt::Display for Hdu {
     }
 }
 
-/// Gives a card another text and keeps its comment. False where there is no such card.
+/// Gives a card another text and keeps its comment. False if there is no such card.
 fn set_text(header: &mut [u8], keyword: &[u8; 8], text: &str) -> bool {
     let Some(bytes) = header.chunks_exact_mut(CARD_SIZE).find(|card| card.starts_with(keyword)) else {
         return false;
@@ -444,7 +444,7 @@ fn ones_complement_sum(a: u32, b: u32) -> u32 {
 }
 
 impl Pixels {
-    /// Physical values, `[[row, column]]`, BSCALE and BZERO applied; NaN where a pixel has none.
+    /// Physical values, `[[row, column]]`, BSCALE and BZERO applied; NaN if a pixel has none.
     pub fn physical(&self) -> Array2<f64> {
         let mut values = image::apply_bscale_bzero(&self.stored, self.scale, self.zero);
         // blank_mask narrows BLANK to the type of the pixels; one that does not fit there marks none.
@@ -457,7 +457,7 @@ impl Pixels {
         Array2::from_shape_vec(self.shape, values).expect("as many pixels as the axes say")
     }
 
-    /// Puts other physical values where there are any (`Some`), rounded and cut to what integers hold. Gives the number of
+    /// Puts other physical values if there are any (`Some`), rounded and cut to what integers hold. Gives the number of
     /// those that were cut.
     pub fn set(&mut self, values: impl Iterator<Item = Option<f64>>) -> usize {
         let (scale, zero, blank) = (self.scale, self.zero, self.blank);

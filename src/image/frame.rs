@@ -65,7 +65,7 @@ pub enum Split {
 pub struct Geometry {
     /// Directions of transfer that are modelled.
     pub transfers: Transfers,
-    /// The corner that is read first; where halves are read to both sides, their own sides hold.
+    /// The corner that is read first; if halves are read to both sides, their own sides hold.
     pub corner: Corner,
     /// Amplifiers on both sides.
     pub split: Option<Split>,
@@ -128,7 +128,7 @@ impl Geometry {
     /// Says whether a frame of so many rows and columns can be read like this.
     ///
     /// # Errors
-    /// Where prescan and overscan leave no image, or halves are not halves.
+    /// If prescan and overscan leave no image, or halves are not halves.
     pub fn check(&self, (rows, columns): (usize, usize)) -> Result<(), InputError> {
         let refusal = |problem: String| Err(InputError::new(format!("a frame of {columns} x {rows} px"), problem));
         if rows == 0 || columns == 0 {
@@ -305,7 +305,7 @@ impl Side {
 /// column makes its own.
 ///
 /// # Errors
-/// Where an effect has no value, here and below.
+/// If an effect has no value, here and below.
 pub fn read(device: &Device, geometry: &Geometry, frame_e: &Array2<f64>) -> Result<Array2<f64>, InputError> {
     read_with(device, geometry, frame_e, None, None)
 }
@@ -332,7 +332,7 @@ pub fn read_with(
 
 /// What a frame was before [`read`], from what was read of it: transfers are turned round, with an error that is allowed, and the
 /// amplifier's values in pixels without light stay as they are. Effects other than transfers are not undone.
-/// None where transfers cannot be turned round; see [`crate::readout::Readout::parallel_reversed`].
+/// None if transfers cannot be turned round; see [`crate::readout::Readout::parallel_reversed`].
 pub fn before(
     device: &Device,
     geometry: &Geometry,

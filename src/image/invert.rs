@@ -23,17 +23,16 @@ pub trait Transport {
     /// What can go wrong.
     type Error;
 
-    /// An image as it is read: with an error (e-, rms) that is allowed where that is known, else as accurately as it is done.
+    /// An image as it is read: with an error (e-, rms) that is allowed if that is known, else as accurately as it is done.
     ///
     /// # Errors
-    /// Where a formula fails.
+    /// If a formula fails.
     fn read(&self, image_e: &Array2<f64>, allowed_e: Option<f64>) -> Result<Array2<f64>, Self::Error>;
 
-    /// What an image was before it was read, with an error that is allowed where that is easily had. None where there is no quick
-    /// way to tell.
+    /// The image before the readout, with an allowed error if that is quick. None if there is no quick way.
     ///
     /// # Errors
-    /// Where a formula fails.
+    /// If a formula fails.
     fn before(&self, read_e: &Array2<f64>, allowed: Allowed) -> Result<Option<Array2<f64>>, Self::Error>;
 
     /// Pixels whose values take part in no transfer and are only added to what is read; none, if there are not any.
@@ -65,14 +64,14 @@ impl Transport for Columns<'_> {
     }
 }
 
-/// Shares of the error asked for that the reversal and the readout may make.
+/// Shares of the requested error allowed for the reversal and the readout.
 const SHARE_OF_REVERSAL: f64 = 0.15;
 const SHARE_OF_READOUT: f64 = 0.1;
 
 /// Finds the image that is read as what was observed.
 ///
 /// Pixels that are `held` stay as they are observed: they take part in the readout, and their residual does not count. The first of
-/// the residuals is what the first reversal has moved. Where the transport cannot be turned round, or no reversal helps any more,
+/// the residuals is what the first reversal has moved. If the transport cannot be turned round, or no reversal helps any more,
 /// the plain iteration goes on ([`super::correct::solve`]).
 ///
 /// # Errors

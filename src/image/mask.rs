@@ -1,10 +1,10 @@
 //! Pixels that are no measurement of charge: missing ones, and saturated ones.
 //!
-//! A missing pixel (NaN, infinite, or BLANK) did hold charge when it was clocked, so the readout needs a value: the median
-//! of the pixels near it in its column, along which charge moves. It stays missing in what is written.
+//! A missing pixel (NaN, infinite, or BLANK) held charge when it was clocked, so the readout needs a value: the median of the
+//! nearby pixels in its column, along which charge moves. It stays missing in the output.
 //!
-//! A saturated pixel holds at least a full well, or more than the converter can tell. What a full well does to the traps is
-//! known, whatever it holds; its own charge is not: a correction leaves it as it is.
+//! A saturated pixel holds at least a full well, or more than the range of the converter. The effect of a full well on the traps is
+//! known, regardless of its charge; its own charge is not, so a correction leaves it unchanged.
 
 use ndarray::{Array1, Array2, ArrayView1, Axis};
 
@@ -42,7 +42,7 @@ pub fn saturated(charge_e: &Array2<f64>, cloud: &Cloud, from_e: f64) -> Array2<b
     charge_e.mapv(|charge| charge >= from_e || cloud.height(charge) >= 1.0)
 }
 
-/// Pixels of which a level is taken, at most: a few of millions tell it as well.
+/// Largest number of pixels from which a level is estimated: a fraction of millions is sufficient.
 const LEVEL_PX: usize = 100_000;
 
 /// Median charges of pixels that are read but hold no light, and of those that do. None if there are none of either.
@@ -55,7 +55,7 @@ pub fn levels_e(charge_e: &Array2<f64>, covered: &Array2<bool>, lit: &Array2<boo
     Some((level_e(false)?, level_e(true)?))
 }
 
-/// The middle of the finite values, the mean of the two middle ones where their number is even.
+/// The middle of the finite values, the mean of the two middle ones if their number is even.
 fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     if values.is_empty() {

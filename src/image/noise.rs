@@ -38,8 +38,8 @@ pub struct NoiseAfter {
     pub correlation_columns: Vec<f64>,
 }
 
-/// What read noise may have added to each pixel of an image (e-, `[[row, column]]`); 0 where a pixel does
-/// not count. Pixels that do not count tell nothing of others.
+/// Possible read noise in each pixel of an image (e-, `[[row, column]]`); 0 if a pixel does not count. Pixels that do not count are
+/// not used for others.
 pub fn separated(image_e: &Array2<f64>, count: &Array2<bool>, read_noise_e: f64) -> Array2<f64> {
     let (rows, columns) = image_e.dim();
     let around = |at: usize, length: usize| at.saturating_sub(AROUND_PX)..(at + AROUND_PX + 1).min(length);

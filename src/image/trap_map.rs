@@ -46,7 +46,7 @@ impl TrapMap {
     /// Reads the images of a FITS file: a factor for each pixel or block of pixels of a frame.
     ///
     /// # Errors
-    /// Where the file cannot be read, has no image, or a factor is not from 0 to 10⁶.
+    /// If the file cannot be read, has no image, or a factor is not from 0 to 10⁶.
     pub fn read(path: &Path) -> Result<TrapMap, InputError> {
         let name = path.display().to_string();
         let mut fits = Fits::open(path)?;
@@ -73,7 +73,7 @@ impl TrapMap {
     /// A map in memory, for all frames.
     ///
     /// # Errors
-    /// Where a factor is not from 0 to 10⁶.
+    /// If a factor is not from 0 to 10⁶.
     pub fn of_all(name: &str, map: Array2<f64>) -> Result<TrapMap, InputError> {
         Ok(TrapMap { name: name.into(), images: vec![(None, 1, checked(map, name, "the map")?)] })
     }
@@ -81,8 +81,8 @@ impl TrapMap {
     /// The factors of a frame: those of the same EXTNAME and EXTVER, or of the only image.
     ///
     /// # Errors
-    /// Where there are none, where rows or columns of the map are not those of the frame or equal blocks of them, or where factors
-    /// change along columns whose traps carry their state on from pixel to pixel.
+    /// If there are none, if rows or columns of the map are not those of the frame or equal blocks of them, or if factors change
+    /// along columns whose traps carry their state on from pixel to pixel.
     pub fn of(&self, frame: &Hdu, shape: (usize, usize), method: Method) -> Result<Factors, InputError> {
         let named = |image: &&(Option<String>, i64, _)| (&image.0, image.1) == (&frame.name(), frame.version());
         let (.., map) = match &self.images[..] {
@@ -199,7 +199,7 @@ impl Factors {
             .expect("every readout has a result")
     }
 
-    /// That turned round; None where it cannot be.
+    /// That turned round; None if it cannot be.
     pub(super) fn parallel_reversed(
         &self,
         readout: &Readout,

@@ -6,8 +6,8 @@
 //! behind the packet, so that the pixels there are uncertain too, by as much as they are counted as someone else's.
 //!
 //! So the correction is begun again elsewhere, and where it ends elsewhere the pixel is uncertain. The image is first moved by
-//! little, ± at random from pixel to pixel, and read out: where every pixel keeps half of its own change or more, no packet is
-//! near being emptied and the correction has one end. Nor is any where the transfers, turned round, give every change back to
+//! little, ± at random from pixel to pixel, and read out: if every pixel keeps half of its own change or more, no packet is
+//! near being emptied and the correction has one end. Nor is any if the transfers, turned round, give every change back to
 //! within half of it. Otherwise it is begun at three other images, with all pixels raised by
 //! the largest displacement of charge in the frame, all lowered by it (to 0 at least), and either of these at random. Then
 //! only the uncertain pixels are moved, all to the least and all to the largest charge that they have ended at, until no
@@ -105,8 +105,8 @@ fn is_kept(change: &Array2<f64>, step: &Array2<f64>) -> bool {
     Zip::from(change).and(step).all(|change, step| change * step >= KEPT * step * step)
 }
 
-/// Whether every pixel's step is found again in what is read, by turning the transfers round once more. Where damage is heavy, what
-/// the neighbours' steps do to a pixel may hide its own, which is told all the same by all of them together.
+/// Whether every pixel's step is recovered from the readout by reversing the transfers once more. With heavy damage, the effect of
+/// the neighbours' steps on a pixel may hide its own, but all pixels together still determine it.
 fn is_found_again<T: Transport>(
     transport: &T,
     corrected: &Corrected,

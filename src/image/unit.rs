@@ -4,7 +4,7 @@
 //! charge [e-] = (value − bias) · gain
 //! ```
 //!
-//! Values are in electrons where BUNIT says so; otherwise the gain must be given, or the keyword that holds it.
+//! Values are in electrons if BUNIT says so; otherwise the gain must be given, or the keyword that holds it.
 
 use fitsio_pure::value::Value;
 
@@ -21,7 +21,7 @@ pub struct Unit {
     pub gain_keyword: Option<String>,
     /// Level of no charge, in the frame's own unit; none: 0; counts with a prescan or an overscan are refused.
     pub bias_dn: Option<f64>,
-    /// Value from which on the converter tells no more, in the frame's own unit; none: only full wells are saturated.
+    /// Value at which the converter saturates, in the frame's own unit; none: only full wells are saturated.
     pub saturated_dn: Option<f64>,
 }
 
@@ -59,7 +59,7 @@ impl Unit {
     /// The scale of an HDU. The gain's keyword is looked for in its header, and then in the primary one.
     ///
     /// # Errors
-    /// Where neither header nor options tell the gain, or they contradict one another.
+    /// If neither header nor options give the gain, or they contradict one another.
     pub fn scale(&self, hdu: &Hdu, primary: &Hdu) -> Result<Scale, InputError> {
         let refusal = |problem: String, help: &str| Err(InputError::new(hdu.to_string(), problem).with_help(help));
         let bunit = hdu.text("BUNIT").unwrap_or_default();

@@ -15,7 +15,7 @@ use crate::error::InputError;
 /// What was computed of a frame.
 pub(super) struct Worked {
     pub done: FrameDone,
-    /// Charges before, e-, with an estimate where a pixel is missing.
+    /// Charges before, e-, with an estimate for missing pixels.
     pub before_e: Array2<f64>,
     /// Charges afterwards, e-.
     pub after_e: Array2<f64>,
@@ -38,7 +38,7 @@ pub(super) struct Work<'a> {
 
 impl<'a> Work<'a> {
     /// # Errors
-    /// Where uncertain pixels are to be flagged, and a frame has no data quality.
+    /// If uncertain pixels are to be flagged, and a frame has no data quality.
     pub fn new(
         job: &'a Job,
         fits: &'a mut Fits,
@@ -183,7 +183,7 @@ impl<'a> Work<'a> {
     /// Writes the extensions in which uncertain pixels are marked, unless data quality has a bit for them.
     ///
     /// # Errors
-    /// Where writing fails.
+    /// If writing fails.
     fn write_marks(&self, out: &mut (impl Write + Seek)) -> std::io::Result<()> {
         for (index, frame) in &self.done {
             let uncertain = frame.uncertain.as_ref().filter(|uncertain| uncertain.count() > 0);

@@ -9,10 +9,10 @@ use tempfile::{Builder, NamedTempFile};
 
 use crate::error::InputError;
 
-/// Writes a file by way of a temporary one beside it, so that nobody ever sees half of it.
+/// Writes a file by way of a temporary one beside it, so that a partial file is never visible.
 ///
 /// # Errors
-/// Where the folder is not there, or cannot be written to.
+/// If the folder is not there, or cannot be written to.
 pub fn write(path: impl AsRef<Path>, content: impl AsRef<[u8]>) -> Result<(), InputError> {
     let path = path.as_ref();
     write_by_way_of(folder_of(path), path, |file| file.write_all(content.as_ref()))
@@ -37,11 +37,10 @@ pub fn write_by(
     keep(file, path, overwrite)
 }
 
-/// Writes a file by way of a temporary one in a folder of the same file system, in which what a kill leaves is in nobody's
-/// way.
+/// Writes a file by way of a temporary one in a folder of the same file system, in which leftovers of a killed process do no harm.
 ///
 /// # Errors
-/// Where a folder is not there, or cannot be written to; what `content` says.
+/// If a folder is not there, or cannot be written to; what `content` says.
 pub(crate) fn write_by_way_of(
     folder: &Path,
     path: &Path,
@@ -88,7 +87,7 @@ fn folder_of(path: &Path) -> &Path {
 /// Refuses a path that could not be written to, before there is anything to write: work of hours is not to be lost at its end.
 ///
 /// # Errors
-/// Where the folder is not there or cannot be written to, or the path is that of something that is no file.
+/// If the folder is not there or cannot be written to, or the path is that of something that is no file.
 pub fn refuse_unwritable(path: &Path) -> Result<(), InputError> {
     refuse_other_than_file(path)?;
     NamedTempFile::new_in(folder_of(path)).map_err(refusal(path))?;
@@ -217,7 +216,7 @@ fn location(path: &Path) -> Option<PathBuf> {
 /// Refuses a path at which there is something already.
 ///
 /// # Errors
-/// Where there is.
+/// If there is.
 pub fn refuse_existing(path: &Path) -> Result<(), InputError> {
     match path.symlink_metadata() {
         Ok(_) => Err(InputError::new(format!("cannot write `{}`", path.display()), "the file exists already")
@@ -239,10 +238,10 @@ pub fn refusal(path: &Path) -> impl Fn(std::io::Error) -> InputError {
     }
 }
 
-/// Makes a folder where there is none.
+/// Makes a folder if there is none.
 ///
 /// # Errors
-/// Where it cannot be made.
+/// If it cannot be made.
 pub fn folder(path: impl AsRef<Path>) -> Result<(), InputError> {
     fs::create_dir_all(&path).map_err(|error| {
         InputError::new(format!("cannot make the folder `{}`", path.as_ref().display()), error.to_string())

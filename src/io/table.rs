@@ -1,10 +1,10 @@
 //! Tables of measurements: ECSV, the Enhanced CSV of astropy.table, and plain CSV.
 //!
-//! [ECSV](https://github.com/astropy/astropy-APEs/blob/main/APE6.rst) is CSV under a header in YAML, in comment lines,
-//! that says the datatype and unit of each column and what holds for all rows (`meta`). Read is what astropy reads,
-//! with the same values: an empty cell is missing whatever its datatype, blanks around a cell mean nothing, and the
-//! columns in which astropy keeps parts of a `Quantity`, `Time` or masked column become one column again. The header is
-//! read as YAML 1.2, to which `1.78e8` is the number that was meant, and not, as to astropy's YAML 1.1, a word.
+//! [ECSV](https://github.com/astropy/astropy-APEs/blob/main/APE6.rst) is CSV with a header in YAML, in comment lines, that gives
+//! the datatype and unit of each column and metadata for all rows (`meta`). Tables are read as by astropy, with the same values: an
+//! empty cell is missing regardless of its datatype, blanks around a cell mean nothing, and the columns in which astropy keeps
+//! parts of a `Quantity`, `Time` or masked column become one column again. The header is read as YAML 1.2, in which `1.78e8` is a
+//! number as intended; in astropy's YAML 1.1 it is a string.
 //!
 //! Parquet is read by its columns (see `parquet.rs`).
 //!
@@ -29,7 +29,7 @@ impl Table {
     /// Reads a table from a file: ECSV, plain CSV, or Parquet, which is known by its first bytes.
     ///
     /// # Errors
-    /// Where the file cannot be read, or is no such table: one message with line, column and value.
+    /// If the file cannot be read, or is no such table: one message with line, column and value.
     pub fn read(path: impl AsRef<Path>) -> Result<Table, InputError> {
         let table = Table { name: path.as_ref().display().to_string(), ..Table::default() };
         let bytes = input::bytes(path.as_ref(), input::MOST_OF_A_TABLE).map_err(|problem| table.refuse(problem))?;

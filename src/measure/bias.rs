@@ -66,7 +66,7 @@ impl BiasSource {
     }
 
     /// The bias of an amplifier's part (in the unit of the frame, in the order of readout), whose values come in steps of
-    /// `quantum_dn`. None if no pixels tell it.
+    /// `quantum_dn`. None if no pixels determine it.
     pub fn measure(self, geometry: &Geometry, part_dn: &Array2<f64>, quantum_dn: f64) -> Option<Bias> {
         if let BiasSource::Given(dn) = self {
             return Some(Bias { dn, sigma_dn: 0.0, noise_dn: None, source: self, pixels: 0, rejected_px: 0 });
@@ -91,11 +91,11 @@ pub struct Bias {
     pub dn: f64,
     /// Its 1-sigma error; 0 if it was given.
     pub sigma_dn: f64,
-    /// Standard deviation of the pixels that told it: the noise of the amplifier.
+    /// Standard deviation of the pixels from which it was estimated: the noise of the amplifier.
     pub noise_dn: Option<f64>,
-    /// How it was had.
+    /// How it was determined.
     pub source: BiasSource,
-    /// Pixels that it is the mean of.
+    /// Number of pixels averaged.
     pub pixels: usize,
     /// Pixels that were rejected.
     pub rejected_px: usize,

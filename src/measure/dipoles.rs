@@ -4,7 +4,7 @@
 //! I = (bright − dark)/2
 //! ```
 //!
-//! A dipole is found where, in several frames, the two pixels lie on opposite sides of the flat near them and their difference stands
+//! A dipole is found if, in several frames, the two pixels lie on opposite sides of the flat near them and their difference stands
 //! out of its noise. What counts is its intensity at all phase times, also where it is faint: so it is measured in every frame, at
 //! its place and with its sign, whether it was found there or not. Its error is that of the flat's noise and of the chance of
 //! every pump, I(1 − I/N) after N cycles. A pair that does not hold the charge of two pixels of the flat, because a cosmic ray has hit
@@ -22,7 +22,7 @@ use super::{Found, Measured};
 use crate::error::InputError;
 use crate::physics::observable::Observable;
 
-/// Rows on each side of a pair that tell the flat.
+/// Rows on each side of a pair from which the flat is estimated.
 const NEAR_ROWS: usize = 10;
 /// Least deviation of each pixel of a pair from the flat, over that of their half difference.
 const EACH: f64 = 0.5;
@@ -51,7 +51,7 @@ impl Dipoles {
     /// Measures the dipoles of all frames, which are read twice. `progress` is given the files that are done.
     ///
     /// # Errors
-    /// If frames cannot be read as is said, phase time or cycles are not told, or no dipole is found.
+    /// If frames cannot be read as described, phase time or cycles are not given, or no dipole is found.
     pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
         let mut found = Found::default();
         // How often a pair was found with its bright pixel nearer the register, less how often farther.
@@ -112,7 +112,7 @@ impl Dipoles {
             .with_help("give frames of other phase times, a lower --threshold-sigma or a smaller --found-in")
     }
 
-    /// Pairs of a frame that stand out, with +1 where the bright pixel is nearer the register, and -1 elsewhere.
+    /// Pairs of a frame that stand out, with +1 if the bright pixel is nearer the register, else -1.
     fn pairs(&self, exposure: &Exposure) -> HashSet<(Place, i64)> {
         let Some(noise_e) = noise(exposure) else { return HashSet::new() };
         let about = &exposure.about;

@@ -8,7 +8,7 @@ use ndarray::{Array2, s};
 use super::exposure::Exposure;
 use super::statistic::{Mean, clipped, inliers, mean, median};
 
-/// A flat block of rows, and how much around it is looked at.
+/// A flat block of rows, and how much around it is used.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Block {
     /// Its rows, in the order of readout.
@@ -26,7 +26,7 @@ pub struct Edge {
     pub signal: Mean,
     /// Charge in its first row, e-.
     pub first: Mean,
-    /// Charge in the rows behind it, e-; None where too few pixels have one.
+    /// Charge in the rows behind it, e-; None if too few pixels have one.
     pub trail: Vec<Option<Mean>>,
 }
 

@@ -31,7 +31,7 @@ const LEVEL_ROWS: usize = 20;
 const LEVEL_SHARE: usize = 4;
 /// Most charge in the row behind an edge, over that of the flat.
 const MOST_BEHIND: f64 = 0.5;
-/// A trail in the rows of the bias is told from its noise beyond so many sigma.
+/// Significance, sigma, at which a trail in the rows of the bias is distinguished from noise.
 const TRAIL_SIGMA: f64 = 4.0;
 
 /// How edges are measured.
@@ -53,7 +53,7 @@ impl Eper {
     /// Measures the edges of all frames. `progress` is given the files that are done.
     ///
     /// # Errors
-    /// If the frames have no overscan rows, or too few, or cannot be read as is said.
+    /// If the frames have no overscan rows, or too few, or cannot be read as described.
     pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
         let mut found = Found::default();
         let (mut edges, mut first, mut cti) = (Vec::new(), Vec::new(), Vec::new());
@@ -163,14 +163,14 @@ fn ranges(given: &[(usize, usize)], trail_px: usize) -> Result<Vec<(usize, usize
     Ok(starts.map(|first| (first, (2 * first - 1).min(trail_px))).collect())
 }
 
-/// The row of a table for the CTI that the charge in some pixels behind an edge tells: that charge over the level of the flat and the
+/// The row of a table for the CTI from the charge in some pixels behind an edge: that charge over the level of the flat and the
 /// transfers (Janesick 2001, section 5.2). None if one of the pixels has no value.
 fn lost(exposure: &Exposure, edge: &Edge, (first, last): (usize, usize)) -> Option<Measurement> {
     let about = &exposure.about;
     let pixels: Vec<Mean> = edge.trail[first - 1..last].iter().copied().collect::<Option<_>>()?;
     let charge_e: f64 = pixels.iter().map(|mean| mean.value).sum();
     let of_pixels = pixels.iter().map(|mean| mean.sigma * mean.sigma).sum::<f64>().sqrt();
-    // The bias is wrong by the same in all of them.
+    // The error of the bias is common to all of them.
     let sigma_e = of_pixels.hypot(pixels.len() as f64 * about.bias_sigma_e());
     let transfers = (exposure.rows + about.rows_before() as usize) as f64;
     let (signal_e, sigma_signal_e) = (edge.signal.value, edge.signal.sigma.hypot(about.bias_sigma_e()));
@@ -219,7 +219,7 @@ pub(super) fn of(about: &About, value: f64, sigma: f64, mean: Mean) -> Measureme
     }
 }
 
-/// Rows of overscan that tell the bias, if they do.
+/// Rows of overscan from which the bias is estimated, if it is.
 fn bias_rows(source: BiasSource, exposure: &Exposure, geometry: &Geometry) -> Option<Range<usize>> {
     Some(exposure.rows + source.first_overscan_row(geometry)?..exposure.charge_e.nrows())
 }

@@ -1,5 +1,5 @@
-//! FITS frames → exposures: what one amplifier read, in electrons above the bias, in the order of readout, with the conditions that
-//! headers or options tell.
+//! FITS frames → exposures: the signal read by one amplifier, in electrons above the bias, in the order of readout, with the
+//! conditions from headers or options.
 
 use std::ops::Range;
 use std::path::PathBuf;
@@ -85,7 +85,7 @@ pub enum When {
 pub struct Exposure {
     /// What is known of it besides its pixels.
     pub about: About,
-    /// Charge above the bias, e-, `[[row, column]]` in the order of readout; NaN where a pixel has none or is saturated.
+    /// Charge above the bias, e-, `[[row, column]]` in the order of readout; NaN if a pixel has none or is saturated.
     pub charge_e: Array2<f64>,
     /// Columns of the image.
     pub columns: Range<usize>,
@@ -145,7 +145,7 @@ impl About {
         self.geometry.rows_before
     }
 
-    /// HDU and amplifier, where a table tells them apart.
+    /// HDU and amplifier, if a table distinguishes them.
     pub fn sensor(&self) -> Vec<(&'static str, usize)> {
         let numbers = vec![("hdu", self.hdu), ("amplifier", self.amplifier)];
         if self.amplifier_name.is_some() { numbers } else { Vec::new() }
@@ -267,7 +267,7 @@ impl Frames {
     }
 }
 
-/// A frame with the headers that tell of it.
+/// A frame with its headers.
 struct Frame<'a> {
     name: &'a str,
     /// Place of its HDU among those of the file.
@@ -292,7 +292,7 @@ fn cannot_measure(name: &str, error: InputError) -> InputError {
     InputError { refused: format!("cannot measure on `{name}`: {}", error.refused), ..error }
 }
 
-/// What a header or an option tells of a frame.
+/// Information on a frame from its header or an option.
 #[derive(Clone)]
 struct Known {
     when: When,

@@ -21,7 +21,7 @@ use super::{Found, Measured};
 use crate::error::InputError;
 use crate::physics::observable::Observable;
 
-/// The part of a gap between blocks whose last rows tell the level of no charge.
+/// The level of no charge is measured in the last nth part of a gap between blocks.
 const GAP_SHARE: usize = 4;
 
 /// Where the blocks are.
@@ -64,7 +64,7 @@ impl Injection {
     /// Measures the blocks of all frames. `progress` is given the files that are done.
     ///
     /// # Errors
-    /// If frames cannot be read as is said, or hold no blocks.
+    /// If frames cannot be read as described, or hold no blocks.
     pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
         let mut found = Found::default();
         let (mut edges, mut first) = (Vec::new(), Vec::new());

@@ -45,7 +45,7 @@ pub fn clipped(values: impl IntoIterator<Item = f64>, quantum: f64) -> Option<Me
     clipped_beyond(values, quantum, quantum)
 }
 
-/// The same where the scatter is known to be no less than `least_scatter`: few values may lie together by chance.
+/// The same if the scatter is known to be no less than `least_scatter`: few values may lie together by chance.
 pub fn clipped_beyond(values: impl IntoIterator<Item = f64>, quantum: f64, least_scatter: f64) -> Option<Mean> {
     let finite: Vec<f64> = values.into_iter().filter(|value| value.is_finite()).collect();
     let kept = inliers(&finite, least_scatter);

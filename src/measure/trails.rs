@@ -81,7 +81,7 @@ impl Trails {
     /// Measures the trails of all frames, which are read twice. `progress` is given the files that are done.
     ///
     /// # Errors
-    /// If frames cannot be read as is said, no warm pixels are found, or they are too few.
+    /// If frames cannot be read as described, no warm pixels are found, or they are too few.
     pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
         let search = Search { trail_px: self.trail_px, threshold_e: self.threshold_e };
         let mut found = Found::default();
@@ -190,7 +190,7 @@ impl Trails {
     }
 }
 
-/// Warm pixels of each date and sensor: those seen in two of three exposures at least, and in two where there are several.
+/// Warm pixels of each date and sensor: those seen in two of three exposures at least, and in two if there are several.
 fn warm_pixels(seen: &[Seen], epochs: &[usize], found: &mut Found) -> HashMap<(usize, Sensor), HashSet<Pixel>> {
     let mut times: HashMap<(usize, Sensor), (usize, HashMap<Pixel, usize>)> = HashMap::new();
     for (seen, epoch) in seen.iter().zip(epochs) {

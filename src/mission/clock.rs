@@ -35,7 +35,7 @@ impl PhaseClock {
     /// The clock of the readout.
     ///
     /// # Errors
-    /// Where lists differ in length, or the steps do not move a packet by one pixel.
+    /// If lists differ in length, or the steps do not move a packet by one pixel.
     pub fn clock(&self) -> Result<Clock, ClockProblem> {
         let phases = self.phases as usize;
         let holds = match &self.holds {

@@ -74,7 +74,7 @@ impl Shielding {
         }
     }
 
-    /// The layers; that of the section itself where no others are given.
+    /// The layers; that of the section itself if no others are given.
     fn all_layers(&self) -> Vec<Layer> {
         let own = Layer {
             material: self.material,

@@ -10,7 +10,7 @@ use crate::mission::Mission;
 /// their defaults are added.
 ///
 /// # Panics
-/// Where the text is not that of the mission, or a key is none of it.
+/// If the text is not that of the mission, or a key is none of it.
 pub fn edit(text: &str, mission: &Mission, settings: &[(String, toml::Value)]) -> String {
     let mut document: DocumentMut = text.parse().expect("the text of a mission that was read");
     for (key, value) in settings {
@@ -23,7 +23,7 @@ pub fn edit(text: &str, mission: &Mission, settings: &[(String, toml::Value)]) -
 /// A mission with one more effect, and the dotted key of the new table, such as `effects.notch` or `effects.bakeout.2`.
 ///
 /// # Errors
-/// Where it makes no sense there.
+/// If it makes no sense there.
 pub fn add_effect(mission: &Mission, kind: &str, table: toml::Table) -> Result<(Mission, String), InputError> {
     let mut added = mission.clone();
     let there = effect::tables(mission, kind).len();
@@ -49,7 +49,7 @@ pub fn add_effect(mission: &Mission, kind: &str, table: toml::Table) -> Result<(
 /// The text of a mission file with other tables of some kinds of effects, each with a comment above it.
 ///
 /// # Panics
-/// Where the text is not that of a mission.
+/// If the text is not that of a mission.
 pub fn with_effects(text: &str, effects: &toml::Table, comment: &str) -> String {
     let mut document: DocumentMut = text.parse().expect("the text of a mission that was read");
     if effects.is_empty() {

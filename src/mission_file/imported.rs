@@ -13,7 +13,7 @@ use crate::mission::keys::TEMPERATURES_K;
 use crate::mission::{Imported, ImportedSpectrum, Mission, PopulationGalaxy};
 use crate::numeric::calendar::years_between;
 
-/// What is wrong with a file: the key that names it, where the problem is not within the file alone.
+/// What is wrong with a file: the key that names it, if the problem is not within the file alone.
 type Refusal = (Option<&'static str>, InputError);
 
 /// Reads the files that a mission names, counted from a folder; their names become those that were read.

@@ -13,7 +13,7 @@ use crate::mission::keys::{self, Allowed, Key};
 use crate::mission::{Galaxy, Mission, Species};
 
 impl Mission {
-    /// The mission with other real numbers; None where one of them is not there any more, or not allowed.
+    /// The mission with other real numbers; None if one of them is not there any more, or not allowed.
     pub(crate) fn with_handles<'a>(&self, numbers: impl Iterator<Item = (&'a Handle, f64)>) -> Option<Mission> {
         let mut mission = self.clone();
         for (handle, value) in numbers {
@@ -27,7 +27,7 @@ impl Mission {
         agrees.then_some(mission)
     }
 
-    /// The same by dotted keys; None also where a key is not that of a real number that is there already, or stands twice.
+    /// The same by dotted keys; None also if a key is not that of a real number that is there already, or stands twice.
     pub(super) fn with_numbers(&self, settings: &[(String, Value)]) -> Option<Mission> {
         let twice = |index: usize| settings[..index].iter().any(|(other, _)| *other == settings[index].0);
         if (0..settings.len()).any(twice) {
@@ -38,14 +38,14 @@ impl Mission {
         self.with_handles(numbers.iter().map(|(handle, value)| (handle, *value)))
     }
 
-    /// What is wrong with the elements of the orbit, where the perigee is above the apogee.
+    /// What is wrong with the elements of the orbit, if the perigee is above the apogee.
     pub(super) fn orbit_problem(&self) -> Option<String> {
         let (perigee_km, apogee_km) = (self.orbit.as_ref()?.perigee_km?, self.orbit.as_ref()?.apogee_km?);
         (perigee_km > apogee_km)
             .then(|| format!("the perigee ({perigee_km} km) must not be above the apogee ({apogee_km} km)"))
     }
 
-    /// What is wrong with the dose history, where it ends before the mission.
+    /// What is wrong with the dose history, if it ends before the mission.
     pub(super) fn history_problem(&self) -> Option<String> {
         let (last_yr, _) = self.imported.history.last()?;
         let duration_yr = self.mission.duration_yr;
@@ -92,7 +92,7 @@ enum Place {
     /// Of a species or a galaxy, by its place among them.
     Species(usize, fn(&mut Species) -> Option<&mut f64>),
     Galaxy(usize, fn(&mut Galaxy) -> Option<&mut f64>),
-    /// Of an effect's table: its kind, its place where there are several tables, that of one of its species, and the name.
+    /// Of an effect's table: its kind, its place if there are several tables, that of one of its species, and the name.
     Effect {
         kind: &'static str,
         table: Option<usize>,
@@ -102,7 +102,7 @@ enum Place {
 }
 
 impl Handle {
-    /// The handle of a dotted key; None where it is not that of a real number which is there.
+    /// The handle of a dotted key; None if it is not that of a real number which is there.
     pub fn of(mission: &Mission, key: &str) -> Option<Handle> {
         let (place, known) = if let Some(below) = key.strip_prefix("effects.") {
             of_effect(&mission.effects, below)?
@@ -119,7 +119,7 @@ impl Handle {
         is_real.then_some(Handle { place, known })
     }
 
-    /// Sets the number; None where it is not there, or the value is not allowed.
+    /// Sets the number; None if it is not there, or the value is not allowed.
     fn set(&self, mission: &mut Mission, value: f64) -> Option<()> {
         let number = match &self.place {
             Place::Plain(number) => number(mission)?,

@@ -27,7 +27,7 @@ impl Mission {
     /// Reads a mission file.
     ///
     /// # Errors
-    /// Where the file cannot be read, or what it says makes no sense: one message with line, key, value and what is
+    /// If the file cannot be read, or what it says makes no sense: one message with line, key, value and what is
     /// allowed.
     pub fn read(path: impl AsRef<Path>) -> Result<Mission, InputError> {
         let folder = path.as_ref().parent().unwrap_or(Path::new(""));
@@ -51,7 +51,7 @@ impl Mission {
     /// `detector.traps.VV.release_ms`; members of an array are called by their names.
     ///
     /// # Errors
-    /// Where there is no such key, it stands twice, or the value is not allowed for it.
+    /// If there is no such key, it stands twice, or the value is not allowed for it.
     pub fn with(&self, settings: &[(String, Value)]) -> Result<Mission, InputError> {
         self.with_numbers(settings).map_or_else(|| self.with_text(settings), Ok)
     }
@@ -95,7 +95,7 @@ impl Mission {
         resolve(&self.to_table(), key)
     }
 
-    /// The value of a numeric key by its dotted path. None where there is no such key or no number.
+    /// The value of a numeric key by its dotted path. None if there is no such key or no number.
     pub fn number(&self, key: &str) -> Option<f64> {
         let table = self.to_table();
         let path = resolve(&table, key).ok()?;
@@ -794,7 +794,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// A refusal at a key (none where `path` is empty).
+    /// A refusal at a key (none if `path` is empty).
     fn fault(&self, path: &str, problem: impl Into<String>) -> InputError {
         InputError { place: self.place(path), ..InputError::new(&self.refused, problem) }
     }
@@ -954,7 +954,7 @@ pub(crate) fn line_at(text: &str, place: usize) -> usize {
     text[..place.min(text.len())].matches('\n').count() + 1
 }
 
-/// Names several of an effect that have none, where they have one by default: `extra`, `extra 2`, and so on.
+/// Names several of an effect that have none, if they have one by default: `extra`, `extra 2`, and so on.
 fn name_each(table: &mut toml::Table, entry: &Entry) {
     let Some(Need::Default(default)) = entry.card.key("name").map(|key| key.need) else { return };
     let places = effect_places(table, entry.card.kind);
@@ -976,7 +976,7 @@ fn name_each(table: &mut toml::Table, entry: &Entry) {
     }
 }
 
-/// Paths of the tables of an effect: `effects.KIND`, or `effects.KIND[0]` and so on where there are several.
+/// Paths of the tables of an effect: `effects.KIND`, or `effects.KIND[0]` and so on if there are several.
 fn effect_places(table: &toml::Table, kind: &str) -> Vec<String> {
     match table.get("effects").and_then(|effects| effects.get(kind)) {
         Some(Value::Array(members)) => (0..members.len()).map(|index| format!("effects.{kind}[{index}]")).collect(),

@@ -247,7 +247,7 @@ impl Scene {
 /// displacement of the object; read out by itself it would get an accuracy of its own, which takes longer than all the rest.
 pub(crate) struct Above<R> {
     background_e: f64,
-    /// The background as it is read alone, where it cannot stand beside the images: in one column, or in all of them.
+    /// The background as it is read alone, if it cannot stand beside the images: in one column, or in all of them.
     alone: Option<Array2<f64>>,
     read: R,
 }
@@ -261,7 +261,7 @@ impl<R: Fn(&Array2<f64>) -> Result<Array2<f64>, InputError>> Above<R> {
     /// What is read above the background of the charge above the background, e-.
     ///
     /// # Errors
-    /// Where an effect has no value.
+    /// If an effect has no value.
     pub fn read(&self, charge_e: &Array2<f64>) -> Result<Array2<f64>, InputError> {
         let (rows, width) = charge_e.dim();
         let beside = usize::from(self.alone.is_none());
@@ -272,7 +272,7 @@ impl<R: Fn(&Array2<f64>) -> Result<Array2<f64>, InputError>> Above<R> {
         let read = (self.read)(&image)?;
         let alone = self.alone.as_ref().map_or_else(|| read.slice(s![.., width..]), |alone| alone.view());
         if read == image && alone.iter().all(|charge_e| *charge_e == self.background_e) {
-            // Nothing happened; differences would tell of rounding.
+            // Nothing happened; differences would only show rounding.
             return Ok(charge_e.clone());
         }
         let mut above = Array2::zeros((rows, width));

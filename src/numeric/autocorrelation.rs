@@ -11,7 +11,7 @@ const WINDOW: f64 = 5.0;
 ///
 /// ρ is the mean autocorrelation of all chains about their common mean; the window is Sokal's (1997, in: Functional
 /// Integration, NATO ASI B 361, 131). A mean over n steps of w chains has the variance σ²τ/(n w). The estimate is good for chains of 50 τ
-/// and more; infinite where nothing moves.
+/// and more; infinite if nothing moves.
 pub(crate) fn time(chains: &[Vec<f64>]) -> f64 {
     let length = chains.first().map_or(0, Vec::len);
     let mean = chains.iter().flatten().sum::<f64>() / (length * chains.len()) as f64;

@@ -26,7 +26,7 @@ pub struct Estimate {
 ///
 /// `statistics` makes them of the draws whose places it is given, the same number of statistics each time. A statistic may be
 /// infinite: later than what was followed. An error is half the central 68.3 % of the samples, or its lower half where the
-/// upper one is infinite; None where that is infinite, too. The same seed gives the same bits with any number of threads.
+/// upper one is infinite; None if that is infinite, too. The same seed gives the same bits with any number of threads.
 pub fn with_errors(
     draws: usize,
     seed: u64,

@@ -1,4 +1,4 @@
-//! Linear least squares where columns may be of very different size, or depend on one another.
+//! Linear least squares for columns that may be of very different size, or depend on one another.
 
 use nalgebra::{DMatrix, DVector};
 

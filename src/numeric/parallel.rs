@@ -13,7 +13,7 @@ use crate::readout::interrupt;
 /// The result of each item, in the order of the items.
 ///
 /// # Panics
-/// As `one` does; with [`interrupt::Interrupted`] where the thread's work is interrupted.
+/// As `one` does; with [`interrupt::Interrupted`] if the thread's work is interrupted.
 pub fn map<I, R>(items: I, one: impl Fn(I::Item) -> R + Sync) -> Vec<R>
 where
     I: IntoIterator<Item: Send>,
@@ -33,7 +33,7 @@ where
     places.into_iter().map(|place| result(place).expect("each item was computed")).collect()
 }
 
-/// The same where an item may fail. Items after one that failed may be left out.
+/// The same if an item may fail. Items after one that failed may be left out.
 ///
 /// # Errors
 /// Of the first item that fails, in the order of the items, with any number of threads.

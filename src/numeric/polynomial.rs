@@ -130,8 +130,8 @@ fn chebyshev(places: Vec<f64>, degree: usize) -> Vec<Vec<f64>> {
 }
 
 /// Shares of the mean square of the terms that are added to the diagonal of the normal equations, for any term and for those of the
-/// highest degree: terms that the points do not tell apart, and high ones that they hardly tell, get small coefficients. So there may be
-/// more terms than the points would bear otherwise (ridge regression: Hoerl & Kennard 1970, Technometrics 12, 55).
+/// highest degree. Terms that the points do not distinguish, and high ones that they hardly determine, get small coefficients. So
+/// there may be more terms than the points would support otherwise (ridge regression: Hoerl & Kennard 1970, Technometrics 12, 55).
 const RIDGE: f64 = 1e-12;
 const HIGHEST: f64 = 1e-3;
 
@@ -139,7 +139,7 @@ const HIGHEST: f64 = 1e-3;
 const GROWTH: i32 = 10;
 
 /// Coefficients `[(function, term)]` of several functions from their values `[(function, point)]` and the terms' values, by least
-/// squares. None where the normal equations have no solution.
+/// squares. None if the normal equations have no solution.
 pub(crate) fn fitted(terms: &Terms, at: &Array2<f64>, values: &Array2<f64>) -> Option<Array2<f64>> {
     let (normal, right) = (at.dot(&at.t()), at.dot(&values.t()));
     let count = normal.nrows();

@@ -1,8 +1,8 @@
-//! Results that take long and are asked for again and again with few inputs: the last ones are kept for the process.
+//! A cache of results that take long and are needed repeatedly for few inputs: the last ones are kept for the process.
 
 use std::sync::Mutex;
 
-/// The last results of a function of its inputs alone. Whether a result is kept changes its time, never its value.
+/// The last results of a function of its inputs alone. The cache changes the time, never the value.
 pub(crate) struct Recent<K, V> {
     kept: Mutex<Vec<(K, V)>>,
     most: usize,

@@ -6,7 +6,7 @@ const STEPS: usize = 200;
 /// Root between two places at which a function has different signs (or is 0), to `tolerance`.
 ///
 /// # Panics
-/// Where the signs do not differ.
+/// If the signs do not differ.
 pub(crate) fn between(low: f64, high: f64, tolerance: f64, function: impl Fn(f64) -> f64) -> f64 {
     let ends = [low, high].map(|place| (place, function(place)));
     let found = try_between(ends, tolerance, |place| Ok::<_, std::convert::Infallible>(function(place)));
@@ -16,13 +16,13 @@ pub(crate) fn between(low: f64, high: f64, tolerance: f64, function: impl Fn(f64
 /// The same of a function that can fail, given with its values at the two places.
 ///
 /// Brent's method (Brent 1973, Algorithms for Minimization without Derivatives, chapter 4): inverse quadratic interpolation or
-/// the secant where they converge, bisection where they do not.
+/// the secant if they converge, bisection if they do not.
 ///
 /// # Errors
 /// Those of the function.
 ///
 /// # Panics
-/// Where the signs do not differ.
+/// If the signs do not differ.
 pub(crate) fn try_between<E>(
     [(mut a, mut at_a), (mut b, mut at_b)]: [(f64, f64); 2],
     tolerance: f64,

@@ -32,7 +32,7 @@ pub struct Sample {
     draws: u64,
     dimensions: usize,
     sampling: Sampling,
-    /// For each distribution the stratum of each draw; empty where draws are independent.
+    /// For each distribution the stratum of each draw; empty if draws are independent.
     strata: Vec<Vec<u32>>,
 }
 

@@ -29,7 +29,7 @@ pub enum Purpose {
 }
 
 impl Purpose {
-    /// Accuracy of the readout for this purpose where a mission asks for `relative`. A mission that asks for a coarse
+    /// Accuracy of the readout for this purpose if a mission asks for `relative`. A mission that asks for a coarse
     /// readout gets it.
     pub fn relative(self, relative: f64) -> f64 {
         let coarser = |times: f64, coarsest: f64| relative.max((times * relative).min(coarsest));
@@ -45,7 +45,7 @@ impl Purpose {
         }
     }
 
-    /// Sub-pixel positions in x and in y for this purpose where a mission asks for so many.
+    /// Sub-pixel positions in x and in y for this purpose if a mission asks for so many.
     pub fn grid(self, positions: u32) -> u32 {
         match self {
             // A quarter of the positions, 4e-4 off, show per cents as well (docs/why.md).
@@ -63,7 +63,7 @@ impl Purpose {
     }
 }
 
-/// Accuracy of whole frames where none is asked for: thousands of columns, and noise in each.
+/// Default accuracy of whole frames: they have thousands of columns, and noise in each.
 pub const OF_FRAMES: f64 = 1e-3;
 
 /// Coarser than this, the accuracy of a mission may show in its shapes.

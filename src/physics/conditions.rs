@@ -5,7 +5,7 @@ use crate::mission::Mission;
 /// Circumstances of one value: what a row of a measurement file says, and the mission where it is silent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conditions {
-    /// Years since launch; since the irradiation where a dose was given in a laboratory.
+    /// Years since launch; since the irradiation if a dose was given in a laboratory.
     pub t_yr: f64,
     /// Dose given at once at t = 0 (MeV/g), in place of the mission's D(t).
     pub dose_mev_g: Option<f64>,
@@ -19,7 +19,7 @@ pub struct Conditions {
     pub transfers: u32,
     /// Charge of the packet, or of each row of a block, above the background before transfer, e-.
     pub signal_e: Option<f64>,
-    /// The same as it is read, e-, where that is what is known: the charge before transfer follows from the model.
+    /// The same as it is read, e-, if that is what is known: the charge before transfer follows from the model.
     pub signal_read_e: Option<f64>,
     /// Charge of another packet nearer to the register, above the background before transfer, e-.
     pub preceding_e: Option<f64>,
@@ -95,7 +95,7 @@ impl Conditions {
         name == "transfers" || name.ends_with("_px")
     }
 
-    /// The same with another value of a condition; None where there is no such condition.
+    /// The same with another value of a condition; None if there is no such condition.
     pub fn with(&self, name: &str, value: f64) -> Option<Conditions> {
         let mut other = self.clone();
         let whole = Some(value.round() as u32);

@@ -33,10 +33,10 @@ pub struct SpeciesState {
     /// Standard deviation of the logarithm of the release time.
     #[serde(skip)]
     pub release_sigma: f64,
-    /// Capture time inside the charge cloud, ms; 0 where capture is instantaneous.
+    /// Capture time inside the charge cloud, ms; 0 if capture is instantaneous.
     #[serde(skip)]
     pub capture_ms: f64,
-    /// Exponent of the density of the cloud to which the capture rate is proportional; 0 where it is the same in every cloud.
+    /// Exponent of the density of the cloud to which the capture rate is proportional; 0 if it is the same in every cloud.
     #[serde(skip)]
     pub capture_density_power: f64,
     /// Charge of the packets in which the capture time is that, if it depends on the density, e-.
@@ -83,7 +83,7 @@ pub struct Damage {
 pub struct Loss {
     /// Whether traps at launch are spared: those of the fabrication, not of radiation.
     pub spares_launch: bool,
-    /// When it happens, in years since launch, where it happens at once.
+    /// When it happens, in years since launch, if it happens at once.
     pub on_yr: Option<f64>,
     /// Number at a time (second argument) of the traps made at an earlier one (first), over that at first; years since launch.
     pub survives: Arc<dyn Fn(f64, f64) -> f64 + Send + Sync>,
@@ -116,7 +116,7 @@ impl Damage {
     /// What has come of the dose up to a time (years since launch): of a mission's own, or of one given in a laboratory (MeV/g).
     ///
     /// # Errors
-    /// Where a law of the dose has no value.
+    /// If a law of the dose has no value.
     pub(crate) fn irradiation(
         &self,
         history: &DoseHistory,

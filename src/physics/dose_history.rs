@@ -24,7 +24,7 @@ pub struct DoseHistory {
     cycle: Vec<ActiveYears>,
     /// Years since launch between which solar protons come, in order.
     windows: Vec<(f64, f64)>,
-    /// Active share of those windows: 1, or 7/11 where the windows stand for all years.
+    /// Active share of those windows: 1, or 7/11 if the windows stand for all years.
     active_share: f64,
     /// Dose rate in active years, MeV/g/yr.
     pub active_rate_mev_g_yr: f64,
@@ -34,7 +34,7 @@ pub struct DoseHistory {
     cyclic: Vec<Cyclic>,
     /// Factors on the dose rate.
     pub modulations: Vec<Modulation>,
-    /// Dose since launch (MeV/g) against years since launch, where a file gives it, or that of a drawn Sun.
+    /// Dose since launch (MeV/g) against years since launch, if a file gives it, or that of a drawn Sun.
     table: Vec<(f64, f64)>,
     /// Doses (MeV/g) that come at once, each with its time in years since launch.
     pub steps: Vec<(f64, f64)>,
@@ -44,7 +44,7 @@ pub struct DoseHistory {
     pub dose_laws: Vec<Law>,
     /// Where the active rate comes from.
     pub origin: RateOrigin,
-    /// Where the dose is derived: the sources, each with its dose.
+    /// If the dose is derived: the sources, each with its dose.
     pub sources: Vec<Arc<SourceDose>>,
     /// What it is derived from; None if the mission gives its dose.
     derived: Option<Arc<Mission>>,
@@ -319,7 +319,7 @@ impl DoseHistory {
     /// Dose since launch, MeV/g, at a time in years since launch.
     ///
     /// # Errors
-    /// Where a law has no value, here and below.
+    /// If a law has no value, here and below.
     pub(crate) fn dose_mev_g(&self, t_yr: f64) -> Result<f64, InputError> {
         self.dose_with_steps(t_yr, |step_yr| step_yr <= t_yr)
     }
@@ -490,17 +490,17 @@ impl DoseHistory {
 /// Longest step of an integral over time, yr: a law of the dose rate may follow the seasons.
 const LONGEST_STEP_YR: f64 = 0.5;
 
-/// Times at which the curve of a modulated dose rate is looked at, at most.
+/// Largest number of times at which the curve of a modulated dose rate is evaluated.
 const MOST_TURNS: f64 = 240.0;
 
 /// Nodes and weights of a step.
 static RULE: LazyLock<GaussLegendre> =
     LazyLock::new(|| GaussLegendre::new(std::num::NonZeroUsize::new(12).expect("above 0")));
 
-/// Pieces into which the time between two breaks is cut where only the dose itself is known.
+/// Number of intervals between two breaks if only the dose itself is known.
 const PIECES: usize = 2000;
 
-/// Years after launch up to which the Sun is followed: beyond any time that can be asked for.
+/// Years after launch up to which the Sun is followed: beyond any time that can be requested.
 const REACH_YR: f64 = 1100.0;
 
 fn windows(cycle: &[ActiveYears]) -> Vec<(f64, f64)> {

@@ -41,7 +41,7 @@ pub struct Card {
     pub probe: Probe,
     /// The smallest 1-sigma error that a measurement of it is expected to have, in its unit.
     pub least_sigma: f64,
-    /// What is wrong with a model if data show more of it, in absolute value where it has a sign.
+    /// What is wrong with a model if data show more of it, in absolute value if it has a sign.
     pub more: &'static str,
     /// What is wrong with a model if data show less of it.
     pub less: &'static str,
@@ -57,7 +57,7 @@ pub enum Probe {
     Packet(fn(&[f64], &Conditions) -> f64),
     /// A flat block: of the charges (e-, less the trailed background) in its last row and in those behind it.
     Block(fn(&[f64], &Conditions) -> f64),
-    /// A lone packet, or a flat block where a row gives `block_px`.
+    /// A lone packet, or a flat block if a row gives `block_px`.
     PacketOrBlock {
         /// Of the charges of a packet, as above.
         packet: fn(&[f64], &Conditions) -> f64,
@@ -133,7 +133,7 @@ impl Observable {
         self.card().conditions.contains(&condition)
     }
 
-    /// Whether it is what others have made of their measurements: it is read from files, but nobody is told to measure it.
+    /// Whether it is derived from other measurements: it is read from files, but never proposed as a measurement.
     pub fn is_derived(self) -> bool {
         matches!(self.card().probe, Probe::Traps | Probe::Pumping(_) | Probe::PacketOrBlock { .. })
     }

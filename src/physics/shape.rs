@@ -34,7 +34,7 @@ const PATIENCE: usize = 500;
 impl Moments {
     /// Moments of `image[[y, x]]` with a weight of `weight_px` (σ), starting in the middle of the image.
     ///
-    /// None where the image has no centroid: no flux, or noise that carries the weight away.
+    /// None if the image has no centroid: no flux, or noise that carries the weight away.
     pub fn of(image: &Array2<f64>, weight_px: f64) -> Option<Moments> {
         Moments::near(image, weight_px, [0.0, 0.0])
     }

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! The sum of a mission is the dose of ESP's spectrum of the sample's confidence, exactly. Within a mission, events share it in
-//! proportion to their own doses; ESP scales each energy by itself, which would change these shares where events of different
+//! proportion to their own doses; ESP scales each energy by itself, which would change these shares if events of different
 //! hardness meet. Events of quiet years keep their own dose.
 
 use std::ops::RangeInclusive;
@@ -195,7 +195,7 @@ const YEAR_NODES: usize = 5;
 /// ln of ESP's dose against active years and the quantile z.
 #[derive(Clone, Debug)]
 struct Totals {
-    /// Logarithms of active years, each with its curve; one where all samples have the same.
+    /// Logarithms of active years, each with its curve; one if all samples have the same.
     curves: Vec<Curve>,
     log_years: RangeInclusive<f64>,
 }

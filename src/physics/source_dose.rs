@@ -42,7 +42,7 @@ impl SourceDose {
         self.card.is_some() && source::source(&self.name).is_some_and(|source| source.is_modulated())
     }
 
-    /// The same with so many times the protons.
+    /// The same with a factor on the protons.
     fn times(&self, factor: f64) -> SourceDose {
         let stream = |dosed: &StreamDose| StreamDose {
             stream: Stream { yearly: dosed.stream.yearly.times(factor), when: dosed.stream.when.clone() },
@@ -55,7 +55,7 @@ impl SourceDose {
         SourceDose { streams: self.streams.iter().map(stream).collect(), ..self.clone() }
     }
 
-    /// Years' worth of each stream between two times (years since launch), where `active` of them are active years of the Sun.
+    /// Years' worth of each stream between two times (years since launch), if `active` of them are active years of the Sun.
     fn weights(&self, launch: f64, from_yr: f64, to_yr: f64, active: f64) -> impl Iterator<Item = (&StreamDose, f64)> {
         self.streams.iter().map(move |dosed| {
             let years = match &dosed.stream.when {
@@ -101,7 +101,7 @@ struct Inputs {
     phase: Option<SolarPhase>,
 }
 
-/// Sources of a mission with so many active years, and their doses behind its shield; none where it gives its dose.
+/// Sources of a mission with so many active years, and their doses behind its shield; none if it gives its dose.
 pub(crate) fn source_doses(mission: &Mission, active_years: f64) -> Vec<Arc<SourceDose>> {
     let environment = &mission.environment;
     let (Some(shield), Some(shielding)) = (mission.shield(), &mission.shielding) else { return Vec::new() };
@@ -151,7 +151,7 @@ fn setting(mission: &Mission, place: Place, active_years: f64) -> Setting {
 }
 
 /// Dose (MeV/g, before the mission's factor on all doses) of the protons of cosmic rays behind the shield over the mission, with so many
-/// times the modulation of a mean cycle. None where no cosmic rays are among its sources, which `history` lists.
+/// times the modulation of a mean cycle. None if no cosmic rays are among its sources, which `history` lists.
 pub(crate) fn cosmic_ray_dose_mev_g(mission: &Mission, history: &DoseHistory, modulation: f64) -> Option<f64> {
     let is_modulated = |dose: &&Arc<SourceDose>| dose.is_modulated();
     let name = history.sources.iter().find(is_modulated)?.name.clone();
@@ -168,7 +168,7 @@ pub(crate) fn cosmic_ray_dose_mev_g(mission: &Mission, history: &DoseHistory, mo
     Some(known(source, inputs).dose_mev_g(launch, 0.0, mission.mission.duration_yr, 0.0))
 }
 
-/// The dose of a source. It takes milliseconds to seconds and is asked for by every fit and study, mostly for the same mission.
+/// The dose of a source. It takes milliseconds to seconds, and every fit and study needs it, mostly for the same mission.
 fn known(source: &'static dyn Source, inputs: Inputs) -> Arc<SourceDose> {
     static KNOWN: Recent<Inputs, Arc<SourceDose>> = Recent::new(64);
     KNOWN.get(inputs, |inputs| {

@@ -47,7 +47,7 @@ pub struct Assessment {
 /// Asks it of a mission.
 ///
 /// # Errors
-/// Where a galaxy has no measurable shape, an effect has no value, a posterior is of other keys, or the confidence cannot be judged by
+/// If a galaxy has no measurable shape, an effect has no value, a posterior is of other keys, or the confidence cannot be judged by
 /// so many draws.
 pub fn assess(mission: &Mission, options: &Options, progress: &Progress) -> Result<Assessment, InputError> {
     if let Some(probability) = options.confidence {

@@ -1,6 +1,6 @@
 //! A catalogue of galaxies → the change of shape of each.
 //!
-//! Every galaxy is the mean over the sub-pixel positions of the mission, at its own place on the detector. Where there are many,
+//! Every galaxy is the mean over the sub-pixel positions of the mission, at its own place on the detector. If there are many,
 //! a change is a smooth function of what the catalogue says of a galaxy: some hundreds or thousands of them are read out, a
 //! polynomial is fitted to their changes, and the others are computed by it (see [`emulator`]). How far it is off is measured with
 //! galaxies that are read out and were not fitted. A polynomial that is not accurate enough is not used: then, and wherever it
@@ -50,7 +50,7 @@ pub struct Catalogue {
     pub classes: Vec<Class>,
     /// Root mean square of |Δe| over the galaxies that have a shape.
     pub rms_delta_e: f64,
-    /// The change of each galaxy, in the order of the catalogue; None where no shape is left, or there was none.
+    /// The change of each galaxy, in the order of the catalogue; None if no shape is left, or there was none.
     #[serde(skip)]
     pub changes: Vec<Option<ShapeChange>>,
     /// Whether it was computed by a polynomial.
@@ -105,7 +105,7 @@ impl Catalogue {
     /// The changes of shape of galaxies at a time (years since launch).
     ///
     /// # Errors
-    /// Where a formula has no value.
+    /// If a formula has no value.
     pub fn of(
         model: &Model,
         galaxies: &[SurveyGalaxy],

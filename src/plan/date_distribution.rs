@@ -40,12 +40,12 @@ pub struct DateDistribution {
     /// For the first limit exceeded, if biases are limited and estimated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first: Option<LimitDates>,
-    /// What each input contributes to the variance of ln |Δe| at the end of the mission, the largest first; empty where it
+    /// What each input contributes to the variance of ln |Δe| at the end of the mission, the largest first; empty if it
     /// does not vary.
     pub shares: Vec<Share>,
-    /// Why the Sun is not among what was drawn; None where it is.
+    /// Why the Sun is not among what was drawn; None if it is.
     pub sun_not_drawn: Option<String>,
-    /// How changes of shape were emulated; None where each was read out, of fewer draws.
+    /// How changes of shape were emulated; None if each was read out, of fewer draws.
     pub emulated: Option<Emulated>,
     /// Keys that were drawn from a posterior.
     pub posterior_keys: Vec<String>,
@@ -80,7 +80,7 @@ pub struct Dates {
     pub probability_error: f64,
     /// Quantiles of the date, in the order of [`QUANTILES`].
     pub quantiles: Vec<DateQuantile>,
-    /// The time of each sample, years since launch, rising; infinite where it is not exceeded within the mission.
+    /// The time of each sample, years since launch, rising; infinite if it is not exceeded within the mission.
     #[serde(skip)]
     pub times_yr: Vec<f64>,
 }
@@ -90,19 +90,19 @@ pub struct Dates {
 pub struct DateQuantile {
     /// Probability that the limit is exceeded by then.
     pub p: f64,
-    /// Years since launch; None where it is not within the mission.
+    /// Years since launch; None if it is not within the mission.
     pub t_yr: Option<f64>,
-    /// Its standard error from the finite number of samples, yr; None where that is not known.
+    /// Its standard error from the finite number of samples, yr; None if that is not known.
     pub error_yr: Option<f64>,
-    /// The day; None where it is not within the mission, or past the end of the calendar.
+    /// The day; None if it is not within the mission, or past the end of the calendar.
     pub date: Option<NaiveDate>,
 }
 
-/// Draws a mission so many times: its Sun, its `[uncertainty]`, and a posterior where one is given. `biases`: those of its population
-/// as it is expected, where they are limited.
+/// Draws a mission repeatedly: its Sun, its `[uncertainty]`, and a posterior if one is given. `biases`: those of its population by
+/// their expected values, if they are limited.
 ///
 /// # Errors
-/// Where a draw makes no sense to the mission or leaves its galaxy without a shape; names the row of the posterior.
+/// If a draw makes no sense to the mission or leaves its galaxy without a shape; names the row of the posterior.
 pub fn date_distribution(
     mission: &Mission,
     posterior: Option<&MissionSample>,
@@ -154,7 +154,7 @@ pub fn date_distribution(
     })
 }
 
-/// Shares of the variance of ln |Δe| at the end of the mission, the largest first; empty where it does not vary.
+/// Shares of the variance of ln |Δe| at the end of the mission, the largest first; empty if it does not vary.
 fn shares(found: &Fates, seed: u64) -> Vec<Share> {
     let count = found.names.len() + 1;
     let statistics = |places: &[usize]| found.explained(places).shares().unwrap_or(vec![f64::NAN; count]);
@@ -250,12 +250,12 @@ impl Dates {
         1.0 - self.probability_exceeded
     }
 
-    /// How long (years since launch) the limit is kept with a probability; None where to the end of the mission.
+    /// How long (years since launch) the limit is kept with a probability; None if to the end of the mission.
     pub fn kept_yr(&self, probability: f64) -> Option<f64> {
         Some(quantile(&self.times_yr, 1.0 - probability)).filter(|t_yr| t_yr.is_finite())
     }
 
-    /// Of times (years since launch, infinite where not within the mission) that are worth so many independent ones. Errors of
+    /// Of times (years since launch, infinite if not within the mission) that are worth so many independent ones. Errors of
     /// quantiles are those of a bootstrap with a seed.
     pub fn of(mut times_yr: Vec<f64>, effective: f64, launch: NaiveDate, seed: u64) -> Dates {
         times_yr.sort_by(f64::total_cmp);
@@ -281,7 +281,7 @@ impl Dates {
     }
 }
 
-/// Standard error of a share of n independent draws: that of a Beta distribution after a flat prior, which is not 0 where none or
+/// Standard error of a share of n independent draws: that of a Beta distribution after a flat prior, which is not 0 if none or
 /// all are.
 pub(crate) fn share_error(share: f64, n: f64) -> f64 {
     let (some, others) = (share * n + 1.0, (1.0 - share) * n + 1.0);

@@ -62,7 +62,7 @@ pub struct Survey {
     pub accumulate: Accumulate,
     /// Dose against confidence, behind the mission's shield; none without a shield.
     pub confidences: Vec<AtConfidence>,
-    /// Dose against thickness: of one active year, or where all sources are counted of the mission.
+    /// Dose against thickness: of one active year, or of the mission if all sources are counted.
     pub depths: Vec<AtDepth>,
     /// Whether [`Self::depths`] is of the mission.
     #[serde(skip)]
@@ -71,7 +71,7 @@ pub struct Survey {
     pub equivalent_mm: Equivalent,
     /// Spectrum before and behind the shield.
     pub spectrum: Vec<AtEnergy>,
-    /// Each source of protons by itself, before effects; none where the mission gives its dose.
+    /// Each source of protons by itself, before effects; none if the mission gives its dose.
     pub sources: Vec<SourceSurvey>,
     /// What nuclear reactions in the shield take and add over the mission; None without sources.
     pub secondaries: Option<Secondaries>,
@@ -80,7 +80,7 @@ pub struct Survey {
     pub secondaries_counted: bool,
     /// What imports stand beside: the dose that would be derived in their place, MeV/g.
     pub derived_mev_g: Option<f64>,
-    /// From the spectrum to the dose, step by step; None where the mission gives its dose.
+    /// From the spectrum to the dose, step by step; None if the mission gives its dose.
     #[serde(skip)]
     pub explained: Option<Explained>,
     /// Whether the steps are to be shown.
@@ -175,7 +175,7 @@ pub struct Over<T> {
 /// Surveys a mission's dose, with the spectrum at these energies (MeV, above 0).
 ///
 /// # Errors
-/// Where a formula has no value.
+/// If a formula has no value.
 pub fn survey(mission: &Mission, energies_mev: &[f64]) -> Result<Survey, InputError> {
     let model = Model::new(mission);
     let history = model.history().clone();
@@ -265,7 +265,7 @@ fn derived(mission: &Mission) -> Mission {
     derived
 }
 
-/// Dose (MeV/g) of a mission with nothing imported in place of its sources; None where nothing is imported, or nothing can be
+/// Dose (MeV/g) of a mission with nothing imported in place of its sources; None if nothing is imported, or nothing can be
 /// derived.
 fn derived_in_place_of_imports(mission: &Mission) -> Option<f64> {
     let environment = &mission.environment;
@@ -297,7 +297,7 @@ fn depths_of(mission: &Mission, history: &DoseHistory) -> Vec<AtDepth> {
     depths(&derived, Model::new(&derived).history())
 }
 
-/// Dose (MeV/g) behind aluminium: of one active year, or, where all sources are counted, of the mission.
+/// Dose (MeV/g) behind aluminium: of one active year, or of the mission if all sources are counted.
 fn depths(mission: &Mission, history: &DoseHistory) -> Vec<AtDepth> {
     let environment = &mission.environment;
     let niel = environment.niel.curve();
@@ -332,7 +332,7 @@ fn depths(mission: &Mission, history: &DoseHistory) -> Vec<AtDepth> {
 }
 
 impl AtConfidence {
-    /// None without a shield, or where no dose can be derived.
+    /// None without a shield, or if no dose can be derived.
     fn of(mission: &Mission, confidence: f64, active_years: f64) -> Option<AtConfidence> {
         mission.shielding.as_ref()?;
         let dose = |accumulate: Accumulate| {

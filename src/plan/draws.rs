@@ -1,15 +1,16 @@
-//! A mission whose inputs are uncertain → what becomes of many draws of it.
+//! A mission with uncertain inputs → results of many draws.
 //!
 //! ```text
 //! uncertainties, posterior, Sun → [`Draws`] → a mission for each draw → when it exceeds its budget ([`Fate`])
 //! ```
 //!
 //! Inputs are multiplied by exp(σ z) with the relative uncertainties σ of `[uncertainty]` and standard normal z, points of Sobol's
-//! sequence. The Sun is drawn as events, with coming maxima: see [`crate::environment::solar_events`]; the level of cosmic rays and the
-//! damage curve are inputs where they apply (`draws/input.rs`). What a posterior holds is taken from it in place of the uncertainty of the same key.
+//! sequence. The Sun is drawn as events, with coming maxima: see [`crate::environment::solar_events`]; the level of cosmic rays and
+//! the damage curve are inputs if they apply (`draws/input.rs`). What a posterior holds is taken from it in place of the
+//! uncertainty of the same key.
 //!
 //! Doses and traps of each draw are those of its own model. Its changes of shape are emulated (`draws/emulator.rs`) from readouts at
-//! some of the draws, where that is good to [`ACCEPTED`], and read out one by one otherwise.
+//! some of the draws, if that is good to [`ACCEPTED`], and read out one by one otherwise.
 
 mod emulator;
 mod fate;
@@ -45,7 +46,7 @@ use sun::Suns;
 /// Largest error of the emulator that is accepted: relative, of |Δe|, as root mean square over draws that were held back.
 pub const ACCEPTED: f64 = 0.01;
 
-/// Draws at most where each is read out by itself.
+/// Draws at most if each is read out by itself.
 pub const MOST_DIRECT: u32 = 200;
 
 /// Most coefficients of an emulator: those of some twenty numbers.
@@ -64,7 +65,7 @@ const SMALL: f64 = 0.1;
 pub struct Draws<'a> {
     /// The mission followed to the horizon, with numbers in place of what is derived.
     model: Model,
-    /// The same with the dose of the Sun that is expected, where draws have their own.
+    /// The same with the dose of the Sun that is expected, if draws have their own.
     expected: Mission,
     /// End of the mission, years since launch.
     end_yr: f64,
@@ -101,7 +102,7 @@ pub struct Fates {
     pub names: Vec<String>,
     /// Deviations (in σ) of those in each draw; of the Sun, that of the logarithm of the dose at the end.
     pub deviations: Vec<Vec<f64>>,
-    /// How shapes were emulated; None where each was read out.
+    /// How shapes were emulated; None if each was read out.
     pub emulated: Option<Emulated>,
 }
 
@@ -180,7 +181,7 @@ impl<'a> Draws<'a> {
     /// The same with limits on shear biases, as numbers of traps over that of the mission as it is expected, at its end.
     ///
     /// # Errors
-    /// Where a formula has no value.
+    /// If a formula has no value.
     pub fn with_limits_on_traps(self, over_expected: &TrapLimits) -> Result<Draws<'a>, InputError> {
         let traps = self.model.traps(self.end_yr)?;
         let expected_per_px: f64 = traps.iter().map(|species| species.density_per_px).sum();
@@ -188,7 +189,7 @@ impl<'a> Draws<'a> {
         Ok(Draws { traps_per_px: TrapLimits { c: per_px(over_expected.c), m: per_px(over_expected.m) }, ..self })
     }
 
-    /// Why the Sun is not among what is drawn; None where it is.
+    /// Why the Sun is not among what is drawn; None if it is.
     pub fn sun_not_drawn(&self) -> Option<&str> {
         self.suns.as_ref().err().map(|why| why.problem.as_str())
     }
@@ -201,7 +202,7 @@ impl<'a> Draws<'a> {
     /// What becomes of the mission with one input alone so many standard deviations off, or with none, under the Sun that is expected.
     ///
     /// # Errors
-    /// Where a formula has no value.
+    /// If a formula has no value.
     pub fn alone(&self, input: Option<(usize, f64)>) -> Result<Fate, InputError> {
         let mut mission = self.expected.clone();
         if let Some((place, deviation)) = input {
@@ -213,7 +214,7 @@ impl<'a> Draws<'a> {
     /// What becomes of the mission with the Sun of a draw, and all else as it is expected.
     ///
     /// # Errors
-    /// Where a formula has no value.
+    /// If a formula has no value.
     ///
     /// # Panics
     /// If the Sun is not drawn.
@@ -227,7 +228,7 @@ impl<'a> Draws<'a> {
     /// else as it is expected, or under the Sun that is expected where it is not drawn.
     ///
     /// # Errors
-    /// Where a formula has no value.
+    /// If a formula has no value.
     pub fn traps_over_expected(&self) -> Result<Vec<Vec<(f64, f64)>>, InputError> {
         let sum = |model: &Model, t_yr: f64| -> Result<f64, InputError> {
             Ok(model.traps(t_yr)?.iter().map(|species| species.density_per_px).sum())
@@ -258,10 +259,10 @@ impl<'a> Draws<'a> {
         })
     }
 
-    /// What becomes of each draw, or of [`MOST_DIRECT`] of them where shapes cannot be emulated.
+    /// What becomes of each draw, or of [`MOST_DIRECT`] of them if shapes cannot be emulated.
     ///
     /// # Errors
-    /// Where a draw makes no sense to the mission, or a formula has no value for it; the first draw of which that is true.
+    /// If a draw makes no sense to the mission, or a formula has no value for it; the first draw of which that is true.
     pub fn fates(&self, progress: &Progress) -> Result<Fates, InputError> {
         match self.emulator(progress)? {
             Some((emulator, emulated)) => {
@@ -326,7 +327,7 @@ impl<'a> Draws<'a> {
         }
     }
 
-    /// Changes of shape of a draw at some times (years since launch); None where no shape is left.
+    /// Changes of shape of a draw at some times (years since launch); None if no shape is left.
     fn changes(
         &self,
         draw: &Draw,
@@ -346,7 +347,7 @@ impl<'a> Draws<'a> {
         times.iter().map(change).collect()
     }
 
-    /// An emulator of the changes of shape of draws, if a good one is found: a general one where there are effects.
+    /// An emulator of the changes of shape of draws, if a good one is found: a general one if there are effects.
     fn emulator(&self, progress: &Progress) -> Result<Option<(Emulator, Emulated)>, InputError> {
         let found = self.emulator_that_is(false, progress)?;
         match found {
@@ -395,7 +396,7 @@ impl<'a> Draws<'a> {
         Ok((Place::of(&draw.model.mission, &device, &draw.others, general), draw, device))
     }
 
-    /// The same with its change of shape, read out; None where no shape is left.
+    /// The same with its change of shape, read out; None if no shape is left.
     fn example(&self, place: usize, index: u32, general: bool) -> Result<Option<Example>, InputError> {
         let (place, draw, device) = self.place(place, index, general)?;
         let change = draw.model.trailed(0, &device.fit_for(Purpose::Shape))?;

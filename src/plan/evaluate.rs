@@ -47,7 +47,7 @@ pub struct Year {
     pub dose_mev_g: f64,
     /// Traps.
     pub traps: Vec<SpeciesState>,
-    /// Mean change of each galaxy's shape, in the mission's order. None where no shape is left to measure.
+    /// Mean change of each galaxy's shape, in the mission's order. None if no shape is left to measure.
     pub galaxies: Vec<Option<ShapeChange>>,
 }
 
@@ -68,7 +68,7 @@ impl Evaluation {
     /// The same with the noise of one exposure.
     ///
     /// # Errors
-    /// Where a formula has no value.
+    /// If a formula has no value.
     pub fn with_noise(self, realisations: Realisations) -> Result<Evaluation, InputError> {
         let noise = NoisyEvaluation::of(&self, realisations)?;
         Ok(Evaluation { noise, ..self })
@@ -77,7 +77,7 @@ impl Evaluation {
     /// The same with the shear biases of the population, if there is one; `seed` is that of its law and its noise.
     ///
     /// # Errors
-    /// Where a formula has no value, or no galaxy of the population can be measured.
+    /// If a formula has no value, or no galaxy of the population can be measured.
     pub fn with_population(self, seed: u64) -> Result<Evaluation, InputError> {
         let population = PopulationBias::of(&self.model, seed)?;
         Ok(Evaluation { population, ..self })
@@ -174,7 +174,7 @@ const JUST_AFTER: f64 = 1e-3;
 /// Evaluates a mission.
 ///
 /// # Errors
-/// Where a galaxy of the mission has no measurable shape even before the readout, or a formula has no value.
+/// If a galaxy of the mission has no measurable shape even before the readout, or a formula has no value.
 pub fn evaluate(mission: &Mission) -> Result<Evaluation, InputError> {
     evaluated(Model::new(mission))
 }

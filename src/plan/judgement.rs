@@ -69,7 +69,7 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// Value at the end of the mission; None where no shape is left.
+    /// Value at the end of the mission; None if no shape is left.
     pub fn at_end(&self) -> Option<f64> {
         self.crossings[0].margin.map(|margin| self.crossings[0].limit - margin)
     }
@@ -123,7 +123,7 @@ impl Judgement {
         Judgement::of(model, of_galaxy, confidence)
     }
 
-    /// Which budget is exceeded first, and when (years since launch), without and with correction; None where none is within the
+    /// Which budget is exceeded first, and when (years since launch), without and with correction; None if none is within the
     /// mission.
     pub fn first(&self) -> [Option<(Limited, f64)>; 2] {
         [0, 1].map(|corrected| {
@@ -133,13 +133,13 @@ impl Judgement {
         })
     }
 
-    /// Largest share of an uncorrected budget that is used at the end of the mission; None where no shape is left.
+    /// Largest share of an uncorrected budget that is used at the end of the mission; None if no shape is left.
     pub fn used(&self) -> Option<f64> {
         let used = self.budgets.iter().map(|budget| Some(budget.at_end()? / budget.crossings[0].limit));
         used.collect::<Option<Vec<f64>>>().map(|used| used.into_iter().fold(0.0, f64::max))
     }
 
-    /// How long (years since launch) all budgets are kept, without and with correction, as expected or with a probability; None where
+    /// How long (years since launch) all budgets are kept, without and with correction, as expected or with a probability; None if
     /// to the end of the mission.
     pub fn kept_yr(&self, confidence: Option<f64>) -> [Option<f64>; 2] {
         match (&self.distribution, confidence) {

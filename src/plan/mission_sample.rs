@@ -22,7 +22,7 @@ pub const EFFECTIVE_SAMPLES: &str = "effective_samples";
 pub struct MissionSample {
     /// Dotted keys, in the order of the columns.
     pub keys: Vec<String>,
-    /// Number of independent draws that the sample is worth, where the table says so.
+    /// Number of independent draws that the sample is worth, if the table says so.
     pub effective_samples: Option<f64>,
     table: Table,
 }
@@ -45,7 +45,7 @@ impl MissionSample {
     /// Reads a sample of a mission's keys.
     ///
     /// # Errors
-    /// Where the file is no table, a column is no key of the mission or has another unit, or a cell holds no number.
+    /// If the file is no table, a column is no key of the mission or has another unit, or a cell holds no number.
     pub fn read(path: impl AsRef<Path>, mission: &Mission) -> Result<MissionSample, InputError> {
         let refused = format!("cannot use posterior `{}`", path.as_ref().display());
         let table = Table::read(path).map_err(|error| InputError { refused: refused.clone(), ..error })?;
@@ -78,7 +78,7 @@ impl MissionSample {
         self.len() == 0
     }
 
-    /// Rows up to a number, evenly chosen; all where there are no more.
+    /// Rows up to a number, evenly chosen; all if there are no more.
     pub fn chosen(&self, count: usize) -> Vec<usize> {
         let count = count.min(self.len());
         (0..count).map(|index| index * self.len() / count).collect()
@@ -87,7 +87,7 @@ impl MissionSample {
     /// The mission with the values of a row.
     ///
     /// # Errors
-    /// Where the values make no sense to the mission; names the row.
+    /// If the values make no sense to the mission; names the row.
     pub fn mission(&self, mission: &Mission, row: usize) -> Result<Mission, InputError> {
         let value = |key: &String| -> Option<(String, Value)> {
             let number = self.table.column(key)?.cells[row].number()?;

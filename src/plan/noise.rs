@@ -26,7 +26,7 @@ pub const ESTIMATOR: &str = "(A, C)/max(T, sqrt(A^2 + C^2)) of the weighted sums
 pub struct NoisyEvaluation {
     /// How much was drawn.
     pub realisations: Realisations,
-    /// In each year, of each galaxy, in the order of the evaluation. None where no shape is left.
+    /// In each year, of each galaxy, in the order of the evaluation. None if no shape is left.
     pub years: Vec<Vec<Option<NoisyShape>>>,
     /// When the budget is exceeded with noise.
     pub verdict: NoisyVerdict,
@@ -57,7 +57,7 @@ pub struct NoisyCrossing {
     pub crossing: Crossing,
     /// Standard error of the first time from the finite number of realisations, yr.
     pub error_yr: Option<f64>,
-    /// Time without noise less that with noise, yr; None where one of them is not within the mission.
+    /// Time without noise less that with noise, yr; None if one of them is not within the mission.
     pub earlier_yr: Option<f64>,
 }
 
@@ -72,7 +72,7 @@ impl NoisyEvaluation {
     /// What noise adds to an evaluation. None without realisations.
     ///
     /// # Errors
-    /// Where a formula has no value.
+    /// If a formula has no value.
     pub fn of(evaluation: &Evaluation, realisations: Realisations) -> Result<Option<NoisyEvaluation>, InputError> {
         if realisations.count == 0 {
             return Ok(None);
@@ -140,7 +140,7 @@ fn realised(model: &Model, years: &[Year], realisations: Realisations) -> Result
     Ok(found)
 }
 
-/// What noise adds to the change of a galaxy by a device. None where no shape is left.
+/// What noise adds to the change of a galaxy by a device. None if no shape is left.
 fn term(realised: &[Realised], galaxy: usize, device: &Device) -> Option<NoiseTerm> {
     let proportional = realised.iter().find_map(|realised| Some((realised, device.traps_over(&realised.device)?)));
     let (nearest, factor) = match proportional {
@@ -192,7 +192,7 @@ fn verdict(
 /// Share of the time of a crossing over which its slope is taken.
 const SLOPE: f64 = 0.02;
 
-/// Standard error of the time (years since launch) of a crossing; None where |Δe| does not grow there.
+/// Standard error of the time (years since launch) of a crossing; None if |Δe| does not grow there.
 fn error_yr(
     t_yr: f64,
     shape: impl Fn(f64) -> Result<Option<NoisyShape>, InputError>,

@@ -45,7 +45,7 @@ pub struct PopulationBias {
     pub years: Vec<(f64, ShearBias)>,
     /// Biases at the end of the mission, and what each draw of galaxies adds to their errors.
     pub at_end: EndBias,
-    /// Biases against the number of traps, where nothing but that changes.
+    /// Biases against the number of traps, if nothing but that changes.
     pub by_traps: Option<ByTraps>,
     /// What becomes of `requirement.c`.
     pub c: Option<BiasVerdict>,
@@ -101,7 +101,7 @@ pub struct ByTraps {
 }
 
 impl ByTraps {
-    /// Least number of traps, over that at the end, with which a member of a bias reaches a limit; infinite where none does.
+    /// Least number of traps, over that at the end, with which a member of a bias reaches a limit; infinite if none does.
     ///
     /// ```text
     /// bias = α f² + β f        α f² + β f = ± limit
@@ -118,7 +118,7 @@ impl ByTraps {
     }
 }
 
-/// Real roots of α f² + β f = `value`, without a difference of nearly equal numbers; infinite or no number where there is but one.
+/// Real roots of α f² + β f = `value`, without a difference of nearly equal numbers; infinite or no number if there is but one.
 fn roots(alpha: f64, beta: f64, value: f64) -> [f64; 2] {
     let q = -0.5 * (beta + (beta * beta + 4.0 * alpha * value).sqrt().copysign(beta));
     [q / alpha, -value / q]
@@ -149,7 +149,7 @@ struct Weighted {
 }
 
 /// Numbers of traps, over that at the end of the mission, with which c and m exceed their limits, without and with correction;
-/// infinite where they do not.
+/// infinite if they do not.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrapLimits {
     /// Of the additive bias.
@@ -159,7 +159,7 @@ pub struct TrapLimits {
 }
 
 impl PopulationBias {
-    /// Numbers of traps that exceed the limits; None where biases do not follow from that number alone.
+    /// Numbers of traps that exceed the limits; None if biases do not follow from that number alone.
     pub fn trap_limits(&self) -> Option<TrapLimits> {
         let by_traps = self.by_traps?;
         let of = |verdict: &Option<BiasVerdict>, bias: fn(&ShearBias) -> [Estimated; 2]| match verdict {
@@ -171,10 +171,10 @@ impl PopulationBias {
         Some(TrapLimits { c: of(&self.c, |bias| bias.c), m: of(&self.m, |bias| bias.m) })
     }
 
-    /// Shear biases of a model's population. None where the mission has none.
+    /// Shear biases of a model's population. None if the mission has none.
     ///
     /// # Errors
-    /// Where a formula has no value, or no galaxy of the population can be measured.
+    /// If a formula has no value, or no galaxy of the population can be measured.
     pub fn of(model: &Model, seed: u64) -> Result<Option<PopulationBias>, InputError> {
         let Some(population) = &model.mission.population else { return Ok(None) };
         let sample = sample::of(&model.mission, population, seed);
@@ -234,7 +234,7 @@ fn unmeasurable(mission: &Mission) -> InputError {
 /// Times at which galaxies are read out.
 struct ReadoutTimes {
     times_yr: Vec<f64>,
-    /// The first time is the end of the mission, and the second has so many of its traps, where all that changes is their number.
+    /// The first time is the end of the mission, and the second has so many of its traps, if all that changes is their number.
     half: Option<f64>,
 }
 
@@ -348,7 +348,7 @@ impl Biases<'_> {
         Ok(self.times.weights(t_yr, &self.model.device_at(t_yr)?, &end))
     }
 
-    /// Biases where the times at which galaxies are read out have these weights.
+    /// Biases for these weights of the times at which galaxies are read out.
     fn weighted(&self, weights: &[f64]) -> EndBias {
         let trailed: Vec<TrailedResponse> =
             self.galaxies.iter().map(|galaxy| combined(&galaxy.response.trailed, weights)).collect();

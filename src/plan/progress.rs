@@ -9,6 +9,6 @@ pub struct Progress<'a> {
 }
 
 impl Progress<'static> {
-    /// For nobody.
+    /// Without any display.
     pub const NONE: Progress<'static> = Progress { stage: &|_, _| {}, advance: &|| {} };
 }

@@ -38,7 +38,7 @@ impl Crossing {
     }
 }
 
-/// |Δe| at a time (years since launch); None where no shape is left, which is beyond any limit.
+/// |Δe| at a time (years since launch); None if no shape is left, which is beyond any limit.
 pub type Point = (f64, Option<f64>);
 
 /// Shortest interval that is looked into, yr: nine hours.
@@ -51,7 +51,7 @@ const CLOSE: f64 = 1e-4;
 /// parabola itself needs a quarter.
 const ROOM: f64 = 2.0;
 
-/// Adds points to `known` (rising in time) until a function is known well enough to tell where it crosses each limit.
+/// Adds points to `known` (ascending in time) until the crossings of a function with each limit can be located.
 ///
 /// `known` must hold both ends, each bend, and each jump twice: just before it (the next smaller number) and at it.
 ///
@@ -112,8 +112,8 @@ fn is_clear(three: &[Point; 3], limits: &[f64]) -> bool {
     })
 }
 
-/// Where a function crosses a limit, given points that tell (see [`resolved`]). Roots are those of `function`, to 1e-9 yr, not
-/// of a line between points.
+/// Where a function crosses a limit, given points that bracket every crossing (see [`resolved`]). Roots are those of `function`, to
+/// 1e-9 yr, not of a line between points.
 ///
 /// # Errors
 /// Those of the function.

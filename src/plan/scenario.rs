@@ -81,10 +81,10 @@ pub struct Comparison {
     /// or the end of each.
     #[serde(skip)]
     pub compared_at_yr: [f64; 2],
-    /// |Δe| of the first best over that of the first worst at those times; None where one is lost or 0.
+    /// |Δe| of the first best over that of the first worst at those times; None if one is lost or 0.
     #[serde(skip)]
     pub ratio: Option<f64>,
-    /// Why the best is better than the worst at those times; empty where all are alike.
+    /// Why the best is better than the worst at those times; empty if all are alike.
     pub why: Vec<Cause>,
     /// What else a reader has to know.
     pub notes: Vec<String>,
@@ -94,12 +94,12 @@ pub struct Comparison {
 
 /// Evaluates missions at every combination of the axes' values.
 ///
-/// Where launch dates are compared and no model of the dose is among the axes, missions whose dose is an average over the solar
+/// If launch dates are compared and no model of the dose is among the axes, missions whose dose is an average over the solar
 /// cycle follow the cycle instead; `notes` say so. With a confidence each date is a distribution, too, and scenarios are ranked
 /// by how long they keep their budgets with that probability. `progress` is called once for every scenario that is done.
 ///
 /// # Errors
-/// Where a key or a value is not one of a mission's, or a galaxy has no measurable shape. The first one in order.
+/// If a key or a value is not one of a mission's, or a galaxy has no measurable shape. The first one in order.
 pub fn compare(
     candidates: &[Candidate],
     axes: &[Axis],
@@ -152,7 +152,7 @@ pub fn compare(
     Ok(Comparison { scenarios, names, confidence, ranking, compared_at_yr, ratio, why, notes, warnings })
 }
 
-/// Candidates as their launch dates are compared, where these are, and what a reader has to know of that.
+/// Candidates as their launch dates are compared, if these are, and what a reader has to know of that.
 fn under_the_sun(candidates: &[Candidate], axes: &[Axis]) -> (Vec<Candidate>, Vec<String>) {
     let mut candidates = candidates.to_vec();
     let mut notes: Vec<String> = Vec::new();

@@ -14,7 +14,7 @@ pub struct TimeSeries {
     pub dose_mev_g: Vec<f64>,
     /// Each species with its traps per pixel.
     pub traps_per_px: Vec<(String, Vec<f64>)>,
-    /// |Δe| of each galaxy, in the mission's order; NaN where it has no shape left.
+    /// |Δe| of each galaxy, in the mission's order; NaN if it has no shape left.
     pub delta_e: Vec<Vec<f64>>,
 }
 
@@ -22,7 +22,7 @@ impl TimeSeries {
     /// Of a mission whose galaxies have shapes.
     ///
     /// # Errors
-    /// Where a formula has no value.
+    /// If a formula has no value.
     pub fn of(model: &Model) -> Result<TimeSeries, InputError> {
         let galaxies = 0..model.mission.galaxies.len();
         let timelines: Vec<Timeline> =

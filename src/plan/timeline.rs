@@ -21,11 +21,11 @@ const HALVINGS: usize = 8;
 const BENT: f64 = 0.02;
 const BENT_OF_LARGEST: f64 = 1e-4;
 
-/// |Δe| of a galaxy over time, of the judged one where nothing else is said.
+/// |Δe| of a galaxy over time, of the judged one if nothing else is said.
 #[derive(Clone, Debug)]
 pub struct Timeline {
     launch: NaiveDate,
-    /// Years since launch, rising, with |Δe|; None where no shape is left.
+    /// Years since launch, rising, with |Δe|; None if no shape is left.
     pub points: Vec<Point>,
 }
 
@@ -33,7 +33,7 @@ impl Timeline {
     /// Over a mission as it is.
     ///
     /// # Errors
-    /// Where a formula has no value, here and below.
+    /// If a formula has no value, here and below.
     pub fn of(model: &Model) -> Result<Timeline, InputError> {
         Timeline::under(model, |_| {})
     }
@@ -89,12 +89,12 @@ impl Timeline {
         Timeline { launch: timelines[0].launch, points }
     }
 
-    /// |Δe| at the end of the mission; None where no shape is left.
+    /// |Δe| at the end of the mission; None if no shape is left.
     pub fn end(&self) -> Option<f64> {
         self.points.last().expect("a mission has an end").1
     }
 
-    /// |Δe| at a time (years since launch); None where no shape is left.
+    /// |Δe| at a time (years since launch); None if no shape is left.
     pub fn at(&self, t_yr: f64) -> Option<f64> {
         let after = self.points.partition_point(|point| point.0 < t_yr).clamp(1, self.points.len() - 1);
         let (before, after) = (self.points[after - 1], self.points[after]);
@@ -108,7 +108,7 @@ impl Timeline {
         crossing.expect("a straight line has a value")
     }
 
-    /// The day on which |Δe| reaches a limit; None where it does not within the mission.
+    /// The day on which |Δe| reaches a limit; None if it does not within the mission.
     pub fn date(&self, limit: f64) -> Option<NaiveDate> {
         date_after(self.launch, self.crossing(limit).t_yr?)
     }

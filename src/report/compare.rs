@@ -167,7 +167,7 @@ impl Comparison {
         self.names.len() > 1
     }
 
-    /// Scenarios with what is expected of them, and with the dates and probabilities of draws where a confidence is asked for.
+    /// Scenarios with their expected values, and with the dates and probabilities from draws if a confidence is requested.
     fn table(&self, expected: bool, drawn: bool) -> Table {
         let several = self.several_missions();
         let mut header: Vec<String> = if several { vec!["mission".into()] } else { Vec::new() };
@@ -208,8 +208,8 @@ impl Comparison {
         BUDGETS.into_iter().filter(|one| *one != Limited::DeltaE && self.limits(*one))
     }
 
-    /// Dates until which a scenario keeps its budgets with the confidence that is asked for, and how probable it is that it keeps
-    /// the corrected one to the end, %; nothing where none is asked for.
+    /// Dates until which a scenario keeps its budgets with the requested confidence, and the probability that it keeps the
+    /// corrected one to the end, %; empty if none is requested.
     fn kept(&self, scenario: &Scenario) -> Vec<String> {
         let Some(found) = &scenario.judgement.distribution else { return Vec::new() };
         let launch = scenario.mission.mission.launch.0;
@@ -293,7 +293,7 @@ impl Comparison {
     }
 }
 
-/// What tells a scenario apart, in words.
+/// A label that distinguishes a scenario.
 fn name(scenario: &Scenario, several_missions: bool) -> String {
     let settings: Vec<String> =
         scenario.settings.iter().map(|(key, value)| format!("{} = {}", short(key), setting(value))).collect();
@@ -312,7 +312,7 @@ fn short(key: &str) -> &str {
 
 fn setting(value: &toml::Value) -> String {
     match value {
-        // Six digits tell values of any sensible list apart.
+        // Six digits distinguish the values of any sensible list.
         toml::Value::Float(number) => {
             let rounded: f64 = format!("{number:.5e}").parse().expect("a number that was printed");
             crate::mission::keys::plain(rounded)
@@ -322,8 +322,8 @@ fn setting(value: &toml::Value) -> String {
     }
 }
 
-/// The day and the years after launch of the budget that is exceeded first, and which one it is where there are several: dates of
-/// different launches do not tell which lasts longer.
+/// The day and the years after launch at which the first budget is exceeded, and which one it is if there are several: dates of
+/// different launches do not show which mission lasts longer.
 fn when(scenario: &Scenario, first: Option<(Limited, f64)>) -> String {
     let several = scenario.judgement.limits_biases();
     or_dash(first.map(|(limited, t_yr)| {

@@ -161,7 +161,7 @@ impl Changed {
 }
 
 impl Diagnosis {
-    /// Where they are not as quoted.
+    /// If they are not as quoted.
     fn errors(&self, out: &mut Parts) {
         let of = |(noise, set): (&SetNoise, &SetResult)| noise::words(noise, set.data.observable.unit());
         for words in self.noise.iter().zip(&self.after.sets).filter_map(of) {

@@ -75,7 +75,7 @@ impl Page for Survey {
 }
 
 impl Survey {
-    /// The sources, each with its dose and its limits; where there is more than one.
+    /// The sources, each with its dose and its limits; if there is more than one.
     fn by_source(&self, out: &mut Parts) {
         if self.sources.len() < 2 {
             return;

@@ -32,7 +32,7 @@ struct Document<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     distribution: Option<&'a DateDistribution>,
     compliance: Vec<Line>,
-    /// The probability that was asked for.
+    /// The requested probability.
     confidence: Option<f64>,
     /// Whether all corrected budgets are met, noise left out.
     passes: bool,
@@ -43,7 +43,7 @@ struct Document<'a> {
 struct Realisations<'a> {
     name: &'a str,
     measured: usize,
-    /// Absent where fewer than two could be measured.
+    /// Absent if fewer than two could be measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     lost: Option<usize>,
     mean: Option<NamedChange<'a>>,

@@ -17,7 +17,7 @@ use crate::mission::keys::plain;
 use crate::plan::sources::{self, Source};
 use crate::report::plot::Figure;
 
-/// A fit, with what else was asked for: the error on rows it has not seen, intervals, a sample.
+/// A fit, with the requested additions: the error on rows it has not seen, intervals, a sample.
 pub struct FitReport {
     /// The fit.
     pub fit: Fit,
@@ -80,7 +80,7 @@ impl Report for FitReport {
         self.parts().text()
     }
 
-    /// The curves of the profiles where there are any; else the parameters.
+    /// The curves of the profiles if there are any; else the parameters.
     fn csv(&self) -> Vec<Vec<String>> {
         if !self.profiles.is_empty() {
             return profile::curves(&self.profiles);
@@ -205,7 +205,7 @@ fn correlations<'a>(keys: impl Iterator<Item = &'a str> + Clone, correlation: &[
 /// Other minima listed.
 const MINIMA: usize = 3;
 
-/// What the starts came to, in sentences; nothing where one start was enough.
+/// What the starts came to, in sentences; nothing if one start was enough.
 fn minima(fit: &Fit) -> Vec<String> {
     let mut said = Vec::new();
     if fit.starts.len() > 1 {

@@ -21,7 +21,7 @@ pub trait Page: Report {
     fn names(&self, missions: &[Mission]) -> Vec<String> {
         missions.iter().map(|mission| mission.mission.name.clone()).collect()
     }
-    /// Its requirements, one in each row, to be signed; None where it judges none.
+    /// Its requirements, one in each row, to be signed; None if it judges none.
     fn compliance(&self) -> Option<Table> {
         None
     }
@@ -82,7 +82,7 @@ pub fn page(result: &impl Page, missions: &[Mission]) -> String {
     markup.into_string() + "\n"
 }
 
-/// Requirements with room for names; what is signed is told by the digest of the mission as resolved.
+/// Requirements with room for names; the digest of the mission as resolved identifies what is signed.
 fn to_be_signed(lines: &Table, missions: &[Mission]) -> Markup {
     let digests = missions
         .iter()
@@ -102,7 +102,7 @@ fn to_be_signed(lines: &Table, missions: &[Mission]) -> Markup {
     }
 }
 
-/// A figure; a reader who does not see it is told its title and axes.
+/// A figure; its title and axes are the text alternative.
 fn drawn(figure: &Figure) -> Markup {
     let axes = figure.panels.iter().map(|panel| format!("{} against {}", panel.y_label, panel.x_label));
     let said = format!("{}: {}", figure.title, axes.collect::<Vec<_>>().join("; "));

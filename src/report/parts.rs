@@ -82,7 +82,7 @@ impl Parts {
         self.0.iter().map(text).collect()
     }
 
-    /// Of what the report is, and what it is, where it says so.
+    /// Of what the report is, and what it is, if it says so.
     pub(super) fn title_html(&self) -> Option<(&str, &str)> {
         self.0.iter().find_map(|part| match part {
             Part::Title(of, what) => Some((of.as_str(), what.as_str())),

@@ -46,7 +46,7 @@ pub struct Panel {
     pub series: Vec<Series>,
     /// Height relative to the other panels; one that is not positive counts as 1.
     pub height_share: f64,
-    /// Panels to the right of it. Where a figure has any, all are squares in columns; those of a row with the same `y_label` and
+    /// Panels to the right of it. If a figure has any, all are squares in columns; those of a row with the same `y_label` and
     /// `y_log` show the same range of y, and only the first of a row carries its label and numbers.
     pub beside: Vec<Panel>,
 }
@@ -84,7 +84,7 @@ pub fn line(label: &str, color: usize, x: &[f64], y: Vec<f64>) -> Series {
     Series { label: Some(label.into()), color, kind: Mark::Line { x: x.to_vec(), y, dashed: false } }
 }
 
-/// A line that is to be told from another of its colour.
+/// A line distinguished from another of its colour.
 pub fn dashed(label: &str, color: usize, x: &[f64], y: Vec<f64>) -> Series {
     Series { label: Some(label.into()), color, kind: Mark::Line { x: x.to_vec(), y, dashed: true } }
 }

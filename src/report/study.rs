@@ -51,7 +51,7 @@ pub struct StudyReport {
     pub results: Map<String, Value>,
     /// What follows from them, in sentences.
     pub findings: Vec<String>,
-    /// Things seen that are not errors.
+    /// Warnings.
     pub warnings: Vec<Warning>,
     /// Figures with the names of their files.
     pub figures: Vec<(String, Figure)>,
@@ -90,7 +90,7 @@ impl StudyReport {
         self.findings.push(words.into());
     }
 
-    /// Says that the study looks at one galaxy, where the requirement limits shear biases besides.
+    /// Says that the study looks at one galaxy, if the requirement limits shear biases besides.
     fn of_galaxy_alone(&mut self, mission: &Mission) {
         let biases: Vec<&str> =
             Limited::by(mission).into_iter().filter(|one| *one != Limited::DeltaE).map(Limited::symbol).collect();
@@ -174,7 +174,7 @@ fn short(number: f64) -> String {
     significant(number, 4)
 }
 
-/// The limit on |Δe| of the judged galaxy in a figure, where there is one.
+/// The limit on |Δe| of the judged galaxy in a figure, if there is one.
 fn budget(mission: &Mission) -> Option<Series> {
     let requirement = &mission.requirement;
     requirement.limits_a_galaxy().then(|| level("budget", requirement.delta_e))

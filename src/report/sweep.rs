@@ -13,9 +13,9 @@ pub struct SweepReport<'a> {
     pub parts: &'a Parts<'a>,
     /// The part of the sweep that was computed, where it was not all of it.
     pub shard: Option<Shard>,
-    /// What was computed; None where parts were only collected.
+    /// What was computed; None if parts were only collected.
     pub done: Option<Done>,
-    /// The result; None where it was there already, or is for others to collect.
+    /// The result; None if it was there already, or is for others to collect.
     pub merged: Option<Merged>,
 }
 

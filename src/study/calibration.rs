@@ -6,8 +6,8 @@
 //! left = Σ ∂q/∂ln ρᵢ (Δρᵢ/ρᵢ) + Σ ∂q/∂ln τᵢ (Δτᵢ/τᵢ)        q: Δe of the judged galaxy, shear biases c and m of the population
 //! ```
 //!
-//! with densities ρ and release times τ of the species. Israel et al. 2015 (MNRAS 453, 561) find so that Euclid must know densities to
-//! 0.03 % and release times to 0.04 %.
+//! with densities ρ and release times τ of the species. Israel et al. 2015 (MNRAS 453, 561) conclude that Euclid must know
+//! densities to 0.03 % and release times to 0.04 %.
 //!
 //! Each calibration (trails of injected charge or of flats, pumping) measures densities and release times with a relative error of its
 //! own. Until the next one densities are continued, on the straight line through the last two or not at all:
@@ -16,9 +16,9 @@
 //! ρ̂(t) = ρ̂ₖ + (ρ̂ₖ − ρ̂ₖ₋₁)(t − tₖ)/(tₖ − tₖ₋₁)        ρ̂(t) = ρ̂ₖ
 //! ```
 //!
-//! A solar event in between comes unforeseen: the Sun is drawn as for the date as a distribution.
+//! A solar event in between is not predicted: the Sun is drawn as for the date as a distribution.
 //!
-//! Intervals that are given are looked at one by one; the longest that keeps all limits is solved for (`calibration/longest.rs`).
+//! Given intervals are evaluated one by one; the longest that keeps all limits is solved for (`calibration/longest.rs`).
 
 mod longest;
 
@@ -240,7 +240,7 @@ impl Calibration {
         })
     }
 
-    /// What calibrations leave of a draw: looked at just before each of them and at times in between.
+    /// The residuals of calibrations for a draw, evaluated just before each of them and at times in between.
     fn worst(
         &self,
         sensitivities: &[Sensitivity],
@@ -275,7 +275,7 @@ impl Calibration {
     }
 }
 
-/// Times between two calibrations at which errors are looked at.
+/// Times between two calibrations at which errors are evaluated.
 const LOOKS: u32 = 8;
 
 /// What calibrations leave of a draw.
@@ -290,7 +290,7 @@ struct Worst {
     beyond: f64,
 }
 
-/// Traps as the last calibration has them, and the one before where a line is drawn through both: times (years since launch) and
+/// Traps as the last calibration has them, and the one before if a line is drawn through both: times (years since launch) and
 /// densities over those expected at the end.
 struct Calibrated {
     last: (f64, f64),

@@ -222,7 +222,7 @@ fn behind_a_line(device: &Device, scene: &Scene, line_e: f64, distance: u32) -> 
     let device = device.expected();
     let background_e = device.at.background_e;
     let (half_px, width_px, distance) = (scene.half_px(), scene.width_px(), distance as usize);
-    // The line in row 0, or the stamp where that reaches farther down.
+    // The line in row 0, or the stamp if that reaches farther down.
     let centre = distance.max(half_px);
     let stamp_rows = centre - half_px..centre + half_px + 1;
     let downstream = Downstream { rows: i64::from(device.at.transfers) - 1 - centre as i64, charge_e: background_e };

@@ -80,7 +80,7 @@ impl Default for Correction {
 pub struct Results {
     /// What is left after correction; None if there is nothing to correct: no traps, or no shape left.
     pub remainder: Option<Remainder>,
-    /// What is left of the shear biases of the population; None where the mission has none.
+    /// What is left of the shear biases of the population; None if the mission has none.
     pub population: Option<PopulationRemainder>,
     /// Warnings about the mission.
     pub warnings: Vec<Warning>,

@@ -83,9 +83,9 @@ pub struct Budget {
     pub nominal: Fate,
     /// What becomes of each draw.
     pub fates: Vec<Fate>,
-    /// Why the Sun is not among what was drawn; None where it is.
+    /// Why the Sun is not among what was drawn; None if it is.
     pub sun_not_drawn: Option<String>,
-    /// How changes of shape were emulated; None where each was read out.
+    /// How changes of shape were emulated; None if each was read out.
     pub emulated: Option<Emulated>,
 }
 
@@ -245,7 +245,7 @@ impl Percentile {
     }
 }
 
-/// Inputs by their share, the largest first, with what becomes of the mission at −1 σ and +1 σ of each alone.
+/// Inputs by their share, the largest first, with the results of the mission at −1 σ and +1 σ of each alone.
 fn ranked(names: &[String], swings: &[Swing], statistics: &Statistics, launch: NaiveDate) -> Vec<InputShare> {
     let shares = statistics.shares.as_ref().map(|(shares, _)| shares);
     let mut order: Vec<usize> = (0..swings.len()).collect();

@@ -38,14 +38,14 @@ pub use dipole::{Phase, dipole_e};
 /// Phases of a three-phase pumping cycle, 1-2-3-1'-3-2.
 const PHASES: f64 = 6.0;
 
-/// Phase times that are tried where none are given, ms, and how many.
+/// Phase times that are tried if none are given, ms, and how many.
 const PHASE_MS: (f64, f64) = (1e-3, 1e4);
 const PHASE_COUNT: usize = 29;
 
 /// Charge of the flat field if none is given, as a share of the full well.
 const FLAT: f64 = 0.05;
 
-/// Temperatures that are tried where none are given, from the operating one, K.
+/// Temperatures that are tried if none are given, from the operating one, K.
 const STEPS_K: [f64; 6] = [-20.0, 0.0, 20.0, 40.0, 60.0, 80.0];
 
 /// Lowest temperature that is tried, K.
@@ -428,7 +428,7 @@ impl PocketPumping {
 }
 
 /// Variance of ln τ at a temperature (K) on the straight line of ln τT² against 1/T through measurements at others (K, with
-/// errors of ln τ): the slope is the energy level. None where there is but one measurement, at another temperature.
+/// errors of ln τ): the slope is the energy level. None if there is but one measurement, at another temperature.
 fn extrapolated(measured: &[(f64, f64)], temperature_k: f64) -> Option<f64> {
     let weight = |sigma: f64| 1.0 / (sigma * sigma);
     let sum: f64 = measured.iter().map(|(_, sigma)| weight(*sigma)).sum();

@@ -77,7 +77,7 @@ pub struct Own {
     pub traps_per_px: f64,
     /// Protons of 10 MeV of the same dose, cm⁻².
     pub protons_10mev_cm2: f64,
-    /// Areal density of the shield, mean over its directions; None where it is not known.
+    /// Areal density of the shield, mean over its directions; None if it is not known.
     pub shield_g_cm2: Option<f64>,
     /// Transfers.
     pub transfers: u32,
@@ -194,7 +194,7 @@ impl Requirement {
         })
     }
 
-    /// Line times (ms) with |Δe| at the end of the mission; infinite where no shape is left.
+    /// Line times (ms) with |Δe| at the end of the mission; infinite if no shape is left.
     fn clocks(&self, model: &Model, advance: &(dyn Fn() + Sync)) -> Result<Vec<(f64, f64)>, InputError> {
         let own_ms = model.mission.readout.line_time_ms;
         parallel::try_map(&ratios(own_ms / REACH, own_ms * REACH, LINE_TIMES), |line_time_ms| {
@@ -227,7 +227,7 @@ fn own(model: &Model, shield_g_cm2: Option<f64>) -> Result<Own, InputError> {
     })
 }
 
-/// Largest |Δe| of a mission; infinite where a shape is lost.
+/// Largest |Δe| of a mission; infinite if a shape is lost.
 fn largest(timeline: &Timeline) -> f64 {
     timeline.points.iter().map(|point| point.1.unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
 }
@@ -237,7 +237,7 @@ fn excess(model: &Model, limit: f64) -> Result<f64, InputError> {
     Ok((largest(&Timeline::of(model)?) / limit - 1.0).min(1.0))
 }
 
-/// The mission with so many times the dose.
+/// The mission with its dose multiplied by a factor.
 fn with_dose(model: &Model, factor: f64) -> Model {
     let mut mission = model.mission.clone();
     mission.environment.dose_factor *= factor;
@@ -292,7 +292,7 @@ fn transfers(model: &Model, limit: f64) -> Result<Bound, InputError> {
 /// Transfers of a register longer than any that is built.
 const MOST_TRANSFERS: u32 = 16_384;
 
-/// |Δe| at the end of the mission with another line time (ms); infinite where no shape is left.
+/// |Δe| at the end of the mission with another line time (ms); infinite if no shape is left.
 fn at_line_time(model: &Model, line_time_ms: f64) -> Result<f64, InputError> {
     let at = Conditions { line_time_ms, ..model.conditions(model.mission.mission.duration_yr) };
     let change = model.change_by(0, &model.device(&at)?)?;

@@ -32,20 +32,20 @@ pub struct Exposure {
 }
 
 impl Exposure {
-    /// With the mission's own clock. Where `[readout.noise]` has no read noise for it, it is that of the judged galaxy.
+    /// With the mission's own clock. If `[readout.noise]` has no read noise for it, it is that of the judged galaxy.
     pub fn of(mission: &Mission) -> Exposure {
         let line_time_ms = mission.readout.line_time_ms;
         let read_noise_e = read_noise_e(mission, line_time_ms).unwrap_or(mission.judged_galaxy().read_noise_e);
         Exposure::with(mission, line_time_ms, read_noise_e)
     }
 
-    /// With another time between two parallel transfers (ms). None where `[readout.noise]` has no read noise for it.
+    /// With another time between two parallel transfers (ms). None if `[readout.noise]` has no read noise for it.
     pub fn with_line_time(mission: &Mission, line_time_ms: f64) -> Option<Exposure> {
         Some(Exposure::with(mission, line_time_ms, read_noise_e(mission, line_time_ms)?))
     }
 
     fn with(mission: &Mission, line_time_ms: f64, read_noise_e: f64) -> Exposure {
-        // As many rows as transfers at least, where the mission does not say how many there are.
+        // As many rows as transfers at least, if the mission does not say how many there are.
         let rows = mission.readout.noise.as_ref().map_or(mission.readout.transfers, |noise| noise.rows);
         Exposure {
             aperture: Aperture::of(mission, mission.judged_galaxy()),
@@ -65,7 +65,7 @@ impl Exposure {
         reference.cycle(1.0) / self.cycle(1.0)
     }
 
-    /// Area per time over that of other exposures, where these are made longer or shorter until they have the others'
+    /// Area per time over that of other exposures, if these are made longer or shorter until they have the others'
     /// signal-to-noise ratio in spite of charge (e- per pixel) on top of the sky.
     pub fn area_equal_depth(&self, extra_e: f64, reference: &Exposure) -> f64 {
         let times = self.aperture.times_for(reference.snr(0.0), extra_e, self.read_noise_e);

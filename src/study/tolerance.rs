@@ -17,7 +17,7 @@ pub(super) fn trap_parameters(mission: &Mission) -> Vec<Parameter> {
     densities.chain(releases).collect()
 }
 
-/// Limit on something, without correction; None where there is none.
+/// Limit on something, without correction; None if there is none.
 pub(super) fn limit(mission: &Mission, limited: Limited) -> Option<f64> {
     let requirement = &mission.requirement;
     match limited {
@@ -47,7 +47,7 @@ impl Sensitivity {
     /// Of everything that a mission limits.
     ///
     /// # Errors
-    /// Where a formula has no value, or no shape is left.
+    /// If a formula has no value, or no shape is left.
     pub fn all(model: &Model, advance: &(dyn Fn() + Sync)) -> Result<Vec<Sensitivity>, InputError> {
         let mission = &model.mission;
         let limited = Limited::by(mission);

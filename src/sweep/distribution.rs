@@ -5,7 +5,7 @@
 //! normal      x = μ + σ Φ⁻¹(u)             log-normal   x = m exp(σ Φ⁻¹(u))
 //! ```
 //!
-//! u is even between 0 and 1. Where a normal or log-normal distribution is cut at `min` or `max`, u is even between the
+//! u is even between 0 and 1. If a normal or log-normal distribution is cut at `min` or `max`, u is even between the
 //! probabilities of the two ends, so that what remains keeps its shape. Quantiles serve both kinds of sampling, and keep
 //! the strata of a Latin hypercube.
 
@@ -34,7 +34,7 @@ pub enum Distribution {
         mean: f64,
         /// σ.
         sigma: f64,
-        /// Where it is cut; infinite where it is not.
+        /// Where it is cut; infinite if it is not.
         ends: (f64, f64),
     },
     /// Gauss's in the logarithm.
@@ -43,7 +43,7 @@ pub enum Distribution {
         median: f64,
         /// σ of the natural logarithm: about the relative scatter where it is small.
         sigma: f64,
-        /// Where it is cut; 0 and infinite where it is not.
+        /// Where it is cut; 0 and infinite if it is not.
         ends: (f64, f64),
     },
 }
@@ -65,7 +65,7 @@ impl Distribution {
         }
     }
 
-    /// Probability that lies between the ends of a cut distribution; 1 where it is not cut.
+    /// Probability that lies between the ends of a cut distribution; 1 if it is not cut.
     pub fn kept(&self) -> f64 {
         let normal = Normal::standard();
         let between = |low: f64, high: f64| normal.cdf(high) - normal.cdf(low);

@@ -55,9 +55,9 @@ pub struct Grid {
     pub missions: Vec<(String, Mission)>,
     /// Keys that vary, in the order of the file.
     pub axes: Vec<Axis>,
-    /// How distributions are drawn from; None where there are none.
+    /// How distributions are drawn from; None if there are none.
     pub sampling: Option<Sampling>,
-    /// Draws at every combination of the lists; 1 where there are no distributions.
+    /// Draws at every combination of the lists; 1 if there are no distributions.
     pub draws: u64,
     /// Seed of the draws.
     pub seed: u64,
@@ -88,7 +88,7 @@ impl Grid {
     /// Reads a grid file and its missions.
     ///
     /// # Errors
-    /// Where a file cannot be read, or what it says makes no sense: one message with line, key, value and what is allowed.
+    /// If a file cannot be read, or what it says makes no sense: one message with line, key, value and what is allowed.
     pub fn read(path: impl AsRef<Path>) -> Result<Grid, InputError> {
         let path = path.as_ref();
         let refused = format!("cannot use grid `{}`", path.display());
@@ -201,7 +201,7 @@ impl Grid {
 }
 
 impl Values {
-    /// Values that are combined with those of other axes: 1 where they are drawn.
+    /// Values that are combined with those of other axes: 1 if they are drawn.
     fn listed(&self) -> usize {
         match self {
             Values::Listed(values) => values.len(),

@@ -55,7 +55,7 @@ const ROWS: usize = 65_536;
 /// Makes one table of all parts, and removes them.
 ///
 /// # Errors
-/// Where parts are missing (the message says how many, and how to find which), damaged, or those of another sweep, or the table
+/// If parts are missing (the message says how many, and how to find which), damaged, or those of another sweep, or the table
 /// cannot be written. Nothing is removed then.
 pub fn collect(parts: &Parts) -> Result<Merged, InputError> {
     let grid = parts.grid;

@@ -83,7 +83,7 @@ impl Output {
         DeltaFlux,
     ];
 
-    /// What is recorded where the grid file does not say.
+    /// What is recorded if the grid file does not say.
     pub const USUAL: [Output; 4] = [Dose, DeltaE, ExceededUncorrected, ExceededCorrected];
 
     /// Name in grid files and of the column.

@@ -29,7 +29,7 @@ impl<'a> Parts<'a> {
     /// The parts of a sweep whose result is a file, `.parquet` or `.csv`.
     ///
     /// # Errors
-    /// Where the file's name ends in neither, or it is there and is not the result of this sweep, or the result or its
+    /// If the file's name ends in neither, or it is there and is not the result of this sweep, or the result or its
     /// parts would replace a file that the sweep reads.
     pub fn of(grid: &'a Grid, result: impl Into<PathBuf>) -> Result<Parts<'a>, InputError> {
         let result = result.into();
@@ -59,7 +59,7 @@ impl<'a> Parts<'a> {
     /// Makes the folder of the parts.
     ///
     /// # Errors
-    /// Where it cannot be made, or not be written to.
+    /// If it cannot be made, or not be written to.
     pub fn prepare(&self) -> Result<(), InputError> {
         let parent = self.result.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if !parent.is_dir() {
@@ -74,7 +74,7 @@ impl<'a> Parts<'a> {
     /// Which chunks are there.
     ///
     /// # Errors
-    /// Where the folder cannot be read, or holds parts of another sweep.
+    /// If the folder cannot be read, or holds parts of another sweep.
     pub fn present(&self) -> Result<Vec<bool>, InputError> {
         let mut present = vec![false; self.grid.chunks() as usize];
         let refused = || format!("cannot use the parts in `{}`", self.folder.display());
@@ -101,7 +101,7 @@ impl<'a> Parts<'a> {
     /// Writes the rows of a chunk.
     ///
     /// # Errors
-    /// Where that cannot be done.
+    /// If that cannot be done.
     pub(super) fn write(&self, chunk: u64, rows: &[Vec<Cell>]) -> Result<(), InputError> {
         let mut writer = csv::Writer::from_writer(Vec::new());
         let header: Vec<String> = self.grid.columns().into_iter().map(|(name, _)| name).collect();
@@ -116,7 +116,7 @@ impl<'a> Parts<'a> {
     /// Reads the rows of a chunk.
     ///
     /// # Errors
-    /// Where the file is not there, or is not what was written.
+    /// If the file is not there, or is not what was written.
     pub(super) fn read(&self, chunk: u64) -> Result<Vec<Vec<Cell>>, InputError> {
         let path = self.path(chunk);
         let refuse = |problem: String| {
@@ -154,10 +154,10 @@ impl<'a> Parts<'a> {
 
     /// Holds the parts against another process that would compute the same; for as long as the file lives.
     ///
-    /// None where the file system knows no locks: two processes then do the work twice, and the result is the same.
+    /// None if the file system knows no locks: two processes then do the work twice, and the result is the same.
     ///
     /// # Errors
-    /// Where another process holds them.
+    /// If another process holds them.
     pub(super) fn lock(&self) -> Result<Option<File>, InputError> {
         let path = self.folder.join("lock");
         let refused = || format!("cannot sweep into `{}`", self.result.display());
@@ -173,7 +173,7 @@ impl<'a> Parts<'a> {
 
     /// Removes the parts, once they are one file.
     pub(super) fn remove(&self) {
-        // Left-overs harm nobody, and the result is written.
+        // Leftover files do no harm, and the result is written.
         let _ = fs::remove_dir_all(&self.folder);
     }
 

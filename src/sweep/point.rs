@@ -78,7 +78,7 @@ impl<'a> Points<'a> {
         Ok((values, warnings.join("; ")))
     }
 
-    /// All budgets together, where a recorded quantity asks for that: it is drawn, or shear biases are limited.
+    /// All budgets together, if a recorded quantity asks for that: it is drawn, or shear biases are limited.
     fn judgement(&self, end: &EndOfLife) -> Result<Option<Judgement>, InputError> {
         let mission = &end.model.mission;
         let drawn = self.grid.records.iter().any(|output| output.is_drawn());
@@ -91,7 +91,7 @@ impl<'a> Points<'a> {
         Judgement::of(end.model, of_galaxy, drawn.then_some(CONFIDENCE)).map(Some)
     }
 
-    /// A model with its images drawn, or with those of an earlier one where they are the same.
+    /// A model with its images drawn, or with those of an earlier one if they are the same.
     fn model(&self, mission: &Mission) -> Model {
         let known = self.lock().iter().find(|known| known.shares_scenes(mission)).cloned();
         if let Some(known) = known {

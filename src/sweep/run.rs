@@ -25,7 +25,7 @@ pub struct Done {
 /// `plan` is called once with the number of points to compute, `progress` with every point that is done.
 ///
 /// # Errors
-/// Where parts cannot be read or written, or are those of another sweep, or another process is at the whole sweep already.
+/// If parts cannot be read or written, or are those of another sweep, or another process is at the whole sweep already.
 pub fn run(
     parts: &Parts,
     shard: Option<Shard>,

@@ -41,7 +41,7 @@ impl FromStr for Shard {
 /// Refuses to cut a sweep into more shards than it has chunks: some would have nothing to do.
 ///
 /// # Errors
-/// Where that is so.
+/// If that is so.
 pub(super) fn check(grid: &Grid, shards: u64) -> Result<(), InputError> {
     if shards <= grid.chunks() {
         return Ok(());
@@ -55,10 +55,10 @@ pub(super) fn check(grid: &Grid, shards: u64) -> Result<(), InputError> {
         .with_help("take fewer shards, or set chunk_points in the grid file to less"))
 }
 
-/// Numbers, from 1, of the shards of so many that lack points. None lacks any where the result is there.
+/// Numbers, from 1, of the shards of so many that lack points. None lacks any if the result is there.
 ///
 /// # Errors
-/// Where parts are those of another sweep, or there are more shards than chunks.
+/// If parts are those of another sweep, or there are more shards than chunks.
 pub fn missing(parts: &Parts, shards: u64) -> Result<Vec<u64>, InputError> {
     check(parts.grid, shards)?;
     if parts.merged() {
@@ -92,7 +92,7 @@ pub fn indices(numbers: &[u64]) -> String {
 /// A script for `sbatch` that computes a sweep as an array of so many tasks, each `program ... --shard K/N`.
 ///
 /// # Errors
-/// Where there are more tasks than chunks, or a path is not there.
+/// If there are more tasks than chunks, or a path is not there.
 pub fn script(parts: &Parts, program: &Path, tasks: u64) -> Result<String, InputError> {
     check(parts.grid, tasks)?;
     let absolute = |path: &Path| std::path::absolute(path).map_or_else(|_| quoted(path), |path| quoted(&path));

@@ -45,7 +45,7 @@ impl ColumnKind {
         }
     }
 
-    /// Fingerprint of the sweep whose result a file is, empty where it is none; None where there is no file.
+    /// Fingerprint of the sweep whose result a file is, empty if it is none; None if there is no file.
     pub fn fingerprint(self, path: &Path) -> Result<Option<String>, InputError> {
         let refuse = |error: io::Error| InputError::new(format!("cannot use `{}`", path.display()), error.to_string());
         let file = match File::open(path) {

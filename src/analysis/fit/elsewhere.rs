@@ -1,11 +1,10 @@
 //! Whether chi2 has a deeper minimum elsewhere.
 //!
-//! Where a model has a kink (a packet that sinks into a notch near the background), chi2 has several minima, and a minimiser
-//! ends in that next to its start. Each parameter is scanned by itself, on either side of the optimum, at the value that the
-//! mission has, and at its kinks, next to which a minimum may be narrow, all others following to first order: 20 to 28 evaluations of
-//! the model for each. Where the scan finds less than at
-//! the optimum, or a second valley, the fit starts once more. The mission's own values are among the starts, so that a fit
-//! with a parameter held there cannot end lower than one where it is free.
+//! If a model has a kink (a packet that sinks into a notch near the background), chi2 has several minima, and a minimiser ends in
+//! the one next to its start. Each parameter is scanned by itself, on either side of the optimum, at the value that the mission
+//! has, and at its kinks, next to which a minimum may be narrow, all others following to first order: 20 to 28 evaluations of the
+//! model for each. If the scan finds a lower chi2 than at the optimum, or a second valley, the fit starts once more. The mission's
+//! own values are among the starts, so that a fit with a parameter held there cannot end lower than one with it free.
 
 use nalgebra::DVector;
 
@@ -29,7 +28,7 @@ const ROUGH: f64 = 1.0;
 /// Excess of chi2, in addition to a share of it, beyond which a minimum is not followed to its bottom.
 const FAR_ABOVE: f64 = 30.0;
 
-/// Whether a rough fit may lead to a minimum other than one of so much chi2, not so far above it that nobody would ask for it.
+/// Whether a rough fit may lead to a minimum other than the known one, and not far above it.
 pub(crate) fn is_another(rough: f64, known: f64) -> bool {
     let rise = rough - known;
     let is_known = rise > -SAME && rise < ROUGH;
@@ -54,7 +53,7 @@ impl Problem<'_> {
         found
     }
 
-    /// The minimum that a start leads to; None where a rough fit leads to no other.
+    /// The minimum that a start leads to; None if a rough fit leads to no other.
     fn another(&self, start: &[f64], known: &Optimum) -> Option<Optimum> {
         let rough = self.roughly(start);
         is_another(rough.chi2, known.chi2).then(|| self.minimise(&rough.at))

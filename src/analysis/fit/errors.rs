@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 /// Errors of the linear theory.
 pub(super) struct Errors {
-    /// Of each parameter; None where the data do not tell.
+    /// Of each parameter; None if the data do not constrain it.
     pub sigmas: Vec<Option<f64>>,
     pub correlation: Vec<Vec<f64>>,
     /// Directions (in units of each parameter's own error were it alone) along which chi2 does not change.

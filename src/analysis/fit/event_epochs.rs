@@ -1,4 +1,4 @@
-//! Moments of events (a flare, a bakeout), of which data only tell between which two of their epochs they lie.
+//! Epochs of events (a flare, a bakeout): data only determine between which two of their own epochs these lie.
 
 use nalgebra::DVector;
 
@@ -58,7 +58,8 @@ impl Problem<'_> {
         epochs
     }
 
-    /// An optimum with each moment in the middle of where chi2 is as good: its mean, where the data do not tell more.
+    /// An optimum with each event epoch at the centre of the interval in which chi2 is equally good: its mean, if the data
+    /// determine no more.
     pub(super) fn centred(&self, optimum: Optimum) -> Result<Optimum, InputError> {
         let (mut found, most) = (optimum.clone(), optimum.chi2 + AS_GOOD);
         for index in (0..found.at.len()).filter(|&index| self.parameters[index].is_event_epoch) {

@@ -44,7 +44,7 @@ pub struct Group {
 /// Fits without each group of a column in turn, and predicts it.
 ///
 /// # Errors
-/// Where no data set varies in that column, or a fit fails.
+/// If no data set varies in that column, or a fit fails.
 pub fn holdout(
     model: &Model,
     data: &[DataSet],

@@ -98,7 +98,7 @@ impl Problem<'_> {
     }
 
     /// Minimises from a start with moments held where they are, again and again with fresh derivatives until that helps no more:
-    /// where the model has a kink (a packet that sinks into a notch) the solver stops early.
+    /// if the model has a kink (a packet that sinks into a notch) the solver stops early.
     pub(super) fn minimise(&self, start: &[f64]) -> Optimum {
         // Residuals are good to the accuracy of the readout: no use in asking for more.
         let solver = || LevenbergMarquardt::new().with_ftol(1e-6).with_xtol(1e-6);
@@ -117,7 +117,7 @@ impl Problem<'_> {
     }
 
     /// One minimisation, with derivatives that follow by Broyden's update (1965, Mathematics of Computation 19, 577) from those at
-    /// the start, where those of the first parameters may be `known`.
+    /// the start; those of the first parameters may be `known`.
     fn minimise_once(&self, start: &[f64], solver: LevenbergMarquardt<f64>, known: &DMatrix<f64>) -> Optimum {
         let moving: Vec<usize> = (0..start.len()).filter(|&index| !self.parameters[index].is_event_epoch).collect();
         if moving.is_empty() {
@@ -194,7 +194,7 @@ impl Run<'_> {
         Some(jacobian)
     }
 
-    /// Derivatives with respect to the inner coordinates, by a step forward where they are not known.
+    /// Derivatives with respect to the inner coordinates, by a step forward if they are not known.
     fn derivatives(&self, centre: &DVector<f64>) -> Option<DMatrix<f64>> {
         let (problem, at, known) = (self.problem, &self.at, &self.known);
         let derivative = |&index: &usize| -> Option<DVector<f64>> {
@@ -209,7 +209,7 @@ impl Run<'_> {
             at[index] = moved;
             Some((DVector::from_vec(problem.residuals(&at).ok()?) - centre) / step)
         };
-        // All of them, also where one has no value: how many evaluations were made must not depend on which came first.
+        // All of them, also if one has no value: how many evaluations were made must not depend on which came first.
         let columns: Vec<Option<DVector<f64>>> = parallel::map(&self.moving, derivative);
         Some(DMatrix::from_columns(&columns.into_iter().collect::<Option<Vec<_>>>()?))
     }

@@ -28,7 +28,7 @@ pub struct Parameter {
     pub high: f64,
     /// Whether it is the moment of an event, which data know only between two epochs.
     pub is_event_epoch: bool,
-    /// Its place in the mission; None where it can only be set by way of the text.
+    /// Its place in the mission; None if it can only be set by way of the text.
     pub(crate) handle: Option<Handle>,
     scale: Scale,
 }
@@ -41,7 +41,7 @@ enum Scale {
     Linear,
 }
 
-/// Where a value that must be above 0 moves nothing any more, a fit would take it to 0 or infinity: so many sigma for a
+/// If a value that must be above 0 moves nothing any more, a fit would take it to 0 or infinity: so many sigma for a
 /// factor e hold it near to where it came from. That shifts a value known to a factor e by a thousandth of its error.
 const FEATHER: f64 = 0.03;
 
@@ -55,7 +55,7 @@ impl Parameter {
     /// The parameter of a mission's key.
     ///
     /// # Errors
-    /// Where the mission has no such key, or its value is no number that can be fitted.
+    /// If the mission has no such key, or its value is no number that can be fitted.
     pub fn of(mission: &Mission, key: &str) -> Result<Parameter, InputError> {
         let refusal = |problem: String| InputError::new(format!("cannot fit `{key}`"), problem);
         let path = mission.path(key).map_err(|(problem, help)| InputError { help, ..refusal(problem) })?;
@@ -112,12 +112,12 @@ impl Parameter {
         value.max(self.least()).min(self.high)
     }
 
-    /// The least value that a fit goes to: where nothing is not allowed, next to it.
+    /// The least value that a fit goes to: next to 0 if the value must be above 0.
     fn least(&self) -> f64 {
         if self.is_log() { 1e-12 * self.high.min(1.0) } else { self.low }
     }
 
-    /// How far a value is from the mission's, in ordinary changes (of its logarithm, where it must be above 0).
+    /// How far a value is from the mission's, in ordinary changes (of its logarithm, if it must be above 0).
     pub fn changes_from_start(&self, value: f64) -> f64 {
         let change = (self.inner(value) - self.inner(self.start)).abs();
         match self.scale {
@@ -136,7 +136,7 @@ impl Parameter {
         !(0.1..10.0).contains(&ratio)
     }
 
-    /// The coordinate along which a parameter is followed, and in which a flat prior is flat: ln x where x must be above 0, else x.
+    /// The coordinate along which a parameter is followed, and in which a flat prior is flat: ln x if x must be above 0, else x.
     pub fn coordinate(&self, value: f64) -> f64 {
         if self.is_log() { value.max(self.least()).ln() } else { value }
     }

@@ -96,7 +96,7 @@ pub struct Posterior {
 /// Samples the posterior of the parameters of a fit.
 ///
 /// # Errors
-/// Where nothing was fitted.
+/// If nothing was fitted.
 pub fn posterior(
     model: &Model,
     data: &[DataSet],
@@ -138,7 +138,7 @@ impl Target for OfProblem<'_> {
         if !self.is_allowed(coordinates) {
             return f64::NEG_INFINITY;
         }
-        // Where the model has no value, there is no probability.
+        // If the model has no value, there is no probability.
         self.problem.residuals(&self.values(coordinates)).map_or(f64::NEG_INFINITY, |found| -0.5 * chi2(&found))
     }
 }

@@ -88,7 +88,7 @@ impl<'a> Problem<'a> {
     /// The mission with other values.
     ///
     /// # Errors
-    /// Where the values make no sense together.
+    /// If the values make no sense together.
     pub(crate) fn mission(&self, at: &[f64]) -> Result<Mission, InputError> {
         let numbers = self.parameters.iter().zip(at);
         let numbers: Option<Vec<_>> =
@@ -104,7 +104,7 @@ impl<'a> Problem<'a> {
     /// (value − model)/sigma of every row, without what the errors of rows have in common.
     ///
     /// # Errors
-    /// Where the model has no value.
+    /// If the model has no value.
     pub(super) fn residuals(&self, at: &[f64]) -> Result<Vec<f64>, InputError> {
         let mission = self.mission(at)?;
         let model = self.base.like(&mission);

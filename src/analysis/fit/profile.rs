@@ -39,7 +39,7 @@ const EXACT: f64 = 1e-3;
 /// Least and largest factor from one distance to the next.
 const GROWTH: (f64, f64) = (1.3, 4.0);
 
-/// Rise of chi2 from which on it does not matter how large it is; also where the model has no value.
+/// Rise of chi2 from which on it does not matter how large it is; also if the model has no value.
 const VERY_HIGH: f64 = 1e6;
 
 /// A scan of chi2 along one parameter.
@@ -117,7 +117,7 @@ impl End {
 /// Scans chi2 along one of the free parameters of a fit.
 ///
 /// # Errors
-/// Where the key is not among those that were fitted.
+/// If the key is not among those that were fitted.
 pub fn profile(
     model: &Model,
     data: &[DataSet],
@@ -166,7 +166,7 @@ pub fn profile(
 /// The place of a key among the free ones.
 ///
 /// # Errors
-/// Where it is not one of them.
+/// If it is not one of them.
 pub fn place(free: &[String], key: &str) -> Result<usize, InputError> {
     free.iter().position(|known| known == key).ok_or_else(|| {
         let problem = format!("it is not free; free are: {}", free.join(", "));
@@ -204,7 +204,7 @@ struct Refit {
 }
 
 impl Scan<'_> {
-    /// A fit of the others from a start, the parameter held. Where the model has no value, chi2 is very high.
+    /// A fit of the others from a start, the parameter held. If the model has no value, chi2 is very high.
     fn refit(&self, coordinate: f64, start: &[f64]) -> Refit {
         let value = self.parameter.at_coordinate(coordinate);
         let held = [(self.parameter.key.clone(), value.into())];
@@ -285,7 +285,7 @@ impl Side {
 }
 
 impl Search<'_> {
-    /// Where chi2 has risen by so much.
+    /// Where chi2 has increased by `rise`.
     fn end(&self, rise: f64) -> End {
         let value = |coordinate: f64| self.scan.parameter.at_coordinate(coordinate);
         match self.bracket(rise) {
@@ -307,7 +307,7 @@ impl Search<'_> {
         }
     }
 
-    /// Two neighbours between which chi2 has risen by so much; the last fit below that where there are none.
+    /// Two neighbours between which chi2 has increased by `rise`; the last fit below that if there are none.
     fn bracket(&self, rise: f64) -> Result<(Refit, Refit), Refit> {
         let mut reached = 0;
         loop {

@@ -55,7 +55,7 @@ pub struct Fitted {
     pub before: f64,
     /// Value at the optimum.
     pub value: f64,
-    /// 1-sigma error, of the larger side where chi2 is no parabola; None where the data do not tell.
+    /// 1-sigma error, of the larger side if chi2 is not parabolic; None if the data do not constrain it.
     pub sigma: Option<f64>,
 }
 

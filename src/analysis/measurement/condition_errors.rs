@@ -15,7 +15,7 @@ use crate::physics::observable::Observable;
 /// Enlarges the errors of rows by those of their conditions.
 ///
 /// # Errors
-/// Where the model has no value.
+/// If the model has no value.
 pub(super) fn add(rows: &mut [Row], observable: Observable, mission: &Mission) -> Result<(), InputError> {
     let moved: Vec<(usize, f64, [Conditions; 2])> = rows
         .iter()
@@ -50,7 +50,7 @@ pub(super) fn add(rows: &mut [Row], observable: Observable, mission: &Mission) -
 }
 
 /// A row's conditions with one of them a standard error lower and higher, and by which share of their difference the value is
-/// uncertain; None where the condition is exact, or the row does not have it.
+/// uncertain; None if the condition is exact, or the row does not have it.
 fn around(row: &Row, (name, sigma): &(&'static str, f64), place: usize) -> Option<(usize, f64, [Conditions; 2])> {
     let here = row.at.get(name).filter(|_| *sigma > 0.0)?;
     // Whole numbers move by one at least.

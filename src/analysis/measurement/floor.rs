@@ -15,13 +15,13 @@ impl Reader<'_> {
     /// The floor of a row's error, in the observable's unit: that of the file and that of the mission, in squares.
     ///
     /// # Errors
-    /// Where the file's floor is no number from 0 on.
+    /// If the file's floor is no number from 0 on.
     pub(super) fn floor(&self, row: usize, value: f64) -> Result<f64, InputError> {
         let relative = self.mission.fit.floor * value;
         Ok(self.floor_of_file(row)?.hypot(relative))
     }
 
-    /// The file's floor, in the observable's unit: a column where there is one, else `meta.floor`, else 0.
+    /// The file's floor, in the observable's unit: a column if there is one, else `meta.floor`, else 0.
     fn floor_of_file(&self, row: usize) -> Result<f64, InputError> {
         let unit = Unit::of(self.observable);
         let Some((floor, place)) = self.number_by(row, "floor", unit, |conversion, theirs| conversion.scale(theirs))?

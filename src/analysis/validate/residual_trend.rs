@@ -1,9 +1,9 @@
-//! Whether residuals trend on a condition.
+//! Residual trends with a condition.
 //!
-//! Rows are binned in a condition (its values themselves where they are few). Two figures tell a trend: chi2 of the bins'
-//! means about the common one, for any shape, and the square of the slope against the bins' order, for a trend. Each has a
-//! chance of its own from the chi2 distribution; twice the smaller is the chance of this condition. How often the smallest
-//! chance of *all* conditions is as small by noise alone is found by simulation: that is the false alarm given.
+//! Rows are binned in a condition (by its values themselves if they are few). Two statistics test for a trend: chi2 of the bins'
+//! means about the common one, for any shape, and the square of the slope against the bins' order, for a monotonic trend. Each has
+//! a p-value from the chi2 distribution; twice the smaller is the p-value of this condition. The false-alarm probability is how
+//! often the smallest p-value of *all* conditions is as small by noise alone; it is found by simulation.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -29,9 +29,9 @@ pub struct Trend {
     pub slope_sigma: f64,
     /// Error of it.
     pub slope_error_sigma: f64,
-    /// Chance that noise alone trends as much on this condition.
+    /// Probability of as strong a trend with this condition by noise alone.
     pub chance: f64,
-    /// Chance that noise alone trends as much on any of the conditions looked at.
+    /// Probability of as strong a trend with any of the conditions tested by noise alone.
     pub false_alarm: f64,
     /// Bins in rising order (words in order of appearance).
     pub bins: Vec<Bin>,
@@ -44,7 +44,7 @@ pub struct Bin {
     pub low: f64,
     /// Largest value.
     pub high: f64,
-    /// The word, where the condition is one.
+    /// The word, if the condition is one.
     pub word: Option<String>,
     /// Rows; in JSON how many they are.
     #[serde(rename = "n", serialize_with = "json::length")]
@@ -74,7 +74,7 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// None where fewer than two bins can be made.
+    /// None if fewer than two bins can be made.
     pub fn of(set: usize, data: &DataSet, name: &str) -> Option<Trial> {
         let at = data.against(name);
         let mut rows: Vec<usize> = (0..at.len()).filter(|&row| at[row].is_finite()).collect();
@@ -129,7 +129,7 @@ impl Trial {
     }
 }
 
-/// Trends of all trials, the most significant first. `scatter` is that of each data set's residuals where nothing trends.
+/// Trends of all trials, the most significant first. `scatter` is that of each data set's residuals if nothing trends.
 pub fn all(trials: &[Trial], residuals: &[Vec<f64>], scatter: &[f64], seed: u64) -> Vec<Trend> {
     let scaled: Vec<Vec<f64>> = residuals
         .iter()

@@ -50,7 +50,7 @@ pub struct Validation {
     pub n: usize,
     /// Residual trends on all conditions and covariates that vary, the most significant first.
     pub trends: Vec<Trend>,
-    /// Where the model fails; empty where it does not.
+    /// Where the model fails; empty if it does not.
     pub findings: Vec<Finding>,
 }
 
@@ -67,7 +67,7 @@ pub struct SetResult {
     pub rms: f64,
     /// Mean residual, in units of sigma; its error is 1/√n.
     pub bias_sigma: f64,
-    /// Scatter of the residuals about smooth misfits, in units of sigma. Near 1 where the quoted errors are right.
+    /// Scatter of the residuals about smooth misfits, in units of sigma. Near 1 if the quoted errors are right.
     pub scatter_sigma: f64,
 }
 
@@ -169,7 +169,7 @@ impl Validation {
         (self.chi2 - self.n as f64) / (2.0 * self.n as f64).sqrt()
     }
 
-    /// The most significant trend of a data set, by its place; None where none is significant.
+    /// The most significant trend of a data set, by its place; None if none is significant.
     pub fn trend(&self, set: usize) -> Option<&Trend> {
         strongest(&self.trends, set)
     }
@@ -213,7 +213,7 @@ pub(crate) fn plain_name(name: &str) -> String {
     name.chars().map(|letter| if letter.is_alphanumeric() || "._".contains(letter) { letter } else { '_' }).collect()
 }
 
-/// The most significant trend of a data set; None where none is significant.
+/// The most significant trend of a data set; None if none is significant.
 pub(super) fn strongest(trends: &[Trend], set: usize) -> Option<&Trend> {
     trends.iter().find(|trend| trend.set == set && trend.false_alarm < SPOKEN)
 }

@@ -22,7 +22,7 @@ impl Options for Launch {
     type Study = launch::Launch;
 
     fn study(&self, keys_set: &[&str]) -> Result<launch::Launch, InputError> {
-        // An average over the solar cycle that was asked for in the same command was asked for on purpose.
+        // An average over the solar cycle that is set in the same command is intended.
         let keep_average = keys_set.contains(&sun::MODEL);
         let launches = self.launch.as_deref().map(dates).transpose()?;
         Ok(launch::Launch { launches, keep_average, confidence: self.asked.confidence() })

@@ -3,7 +3,7 @@
 /// Numbers of active years at which sums are ranked; in between on straight lines.
 const NODES: usize = 17;
 
-/// Active years, rising, at which samples with these many are ranked: one where all have the same, none where none has any.
+/// Active years, rising, at which samples with these many are ranked: one if all have the same, none if none has any.
 pub(super) fn nodes(years: &[f64]) -> Vec<f64> {
     let active = || years.iter().copied().filter(|years| *years > 0.0);
     let (least, most) = (active().fold(f64::INFINITY, f64::min), active().fold(0.0, f64::max));

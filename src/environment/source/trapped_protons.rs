@@ -50,7 +50,7 @@ pub struct Averaged {
     pub relative_error: f64,
 }
 
-/// Mean over an orbit. It takes half a second and is asked for again and again by fits and studies, with few orbits.
+/// Mean over an orbit. It takes half a second, and fits and studies need it repeatedly for few orbits.
 pub fn averaged(elements: &Elements, activity: Activity) -> Averaged {
     static KNOWN: Recent<(Elements, Activity), Averaged> = Recent::new(32);
     KNOWN.get((*elements, activity), |(elements, activity)| {

@@ -19,7 +19,7 @@ impl Section {
         Section { columns: (1, columns), rows: (1, rows) }
     }
 
-    /// Rows and columns from 0, where an image of so many has them.
+    /// Rows and columns from 0, if an image of so many has them.
     pub fn within(self, (rows, columns): (usize, usize)) -> Result<(Range<usize>, Range<usize>), String> {
         if self.rows.1 > rows || self.columns.1 > columns {
             return Err(format!("{self} ends beyond the image of {columns} columns and {rows} rows"));
@@ -27,7 +27,7 @@ impl Section {
         Ok((self.rows.0 - 1..self.rows.1, self.columns.0 - 1..self.columns.1))
     }
 
-    /// Rows and columns from 0, where these hold them.
+    /// Rows and columns from 0, if these hold them.
     pub fn inside(
         self,
         (rows, columns): (&Range<usize>, &Range<usize>),

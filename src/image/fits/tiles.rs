@@ -25,7 +25,7 @@ const MOST_PIXELS_PER_BYTE: u64 = 5000;
 /// What an HDU with `ZIMAGE = T` holds.
 ///
 /// # Errors
-/// Where its keywords contradict the standard, or one another, in words.
+/// If its keywords contradict the standard, or one another, in words.
 pub(super) fn kind(hdu: &Hdu) -> Result<HduKind, String> {
     if !hdu.text("ZCMPTYPE").is_some_and(|algorithm| KNOWN.contains(&algorithm.as_str())) {
         return Ok(HduKind::Compressed);

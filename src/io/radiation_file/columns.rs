@@ -85,7 +85,7 @@ impl<'a> Columns<'a> {
         Ok(self.plain_numbers(name)?.into_iter().map(|number| factor * number).collect())
     }
 
-    /// The column's numbers in whatever unit they have. None may be negative.
+    /// The column's numbers in their own unit. None may be negative.
     pub fn plain_numbers(&self, name: &str) -> Result<Vec<f64>, InputError> {
         let column = self.table.column(name).ok_or_else(|| self.absent(&[name]))?;
         let number = |(row, cell): (usize, &Cell)| match cell.number().filter(|number| number.is_finite()) {

@@ -79,7 +79,7 @@ const EVENTS: [&str; 3] = ["the worst day", "the worst week", "the peak of five 
 
 impl Header {
     fn of(source: &Source) -> Result<Header, InputError> {
-        // Where the number of comments stands before them, it is on a line of its own.
+        // If the number of comments stands before them, it is on a line of its own.
         let (index, line) = (source.text.lines().enumerate())
             .skip_while(|(_, line)| !is_comment(line))
             .find(|(_, line)| !is_comment(line) && !line.trim().is_empty())

@@ -28,8 +28,7 @@ const DOSES: [&str; 2] = ["dose_mev_g", "dose_mev_g_yr"];
 /// converted.
 ///
 /// # Errors
-/// Where the file cannot be read or is no such table, also where its dose is ionising: one message with file, line, column
-/// and value.
+/// If the file cannot be read or is no such table, or if its dose is ionising: one message with file, line, column and value.
 pub fn read_dose_depth(path: impl AsRef<Path>) -> Result<DoseDepth, InputError> {
     let source = Source::read(path.as_ref(), "dose-depth curve")?;
     if spenvis::is_spenvis(&source.text) || omere::is_omere(&source.text) {

@@ -24,7 +24,7 @@ pub struct DoseHistoryFile {
 pub enum Times {
     /// Years of 365.25 d since launch; not negative.
     SinceLaunchYr(Vec<f64>),
-    /// Dates, with the time of day where the file has it.
+    /// Dates, with the time of day if the file has it.
     Dates(Vec<NaiveDateTime>),
 }
 
@@ -42,7 +42,7 @@ impl Times {
 /// dose since launch, MeV/g) or `rate_mev_g_yr` (MeV/g/yr). Units that a header states are converted.
 ///
 /// # Errors
-/// Where the file cannot be read or is no such table: one message with file, line, column and value.
+/// If the file cannot be read or is no such table: one message with file, line, column and value.
 pub fn read_dose_history(path: impl AsRef<Path>) -> Result<DoseHistoryFile, InputError> {
     let source = Source::read(path.as_ref(), "dose history")?;
     let columns = Columns::of(&source)?;

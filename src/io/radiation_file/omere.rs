@@ -65,9 +65,9 @@ enum Particle {
 
 /// A table of numbers below comments.
 struct Section<'a> {
-    /// None where the comments name no particle, or several.
+    /// None if the comments name no particle, or several.
     particle: Option<Particle>,
-    /// The units of the columns. None where the comments do not say them.
+    /// The units of the columns. None if the comments do not say them.
     units: Option<Vec<Unit>>,
     /// The duration of the mission, s.
     duration_s: Option<f64>,
@@ -215,7 +215,7 @@ impl Section<'_> {
         self.rows.first().map_or(0, |(line, _)| *line)
     }
 
-    /// The column that is a flux or fluence, the integral one first. None where this is no spectrum.
+    /// The column that is a flux or fluence, the integral one first. None if this is no spectrum.
     fn flux(&self) -> Option<FluxColumn> {
         let units = self.units.as_ref()?;
         units.first()?.to(Unit::MEV)?;

@@ -20,8 +20,7 @@ pub struct Sectors {
 /// `areal_density_g_cm2`, which are converted from a unit that the header states.
 ///
 /// # Errors
-/// Where the file cannot be read or is no such table, and where the weights are zero: one message with file, line, column
-/// and value.
+/// If the file cannot be read or is no such table, or if the weights are zero: one message with file, line, column and value.
 pub fn read_sectors(path: impl AsRef<Path>) -> Result<Sectors, InputError> {
     let source = Source::read(path.as_ref(), "sectors")?;
     let columns = Columns::of(&source)?;

@@ -16,9 +16,9 @@ pub struct SpectrumFile {
     pub quantity: Quantity,
     /// What the values are summed over.
     pub time: Time,
-    /// How long the mission is in the file, in s, where it says so.
+    /// How long the mission is in the file, in s, if it says so.
     pub duration_s: Option<f64>,
-    /// What the file says the spectrum is behind, such as `ALUMINUM`. None where it says nothing: then it is outside.
+    /// What the file says the spectrum is behind, such as `ALUMINUM`. None if it says nothing: then it is outside.
     pub shield: Option<String>,
     /// Energies in MeV, positive, each more than the one before; at least two.
     pub energies_mev: Vec<f64>,
@@ -81,10 +81,10 @@ pub(super) struct Point {
 
 /// Reads a proton spectrum of SPENVIS, OMERE or CREME, or an ECSV or CSV table with the columns `energy_mev` and
 /// `integral_cm2` or `differential_cm2_mev` (fluences of the mission), or `integral_cm2_s` or `differential_cm2_s_mev`
-/// (fluxes), whose `meta` may have `duration_yr`. Where there are both, the integral column is read.
+/// (fluxes), whose `meta` may have `duration_yr`. If there are both, the integral column is read.
 ///
 /// # Errors
-/// Where the file cannot be read or holds no such spectrum: one message with file, line, column and value.
+/// If the file cannot be read or holds no such spectrum: one message with file, line, column and value.
 pub fn read_spectrum(path: impl AsRef<Path>) -> Result<SpectrumFile, InputError> {
     let source = Source::read(path.as_ref(), "spectrum")?;
     if spenvis::is_spenvis(&source.text) {

@@ -20,7 +20,7 @@
 //!
 //! The first line counts: lines of the header with itself, lines of text, metadata, lines of annotation, variables,
 //! columns, rows, blocks that follow. A variable has a name, a unit, a number of columns, and a title; `SPECIES` names the
-//! columns where ions share a block (`-92,'H ','He',...`). The last block ends with `'End of File'`.
+//! columns if ions share a block (`-92,'H ','He',...`). The last block ends with `'End of File'`.
 //!
 //! Of a segment of the mission are blocks that have its orbit (`ORB_MJD` to `ORB_TSE`, days); others are of the whole
 //! mission and go before. Fluxes of several segments are averaged by their durations, fluences are added.
@@ -86,7 +86,7 @@ struct Block<'a> {
 /// A proton spectrum of a block.
 struct OfBlock {
     spectrum: Spectrum,
-    /// How many days of the mission it is of. None where it is of all.
+    /// How many days of the mission it is of. None if it is of all.
     segment_d: Option<f64>,
     /// What its values are called.
     column: &'static str,
@@ -185,7 +185,7 @@ impl Block<'_> {
         None
     }
 
-    /// The spectrum of protons, where the block holds one of this species.
+    /// The spectrum of protons, if the block holds one of this species.
     fn spectrum(&self, source: &Source, species: Species) -> Result<Option<OfBlock>, InputError> {
         let Some((_, names)) = self.meta("SPECIES") else { return Ok(None) };
         let place = match species {
@@ -219,7 +219,7 @@ impl Block<'_> {
         Ok(Some(OfBlock { spectrum, segment_d: self.segment_d(source)?, column, line: self.line }))
     }
 
-    /// How many days the segment lasts that the block is of. None where it is of the whole mission.
+    /// How many days the segment lasts that the block is of. None if it is of the whole mission.
     fn segment_d(&self, source: &Source) -> Result<Option<f64>, InputError> {
         let (start, end) = (self.meta_number(source, "ORB_MJD")?, self.meta_number(source, "ORB_TSE")?);
         let (Some(start), Some(end)) = (start, end) else { return Ok(None) };

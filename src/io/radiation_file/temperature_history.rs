@@ -21,10 +21,10 @@ pub struct TemperatureHistoryFile {
 const COLUMN: &str = "temperature_k";
 
 /// Reads a temperature history from ECSV or CSV with the columns `t_yr` (years since launch) or `date`, and `temperature_k`
-/// (K, or degrees Celsius where the header says so), none below or above those allowed, K.
+/// (K, or degrees Celsius if the header says so), none below or above those allowed, K.
 ///
 /// # Errors
-/// Where the file cannot be read or is no such table: one message with file, line, column and value.
+/// If the file cannot be read or is no such table: one message with file, line, column and value.
 pub fn read_temperature_history(
     path: impl AsRef<Path>,
     allowed_k: [f64; 2],

@@ -70,7 +70,7 @@ impl Unit {
     pub const MEV: Unit = Unit { factor: 1.0, powers: [0, 0, 0, 1, 0] };
     pub const PURE: Unit = Unit { factor: 1.0, powers: [0; 5] };
 
-    /// The unit that a text says. None where it says something else.
+    /// The unit that a text says. None if it says something else.
     pub fn parse(text: &str) -> Option<Unit> {
         let text = text.replace("!u", "^").replace("!n", "").replace("**", "^");
         let mut rest = text.chars().peekable();
@@ -78,12 +78,12 @@ impl Unit {
         rest.next().is_none().then_some(unit)
     }
 
-    /// What a number in this unit is to be multiplied by to be one in the other. None where they measure different things.
+    /// What a number in this unit is to be multiplied by to be one in the other. None if they measure different things.
     pub fn to(self, other: Unit) -> Option<f64> {
         (self.powers == other.powers).then_some(self.factor / other.factor)
     }
 
-    /// Where this is the unit of a flux or a fluence: which, over what time, and what makes it omnidirectional and in cm,
+    /// If this is the unit of a flux or a fluence: which, over what time, and what makes it omnidirectional and in cm,
     /// s and MeV. An isotropic flux per steradian is 1/(4 pi) of the omnidirectional one.
     pub fn flux(self) -> Option<(Quantity, Time, f64)> {
         let [cm, s, sr, mev, g] = self.powers;
@@ -169,7 +169,7 @@ fn word(rest: &mut Peekable<Chars>) -> String {
     word
 }
 
-/// The power behind a factor: `2`, `-2`, `^-2`; 1 where none stands. A `-` before a letter joins factors.
+/// The power behind a factor: `2`, `-2`, `^-2`; 1 if none stands. A `-` before a letter joins factors.
 fn power(rest: &mut Peekable<Chars>) -> Option<i32> {
     let raised = rest.next_if_eq(&'^').is_some();
     let mut ahead = rest.clone();

@@ -17,7 +17,7 @@ pub struct Table {
     pub meta: Vec<Meta>,
     /// Columns in the order of the file.
     pub columns: Vec<Column>,
-    /// Line of each row in the file, from 1. Empty where the table was not read.
+    /// Line of each row in the file, from 1. Empty if the table was not read.
     pub lines: Vec<usize>,
     /// Line of the names of the columns, from 1.
     pub header_line: usize,
@@ -39,17 +39,17 @@ pub struct Meta {
 pub struct Column {
     /// Its name, which no other column has.
     pub name: String,
-    /// Its unit as the file writes it, such as `MeV / g`. None where there is none or it is dimensionless.
+    /// Its unit as the file writes it, such as `MeV / g`. None if there is none or it is dimensionless.
     pub unit: Option<String>,
     /// What its cells hold.
     pub datatype: Datatype,
-    /// What each cell holds where that is more than one value, as JSON: `float64[2]`, `float64[null]` or `json`.
+    /// What each cell holds if that is more than one value, as JSON: `float64[2]`, `float64[null]` or `json`.
     pub subtype: Option<String>,
     /// What it is, in words.
     pub description: Option<String>,
     /// How to print it, for Python. The file has all digits.
     pub format: Option<String>,
-    /// How its cells name points in time, where astropy knows it as a column of times.
+    /// How its cells name points in time, if astropy knows it as a column of times.
     pub time: Option<Time>,
     /// Its values.
     pub cells: Vec<Cell>,
@@ -122,7 +122,7 @@ impl Table {
     }
 
     /// A refusal of this table for what stands in a row (from 0) and column, in one of them, or under a key of `meta`,
-    /// which is called `meta.KEY` where a column has its name: `line 17: sigma = -0.1`, `line 9: meta.transfers = 0`.
+    /// which is called `meta.KEY` if a column has its name: `line 17: sigma = -0.1`, `line 9: meta.transfers = 0`.
     pub fn fault(&self, row: Option<usize>, column: Option<&str>, problem: impl Into<String>) -> InputError {
         InputError { place: self.place(row, column), ..self.refuse(problem) }
     }
@@ -216,7 +216,7 @@ impl Datatype {
 }
 
 impl Cell {
-    /// The number, also where a column or a header has it as a word.
+    /// The number, also if a column or a header has it as a word.
     pub fn number(&self) -> Option<f64> {
         match self {
             Cell::Number(number) => Some(*number),
@@ -227,7 +227,7 @@ impl Cell {
         }
     }
 
-    /// The number with its unit, where it has one: in `meta`, astropy keeps a `Quantity` as `{value, unit}`.
+    /// The number with its unit, if it has one: in `meta`, astropy keeps a `Quantity` as `{value, unit}`.
     pub fn quantity(&self) -> Option<(f64, Option<&str>)> {
         match self {
             Cell::Other(Value::Object(parts)) => {
@@ -275,7 +275,7 @@ impl fmt::Display for Cell {
     }
 }
 
-/// `line 9: ` where the line is known.
+/// `line 9: ` if the line is known.
 fn line_before(line: Option<usize>) -> String {
     line.map_or(String::new(), |line| format!("line {line}: "))
 }

@@ -18,7 +18,7 @@ pub(super) struct Record {
 /// Cells are split as astropy splits them (Python's `csv` with `skipinitialspace`): blanks before a cell are skipped,
 /// so several blanks are one delimiter, and a cell that begins with a quote may go on over the next line.
 pub(super) fn rows(text: &str, skip: usize, delimiter: char) -> impl Iterator<Item = Result<Record, usize>> {
-    // A tab at the end of a line is an empty cell where tabs delimit.
+    // A tab at the end of a line is an empty cell if tabs delimit.
     let trimmed =
         move |line| str::trim_matches(line, |c| c == ' ' || c == '\r' || (c == '\t' && c != delimiter)).chars();
     let mut lines = text.lines().enumerate().skip(skip);

@@ -12,7 +12,7 @@ use crate::error::{InputError, nearest};
 /// those in brackets, the parser itself allows 255.)
 const MAX_DEPTH: usize = 64;
 
-/// What a file says its version is, where its first line is that of ECSV.
+/// What a file says its version is, if its first line is that of ECSV.
 pub(super) fn version(line: &str) -> Option<&str> {
     line.trim().strip_prefix('#')?.trim_start().strip_prefix("%ECSV").map(str::trim)
 }
@@ -40,7 +40,7 @@ impl Table {
         let names = self.names(rows.next(), text)?;
         self.check_columns(&names, text)?;
         self.check_names()?;
-        // Where the mask is a column of its own, an empty cell is an empty text, not a missing one.
+        // If the mask is a column of its own, an empty cell is an empty text, not a missing one.
         let parts = self.meta(PARTS).cloned();
         let masked = |column: &Column| match &parts {
             Some(Cell::Other(parts)) => {
@@ -151,7 +151,7 @@ impl Table {
         Ok(())
     }
 
-    /// Makes one column of the parts of one, where that is possible; an error is the name of a part that is not there.
+    /// Makes one column of the parts of one, if that is possible; an error is the name of a part that is not there.
     fn join(&mut self, name: &str, parts: &Map<String, Value>) -> Result<(), String> {
         let (mut mask, mut data) = (None, Vec::new());
         for (attribute, part) in parts {
@@ -336,7 +336,7 @@ impl Source<'_> {
     }
 
     /// Keys, their lines and values, of a mapping or of an ordered one, which YAML writes as a list of mappings of one
-    /// key each. None where the node is neither; where an ordered mapping is expected, its tag may be missing.
+    /// key each. None if the node is neither; if an ordered mapping is expected, its tag may be missing.
     fn entries<'n, 'y>(
         self,
         node: &'n MarkedYaml<'y>,

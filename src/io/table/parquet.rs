@@ -32,7 +32,7 @@ const GROUP: usize = 1 << 17;
 impl Table {
     /// Fills the table from the bytes of a file.
     pub(super) fn read_parquet(&mut self, bytes: Vec<u8>) -> Result<(), InputError> {
-        // The library panics where some numbers of a damaged file make no sense.
+        // The library panics if some numbers of a damaged file make no sense.
         let read = catch_unwind(AssertUnwindSafe(|| self.read_columns(bytes)));
         let (columns, meta) = read.unwrap_or_else(|_| Err(self.refuse("it is a damaged Parquet file")))?;
         (self.columns, self.meta) = (columns, meta);
@@ -80,7 +80,7 @@ impl Table {
     /// The table as the bytes of a Parquet file. Units and descriptions are left out.
     ///
     /// # Errors
-    /// Where a column has two values in a cell.
+    /// If a column has two values in a cell.
     pub fn to_parquet(&self) -> Result<Vec<u8>, InputError> {
         if let Some(column) = self.columns.iter().find(|column| column.is_nested()) {
             return Err(self.fault(None, Some(&column.name), "its cells hold lists, which are not written as Parquet"));

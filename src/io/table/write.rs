@@ -84,7 +84,7 @@ fn written(cell: &Cell) -> String {
     }
 }
 
-/// A cell in quotes where it needs them. One that begins with # would make its line a comment, in a table of one column
+/// A cell in quotes if it needs them. One that begins with # would make its line a comment, in a table of one column
 /// an empty one would make it blank, and Python ends lines and strips blanks at more than ASCII.
 fn quoted(cell: &str, lonely: bool) -> String {
     let marks = |c: char| c == ',' || c == '"' || c.is_control() || c == '\u{2028}' || c == '\u{2029}';

@@ -17,7 +17,7 @@ const HALO_PX: usize = 2;
 const BESIDE: f64 = 0.2;
 /// A pixel behind with more than this share of the charge is another source.
 const BEHIND: f64 = 0.5;
-/// Columns on each side, from the second on, that tell the background.
+/// Columns on each side, from the second on, from which the background is estimated.
 const NEAR_COLUMNS: std::ops::RangeInclusive<usize> = 2..=9;
 
 /// What is looked for.
@@ -40,7 +40,7 @@ pub(super) struct Cut {
     pub signal_e: f64,
     /// Background near it, e-.
     pub background_e: f64,
-    /// Charge behind it less that in front of it, e-; NaN where a pixel is missing.
+    /// Charge behind it less that in front of it, e-; NaN if a pixel is missing.
     pub trail_e: Vec<f64>,
     /// Step of the values, e-.
     pub quantum_e: f64,
@@ -54,7 +54,7 @@ impl Search {
         // Near the ends there is no room for a trail, or for the pixels in front.
         for row in self.trail_px..exposure.rows.saturating_sub(self.trail_px) {
             for column in exposure.columns.clone() {
-                // The background near a pixel takes longer to tell than that of the frame.
+                // The background near a pixel takes longer to estimate than that of the frame.
                 if exposure.charge_e[[row, column]] - level_e < 0.5 * self.threshold_e {
                     continue;
                 }

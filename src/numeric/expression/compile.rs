@@ -44,7 +44,7 @@ enum Operator {
     Comparison(Binary),
     /// Of two numbers, or of two comparisons, true or false.
     Equality(Binary),
-    /// Of comparisons; the second is not looked at if the first decides.
+    /// Of comparisons; the second is not evaluated if the first decides.
     Logical { decided_by: bool },
 }
 

@@ -18,7 +18,7 @@ pub(super) struct Component {
     pub variance_x: f64,
     /// Variance along y, px².
     pub variance_y: f64,
-    /// Covariance of x and y, px²; 0 where the axes are those of the ellipse.
+    /// Covariance of x and y, px²; 0 if the axes are those of the ellipse.
     pub covariance: f64,
 }
 

@@ -78,7 +78,7 @@ pub fn ellipticity([a, c, t]: Quadrupoles) -> [f64; 2] {
     if length > 0.0 { [a / length, c / length] } else { [0.0; 2] }
 }
 
-/// Mean of the bounded ellipticity where A, C and T are normal with these means and covariances.
+/// Mean of the bounded ellipticity if A, C and T are normal with these means and covariances.
 pub fn mean_ellipticity(mean: &Quadrupoles, covariance: &Covariance) -> [f64; 2] {
     let root = cholesky(covariance);
     let mut sum = [0.0; 2];
@@ -99,7 +99,7 @@ pub fn mean_ellipticity(mean: &Quadrupoles, covariance: &Covariance) -> [f64; 2]
 const STEPS: usize = 20;
 
 /// Moments of a noisy image with the bounded ellipticity. The centroid is fitted, from `start_px` (`[x, y]`, px from the middle of the
-/// image) in 20 steps at most, and no farther away than the weight is wide. None where the weighted flux is not positive.
+/// image) in 20 steps at most, and no farther away than the weight is wide. None if the weighted flux is not positive.
 pub fn fitted(image: &Array2<f64>, weight_px: f64, start_px: [f64; 2]) -> Option<Moments> {
     let middle = [image.ncols(), image.nrows()].map(|pixels| (pixels as f64 - 1.0) / 2.0);
     let sums_at = |[x, y]: [f64; 2]| Sums::of(image, weight_px, middle[1] + y, middle[0] + x);

@@ -55,7 +55,7 @@ const NEAR: usize = 8;
 /// Rows that are computed together.
 const TOGETHER: usize = 512;
 
-/// Quantities of a change, those first that are even in e2 where mirror images are read as mirror images.
+/// Quantities of a change, those first that are even in e2 if mirror images are read as mirror images.
 const QUANTITIES: usize = 6;
 const EVEN: usize = 4;
 
@@ -136,10 +136,10 @@ pub(super) struct Emulator {
 }
 
 impl Emulator {
-    /// Polynomials for some rows that are measured with the same weight. None where there are too few rows.
+    /// Polynomials for some rows that are measured with the same weight. None if there are too few rows.
     ///
     /// # Errors
-    /// Where a formula has no value.
+    /// If a formula has no value.
     pub fn of(survey: &Survey, rows: &[usize], accuracy: f64, seed: u64) -> Result<Option<Fit>, InputError> {
         if rows.len() < SHARE * (STEPS[0].0 + HELD_OUT) {
             return Ok(None);
@@ -198,7 +198,7 @@ impl Emulator {
         Some(Emulator { place, distances: distances.clone(), even, odd })
     }
 
-    /// Changes of rows; None where they would be extrapolated.
+    /// Changes of rows; None if they would be extrapolated.
     pub fn changes(&self, survey: &Survey, rows: &[usize]) -> Vec<Option<ShapeChange>> {
         parallel::map(rows.chunks(TOGETHER), |rows| self.together(survey, rows)).into_iter().flatten().collect()
     }

@@ -18,7 +18,7 @@ const COLUMNS: [(&str, Option<&str>, &str, Quantity); 6] = [
     ("delta_flux", None, "change of the weighted flux over the weighted flux", |change| change.delta_flux),
 ];
 
-/// Column of the time, where there are several.
+/// Column of the time, if there are several.
 const TIME: &str = "t_yr";
 
 /// Column that says how a change was computed.
@@ -29,7 +29,7 @@ impl Epochs {
     /// time, then all at the second, and so on, with the time in column `t_yr`.
     ///
     /// # Errors
-    /// Where the table has a column of such a name already.
+    /// If the table has a column of such a name already.
     pub fn with_changes(&self, table: &Table) -> Result<Table, InputError> {
         let [first, others @ ..] = &self.0[..] else { return Ok(table.clone()) };
         let mut all = first.with_changes(table.clone())?;
@@ -63,10 +63,10 @@ impl Epochs {
 
 impl Catalogue {
     /// The table of galaxies with the columns `delta_e1`, `delta_e2`, `delta_x_px`, `delta_y_px`, `delta_size`, `delta_flux` (missing
-    /// where no shape is left) and `computed` (`readout` or `emulator`).
+    /// if no shape is left) and `computed` (`readout` or `emulator`).
     ///
     /// # Errors
-    /// Where it has such a column already.
+    /// If it has such a column already.
     ///
     /// # Panics
     /// If it has another number of rows than the catalogue.

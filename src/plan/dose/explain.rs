@@ -104,7 +104,7 @@ pub enum Step {
 const COUNTED_MEV: f64 = 0.1;
 
 impl Explained {
-    /// None where the mission gives its dose.
+    /// None if the mission gives its dose.
     pub(super) fn of(mission: &Mission, history: &DoseHistory) -> Option<Explained> {
         let duration_yr = mission.mission.duration_yr;
         let doses: Vec<(String, f64)> = history

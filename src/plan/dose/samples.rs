@@ -26,7 +26,7 @@ pub struct Samples {
     pub years: Vec<SampledYear>,
     /// Mean number of solar events of a mission.
     pub events: f64,
-    /// Mean share of the largest event in the dose of all events; None where no sample has an event.
+    /// Mean share of the largest event in the dose of all events; None if no sample has an event.
     pub largest_event_share: Option<f64>,
     /// Dose (MeV/g) of everything else than solar protons, the same in all samples.
     pub others_mev_g: f64,
@@ -65,7 +65,7 @@ struct Realisation {
 }
 
 impl Samples {
-    /// Draws the Sun of a mission so many times.
+    /// Draws the Sun of a mission repeatedly.
     ///
     /// # Errors
     /// If its dose is not derived from solar protons.

@@ -7,7 +7,7 @@
 //! Δe = ρ P(x) + Q(x)
 //! ```
 //!
-//! where P is a polynomial of degree 2 (3 where ρ is involved, 5 in ρ alone). A general one has Q too, of degree 1: a change that
+//! where P is a polynomial of degree 2 (3 if ρ is involved, 5 in ρ alone). A general one has Q too, of degree 1: a change that
 //! needs no traps; and time and dose are among its x. Coefficients are those of least squares.
 
 use nalgebra::{DMatrix, DVector};
@@ -74,7 +74,7 @@ pub struct Emulator {
 }
 
 impl Emulator {
-    /// Fitted to the changes (Δe1, Δe2) at some places. Errors below `least` are alike. None where there are fewer places than
+    /// Fitted to the changes (Δe1, Δe2) at some places. Errors below `least` are alike. None if there are fewer places than
     /// coefficients.
     pub fn fitted(known: &[(Place, [f64; 2])], least: f64, general: bool) -> Option<Emulator> {
         let mut emulator = Emulator::unfitted(known.iter().map(|(place, _)| place).collect(), general);
@@ -132,7 +132,7 @@ impl Emulator {
             polynomial.extend(x[index..].iter().map(|other| one * other));
         }
         if self.varying.first().is_some_and(|(index, ..)| *index == 0) {
-            // Where many traps are met, the packets arrive late.
+            // If many traps are met, the packets arrive late.
             polynomial.extend(x.iter().map(|other| x[0] * x[0] * other));
             polynomial.extend([4, 5].map(|power| x[0].powi(power)));
         }

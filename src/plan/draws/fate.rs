@@ -21,7 +21,7 @@ pub struct Fate {
     pub biases_exceeded_yr: [[Option<f64>; 2]; 2],
 }
 
-/// Times of a mission at which |Δe| is looked at, besides those of its jumps.
+/// Times of a mission at which |Δe| is computed, besides those of its jumps.
 const TIMES: usize = 12;
 
 /// Share of the dose of the mission that may pass between two looks.
@@ -101,8 +101,8 @@ fn biases_exceeded_yr(
     Ok(found)
 }
 
-/// Times at which a draw is looked at: those of the model, but for events that change little, the end of its mission, and some
-/// between.
+/// Times at which a draw is evaluated: those of the model, except for events that change little, the end of its mission, and some
+/// in between.
 fn times_yr(model: &Model, end_yr: f64) -> Result<Vec<f64>, InputError> {
     let duration_yr = model.mission.mission.duration_yr;
     let mut times = model.times_yr(duration_yr);

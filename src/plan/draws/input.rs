@@ -21,7 +21,7 @@ pub struct Input {
     pub name: String,
     /// How uncertain it is.
     pub sigma: Sigma,
-    /// Keys of the mission that it stands for: where those are drawn by themselves, it is not.
+    /// Keys of the mission that it stands for: if those are drawn by themselves, it is not.
     pub keys: Vec<String>,
     apply: Box<Apply>,
 }
@@ -73,9 +73,9 @@ pub fn cycles(maxima: &[Maximum]) -> Vec<Input> {
 pub struct Derived {
     /// By how much the dose changes with the shield's thickness.
     pub shield: Option<Shield>,
-    /// By how much that of cosmic rays changes with their modulation; None where they are no source.
+    /// By how much that of cosmic rays changes with their modulation; None if they are no source.
     pub modulation: Option<CosmicRayModulation>,
-    /// Power of a factor on the damage curve that is left in the number of traps; None where no dose is made by it.
+    /// Power of a factor on the damage curve that is left in the number of traps; None if no dose is made by it.
     pub niel_power: Option<f64>,
 }
 
@@ -192,7 +192,7 @@ pub struct Shield {
 const FACTORS: (f64, f64, usize) = (-2.0, 2.0, 33);
 
 impl Shield {
-    /// The mission's shield, or the sphere that makes the dose rate it gives. None where there is none: where no thickness makes
+    /// The mission's shield, or the sphere that makes the dose rate it gives. None if there is none: if no thickness makes
     /// that rate, or the dose is imported.
     pub fn of(mission: &Mission) -> Option<Shield> {
         mission.place()?;
@@ -230,7 +230,7 @@ impl Shield {
         })
     }
 
-    /// Factor on the thickness whose dose is so many times that of the mission.
+    /// Factor on the thickness for a factor on the mission's dose.
     /// None beyond those that are followed, a factor e² either way.
     pub fn factor_for(&self, dose: f64) -> Option<f64> {
         let log = dose.ln();
@@ -239,7 +239,7 @@ impl Shield {
         Some((from + (to - from) * (high - log) / (high - low)).exp())
     }
 
-    /// Dose behind so many times the thickness, over the dose behind it.
+    /// Ratio of the doses behind a multiple of the thickness and behind the thickness itself.
     fn dose(&self, factor: f64) -> f64 {
         interpolated(&self.curve, factor)
     }
@@ -264,7 +264,7 @@ pub struct CosmicRayModulation {
 const MODULATIONS: (f64, f64, usize) = (-1.0, 1.0, 17);
 
 impl CosmicRayModulation {
-    /// Of a mission; None where cosmic rays are not among its sources.
+    /// Of a mission; None if cosmic rays are not among its sources.
     pub fn of(mission: &Mission) -> Option<CosmicRayModulation> {
         let model = Model::new(mission);
         let itself = cosmic_ray_dose_mev_g(mission, model.history(), 1.0)?.ln();
@@ -277,7 +277,7 @@ impl CosmicRayModulation {
         curve.filter(|curve| curve.iter().all(|point| point.1.is_finite())).map(|curve| CosmicRayModulation { curve })
     }
 
-    /// Dose with so many times the modulation, over that of a mean cycle.
+    /// Ratio of the doses for a multiple of the modulation and for that of a mean cycle.
     pub fn dose(&self, factor: f64) -> f64 {
         interpolated(&self.curve, factor)
     }

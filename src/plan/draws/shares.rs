@@ -31,7 +31,7 @@ impl<'a> Explained<'a> {
         variance(self.draws.iter().map(|(_, value)| *value)).sqrt()
     }
 
-    /// Shares of the variance of each input, and what is left. None where there are too few, or nothing varies.
+    /// Shares of the variance of each input, and what is left. None if there are too few, or nothing varies.
     pub fn shares(&self) -> Option<Vec<f64>> {
         let inputs = self.draws.first()?.0.len();
         if inputs == 0 || self.draws.len() < 2 * (inputs + 1) {

@@ -1,7 +1,7 @@
 //! A mission → realisations of its Sun, each a dose of solar protons over time.
 //!
-//! Where the mission gives its dose rate, the Sun is drawn behind the aluminium sphere that makes that rate in an active year at
-//! the mission's confidence; behind [`ASSUMED_MM`] and scaled to it, where no sphere does.
+//! If the mission gives its dose rate, the Sun is drawn behind the aluminium sphere that makes that rate in an active year at
+//! the mission's confidence; behind [`ASSUMED_MM`] and scaled to it, if no sphere does.
 
 use crate::environment::esp;
 use crate::environment::shielding::{Geometry, Shield};
@@ -11,7 +11,7 @@ use crate::model::Model;
 use crate::physics::solar_event_dose::SolarEventDoses;
 use crate::plan::dose::equivalent_mm;
 
-/// Thickness (mm of aluminium) assumed where none makes the dose rate that is given.
+/// Thickness (mm of aluminium) assumed if none makes the dose rate that is given.
 const ASSUMED_MM: f64 = 10.0;
 
 /// Time (yr) in which the dose of an event comes: three days.
@@ -27,8 +27,8 @@ impl Suns {
     /// So many realisations of the Sun over a mission.
     ///
     /// # Errors
-    /// Where its dose says nothing of single events: it is imported, has no solar protons, or is that of trapped protons in a low orbit
-    /// of unknown elements.
+    /// If its dose says nothing of single events: it is imported, has no solar protons, or is that of trapped protons in a low
+    /// orbit of unknown elements.
     pub fn of(model: &Model, samples: u32, seed: u64) -> Result<Suns, InputError> {
         if model.mission.place().is_none() {
             let problem = "in a low Earth orbit of unknown elements the dose is that of trapped protons";

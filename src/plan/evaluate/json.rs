@@ -87,7 +87,7 @@ struct NoisyLimit<'a> {
 
 #[derive(serde::Serialize)]
 struct Budget<'a> {
-    /// Null where shear biases alone are limited.
+    /// Null if shear biases alone are limited.
     delta_e: Option<f64>,
     galaxy: &'a str,
     #[serde(flatten)]
@@ -100,7 +100,7 @@ struct Budget<'a> {
     m: Option<population::Budget<'a>>,
 }
 
-/// The change of one galaxy's shape; null where no shape is left.
+/// The change of one galaxy's shape; null if no shape is left.
 #[derive(serde::Serialize)]
 pub(crate) struct NamedChange<'a> {
     name: &'a str,
@@ -111,7 +111,7 @@ pub(crate) struct NamedChange<'a> {
     delta_flux: Option<f64>,
 }
 
-/// A verdict with the dates and the correction of its mission; no crossings where shear biases alone are limited.
+/// A verdict with the dates and the correction of its mission; no crossings if shear biases alone are limited.
 #[derive(serde::Serialize)]
 pub(crate) struct DatedVerdict<'a> {
     uncorrected: Option<DatedCrossing<'a>>,

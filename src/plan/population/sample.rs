@@ -49,7 +49,7 @@ pub(super) fn of(mission: &Mission, population: &Population, seed: u64) -> Surve
     SurveySample { galaxies: (0..evaluated).map(galaxy).collect(), available: weighty.len() }
 }
 
-/// Row of a table that stands for the galaxy `index` of so many: every row where all are evaluated, evenly spread ones otherwise.
+/// Row of a table that stands for the galaxy `index` of so many: every row if all are evaluated, evenly spread ones otherwise.
 fn chosen(index: usize, evaluated: usize, rows: usize) -> usize {
     (2 * index + 1) * rows / (2 * evaluated)
 }
@@ -101,7 +101,7 @@ pub struct Camera {
     pub pixel_arcsec: f64,
 }
 
-/// Width of a pixel where none is given, arcsec: that of SNAP and of Euclid's VIS.
+/// Width of a pixel if none is given, arcsec: that of SNAP and of Euclid's VIS.
 const PIXEL_ARCSEC: f64 = 0.1;
 
 impl Camera {

@@ -25,7 +25,7 @@ impl Axis {
     /// ratios `5..100:lin:8`, `5..100:log:8`, or, for dates, years between two of them `2009-01-01..2020-01-01:1`.
     ///
     /// # Errors
-    /// Where the key does not exist, or the text is none of these, or a value is of the wrong kind.
+    /// If the key does not exist, or the text is none of these, or a value is of the wrong kind.
     pub fn parse(key: &str, text: &str) -> Result<Axis, InputError> {
         let refuse = |problem: String| {
             InputError::new(format!("cannot read the values of {key}: `{text}`"), problem).with_help(

@@ -22,7 +22,7 @@ struct OneScenario<'a> {
     delta_e: Option<f64>,
     #[serde(flatten)]
     verdict: DatedVerdict<'a>,
-    /// All budgets together, where shear biases are limited.
+    /// All budgets together, if shear biases are limited.
     #[serde(skip_serializing_if = "Option::is_none")]
     first: Option<JudgedRow>,
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -1,10 +1,10 @@
 //! Which of several missions is best: the one order by which `compare` and studies rank.
 //!
-//! A mission is better where, in this order,
+//! A mission is better if, in this order,
 //!
 //! 1. it exceeds the first of its uncorrected budgets later after launch, or never,
 //! 2. it exceeds the first of its corrected budgets later, or never,
-//! 3. where shear biases are limited: the largest share of a budget that it uses at the end is smaller,
+//! 3. if shear biases are limited: the largest share of a budget that it uses at the end is smaller,
 //! 4. its |Δe| at the end is smaller; a lost shape is larger than any.
 
 use serde::Serialize;
@@ -15,14 +15,14 @@ use crate::plan::judgement::{Judgement, Limited};
 /// What a mission is ranked by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Merit {
-    /// When the first uncorrected budget is exceeded, years since launch; None where none is within the mission.
+    /// When the first uncorrected budget is exceeded, years since launch; None if none is within the mission.
     pub uncorrected_yr: Option<f64>,
     /// The same of the corrected budgets.
     pub corrected_yr: Option<f64>,
-    /// Largest share of an uncorrected budget that is used at the end of the mission, infinite where no shape is left; 0 where |Δe|
+    /// Largest share of an uncorrected budget that is used at the end of the mission, infinite if no shape is left; 0 if |Δe|
     /// alone is limited.
     pub used: f64,
-    /// |Δe| at the end of the mission; None where no shape is left, and 0 where it is not limited.
+    /// |Δe| at the end of the mission; None if no shape is left, and 0 where it is not limited.
     pub delta_e: Option<f64>,
 }
 
@@ -80,14 +80,14 @@ impl Criterion {
     }
 }
 
-/// The best of several missions and the worst of them, by their places, in their order: more than one where there are ties.
+/// The best of several missions and the worst of them, by their places, in their order: more than one if there are ties.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ranking {
     /// The best.
     pub best: Vec<usize>,
     /// The worst.
     pub worst: Vec<usize>,
-    /// What makes the best better than the worst; None where all are alike.
+    /// What makes the best better than the worst; None if all are alike.
     pub by: Option<Criterion>,
 }
 

@@ -8,7 +8,7 @@ use crate::plan::scenario::{Comparison, Scenario};
 use crate::report::plot::label::{counts, label};
 use crate::report::plot::{Figure, Panel, Series, level, line, points};
 
-/// Groups of scenarios that colours tell apart; more are not drawn.
+/// Groups of scenarios that colours distinguish; more are not drawn.
 const COLOURS: usize = 6;
 
 /// Scenarios that differ in what is along x, and their places there.
@@ -88,7 +88,7 @@ impl Comparison {
             .map(|(_, index)| index)
     }
 
-    /// Scenarios alike in all but what is along x, from left to right; all of them in their order where nothing is.
+    /// Scenarios alike in all but what is along x, from left to right; all of them in their order if nothing is.
     fn groups(&self, along: Option<usize>) -> Vec<Group<'_>> {
         let several = self.several_missions();
         let mut groups: Vec<Group> = Vec::new();
@@ -118,7 +118,7 @@ impl Comparison {
 }
 
 impl Group<'_> {
-    /// A value of the scenarios as points, joined where something is along x.
+    /// A value of the scenarios as points, joined if something is along x.
     fn drawn(&self, color: usize, along: Option<usize>, value: &dyn Fn(&Scenario) -> Option<f64>) -> Vec<Series> {
         let y: Vec<f64> = self.scenarios.iter().map(|scenario| value(scenario).unwrap_or(f64::NAN)).collect();
         let mut series = vec![points(&self.name, color, &self.x, y.clone())];

@@ -34,7 +34,7 @@ impl Serialize for SetNoise {
     }
 }
 
-/// What was allowed for in a file; None where its errors are as quoted.
+/// What was allowed for in a file; None if its errors are as quoted.
 pub(super) fn words(noise: &SetNoise, unit: &str) -> Option<String> {
     let mut said = Vec::new();
     if noise.scale != 1.0 {

@@ -4,7 +4,7 @@ use crate::mission::SolarPhase;
 use crate::plan::dose::{Step, Survey};
 use crate::report::Parts;
 
-/// The steps, where they were asked for.
+/// The steps, if requested.
 pub(super) fn said(survey: &Survey, out: &mut Parts) {
     if !survey.explain {
         return;

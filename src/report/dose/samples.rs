@@ -6,7 +6,7 @@ use crate::report::study::estimate::{scientific, scientific_value};
 use crate::report::{Parts, table};
 use crate::study::Estimate;
 
-/// The quantiles, where they were asked for.
+/// The quantiles, if requested.
 pub(super) fn said(survey: &Survey, out: &mut Parts) {
     let Some(samples) = &survey.samples else { return };
     out.heading(format!(
@@ -72,7 +72,7 @@ pub(super) fn source() -> Source {
     )
 }
 
-/// A quantile in words; 0 where nothing has come yet.
+/// A quantile in words; 0 if nothing has come yet.
 fn or_zero(at: &Quantile, words: fn(Estimate) -> String) -> String {
     let estimate = Estimate { value: at.dose_mev_g, error: at.error };
     if estimate.value == 0.0 && estimate.error == 0.0 { "0".into() } else { words(estimate) }

@@ -53,8 +53,8 @@ fn dates_of(found: &DateDistribution, mission: &Mission) -> Table {
     dates
 }
 
-/// How probable it is that corrected budgets are met: all of them where a confidence is asked for, otherwise those that the table of
-/// dates does not have.
+/// Probability that corrected budgets are met: all of them if a confidence is requested, otherwise those missing from the table of
+/// dates.
 pub(super) fn say_met(lines: &[Line], confidence: Option<f64>, out: &mut Parts) {
     for line in lines.iter().filter(|line| line.corrected && !line.noise) {
         let Some((value, error)) = line.probability_met.zip(line.probability_error) else { continue };

@@ -10,7 +10,7 @@ use crate::plan::time_series::TimeSeries;
 use crate::report::active::shades;
 use crate::report::plot::{Figure, Panel, Series, dashed, level, line, points};
 
-/// Lines that colours tell apart; more are not drawn.
+/// Curves that colours distinguish; more are not drawn.
 const COLOURS: usize = 6;
 
 impl Assessment {
@@ -27,7 +27,7 @@ impl Assessment {
         figures
     }
 
-    /// |Δe| of the galaxies, the judged one first; its line after correction is held against the same budget.
+    /// |Δe| of the galaxies, the judged one first; its curve after correction is compared with the same budget.
     fn shape(&self, time_series: &TimeSeries) -> Figure {
         let (mission, verdict) = (self.evaluation.mission(), &self.evaluation.verdict);
         let requirement = &mission.requirement;

@@ -5,7 +5,7 @@ use crate::analysis::fit::posterior::{Marginal, Posterior};
 use crate::plan::sources::Source;
 use crate::report::{Parts, table};
 
-/// What spreadsheets are told of each parameter, besides the fit.
+/// Columns of spreadsheets for each parameter, besides the fit.
 pub(super) const COLUMNS: [&str; 7] =
     ["median", "low_68", "high_68", "low_95", "high_95", "autocorrelation_steps", "effective_samples"];
 

@@ -6,7 +6,7 @@ use crate::mission::keys::plain;
 use crate::plan::sources::Source;
 use crate::report::{Parts, or_dash, table};
 
-/// Intervals, and where they are open why.
+/// Intervals, and the reason if they are open.
 pub(super) fn say(profiles: &[Profile], out: &mut Parts) {
     if profiles.is_empty() {
         return;

@@ -3,7 +3,7 @@
 use super::font::length;
 use super::pen::SMALL;
 
-/// Numbers on an axis: fewer where they do not fit, but not less than the least.
+/// Numbers on an axis: fewer if they do not fit, but not less than the least.
 const MOST: usize = 8;
 const MOST_LEAST: usize = 3;
 /// Largest value shown; its inverse is the smallest on a logarithmic axis. Sums of such are still far from overflow.
@@ -121,7 +121,7 @@ fn decades(low: f64, high: f64, most: usize) -> (Vec<f64>, Vec<f64>) {
     (ticks.into_iter().find(|ticks| ticks.len() <= most).unwrap_or_default(), minor)
 }
 
-/// Numbers as text, with exponents where all are small or one is large. On an even axis all end at the same decimal.
+/// Numbers as text, with exponents if all are small or one is large. On an even axis all end at the same decimal.
 fn labels(values: &[f64], even: bool) -> Vec<String> {
     let sizes = || values.iter().map(|value| value.abs());
     let largest = sizes().fold(0.0, f64::max);

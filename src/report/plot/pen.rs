@@ -14,7 +14,7 @@ const RADIUS: f64 = 3.8;
 const THICK: f64 = 1.6;
 const THIN: f64 = 1.0;
 
-/// Colours that colour-blind readers tell apart (Okabe & Ito 2008).
+/// Colours that colour-blind readers can distinguish (Okabe & Ito 2008).
 const COLORS: [Color; 8] = [
     [0, 0, 0],
     [0, 114, 178],

@@ -72,7 +72,7 @@ fn line_times(results: &Results, mission: &Mission) -> DataTable {
         ]);
     }
     if results.ranking.is_some() {
-        // Where a probability is asked for, what is expected is for programs: there is no room for both.
+        // With a requested probability, expected values are only in the output for programs: there is no room for both.
         let expected = |name: &'static str| if results.confidence.is_some() { "" } else { name };
         columns.extend([words("exceeded_date", expected("exceeded")), words("corrected_date", expected("corrected"))]);
         columns.extend(judged::each(mission, false));

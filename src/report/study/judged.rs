@@ -10,7 +10,7 @@ use crate::plan::scenario::{Criterion, Ranking};
 use crate::report::study::estimate::plus_minus;
 use crate::study::Estimate;
 
-/// Each budget in a table for people, beside a column that tells rows apart; none where |Δe| alone is limited.
+/// Each budget in a table for people, beside a column that distinguishes rows; none if |Δe| alone is limited.
 pub(super) fn table<R: Serialize>(rows: &[R], apart: Column, mission: &Mission) -> Option<DataTable> {
     let columns = each(mission, true);
     let title = "Each budget at the end of the mission, and which one is exceeded first";
@@ -19,7 +19,7 @@ pub(super) fn table<R: Serialize>(rows: &[R], apart: Column, mission: &Mission) 
 }
 
 /// Which budget is exceeded first, and of each its value at the end and when it is exceeded, for people or for programs alone;
-/// nothing where |Δe| alone is limited.
+/// nothing if |Δe| alone is limited.
 pub(super) fn each(mission: &Mission, shown: bool) -> Vec<Column> {
     let name = |head: &'static str| if shown { head } else { "" };
     let limited = Limited::by(mission);
@@ -39,7 +39,7 @@ pub(super) fn each(mission: &Mission, shown: bool) -> Vec<Column> {
     columns
 }
 
-/// How long budgets are kept with a probability, and how probable it is that they are met to the end; with names where they are
+/// How long budgets are kept with a probability, and how probable it is that they are met to the end; with names if they are
 /// shown to people.
 pub(super) fn drawn(shown: bool) -> Vec<Column> {
     let head = |name: &'static str| if shown { name } else { "" };

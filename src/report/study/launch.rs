@@ -59,7 +59,7 @@ impl Results {
 
 fn launches(results: &Results) -> DataTable {
     let exceeded = results.launches.iter().any(|launched| launched.judged.corrected_t_yr.is_some());
-    // Where a confidence is asked for, what is expected is for programs: there is no room for both.
+    // With a requested confidence, expected values are only in the output for programs: there is no room for both.
     let expected = |name: &'static str| if results.confidence.is_some() { "" } else { name };
     let mut columns = vec![
         words("launch", "launch"),
@@ -116,7 +116,7 @@ fn active_years(compared: &Mission, years: &[f64]) -> Vec<Series> {
     stretches.into_iter().filter(|stretch| stretch.to > first && stretch.from < last).map(shade).collect()
 }
 
-/// What becomes of a launch, with dates where these are wanted.
+/// What becomes of a launch, with dates if these are wanted.
 fn fate(launched: &Launched, dated: bool) -> String {
     let several = launched.judged.each.keys().any(|key| !key.starts_with(Limited::DeltaE.key()));
     let lasts = |name: &str, t_yr: Option<f64>, date: Option<NaiveDate>, by: Option<Limited>| match t_yr {

@@ -44,7 +44,7 @@ pub enum Digits {
     Fixed(usize),
     /// So many decimals and an exponent.
     Scientific(usize),
-    /// So many digits in all, without an exponent where that is readable.
+    /// So many digits in all, without an exponent if that is readable.
     Significant(usize),
 }
 

@@ -7,7 +7,7 @@ use crate::report::chance;
 use crate::report::plot::label::{counts, label, setting};
 use crate::report::plot::{Figure, Mark, Panel, Series};
 
-/// Groups of rows that are told apart by colour; more are not drawn.
+/// Groups of rows that are distinguished by colour; more are not drawn.
 const COLOURS: usize = 6;
 
 impl Validation {
@@ -29,7 +29,8 @@ impl Validation {
     }
 }
 
-/// Data with errors and model above, residuals below, against one condition; rows that differ in another are told apart.
+/// Data with errors and model above, residuals below, against one condition; rows with different values of another are
+/// distinguished.
 fn data_and_model(set: &SetResult, along: &str) -> Figure {
     let at = set.data.against(along);
     let residuals = set.residuals();

@@ -70,7 +70,7 @@ impl Calibration {
             intervals(MONTHS * histories.end_yr).into_iter().map(|months| (months, used(months))).collect();
         let solve = |probability: f64| solved(&tried, probability, &used);
         let (outcome, months) = solve(self.probability);
-        // So many draws tell the probability to its error: what keeps the limits with a little more and a little less.
+        // The probability has an error from the finite number of draws: the limits are solved with it a little higher and lower.
         let drawn = histories.sun_not_drawn.is_none();
         let error = share_error(self.probability, histories.of_draws.len() as f64);
         let ends = || [1.0, -1.0].map(|sign| solve((self.probability + sign * error).clamp(0.0, 1.0)));
@@ -88,7 +88,7 @@ impl Calibration {
     }
 }
 
-/// Half the distance of two ends; that of one from the value, where the other is beyond the range; None where both are.
+/// Half the distance of two ends; that of one from the value, if the other is beyond the range; None if both are.
 fn half(ends: [(Outcome, Option<f64>); 2], value: f64) -> Option<f64> {
     let [low, high] = ends.map(|(outcome, months)| months.filter(|_| outcome == Outcome::Solved));
     match (low, high) {

@@ -16,7 +16,7 @@ use crate::mission::Mission;
 pub struct Knowledge {
     /// Key, and error in the key's unit.
     pub parameters: Vec<(String, f64)>,
-    /// Correlation of the errors; none where they are independent.
+    /// Correlation of the errors; none if they are independent.
     pub correlation: Option<Vec<Vec<f64>>>,
 }
 

@@ -23,7 +23,7 @@ use crate::study::tolerance::{ALL_DENSITIES, ALL_RELEASES, Known, Sensitivity, k
 pub struct PopulationRemainder {
     /// c1, c2, m1 and m2.
     pub biases: Vec<BiasLeft>,
-    /// How well parameters must be known for limits on c and m; empty where there are none.
+    /// How well parameters must be known for limits on c and m; empty if there are none.
     pub tolerances: Vec<Tolerance>,
 }
 
@@ -43,15 +43,15 @@ pub struct BiasLeft {
     pub left: f64,
     /// Its standard error.
     pub left_error: Option<f64>,
-    /// The same in % of |uncorrected|; None where that is 0.
+    /// The same in % of |uncorrected|; None if that is 0.
     pub left_percent: Option<f64>,
     /// Its standard error, %.
     pub left_error_percent: Option<f64>,
-    /// |uncorrected| over what is left: what the correction earns; None where nothing is left.
+    /// |uncorrected| over what is left: what the correction earns; None if nothing is left.
     pub factor: Option<f64>,
     /// Its standard error.
     pub factor_error: Option<f64>,
-    /// What is left, in % of the limit; None where there is no limit.
+    /// What is left, in % of the limit; None if there is no limit.
     pub used_percent: Option<f64>,
 }
 
@@ -60,9 +60,9 @@ pub struct BiasLeft {
 pub struct Tolerance {
     /// The parameter.
     pub parameter: String,
-    /// Its error (1 σ) as the correction is taken to know it, %; of several the root mean square; None where it is taken to be exact.
+    /// Its error (1 σ) as the correction is taken to know it, %; of several the root mean square; None if it is taken to be exact.
     pub error_percent: Option<f64>,
-    /// Largest error with which the limit on c is met at the end of the mission, %; None where there is no limit, or it does nothing.
+    /// Largest error with which the limit on c is met at the end of the mission, %; None if there is no limit, or it does nothing.
     pub needed_c_percent: Option<f64>,
     /// The same for the limit on m.
     pub needed_m_percent: Option<f64>,
@@ -72,10 +72,10 @@ pub struct Tolerance {
 const BIASES: [Limited; 2] = [Limited::C, Limited::M];
 
 impl PopulationRemainder {
-    /// Of a model's population, with a correction that knows the detector so. None where the mission has no population.
+    /// Of a model's population, with a correction that knows the detector so. None if the mission has no population.
     ///
     /// # Errors
-    /// Where a formula has no value, no galaxy of the population can be measured, or a parameter cannot be changed by its error.
+    /// If a formula has no value, no galaxy of the population can be measured, or a parameter cannot be changed by its error.
     pub fn of(
         model: &Model,
         knowledge: &Knowledge,

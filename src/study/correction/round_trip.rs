@@ -46,10 +46,10 @@ pub struct RoundTrip<'a> {
 }
 
 impl<'a> RoundTrip<'a> {
-    /// The judged galaxy at a time (years since launch). None where no shape is left to correct.
+    /// The judged galaxy at a time (years since launch). None if no shape is left to correct.
     ///
     /// # Errors
-    /// Where a formula has no value, here and below.
+    /// If a formula has no value, here and below.
     pub fn new(model: &'a Model, t_yr: f64, iterations: u32) -> Result<Option<RoundTrip<'a>>, InputError> {
         let truth = model.device_at(t_yr)?;
         let (Some(scene), Some(uncorrected)) = (model.scene(0), model.change_by(0, &truth)?) else {
@@ -59,7 +59,7 @@ impl<'a> RoundTrip<'a> {
         Ok(Some(RoundTrip { model, t_yr, scene, truth, downstream, iterations, uncorrected }))
     }
 
-    /// What is left of the change of shape after correction with a believed detector. None where no shape is left.
+    /// What is left of the change of shape after correction with a believed detector. None if no shape is left.
     ///
     /// # Errors
     /// If a formula has no value.
@@ -93,7 +93,7 @@ impl<'a> RoundTrip<'a> {
         self.left(&self.model.like(&mission).device_at(self.t_yr)?)
     }
 
-    /// Root mean square of |Δe| that is left over draws of what is known, with its standard error. None where a draw leaves no
+    /// Root mean square of |Δe| that is left over draws of what is known, with its standard error. None if a draw leaves no
     /// shape.
     pub fn drawn(
         &self,

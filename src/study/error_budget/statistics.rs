@@ -7,7 +7,7 @@ use crate::study::Estimate;
 
 /// Statistics of the draws, each number with its standard error.
 pub struct Statistics {
-    /// Share of the variance of each input, and of what is not linear; None where |Δe| does not vary or is lost.
+    /// Share of the variance of each input, and of what is not linear; None if |Δe| does not vary or is lost.
     pub shares: Option<(Vec<Estimate>, Estimate)>,
     /// Standard deviation of ln |Δe| at the end of the mission.
     pub sigma_ln: Option<Estimate>,
@@ -17,7 +17,7 @@ pub struct Statistics {
 
 /// When a budget is exceeded.
 pub struct Crossings {
-    /// Each percentile of the time (yr), with its error where that is known; None beyond the horizon.
+    /// Each percentile of the time (yr), with its error if that is known; None beyond the horizon.
     pub percentiles: Vec<Option<(f64, Option<f64>)>>,
     /// Share of the draws in which it is exceeded within the mission.
     pub within: Estimate,

@@ -40,10 +40,10 @@ const SAMPLINGS: [&str; 4] = ["grid", "latin-hypercube", "monte-carlo", "sobol"]
 /// Least share of a distribution that may be left when it is cut: below that, quantiles lose their digits.
 const LEAST_KEPT: f64 = 1e-6;
 
-/// So many chunks where the file does not say how large they are.
+/// So many chunks if the file does not say how large they are.
 const CHUNKS: u64 = 256;
 
-/// Largest chunk where the file does not say.
+/// Largest chunk if the file does not say.
 const MOST_CHUNK_POINTS: u64 = 1000;
 
 pub(super) fn grid(refused: &str, name: String, text: &str, folder: &Path) -> Result<Grid, InputError> {
@@ -63,7 +63,7 @@ pub(super) fn grid(refused: &str, name: String, text: &str, folder: &Path) -> Re
 #[derive(Clone, Copy)]
 struct Syntax {
     name: &'static str,
-    /// None where values are drawn from a list.
+    /// None if values are drawn from a list.
     family: Option<Family>,
     required: &'static [&'static str],
     optional: &'static [&'static str],
@@ -167,7 +167,7 @@ impl Source<'_> {
         }
     }
 
-    /// Draws at every combination of the lists: said where there are distributions, and only there.
+    /// Draws at every combination of the lists: said if there are distributions, and only there.
     fn draws(&self, entry: Option<&Entry>, sampling: Option<Sampling>) -> Result<u64, InputError> {
         match (entry, sampling) {
             (Some(entry), None) => Err(self
@@ -548,7 +548,7 @@ impl Source<'_> {
 
     /// Every number that will be drawn is allowed for its key.
     fn check_draws(&self, drawn: &[&Placed], sample: &Sample, draws: u64) -> Result<(), InputError> {
-        // Quantiles rise: the least and the largest place tell.
+        // Quantiles are monotonic: the lowest and the highest place are sufficient.
         let mut ends = vec![((f64::INFINITY, 0), (0.0, 0)); drawn.len()];
         for draw in 0..draws {
             for (place, (least, most)) in sample.places(draw).into_iter().zip(&mut ends) {
@@ -631,7 +631,7 @@ impl Source<'_> {
         table["value"].clone()
     }
 
-    /// 5 stands for 5.0 where a key takes any number: a column holds one kind.
+    /// 5 stands for 5.0 if a key takes any number: a column holds one kind.
     fn number_as_wanted(&self, key: &keys::Key, value: Value) -> Value {
         match (key.kind, value) {
             (Allowed::Number(..) | Allowed::Positive(..), Value::Integer(integer)) => Value::Float(integer as f64),

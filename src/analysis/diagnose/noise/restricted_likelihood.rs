@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     /// Errors 1.5 times those quoted, correlated by 0.6 along 30 trails of 8 pixels, about three smooth directions that are in the
-    /// data with any strength: both numbers are found without bias, and no correlation where there is none.
+    /// data with any strength: both numbers are found without bias, and no correlation if there is none.
     #[test]
     fn scale_and_correlation_are_found_without_bias() {
         let (trails, pixels) = (30, 8);

@@ -19,11 +19,11 @@ const NEXT: f64 = 1.3;
 /// Until a chain is long enough, or no evaluation is left.
 pub(super) struct Schedule {
     walkers: usize,
-    /// Independent draws that are wanted.
+    /// Independent draws requested.
     wanted: usize,
-    /// Steps that evaluations are left for.
+    /// Steps for which evaluations are left.
     most: usize,
-    /// Steps at which the chain is looked at.
+    /// Steps at which the chain is checked.
     look: usize,
 }
 

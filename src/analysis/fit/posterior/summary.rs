@@ -32,7 +32,7 @@ pub struct Marginal {
     pub interval_68: [f64; 2],
     /// Ends of the central 95.4 %.
     pub interval_95: [f64; 2],
-    /// Integrated autocorrelation time, steps of a walker; None where nothing moves.
+    /// Integrated autocorrelation time, steps of a walker; None if nothing moves.
     pub autocorrelation_steps: Option<f64>,
     /// Independent draws that the chain is worth.
     pub effective_samples: f64,
