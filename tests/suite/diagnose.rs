@@ -1,7 +1,7 @@
 //! Which effect is missing: cases made by another simulator, with their truth (`tests/practice`, and some of those that
 //! `tests/corpus/make.py` makes).
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock};
@@ -61,7 +61,13 @@ fn diagnosed(folder: impl AsRef<Path>, add: &str) -> Arc<Diagnosis> {
     let place = Arc::clone(KNOWN.get_or_init(Known::default).lock().unwrap().entry(key).or_default());
     let diagnosis = || {
         let (mission, data) = read(folder.as_ref(), add);
-        Arc::new(diagnose(&mission, &data, &options(&mission), &SILENT).unwrap_or_else(|error| panic!("{error}")))
+        let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap_or_else(|error| panic!("{error}"));
+        // A law of all cases: nothing is its own rival, or one twice.
+        for rivals in &found.alternatives {
+            let distinct: HashSet<&String> = rivals.iter().collect();
+            assert_eq!(distinct.len(), rivals.len(), "{rivals:?}");
+        }
+        Arc::new(found)
     };
     Arc::clone(place.get_or_init(diagnosis))
 }

@@ -128,18 +128,28 @@ impl Evidence<'_> {
         let mut found = Found::of(Verdict::Missing, reason, self.ladder(&node)?);
         if !rivals.is_empty() {
             found.verdict = Verdict::Ambiguous;
-            for adopted in node.added.iter().map(|added| added.hypothesis) {
-                let others: Vec<String> = rivals
-                    .iter()
-                    .filter(|rival| rival.instead_of == adopted)
-                    .map(|rival| self.name(rival.hypothesis))
-                    .collect();
+            // An effect that was added twice may have the same rivals both times.
+            for adopted in distinct(node.added.iter().map(|added| added.hypothesis)) {
+                let of_it = rivals.iter().filter(|rival| rival.instead_of == adopted);
+                let others = distinct(of_it.map(|rival| rival.hypothesis));
                 if !others.is_empty() {
-                    found.alternatives.push([vec![self.name(adopted)], others].concat());
+                    let names = std::iter::once(adopted).chain(others).map(|place| self.name(place));
+                    found.alternatives.push(names.collect());
                 }
             }
         }
         (found.rivals, found.aside) = (rivals, aside);
         Ok(Ended::Adopted(Box::new(found)))
     }
+}
+
+/// Each index once, in the order of their first occurrence.
+fn distinct(indices: impl Iterator<Item = usize>) -> Vec<usize> {
+    let mut all = Vec::new();
+    for index in indices {
+        if !all.contains(&index) {
+            all.push(index);
+        }
+    }
+    all
 }

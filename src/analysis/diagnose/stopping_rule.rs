@@ -42,12 +42,18 @@ impl Evidence<'_> {
             return Ok(None);
         }
         let null = self.search.null(node, &noise);
-        if null.chi2_above(node.chi2_of_rows()) < CHI2 * self.level(node) {
+        if null.chi2_above(node.chi2_of_rows()) < self.chi2_level(node) {
             return Ok(None);
         }
         let validation = validate(node.mission(), self.case().data, self.options.seed)?;
         let trends = validation.trends.iter().any(|trend| trend.false_alarm < TRENDS * self.level(node));
         Ok((!trends).then_some(null))
+    }
+
+    /// The significance level for chi2 of a model.
+    fn chi2_level(&self, node: &Node) -> f64 {
+        // Several effects describe much that has another cause, such as a step of the gain, except for a remainder.
+        if node.added.len() > 1 { self.options.level } else { CHI2 * self.level(node) }
     }
 
     /// The significance level for an addition to a model.
