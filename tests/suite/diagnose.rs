@@ -259,6 +259,20 @@ fn a_row_that_is_wrong_is_named_and_decides_nothing() {
     }
 }
 
+/// A ghost in one pixel of every trail: as few rows as may be wrong, but no accidents.
+#[test]
+fn a_ghost_in_one_pixel_of_every_trail_is_no_set_of_wrong_rows() {
+    let (mission, mut data) = read(&practice("slow-trap-and-annealing"), "");
+    remade(&mut data, &mission, 5);
+    let pixels = data[0].against("trail_px");
+    let ghost = data[0].rows.iter_mut().zip(&pixels).filter(|(_, px)| **px == 13.0);
+    ghost.for_each(|(row, _)| row.value += 9.0 * row.sigma);
+    let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
+    assert_eq!(found.verdict, Verdict::Unexplained, "{}", found.reason);
+    assert!(found.noise.iter().all(|noise| noise.wrong.is_empty()), "{:?}", found.noise);
+    assert!(found.covariates.iter().any(|known| known.name == "trail_px"), "{:?}", found.covariates);
+}
+
 /// The residuals of a channel that is hardly shallower than the background are others than those of a deeper one.
 #[test]
 fn a_notch_just_below_the_background_is_among_the_rivals() {

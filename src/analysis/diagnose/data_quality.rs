@@ -10,7 +10,7 @@ use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF};
 
 use super::fitted_model::{Case, Node};
 use super::holdout;
-use super::noise::SetNoise;
+use super::noise::{self, SetNoise};
 use super::result::{Reason, RowPlace};
 use crate::physics::conditions::NAMES;
 
@@ -196,6 +196,10 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
             return None;
         }
         let off = holdout::left_out(node, rows)?;
+        let far: Vec<(usize, f64)> = rows.iter().copied().zip(off.iter().copied()).collect();
+        if noise::share_a_condition(case, &far) {
+            return None;
+        }
         let fall: f64 = rows.iter().zip(off.iter()).map(|(&row, off)| node.residuals[row] * off).sum();
         let freedom = node.freedom() - rows.len() as f64;
         (node.chi2_of_rows() - fall < freedom + NEARLY * (2.0 * freedom).sqrt()).then_some((fall, off))

@@ -231,7 +231,9 @@ fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known:
     let has_floor = set.rows.iter().any(|row| row.floor > 0.0);
     let least_scatter = if has_floor { 1.0 } else { 1.0 / AT_MOST };
     let most = wrong_rows::most(residuals.len()).saturating_sub(wrong.len());
-    for (row, off_sigma) in wrong_rows::of(residuals, smooth, least_scatter).into_iter().take(most) {
+    let far = wrong_rows::of(residuals, smooth, least_scatter);
+    let far = if wrong_rows::share_a_condition(set, &far) { Vec::new() } else { far };
+    for (row, off_sigma) in far.into_iter().take(most) {
         if wrong.iter().all(|known| known.row != row) && !known.right.contains(&row) {
             wrong.push(WrongRow { row, line: set.table.lines.get(row).copied(), off_sigma, by_model: false });
         }
@@ -262,6 +264,16 @@ fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known:
         right: known.right.clone(),
         ..SetNoise::as_quoted(set)
     }
+}
+
+/// Whether rows (by their indices among all, each with its residual) of some file are no accidents: of one sign, and all at one value of
+/// a condition.
+pub(super) fn share_a_condition(case: &Case, rows: &[(usize, f64)]) -> bool {
+    (0..case.data.len()).any(|set| {
+        let here = case.rows(set);
+        let of_set = rows.iter().filter(|(row, _)| here.contains(row)).map(|(row, off)| (row - here.start, *off));
+        wrong_rows::share_a_condition(&case.data[set], &of_set.collect::<Vec<_>>())
+    })
 }
 
 /// Rows found wrong with a model that explains all others.

@@ -5,6 +5,7 @@
 //! deviation of 2√λ, and λ = d is the worst case. A rival is ruled out if this is below half the level. Each additional parameter
 //! of the adopted effect widens this margin by 2, and each additional parameter of the rival narrows it by 1.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -89,7 +90,13 @@ fn around(evidence: &Evidence, node: &Arc<Node>) -> Result<Around, InputError> {
         let needed = LITTLE * (parent.chi2() - node.chi2());
         let mut wanted = expansion.promising();
         wanted.retain(|place| parent.added.is_empty() || expansion.gain(*place) > needed);
-        let sketches = evidence.search.sketches(&expansion, &wanted);
+        let mut sketches = evidence.search.sketches(&expansion, &wanted);
+        if !parent.added.is_empty() {
+            sketches.extend(evidence.search.sketches_in_place(&parent, node, place, &wanted));
+            sketches.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
+            let mut seen = HashSet::new();
+            sketches.retain(|sketch| seen.insert(sketch.last()));
+        }
         for sketch in sketches.iter().filter(|sketch| sketch.last() != added.hypothesis) {
             if sketch.chi2 > node.chi2() + ROUGH * margin || node.set().contains(&sketch.last()) {
                 continue;

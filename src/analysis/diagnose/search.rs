@@ -327,18 +327,9 @@ impl<'a> Search<'a> {
         Ok(found)
     }
 
-    /// A fitted model again from the values of one with more effects; None if that is no nearer to the data. `others` are the larger
-    /// model's effects that it has too.
-    fn from_values_of(&self, node: &Node, larger: &Node, mut others: Vec<Added>) -> Option<Arc<Node>> {
-        let mut from: Vec<(String, String)> = self.base.iter().map(|key| (key.clone(), key.clone())).collect();
-        for added in &node.added {
-            let other = others.remove(others.iter().position(|other| other.hypothesis == added.hypothesis)?);
-            let name = |key: &str| key.strip_prefix(&added.key).map(str::to_owned);
-            from.extend(added.free.iter().filter_map(|key| Some((key.clone(), other.key.clone() + &name(key)?))));
-        }
-        let values = from.into_iter().map(|(key, other)| Some((key, larger.mission().number(&other)?.into())));
-        let mission = node.mission().with(&values.collect::<Option<Vec<_>>>()?).ok()?;
-        let model = node.model.like(&mission);
+    /// A fitted model refitted from the values of one with more effects; None if that is no nearer to the data.
+    fn from_values_of(&self, node: &Node, larger: &Node, others: Vec<Added>) -> Option<Arc<Node>> {
+        let model = node.model.like(&self.with_values_of(node, larger, others)?);
         let problem = self.problem(&model, &node.added).ok()?;
         let found = problem.polish(problem.approach(&problem.nothing_known()));
         if found.chi2 > node.chi2() - SAME_MINIMUM {
@@ -347,6 +338,42 @@ impl<'a> Search<'a> {
         let found = self.fit(&node.model.like(&problem.mission(&found.at).ok()?), &node.added, false).ok()?;
         self.remember_settled(&found);
         Some(found)
+    }
+
+    /// The mission of a model with the values of one that has more effects. `others` are the effects of that one which the model has
+    /// too.
+    fn with_values_of(&self, node: &Node, larger: &Node, mut others: Vec<Added>) -> Option<Mission> {
+        let mut from: Vec<(String, String)> = self.base.iter().map(|key| (key.clone(), key.clone())).collect();
+        for added in &node.added {
+            let other = others.remove(others.iter().position(|other| other.hypothesis == added.hypothesis)?);
+            let name = |key: &str| key.strip_prefix(&added.key).map(str::to_owned);
+            from.extend(added.free.iter().filter_map(|key| Some((key.clone(), other.key.clone() + &name(key)?))));
+        }
+        let values = from.into_iter().map(|(key, other)| Some((key, larger.mission().number(&other)?.into())));
+        node.mission().with(&values.collect::<Option<Vec<_>>>()?).ok()
+    }
+
+    /// Rough fits of effects in place of one of a model (by its index among those added), from the model's values of all else. `smaller` is
+    /// the fitted model without it, in which the other effects may stand in for what is missing: a bounce of the other sign, from which no
+    /// gradient leads back.
+    pub fn sketches_in_place(&self, smaller: &Node, node: &Node, place: usize, wanted: &[usize]) -> Vec<Sketch> {
+        let mut others = node.added.clone();
+        others.remove(place);
+        let options = fit::Options { settled: true, ..fit::Options::default() };
+        let there = || -> Option<Node> {
+            let model = smaller.model.like(&self.with_values_of(smaller, node, others)?);
+            Node::fit(self.case, &model, smaller.added.clone(), &self.base, &options).ok()
+        };
+        let Some(there) = there() else { return Vec::new() };
+        let sketch = |place: &usize| {
+            let trials = self.hypotheses[*place].trials(*place, self.case, &there);
+            let start = |trial: &&Trial| {
+                let strength = trial.strength(&there.residuals).clamp(0.1, FARTHEST);
+                self.start_at(&there, &[(*trial, strength)])
+            };
+            self.followed(&there, most_promising(&trials, &there).iter().filter_map(start).collect())
+        };
+        parallel::map(wanted, sketch).into_iter().flatten().collect()
     }
 
     /// A model with an effect that changes nothing beyond what its free parameters do: at any strength it explains as much.

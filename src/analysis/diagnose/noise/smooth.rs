@@ -35,6 +35,8 @@ pub(super) fn columns(set: &DataSet, model: &[f64]) -> Vec<DVector<f64>> {
         let (place, distinct) = in_order(&values);
         let power = |power: usize| place.iter().map(|place| place.powi(power as i32)).collect();
         shapes.extend((1..=DEGREE.min(distinct - 1)).map(power));
+        // What all rows of one epoch (or pixel, ...) have in common need not be smooth, and is no scatter of single rows.
+        shapes.extend(of_values(&values));
         places.push(place);
     }
     for (index, one) in places.iter().enumerate() {
@@ -60,6 +62,15 @@ fn in_order(values: &[f64]) -> (Vec<f64>, usize) {
         Err(_) => 0.0,
     };
     (values.iter().map(place).collect(), distinct.len().max(1))
+}
+
+/// One column for every value of a condition; none if there are too many values.
+fn of_values(values: &[f64]) -> Vec<Vec<f64>> {
+    let mut distinct: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    distinct.sort_by(f64::total_cmp);
+    distinct.dedup();
+    let number = |value: &f64| distinct.iter().position(|known| known == value).map_or(-1.0, |number| number as f64);
+    of_words(&values.iter().map(number).collect::<Vec<f64>>())
 }
 
 /// One column for every word (words are numbered); none if there are too many words.

@@ -10,6 +10,7 @@
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, Discrete, Poisson, StudentsT};
 
+use crate::analysis::measurement::DataSet;
 use crate::numeric::least_squares::Span;
 
 /// Distance from which a row is wrong, in units of the scatter, and the probability that noise puts any row of the file there.
@@ -130,14 +131,36 @@ fn are_together(far: &[(usize, f64)], rows: usize) -> bool {
     1.0 - fewer < NO_ACCIDENT
 }
 
+/// Whether rows of a file have residuals of one sign and all one value of a condition, which so many rows have by chance with a
+/// probability below `NO_ACCIDENT`: a ghost in one pixel of every trail, such as by crosstalk. (Two rows may always.)
+pub(super) fn share_a_condition(set: &DataSet, far: &[(usize, f64)]) -> bool {
+    let Some((&(first, off), others)) = far.split_first() else { return false };
+    if others.len() < 2 || others.iter().any(|(_, other)| other * off < 0.0) {
+        return false;
+    }
+    let by_chance = |name: &String| {
+        let values = set.against(name);
+        let alike = values.iter().filter(|value| **value == values[first]).count() as f64;
+        let all_alike = others.iter().all(|(row, _)| values[*row] == values[first]);
+        // Each other row has the value, and the sign.
+        if all_alike { (0.5 * alike / values.len() as f64).powi(others.len() as i32) } else { 1.0 }
+    };
+    let least = set.varying.iter().map(by_chance).fold(1.0, f64::min);
+    least * (set.varying.len() as f64) < NO_ACCIDENT
+}
+
 #[cfg(test)]
 mod tests {
+    use std::fmt::Write;
+
     use rand::seq::index::sample;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
 
     use super::*;
+    use crate::io::table::Table;
+    use crate::mission::Mission;
 
     /// Noise about a few polynomials in the row index, as many as two fifths of the rows.
     fn noise(random: &mut ChaCha8Rng, rows: usize) -> (DVector<f64>, DMatrix<f64>) {
@@ -192,5 +215,27 @@ mod tests {
         assert!(!are_together(&[(20, 8.0), (21, 8.0)], 40));
         assert!(are_together(&[(20, 8.0), (21, 8.0), (22, 9.0)], 60));
         assert!(are_together(&[(20, 8.0), (21, 8.0)], 400));
+    }
+
+    /// Nine trails of twenty pixels. A ghost in one pixel of all of them is no accident of single rows; as many rows elsewhere are.
+    #[test]
+    fn rows_of_one_pixel_are_no_accidents() {
+        let mission = Mission::read("missions/snap_l2.toml").unwrap();
+        let mut text = String::from("# observable: trail\n# t_yr: 3.0\ntransfers,trail_px,signal_e,value,sigma\n");
+        for (transfers, signal_e) in (1..=9).map(|trail| (300 * (1 + trail % 3), 500 * (1 + trail / 3))) {
+            for px in 1..=20 {
+                writeln!(text, "{transfers},{px},{signal_e},0.0,1.0").unwrap();
+            }
+        }
+        let set = DataSet::of(Table::parse("trail.csv", &text).unwrap(), &mission).unwrap();
+        let rows = |of: &[usize], sign: f64| of.iter().map(|row| (*row, 9.0 * sign)).collect::<Vec<_>>();
+        let ghost: Vec<usize> = (0..9).map(|trail| 20 * trail + 7).collect();
+        assert!(share_a_condition(&set, &rows(&ghost, 1.0)));
+        assert!(share_a_condition(&set, &rows(&ghost[..3], -1.0)));
+        // Two may be, and rows of both signs, and rows of different pixels.
+        assert!(!share_a_condition(&set, &rows(&ghost[..2], 1.0)));
+        assert!(!share_a_condition(&set, &[rows(&ghost[..3], 1.0), rows(&ghost[3..4], -1.0)].concat()));
+        assert!(!share_a_condition(&set, &rows(&[7, 28, 49, 130], 1.0)));
+        assert!(!share_a_condition(&set, &[]));
     }
 }
