@@ -354,6 +354,16 @@ fn effects_are_also_seen_where_a_fit_without_them_leaves_hardly_any_growth() {
     }
 }
 
+/// The data exclude the mission's value of a key that was freed because it is not known: held there, no verdict would be the same. The
+/// fitted value is held instead.
+#[test]
+fn a_verdict_with_keys_far_from_the_mission_is_stable_at_their_fitted_values() {
+    let (mission, data) = read(Path::new("tests/corpus/edge/runaway-release-time"), "");
+    let found = diagnose(&mission, &data, &Options { stability: true, ..options(&mission) }, &SILENT).unwrap();
+    let held = found.stability.done.iter().find(|changed| changed.change.starts_with("no key free")).unwrap();
+    assert_eq!((held.change.as_str(), held.holds), ("no key free, at fitted values", true), "{:?}", found.stability);
+}
+
 /// Without a key free, a first look calls rows wrong that the effect explains: a search under another assumption tries them without,
 /// and takes them back, as the diagnosis itself does.
 #[test]

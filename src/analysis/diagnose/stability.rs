@@ -10,6 +10,7 @@ use super::noise;
 use super::result::{Diagnosis, Verdict};
 use super::work::Work;
 use super::{Options, ROUNDS, Task};
+use crate::analysis::fit::Fitted;
 use crate::analysis::fit::parameter::Parameter;
 use crate::error::InputError;
 use crate::mission::Mission;
@@ -49,6 +50,9 @@ const LARGER: f64 = 1.35;
 /// Factor on the starting values of free keys, alternately up and down.
 const ELSEWHERE: f64 = 1.25;
 
+/// Errors of a fitted value beyond which the data exclude the mission's.
+const EXCLUDED: f64 = 3.0;
+
 /// A search with one assumption changed.
 struct Change {
     name: String,
@@ -69,7 +73,7 @@ impl Task<'_> {
         }
         let work = Arc::new(Work::of_at_most(self.options.evaluations));
         let mut all = Stability::default();
-        for change in self.changes() {
+        for change in self.changes(found) {
             if !work.allows(&change.name) {
                 all.undone.push(change.name);
                 continue;
@@ -85,7 +89,7 @@ impl Task<'_> {
         Ok(all)
     }
 
-    fn changes(&self) -> Vec<Change> {
+    fn changes(&self, found: &Diagnosis) -> Vec<Change> {
         let free = &self.options.free;
         let with =
             |name: String| Change { name, mission: self.mission.clone(), options: self.options.clone(), larger: 1.0 };
@@ -111,12 +115,29 @@ impl Task<'_> {
                 changes
                     .push(Change { mission, ..with(format!("free keys start {ELSEWHERE} times larger or smaller")) });
             }
-            changes.push(Change {
-                options: Options { free: Vec::new(), ..self.options.clone() },
-                ..with("no key free".into())
+            let options = Options { free: Vec::new(), ..self.options.clone() };
+            changes.push(match self.at_fitted_values(found) {
+                Some(mission) => Change { options, mission, ..with("no key free, at fitted values".into()) },
+                None => Change { options, ..with("no key free".into()) },
             });
         }
         changes
+    }
+
+    /// The mission with the fitted values of free keys that the data exclude in the mission: held there, any verdict would change. None if
+    /// there are none, or no model explains the data.
+    fn at_fitted_values(&self, found: &Diagnosis) -> Option<Mission> {
+        if found.verdict == Verdict::Unexplained {
+            return None;
+        }
+        let is_excluded = |fitted: &&Fitted| {
+            let given = self.mission.number(&fitted.key);
+            let off = given.zip(fitted.sigma).map(|(given, sigma)| (fitted.value - given).abs() / sigma);
+            self.options.free.contains(&fitted.key) && off.is_some_and(|off| off > EXCLUDED)
+        };
+        let excluded = found.parameters.iter().filter(is_excluded);
+        let values: Vec<_> = excluded.map(|fitted| (fitted.key.clone(), fitted.value.into())).collect();
+        if values.is_empty() { None } else { self.mission.with(&values).ok() }
     }
 
     /// The mission with other starting values of the free keys; None if such a mission makes no sense.
