@@ -5,14 +5,17 @@
 //! best in full. If no single effect is enough, the best few models are carried on: the first of two missing effects need not be
 //! the one that explains most by itself.
 
+mod given_values;
+mod smaller;
+
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
+use self::smaller::Smaller;
 use super::fitted_model::{Added, Case, Node};
 use super::hypothesis::{FARTHEST, Hypothesis, Trial};
 use super::options::Progress;
 use super::significance::{Noise, Null};
-use crate::analysis::fit::parameter::Parameter;
 use crate::analysis::fit::{self, Optimum, Problem, helped};
 use crate::effect;
 use crate::error::InputError;
@@ -32,12 +35,6 @@ const ALSO: f64 = 0.3;
 const FAR_BEHIND: f64 = 2.0;
 const BEHIND: f64 = 50.0;
 const SAME_END: f64 = 0.25;
-
-/// Change of a free key from the mission's value, in ordinary changes, beyond which a fit is started once more from that value.
-const FAR: f64 = 0.25;
-
-/// chi2 per degree of freedom above which a model does not explain the data, even if errors are too small.
-const FAR_FROM_NOISE: f64 = 4.0;
 
 /// Difference of chi2 below which two fits have reached the same minimum.
 const SAME_MINIMUM: f64 = 0.01;
@@ -146,8 +143,8 @@ pub(super) struct Search<'a> {
     levels: Mutex<Vec<Arc<Node>>>,
     /// Predictions of models from which free keys were driven out, and the same models with the mission's values of these.
     as_given: Mutex<Vec<(Vec<f64>, Arc<Node>)>>,
-    /// Predictions of models, and the same models without one of their effects (by its place).
-    smaller: Mutex<Vec<(Vec<f64>, usize, Arc<Node>)>>,
+    /// Models without one of the effects of others.
+    smaller: Mutex<Vec<Smaller>>,
     /// Rough fits of another search of the same data, from which those of this one start.
     known: Vec<Sketch>,
     /// Counts an evaluation of the model at all rows.
@@ -307,75 +304,6 @@ impl<'a> Search<'a> {
         self.settled(&node)
     }
 
-    /// The fitted model without one of the effects of another (by its place among those added): at least as near to the data as from
-    /// where the other's values of all else lead.
-    pub fn without(&self, base: &Arc<Node>, node: &Node, place: usize) -> Result<Arc<Node>, InputError> {
-        let mut others = node.added.clone();
-        others.remove(place);
-        let known = self.with(base, &others.iter().map(|added| added.hypothesis).collect::<Vec<_>>())?;
-        if others.is_empty() {
-            return Ok(known);
-        }
-        let same =
-            |(larger, removed, _): &&(Vec<f64>, usize, Arc<Node>)| *larger == node.fit.values && *removed == place;
-        let done = self.smaller.lock().expect("nobody panics").iter().find(same).map(|(.., found)| found.clone());
-        if let Some(done) = done.filter(|done| done.chi2() <= known.chi2()) {
-            return Ok(done);
-        }
-        let found = self.from_values_of(&known, node, others).unwrap_or(known);
-        self.smaller.lock().expect("nobody panics").push((node.fit.values.clone(), place, found.clone()));
-        Ok(found)
-    }
-
-    /// A fitted model refitted from the values of one with more effects; None if that is no nearer to the data.
-    fn from_values_of(&self, node: &Node, larger: &Node, others: Vec<Added>) -> Option<Arc<Node>> {
-        let model = node.model.like(&self.with_values_of(node, larger, others)?);
-        let problem = self.problem(&model, &node.added).ok()?;
-        let found = problem.polish(problem.approach(&problem.nothing_known()));
-        if found.chi2 > node.chi2() - SAME_MINIMUM {
-            return None;
-        }
-        let found = self.fit(&node.model.like(&problem.mission(&found.at).ok()?), &node.added, false).ok()?;
-        self.remember_settled(&found);
-        Some(found)
-    }
-
-    /// The mission of a model with the values of one that has more effects. `others` are the effects of that one which the model has
-    /// too.
-    fn with_values_of(&self, node: &Node, larger: &Node, mut others: Vec<Added>) -> Option<Mission> {
-        let mut from: Vec<(String, String)> = self.base.iter().map(|key| (key.clone(), key.clone())).collect();
-        for added in &node.added {
-            let other = others.remove(others.iter().position(|other| other.hypothesis == added.hypothesis)?);
-            let name = |key: &str| key.strip_prefix(&added.key).map(str::to_owned);
-            from.extend(added.free.iter().filter_map(|key| Some((key.clone(), other.key.clone() + &name(key)?))));
-        }
-        let values = from.into_iter().map(|(key, other)| Some((key, larger.mission().number(&other)?.into())));
-        node.mission().with(&values.collect::<Option<Vec<_>>>()?).ok()
-    }
-
-    /// Rough fits of effects in place of one of a model (by its index among those added), from the model's values of all else. `smaller` is
-    /// the fitted model without it, in which the other effects may stand in for what is missing: a bounce of the other sign, from which no
-    /// gradient leads back.
-    pub fn sketches_in_place(&self, smaller: &Node, node: &Node, place: usize, wanted: &[usize]) -> Vec<Sketch> {
-        let mut others = node.added.clone();
-        others.remove(place);
-        let options = fit::Options { settled: true, ..fit::Options::default() };
-        let there = || -> Option<Node> {
-            let model = smaller.model.like(&self.with_values_of(smaller, node, others)?);
-            Node::fit(self.case, &model, smaller.added.clone(), &self.base, &options).ok()
-        };
-        let Some(there) = there() else { return Vec::new() };
-        let sketch = |place: &usize| {
-            let trials = self.hypotheses[*place].trials(*place, self.case, &there);
-            let start = |trial: &&Trial| {
-                let strength = trial.strength(&there.residuals).clamp(0.1, FARTHEST);
-                self.start_at(&there, &[(*trial, strength)])
-            };
-            self.followed(&there, most_promising(&trials, &there).iter().filter_map(start).collect())
-        };
-        parallel::map(wanted, sketch).into_iter().flatten().collect()
-    }
-
     /// A model with an effect that changes nothing beyond what its free parameters do: at any strength it explains as much.
     fn fit_without_trial(&self, place: usize, parent: &Node) -> Result<Arc<Node>, InputError> {
         let tables = self.hypotheses[place].any_table(self.case, parent).map(|table| (place, table));
@@ -384,39 +312,6 @@ impl<'a> Search<'a> {
             InputError::new("cannot diagnose", format!("{name} cannot be added to the mission on its own"))
         })?;
         self.fit(&parent.model.like(&mission), &added, false)
-    }
-
-    /// The trials of an effect on top of a model. If it changes nothing there, and the model does not explain the data: on top of the same
-    /// model with the mission's values.
-    fn trials(&self, place: usize, node: &Node) -> Vec<Trial> {
-        let trials = self.hypotheses[place].trials(place, self.case, node);
-        let as_given = || self.as_given(node).map(|given| self.hypotheses[place].trials(place, self.case, &given));
-        if trials.is_empty() { as_given().unwrap_or_default() } else { trials }
-    }
-
-    /// A model with the mission's values of free keys that were driven out, as far as that was made (`make_as_given`).
-    fn as_given(&self, node: &Node) -> Option<Arc<Node>> {
-        let all = self.as_given.lock().expect("nobody panics");
-        all.iter().find(|(of, _)| *of == node.fit.values).map(|(_, given)| given.clone())
-    }
-
-    /// Puts free keys that were driven out back at the mission's values, if a model does not explain the data; not while others run in
-    /// parallel. A fit that lacks an effect may end without any traps that radiation makes: no effect on these could be seen there.
-    fn make_as_given(&self, case: &Case, node: &Node) {
-        if node.chi2() < FAR_FROM_NOISE * node.freedom() || self.as_given(node).is_some() {
-            return;
-        }
-        let given = self.base.iter().filter_map(|key| Parameter::of(self.given, key).ok());
-        let out = |given: &Parameter| node.mission().number(&given.key).is_some_and(|value| given.is_driven_out(value));
-        let moved: Vec<_> = given.filter(out).map(|given| (given.key, given.start.into())).collect();
-        if moved.is_empty() {
-            return;
-        }
-        let options = fit::Options { settled: true, ..fit::Options::default() };
-        let fit = |mission| Node::fit(case, &node.model.like(&mission), node.added.clone(), &self.base, &options);
-        if let Some(Ok(given)) = node.mission().with(&moved).ok().map(fit) {
-            self.as_given.lock().expect("nobody panics").push((node.fit.values.clone(), Arc::new(given)));
-        }
     }
 
     /// Every trial of every effect on top of a model, or of the best fit with the same effects.
@@ -479,29 +374,6 @@ impl<'a> Search<'a> {
         let level = wanted.first().and_then(|trial| self.start_from_level(node, trial.hypothesis));
         let far = self.followed(node, level.into_iter().collect());
         near.into_iter().chain(far).min_by(|a, b| a.chi2.total_cmp(&b.chi2))
-    }
-
-    /// A rough fit, or the fit from the mission's own values of the initially free keys if that is better. A model that lacks an
-    /// effect may have driven a free key to where it has no influence (a release time to its bound), from where no gradient leads
-    /// back once the effect is added.
-    fn refitted_from_given_values(&self, node: &Node, sketch: Sketch) -> Sketch {
-        let given = self.base.iter().filter_map(|key| Parameter::of(self.given, key).ok());
-        let is_far = |given: &Parameter| {
-            let value = sketch.mission.number(&given.key);
-            value.is_some_and(|value| given.changes_from_start(value) > FAR)
-        };
-        let moved: Vec<_> = given.filter(is_far).map(|given| (given.key, given.start.into())).collect();
-        if moved.is_empty() {
-            return sketch;
-        }
-        let back = || -> Option<Sketch> {
-            let mission = sketch.mission.with(&moved).ok()?;
-            let model = node.model.like(&mission);
-            let problem = self.problem(&model, &sketch.added).ok()?;
-            let found = problem.approach(&problem.nothing_known());
-            self.followed(node, vec![Start { added: sketch.added.clone(), mission, found }])
-        };
-        back().filter(|back| back.chi2 < sketch.chi2).unwrap_or(sketch)
     }
 
     /// The start at which another search of the same data ended with the same effects; None if it did not try them.
