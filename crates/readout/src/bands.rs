@@ -9,9 +9,9 @@
 //!          ◀─── last ──── ◀───────────── … ◀───── first ────
 //! ```
 //!
-//! In a band only its own pixels are passed, by all packets that start in them or farther away. This is exact for every clock and
-//! every capture time in this crate, but not for [`super::Method::CarriedTraps`], whose pixels start in the state of their
-//! neighbours.
+//! In a band, packets pass only the pixels of the band; these are all packets that start in it or farther away. This is exact for
+//! every clock and every capture time in this crate, but not for [`super::Method::CarriedTraps`], whose pixels start in the state
+//! of their neighbours.
 
 use std::ops::Range;
 
@@ -23,37 +23,37 @@ use super::{Downstream, Method, Readout};
 /// Rows of pixels with a common factor on their trap densities.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Band {
-    /// The first of its rows of the image. The last is in front of the next band.
+    /// Its first row of the image. It ends where the next band starts.
     pub first_row: usize,
     /// Factor on the densities of all species.
     pub density_factor: f64,
 }
 
-/// The pixels that columns pass.
+/// The pixels that the columns pass.
 #[derive(Clone, Copy)]
 pub(super) struct Journey {
     /// Rows downstream.
     pub rows: i64,
-    /// The first of the pixels, from the register.
+    /// The first of the pixels, counted from the register.
     nearest: i64,
-    /// The first behind them.
+    /// The first pixel beyond them.
     end: i64,
-    /// Packets downstream started in pixels with empty traps, and have filled them.
+    /// Whether packets downstream started in pixels with empty traps, and have filled them.
     pub fill_their_own: bool,
 }
 
 impl Journey {
-    /// Through all pixels, with n rows downstream.
+    /// Through all pixels, with `rows` rows downstream.
     pub fn of(rows: i64) -> Journey {
         Journey { rows, nearest: 0, end: i64::MAX, fill_their_own: true }
     }
 
-    /// Through pixels in which no packet starts and that so many others have passed before.
+    /// Through `pixels` pixels in which no packet starts, which `rows` packets have passed before.
     pub fn passed_by_all(rows: i64, pixels: i64) -> Journey {
         Journey { rows: rows + pixels, nearest: 0, end: pixels, fill_their_own: false }
     }
 
-    /// The pixels for columns of n packets.
+    /// The pixels passed by columns of `packets` packets.
     pub fn pixels(&self, packets: usize) -> Range<i64> {
         let nearest = self.nearest.max(0);
         nearest..self.end.min(packets as i64 + self.rows).max(nearest)
@@ -61,13 +61,13 @@ impl Journey {
 }
 
 impl Readout {
-    /// [`Readout::parallel`] of an image whose pixels have more traps in some rows than in others, with an error that is allowed if one
-    /// is: see [`Readout::parallel_within`].
+    /// [`Readout::parallel`] of an image whose pixels have more traps in some rows than in others. `allowed`: the allowed error, if
+    /// any; see [`Readout::parallel_within`].
     ///
-    /// Bands stand in the order of their rows. The first one holds for all rows between the image and the register too.
+    /// Bands are sorted by row. The first one also applies to all rows between the image and the register.
     ///
     /// # Panics
-    /// As [`Readout::parallel`], and with several bands by [`Method::CarriedTraps`].
+    /// As [`Readout::parallel`], and for several bands with [`Method::CarriedTraps`].
     pub fn parallel_in_bands(
         &self,
         image: &Array2<f64>,
@@ -85,7 +85,7 @@ impl Readout {
         })
     }
 
-    /// What an image was before [`Readout::parallel_in_bands`]: see [`Readout::parallel_reversed`].
+    /// The image before [`Readout::parallel_in_bands`]: see [`Readout::parallel_reversed`].
     ///
     /// # Panics
     /// As [`Readout::parallel_reversed`].
@@ -103,7 +103,7 @@ impl Readout {
         })
     }
 
-    /// The readout of each band that has traps, and its pixels, from the register on.
+    /// The readout and the pixels of each band that has traps, from the register on.
     fn in_parts(&self, rows_downstream: i64, bands: &[Band]) -> Vec<(Readout, Journey)> {
         let part = |(place, band): (usize, &Band)| {
             let place_of = |band: &Band| rows_downstream + band.first_row as i64;
@@ -119,7 +119,7 @@ impl Readout {
 }
 
 impl Allowed {
-    /// What each of so many bands may add to the error, if they all err in the same direction.
+    /// The error allowed for each of `bands` bands, if all errors have the same sign.
     fn of_one(self, bands: usize) -> Allowed {
         Allowed { error_e: self.error_e / bands.max(1) as f64, ..self }
     }
@@ -158,7 +158,7 @@ mod tests {
         }
     }
 
-    /// Levels of a cloud in which the traps of a pixel are counted below.
+    /// Levels of a cloud in which the traps of a pixel are counted in the reference.
     const LEVELS: usize = 20_000;
 
     /// Every transfer of every packet, with fractions filled at fixed heights: the contract of the crate, pixel by pixel.
@@ -201,7 +201,7 @@ mod tests {
             let wanted = by_hand(&exact, &image, rows);
             let moved_e = farthest(&wanted, &image);
             let by_every_transfer = exact.parallel_in_bands(&image, downstream, &BANDS, None);
-            // The levels of the reference: half of one, of a trap per pixel or two, in 55 pixels.
+            // Error of the levels of the reference: half a level of one or two traps per pixel, in 55 pixels.
             let error_e = farthest(&by_every_transfer, &wanted);
             assert!(error_e < 2e-3 && moved_e > 10.0, "{error_e:e} of {moved_e}");
             for method in [Method::Fast { relative: 1e-6 }, Method::Fractional { levels: LEVELS }] {
@@ -250,8 +250,8 @@ mod tests {
         }
         let mean = sum / SAMPLES as f64;
         let variance = squares / SAMPLES as f64 - &mean * &mean;
-        // Over all pixels: 144 independent normal deviations would give 1 +- 0.06; those of a column are not independent. Where few
-        // traps are met, whole electrons are lost from a mean that is small.
+        // Over all pixels: 144 independent normal deviates would give 1 +- 0.06; those within a column are not independent. Where
+        // few traps are met, whole electrons are lost from a small mean.
         let deviations = (&mean - &wanted) / variance.mapv(|variance| (variance.max(0.05) / SAMPLES as f64).sqrt());
         let rms = (deviations.mapv(|deviation| deviation * deviation).mean().unwrap()).sqrt();
         assert!(rms < 1.4, "{rms}");
@@ -277,7 +277,7 @@ mod tests {
 
     #[test]
     fn rows_in_front_of_the_image_have_the_traps_of_its_first_band() {
-        // Packets of the sky in front, as part of an image that touches the register.
+        // The sky packets in front, as part of an image that touches the register.
         let image = image();
         let rows = 40;
         let longer = Array2::from_shape_fn((rows + image.nrows(), 3), |(row, column)| {
@@ -290,7 +290,7 @@ mod tests {
         let downstream = Downstream { rows: rows as i64, charge_e: 60.0 };
         let read = readout.parallel_in_bands(&image, downstream, &BANDS, None);
         let error_e = farthest(&read, &wanted.slice(ndarray::s![rows.., ..]).to_owned());
-        // The packets in front have lost nothing yet to pixels that only few of them passed.
+        // The packets in front have not yet lost charge to pixels that only few of them have passed.
         assert!(error_e < 5e-3, "{error_e:e}");
     }
 }

@@ -1,4 +1,4 @@
-//! The path of packets through a block of pixels, as far as the second order needs it.
+//! The path of packets through a block of pixels, as needed by the second order.
 //!
 //! The first order holds the charges at their values on arrival, and neglects their changes along the path. The second order holds
 //! them at their means over the path instead: the result for a pixel is then correct to second order if all packets are in step. In
@@ -15,12 +15,12 @@ use fearless_simd::prelude::*;
 
 use super::simd::{LANES, Mask, Packets, Vector};
 
-/// Changes of packets along their path through a block, to first order, as far as the second order needs them.
+/// Changes of packets along their path through a block, to first order, as needed by the second order.
 pub(super) struct PathMeans {
-    /// Change of every packet until it is in a pixel of its path, on average over the path, e-. The pixel it starts in, where
-    /// everything is known, is left out.
+    /// Change of each packet before it reaches a pixel of its path, averaged over the path, e-. The pixel that it starts in is
+    /// omitted, since there everything is known.
     pub mean_e: Vec<Packets>,
-    /// How much more that is, with what is released there, in the pixels of the watermark that the packet reached into, e-.
+    /// Excess over that mean, with the charge released there, in the pixels of the watermark that the packet reached into, e-.
     pub further_e: Vec<Packets>,
 }
 
@@ -30,31 +30,31 @@ impl PathMeans {
         PathMeans { mean_e: vec![[0.0; LANES]; rows], further_e: vec![[0.0; LANES]; rows] }
     }
 
-    /// Rows that do not pass the block.
+    /// For rows that do not pass the block.
     pub fn absent(&mut self, rows: usize) {
         self.mean_e[..rows].fill([0.0; LANES]);
         self.further_e[..rows].fill([0.0; LANES]);
     }
 }
 
-/// What a pass through a block knows of the packets' path.
+/// What is known of the packets' path during a pass through a block.
 pub(super) enum BlockPath<'a> {
-    /// Nothing, and nothing is asked.
+    /// Nothing, and it is not computed.
     Unknown,
-    /// It is to be found.
+    /// To be computed.
     Sought(&'a mut PathMeans),
-    /// All of it.
+    /// Known completely.
     Known(&'a PathMeans),
 }
 
-/// Something summed over pixels of the path, e-, and, if that is asked, over the sums up to each pixel.
+/// A quantity summed over the pixels of the path, e-, and, if `TWICE`, the sum of its sums up to each pixel.
 #[derive(Clone, Copy)]
 pub(super) struct Summed<T: Simd, const TWICE: bool> {
     pub once: Vector<T>,
     pub twice: Vector<T>,
 }
 
-// What is done to vectors must be part of the caller, which knows the processor; closures are not always.
+// Operations on vectors must be inlined into the caller, which knows the processor; closures are not always inlined.
 
 impl<T: Simd, const TWICE: bool> Summed<T, TWICE> {
     /// Nothing.
@@ -64,19 +64,19 @@ impl<T: Simd, const TWICE: bool> Summed<T, TWICE> {
         Summed { once: zero, twice: zero }
     }
 
-    /// The same in each of the last so many pixels.
+    /// The same value in each of the last `pixels` pixels.
     #[inline(always)]
     pub fn over(each: Vector<T>, pixels: f64) -> Self {
         Summed { once: each * pixels, twice: if TWICE { each * ahead(pixels) } else { each } }
     }
 
-    /// The same, another number in each lane.
+    /// The same, with a different number of pixels in each lane.
     #[inline(always)]
     fn over_each(each: Vector<T>, pixels: Vector<T>) -> Self {
         Summed { once: each * pixels, twice: if TWICE { each * pixels * (pixels + -1.0) * 0.5 } else { each } }
     }
 
-    /// In one pixel, with so many ahead of it.
+    /// In one pixel, with `ahead` pixels ahead of it.
     #[inline(always)]
     pub fn at(value: Vector<T>, ahead: f64) -> Self {
         Summed { once: value, twice: if TWICE { value * ahead } else { value } }
@@ -88,7 +88,7 @@ impl<T: Simd, const TWICE: bool> Summed<T, TWICE> {
         Summed { once: self.once, twice: self.twice }
     }
 
-    /// Where something is so; else nothing.
+    /// Zero where `so` is false.
     #[inline(always)]
     pub fn only(self, simd: T, so: Mask<T>) -> Self {
         let zero = Vector::all(simd, 0.0);
@@ -123,62 +123,62 @@ impl<T: Simd, const TWICE: bool> Mul<f64> for Summed<T, TWICE> {
     }
 }
 
-/// Sum of the pixels ahead of each of a block's last so many.
+/// Sum, over the last `pixels` pixels of a block, of the number of pixels ahead of each.
 #[inline(always)]
 pub(super) fn ahead(pixels: f64) -> f64 {
     0.5 * pixels * (pixels - 1.0)
 }
 
-/// What returns to the packets of a row when they leave a pixel.
+/// Charge that returns to the packets of a row when they leave a pixel.
 pub(super) struct Returned<T: Simd> {
     /// From below their own height, in each pixel, e-.
     pub own_e: Vector<T>,
-    /// The same in all pixels.
+    /// The same, summed over all pixels.
     pub own: Summed<T, true>,
-    /// From all heights, in all pixels.
+    /// From all heights, summed over all pixels.
     pub all: Summed<T, true>,
 }
 
-/// What happens to the packets of a row in the pixels of the watermarks that they reach into.
+/// Charge exchanged by the packets of a row in the pixels of the watermarks that they reach into.
 pub(super) struct Reached<T: Simd> {
     /// Number of those pixels.
     pixels: Vector<T>,
     /// Captured in each of them, e-.
     captured_e: Vector<T>,
-    /// Released in each of them, e-, from the watermarks that the packets have covered.
+    /// Released in each of them, e-, by the watermarks that the packets have covered.
     released_e: Vector<T>,
-    /// The same from all pixels of those watermarks.
+    /// The same, summed over all pixels of those watermarks.
     released: Summed<T, true>,
 }
 
 impl<T: Simd> Reached<T> {
-    /// Before any watermark is met, by packets that would fill so many empty traps of a pixel.
+    /// Before any watermark is met, for packets that would fill `most_e` empty traps of a pixel.
     #[inline(always)]
     pub fn new(simd: T, most_e: Vector<T>) -> Reached<T> {
         let zero = Vector::all(simd, 0.0);
         Reached { pixels: zero, captured_e: most_e, released_e: zero, released: Summed::none(simd) }
     }
 
-    /// So many traps of each pixel are filled already.
+    /// `filled_e` traps of each pixel are already filled.
     #[inline(always)]
     pub fn fills(&mut self, filled_e: Vector<T>) {
         self.captured_e = self.captured_e - filled_e;
     }
 
-    /// A watermark that is covered, which released so much in each of its pixels, and so much in all of them.
+    /// A covered watermark, which released `released_e` in each of its pixels and `released` in all of them.
     #[inline(always)]
     pub fn covers(&mut self, released_e: Vector<T>, released: Summed<T, true>) {
         self.released_e = self.released_e + released_e;
         self.released = self.released + released;
     }
 
-    /// The watermark that lanes end at exists in `pixels` pixels.
+    /// The watermark reached into by the lanes `at` exists in `pixels` pixels.
     #[inline(always)]
     pub fn ends(&mut self, simd: T, at: Mask<T>, pixels: f64) {
         self.pixels = at.select(Vector::all(simd, pixels), self.pixels);
     }
 
-    /// See [`PathMeans::further_e`]; given all that is released, captured and returned over 1 / `per_visit` pixels.
+    /// See [`PathMeans::further_e`]; from the totals released, captured and returned over 1 / `per_visit` pixels.
     #[inline(always)]
     pub fn further(
         self,
@@ -190,7 +190,7 @@ impl<T: Simd> Reached<T> {
     ) -> Vector<T> {
         let (zero, one) = (Vector::all(simd, 0.0), Vector::all(simd, 1.0));
         let per_pixel = one / self.pixels.max(one);
-        // Watermarks that were not covered are in no other pixels.
+        // Watermarks that were not covered exist in no other pixels.
         let released_there = Summed::over_each(self.released_e, self.pixels) + released - self.released;
         let returned_there = Summed::over_each(returned.own_e, self.pixels) + returned.all - returned.own;
         let changed = released - captured + returned.all;

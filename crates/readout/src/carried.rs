@@ -1,24 +1,24 @@
 //! Traps that carry their state on from pixel to pixel, in a handful of passes (see [`Method::CarriedTraps`]).
 //!
-//! Pixel k starts as its neighbour nearer to the register was left by its first packet. Followed back to the register, that is the
-//! state that a row of packets has left, one after another: packet 0 once for each pixel that it passes, and then each packet that
-//! has arrived, with the charge it had in the last pixel it passed. So with d rows downstream, and v_k the charge of packet 0 in pixel k,
+//! Pixel k starts in the state in which its neighbour nearer to the register was left by its first packet. Followed back to the
+//! register, this is the state left by a sequence of packets: packet 0 once for each pixel it passes, then each arrived packet,
+//! with its charge in the last pixel it passed. So with d rows downstream, and v_k the charge of packet 0 in pixel k,
 //!
 //! ```text
 //! pixel k < d    empty traps, then packets of v_0 … v_k−1, then packets 0, 1, 2, … of the column
 //! pixel k ≥ d    empty traps, then packets of v_0 … v_d−1, then packets 0, 1, 2, … of the column
 //! ```
 //!
-//! where packets that have arrived pass once more with the charge they arrived with, and change no longer. That is exact. What a pixel
-//! does to packet r, δ_r(n), now is a function of the charges alone that differs little from pixel to pixel, and blocks of B
-//! pixels are advanced to second order, by the change half-way through:
+//! where packets that have arrived pass again with the charge they arrived with, and no longer change. This is exact. The effect of
+//! a pixel on packet r, δ_r(n), is then a function of the charges alone that differs little from pixel to pixel. Blocks of B pixels
+//! are advanced to second order, by the change at their midpoint:
 //!
 //! ```text
 //! n_r ← n_r + b_r δ_r(m),   m_r = n_r + (b_r − 1)/2 δ_r(n),   b_r the pixels of the block that packet r passes
 //! ```
 //!
-//! That is done with blocks of half the length again and again, until nothing changes any more. Derived for ctiplan; compared with every
-//! transfer in the test below, and with ArCTIc in `python/tests/test_arctic.py`.
+//! The block length is halved until the result no longer changes. Derived for ctiplan; compared with every transfer in the test
+//! below, and with ArCTIc in `python/tests/test_arctic.py`.
 
 use ndarray::{Array2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
@@ -36,14 +36,14 @@ use super::{Downstream, Method, Readout, Trap, WIDEST, continuum, interrupt};
 /// Blocks of the first attempt.
 const FEWEST_BLOCKS: usize = 4;
 
-/// Shortest blocks that are tried: below, every pixel is done by itself.
+/// Shortest block that is tried; below that, every pixel is passed by itself.
 const SHORTEST: i64 = 3;
 
-/// Part of the tolerance that two attempts may differ by. The finer one is right to a third of their difference if the change is
-/// smooth; behind rows without charge it is not, and both may miss the same.
+/// Share of the tolerance by which two attempts may differ. If the change is smooth, the error of the finer one is a third of their
+/// difference. Behind rows without charge it is not smooth, and both may miss the same.
 const SHARE: f64 = 0.1;
 
-/// Passages of packet 0 that are remembered. What it left longer ago is a layer as thin as what it has lost since.
+/// Most recent passages of packet 0 that are kept. What it left earlier is a layer as thin as the charge it has lost since.
 const REMEMBERED: usize = 256;
 
 /// Any pixel: all packets pass it, and none starts there.
@@ -51,10 +51,10 @@ const ANY: Block = Block { nearest: 0, pixels: 1 };
 const EMPTY: Lead = Lead { rows: 1, charge_e: [0.0; LANES], pixels: 0..1 };
 
 impl Readout {
-    /// Clocks an image out along its rows by [`Method::CarriedTraps`], to a relative accuracy: the error of a packet, as estimated from
-    /// the last two attempts, over the largest displacement of charge in the column of the brightest pixel and those beside it.
+    /// Clocks an image out along its rows by [`Method::CarriedTraps`], to a relative accuracy: the error of a packet, estimated
+    /// from the last two attempts, over the largest displacement of charge in the columns around the brightest pixel.
     ///
-    /// `image[[row, column]]`, e-, row 0 nearest the register, behind `rows_downstream` empty ones. [`Readout::method`] does not count.
+    /// `image[[row, column]]`, e-, row 0 nearest the register, behind `rows_downstream` empty ones. [`Readout::method`] is ignored.
     /// Species with clouds of their own are followed through every transfer.
     ///
     /// # Panics
@@ -200,8 +200,8 @@ impl<L: Default> Work<L> {
         self.journey(pixel, 1, 0.0);
     }
 
-    /// Pixels of a block in which no packet of more than `faint_e` would lose more than half of itself: beyond, it would be thought
-    /// spent half-way, and to lose nothing.
+    /// Pixels of a block in which no packet of more than `faint_e` would lose more than half of its charge: beyond that, it would
+    /// be taken as spent half-way, and to lose nothing.
     fn enough(&self, change_e: &[Packets], arrived: usize, pixels: i64, faint_e: f64) -> i64 {
         let mut fewest = pixels as f64;
         for (charge_e, change_e) in self.arriving_e.iter().zip(change_e).skip(arrived) {
@@ -214,7 +214,7 @@ impl<L: Default> Work<L> {
         (fewest as i64).max(1)
     }
 
-    /// All pixels, in blocks of some length; packets of less than `faint_e` need not be right.
+    /// All pixels, in blocks of the given length; packets of less than `faint_e` need not be accurate.
     fn journey<P: Passage<Watermarks = L>>(&mut self, pixel: &P, length: i64, faint_e: f64) {
         let downstream = self.downstream() as i64;
         let pixels = self.before_e.len() as i64 + downstream;
@@ -223,13 +223,13 @@ impl<L: Default> Work<L> {
         let mut nearest = 0;
         while nearest < pixels {
             interrupt::check();
-            // The first pixel finds traps that no packet has passed; and blocks end where the first packet does.
+            // The first pixel has traps that no packet has passed; a block ends where the first packet ends.
             let end = match nearest {
                 0 => 1,
                 _ if nearest < downstream => downstream,
                 _ => pixels,
             };
-            // What packet 0 does to the traps changes most in the first pixels: there blocks grow, more slowly in each attempt.
+            // The effect of packet 0 on the traps varies most in the first pixels: there blocks grow, more slowly in each attempt.
             let longest = if nearest < downstream { (nearest * length / self.longest()).max(1) } else { pixels };
             let mut block = length.min(longest).min(end - nearest);
             let visits = |row: usize, block: i64| (row as i64 + 1 + downstream - nearest).clamp(0, block) as f64;
@@ -263,7 +263,7 @@ impl<L: Default> Work<L> {
         }
     }
 
-    /// Lines up what passes a pixel; gives how many packets stand in front of the column's.
+    /// Lines up the packets that pass a pixel; returns how many precede those of the column.
     fn line_up(&mut self, place: usize) -> usize {
         let leads = place.min(self.downstream());
         let remembered = leads.min(REMEMBERED);
@@ -273,13 +273,13 @@ impl<L: Default> Work<L> {
         remembered
     }
 
-    /// What a pixel does to the column's packets of those lined up, e-.
+    /// Change of the column's packets in a pixel, from those lined up, e-.
     fn pass<P: Passage<Watermarks = L>>(&mut self, pixel: &P) -> &[Packets] {
         changes(pixel, &self.row_e, self.charge_e.len(), &mut self.buffers)
     }
 }
 
-/// What a pixel does to the last `rows` of some packets, e-.
+/// Change of the last `rows` of some packets in a pixel, e-.
 fn changes<'a, P: Passage>(
     pixel: &P,
     row_e: &[Packets],
@@ -291,7 +291,7 @@ fn changes<'a, P: Passage>(
     &found.change_e[row_e.len() - rows..]
 }
 
-/// Largest difference of some packets, e-.
+/// Largest difference between two sets of packets, e-.
 fn apart(some: &[Packets], others: &[Packets]) -> f64 {
     let differences = some.iter().zip(others).flat_map(|(some, others)| some.iter().zip(others));
     differences.fold(0.0, |largest, (some, other)| (some - other).abs().max(largest))
@@ -302,7 +302,7 @@ mod tests {
     use super::*;
     use crate::Cloud;
 
-    /// A sky with noise, some sources and a row without charge; the seed is a number.
+    /// A noisy sky with some sources and a row without charge, from a seed.
     fn image(rows: usize, seed: u64) -> Array2<f64> {
         let mut state = seed;
         let mut chance = move || {

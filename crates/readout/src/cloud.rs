@@ -1,4 +1,4 @@
-//! How high a packet's charge cloud reaches among the traps.
+//! Height of a packet's charge cloud among the traps.
 
 use std::sync::Arc;
 
@@ -15,8 +15,8 @@ use super::simd::{LANES, Packets, Vector};
 /// h(n) = a + (1 − a) ((n − d) / (w − d))^α,   a at and below the notch d, 0 without charge, never above 1
 /// ```
 ///
-/// Rhodes et al. 2010, equation 1, with the volume at zero charge a of Clarke et al. 2012 (V = a + c n^β). A notch
-/// (supplementary buried channel) is taken to be free of traps but for those in a, which any charge reaches.
+/// Rhodes et al. 2010, equation 1, with the volume at zero charge a of Clarke et al. 2012 (V = a + c n^β). A notch (supplementary
+/// buried channel) is taken to have no traps except those in a, which any charge reaches.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cloud {
     notch_e: f64,
@@ -28,7 +28,7 @@ pub struct Cloud {
 
 #[derive(Clone, Debug, PartialEq)]
 enum Law {
-    /// α = ½: sqrt is several times cheaper than powf, and ½ is what most detectors are described by.
+    /// α = ½: sqrt is several times cheaper than powf, and most detectors are described by ½.
     SquareRoot,
     Power,
     Table(Arc<Table>),
@@ -45,12 +45,12 @@ impl Cloud {
         Cloud { notch_e, per_full_well: 1.0 / (full_well_e - notch_e), power, volume_at_zero: 0.0, law }
     }
 
-    /// The same well, of which any charge fills the fraction `volume_at_zero` (a, from 0 to below 1).
+    /// The same well, with the fraction `volume_at_zero` (a, from 0 to below 1) filled by any charge.
     pub fn with_volume_at_zero(self, volume_at_zero: f64) -> Cloud {
         Cloud { volume_at_zero, ..self }
     }
 
-    /// The same well, filled with another power; a cloud of another law stays as it is.
+    /// The same well with another fill power; a cloud of another law is unchanged.
     pub fn with_power(&self, power: f64) -> Cloud {
         match self.law {
             Law::Table(_) => self.clone(),
@@ -59,14 +59,14 @@ impl Cloud {
         }
     }
 
-    /// The same well above a level (e-, below the full well): what a packet fills of it that is larger, in units of what a full
-    /// well fills. Traps at the surface see the charge so.
+    /// The same well above a level (e-, below the full well): the volume filled by a packet above the level, in units of that
+    /// filled by a full well. This is the cloud seen by traps at the surface.
     ///
     /// ```text
     /// h(n) = ((n − level) / (w − level))^α, 0 below the level
     /// ```
     ///
-    /// Of a tabulated cloud h it is (h(n) − h(level)) / (1 − h(level)).
+    /// For a tabulated cloud h it is (h(n) − h(level)) / (1 − h(level)).
     ///
     /// # Panics
     /// If the full well is not above the level.
@@ -84,21 +84,21 @@ impl Cloud {
         self.volume_at_zero
     }
 
-    /// A cloud of another law, given as height against charge (e-) and kept as a table (see [`Cloud::height`]). The
-    /// height is 0 if there is no charge, and is cut to 0 to 1.
+    /// A cloud of another law, given as height against charge (e-) and stored as a table (see [`Cloud::height`]). The height is 0
+    /// without charge, and is limited to 0 to 1.
     ///
     /// # Errors
-    /// If the law has no value.
+    /// If the law has no value at some charge.
     pub fn tabulated<E>(height: impl Fn(f64) -> Result<f64, E>) -> Result<Cloud, E> {
         let law = Law::Table(Arc::new(Table::of(height)?));
         Ok(Cloud { notch_e: 0.0, per_full_well: 1.0, power: 1.0, volume_at_zero: 0.0, law })
     }
 
-    /// Height of a cloud of `charge_e` electrons, 0 to 1. A tabulated one is right to 1e-6 of itself if the law is as
-    /// smooth as a power (a kink is rounded over 0.2 % of its charge), and is held constant beyond 1e9 e-.
+    /// Height of a cloud of `charge_e` electrons, 0 to 1. A tabulated one has a relative error of 1e-6 if the law is as smooth as a
+    /// power (a kink is smoothed over 0.2 % of its charge); it is constant above 1e9 e-.
     #[inline]
     pub fn height(&self, charge_e: f64) -> f64 {
-        // Written so that NaN has no height, here and below.
+        // Written so that NaN gives height 0, here and below.
         if charge_e > 0.0 {
             self.volume_at_zero + (1.0 - self.volume_at_zero) * self.height_above_notch(charge_e)
         } else {
@@ -107,8 +107,8 @@ impl Cloud {
     }
 
     /// Electrons in a cloud per volume that it fills, n/h(n), in units of e- per full well's volume; 0 if the cloud has no height
-    /// and meets no trap. The whole charge counts: a notch has no volume of its own but for the volume at zero charge. With a notch
-    /// and no such volume, the density grows without limit towards the notch, while the traps that are met become none.
+    /// and reaches no trap. The whole charge counts: a notch has no volume of its own except the volume at zero charge. With a
+    /// notch and no such volume, the density diverges towards the notch, while the number of traps reached vanishes.
     pub fn density_e(&self, charge_e: f64) -> f64 {
         let height = self.height(charge_e);
         if height > 0.0 { charge_e / height } else { 0.0 }
@@ -130,14 +130,14 @@ impl Cloud {
         }
     }
 
-    /// Heights of clouds side by side.
+    /// Heights of several clouds at once.
     #[inline(always)]
     pub(super) fn heights<S: Simd>(&self, simd: S, charge_e: Vector<S>) -> Vector<S> {
         let (zero, one) = (Vector::all(simd, 0.0), Vector::all(simd, 1.0));
         let filled = (charge_e + -self.notch_e) * self.per_full_well;
         let tiny = Vector::all(simd, TINY);
         let heights = match self.law {
-            // The root of a small number replaces that of 0.
+            // The root of a tiny number replaces that of 0.
             Law::SquareRoot => filled.max(tiny).sqrt(),
             _ => {
                 let mut heights = [0.0; LANES];
@@ -154,7 +154,7 @@ impl Cloud {
         zero.below(charge_e).select(all, zero)
     }
 
-    /// Heights in place of charges (e-).
+    /// Replaces charges (e-) by heights.
     pub(super) fn heights_in_place(&self, numbers: &mut [Packets]) {
         dispatch!(Level::new(), simd => {
             for row in numbers {
@@ -163,8 +163,8 @@ impl Cloud {
         });
     }
 
-    /// Heights in place of charges (e-), one by one; what is below the notch or above the full well may have any.
-    // Not part of the caller, whose commonest case must not be burdened with this one.
+    /// Replaces charges (e-) by heights, one by one; below the notch or above the full well they may have any value.
+    // Not inlined into the caller, whose most common case must not be slowed down by this one.
     #[inline(never)]
     fn each_height(&self, numbers: &mut Packets) {
         match &self.law {
@@ -178,8 +178,7 @@ impl Cloud {
         }
     }
 
-    /// Steepest slopes dh/dn (per electron) between two charges each (e-); infinite if there is no limit, or none that
-    /// is known.
+    /// Steepest slopes dh/dn (per electron) between two charges each (e-); infinite if unlimited or unknown.
     #[inline(always)]
     pub(super) fn steepest<S: Simd>(&self, simd: S, from_e: Vector<S>, to_e: Vector<S>) -> Vector<S> {
         let (zero, unlimited) = (Vector::all(simd, 0.0), Vector::all(simd, f64::INFINITY));
@@ -200,8 +199,8 @@ impl Cloud {
         zero.below(lower_e).select(steep, zero.below(upper_e).select(unlimited, zero))
     }
 
-    /// The steepest slope of the height (per electron) for packets of some charge (e-) and more, from its values 1 % of that charge
-    /// apart and at twice, four times ... that charge.
+    /// The steepest slope of the height (per electron) for packets of at least this charge (e-), between charges of 1, 1.01, 2.02,
+    /// 4.04 ... times that charge.
     pub(super) fn steepest_from(&self, charge_e: f64) -> f64 {
         let slope = |low_e: f64, high_e: f64| (self.height(high_e) - self.height(low_e)) / (high_e - low_e);
         let mut steepest = 0.0;
@@ -214,17 +213,17 @@ impl Cloud {
     }
 }
 
-/// Upper limit of the charge for which a well is evaluated, e-.
+/// Largest charge for which a well is evaluated, e-.
 const LARGEST_E: f64 = 1e9;
 
-/// Share of the full well below which clouds side by side have no height: far less than an electron's share of any well.
+/// Share of the full well below which clouds have no height in the vector code: far less than one electron of any well.
 const TINY: f64 = 1e-30;
 
-/// Heights at charges that are spaced evenly in their logarithm.
+/// Heights at charges evenly spaced in their logarithm.
 #[derive(Debug, PartialEq)]
 struct Table(Vec<f64>);
 
-/// Logarithm of the least and of the largest charge of a table, and knots per unit of it.
+/// Logarithm of the smallest and of the largest charge of a table, and knots per unit of it.
 const LN_LEAST: f64 = -14.0;
 const LN_LARGEST: f64 = 20.75;
 const KNOTS_PER_E: f64 = 512.0;
@@ -238,7 +237,7 @@ impl Table {
         Ok(Table((0..=knots).map(|knot| at(knot).map(cut)).collect::<Result<_, E>>()?))
     }
 
-    /// Heights above a level, in units of what is left above it.
+    /// Heights above a level, in units of the range above it.
     fn above(&self, level: f64) -> Table {
         let left = 1.0 - level;
         let above = |height: &f64| if left > 0.0 { (height - level).max(0.0) / left } else { 0.0 };
@@ -249,7 +248,7 @@ impl Table {
         let Table(heights) = self;
         let place = (charge_e.ln() - LN_LEAST) * KNOTS_PER_E;
         if place <= 0.0 {
-            // Below a millionth of an electron: in proportion.
+            // Below a millionth of an electron: proportional to the charge.
             return heights[0] * charge_e / LN_LEAST.exp();
         }
         let knot = (place as usize).min(heights.len() - 2);

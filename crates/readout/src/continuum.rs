@@ -1,25 +1,25 @@
-//! Release times spread log-normally about their median, as many species of one release time each.
+//! Release times with a log-normal distribution about their median, as many species of one release time each.
 //!
-//! Traps of a continuum are independent, so a species of density ρ, median τ and spread σ is the sum of species of densities ρ w
-//! and release times τ exp(σ t), with the weights w of a rule of integration over the normal distribution of t. The trapezoidal
-//! rule converges faster than any power of its step h for such integrands. The integrands are decays exp(−m exp(−σ t)/τ), whose
-//! Fourier transform falls as exp(−π ω/(2σ)): the error of the rule is exp(−π²/(h σ)), and exp(−2π²/h²) for the normal distribution
-//! itself. Steps and the range of t are chosen for the requested error.
+//! Traps of a continuum are independent. A species of density ρ, median τ and spread σ is thus the sum of species of densities ρ w
+//! and release times τ exp(σ t), with the weights w of a quadrature rule over the normal distribution of t. The trapezoidal rule
+//! converges faster than any power of its step h for such integrands. The integrands are decays exp(−m exp(−σ t)/τ), whose Fourier
+//! transform falls as exp(−π ω/(2σ)): the error of the rule is exp(−π²/(h σ)), and exp(−2π²/h²) for the normal distribution itself.
+//! Steps and the range of t follow from the requested error.
 
 use std::f64::consts::PI;
 
 use super::{Method, Trap};
 
-/// Error of the filled traps, as a share, that no sum over release times is computed below.
+/// Smallest relative error of the filled traps for which a sum over release times is computed.
 pub(super) const FINEST: f64 = 5e-8;
 
-/// Error that no sum is computed above: so few release times would stand out in a trail.
+/// Largest such error: with fewer release times, single ones would be visible in a trail.
 const COARSEST: f64 = 1e-4;
 
 /// Error of such a sum, as a share of the accuracy of the readout.
 const OF_READOUT: f64 = 0.1;
 
-/// The error of sums over release times that goes with a method: it must not show beside that of the transfers.
+/// Error of the sums over release times for a method: it must be negligible beside that of the transfers.
 pub(super) fn error_of(method: Method) -> f64 {
     match method {
         Method::Fast { relative } => (OF_READOUT * relative).clamp(FINEST, COARSEST),
@@ -27,12 +27,12 @@ pub(super) fn error_of(method: Method) -> f64 {
     }
 }
 
-/// The same traps as species of one release time each, `most` of them at most, with an error of the filled traps as a share.
+/// The same traps as at most `most` species of one release time each, for a relative error of the filled traps.
 pub(super) fn resolved(traps: &[Trap], most: usize, error: f64) -> Vec<Trap> {
     let digits = -error.ln();
     let longest_step = PI * (2.0 / digits).sqrt();
     let longest_step_in_ln_release = PI * PI / digits;
-    // Beyond so many standard deviations lie as many traps: exp(−c²/2) √(2/π)/c, solved in one step from exp(−c²/2).
+    // The tail beyond c standard deviations equals the error: exp(−c²/2) √(2/π)/c, solved in one step from exp(−c²/2).
     let cut_off = (2.0 * (digits - ((2.0 * digits).sqrt() * (0.5 * PI).sqrt()).ln())).sqrt();
     let spread = traps.iter().filter(|trap| trap.release_sigma > 0.0).count();
     let nodes = (most - (traps.len() - spread)).checked_div(spread).unwrap_or(0);
@@ -79,14 +79,14 @@ mod tests {
                     fine += weight * (-after / (7.0 * (sigma * t).exp())).exp();
                     total += weight;
                 }
-                // Steps and the cut-off each leave the error, on both sides.
+                // The step and the cut-off each contribute the error, of either sign.
                 let off = kept / 2.0 - fine / total;
                 assert!(off.abs() < 4.0 * error, "{sigma}, {after}, {error}: {off}");
             }
         }
     }
 
-    /// The numbers that docs/physics.md has.
+    /// The numbers quoted in docs/physics.md.
     #[test]
     fn so_many_release_times_are_summed_over() {
         let trap = Trap { release_sigma: 1.0, ..Trap::new(2.0, 7.0) };

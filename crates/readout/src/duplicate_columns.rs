@@ -1,18 +1,17 @@
-//! Columns that hold the same charges are read out once: flat fields, blocks, and the two halves of a galaxy that is centred
-//! on a pixel.
+//! Identical columns are read out only once: flat fields, blocks, and the two halves of a galaxy that is centred on a pixel.
 
 use ndarray::{Array2, ArrayView2};
 
 use super::simd;
 
-/// Rows that are compared before whole columns are: columns of a noisy sky differ there already.
+/// Rows compared before whole columns are: columns of a noisy sky already differ there.
 const LOOKED_AT: usize = 4;
 
-/// The different columns of an image, and which of them each column is.
+/// The distinct columns of an image, and which of them each column equals.
 pub(super) struct DuplicateColumns {
-    /// The first of each set of equal columns, by its place in the image, rising.
+    /// The first of each set of equal columns, by its index in the image, ascending.
     pub distinct: Vec<usize>,
-    /// For each column the place of its like among those.
+    /// For each column the index of its equal in `distinct`.
     place: Vec<usize>,
 }
 
@@ -22,7 +21,7 @@ impl DuplicateColumns {
         let (rows, columns) = image.dim();
         let looked_at = (0..LOOKED_AT).map(|n| (2 * n + 1) * rows / (2 * LOOKED_AT));
         let all: Vec<usize> = (0..columns).collect();
-        // For each column the first that is the same.
+        // For each column the first that equals it.
         let mut first = all.clone();
         let mut find = |marked: &[(u64, usize)]| {
             let same_mark =
@@ -31,7 +30,7 @@ impl DuplicateColumns {
             for ([one, column], same) in pairs.iter().zip(same(image, downstream_e, &pairs)) {
                 first[*column] = if same { *one } else { *column };
             }
-            // Columns that agree in these rows but differ elsewhere are compared once more in all rows.
+            // Columns that agree in these rows but differ elsewhere are compared again in all rows.
             let differ = |some: &&[(u64, usize)]| some[1..].iter().any(|&(_, column)| first[column] == column);
             let some = marked.chunk_by(|a, b| a.0 == b.0).filter(differ).flatten();
             some.map(|(_, column)| *column).collect::<Vec<_>>()
@@ -65,7 +64,7 @@ impl DuplicateColumns {
     }
 }
 
-/// Some columns, each with a number made from its charges in some rows and from what lies downstream; equal numbers side by side.
+/// Some columns, each with a hash of its charges in some rows and of what lies downstream, sorted by hash.
 fn marked(
     image: ArrayView2<f64>,
     downstream_e: &[f64],
@@ -77,7 +76,7 @@ fn marked(
     for row in rows {
         let charge_e: &[f64] = &simd::in_one_piece(image.row(row));
         for (mark, column) in &mut marked {
-            // By any odd number that mixes.
+            // Any odd number that mixes the bits well.
             *mark = (mark.rotate_left(17) ^ charge_e[*column].to_bits()).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         }
     }
@@ -85,7 +84,7 @@ fn marked(
     marked
 }
 
-/// Whether two columns are the same to the bit, for each pair; row by row, as charges lie in memory.
+/// Whether two columns are equal to the bit, for each pair; row by row, as charges are stored in memory.
 fn same(image: ArrayView2<f64>, downstream_e: &[f64], pairs: &[[usize; 2]]) -> Vec<bool> {
     let equal = |a: f64, b: f64| a.to_bits() == b.to_bits();
     let mut same: Vec<bool> = pairs.iter().map(|&[one, other]| equal(downstream_e[one], downstream_e[other])).collect();

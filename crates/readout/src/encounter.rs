@@ -1,6 +1,6 @@
-//! What a packet met in a pixel, as one number: packets that met something else are on either side of a kink.
+//! The traps that a packet met in a pixel, as one number: if it changes, there is a kink in between.
 
-/// Distinct for each sequence of marks, but for a chance of about 1e-16 of two.
+/// Distinct for each sequence of marks; the probability of a collision is about 1e-16.
 ///
 /// Marks are mixed by the finaliser of SplitMix64 (Steele et al. 2014).
 #[derive(Clone, Copy, Default)]

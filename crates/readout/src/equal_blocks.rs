@@ -1,21 +1,21 @@
-//! The journey in equal blocks of pixels, from the light to the register or the other way about.
+//! The journey in equal blocks of pixels, from the light to the register or in reverse.
 //!
-//! What a packet loses in one pixel is tiny, so the charges after each pixel follow a difference equation with a smooth change
-//! δ (see [`super::multirevolution`]). It is as easily followed towards the light as towards the register: from the charges n on one
-//! side of a block of N pixels, those on the other side are
+//! What a packet loses in one pixel is tiny, so the charges after each pixel follow a difference equation with a smooth change δ
+//! (see [`super::multirevolution`]). It can be followed towards the light as easily as towards the register: from the charges n on
+//! one side of a block of N pixels, those on the other side are
 //!
 //! ```text
 //! first order    n ± N δ(n)
 //! second order   n ± N δ(n ± c N δ(n)),   c = (1 ∓ 1/N)/2, the mean place of the N pixels as seen from that side
 //! ```
 //!
-//! which is the midpoint rule, for N transfers (upper signs) or −N (lower ones, from the register to the light). Within the image, where
-//! packets start in different pixels, the charges that are held fixed are each packet's mean over its path (see
+//! which is the midpoint rule, for N transfers (upper signs) or −N (lower signs, from the register to the light). Within the image,
+//! where packets start in different pixels, the charges that are held fixed are each packet's mean over its path (see
 //! [`super::block_path`]), counted from the side that is known. No equation is solved.
 //!
-//! There are as many blocks as the error that is allowed demands: their number is doubled until the result settles, in the columns
-//! around the brightest pixel. So the result is a smooth function of the charges, and a correction that makes up for the
-//! error left over converges.
+//! The number of blocks follows from the allowed error: it is doubled until the result converges, in the columns around the
+//! brightest pixel. So the result is a smooth function of the charges, and a correction that compensates the remaining error
+//! converges.
 
 use std::ops::Range;
 
@@ -26,7 +26,7 @@ use super::multirevolution::Workspace;
 use super::passage::{Block, Lead, Passage};
 use super::simd::{LANES, Packets};
 
-/// Error that is allowed, as a root mean square over the packets around the brightest pixel: the larger of the two.
+/// Allowed error, as a root mean square over the packets around the brightest pixel: the larger of the two.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Allowed {
     /// In units of the packets' displacement.
@@ -35,7 +35,7 @@ pub struct Allowed {
     pub error_e: f64,
 }
 
-/// Where a journey leads.
+/// Direction of a journey.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Towards {
     Register,
@@ -47,14 +47,14 @@ pub(super) enum Towards {
 pub(super) enum Division {
     /// One block within the image and one before it, to first order.
     FirstOrder,
-    /// So many of each, to second order.
+    /// This number of each, to second order.
     SecondOrder(i64),
 }
 
 /// Most blocks of each region. Their error is a hundredth of one block's, or less.
 const MOST: i64 = 16;
 
-/// Least factor by which doubling the number of blocks reduces the error: less than the four of a smooth change, because of kinks.
+/// Minimum factor by which doubling the number of blocks reduces the error: less than the 4 of a smooth change, because of kinks.
 const FALL: f64 = 3.0;
 
 impl Division {
@@ -66,7 +66,7 @@ impl Division {
         }
     }
 
-    /// The coarsest division that some packets need for a journey.
+    /// The coarsest division sufficient for some packets.
     pub fn of<P: Passage>(
         pixel: &P,
         start_e: &[Packets],
@@ -86,7 +86,7 @@ impl Division {
             let finer = division.doubled();
             let fine_e = end(finer);
             let allowed_e = allowed.error_e.max(allowed.relative * distance_e(&fine_e, start_e));
-            // The coarse result's error but for the share that the fine one has too.
+            // The error of the coarse result, apart from the part that the fine one shares.
             let coarse_error_e = distance_e(&fine_e, &coarse_e);
             if coarse_error_e <= allowed_e {
                 return division;
@@ -148,7 +148,7 @@ fn through<P: Passage>(
         match towards {
             Towards::Register => pass(charge_e, BlockPath::Known(path), k2),
             Towards::Light => {
-                // What packets start with, to first order, and their means over the path relative to that.
+                // Initial charges, to first order, and the means over the path relative to them.
                 estimate::sum(charge_e, &[(-1.0, k1)], stage_e);
                 pass(stage_e, BlockPath::Known(path), k2);
             }
@@ -161,7 +161,7 @@ fn through<P: Passage>(
     estimate::add(charge_e, &[(sign, k2)]);
 }
 
-/// Root mean square of the difference of charges.
+/// Root mean square of the differences of two sets of charges.
 fn distance_e(one: &[Packets], other: &[Packets]) -> f64 {
     let differences = one.as_flattened().iter().zip(other.as_flattened()).map(|(one, other)| one - other);
     (differences.map(|difference| difference * difference).sum::<f64>() / (one.len() * LANES).max(1) as f64).sqrt()
@@ -192,7 +192,7 @@ mod tests {
         }
     }
 
-    /// Errors (rms, e-) of so many blocks, against every transfer done.
+    /// Errors (rms, e-) for different numbers of blocks, compared with every transfer.
     fn errors(
         density: f64,
         phase: Phase,
@@ -243,7 +243,7 @@ mod tests {
                 let whole = errors(3.0, phase, downstream, towards, &divisions);
                 let half = errors(1.5, phase, downstream, towards, &divisions);
                 let falls: Vec<f64> = whole.iter().zip(&half).map(|(whole, half)| whole / half).collect();
-                // An error of second order in the traps falls by 4 if they are halved, one of third order by 8.
+                // An error of second order in the traps decreases by 4 if they are halved, one of third order by 8.
                 assert!(
                     (3.5..4.5).contains(&falls[0]) && (6.0..9.0).contains(&falls[2]),
                     "{towards:?} {whole:?} {half:?}"

@@ -1,4 +1,4 @@
-//! Arithmetic of whole columns of packets between two passes: sums of changes, and errors estimated from their differences.
+//! Arithmetic on whole columns of packets between two passes: sums of changes, and errors estimated from their differences.
 //!
 //! Errors are root mean squares over all packets, e-.
 
@@ -35,10 +35,10 @@ fn plus<S: Simd>(simd: S, mut charge_e: Vector<S>, row: usize, changes: &[(f64, 
     charge_e
 }
 
-/// By how much packets change. None loses more than it has, although a first-order change may.
+/// Change of the packets, as a root mean square. None loses more than it has, although a first-order change may exceed it.
 ///
-/// If any charge fills part of the wells, most of the change is what a packet leaves in the empty pixel that it starts in, which is
-/// known exactly: an accuracy relative to that would leave nothing of all the rest, and is not meant.
+/// If any charge fills part of the wells, most of the change is the charge that a packet leaves in the empty pixel it starts in.
+/// This is known exactly and excluded: an accuracy relative to it would be meaningless for the rest.
 pub(super) fn moved(clouds: &[Cloud], charge_e: &[Packets], k1: &Stage) -> f64 {
     let changes = if volume_at_zero(clouds) > 0.0 { &k1.drift_e } else { &k1.change_e };
     dispatch!(Level::new(), simd => {
@@ -52,13 +52,13 @@ pub(super) fn moved(clouds: &[Cloud], charge_e: &[Packets], k1: &Stage) -> f64 {
     })
 }
 
-/// The largest fraction of its well that any charge fills, of some clouds.
+/// The largest volume at zero charge of some clouds.
 pub(super) fn volume_at_zero(clouds: &[Cloud]) -> f64 {
     clouds.iter().map(Cloud::volume_at_zero).fold(0.0, f64::max)
 }
 
-/// Whether some packet ends with less charge than a pixel's traps that any charge reaches would take (`least_e`, e-): its loss
-/// stops somewhere on the way, where it has nothing left, and no pass over all pixels sees where.
+/// Whether some packet ends with less charge than a pixel's traps within the volume at zero charge would capture (`least_e`, e-).
+/// Its loss stops somewhere on the way, where its charge is used up, and no pass over all pixels sees where.
 pub(super) fn exhausted(least_e: f64, charge_e: &[Packets], k1: &Stage) -> bool {
     if least_e == 0.0 {
         return false;
@@ -73,8 +73,8 @@ pub(super) fn exhausted(least_e: f64, charge_e: &[Packets], k1: &Stage) -> bool 
     })
 }
 
-/// Error of a first-order result: how far it moves a packet, times the steepest change with that of what so many traps
-/// capture, and as much again for its neighbours' moves; half of all that on average over the path.
+/// Error of a first-order result: how far it moves a packet, times the steepest slope of the charge captured by `traps` traps, and
+/// as much again for its neighbours' moves; half of all that on average over the path.
 pub(super) fn first(clouds: &[Cloud], traps: f64, charge_e: &[Packets], k1: &Stage) -> f64 {
     dispatch!(Level::new(), simd => {
         let zero = Vector::all(simd, 0.0);
@@ -111,7 +111,7 @@ pub(super) struct Second {
 /// only part of the distance on one side of it.
 const KINKED: f64 = 0.1;
 
-/// Share of what was taken of home_watermarks, known on average only, that may be wrong.
+/// Share of the charge taken from home_watermarks, known only on average, that may be wrong.
 const DOUBTFUL: f64 = 0.1;
 
 /// Errors of the second-order result, which is k2 alone. At a kink its distance e1 from the first-order result k1 is a safe bound;
@@ -124,7 +124,7 @@ pub(super) fn second(k1: &Stage, k2: &Stage) -> Second {
         for row in 0..k1.change_e.len() {
             let change_e = Vector::load(simd, &k2.drift_e[row]);
             let e1 = (change_e - Vector::load(simd, &k1.drift_e[row])).abs();
-            // A change that passes through 0 is not small there.
+            // Where a change passes through 0, its scale is not small.
             let ratio = share(simd, e1, change_e.abs().max(before));
             let as_before = Vector::load(simd, &k1.meets[row]).equals(Vector::load(simd, &k2.meets[row]));
             // Each order reduces the error by this ratio.
@@ -143,8 +143,8 @@ pub(super) fn second(k1: &Stage, k2: &Stage) -> Second {
 
 /// Errors (smooth, kinked) of a result of higher order, `after_e`. For a smooth change, the errors e1 and e2 of orders one and two
 /// predict it by `ratios` further factors of e2/e1 (in the manner of DOP853, which combines two embedded estimates: Hairer, Nørsett
-/// & Wanner 1993, II.10). At a kink, the error is a share of e2, twice over: there may be several kinks. The stages are the first
-/// two and the last.
+/// & Wanner 1993, II.10). At a kink, the error is a share of e2, doubled because there may be several kinks. The stages are the
+/// first two and the last.
 pub(super) fn higher(
     [k1, k2, last]: [&Stage; 3],
     charge_e: &[Packets],
@@ -171,14 +171,14 @@ pub(super) fn higher(
     })
 }
 
-/// Gathers a root mean square.
+/// Accumulates a root mean square.
 struct MeanSquare<S: Simd> {
     squares: Vector<S>,
     rows: usize,
 }
 
 impl<S: Simd> MeanSquare<S> {
-    /// Of nothing so far.
+    /// Of no values yet.
     #[inline(always)]
     fn new(simd: S) -> MeanSquare<S> {
         MeanSquare { squares: Vector::all(simd, 0.0), rows: 0 }

@@ -1,4 +1,4 @@
-//! Every transfer, one by one, as the contract says it: the meaning of all the other methods.
+//! Every transfer, one by one, as the contract states: the reference for all other methods.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use super::{Cloud, Downstream, Trap, interrupt};
 /// Traps between the next level below and `height`, last filled by one packet.
 struct Level {
     height: f64,
-    /// Packets of that packet, plus one; 0 for the last one downstream.
+    /// Index of that packet plus one; 0 for the last one downstream.
     packet: usize,
 }
 
@@ -51,7 +51,7 @@ pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downst
                 let wanted_e =
                     |s: usize| (top - reached) * (traps[s].density_per_px - left.map_or(0.0, |left| left[s]));
                 let all_e: f64 = (0..traps.len()).map(wanted_e).sum();
-                // A packet cannot give more than it has.
+                // A packet cannot give more charge than it has.
                 let share = if all_e > charge_e[row] { charge_e[row] / all_e } else { 1.0 };
                 for (s, stored_e) in stored_e.iter_mut().enumerate() {
                     *stored_e += share * wanted_e(s);
@@ -76,7 +76,7 @@ pub(super) fn column(traps: &[Trap], cloud: &Cloud, charge_e: &mut [f64], downst
     }
 }
 
-/// The same if capture takes time.
+/// The same for finite capture times.
 pub(super) fn slow_column<const S: usize>(
     pixel: &FiniteCapturePixel<S>,
     charge_e: &mut [f64],
@@ -94,7 +94,7 @@ pub(super) fn slow_column<const S: usize>(
     }
 }
 
-/// The same if species differ in their clouds.
+/// The same if species have different clouds.
 pub(super) fn column_of_several_clouds(
     pixel: &SeveralClouds,
     charge_e: &mut [f64],
@@ -112,8 +112,9 @@ pub(super) fn column_of_several_clouds(
     }
 }
 
-/// Pixels from the register on, each of which starts in the state that the one before was left in by the first packet that passed it;
-/// `start` is that of the first. `pass(state, charge_e, packet)` gives the change of a packet, e-; packets of a state are numbered on.
+/// Pixels from the register on. Each starts in the state left in the previous one by the first packet that passed it; `start` is
+/// the first state. `pass(state, charge_e, packet)` gives the change of a packet, e-; the packets of a state are numbered
+/// consecutively.
 pub(super) fn carried<State: Clone>(
     charge_e: &mut [f64],
     rows_downstream: i64,

@@ -1,7 +1,7 @@
 //! Effect of the traps of a pixel on the packets that pass it, for finite capture times.
 //!
-//! Inside the cloud, whose height is that of the charge on arrival, capture and release go on together for one transfer;
-//! above it there is release alone:
+//! Inside the cloud, whose height is that of the charge on arrival, capture and release act together for one transfer; above it
+//! there is only release:
 //!
 //! ```text
 //! inside   df/dt = (1 − f)/τc − f/τ      f ← f∞ + (f − f∞) exp(−1/τc − 1/τ),   f∞ = τ/(τ + τc)
@@ -9,7 +9,7 @@
 //! ```
 //!
 //! Massey et al. 2014 (MNRAS 439, 887), appendix A. If τc depends on the density of the packet's cloud, f∞ and both factors inside
-//! differ from packet to packet. All fractions inside then approach one another: with P_k, the fraction after k packets if empty
+//! differ from packet to packet. All fractions inside then converge: with P_k, the fraction after k packets if empty
 //! before the first, and E_k, the sum of the exponents of all packets,
 //!
 //! ```text
@@ -18,15 +18,15 @@
 //!
 //! A packet no longer fills what it covers, so the watermarks of all earlier packets are kept, each with the fraction filled of
 //! every species; they are merged if that misplaces less charge than allowed. Nor do packets upstream find the steady state after
-//! one packet of background: [`FiniteCapturePixel::new`] follows the background, packet by packet, until it settles. Pixels that it
-//! leaves nearly alike are passed together: the charge that packets exchange with traps is linear in the fractions filled, so all
-//! pixels of a stretch together act as the same number of pixels with their mean, until the packets have changed. The same holds
-//! for the pixels that packets start in, as a sum that grows by an empty pixel with each packet, if no packet is spent.
+//! one packet of background: [`FiniteCapturePixel::new`] follows the background, packet by packet, until it settles. Pixels left
+//! nearly equal by it are passed together: the charge that packets exchange with traps is linear in the fractions filled, so a
+//! stretch of N pixels acts as N pixels with their mean, until the packets have changed. The same holds for the pixels that packets
+//! start in, as a sum that grows by an empty pixel with each packet, if no packet is spent.
 //!
 //! Both laws are the same for all watermarks on one side of the cloud's top. So the charge that a packet exchanges with the traps
-//! follows from two sums, of the traps filled inside and above; and a watermark keeps the fraction that it had when it came to its
-//! side, and the time since then, until a cloud ends on its other side. The cost of a packet is proportional to the number of
-//! watermarks between its own height and the previous one.
+//! follows from two sums, of the traps filled inside and above. A watermark keeps the fraction at which it came to its side, and
+//! the time since then, until a cloud ends on its other side. The cost of a packet is proportional to the number of watermarks
+//! between its own height and the previous one.
 
 use std::f64::consts::LOG2_E;
 use std::mem::take;
@@ -46,29 +46,29 @@ pub(super) struct FiniteCapturePixel<const S: usize> {
     cloud: Cloud,
     density: [f64; S],
     density_all: f64,
-    /// f∞, fraction filled in the end inside the cloud.
+    /// f∞, equilibrium fraction filled inside the cloud.
     full: [f64; S],
-    /// exp(−m/τ), chance to stay filled above m clouds.
+    /// exp(−m/τ), probability of staying filled above m clouds.
     keep: Vec<[f64; S]>,
-    /// exp(−m/τc − m/τ), what is left inside m clouds of the distance from f∞.
+    /// exp(−m/τc − m/τ), the factor by which the distance from f∞ decreases inside m clouds.
     approach: Vec<[f64; S]>,
     /// Set if the capture time of some species depends on the density of the cloud; `full` and `approach` are not valid then.
     by_density: Option<ByDensity<S>>,
-    /// Charge that may be misplaced in a pixel: by a merger of watermarks, or by a background that has not quite settled, e-.
+    /// Charge that may be misplaced in a pixel, by a merger of watermarks or by a background that has not quite settled, e-.
     merge_e: f64,
     /// State of the traps by the number of background packets that have passed the pixel; the last holds for more.
     background: Vec<Stretch<S>>,
 }
 
-/// Pixels that the background has left nearly alike.
+/// Pixels that the background has left nearly equal.
 struct Stretch<const S: usize> {
-    /// Packets of background that passed the first of them. As many as one more passed the next.
+    /// Number of background packets that passed the first of them. Each further pixel was passed by one more.
     from: usize,
     /// Their mean.
     mean: Watermarks<S>,
 }
 
-/// The traps of a pixel, cut where clouds have ended.
+/// The traps of a pixel, divided at the heights where clouds have ended.
 #[derive(Clone)]
 pub(super) struct Watermarks<const S: usize> {
     /// Those inside the latest cloud, from the bottom up.
@@ -78,19 +78,19 @@ pub(super) struct Watermarks<const S: usize> {
     /// Sums of thickness times fraction filled.
     filled_inside: [f64; S],
     filled_above: [f64; S],
-    /// Packets that came by.
+    /// Packets that have passed.
     packets: usize,
-    /// Pixels that all of this is the sum of.
+    /// Number of pixels summed here.
     pixels: f64,
-    /// What 0, 1, 2, … packets do inside their clouds, as far as they are known, if that depends on their density or the number of
-    /// pixels grows; otherwise nothing.
+    /// Effect of 0, 1, 2, … packets inside their clouds, as far as known, if it depends on the clouds' density or the number of
+    /// pixels grows; otherwise empty.
     history: Vec<Course<S>>,
 }
 
-/// What packets have done to traps that were inside the cloud of each of them.
+/// Effect of packets on traps that were inside the cloud of each of them.
 #[derive(Clone, Copy)]
 struct Course<const S: usize> {
-    /// P, fractions filled of those that were empty before the first packet; the sum of all pixels'.
+    /// P, fractions filled of those that were empty before the first packet, summed over all pixels.
     filled: [f64; S],
     /// E, the sum of 1/τc + 1/τ, in powers of 2.
     exponent: [f64; S],
@@ -110,7 +110,7 @@ struct Watermark<const S: usize> {
     /// Fractions filled after `since` packets, by species.
     fill: [f64; S],
     since: usize,
-    /// Which packet's cloud ended at the top: its row plus one.
+    /// The packet whose cloud ended at the top: its row plus one.
     packet: usize,
 }
 
@@ -141,11 +141,11 @@ struct ByDensity<const S: usize> {
     /// 1/τc at the density of the reference, and 1/τ, in powers of 2; if all species share a law and the clock has one phase.
     capture: [f64; S],
     release: [f64; S],
-    /// That density, and the power.
+    /// That density, and its exponent.
     shared: Option<(f64, f64)>,
 }
 
-/// Exponent at which nothing is left: 2^−1000 of a trap. A sum of larger ones would forget the smaller.
+/// Exponent at which nothing is left: 2^−1000 of a trap. A sum of larger ones would lose the smaller.
 const NOTHING_LEFT: f64 = 1000.0;
 
 impl<const S: usize> ByDensity<S> {
@@ -154,13 +154,13 @@ impl<const S: usize> ByDensity<S> {
         let alike =
             |trap: &Trap| trap.capture_density == first && trap.phase == Phase::SINGLE && trap.capture_transfers > 0.0;
         let shared = first.filter(|_| traps.iter().all(alike)).map(|law| (cloud.density_e(law.at_e), law.power));
-        // Species of no density have to be something.
+        // Species of no density need some value.
         let rate = |time: fn(&Trap) -> f64| std::array::from_fn(|s| LOG2_E / traps.get(s).map_or(1.0, time));
         let (capture, release) = (rate(|trap| trap.capture_transfers), rate(|trap| trap.release_transfers));
         ByDensity { traps: traps.to_vec(), capture, release, shared }
     }
 
-    /// f∞ and the factor of a packet; gives 1/τc + 1/τ in powers of 2.
+    /// f∞ and the factor of a packet; returns 1/τc + 1/τ in powers of 2.
     #[inline(always)]
     fn inside(&self, cloud: &Cloud, charge_e: f64, course: &mut Course<S>) -> [f64; S] {
         let mut exponent = [0.0; S];
@@ -186,16 +186,16 @@ fn top<const S: usize>(watermarks: &[Watermark<S>]) -> f64 {
     watermarks.last().map_or(0.0, |watermark| watermark.top)
 }
 
-/// Which packet's cloud ended at the top of a watermark, as a number.
+/// The packet whose cloud ended at the top of a watermark, as a number.
 fn mark<const S: usize>(watermark: Option<&Watermark<S>>) -> f64 {
     watermark.map_or(0.0, |watermark| (watermark.packet + 1) as f64)
 }
 
-/// Change of a packet of background in one pixel, e-, below which the background counts as settled in any case.
+/// Change of a packet of background in one pixel, e-, below which the background always counts as settled.
 const SETTLED_E: f64 = 1e-13;
 
-/// Pixels that change by d from the first of them to the last, N of them, do the same to packets as N of their mean but for
-/// N³/12 of how a change by d/N and a change of the packets do not commute (the second term of Magnus's expansion).
+/// N pixels whose states change by d from first to last act on packets as N pixels of their mean, except for N³/12 times the
+/// commutator of a change by d/N and a change of the packets (the second term of the Magnus expansion).
 const MAGNUS: f64 = 1.0 / 12.0;
 
 impl<const S: usize> FiniteCapturePixel<S> {
@@ -233,19 +233,19 @@ impl<const S: usize> FiniteCapturePixel<S> {
         pixel
     }
 
-    /// Passes the background until one more packet of it changes nothing, and keeps what it leaves.
+    /// Passes the background until one more packet of it changes nothing, and stores the states that it leaves.
     fn follow(&mut self, downstream: Downstream) {
         let mut latest = Watermarks::default();
         self.settle(&mut latest);
         self.background.push(Stretch { from: 0, mean: latest.clone() });
         let mut charge_e = downstream.charge_e;
         let steepest = self.density_all * self.cloud.steepest_from(charge_e);
-        // Pixels of the stretch that is open, how many packets passed the first of them, and the charge that they differ by.
+        // Pixels of the open stretch, the number of packets that passed the first of them, and the charge that they differ by.
         let (mut open, mut from, mut differ_e) = (Vec::new(), 1, 0.0);
         let mut quiet = 0;
         for packets in 1..=downstream.rows {
             let change_e = self.packet(&mut latest, charge_e, 0).0;
-            // Twice, since a change that turns from loss to gain is small once.
+            // Two in a row, since a change that turns from loss to gain is small once.
             quiet = if change_e.abs() <= self.merge_e.max(SETTLED_E) { quiet + 1 } else { 0 };
             if quiet == 2 {
                 break;
@@ -262,14 +262,14 @@ impl<const S: usize> FiniteCapturePixel<S> {
             }
             open.push(latest.clone());
         }
-        // The last pixel stands for all that follow.
+        // The last pixel represents all that follow.
         let Some(last) = open.pop() else { return };
         let before = open.len();
         self.close(from, &mut open);
         self.background.push(Stretch { from: from + before, mean: last });
     }
 
-    /// Adds a stretch of pixels, the first of which `from` packets of background passed.
+    /// Adds a stretch of pixels, the first of which was passed by `from` packets of background.
     fn close(&mut self, from: usize, pixels: &mut Vec<Watermarks<S>>) {
         if !pixels.is_empty() {
             self.background.push(Stretch { from, mean: self.mean(pixels) });
@@ -277,7 +277,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
         }
     }
 
-    /// The mean of some pixels that no packet is in.
+    /// The mean of some pixels that contain no packet.
     fn mean(&self, pixels: &[Watermarks<S>]) -> Watermarks<S> {
         if let [pixel] = pixels {
             return pixel.clone();
@@ -304,13 +304,13 @@ impl<const S: usize> FiniteCapturePixel<S> {
         mean
     }
 
-    /// The stretch of a pixel (counted from the register).
+    /// The index of the stretch that holds a pixel (counted from the register).
     fn stretch(&self, pixel: i64, rows_downstream: i64) -> usize {
         let passed = (rows_downstream - pixel).max(0) as usize;
         self.background.partition_point(|stretch| stretch.from <= passed) - 1
     }
 
-    /// Passes one packet over the watermarks; its change (e-), and what watermarks it met as one number.
+    /// Passes one packet over the watermarks; returns its change (e-) and the watermarks it met as one number.
     pub fn packet(&self, watermarks: &mut Watermarks<S>, charge_e: f64, packet: usize) -> (f64, f64) {
         self.packet_of(watermarks, charge_e, self.cloud.height(charge_e), packet)
     }
@@ -335,7 +335,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
         (course.full, course.approach)
     }
 
-    /// One more packet of the history.
+    /// Adds one packet to the history.
     #[inline(always)]
     fn extend_history(&self, watermarks: &mut Watermarks<S>, charge_e: f64) {
         let mut course = *watermarks.history.last().expect("a history starts before the first packet");
@@ -351,7 +351,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
         watermarks.history.push(course);
     }
 
-    /// Capture inside and release everywhere for one transfer; the packet's change, e-.
+    /// Capture inside and release everywhere for one transfer; returns the packet's change, e-.
     fn exchange(&self, watermarks: &mut Watermarks<S>, charge_e: f64, height: f64) -> f64 {
         let (full, approach) = self.inside(watermarks, charge_e);
         let (mut captured, mut released) = ([0.0; S], [0.0; S]);
@@ -362,7 +362,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
             captured_e += self.density[s] * captured[s];
             released_e += self.density[s] * released[s];
         }
-        // More than there is cannot be captured.
+        // No more charge can be captured than there is.
         let available_e = (charge_e + released_e).max(0.0);
         let short = charge_e < self.density_all * height && captured_e > available_e;
         let share = if short { available_e / captured_e } else { 1.0 };
@@ -411,7 +411,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
     /// Makes `height` the top of the uppermost watermark inside.
     fn reach(&self, watermarks: &mut Watermarks<S>, height: f64, packet: usize) {
         let since = watermarks.packets;
-        // Down: what lies above the height leaves the cloud.
+        // Down: watermarks above the height leave the cloud.
         while let Some(watermark) = watermarks.inside.last().copied()
             && watermark.top > height
         {
@@ -428,7 +428,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
             }
             self.put_above(watermarks, Watermark { fill, since, ..watermark }, floor.max(height));
         }
-        // Up: what lies below it is covered.
+        // Up: watermarks below the height are covered.
         while top(&watermarks.inside) < height {
             let floor = top(&watermarks.inside);
             let covered = match watermarks.above.pop() {
@@ -452,7 +452,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
         }
     }
 
-    /// Adds a watermark on top of those inside; one that is filled almost as its neighbour joins it, without loss of charge.
+    /// Adds a watermark on top of those inside. If it is filled almost as its neighbour, both are merged, without loss of charge.
     fn put_inside(&self, watermarks: &mut Watermarks<S>, upper: Watermark<S>) {
         if let Some(lower) = watermarks.inside.pop() {
             let fill = self.filled_inside(&watermarks.history, &lower, upper.since);
@@ -466,7 +466,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
         watermarks.inside.push(upper);
     }
 
-    /// Adds a watermark, which starts at `floor`, below those above; as [`FiniteCapturePixel::put_inside`].
+    /// Adds a watermark, which starts at `floor`, below those above; like [`FiniteCapturePixel::put_inside`].
     fn put_above(&self, watermarks: &mut Watermarks<S>, lower: Watermark<S>, floor: f64) {
         if let Some(upper) = watermarks.above.last_mut() {
             let fill = self.filled_above(upper, lower.since);
@@ -479,13 +479,13 @@ impl<const S: usize> FiniteCapturePixel<S> {
         watermarks.above.push(lower);
     }
 
-    /// Whether two neighbours, the thinner one so thick, may be taken for one.
+    /// Whether two neighbours may be merged; `thickness` is that of the thinner one.
     fn alike(&self, one: &[f64; S], other: &[f64; S], thickness: f64) -> bool {
         let apart: f64 = (0..S).map(|s| self.density[s] * (one[s] - other[s]).abs()).sum();
         apart * thickness < self.merge_e
     }
 
-    /// Counts packets from now on.
+    /// Restarts the count of packets.
     fn settle(&self, watermarks: &mut Watermarks<S>) {
         let packets = take(&mut watermarks.packets);
         for watermark in &mut watermarks.inside {
@@ -498,19 +498,19 @@ impl<const S: usize> FiniteCapturePixel<S> {
         }
     }
 
-    /// A history of no packets.
+    /// Restarts the history, without packets.
     fn forget(&self, watermarks: &mut Watermarks<S>) {
         watermarks.history.clear();
         watermarks.history.extend(self.by_density.is_some().then_some(Course::START));
     }
 
-    /// Watermarks of a pixel (counted from the register) as the background has left them before row 0 comes.
+    /// Watermarks of a pixel (counted from the register) as the background has left them before row 0 arrives.
     pub fn start(&self, pixel: i64, rows_downstream: i64, watermarks: &mut Watermarks<S>) {
         self.forget(watermarks);
         self.place(pixel, rows_downstream, watermarks);
     }
 
-    /// The same before packets whose history is known.
+    /// The same for packets whose history is known.
     fn place(&self, pixel: i64, rows_downstream: i64, watermarks: &mut Watermarks<S>) {
         let left = &self.background[self.stretch(pixel, rows_downstream)].mean;
         watermarks.inside.clone_from(&left.inside);
@@ -520,7 +520,7 @@ impl<const S: usize> FiniteCapturePixel<S> {
     }
 }
 
-/// Fractions filled of two watermarks together, by their thicknesses.
+/// Fractions filled of two merged watermarks, weighted by their thicknesses.
 fn joined<const S: usize>(lower: &[f64; S], below: f64, upper: &[f64; S], above: f64) -> [f64; S] {
     let share = above / (above + below);
     std::array::from_fn(|s| lower[s] + share * (upper[s] - lower[s]))
@@ -566,7 +566,7 @@ impl<const S: usize> Passage for FiniteCapturePixel<S> {
                 watermarks.pixels = 0.0;
                 watermarks.history = vec![Course::START];
                 for row in first..charge_e.len() {
-                    // Its own pixel joins, empty.
+                    // The pixel that it starts in joins, empty.
                     if row as i64 + downstream.rows < end {
                         watermarks.pixels += 1.0;
                     }
@@ -578,7 +578,7 @@ impl<const S: usize> Passage for FiniteCapturePixel<S> {
             if nearest == end {
                 continue;
             }
-            // Charges are held fixed: packets do the same inside their clouds in all pixels.
+            // Charges are held fixed: packets have the same effect inside their clouds in all pixels.
             self.forget(watermarks);
             watermarks.pixels = 1.0;
             if self.by_density.is_some() {
@@ -640,14 +640,14 @@ mod tests {
         ]
     }
 
-    /// The same, faster in denser clouds, each in its own way.
+    /// The same, with capture faster in denser clouds, by a different law for each.
     fn by_density() -> Vec<Trap> {
         let law = |power, at_e, trap| Trap { capture_density: Some(CaptureDensity { power, at_e }), ..trap };
         let [one, other] = [traps()[0], traps()[1]];
         vec![law(0.3, 1e-4, one), law(1.0, 300.0, other)]
     }
 
-    /// The same watermarks kept from the bottom up, each of which is brought up to date by every packet.
+    /// The same watermarks kept from the bottom up, each of which is updated by every packet.
     fn one_by_one(
         pixel: &FiniteCapturePixel<2>,
         traps: &[Trap],
@@ -686,7 +686,7 @@ mod tests {
 
     #[test]
     fn levels_on_either_side_of_a_cloud_are_as_if_each_were_followed() {
-        // Rising and tiny, then of all sizes.
+        // Tiny and rising, then of all sizes.
         let packets: Vec<f64> = (0..300_u32)
             .map(|row| if row < 40 { 1e-6 * f64::from(row) } else { f64::from(row * row * 37 % 1001) })
             .collect();
@@ -750,13 +750,13 @@ mod tests {
         assert!((settled.inside[0].fill[0] - 3.0 / 3.3).abs() < 1e-6);
         assert!((settled.inside[0].fill[1] - 40.0 / 42.0).abs() < 1e-6);
         let mut watermarks = settled.clone();
-        // The packets have paid for the traps they filled.
+        // Less the charge of the traps that the packets have filled.
         let charge_e = 100.0 - 0.1 * (0.8 * 3.0 / 3.3 + 0.5 * 40.0 / 42.0);
         assert!(pixel.packet(&mut watermarks, charge_e, 1).0.abs() < 1e-3);
     }
 
-    /// A block is the sum of its pixels while charges are held fixed: those that packets start in, with and without a spent packet, and those that
-    /// the background has left nearly alike.
+    /// With fixed charges, a block is the sum of its pixels: those that packets start in, with and without a spent packet, and
+    /// those that the background has left nearly equal.
     #[test]
     fn a_block_does_what_its_pixels_do_one_by_one() {
         let rows = 40;
@@ -793,7 +793,7 @@ mod tests {
         }
     }
 
-    /// Stretches of the background are as many packets long as it was followed, without gap, and their means keep its charge.
+    /// Stretches of the background cover as many packets as it was followed for, without gaps, and their means conserve its charge.
     #[test]
     fn stretches_hold_what_the_background_has_left() {
         let downstream = Downstream { rows: 300, charge_e: 60.0 };

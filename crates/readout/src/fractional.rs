@@ -1,8 +1,7 @@
 //! The paper's fractional traps: every species cut into levels at fixed heights, each filled to a fraction.
 //!
-//! Rhodes et al. 2010, section 3, which found 10 000 levels to reproduce the mean over many real traps. Here as a
-//! reference for the other methods, written for likeness to the text and not for speed: its result is as coarse as
-//! 1/levels of the well.
+//! Rhodes et al. 2010, section 3, which found 10 000 levels to reproduce the mean over many real traps. Used here as a reference
+//! for the other methods, close to the text rather than fast: its resolution is 1/levels of the well.
 
 use std::ops::Range;
 
@@ -10,8 +9,8 @@ use super::{Cloud, Downstream, Trap, interrupt};
 
 /// Clocks one column out through traps at the heights (i + ½)/levels.
 ///
-/// The levels stand in the middle of their slices: multiples of 1/levels, as in the paper, would shift every cloud by
-/// half a level to one side. `clouds`: that of each species.
+/// The levels are in the middle of their slices: multiples of 1/levels, as in the paper, would shift every cloud by half a level to
+/// one side. `clouds`: that of each species.
 pub(super) fn column(
     traps: &[Trap],
     clouds: &[&Cloud],
@@ -24,10 +23,10 @@ pub(super) fn column(
     let mut filling = vec![vec![0.0; levels]; traps.len()];
     for pixel in pixels.rev() {
         interrupt::check();
-        // What passed before row 0 has filled the traps that it reached.
+        // Packets that passed before row 0 have filled the traps within their reach.
         let filled_before =
             |cloud: &Cloud| if pixel < downstream.rows { below(cloud.height(downstream.charge_e)) } else { 0 };
-        // No trap above the highest cloud so far holds anything.
+        // No trap above the highest cloud so far is filled.
         let mut occupied = 0;
         for ((trap, cloud), species) in traps.iter().zip(clouds).zip(&mut filling) {
             let filled_before = filled_before(cloud);
@@ -46,7 +45,7 @@ pub(super) fn column(
                     let (keep, full, approach) = trap.passage_of(cloud, arrived_e);
                     for (level, fill) in filling[..occupied].iter_mut().enumerate() {
                         let after = if level < arrived { full + (*fill - full) * approach } else { *fill * keep };
-                        // No more than the packet has.
+                        // Not more than the packet has.
                         let captured = (per_level * (after - *fill)).min((*charge).max(0.0));
                         *charge -= captured;
                         *fill += captured / per_level;

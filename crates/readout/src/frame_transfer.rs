@@ -1,8 +1,8 @@
 //! Frame transfer: a burst shifts the image into a store region, which is read behind a shield.
 //!
-//! A store of N rows ends at the register, and the image begins behind it. The burst makes N transfers, each in a line time of its
-//! own. It takes the packet of row r through the r + 1 pixels of its column of the image and through the store, down to the pixel
-//! r + 1 from the register. From there it is read at the ordinary line time:
+//! A store of N rows ends at the register, and the image begins behind it. The burst makes N transfers, each in its own line time.
+//! It takes the packet of row r through the r + 1 pixels of its column of the image and through the store, down to the pixel r + 1
+//! from the register. From there it is read at the ordinary line time:
 //!
 //! ```text
 //!            ◀── slow ──┬──────── burst ─────────◀───────── burst ──────────
@@ -10,17 +10,17 @@
 //!                         store                            image
 //! ```
 //!
-//! What a pixel does depends on the charges with which packets come to it and on nothing else, so this is a composition of readouts:
+//! The effect of a pixel depends only on the charges with which packets arrive, so this is a composition of readouts:
 //!
 //! 1. The image region at the line time of the burst: an ordinary readout that ends at the store.
-//! 2. The store's pixels above the last packet, in the burst: all packets pass them, and what was downstream has passed before.
+//! 2. The store's pixels above the last packet, in the burst: all packets pass them, after those that were downstream.
 //! 3. The pixels in which packets wait, one by one, the farthest first: packets up to the one that waits there come in the burst, the
 //!    others at the line time of the readout.
 //! 4. The store's pixels below the first packet, at the line time of the readout.
 //!
-//! All but the third are exact. In the third, packets that are read find the traps as if those before them had all passed at the
-//! line time of the readout. Some of these passed in the burst and left more traps filled. Only the packets that follow within a few
-//! release times see that, in the pixels where packets wait. No time passes between the burst and the first line that is read.
+//! All but the third are exact. In the third, packets that are read find the traps as if all packets before them had passed at the
+//! line time of the readout. Some of these passed in the burst and left more traps filled. This affects only packets within a few
+//! release times, in the pixels where packets wait. No time passes between the burst and the first line that is read.
 //!
 //! Derived for ctiplan; `tests/frame_transfer.rs` compares it with a program that follows all pixels in time.
 
@@ -80,7 +80,7 @@ struct Ahead<'a> {
 }
 
 impl Ahead<'_> {
-    /// Packets after all of them have passed n pixels.
+    /// The packets after all of them have passed `pixels` pixels.
     fn through(&self, readout: &Readout, packets: Array2<f64>, pixels: i64) -> Array2<f64> {
         if pixels <= 0 {
             return packets;

@@ -1,8 +1,8 @@
-//! What is left of clouds in the pixels that their packets started in.
+//! Watermarks that remain in the pixels in which their packets started.
 //!
-//! A packet of the image meets empty traps in its own pixel and leaves more there than in all that follow: it arrives at the
-//! next one with less, and so do the packets behind it, which no longer reach the top of the watermark it left at home. In a flat
-//! background, where packets differ by nothing else, every packet leaves such a watermark, and a galaxy that comes by covers them all.
+//! A packet of the image finds empty traps in its own pixel and leaves more charge there than in any later pixel. It arrives at the
+//! next one with less, and so do the packets behind it, which no longer reach the top of the watermark left at home. In a flat
+//! background, where packets differ in nothing else, every packet leaves such a watermark, and a passing galaxy covers them all.
 
 use fearless_simd::prelude::*;
 
@@ -10,16 +10,16 @@ use super::block_path::Summed;
 use super::pixel::Pixel;
 use super::simd::Vector;
 
-/// What stands of such watermarks above all clouds that have passed there since, of all pixels together: they are alike where they
-/// are many.
+/// The parts of such watermarks above all clouds that have passed since, summed over all pixels: where they are many, they are
+/// nearly equal.
 pub(super) struct HomeWatermarks<T: Simd, const S: usize> {
     any: bool,
     number: Vector<T>,
     /// Their thickness, summed over them.
     thickness: Vector<T>,
-    /// The pixels ahead of theirs, summed over them.
+    /// The number of pixels ahead of theirs, summed over them.
     ahead: Vector<T>,
-    /// The height that they stand on, on average.
+    /// Their mean lower edge.
     floor: Vector<T>,
     /// Electrons in their traps, by species.
     stored_e: [Vector<T>; S],
@@ -33,9 +33,9 @@ impl<T: Simd, const S: usize> HomeWatermarks<T, S> {
         HomeWatermarks { any: false, number: zero, thickness: zero, ahead: zero, floor: zero, stored_e: [zero; S] }
     }
 
-    /// A row of packets passes, of those heights. What they cover is full already, and is neither captured nor stored anew. The
-    /// electrons in what they cover in part only come back. `able` is 0 for packets that may not have enough for all the traps
-    /// in their reach, and are not followed here.
+    /// A row of packets of the given heights passes. The traps that they cover are full already, and are neither captured nor
+    /// stored again. Electrons of partly covered watermarks are only returned. `able` is 0 for packets that may lack charge for all
+    /// traps in their reach; these are not followed here.
     #[inline(always)]
     pub fn pass<const TWICE: bool, const RETURNS: bool>(
         &mut self,
@@ -74,7 +74,7 @@ impl<T: Simd, const S: usize> HomeWatermarks<T, S> {
         stay.select(in_part_e, zero)
     }
 
-    /// One more if it has any thickness, on so high a floor, with so many pixels ahead; filled m packets ago.
+    /// Adds a watermark if it has any thickness, with this floor and `ahead` pixels ahead; filled m packets ago.
     #[inline(always)]
     pub fn leave<const RETURNS: bool>(
         &mut self,

@@ -1,8 +1,8 @@
-//! Long work that somebody no longer waits for.
+//! Cancelling long work that is no longer needed.
 //!
-//! A thread may watch a token. Once the token is set, the next [`check`] on that thread unwinds with [`Interrupted`], which whoever
-//! set the token catches (`std::panic::catch_unwind`) where the work began. Readouts check between pixels and between columns; a
-//! thread that watches nothing never stops.
+//! A thread may watch a token. Once the token is set, the next [`check`] on that thread unwinds with [`Interrupted`], which is
+//! caught where the work began (`std::panic::catch_unwind`). Readouts check between pixels and between columns; a thread that
+//! watches no token never stops.
 
 use std::cell::RefCell;
 use std::panic::resume_unwind;
@@ -13,16 +13,16 @@ thread_local! {
     static WATCHED: RefCell<Option<Arc<AtomicBool>>> = const { RefCell::new(None) };
 }
 
-/// What interrupted work unwinds with.
+/// The payload with which interrupted work unwinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interrupted;
 
-/// From now on, this thread's work ends once the token is true.
+/// From now on, this thread's work ends once the token is set.
 pub fn watch(token: Arc<AtomicBool>) {
     WATCHED.with_borrow_mut(|watched| *watched = Some(token));
 }
 
-/// Goes on, unless this thread's token is set.
+/// Returns, unless this thread's token is set.
 ///
 /// # Panics
 /// With [`Interrupted`], without a message, if the token is set.
@@ -36,8 +36,8 @@ pub fn check() {
 /// Most pieces of a parallel loop.
 const MOST_PIECES: usize = 4096;
 
-/// Fewest items of a parallel loop of `count` that one thread takes together. If one piece of a loop unwinds, rayon still begins
-/// all others, and divides them down to this length.
+/// Minimum items per piece in a parallel loop over `count`. If one piece unwinds, rayon still starts all others, and divides them
+/// down to this length.
 pub fn piece(count: usize) -> usize {
     count / MOST_PIECES + 1
 }

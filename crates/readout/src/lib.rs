@@ -1,8 +1,8 @@
 //! Image and traps → image with trails.
 //!
-//! One transfer is the contract of the whole crate. In each physical pixel, for each packet that passes, in order:
-//! a filled trap releases its electron with probability 1 − exp(−1/τ); what is released joins the packet; then
-//! every empty trap below the height h(n) of the charge cloud captures one electron at once.
+//! One transfer is the contract of the whole crate. In each physical pixel, for each packet that passes, in order: a filled trap
+//! releases its electron with probability 1 − exp(−1/τ); released charge joins the packet; then every empty trap below the height
+//! h(n) of the charge cloud captures one electron at once.
 //!
 //! ```text
 //! row r of the image starts r + 1 + rows-downstream pixels from the register and passes through all of them:
@@ -11,14 +11,15 @@
 //!            ◀───────────────────────── charge moves
 //! ```
 //!
-//! Ways to do that stand behind one interface, [`Readout`]: [`Method::Fast`] (what everything else uses),
-//! [`Method::Exact`], [`Method::Fractional`] and [`Method::MonteCarlo`]; [`Method::CarriedTraps`] is ArCTIc's other convention.
+//! Several methods share one interface, [`Readout`]: [`Method::Fast`] (used everywhere else), [`Method::Exact`],
+//! [`Method::Fractional`] and [`Method::MonteCarlo`]; [`Method::CarriedTraps`] is ArCTIc's other convention.
 //!
-//! That is a clock of one phase. In a clock of several, part of what is released returns to the packet that has just left: see
-//! `phase.rs`. Traps that need time to capture follow another law, inside the cloud as the packet arrives: see `finite_capture.rs`; that time
-//! may depend on the density of the cloud: see [`CaptureDensity`]. Release times that are spread are resolved into many species of one release time each: see `continuum.rs`. A store region between the
-//! image and the register, which is filled by a burst, makes a composition of readouts: see `frame_transfer.rs`. Traps that keep charge from
-//! one frame to the next are in `persistence.rs`.
+//! This is a clock of one phase. In a clock of several phases, part of the released charge returns to the packet that has just
+//! left: see `phase.rs`. Traps with a finite capture time follow another law, inside the cloud as the packet arrives: see
+//! `finite_capture.rs`; that time may depend on the density of the cloud: see [`CaptureDensity`]. Spread release times are resolved
+//! into many species of one release time each: see `continuum.rs`. A store region between the image and the register, filled by a
+//! burst, makes a composition of readouts: see `frame_transfer.rs`. Traps that keep charge from one frame to the next are in
+//! `persistence.rs`.
 //!
 //! Sources: Rhodes et al. 2010 (PASP 122, 439), section 3; Massey et al. 2010 (MNRAS 401, 371) for the cloud that
 //! captures at once.
@@ -72,12 +73,12 @@ use pixel::Pixel;
 use several_clouds::{SeveralClouds, Stacks};
 use simd::{LANES, Packets};
 
-/// One trap species as the readout meets it.
+/// One trap species as seen by the readout.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trap {
     /// Traps per pixel, ρ.
     pub density_per_px: f64,
-    /// Release time constant τ, in units of one transfer; the median where it is spread.
+    /// Release time constant τ, in units of one transfer; the median if it is spread.
     pub release_transfers: f64,
     /// Standard deviation of ln τ; 0 if all traps have the same.
     pub release_sigma: f64,
@@ -85,7 +86,7 @@ pub struct Trap {
     pub capture_transfers: f64,
     /// How τc depends on the density of the cloud; none if it is the same in every cloud.
     pub capture_density: Option<CaptureDensity>,
-    /// Exponent of its cloud's height, where it is not that of the readout's cloud.
+    /// Exponent of its cloud's height, if it differs from that of the readout's cloud.
     pub well_fill_power: Option<f64>,
     /// Charge above which a packet reaches the surface, where the trap lies, e-; none for a trap of the bulk.
     pub surface_level_e: Option<f64>,
@@ -99,8 +100,8 @@ pub struct Trap {
 /// τc(n) = τc [(n₀/h(n₀)) / (n/h(n))]^power
 /// ```
 ///
-/// In Shockley-Read-Hall statistics the rate is σ v_th n_e: power 1 (Short et al. 2013, MNRAS 430, 3078, equation 4). The charge n is that on
-/// arrival, and h(n) the height of the readout's cloud, which a packet's volume is proportional to.
+/// In Shockley-Read-Hall statistics the rate is σ v_th n_e: power 1 (Short et al. 2013, MNRAS 430, 3078, equation 4). The charge n
+/// is that on arrival, and h(n) the height of the readout's cloud, to which a packet's volume is proportional.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CaptureDensity {
     /// Exponent of the density, 0 or more.
@@ -110,7 +111,7 @@ pub struct CaptureDensity {
 }
 
 impl Trap {
-    /// Traps of one release time (in units of one transfer) that capture at once.
+    /// Traps of one release time (in units of one transfer) with instantaneous capture.
     pub const fn new(density_per_px: f64, release_transfers: f64) -> Trap {
         Trap {
             density_per_px,
@@ -127,7 +128,7 @@ impl Trap {
     /// Capture time in the cloud of a packet, in units of one transfer.
     fn capture_of(&self, cloud: &Cloud, charge_e: f64) -> f64 {
         match self.capture_density {
-            // An infinite time if there is no charge, even if capture is instantaneous otherwise.
+            // Infinite if there is no charge; instantaneous capture stays instantaneous.
             Some(density) if self.capture_transfers > 0.0 => {
                 let ratio = cloud.density_e(density.at_e) / cloud.density_e(charge_e);
                 self.capture_transfers * ratio.powf(density.power)
@@ -147,17 +148,17 @@ impl Trap {
         full * (1.0 - approach.powf(packets as f64))
     }
 
-    /// exp(−1/τ), the fraction that stays filled for the time of one line.
+    /// exp(−1/τ), the fraction that stays filled for one line time.
     fn kept(&self) -> f64 {
         (-1.0 / self.release_transfers).exp()
     }
 
-    /// 1 − exp(−1/τ), the fraction that releases in the time of one line.
+    /// 1 − exp(−1/τ), the fraction that releases in one line time.
     fn lost(&self) -> f64 {
         -(-1.0 / self.release_transfers).exp_m1()
     }
 
-    /// The fraction of filled traps that release to a packet until it captures: 1 − exp(−1/τ) in a clock of one phase.
+    /// The fraction of filled traps that release to a packet before it captures: 1 − exp(−1/τ) in a clock of one phase.
     fn released(&self) -> f64 {
         self.phase.released(self.release_transfers)
     }
@@ -167,34 +168,34 @@ impl Trap {
         self.phase.returned(self.release_transfers)
     }
 
-    /// Whether anything returns to the packet that has just left.
+    /// Whether any charge returns to the packet that has just left.
     fn returns(&self) -> bool {
         self.phase != Phase::SINGLE
     }
 
-    /// What one line makes of the fraction f of traps that are filled as a packet has gone for good: outside its cloud
-    /// f ← f exp(−1/τ), inside f ← f∞ + (f − f∞) exp(−1/τc − 1/τ). Gives exp(−1/τ), f∞ and the other factor.
+    /// The change per line of the fraction f of filled traps, counted when a packet has left for good: outside its cloud f ← f
+    /// exp(−1/τ), inside f ← f∞ + (f − f∞) exp(−1/τc − 1/τ). Returns exp(−1/τ), f∞ and the other factor.
     fn passage(&self) -> (f64, f64, f64) {
         let (release, capture) = (self.release_transfers, self.capture_transfers);
-        // A release time of 0 and a capture time of 0 at once: the trap captures.
+        // Release time 0 and capture time 0 at once: the trap captures.
         let full = if capture == 0.0 { 1.0 } else { release / (release + capture) };
         if self.phase == Phase::SINGLE {
             return (self.kept(), full, (-1.0 / capture - 1.0 / release).exp());
         }
-        // Inside the cloud for a part of the line, with release alone before and after it.
+        // Inside the cloud for part of the line, with release alone before and after.
         let over = self.phase.over;
         let approach = (-over / capture - 1.0 / release).exp();
         let captured = -(-over / capture - over / release).exp_m1();
         (self.kept(), (1.0 - self.returned()) * full * captured / (1.0 - approach), approach)
     }
 
-    /// Traps per pixel that a packet (e-) leaves filled below its height in a pixel, of those that are filled there in the end.
+    /// Traps per pixel below the height of a packet (e-) that stay filled in equilibrium after the packet has left.
     fn held_per_px(&self, cloud: &Cloud, charge_e: f64) -> f64 {
         let held = |trap: &Trap| trap.density_per_px * trap.passage_of(cloud, charge_e).1;
         if !self.returns() {
             return held(self);
         }
-        // What returns depends on the release time.
+        // The returned charge depends on the release time.
         continuum::resolved(&[*self], WIDEST, continuum::FINEST).iter().map(held).sum()
     }
 }
@@ -211,9 +212,9 @@ pub enum Method {
     },
     /// Every transfer of every packet, one by one.
     Exact,
-    /// The same, but traps of a pixel are not empty when its first packet comes: they start as the pixel next to it, nearer to the
-    /// register, was left by its own first packet. The default of ArCTIc (`empty_traps_for_first_transfers = False`). Charge is not
-    /// conserved.
+    /// The same, but the traps of a pixel are not empty when its first packet arrives: they start in the state in which the next
+    /// pixel nearer to the register was left by its own first packet. The default of ArCTIc (`empty_traps_for_first_transfers =
+    /// False`). Charge is not conserved.
     CarriedTraps,
     /// The paper's fractional traps: each species is cut into `levels` traps at fixed heights, whose filling is a
     /// fraction. Every transfer is done. (Rhodes et al. 2010, section 3: 10 000 levels.)
@@ -221,8 +222,8 @@ pub enum Method {
         /// Number of heights between 0 and 1.
         levels: usize,
     },
-    /// The paper's real traps: whole numbers of them at random places and heights that catch and release whole
-    /// electrons at random. One realisation per seed.
+    /// The paper's real traps: whole numbers of them at random positions and heights that capture and release whole electrons at
+    /// random. One realisation per seed.
     MonteCarlo {
         /// The same seed gives the same bits, regardless of the number of threads.
         seed: u64,
@@ -230,12 +231,12 @@ pub enum Method {
 }
 
 impl Method {
-    /// Whether traps stand at random places, others in each column.
+    /// Whether traps are at random positions, different in each column.
     pub fn is_random(self) -> bool {
         matches!(self, Method::MonteCarlo { .. })
     }
 
-    /// The same without chance: what the mean over many random sets of traps tends to.
+    /// The same without randomness: the limit of the mean over many random sets of traps.
     pub fn expected(self) -> Method {
         match self {
             Method::MonteCarlo { .. } => Method::Exact,
@@ -250,29 +251,29 @@ pub struct Downstream {
     /// Number of rows; row r of the image makes r + 1 + rows transfers. Negative if the image reaches past the
     /// register: those rows make no transfer.
     pub rows: i64,
-    /// Charge of the packets in those rows before readout, e-. They have passed before row 0 does and have left the
-    /// traps that they reach full (with instantaneous capture this is the steady state of any number of equal packets), or
-    /// as full as they could get. 0: the traps are empty when row 0 arrives.
+    /// Charge of the packets in those rows before readout, e-. They pass before row 0 and leave the traps in their reach full (with
+    /// instantaneous capture this is the steady state of any number of equal packets), or as full as they could get. 0: the traps
+    /// are empty when row 0 arrives.
     pub charge_e: f64,
 }
 
 impl Downstream {
-    /// The image touches the register: row r makes r + 1 transfers and meets empty traps.
+    /// The image touches the register: row r makes r + 1 transfers and finds empty traps.
     pub const NONE: Downstream = Downstream { rows: 0, charge_e: 0.0 };
 }
 
-/// A detector's traps and wells, and the way its transfers are computed.
+/// A detector's traps and wells, and the method for its transfers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Readout {
     /// Trap species.
     pub traps: Vec<Trap>,
     /// How high a charge cloud reaches.
     pub cloud: Cloud,
-    /// The way to compute.
+    /// The computing method.
     pub method: Method,
 }
 
-/// Calls `$body` with `$width` bound to the first of some widths that holds a number of species; the last must.
+/// Calls `$body` with `$width` bound to the first of some widths that is large enough for the species; the last one must be.
 macro_rules! with_width {
     ([$last:expr], $species:expr, |$width:ident| $body:expr) => {{
         const $width: usize = $last;
@@ -290,10 +291,10 @@ macro_rules! with_width {
 
 mod carried;
 
-/// Release times that species may be resolved into, all together.
+/// Maximum number of release times into which all species together are resolved.
 const WIDEST: usize = 256;
 
-/// Most species that one readout takes.
+/// Maximum number of species in one readout.
 pub const MAX_SPECIES: usize = 128;
 
 impl Readout {
@@ -303,33 +304,33 @@ impl Readout {
     /// independent of one another and are computed in parallel; the result does not depend on the number of threads.
     ///
     /// # Panics
-    /// With more than [`MAX_SPECIES`] species; with species whose capture takes time and whose clouds differ.
+    /// With more than [`MAX_SPECIES`] species; if species with finite capture times have different clouds.
     pub fn parallel(&self, image: &Array2<f64>, downstream: Downstream) -> Array2<f64> {
         self.along(image, Journey::of(downstream.rows), &vec![downstream.charge_e; image.ncols()], Axis(0))
     }
 
-    /// [`Readout::parallel`] if each column has a background of its own downstream: `charge_e[column]` in `rows` rows, as in
+    /// [`Readout::parallel`] if each column has its own background downstream: `charge_e[column]` in `rows` rows, as in
     /// [`Downstream`].
     ///
     /// # Panics
-    /// With more than [`MAX_SPECIES`] species, or another number of backgrounds than of columns.
+    /// With more than [`MAX_SPECIES`] species, or if the number of backgrounds is not that of the columns.
     pub fn parallel_after_each(&self, image: &Array2<f64>, rows: i64, charge_e: &[f64]) -> Array2<f64> {
         self.along(image, Journey::of(rows), charge_e, Axis(0))
     }
 
-    /// Clocks an image out along its columns, column 0 nearest the amplifier: the same code, the axis swapped.
+    /// Clocks an image out along its columns, column 0 nearest the amplifier: the same code with the axes swapped.
     ///
     /// # Panics
-    /// With more than [`MAX_SPECIES`] species; with species whose capture takes time and whose clouds differ.
+    /// With more than [`MAX_SPECIES`] species; if species with finite capture times have different clouds.
     pub fn serial(&self, image: &Array2<f64>, downstream: Downstream) -> Array2<f64> {
         self.along(image, Journey::of(downstream.rows), &vec![downstream.charge_e; image.nrows()], Axis(1))
     }
 
-    /// [`Readout::serial`] if each row has a background of its own downstream: `charge_e[row]` in `columns` columns, as in
+    /// [`Readout::serial`] if each row has its own background downstream: `charge_e[row]` in `columns` columns, as in
     /// [`Downstream`].
     ///
     /// # Panics
-    /// With more than [`MAX_SPECIES`] species, or another number of backgrounds than of rows.
+    /// With more than [`MAX_SPECIES`] species, or if the number of backgrounds is not that of the rows.
     pub fn serial_after_each(&self, image: &Array2<f64>, columns: i64, charge_e: &[f64]) -> Array2<f64> {
         self.along(image, Journey::of(columns), charge_e, Axis(1))
     }
@@ -337,15 +338,15 @@ impl Readout {
     /// Clocks out one column of packets (e-), packet 0 nearest the register.
     ///
     /// # Panics
-    /// With more than [`MAX_SPECIES`] species; with species whose capture takes time and whose clouds differ.
+    /// With more than [`MAX_SPECIES`] species; if species with finite capture times have different clouds.
     pub fn column(&self, charge_e: &[f64], downstream: Downstream) -> Vec<f64> {
         let image = Array2::from_shape_vec((charge_e.len(), 1), charge_e.to_vec()).expect("one column");
         self.parallel(&image, downstream).into_raw_vec_and_offset().0
     }
 
-    /// What an image was before [`Readout::parallel`], from what was read: the transfers in the opposite order, for about the work
-    /// of one readout. With every method, blocks of pixels are turned round as [`Method::Fast`] passes them. None if capture takes
-    /// time or species have clouds of their own, and pixels have to be passed one by one.
+    /// The image before [`Readout::parallel`], from the image read: the transfers in reverse order, for about the work of one
+    /// readout. With every method, blocks of pixels are reversed as [`Method::Fast`] passes them. None for finite capture times or
+    /// species with clouds of their own, whose pixels have to be passed one by one.
     ///
     /// # Panics
     /// With more than [`MAX_SPECIES`] species.
@@ -358,7 +359,7 @@ impl Readout {
         self.in_blocks(read, (Journey::of(downstream.rows), downstream.charge_e), Axis(0), (Towards::Light, allowed))
     }
 
-    /// The same of [`Readout::serial`].
+    /// The same for [`Readout::serial`].
     ///
     /// # Panics
     /// With more than [`MAX_SPECIES`] species.
@@ -366,8 +367,8 @@ impl Readout {
         self.in_blocks(read, (Journey::of(downstream.rows), downstream.charge_e), Axis(1), (Towards::Light, allowed))
     }
 
-    /// [`Readout::parallel`] with an error that is allowed in e-, as coarsely as that admits. If the method is not
-    /// [`Method::Fast`], capture takes time, or species have clouds of their own, the image is read out by the method.
+    /// [`Readout::parallel`] with an allowed error, as coarsely as it admits. For methods other than [`Method::Fast`], finite
+    /// capture times, or species with clouds of their own, the image is read out by the method.
     ///
     /// # Panics
     /// As [`Readout::parallel`].
@@ -376,7 +377,7 @@ impl Readout {
             .unwrap_or_else(|| self.parallel(image, downstream))
     }
 
-    /// The same of [`Readout::serial`].
+    /// The same for [`Readout::serial`].
     ///
     /// # Panics
     /// As [`Readout::serial`].
@@ -385,13 +386,13 @@ impl Readout {
             .unwrap_or_else(|| self.serial(image, downstream))
     }
 
-    /// The same readout without chance: what the mean over many random sets of traps tends to.
+    /// The same readout without randomness: the limit of the mean over many random sets of traps.
     pub fn expected(&self) -> Readout {
         Readout { method: self.method.expected(), ..self.clone() }
     }
 
-    /// Packets downstream as they are when they pass: each has filled the empty traps of the pixel it started in, and
-    /// has then met traps that an equal packet had just filled.
+    /// Packets downstream as they are when they pass: each has filled the empty traps of the pixel it started in, and then finds
+    /// traps that an equal packet has just filled.
     fn settled_e(&self, charge_e: f64) -> f64 {
         let (clouds, of) = several_clouds::clouds_of(&self.traps, &self.cloud);
         let spent_e: f64 = (0..clouds.len())
@@ -409,7 +410,7 @@ impl Readout {
         assert!(self.traps.len() <= MAX_SPECIES, "at most {MAX_SPECIES} trap species");
         let across = Axis(1 - transfer.index());
         assert_eq!(charge_e.len(), image.len_of(across), "one background for each column");
-        // Without traps, or with traps that hold nothing, there is nothing to do.
+        // Without traps, or if no trap retains charge, there is nothing to do.
         let traps: Vec<Trap> = self.traps.iter().filter(|trap| trap.density_per_px > 0.0).copied().collect();
         let rows = image.len_of(transfer);
         if image.is_empty() || traps.is_empty() {
@@ -519,7 +520,7 @@ impl Readout {
         across: Axis,
     ) -> Array2<f64> {
         let rows = image.len_of(Axis(1 - across.index()));
-        // Packets that the traps of the last pixel have seen, one way or the other.
+        // Number of packets that the traps of the last pixel have seen, in either sense.
         let packets = (2 * rows as i64 + rows_downstream).max(1) as usize;
         let background_e = |column: u64| (rows_downstream > 0).then_some(charge_e[column as usize]);
         if traps.iter().all(|trap| trap.capture_transfers == 0.0) {
@@ -546,7 +547,7 @@ impl Readout {
         })
     }
 
-    /// For finite capture times: the columns of each background by themselves, since it is followed until it settles.
+    /// For finite capture times: the columns of each background separately, since it is followed until it settles.
     fn slowly(
         &self,
         traps: &[Trap],
@@ -601,20 +602,20 @@ impl Readout {
 /// From one end of a journey to the other.
 #[derive(Clone, Copy)]
 enum Course {
-    /// To the register, by steps of the length and order that an accuracy relative to the packets' change needs.
+    /// To the register, by steps whose length and order follow from an accuracy relative to the packets' change.
     InSteps { relative: f64 },
-    /// In equal blocks, with an error that is allowed.
+    /// In equal blocks, with an allowed error.
     InBlocks(Towards, Allowed),
 }
 
-/// How a course is taken, once something is known of the charges.
+/// How a course is divided, chosen with the charges known.
 #[derive(Clone, Copy)]
 enum Plan {
     InSteps(Aim),
     InBlocks(Towards, Division),
 }
 
-/// Reads an image out or turns that round, several columns at a time; `charge_e` lies downstream of each column.
+/// Reads an image out or reverses that, several columns at a time; `charge_e` lies downstream of each column.
 fn side_by_side<P: Passage>(
     pixel: &P,
     image: &Array2<f64>,
@@ -632,7 +633,7 @@ fn side_by_side<P: Passage>(
         let charge_e = simd::side_by_side(charge_e, group);
         Lead { rows: journey.rows, charge_e, pixels: journey.pixels(rows) }
     };
-    // Errors are measured against what happens around the brightest pixel. One group is enough, and costs one pass.
+    // Errors are compared with the changes around the brightest pixel. One group is enough, and costs one pass.
     let brightest = groups[brightest(image, &columns.distinct) / LANES];
     let mut brightest_e = Vec::new();
     simd::gather(image, brightest, &mut brightest_e);
@@ -666,7 +667,7 @@ fn side_by_side<P: Passage>(
         let mut buffers = (brightest_e, work);
         parts.into_iter().zip(groups).for_each(|(out, group)| read(&mut buffers, group, out));
     } else {
-        // A few megabytes, which are not given back after each task: the system takes as long to hand them out as a group takes.
+        // A few megabytes, kept from task to task: allocating them takes the system as long as computing a group.
         let spare = Mutex::new(vec![(brightest_e, work)]);
         let spares = || spare.lock().unwrap_or_else(PoisonError::into_inner);
         (parts.into_par_iter(), groups).into_par_iter().with_min_len(GROUPS_PER_TASK).for_each(|(out, group)| {
@@ -680,7 +681,7 @@ fn side_by_side<P: Passage>(
     if across.index() == 1 { trailed } else { trailed.reversed_axes() }
 }
 
-/// The column with the brightest pixel, by its place among some.
+/// The column with the brightest pixel, as an index into `distinct`.
 fn brightest(image: ArrayView2<f64>, columns: &[usize]) -> usize {
     let mut brightest_e = vec![f64::NEG_INFINITY; image.ncols()];
     for charge_e in image.rows() {
@@ -694,11 +695,11 @@ fn brightest(image: ArrayView2<f64>, columns: &[usize]) -> usize {
     (0..columns.len()).fold(0, brighter)
 }
 
-/// One merger of watermarks of slowly capturing traps may misplace this share of the requested accuracy times the charge that the
-/// traps of a pixel can hold: there may be one for every packet and pixel.
+/// Share of the requested accuracy times a pixel's trap capacity that one merger of watermarks may misplace, for finite capture
+/// times: there may be a merger for every packet and pixel.
 const MERGED: f64 = 1e-3;
 
-/// Groups of columns that one thread takes at a time: a stamp's columns are done sooner than a thread is woken.
+/// Groups of columns that one thread takes at a time: the columns of a stamp are done sooner than a thread wakes up.
 const GROUPS_PER_TASK: usize = 4;
 
 /// An image with a function applied to each of its columns, which are identified by their number.

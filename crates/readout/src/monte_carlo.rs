@@ -1,7 +1,7 @@
-//! The paper's real traps: whole numbers of them, at random places and heights, that hold one electron each.
+//! The paper's real traps: whole numbers of them, at random positions and heights, that hold one electron each.
 //!
-//! Rhodes et al. 2010, section 3. (Its step 6 empties a trap when the decay probability is *less* than the random
-//! number; that is inverted, and put right here.)
+//! Rhodes et al. 2010, section 3. (Its step 6 empties a trap if the decay probability is *less* than the random number; this is
+//! inverted, and corrected here.)
 
 use std::ops::Range;
 
@@ -14,18 +14,18 @@ use super::{Cloud, Downstream, Trap, interrupt};
 /// One trap of a pixel.
 struct Site {
     height: f64,
-    /// The place of its species.
+    /// The index of its species.
     species: usize,
-    /// Chances to be emptied until a packet captures, or while it is elsewhere, and as it leaves.
+    /// Probability of release until a packet captures, or while it is elsewhere, and as it leaves.
     release: f64,
     returned: f64,
-    /// Whether capture takes time.
+    /// Whether the capture time is finite.
     slow: bool,
     filled: bool,
 }
 
-/// Clocks one column out through one random set of traps. `lane` identifies the column of an image, so that each has its own traps
-/// and its own stream of random numbers, and so has each run of pixels. `clouds`: that of each species.
+/// Clocks one column out through one random set of traps. `lane` identifies the column of an image, so that each column and each
+/// run of pixels has its own traps and its own stream of random numbers. `clouds`: that of each species.
 pub(super) fn column(
     traps: &[Trap],
     clouds: &[&Cloud],
@@ -37,7 +37,8 @@ pub(super) fn column(
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(lane | (pixels.start as u64) << 32);
     let numbers: Vec<Option<Poisson<f64>>> = traps.iter().map(|trap| Poisson::new(trap.density_per_px).ok()).collect();
-    // Chances to be filled after a transfer inside the cloud of a packet, if empty and if filled before; if capture takes time.
+    // For finite capture times: probability of being filled after a transfer inside the cloud of a packet, if empty and if filled
+    // before.
     let chances = |species: usize, charge_e: f64| {
         let (_, full, approach) = traps[species].passage_of(clouds[species], charge_e);
         [full * (1.0 - approach), full + (1.0 - full) * approach]
@@ -45,7 +46,7 @@ pub(super) fn column(
     let mut inside: Vec<[f64; 2]> = (0..traps.len()).map(|species| chances(species, 0.0)).collect();
     let mut sites = Vec::new();
     let mut heights = vec![0.0; clouds.len()];
-    // Species mostly share one cloud.
+    // Species usually share one cloud.
     let set_heights = |heights: &mut [f64], charge_e: f64| {
         for species in 0..clouds.len() {
             let known = species > 0 && std::ptr::eq(clouds[species], clouds[species - 1]);
@@ -57,10 +58,10 @@ pub(super) fn column(
         sites.clear();
         for (species, (trap, number)) in traps.iter().zip(&numbers).enumerate() {
             let filled_before = if pixel < downstream.rows { clouds[species].height(downstream.charge_e) } else { 0.0 };
-            // No Poisson distribution has mean 0: a species of no density has no traps.
+            // A Poisson distribution of mean 0 does not exist: a species of no density has no traps.
             let count = number.map_or(0.0, |number| number.sample(&mut random)) as usize;
             let slow = trap.capture_transfers > 0.0;
-            // If capture takes time, all that a line does is one step.
+            // For finite capture times, a line is one step.
             let (release, returned) = if slow { (trap.lost(), 0.0) } else { (trap.released(), trap.returned()) };
             let filled = trap.filled_by(downstream.rows - pixel, clouds[species], downstream.charge_e);
             let sure = !slow && filled == 1.0;
@@ -93,7 +94,7 @@ pub(super) fn column(
             }
             set_heights(&mut heights, *charge);
             for site in &mut sites {
-                // A whole electron must be there to be caught.
+                // Only a whole electron can be captured.
                 if !site.slow && !site.filled && site.height < heights[site.species] && *charge >= 1.0 {
                     site.filled = true;
                     *charge -= 1.0;

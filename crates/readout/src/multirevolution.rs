@@ -17,11 +17,11 @@
 //!
 //! These satisfy the eight conditions of order four, with Σ k^p over the N transfers in place of ∫ k^p (derived for ctiplan; a test
 //! below checks them for every N, and that N = 2 and 3 are exact). If order three is predicted to suffice, Kutta's method is used,
-//! with one pass less: the same second stage, a third at 1−u, and the weights that follow from the four conditions of order three.
+//! with one pass less: the same second stage, a third at 1−u, and weights from the four conditions of order three.
 //!
-//! The journey is cut at row 0 of the image. Below it every packet passes every pixel. Within the image a packet only
-//! passes the pixels below its own row; blocks there are summed exactly for fixed charges (see [`super::pixel`]) and
-//! are advanced to second order, all packets at their means over the path at once (see [`super::block_path`]).
+//! The journey is divided at row 0 of the image. Below it every packet passes every pixel. Within the image a packet passes only
+//! the pixels below its own row. Blocks there are summed exactly for fixed charges (see [`super::pixel`]) and are advanced to
+//! second order, all packets at their means over the path (see [`super::block_path`]).
 
 use std::ops::Range;
 
@@ -31,24 +31,24 @@ use super::interrupt;
 use super::passage::{Block, Lead, Passage, Stage};
 use super::simd::{LANES, Packets};
 
-/// Transfers up to which a step is done one by one: it would need as many passes anyway.
+/// Up to this many transfers, a step is done one by one: it would need as many passes anyway.
 const SINGLY: i64 = 4;
 
-/// The number of transfers done one by one is doubled up to this many times before a longer step is tried again.
+/// Maximum number of doublings of the transfers done one by one before a longer step is tried again.
 const PATIENCE: u32 = 4;
 
-/// Share of e1 (the change of a block's second-order result from its first-order one) that may remain as error if packets start
-/// within the block: from kinks between its pixels, which no pass over all of them sees.
+/// Share of e1 (the difference of a block's second-order and first-order results) that may remain as error if packets start within
+/// the block: from kinks between its pixels, which no pass over all of them sees.
 const OUT_OF_STEP: f64 = 0.013;
 
 /// A fourth-order result is not computed if its predicted error exceeds the allowed one by this factor.
 const HOPELESS: f64 = 10.0;
 
-/// Part of the tolerance that first-order errors of each region may add up to: they are bounded with the steepest possible change,
-/// and are mostly several times smaller.
+/// Share of the tolerance allowed for the sum of first-order errors in each region: they are upper bounds from the steepest slope,
+/// usually too large by several times.
 const SHARE_OF_BOUNDS: f64 = 0.5;
 
-/// Part of the tolerance that the other estimated errors of each region may add up to. They are estimates: a kink between two
+/// Share of the tolerance allowed for the sum of the other estimated errors in each region. They are estimates: a kink between two
 /// passes is seen by neither (`cargo test --release --test suite readout:: -- --ignored --nocapture` counts the misses; nearly all
 /// are without background, or with all of it in a notch).
 const SHARE: f64 = 0.02;
@@ -68,7 +68,7 @@ impl<L: Default> Workspace<L> {
         Workspace { watermarks: L::default(), stages, stage_e: vec![[0.0; LANES]; rows], path: PathMeans::new(rows) }
     }
 
-    /// Those of a single pass of n rows.
+    /// The buffers of a single pass over `rows` rows.
     pub fn single(&mut self, rows: usize) -> (&mut L, &mut Stage) {
         self.stages[0].resize(rows);
         (&mut self.watermarks, &mut self.stages[0])
@@ -80,14 +80,14 @@ impl<L: Default> Workspace<L> {
 pub(super) struct Aim {
     /// Allowed error of the packets (e-, root mean square).
     tolerance_e: f64,
-    /// First-order error of the whole journey in one step, over the allowed one.
+    /// First-order error of the whole journey in one step, over the allowed error.
     first_order: f64,
     /// Pixels of the journey.
     pixels: i64,
 }
 
 impl Aim {
-    /// Predicted first-order error over the allowed one, for `pixels` of a region of `length` pixels.
+    /// Predicted first-order error over the allowed error, for `pixels` of a region of `length` pixels.
     fn predicted(&self, pixels: i64, length: i64) -> f64 {
         let [of_journey, of_region] = [self.pixels, length].map(|all| pixels as f64 / all as f64);
         // The allowed error is proportional to the pixels' share of the region.
@@ -95,12 +95,12 @@ impl Aim {
     }
 }
 
-/// Power of the pixels with which the bound of the first-order error grows: of the path and the traps on it, and a little more
-/// because the steepest change along the path counts.
+/// Exponent of the number of pixels in the bound of the first-order error: one power each for the path and the traps on it, and a
+/// little more because the steepest slope along the path counts.
 const GROWTH: f64 = 2.5;
 
-/// Predicted first-order error around the brightest pixel, over the allowed one: up to the first value a first-order step is tried
-/// at once, beyond the second it is hopeless everywhere.
+/// Predicted first-order error around the brightest pixel, over the allowed error. Up to the first value a first-order step is
+/// tried at once; beyond the second it is hopeless everywhere.
 const LIKELY_FIRST: f64 = 2.0;
 const HOPELESS_FIRST: f64 = 1000.0;
 
@@ -121,7 +121,7 @@ pub(super) fn aim<P: Passage>(
     Aim { tolerance_e, first_order: ratio(bound_e, SHARE_OF_BOUNDS * tolerance_e), pixels: journey.pixels }
 }
 
-/// Clocks columns out with an error of at most about what is aimed at.
+/// Clocks columns out with at most about the target error.
 pub(super) fn columns<P: Passage>(
     pixel: &P,
     charge_e: &mut [Packets],
@@ -146,7 +146,7 @@ pub(super) fn columns<P: Passage>(
             let block = Block { nearest: position - pixels, pixels };
             // Evenly over the region's pixels.
             let tolerance_e = aim.tolerance_e * pixels as f64 / length as f64;
-            // If it did not suffice once, it seldom does again.
+            // If it failed once, it seldom suffices later.
             let first_order = if by_first { aim.predicted(pixels, length) } else { HOPELESS_FIRST };
             let step = Step { pixel, block, downstream, tolerance_e, staggered, first_order };
             let attempt = step.attempt(charge_e, work);
@@ -156,13 +156,13 @@ pub(super) fn columns<P: Passage>(
             if ratio <= 1.0 {
                 position -= pixels;
                 let longer = (pixels as f64 * stretch.clamp(1.0, 4.0)) as i64;
-                // That a step was cut short by unlike pixels does not exclude longer ones.
+                // A step cut short by unequal pixels does not exclude longer ones.
                 wanted = if pixels < wanted { longer.max(wanted) } else { longer };
                 refused = 0;
             } else if pixels as f64 * stretch > SINGLY as f64 {
                 wanted = (pixels as f64 * stretch.clamp(0.1, 0.7)) as i64;
             } else {
-                // Not tried again at once, and ever later after repeated failures.
+                // Not tried again at once, and less often after repeated failures.
                 let next = region.start.max(position - (SINGLY << (1 + refused).min(PATIENCE)));
                 singly(pixel, charge_e, next..position, downstream, work);
                 position = next;
@@ -204,16 +204,16 @@ struct Step<'a, P> {
 
 /// The outcome of a step.
 struct Attempt {
-    /// Estimated error over the allowed one; if above 1, the charges are unchanged.
+    /// Estimated error over the allowed error; if above 1, the charges are unchanged.
     ratio: f64,
-    /// Power of the step's length with which the estimate grows; the allowed error grows with the length itself.
+    /// Exponent of the step's length in the estimate; the allowed error is proportional to the length.
     order: f64,
-    /// The first order sufficed.
+    /// Whether the first order sufficed.
     by_first: bool,
 }
 
 impl<P: Passage> Step<'_, P> {
-    /// Advances the charges if possible within the allowed error, by the lowest sufficient order.
+    /// Advances the charges if possible within the allowed error, with the lowest sufficient order.
     fn attempt(&self, charge_e: &mut [Packets], work: &mut Workspace<P::Watermarks>) -> Attempt {
         let Step { pixel, block, downstream, .. } = *self;
         if block.pixels <= SINGLY {
@@ -287,8 +287,8 @@ impl<P: Passage> Step<'_, P> {
         attempt
     }
 
-    /// The worse of two errors over what is allowed: that of a smooth change, which grows with a power of the step's
-    /// length, and that of its kinks.
+    /// The worse of two errors over the allowed error: that of a smooth change, which grows with a power of the step's length, and
+    /// that of its kinks.
     fn judge(&self, smooth_e: f64, order: f64, kinked_e: f64) -> Attempt {
         let [smooth, kinked] = [smooth_e, kinked_e].map(|error_e| ratio(error_e, SHARE * self.tolerance_e));
         let (ratio, order) = if kinked > smooth { (kinked, 2.0) } else { (smooth, order) };
@@ -296,7 +296,7 @@ impl<P: Passage> Step<'_, P> {
     }
 }
 
-/// An error over the allowed one. Nothing is too much of nothing.
+/// An error over the allowed error. No error is within any allowance, even 0.
 fn ratio(error_e: f64, allowed_e: f64) -> f64 {
     if error_e > 0.0 { error_e / allowed_e } else { 0.0 }
 }
@@ -394,7 +394,7 @@ mod tests {
         }
     }
 
-    /// Coupled and nonlinear, so that all eight conditions of order four are asked.
+    /// Coupled and nonlinear, so that all eight conditions of order four are tested.
     fn field(epsilon: f64) -> impl Fn([f64; 2]) -> [f64; 2] {
         move |[x, y]| [epsilon * (y - x * x), epsilon * (x * y - 0.3 * y * y * y)]
     }
@@ -408,7 +408,7 @@ mod tests {
     fn a_step_is_of_fourth_order_in_the_change_for_every_number_of_transfers() {
         for transfers in [5, 6, 7, 10, 30, 1000] {
             let whole = 0.1 / f64::from(transfers);
-            // An error of fifth order falls by 32 if the change is halved.
+            // An error of fifth order decreases by 32 if the change is halved.
             let fall = error(transfers, whole) / error(transfers, whole / 2.0);
             assert!((25.0..40.0).contains(&fall), "{transfers} transfers: {fall}");
         }
@@ -421,7 +421,7 @@ mod tests {
         }
     }
 
-    /// Errors (rms, e-) of the first and the second order for a whole image, against its transfers one by one.
+    /// Errors (rms, e-) of the first and the second order for a whole image, compared with its transfers one by one.
     fn block_errors<const RETURNS: bool>(charges_e: &[f64], traps: &[Trap]) -> [f64; 2] {
         let pixel = Pixel::<3, RETURNS>::new(traps, Cloud::new(84_700.0, 0.0, 0.5), charges_e.len());
         let charge_e: Vec<Packets> = charges_e.iter().map(|charge_e| [*charge_e; LANES]).collect();
@@ -443,7 +443,7 @@ mod tests {
     fn blocks_of_the_image_are_advanced_to_second_order() {
         let galaxy = |row: usize| 800.0 * (1.0 + ((row as f64 - 22.0) / 3.0).powi(2)).powf(-2.5);
         let noise = |row: usize| ((row * 7919) % 31) as f64;
-        // If packets are all alike, what they leave in their own pixels is most of what there is; see `super::home_watermarks`.
+        // If all packets are equal, most of the effect is what they leave in their own pixels; see `super::home_watermarks`.
         let flat: Vec<f64> = (0..40).map(|row| 120.0 + galaxy(row)).collect();
         let noisy: Vec<f64> = (0..40).map(|row| 120.0 + galaxy(row) + noise(row)).collect();
         let phase = Phase { over: 0.2, ahead: 0.3, tie: 0.1 };
@@ -455,7 +455,7 @@ mod tests {
             let errors = if returns { block_errors::<true> } else { block_errors::<false> };
             let [first, second] = errors(charges_e, &traps(1.0));
             let [first_of_half, second_of_half] = errors(charges_e, &traps(0.5));
-            // An error of second order in the traps falls by 4 if they are halved, one of third order by 8.
+            // An error of second order in the traps decreases by 4 if they are halved, one of third order by 8.
             assert!((3.9..4.1).contains(&(first / first_of_half)), "{first:e}, {first_of_half:e}");
             assert!((7.8..8.2).contains(&(second / second_of_half)), "{second:e}, {second_of_half:e}");
             assert!(second < 0.01 * first, "{second:e}, {first:e}");

@@ -1,8 +1,8 @@
 //! One row of packets after another through a block of pixels: the inner loop of the fast readout.
 //!
-//! Each row arrives with what the traps release to it, goes down the stack of watermarks that earlier rows have left as far as
-//! its clouds reach, and leaves a watermark of its own. Packets that have less charge than the traps in their reach would take
-//! are followed one by one.
+//! Each row arrives, receives what the traps release, descends the stack of watermarks left by earlier rows as far as its clouds
+//! reach, and leaves its own watermark. Packets with less charge than the traps in their reach would capture are followed one by
+//! one.
 
 use std::ops::Range;
 use std::slice;
@@ -19,7 +19,7 @@ use super::simd::{LANES, Mask, Packets, Vector};
 use super::spent::{Passed, Short};
 use super::watermarks::{BACKGROUND, NONE, PACKETS, Watermarks};
 
-/// A pass through a block, under way. All that it holds stays in registers if the species are few.
+/// A pass through a block, in progress. Its state stays in registers if the species are few.
 pub(super) struct Pass<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const KNOWN: bool> {
     simd: T,
     pixel: &'a Pixel<S, RETURNS>,
@@ -30,20 +30,20 @@ pub(super) struct Pass<'a, T: Simd, const S: usize, const RETURNS: bool, const S
     home: HomeWatermarks<T, S>,
 }
 
-/// A row of packets as it meets the traps of the block.
+/// A row of packets on arrival at the traps of the block.
 pub(super) struct Arrival<T: Simd, const SEEK: bool> {
     row: usize,
     /// The watermark that it meets first.
     before: usize,
     /// Whether its own pixel is in the block.
     starts: bool,
-    /// Pixels of the block that it passes, its own not among them.
+    /// Pixels of the block that it passes, without its own.
     visits: f64,
     /// 1 / visits, or 0.
     pub per_visit: f64,
     /// Height of its clouds in its own pixel.
     home_height: Vector<T>,
-    /// Charge that it leaves in the empty traps of its own pixel, without what returns to it, e-.
+    /// Charge that it leaves in the empty traps of its own pixel, before any return, e-.
     pub left_e: Vector<T>,
     /// Charge released to it, e-.
     released: Summed<T, SEEK>,
@@ -51,33 +51,33 @@ pub(super) struct Arrival<T: Simd, const SEEK: bool> {
     present_e: Vector<T>,
     /// Height of its clouds.
     height: Vector<T>,
-    /// Charge that would fill all traps of a pixel below that height, e-.
+    /// Charge that would fill all empty traps of a pixel below that height, e-.
     most_e: Vector<T>,
-    /// Packets that may have less than that.
+    /// Packets that may have less charge than that.
     lacks: Mask<T>,
-    /// Whether there are any.
+    /// Whether there are any such packets.
     pub short: bool,
 }
 
-/// What a row of packets did on its way down the stack.
+/// What a row of packets met on its way down the stack.
 pub(super) struct Met<T: Simd, const SEEK: bool> {
     height: Vector<T>,
     captured: Summed<T, SEEK>,
-    /// The next watermark below their own, by its place.
+    /// Index of the next watermark below their own on the stack.
     below: Vector<T>,
-    /// The last watermark that they met, with a mark for those that are spent.
+    /// The last watermark that they met, with a mark for packets that are spent.
     pub last: Vector<T>,
-    /// See [`PathMeans::further_e`]; 0 unless it is sought.
+    /// See [`PathMeans::further_e`]; 0 unless it is computed.
     pub further_e: Vector<T>,
 }
 
-// What is done to vectors must be part of the caller, which knows the processor; closures are not always.
+// Operations on vectors must be inlined into the caller, which knows the processor; closures are not always inlined.
 
 #[allow(clippy::needless_range_loop)] // species index several arrays at once
 impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const KNOWN: bool>
     Pass<'a, T, S, RETURNS, SEEK, KNOWN>
 {
-    /// Before the first row, with what the background has left.
+    /// Before the first row, with the state left by the background.
     #[inline(always)]
     pub fn new(
         simd: T,
@@ -95,7 +95,7 @@ impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const K
         Pass { simd, pixel, known, watermarks, stored, home: HomeWatermarks::new(simd) }
     }
 
-    /// A row arrives: its own pixel takes what it can, and the traps of all others release.
+    /// A row arrives: the traps of its own pixel capture what they can, and all others release.
     #[inline(always)]
     pub fn arrive(
         &mut self,
@@ -112,7 +112,7 @@ impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const K
         self.watermarks.starts[packet] = if starts { 1.0 } else { 0.0 };
         let mut home_height = zero;
         if starts {
-            // Into empty traps, of no more than it has.
+            // Into empty traps, not more than it has.
             let most = arriving_e.max(zero) * (1.0 / pixel.density_all);
             home_height = cloud.heights(simd, arriving_e).min(most);
         }
@@ -130,7 +130,7 @@ impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const K
         let present_e = passing_e + released.once * per_visit;
         let height = if visits > 0.0 { cloud.heights(simd, present_e) } else { home_height };
         let most_e = height * pixel.density_all;
-        // A packet cannot give more than it has.
+        // A packet cannot give more charge than it has.
         let lacks = present_e.below(most_e) & zero.below(most_e);
         let short = visits > 0.0 && lacks.any();
         if short {
@@ -153,7 +153,7 @@ impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const K
         }
     }
 
-    /// Down the stack: the watermarks that some lane meets, one after another.
+    /// Down the stack: the watermarks that any lane meets, one after another.
     #[inline(always)]
     pub fn descend(&mut self, arrival: &Arrival<T, SEEK>, doubtful_e: &mut Packets) -> Met<T, SEEK> {
         let Arrival { row, before, visits, height, present_e, most_e, short, .. } = *arrival;
@@ -225,7 +225,7 @@ impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const K
                 here.select(ceiling, floor).store(&mut self.watermarks.floor[watermark]);
             }
             reached = here.select(ceiling, reached);
-            // Lanes that stop here keep the place with the other sign.
+            // Lanes that stop here keep the index with a minus sign.
             stands_before = here.select(covered.select(under, zero - place), stands_before);
             let go_on = zero.below(stands_before).any();
             watermark = if go_on { stands_before.largest() as usize } else { NONE };
@@ -243,8 +243,8 @@ impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const K
         Met { height, captured, below, last: below, further_e }
     }
 
-    /// What returns to packets of so high clouds when they leave: in each pixel from below that height, and in all of them from
-    /// all heights, e-.
+    /// Charge that returns to packets with clouds of this height when they leave, e-: in each pixel from below that height, and in
+    /// all pixels from all heights.
     #[inline(always)]
     fn to_return(&self, height: Vector<T>) -> (Vector<T>, Summed<T, SEEK>) {
         let (mut own_e, mut all) = (Vector::all(self.simd, 0.0), Summed::none(self.simd));
@@ -255,7 +255,7 @@ impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const K
         (own_e, all)
     }
 
-    /// Follows those packets of a row one by one that have less than the traps in their reach would take.
+    /// Follows the packets of a row with less charge than the traps in their reach would capture, one by one.
     #[inline(always)]
     pub fn mend(&mut self, arrival: &Arrival<T, SEEK>, met: &mut Met<T, SEEK>) {
         let Arrival { row, before, visits, present_e, .. } = *arrival;
@@ -290,7 +290,7 @@ impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const K
         met.further_e = spent.select(zero, met.further_e);
     }
 
-    /// The row leaves its watermark; its change in the block, e-.
+    /// The row leaves its watermark; returns its change in the block, e-.
     #[inline(always)]
     pub fn leave(&mut self, arrival: &Arrival<T, SEEK>, met: &Met<T, SEEK>) -> Summed<T, SEEK> {
         let packet = arrival.row + PACKETS;
@@ -320,7 +320,7 @@ impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const K
 }
 
 impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
-    /// See [`Passage::pass`]. `SEEK`: the path of the packets is to be found; `KNOWN`: it is known.
+    /// See [`Passage::pass`]. `SEEK`: the path of the packets is to be computed; `KNOWN`: it is known.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)] // those of the trait's method, and the processor
     #[allow(clippy::needless_range_loop)] // rows index several arrays at once
@@ -371,7 +371,7 @@ impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
 impl<const S: usize, const RETURNS: bool> Passage for Pixel<S, RETURNS> {
     type Watermarks = Watermarks<S>;
 
-    // Not part of the caller: this is most of the program's work, and once for each kind of processor is enough.
+    // Not inlined into the caller: this is most of the program's work, compiled once for each kind of processor.
     #[inline(never)]
     fn pass(
         &self,
@@ -402,7 +402,7 @@ impl<const S: usize, const RETURNS: bool> Passage for Pixel<S, RETURNS> {
     }
 
     fn alike_pixels(&self, _: i64, _: &Lead) -> Range<i64> {
-        // Pixels differ in known ways: see the module.
+        // Pixels differ only in known ways: see the module.
         i64::MIN..i64::MAX
     }
 }

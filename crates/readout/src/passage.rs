@@ -1,4 +1,4 @@
-//! Packets pass a block of pixels: what goes in, what comes out, and who can do it.
+//! Packets pass a block of pixels: input, output, and the interface for it.
 
 use std::ops::Range;
 
@@ -6,7 +6,7 @@ use super::Cloud;
 use super::block_path::BlockPath;
 use super::simd::{LANES, Packets};
 
-/// What lies between row 0 and the register (see [`super::Downstream`]), in columns side by side.
+/// What lies between row 0 and the register (see [`super::Downstream`]), for several columns.
 pub(super) struct Lead {
     pub rows: i64,
     /// Charge of its packets, e-.
@@ -23,27 +23,27 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// How many of the block's pixels the packet of row `row` passes; row −1 is the last one downstream.
+    /// Number of the block's pixels that the packet of row `row` passes; row −1 is the last one downstream.
     pub fn visits(self, row: i64, downstream: &Lead) -> i64 {
         (row + 1 + downstream.rows - self.nearest).clamp(0, self.pixels)
     }
 
-    /// Whether the pixel that a row starts in is one of the block's, and how many others of them it passes.
+    /// Whether the pixel in which a row starts is in the block, and how many other pixels of the block it passes.
     pub fn passage_of(self, row: i64, downstream: &Lead) -> (bool, f64) {
         let starts = (self.nearest..self.nearest + self.pixels).contains(&(row + downstream.rows));
         (starts, (self.visits(row, downstream) - i64::from(starts)) as f64)
     }
 }
 
-/// What a pixel does to the packets that pass it, in columns side by side.
+/// Effect of a pixel on the packets that pass it, for several columns.
 pub(super) trait Passage: Sync {
-    /// State of the traps, to be reused from pass to pass.
+    /// State of the traps, reused from pass to pass.
     type Watermarks: Default + Send;
 
-    /// Change of every packet's charge (e-) by a passage through the block, all charges held fixed.
+    /// Change of every packet's charge (e-) over the block, all charges held fixed.
     ///
-    /// `charge_e` is the charge on arrival. Exact for one pixel; for a block, to first order in the change, and to second order
-    /// if the path is known. What packets lose, the traps hold.
+    /// `charge_e` is the charge on arrival. Exact for one pixel; for a block, to first order in the change, and to second order if
+    /// the path is known. The charge that packets lose is held by the traps.
     ///
     /// `found` has the length of `charge_e` and is overwritten.
     fn pass(
@@ -59,26 +59,26 @@ pub(super) trait Passage: Sync {
     /// Traps of the pixel.
     fn density(&self) -> f64;
 
-    /// How high packets reach, among the traps of each kind.
+    /// The clouds of the packets, one for each kind of trap.
     fn clouds(&self) -> &[Cloud];
 
-    /// Whether a pass can find the path of packets that start within a block, and follow a known one ([`BlockPath`]); otherwise such blocks
-    /// are advanced to first order only.
+    /// Whether a pass can compute the path of packets that start within a block, and use a known one ([`BlockPath`]); otherwise
+    /// such blocks are advanced to first order only.
     fn knows_paths(&self) -> bool;
 
-    /// The pixels that are so much like one, which is one of them, that they may be passed in one step.
+    /// The pixels around `pixel` that are so similar to it that they may be passed in one step.
     fn alike_pixels(&self, pixel: i64, downstream: &Lead) -> Range<i64>;
 }
 
-/// What one pass finds.
+/// The results of one pass.
 pub(super) struct Stage {
     /// Change of every packet, e-.
     pub change_e: Vec<Packets>,
-    /// The same without what it leaves in the empty pixel that it starts in, which is known exactly, e-.
+    /// The same without the charge left in the empty pixel that it starts in, which is known exactly, e-.
     pub drift_e: Vec<Packets>,
-    /// What it took of watermarks at home (see [`super::home_watermarks`]) that it did not cover, e-: they are known on average only.
+    /// Charge taken from home watermarks (see [`super::home_watermarks`]) that it did not cover, e-: known only on average.
     pub doubtful_e: Vec<Packets>,
-    /// At which earlier packet's watermark each packet ended, as a number. While these stay the same, the change is a smooth
+    /// The earlier packet at whose watermark each packet ended, as a number. While these stay the same, the change is a smooth
     /// function of the charges; if they differ from one pass to another, it has a kink in between.
     pub meets: Vec<Packets>,
 }
@@ -94,14 +94,14 @@ impl Stage {
         }
     }
 
-    /// For columns of another number of packets.
+    /// For columns of a different number of packets.
     pub fn resize(&mut self, rows: usize) {
         for part in [&mut self.change_e, &mut self.drift_e, &mut self.doubtful_e, &mut self.meets] {
             part.resize(rows, [0.0; LANES]);
         }
     }
 
-    /// Rows that do not pass the block.
+    /// For rows that do not pass the block.
     pub fn absent(&mut self, rows: usize) {
         for part in [&mut self.change_e, &mut self.drift_e, &mut self.doubtful_e, &mut self.meets] {
             part[..rows].fill([0.0; LANES]);

@@ -1,8 +1,8 @@
 //! Slow traps that keep charge into the next exposure.
 //!
-//! A frame is read every cadence T, and leaves traps filled. Until the next exposure begins, what they release is swept away. During the
-//! exposure they release to the packet that gathers in their own pixel: a ghost. What is still filled as that frame is read captures
-//! nothing.
+//! A frame is read every cadence T, and leaves traps filled. Charge released before the next exposure begins is swept away. During
+//! the exposure traps release to the packet that collects in their own pixel: a ghost. Traps still filled as that frame is read
+//! capture nothing.
 //!
 //! ```text
 //!  readout of frame k        swept   exposure of frame k + 1   readout of frame k + 1
@@ -10,16 +10,16 @@
 //!  ◀──────────────────────────── T ──────────────────────────▶
 //! ```
 //!
-//! What a pixel does to the packets of all frames depends on the charges with which they come to it, and on nothing else. So no state is kept from
-//! frame to frame for each pixel: all packets of all frames pass one pixel, then all of them the next one towards the register. Watermarks
-//! (see [`super::pixel`]) remember the frame and the row of the packet that filled them.
+//! The effect of a pixel on the packets of all frames depends only on the charges with which they arrive. So no state is kept from
+//! frame to frame for each pixel: all packets of all frames pass one pixel, then all of them the next one towards the register.
+//! Watermarks (see [`super::pixel`]) record the frame and the row of the packet that filled them.
 //!
-//! Pixels in which packets of the image start are passed one by one. Before the next frame they are passed by the sky behind the image, and
-//! then by nothing. Pixels between the image and the register are alike: sky passes them directly before the image, so that traps below its
-//! cloud are full, and those above it have released for T. [`Method::Fast`] steps over them.
+//! Pixels in which packets of the image start are passed one by one. Before the next frame the sky behind the image passes them,
+//! and then nothing. Pixels between the image and the register are equal: sky passes them directly before the image, so that traps
+//! below its cloud are full, and those above it have released for T. [`Method::Fast`] steps over them.
 //!
-//! Left out is what ghosts do to the sky ahead of the image. Derived for ctiplan; `tests/persistence.rs` compares it with a program that
-//! follows every pixel through all frames in time.
+//! The effect of ghosts on the sky ahead of the image is neglected. Derived for ctiplan; `tests/persistence.rs` compares it with a
+//! program that follows every pixel through all frames in time.
 
 use std::mem::take;
 use std::ops::Range;
@@ -34,35 +34,35 @@ use super::several_clouds::{Watermark, clouds_of, layers, share};
 use super::simd::{LANES, Packets};
 use super::{Cloud, Course, Method, Readout, Trap, WIDEST, columns, continuum, side_by_side};
 
-/// A detector that is read again and again. Times are in units of one transfer.
+/// A detector that is read repeatedly. Times are in units of one transfer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Persistence {
-    /// How a frame is read; capture at once, in a clock of one phase.
+    /// How a frame is read; with instantaneous capture and a clock of one phase.
     pub readout: Readout,
-    /// Frames before.
+    /// Number of earlier frames.
     pub frames: u32,
-    /// Whether these hold the same image; sky alone otherwise.
+    /// Whether these contain the same image; otherwise only sky.
     pub same_scene: bool,
     /// Rows of a frame.
     pub rows: u32,
-    /// From the first line of a readout to the next exposure, and at least as long as a readout.
+    /// Time from the first line of a readout to the next exposure; at least as long as a readout.
     pub dead_transfers: f64,
-    /// The exposure.
+    /// The exposure time.
     pub exposure_transfers: f64,
 }
 
 impl Persistence {
-    /// Number of earlier frames that are read. Each frame of sky leaves the same state, regardless of what was before it.
+    /// Number of earlier frames that are read. Each frame of sky leaves the same state, whatever preceded it.
     fn frames_read(&self) -> u32 {
         if self.same_scene { self.frames } else { self.frames.min(1) }
     }
 
-    /// Reads an image after the frames before it, as [`Readout::parallel_after_each`]: `charge_e[column]` lies in `rows` rows between
-    /// the image and the register, and in all rows behind the image.
+    /// Reads an image after the frames before it, like [`Readout::parallel_after_each`]: `charge_e[column]` lies in `rows` rows
+    /// between the image and the register, and in all rows behind the image.
     ///
     /// # Panics
-    /// As [`Readout::parallel_after_each`]; by other methods than [`Method::Exact`] and [`Method::Fast`]; with traps whose capture takes time or
-    /// that return charge.
+    /// As [`Readout::parallel_after_each`]; for methods other than [`Method::Exact`] and [`Method::Fast`]; for traps with finite
+    /// capture times or that return charge.
     pub fn parallel_after_each(&self, image: &Array2<f64>, rows: i64, charge_e: &[f64]) -> Array2<f64> {
         assert_eq!(charge_e.len(), image.ncols(), "one background for each column");
         let traps: Vec<Trap> = self.readout.traps.iter().filter(|trap| trap.density_per_px > 0.0).copied().collect();
@@ -105,21 +105,21 @@ impl Persistence {
 struct PersistentPixel {
     traps: Vec<Trap>,
     clouds: Vec<Cloud>,
-    /// The cloud of each species, by its place.
+    /// The index of the cloud of each species.
     cloud_of: Vec<usize>,
-    /// exp(−t/τ) of each species, t being so many cadences (first index) and rows of the image (second, from minus all of them on).
+    /// exp(−t/τ) of each species; t in cadences (first index) and rows (second index, from minus all rows of the image on).
     left: Vec<Vec<Vec<f64>>>,
-    /// Part of the filled traps of each species that release in a line, and in an exposure.
+    /// Fraction of the filled traps of each species that release in a line, and in an exposure.
     released: [Vec<f64>; 2],
     frames: usize,
     /// Rows of the image in each of them.
     rows: usize,
     /// Rows downstream; negative if the image reaches past the register.
     rows_downstream: i64,
-    /// The last row of the frame, counted from the first of the image.
+    /// The last row of the frame, counted from the first row of the image.
     last_row: i64,
     exposure: f64,
-    /// From one readout to the next.
+    /// Time from one readout to the next.
     cadence: f64,
 }
 
@@ -135,7 +135,7 @@ struct Time {
 struct Stacks {
     watermarks: Vec<Vec<Watermark<Time>>>,
     stored_e: Vec<f64>,
-    /// Heights of a packet's clouds, and what it captures of each species, e-.
+    /// Heights of a packet's clouds, and its captured charge for each species, e-.
     heights: Vec<f64>,
     captured_e: Vec<f64>,
 }
@@ -175,7 +175,7 @@ impl PersistentPixel {
         (nearest..self.rows).rev().for_each(|home| self.one(Some(home), charge_e, sky_e));
     }
 
-    /// One pixel: that in which the packet of a row starts, or one between the image and the register.
+    /// One pixel: that in which the packet of row `home` starts, or one between the image and the register.
     fn one(&self, home: Option<usize>, charge_e: &mut [f64], sky_e: f64) {
         super::interrupt::check();
         let arriving_e = charge_e.to_vec();
@@ -213,7 +213,7 @@ impl PersistentPixel {
         }
     }
 
-    /// Part of the filled traps of a species that are left from one time to another.
+    /// Fraction of the filled traps of a species that remain filled from one time to another.
     fn left(&self, species: usize, from: Time, to: Time) -> f64 {
         let place = to.row - from.row + self.rows as i64 + 1;
         match self.left[to.frame - from.frame].get(place as usize) {
@@ -222,12 +222,12 @@ impl PersistentPixel {
         }
     }
 
-    /// Time from one to another, in lines.
+    /// Time between two times, in lines.
     fn lines(&self, from: Time, to: Time) -> f64 {
         (to.frame - from.frame) as f64 * self.cadence + (to.row - from.row) as f64
     }
 
-    /// Sky has just filled all traps in its reach.
+    /// Sky has just filled all traps within its reach.
     fn cover(&self, stacks: &mut Stacks, sky_e: f64, now: Time) {
         for (watermarks, cloud) in stacks.watermarks.iter_mut().zip(&self.clouds) {
             fill(watermarks, cloud.height(sky_e), now);
@@ -235,7 +235,7 @@ impl PersistentPixel {
         self.count(stacks, now, 0.0);
     }
 
-    /// What the traps still hold as the exposure begins whose packet of a row starts in the pixel: sky behind the image has passed it, and its
+    /// State of the traps when the exposure begins of the packet that starts in this pixel: sky behind the image has passed it, its
     /// last packet after all others.
     fn until_exposed(&self, stacks: &mut Stacks, sky_e: f64, start: Time) {
         if self.last_row >= self.rows as i64 {
@@ -246,7 +246,7 @@ impl PersistentPixel {
         self.count(stacks, start, self.exposure);
     }
 
-    /// Electrons in the traps so many lines before a time.
+    /// Counts the electrons in the traps, `before` lines before a time.
     fn count(&self, stacks: &mut Stacks, now: Time, before: f64) {
         for (s, stored_e) in stacks.stored_e.iter_mut().enumerate() {
             let mut floor = 0.0;
@@ -260,7 +260,7 @@ impl PersistentPixel {
         }
     }
 
-    /// Passes a packet, which is exposed in this pixel or comes to it after the one before; its change (e-), and what it met.
+    /// Passes a packet, which is exposed in this pixel or follows the previous one; returns its change (e-), and what it met.
     fn packet(&self, stacks: &mut Stacks, charge_e: f64, now: Time, exposed: bool) -> (f64, f64) {
         let mut present_e = charge_e;
         for (s, stored_e) in stacks.stored_e.iter_mut().enumerate() {
@@ -272,7 +272,7 @@ impl PersistentPixel {
         heights.clear();
         heights.extend(self.clouds.iter().map(|cloud| cloud.height(present_e)));
         let mut wanted_e = self.wanted_e(stacks, &heights, now, &mut captured_e);
-        // A packet cannot give more than it has: it fills every cloud to the same share.
+        // A packet cannot give more charge than it has: it fills every cloud to the same share.
         let spent = wanted_e > present_e;
         if spent {
             let at = |heights: &[f64]| self.wanted_e(stacks, heights, now, &mut Vec::new());
@@ -293,12 +293,12 @@ impl PersistentPixel {
         (present_e - wanted_e - charge_e, met.number())
     }
 
-    /// Empty traps of a species, per pixel, where they were last filled at a time, or never.
+    /// Empty traps of a species, per pixel, where they were last filled at a given time, or never.
     fn empty(&self, species: usize, filled: Option<Time>, now: Time) -> f64 {
         self.traps[species].density_per_px * (1.0 - filled.map_or(0.0, |filled| self.left(species, filled, now)))
     }
 
-    /// Charge that the empty traps below some heights would take, e-, and that of each species.
+    /// Charge that the empty traps below some heights would capture, e-, and that of each species.
     fn wanted_e(&self, stacks: &Stacks, heights: &[f64], now: Time, of_species: &mut Vec<f64>) -> f64 {
         of_species.clear();
         of_species.resize(self.traps.len(), 0.0);
@@ -313,7 +313,7 @@ impl PersistentPixel {
     }
 }
 
-/// Traps below a height were filled at a time.
+/// Traps below a height are filled at this time.
 fn fill(watermarks: &mut Vec<Watermark<Time>>, height: f64, filled: Time) {
     while watermarks.last().is_some_and(|watermark| watermark.height <= height) {
         watermarks.pop();
@@ -321,7 +321,7 @@ fn fill(watermarks: &mut Vec<Watermark<Time>>, height: f64, filled: Time) {
     watermarks.push(Watermark { height, filled });
 }
 
-/// Of the pixels between the image and the register, which are alike. Rows are those of all frames.
+/// For the pixels between the image and the register, which are equal. Rows are those of all frames.
 impl Passage for PersistentPixel {
     type Watermarks = (Stacks, Vec<f64>);
 

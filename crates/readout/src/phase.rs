@@ -1,10 +1,10 @@
 //! The phases of a pixel, and the packets to which traps below each of them release electrons.
 //!
-//! A pixel has P electrodes (phases), and its traps lie below all of them. The clock goes through some steps in the time of one
-//! line, and in each step packets lie below some of the phases. While a packet is over a trap, every trap below the height of the
-//! cloud captures at once, and those above release into that packet. Between two packets, the charge released joins the nearer one:
-//! the packet ahead, which has just left, or the one behind, which comes next. Distances are counted in phases from the trap to the
-//! nearest phase of the packet; at equal distances each packet gets half.
+//! A pixel has P electrodes (phases), with traps below all of them. The clock goes through some steps in one line time, and in each
+//! step packets lie below some of the phases. While a packet is over a trap, every trap below the height of the cloud captures at
+//! once, and those above release into that packet. Between two packets, released charge joins the nearer one: the packet ahead,
+//! which has just left, or the one behind, which comes next. Distances are counted in phases from the trap to the nearest phase of
+//! the packet; at equal distances each packet gets half.
 //!
 //! ```text
 //! three phases, charge moves →      trap below phase 0, line time 1
@@ -15,29 +15,29 @@
 //!    3                ●             behind, 1 away     the next packet: trailed by one pixel
 //! ```
 //!
-//! So of the line time, a trap spends the shares `over`, `ahead`, `tie` and the rest near the next packet. Of the traps that are
-//! full when the packet leaves, these fractions return to it (R) and are released to the next packet before that captures (of
-//! those still full, Q):
+//! Within a line time, a trap spends the shares `over`, `ahead`, `tie` and the rest near the next packet. Of the traps that are
+//! full when the packet leaves, a fraction R returns its electrons to it. Of those still full, a fraction Q is released to the next
+//! packet before that captures:
 //!
 //! ```text
 //! R = 1 − exp(−a/τ) (1 + exp(−t/τ))/2         a = ahead, t = tie, τ in line times
 //! 1 − Q = exp(−(1 − a − t)/τ) · 2 exp(−t/τ)/(1 + exp(−t/τ))         (1 − R) (1 − Q) = exp(−1/τ)
 //! ```
 //!
-//! What the packet releases from above its own height while it is over the trap counts with Q, before it captures. With one phase
-//! a = t = 0, and this is the transfer in one step of the whole crate.
+//! Charge released from above the packet's own height while it is over the trap counts with Q, before it captures. With one phase a
+//! = t = 0, and this is the transfer in one step of the whole crate.
 //!
-//! A packet is as high below each of its phases as in a pixel of one phase; if it lies below two at once, no volume is shared
-//! between them. What it loses below the phases of one pixel is too little to change its height from one of them to the next.
+//! A packet has the same height below each of its phases as in a pixel of one phase; if it lies below two at once, the volume is
+//! not shared between them. Its loss below the phases of one pixel is too small to change its height from one of them to the next.
 //!
-//! Derived for ctiplan from the geometry of the phases; a test follows every step of the clock. Capture on the way from one phase to
-//! the next is neglected, as by most; Skottfelt et al. 2018 (arXiv:1801.01068) find that it shows in trap pumping.
+//! Derived for ctiplan from the geometry of the phases; a test follows every step of the clock. Capture on the way from one phase
+//! to the next is neglected, as usual; Skottfelt et al. 2018 (arXiv:1801.01068) find that it shows in trap pumping.
 
 use std::fmt;
 
 use super::Trap;
 
-/// Which packet is near a trap, in shares of the time of one line. The rest of the line it is nearer to the next packet.
+/// Which packet is near a trap, in shares of the line time. For the rest of the line the next packet is nearer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Phase {
     /// A packet is over it.
@@ -65,7 +65,7 @@ impl Phase {
         -(-ahead).exp_m1() - 0.5 * (-ahead).exp() * (-tie).exp_m1()
     }
 
-    /// The same but for rounding.
+    /// Equal except for rounding.
     fn is_about(&self, other: &Phase) -> bool {
         let differences = [self.over - other.over, self.ahead - other.ahead, self.tie - other.tie];
         differences.iter().all(|difference| difference.abs() < 1e-12)
@@ -80,7 +80,7 @@ fn over(release_transfers: f64) -> impl Fn(f64) -> f64 {
 /// The phases of a pixel's traps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clock {
-    /// Traps of each kind of phase, as a share of all.
+    /// Fraction of the traps for each kind of phase.
     shares: Vec<(f64, Phase)>,
 }
 
@@ -89,7 +89,7 @@ pub struct Clock {
 pub struct ClockStep {
     /// Its duration, in any unit.
     pub dwell: f64,
-    /// Phases that hold a packet, in the direction of transfer; numbered from 0, and after the last comes phase 0 of the next pixel.
+    /// Phases that hold a packet, in the direction of transfer; numbered from 0; the last is followed by phase 0 of the next pixel.
     pub holds: Vec<usize>,
 }
 
@@ -98,19 +98,19 @@ pub struct ClockStep {
 pub enum ClockFault {
     /// No step takes any time, or no phase has traps.
     Empty,
-    /// A step holds no packet, or below phases that do not exist or are not neighbours in the direction of transfer.
+    /// A step holds no packet, or its phases do not exist or are not neighbours in the direction of transfer.
     NotNeighbours {
         /// The step.
         step: usize,
     },
-    /// A step holds packets below all phases of several.
+    /// A step holds packets below all of several phases.
     Merges {
         /// The step.
         step: usize,
     },
-    /// The packet does not move by one phase at most, forwards, from a step to the next.
+    /// Between two steps the packet moves backwards, or its new phases neither overlap nor follow its old ones.
     Leaps {
-        /// The step after which it does not.
+        /// The step before that move.
         step: usize,
     },
     /// After all steps the packet has not moved by one pixel.
@@ -136,22 +136,23 @@ impl fmt::Display for ClockFault {
 }
 
 impl Clock {
-    /// One phase: the transfer is one step.
+    /// One phase: the transfer is a single step.
     pub fn single() -> Clock {
         Clock { shares: vec![(1.0, Phase::SINGLE)] }
     }
 
-    /// So many phases (at least 1), each of which holds the packet for an equal part of the line, with an equal part of the traps.
+    /// A clock of `phases` phases (at least 1), each with the packet for an equal part of the line, and with an equal part of the
+    /// traps.
     pub fn of_phases(phases: usize) -> Clock {
         let steps: Vec<ClockStep> =
             (0..phases.max(1)).map(|phase| ClockStep { dwell: 1.0, holds: vec![phase] }).collect();
         Clock::new(&steps, &vec![1.0; phases.max(1)]).expect("a step for each phase is a clock")
     }
 
-    /// The steps of one line; `trap_share[phase]` is the part of the traps below each phase, in any unit.
+    /// The steps of one line; `trap_share[phase]` is the share of the traps below each phase, in any unit.
     ///
     /// # Errors
-    /// If that is not a clock.
+    /// If the steps are not a clock.
     pub fn new(steps: &[ClockStep], trap_share: &[f64]) -> Result<Clock, ClockFault> {
         let phases = trap_share.len();
         let (all_dwell, all_traps) = (steps.iter().map(|step| step.dwell).sum::<f64>(), trap_share.iter().sum::<f64>());
@@ -183,8 +184,8 @@ impl Clock {
     }
 
     /// The same clock with more time between two packets: of the time that a packet is over a trap, the share `returns` (0 to ½) is
-    /// spent near the packet that has just left, and as much near the next one. Of one phase this makes 1/(1 − 2 `returns`) equal
-    /// ones, if that is an odd number.
+    /// spent near the packet that has just left, and as much near the next one. One phase becomes 1/(1 − 2 `returns`) equal ones,
+    /// if that is an odd number.
     pub fn with_return(&self, returns: f64) -> Clock {
         let longer = |(share, phase): &(f64, Phase)| {
             let over = phase.over;
@@ -193,12 +194,12 @@ impl Clock {
         Clock { shares: self.shares.iter().map(longer).collect() }
     }
 
-    /// Kinds of phases that a species is divided into.
+    /// Number of kinds of phases that a species is divided into.
     pub fn kinds(&self) -> usize {
         self.shares.len()
     }
 
-    /// The share of electrons that traps of one release time (in line times) give back to the packet that has just left.
+    /// The fraction of electrons that traps of one release time (in line times) return to the packet that has just left.
     pub fn returned(&self, release_transfers: f64) -> f64 {
         self.shares.iter().map(|(share, phase)| share * phase.returned(release_transfers)).sum()
     }
@@ -217,7 +218,7 @@ impl Clock {
     }
 }
 
-/// What is near a trap.
+/// The nearest packet to a trap.
 enum Nearest {
     Over,
     Ahead,
@@ -225,7 +226,7 @@ enum Nearest {
     Behind,
 }
 
-/// What is near a trap below a phase while packets lie below `first` to `last` and the same phases of all other pixels.
+/// The nearest packet to a trap below a phase while packets lie below `first` to `last` and the same phases of all other pixels.
 fn nearest(phase: usize, (first, last): (usize, usize), phases: usize) -> Nearest {
     // Phases from the packet's first one to the trap, in the direction of transfer.
     let from_first = (phase as i64 - first as i64).rem_euclid(phases as i64) as usize;
@@ -233,7 +234,7 @@ fn nearest(phase: usize, (first, last): (usize, usize), phases: usize) -> Neares
     if from_first <= length {
         return Nearest::Over;
     }
-    // The packet behind ends before the trap, the one ahead begins after it.
+    // The packet behind ends before the trap; the one ahead begins after it.
     let (behind, ahead) = (from_first - length, phases - from_first);
     match ahead.cmp(&behind) {
         std::cmp::Ordering::Less => Nearest::Ahead,
@@ -242,7 +243,7 @@ fn nearest(phase: usize, (first, last): (usize, usize), phases: usize) -> Neares
     }
 }
 
-/// First and last phase of one packet in every step, counted on from pixel to pixel.
+/// First and last phase of one packet in every step, counted continuously from pixel to pixel.
 fn positions(steps: &[ClockStep], phases: usize) -> Result<Vec<(usize, usize)>, ClockFault> {
     let mut held: Vec<(usize, usize)> = Vec::new();
     for (step, ClockStep { holds, .. }) in steps.iter().enumerate() {
@@ -253,7 +254,7 @@ fn positions(steps: &[ClockStep], phases: usize) -> Result<Vec<(usize, usize)>, 
         if holds.len() > 1 && holds.len() >= phases {
             return Err(ClockFault::Merges { step });
         }
-        // The next such phase from where the packet was.
+        // The next such phase after the packet's previous one.
         let before = held.last().map_or(0, |(first, _)| *first);
         let first = if held.is_empty() { first } else { before + (first + phases - before % phases) % phases };
         held.push((first, first + holds.len() - 1));
@@ -353,7 +354,7 @@ mod tests {
         }
         assert_eq!(Phase::SINGLE.released(3.0), -(-1.0_f64 / 3.0).exp_m1());
         assert_eq!(Phase::SINGLE.returned(3.0), 0.0);
-        // Half of a tie, of traps that release at once.
+        // Half of a tie, for traps that release at once.
         assert_eq!(Phase { over: 0.5, ahead: 0.0, tie: 0.5 }.returned(1e-4), 0.5);
     }
 }

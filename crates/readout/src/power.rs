@@ -1,18 +1,18 @@
 //! x^α for many x at once.
 //!
-//! The standard library's takes longer than all the rest of a transfer, and one at a time. Here x = 2^k m with m around 1,
-//! ln m by the series of artanh, and the exponential by that of its remainder, both cut off where the next term is below
-//! the rounding: Muller, *Elementary Functions* (2016), chapters 3 and 11. Terms are added in pairs, and pairs of pairs
-//! (Estrin's scheme, chapter 5), so that the processor need not wait for one to begin the next.
+//! The standard library's takes longer than all the rest of a transfer, and computes one at a time. Here x = 2^k m with m around 1,
+//! ln m by the series of artanh, and the exponential by that of its remainder, both truncated where the next term is below
+//! rounding: Muller, *Elementary Functions* (2016), chapters 3 and 11. Terms are added in pairs, and pairs of pairs (Estrin's
+//! scheme, chapter 5), so that the processor need not wait for one before it begins the next.
 
-/// x^α for positive, finite x; within 1e-13 of itself if neither x nor the result is below 1e-300. A loop over many x
-/// becomes vector instructions.
+/// x^α for positive, finite x; relative error 1e-13 if neither x nor the result is below 1e-300. A loop over many x compiles to
+/// vector instructions.
 #[inline(always)]
 pub(super) fn power(x: f64, alpha: f64) -> f64 {
     exp2(alpha * log2(x))
 }
 
-/// 2^52 + 2^51: adding it to a small number rounds that to a whole one, which then stands in the lowest bits.
+/// 2^52 + 2^51: adding it to a small number rounds that to an integer, which is then in the lowest bits.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 
 /// Terms of artanh(s)/s in s²: 1/(2k + 1).
@@ -56,7 +56,7 @@ fn log2(x: f64) -> f64 {
     exponent + s * series * (2.0 / std::f64::consts::LN_2)
 }
 
-/// 2^y within 1e-13 of itself, for y from −1022 to 1023; beyond, that of the nearest of them.
+/// 2^y with relative error 1e-13, for y from −1022 to 1023; beyond, the value at the nearest of them.
 #[inline(always)]
 pub(super) fn exp2(y: f64) -> f64 {
     let y = if y > -1022.0 { y } else { -1022.0 };

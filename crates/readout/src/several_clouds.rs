@@ -1,11 +1,11 @@
-//! What the traps of a pixel do to the packets that pass it if species differ in their clouds: traps of another origin, or
-//! elsewhere in the pixel, fill with another power of the charge, or only if a packet is larger than a level: traps at the surface.
+//! Effect of the traps of a pixel if species have different clouds: traps of another origin or position fill with another power of
+//! the charge, and traps at the surface only if a packet exceeds a level.
 //!
-//! Every cloud has a stack of watermarks of its own (see [`super::pixel`]); what is released from all of them joins the one packet,
-//! whose charge then gives the height of each cloud. A packet that has less than the traps in its reach would take fills every cloud up
-//! to the same share of its height: with one cloud, from the bottom.
+//! Every cloud has its own stack of watermarks (see [`super::pixel`]). Charge released from all of them joins the one packet, whose
+//! charge then gives the height of each cloud. A packet with less charge than the traps in its reach would capture fills every
+//! cloud up to the same share of its height: with one cloud, from the bottom.
 //!
-//! Pixels that all packets pass are alike and count as one; those of the image are done one by one.
+//! Pixels that all packets pass are equal and count as one; those of the image are computed one by one.
 
 use std::ops::Range;
 
@@ -18,9 +18,9 @@ use super::{Cloud, Trap};
 /// The traps of one pixel.
 pub(super) struct SeveralClouds {
     clouds: Vec<Cloud>,
-    /// The cloud of each species, by its place.
+    /// The index of the cloud of each species.
     cloud_of: Vec<usize>,
-    /// Fraction of each species released to a packet until it captures, and after that.
+    /// Fraction of each species released to a packet before it captures, and after that.
     released: Vec<f64>,
     returned: Vec<f64>,
     /// ρ exp(−m/τ) of each species, m packets after they were filled.
@@ -34,14 +34,14 @@ pub(super) struct Stacks {
     stored_e: Vec<f64>,
 }
 
-/// Traps between the next watermark below and `height`, last filled by one packet: here by its row plus one; 0 for the background.
+/// Traps between the next watermark below and `height`, last filled by one packet: here its row plus one; 0 for the background.
 #[derive(Clone, Copy)]
 pub(super) struct Watermark<T> {
     pub height: f64,
     pub filled: T,
 }
 
-/// The distinct clouds of some species, and the place among them of each species' own.
+/// The distinct clouds of some species, and for each species the index of its cloud.
 pub(super) fn clouds_of(traps: &[Trap], cloud: &Cloud) -> (Vec<Cloud>, Vec<usize>) {
     let mut clouds: Vec<Cloud> = Vec::new();
     let mut of = |trap: &Trap| {
@@ -68,7 +68,7 @@ impl SeveralClouds {
         SeveralClouds { clouds, cloud_of, released, returned, left: (0..=rows + 1).map(after).collect() }
     }
 
-    /// Traps as a background (e-) has left them that has passed, or never came by.
+    /// Traps as left by a background (e-) that has passed, or empty if there was none.
     pub fn start(&self, background_e: Option<f64>, stacks: &mut Stacks) {
         stacks.watermarks.resize_with(self.clouds.len(), Vec::new);
         let heights: Vec<f64> =
@@ -82,7 +82,7 @@ impl SeveralClouds {
         stacks.stored_e.extend((0..self.cloud_of.len()).map(held));
     }
 
-    /// Passes the packet of a row; its change (e-), and what watermarks it met as one number.
+    /// Passes the packet of a row; returns its change (e-), and the watermarks it met as one number.
     pub fn packet(&self, stacks: &mut Stacks, charge_e: f64, row: usize) -> (f64, f64) {
         let mut present_e = charge_e;
         for (stored_e, released) in stacks.stored_e.iter_mut().zip(&self.released) {
@@ -92,7 +92,7 @@ impl SeveralClouds {
         }
         let heights: Vec<f64> = self.clouds.iter().map(|cloud| cloud.height(present_e)).collect();
         let wanted_e = self.wanted_e(stacks, &heights, row);
-        // A packet cannot give more than it has.
+        // A packet cannot give more charge than it has.
         let spent = wanted_e > present_e;
         let at = |heights: &[f64]| self.wanted_e(stacks, heights, row);
         let share = if spent { share(&stacks.watermarks, &heights, present_e.max(0.0), at) } else { 1.0 };
@@ -121,12 +121,12 @@ impl SeveralClouds {
         (left_e - charge_e, met.number())
     }
 
-    /// Empty traps of a species, per pixel, where they were last filled by a packet, or never.
+    /// Empty traps of a species, per pixel, where they were last filled by a given packet, or never.
     fn empty(&self, species: usize, row: usize, packet: Option<usize>) -> f64 {
         self.left[0][species] - packet.map_or(0.0, |packet| self.left[row + 1 - packet][species])
     }
 
-    /// Charge that the empty traps below some heights would take, e-.
+    /// Charge that the empty traps below some heights would capture, e-.
     fn wanted_e(&self, stacks: &Stacks, heights: &[f64], row: usize) -> f64 {
         let mut wanted_e = 0.0;
         for (cloud, (watermarks, height)) in stacks.watermarks.iter().zip(heights).enumerate() {
@@ -139,8 +139,8 @@ impl SeveralClouds {
     }
 }
 
-/// The share of their heights up to which clouds take so much charge (e-): linear between the places of watermarks. `wanted_e` is what
-/// they take up to given heights.
+/// The share of their heights up to which clouds capture a given charge (e-): linear between watermarks. `wanted_e` is the charge
+/// captured up to given heights.
 pub(super) fn share<T>(
     watermarks: &[Vec<Watermark<T>>],
     heights: &[f64],

@@ -1,9 +1,9 @@
-//! Columns side by side: one step of the program is taken for several of them at once.
+//! Columns side by side: each step of the program acts on several of them at once.
 //!
 //! Columns are independent but go through the same steps. So each operation on the packets of a row acts on vectors of charges, one
 //! for each column, with the widest instructions of the processor (SSE2 to AVX-512, NEON; chosen at run time, by crate
-//! `fearless_simd`). No operation is contracted, and columns are grouped in the same way everywhere, so the bits are the same on
-//! all of them.
+//! `fearless_simd`). No operation is contracted, and columns are grouped in the same way everywhere, so the results are the same to
+//! the bit on all of them.
 
 use std::borrow::Cow;
 use std::ops::{Add, BitAnd, Div, Mul, Sub};
@@ -15,10 +15,10 @@ use ndarray::{ArrayView1, ArrayView2};
 /// Columns that are read out side by side: two of the widest registers, so that one computes while the other waits.
 pub(super) const LANES: usize = 16;
 
-/// Numbers of one row, one for each of the columns.
+/// Values of one row, one for each of the columns.
 pub(super) type Packets = [f64; LANES];
 
-/// Some columns of an image (`[[row, column]]`, e-; at most [`LANES`], rising), one array for each row; the last is repeated.
+/// Some columns of an image (`[[row, column]]`, e-; at most [`LANES`], ascending), one array for each row; the last is repeated.
 pub(super) fn gather(image: ArrayView2<f64>, columns: &[usize], lanes: &mut Vec<Packets>) {
     let (first, last) = (columns[0], columns[columns.len() - 1]);
     let neighbours = last - first + 1 == columns.len();
@@ -34,29 +34,29 @@ pub(super) fn gather(image: ArrayView2<f64>, columns: &[usize], lanes: &mut Vec<
     }));
 }
 
-/// Charges of a row, which are copied if they do not lie side by side.
+/// Charges of a row, copied if they are not contiguous.
 pub(super) fn in_one_piece(charge_e: ArrayView1<f64>) -> Cow<[f64]> {
     charge_e.to_slice().map_or_else(|| charge_e.to_vec().into(), Cow::from)
 }
 
-/// Numbers of some columns, the last of them repeated.
+/// Values of some columns, the last of them repeated.
 pub(super) fn side_by_side(numbers: &[f64], columns: &[usize]) -> Packets {
     std::array::from_fn(|lane| numbers[columns[lane.min(columns.len() - 1)]])
 }
 
-/// The numbers of a row as vectors of the processor. Comparisons with NaN are false.
+/// The values of a row as vectors of the processor. Comparisons with NaN are false.
 #[derive(Clone, Copy)]
 pub(super) struct Vector<S: Simd>([f64x8<S>; N]);
 
-/// Truths side by side.
+/// A boolean for each column.
 #[derive(Clone, Copy)]
 pub(super) struct Mask<S: Simd>([mask64x8<S>; N]);
 
-/// Vectors of a row.
+/// Vectors per row.
 const N: usize = LANES / 8;
 
 impl<S: Simd> Vector<S> {
-    /// The same number everywhere.
+    /// The same value everywhere.
     #[inline(always)]
     pub fn all(simd: S, value: f64) -> Self {
         Vector([f64x8::splat(simd, value); N])
@@ -76,7 +76,7 @@ impl<S: Simd> Vector<S> {
         }
     }
 
-    /// To memory of its own.
+    /// To a new row in memory.
     #[inline(always)]
     pub fn row(self) -> Packets {
         let mut row = [0.0; LANES];
@@ -84,8 +84,8 @@ impl<S: Simd> Vector<S> {
         row
     }
 
-    /// √x, within 1e-14 of itself, for x between 1e-30 and 1e30. A root of half the digits and one step of Newton's take less
-    /// than half the time of the processor's own, which would be half of all.
+    /// √x, with relative error 1e-14, for x between 1e-30 and 1e30. A root with half the digits and one Newton step take less than
+    /// half the time of the processor's own instruction, which would be half of the total.
     #[inline(always)]
     pub fn sqrt(self) -> Self {
         let mut roots = self.0;
@@ -160,18 +160,18 @@ impl<S: Simd> Mask<S> {
         Vector(from_fn(|n| self.0[n].select(yes.0[n], no.0[n])))
     }
 
-    /// Whether anything is true.
+    /// Whether any is true.
     #[inline(always)]
     pub fn any(self) -> bool {
         self.0.iter().any(|truths| truths.any_true())
     }
 }
 
-/// `std::array::from_fn`, which the compiler does not always take apart.
+/// `std::array::from_fn`, which the compiler does not always unroll.
 #[inline(always)]
 fn from_fn<T: Copy>(make: impl Fn(usize) -> T) -> [T; N] {
     let mut made = [make(0); N];
-    // Iterators that skip are calls of their own in a build with checks.
+    // Iterators with `skip` are separate calls in a debug build.
     let mut n = 1;
     while n < N {
         made[n] = make(n);

@@ -1,25 +1,25 @@
-//! Packets that have less charge than the traps in their reach would take, followed one by one.
+//! Packets with less charge than the traps in their reach would capture, followed one by one.
 
 use super::block_path::{PathMeans, ahead};
 use super::pixel::Pixel;
 use super::simd::{LANES, Packets};
 use super::watermarks::{NONE, PACKETS, Watermarks};
 
-/// Added to the place of the last watermark met by a packet that is spent.
+/// Added to the index of the last watermark met by a packet that is spent.
 const SPENT: f64 = 0.25;
 
-/// What packets of a row do to the watermarks.
+/// Effect of the packets of a row on the watermarks.
 pub(super) struct Passed {
     pub height: Packets,
     /// In all pixels of the block.
     pub captured_e: Packets,
-    /// The places of the watermarks that they leave above their own.
+    /// The indices of the watermarks that they leave above their own.
     pub below: Packets,
-    /// The last watermarks they met, with a mark for those that are spent.
+    /// The last watermarks they met, with a mark for packets that are spent.
     pub met: Packets,
 }
 
-/// Packets of a row of which some have less than the traps in their reach would take.
+/// A row of packets, some with less charge than the traps in their reach would capture.
 pub(super) struct Short {
     pub row: usize,
     /// The watermark that they meet first.
@@ -27,13 +27,13 @@ pub(super) struct Short {
     pub visits: f64,
     /// Charge that meets the traps in each pixel, e-.
     pub present_e: Packets,
-    /// The same in all pixels together, e-.
+    /// The same, summed over all pixels, e-.
     pub has_e: Packets,
 }
 
 impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
     /// Follows the packets of a row that hold less charge than they would fill. `stored` and `stored_ahead` assume enough charge
-    /// for all, and are corrected for these; `watermarks` holds the state of the traps before.
+    /// for all, and are corrected for these packets; `watermarks` holds the previous state of the traps.
     pub(super) fn spend(
         &self,
         short: Short,
@@ -56,7 +56,7 @@ impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
         }
     }
 
-    /// Fills watermarks from below until all that the packet has is spent, or its height is reached.
+    /// Fills watermarks from below until the packet's charge is used up, or its height is reached.
     fn climb(
         &self,
         short: &Short,

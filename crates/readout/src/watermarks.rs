@@ -7,38 +7,38 @@ use super::passage::{Block, Lead};
 use super::pixel::Pixel;
 use super::simd::{LANES, Packets};
 
-/// The place of a watermark that is higher than all and exists nowhere; and as the number that links hold.
+/// Index of a watermark that is higher than all and exists nowhere; and the same as stored in links.
 pub(super) const NONE: usize = 0;
 const NOWHERE: f64 = 0.0;
-/// The place of the watermark that the background downstream has left.
+/// Index of the watermark left by the background downstream.
 pub(super) const BACKGROUND: usize = 1;
-/// The place of the first packet's watermark.
+/// Index of the first packet's watermark.
 pub(super) const PACKETS: usize = 2;
 
-/// Watermarks in the order of the packets that left them: none, the background, and from there on one for each row.
+/// Watermarks in the order of the packets that left them: none, the background, and then one for each row.
 pub(super) struct Watermarks<const S: usize> {
     /// Height of the packet's cloud in the pixels that it passed after its own.
     pub height: Vec<Packets>,
     /// The same in the pixel that it started in.
     pub home_height: Vec<Packets>,
-    /// Height of what has been filled anew since, in the pixels of the watermark; only if the packets' path is known.
+    /// Height up to which the pixels of the watermark have been refilled since; only if the packets' path is known.
     pub floor: Vec<Packets>,
-    /// Floors that the packets of this row have moved, with their places, should some of the packets turn out to be spent.
+    /// Floors moved by the packets of this row, with their indices, in case some of the packets turn out to be spent.
     pub moved: Vec<(usize, Packets)>,
-    /// The next higher watermark on the stack below, by its place.
+    /// Index of the next higher watermark below it on the stack.
     pub below: Vec<Packets>,
-    /// Pixels of the block in which the watermark exists, the packet's own not among them.
+    /// Pixels of the block in which the watermark exists, without the packet's own.
     pub visits: Vec<f64>,
     /// 1 if the packet's own pixel is in the block, else 0.
     pub starts: Vec<f64>,
     /// Electrons in the traps of all the block's pixels, by species.
     pub stored: [Packets; S],
-    /// The same, each counted as often as there are pixels of the block ahead of its own.
+    /// The same, weighted by the number of pixels of the block ahead of each.
     pub stored_ahead: [Packets; S],
 }
 
 impl<const S: usize> Watermarks<S> {
-    /// Notes what the traps hold, should packets turn out to have less than they would fill.
+    /// Saves the content of the traps, in case packets turn out to have less charge than they would fill.
     #[inline(always)]
     pub fn keep<T: Simd, const TWICE: bool>(&mut self, stored: &[Summed<T, TWICE>; S]) {
         for (s, stored) in stored.iter().enumerate() {
@@ -66,11 +66,11 @@ impl<const S: usize> Watermarks<S> {
         let visits = block.visits(-1, downstream) as f64;
         let mut height = [0.0; LANES];
         for (lane, charge_e) in downstream.charge_e.into_iter().enumerate().filter(|_| visits > 0.0) {
-            // Mostly they are all the same.
+            // Usually they are all the same.
             let known = lane > 0 && charge_e == downstream.charge_e[lane - 1];
             height[lane] = if known { height[lane - 1] } else { pixel.cloud.height(charge_e) };
         }
-        // Where the first packets do not come by, neither does the background.
+        // Pixels that the first packets do not pass are not passed by the background either.
         assert!(first == 0 || visits == 0.0);
         for (place, height, visits) in [(NONE, [f64::INFINITY; LANES], 0.0), (BACKGROUND, height, visits)] {
             self.height[place] = height;
