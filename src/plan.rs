@@ -1,5 +1,5 @@
-//! A mission's plan: dose year by year, change of shape against time, when the requirement is exceeded, and missions side by
-//! side. It asks a [`Model`](crate::model::Model) for all of that.
+//! A mission's plan: dose year by year, change of shape against time, when the requirement is exceeded, and a comparison of
+//! missions. All of it is computed with a [`Model`](crate::model::Model).
 
 pub mod assessment;
 pub mod catalogue;

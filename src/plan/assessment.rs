@@ -1,5 +1,5 @@
-//! Everything that is asked of one mission: its evaluation with noise and population, galaxies with noise one by one, and the date as
-//! a distribution. The product of `ctiplan evaluate`.
+//! The assessment of one mission: its evaluation with noise and population, noisy galaxies one by one, and the date as a
+//! distribution. The product of `ctiplan evaluate`.
 
 use crate::error::InputError;
 use crate::mission::Mission;
@@ -11,24 +11,24 @@ use crate::plan::mission_sample::MissionSample;
 pub use crate::plan::progress::Progress;
 use crate::plan::time_series::TimeSeries;
 
-/// What is asked.
+/// What is requested.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Seed of all that is random; none: the mission's.
+    /// Seed of all random numbers; none: the mission's.
     pub seed: Option<u64>,
-    /// Galaxies that are read out with photon and read noise at the end of the mission; none: none.
+    /// Number of galaxies read out with photon and read noise at the end of the mission; none: no such galaxies.
     pub monte_carlo: Option<u32>,
-    /// Draws of the mission for the date as a distribution; 0: no distribution.
+    /// Draws of the mission for the distribution of the date; 0: no distribution.
     pub samples: u32,
-    /// Keys drawn together, in place of their uncertainties.
+    /// Keys drawn together, in place of their separate uncertainties.
     pub posterior: Option<MissionSample>,
-    /// The requested probability to meet the corrected budget, above 0 and below 1.
+    /// The requested probability of meeting the corrected budget, above 0 and below 1.
     pub confidence: Option<f64>,
     /// Whether the time series between the years is needed, for figures.
     pub time_series: bool,
 }
 
-/// The answers.
+/// The results.
 #[derive(Clone, Debug)]
 pub struct Assessment {
     /// The evaluation.
@@ -38,17 +38,17 @@ pub struct Assessment {
     pub noisy: Vec<Option<NoisyChange>>,
     /// The date as a distribution, if requested.
     pub distribution: Option<DateDistribution>,
-    /// The requested probability to meet the corrected budget.
+    /// The requested probability of meeting the corrected budget.
     pub confidence: Option<f64>,
-    /// The time series between the years; without it there are no figures.
+    /// The time series between the years; without it, no figures are drawn.
     pub time_series: Option<TimeSeries>,
 }
 
-/// Asks it of a mission.
+/// Assesses a mission.
 ///
 /// # Errors
-/// If a galaxy has no measurable shape, an effect has no value, a posterior is of other keys, or the confidence cannot be judged by
-/// so many draws.
+/// If a galaxy has no measurable shape, an effect has no value, a posterior has other keys, or the draws are too few for the
+/// confidence.
 pub fn assess(mission: &Mission, options: &Options, progress: &Progress) -> Result<Assessment, InputError> {
     if let Some(probability) = options.confidence {
         Confidence { probability, samples: options.samples }.check()?;

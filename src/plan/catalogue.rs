@@ -1,10 +1,10 @@
 //! A catalogue of galaxies → the change of shape of each.
 //!
-//! Every galaxy is the mean over the sub-pixel positions of the mission, at its own place on the detector. If there are many,
-//! a change is a smooth function of what the catalogue says of a galaxy: some hundreds or thousands of them are read out, a
-//! polynomial is fitted to their changes, and the others are computed by it (see [`emulator`]). How far it is off is measured with
-//! galaxies that are read out and were not fitted. A polynomial that is not accurate enough is not used: then, and wherever it
-//! would extrapolate, galaxies are read out one by one.
+//! Every galaxy is the mean over the sub-pixel positions of the mission, at its own position on the detector. If there are many,
+//! the change is a smooth function of a galaxy's catalogue entries: some hundreds or thousands of galaxies are read out, a
+//! polynomial is fitted to their changes, and the others are computed by it (see [`emulator`]). Its error is measured with galaxies
+//! that are read out and were not fitted. A polynomial that is not accurate enough is not used: then, and wherever it would
+//! extrapolate, galaxies are read out one by one.
 
 pub mod emulator;
 mod table;
@@ -24,10 +24,10 @@ use emulator::{Emulator, HeldOut};
 /// How a catalogue is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Error allowed of polynomials: root mean square over that of the changes, of the worst quantity. None: all galaxies are read
+    /// Allowed error of polynomials: root mean square over that of the changes, for the worst quantity. None: all galaxies are read
     /// out.
     pub emulate: Option<f64>,
-    /// Seed of the choice of the galaxies that are fitted, and of those that are compared.
+    /// Seed for the choice of the galaxies that are fitted and of those that are held out.
     pub seed: u64,
 }
 
@@ -46,11 +46,11 @@ pub struct Catalogue {
     pub lost: usize,
     /// Galaxies whose change was computed by a polynomial.
     pub emulated: usize,
-    /// Galaxies of each width of the weight for which polynomials were fitted.
+    /// Classes of galaxies, by the width of the weight, for which polynomials were fitted.
     pub classes: Vec<Class>,
     /// Root mean square of |Δe| over the galaxies that have a shape.
     pub rms_delta_e: f64,
-    /// The change of each galaxy, in the order of the catalogue; None if no shape is left, or there was none.
+    /// The change of each galaxy, in the order of the catalogue; None if it has no measurable shape before or after the readout.
     #[serde(skip)]
     pub changes: Vec<Option<ShapeChange>>,
     /// Whether it was computed by a polynomial.
@@ -65,13 +65,13 @@ pub struct Class {
     pub weight_px: f64,
     /// Galaxies of the class.
     pub galaxies: usize,
-    /// Galaxies that were read out to be fitted.
+    /// Galaxies that were read out for the fit.
     pub fitted: usize,
-    /// Largest degree of the polynomials: powers of flux and index count one and a half times.
+    /// Largest degree of the polynomials: powers of flux and index count 1.5 times.
     pub degree: f64,
     /// Errors of the polynomials.
     pub held_out: HeldOut,
-    /// Whether they were accurate enough.
+    /// Whether the polynomials were accurate enough.
     pub is_used: bool,
 }
 
@@ -88,15 +88,15 @@ impl Serialize for Epochs {
     }
 }
 
-/// Called with the number of galaxies that are done.
+/// Called with the number of galaxies done.
 pub type Progress<'a> = &'a (dyn Fn(usize) + Sync);
 
-/// What the galaxies of a catalogue have in common.
+/// What the galaxies of a catalogue share.
 pub(crate) struct Survey<'a> {
     pub model: &'a Model,
     pub galaxies: &'a [SurveyGalaxy],
     pub t_yr: f64,
-    /// Devices by the transfers of galaxies.
+    /// Devices by the number of transfers of their galaxies.
     devices: BTreeMap<u32, Device>,
     progress: Progress<'a>,
 }
@@ -176,7 +176,7 @@ impl<'a> Survey<'a> {
         Ok(Survey { model, galaxies, t_yr, devices, progress })
     }
 
-    /// Whether changes are smooth functions of what a catalogue says: traps do not stand at random places.
+    /// Whether changes are smooth functions of the catalogue entries: traps are not at random positions.
     fn is_smooth(&self) -> bool {
         self.devices.values().all(|device| !device.method.is_random())
     }
@@ -204,7 +204,7 @@ impl<'a> Survey<'a> {
     }
 }
 
-/// Root mean square; 0 of nothing.
+/// Root mean square; 0 for no values.
 pub(crate) fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (count, squares) = values.fold((0.0, 0.0), |(count, sum), value| (count + 1.0, sum + value * value));
     if count > 0.0 { (squares / count).sqrt() } else { 0.0 }

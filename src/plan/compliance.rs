@@ -1,4 +1,4 @@
-//! An evaluation → its requirements, one line each: the table that is signed.
+//! An evaluation → its requirements, one line each: the compliance table.
 
 use chrono::NaiveDate;
 use serde::Serialize;
@@ -9,27 +9,27 @@ use crate::plan::evaluate::Evaluation;
 use crate::plan::population::BiasVerdict;
 use crate::plan::requirement::Crossing;
 
-/// A requirement, and whether it is met to the end of the mission.
+/// A requirement, and whether it is met until the end of the mission.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Line {
-    /// What is limited.
+    /// The limited quantity.
     pub requirement: String,
     /// Whether software correction is assumed.
     pub corrected: bool,
-    /// Its factor; 1 without.
+    /// The correction factor; 1 without correction.
     pub correction_factor: f64,
-    /// Whether photon and read noise of one exposure are counted.
+    /// Whether photon and read noise of one exposure are included.
     pub noise: bool,
     /// Limit before correction.
     pub limit: f64,
     /// Value at the end of the mission; None if the shape is lost.
     pub at_end: Option<f64>,
-    /// When the limit is first exceeded, years since launch; None if it is not within the mission.
+    /// When the limit is first exceeded, years since launch; None if not within the mission.
     pub t_yr: Option<f64>,
     /// The day.
     pub date: Option<NaiveDate>,
-    /// Probability that it is met to the end, with the Sun and `[uncertainty]` drawn; for shear biases estimated from the number of
-    /// traps alone. None if it was not requested, or cannot be estimated for this requirement.
+    /// Probability that it is met until the end, with the Sun and `[uncertainty]` drawn; for shear biases estimated from the number
+    /// of traps alone. None if not requested, or if it cannot be estimated for this requirement.
     pub probability_met: Option<f64>,
     /// Its standard error from the finite number of draws.
     pub probability_error: Option<f64>,
@@ -42,7 +42,7 @@ pub struct Line {
     pub of_population: bool,
 }
 
-/// Whether a mission passes: all its requirements are met with correction, noise left out.
+/// Whether a mission passes: all its requirements with correction and without noise are met.
 pub fn passes(lines: &[Line]) -> bool {
     lines.iter().filter(|line| line.corrected && !line.noise).all(|line| line.met)
 }

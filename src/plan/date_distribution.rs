@@ -1,4 +1,4 @@
-//! The date on which the budget is exceeded, as a distribution.
+//! Distribution of the date on which the budget is exceeded.
 
 use chrono::NaiveDate;
 use serde::Serialize;
@@ -31,7 +31,7 @@ pub struct DateDistribution {
     /// With it.
     pub corrected: Dates,
     /// For the limits on the additive and the multiplicative shear bias, estimated from the number of traps alone; None if there is
-    /// no such limit, or biases do not follow from that number.
+    /// no such limit, or biases do not depend on that number alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub c: Option<LimitDates>,
     /// See `c`.
@@ -43,9 +43,9 @@ pub struct DateDistribution {
     /// What each input contributes to the variance of ln |Δe| at the end of the mission, the largest first; empty if it
     /// does not vary.
     pub shares: Vec<Share>,
-    /// Why the Sun is not among what was drawn; None if it is.
+    /// Why the Sun was not drawn; None if it was.
     pub sun_not_drawn: Option<String>,
-    /// How changes of shape were emulated; None if each was read out, of fewer draws.
+    /// How changes of shape were emulated; None if each was read out, for fewer draws.
     pub emulated: Option<Emulated>,
     /// Keys that were drawn from a posterior.
     pub posterior_keys: Vec<String>,
@@ -56,7 +56,7 @@ pub struct DateDistribution {
 pub struct LimitDates {
     /// Without software correction.
     pub uncorrected: Dates,
-    /// With it.
+    /// With software correction.
     pub corrected: Dates,
 }
 
@@ -80,7 +80,7 @@ pub struct Dates {
     pub probability_error: f64,
     /// Quantiles of the date, in the order of [`QUANTILES`].
     pub quantiles: Vec<DateQuantile>,
-    /// The time of each sample, years since launch, rising; infinite if it is not exceeded within the mission.
+    /// The time of each sample, years since launch, ascending; infinite if not exceeded within the mission.
     #[serde(skip)]
     pub times_yr: Vec<f64>,
 }
@@ -90,19 +90,19 @@ pub struct Dates {
 pub struct DateQuantile {
     /// Probability that the limit is exceeded by then.
     pub p: f64,
-    /// Years since launch; None if it is not within the mission.
+    /// Years since launch; None if not within the mission.
     pub t_yr: Option<f64>,
-    /// Its standard error from the finite number of samples, yr; None if that is not known.
+    /// Its standard error from the finite number of samples, yr; None if unknown.
     pub error_yr: Option<f64>,
-    /// The day; None if it is not within the mission, or past the end of the calendar.
+    /// The day; None if not within the mission, or past the end of the calendar.
     pub date: Option<NaiveDate>,
 }
 
-/// Draws a mission repeatedly: its Sun, its `[uncertainty]`, and a posterior if one is given. `biases`: those of its population by
-/// their expected values, if they are limited.
+/// Draws a mission repeatedly: its Sun, its `[uncertainty]`, and a posterior if one is given. `biases`: the expected biases of its
+/// population, if they are limited.
 ///
 /// # Errors
-/// If a draw makes no sense to the mission or leaves its galaxy without a shape; names the row of the posterior.
+/// If a draw is not a valid mission or leaves its galaxy without a shape; names the row of the posterior.
 pub fn date_distribution(
     mission: &Mission,
     posterior: Option<&MissionSample>,
@@ -118,7 +118,7 @@ pub fn date_distribution(
     }
     let found = draws.fates(progress)?;
     let count = found.fates.len();
-    // What a posterior is worth limits what all of it is worth; so does its number of draws.
+    // The effective size of the posterior limits that of the draws; so does its number of draws.
     let worth = posterior.map(|sample| sample.effective_samples.unwrap_or(f64::INFINITY).min(sample.len() as f64));
     let effective = worth.unwrap_or(f64::INFINITY).clamp(1.0, count as f64);
     let dates = |exceeded_yr: &dyn Fn(&Fate) -> Option<f64>| {
@@ -173,16 +173,16 @@ fn shares(found: &Fates, seed: u64) -> Vec<Share> {
     shares
 }
 
-/// Name of what inputs together do, or one by itself that is not linear; with a posterior, also what that does.
+/// Name of the contribution of inputs in combination or not linear in one input; with a posterior, also of the posterior.
 pub const NOT_LINEAR: &str = "rest";
 
-/// Draws that must lie beyond a probability for it to be estimated.
+/// Minimum number of draws beyond a probability for it to be estimated.
 const LEAST_BEYOND: f64 = 5.0;
 
-/// Draws that are none but for rounding: 1 − 0.9 is a little less than 0.1.
+/// Number of draws that is zero except for rounding: 1 − 0.9 is a little less than 0.1.
 const ROUNDING: f64 = 1e-6;
 
-/// With which probability a budget is to be met, and from how many draws that is estimated.
+/// The requested probability of meeting a budget, and the number of draws from which it is estimated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Confidence {
     /// Probability, between 0 and 1.
@@ -197,10 +197,10 @@ impl Confidence {
         share_error(self.probability, f64::from(self.samples))
     }
 
-    /// Whether it can be estimated from so many draws.
+    /// Whether it can be estimated from this number of draws.
     ///
     /// # Errors
-    /// If they are too few.
+    /// If the draws are too few.
     pub fn check(self) -> Result<(), InputError> {
         let percent = 100.0 * self.probability;
         let needed = (LEAST_BEYOND / (1.0 - self.probability).min(self.probability) - ROUNDING).ceil();
@@ -212,11 +212,11 @@ impl Confidence {
         Ok(())
     }
 
-    /// The date of a mission as a distribution, with the mission's own seed: missions that are compared have the same draws.
-    /// `biases`: those of its population if they are limited.
+    /// The distribution of a mission's date, with the mission's own seed, so that compared missions have the same draws. `biases`:
+    /// those of its population if they are limited.
     ///
     /// # Errors
-    /// As [`date_distribution`], and if biases are limited that cannot be estimated for draws.
+    /// As [`date_distribution`], and if limited biases cannot be estimated for the draws.
     pub fn of(self, mission: &Mission, biases: Option<&PopulationBias>) -> Result<DateDistribution, InputError> {
         self.check()?;
         if biases.is_some_and(|biases| biases.by_traps.is_none()) {
@@ -230,7 +230,7 @@ impl Confidence {
 }
 
 impl DateDistribution {
-    /// When the requirement is broken, without and with correction: the first of all limits.
+    /// When the requirement is violated, without and with correction: the first of all limits.
     pub fn requirement(&self) -> [&Dates; 2] {
         match &self.first {
             Some(first) => [&first.uncorrected, &first.corrected],
@@ -238,25 +238,25 @@ impl DateDistribution {
         }
     }
 
-    /// Probability that the corrected budgets are met to the end of the mission.
+    /// Probability that the corrected budgets are met until the end of the mission.
     pub fn probability_met(&self) -> f64 {
         self.requirement()[1].probability_met()
     }
 }
 
 impl Dates {
-    /// Probability that the limit is met to the end of the mission.
+    /// Probability that the limit is met until the end of the mission.
     pub fn probability_met(&self) -> f64 {
         1.0 - self.probability_exceeded
     }
 
-    /// How long (years since launch) the limit is kept with a probability; None if to the end of the mission.
+    /// How long (years since launch) the limit is met with a given probability; None if until the end of the mission.
     pub fn kept_yr(&self, probability: f64) -> Option<f64> {
         Some(quantile(&self.times_yr, 1.0 - probability)).filter(|t_yr| t_yr.is_finite())
     }
 
-    /// Of times (years since launch, infinite if not within the mission) that are worth so many independent ones. Errors of
-    /// quantiles are those of a bootstrap with a seed.
+    /// From times (years since launch, infinite if not within the mission) with an effective number of independent ones. Errors of
+    /// quantiles are from a bootstrap with a seed.
     pub fn of(mut times_yr: Vec<f64>, effective: f64, launch: NaiveDate, seed: u64) -> Dates {
         times_yr.sort_by(f64::total_cmp);
         let statistics = |places: &[usize]| {
@@ -281,8 +281,8 @@ impl Dates {
     }
 }
 
-/// Standard error of a share of n independent draws: that of a Beta distribution after a flat prior, which is not 0 if none or
-/// all are.
+/// Standard error of a fraction of n independent draws: that of a Beta distribution after a flat prior, which does not vanish for
+/// fractions of 0 and 1.
 pub(crate) fn share_error(share: f64, n: f64) -> f64 {
     let (some, others) = (share * n + 1.0, (1.0 - share) * n + 1.0);
     (some * others / (n + 3.0)).sqrt() / (n + 2.0)
@@ -295,7 +295,7 @@ mod tests {
     #[test]
     fn quantiles_and_shares_are_those_on_paper() {
         let launch = NaiveDate::from_ymd_opt(2030, 1, 1).unwrap();
-        // Even between 0 and 10 yr; the mission ends after 6.
+        // Evenly between 0 and 10 yr; the mission ends after 6.
         let times = |n: usize| (0..n).map(move |i| 10.0 * (i as f64 + 0.5) / n as f64);
         let n = 1000;
         let within: Vec<f64> = times(n).map(|t_yr| if t_yr > 6.0 { f64::INFINITY } else { t_yr }).collect();
@@ -305,7 +305,7 @@ mod tests {
         let [early, median, late] = dates.quantiles[..] else { panic!("{dates:?}") };
         assert!((early.t_yr.unwrap() - 0.5).abs() < 0.02 && (median.t_yr.unwrap() - 5.0).abs() < 0.02, "{dates:?}");
         assert_eq!((late.t_yr, late.error_yr, late.date), (None, None, None));
-        // 10 yr √(p (1 − p)/n); bootstrap errors are good to a tenth.
+        // 10 yr √(p (1 − p)/n); bootstrap errors are accurate to about 10 %.
         let expected = 10.0 * (0.25 / n as f64).sqrt();
         assert!((median.error_yr.unwrap() / expected - 1.0).abs() < 0.25, "{median:?} {expected}");
         // A quarter as many independent draws: errors twice as large.

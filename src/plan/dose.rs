@@ -1,4 +1,4 @@
-//! Everything about a mission's dose that a radiation engineer asks for: the product of `ctiplan dose`.
+//! A mission's dose in the detail that a radiation engineer needs: the product of `ctiplan dose`.
 
 mod explain;
 mod samples;
@@ -34,7 +34,7 @@ const DEPTHS_MM: [f64; 14] = [1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 13.6, 15.0, 20.0, 2
 pub const ENERGIES_MEV: [f64; 17] =
     [0.1, 0.3, 1.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 80.0, 100.0, 150.0, 200.0, 300.0];
 
-/// A mission's dose from all sides.
+/// A complete survey of a mission's dose.
 #[derive(Clone, Debug, Serialize)]
 pub struct Survey {
     /// Dose since launch (MeV/g) against time (years since launch), densely enough to be drawn with straight lines.
@@ -48,52 +48,52 @@ pub struct Survey {
     pub history: DoseHistory,
     /// Dose at the end of the mission, MeV/g.
     pub total_mev_g: f64,
-    /// The same damage as fluences.
+    /// The same damage as equivalent fluences.
     #[serde(flatten)]
     pub equivalents: Equivalents,
     /// Confidence of the curves below.
     pub confidence: f64,
     /// Solar-active years of the mission.
     pub active_years: f64,
-    /// By calendar year.
+    /// Dose by calendar year.
     pub years: Vec<CalendarYear>,
-    /// Whether quantiles are of one year or of the sum.
+    /// Whether quantiles are those of one year or of the sum.
     #[serde(skip)]
     pub accumulate: Accumulate,
-    /// Dose against confidence, behind the mission's shield; none without a shield.
+    /// Dose against confidence, behind the mission's shield; empty without a shield.
     pub confidences: Vec<AtConfidence>,
-    /// Dose against thickness: of one active year, or of the mission if all sources are counted.
+    /// Dose against thickness: for one active year, or for the mission if all sources are counted.
     pub depths: Vec<AtDepth>,
-    /// Whether [`Self::depths`] is of the mission.
+    /// Whether [`Self::depths`] is for the mission.
     #[serde(skip)]
     pub depths_of_mission: bool,
-    /// Aluminium that makes the mission's active dose rate at its confidence.
+    /// Thickness of aluminium that gives the mission's active dose rate at its confidence.
     pub equivalent_mm: Equivalent,
-    /// Spectrum before and behind the shield.
+    /// Spectrum in front of and behind the shield.
     pub spectrum: Vec<AtEnergy>,
-    /// Each source of protons by itself, before effects; none if the mission gives its dose.
+    /// Each source of protons separately, before effects; empty if the mission gives its dose.
     pub sources: Vec<SourceSurvey>,
-    /// What nuclear reactions in the shield take and add over the mission; None without sources.
+    /// Protons lost and secondaries added by nuclear reactions in the shield over the mission; None without sources.
     pub secondaries: Option<Secondaries>,
-    /// Whether they are counted.
+    /// Whether these are counted.
     #[serde(skip)]
     pub secondaries_counted: bool,
-    /// What imports stand beside: the dose that would be derived in their place, MeV/g.
+    /// For imported doses: the dose that would be derived in their place, MeV/g.
     pub derived_mev_g: Option<f64>,
     /// From the spectrum to the dose, step by step; None if the mission gives its dose.
     #[serde(skip)]
     pub explained: Option<Explained>,
-    /// Whether the steps are to be shown.
+    /// Whether to show the steps.
     #[serde(skip)]
     pub explain: bool,
     /// The dose with the Sun drawn; None if not requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub samples: Option<Samples>,
-    /// What is doubtful about it.
+    /// Warnings.
     pub warnings: Vec<Warning>,
 }
 
-/// Thickness of aluminium, mm; None beyond 0.1 to 300 mm.
+/// Thickness of aluminium, mm; None outside 0.1 to 300 mm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Equivalent {
     /// As a sphere.
@@ -107,9 +107,9 @@ pub struct Equivalent {
 pub struct CalendarYear {
     /// The year.
     pub year: i32,
-    /// Time of it within the mission, yr.
+    /// Part of it within the mission, yr.
     pub flown_yr: f64,
-    /// Active time of that, yr.
+    /// Active part of that, yr.
     pub active_yr: f64,
     /// Dose in it, MeV/g.
     pub dose_mev_g: f64,
@@ -117,7 +117,7 @@ pub struct CalendarYear {
     pub cumulative_mev_g: f64,
 }
 
-/// A displacement damage dose as fluences of particles that do the same damage in silicon.
+/// A displacement damage dose as fluences of particles with the same damage in silicon.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Equivalents {
     /// Protons of 10 MeV, cm⁻², by the table's own NIEL there.
@@ -155,20 +155,20 @@ pub struct AtDepth {
 pub struct AtEnergy {
     /// Proton energy, MeV.
     pub energy_mev: f64,
-    /// Above it, cm⁻².
+    /// Above this energy, cm⁻².
     pub integral_cm2: Over<f64>,
-    /// Per MeV at it, cm⁻² MeV⁻¹.
+    /// Per MeV at this energy, cm⁻² MeV⁻¹.
     pub differential_cm2_mev: Over<f64>,
-    /// Above it behind the shield, cm⁻²; None without a shield.
+    /// Above this energy behind the shield, cm⁻²; None without a shield.
     pub shielded_integral_cm2: Over<Option<f64>>,
 }
 
-/// A fluence over two stretches of time.
+/// A fluence over two periods.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Over<T> {
     /// One active year.
     pub year: T,
-    /// The mission's active years: the quantile of the sum; less than one year counts as one, none as none.
+    /// The mission's active years: the quantile of the sum. Less than one year counts as one, none as none.
     pub mission: T,
 }
 
@@ -229,11 +229,11 @@ fn warnings(mission: &Mission, history: &DoseHistory) -> Vec<Warning> {
     warnings
 }
 
-/// Solar protons at 1 AU, in one active year and in the mission's, before and behind the shield.
+/// Solar protons at 1 AU, in one active year and in the mission's, in front of and behind the shield.
 fn spectrum(mission: &Mission, active_years: f64, energies_mev: &[f64]) -> Vec<AtEnergy> {
     let confidence = mission.environment.confidence;
     let (year, sum) = (esp::fluence(confidence, 1.0), esp::fluence(confidence, active_years));
-    // A mission without an active year meets no solar protons, although the model's shortest time is a year.
+    // A mission without an active year has no solar protons, although the model's shortest time is a year.
     let flown = if active_years > 0.0 { 1.0 } else { 0.0 };
     let shield = mission.shield();
     let behind = |spectrum: &Spectrum, energy_mev: f64| Some(shield.as_ref()?.fluence(spectrum, energy_mev));
@@ -252,7 +252,7 @@ fn spectrum(mission: &Mission, active_years: f64, energies_mev: &[f64]) -> Vec<A
     parallel::map(energies_mev, |energy_mev| at(*energy_mev))
 }
 
-/// The mission without effects, its dose derived: in its own model, or in the one that follows the solar cycle.
+/// The mission without effects, with its dose derived: by its own model, or by the one that follows the solar cycle.
 fn derived(mission: &Mission) -> Mission {
     let mut derived = mission.clone();
     derived.effects.clear();
@@ -265,7 +265,7 @@ fn derived(mission: &Mission) -> Mission {
     derived
 }
 
-/// Dose (MeV/g) of a mission with nothing imported in place of its sources; None if nothing is imported, or nothing can be
+/// Dose (MeV/g) of a mission with derived sources in place of imported ones; None if nothing is imported, or nothing can be
 /// derived.
 fn derived_in_place_of_imports(mission: &Mission) -> Option<f64> {
     let environment = &mission.environment;
@@ -285,7 +285,7 @@ fn total(mission: &Mission) -> f64 {
     Model::new(mission).dose_mev_g(mission.mission.duration_yr).expect("a mission without effects has no formula")
 }
 
-/// Dose behind aluminium; of a history, what would be derived in its place.
+/// Dose behind aluminium; for a dose history, the dose that would be derived in its place.
 fn depths_of(mission: &Mission, history: &DoseHistory) -> Vec<AtDepth> {
     if mission.environment.model != DoseModel::History {
         return depths(mission, history);
@@ -297,7 +297,7 @@ fn depths_of(mission: &Mission, history: &DoseHistory) -> Vec<AtDepth> {
     depths(&derived, Model::new(&derived).history())
 }
 
-/// Dose (MeV/g) behind aluminium: of one active year, or of the mission if all sources are counted.
+/// Dose (MeV/g) behind aluminium: for one active year, or for the mission if all sources are counted.
 fn depths(mission: &Mission, history: &DoseHistory) -> Vec<AtDepth> {
     let environment = &mission.environment;
     let niel = environment.niel.curve();
@@ -313,7 +313,7 @@ fn depths(mission: &Mission, history: &DoseHistory) -> Vec<AtDepth> {
         let year = esp::fluence(environment.confidence, 1.0);
         return at(&|mm| Shield::aluminium(Geometry::Sphere, mm).dose(&year, niel), &|slab| slab.dose(&year, niel));
     }
-    // A slab is seen under all angles: many thicknesses, which a table gives.
+    // A slab is crossed at all angles: many thicknesses, which a table provides.
     let duration_yr = mission.mission.duration_yr;
     let factor = environment.dose_factor;
     let sum = |of: &dyn Fn(&Spectrum) -> f64| -> f64 {
@@ -353,8 +353,8 @@ impl AtConfidence {
     }
 }
 
-/// Thickness of aluminium (mm) behind which solar protons make the dose rate that a mission gives for an active year; None
-/// beyond 0.1 to 300 mm, and if it gives none.
+/// Thickness of aluminium (mm) behind which solar protons give the dose rate that a mission states for an active year; None outside
+/// 0.1 to 300 mm, and if it states none.
 pub fn equivalent_mm(mission: &Mission, geometry: Geometry) -> Option<f64> {
     let environment = &mission.environment;
     let rate = environment.active_dose_rate_mev_g_yr?;
@@ -366,13 +366,13 @@ pub fn equivalent_mm(mission: &Mission, geometry: Geometry) -> Option<f64> {
 }
 
 impl Survey {
-    /// Where the active dose rate comes from.
+    /// Origin of the active dose rate.
     pub fn origin(&self) -> RateOrigin {
         self.history.origin
     }
 }
 
-/// The mission cut at every new year.
+/// The mission divided at every new year.
 fn calendar_years(model: &Model) -> Result<Vec<CalendarYear>, InputError> {
     let history = model.history();
     let mut before_mev_g = 0.0;
@@ -391,7 +391,7 @@ fn calendar_years(model: &Model) -> Result<Vec<CalendarYear>, InputError> {
     source::calendar_years(&model.mission).map(of).collect()
 }
 
-/// Times of the curve of the dose besides those at which it bends or jumps.
+/// Number of times of the dose curve besides those at which it bends or jumps.
 const TIMES: u32 = 60;
 
 fn over_time(model: &Model) -> Result<Vec<(f64, f64)>, InputError> {

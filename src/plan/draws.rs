@@ -4,13 +4,13 @@
 //! uncertainties, posterior, Sun → [`Draws`] → a mission for each draw → when it exceeds its budget ([`Fate`])
 //! ```
 //!
-//! Inputs are multiplied by exp(σ z) with the relative uncertainties σ of `[uncertainty]` and standard normal z, points of Sobol's
-//! sequence. The Sun is drawn as events, with coming maxima: see [`crate::environment::solar_events`]; the level of cosmic rays and
-//! the damage curve are inputs if they apply (`draws/input.rs`). What a posterior holds is taken from it in place of the
-//! uncertainty of the same key.
+//! Inputs are multiplied by exp(σ z) with the relative uncertainties σ of `[uncertainty]` and standard normal z, from points of
+//! Sobol's sequence. The Sun is drawn as events, with future maxima: see [`crate::environment::solar_events`]; the level of cosmic
+//! rays and the damage curve are inputs if they apply (`draws/input.rs`). Keys in a posterior are taken from it instead of from
+//! their own uncertainties.
 //!
-//! Doses and traps of each draw are those of its own model. Its changes of shape are emulated (`draws/emulator.rs`) from readouts at
-//! some of the draws, if that is good to [`ACCEPTED`], and read out one by one otherwise.
+//! Doses and traps of each draw are those of its own model. Its changes of shape are emulated (`draws/emulator.rs`) from readouts
+//! at some of the draws, if the emulator is accurate to [`ACCEPTED`], and read out one by one otherwise.
 
 mod emulator;
 mod fate;
@@ -43,39 +43,39 @@ use input::{Derived, Input, cycles, inputs};
 use shares::Explained;
 use sun::Suns;
 
-/// Largest error of the emulator that is accepted: relative, of |Δe|, as root mean square over draws that were held back.
+/// Largest accepted error of the emulator: relative, of |Δe|, as root mean square over held-back draws.
 pub const ACCEPTED: f64 = 0.01;
 
-/// Draws at most if each is read out by itself.
+/// Maximum number of draws if each is read out.
 pub const MOST_DIRECT: u32 = 200;
 
-/// Most coefficients of an emulator: those of some twenty numbers.
+/// Maximum number of coefficients of an emulator: those of some twenty numbers.
 const MOST_TERMS: usize = 320;
 
-/// Readouts of an emulator's fit over its coefficients.
+/// Readouts per coefficient in an emulator's fit.
 const READOUTS_PER_TERM: f64 = 1.7;
 
-/// Readouts that are held back from the fit.
+/// Readouts held back from the fit.
 const HELD_BACK: usize = 50;
 
-/// |Δe| below this share of the uncorrected limit counts as this in relative errors: its errors move no date.
+/// |Δe| below this share of the uncorrected limit is replaced by it in relative errors: its errors shift no date.
 const SMALL: f64 = 0.1;
 
 /// Draws of a mission.
 pub struct Draws<'a> {
-    /// The mission followed to the horizon, with numbers in place of what is derived.
+    /// The mission, followed to the horizon, with derived quantities replaced by numbers.
     model: Model,
-    /// The same with the dose of the Sun that is expected, if draws have their own.
+    /// The same with the expected dose of the Sun, if draws have their own.
     expected: Mission,
     /// End of the mission, years since launch.
     end_yr: f64,
     posterior: Option<(&'a MissionSample, Vec<usize>)>,
-    /// What is uncertain, by `[uncertainty]`.
+    /// Uncertain inputs, from `[uncertainty]`.
     inputs: Vec<Input>,
     points: Sample,
-    /// Courses of the Sun, or why there are none.
+    /// Realisations of the Sun, or why there are none.
     suns: Result<Suns, InputError>,
-    /// Traps of all species (1/px) with which shear biases of the population exceed their limits.
+    /// Numbers of traps of all species (1/px) at which shear biases of the population exceed their limits.
     traps_per_px: TrapLimits,
     /// Number of draws.
     pub samples: u32,
@@ -84,23 +84,23 @@ pub struct Draws<'a> {
 /// How changes of shape were emulated.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Emulated {
-    /// Readouts that it was fitted to.
+    /// Readouts in the fit.
     pub readouts: usize,
-    /// Readouts that it was compared with.
+    /// Readouts held back.
     pub held_back: usize,
-    /// Relative error of |Δe| at those, as root mean square.
+    /// Relative error of |Δe| for these, as root mean square.
     pub relative_error: f64,
 }
 
-/// What becomes of all draws.
+/// The results of all draws.
 pub struct Fates {
-    /// Of each draw.
+    /// Result of each draw.
     pub fates: Vec<Fate>,
-    /// Numbers of the draws.
+    /// Indices of the draws.
     pub numbers: Vec<u32>,
-    /// Names of the uncertain inputs, the Sun last where it is drawn.
+    /// Names of the uncertain inputs; the Sun is last if it is drawn.
     pub names: Vec<String>,
-    /// Deviations (in σ) of those in each draw; of the Sun, that of the logarithm of the dose at the end.
+    /// Deviations (in σ) of the inputs in each draw; for the Sun, that of the logarithm of the dose at the end.
     pub deviations: Vec<Vec<f64>>,
     /// How shapes were emulated; None if each was read out.
     pub emulated: Option<Emulated>,
@@ -110,12 +110,12 @@ pub struct Fates {
 struct Draw {
     model: Model,
     deviations: Vec<f64>,
-    /// Values of a posterior that no device shows.
+    /// Posterior values that the device does not depend on.
     others: Vec<f64>,
 }
 
 impl<'a> Draws<'a> {
-    /// So many draws of a mission, up to 65 536, with the keys of a posterior drawn from it.
+    /// Draws a mission `samples` times, at most 65 536, with the keys of a posterior drawn from it.
     ///
     /// # Errors
     /// If its galaxy has no measurable shape before the readout.
@@ -128,7 +128,7 @@ impl<'a> Draws<'a> {
         Draws::followed_to(mission.mission.duration_yr, mission, posterior, samples, seed)
     }
 
-    /// The same, with dates followed to a horizon (years since launch) at the end of the mission or beyond.
+    /// The same, with dates followed to a horizon (years since launch) at or beyond the end of the mission.
     ///
     /// # Errors
     /// As [`Draws::of`].
@@ -143,7 +143,7 @@ impl<'a> Draws<'a> {
         let coarse = Purpose::Draws.of(mission);
         let mut base =
             Mission { galaxies: vec![mission.judged_galaxy().clone()], fit: FitSettings::default(), ..coarse };
-        // All methods of the readout expect the same.
+        // All methods of the readout have the same expectation.
         base.accuracy.readout = ReadoutMethod::Fast;
         let nominal = Model::new(&base);
         if nominal.scene(0).is_none() {
@@ -178,7 +178,7 @@ impl<'a> Draws<'a> {
         })
     }
 
-    /// The same with limits on shear biases, as numbers of traps over that of the mission as it is expected, at its end.
+    /// The same with limits on shear biases, as numbers of traps relative to the expected number at the end of the mission.
     ///
     /// # Errors
     /// If a formula has no value.
@@ -189,17 +189,17 @@ impl<'a> Draws<'a> {
         Ok(Draws { traps_per_px: TrapLimits { c: per_px(over_expected.c), m: per_px(over_expected.m) }, ..self })
     }
 
-    /// Why the Sun is not among what is drawn; None if it is.
+    /// Why the Sun is not drawn; None if it is.
     pub fn sun_not_drawn(&self) -> Option<&str> {
         self.suns.as_ref().err().map(|why| why.problem.as_str())
     }
 
-    /// What is uncertain besides the Sun.
+    /// Uncertain inputs besides the Sun.
     pub fn inputs(&self) -> &[Input] {
         &self.inputs
     }
 
-    /// What becomes of the mission with one input alone so many standard deviations off, or with none, under the Sun that is expected.
+    /// Result for the mission with a single input off by the given number of standard deviations, or none, under the expected Sun.
     ///
     /// # Errors
     /// If a formula has no value.
@@ -211,7 +211,7 @@ impl<'a> Draws<'a> {
         self.fate_of(&mission)
     }
 
-    /// What becomes of the mission with the Sun of a draw, and all else as it is expected.
+    /// Result for the mission with the Sun of a draw, and all else as expected.
     ///
     /// # Errors
     /// If a formula has no value.
@@ -224,8 +224,8 @@ impl<'a> Draws<'a> {
         self.fate_of(&mission)
     }
 
-    /// Traps of all species over those that are expected at the end, over time (years since launch): under the Sun of each draw with all
-    /// else as it is expected, or under the Sun that is expected where it is not drawn.
+    /// Traps of all species relative to the number expected at the end, over time (years since launch): under the Sun of each draw
+    /// with all else as expected, or under the expected Sun if it is not drawn.
     ///
     /// # Errors
     /// If a formula has no value.
@@ -259,10 +259,10 @@ impl<'a> Draws<'a> {
         })
     }
 
-    /// What becomes of each draw, or of [`MOST_DIRECT`] of them if shapes cannot be emulated.
+    /// The results of all draws, or of [`MOST_DIRECT`] of them if shapes cannot be emulated.
     ///
     /// # Errors
-    /// If a draw makes no sense to the mission, or a formula has no value for it; the first draw of which that is true.
+    /// If a draw is not a valid mission, or a formula has no value for it; reports the first such draw.
     pub fn fates(&self, progress: &Progress) -> Result<Fates, InputError> {
         match self.emulator(progress)? {
             Some((emulator, emulated)) => {
@@ -273,7 +273,7 @@ impl<'a> Draws<'a> {
         }
     }
 
-    /// What becomes of so many draws, evenly chosen, with each change of shape read out.
+    /// The results of `count` draws, evenly chosen, with each change of shape read out.
     ///
     /// # Errors
     /// As [`Draws::fates`].
@@ -299,7 +299,7 @@ impl<'a> Draws<'a> {
         Ok(found)
     }
 
-    /// A draw, by its number.
+    /// A draw, by its index.
     fn draw(&self, index: u32) -> Result<Draw, InputError> {
         let mut mission = match &self.posterior {
             Some((sample, rows)) => sample.mission(&self.model.mission, rows[index as usize % rows.len()])?,
@@ -347,7 +347,7 @@ impl<'a> Draws<'a> {
         times.iter().map(change).collect()
     }
 
-    /// An emulator of the changes of shape of draws, if a good one is found: a general one if there are effects.
+    /// An emulator of the changes of shape of draws, if an accurate one is found: a general one if there are effects.
     fn emulator(&self, progress: &Progress) -> Result<Option<(Emulator, Emulated)>, InputError> {
         let found = self.emulator_that_is(false, progress)?;
         match found {
@@ -362,7 +362,7 @@ impl<'a> Draws<'a> {
         let places: Vec<Place> = parallel::try_map(looked_at.iter().enumerate(), of)?;
         let terms = Emulator::coefficients(&places, general);
         let readouts = (READOUTS_PER_TERM * terms as f64).ceil() as usize + HELD_BACK;
-        // Few draws are sooner read out one by one.
+        // Reading out a few draws one by one is faster.
         if terms > MOST_TERMS || 10 * self.samples as usize <= readouts {
             return Ok(None);
         }
@@ -375,7 +375,7 @@ impl<'a> Draws<'a> {
         };
         let known: Option<Vec<Example>> = parallel::try_map(numbers.iter().enumerate(), example)?.into_iter().collect();
         let Some(known) = known else { return Ok(None) };
-        // Every few, so that both kinds are spread over the draws alike.
+        // One in every few, so that both kinds are spread evenly over the draws.
         let every = readouts / HELD_BACK;
         let (mut fitted, mut held) = (Vec::new(), Vec::new());
         for (place, one) in known.into_iter().enumerate() {
@@ -388,7 +388,7 @@ impl<'a> Draws<'a> {
         Ok((relative_error <= ACCEPTED).then_some((emulator, emulated)))
     }
 
-    /// Where a draw is at some time of its mission, the end for every second: its place, its model and device.
+    /// Coordinates of a draw at some time of its mission (the end for every second one), with its model and device.
     fn place(&self, place: usize, index: u32, general: bool) -> Result<(Place, Draw, Device), InputError> {
         let draw = self.draw(index)?;
         let share = if place.is_multiple_of(2) { 1.0 } else { (GOLDEN * place as f64).fract() };
@@ -404,19 +404,19 @@ impl<'a> Draws<'a> {
     }
 }
 
-/// A place with its change of shape: Δe1 and Δe2.
+/// Coordinates with their change of shape: Δe1 and Δe2.
 type Example = (Place, [f64; 2]);
 
-/// Golden section: its multiples are spread evenly.
+/// Golden ratio: its multiples are evenly spread.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-/// Some of so many draws, evenly chosen.
+/// `count` of all draws, evenly chosen.
 fn evenly(samples: u32, count: usize) -> Vec<u32> {
     let count = count.min(samples as usize);
     (0..count).map(|place| (place * samples as usize / count) as u32).collect()
 }
 
-/// Draws differ by factors: what is derived is made a number first, unless the Sun is drawn in its place.
+/// Draws differ by factors: derived quantities are replaced by numbers first, unless the Sun is drawn in their place.
 fn as_numbers(base: &mut Mission, model: &Model, sun: bool) {
     if !sun && matches!(base.environment.model, DoseModel::Constant | DoseModel::SolarCycle) {
         base.environment.active_dose_rate_mev_g_yr =
@@ -428,15 +428,15 @@ fn as_numbers(base: &mut Mission, model: &Model, sun: bool) {
 }
 
 impl Fates {
-    /// ln |Δe| at the end of the mission of some draws that have a shape left then, and the deviations that made it.
+    /// ln |Δe| at the end of the mission for the given draws that then have a shape, with their deviations.
     pub fn explained(&self, places: &[usize]) -> Explained<'_> {
         let log = |place: usize| self.fates[place].delta_e.filter(|delta_e| *delta_e > 0.0).map(f64::ln);
         let draws = places.iter().map(|&place| (self.deviations[place].as_slice(), log(place)));
         Explained::of(draws, self.names.last().is_some_and(|name| name == SOLAR_PROTONS))
     }
 
-    /// Adds the Sun to the inputs: by the logarithm of the dose at the end that it makes, without other inputs, in units of its
-    /// standard deviation.
+    /// Adds the Sun to the inputs: by the logarithm of its dose at the end, without other inputs, in units of its standard
+    /// deviation.
     fn add_sun(&mut self) {
         let most = self.fates.iter().map(|fate| fate.sun_mev_g).fold(0.0, f64::max);
         let logs: Vec<f64> =
@@ -451,5 +451,5 @@ impl Fates {
     }
 }
 
-/// Share of the largest dose below which that of the Sun is as good as none.
+/// Share of the largest dose below which the dose of the Sun is replaced by this share.
 const LEAST_DOSE: f64 = 1e-6;

@@ -19,7 +19,7 @@ use crate::plan::requirement::{Crossing, Point, crossing, resolved};
 use crate::readout::Clock;
 use crate::warning::{RELEASED_IN_PLACE_LINES, Warning};
 
-/// Everything along the way from a mission to its verdict.
+/// All results from a mission to its verdict.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
     /// The mission, as resolved, with its dose, traps and galaxies.
@@ -43,7 +43,7 @@ pub struct Year {
     pub t_yr: f64,
     /// The day; None past the end of the calendar.
     pub date: Option<NaiveDate>,
-    /// Dose since launch as its monitor sees it, MeV/g.
+    /// Dose since launch as measured by its monitor, MeV/g.
     pub dose_mev_g: f64,
     /// Traps.
     pub traps: Vec<SpeciesState>,
@@ -51,7 +51,7 @@ pub struct Year {
     pub galaxies: Vec<Option<ShapeChange>>,
 }
 
-/// What becomes of the requirement.
+/// When the budget is exceeded, and the rate of the change.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BudgetVerdict {
     /// Without software correction.
@@ -112,7 +112,7 @@ fn magnitude(model: &Model, t_yr: f64) -> Result<Option<f64>, InputError> {
     Ok(model.change(model.judged(), t_yr)?.map(|change| change.magnitude()))
 }
 
-/// When |Δe| of the judged galaxy crosses limits, each determined with as few readouts as possible; `known` points are reused.
+/// When |Δe| of the judged galaxy crosses limits, each located with as few readouts as possible; `known` points are reused.
 pub(crate) fn crossings<const N: usize>(
     model: &Model,
     limits: [f64; N],
@@ -146,14 +146,14 @@ pub(crate) fn rate_at_launch_per_yr(model: &Model) -> Result<Option<f64>, InputE
     Ok(later.zip(launch).map(|(later, launch)| (later - launch) / just_after_yr))
 }
 
-/// Mean of d|Δe|/dt over the mission, per year, of |Δe| at its end; None if no shape is left at launch or then. Traps that are there at
-/// launch, and an amplifier, change shapes at no rate.
+/// Mean of d|Δe|/dt over the mission, per year, from |Δe| at its end; None if no shape is left at launch or then. Changes by traps
+/// present at launch and by the amplifier are not part of the rate.
 pub(crate) fn mean_rate_per_yr(model: &Model, at_end: Option<f64>) -> Result<Option<f64>, InputError> {
     let at_launch = magnitude(model, 0.0)?;
     Ok(at_end.zip(at_launch).map(|(end, launch)| (end - launch) / model.mission.mission.duration_yr))
 }
 
-/// Judges the requirement; `years` (rising) are reused.
+/// Judges the requirement; `years` (ascending) are reused.
 fn verdict(model: &Model, years: &[Year]) -> Result<BudgetVerdict, InputError> {
     let magnitude = |year: &Year| year.galaxies[model.judged()].map(|change| change.magnitude());
     let known: Vec<Point> = years.iter().map(|year| (year.t_yr, magnitude(year))).collect();
@@ -167,8 +167,8 @@ fn verdict(model: &Model, years: &[Year]) -> Result<BudgetVerdict, InputError> {
     })
 }
 
-/// Share of the mission over which the rate at launch is taken: long enough for the accuracy of shapes, too short for
-/// the curve to bend.
+/// Share of the mission over which the rate at launch is measured: long enough for the accuracy of shapes, too short for the curve
+/// to bend.
 const JUST_AFTER: f64 = 1e-3;
 
 /// Evaluates a mission.
@@ -179,7 +179,7 @@ pub fn evaluate(mission: &Mission) -> Result<Evaluation, InputError> {
     evaluated(Model::new(mission))
 }
 
-/// Evaluates a mission whose model is at hand.
+/// Evaluates a mission with an existing model.
 ///
 /// # Errors
 /// As [`evaluate`].

@@ -1,6 +1,6 @@
 //! All budgets of a requirement, judged together: |Δe| of the judged galaxy, and the shear biases c and m of the population.
 //!
-//! A requirement is kept until the first of its budgets is exceeded. With a confidence, this is estimated from draws.
+//! A requirement is met until the first of its budgets is exceeded. With a confidence, this is estimated from draws.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ use crate::plan::population::{BiasVerdict, PopulationBias};
 use crate::plan::requirement::Crossing;
 use crate::plan::timeline::Timeline;
 
-/// What a budget limits.
+/// The quantity limited by a budget.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Limited {
@@ -29,7 +29,7 @@ pub enum Limited {
 }
 
 impl Limited {
-    /// Those that a mission states.
+    /// The quantities that a mission limits.
     pub fn by(mission: &Mission) -> Vec<Limited> {
         let requirement = &mission.requirement;
         let stated = [
@@ -40,7 +40,7 @@ impl Limited {
         stated.into_iter().filter(|(_, stated)| *stated).map(|(limited, _)| limited).collect()
     }
 
-    /// As people write it.
+    /// Its symbol in text.
     pub fn symbol(self) -> &'static str {
         match self {
             Limited::DeltaE => "|delta e|",
@@ -62,9 +62,9 @@ impl Limited {
 /// A budget, and when it is exceeded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Budget {
-    /// What it limits.
+    /// The limited quantity.
     pub limited: Limited,
-    /// Without software correction, and with it.
+    /// Without and with software correction.
     pub crossings: [Crossing; 2],
 }
 
@@ -78,7 +78,7 @@ impl Budget {
 /// The judgement of all budgets of a mission.
 #[derive(Clone, Debug)]
 pub struct Judgement {
-    /// Those that are stated.
+    /// The stated budgets.
     pub budgets: Vec<Budget>,
     /// The date as a distribution, if a confidence is requested.
     pub distribution: Option<DateDistribution>,
@@ -114,7 +114,7 @@ impl Judgement {
         Ok(Judgement { budgets, distribution })
     }
 
-    /// Of a model whose |Δe| is followed over time.
+    /// For a model whose |Δe| is known over time.
     ///
     /// # Errors
     /// As [`Judgement::of`].
@@ -123,7 +123,7 @@ impl Judgement {
         Judgement::of(model, of_galaxy, confidence)
     }
 
-    /// Which budget is exceeded first, and when (years since launch), without and with correction; None if none is within the
+    /// The budget that is exceeded first, and when (years since launch), without and with correction; None if none is within the
     /// mission.
     pub fn first(&self) -> [Option<(Limited, f64)>; 2] {
         [0, 1].map(|corrected| {
@@ -139,8 +139,8 @@ impl Judgement {
         used.collect::<Option<Vec<f64>>>().map(|used| used.into_iter().fold(0.0, f64::max))
     }
 
-    /// How long (years since launch) all budgets are kept, without and with correction, as expected or with a probability; None if
-    /// to the end of the mission.
+    /// How long (years since launch) all budgets are met, without and with correction, as expected or with a probability; None if
+    /// until the end of the mission.
     pub fn kept_yr(&self, confidence: Option<f64>) -> [Option<f64>; 2] {
         match (&self.distribution, confidence) {
             (Some(found), Some(p)) => found.requirement().map(|dates| dates.kept_yr(p)),
@@ -148,12 +148,12 @@ impl Judgement {
         }
     }
 
-    /// Whether a budget is stated of that.
+    /// Whether there is a budget for this quantity.
     pub fn limits(&self, limited: Limited) -> bool {
         self.budgets.iter().any(|budget| budget.limited == limited)
     }
 
-    /// Whether shear biases of a population are among what is limited.
+    /// Whether shear biases of a population are limited.
     pub fn limits_biases(&self) -> bool {
         self.limits(Limited::C) || self.limits(Limited::M)
     }
@@ -166,31 +166,32 @@ pub struct JudgedRow {
     pub exceeded_t_yr: Option<f64>,
     /// The same as a day.
     pub exceeded_date: Option<NaiveDate>,
-    /// Which one that is.
+    /// The budget that is exceeded then.
     pub exceeded_by: Option<Limited>,
     /// When the first corrected budget is exceeded, years since launch.
     pub corrected_t_yr: Option<f64>,
     /// The same as a day.
     pub corrected_date: Option<NaiveDate>,
-    /// Which one that is.
+    /// The budget that is exceeded then.
     pub corrected_by: Option<Limited>,
-    /// How long all uncorrected budgets are kept with the requested probability, years since launch; None if to the end, or if none
-    /// was requested, here and below.
+    /// How long all uncorrected budgets are met with the requested probability, years since launch; None if until the end, or if no
+    /// probability was requested, here and below.
     pub kept_t_yr: Option<f64>,
     /// The same for the corrected budgets.
     pub corrected_kept_t_yr: Option<f64>,
-    /// Probability that all uncorrected budgets are met to the end, %.
+    /// Probability that all uncorrected budgets are met until the end, %.
     pub met_percent: Option<f64>,
     /// Its standard error from the finite number of draws, %.
     pub met_error_percent: Option<f64>,
-    /// Probability that all corrected budgets are met to the end, %.
+    /// Probability that all corrected budgets are met until the end, %.
     pub corrected_met_percent: Option<f64>,
     /// Its standard error from the finite number of draws, %.
     pub corrected_met_error_percent: Option<f64>,
-    /// Why the Sun was not drawn; None if it was, or nothing was.
+    /// Why the Sun was not drawn; None if it was, or if there were no draws.
     #[serde(skip)]
     pub sun_not_drawn: Option<String>,
-    /// Of each budget: under its key the value at the end of the mission, and the times (years since launch) at which it is exceeded.
+    /// For each budget: under its key the value at the end of the mission, and the times (years since launch) at which it is
+    /// exceeded.
     #[serde(flatten)]
     pub each: BTreeMap<String, Option<f64>>,
 }
@@ -231,8 +232,8 @@ impl JudgedRow {
 }
 
 impl Limited {
-    /// Keys of a value at the end of the mission, and of the times (years since launch) at which its budget is exceeded, without and
-    /// with correction.
+    /// Keys of a value at the end of the mission, and of the times (years since launch) at which its budget is exceeded, without
+    /// and with correction.
     pub fn keys(self) -> [String; 3] {
         let key = self.key();
         [format!("{key}_at_end"), format!("{key}_exceeded_t_yr"), format!("{key}_corrected_t_yr")]

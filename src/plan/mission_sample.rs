@@ -1,6 +1,6 @@
 //! Values of a mission's keys that were drawn together, such as a sample of a posterior: a table ↔ missions.
 //!
-//! A column for each key, under its dotted name, and `log_posterior`; a row for each draw.
+//! One column for each key, under its dotted name, and `log_posterior`; one row for each draw.
 
 use std::path::Path;
 
@@ -11,10 +11,10 @@ use crate::io::table::{Cell, Column, Datatype, Meta, Table};
 use crate::mission::Mission;
 use crate::mission_file::lookup;
 
-/// The column that is no key: the logarithm of the posterior, up to a constant.
+/// The column that is not a key: the logarithm of the posterior, up to a constant.
 pub const LOG_POSTERIOR: &str = "log_posterior";
 
-/// What `meta` calls the number of independent draws that the sample is worth.
+/// The key in `meta` for the effective number of independent draws.
 pub const EFFECTIVE_SAMPLES: &str = "effective_samples";
 
 /// A sample of a mission's keys, read from a table.
@@ -22,12 +22,12 @@ pub const EFFECTIVE_SAMPLES: &str = "effective_samples";
 pub struct MissionSample {
     /// Dotted keys, in the order of the columns.
     pub keys: Vec<String>,
-    /// Number of independent draws that the sample is worth, if the table says so.
+    /// Effective number of independent draws, if stated in the table.
     pub effective_samples: Option<f64>,
     table: Table,
 }
 
-/// The table of a sample: keys with their units, and a row for each draw, whose last number is the logarithm of the posterior.
+/// The table of a sample: keys with their units, and one row for each draw, whose last value is the logarithm of the posterior.
 pub fn table(keys: &[(&str, &str)], rows: &[Vec<f64>], meta: Vec<(&str, Cell)>) -> Table {
     let column = |(place, (name, unit)): (usize, &(&str, &str))| Column {
         name: (*name).to_string(),
@@ -45,7 +45,7 @@ impl MissionSample {
     /// Reads a sample of a mission's keys.
     ///
     /// # Errors
-    /// If the file is no table, a column is no key of the mission or has another unit, or a cell holds no number.
+    /// If the file is not a table, a column is not a key of the mission or has another unit, or a cell is not a number.
     pub fn read(path: impl AsRef<Path>, mission: &Mission) -> Result<MissionSample, InputError> {
         let refused = format!("cannot use posterior `{}`", path.as_ref().display());
         let table = Table::read(path).map_err(|error| InputError { refused: refused.clone(), ..error })?;
@@ -73,21 +73,21 @@ impl MissionSample {
         self.table.rows()
     }
 
-    /// Whether there are none.
+    /// Whether there are no draws.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Rows up to a number, evenly chosen; all if there are no more.
+    /// At most `count` rows, evenly chosen; all if there are no more.
     pub fn chosen(&self, count: usize) -> Vec<usize> {
         let count = count.min(self.len());
         (0..count).map(|index| index * self.len() / count).collect()
     }
 
-    /// The mission with the values of a row.
+    /// The mission with the values of one row.
     ///
     /// # Errors
-    /// If the values make no sense to the mission; names the row.
+    /// If the values are invalid for the mission; names the row.
     pub fn mission(&self, mission: &Mission, row: usize) -> Result<Mission, InputError> {
         let value = |key: &String| -> Option<(String, Value)> {
             let number = self.table.column(key)?.cells[row].number()?;
@@ -97,14 +97,14 @@ impl MissionSample {
         mission.with(&settings).map_err(|error| self.fault(row, error))
     }
 
-    /// Values of a row that are seen neither in the detector nor in its dose.
+    /// Values of a row on which neither the detector nor its dose depends.
     pub(crate) fn unseen(&self, row: usize) -> Vec<f64> {
         let unseen = |key: &&String| !["detector.", "environment."].iter().any(|section| key.starts_with(section));
         let value = |key: &String| self.table.column(key)?.cells[row].number();
         self.keys.iter().filter(unseen).filter_map(value).collect()
     }
 
-    /// A refusal of a row, for what was wrong with its mission.
+    /// An error for a row, from the error of its mission.
     pub fn fault(&self, row: usize, error: InputError) -> InputError {
         let said = [error.place, Some(error.problem)].into_iter().flatten().collect::<Vec<_>>().join(": ");
         InputError {
@@ -115,7 +115,7 @@ impl MissionSample {
     }
 }
 
-/// A column is a key of the mission, in its unit, and holds numbers.
+/// Checks that a column is a key of the mission, in its unit, and contains numbers.
 fn check(table: &Table, column: &Column, mission: &Mission) -> Result<(), InputError> {
     let name = Some(column.name.as_str());
     let path = mission.path(&column.name).map_err(|(problem, help)| {

@@ -1,8 +1,8 @@
 //! The change of shape with the noise of one exposure, over a mission, and how much earlier the budget is then exceeded.
 //!
-//! What noise adds is to first order proportional to the density of the traps. It is realised at the end of the mission, and in a
-//! few other years where the traps differ from those then by more than their number; in between, that of the nearest such
-//! time is taken in proportion.
+//! To first order, the effect of noise is proportional to the density of the traps. It is realised at the end of the mission, and
+//! in a few other years whose traps differ from those then by more than their number. In between, the effect at the nearest such
+//! time is scaled.
 
 use crate::error::InputError;
 use crate::model::noise::{NoiseTerm, Realisations};
@@ -11,10 +11,10 @@ use crate::physics::shape::ShapeChange;
 use crate::plan::evaluate::{Evaluation, Year, crossings_of};
 use crate::plan::requirement::{Crossing, Point};
 
-/// Times at most at which noise is realised.
+/// Maximum number of times at which noise is realised.
 const TIMES: usize = 8;
 
-/// Where the centroid is while noise is measured, in words.
+/// Position of the centroid while noise is measured, in words.
 pub const CENTROID: &str = "held where the image without noise has it, before and after the readout";
 
 /// How ellipticity is measured with noise, in words.
@@ -24,9 +24,9 @@ pub const ESTIMATOR: &str = "(A, C)/max(T, sqrt(A^2 + C^2)) of the weighted sums
 /// Changes of shape with noise.
 #[derive(Clone, Debug)]
 pub struct NoisyEvaluation {
-    /// How much was drawn.
+    /// Number of realisations.
     pub realisations: Realisations,
-    /// In each year, of each galaxy, in the order of the evaluation. None if no shape is left.
+    /// For each year and each galaxy, in the order of the evaluation. None if no shape is left.
     pub years: Vec<Vec<Option<NoisyShape>>>,
     /// When the budget is exceeded with noise.
     pub verdict: NoisyVerdict,
@@ -57,19 +57,19 @@ pub struct NoisyCrossing {
     pub crossing: Crossing,
     /// Standard error of the first time from the finite number of realisations, yr.
     pub error_yr: Option<f64>,
-    /// Time without noise less that with noise, yr; None if one of them is not within the mission.
+    /// Time without noise minus time with noise, yr; None if one of them is not within the mission.
     pub earlier_yr: Option<f64>,
 }
 
-/// Noise as it was realised at one time.
+/// Noise realised at one time.
 struct Realised {
     device: Device,
-    /// Of each galaxy.
+    /// For each galaxy.
     terms: Vec<Option<NoiseTerm>>,
 }
 
 impl NoisyEvaluation {
-    /// What noise adds to an evaluation. None without realisations.
+    /// The effect of noise on an evaluation. None without realisations.
     ///
     /// # Errors
     /// If a formula has no value.
@@ -114,7 +114,7 @@ impl NoisyShape {
     }
 }
 
-/// Realisations of galaxies that are not judged: half as many.
+/// Number of realisations for galaxies that are not judged: half as many.
 pub fn others(judged: u32) -> u32 {
     judged.div_ceil(2)
 }
@@ -140,7 +140,7 @@ fn realised(model: &Model, years: &[Year], realisations: Realisations) -> Result
     Ok(found)
 }
 
-/// What noise adds to the change of a galaxy by a device. None if no shape is left.
+/// The effect of noise on the change of a galaxy by a device. None if no shape is left.
 fn term(realised: &[Realised], galaxy: usize, device: &Device) -> Option<NoiseTerm> {
     let proportional = realised.iter().find_map(|realised| Some((realised, device.traps_over(&realised.device)?)));
     let (nearest, factor) = match proportional {
@@ -189,10 +189,10 @@ fn verdict(
     })
 }
 
-/// Share of the time of a crossing over which its slope is taken.
+/// Share of the time of a crossing over which its slope is measured.
 const SLOPE: f64 = 0.02;
 
-/// Standard error of the time (years since launch) of a crossing; None if |Δe| does not grow there.
+/// Standard error of the time (years since launch) of a crossing; None if |Δe| does not increase there.
 fn error_yr(
     t_yr: f64,
     shape: impl Fn(f64) -> Result<Option<NoisyShape>, InputError>,

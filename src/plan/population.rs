@@ -5,12 +5,12 @@
 //! ```
 //!
 //! with each galaxy's weight w, its responses R to shear and S to the PSF (see [`crate::model::shear`]), and the trailing of the
-//! stars of the PSF model, Δe*. Trailing is the mean over the exposures of dithers. Errors are those of the finite sample: of a ratio of two sums, as the jackknife has it to first
-//! order. A survey that turns its detector averages c and m over the orientations.
+//! stars of the PSF model, Δe*, averaged over the dithered exposures. Errors are those of the finite sample: of a ratio of two
+//! sums, by the jackknife to first order. If a survey rotates its detector, c and m are averaged over the orientations.
 //!
-//! Each galaxy is read out at the end of the mission and at half the traps. In between a parabola through 0 is used while the
-//! traps differ by their number alone; otherwise galaxies are read out in each year and wherever the dose turns (at 16 times at
-//! most), and biases are straight lines in between.
+//! Each galaxy is read out at the end of the mission and at half the traps. In between a parabola through 0 is used if only the
+//! number of traps changes. Otherwise galaxies are read out in each year and at each turn of the dose (at 16 times at most), with
+//! linear interpolation of the biases in between.
 
 mod sample;
 
@@ -27,33 +27,33 @@ use crate::plan::requirement::{Crossing, Point};
 pub use sample::Camera;
 use sample::Member;
 
-/// Realisations of the noise of each galaxy of a population: their errors average out.
+/// Noise realisations for each galaxy of a population: their errors average out.
 const REALISATIONS: u32 = 8;
 
 /// Shear biases of a population over a mission.
 #[derive(Clone, Debug)]
 pub struct PopulationBias {
-    /// Galaxies of the table that have a weight; those that were drawn.
+    /// Galaxies of the table that have a weight; or the number drawn.
     pub galaxies: usize,
     /// Galaxies that were evaluated.
     pub evaluated: usize,
-    /// Evaluated galaxies that have no measurable shape, before or after the readout, and are left out.
+    /// Evaluated galaxies without a measurable shape, before or after the readout; they are omitted.
     pub lost: usize,
     /// Mean response of the ellipticities to shear before the readout.
     pub response: [f64; 2],
     /// Biases at the end of each year, and of the mission.
     pub years: Vec<(f64, ShearBias)>,
-    /// Biases at the end of the mission, and what each draw of galaxies adds to their errors.
+    /// Biases at the end of the mission, and the contribution of each draw of galaxies to their errors.
     pub at_end: EndBias,
-    /// Biases against the number of traps, if nothing but that changes.
+    /// Biases against the number of traps, if only that changes.
     pub by_traps: Option<ByTraps>,
-    /// What becomes of `requirement.c`.
+    /// `requirement.c`: when it is exceeded.
     pub c: Option<BiasVerdict>,
-    /// What becomes of `requirement.m`.
+    /// `requirement.m`: when it is exceeded.
     pub m: Option<BiasVerdict>,
 }
 
-/// Additive and multiplicative bias of a shear; members 1 and 2 of each.
+/// Additive and multiplicative shear bias; components 1 and 2 of each.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ShearBias {
     /// Additive bias.
@@ -62,15 +62,15 @@ pub struct ShearBias {
     pub m: [Estimated; 2],
 }
 
-/// Biases at the end of a mission, and what each draw of galaxies adds to their errors: values of the jackknife, to first order, by the
-/// number of the draw. Errors of differences and ratios of biases that are means over the same galaxies follow from these.
+/// Biases at the end of a mission, and the contribution of each draw of galaxies to their errors: jackknife values, to first order,
+/// by the index of the draw. Errors of differences and ratios of biases that are means over the same galaxies follow from these.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EndBias {
     /// The biases.
     pub bias: ShearBias,
-    /// Parts of the error of c, members 1 and 2.
+    /// Contributions to the error of c, components 1 and 2.
     pub influence_c: [BTreeMap<usize, f64>; 2],
-    /// Parts of the error of m.
+    /// Contributions to the error of m.
     pub influence_m: [BTreeMap<usize, f64>; 2],
 }
 
@@ -84,7 +84,7 @@ pub struct Estimated {
 }
 
 impl Estimated {
-    /// A value with what each draw adds to its error; no error of one draw.
+    /// A value with the contribution of each draw to its error; no error for one draw.
     pub(crate) fn of(value: f64, influence: &BTreeMap<usize, f64>) -> Estimated {
         let squares: f64 = influence.values().map(|one| one * one).sum();
         let n = influence.len() as f64;
@@ -92,7 +92,7 @@ impl Estimated {
     }
 }
 
-/// Biases of a population against the number of traps over that at the end of the mission: a parabola through 0.
+/// Biases of a population against the number of traps relative to that at the end of the mission: a parabola through 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ByTraps {
     half: f64,
@@ -101,7 +101,8 @@ pub struct ByTraps {
 }
 
 impl ByTraps {
-    /// Least number of traps, over that at the end, with which a member of a bias reaches a limit; infinite if none does.
+    /// Smallest number of traps, relative to that at the end, at which a component of a bias reaches a limit; infinite if none
+    /// does.
     ///
     /// ```text
     /// bias = α f² + β f        α f² + β f = ± limit
@@ -118,7 +119,7 @@ impl ByTraps {
     }
 }
 
-/// Real roots of α f² + β f = `value`, without a difference of nearly equal numbers; infinite or no number if there is but one.
+/// Real roots of α f² + β f = `value`, without cancellation; infinite or NaN if there is only one.
 fn roots(alpha: f64, beta: f64, value: f64) -> [f64; 2] {
     let q = -0.5 * (beta + (beta * beta + 4.0 * alpha * value).sqrt().copysign(beta));
     [q / alpha, -value / q]
@@ -129,7 +130,7 @@ fn parabola(factor: f64, half: f64) -> [f64; 2] {
     [factor * (factor - half) / (1.0 - half), factor * (factor - 1.0) / (half * (half - 1.0))]
 }
 
-/// When a limit on a bias is exceeded: the larger member of the two.
+/// When a limit on a bias is exceeded: by the larger of the two components.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BiasVerdict {
     /// The limit.
@@ -140,7 +141,7 @@ pub struct BiasVerdict {
     pub corrected: Crossing,
 }
 
-/// A galaxy with its weight and its responses; those of the times of [`ReadoutTimes`].
+/// A galaxy with its weight and its responses, at the times of [`ReadoutTimes`].
 struct Weighted {
     weight: f64,
     /// Galaxies of one draw are not independent.
@@ -148,18 +149,18 @@ struct Weighted {
     response: ShearResponse,
 }
 
-/// Numbers of traps, over that at the end of the mission, with which c and m exceed their limits, without and with correction;
+/// Numbers of traps, relative to that at the end of the mission, at which c and m exceed their limits, without and with correction;
 /// infinite if they do not.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrapLimits {
-    /// Of the additive bias.
+    /// For the additive bias.
     pub c: [f64; 2],
-    /// Of the multiplicative bias.
+    /// For the multiplicative bias.
     pub m: [f64; 2],
 }
 
 impl PopulationBias {
-    /// Numbers of traps that exceed the limits; None if biases do not follow from that number alone.
+    /// Numbers of traps that exceed the limits; None if biases do not depend on that number alone.
     pub fn trap_limits(&self) -> Option<TrapLimits> {
         let by_traps = self.by_traps?;
         let of = |verdict: &Option<BiasVerdict>, bias: fn(&ShearBias) -> [Estimated; 2]| match verdict {
@@ -218,7 +219,7 @@ impl PopulationBias {
     }
 }
 
-/// The larger |member|.
+/// The larger absolute value of the components.
 fn largest(members: &[Estimated; 2]) -> f64 {
     members[0].value.abs().max(members[1].value.abs())
 }
@@ -234,14 +235,15 @@ fn unmeasurable(mission: &Mission) -> InputError {
 /// Times at which galaxies are read out.
 struct ReadoutTimes {
     times_yr: Vec<f64>,
-    /// The first time is the end of the mission, and the second has so many of its traps, if all that changes is their number.
+    /// If only the number of traps changes: the first time is the end of the mission, and the second has this fraction of its
+    /// traps.
     half: Option<f64>,
 }
 
-/// Times at most at which galaxies are read out.
+/// Maximum number of times at which galaxies are read out.
 const MOST_TIMES: usize = 16;
 
-/// [`MOST_TIMES`] of many times, evenly chosen, with both ends.
+/// At most [`MOST_TIMES`] of the times, evenly chosen, with both ends.
 fn thinned(times_yr: Vec<f64>) -> Vec<f64> {
     if times_yr.len() <= MOST_TIMES {
         return times_yr;
@@ -250,7 +252,7 @@ fn thinned(times_yr: Vec<f64>) -> Vec<f64> {
     (0..MOST_TIMES).map(chosen).collect()
 }
 
-/// Traps over those at the end within which a time is taken for half of them.
+/// Range of the traps, relative to those at the end, within which a time is accepted as having half of them.
 const HALF: [f64; 2] = [0.2, 0.8];
 
 impl ReadoutTimes {
@@ -283,7 +285,7 @@ impl ReadoutTimes {
         })
     }
 
-    /// Weights of the times at a time (years since launch), given the device at the end.
+    /// Weights of the readout times at a time (years since launch), given the device at the end.
     fn weights(&self, t_yr: f64, device: &Device, end: &Device) -> Vec<f64> {
         let Some(half) = self.half else {
             let after = self.times_yr.partition_point(|known| *known <= t_yr).clamp(1, self.times_yr.len() - 1);
@@ -317,19 +319,19 @@ impl Rotations {
         }
     }
 
-    /// c of the sky from that of the detector: a spin of 2.
+    /// c on the sky from c in the detector frame: spin 2.
     fn additive(&self, [c1, c2]: [f64; 2]) -> [f64; 2] {
         [self.cos2 * c1 - self.sin2 * c2, self.sin2 * c1 + self.cos2 * c2]
     }
 
-    /// Response to shear on the sky: each member is in part the other.
+    /// Response to shear on the sky: the components mix.
     fn response(&self, [m1, m2]: [f64; 2]) -> [f64; 2] {
         let (mean, half) = (0.5 * (m1 + m2), 0.5 * (m1 - m2) * self.cos4);
         [mean + half, mean - half]
     }
 }
 
-/// A population with what is needed for its biases at any time.
+/// A population with the data needed for its biases at any time.
 struct Biases<'a> {
     model: &'a Model,
     times: ReadoutTimes,
@@ -342,13 +344,13 @@ impl Biases<'_> {
         Ok(self.weighted(&self.weights(t_yr)?).bias)
     }
 
-    /// Weights of the times at which galaxies are read out, at a time.
+    /// Weights of the readout times, at a time.
     fn weights(&self, t_yr: f64) -> Result<Vec<f64>, InputError> {
         let end = self.model.device_at(self.model.mission.mission.duration_yr)?;
         Ok(self.times.weights(t_yr, &self.model.device_at(t_yr)?, &end))
     }
 
-    /// Biases for these weights of the times at which galaxies are read out.
+    /// Biases for these weights of the readout times.
     fn weighted(&self, weights: &[f64]) -> EndBias {
         let trailed: Vec<TrailedResponse> =
             self.galaxies.iter().map(|galaxy| combined(&galaxy.response.trailed, weights)).collect();
@@ -368,7 +370,7 @@ impl Biases<'_> {
         EndBias { bias, influence_c: [c1.1, c2.1], influence_m: [m1.1, m2.1] }
     }
 
-    /// Σ w x / Σ w R, and what each draw adds to its error.
+    /// Σ w x / Σ w R, and the contribution of each draw to its error.
     fn over_response(&self, member: usize, x: impl Fn(usize) -> f64) -> (f64, BTreeMap<usize, f64>) {
         let response = |galaxy: &Weighted| galaxy.weight * self.response(galaxy)[member];
         let total: f64 = self.galaxies.iter().map(response).sum();
@@ -408,7 +410,7 @@ impl Biases<'_> {
     }
 }
 
-/// A sum of changes with weights.
+/// A weighted sum of changes.
 fn combined(trailed: &[TrailedResponse], weights: &[f64]) -> TrailedResponse {
     let add = |sum: [f64; 2], weight: f64, more: [f64; 2]| [sum[0] + weight * more[0], sum[1] + weight * more[1]];
     trailed.iter().zip(weights).fold(TrailedResponse::default(), |sum, (trailed, weight)| TrailedResponse {

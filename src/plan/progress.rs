@@ -1,10 +1,10 @@
-//! How far a long answer is.
+//! Progress of a long computation.
 
-/// How far it is, for long answers.
+/// Progress of a long computation.
 pub struct Progress<'a> {
-    /// Called at the start of a stage, with what is counted (`galaxies`, `readouts`, `draws`) and their number.
+    /// Called at the start of a stage, with the items counted (`galaxies`, `readouts`, `draws`) and their number.
     pub stage: &'a (dyn Fn(&str, u64) + Sync),
-    /// Called after each.
+    /// Called after each item.
     pub advance: &'a (dyn Fn() + Sync),
 }
 

@@ -1,8 +1,8 @@
 //! Change of shape over time → when the budget is exceeded.
 //!
-//! |Δe|(t) jumps where dose comes or traps disappear at once, bends where the dose rate changes, and is smooth in between. It
-//! is computed on both sides of each jump and at each bend, and between them until a parabola through three neighbours shows
-//! that no limit is crossed unseen: the curve stays on one side, or runs through the limit once.
+//! |Δe|(t) jumps where dose or annealing is instantaneous, bends where the dose rate changes, and is smooth in between. It is
+//! computed on both sides of each jump and at each bend. Between these, points are added until a parabola through three neighbours
+//! shows that no crossing is missed: the curve stays on one side of the limit, or crosses it once.
 
 use chrono::NaiveDate;
 
@@ -14,20 +14,18 @@ use crate::numeric::root_finding;
 /// When a limit is exceeded, and by how much.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Crossing {
-    /// First time (years since launch) at which |Δe| reaches the limit; None if it does not within the mission.
+    /// First time (years since launch) at which |Δe| reaches the limit; None if not within the mission.
     pub t_yr: Option<f64>,
-    /// All times (years since launch, rising) at which |Δe| passes the limit: up, down, up, ... The first is `t_yr`.
+    /// All times (years since launch, ascending) at which |Δe| crosses the limit: up, down, up, ... The first is `t_yr`.
     pub crossings_yr: Vec<f64>,
     /// Limit on |Δe| before correction.
     pub limit: f64,
-    /// Limit less |Δe| at the end of the mission; negative if it is exceeded then. None if the galaxy has no shape left by
-    /// then.
+    /// Limit minus |Δe| at the end of the mission; negative if exceeded then. None if the galaxy has no shape left by then.
     pub margin: Option<f64>,
 }
 
 impl Crossing {
-    /// The day on which the limit is first exceeded by a mission launched on a day; None if it is not, or past the end of the
-    /// calendar.
+    /// The day on which the limit is first exceeded, for a given launch date; None if it is not, or past the end of the calendar.
     pub fn date(&self, launch: NaiveDate) -> Option<NaiveDate> {
         date_after(launch, self.t_yr?)
     }
@@ -38,17 +36,17 @@ impl Crossing {
     }
 }
 
-/// |Δe| at a time (years since launch); None if no shape is left, which is beyond any limit.
+/// |Δe| at a time (years since launch); None if no shape is left, which exceeds any limit.
 pub type Point = (f64, Option<f64>);
 
-/// Shortest interval that is looked into, yr: nine hours.
+/// Shortest interval that is subdivided, yr: nine hours.
 const SHORTEST_YR: f64 = 1e-3;
 
 /// A curve this close to a limit (relative to it) is neither above nor below.
 const CLOSE: f64 = 1e-4;
 
-/// Room that is left for what is no parabola, in units of how far the curve bends from a straight line within an interval. A
-/// parabola itself needs a quarter.
+/// Margin for curves that are not parabolas, in units of the deviation from a straight line within an interval. A parabola itself
+/// needs a quarter.
 const ROOM: f64 = 2.0;
 
 /// Adds points to `known` (ascending in time) until the crossings of a function with each limit can be located.
@@ -56,7 +54,7 @@ const ROOM: f64 = 2.0;
 /// `known` must hold both ends, each bend, and each jump twice: just before it (the next smaller number) and at it.
 ///
 /// # Errors
-/// Those of the function; the first in time.
+/// Those of the function; the earliest in time.
 pub fn resolved(
     known: &[Point],
     limits: &[f64],
@@ -96,7 +94,7 @@ fn is_even([a, b, c]: &[Point; 3]) -> bool {
     ((b.0 - a.0) - (c.0 - b.0)).abs() < 1e-9
 }
 
-/// Whether the smooth curve through three evenly spaced points crosses no limit unseen between them.
+/// Whether the smooth curve through three evenly spaced points has no undetected crossing of a limit between them.
 fn is_clear(three: &[Point; 3], limits: &[f64]) -> bool {
     let [Some(a), Some(b), Some(c)] = three.map(|point| point.1) else {
         return three.iter().all(|point| point.1.is_none());
@@ -112,8 +110,8 @@ fn is_clear(three: &[Point; 3], limits: &[f64]) -> bool {
     })
 }
 
-/// Where a function crosses a limit, given points that bracket every crossing (see [`resolved`]). Roots are those of `function`, to
-/// 1e-9 yr, not of a line between points.
+/// Crossings of a function with a limit, given points that bracket every crossing (see [`resolved`]). Roots are those of
+/// `function`, to 1e-9 yr, not of the linear interpolation.
 ///
 /// # Errors
 /// Those of the function.
@@ -183,7 +181,7 @@ mod tests {
 
     #[test]
     fn a_crossing_before_a_step_down_is_seen_and_so_is_the_way_back() {
-        // Grows by 1 per year, and loses all but a hundredth at 2.7 yr.
+        // Increases by 1 per year, and drops to a hundredth at 2.7 yr.
         let function = |t: f64| Some(if t < 2.7 { t } else { 0.027 + (t - 2.7) });
         let twice = found(2.5, &[2.7], function);
         assert!((twice.crossings_yr[0] - 2.5).abs() < 1e-8);

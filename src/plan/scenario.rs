@@ -1,4 +1,4 @@
-//! The same mission under other circumstances, side by side: the product of `ctiplan compare`.
+//! The same mission under different conditions, side by side: the product of `ctiplan compare`.
 
 mod axis;
 mod cause;
@@ -24,10 +24,10 @@ use crate::plan::evaluate::{BudgetVerdict, evaluate};
 use crate::plan::judgement::Judgement;
 use crate::warning::{self, Warning};
 
-/// A mission that is to be compared.
+/// A mission to be compared.
 #[derive(Clone, Debug)]
 pub struct Candidate {
-    /// The file it is from.
+    /// Its file.
     pub file: String,
     /// The mission.
     pub mission: Mission,
@@ -36,13 +36,13 @@ pub struct Candidate {
 /// One mission under one set of conditions, and its results.
 #[derive(Clone, Debug)]
 pub struct Scenario {
-    /// Label that distinguishes its mission from the others compared: its name, and its file if others have the same name.
+    /// Label that distinguishes its mission from the others: its name, with its file if others have the same name.
     pub name: String,
     /// The file of its mission.
     pub file: String,
     /// The mission, with its settings.
     pub mission: Mission,
-    /// What was set: key and value.
+    /// The changed settings: key and value.
     pub settings: Vec<(String, toml::Value)>,
     /// Dose at the end of the mission, MeV/g.
     pub dose_mev_g: f64,
@@ -52,9 +52,9 @@ pub struct Scenario {
     pub delta_e: Option<f64>,
     /// When |Δe| exceeds its budget.
     pub verdict: BudgetVerdict,
-    /// All budgets together, also as a distribution if a confidence is requested.
+    /// All budgets together, with the distribution of the date if a confidence is requested.
     pub judgement: Judgement,
-    /// Probability with which budgets are to be kept, if requested.
+    /// Probability with which budgets are to be met, if requested.
     pub confidence: Option<f64>,
     /// Traps at the end of the mission.
     pub traps: Vec<SpeciesState>,
@@ -65,41 +65,40 @@ pub struct Scenario {
 /// Scenarios, in the order requested, with labels that distinguish them.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
-    /// In the order of missions, then of the axes, the last axis fastest.
+    /// In the order of missions, then of the axes, the last axis varying fastest.
     pub scenarios: Vec<Scenario>,
     /// Labels that distinguish their missions, in the missions' order.
     #[serde(skip)]
     pub names: Vec<String>,
-    /// Probability with which budgets are to be kept: scenarios are ranked by how long they are. None: by the date that is
-    /// expected.
+    /// Probability with which budgets are to be met: scenarios are ranked by how long they are met. None: by the expected date.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub confidence: Option<f64>,
     /// The best scenarios and the worst.
     #[serde(flatten)]
     pub ranking: Ranking,
-    /// Times (years since launch) at which the best is compared with the worst: when the worst exceeds the budget that decides,
-    /// or the end of each.
+    /// Times (years since launch) at which the best is compared with the worst: when the worst exceeds the decisive budget, or the
+    /// end of each.
     #[serde(skip)]
     pub compared_at_yr: [f64; 2],
     /// |Δe| of the first best over that of the first worst at those times; None if one is lost or 0.
     #[serde(skip)]
     pub ratio: Option<f64>,
-    /// Why the best is better than the worst at those times; empty if all are alike.
+    /// Why the best is better than the worst at those times; empty if all are equal.
     pub why: Vec<Cause>,
-    /// What else a reader has to know.
+    /// Further notes for the reader.
     pub notes: Vec<String>,
-    /// Warnings of all scenarios, each said once.
+    /// Warnings of all scenarios, without repetition.
     pub warnings: Vec<Warning>,
 }
 
 /// Evaluates missions at every combination of the axes' values.
 ///
-/// If launch dates are compared and no model of the dose is among the axes, missions whose dose is an average over the solar
-/// cycle follow the cycle instead; `notes` say so. With a confidence each date is a distribution, too, and scenarios are ranked
-/// by how long they keep their budgets with that probability. `progress` is called once for every scenario that is done.
+/// If launch dates are compared and the dose model is not among the axes, missions with a dose averaged over the solar cycle follow
+/// the cycle instead; `notes` say so. With a confidence each date also has a distribution, and scenarios are ranked by how long
+/// they meet their budgets with that probability. `progress` is called after every scenario.
 ///
 /// # Errors
-/// If a key or a value is not one of a mission's, or a galaxy has no measurable shape. The first one in order.
+/// If a key or a value is invalid for a mission, or a galaxy has no measurable shape; reports the first in order.
 pub fn compare(
     candidates: &[Candidate],
     axes: &[Axis],
@@ -152,7 +151,7 @@ pub fn compare(
     Ok(Comparison { scenarios, names, confidence, ranking, compared_at_yr, ratio, why, notes, warnings })
 }
 
-/// Candidates as their launch dates are compared, if these are, and what a reader has to know of that.
+/// Candidates for a comparison of launch dates, if these are compared, and notes for the reader.
 fn under_the_sun(candidates: &[Candidate], axes: &[Axis]) -> (Vec<Candidate>, Vec<String>) {
     let mut candidates = candidates.to_vec();
     let mut notes: Vec<String> = Vec::new();
@@ -220,12 +219,12 @@ fn scenario(
 }
 
 impl Scenario {
-    /// What it is ranked by: how long it keeps its budgets, as expected or with a probability.
+    /// The merit by which it is ranked: how long it meets its budgets, as expected or with a probability.
     fn merit(&self, confidence: Option<f64>) -> Merit {
         Merit::of(&self.judgement, confidence, self.delta_e)
     }
 
-    /// How its dose is spread over the years: "constant" or "solar-cycle".
+    /// How its dose is distributed over the years: "constant" or "solar-cycle".
     pub fn dose_model(&self) -> &'static str {
         sun::model(&self.mission)
     }

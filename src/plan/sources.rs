@@ -1,4 +1,4 @@
-//! Where the models are from that a mission is computed with.
+//! Sources of the models used for a mission.
 
 use crate::effect::CATALOGUE;
 use crate::environment::Niel;
@@ -6,23 +6,23 @@ use crate::environment::source::Place;
 use crate::mission::{DoseModel, Mission, ReadoutMethod};
 use crate::physics::source_dose;
 
-/// A model and where it is from.
+/// A model and its source.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Source {
-    /// What is modelled, and how.
+    /// The modelled quantity, and the method.
     pub model: String,
     /// Papers, standards, tables; or the mission file.
     pub from: String,
 }
 
 impl Source {
-    /// A model and where it is from.
+    /// A model and its source.
     pub fn new(model: impl Into<String>, from: impl Into<String>) -> Source {
         Source { model: model.into(), from: from.into() }
     }
 }
 
-/// The whole chain of a mission, and its effects.
+/// The whole chain of a mission, with its effects.
 pub fn of(mission: &Mission) -> Vec<Source> {
     let mut sources = match mission.environment.active_dose_rate_mev_g_yr {
         Some(_) => vec![over_time(mission), Source::new("Dose rate of an active year", "given by the mission file")],
@@ -53,7 +53,7 @@ fn of_traps() -> [Source; 3] {
     ]
 }
 
-/// The readout, with what a mission file adds to it.
+/// The readout, with options from the mission file.
 fn of_readout(mission: &Mission) -> Vec<Source> {
     let mut sources = vec![readout(mission.accuracy.readout)];
     if mission.readout.clock.is_some() {
@@ -85,7 +85,7 @@ fn of_readout(mission: &Mission) -> Vec<Source> {
     sources
 }
 
-/// Galaxies, their shapes, and the judgement of these.
+/// Galaxies, their shapes, and the requirement.
 fn of_shapes() -> [Source; 3] {
     [
         Source::new(
@@ -147,7 +147,7 @@ fn of_effects(mission: &Mission) -> impl Iterator<Item = Source> {
     cards.map(|card| Source::new(format!("Effect {}: {}", card.kind, card.adds), card.source))
 }
 
-/// Each source once, in the order in which they first appear.
+/// Removes duplicates, keeping the order of first appearance.
 pub fn once(sources: impl IntoIterator<Item = Source>) -> Vec<Source> {
     let mut seen: Vec<Source> = Vec::new();
     for source in sources {

@@ -1,14 +1,14 @@
-//! What happens between the ends of the years: dose, traps and shapes over a mission, densely enough for figures.
+//! Dose, traps and shapes over a mission, between the ends of the years, densely enough for figures.
 
 use crate::error::InputError;
 use crate::model::{Device, Model};
 use crate::numeric::calendar::decimal_year;
 use crate::plan::timeline::Timeline;
 
-/// A mission's dose, traps and shapes over time. All lists are as long as that of the times.
+/// A mission's dose, traps and shapes over time. All lists have the length of that of the times.
 #[derive(Clone, Debug)]
 pub struct TimeSeries {
-    /// Decimal calendar years, rising, from launch to the end of the mission.
+    /// Decimal calendar years, ascending, from launch to the end of the mission.
     pub year: Vec<f64>,
     /// Dose since launch, MeV/g.
     pub dose_mev_g: Vec<f64>,
@@ -19,7 +19,7 @@ pub struct TimeSeries {
 }
 
 impl TimeSeries {
-    /// Of a mission whose galaxies have shapes.
+    /// For a mission whose galaxies have shapes.
     ///
     /// # Errors
     /// If a formula has no value.

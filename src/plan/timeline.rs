@@ -1,4 +1,4 @@
-//! |Δe| over a mission, densely: one curve answers when any limit is exceeded.
+//! |Δe| over a mission, densely sampled: one curve gives the crossing of any limit.
 
 use chrono::NaiveDate;
 
@@ -10,27 +10,27 @@ use crate::physics::conditions::Conditions;
 use crate::physics::shape::ShapeChange;
 use crate::plan::requirement::{Crossing, Point, crossing};
 
-/// Times of a mission to begin with, besides its years, bends and jumps.
+/// Initial number of times in a mission, besides its years, bends and jumps.
 const TIMES: usize = 60;
 
-/// How often an interval is halved in which |Δe| is not straight.
+/// Maximum number of halvings of an interval in which |Δe| is not straight.
 const HALVINGS: usize = 8;
 
-/// How far |Δe| may be from a straight line over two intervals: relative to its change over them, which puts a date off by a
+/// Allowed deviation of |Δe| from a straight line over two intervals: relative to its change over them, which shifts a date by a
 /// hundredth of an interval, or to its largest value.
 const BENT: f64 = 0.02;
 const BENT_OF_LARGEST: f64 = 1e-4;
 
-/// |Δe| of a galaxy over time, of the judged one if nothing else is said.
+/// |Δe| of a galaxy over time; of the judged one by default.
 #[derive(Clone, Debug)]
 pub struct Timeline {
     launch: NaiveDate,
-    /// Years since launch, rising, with |Δe|; None if no shape is left.
+    /// Years since launch, ascending, with |Δe|; None if no shape is left.
     pub points: Vec<Point>,
 }
 
 impl Timeline {
-    /// Over a mission as it is.
+    /// For a mission as it is.
     ///
     /// # Errors
     /// If a formula has no value, here and below.
@@ -38,7 +38,7 @@ impl Timeline {
         Timeline::under(model, |_| {})
     }
 
-    /// Over a mission under other conditions.
+    /// For a mission under other conditions.
     ///
     /// # Errors
     /// As [`Timeline::of`].
@@ -46,7 +46,7 @@ impl Timeline {
         Timeline::of_galaxy(model, model.judged(), change)
     }
 
-    /// The same of any galaxy, by its place in the mission.
+    /// The same for any galaxy, by its index in the mission.
     ///
     /// # Errors
     /// As [`Timeline::of`].
@@ -79,7 +79,7 @@ impl Timeline {
         Ok(Timeline { launch: model.mission.mission.launch.0, points })
     }
 
-    /// The weighted sum of several.
+    /// The weighted sum of several timelines.
     pub fn weighted(timelines: &[Timeline], weights: &[f64]) -> Timeline {
         let times = in_order(timelines.iter().flat_map(|one| one.points.iter().map(|point| point.0)).collect());
         let sum = |t_yr: f64| {
@@ -120,7 +120,7 @@ fn in_order(mut times: Vec<f64>) -> Vec<f64> {
     times
 }
 
-/// Middles of the intervals on both sides of points where a curve is not straight. At `breaks` it may bend or jump.
+/// Midpoints of the intervals on both sides of points where a curve is not straight. At `breaks` it may bend or jump.
 fn where_bent(points: &[Point], breaks: &[f64]) -> Vec<f64> {
     let largest = points.iter().filter_map(|point| point.1).fold(0.0, f64::max);
     let mut more = Vec::new();

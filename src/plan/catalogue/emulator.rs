@@ -1,18 +1,18 @@
-//! Changes of shape as polynomials in a galaxy's properties in a catalogue.
+//! Changes of shape as polynomials in a galaxy's catalogue properties.
 //!
 //! **Coordinates.** The logarithms of flux, Sersic index and size, and the ellipticity (e1, e2), all but the index under the weight
-//! and through the PSF, as in [`Observed`]: galaxies that look alike are close to each other, regardless of their shapes before the
-//! PSF. All are scaled to −1 to 1.
+//! and through the PSF, as in [`Observed`]: galaxies that look alike are close to each other, whatever their shapes before the PSF.
+//! All are scaled to −1 to 1.
 //!
-//! **Transfers.** Beyond the stamp's half-width all of the stamp's packets pass every pixel, and a change is very nearly a parabola
-//! in the number of transfers. So the polynomials are fitted at three numbers of transfers, with Lagrange's parabola through them.
+//! **Transfers.** Beyond the stamp's half-width all of the stamp's packets pass every pixel, and a change is nearly parabolic in
+//! the number of transfers. So the polynomials are fitted at three numbers of transfers, with Lagrange's parabola through them.
 //! Closer to the register, where rows make few transfers or none, they are fitted at more numbers, and interpolated in the
 //! logarithm.
 //!
-//! **Fit.** Least squares. Powers of flux and index cost one and a half times as much as the others: changes are smoother in them.
-//! Coefficients of high degrees are regularised, so that there may be a term for each two or three galaxies. Galaxies are taken
-//! from all parts of the catalogue. Their number and the degree grow until the error is as small as requested. In a detector that
-//! reads mirror images as mirror images, Δe2 and Δx are odd in e2 and the others even.
+//! **Fit.** Least squares. Powers of flux and index cost 1.5 times as much as the others, since changes are smoother in them.
+//! Coefficients of high degrees are regularised, so that one term for every two or three galaxies is possible. Galaxies are taken
+//! from all parts of the catalogue. Their number and the degree increase until the error is as small as requested. In a detector
+//! that maps mirror images to mirror images, Δe2 and Δx are odd in e2 and the others even.
 //!
 //! **Error.** Galaxies that were not fitted, chosen at random among all rows, are read out at their own positions.
 
@@ -30,58 +30,58 @@ use crate::numeric::polynomial::{Parity, Terms, fitted};
 use crate::physics::galaxy::observed::Observed;
 use crate::physics::shape::ShapeChange;
 
-/// Coordinates of a galaxy.
+/// Number of coordinates of a galaxy.
 const COORDINATES: usize = 5;
 
-/// Costs of powers of the coordinates, in halves of a degree.
+/// Costs of powers of the coordinates, in units of half a degree.
 const COSTS: [usize; COORDINATES] = [3, 3, 2, 2, 2];
 
-/// Galaxies that are fitted, step by step, and the degree of their polynomials in halves.
+/// Number of fitted galaxies in each step, and the degree of their polynomials in units of one half.
 const STEPS: [(usize, usize); 5] = [(400, 13), (900, 17), (1800, 21), (3600, 23), (7200, 25)];
 
-/// Share of the galaxies that may be fitted: else it would be no faster than to read all of them out.
+/// At most one galaxy in this many is fitted: with more, reading out all of them would be as fast.
 const SHARE: usize = 4;
 
-/// Galaxies that are compared.
+/// Number of galaxies held out.
 const HELD_OUT: usize = 400;
 
-/// How far beyond the fitted galaxies a polynomial is used, in units of half their range.
+/// Range in which a polynomial is used, in units of half the range of the fitted galaxies.
 const BEYOND: f64 = 1.02;
 
-/// Nodes in transfers beyond the stamp, and closer to the register.
+/// Numbers of nodes in transfers, beyond the stamp and closer to the register.
 const FAR: usize = 3;
 const NEAR: usize = 8;
 
-/// Rows that are computed together.
+/// Rows computed together.
 const TOGETHER: usize = 512;
 
-/// Quantities of a change, those first that are even in e2 if mirror images are read as mirror images.
+/// Quantities of a change; the first ones are even in e2 if mirror images are read as mirror images.
 const QUANTITIES: usize = 6;
 const EVEN: usize = 4;
 
-/// Errors of polynomials at galaxies that were not fitted.
+/// Errors of polynomials at held-out galaxies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct HeldOut {
-    /// Galaxies that were compared.
+    /// Number of held-out galaxies.
     pub galaxies: usize,
     /// Root mean square error of (Δe1, Δe2) over the root mean square change.
     pub delta_e: f64,
-    /// The same of Δy.
+    /// The same for Δy.
     pub delta_y: f64,
-    /// The same of the change of size.
+    /// The same for the change of size.
     pub delta_size: f64,
-    /// The same of the change of flux.
+    /// The same for the change of flux.
     pub delta_flux: f64,
     /// Median of the error of (Δe1, Δe2) of a galaxy over its own |Δe|.
     pub own_median: f64,
-    /// The same: 95 % of the galaxies have less.
+    /// The same, as the 95 % quantile of the galaxies.
     pub own_95: f64,
-    /// The largest.
+    /// The same, largest value.
     pub own_largest: f64,
 }
 
 impl HeldOut {
-    /// The largest of the errors over their changes.
+    /// The largest of the errors relative to their changes.
     pub fn worst(&self) -> f64 {
         [self.delta_e, self.delta_y, self.delta_size, self.delta_flux].into_iter().fold(0.0, f64::max)
     }
@@ -113,7 +113,7 @@ impl HeldOut {
     }
 }
 
-/// A fit with what was read out for it.
+/// A fit with the galaxies that were read out for it.
 pub(super) struct Fit {
     pub emulator: Emulator,
     /// Galaxies that were fitted, and the degree.
@@ -122,11 +122,11 @@ pub(super) struct Fit {
     pub held_out: HeldOut,
     /// Whether the error is as small as requested.
     pub is_used: bool,
-    /// Rows that were read out at their own positions.
+    /// Rows read out at their own positions.
     pub read_out: Vec<(usize, Option<ShapeChange>)>,
 }
 
-/// Polynomials of the galaxies of one weight.
+/// Polynomials for the galaxies of one weight.
 pub(super) struct Emulator {
     place: Coordinates,
     distances: Distances,
@@ -177,7 +177,7 @@ impl Emulator {
         known: &Known,
         degree: usize,
     ) -> Option<Emulator> {
-        // Galaxies that lose their shape are no part of a smooth function.
+        // Galaxies that lose their shape do not follow a smooth function.
         let all = known.rows.iter().zip(&known.changes);
         let (rows, changes): (Vec<usize>, Vec<&Vec<ShapeChange>>) =
             all.filter_map(|(row, changes)| Some((*row, changes.as_ref()?))).unzip();
@@ -238,12 +238,12 @@ fn numbers(change: &ShapeChange) -> [f64; QUANTITIES] {
     [delta_e1, delta_y_px, delta_size, delta_flux, delta_e2, delta_x_px]
 }
 
-/// A change of numbers.
+/// The change made of these numbers.
 fn change_of([delta_e1, delta_y_px, delta_size, delta_flux, delta_e2, delta_x_px]: [f64; QUANTITIES]) -> ShapeChange {
     ShapeChange { delta_e1, delta_e2, delta_x_px, delta_y_px, delta_size, delta_flux }
 }
 
-/// Galaxies that are fitted, with their changes at the nodes.
+/// Fitted galaxies, with their changes at the nodes.
 #[derive(Default)]
 struct Known {
     rows: Vec<usize>,
@@ -264,14 +264,14 @@ impl Known {
 /// Coordinates of galaxies between −1 and 1.
 #[derive(Clone)]
 struct Coordinates {
-    /// Those of each row of the catalogue, not scaled; empty rows are those of another weight.
+    /// Coordinates of each row of the catalogue, not scaled; zero for rows of another weight.
     unscaled: Arc<Vec<[f64; COORDINATES]>>,
     least: [f64; COORDINATES],
     largest: [f64; COORDINATES],
 }
 
 impl Coordinates {
-    /// Those of rows.
+    /// The coordinates of some rows.
     fn of(survey: &Survey, rows: &[usize]) -> Coordinates {
         let indices = rows.iter().map(|row| survey.galaxies[*row].sersic_index);
         let range = indices.fold([f64::INFINITY, 0.0], |range, index| [range[0].min(index), range[1].max(index)]);
@@ -286,7 +286,7 @@ impl Coordinates {
         Coordinates { unscaled: Arc::new(unscaled), least, largest }.around(rows)
     }
 
-    /// The same, with the range of some rows.
+    /// The same, scaled to the range of some rows.
     fn around(&self, rows: &[usize]) -> Coordinates {
         let [mut least, mut largest] = [[f64::INFINITY; COORDINATES], [f64::NEG_INFINITY; COORDINATES]];
         for row in rows {
@@ -295,7 +295,7 @@ impl Coordinates {
                 largest[member] = largest[member].max(value);
             }
         }
-        // The sign of e2 is that of a mirror image.
+        // The range of e2 is symmetric: a mirror image has the opposite sign.
         let e2 = COORDINATES - 1;
         largest[e2] = largest[e2].max(-least[e2]);
         least[e2] = -largest[e2];
@@ -306,7 +306,7 @@ impl Coordinates {
         let mut coordinates = self.unscaled[row];
         for (member, x) in coordinates.iter_mut().enumerate() {
             let (least, largest) = (self.least[member], self.largest[member]);
-            // What is the same for all galaxies is in the middle.
+            // A coordinate that is the same for all galaxies is at the centre.
             *x = if largest > least { (2.0 * *x - least - largest) / (largest - least) } else { *x - least };
         }
         coordinates
@@ -333,19 +333,19 @@ fn unscaled(observed: &Observed, galaxy: &SurveyGalaxy) -> [f64; COORDINATES] {
 /// Numbers of transfers at which polynomials are fitted.
 #[derive(Clone)]
 struct Distances {
-    /// All nodes, rising.
+    /// All nodes, ascending.
     nodes: Vec<u32>,
     /// The first of the nodes beyond the stamp.
     far: usize,
 }
 
 impl Distances {
-    /// For the distances of rows.
+    /// For the transfers of some rows.
     fn of(survey: &Survey, rows: &[usize]) -> Distances {
         let transfers = || rows.iter().map(|row| survey.galaxies[*row].transfers);
         let (least, most) = (transfers().min().unwrap_or(1), transfers().max().unwrap_or(1));
         let weight_px = rows.first().map_or(1.0, |row| survey.galaxies[*row].weight_px);
-        // Rows from there on make transfers all over the stamp.
+        // Rows from there on make transfers over the whole stamp.
         let edge = half_px(weight_px) as u32 + 1;
         let spread = |from: f64, to: f64, count: usize| -> Vec<f64> {
             let place = |node: usize| 0.5 - 0.5 * (std::f64::consts::PI * node as f64 / (count - 1) as f64).cos();
@@ -366,7 +366,7 @@ impl Distances {
         Distances { nodes, far }
     }
 
-    /// Nodes with their weights at a number of transfers (Lagrange's). None beyond all nodes.
+    /// Nodes with their Lagrange weights at a number of transfers. None outside all nodes.
     fn weights(&self, transfers: u32) -> Option<Vec<(usize, f64)>> {
         let (first, last) = (*self.nodes.first()?, *self.nodes.last()?);
         if !(first..=last).contains(&transfers) {

@@ -8,7 +8,7 @@ use crate::physics::shape::ShapeChange;
 /// A quantity of a change.
 type Quantity = fn(&ShapeChange) -> f64;
 
-/// Columns that are added, with unit, meaning and quantity.
+/// Added columns, with unit, meaning and quantity.
 const COLUMNS: [(&str, Option<&str>, &str, Quantity); 6] = [
     ("delta_e1", None, "change of e1", |change| change.delta_e1),
     ("delta_e2", None, "change of e2", |change| change.delta_e2),
@@ -21,15 +21,15 @@ const COLUMNS: [(&str, Option<&str>, &str, Quantity); 6] = [
 /// Column of the time, if there are several.
 const TIME: &str = "t_yr";
 
-/// Column that says how a change was computed.
+/// Column that states how a change was computed.
 const COMPUTED: &str = "computed";
 
 impl Epochs {
-    /// The table of galaxies with the changes of all epochs: as [`Catalogue::with_changes`] of one; of several, all galaxies at the first
-    /// time, then all at the second, and so on, with the time in column `t_yr`.
+    /// The table of galaxies with the changes at all epochs. For one epoch, as [`Catalogue::with_changes`]; for several, all
+    /// galaxies at the first time, then all at the second, and so on, with the time in column `t_yr`.
     ///
     /// # Errors
-    /// If the table has a column of such a name already.
+    /// If the table already has a column of such a name.
     pub fn with_changes(&self, table: &Table) -> Result<Table, InputError> {
         let [first, others @ ..] = &self.0[..] else { return Ok(table.clone()) };
         let mut all = first.with_changes(table.clone())?;
@@ -66,10 +66,10 @@ impl Catalogue {
     /// if no shape is left) and `computed` (`readout` or `emulator`).
     ///
     /// # Errors
-    /// If it has such a column already.
+    /// If it already has such a column.
     ///
     /// # Panics
-    /// If it has another number of rows than the catalogue.
+    /// If its number of rows differs from that of the catalogue.
     pub fn with_changes(&self, mut table: Table) -> Result<Table, InputError> {
         assert_eq!(table.rows(), self.changes.len(), "the catalogue's own table");
         let names = COLUMNS.iter().map(|(name, ..)| *name).chain([COMPUTED]);

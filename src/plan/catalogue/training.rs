@@ -1,4 +1,4 @@
-//! Which galaxies of a catalogue are fitted, and which are compared: the same ones for any order of the rows.
+//! Selection of the galaxies of a catalogue that are fitted or held out: independent of the order of the rows.
 
 use std::collections::BTreeMap;
 
@@ -8,10 +8,10 @@ use sha2::{Digest, Sha256};
 
 use crate::model::shear::SurveyGalaxy;
 
-/// Parts into which the range of each coordinate is divided to find galaxies of all kinds.
+/// Parts into which the range of each coordinate is divided to cover galaxies of all kinds.
 const PARTS: f64 = 4.0;
 
-/// Rows in a random order that depends on what they hold, and not on where they stand.
+/// Rows in a random order that depends on their content, not on their position.
 pub(super) fn shuffled(galaxies: &[SurveyGalaxy], rows: &[usize], seed: u64) -> Vec<usize> {
     let mut marked: Vec<(u64, [u64; 6], usize)> = rows
         .iter()
@@ -28,12 +28,12 @@ pub(super) fn shuffled(galaxies: &[SurveyGalaxy], rows: &[usize], seed: u64) -> 
             (mark(&held, seed), held, row)
         })
         .collect();
-    // Rows that are the same in everything may stand in any order.
+    // Rows that are identical in everything may be in any order.
     marked.sort_unstable_by_key(|(mark, held, _)| (*mark, *held));
     marked.into_iter().map(|(.., row)| row).collect()
 }
 
-/// A number that is as good as random.
+/// A pseudo-random number.
 fn mark(held: &[u64; 6], seed: u64) -> u64 {
     let mut hash = Sha256::new();
     hash.update(seed.to_le_bytes());
@@ -43,8 +43,8 @@ fn mark(held: &[u64; 6], seed: u64) -> u64 {
     random.random()
 }
 
-/// Rows (given in a random order, with their coordinates between −1 and 1) in an order in which those of all kinds come early: the
-/// least and the largest in each coordinate, one of each cell of a grid, then a second one of each, and so on.
+/// Reorders rows (given in a random order, with their coordinates between −1 and 1) so that all kinds come early: the least and the
+/// largest in each coordinate, one of each cell of a grid, then a second one of each, and so on.
 pub(super) fn of_all_kinds<const D: usize>(rows: &[usize], coordinates: &[[f64; D]]) -> Vec<usize> {
     let by = |member: usize| {
         move |a: &usize, b: &usize| coordinates[*a][member].total_cmp(&coordinates[*b][member]).then(b.cmp(a))

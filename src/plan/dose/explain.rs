@@ -4,7 +4,7 @@ use crate::environment::proton::RANGE_ALUMINIUM;
 use crate::mission::{Mission, SolarPhase};
 use crate::physics::{DoseHistory, SourceDose};
 
-/// The largest source of a mission, step by step; and what makes the sum.
+/// The largest source of a mission, step by step, and the sum of all sources.
 #[derive(Clone, Debug)]
 pub struct Explained {
     /// The steps.
@@ -23,15 +23,15 @@ pub enum Step {
         /// Active years of the Sun in it.
         active_years: f64,
     },
-    /// The source that makes most of the dose, and its share.
+    /// The source with the largest share of the dose.
     Source {
         /// Its name.
         name: String,
-        /// Its law, of its card.
+        /// Its law, as on its card.
         law: Option<&'static str>,
         /// Share of the dose.
         share: f64,
-        /// Phase at which the Sun is held.
+        /// Phase at which the Sun is fixed.
         held: Option<SolarPhase>,
     },
     /// Fluences of the mission above 10, 30 and 100 MeV, cm⁻².
@@ -39,7 +39,7 @@ pub enum Step {
         /// By energy (MeV).
         above_cm2: [(f64, f64); 3],
     },
-    /// Shield: areal density, and that of the aluminium it is worth; means over the directions that are open, g/cm².
+    /// Shield: areal density, and its equivalent in aluminium; means over the open directions, g/cm².
     Shield {
         /// In words.
         words: String,
@@ -50,21 +50,21 @@ pub enum Step {
         /// As aluminium, g/cm².
         aluminium_g_cm2: f64,
     },
-    /// Range: the slowest protons that get through where the shield is thinnest, and what is left there of a faster one.
+    /// Range: the lowest energy of protons that penetrate the shield where it is thinnest, and the residual energy of a faster one.
     Range {
-        /// Least energy, MeV.
+        /// Minimum energy, MeV.
         stopped_below_mev: f64,
-        /// An energy before, MeV.
+        /// An energy in front of the shield, MeV.
         before_mev: f64,
-        /// And behind.
+        /// The same proton's energy behind it, MeV.
         behind_mev: f64,
     },
     /// Fluence behind the shield, cm⁻².
     Behind {
-        /// Of all energies above 0.1 MeV.
+        /// At all energies above 0.1 MeV.
         fluence_cm2: f64,
     },
-    /// Mean damage of those protons, MeV cm²/g, and the energy at which a proton does as much.
+    /// Mean NIEL of those protons, MeV cm²/g.
     Niel {
         /// The curve.
         curve: String,
@@ -73,7 +73,7 @@ pub enum Step {
         /// Dose of the source, MeV/g: the product.
         dose_mev_g: f64,
     },
-    /// All sources and the factor on them.
+    /// All sources and their common factor.
     Sum {
         /// Name and dose, MeV/g.
         sources: Vec<(String, f64)>,
@@ -82,18 +82,18 @@ pub enum Step {
         /// The sum, MeV/g, before effects.
         total_mev_g: f64,
     },
-    /// The same damage by protons of 10 MeV.
+    /// The same damage as a fluence of 10 MeV protons.
     Equivalent {
         /// NIEL at 10 MeV, MeV cm²/g.
         niel_10_mev: f64,
         /// Their fluence, cm⁻².
         protons_cm2: f64,
     },
-    /// Traps made by it.
+    /// Traps created by it.
     Traps {
         /// Reference dose, MeV/g.
         reference_mev_g: f64,
-        /// Where it comes from: fluence (cm⁻²), energy (MeV) and NIEL (MeV cm²/g).
+        /// Its origin: fluence (cm⁻²), energy (MeV) and NIEL (MeV cm²/g).
         reference_of: Option<(f64, f64, f64)>,
         /// The dose over the reference.
         ratio: f64,
@@ -142,7 +142,7 @@ fn chain(mission: &Mission, history: &DoseHistory, source: &SourceDose, dose_mev
     let open = shield.mean(|_| 1.0);
     let mean = |value: f64| if open > 0.0 { value / open } else { 0.0 };
     let aluminium_g_cm2 = mean(shield.mean(|direction| direction.aluminium_g_cm2));
-    // Directions of a slab become endless: the thinnest one says more than the mean.
+    // Oblique paths through a slab become infinite: the thinnest path says more than the mean.
     let nearest = shield.directions.iter().map(|direction| direction.aluminium_g_cm2).fold(f64::INFINITY, f64::min);
     let stopped_below_mev = RANGE_ALUMINIUM.inverse(nearest);
     let before_mev = (2.0 * stopped_below_mev).max(100.0);

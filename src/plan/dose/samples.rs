@@ -28,7 +28,7 @@ pub struct Samples {
     pub events: f64,
     /// Mean share of the largest event in the dose of all events; None if no sample has an event.
     pub largest_event_share: Option<f64>,
-    /// Dose (MeV/g) of everything else than solar protons, the same in all samples.
+    /// Dose (MeV/g) from all sources other than solar protons, the same in all samples.
     pub others_mev_g: f64,
 }
 
@@ -41,7 +41,7 @@ pub struct Quantile {
     pub dose_mev_g: f64,
     /// Standard error from the finite number of samples, MeV/g.
     pub error: f64,
-    /// The same with ESP's quantile of the sum over the active years that are expected, MeV/g; None within the mission.
+    /// The same for ESP's quantile of the sum over the expected active years, MeV/g; None before the end of the mission.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub esp_mev_g: Option<f64>,
 }
@@ -55,7 +55,7 @@ pub struct SampledYear {
     pub quantiles: Vec<Quantile>,
 }
 
-/// What becomes of one sample.
+/// The result of one sample.
 struct Realisation {
     /// Dose of solar events (MeV/g) since launch at the end of each calendar year.
     doses_mev_g: Vec<f64>,
@@ -102,7 +102,7 @@ impl Samples {
 }
 
 impl Realisation {
-    /// Of doses (MeV/g), each with its time, at the end of calendar years (years since launch).
+    /// From doses (MeV/g), each with its time, at the end of calendar years (years since launch).
     fn of(steps: &[(f64, f64)], years: &[(i32, f64)]) -> Realisation {
         let mut doses_mev_g = vec![0.0; years.len()];
         for (t_yr, dose_mev_g) in steps {
@@ -120,8 +120,8 @@ impl Realisation {
 }
 
 impl Quantile {
-    /// Of doses in order. Its error is half the distance of the quantiles at p ± √(p(1 − p)/n), as the number of n samples below a
-    /// quantile is binomial.
+    /// From sorted doses. Its error is half the distance between the quantiles at p ± √(p(1 − p)/n), as the number of n samples
+    /// below a quantile is binomial.
     fn of(sorted: &[f64], p: f64) -> Quantile {
         let spread = (p * (1.0 - p) / sorted.len() as f64).sqrt();
         let (low, high) = (quantile(sorted, p - spread), quantile(sorted, p + spread));
@@ -129,14 +129,14 @@ impl Quantile {
     }
 }
 
-/// A quantile of numbers in order: number r of n is that at (r + ½)/n, between two on a straight line.
+/// A quantile of sorted numbers: number r of n is that at (r + ½)/n, with linear interpolation.
 fn quantile(sorted: &[f64], p: f64) -> f64 {
     let place = (p * sorted.len() as f64 - 0.5).clamp(0.0, (sorted.len() - 1) as f64);
     let (low, high) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
     low + place.fract() * (high - low)
 }
 
-/// Dose (MeV/g) up to a time (years since launch) of all sources but solar protons.
+/// Dose (MeV/g) up to a time (years since launch) from all sources except solar protons.
 fn others_mev_g(mission: &Mission, history: &DoseHistory, until_yr: f64) -> f64 {
     let environment = &mission.environment;
     let others = history.sources.iter().filter(|source| source.name != SOLAR_PROTONS);

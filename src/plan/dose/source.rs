@@ -1,4 +1,4 @@
-//! One source of protons by itself.
+//! A single source of protons.
 
 use chrono::Datelike;
 use serde::Serialize;
@@ -12,9 +12,9 @@ use crate::physics::{DoseHistory, SourceDose};
 /// A source of protons over a mission.
 #[derive(Clone, Debug, Serialize)]
 pub struct SourceSurvey {
-    /// Name: that of its card, or the file it comes from.
+    /// Name: that of its card, or the imported file.
     pub name: String,
-    /// What it is; None of what is imported.
+    /// Its card; None for an imported source.
     #[serde(skip)]
     pub card: Option<&'static Card>,
     /// Dose of the mission, MeV/g.
@@ -39,9 +39,9 @@ pub struct SourceYear {
 pub struct SourceSpectrum {
     /// Proton energy, MeV.
     pub energy_mev: f64,
-    /// Above it, where the mission flies, cm⁻².
+    /// Above this energy, along the orbit, cm⁻².
     pub integral_cm2: f64,
-    /// Above it behind the shield, cm⁻².
+    /// Above this energy behind the shield, cm⁻².
     pub shielded_integral_cm2: f64,
 }
 

@@ -1,14 +1,14 @@
 //! The change of shape as a smooth function of a few numbers: fitted to some readouts, and compared with others.
 //!
-//! What a device does to a galaxy depends on its densities ρ_s, release times, wells, background, and on the galaxy's flux and
+//! The effect of a device on a galaxy depends on its densities ρ_s, release times, wells, background, and on the galaxy's flux and
 //! size. With ρ = Σ ρ_s, and x for ln(1 + ρ/median), the shares ρ_s/ρ and the logarithms of the others,
 //!
 //! ```text
 //! Δe = ρ P(x) + Q(x)
 //! ```
 //!
-//! where P is a polynomial of degree 2 (3 if ρ is involved, 5 in ρ alone). A general one has Q too, of degree 1: a change that
-//! needs no traps; and time and dose are among its x. Coefficients are those of least squares.
+//! where P is a polynomial of degree 2 (3 if ρ is involved, 5 in ρ alone). A general emulator also has Q, of degree 1, for changes
+//! without traps; then time and dose are among its x. Coefficients are fitted by least squares.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -17,7 +17,7 @@ use crate::model::Device;
 use crate::numeric::least_squares::Span;
 use crate::physics::galaxy::snr;
 
-/// What a change of shape depends on.
+/// The coordinates on which a change of shape depends.
 #[derive(Clone, Debug)]
 pub struct Place {
     /// Traps per pixel of all species, ρ.
@@ -26,8 +26,8 @@ pub struct Place {
 }
 
 impl Place {
-    /// Of a device that reads the first galaxy of a mission, for an emulator that is general or not. `others`: numbers that are
-    /// drawn and not seen in the device.
+    /// For a device that reads the first galaxy of a mission, with or without the coordinates of a general emulator. `others`:
+    /// drawn numbers that the device does not depend on.
     pub fn of(mission: &Mission, device: &Device, others: &[f64], general: bool) -> Place {
         let densities: Vec<f64> = device.species().map(|species| species.density_per_px).collect();
         let total_per_px: f64 = densities.iter().sum();
@@ -37,7 +37,7 @@ impl Place {
         for species in device.species() {
             numbers.extend([species.release_ms.ln(), species.release_sigma, species.capture_ms]);
             numbers.push(species.well_fill_power.unwrap_or(0.0));
-            // One capture time for all clouds has neither.
+            // A capture time common to all clouds has neither.
             if species.capture_density_power > 0.0 {
                 numbers.extend([species.capture_density_power, species.capture_at_e.ln()]);
             }
@@ -64,18 +64,18 @@ impl Place {
 /// A fitted function of places, with two values: Δe1 and Δe2.
 #[derive(Clone, Debug)]
 pub struct Emulator {
-    /// Numbers that differ between places, by their index, each with its mean and standard deviation.
+    /// Coordinates that differ between the examples, by their index, each with its mean and standard deviation.
     varying: Vec<(usize, f64, f64)>,
-    /// Median of ρ over the places, 1/px.
+    /// Median of ρ over the examples, 1/px.
     median_per_px: f64,
-    /// Whether it allows for changes without traps, and for time and dose.
+    /// Whether it includes changes without traps, and time and dose.
     pub general: bool,
     coefficients: [DVector<f64>; 2],
 }
 
 impl Emulator {
-    /// Fitted to the changes (Δe1, Δe2) at some places. Errors below `least` are alike. None if there are fewer places than
-    /// coefficients.
+    /// Fitted to the changes (Δe1, Δe2) at some places, with weights that level off for changes below `least`. None if there are
+    /// fewer places than coefficients.
     pub fn fitted(known: &[(Place, [f64; 2])], least: f64, general: bool) -> Option<Emulator> {
         let mut emulator = Emulator::unfitted(known.iter().map(|(place, _)| place).collect(), general);
         let rows: Vec<Vec<f64>> = known.iter().map(|(place, _)| emulator.terms(place)).collect();
@@ -113,7 +113,7 @@ impl Emulator {
         [0, 1].map(|which| terms.iter().zip(self.coefficients[which].iter()).map(|(term, share)| term * share).sum())
     }
 
-    /// Relative error of |Δe| at known places, as root mean square; what is smaller than `least` counts as that.
+    /// Relative error of |Δe| at known places, as root mean square; values smaller than `least` are replaced by it.
     pub fn error(&self, known: &[(Place, [f64; 2])], least: f64) -> f64 {
         let squared = |(place, expected): &(Place, [f64; 2])| {
             let [e1, e2] = self.at(place);
@@ -145,7 +145,7 @@ impl Emulator {
     }
 }
 
-/// The numbers of a place; in place of ρ, whose largest values are far above its median, ln(1 + ρ/median).
+/// The numbers of a place; ln(1 + ρ/median) replaces ρ, whose largest values are far above its median.
 fn scaled(place: &Place, median_per_px: f64) -> Vec<f64> {
     let mut numbers = place.numbers.clone();
     numbers[0] = (place.total_per_px / median_per_px).ln_1p();

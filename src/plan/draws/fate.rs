@@ -6,7 +6,7 @@ use crate::physics::shape::ShapeChange;
 use crate::plan::population::TrapLimits;
 use crate::plan::requirement::{Point, crossing};
 
-/// What becomes of a draw.
+/// The result of one draw.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fate {
     /// |Δe| at the end of the mission; None if no shape is left.
@@ -14,29 +14,29 @@ pub struct Fate {
     /// First time (years since launch) at which it exceeds the uncorrected and the corrected budget; None if not within the
     /// mission.
     pub exceeded_yr: [Option<f64>; 2],
-    /// Dose at the end of the mission over the factor on all doses, with cosmic rays of a mean cycle, MeV/g: what the Sun of this draw
-    /// makes of it.
+    /// Dose at the end of the mission over the common factor on all doses, with cosmic rays of a mean cycle, MeV/g: the effect of
+    /// this draw's Sun.
     pub sun_mev_g: f64,
-    /// The same of the limits on c and on m of the population: when so many traps are there.
+    /// The same for the limits on c and m of the population, when the number of traps reaches theirs.
     pub biases_exceeded_yr: [[Option<f64>; 2]; 2],
 }
 
-/// Times of a mission at which |Δe| is computed, besides those of its jumps.
+/// Times of a mission at which |Δe| is computed, besides its jumps.
 const TIMES: usize = 12;
 
-/// Share of the dose of the mission that may pass between two looks.
+/// Share of the mission's dose that may pass between two evaluations.
 const PASSED: f64 = 0.01;
 
-/// Distance from a limit, over the largest |Δe|, within which |Δe| is computed by itself: those of many times may be
-/// interpolated, which puts them off by less than that.
+/// Distance from a limit, over the largest |Δe|, within which |Δe| is computed individually: values at many times may be
+/// interpolated, with smaller errors than that.
 const NEAR: f64 = 1e-3;
 
 impl Fate {
-    /// Of a model whose changes of shape, at many times at once (years since launch), are these, and whose mission ends at `end_yr` or
-    /// is followed for longer. `traps_per_px`: numbers of traps of all species with which shear biases exceed their limits.
+    /// For a model with these changes of shape, at many times at once (years since launch), whose mission ends at `end_yr` or is
+    /// followed for longer. `traps_per_px`: numbers of traps of all species at which shear biases exceed their limits.
     ///
     /// # Errors
-    /// Those of the changes, and where the model has no dose.
+    /// Those of the changes, and if the model has no dose.
     pub fn of(
         model: &Model,
         end_yr: f64,
@@ -79,7 +79,7 @@ fn sun_mev_g(model: &Model, end_yr: f64) -> Result<f64, InputError> {
     })
 }
 
-/// When there are so many traps of all species, looked for at some times (years since launch).
+/// When the traps of all species reach the limits, searched at some times (years since launch).
 fn biases_exceeded_yr(
     model: &Model,
     times: &[f64],
@@ -101,8 +101,7 @@ fn biases_exceeded_yr(
     Ok(found)
 }
 
-/// Times at which a draw is evaluated: those of the model, except for events that change little, the end of its mission, and some
-/// in between.
+/// Times at which a draw is evaluated: those of the model, except for small events, the end of its mission, and some in between.
 fn times_yr(model: &Model, end_yr: f64) -> Result<Vec<f64>, InputError> {
     let duration_yr = model.mission.mission.duration_yr;
     let mut times = model.times_yr(duration_yr);

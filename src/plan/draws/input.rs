@@ -1,4 +1,4 @@
-//! Uncertain inputs of a mission, and how to change a mission by one of them.
+//! Uncertain inputs of a mission, and how to vary a mission by one of them.
 
 use std::sync::Arc;
 
@@ -12,21 +12,21 @@ use crate::physics::SourceDose;
 use crate::physics::source_dose::cosmic_ray_dose_mev_g;
 use crate::plan::dose;
 
-/// Changes a mission by a deviation of an input.
+/// Varies a mission by a deviation of an input.
 type Apply = dyn Fn(&mut Mission, f64) + Send + Sync;
 
 /// An uncertain input.
 pub struct Input {
     /// Name.
     pub name: String,
-    /// How uncertain it is.
+    /// Its uncertainty.
     pub sigma: Sigma,
-    /// Keys of the mission that it stands for: if those are drawn by themselves, it is not.
+    /// Keys of the mission that it represents: if these are drawn themselves, it is not.
     pub keys: Vec<String>,
     apply: Box<Apply>,
 }
 
-/// How uncertain an input is.
+/// The uncertainty of an input.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Sigma {
     /// Standard deviation of its logarithm.
@@ -36,7 +36,7 @@ pub enum Sigma {
 }
 
 impl Input {
-    /// Changes a mission by so many standard deviations of the input.
+    /// Varies a mission by `z` standard deviations of the input.
     pub fn deviate(&self, mission: &mut Mission, z: f64) {
         let (Sigma::Relative(sigma) | Sigma::Years(sigma)) = self.sigma;
         (self.apply)(mission, sigma * z);
@@ -54,7 +54,7 @@ fn input<const N: usize>(
     Input { name: name.into(), sigma: Sigma::Relative(sigma), keys: keys.map(String::from).to_vec(), apply }
 }
 
-/// The lengths of cycles to maxima that are not known yet, in a mission that lists them. Each shifts all maxima after it.
+/// The lengths of cycles up to unknown future maxima, for a mission that lists them. Each shifts all maxima after it.
 pub fn cycles(maxima: &[Maximum]) -> Vec<Input> {
     let ahead = maxima.iter().enumerate().filter(|(_, maximum)| maximum.cycles_ahead > 0);
     let shift = |(index, maximum): (usize, &Maximum)| Input {
@@ -68,19 +68,19 @@ pub fn cycles(maxima: &[Maximum]) -> Vec<Input> {
     ahead.map(shift).collect()
 }
 
-/// What the dose of a mission is derived from, as far as that is uncertain.
+/// What the dose of a mission is derived from, where it is uncertain.
 #[derive(Clone, Default)]
 pub struct Derived {
-    /// By how much the dose changes with the shield's thickness.
+    /// Dependence of the dose on the shield's thickness.
     pub shield: Option<Shield>,
-    /// By how much that of cosmic rays changes with their modulation; None if they are no source.
+    /// Dependence of the dose of cosmic rays on their modulation; None if they are not a source.
     pub modulation: Option<CosmicRayModulation>,
-    /// Power of a factor on the damage curve that is left in the number of traps; None if no dose is made by it.
+    /// Exponent of a factor on the damage curve in the number of traps; None if the dose does not depend on the curve.
     pub niel_power: Option<f64>,
 }
 
 impl Derived {
-    /// Of a mission as it was read.
+    /// For a mission as read.
     pub fn of(mission: &Mission) -> Derived {
         Derived {
             shield: Shield::of(mission),
@@ -90,9 +90,9 @@ impl Derived {
     }
 }
 
-/// Power of a factor on the damage curve that is left in D/D_ref. It is 1 where densities are quoted at a dose. Where they are quoted at a
-/// fluence, both doses are made with the same curve, and what is common to both cancels; the rest is as the two published curves
-/// have it, whose ratios are r for the mission's dose and r_ref at the energy of the reference:
+/// Exponent with which a factor on the damage curve enters D/D_ref. It is 1 where densities are quoted at a dose. Where they are
+/// quoted at a fluence, both doses use the same curve, and what is common to both cancels. The rest follows from the two published
+/// curves, whose ratios are r for the mission's dose and r_ref at the energy of the reference:
 ///
 /// ```text
 /// power = ln(r/r_ref)/ln r
@@ -119,7 +119,7 @@ fn niel_power(mission: &Mission) -> Option<f64> {
     power.is_finite().then_some(power)
 }
 
-/// The inputs of a mission, those known exactly left out.
+/// The inputs of a mission, without those known exactly.
 pub fn inputs(mission: &Mission, derived: Derived) -> Vec<Input> {
     let Derived { shield, modulation, niel_power } = derived;
     let known = &mission.uncertainty;
@@ -160,7 +160,7 @@ pub fn inputs(mission: &Mission, derived: Derived) -> Vec<Input> {
     inputs.push(input("galaxy size", [&size], known.galaxy_size, |mission, factor| {
         mission.galaxies[0].half_light_px *= factor
     }));
-    // At the end: the numbers of the others stay those that they were.
+    // At the end, so that the order of the others is unchanged.
     if let Some(power) = niel_power {
         inputs.push(input("NIEL", DOSE_KEYS, known.niel, move |mission, factor| {
             mission.environment.dose_factor *= factor.powf(power);
@@ -176,11 +176,11 @@ pub fn inputs(mission: &Mission, derived: Derived) -> Vec<Input> {
     inputs
 }
 
-/// Keys of which the dose is a multiple.
+/// Keys to which the dose is proportional.
 const DOSE_KEYS: [&str; 2] = ["environment.active_dose_rate_mev_g_yr", "environment.dose_factor"];
 
-/// Dose of a mission behind a shield whose thickness is not quite known, over that behind the shield as it is: its logarithm, at
-/// logarithms of the factor on the thickness.
+/// Dose of a mission behind a shield of uncertain thickness, over that behind the nominal shield: its logarithm, at logarithms of
+/// the factor on the thickness.
 #[derive(Clone)]
 pub struct Shield {
     curve: Vec<(f64, f64)>,
@@ -188,12 +188,12 @@ pub struct Shield {
     pub areal_g_cm2: f64,
 }
 
-/// Logarithms of factors on a thickness between which its dose is followed: rarer ones are continued on a straight line.
+/// Logarithms of the factors on a thickness for which its dose is computed; beyond them it is extrapolated linearly.
 const FACTORS: (f64, f64, usize) = (-2.0, 2.0, 33);
 
 impl Shield {
-    /// The mission's shield, or the sphere that makes the dose rate it gives. None if there is none: if no thickness makes
-    /// that rate, or the dose is imported.
+    /// The mission's shield, or the sphere that gives its dose rate. None if no thickness gives that rate, or if the dose is
+    /// imported.
     pub fn of(mission: &Mission) -> Option<Shield> {
         mission.place()?;
         let environment = &mission.environment;
@@ -231,7 +231,7 @@ impl Shield {
     }
 
     /// Factor on the thickness for a factor on the mission's dose.
-    /// None beyond those that are followed, a factor e² either way.
+    /// None outside the computed range, a factor e² either way.
     pub fn factor_for(&self, dose: f64) -> Option<f64> {
         let log = dose.ln();
         let after = self.curve.iter().position(|point| point.1 <= log).filter(|after| *after > 0)?;
@@ -245,7 +245,7 @@ impl Shield {
     }
 }
 
-/// Factor whose logarithm is on straight lines between points, at a factor; beyond the ends on those of the end pair.
+/// Log-log linear interpolation between points, at a factor; beyond the ends, extrapolation from the end pair.
 fn interpolated(curve: &[(f64, f64)], factor: f64) -> f64 {
     let log = factor.ln();
     let after = curve.partition_point(|point| point.0 <= log).clamp(1, curve.len() - 1);
@@ -260,11 +260,11 @@ pub struct CosmicRayModulation {
     curve: Vec<(f64, f64)>,
 }
 
-/// Logarithms of factors on a modulation between which its dose is followed.
+/// Logarithms of the factors on the modulation for which the dose is computed.
 const MODULATIONS: (f64, f64, usize) = (-1.0, 1.0, 17);
 
 impl CosmicRayModulation {
-    /// Of a mission; None if cosmic rays are not among its sources.
+    /// For a mission; None if cosmic rays are not among its sources.
     pub fn of(mission: &Mission) -> Option<CosmicRayModulation> {
         let model = Model::new(mission);
         let itself = cosmic_ray_dose_mev_g(mission, model.history(), 1.0)?.ln();

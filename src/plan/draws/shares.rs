@@ -1,11 +1,11 @@
-//! Deviations of the inputs of draws and a quantity of each → shares of its variance.
+//! Deviations of the inputs of draws, and a quantity of each draw → shares of its variance.
 //!
 //! ```text
 //! y = β₀ + Σ βᵢ zᵢ + rest        share i = βᵢ² var(zᵢ)/(Σ β² var(z) + var(rest))
 //! ```
 //!
-//! The variance of a deviation is 1 by the law that it is drawn from. That of the Sun is known from the draws alone, and as
-//! uncertain as they are few.
+//! The variance of a deviation is 1 by the distribution from which it is drawn. That of the Sun is known only from the draws, with
+//! the uncertainty of their number.
 //!
 //! Squared standardised regression coefficients of independent inputs (Saltelli et al. 2008, Global Sensitivity Analysis).
 
@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::numeric::least_squares::Span;
 
-/// A quantity, and the deviations (in σ) that made it, of some draws.
+/// A quantity of some draws, and their deviations (in σ).
 pub struct Explained<'a> {
     draws: Vec<(&'a [f64], f64)>,
     /// Whether the last of the deviations is that of the Sun.
@@ -21,17 +21,17 @@ pub struct Explained<'a> {
 }
 
 impl<'a> Explained<'a> {
-    /// Of the draws that have a value.
+    /// From the draws that have a value.
     pub fn of(draws: impl Iterator<Item = (&'a [f64], Option<f64>)>, sun_is_last: bool) -> Explained<'a> {
         Explained { draws: draws.filter_map(|(deviations, value)| Some((deviations, value?))).collect(), sun_is_last }
     }
 
-    /// Standard deviation of the quantity; not a number of fewer than two.
+    /// Standard deviation of the quantity; NaN for fewer than two.
     pub fn sigma(&self) -> f64 {
         variance(self.draws.iter().map(|(_, value)| *value)).sqrt()
     }
 
-    /// Shares of the variance of each input, and what is left. None if there are too few, or nothing varies.
+    /// Shares of the variance for each input, and the rest. None if there are too few draws, or nothing varies.
     pub fn shares(&self) -> Option<Vec<f64>> {
         let inputs = self.draws.first()?.0.len();
         if inputs == 0 || self.draws.len() < 2 * (inputs + 1) {

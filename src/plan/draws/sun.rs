@@ -1,7 +1,7 @@
 //! A mission → realisations of its Sun, each a dose of solar protons over time.
 //!
-//! If the mission gives its dose rate, the Sun is drawn behind the aluminium sphere that makes that rate in an active year at
-//! the mission's confidence; behind [`ASSUMED_MM`] and scaled to it, if no sphere does.
+//! If the mission gives its dose rate, the Sun is drawn behind the aluminium sphere that gives that rate in an active year at the
+//! mission's confidence. If no sphere does, it is drawn behind [`ASSUMED_MM`] and scaled to the rate.
 
 use crate::environment::esp;
 use crate::environment::shielding::{Geometry, Shield};
@@ -11,10 +11,10 @@ use crate::model::Model;
 use crate::physics::solar_event_dose::SolarEventDoses;
 use crate::plan::dose::equivalent_mm;
 
-/// Thickness (mm of aluminium) assumed if none makes the dose rate that is given.
+/// Thickness (mm of aluminium) assumed if none gives the stated dose rate.
 const ASSUMED_MM: f64 = 10.0;
 
-/// Time (yr) in which the dose of an event comes: three days.
+/// Duration (yr) of an event's dose: three days.
 const EVENT_YR: f64 = 3.0 / 365.25;
 
 /// Realisations of the Sun.
@@ -24,10 +24,10 @@ pub struct Suns {
 }
 
 impl Suns {
-    /// So many realisations of the Sun over a mission.
+    /// `samples` realisations of the Sun over a mission.
     ///
     /// # Errors
-    /// If its dose says nothing of single events: it is imported, has no solar protons, or is that of trapped protons in a low
+    /// If its dose does not determine single events: it is imported, has no solar protons, or is that of trapped protons in a low
     /// orbit of unknown elements.
     pub fn of(model: &Model, samples: u32, seed: u64) -> Result<Suns, InputError> {
         if model.mission.place().is_none() {
@@ -39,11 +39,11 @@ impl Suns {
         Ok(Suns { doses, factor })
     }
 
-    /// A realisation: years since launch, rising from 0, and dose of solar protons since launch (MeV/g, before the mission's factor on
-    /// all doses).
+    /// A realisation: years since launch, ascending from 0, and dose of solar protons since launch (MeV/g, before the mission's
+    /// factor on all doses).
     ///
     /// # Panics
-    /// If there are not so many.
+    /// If there are not that many.
     pub fn realisation(&self, index: usize) -> Vec<(f64, f64)> {
         let mut changes: Vec<(f64, f64)> = Vec::new();
         for (t_yr, dose_mev_g) in self.doses.steps(index) {
@@ -65,14 +65,14 @@ impl Suns {
     }
 }
 
-/// The mission with a derived dose, without its factor on all doses; and what the doses of its Sun are multiplied by.
+/// The mission with a derived dose, without its factor on all doses; and the factor on the doses of its Sun.
 fn derived(mission: &Mission) -> (Mission, f64) {
     let mut derived = mission.clone();
     let environment = &mut derived.environment;
     environment.dose_factor = 1.0;
     let Some(rate) = environment.active_dose_rate_mev_g_yr.take() else { return (derived, 1.0) };
     environment.sources = None;
-    // The rate is that behind everything: no orbit takes more of it.
+    // The rate is that behind all shielding: no orbit reduces it further.
     derived.orbit = None;
     derived.mission.orbit = Some(Orbit::L2);
     let environment = &derived.environment;

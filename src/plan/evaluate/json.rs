@@ -172,7 +172,7 @@ impl Serialize for Evaluation {
 }
 
 impl<'a> NamedYear<'a> {
-    /// A year of an evaluation, by its place.
+    /// One year of an evaluation, by its index.
     fn of(evaluation: &'a Evaluation, place: usize) -> NamedYear<'a> {
         let year: &Year = &evaluation.years[place];
         let noisy = |galaxy: usize| evaluation.noise.as_ref().and_then(|noise| noise.years[place][galaxy]);

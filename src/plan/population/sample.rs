@@ -1,4 +1,4 @@
-//! The galaxies of a population that are evaluated: of a table, or drawn from the law.
+//! The galaxies of a population that are evaluated: from a table, or drawn from the law.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -10,9 +10,9 @@ use crate::physics::galaxy::snr;
 
 /// Galaxies with their weights.
 pub(super) struct SurveySample {
-    /// Those that are evaluated.
+    /// The evaluated galaxies.
     pub galaxies: Vec<Member>,
-    /// Those that there are.
+    /// Number of available galaxies.
     pub available: usize,
 }
 
@@ -21,17 +21,17 @@ pub(super) struct Member {
     pub galaxy: SurveyGalaxy,
     /// Weight in the survey.
     pub weight: f64,
-    /// Which draw it is from: two galaxies of the law are one draw.
+    /// Index of its draw: a pair of galaxies of the law is one draw.
     pub draw: usize,
 }
 
-/// Streams of the law's galaxies, apart from those of other uses of a seed.
+/// Random streams of the law's galaxies, separate from those of other uses of a seed.
 const STREAMS: u64 = 1 << 42;
 
-/// Least and largest half-light radius, px.
+/// Smallest and largest half-light radius, px.
 const SIZES_PX: [f64; 2] = [0.05, 100.0];
 
-/// Galaxies of a mission's population.
+/// The galaxies of a mission's population.
 pub(super) fn of(mission: &Mission, population: &Population, seed: u64) -> SurveySample {
     let most = population.galaxies as usize;
     let table = &mission.imported.galaxies;
@@ -49,12 +49,12 @@ pub(super) fn of(mission: &Mission, population: &Population, seed: u64) -> Surve
     SurveySample { galaxies: (0..evaluated).map(galaxy).collect(), available: weighty.len() }
 }
 
-/// Row of a table that stands for the galaxy `index` of so many: every row if all are evaluated, evenly spread ones otherwise.
+/// Row of a table for the galaxy `index` of those evaluated: every row if all are evaluated, otherwise evenly spread ones.
 fn chosen(index: usize, evaluated: usize, rows: usize) -> usize {
     (2 * index + 1) * rows / (2 * evaluated)
 }
 
-/// Place on the detector of the galaxy `index` of so many, 0 to 1: evenly spread, and in no order (by the golden ratio).
+/// Position on the detector of the galaxy `index`, 0 to 1: evenly spread, without order (by the golden ratio).
 fn distance(index: usize, galaxies: usize) -> f64 {
     let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
     match galaxies {
@@ -63,7 +63,7 @@ fn distance(index: usize, galaxies: usize) -> f64 {
     }
 }
 
-/// What galaxies have of which a table says nothing.
+/// Galaxy properties that a table does not contain.
 struct Completed<'a> {
     mission: &'a Mission,
     flux_e: f64,
@@ -83,7 +83,7 @@ impl Completed<'_> {
     }
 }
 
-/// Transfers of a galaxy at a place, 0 to 1.
+/// Transfers of a galaxy at a position, 0 to 1.
 fn transfers(mission: &Mission, distances: Distances, place: f64) -> u32 {
     let all = mission.readout.transfers;
     match distances {
@@ -92,20 +92,20 @@ fn transfers(mission: &Mission, distances: Distances, place: f64) -> u32 {
     }
 }
 
-/// What turns magnitudes and arcsec into electrons and pixels.
+/// Conversion of magnitudes and arcsec to electrons and pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// Magnitude of a source of one electron in an exposure.
+    /// Magnitude of a source that gives one electron in an exposure.
     pub one_electron_mag: f64,
     /// Width of a pixel, arcsec.
     pub pixel_arcsec: f64,
 }
 
-/// Width of a pixel if none is given, arcsec: that of SNAP and of Euclid's VIS.
+/// Default width of a pixel, arcsec: that of SNAP and of Euclid's VIS.
 const PIXEL_ARCSEC: f64 = 0.1;
 
 impl Camera {
-    /// As the population says; by default the faintest galaxies have the flux of the judged one.
+    /// As specified by the population; by default the faintest galaxies have the flux of the judged one.
     pub fn of(mission: &Mission, population: &Population) -> Camera {
         let faintest = || population.magnitude_range[1] + 2.5 * snr::flux_e(mission, mission.judged_galaxy()).log10();
         Camera {
@@ -117,7 +117,7 @@ impl Camera {
 
 /// A galaxy of the law; its magnitude range was checked when the mission was read.
 ///
-/// Galaxies come in pairs: the second one is the first turned by 90 degrees, so that the ellipticities of a pair have no mean
+/// Galaxies come in pairs: the second is the first rotated by 90 degrees, so that the ellipticities of a pair average to zero
 /// (Nakajima & Bernstein 2007, AJ 133, 1763) and the multiplicative bias does not add to the scatter of the additive one.
 fn drawn(mission: &Mission, population: &Population, seed: u64, index: usize) -> Member {
     let draw = index / 2;

@@ -8,7 +8,7 @@ use crate::mission::Date;
 use crate::mission::keys::{Allowed, KEYS};
 use crate::mission_file::lookup;
 
-/// A key and the values it is to take.
+/// A key and its values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
     /// Dotted key of the mission, such as `readout.line_time_ms` or `detector.traps.VV.density_per_px`.
@@ -17,15 +17,15 @@ pub struct Axis {
     pub values: Vec<Value>,
 }
 
-/// Most values of one range.
+/// Maximum number of values in a range.
 const MOST_VALUES: usize = 100_000;
 
 impl Axis {
-    /// Reads values: a list `5,10,25`, a range with a step `100..1700:100`, so many values in equal steps or equal
-    /// ratios `5..100:lin:8`, `5..100:log:8`, or, for dates, years between two of them `2009-01-01..2020-01-01:1`.
+    /// Reads values: a list `5,10,25`, a range with a step `100..1700:100`, n values in equal steps `5..100:lin:8` or equal ratios
+    /// `5..100:log:8`, or, for dates, with a step in years `2009-01-01..2020-01-01:1`.
     ///
     /// # Errors
-    /// If the key does not exist, or the text is none of these, or a value is of the wrong kind.
+    /// If the key does not exist, the text has none of these forms, or a value is of the wrong kind.
     pub fn parse(key: &str, text: &str) -> Result<Axis, InputError> {
         let refuse = |problem: String| {
             InputError::new(format!("cannot read the values of {key}: `{text}`"), problem).with_help(
@@ -49,7 +49,7 @@ impl Axis {
     }
 }
 
-/// What kind of value a key takes; names of members stand for any.
+/// The kind of value that a key takes; a name matches any member.
 fn kind_of(key: &str) -> Option<Allowed> {
     let known = lookup::find(key).or_else(|| {
         KEYS.iter().find(|known| {
@@ -120,14 +120,14 @@ fn range(kind: Allowed, from: &str, rest: &str) -> Result<Vec<Value>, String> {
             if !(0.0..MOST_VALUES as f64).contains(&steps) {
                 return Err(format!("{step} does not lead from {low} to {high} in up to {MOST_VALUES} steps"));
             }
-            // The least fraction of a step keeps the end, in spite of rounding.
+            // A tiny fraction of a step keeps the end in spite of rounding.
             (0..=(steps + 1e-9) as usize).map(|i| low + i as f64 * step).collect()
         }
         _ => return Err("a range needs a step".into()),
     };
     match kind {
         Allowed::Integer(..) => {
-            // Equal ratios of whole numbers are the nearest whole numbers, each once.
+            // For whole numbers: rounded, without duplicates.
             let mut whole: Vec<i64> = numbers.iter().map(|number| number.round() as i64).collect();
             whole.dedup();
             Ok(whole.into_iter().map(Value::Integer).collect())

@@ -1,43 +1,43 @@
-//! Why one scenario is better than another: dose, and what the same dose does, species by species.
+//! Why one scenario is better than another: the dose, and the effect of the same dose, species by species.
 
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::{Device, Model};
 
-/// What makes one scenario better than another; the report has the words.
+/// A cause of the difference between two scenarios; the report has the words.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cause {
     /// The worse one has no measurable shape left.
     Lost,
     /// The doses differ.
     Dose {
-        /// The better one has more, which is no cause.
+        /// The better one has more dose, which is not a cause.
         although: bool,
         /// Dose of the better one and of the worse, MeV/g.
         dose_mev_g: [f64; 2],
         /// Active time of the better one and of the worse, yr.
         active_yr: [f64; 2],
     },
-    /// The same dose does more to one of them.
+    /// The effect of the same dose differs.
     PerDose {
-        /// It does more to the better one, which is no cause.
+        /// It is larger in the better one, which is not a cause.
         although: bool,
         /// |Δe| per dose of the better one over that of the worse.
         ratio: f64,
     },
-    /// One of them has effects that the other does not have.
+    /// One of them has effects that the other lacks.
     Effects {
-        /// Those of the better one alone.
+        /// Effects of the better one only.
         only_better: Vec<String>,
-        /// Those of the worse one alone.
+        /// Effects of the worse one only.
         only_worse: Vec<String>,
     },
-    /// Not all of the change is by traps of the image: registers and amplifiers change shapes too.
+    /// Part of the change is not by traps of the image: registers and amplifiers also change shapes.
     Beside {
         /// |Δe| without these traps, as a share of |Δe| in the better one and in the worse.
         share: [f64; 2],
     },
-    /// A species has another share.
+    /// A species with a different share.
     Species {
         /// Its name.
         name: String,
@@ -57,7 +57,7 @@ pub(super) struct State {
     effects: Vec<String>,
     /// |Δe| without the traps of the image.
     beside: f64,
-    /// For each species its share of |Δe| were it alone, and its release time in transfers.
+    /// For each species, its share of |Δe| if it were alone, and its release time in transfers.
     shares: Vec<(String, f64, f64)>,
 }
 
@@ -77,10 +77,10 @@ impl State {
     }
 }
 
-/// From this share of |Δe| on, what is not by traps of the image is named, and their shares are not.
+/// Share of |Δe| above which contributions other than traps of the image are named, and the shares of traps are not.
 const BESIDE: f64 = 0.05;
 
-/// |Δe| of the better over that of the worse, and what makes it so.
+/// |Δe| of the better over that of the worse, and the causes.
 pub(super) fn why(better: &State, worse: &State) -> (Option<f64>, Vec<Cause>) {
     let (Some(better_e), Some(worse_e)) = (better.delta_e, worse.delta_e) else {
         return (None, vec![Cause::Lost]);
@@ -91,7 +91,7 @@ pub(super) fn why(better: &State, worse: &State) -> (Option<f64>, Vec<Cause>) {
     let ratio = better_e / worse_e;
     let mut causes = Vec::new();
     let alike = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
-    // A difference the other way round than that of |Δe| is no cause of it.
+    // A difference opposite in sign to that of |Δe| is not its cause.
     let although = |more: bool| more == (ratio < 1.0);
     if !alike(better.dose_mev_g, worse.dose_mev_g) {
         causes.push(Cause::Dose {
@@ -122,7 +122,7 @@ pub(super) fn why(better: &State, worse: &State) -> (Option<f64>, Vec<Cause>) {
     (Some(ratio), causes)
 }
 
-/// Species of both that have another share.
+/// Species of both whose shares differ.
 fn species(better: &State, worse: &State) -> Vec<Cause> {
     let both = worse.shares.iter().zip(&better.shares).filter(|(from, to)| from.0 == to.0);
     both.filter(|(from, to)| (from.1 - to.1).abs() > 0.02)
@@ -134,7 +134,7 @@ fn species(better: &State, worse: &State) -> Vec<Cause> {
         .collect()
 }
 
-/// For each species its share of |Δe| were it alone, and its release time in transfers.
+/// For each species, its share of |Δe| if it were alone, and its release time in transfers.
 fn shares(model: &Model, device: &Device) -> Result<Vec<(String, f64, f64)>, InputError> {
     let alone = |index: usize| -> Result<f64, InputError> {
         Ok(model.change_by(0, &device.with_species(index))?.map_or(0.0, |change| change.magnitude()))

@@ -1,4 +1,4 @@
-//! Which of several missions is best: the one order by which `compare` and studies rank.
+//! Which of several missions is best: the common order for the rankings of `compare` and studies.
 //!
 //! A mission is better if, in this order,
 //!
@@ -12,22 +12,22 @@ use serde::Serialize;
 use crate::numeric::calendar::DAYS_PER_YEAR;
 use crate::plan::judgement::{Judgement, Limited};
 
-/// What a mission is ranked by.
+/// The quantities by which a mission is ranked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Merit {
     /// When the first uncorrected budget is exceeded, years since launch; None if none is within the mission.
     pub uncorrected_yr: Option<f64>,
-    /// The same of the corrected budgets.
+    /// The same for the corrected budgets.
     pub corrected_yr: Option<f64>,
-    /// Largest share of an uncorrected budget that is used at the end of the mission, infinite if no shape is left; 0 if |Δe|
-    /// alone is limited.
+    /// Largest share of an uncorrected budget that is used at the end of the mission, infinite if no shape is left; 0 if only |Δe|
+    /// is limited.
     pub used: f64,
-    /// |Δe| at the end of the mission; None if no shape is left, and 0 where it is not limited.
+    /// |Δe| at the end of the mission; None if no shape is left, and 0 if it is not limited.
     pub delta_e: Option<f64>,
 }
 
 impl Merit {
-    /// Of a mission that is judged so, as expected or with a probability, and has this |Δe| at its end.
+    /// For a mission with this judgement, as expected or with a probability, and this |Δe| at its end.
     pub fn of(judgement: &Judgement, confidence: Option<f64>, delta_e: Option<f64>) -> Merit {
         let [uncorrected_yr, corrected_yr] = judgement.kept_yr(confidence);
         let used = if judgement.limits_biases() { judgement.used().unwrap_or(f64::INFINITY) } else { 0.0 };
@@ -36,11 +36,11 @@ impl Merit {
     }
 }
 
-/// What makes one mission better than another.
+/// The criterion by which one mission is better than another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Criterion {
-    /// The time at which the first uncorrected budget is exceeded, or until which it is kept with the requested probability.
+    /// The time at which the first uncorrected budget is exceeded, or until which it is met with the requested probability.
     Uncorrected,
     /// The same for the corrected budgets.
     Corrected,
@@ -52,10 +52,10 @@ pub enum Criterion {
     End,
 }
 
-/// The criteria, the first one before all others.
+/// The criteria, in order of precedence.
 const CRITERIA: [Criterion; 4] = [Criterion::Uncorrected, Criterion::Corrected, Criterion::Used, Criterion::End];
 
-/// |Δe| that are the same but for rounding, relative.
+/// Relative difference below which two |Δe| are equal except for rounding.
 const ROUNDING: f64 = 1e-6;
 
 impl Criterion {
@@ -70,7 +70,7 @@ impl Criterion {
         }
     }
 
-    /// Whether two such numbers count as equal: times to a day, which is what dates are printed to, |Δe| but for rounding.
+    /// Whether two such numbers count as equal: times to a day, the resolution of printed dates; |Δe| except for rounding.
     fn equal(self, a: f64, b: f64) -> bool {
         let tolerance = match self {
             Criterion::Uncorrected | Criterion::Corrected => 1.0 / DAYS_PER_YEAR,
@@ -80,14 +80,14 @@ impl Criterion {
     }
 }
 
-/// The best of several missions and the worst of them, by their places, in their order: more than one if there are ties.
+/// The best and the worst of several missions, by their indices, in their order: more than one if there are ties.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ranking {
     /// The best.
     pub best: Vec<usize>,
     /// The worst.
     pub worst: Vec<usize>,
-    /// What makes the best better than the worst; None if all are alike.
+    /// The criterion by which the best is better than the worst; None if all are equal.
     pub by: Option<Criterion>,
 }
 
@@ -103,7 +103,7 @@ impl Ranking {
     }
 }
 
-/// The places that lead in one criterion after the other: with `sign` 1 the best, with −1 the worst.
+/// The missions that lead by one criterion after the other: with `sign` 1 the best, with −1 the worst.
 fn leading(merits: &[Merit], sign: f64) -> Vec<usize> {
     let mut places: Vec<usize> = (0..merits.len()).collect();
     for criterion in CRITERIA {
@@ -149,7 +149,7 @@ mod tests {
         assert_eq!(Ranking::of(&alike), Ranking { best: vec![0, 1], worst: vec![0, 1], by: None });
         let lost = [merit(Some(0.0), Some(1.0), None), merit(Some(0.0), Some(1.0), None)];
         assert_eq!(Ranking::of(&lost).by, None);
-        // A tenth of a day is no difference.
+        // A tenth of a day counts as equal.
         let ranking = Ranking::of(&[merit(Some(2.0), None, Some(2e-3)), merit(Some(2.0003), None, Some(1e-3))]);
         assert_eq!((ranking.best, ranking.by), (vec![1], Some(Criterion::End)));
     }

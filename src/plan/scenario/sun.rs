@@ -8,21 +8,21 @@ use crate::mission::{DoseModel, Mission};
 /// Key of the model of the dose over time.
 pub(crate) const MODEL: &str = "environment.model";
 
-/// Remark if the cycle replaces the average.
+/// Note if the cycle replaces the average.
 const FOLLOWS: &str = "Launch dates are compared with environment.model = \"solar-cycle\": the mission's \"constant\" \
                                   is an average over the cycle, the same for every launch (--set environment.model=constant \
                                   keeps it).";
 
-/// Remark if the average was requested.
+/// Note if the average was requested.
 const AVERAGED: &str = "With environment.model = \"constant\", as was asked for, the dose is an average over the \
                                    solar cycle: every launch date is alike.";
 
-/// What is said of a mission that no solar protons reach.
+/// Note for a mission that solar protons do not reach.
 const LOW_ORBIT: &str = "In a low Earth orbit the dose rate is the one that the mission gives, the same in all years: launch \
                          dates are alike.";
 
-/// The mission as its launch dates are compared: with the solar cycle in place of an average over it, unless that was `kept` on
-/// purpose; and what a reader has to know of it.
+/// The mission for a comparison of launch dates: with the solar cycle in place of an average over it, unless the average was `kept`
+/// on purpose; and a note for the reader.
 pub(crate) fn of_launches(mission: &Mission, kept: bool) -> (Mission, Option<&'static str>) {
     let mut flown = mission.clone();
     if model(mission) != "constant" {
@@ -38,7 +38,7 @@ pub(crate) fn of_launches(mission: &Mission, kept: bool) -> (Mission, Option<&'s
     (flown, Some(FOLLOWS))
 }
 
-/// How the dose of a mission is spread over the years, as the mission file calls it.
+/// How the dose of a mission is distributed over the years, as named in the mission file.
 pub(crate) fn model(mission: &Mission) -> &'static str {
     match mission.environment.model {
         DoseModel::Constant if !mission.effects.contains_key("solar-cycle") => "constant",

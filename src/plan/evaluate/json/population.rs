@@ -32,7 +32,7 @@ struct Year {
     m2_error: Option<f64>,
 }
 
-/// What becomes of a limit on a bias.
+/// A limit on a bias, and when it is exceeded.
 #[derive(serde::Serialize)]
 pub(super) struct Budget<'a> {
     limit: f64,
