@@ -1,8 +1,8 @@
-//! Trade studies: a mission → what a team decides on.
+//! Trade studies: a mission → numbers for design decisions.
 //!
-//! Each study asks one question of the section on future missions of Rhodes et al. 2010 (PASP 122, 439), and answers it for the
-//! galaxy that the mission's requirement judges, with numbers. A study has a file of the same name in three folders: here its
-//! options and its numbers, in `report/study/` its tables, figures and sentences, in `cli/study/` its arguments.
+//! Each study answers one question of the section on future missions of Rhodes et al. 2010 (PASP 122, 439), with numbers, for the
+//! judged galaxy of the mission's requirement. A study has a file of the same name in three folders: its options and numbers here,
+//! its tables, figures and sentences in `report/study/`, its arguments in `cli/study/`.
 
 pub mod calibration;
 pub mod charge_injection;
@@ -30,15 +30,15 @@ use crate::warning::Warning;
 pub use crate::numeric::estimate::Estimate;
 pub use signal::{Aperture, Exposure};
 
-/// A question that can be asked of a mission. The fields of the type are its options.
+/// A question about a mission. The fields of the type are its options.
 pub trait Study {
-    /// What is found: numbers whose names end in their units. Rows and summaries serialise to the study's JSON.
+    /// The results: numbers whose names end in their units. Rows and summaries serialise to the study's JSON.
     type Results;
 
-    /// Finds it; `advance` is called when a part is done.
+    /// Computes the results; `advance` is called after each part.
     ///
     /// # Errors
-    /// If an option makes no sense for the mission, or its judged galaxy has no measurable shape.
+    /// If an option is invalid for the mission, or its judged galaxy has no measurable shape.
     fn study(&self, mission: &Mission, advance: &(dyn Fn() + Sync)) -> Result<Self::Results, InputError>;
 }
 
@@ -52,13 +52,13 @@ fn warnings(mission: &Mission) -> Vec<Warning> {
     Model::new(mission).history().warnings(mission.mission.duration_yr)
 }
 
-/// The mission as studies look at it: its judged galaxy alone, read out as accurately as differences between choices need.
+/// The mission as used in studies: only its judged galaxy, read out accurately enough for differences between options.
 fn judged(mission: &Mission) -> Mission {
     let mission = Purpose::ManyShapes.of(mission);
     Mission { galaxies: vec![mission.judged_galaxy().clone()], fit: FitSettings::default(), ..mission }
 }
 
-/// A model of the mission as studies look at it.
+/// A model of the mission as used in studies.
 ///
 /// # Errors
 /// If its galaxy has no measurable shape before the readout.
@@ -70,7 +70,7 @@ fn ready(mission: &Mission) -> Result<Model, InputError> {
     Ok(model)
 }
 
-/// Refuses numbers that a key of the mission does not allow, and none at all.
+/// Rejects numbers that a key of the mission does not allow, and an empty list.
 fn check(key: &str, numbers: &[f64]) -> Result<(), InputError> {
     let key = lookup::find(key).expect("a key of the mission");
     if numbers.is_empty() {
@@ -85,7 +85,7 @@ fn check(key: &str, numbers: &[f64]) -> Result<(), InputError> {
     })
 }
 
-/// `first` to `last` in so many equal ratios.
+/// `count` values from `first` to `last` in equal ratios.
 fn ratios(first: f64, last: f64, count: usize) -> Vec<f64> {
     (0..count).map(|index| first * (last / first).powf(index as f64 / (count - 1) as f64)).collect()
 }

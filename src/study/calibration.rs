@@ -1,6 +1,7 @@
-//! How well a correction must know the traps, and what calibrations at an interval reach.
+//! How accurately a correction must know the traps, and what calibrations at a given interval achieve.
 //!
-//! A correction with believed parameters leaves, to first order in the trailing, the difference of what true and believed ones do:
+//! To first order in the trailing, a correction with assumed parameters leaves the difference between the effects of the true and
+//! the assumed ones:
 //!
 //! ```text
 //! left = Σ ∂q/∂ln ρᵢ (Δρᵢ/ρᵢ) + Σ ∂q/∂ln τᵢ (Δτᵢ/τᵢ)        q: Δe of the judged galaxy, shear biases c and m of the population
@@ -9,16 +10,16 @@
 //! with densities ρ and release times τ of the species. Israel et al. 2015 (MNRAS 453, 561) conclude that Euclid must know
 //! densities to 0.03 % and release times to 0.04 %.
 //!
-//! Each calibration (trails of injected charge or of flats, pumping) measures densities and release times with a relative error of its
-//! own. Until the next one densities are continued, on the straight line through the last two or not at all:
+//! Each calibration (trails of injected charge or of flats, pumping) measures densities and release times with independent relative
+//! errors. Until the next one, densities are extrapolated linearly from the last two, or held constant:
 //!
 //! ```text
 //! ρ̂(t) = ρ̂ₖ + (ρ̂ₖ − ρ̂ₖ₋₁)(t − tₖ)/(tₖ − tₖ₋₁)        ρ̂(t) = ρ̂ₖ
 //! ```
 //!
-//! A solar event in between is not predicted: the Sun is drawn as for the date as a distribution.
+//! A solar event in between is not predicted: the Sun is drawn as for the distribution of the date.
 //!
-//! Given intervals are evaluated one by one; the longest that keeps all limits is solved for (`calibration/longest.rs`).
+//! Given intervals are evaluated one by one; the longest that meets all limits is solved for (`calibration/longest.rs`).
 
 mod longest;
 
@@ -38,7 +39,7 @@ use crate::warning::Warning;
 pub use super::tolerance::Known;
 pub use longest::{Longest, Outcome, TOLERANCE};
 
-/// Months of a year.
+/// Months per year.
 const MONTHS: f64 = 12.0;
 
 /// Shortest interval between calibrations, months.
@@ -53,7 +54,7 @@ pub struct Calibration {
     pub density_error: f64,
     /// Relative error (1 σ) of each release time in one calibration.
     pub release_error: f64,
-    /// Probability with which the requirement is to be met, by the draws of the Sun.
+    /// Probability with which the requirement is to be met, over draws of the Sun.
     pub probability: f64,
     /// Draws of the Sun.
     pub samples: u32,
@@ -71,31 +72,31 @@ impl Default for Calibration {
     }
 }
 
-/// How densities are continued until the next calibration.
+/// How densities are extrapolated to the next calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Continued {
-    /// Not at all.
+    /// Held constant.
     Constant,
-    /// On the straight line through the last two calibrations.
+    /// Linearly from the last two calibrations.
     Linear,
 }
 
-/// All ways.
+/// All methods.
 const WAYS: [Continued; 2] = [Continued::Constant, Continued::Linear];
 
-/// What the study finds.
+/// The results of the study.
 #[derive(Clone, Debug)]
 pub struct Results {
-    /// What is limited.
+    /// The limited quantities.
     pub limited: Vec<Limited>,
     /// Their limits, without correction.
     pub limits: Vec<f64>,
-    /// Each parameter alone, and all together.
+    /// Each parameter by itself, and all together.
     pub known: Vec<Known>,
-    /// Each interval, for each way of continuing the densities.
+    /// Each interval, for each extrapolation of the densities.
     pub intervals: Vec<Interval>,
-    /// The longest interval that keeps all limits, for each way of continuing the densities.
+    /// The longest interval that meets all limits, for each extrapolation of the densities.
     pub longest: Vec<Longest>,
     /// The requested probability.
     pub probability: f64,
@@ -110,15 +111,15 @@ pub struct Results {
 pub struct Interval {
     /// Time between two calibrations, months.
     pub interval_months: f64,
-    /// How densities are continued.
+    /// How densities are extrapolated.
     pub continued: Continued,
     /// Largest error of the densities over the mission, % of those at its end, not exceeded with the requested probability.
     pub density_error_percent: f64,
     /// Largest share of a limit that is used over the mission, %, not exceeded with the requested probability.
     pub used_percent: f64,
-    /// The limit with this share.
+    /// The limit of which that share is used.
     pub by: Option<Limited>,
-    /// Share of the time of the mission in which a limit is exceeded, mean over the draws, %.
+    /// Fraction of the mission during which a limit is exceeded, mean over the draws, %.
     pub beyond_percent: f64,
     /// Probability that all limits are met, %.
     pub met_percent: f64,
@@ -159,9 +160,9 @@ impl Study for Calibration {
     }
 }
 
-/// Histories of the number of traps, each over that expected at the end.
+/// Histories of the number of traps, each relative to that expected at the end.
 struct DensityHistories {
-    /// Years since launch, rising, and traps.
+    /// Years since launch, ascending, and traps.
     of_draws: Vec<Vec<(f64, f64)>>,
     end_yr: f64,
     sun_not_drawn: Option<String>,
@@ -178,7 +179,7 @@ impl DensityHistories {
     }
 }
 
-/// A history at a time: straight between its points.
+/// A history at a time, by linear interpolation.
 fn at(history: &[(f64, f64)], t_yr: f64) -> f64 {
     let after = history.partition_point(|point| point.0 < t_yr).clamp(1, history.len() - 1);
     let ((from_yr, from), (to_yr, to)) = (history[after - 1], history[after]);
@@ -186,7 +187,7 @@ fn at(history: &[(f64, f64)], t_yr: f64) -> f64 {
 }
 
 impl Calibration {
-    /// Intervals are within the mission, and enough is drawn for the probability.
+    /// Checks that intervals are within the mission, and that the draws suffice for the probability.
     fn check(&self, mission: &Mission) -> Result<(), InputError> {
         let most = MONTHS * mission.mission.duration_yr;
         let within = |months: &&f64| !(LEAST_MONTHS..=most).contains(*months);
@@ -227,7 +228,7 @@ impl Calibration {
         }
     }
 
-    /// What calibrations at an interval leave of each draw of the Sun.
+    /// The residuals of calibrations at an interval, for each draw of the Sun.
     fn over_draws(
         &self,
         sensitivities: &[Sensitivity],
@@ -275,23 +276,23 @@ impl Calibration {
     }
 }
 
-/// Times between two calibrations at which errors are evaluated.
+/// Number of times between two calibrations at which errors are evaluated.
 const LOOKS: u32 = 8;
 
-/// What calibrations leave of a draw.
+/// The residuals of calibrations for a draw.
 struct Worst {
-    /// Largest error of the densities, over those expected at the end.
+    /// Largest error of the densities, relative to those expected at the end.
     density_error: f64,
     /// Largest share of a limit that is used.
     used: f64,
-    /// The limit of which that is.
+    /// The limit of which that share is used.
     by: Limited,
-    /// Share of the time in which a limit is exceeded.
+    /// Fraction of the time during which a limit is exceeded.
     beyond: f64,
 }
 
-/// Traps as the last calibration has them, and the one before if a line is drawn through both: times (years since launch) and
-/// densities over those expected at the end.
+/// Traps at the last calibration, and at the previous one for linear extrapolation: times (years since launch) and densities
+/// relative to those expected at the end.
 struct Calibrated {
     last: (f64, f64),
     before: Option<(f64, f64)>,
@@ -302,8 +303,8 @@ impl Calibrated {
         Calibrated { last: (last_yr, at(history, last_yr)), before: before_yr.map(|t_yr| (t_yr, at(history, t_yr))) }
     }
 
-    /// Errors at a time with so many traps: what all densities share, and what each has of its own by the relative error of a
-    /// calibration: ρ̂ₖ (1 + x) − ρ̂ₖ₋₁ x.
+    /// Errors at a time with this number of traps: the one common to all densities, and the independent ones from the relative
+    /// error of a calibration: ρ̂ₖ (1 + x) − ρ̂ₖ₋₁ x.
     fn errors(&self, t_yr: f64, traps: f64, relative: f64) -> (f64, f64) {
         let (last_yr, last) = self.last;
         let Some((before_yr, before)) = self.before else { return (last - traps, relative * last) };

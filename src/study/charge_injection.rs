@@ -1,9 +1,9 @@
-//! Lines of charge injected every so many rows → shape error against signal-to-noise ratio and lost rows.
+//! Lines of charge injected at a fixed row spacing → shape error against signal-to-noise ratio and lost rows.
 //!
-//! A line that is read before a galaxy fills the traps below its cloud; those still full when the galaxy comes, d rows later,
-//! take nothing from it. Traps that release sooner put the line's charge behind it, under the galaxy, as a background with its
-//! shot noise. Rows near a line are lost to measurement. The galaxy is placed evenly between two lines, and what lines and
-//! background alone give is subtracted.
+//! A line that is read before a galaxy fills the traps below its cloud; those still full when the galaxy arrives, d rows later,
+//! capture nothing from it. Traps that release sooner leave the line's charge under the galaxy, as a background with its shot
+//! noise. Rows near a line are lost to measurement. Galaxies are evenly distributed between two lines, and the image of lines and
+//! background alone is subtracted.
 //!
 //! The line nearest to the galaxy is read out before it, through the same pixels: with instantaneous capture it leaves them as
 //! full as any number of lines would. (Rhodes et al. 2010, section 6; Massey et al. 2010 for capture at once.)
@@ -27,17 +27,17 @@ use crate::warning::Warning;
 /// Nodes of the mean between two lines.
 const NODES: NonZeroUsize = NonZeroUsize::new(4).expect("above 0");
 
-/// Charge of a line if none is given, as a share of the full well.
+/// Default charge of a line, as a share of the full well.
 const CHARGE: f64 = 0.1;
 
 /// Options of the study.
 #[derive(Clone, Debug)]
 pub struct ChargeInjection {
-    /// Rows from one line to the next; no lines at all are always among them.
+    /// Rows from one line to the next; the case without lines is always included.
     pub spacings_rows: Vec<f64>,
-    /// Charge of a line, e- per pixel; a tenth of the full well if none is given.
+    /// Charge of a line, e- per pixel; by default a tenth of the full well.
     pub charge_e: Option<f64>,
-    /// Rows on each side of a line that are not measured; the width of the galaxy's weight if none are given.
+    /// Rows on each side of a line that are not measured; by default the width of the galaxy's weight.
     pub guard_rows: Option<u32>,
 }
 
@@ -47,16 +47,16 @@ impl Default for ChargeInjection {
     }
 }
 
-/// What the study finds, at the end of the mission.
+/// The results of the study, at the end of the mission.
 #[derive(Clone, Debug)]
 pub struct Results {
     /// Charge of a line, e- per pixel.
     pub charge_e: f64,
-    /// Each spacing, rising.
+    /// Each spacing, ascending.
     pub with_lines: Vec<Spacing>,
     /// The same without lines.
     pub without_lines: Spacing,
-    /// The spacing of least shape error.
+    /// The spacing of smallest shape error.
     pub best: Option<Best>,
     /// Warnings about the mission.
     pub warnings: Vec<Warning>,
@@ -76,11 +76,11 @@ pub struct Spacing {
     pub trail_e: f64,
     /// Signal-to-noise ratio.
     pub snr: f64,
-    /// By how much that is less than without lines, %.
+    /// Reduction of it from the case without lines, %.
     pub snr_loss_percent: f64,
-    /// Rows that are lost to measurement, %.
+    /// Rows lost to measurement, %.
     pub rows_lost_percent: f64,
-    /// Area per time at equal depth over that without lines.
+    /// Area per time at equal depth, relative to that without lines.
     pub area_equal_depth: f64,
 }
 
@@ -91,17 +91,17 @@ fn rows_or_none<S: Serializer>(rows: &Option<f64>, serializer: S) -> Result<S::O
     }
 }
 
-/// The spacing of least shape error.
+/// The spacing of smallest shape error.
 #[derive(Clone, Debug)]
 pub struct Best {
-    /// Its place among those with lines.
+    /// Its index among those with lines.
     pub place: usize,
-    /// Each species, and the share of its traps that is still full half way between two such lines.
+    /// Each species, and the fraction of its traps still full half-way between two such lines.
     pub kept: Vec<(String, f64)>,
 }
 
 impl Results {
-    /// Each spacing, and no lines.
+    /// Each spacing, and the case without lines.
     pub fn all(&self) -> impl Iterator<Item = &Spacing> + Clone {
         self.with_lines.iter().chain([&self.without_lines])
     }
@@ -144,7 +144,7 @@ impl Study for ChargeInjection {
         for rows in spacings_rows {
             let (change, trail_e) = between_lines(&device, scene, charge_e, (guard_rows, rows))?;
             advance();
-            // Of the mean with its signs: that is what biases a survey.
+            // Of the mean with its signs: this biases a survey.
             let delta_e = change.map(|change| change.magnitude());
             with_lines.push(spacing(Some(f64::from(rows)), delta_e, trail_e));
         }
@@ -155,10 +155,10 @@ impl Study for ChargeInjection {
 }
 
 impl ChargeInjection {
-    /// Spacings (rows), rising.
+    /// Spacings (rows), ascending.
     ///
     /// # Errors
-    /// If the charge or a spacing makes no sense.
+    /// If the charge or a spacing is invalid.
     fn spacings_rows(&self, mission: &Mission, charge_e: f64, guard_rows: u32) -> Result<Vec<u32>, InputError> {
         let full_well_e = mission.detector.full_well_e;
         if !(charge_e > 0.0 && charge_e <= full_well_e) {
@@ -197,7 +197,7 @@ impl Best {
     }
 }
 
-/// The mean of all galaxies between two lines `spacing_rows` apart, without the `guard_rows` beside each of them.
+/// The mean over all galaxies between two lines `spacing_rows` apart, without the `guard_rows` beside each of them.
 fn between_lines(
     device: &Device,
     scene: &Scene,
@@ -222,7 +222,7 @@ fn behind_a_line(device: &Device, scene: &Scene, line_e: f64, distance: u32) -> 
     let device = device.expected();
     let background_e = device.at.background_e;
     let (half_px, width_px, distance) = (scene.half_px(), scene.width_px(), distance as usize);
-    // The line in row 0, or the stamp if that reaches farther down.
+    // The line in row 0, or the edge of the stamp if that extends further down.
     let centre = distance.max(half_px);
     let stamp_rows = centre - half_px..centre + half_px + 1;
     let downstream = Downstream { rows: i64::from(device.at.transfers) - 1 - centre as i64, charge_e: background_e };

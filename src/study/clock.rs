@@ -1,15 +1,15 @@
 //! Line time → shape error, photometric loss, read noise, readout time, survey area.
 //!
-//! A species hurts shapes most if it releases after a few transfers, within the galaxy; much faster, and the charge never
-//! leaves its pixel; much slower, and it is lost to the galaxy without a direction (Rhodes et al. 2010, sections 5.1 and 6). A
-//! faster clock reads more noise (`[readout.noise]`), a slower one takes time from the survey (`[survey]`):
+//! A species distorts shapes most if it releases after a few transfers, within the galaxy. If it is much faster, the charge never
+//! leaves its pixel; if much slower, it is lost to the galaxy without a preferred direction (Rhodes et al. 2010, sections 5.1 and
+//! 6). A faster clock has more read noise (`[readout.noise]`), a slower one takes time from the survey (`[survey]`):
 //!
 //! ```text
 //! rate = columns/(line time − parallel)     cycle = exposure + max(readout, slew)     area ∝ 1/cycle
 //! ```
 //!
-//! Area at equal depth: every exposure is made as much longer as the read noise asks for to keep the signal-to-noise ratio that
-//! the mission's own clock gives.
+//! Area at equal depth: exposures are lengthened to compensate the read noise, so that the signal-to-noise ratio is that of the
+//! mission's own clock.
 
 use chrono::NaiveDate;
 use serde::Serialize;
@@ -27,29 +27,29 @@ use crate::plan::scenario::{Merit, Ranking};
 use crate::plan::timeline::Timeline;
 use crate::warning::Warning;
 
-/// Line times on either side of the mission's own if none are given, as a factor, and how many.
+/// Default range of line times on either side of the mission's own, as a factor, and their number.
 const REACH: f64 = 30.0;
 const COUNT: usize = 25;
 
 /// Options of the study.
 #[derive(Clone, Debug, Default)]
 pub struct Clock {
-    /// Times between two parallel transfers, ms; a factor 30 either way of the mission's own if none are given.
+    /// Times between two parallel transfers, ms; by default up to a factor 30 either way of the mission's own.
     pub line_times_ms: Option<Vec<f64>>,
-    /// The probability with which budgets are to be kept, by which line times are ranked then.
+    /// The probability with which budgets are to be met; if given, line times are ranked by it.
     pub confidence: Option<Confidence>,
 }
 
-/// What the study finds, at the end of the mission.
+/// The results of the study, at the end of the mission.
 #[derive(Clone, Debug)]
 pub struct Results {
     /// Each line time, in the order of the options.
     pub line_times: Vec<LineTime>,
     /// Trap species.
     pub species: Vec<SpeciesState>,
-    /// The line times compared; None if no shape is left with any.
+    /// The line times compared; None if no shape is left with any of them.
     pub comparison: Option<Comparison>,
-    /// Line times ranked by how long they keep all budgets; None if |Δe| alone is limited and no probability is requested.
+    /// Line times ranked by how long they meet all budgets; None if only |Δe| is limited and no probability is requested.
     pub ranking: Option<Ranking>,
     /// The requested probability.
     pub confidence: Option<f64>,
@@ -66,10 +66,10 @@ pub struct LineTime {
     pub delta_e: Option<f64>,
     /// Flux lost, %.
     pub flux_loss_percent: Option<f64>,
-    /// None if the mission does not give the cost of a clock, or the amplifier cannot be clocked at this rate.
+    /// None if the mission does not state the cost of a clock, or the amplifier cannot be clocked at this rate.
     #[serde(flatten)]
     pub cost: Option<Cost>,
-    /// Judgement of the budgets over the mission; None if |Δe| alone is limited and no probability is requested.
+    /// Judgement of the budgets over the mission; None if only |Δe| is limited and no probability is requested.
     #[serde(flatten)]
     pub judged: Option<JudgedRow>,
     /// Its ranking key in that case.
@@ -80,7 +80,7 @@ pub struct LineTime {
     pub delta_e1_alone: Vec<Option<f64>>,
 }
 
-/// What a line time costs besides shapes.
+/// The cost of a line time besides shapes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Cost {
     /// Read noise, e- per pixel.
@@ -89,20 +89,20 @@ pub struct Cost {
     pub snr: f64,
     /// Time of a readout, s.
     pub readout_s: f64,
-    /// Area per time over that of the mission's clock, with equal exposures; None without a survey.
+    /// Area per time relative to that of the mission's clock, with equal exposures; None without a survey.
     pub area: Option<f64>,
     /// The same at equal depth.
     pub area_equal_depth: Option<f64>,
 }
 
-/// The clocks of largest and of least shape error, and the mission's own.
+/// The clocks of largest and of smallest shape error, and the mission's own.
 #[derive(Clone, Debug)]
 pub struct Comparison {
-    /// Largest |Δe|, by its place among the line times.
+    /// Largest |Δe|, by its index among the line times.
     pub worst: usize,
-    /// Least |Δe|.
+    /// Smallest |Δe|.
     pub best: usize,
-    /// Largest area at equal depth of those within the corrected budget; None if there are none, or no area is known.
+    /// Largest area at equal depth of those within the corrected budget; None if there are none, or the area is unknown.
     pub most_area: Option<usize>,
     /// |Δe| of the mission's own clock.
     pub own_delta_e: Option<f64>,
@@ -168,7 +168,8 @@ impl LineTime {
         })
     }
 
-    /// Whether the corrected budgets are kept to the end: all of them if they are judged together, with the requested probability.
+    /// Whether the corrected budgets are met until the end: all of them if they are judged together, with the requested
+    /// probability.
     fn keeps(&self, corrected: f64) -> bool {
         match (&self.judged, self.judged.as_ref().and_then(|judged| judged.corrected_met_percent)) {
             (Some(judged), Some(_)) => judged.corrected_kept_t_yr.is_none(),
@@ -182,8 +183,8 @@ impl LineTime {
     }
 }
 
-/// Judgement of all budgets over the mission with a line time, and its ranking key; None if |Δe| alone is limited and no
-/// probability is requested.
+/// Judgement of all budgets over the mission with a line time, and its ranking key; None if only |Δe| is limited and no probability
+/// is requested.
 fn judged(
     model: &Model,
     line_time_ms: f64,
@@ -226,7 +227,7 @@ impl Comparison {
         };
         let [uncorrected, corrected] = budgets(mission);
         let date = |line_time_ms: f64| -> Result<_, InputError> {
-            // Without traps no clock exceeds anything.
+            // Without traps no clock exceeds a budget.
             if most == 0.0 {
                 return Ok(None);
             }

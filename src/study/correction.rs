@@ -1,18 +1,18 @@
-//! Software correction: the factor not assumed but earned.
+//! Software correction: its factor computed instead of assumed.
 //!
-//! A galaxy is read out through the detector as it is, and corrected with the detector as it is believed to be, by iterating the
-//! forward model (Bristow 2003; Massey et al. 2010, MNRAS 401, 371):
+//! A galaxy is read out through the true detector, and corrected with the assumed detector, by iterating the forward model (Bristow
+//! 2003; Massey et al. 2010, MNRAS 401, 371):
 //!
 //! ```text
 //! image₀ = observed        imageₖ₊₁ = imageₖ + observed − trail(imageₖ)
 //! ```
 //!
-//! What is left of the change of shape, over what it was, says how much is corrected. Read noise is added after the transfers
-//! but corrected as if before them, which leaves a part of its own (Massey et al. 2014, MNRAS 439, 887). Published: 97 % of
-//! trails corrected on ACS (Massey et al. 2010), 98 % (Massey et al. 2014), and for a perfect model with read noise alone 99.68 %
-//! of ellipticity in simulations for Euclid (Israel et al. 2015, MNRAS 453, 561).
+//! The ratio of the residual to the original change of shape measures the correction. Read noise is added after the transfers but
+//! corrected as if before them, which leaves its own residual (Massey et al. 2014, MNRAS 439, 887). Published: 97 % of trails
+//! corrected on ACS (Massey et al. 2010), 98 % (Massey et al. 2014), and for a perfect model with read noise alone 99.68 % of
+//! ellipticity in simulations for Euclid (Israel et al. 2015, MNRAS 453, 561).
 //!
-//! Of a population's shear biases what is left is known to first order (`correction/population.rs`).
+//! The residual shear biases of a population are computed to first order (`correction/population.rs`).
 
 mod knowledge;
 mod population;
@@ -45,17 +45,17 @@ pub struct Correction {
     pub release_error: f64,
     /// Relative error (1 sigma) of the well fill power.
     pub well_fill_error: f64,
-    /// What `ctiplan fit --json` printed: parameters, their errors and correlations, in place of the three above.
+    /// Output of `ctiplan fit --json`: parameters, their errors and correlations, in place of the three above.
     pub fit: Option<PathBuf>,
     /// Iterations of the forward model.
     pub iterations: u32,
-    /// Sets of believed parameters that are drawn.
+    /// Number of drawn sets of assumed parameters.
     pub draws: u32,
-    /// Read noise, e- per pixel; that of the mission's clock, or of its galaxy, if none is given.
+    /// Read noise, e- per pixel; by default that of the mission's clock, or of its galaxy.
     pub read_noise_e: Option<f64>,
-    /// Galaxies with noise that are corrected with the true model; 0 for none.
+    /// Number of noisy galaxies corrected with the true model; 0 for none.
     pub realisations: u32,
-    /// Seed of the draws and of the noise; the mission's if none is given.
+    /// Seed of the draws and of the noise; by default the mission's.
     pub seed: Option<u64>,
 }
 
@@ -75,58 +75,58 @@ impl Default for Correction {
     }
 }
 
-/// What the study finds, at the end of the mission.
+/// The results of the study, at the end of the mission.
 #[derive(Clone, Debug)]
 pub struct Results {
-    /// What is left after correction; None if there is nothing to correct: no traps, or no shape left.
+    /// The residual after correction; None if there is nothing to correct: no traps, or no shape left.
     pub remainder: Option<Remainder>,
-    /// What is left of the shear biases of the population; None if the mission has none.
+    /// The residual shear biases of the population; None if the mission has none.
     pub population: Option<PopulationRemainder>,
     /// Warnings about the mission.
     pub warnings: Vec<Warning>,
 }
 
-/// What is left after correction.
+/// The residual after correction.
 #[derive(Clone, Debug)]
 pub struct Remainder {
     /// |Δe| without correction.
     pub uncorrected_delta_e: f64,
-    /// What each cause leaves.
+    /// The residual from each cause.
     pub causes: Vec<Left>,
-    /// |Δe| that noise leaves with the true model; None without noise.
+    /// Residual |Δe| from noise with the true model; None without noise.
     pub noise_delta_e: Option<Estimate>,
-    /// What the correction earns; None if a draw leaves no shape.
+    /// The factor of the correction; None if a draw leaves no shape.
     pub earned: Option<Earned>,
-    /// Factor that is needed to stay within the uncorrected budget.
+    /// Factor needed to stay within the uncorrected budget.
     pub needed_factor: f64,
-    /// Factor that the mission assumes.
+    /// Factor assumed by the mission.
     pub assumed_factor: f64,
     /// |Δe| over the mission, uncorrected.
     pub timeline: Timeline,
 }
 
-/// What a correction is imperfect by.
+/// Why a correction is imperfect.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cause {
-    /// Nothing but its iterations.
+    /// Only its finite number of iterations.
     PerfectKnowledge,
     /// The error of one parameter, by its key.
     Parameter(String),
     /// The errors of all parameters: the root mean square of the draws.
     Together,
-    /// Noise of the photons, and of reading, e- per pixel.
+    /// Photon noise, and read noise, e- per pixel.
     Noise(f64),
 }
 
-/// What one cause leaves.
+/// The residual from one cause.
 #[derive(Clone, Debug, Serialize)]
 pub struct Left {
     /// The cause.
     #[serde(skip)]
     pub cause: Cause,
-    /// Its error, %; None if it is not a parameter's.
+    /// Its error, %; None if the cause is not a parameter.
     pub error_percent: Option<f64>,
-    /// |Δe| that is left; None if no shape is left.
+    /// Residual |Δe|; None if no shape is left.
     pub delta_e: Option<f64>,
     /// Its standard error from the finite number of draws; None if there are no draws, here and below.
     pub delta_e_sigma: Option<f64>,
@@ -134,22 +134,22 @@ pub struct Left {
     pub left_percent: Option<f64>,
     /// Its standard error, %.
     pub left_error_percent: Option<f64>,
-    /// Uncorrected |Δe| over what is left.
+    /// Uncorrected |Δe| over the residual.
     pub factor: Option<f64>,
     /// Its standard error.
     pub factor_error: Option<f64>,
 }
 
-/// What a correction earns.
+/// The factor of a correction.
 #[derive(Clone, Debug)]
 pub struct Earned {
-    /// Uncorrected |Δe| over what is left.
+    /// Uncorrected |Δe| over the residual.
     pub factor: Estimate,
     /// Share of the uncorrected |Δe| that is removed, %.
     pub removed_percent: Estimate,
     /// Day on which the budget is exceeded with this factor.
     pub exceeded_date: Option<NaiveDate>,
-    /// Its standard error, days; None if it is not known.
+    /// Its standard error, days; None if unknown.
     pub exceeded_error_d: Option<f64>,
 }
 
@@ -196,7 +196,7 @@ impl Correction {
         let (delta_e, sigma) = (together.map(|rms| rms.value), together.map(|rms| rms.error));
         causes.push(Left::new(Cause::Together, None, delta_e, sigma, uncorrected));
         let read_noise_e = self.read_noise_e.unwrap_or_else(|| Exposure::of(mission).read_noise_e);
-        // Without read noise the true model leaves nothing but the readout's accuracy.
+        // Without read noise the true model leaves only the readout's error.
         let realisations = if read_noise_e > 0.0 { self.realisations } else { 0 };
         let noise = round_trip.noisy(read_noise_e, realisations, seed, advance)?;
         let noise = noise.map(|(mean, error)| Estimate { value: mean.delta_e1.abs(), error: error.delta_e1 });
@@ -219,7 +219,7 @@ impl Correction {
     }
 }
 
-/// What perfect knowledge leaves, and each parameter's error (1 σ) alone.
+/// The residual of perfect knowledge, and of each parameter's error (1 σ) alone.
 fn alone(
     model: &Model,
     round_trip: &RoundTrip,
@@ -265,13 +265,13 @@ impl Left {
     }
 }
 
-/// What errors of the parameters and noise leave together. The mean that noise leaves is a bias whose square is known from the
-/// square of its estimate less that of its error: what is chance alone is nothing on average.
+/// The combined residual from errors of the parameters and noise. The residual from noise is a mean, that is, a bias. Its square is
+/// estimated by the square of its estimate minus that of its error, which averages to zero without a bias.
 fn earned_factor(uncorrected: f64, together: Estimate, noise: Option<Estimate>) -> Estimate {
     let noise = noise.unwrap_or(Estimate { value: 0.0, error: 0.0 });
     let bias2 = (noise.value.powi(2) - noise.error.powi(2)).max(0.0);
     let value = (together.value.powi(2) + bias2).sqrt();
-    // Errors of the squares: 2 x σ, and for the bias 2 σ² at least.
+    // Errors of the squares: 2 x σ, and for the bias at least 2 σ².
     let squares = (2.0 * together.value * together.error)
         .hypot(2.0 * bias2.sqrt() * noise.error)
         .hypot(std::f64::consts::SQRT_2 * noise.error.powi(2));
@@ -279,7 +279,7 @@ fn earned_factor(uncorrected: f64, together: Estimate, noise: Option<Estimate>) 
 }
 
 impl Earned {
-    /// A factor that is known to its error: the dates of one error less and one more say how well the date is known.
+    /// From a factor with an error: the dates for one error less and one more give the error of the date.
     fn of(factor: Estimate, timeline: &Timeline, budget: f64) -> Earned {
         let removed =
             Estimate { value: 100.0 * (1.0 - 1.0 / factor.value), error: 100.0 * factor.error / factor.value.powi(2) };

@@ -1,7 +1,7 @@
 //! Distance to the register → shape error of the farthest galaxy, of the mean over the detector, and of dithered exposures.
 //!
-//! The effect is nearly proportional to the distance: the mean over the detector is half of the farthest. Exposures that see a
-//! galaxy at several distances average its Δe:
+//! The effect is nearly proportional to the distance: the mean over the detector is half of the farthest. Exposures with a galaxy
+//! at several distances average its Δe:
 //!
 //! ```text
 //! Δe(detector) = 1/T ∫₀ᵀ Δe(n) dn        Δe(pattern) = mean of Δe(n_k) over the exposures k
@@ -26,13 +26,13 @@ use crate::warning::Warning;
 /// Nodes of the mean over the detector.
 const NODES: NonZeroUsize = NonZeroUsize::new(6).expect("above 0");
 
-/// Distances of the curve.
+/// Number of distances of the curve.
 const CURVE: u32 = 8;
 
 /// Options of the study.
 #[derive(Clone, Debug, Default)]
 pub struct Distance {
-    /// Dither patterns; if there are none, small steps, half a register, and the whole register.
+    /// Dither patterns; by default small steps, half a register, and the whole register.
     pub dithers: Vec<Dither>,
 }
 
@@ -45,7 +45,7 @@ pub struct Dither {
     pub transfers: Vec<f64>,
 }
 
-/// What the study finds, at the end of the mission.
+/// The results of the study, at the end of the mission.
 #[derive(Clone, Debug)]
 pub struct Results {
     /// The farthest galaxy, the mean over the detector, and each dither pattern.
@@ -66,7 +66,7 @@ pub struct Place {
     pub mean_transfers: f64,
     /// |Δe|; None if no shape is left, here and below.
     pub delta_e: Option<f64>,
-    /// |Δe| over that of the farthest; None if that is 0.
+    /// |Δe| relative to that of the farthest; None if that is 0.
     pub over_farthest: Option<f64>,
     /// Day on which the uncorrected budget is exceeded.
     pub exceeded_date: Option<NaiveDate>,
@@ -89,7 +89,7 @@ impl Results {
         &self.places[0]
     }
 
-    /// Galaxies evenly spread over the detector.
+    /// The mean over galaxies evenly spread over the detector.
     pub fn mean(&self) -> &Place {
         &self.places[1]
     }
@@ -159,7 +159,7 @@ impl Distances {
         Distances { name: "detector mean".into(), transfers, weights }
     }
 
-    /// What becomes of them, given |Δe| of the farthest; None if these are the farthest.
+    /// Results for these distances, given |Δe| of the farthest; None if these are the farthest.
     fn place(&self, model: &Model, farthest: Option<Option<f64>>) -> Result<Place, InputError> {
         let timelines = parallel::try_map(&self.transfers, |transfers| {
             Timeline::under(model, |at| at.transfers = transfers.round() as u32)

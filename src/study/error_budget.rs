@@ -1,7 +1,8 @@
 //! Which uncertain input dominates the date on which the budget is exceeded.
 //!
-//! The Sun and the inputs of `[uncertainty]` are drawn as for the date as a distribution (`plan/draws.rs`): with the same number of
-//! draws and the same seed both have the same dates. Shares are of the variance of ln |Δe| at the end of the mission, by linear regression on the z:
+//! The Sun and the inputs of `[uncertainty]` are drawn as for the distribution of the date (`plan/draws.rs`): with the same number
+//! of draws and the same seed, the dates are the same. Shares refer to the variance of ln |Δe| at the end of the mission, by linear
+//! regression on the z:
 //!
 //! ```text
 //! ln |Δe| = β₀ + Σ βᵢ zᵢ + rest        share i = βᵢ²/(Σ β² + var(rest))
@@ -28,7 +29,7 @@ use crate::warning::Warning;
 pub use crate::plan::draws::Fate;
 use statistics::Statistics;
 
-/// How far dates can be followed, yr.
+/// Longest time for which dates can be followed, yr.
 const HORIZON_YR: f64 = 100.0;
 
 /// Percentiles of dates.
@@ -37,13 +38,13 @@ pub const PERCENTILES: [f64; 5] = [5.0, 16.0, 50.0, 84.0, 95.0];
 /// Options of the study.
 #[derive(Clone, Debug)]
 pub struct ErrorBudget {
-    /// Missions that are drawn.
+    /// Number of draws of the mission.
     pub draws: u32,
-    /// Years since launch up to which dates are followed, at most 100; the mission alone if none are given.
+    /// Years since launch up to which dates are followed, at most 100; by default only the mission.
     pub horizon_yr: Option<f64>,
-    /// A mission whose detector is flown as well, all else the same.
+    /// A mission whose detector is also evaluated, all else the same.
     pub detector_of: Option<Mission>,
-    /// Seed of the draws; the mission's if none is given.
+    /// Seed of the draws; by default the mission's.
     pub seed: Option<u64>,
 }
 
@@ -53,25 +54,25 @@ impl Default for ErrorBudget {
     }
 }
 
-/// What the study finds.
+/// The results of the study.
 #[derive(Clone, Debug)]
 pub struct Results {
     /// Years since launch up to which dates are followed.
     pub horizon_yr: f64,
     /// The mission.
     pub own: Budget,
-    /// The same with another mission's detector, by the name of that mission.
+    /// The same with the detector of another mission, and that mission's name.
     pub other: Option<(String, Budget)>,
-    /// Whether the thickness of the shield is an input; it is none if no thickness of aluminium makes the mission's dose.
+    /// Whether the thickness of the shield is an input; it is not if no thickness of aluminium gives the mission's dose.
     pub has_shield: bool,
     /// Warnings about the mission.
     pub warnings: Vec<Warning>,
 }
 
-/// What is found for one detector.
+/// The results for one detector.
 #[derive(Clone, Debug)]
 pub struct Budget {
-    /// Uncertain inputs; the largest share first, if shares are known.
+    /// Uncertain inputs; in descending order of their shares, if these are known.
     pub inputs: Vec<InputShare>,
     /// Share of the variance that is not linear in the inputs; None if |Δe| does not vary or is lost.
     pub rest_share: Option<Estimate>,
@@ -79,11 +80,11 @@ pub struct Budget {
     pub sigma_ln: Option<Estimate>,
     /// When the uncorrected and the corrected budget are exceeded.
     pub exceeded: [Exceeded; 2],
-    /// What becomes of the mission without any deviation.
+    /// Result for the mission without any deviation.
     pub nominal: Fate,
-    /// What becomes of each draw.
+    /// Result of each draw.
     pub fates: Vec<Fate>,
-    /// Why the Sun is not among what was drawn; None if it is.
+    /// Why the Sun was not drawn; None if it was.
     pub sun_not_drawn: Option<String>,
     /// How changes of shape were emulated; None if each was read out.
     pub emulated: Option<Emulated>,
@@ -95,15 +96,15 @@ pub struct InputShare {
     /// Name of the input.
     #[serde(rename = "input")]
     pub name: String,
-    /// Relative standard deviation, %; None if it is one of time, or for the Sun, whose distribution is no normal one.
+    /// Relative standard deviation, %; None if it is one of time, or for the Sun, whose distribution is not normal.
     pub sigma_percent: Option<f64>,
-    /// Standard deviation, yr; None if it is a relative one.
+    /// Standard deviation, yr; None if it is relative.
     pub sigma_yr: Option<f64>,
     /// Share of the variance of ln |Δe| at the end of the mission, %; None if |Δe| does not vary or is lost.
     pub share_percent: Option<f64>,
     /// Its standard error, %.
     pub share_error_percent: Option<f64>,
-    /// Change of |Δe| at the end of the mission if the input is 1 σ larger, %; of the Sun, at 84 % of the draws over that at 50 %.
+    /// Change of |Δe| at the end of the mission if the input is 1 σ larger, %; for the Sun, at 84 % of the draws relative to 50 %.
     pub delta_e_percent: Option<f64>,
     /// Day on which the uncorrected budget is exceeded if the input is 1 σ smaller; with the Sun at 16 %.
     pub low_date: Option<NaiveDate>,
@@ -127,7 +128,7 @@ pub struct Exceeded {
     pub within_percent: Estimate,
 }
 
-/// A percentile of a time, with its standard error if that is known.
+/// A percentile of a time, with its standard error if known.
 #[derive(Clone, Copy, Debug)]
 pub struct Percentile {
     /// Years since launch.
@@ -206,17 +207,17 @@ impl ErrorBudget {
     }
 }
 
-/// One input alone, all else as it is expected.
+/// The effect of one input alone, all else as expected.
 struct Swing {
     /// Its uncertainty; None for the Sun.
     sigma: Option<Sigma>,
-    /// What becomes of the mission at −1 σ and at +1 σ.
+    /// Results for the mission at −1 σ and at +1 σ.
     ends: [Fate; 2],
-    /// What becomes of it in between.
+    /// Result in between.
     middle: Fate,
 }
 
-/// Each input alone at −1 σ and +1 σ, the Sun last where it is drawn: at 16 % and 84 % of its doses.
+/// Each input alone at −1 σ and +1 σ; the Sun, if drawn, is last: at 16 % and 84 % of its doses.
 fn swings(draws: &Draws, found: &Fates, nominal: &Fate) -> Result<Vec<Swing>, InputError> {
     let places: Vec<usize> = (0..draws.inputs().len()).collect();
     let mut swings = parallel::try_map(&places, |place| {
@@ -245,7 +246,7 @@ impl Percentile {
     }
 }
 
-/// Inputs by their share, the largest first, with the results of the mission at −1 σ and +1 σ of each alone.
+/// Inputs in descending order of their shares, with the results of the mission at −1 σ and +1 σ of each alone.
 fn ranked(names: &[String], swings: &[Swing], statistics: &Statistics, launch: NaiveDate) -> Vec<InputShare> {
     let shares = statistics.shares.as_ref().map(|(shares, _)| shares);
     let mut order: Vec<usize> = (0..swings.len()).collect();

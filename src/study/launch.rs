@@ -1,7 +1,7 @@
 //! Launch date → shape error at the end of life, and when the budget is exceeded.
 //!
-//! Seven years of a solar cycle of eleven dose the detector, four do not (Rhodes et al. 2010, section 4.1; ECSS-E-ST-10-04C,
-//! annex B.1). A mission shorter than a cycle gains or loses by its launch date.
+//! The detector accumulates solar proton dose in seven years of the eleven-year cycle (Rhodes et al. 2010, section 4.1;
+//! ECSS-E-ST-10-04C, annex B.1). For a mission shorter than a cycle, the dose depends on the launch date.
 
 use chrono::{Months, NaiveDate};
 use serde::Serialize;
@@ -17,33 +17,33 @@ use crate::plan::scenario::{Merit, Ranking, sun};
 use crate::plan::timeline::Timeline;
 use crate::warning::{self, Warning};
 
-/// Years over which launches are tried if none are given, and the months between two.
+/// Default range of launch dates in years, and the step in months.
 const CYCLES_YR: u32 = 22;
 const STEP_MONTHS: u32 = 6;
 
 /// Options of the study.
 #[derive(Clone, Debug, Default)]
 pub struct Launch {
-    /// Launch dates; every half year of 22 years from the mission's launch if none are given.
+    /// Launch dates; by default every half year for 22 years from the mission's launch.
     pub launches: Option<Vec<NaiveDate>>,
-    /// Whether an average dose over the solar cycle was requested explicitly, and is kept.
+    /// Whether an average dose over the solar cycle was requested explicitly, and is used.
     pub keep_average: bool,
-    /// The probability with which budgets are to be kept; if given, launches are ranked by it.
+    /// The probability with which budgets are to be met; if given, launches are ranked by it.
     pub confidence: Option<Confidence>,
 }
 
-/// What the study finds.
+/// The results of the study.
 #[derive(Clone, Debug)]
 pub struct Results {
     /// Each launch date, in the order of the options.
     pub launches: Vec<Launched>,
-    /// Which of them are best, and worst.
+    /// The best and the worst of them.
     pub ranking: Ranking,
     /// The mission with the dose over time under which launches are compared.
     pub compared: Mission,
     /// The requested probability.
     pub confidence: Option<f64>,
-    /// What a reader has to know of that.
+    /// A note on that for the reader.
     pub note: Option<&'static str>,
     /// Warnings about any of the launches.
     pub warnings: Vec<Warning>,
@@ -60,12 +60,12 @@ pub struct Launched {
     pub dose_mev_g: f64,
     /// |Δe| at the end of the mission; None if no shape is left.
     pub delta_e: Option<f64>,
-    /// What becomes of the budgets.
+    /// Judgement of the budgets.
     #[serde(flatten)]
     pub judged: JudgedRow,
-    /// How the dose is spread over the years.
+    /// How the dose is distributed over the years.
     pub dose_model: &'static str,
-    /// What it is ranked by.
+    /// Its ranking key.
     #[serde(skip)]
     merit: Merit,
     /// Warnings about this launch.

@@ -1,7 +1,7 @@
-//! Pocket pumping: which traps it finds at which temperature and phase time, and what that adds to the correction.
+//! Pocket pumping: which traps it finds at which temperature and phase time, and how it improves the correction.
 //!
-//! A flat field is shuffled back and forth N times. A trap under the right electrode catches an electron on the way there and
-//! lets it go within a window of one phase time t, on the wrong side of a barrier: one pixel grows at the expense of its
+//! A flat field is shuffled back and forth N times. A trap under the right electrode captures an electron on the way there and
+//! releases it within a window of one phase time t, on the wrong side of a barrier: one pixel gains charge at the expense of its
 //! neighbour. The dipole has the intensity
 //!
 //! ```text
@@ -9,11 +9,11 @@
 //! ```
 //!
 //! (Mostek et al. 2010, Proc. SPIE 7742; Murray et al. 2012, Proc. SPIE 8453; Hall et al. 2014, IEEE Trans. Nucl. Sci. 61, 1826;
-//! Skottfelt et al. 2017), with the probability P of a capture. Measured at several phase times it gives
-//! the release time of a single trap; at several temperatures, its energy level.
+//! Skottfelt et al. 2017), with the probability P of a capture. Measured at several phase times it gives the release time of a
+//! single trap; at several temperatures, its energy level.
 //!
-//! Dipoles are simulated with the shot noise of the flat, read noise, and the chance of every single pump, and fitted. A three-phase
-//! cycle takes six phase times: long ones leave time for few cycles, which is why slow traps are pumped warm.
+//! Dipoles are simulated with the shot noise of the flat, read noise, and the binomial noise of the pumps, and fitted. A
+//! three-phase cycle takes six phase times: long ones leave time for few cycles, which is why slow traps are pumped warm.
 
 mod dipole;
 
@@ -38,52 +38,52 @@ pub use dipole::{Phase, dipole_e};
 /// Phases of a three-phase pumping cycle, 1-2-3-1'-3-2.
 const PHASES: f64 = 6.0;
 
-/// Phase times that are tried if none are given, ms, and how many.
+/// Default range of phase times, ms, and their number.
 const PHASE_MS: (f64, f64) = (1e-3, 1e4);
 const PHASE_COUNT: usize = 29;
 
-/// Charge of the flat field if none is given, as a share of the full well.
+/// Default charge of the flat field, as a share of the full well.
 const FLAT: f64 = 0.05;
 
-/// Temperatures that are tried if none are given, from the operating one, K.
+/// Default temperatures, relative to the operating temperature, K.
 const STEPS_K: [f64; 6] = [-20.0, 0.0, 20.0, 40.0, 60.0, 80.0];
 
-/// Lowest temperature that is tried, K.
+/// Lowest default temperature, K.
 const COLDEST_K: f64 = 40.0;
 
-/// Share of a species' dipoles that must be found for it to count as found.
+/// Share of a species' dipoles that must be detected for the species to count as found.
 const MOST: f64 = 0.5;
 
-/// Draws of believed parameters, before and after, and iterations of the correction.
+/// Draws of assumed parameters, before and after, and iterations of the correction.
 const DRAWS: u32 = 100;
 const ITERATIONS: u32 = 4;
 
 /// Options of the study.
 #[derive(Clone, Debug)]
 pub struct PocketPumping {
-    /// Temperatures at which is pumped, K; the operating one, 20 K below, and up to 80 K above if none are given.
+    /// Temperatures of the pumping, K; by default the operating one, 20 K below, and up to 80 K above.
     pub temperatures_k: Option<Vec<f64>>,
-    /// Phase times, ms; 29 from 0.001 to 10000 in equal ratios if none are given.
+    /// Phase times, ms; by default 29 from 0.001 to 10000 in equal ratios.
     pub phases_ms: Option<Vec<f64>>,
-    /// Most cycles of one image.
+    /// Maximum number of cycles per image.
     pub cycles: u32,
     /// Longest pumping of one image, s.
     pub image_s: f64,
     /// Images at each phase time.
     pub images: u32,
-    /// Charge of the flat field, e- per pixel; 5 % of the full well if none is given.
+    /// Charge of the flat field, e- per pixel; by default 5 % of the full well.
     pub flat_e: Option<f64>,
-    /// Probability that a trap in the cloud catches an electron in a cycle.
+    /// Probability that a trap in the cloud captures an electron in a cycle.
     pub capture_probability: f64,
-    /// Dipoles of each species that are simulated and fitted at each temperature.
+    /// Number of dipoles of each species simulated and fitted at each temperature.
     pub dipoles: u32,
-    /// Dipoles count as found beyond so many sigma of the flat's noise.
+    /// Detection threshold of dipoles, in sigma of the flat's noise.
     pub threshold_sigma: f64,
     /// Error of the thermometer, K.
     pub temperature_error_k: f64,
     /// Relative error (1 sigma) of densities and release times if pumping does not find the species.
     pub known_to: f64,
-    /// Seed of the dipoles; the mission's if none is given.
+    /// Seed of the dipoles; by default the mission's.
     pub seed: Option<u64>,
 }
 
@@ -106,7 +106,7 @@ impl Default for PocketPumping {
     }
 }
 
-/// What the study finds, at the end of the mission.
+/// The results of the study, at the end of the mission.
 #[derive(Clone, Debug)]
 pub struct Results {
     /// The options.
@@ -115,25 +115,25 @@ pub struct Results {
     pub flat_e: f64,
     /// Noise of a dipole on the flat, e-.
     pub noise_e: f64,
-    /// Phase times that were pumped.
+    /// The pumped phase times.
     pub phases: Vec<Phase>,
     /// Operating temperature, K.
     pub operating_k: f64,
     /// Species at the operating temperature.
     pub species: Vec<SpeciesState>,
-    /// Each temperature and species, the latter faster.
+    /// Each temperature and species, the species varying fastest.
     pub dipoles: Vec<Dipole>,
-    /// What becomes known of the species that are found.
+    /// Knowledge of the species that are found.
     pub known: Vec<Known>,
-    /// Time of all phase times at one temperature, with reading out, h.
+    /// Time for all phase times at one temperature, including readout, h.
     pub hours_per_temperature: f64,
-    /// What the correction earns.
+    /// The factors of the correction.
     pub earned: Earned,
     /// Warnings about the mission.
     pub warnings: Vec<Warning>,
 }
 
-/// What is found of one species at one temperature.
+/// Results for one species at one temperature.
 #[derive(Clone, Debug, Serialize)]
 pub struct Dipole {
     /// Temperature, K.
@@ -162,12 +162,12 @@ pub struct Dipole {
     scatter: Option<f64>,
 }
 
-/// What pumping makes known of one species.
+/// Knowledge of one species from pumping.
 #[derive(Clone, Debug, Serialize)]
 pub struct Known {
     /// Name of the species.
     pub species: String,
-    /// Temperature at which it is found best, K.
+    /// Temperature with the best detection, K.
     pub temperature_k: f64,
     /// Phase time there, ms.
     pub phase_ms: f64,
@@ -175,7 +175,7 @@ pub struct Known {
     pub traps: f64,
     /// Relative error of its density, %.
     pub density_error_percent: f64,
-    /// Relative error of its release time at the operating temperature, %; None if the energy level that leads there is not
+    /// Relative error of its release time at the operating temperature, %; None if that requires an energy level that is not
     /// measured.
     pub release_error_percent: Option<f64>,
     /// Error of the density, as a fraction.
@@ -186,14 +186,14 @@ pub struct Known {
     release_error: Option<f64>,
 }
 
-/// What a correction earns.
+/// The factors of a correction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Earned {
     /// There is nothing to correct: no traps.
     NothingToCorrect,
     /// Before the correction, or after it, no shape is left.
     ShapeLost,
-    /// Factors by which |Δe| is reduced, with what is known before pumping, and after it.
+    /// Factors by which |Δe| is reduced, with the knowledge before pumping, and after it.
     Factors {
         /// Before.
         before: Estimate,
@@ -280,7 +280,7 @@ impl PocketPumping {
         (setup.flat_e + setup.exposure.read_noise_e.powi(2)) / (2.0 * f64::from(self.images))
     }
 
-    /// The same with the chance of the pumps: each of N succeeds or does not.
+    /// The same with the binomial noise of the pumps: each of N succeeds or does not.
     fn variance(&self, setup: &Setup, cycles: f64, dipole_e: f64) -> f64 {
         let chance = (dipole_e * (1.0 - dipole_e / cycles)).max(0.0);
         self.flat_variance(setup) + chance / f64::from(self.images)
@@ -330,7 +330,7 @@ impl PocketPumping {
         }
     }
 
-    /// What counting and fitting all traps of the detector leaves unknown.
+    /// Remaining uncertainty after counting and fitting all traps of the detector.
     fn known(
         &self,
         mission: &Mission,
@@ -352,7 +352,7 @@ impl PocketPumping {
             };
             let seen: Vec<&Dipole> = dipoles.iter().filter(counts).collect();
             let Some(best) = seen.iter().min_by(|a, b| scatter(a).total_cmp(&scatter(b))) else { continue };
-            // Release times at all temperatures where it is seen, each as good as its traps and its thermometer.
+            // Release times at all temperatures where it is seen, with errors from the number of traps and the thermometer.
             let thermometer = |temperature_k: f64| self.thermometer(model, own, index, temperature_k);
             let sigma = |dipole: &&Dipole| -> Result<(f64, f64), InputError> {
                 let fitted = scatter(dipole).powi(2) / (in_reach * dipole.found);
@@ -363,7 +363,7 @@ impl PocketPumping {
             let of_thermometer = thermometer(operating_k)?;
             let release_error = extrapolated(&measured, operating_k).map(|variance| (variance + of_thermometer).sqrt());
             let traps = in_reach * best.found;
-            // Counted, one by one.
+            // Poisson error of the count.
             let density_error = 1.0 / traps.sqrt();
             known.push(Known {
                 species: species.name.clone(),
@@ -388,14 +388,14 @@ impl PocketPumping {
         Ok(ratio.ln().powi(2))
     }
 
-    /// Time of all phase times at one temperature, with reading out, h.
+    /// Time for all phase times at one temperature, including readout, h.
     fn hours_per_temperature(&self, setup: &Setup) -> f64 {
         let images: f64 = setup.phases.iter().map(|phase| PHASES * phase.phase_ms * phase.cycles / 1000.0).sum::<f64>()
             * f64::from(self.images);
         (images + setup.exposure.readout_s * (setup.phases.len() * self.images as usize) as f64) / 3600.0
     }
 
-    /// What the correction earns with and without what pumping shows. The well fill is taken as known.
+    /// The factors of the correction with and without pumping. The well fill is assumed to be known.
     fn earned(
         &self,
         model: &Model,
@@ -427,8 +427,8 @@ impl PocketPumping {
     }
 }
 
-/// Variance of ln τ at a temperature (K) on the straight line of ln τT² against 1/T through measurements at others (K, with
-/// errors of ln τ): the slope is the energy level. None if there is but one measurement, at another temperature.
+/// Variance of ln τ at a temperature (K) on the straight line of ln τT² against 1/T through measurements at others (K, with errors
+/// of ln τ): the slope is the energy level. None if the only measurement is at another temperature.
 fn extrapolated(measured: &[(f64, f64)], temperature_k: f64) -> Option<f64> {
     let weight = |sigma: f64| 1.0 / (sigma * sigma);
     let sum: f64 = measured.iter().map(|(_, sigma)| weight(*sigma)).sum();
@@ -438,6 +438,6 @@ fn extrapolated(measured: &[(f64, f64)], temperature_k: f64) -> Option<f64> {
     if away.abs() < 1e-12 {
         return Some(1.0 / sum);
     }
-    // A spread of rounding is none.
+    // A spread within rounding counts as zero.
     (spread > 1e-20 * sum).then(|| 1.0 / sum + away * away / spread)
 }

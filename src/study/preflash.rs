@@ -1,13 +1,13 @@
 //! A flash before each exposure → shape error against signal-to-noise ratio.
 //!
-//! Charge P in every pixel keeps traps full that a faint galaxy would otherwise meet, and adds its shot noise (Rhodes et al.
-//! 2010, section 6):
+//! Charge P in every pixel keeps traps full that a faint galaxy would otherwise meet, and adds its shot noise (Rhodes et al. 2010,
+//! section 6):
 //!
 //! ```text
 //! S/N = s F/√(s F + π r² (B + P + R²))
 //! ```
 //!
-//! An exposure that has the old S/N again is longer by a factor, and the survey covers so much less; see `signal.rs`.
+//! To restore the S/N, the exposure is lengthened by a factor, which reduces the survey area; see `signal.rs`.
 
 use chrono::NaiveDate;
 use serde::Serialize;
@@ -23,7 +23,7 @@ use crate::warning::Warning;
 /// Options of the study.
 #[derive(Clone, Debug)]
 pub struct Preflash {
-    /// Charges of the flash, e- per pixel; none at all is always among them.
+    /// Charges of the flash, e- per pixel; the case without a flash is always included.
     pub electrons: Vec<f64>,
 }
 
@@ -33,10 +33,10 @@ impl Default for Preflash {
     }
 }
 
-/// What the study finds, at the end of the mission.
+/// The results of the study, at the end of the mission.
 #[derive(Clone, Debug)]
 pub struct Results {
-    /// Each flash, rising; the first is none.
+    /// Each flash, ascending; the first is none.
     pub levels: Vec<Level>,
     /// Radius of the aperture of the signal-to-noise ratio, px.
     pub aperture_px: f64,
@@ -55,15 +55,15 @@ pub struct Level {
     pub flux_loss_percent: Option<f64>,
     /// Signal-to-noise ratio.
     pub snr: f64,
-    /// By how much that is less than without a flash, %.
+    /// Reduction of it from the case without a flash, %.
     pub snr_loss_percent: f64,
-    /// Area per time at equal depth over that without a flash.
+    /// Area per time at equal depth, relative to that without a flash.
     pub area_equal_depth: f64,
     /// Day on which the uncorrected budget is exceeded.
     pub exceeded_date: Option<NaiveDate>,
     /// Day on which the corrected budget is exceeded.
     pub corrected_date: Option<NaiveDate>,
-    /// Whether the uncorrected and the corrected budget last to the end of the mission.
+    /// Whether the uncorrected and the corrected budget are met until the end of the mission.
     #[serde(skip)]
     pub lasts: [bool; 2],
 }

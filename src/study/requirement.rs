@@ -1,13 +1,13 @@
 //! The requirement → what it allows: the inverse of an evaluation.
 //!
-//! One quantity at a time is changed, all else the same, until the budget is just kept to the end of the mission. Dose, traps
-//! and fluence are in proportion to each other: the factor f on the mission's dose that is allowed is found once,
+//! One quantity at a time is varied, all else the same, until the budget is just met at the end of the mission. Dose, traps and
+//! fluence are proportional to each other, so the allowed factor f on the mission's dose is solved for once,
 //!
 //! ```text
 //! max |Δe|(t; f D) = limit          or          P(max |Δe|(t; f D) ≤ limit) = confidence
 //! ```
 //!
-//! and with it the shield, whose dose is f times that of the mission's. Line times are looked for at the end of the mission.
+//! and with it the shield, whose dose is f times that of the mission's shield. Line times are searched at the end of the mission.
 
 use chrono::{Months, NaiveDate};
 use serde::Serialize;
@@ -25,7 +25,7 @@ use crate::plan::timeline::Timeline;
 use crate::study::launch::Launch;
 use crate::warning::Warning;
 
-/// Factors on the dose between which that is looked for.
+/// Range of factors on the dose in which f is searched.
 const FACTORS: [f64; 2] = [1e-3, 1e3];
 
 /// Tolerance of the logarithm of a factor.
@@ -34,39 +34,39 @@ const CLOSE: f64 = 1e-4;
 /// The same if the factor is estimated from draws.
 const CLOSE_OF_DRAWS: f64 = 0.02;
 
-/// Line times on either side of the mission's own, as a factor, and how many.
+/// Range of line times on either side of the mission's own, as a factor, and their number.
 const REACH: f64 = 30.0;
 const LINE_TIMES: usize = 41;
 
-/// Years of launches that are tried, and the months between two.
+/// Range of launch dates in years, and the step in months.
 const LAUNCHES_YR: u32 = 11;
 const STEP_MONTHS: u32 = 6;
 
 /// Options of the study.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Requirement {
-    /// With which probability the budget is to be kept, in addition to what is expected.
+    /// The probability with which the budget is to be met, in addition to the expected value.
     pub confidence: Option<Confidence>,
 }
 
-/// What the study finds.
+/// The results of the study.
 #[derive(Clone, Debug)]
 pub struct Results {
     /// What the uncorrected and the corrected budget allow.
     pub limits: [Limit; 2],
-    /// What the mission has.
+    /// The mission's own values.
     pub own: Own,
     /// Line times (ms) tried, with |Δe| at the end of the mission; infinite if the shape is lost.
     pub line_times: Vec<(f64, f64)>,
     /// The requested probability, and the draws from which it is estimated.
     pub confidence: Option<Confidence>,
-    /// Launch dates that were tried, from the mission's own on.
+    /// Launch dates tried, starting with the mission's own.
     pub launches: Vec<NaiveDate>,
     /// Warnings about the mission.
     pub warnings: Vec<Warning>,
 }
 
-/// What a mission has, of what a requirement allows.
+/// The mission's own values of the quantities that a requirement limits.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Own {
     /// Largest |Δe| of the mission; None if a shape is lost.
@@ -77,7 +77,7 @@ pub struct Own {
     pub traps_per_px: f64,
     /// Protons of 10 MeV of the same dose, cm⁻².
     pub protons_10mev_cm2: f64,
-    /// Areal density of the shield, mean over its directions; None if it is not known.
+    /// Areal density of the shield, mean over its directions; None if unknown.
     pub shield_g_cm2: Option<f64>,
     /// Transfers.
     pub transfers: u32,
@@ -90,7 +90,7 @@ pub struct Own {
 pub struct Limit {
     /// Largest |Δe| before correction.
     pub delta_e: f64,
-    /// Factor on the dose, by the expected value, and with the requested probability.
+    /// Factor on the dose, for the expected value, and with the requested probability.
     pub factor: [Bound; 2],
     /// Factor on the thickness of the shield, likewise.
     pub shield: [Bound; 2],
@@ -98,20 +98,20 @@ pub struct Limit {
     pub transfers: Bound,
     /// Ranges of line time (ms) for which |Δe| at the end is within the limit, from those tried.
     pub line_times_ms: Vec<[f64; 2]>,
-    /// Number of the launch dates that keep it.
+    /// Number of the launch dates that meet it.
     pub launches: usize,
 }
 
-/// The largest value (the smallest, of a shield) that is allowed.
+/// The largest allowed value (for a shield, the smallest).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {
     /// It was not requested, or does not apply to this mission.
     NotSought,
-    /// None of those that were tried.
+    /// None of the values tried.
     None,
-    /// This.
+    /// This value.
     At(f64),
-    /// All of those that were tried.
+    /// All of the values tried.
     All,
 }
 
@@ -172,7 +172,7 @@ impl Study for Requirement {
     }
 }
 
-/// The mission with no other limit than that on |Δe|.
+/// The mission with only the limit on |Δe|.
 fn of_galaxy_alone(mission: &Mission) -> Mission {
     let mut alone = mission.clone();
     (alone.requirement.c, alone.requirement.m) = (None, None);
@@ -180,7 +180,7 @@ fn of_galaxy_alone(mission: &Mission) -> Mission {
 }
 
 impl Requirement {
-    /// Factor on the dose with which the budget is kept with the requested probability.
+    /// Factor on the dose at which the budget is met with the requested probability.
     fn confident(&self, mission: &Mission, place: usize, advance: &(dyn Fn() + Sync)) -> Result<Bound, InputError> {
         let Some(asked) = self.confidence else { return Ok(Bound::NotSought) };
         factor(FACTORS, CLOSE_OF_DRAWS, |factor| {
@@ -210,7 +210,7 @@ fn launches(first: NaiveDate) -> Vec<NaiveDate> {
     (0..12 * LAUNCHES_YR / STEP_MONTHS).filter_map(later).collect()
 }
 
-/// What the mission has.
+/// The mission's own values.
 fn own(model: &Model, shield_g_cm2: Option<f64>) -> Result<Own, InputError> {
     let mission = &model.mission;
     let end_yr = mission.mission.duration_yr;
@@ -232,7 +232,7 @@ fn largest(timeline: &Timeline) -> f64 {
     timeline.points.iter().map(|point| point.1.unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
 }
 
-/// By how much a mission exceeds a limit on |Δe|, in units of it, cut at 1.
+/// Relative amount by which a mission exceeds a limit on |Δe|, at most 1.
 fn excess(model: &Model, limit: f64) -> Result<f64, InputError> {
     Ok((largest(&Timeline::of(model)?) / limit - 1.0).min(1.0))
 }
@@ -244,7 +244,7 @@ fn with_dose(model: &Model, factor: f64) -> Model {
     model.like(&mission)
 }
 
-/// The largest factor whose excess is not above 0; it is looked for outwards from 1 by factors of 2, then closed in.
+/// The largest factor whose excess is not above 0; bracketed outwards from 1 by factors of 2, then refined.
 fn factor(
     [least, most]: [f64; 2],
     close: f64,
@@ -270,7 +270,7 @@ fn factor(
     }
 }
 
-/// Most transfers within a limit on |Δe|, up to those of the largest detector.
+/// Maximum number of transfers within a limit on |Δe|, up to those of the largest detector.
 fn transfers(model: &Model, limit: f64) -> Result<Bound, InputError> {
     let exceeds = |transfers: u32| -> Result<bool, InputError> {
         Ok(largest(&Timeline::under(model, |at| at.transfers = transfers)?) > limit)
@@ -289,7 +289,7 @@ fn transfers(model: &Model, limit: f64) -> Result<Bound, InputError> {
     Ok(Bound::At(f64::from(within)))
 }
 
-/// Transfers of a register longer than any that is built.
+/// Transfers of a register longer than any in existence.
 const MOST_TRANSFERS: u32 = 16_384;
 
 /// |Δe| at the end of the mission with another line time (ms); infinite if no shape is left.

@@ -4,9 +4,9 @@
 //! margin = 1 − |Δe|(end)/(budget × correction factor)
 //! ```
 //!
-//! or that of a shear bias of the population if it is smaller, with the dose derived from the ESP fluence at each confidence
+//! or that of a shear bias of the population if it is smaller. The dose is derived from the ESP fluence at each confidence
 //! (`environment/esp.rs`) behind each thickness (`environment/shielding.rs`), plus the other sources in the mission's model,
-//! regardless of the dose rate that the mission gives.
+//! regardless of the dose rate stated by the mission.
 
 use serde::Serialize;
 
@@ -33,7 +33,7 @@ pub struct Shielding {
     pub thicknesses_mm: Vec<f64>,
     /// Probabilities that the solar proton fluence is not exceeded.
     pub confidences: Vec<f64>,
-    /// The probability with which budgets are to be kept, with the Sun and `[uncertainty]` drawn behind each shield.
+    /// The probability with which budgets are to be met, with the Sun and `[uncertainty]` drawn behind each shield.
     pub probability: Option<Confidence>,
 }
 
@@ -47,20 +47,20 @@ impl Default for Shielding {
     }
 }
 
-/// What the study finds.
+/// The results of the study.
 #[derive(Clone, Debug)]
 pub struct Results {
-    /// Thicknesses of aluminium, mm, rising.
+    /// Thicknesses of aluminium, mm, ascending.
     pub thicknesses_mm: Vec<f64>,
     /// Probabilities that the solar proton fluence is not exceeded.
     pub confidences: Vec<f64>,
-    /// Each geometry, thickness and confidence, the last of them fastest; none in a low Earth orbit of unknown elements.
+    /// Each geometry, thickness and confidence, the last varying fastest; empty in a low Earth orbit of unknown elements.
     pub cases: Vec<Case>,
-    /// Thickness needed at each confidence; none without cases.
+    /// Thickness needed at each confidence; empty without cases.
     pub needed: Vec<Needed>,
-    /// Each geometry and thickness with the Sun and `[uncertainty]` drawn; none if no probability was requested.
+    /// Each geometry and thickness with the Sun and `[uncertainty]` drawn; empty if no probability was requested.
     pub drawn: Vec<Drawn>,
-    /// Shields, ranked by how long they keep the budgets with that probability.
+    /// Shields, ranked by how long they meet the budgets with that probability.
     pub ranking: Option<Ranking>,
     /// The requested probability.
     pub probability: Option<f64>,
@@ -81,13 +81,13 @@ pub struct Case {
     pub dose_mev_g: f64,
     /// |Δe| at the end of the mission; None if no shape is left, here and below.
     pub delta_e: Option<f64>,
-    /// What becomes of the budgets.
+    /// Judgement of the budgets.
     #[serde(flatten)]
     pub judged: JudgedRow,
-    /// Share of the corrected budget that is left at the end of the mission, the least of all budgets.
+    /// Margin of the corrected budget at the end of the mission, the smallest of all budgets.
     #[serde(skip)]
     pub margin: Option<f64>,
-    /// What is doubtful about its dose.
+    /// Warnings about its dose.
     #[serde(skip)]
     pub warnings: Vec<Warning>,
 }
@@ -99,15 +99,15 @@ pub struct Drawn {
     pub geometry: Geometry,
     /// Thickness, mm of aluminium.
     pub thickness_mm: f64,
-    /// What becomes of the budgets.
+    /// Judgement of the budgets.
     #[serde(flatten)]
     pub judged: JudgedRow,
-    /// What it is ranked by.
+    /// Its ranking key.
     #[serde(skip)]
     merit: Merit,
 }
 
-/// Least thickness with which the corrected budget lasts, mm of aluminium; infinite if none that was tried is enough.
+/// Smallest thickness with which the corrected budget is met, mm of aluminium; infinite if no thickness tried is enough.
 #[derive(Clone, Debug, Serialize)]
 pub struct Needed {
     /// Probability that the fluence is not exceeded, %.
@@ -193,7 +193,7 @@ impl Study for Shielding {
 }
 
 impl Shielding {
-    /// Each geometry and thickness with the Sun and `[uncertainty]` drawn; none if no probability is requested.
+    /// Each geometry and thickness with the Sun and `[uncertainty]` drawn; empty if no probability is requested.
     fn drawn(
         &self,
         model: &Model,
@@ -240,9 +240,9 @@ impl Case {
     }
 }
 
-/// Least thickness (mm) without a negative margin; infinite if none that was tried is enough.
+/// Smallest thickness (mm) without a negative margin; infinite if no thickness tried is enough.
 ///
-/// Between two thicknesses the share of the budget that is used is a power law of the dose, to a good approximation; the dose against thickness is computed.
+/// Between two thicknesses the used share of the budget is nearly a power law in the dose; the dose against thickness is computed.
 fn needed_mm(model: &Model, cases: &[Case], geometry: Geometry, confidence: f64) -> f64 {
     let used = |case: &Case| case.margin.map(|margin| 1.0 - margin);
     let curve: Vec<&Case> =
@@ -266,13 +266,13 @@ fn needed_mm(model: &Model, cases: &[Case], geometry: Geometry, confidence: f64)
     }
 }
 
-/// What the thickest shields are warned of: nuclear reactions that the dose does not count.
+/// The warning about the thickest shields: nuclear reactions that the dose does not include.
 fn thick_shields(cases: &[Case]) -> Option<Warning> {
     let all = cases.iter().flat_map(|case| &case.warnings);
     together(all.filter(|warning| warning.neutrons().is_some())).pop()
 }
 
-/// The mission behind aluminium, its dose derived at a confidence.
+/// The mission behind aluminium, with its dose derived at a confidence.
 fn behind(mission: &Mission, geometry: Geometry, thickness_mm: f64, confidence: f64) -> Mission {
     let mut behind = mission.clone();
     behind.shielding = Some(Shield::aluminium(geometry, thickness_mm));

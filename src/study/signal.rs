@@ -1,17 +1,17 @@
-//! Signal-to-noise ratio of a galaxy in an aperture, and what it takes to have it back.
+//! Signal-to-noise ratio of a galaxy in an aperture, and the exposure needed to restore it.
 //!
 //! ```text
 //! S/N = s F t / √(s F t + π r² (B t + P + R²))
 //! ```
 //!
-//! for a share s of the flux F within r, sky B, exposures t times as long, charge P that is put in by the camera with its shot
-//! noise, and read noise R. A survey covers an area per time of
+//! for a share s of the flux F within r, sky B, exposures t times as long, charge P added by the camera with its shot noise, and
+//! read noise R. A survey covers an area per time of
 //!
 //! ```text
 //! area ∝ 1/(t exposure + max(readout, slew))
 //! ```
 //!
-//! with reading out and slewing at once.
+//! with readout and slew in parallel.
 
 use std::f64::consts::PI;
 
@@ -19,20 +19,20 @@ use crate::mission::{Galaxy, Mission, Survey};
 use crate::numeric::root_finding;
 use crate::physics::galaxy::{Profile, snr};
 
-/// Exposures of the judged galaxy with one clock. Every study takes read noise, S/N and area from here.
+/// Exposures of the judged galaxy with one clock. Every study uses read noise, S/N and area from here.
 #[derive(Clone, Debug)]
 pub struct Exposure {
     /// The galaxy.
     pub aperture: Aperture,
     /// Read noise, e- per pixel.
     pub read_noise_e: f64,
-    /// Time that reading out takes, s.
+    /// Readout time, s.
     pub readout_s: f64,
     survey: Option<Survey>,
 }
 
 impl Exposure {
-    /// With the mission's own clock. If `[readout.noise]` has no read noise for it, it is that of the judged galaxy.
+    /// With the mission's own clock. If `[readout.noise]` has no read noise for it, that of the judged galaxy is used.
     pub fn of(mission: &Mission) -> Exposure {
         let line_time_ms = mission.readout.line_time_ms;
         let read_noise_e = read_noise_e(mission, line_time_ms).unwrap_or(mission.judged_galaxy().read_noise_e);
@@ -45,7 +45,7 @@ impl Exposure {
     }
 
     fn with(mission: &Mission, line_time_ms: f64, read_noise_e: f64) -> Exposure {
-        // As many rows as transfers at least, if the mission does not say how many there are.
+        // At least as many rows as transfers, if the mission does not state the number of rows.
         let rows = mission.readout.noise.as_ref().map_or(mission.readout.transfers, |noise| noise.rows);
         Exposure {
             aperture: Aperture::of(mission, mission.judged_galaxy()),
@@ -60,25 +60,26 @@ impl Exposure {
         self.aperture.snr(extra_e, self.read_noise_e)
     }
 
-    /// Area per time over that of other exposures, each as long as the mission's.
+    /// Area per time relative to other exposures, each as long as the mission's.
     pub fn area(&self, reference: &Exposure) -> f64 {
         reference.cycle(1.0) / self.cycle(1.0)
     }
 
-    /// Area per time over that of other exposures, if these are made longer or shorter until they have the others'
-    /// signal-to-noise ratio in spite of charge (e- per pixel) on top of the sky.
+    /// Area per time relative to other exposures, if these are lengthened or shortened to the others' signal-to-noise ratio in
+    /// spite of charge (e- per pixel) on top of the sky.
     pub fn area_equal_depth(&self, extra_e: f64, reference: &Exposure) -> f64 {
         let times = self.aperture.times_for(reference.snr(0.0), extra_e, self.read_noise_e);
         reference.cycle(1.0) / self.cycle(times)
     }
 
-    /// Time from one exposure so many times as long to the next, s; without a survey the exposure alone, in its own length.
+    /// Time from one exposure, `times` times as long, to the next, s; without a survey only the exposure, in units of its own
+    /// length.
     fn cycle(&self, times: f64) -> f64 {
         self.survey.as_ref().map_or(times, |survey| survey.cycle_s(times * survey.exposure_s, self.readout_s))
     }
 }
 
-/// Read noise (e-) of a clock with so many ms between two parallel transfers, by `[readout.noise]`.
+/// Read noise (e-) of a clock with this time between two parallel transfers, by `[readout.noise]`.
 fn read_noise_e(mission: &Mission, line_time_ms: f64) -> Option<f64> {
     let noise = mission.readout.noise.as_ref()?;
     noise.read_noise_e(noise.pixel_rate_khz(line_time_ms)?)
@@ -96,7 +97,7 @@ pub struct Aperture {
 }
 
 impl Aperture {
-    /// The galaxy's own aperture, or the one of the best signal-to-noise ratio against the sky and the galaxy's read noise.
+    /// The galaxy's own aperture, or the one with the best signal-to-noise ratio for the sky and the galaxy's read noise.
     pub fn of(mission: &Mission, galaxy: &Galaxy) -> Aperture {
         let profile = Profile::of(galaxy, &mission.psf);
         let flux_e = snr::flux_e(mission, galaxy);
@@ -116,16 +117,16 @@ impl Aperture {
         self.after(1.0, extra_e, read_noise_e)
     }
 
-    /// The same after an exposure so many times as long.
+    /// The same for an exposure `times` times as long.
     fn after(&self, times: f64, extra_e: f64, read_noise_e: f64) -> f64 {
         let pixels = PI * self.radius_px * self.radius_px;
         let signal_e = self.signal_e * times;
         signal_e / (signal_e + pixels * (self.background_e * times + extra_e + read_noise_e * read_noise_e)).sqrt()
     }
 
-    /// How many times as long an exposure must be to have a signal-to-noise ratio.
+    /// Factor on the exposure needed for a signal-to-noise ratio.
     pub fn times_for(&self, snr: f64, extra_e: f64, read_noise_e: f64) -> f64 {
-        // The ratio rises with the exposure at least as its root.
+        // The ratio increases at least as the square root of the exposure.
         let now = self.after(1.0, extra_e, read_noise_e);
         let far = 2.0 * (snr / now).powi(2).max((now / snr).powi(2)).ln().max(1.0);
         root_finding::between(-far, far, 1e-12, |log| (self.after(log.exp(), extra_e, read_noise_e) / snr).ln()).exp()

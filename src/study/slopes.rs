@@ -1,11 +1,11 @@
-//! How much what a requirement limits changes with parameters of the detector, at the end of the mission.
+//! Derivatives of the limited quantities with respect to parameters of the detector, at the end of the mission.
 //!
 //! ```text
 //! ∂q/∂ln p = [q(p eˢ) − q(p e⁻ˢ)]/2s        s = 0.05        q: Δe of the judged galaxy, shear biases c and m of the population
 //! ```
 //!
-//! A correction with believed parameters leaves, to first order in the trailing, the difference of what true and believed ones do:
-//! Σ ∂q/∂ln pᵢ (Δpᵢ/pᵢ).
+//! To first order in the trailing, a correction with assumed parameters leaves the difference between the effects of the true and
+//! the assumed ones: Σ ∂q/∂ln pᵢ (Δpᵢ/pᵢ).
 
 use std::collections::BTreeMap;
 
@@ -15,10 +15,10 @@ use crate::numeric::parallel;
 use crate::plan::judgement::Limited;
 use crate::plan::population::{EndBias, Estimated, PopulationBias};
 
-/// Relative change of a parameter by which a derivative is found: both ways, so that what bends is left out.
+/// Relative step of a parameter in a central difference: second-order terms cancel.
 const STEP: f64 = 0.05;
 
-/// A quantity, and what each draw of galaxies adds to its error, to first order: none of what is no mean over galaxies.
+/// A quantity, and the contribution of each draw of galaxies to its error, to first order: empty if it is not a mean over galaxies.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Quantity {
     pub value: f64,
@@ -26,7 +26,7 @@ pub(super) struct Quantity {
 }
 
 impl Quantity {
-    /// One that is no mean over galaxies.
+    /// A quantity that is not a mean over galaxies.
     pub fn exact(value: f64) -> Quantity {
         Quantity { value, influence: BTreeMap::new() }
     }
@@ -43,20 +43,20 @@ impl Quantity {
         sum
     }
 
-    /// Standard error from the finite sample of galaxies; None of what is no mean over several.
+    /// Standard error from the finite sample of galaxies; None if it is not a mean over several.
     pub fn error(&self) -> Option<f64> {
         Estimated::of(self.value, &self.influence).error
     }
 }
 
-/// Something that a requirement may limit, members 1 and 2.
+/// A quantity that a requirement may limit, components 1 and 2.
 #[derive(Clone, Debug)]
 pub(super) struct Limitable {
     pub limited: Limited,
     pub members: [Quantity; 2],
 }
 
-/// Members 1 and 2 of a bias, and what each draw of galaxies adds to their errors.
+/// Components 1 and 2 of a bias, and the contributions of each draw of galaxies to their errors.
 type Members<'a> = (&'a [Estimated; 2], &'a [BTreeMap<usize, f64>; 2]);
 
 /// A parameter of the detector: its key in the mission, and a deviation in the key's unit.
@@ -99,7 +99,7 @@ pub(super) fn slopes(
     let of = |(key, deviation): &Parameter| {
         let value = model.mission.number(key).unwrap_or(0.0);
         let at = |value: f64| at_end(&model.like(&model.mission.with(&[(key.clone(), value.into())])?), asked);
-        // What is 0 or less has no logarithm.
+        // Values of 0 or less have no logarithm.
         let (high, low, over) = match value > 0.0 {
             true => (at(value * STEP.exp())?, at(value * (-STEP).exp())?, deviation / value / (2.0 * STEP)),
             false => (at(value + deviation)?, at(value)?, 1.0),

@@ -1,4 +1,4 @@
-//! How well parameters of the detector must be known for what a correction leaves to keep a limit.
+//! Accuracy to which parameters of the detector must be known for the residual of a correction to meet a limit.
 
 use serde::Serialize;
 
@@ -8,7 +8,7 @@ use crate::mission::Mission;
 use crate::model::Model;
 use crate::plan::judgement::Limited;
 
-/// Densities and then release times of all species, by their keys, each with a deviation of its own size.
+/// Densities and then release times of all species, by their keys, each with a deviation equal to its value.
 pub(super) fn trap_parameters(mission: &Mission) -> Vec<Parameter> {
     let traps = &mission.detector.traps;
     let densities =
@@ -17,7 +17,7 @@ pub(super) fn trap_parameters(mission: &Mission) -> Vec<Parameter> {
     densities.chain(releases).collect()
 }
 
-/// Limit on something, without correction; None if there is none.
+/// Limit on a quantity, without correction; None if there is none.
 pub(super) fn limit(mission: &Mission, limited: Limited) -> Option<f64> {
     let requirement = &mission.requirement;
     match limited {
@@ -27,16 +27,16 @@ pub(super) fn limit(mission: &Mission, limited: Limited) -> Option<f64> {
     }
 }
 
-/// Derivatives of what is limited at the end of the mission, over its limit: by the logarithms of densities and release times.
+/// Derivatives of a limited quantity at the end of the mission, over its limit: by the logarithms of densities and release times.
 pub(super) struct Sensitivity {
     pub limited: Limited,
-    /// Members (1 and 2) of each species.
+    /// Components (1 and 2) for each species.
     densities: Vec<[f64; 2]>,
     releases: Vec<[f64; 2]>,
 }
 
 impl Sensitivity {
-    /// Of the derivatives by [`trap_parameters`] in their order, and the limit.
+    /// From the derivatives by [`trap_parameters`] in their order, and the limit.
     pub fn of(limited: Limited, limit: f64, slopes: &[[Quantity; 2]]) -> Sensitivity {
         let over = |members: &[Quantity; 2]| [0, 1].map(|member| members[member].value / limit);
         let all: Vec<[f64; 2]> = slopes.iter().map(over).collect();
@@ -44,7 +44,7 @@ impl Sensitivity {
         Sensitivity { limited, densities: densities.to_vec(), releases: releases.to_vec() }
     }
 
-    /// Of everything that a mission limits.
+    /// For every limited quantity of a mission.
     ///
     /// # Errors
     /// If a formula has no value, or no shape is left.
@@ -58,8 +58,8 @@ impl Sensitivity {
         Ok(limited.into_iter().zip(&found).map(of).collect())
     }
 
-    /// Share of the limit that is used with independent relative errors of the parameters, and one that all densities share; traps
-    /// are so many times those at the end.
+    /// Share of the limit that is used with independent relative errors of the parameters, and one common to all densities; `traps`
+    /// is relative to the number at the end.
     pub fn used(&self, density_error: f64, release_error: f64, common: f64, traps: f64) -> f64 {
         let member = |member: usize| {
             let squares = |of: &[[f64; 2]], error: f64| of.iter().map(|one| (one[member] * error).powi(2)).sum::<f64>();
@@ -71,18 +71,18 @@ impl Sensitivity {
     }
 }
 
-/// How well a parameter must be known, all others known exactly.
+/// Required knowledge of a parameter, all others known exactly.
 #[derive(Clone, Debug, Serialize)]
 pub struct Known {
     /// The parameter.
     pub parameter: String,
-    /// Largest relative error (1 σ) with which every limit is met at the end of the mission, %; None if it does nothing.
+    /// Largest relative error (1 σ) with which every limit is met at the end of the mission, %; None if it has no effect.
     pub needed_percent: Option<f64>,
-    /// The limit that asks for it.
+    /// The limit that requires it.
     pub by: Option<Limited>,
 }
 
-/// How well each parameter must be known, and all of them.
+/// Required knowledge of each parameter, and of all of them.
 pub(super) fn known(mission: &Mission, sensitivities: &[Sensitivity]) -> Vec<Known> {
     let species = &mission.detector.traps;
     let of = |parameter: String, used: &dyn Fn(&Sensitivity) -> f64| {
@@ -103,7 +103,7 @@ pub(super) fn known(mission: &Mission, sensitivities: &[Sensitivity]) -> Vec<Kno
     known
 }
 
-/// Name of the row of all densities, each with an error of its own.
+/// Name of the row of all densities, with independent errors.
 pub const ALL_DENSITIES: &str = "all densities";
 
 /// Name of the row of all release times.

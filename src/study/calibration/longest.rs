@@ -1,10 +1,10 @@
-//! The longest interval between calibrations that keeps all limits.
+//! The longest interval between calibrations that meets all limits.
 //!
 //! The share u of a limit that is used over the mission, not exceeded with the requested probability, is a function of the interval
-//! Δ. From the shortest interval on, Δ grows in equal ratios until u exceeds 1; u(Δ) = 1 is solved between the last two by Brent's
-//! method in ln Δ. With few draws u is jagged, as events fall just before or after a calibration; the error of the interval
-//! includes this. If u decreases again at longer intervals, as it may because of the dates of single events, those do not count:
-//! every interval tried up to the longest keeps the limits.
+//! Δ. From the shortest interval on, Δ increases in equal ratios until u exceeds 1; u(Δ) = 1 is solved between the last two by
+//! Brent's method in ln Δ. With few draws u is jagged, as events fall just before or after a calibration; the error of the interval
+//! includes this. If u decreases again at longer intervals, as it may because of the dates of single events, these are ignored:
+//! every interval tried up to the longest meets the limits.
 
 use serde::Serialize;
 
@@ -14,10 +14,10 @@ use crate::numeric::root_finding;
 use crate::plan::date_distribution::share_error;
 use crate::plan::judgement::Limited;
 
-/// Relative error with which the interval is solved for.
+/// Relative tolerance of the solution for the interval.
 pub const TOLERANCE: f64 = 1e-3;
 
-/// Ratio of two intervals between which a limit may be reached.
+/// Ratio of successive trial intervals.
 const RATIO: f64 = 1.3;
 
 /// The longest interval between calibrations.
@@ -25,35 +25,35 @@ const RATIO: f64 = 1.3;
 pub struct Longest {
     /// How densities are continued.
     pub continued: Continued,
-    /// Whether there is one.
+    /// Whether such an interval exists.
     pub outcome: Outcome,
-    /// The interval, months; the length of the mission if that keeps the limits, None if no interval does.
+    /// The interval, months; the length of the mission if that meets the limits, None if no interval does.
     pub interval_months: Option<f64>,
-    /// Its standard error from the finite number of draws, months; None if nothing is drawn, or the error is as large as the range.
+    /// Its standard error from the finite number of draws, months; None without draws, or if the error is as large as the range.
     pub error_months: Option<f64>,
     /// Share of a limit that is used at the shortest interval, %, not exceeded with the requested probability.
     pub used_at_shortest_percent: f64,
-    /// The limit with the largest share used at the longest interval, or at the shortest if none keeps the limits.
+    /// The limit with the largest share used at the longest interval, or at the shortest if none meets the limits.
     pub by: Option<Limited>,
 }
 
-/// Whether an interval keeps the limits.
+/// Whether an interval meets the limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     /// Up to the interval found, and not beyond.
     Solved,
-    /// No interval keeps them, however short.
+    /// No interval meets them, however short.
     NotReachable,
-    /// One calibration at launch keeps them to the end of the mission.
+    /// One calibration at launch meets them until the end of the mission.
     AlwaysMet,
 }
 
-/// An interval (months), and the share of a limit that each draw uses with it, ascending.
+/// An interval (months), and the used share of a limit for each draw, ascending.
 type Tried = (f64, Vec<f64>);
 
 impl Calibration {
-    /// The longest interval with which all limits are kept, with the requested probability.
+    /// The longest interval that meets all limits with the requested probability.
     pub(super) fn longest(
         &self,
         sensitivities: &[Sensitivity],
@@ -70,7 +70,8 @@ impl Calibration {
             intervals(MONTHS * histories.end_yr).into_iter().map(|months| (months, used(months))).collect();
         let solve = |probability: f64| solved(&tried, probability, &used);
         let (outcome, months) = solve(self.probability);
-        // The probability has an error from the finite number of draws: the limits are solved with it a little higher and lower.
+        // The probability has an error from the finite number of draws: the limits are also solved for with a higher and a lower
+        // one.
         let drawn = histories.sun_not_drawn.is_none();
         let error = share_error(self.probability, histories.of_draws.len() as f64);
         let ends = || [1.0, -1.0].map(|sign| solve((self.probability + sign * error).clamp(0.0, 1.0)));
@@ -88,7 +89,7 @@ impl Calibration {
     }
 }
 
-/// Half the distance of two ends; that of one from the value, if the other is beyond the range; None if both are.
+/// Half the distance between two ends; if one is out of range, the distance of the other from the value; None if both are.
 fn half(ends: [(Outcome, Option<f64>); 2], value: f64) -> Option<f64> {
     let [low, high] = ends.map(|(outcome, months)| months.filter(|_| outcome == Outcome::Solved));
     match (low, high) {
@@ -105,9 +106,9 @@ fn intervals(most_months: f64) -> Vec<f64> {
     (0..=steps as usize).map(|step| least * (most_months / least).powf(step as f64 / steps)).collect()
 }
 
-/// Where the limits are kept with a probability, up to an interval (months).
+/// Up to which interval (months) the limits are met with a probability.
 fn solved(tried: &[Tried], probability: f64, used: &dyn Fn(f64) -> Vec<f64>) -> (Outcome, Option<f64>) {
-    // Of logarithms: a limit that is far off bends the curve less.
+    // In logarithms: a limit far from 1 makes the curve bend less.
     let over = |used: &[f64]| quantile(used, probability).max(f64::MIN_POSITIVE).ln();
     match tried.iter().position(|(_, used)| over(used) > 0.0) {
         None => (Outcome::AlwaysMet, tried.last().map(|(months, _)| *months)),
@@ -126,7 +127,7 @@ fn solved(tried: &[Tried], probability: f64, used: &dyn Fn(f64) -> Vec<f64>) -> 
 mod tests {
     use super::*;
 
-    /// Ten draws that use (k/10)(Δ/6 months)² of a limit: with 90 % it is kept up to 6/√0.91 months between the ninth and tenth.
+    /// Ten draws that use (k/10)(Δ/6 months)² of a limit: at 90 % it is met up to 6/√0.91 months, between the ninth and the tenth.
     #[test]
     fn an_interval_is_solved_for_and_said_to_be_none_or_any() {
         let used = |scale: f64| {
@@ -146,7 +147,7 @@ mod tests {
         assert!((months.unwrap() * 0.91_f64.sqrt() / 6.0 - 1.0).abs() < TOLERANCE, "{months:?}");
         assert_eq!(of(1e5, 0.9), (Outcome::NotReachable, None));
         assert_eq!(of(1e-3, 0.9).0, Outcome::AlwaysMet);
-        // Half the distance between both ends, or what there is of it.
+        // Half the distance between both ends, or the part of it that exists.
         assert_eq!(half([(Outcome::Solved, Some(4.0)), (Outcome::Solved, Some(7.0))], 5.0), Some(1.5));
         assert_eq!(half([(Outcome::Solved, Some(4.0)), (Outcome::AlwaysMet, Some(60.0))], 5.0), Some(1.0));
         assert_eq!(half([(Outcome::NotReachable, None), (Outcome::AlwaysMet, Some(60.0))], 5.0), None);

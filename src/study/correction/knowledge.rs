@@ -1,4 +1,4 @@
-//! What is known of a detector: its parameters, their errors, and how these are correlated.
+//! Knowledge of a detector: its parameters, with their errors and correlations.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::error::InputError;
 use crate::io::input;
 use crate::mission::Mission;
 
-/// What is known of the detector: parameters by their keys in the mission, with errors (1 σ) and correlations.
+/// Knowledge of the detector: parameters by their keys in the mission, with errors (1 σ) and correlations.
 #[derive(Clone, Debug)]
 pub struct Knowledge {
     /// Key, and error in the key's unit.
@@ -43,7 +43,7 @@ impl Knowledge {
     /// From the JSON of `ctiplan fit`.
     ///
     /// # Errors
-    /// If it cannot be read, or is of other parameters than the mission has.
+    /// If it cannot be read, or its parameters are not those of the mission.
     pub fn read(path: &Path, mission: &Mission) -> Result<Knowledge, InputError> {
         let refuse = |problem: String| {
             InputError::new(format!("cannot use the fit `{}`", path.display()), problem)
@@ -74,11 +74,11 @@ impl Knowledge {
         }
     }
 
-    /// Deviations (in σ) of one draw, correlated as the errors are.
+    /// Deviations (in σ) of one draw, with the correlations of the errors.
     pub fn draw(&self, random: &mut ChaCha8Rng) -> Vec<f64> {
         let free: Vec<f64> = self.parameters.iter().map(|_| StandardNormal.sample(random)).collect();
         let Some(rows) = &self.correlation else { return free };
-        // A hair on the diagonal: parameters that are fully correlated have no Cholesky factor otherwise.
+        // A tiny term on the diagonal: fully correlated parameters have no Cholesky factor otherwise.
         let matrix = DMatrix::from_fn(rows.len(), rows.len(), |row, column| {
             rows[row][column] + if row == column { 1e-9 } else { 0.0 }
         });

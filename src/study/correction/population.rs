@@ -1,13 +1,13 @@
-//! What a correction leaves of the shear biases of a population, to first order in the trailing.
+//! Residual shear biases of a population after a correction, to first order in the trailing.
 //!
-//! With deviations zᵢ of the believed parameters, whose errors are σᵢ and whose correlations are C, a bias b of the survey keeps
+//! With deviations zᵢ of the assumed parameters, whose errors are σᵢ and whose correlations are C, the residual of a bias b is
 //!
 //! ```text
 //! left = Σ dᵢ zᵢ        rms left = √(dᵀ C d)        dᵢ = σᵢ ∂b/∂pᵢ
 //! ```
 //!
 //! Errors are those of the finite sample of galaxies: b and its derivatives are means over the same galaxies, whose first-order
-//! jackknife values are carried through. Noise, and what iterations leave, are not in it.
+//! jackknife values are propagated. Noise and the residuals of iterations are not included.
 
 use serde::Serialize;
 
@@ -18,28 +18,28 @@ use crate::plan::judgement::Limited;
 use crate::study::slopes::{Limitable, Parameter, Quantity, at_end, slopes};
 use crate::study::tolerance::{ALL_DENSITIES, ALL_RELEASES, Known, Sensitivity, known, limit, trap_parameters};
 
-/// What is left of a population's shear biases.
+/// Residual shear biases of a population.
 #[derive(Clone, Debug)]
 pub struct PopulationRemainder {
     /// c1, c2, m1 and m2.
     pub biases: Vec<BiasLeft>,
-    /// How well parameters must be known for limits on c and m; empty if there are none.
+    /// Required knowledge of the parameters for limits on c and m; empty if there are none.
     pub tolerances: Vec<Tolerance>,
 }
 
-/// What is left of a bias.
+/// The residual of a bias.
 #[derive(Clone, Debug, Serialize)]
 pub struct BiasLeft {
     /// c1, c2, m1 or m2.
     pub bias: String,
-    /// Which of the two that is.
+    /// The limited quantity of which it is a component.
     #[serde(skip)]
     pub limited: Limited,
     /// Without correction.
     pub uncorrected: f64,
     /// Its standard error from the finite sample of galaxies; None for one galaxy, here and below.
     pub uncorrected_error: Option<f64>,
-    /// Root mean square of what is left over errors of the believed parameters.
+    /// Root mean square residual over errors of the assumed parameters.
     pub left: f64,
     /// Its standard error.
     pub left_error: Option<f64>,
@@ -47,22 +47,22 @@ pub struct BiasLeft {
     pub left_percent: Option<f64>,
     /// Its standard error, %.
     pub left_error_percent: Option<f64>,
-    /// |uncorrected| over what is left: what the correction earns; None if nothing is left.
+    /// |uncorrected| over the residual: the factor of the correction; None if there is no residual.
     pub factor: Option<f64>,
     /// Its standard error.
     pub factor_error: Option<f64>,
-    /// What is left, in % of the limit; None if there is no limit.
+    /// The residual, in % of the limit; None if there is no limit.
     pub used_percent: Option<f64>,
 }
 
-/// How well a parameter must be known, all others known exactly.
+/// Required knowledge of a parameter, all others known exactly.
 #[derive(Clone, Debug, Serialize)]
 pub struct Tolerance {
     /// The parameter.
     pub parameter: String,
-    /// Its error (1 σ) as the correction is taken to know it, %; of several the root mean square; None if it is taken to be exact.
+    /// Its assumed error (1 σ) in the correction, %; for several the root mean square; None if it is assumed exact.
     pub error_percent: Option<f64>,
-    /// Largest error with which the limit on c is met at the end of the mission, %; None if there is no limit, or it does nothing.
+    /// Largest error with which the limit on c is met at the end of the mission, %; None if there is no limit, or it has no effect.
     pub needed_c_percent: Option<f64>,
     /// The same for the limit on m.
     pub needed_m_percent: Option<f64>,
@@ -72,7 +72,7 @@ pub struct Tolerance {
 const BIASES: [Limited; 2] = [Limited::C, Limited::M];
 
 impl PopulationRemainder {
-    /// Of a model's population, with a correction that knows the detector so. None if the mission has no population.
+    /// For a model's population, after a correction with this knowledge of the detector. None if the mission has no population.
     ///
     /// # Errors
     /// If a formula has no value, no galaxy of the population can be measured, or a parameter cannot be changed by its error.
@@ -111,16 +111,16 @@ impl PopulationRemainder {
         Ok(Some(PopulationRemainder { biases, tolerances: tolerances(&traps, knowledge, needed) }))
     }
 
-    /// The largest part of a bias that is left.
+    /// The largest residual component of a bias.
     pub fn largest(&self, limited: Limited) -> Option<&BiasLeft> {
         let of = self.biases.iter().filter(|one| one.limited == limited);
         of.max_by(|a, b| a.uncorrected.abs().total_cmp(&b.uncorrected.abs()))
     }
 }
 
-/// Parameters among those whose slopes are known, with errors in units of the deviations of those, and correlations.
+/// Parameters among those whose slopes are known, with errors in units of the slopes' deviations, and correlations.
 struct Deviations<'a> {
-    /// Place and error of each.
+    /// Index and error of each.
     of: Vec<(usize, f64)>,
     correlation: Option<&'a Vec<Vec<f64>>>,
 }
@@ -134,7 +134,7 @@ impl Deviations<'_> {
         Deviations { of: knowledge.parameters.iter().map(place).collect(), correlation: knowledge.correlation.as_ref() }
     }
 
-    /// Root mean square of what is left, √(dᵀ C d); its part of each slope is (C d)ᵢ σᵢ over it.
+    /// Root mean square residual, √(dᵀ C d); the weight of each slope is (C d)ᵢ σᵢ over it.
     fn left(&self, slopes: &[&Quantity]) -> Quantity {
         let d: Vec<f64> = self.of.iter().map(|(place, error)| error * slopes[*place].value).collect();
         let correlated = |row: usize| match self.correlation {
@@ -180,7 +180,7 @@ fn ratio(a: &Quantity, b: &Quantity, scale: f64) -> (f64, Option<f64>) {
     (value.abs(), influence.error())
 }
 
-/// What limits ask for, beside what is taken to be known.
+/// Knowledge required by the limits, beside that assumed.
 fn tolerances(traps: &[Parameter], knowledge: &Knowledge, needed: [Option<Vec<Known>>; 2]) -> Vec<Tolerance> {
     let Some(names) = needed.iter().flatten().next() else { return Vec::new() };
     let (densities, releases) = traps.split_at(traps.len() / 2);
@@ -202,7 +202,7 @@ fn tolerances(traps: &[Parameter], knowledge: &Knowledge, needed: [Option<Vec<Kn
 }
 
 impl PopulationRemainder {
-    /// Rows of all densities and of all release times.
+    /// The rows for all densities and for all release times.
     pub fn all(&self) -> impl Iterator<Item = &Tolerance> {
         self.tolerances.iter().filter(|one| [ALL_DENSITIES, ALL_RELEASES].contains(&one.parameter.as_str()))
     }
@@ -212,7 +212,7 @@ impl PopulationRemainder {
 mod tests {
     use super::*;
 
-    /// Errors of one sign add up, errors of opposite signs cancel, and independent ones add in squares.
+    /// Errors of one sign add linearly, errors of opposite signs cancel, and independent ones add in quadrature.
     #[test]
     fn what_is_left_follows_the_correlations() {
         let slope = |value: f64| Quantity::exact(value);
@@ -220,7 +220,7 @@ mod tests {
         let parameters: Vec<Parameter> = vec![("a".into(), 1.0), ("b".into(), 2.0)];
         let left = |correlation: Option<f64>| {
             let correlation = correlation.map(|off| vec![vec![1.0, off], vec![off, 1.0]]);
-            // b is known to half of the deviation that its slope is for.
+            // b is known to half of the deviation of its slope.
             let knowledge = Knowledge { parameters: vec![("b".into(), 1.0), ("a".into(), 1.0)], correlation };
             Deviations::of(&knowledge, &parameters).left(&[&one, &two]).value
         };

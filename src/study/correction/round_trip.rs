@@ -1,4 +1,4 @@
-//! A galaxy that is read out through the detector as it is, and corrected with the detector as it is believed to be.
+//! A galaxy read out through the true detector, and corrected with the assumed detector.
 
 use ndarray::Array2;
 use rand::{RngExt, SeedableRng};
@@ -16,13 +16,13 @@ use crate::physics::shape::{Moments, ShapeChange};
 use crate::readout::Downstream;
 use crate::study::Estimate;
 
-/// Share of a difference that is added to a galaxy: small enough for its shape to follow in proportion.
+/// Share of a difference that is added to a galaxy: small enough for a linear response of its shape.
 const FIRST_ORDER: f64 = 1e-3;
 
-/// Streams of the noise, apart from those of the draws.
+/// Random streams of the noise, separate from those of the draws.
 const NOISE: u64 = 1 << 32;
 
-/// An image (e-, background included) as it was before the transfers, from what was observed and a believed detector.
+/// An image (e-, with background) before the transfers, from the observed image and an assumed detector.
 pub fn corrected(
     believed: &Device,
     observed_e: &Array2<f64>,
@@ -59,7 +59,7 @@ impl<'a> RoundTrip<'a> {
         Ok(Some(RoundTrip { model, t_yr, scene, truth, downstream, iterations, uncorrected }))
     }
 
-    /// What is left of the change of shape after correction with a believed detector. None if no shape is left.
+    /// Residual change of shape after correction with an assumed detector. None if no shape is left.
     ///
     /// # Errors
     /// If a formula has no value.
@@ -79,7 +79,7 @@ impl<'a> RoundTrip<'a> {
         self.scene.mean(symmetric, |charge_e| above.read(charge_e))
     }
 
-    /// The same with deviations (in σ) of what is known. Positive parameters stay positive: errors are taken of the logarithm.
+    /// The same with deviations (in σ) of the known parameters. Positive parameters stay positive: errors apply to the logarithm.
     pub fn left_with(&self, knowledge: &Knowledge, deviations: &[f64]) -> Result<Option<ShapeChange>, InputError> {
         let mut settings = Vec::new();
         for ((key, sigma), deviation) in knowledge.parameters.iter().zip(deviations).filter(|(_, z)| **z != 0.0) {
@@ -93,8 +93,7 @@ impl<'a> RoundTrip<'a> {
         self.left(&self.model.like(&mission).device_at(self.t_yr)?)
     }
 
-    /// Root mean square of |Δe| that is left over draws of what is known, with its standard error. None if a draw leaves no
-    /// shape.
+    /// Root mean square residual |Δe| over draws of the parameters, with its standard error. None if a draw leaves no shape.
     pub fn drawn(
         &self,
         knowledge: &Knowledge,
@@ -118,12 +117,12 @@ impl<'a> RoundTrip<'a> {
         Ok(error.map(|error| Estimate { value, error }))
     }
 
-    /// What the true model leaves of galaxies with photon noise (before the transfers) and read noise (after them): mean, and
+    /// Residual with the true model for galaxies with photon noise (before the transfers) and read noise (after them): mean, and
     /// its standard error. None without realisations.
     ///
     /// The difference between the corrected image and the one before the transfers, with the same read noise, is added to the
-    /// galaxy without noise, to first order: what becomes of a stack of many. (Ellipticities of single faint galaxies have no
-    /// mean worth the name: noise brings their size close to 0.)
+    /// galaxy without noise, to first order: the result for a stack of many galaxies. (The mean ellipticity of single faint
+    /// galaxies is ill-defined: noise brings their size close to 0.)
     pub fn noisy(
         &self,
         read_noise_e: f64,
@@ -148,7 +147,7 @@ impl<'a> RoundTrip<'a> {
                 (&expected + background_e).mapv(|mean| Poisson::new(mean).map_or(0.0, |law| law.sample(&mut random)));
             let noise = Array2::from_shape_simple_fn(photons.dim(), || law.sample(&mut random));
             let trailed = self.truth.read(&photons, self.downstream, beside)?;
-            // With the same read noise of both signs: what is proportional to it has no mean, and cancels.
+            // With the same read noise of both signs: terms linear in it have no mean, and cancel.
             let difference = |noise: Array2<f64>| {
                 let back = corrected(&believed, &(&trailed + &noise), self.downstream, beside, self.iterations)?;
                 Ok::<_, InputError>(back - &photons - noise)

@@ -7,7 +7,7 @@ use crate::study::Estimate;
 
 /// Statistics of the draws, each number with its standard error.
 pub struct Statistics {
-    /// Share of the variance of each input, and of what is not linear; None if |Δe| does not vary or is lost.
+    /// Share of the variance for each input, and for the nonlinear rest; None if |Δe| does not vary or is lost.
     pub shares: Option<(Vec<Estimate>, Estimate)>,
     /// Standard deviation of ln |Δe| at the end of the mission.
     pub sigma_ln: Option<Estimate>,
@@ -17,17 +17,17 @@ pub struct Statistics {
 
 /// When a budget is exceeded.
 pub struct Crossings {
-    /// Each percentile of the time (yr), with its error if that is known; None beyond the horizon.
+    /// Each percentile of the time (yr), with its error if known; None beyond the horizon.
     pub percentiles: Vec<Option<(f64, Option<f64>)>>,
     /// Share of the draws in which it is exceeded within the mission.
     pub within: Estimate,
 }
 
 impl Statistics {
-    /// Of draws of a mission of a duration in years.
+    /// From draws of a mission of this duration in years.
     pub fn of(found: &Fates, duration_yr: f64, seed: u64) -> Statistics {
         let (fates, inputs) = (&found.fates, found.names.len());
-        // For each limit its percentiles and the share within, then σ, then the shares and what is left of them.
+        // For each limit its percentiles and the share within, then σ, then the shares and the rest.
         let statistics = |places: &[usize]| {
             let mut values = Vec::new();
             for limit in [0, 1] {

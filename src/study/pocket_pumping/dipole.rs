@@ -1,10 +1,10 @@
-//! Dipoles of single traps against phase time, and the release times that fit them.
+//! Dipoles of single traps against phase time, and fits of their release times.
 
 use crate::numeric::minimum::golden_section;
 pub use crate::physics::observable::dipole_e;
 use crate::study::ratios;
 
-/// Release times on which a fit starts, and steps of its golden section.
+/// Number of starting values for a fit, and of its golden-section steps.
 const STARTS: usize = 240;
 const SECTIONS: usize = 40;
 
@@ -17,7 +17,7 @@ pub struct Phase {
     pub cycles: f64,
 }
 
-/// Release times between which a fit chooses, with the shape of the dipole against phase time for each.
+/// Grid of release times for a fit, with the shape of the dipole against phase time for each.
 pub struct Grid<'a> {
     phases: &'a [Phase],
     nodes: Vec<(f64, Vec<f64>)>,
@@ -32,10 +32,10 @@ impl Grid<'_> {
         Grid { phases, nodes }
     }
 
-    /// Release time (ms) that fits dipoles with errors best, for any probability of capture.
+    /// Best-fitting release time (ms) for dipoles with errors, for any probability of capture.
     pub fn fit(&self, measured: &[(f64, f64)]) -> f64 {
         let chi2 = |shape: &[f64]| {
-            // χ² of the best amplitude: Σ y²w − (Σ y m w)²/Σ m²w, the first of which is always the same.
+            // χ² of the best amplitude: Σ y²w − (Σ y m w)²/Σ m²w; the first term is constant.
             let sums = measured.iter().zip(shape).fold((0.0, 0.0), |(across, own), ((dipole, sigma), model)| {
                 let weight = 1.0 / (sigma * sigma);
                 (across + weight * dipole * model, own + weight * model * model)
@@ -50,7 +50,7 @@ impl Grid<'_> {
     }
 }
 
-/// Dipoles at each phase time for a capture that is certain, e-.
+/// Dipoles at each phase time for a capture probability of 1, e-.
 fn shape(phases: &[Phase], release_ms: f64) -> Vec<f64> {
     phases.iter().map(|phase| dipole_e(phase.cycles, 1.0, phase.phase_ms, release_ms)).collect()
 }
