@@ -1,5 +1,5 @@
-//! The nouns of the chain: conditions, dose over time, damage, galaxies and their shapes. What puts them together is
-//! [`crate::model`]; effects ([`crate::effect`]) change one of them each.
+//! The elements of the chain: conditions, dose over time, damage, galaxies and their shapes. [`crate::model`] combines them; each
+//! effect ([`crate::effect`]) changes one of them.
 
 pub mod accuracy;
 pub mod conditions;

@@ -1,8 +1,8 @@
-//! Under which circumstances something is measured, or predicted.
+//! Conditions of a measurement or a prediction.
 
 use crate::mission::Mission;
 
-/// Circumstances of one value: what a row of a measurement file says, and the mission where it is silent.
+/// Conditions of one value: those given in a row of a measurement file, otherwise those of the mission.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conditions {
     /// Years since launch; since the irradiation if a dose was given in a laboratory.
@@ -19,11 +19,11 @@ pub struct Conditions {
     pub transfers: u32,
     /// Charge of the packet, or of each row of a block, above the background before transfer, e-.
     pub signal_e: Option<f64>,
-    /// The same as it is read, e-, if that is what is known: the charge before transfer follows from the model.
+    /// The same as read, e-, if only that is known: the charge before transfer follows from the model.
     pub signal_read_e: Option<f64>,
     /// Charge of another packet nearer to the register, above the background before transfer, e-.
     pub preceding_e: Option<f64>,
-    /// Rows by which that packet is ahead of the packet, or of the first row of the block.
+    /// Rows by which that packet precedes the packet, or the first row of the block.
     pub preceding_px: Option<u32>,
     /// Pixel behind the packet or block; 1 is next to it.
     pub trail_px: Option<u32>,
@@ -37,11 +37,11 @@ pub struct Conditions {
     pub phase_time_ms: Option<f64>,
     /// Cycles of trap pumping.
     pub pumping_cycles: Option<f64>,
-    /// Numeric columns that the model does not know, by name: formulas may.
+    /// Numeric columns unknown to the model, by name; formulas may use them.
     pub covariates: Vec<(String, f64)>,
 }
 
-/// Names of the conditions that are numbers.
+/// Names of the numeric conditions.
 pub const NAMES: [&str; 16] = [
     "t_yr",
     "dose_mev_g",
@@ -67,7 +67,7 @@ impl Conditions {
         Conditions { t_yr: 0.0, dose_mev_g: None, covariates: Vec::new(), ..self.clone() }
     }
 
-    /// Those of a mission's own exposures at a time (years since launch).
+    /// The conditions of a mission's own exposures at a time (years since launch).
     pub fn of(mission: &Mission, t_yr: f64) -> Conditions {
         Conditions {
             t_yr,
@@ -95,7 +95,7 @@ impl Conditions {
         name == "transfers" || name.ends_with("_px")
     }
 
-    /// The same with another value of a condition; None if there is no such condition.
+    /// The same with one condition changed; None if there is no such condition.
     pub fn with(&self, name: &str, value: f64) -> Option<Conditions> {
         let mut other = self.clone();
         let whole = Some(value.round() as u32);

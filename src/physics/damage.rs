@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Traps are linear in displacement damage dose (Rhodes et al. 2010, section 4.1); emission times follow Shockley-Read-Hall
-//! statistics with the T² of the thermal velocity and the density of states. [`Damage`] is what effects may change of that:
-//! traps per dose, traps at launch, and traps that disappear again.
+//! statistics with the T² of the thermal velocity and the density of states. Effects may change the content of [`Damage`]: traps
+//! per dose, traps at launch, and traps that anneal.
 
 use std::fmt;
 use std::sync::Arc;
@@ -28,7 +28,7 @@ pub struct SpeciesState {
     pub name: String,
     /// Traps per pixel.
     pub density_per_px: f64,
-    /// Release time at the operating temperature, ms; the median where it is spread.
+    /// Release time at the operating temperature, ms; the median if it is spread.
     pub release_ms: f64,
     /// Standard deviation of the logarithm of the release time.
     #[serde(skip)]
@@ -36,22 +36,22 @@ pub struct SpeciesState {
     /// Capture time inside the charge cloud, ms; 0 if capture is instantaneous.
     #[serde(skip)]
     pub capture_ms: f64,
-    /// Exponent of the density of the cloud to which the capture rate is proportional; 0 if it is the same in every cloud.
+    /// Exponent of the cloud's density in the capture rate; 0 if the rate is the same in every cloud.
     #[serde(skip)]
     pub capture_density_power: f64,
-    /// Charge of the packets in which the capture time is that, if it depends on the density, e-.
+    /// Charge of the packets to which the capture time applies, if it depends on the density, e-.
     #[serde(skip)]
     pub capture_at_e: f64,
-    /// Exponent of its cloud's height, where it is not the detector's.
+    /// Exponent of its cloud's height, if it differs from the detector's.
     #[serde(skip)]
     pub well_fill_power: Option<f64>,
-    /// Charge above which a packet reaches it at the surface, e-; none in the bulk.
+    /// Charge above which a packet reaches the trap at the surface, e-; none in the bulk.
     #[serde(skip)]
     pub surface_level_e: Option<f64>,
 }
 
 impl SpeciesState {
-    /// As a readout with so long a transfer (ms), in one step, meets it.
+    /// As seen by a readout with transfers of this duration (ms), in one step.
     pub fn trap(&self, transfer_ms: f64) -> Trap {
         Trap {
             density_per_px: self.density_per_px,
@@ -67,25 +67,25 @@ impl SpeciesState {
     }
 }
 
-/// How a dose becomes traps.
+/// How dose is converted to traps.
 #[derive(Clone, Debug)]
 pub struct Damage {
-    /// Traps per unit of dose, over what the mission says.
+    /// Traps per unit of dose, relative to the mission's.
     pub traps_per_dose: f64,
     /// Traps per pixel at launch, by the name of their species.
     pub at_launch_per_px: Vec<(String, f64)>,
-    /// Ways in which traps disappear, or become more.
+    /// Processes by which traps disappear or increase.
     pub losses: Vec<Loss>,
 }
 
-/// A way in which traps disappear, or become more.
+/// A process by which traps disappear or increase.
 #[derive(Clone)]
 pub struct Loss {
-    /// Whether traps at launch are spared: those of the fabrication, not of radiation.
+    /// Whether traps present at launch are unaffected: those of fabrication, not of radiation.
     pub spares_launch: bool,
-    /// When it happens, in years since launch, if it happens at once.
+    /// When it happens, in years since launch, if it is instantaneous.
     pub on_yr: Option<f64>,
-    /// Number at a time (second argument) of the traps made at an earlier one (first), over that at first; years since launch.
+    /// Fraction at a time (second argument) of the traps created at an earlier one (first); years since launch.
     pub survives: Arc<dyn Fn(f64, f64) -> f64 + Send + Sync>,
 }
 
@@ -101,19 +101,19 @@ impl Default for Damage {
     }
 }
 
-/// Dose and traps made by it at one time, over which all detectors and temperatures agree.
+/// Dose and its traps at one time, common to all detectors and temperatures.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Irradiation {
-    /// Dose since launch, or that of a laboratory, MeV/g.
+    /// Dose since launch, or laboratory dose, MeV/g.
     pub dose_mev_g: f64,
-    /// Dose that would have made, at once and now, as many traps as there are of those made since launch, MeV/g.
+    /// Dose that, given at once at this time, would create the traps that remain of those created since launch, MeV/g.
     effective_dose_mev_g: f64,
-    /// Number of the traps that were there at launch, over that at launch.
+    /// Fraction of the traps at launch that remain.
     kept: f64,
 }
 
 impl Damage {
-    /// What has come of the dose up to a time (years since launch): of a mission's own, or of one given in a laboratory (MeV/g).
+    /// The effect of the dose up to a time (years since launch): of a mission's own dose, or of a laboratory dose (MeV/g).
     ///
     /// # Errors
     /// If a law of the dose has no value.
@@ -137,7 +137,7 @@ impl Damage {
         Ok(Irradiation { dose_mev_g, effective_dose_mev_g: self.traps_per_dose * left_mev_g, kept })
     }
 
-    /// Traps of a detector at a temperature (K), densities per dose being quoted at another dose (MeV/g).
+    /// Traps of a detector at a temperature (K), with densities per dose quoted at a reference dose (MeV/g).
     pub(crate) fn traps(
         &self,
         detector: &Detector,
@@ -154,7 +154,7 @@ impl Damage {
         traps
     }
 
-    /// Times (years since launch) at which traps disappear at once.
+    /// Times (years since launch) at which traps disappear instantaneously.
     pub(crate) fn losses_yr(&self) -> impl Iterator<Item = f64> {
         self.losses.iter().filter_map(|loss| loss.on_yr)
     }
@@ -164,7 +164,7 @@ impl Damage {
     }
 }
 
-/// Traps of a detector after a dose, densities being quoted at another (MeV/g), at a temperature (K).
+/// Traps of a detector after a dose (MeV/g), with densities quoted at a reference dose (MeV/g), at a temperature (K).
 fn after(detector: &Detector, reference_dose_mev_g: f64, dose_mev_g: f64, temperature_k: f64) -> Vec<SpeciesState> {
     let state = |species: &Species| SpeciesState {
         name: species.name.clone(),

@@ -20,11 +20,11 @@ use crate::warning::Warning;
 /// Dose rate over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DoseHistory {
-    /// Active years of the Sun (in years since launch), whether the model follows them or not.
+    /// Active years of the Sun (in years since launch), whether the dose model follows them or not.
     cycle: Vec<ActiveYears>,
-    /// Years since launch between which solar protons come, in order.
+    /// Intervals (years since launch) with solar protons, in order.
     windows: Vec<(f64, f64)>,
-    /// Active share of those windows: 1, or 7/11 if the windows stand for all years.
+    /// Active fraction of those intervals: 1, or 7/11 if the intervals cover all years.
     active_share: f64,
     /// Dose rate in active years, MeV/g/yr.
     pub active_rate_mev_g_yr: f64,
@@ -34,25 +34,25 @@ pub struct DoseHistory {
     cyclic: Vec<Cyclic>,
     /// Factors on the dose rate.
     pub modulations: Vec<Modulation>,
-    /// Dose since launch (MeV/g) against years since launch, if a file gives it, or that of a drawn Sun.
+    /// Dose since launch (MeV/g) against years since launch, from a file or of a drawn Sun.
     table: Vec<(f64, f64)>,
-    /// Doses (MeV/g) that come at once, each with its time in years since launch.
+    /// Instantaneous doses (MeV/g), each with its time in years since launch.
     pub steps: Vec<(f64, f64)>,
-    /// What becomes of the dose rate (MeV/g/yr), in turn.
+    /// Laws applied to the dose rate (MeV/g/yr), in order.
     pub rate_laws: Vec<Law>,
-    /// What becomes of the dose (MeV/g), in turn.
+    /// Laws applied to the dose (MeV/g), in order.
     pub dose_laws: Vec<Law>,
-    /// Where the active rate comes from.
+    /// Origin of the active dose rate.
     pub origin: RateOrigin,
     /// If the dose is derived: the sources, each with its dose.
     pub sources: Vec<Arc<SourceDose>>,
-    /// What it is derived from; None if the mission gives its dose.
+    /// The mission from which it is derived; None if the mission gives its dose.
     derived: Option<Arc<Mission>>,
     /// Dose at which trap densities are quoted, MeV/g.
     pub reference_dose_mev_g: f64,
     /// Decimal year.
     launch: f64,
-    /// Maxima of the Sun after launch that are not known yet.
+    /// Future maxima of the Sun, after launch, that are extrapolated.
     extrapolated: Vec<Maximum>,
 }
 
@@ -91,7 +91,7 @@ impl Modulation {
     }
 }
 
-/// What a quantity becomes, from the time (years since launch) and what it was.
+/// The new value of a quantity, from the time (years since launch) and its previous value.
 #[derive(Clone)]
 pub struct Law(Arc<dyn Fn(f64, f64) -> Result<f64, InputError> + Send + Sync>);
 
@@ -114,19 +114,19 @@ impl PartialEq for Law {
     }
 }
 
-/// Where an active dose rate comes from.
+/// Origin of an active dose rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RateOrigin {
     /// The mission file gives it.
     Given,
-    /// Derived from the ESP model for so many active years at once.
+    /// Derived from the ESP model for all active years together.
     Esp {
-        /// Active years whose sum's quantile was taken.
+        /// Active years in the quantile of the sum.
         active_years: f64,
     },
-    /// Derived from all sources of the orbit, solar protons for so many active years at once.
+    /// Derived from all sources of the orbit, solar protons for all active years together.
     Sources {
-        /// Active years whose sum's quantile was taken.
+        /// Active years in the quantile of the sum.
         active_years: f64,
     },
     /// Derived from spectra of other programs.
@@ -152,7 +152,7 @@ impl DoseHistory {
         let cycle: Vec<ActiveYears> = solar_cycle::active_years(&maxima).iter().map(since_launch).collect();
         let cycle: Vec<ActiveYears> = cycle.into_iter().filter(|stretch| stretch.to > 0.0).collect();
         let (windows, active_share) = match (environment.active_years, environment.model) {
-            // One endless stretch at a share of the rate.
+            // One unlimited interval with a fraction of the rate.
             (Some(years), _) => (vec![(0.0, f64::INFINITY)], years / duration_yr),
             (None, DoseModel::Constant) => (vec![(0.0, f64::INFINITY)], solar_cycle::ACTIVE_SHARE),
             (None, DoseModel::SolarCycle | DoseModel::Derived | DoseModel::History) => (windows(&cycle), 1.0),
@@ -188,12 +188,12 @@ impl DoseHistory {
         history
     }
 
-    /// Lets the active rate come in the active years of the solar cycle, and nothing in the others.
+    /// Applies the active rate in the active years of the solar cycle, and none in the others.
     pub fn follow_solar_cycle(&mut self) {
         if self.averages_the_cycle() {
             self.windows = windows(&self.cycle);
             self.active_share = 1.0;
-            // The quantile of a sum depends on the active years that are summed.
+            // The quantile of a sum depends on the number of active years in it.
             self.derive();
         }
     }
@@ -247,7 +247,7 @@ impl DoseHistory {
         self.dose_factor() * source.dose_mev_g(self.launch, from_yr, to_yr, active)
     }
 
-    /// Dose (MeV/g) of all cosmic rays over the first years since launch, before effects.
+    /// Dose (MeV/g) of all cosmic rays up to a time (years since launch), before effects.
     pub(crate) fn cosmic_rays_mev_g(&self, until_yr: f64) -> f64 {
         let modulated = self.sources.iter().filter(|source| source.is_modulated());
         modulated.map(|source| self.of_source_mev_g(source, 0.0, until_yr)).sum()
@@ -263,12 +263,12 @@ impl DoseHistory {
         self.derived.as_ref().map_or(1.0, |mission| mission.environment.dose_factor)
     }
 
-    /// A linear function of the spectrum of a source, such as the fluence above an energy, over the first years since launch.
+    /// A linear function of the spectrum of a source, such as the fluence above an energy, up to a time (years since launch).
     pub fn of_spectrum(&self, source: &SourceDose, until_yr: f64, of: impl Fn(&Spectrum) -> f64) -> f64 {
         source.total(self.launch, 0.0, until_yr, self.active_years(until_yr), of)
     }
 
-    /// What nuclear reactions in the shield take and add over the first years since launch, counted or not.
+    /// Protons lost and secondaries added by nuclear reactions in the shield up to a time (years since launch), counted or not.
     pub fn secondaries(&self, until_yr: f64) -> Secondaries {
         let active = self.active_years(until_yr);
         let mut sum = Secondaries::default();
@@ -280,13 +280,13 @@ impl DoseHistory {
         sum
     }
 
-    /// Maxima of the Sun that are not known yet and on which the dose up to a time (years since launch) depends.
+    /// Extrapolated maxima of the Sun on which the dose up to a time (years since launch) depends.
     pub fn extrapolated(&self, until_yr: f64) -> Vec<Maximum> {
         let begun = |maximum: &&Maximum| maximum.year - ACTIVE_BEFORE_YR < self.launch + until_yr;
         if self.averages_the_cycle() { Vec::new() } else { self.extrapolated.iter().filter(begun).copied().collect() }
     }
 
-    /// What is doubtful about the dose up to a time (years since launch).
+    /// Warnings about the dose up to a time (years since launch).
     pub fn warnings(&self, until_yr: f64) -> Vec<Warning> {
         let maxima = self.extrapolated(until_yr);
         let sun = (!maxima.is_empty() && self.follows_active_years()).then_some(Warning::SunExtrapolated { maxima });
@@ -295,12 +295,12 @@ impl DoseHistory {
         sun.into_iter().chain(shield).chain(orbit).collect()
     }
 
-    /// Whether a mission asks for a phase of the solar cycle although none of its sources is derived.
+    /// Whether a mission sets a phase of the solar cycle although none of its sources is derived.
     pub(crate) fn idle_phase(&self, mission: &Mission) -> Option<Warning> {
         (mission.environment.solar_phase.is_some() && self.sources.is_empty()).then_some(Warning::IdlePhase)
     }
 
-    /// Whether part of the dose comes in active years alone.
+    /// Whether part of the dose comes only in active years.
     fn follows_active_years(&self) -> bool {
         self.active_rate_mev_g_yr > 0.0
     }
@@ -342,13 +342,13 @@ impl DoseHistory {
         self.dose_laws.iter().try_fold(dose, |dose, Law(law)| law(t_yr, dose))
     }
 
-    /// Dose (MeV/g) of what follows the phase of the solar cycle.
+    /// Dose (MeV/g) from rates that follow the phase of the solar cycle.
     fn cyclic_mev_g(&self, t_yr: f64) -> f64 {
         let of = |cyclic: &Cyclic| cyclic.phase.integral(&cyclic.cosines, self.launch, self.launch + t_yr);
         self.cyclic.iter().map(of).sum()
     }
 
-    /// Dose (MeV/g) at rates that are constant in between, all times a modulation.
+    /// Dose (MeV/g) from piecewise constant rates, times a modulation.
     fn modulated_mev_g(&self, modulation: &Modulation, t_yr: f64) -> f64 {
         let mean = |from: f64, to: f64| modulation.integral_yr(self.launch, from, to);
         let windows = self.windows.iter().take_while(|(start, _)| *start < t_yr);
@@ -364,7 +364,7 @@ impl DoseHistory {
         self.active_rate_mev_g_yr * self.active_share * active + always + tabulated
     }
 
-    /// Dose rate, MeV/g/yr, at a time in years since launch, without what comes at once.
+    /// Dose rate, MeV/g/yr, at a time in years since launch, without instantaneous doses.
     fn rate_mev_g_yr(&self, t_yr: f64) -> Result<f64, InputError> {
         let after = self.windows.partition_point(|(start, _)| *start <= t_yr);
         let active = after > 0 && t_yr < self.windows[after - 1].1;
@@ -377,10 +377,9 @@ impl DoseHistory {
         self.rate_laws.iter().try_fold(rate, |rate, Law(law)| law(t_yr, rate))
     }
 
-    /// ∫ w(made) dD(made) over the dose (MeV/g) that came up to `t_yr`, weighted with a function of the time it came.
+    /// ∫ w(made) dD(made) over the dose (MeV/g) up to `t_yr`, weighted with a function of the time of the dose.
     ///
-    /// The weight may change by steps at `breaks_yr`, and in between as fast as a function of the age, t − made, can that
-    /// has the same shape at all scales.
+    /// The weight may jump at `breaks_yr`. In between it may vary as fast as a scale-free function of the age, t − made.
     ///
     /// # Errors
     /// As [`DoseHistory::dose_mev_g`].
@@ -398,7 +397,7 @@ impl DoseHistory {
             let pieces = breaks.windows(2).map(|piece| self.integral(piece[1], piece[0], &weight));
             pieces.sum::<Result<f64, InputError>>()?
         } else {
-            // Only the dose itself is known: pieces short enough for the weight to be the same within.
+            // Only the dose itself is known: pieces are short enough for a constant weight.
             let total =
                 |at: f64, after: bool| self.dose_with_steps(at, |step| if after { step <= at } else { step < at });
             let mut sum = 0.0;
@@ -421,8 +420,8 @@ impl DoseHistory {
         steps.iter().try_fold(streamed, |dose, &at| Ok(dose + weight(at) * jump(at)?))
     }
 
-    /// ∫ w(s) rate(s) ds between two times (years since launch), step by step towards the later one: each as far from it as
-    /// it is long, so that no age is passed over.
+    /// ∫ w(s) rate(s) ds between two times (years since launch), in steps towards the later one. Each step ends as far from it as
+    /// the step is long, so that no age is missed.
     fn integral(&self, until_yr: f64, from_yr: f64, weight: impl Fn(f64) -> f64) -> Result<f64, InputError> {
         let mut ends = self.changes_yr(until_yr);
         ends.retain(|at| *at > from_yr);
@@ -442,7 +441,7 @@ impl DoseHistory {
                 let age = until_yr - start;
                 // The last thousandth of a second is one step.
                 let step = if age > 1e-10 { (0.5 * age).min(end - start).min(longest_yr) } else { end - start };
-                // So that the end is met.
+                // So that the end is reached exactly.
                 let stop = if end - start - step < 1e-11 { end } else { start + step };
                 sum += piece(start, stop)?;
                 start = stop;
@@ -461,8 +460,8 @@ impl DoseHistory {
         changes
     }
 
-    /// Times (years since launch) up to `t_yr` between which the dose rate is modulated smoothly: eighths of the shortest period, as
-    /// many as are of use.
+    /// Times (years since launch) up to `t_yr` between which the modulation of the dose rate is smooth: eighths of the shortest
+    /// period, up to a useful number.
     pub fn turns_yr(&self, t_yr: f64) -> Vec<f64> {
         let Some(shortest_yr) = self.modulations.iter().map(|wave| wave.period_yr).min_by(f64::total_cmp) else {
             return Vec::new();
@@ -487,10 +486,10 @@ impl DoseHistory {
     }
 }
 
-/// Longest step of an integral over time, yr: a law of the dose rate may follow the seasons.
+/// Longest step of an integral over time, yr: a law of the dose rate may have a yearly period.
 const LONGEST_STEP_YR: f64 = 0.5;
 
-/// Largest number of times at which the curve of a modulated dose rate is evaluated.
+/// Maximum number of times at which a modulated dose rate is evaluated.
 const MOST_TURNS: f64 = 240.0;
 
 /// Nodes and weights of a step.
@@ -507,14 +506,14 @@ fn windows(cycle: &[ActiveYears]) -> Vec<(f64, f64)> {
     cycle.iter().map(|stretch| (stretch.from, stretch.to)).collect()
 }
 
-/// Time that windows (in order) cover between 0 and `t_yr`.
+/// Total time of the intervals (in order) between 0 and `t_yr`.
 fn years_within(windows: &[(f64, f64)], t_yr: f64) -> f64 {
     let begun = windows.iter().take_while(|(start, _)| *start < t_yr);
-    // From 0 on: the sum of nothing would be −0.
+    // Starting from 0: an empty sum would be −0.
     begun.fold(0.0, |sum, (start, end)| sum + (end.min(t_yr) - start.max(0.0)).max(0.0))
 }
 
-/// Dose (MeV/g) and dose rate (MeV/g/yr) of a table at a time, on straight lines; nothing more after its end.
+/// Dose (MeV/g) and dose rate (MeV/g/yr) of a table at a time, by linear interpolation; constant dose after its end.
 fn tabulated(table: &[(f64, f64)], t_yr: f64) -> (f64, f64) {
     let after = table.partition_point(|(at, _)| *at <= t_yr);
     match (after.checked_sub(1).map(|before| table[before]), table.get(after)) {

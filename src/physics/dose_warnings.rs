@@ -1,4 +1,4 @@
-//! What is doubtful about a derived dose: the orbit's mean, the sources that are counted, the ends of imported files.
+//! Warnings about a derived dose: the mean over the orbit, the sources counted, the ends of imported files.
 
 use ctiplan_magnetosphere::Activity;
 
@@ -8,11 +8,11 @@ use crate::mission::Mission;
 use crate::physics::source_dose::sources;
 use crate::warning::Warning;
 
-/// What is doubtful about the sources and the orbit's trapped protons.
+/// Warnings about the sources and the orbit's trapped protons.
 pub(super) fn of(mission: &Mission) -> Vec<Warning> {
     /// Altitude (km) below which the belt ends in the atmosphere.
     const LOW_KM: f64 = 500.0;
-    /// Altitude (km) of an apogee from which Sun and Moon move the orbit.
+    /// Altitude (km) of an apogee above which Sun and Moon perturb the orbit.
     const HIGH_KM: f64 = 50_000.0;
     if mission.environment.spectra.is_some() || mission.environment.dose_depth.is_some() {
         return import_warnings(mission);
@@ -39,9 +39,9 @@ pub(super) fn of(mission: &Mission) -> Vec<Warning> {
     warnings
 }
 
-/// What is doubtful about imported spectra and dose-depth curves: doses beyond their ends.
+/// Warnings about imported spectra and dose-depth curves: doses beyond their ends.
 fn import_warnings(mission: &Mission) -> Vec<Warning> {
-    /// The last energy of a spectrum over the energy that the shield stops, below which most of the dose is extrapolated.
+    /// Ratio of a spectrum's last energy to the energy stopped by the shield, below which most of the dose is extrapolated.
     const ENOUGH: f64 = 1.5;
     let Some(shield) = mission.shield() else { return Vec::new() };
     let open = || shield.directions.iter().map(|direction| direction.aluminium_g_cm2);
@@ -61,7 +61,7 @@ fn import_warnings(mission: &Mission) -> Vec<Warning> {
     ends.chain(beyond).collect()
 }
 
-/// What is doubtful about the sources that are counted.
+/// Warnings about the sources counted.
 fn source_warnings(mission: &Mission, place: &Place) -> Vec<Warning> {
     let counted = sources(&mission.environment, place);
     let name = |source: &&dyn Source| source.card().name;
@@ -73,5 +73,5 @@ fn source_warnings(mission: &Mission, place: &Place) -> Vec<Warning> {
     unreached.into_iter().chain(twice.then_some(Warning::CosmicRaysTwice { floor_mev_g_yr })).collect()
 }
 
-/// The source that depends on the orbit most.
+/// The source that depends most on the orbit.
 const TRAPPED: &str = "trapped-protons";

@@ -7,9 +7,9 @@
 //! Sersic  exp(−b (r/R)^(1/n)) = ∫ dS  p(S)               exp(−S b^2n r²/R²),  p: one-sided stable law of index 1/2n
 //! ```
 //!
-//! so a sum over logarithmically spaced widths converges exponentially, shearing and convolving become arithmetic on
-//! variances, and the integral over a pixel is a product of two differences of error functions. Nothing is sampled on a
-//! grid in between: there is no aliasing, no ringing, and a cusp or a wing costs nothing.
+//! so a sum over logarithmically spaced widths converges exponentially. Shear and convolution become arithmetic on variances, and
+//! the integral over a pixel is a product of two differences of error functions. No intermediate grid is sampled: there is no
+//! aliasing and no ringing, and cusps and wings cost nothing extra.
 
 mod mixture;
 pub mod observed;
@@ -21,15 +21,15 @@ use ndarray::Array2;
 use crate::mission::{Galaxy, Psf};
 use mixture::{Component, moffat, sersic};
 
-/// A galaxy as the telescope sees it: Gaussians, heaviest in flux first, whose weights add up to 1.
+/// A galaxy as seen by the telescope: Gaussians in descending order of flux, with weights that add up to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
     components: Vec<Component>,
-    /// Flux of a component that is left out.
+    /// Flux of a component that is neglected.
     negligible: f64,
 }
 
-/// A galaxy as lensing and the PSF's own shape change it.
+/// A galaxy with lensing shear and the shape of the PSF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensedGalaxy {
     /// Sersic index, 0.5 to 8.
@@ -40,7 +40,7 @@ pub struct LensedGalaxy {
     pub ellipticity: [f64; 2],
     /// Reduced shear (g1, g2) before the PSF, at constant area.
     pub shear: [f64; 2],
-    /// The same of the PSF.
+    /// The same for the PSF.
     pub psf_shear: [f64; 2],
 }
 
@@ -86,7 +86,7 @@ impl Profile {
         Profile::convolved(&galaxy, Ellipse::of([e1, 0.0]), &psf, Ellipse::ROUND, NEGLIGIBLE)
     }
 
-    /// A lensed galaxy through a mission's PSF. Components of less than `negligible` of the flux are left out.
+    /// A lensed galaxy through a mission's PSF. Components of less than `negligible` of the flux are omitted.
     pub fn lensed(galaxy: &LensedGalaxy, psf: &Psf, negligible: f64) -> Profile {
         Profile::convolved(
             &sersic(galaxy.sersic_index, galaxy.half_light_px),
@@ -97,7 +97,7 @@ impl Profile {
         )
     }
 
-    /// Two mixtures of round Gaussians (weights and variances), each with a shape, convolved.
+    /// The convolution of two mixtures of round Gaussians (weights and variances), each with a shape.
     fn convolved(
         galaxy: &[(f64, f64)],
         of_galaxy: Ellipse,
@@ -136,7 +136,7 @@ impl Profile {
         self.stamps(half_px, &[dx_px], &[dy_px]).remove(0)
     }
 
-    /// The same at every combination of positions, those in y fastest.
+    /// The same at every combination of positions, those in y varying fastest.
     pub fn stamps(&self, half_px: usize, dx_px: &[f64], dy_px: &[f64]) -> Vec<Array2<f64>> {
         let pixels = 2 * half_px + 1;
         let terms: Vec<usize> = self.components.iter().map(|component| self.terms(component)).collect();
@@ -166,7 +166,7 @@ impl Profile {
         across.iter().flat_map(|across| along.iter().map(|along| along.t().dot(across))).collect()
     }
 
-    /// Terms of Mehler's series that a component needs: ρᵏ has fallen to what is left out of its flux.
+    /// Number of terms of Mehler's series for a component: until ρᵏ is below the neglected part of its flux.
     fn terms(&self, component: &Component) -> usize {
         let correlation = component.correlation().abs();
         if correlation == 0.0 {
@@ -182,7 +182,7 @@ impl Profile {
     }
 }
 
-/// Components of less flux than this are left out, and the rest renormalised.
+/// Components of less flux are omitted, and the rest renormalised.
 const NEGLIGIBLE: f64 = 1e-8;
 
 /// Share of a Gaussian around `centre_px` in each of the pixels 0, 1, ... (centres at whole numbers).
@@ -197,11 +197,11 @@ fn pixel_shares(pixels: usize, centre_px: f64, variance_px2: f64) -> impl Iterat
     })
 }
 
-/// Most terms of Mehler's series: a correlation of 0.9, to 1e-6.
+/// Maximum number of terms of Mehler's series: a correlation of 0.9, to 1e-6.
 const MOST_TERMS: usize = 128;
 
-/// Terms 1 to `terms` of Mehler's series (1866) for the normal law of two correlated variables, integrated over pixels: it is
-/// a sum of products of a function of x and one of y, as a galaxy along the axes is.
+/// Terms 1 to `terms` of Mehler's series (1866) for the bivariate normal distribution, integrated over pixels: a sum of products of
+/// a function of x and one of y, as for a galaxy along the axes.
 ///
 /// ```text
 /// φ(x, y; ρ) = φ(x) φ(y) Σ ρᵏ hₖ(x) hₖ(y),   hₖ = Heₖ/√k!,   ∫ φ hₖ dx = −φ hₖ₋₁/√k
@@ -278,7 +278,7 @@ mod tests {
         for ((y, x), share) in image.indexed_iter() {
             assert!((share - mirrored[[y, 40 - x]]).abs() < 1e-8, "{y} {x}");
         }
-        // Both sheared alike: the same as a larger shear of the galaxy in a round PSF in the limit of a small PSF.
+        // Both with the same shear: equal to a larger shear of the galaxy in a round PSF in the limit of a small PSF.
         let both = unweighted(&at([0.0; 2], [0.05, 0.0], [0.05, 0.0]));
         let one = unweighted(&at([0.0; 2], [0.05, 0.0], [0.0; 2]));
         assert!(both[0] > one[0] && one[0] > 0.0, "{both:?} {one:?}");

@@ -1,8 +1,7 @@
-//! What can be measured: the catalogue of observables.
+//! Measurable quantities: the catalogue of observables.
 //!
-//! Each stands in one file, with all that the program knows of it: its name and unit in measurement files, the conditions that
-//! it needs, and how it is taken from a readout. To add one: a file beside the others, its `mod` line, its line in
-//! `observables!`.
+//! Each observable has one file with its complete definition: its name and unit in measurement files, the conditions that it needs,
+//! and how it is derived from a readout. To add one: a file beside the others, its `mod` line, its line in `observables!`.
 
 mod cti;
 mod delta_e1;
@@ -25,7 +24,7 @@ pub use pumping_dipole::dipole_e;
 use crate::physics::conditions::Conditions;
 use crate::physics::shape::ShapeChange;
 
-/// All that the program knows of an observable.
+/// The definition of an observable.
 pub struct Card {
     /// Name in measurement files.
     pub name: &'static str,
@@ -33,52 +32,52 @@ pub struct Card {
     pub unit: &'static str,
     /// Symbol or words, with the unit, for the axis of a figure.
     pub label: &'static str,
-    /// Conditions that a row must give; what the mission knows need not be given.
+    /// Conditions that a row must give, unless the mission has them.
     pub requires: &'static [&'static str],
-    /// All conditions that it depends on, as they are listed for people.
+    /// All conditions on which it depends, for listings.
     pub conditions: &'static [&'static str],
-    /// What is read out to measure it.
+    /// How it is computed.
     pub probe: Probe,
-    /// The smallest 1-sigma error that a measurement of it is expected to have, in its unit.
+    /// The smallest 1-sigma error expected of a measurement, in its unit.
     pub least_sigma: f64,
-    /// What is wrong with a model if data show more of it, in absolute value if it has a sign.
+    /// The likely fault of a model if data show more of it, in absolute value if it has a sign.
     pub more: &'static str,
-    /// What is wrong with a model if data show less of it.
+    /// The likely fault of a model if data show less of it.
     pub less: &'static str,
 }
 
-/// What is read out to measure an observable, and what of that it is.
+/// The readout for an observable, and the observable as a function of its result.
 pub enum Probe {
     /// No readout: the dose behind the traps, MeV/g.
     Dose,
-    /// No readout: the traps per pixel, of a species or of all.
+    /// No readout: the traps per pixel, for one species or all.
     Traps,
-    /// A lone packet: of the charges (e-, less the trailed background) in its own pixel and in those behind it.
+    /// A lone packet: a function of the charges (e-, minus the trailed background) in its own pixel and in those behind it.
     Packet(fn(&[f64], &Conditions) -> f64),
-    /// A flat block: of the charges (e-, less the trailed background) in its last row and in those behind it.
+    /// A flat block: a function of the charges (e-, minus the trailed background) in its last row and in those behind it.
     Block(fn(&[f64], &Conditions) -> f64),
     /// A lone packet, or a flat block if a row gives `block_px`.
     PacketOrBlock {
-        /// Of the charges of a packet, as above.
+        /// Function of the charges of a packet, as above.
         packet: fn(&[f64], &Conditions) -> f64,
-        /// Of those of a block.
+        /// Function of the charges of a block.
         block: fn(&[f64], &Conditions) -> f64,
     },
-    /// A dipole of trap pumping, without a readout: of the release time (ms) of the species that a row names.
+    /// A dipole of trap pumping, without a readout: a function of the release time (ms) of the species named in a row.
     Pumping(fn(f64, &Conditions) -> f64),
-    /// A galaxy: of the change of its shape.
+    /// A galaxy: a member of the change of its shape.
     Galaxy(fn(&mut ShapeChange) -> &mut f64),
 }
 
-/// The charge in the pixel that a row of measurements asks for (e-).
+/// The charge in the pixel requested by a row of measurements (e-).
 fn behind(charge_e: &[f64], at: &Conditions) -> f64 {
     charge_e[at.trail_px.expect("a trail has a pixel") as usize]
 }
 
-/// Makes the list of observables of their cards.
+/// Makes the list of observables from their cards.
 macro_rules! observables {
     ($($name:ident: $file:ident,)+) => {
-        /// A quantity that measurement files hold and the model predicts.
+        /// A quantity in measurement files that the model predicts.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         pub enum Observable {
             $(#[doc = concat!("`", stringify!($file), "`.")] $name,)+
@@ -88,7 +87,7 @@ macro_rules! observables {
             /// All of them.
             pub const ALL: [Observable; [$(stringify!($name)),+].len()] = [$(Observable::$name),+];
 
-            /// All that is known of it.
+            /// Its definition.
             pub fn card(self) -> &'static Card {
                 match self {
                     $(Observable::$name => &$file::CARD,)+
@@ -123,7 +122,7 @@ impl Observable {
         self.card().unit
     }
 
-    /// The observable of that name.
+    /// The observable with this name.
     pub fn named(name: &str) -> Option<Observable> {
         Observable::ALL.into_iter().find(|observable| observable.name() == name)
     }

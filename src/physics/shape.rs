@@ -4,8 +4,8 @@
 //! I_ij = Σ I w x_i x_j / Σ I w     e1 = (Ixx − Iyy)/(Ixx + Iyy)     e2 = 2 Ixy/(Ixx + Iyy)     d = √((Ixx + Iyy)/2)
 //! ```
 //!
-//! with a round Gaussian weight w on the weighted centroid, which is iterated until it stops moving (Rhodes, Refregier &
-//! Groth 2000, ApJ 536, 79; Rhodes et al. 2010, section 5). The PSF is not deconvolved: only changes are of interest.
+//! with a round Gaussian weight w centred on the weighted centroid, which is iterated to convergence (Rhodes, Refregier & Groth
+//! 2000, ApJ 536, 79; Rhodes et al. 2010, section 5). The PSF is not deconvolved: only changes are of interest.
 
 pub mod bounded;
 
@@ -16,9 +16,9 @@ use ndarray::Array2;
 pub struct Moments {
     /// Σ I w, e-.
     pub flux_e: f64,
-    /// Centroid along the columns' index, px from the middle of the image.
+    /// Centroid along the columns' index, px from the centre of the image.
     pub x_px: f64,
-    /// Centroid along the rows' index (away from the register), px from the middle of the image.
+    /// Centroid along the rows' index (away from the register), px from the centre of the image.
     pub y_px: f64,
     /// d, px.
     pub size_px: f64,
@@ -28,18 +28,18 @@ pub struct Moments {
     pub e2: f64,
 }
 
-/// Most steps of the centroid before an image counts as having none.
+/// Maximum number of centroid steps before an image counts as having no centroid.
 const PATIENCE: usize = 500;
 
 impl Moments {
-    /// Moments of `image[[y, x]]` with a weight of `weight_px` (σ), starting in the middle of the image.
+    /// Moments of `image[[y, x]]` with a weight of `weight_px` (σ), starting at the centre of the image.
     ///
-    /// None if the image has no centroid: no flux, or noise that carries the weight away.
+    /// None if the image has no centroid: no flux, or noise that makes the weight drift away.
     pub fn of(image: &Array2<f64>, weight_px: f64) -> Option<Moments> {
         Moments::near(image, weight_px, [0.0, 0.0])
     }
 
-    /// The same, starting where the centroid is nearly known to be (`[x, y]`, px from the middle of the image).
+    /// The same, starting from an approximate centroid (`[x, y]`, px from the centre of the image).
     pub(crate) fn near(image: &Array2<f64>, weight_px: f64, [mut x, mut y]: [f64; 2]) -> Option<Moments> {
         let (rows, columns) = image.dim();
         let middle = ((rows as f64 - 1.0) / 2.0, (columns as f64 - 1.0) / 2.0);
@@ -70,7 +70,7 @@ impl Moments {
         None
     }
 
-    /// Those of the mirror image in x.
+    /// The moments of the mirror image in x.
     pub(crate) fn mirrored(&self) -> Moments {
         Moments { x_px: -self.x_px, e2: -self.e2, ..*self }
     }
@@ -87,7 +87,7 @@ struct Sums {
 }
 
 impl Sums {
-    /// Step of the centroid in x and in y by Newton's method: where the weight moves by c, the centroid moves by I/σ² c.
+    /// Step of the centroid in x and in y by Newton's method: if the weight moves by c, the centroid moves by I/σ² c.
     fn newton(&self, weight_px: f64) -> [f64; 2] {
         let step = |first: f64, second: f64| {
             let gain = (1.0 - second / self.flux / (weight_px * weight_px)).clamp(0.1, 1.0);
@@ -97,7 +97,7 @@ impl Sums {
     }
 
     fn of(image: &Array2<f64>, weight_px: f64, centre_y: f64, centre_x: f64) -> Sums {
-        // The weight is a product of one in x and one in y, so that all sums are products of matrices.
+        // The weight is a product of one in x and one in y, so that all sums are matrix products.
         let [across, along] = [(image.ncols(), centre_x), (image.nrows(), centre_y)].map(|(pixels, centre)| {
             let lane = lane(pixels, weight_px, centre).into_iter();
             let powers = lane.flat_map(|(offset, weight)| [weight, weight * offset, weight * offset * offset]);
@@ -136,14 +136,14 @@ pub struct ShapeChange {
     pub delta_x_px: f64,
     /// Change of the centroid along y, px; positive away from the register.
     pub delta_y_px: f64,
-    /// Change of the size, as a fraction of it.
+    /// Relative change of the size.
     pub delta_size: f64,
-    /// Change of the weighted flux, as a fraction of it.
+    /// Relative change of the weighted flux.
     pub delta_flux: f64,
 }
 
 impl ShapeChange {
-    /// From before to after.
+    /// The change from `before` to `after`.
     pub fn between(before: &Moments, after: &Moments) -> ShapeChange {
         ShapeChange {
             delta_e1: after.e1 - before.e1,
@@ -177,7 +177,7 @@ impl ShapeChange {
         }
     }
 
-    /// Mean of changes, and its standard error member by member (not a number for fewer than two).
+    /// Mean of changes, and its standard error for each member (NaN for fewer than two).
     pub fn mean_and_error(changes: &[ShapeChange]) -> (ShapeChange, ShapeChange) {
         let n = changes.len() as f64;
         let sum = |values: &mut dyn Iterator<Item = ShapeChange>| {

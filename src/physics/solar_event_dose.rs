@@ -1,15 +1,15 @@
 //! Solar events, orbit, shield and NIEL of a mission → the dose of each event.
 //!
 //! The dose d(z) of an event behind cutoff and shield, and ESP's dose D(T, p) of T active years at a confidence p, are tabulated
-//! once; a sample of the Sun is a sum then. Event i of the active years of a sample makes
+//! once; a sample of the Sun is then a sum. Event i in the active years of a sample gives
 //!
 //! ```text
 //! D(T, p) · d(z_i)/Σ d(z)
 //! ```
 //!
-//! The sum of a mission is the dose of ESP's spectrum of the sample's confidence, exactly. Within a mission, events share it in
-//! proportion to their own doses; ESP scales each energy by itself, which would change these shares if events of different
-//! hardness meet. Events of quiet years keep their own dose.
+//! The sum over a mission is exactly the dose of ESP's spectrum at the sample's confidence. Within a mission, events share it in
+//! proportion to their own doses. ESP scales each energy separately, which would change these shares if events of different
+//! hardness occur. Events of quiet years keep their own dose.
 
 use std::ops::RangeInclusive;
 
@@ -41,14 +41,14 @@ pub struct SolarEventDoses {
     active: Curve,
     quiet: Curve,
     totals: Totals,
-    /// Active years of the mission with the maxima that are expected.
+    /// Active years of the mission with the expected maxima.
     active_years: f64,
     /// The mission's factor on all doses.
     factor: f64,
 }
 
 impl SolarEventDoses {
-    /// So many samples of a mission whose dose history is known.
+    /// `samples` samples of a mission with a known dose history.
     ///
     /// # Errors
     /// If its dose is not derived from solar protons.
@@ -75,11 +75,11 @@ impl SolarEventDoses {
         })
     }
 
-    /// Doses (MeV/g) that come at once in a sample, each with its time in years since launch: first those of active years, then
-    /// those of quiet ones.
+    /// Instantaneous doses (MeV/g) in a sample, each with its time in years since launch: first those of active years, then those
+    /// of quiet ones.
     ///
     /// # Panics
-    /// If there are not so many samples.
+    /// If there are not that many samples.
     pub fn steps(&self, index: usize) -> Vec<(f64, f64)> {
         let sample = self.events.sample(index);
         let own = |activity: Activity, z: f64| match activity {
@@ -96,7 +96,7 @@ impl SolarEventDoses {
         steps
     }
 
-    /// ESP's dose (MeV/g) of the mission's active years, with the maxima that are expected, at a confidence.
+    /// ESP's dose (MeV/g) of the mission's active years, with the expected maxima, at a confidence.
     pub fn esp_mev_g(&self, confidence: f64) -> f64 {
         if self.active_years > 0.0 {
             self.factor * self.totals.at(self.active_years.max(1.0), normal_quantile(confidence))
@@ -122,7 +122,7 @@ fn normal_quantile(probability: f64) -> f64 {
     Normal::standard().inverse_cdf(probability)
 }
 
-/// What turns a spectrum of interplanetary space into a dose.
+/// Conversion of an interplanetary spectrum to a dose.
 struct Behind {
     shield: Shield,
     secondaries: SecondariesCounted,
@@ -175,7 +175,7 @@ impl Behind {
         })
     }
 
-    /// ln of the dose (MeV/g) of a spectrum of interplanetary space.
+    /// ln of the dose (MeV/g) of an interplanetary spectrum.
     fn log_dose(&self, outside: Spectrum) -> f64 {
         let stream = Stream { yearly: self.arrival.of(outside), when: When::ActiveYears };
         let dosed = dosed(stream, self.source.neutrons(), &self.shield, self.niel, self.secondaries);
@@ -183,10 +183,10 @@ impl Behind {
     }
 }
 
-/// Sizes z at which events are tabulated, and quantiles z of totals.
+/// Range of sizes z for which events are tabulated, and of quantiles z of totals.
 const SIZES: RangeInclusive<f64> = -5.0..=5.0;
 
-/// Nodes of a table against z: the logarithm of a dose bends slowly.
+/// Nodes of a table against z: the logarithm of a dose has little curvature.
 const SIZE_NODES: usize = 21;
 
 /// Nodes of a table against the logarithm of active years.
@@ -195,7 +195,7 @@ const YEAR_NODES: usize = 5;
 /// ln of ESP's dose against active years and the quantile z.
 #[derive(Clone, Debug)]
 struct Totals {
-    /// Logarithms of active years, each with its curve; one if all samples have the same.
+    /// Logarithms of active years, each with its curve; only one if they are the same in all samples.
     curves: Vec<Curve>,
     log_years: RangeInclusive<f64>,
 }
@@ -211,7 +211,7 @@ impl Totals {
         Totals { curves: parallel::map(0..nodes, curve), log_years }
     }
 
-    /// Dose (MeV/g) of so many active years, at least 1, at a quantile z.
+    /// Dose (MeV/g) of at least 1 active year, at a quantile z.
     fn at(&self, years: f64, z: f64) -> f64 {
         let values: Vec<f64> = self.curves.iter().map(|curve| curve.at(z)).collect();
         match &values[..] {
@@ -221,7 +221,7 @@ impl Totals {
     }
 }
 
-/// A smooth function between evenly spaced places.
+/// A smooth function between evenly spaced nodes.
 #[derive(Clone, Debug)]
 struct Curve {
     range: RangeInclusive<f64>,
@@ -239,13 +239,13 @@ impl Curve {
     }
 }
 
-/// A node of a range with so many, evenly spaced.
+/// The position of a node in a range of evenly spaced nodes.
 fn place(range: &RangeInclusive<f64>, nodes: usize, node: usize) -> f64 {
     let step = (range.end() - range.start()) / (nodes.max(2) - 1) as f64;
     range.start() + step * node as f64
 }
 
-/// The cubic through the four nearest of evenly spaced values, four or more.
+/// Cubic interpolation in the four nearest of at least four evenly spaced values.
 fn cubic(values: &[f64], range: &RangeInclusive<f64>, x: f64) -> f64 {
     let place = (x - range.start()) / (range.end() - range.start()) * (values.len() - 1) as f64;
     let first = (place.floor() - 1.0).clamp(0.0, (values.len() - 4) as f64);
@@ -268,7 +268,7 @@ mod tests {
         }
     }
 
-    /// Where doses are tabulated, and where not.
+    /// At nodes of the tables, and between them.
     #[test]
     fn tables_are_as_good_as_what_they_hold() {
         let mission = Mission::parse(include_str!("../../missions/snap_l2_shielded.toml")).unwrap();

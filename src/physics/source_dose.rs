@@ -14,12 +14,12 @@ use crate::numeric::calendar::decimal_year;
 use crate::numeric::recent::Recent;
 use crate::physics::DoseHistory;
 
-/// A source of protons, and the dose it makes.
+/// A source of protons, and its dose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SourceDose {
-    /// Name: that of its card, or the file it comes from.
+    /// Name: that of its card, or the imported file.
     pub name: String,
-    /// What it is; None of what is imported.
+    /// Its card; None for an imported source.
     pub card: Option<&'static Card>,
     /// Its spectra, each with its law of time and its dose behind the shield.
     pub streams: Vec<StreamDose>,
@@ -30,19 +30,19 @@ pub struct SourceDose {
 pub struct StreamDose {
     /// Spectrum and law of time.
     pub stream: Stream,
-    /// Dose of a year of it, MeV/g, as the mission counts it.
+    /// Dose of one year of it, MeV/g, as counted by the mission.
     pub dose_mev_g_yr: f64,
-    /// What nuclear reactions take and add in a year of it, counted or not.
+    /// Protons lost and secondaries added by nuclear reactions in one year of it, counted or not.
     pub secondaries: Secondaries,
 }
 
 impl SourceDose {
-    /// Whether the modulation of cosmic rays decides on it.
+    /// Whether it depends on the modulation of cosmic rays.
     pub(crate) fn is_modulated(&self) -> bool {
         self.card.is_some() && source::source(&self.name).is_some_and(|source| source.is_modulated())
     }
 
-    /// The same with a factor on the protons.
+    /// The same with the protons multiplied by a factor.
     fn times(&self, factor: f64) -> SourceDose {
         let stream = |dosed: &StreamDose| StreamDose {
             stream: Stream { yearly: dosed.stream.yearly.times(factor), when: dosed.stream.when.clone() },
@@ -55,7 +55,7 @@ impl SourceDose {
         SourceDose { streams: self.streams.iter().map(stream).collect(), ..self.clone() }
     }
 
-    /// Years' worth of each stream between two times (years since launch), if `active` of them are active years of the Sun.
+    /// Equivalent years of each stream between two times (years since launch), of which `active` are active years of the Sun.
     fn weights(&self, launch: f64, from_yr: f64, to_yr: f64, active: f64) -> impl Iterator<Item = (&StreamDose, f64)> {
         self.streams.iter().map(move |dosed| {
             let years = match &dosed.stream.when {
@@ -69,11 +69,11 @@ impl SourceDose {
 
     /// Dose (MeV/g) between two times.
     pub fn dose_mev_g(&self, launch: f64, from_yr: f64, to_yr: f64, active: f64) -> f64 {
-        // From 0 on: the sum of nothing would be −0.
+        // Starting from 0: an empty sum would be −0.
         self.weights(launch, from_yr, to_yr, active).fold(0.0, |sum, (dosed, years)| sum + years * dosed.dose_mev_g_yr)
     }
 
-    /// What nuclear reactions take and add between two times.
+    /// Protons lost and secondaries added by nuclear reactions between two times.
     pub fn secondaries(&self, launch: f64, from_yr: f64, to_yr: f64, active: f64) -> Secondaries {
         let mut sum = Secondaries::default();
         for (dosed, years) in self.weights(launch, from_yr, to_yr, active) {
@@ -90,7 +90,7 @@ impl SourceDose {
     }
 }
 
-/// What the dose of a source depends on.
+/// Inputs on which the dose of a source depends.
 #[derive(Clone, Debug, PartialEq)]
 struct Inputs {
     source: &'static str,
@@ -101,7 +101,7 @@ struct Inputs {
     phase: Option<SolarPhase>,
 }
 
-/// Sources of a mission with so many active years, and their doses behind its shield; none if it gives its dose.
+/// Sources of a mission with this number of active years, and their doses behind its shield; empty if it gives its dose.
 pub(crate) fn source_doses(mission: &Mission, active_years: f64) -> Vec<Arc<SourceDose>> {
     let environment = &mission.environment;
     let (Some(shield), Some(shielding)) = (mission.shield(), &mission.shielding) else { return Vec::new() };
@@ -124,7 +124,7 @@ pub(crate) fn source_doses(mission: &Mission, active_years: f64) -> Vec<Arc<Sour
         secondaries: shielding.secondaries,
         phase: environment.solar_phase,
     };
-    // A drawn Sun stands in place of the quantile of its fluence.
+    // A drawn Sun replaces the quantile of its fluence.
     let counted = |source: &&dyn Source| mission.imported.sun.is_none() || !source.depends_on_events();
     let of = |source: &'static dyn Source| {
         let dose = known(source, inputs(source));
@@ -136,7 +136,7 @@ pub(crate) fn source_doses(mission: &Mission, active_years: f64) -> Vec<Arc<Sour
     sources(environment, &place).into_iter().filter(counted).map(of).collect()
 }
 
-/// What the sources of a mission with so many active years depend on, with cosmic rays of a mean cycle.
+/// Inputs of the sources of a mission with this number of active years, with cosmic rays of a mean cycle.
 fn setting(mission: &Mission, place: Place, active_years: f64) -> Setting {
     Setting {
         place,
@@ -150,8 +150,8 @@ fn setting(mission: &Mission, place: Place, active_years: f64) -> Setting {
     }
 }
 
-/// Dose (MeV/g, before the mission's factor on all doses) of the protons of cosmic rays behind the shield over the mission, with so many
-/// times the modulation of a mean cycle. None if no cosmic rays are among its sources, which `history` lists.
+/// Dose (MeV/g, before the mission's factor on all doses) of cosmic-ray protons behind the shield over the mission, for a multiple
+/// of the modulation of a mean cycle. None if there are no cosmic rays among its sources, which `history` lists.
 pub(crate) fn cosmic_ray_dose_mev_g(mission: &Mission, history: &DoseHistory, modulation: f64) -> Option<f64> {
     let is_modulated = |dose: &&Arc<SourceDose>| dose.is_modulated();
     let name = history.sources.iter().find(is_modulated)?.name.clone();
@@ -168,7 +168,7 @@ pub(crate) fn cosmic_ray_dose_mev_g(mission: &Mission, history: &DoseHistory, mo
     Some(known(source, inputs).dose_mev_g(launch, 0.0, mission.mission.duration_yr, 0.0))
 }
 
-/// The dose of a source. It takes milliseconds to seconds, and every fit and study needs it, mostly for the same mission.
+/// The dose of a source. It takes milliseconds to seconds, and every fit and study needs it, usually for the same mission.
 fn known(source: &'static dyn Source, inputs: Inputs) -> Arc<SourceDose> {
     static KNOWN: Recent<Inputs, Arc<SourceDose>> = Recent::new(64);
     KNOWN.get(inputs, |inputs| {
@@ -180,7 +180,7 @@ fn known(source: &'static dyn Source, inputs: Inputs) -> Arc<SourceDose> {
     })
 }
 
-/// The sources that a mission counts: those it names, or all that reach it; in the models of the paper solar protons alone.
+/// The sources counted by a mission: those it names, or all that reach it; in the models of the paper only solar protons.
 pub(crate) fn sources(environment: &Environment, place: &Place) -> Vec<&'static dyn Source> {
     if environment.model != DoseModel::Derived {
         return vec![SOURCES[0]];
@@ -218,7 +218,7 @@ pub(crate) fn dosed(
     StreamDose { stream, dose_mev_g_yr, secondaries }
 }
 
-/// Spectra of other programs, which say nothing of time: spread evenly over the mission.
+/// Spectra of other programs, without time dependence: spread evenly over the mission.
 fn of_spectra(mission: &Mission, shield: &Shield, counted: SecondariesCounted) -> Vec<Arc<SourceDose>> {
     let of = |imported: &ImportedSpectrum| {
         let per_year = if imported.per_second { SECONDS_PER_YEAR } else { 1.0 / mission.mission.duration_yr };
@@ -239,7 +239,7 @@ fn of_depth(mission: &Mission, shield: &Shield) -> SourceDose {
     SourceDose { name: mission.environment.dose_depth.clone().unwrap_or_default(), card: None, streams: vec![dosed] }
 }
 
-/// A curve between its points, on straight lines of the logarithms; beyond its ends the line of the end pair.
+/// Log-log linear interpolation in a curve; beyond its ends, extrapolation from the end pair.
 fn interpolated(curve: &[(f64, f64)], at: f64) -> f64 {
     let after = curve.partition_point(|point| point.0 <= at).clamp(1, curve.len() - 1);
     let ((from, low), (to, high)) = (curve[after - 1], curve[after]);

@@ -25,7 +25,7 @@ pub(super) struct Component {
 impl Component {
     /// Share of the flux within a circle.
     pub fn within(&self, radius_px: f64) -> f64 {
-        // In polar coordinates the radial integral is elementary and the angular one periodic and smooth.
+        // In polar coordinates the radial integral is elementary, and the angular one periodic and smooth.
         let angles = 64;
         let per_angle = (0..angles).map(|k| {
             let (sine, cosine) = (2.0 * PI * k as f64 / angles as f64).sin_cos();
@@ -40,12 +40,12 @@ impl Component {
         self.covariance / (self.variance_x * self.variance_y).sqrt()
     }
 
-    /// Determinant of the matrix of variances, px⁴.
+    /// Determinant of the covariance matrix, px⁴.
     fn determinant(&self) -> f64 {
         self.variance_x * self.variance_y - self.covariance * self.covariance
     }
 
-    /// The inverse of the matrix of variances between two equal unit vectors, px⁻².
+    /// Quadratic form of the inverse covariance matrix for a unit vector, px⁻².
     fn inverse(&self, cosine: f64, sine: f64) -> f64 {
         if self.covariance == 0.0 {
             return cosine * cosine / self.variance_x + sine * sine / self.variance_y;
@@ -55,20 +55,20 @@ impl Component {
     }
 }
 
-/// Distance between the logarithms of two variances. The sum over widths differs from the integral by about
-/// exp(−π²/step) of the peak, 7e-8, times a power of π²/step.
+/// Step in the logarithm of the variance. The sum over widths differs from the integral by about exp(−π²/step) of the peak, 7e-8,
+/// times a power of π²/step.
 const LOG_STEP: f64 = 0.6;
 
-/// Flux at the ends of a mixture that is left out.
+/// Flux neglected at the ends of a mixture.
 const TAIL: f64 = 1e-7;
 
 /// Moffat profile of unit flux: weights and variances (px²). β above 1.
 pub(super) fn moffat(fwhm_px: f64, beta: f64) -> Vec<(f64, f64)> {
-    // I ∝ (1 + r²/a²)^−β falls to a half at r = FWHM/2.
+    // I ∝ (1 + r²/a²)^−β is one half at r = FWHM/2.
     let a2 = (fwhm_px / 2.0).powi(2) / (LN_2 / beta).exp_m1();
     // Flux of the component exp(−s r²/a²): Gamma law of index β − 1 in s, here per unit of ln s.
     let density = |log_s: f64| ((beta - 1.0) * log_s - log_s.exp() - ln_gamma(beta - 1.0)).exp();
-    // For large β the law is narrow in ln s: as 1/√(β−1).
+    // For large β the distribution is narrow in ln s: as 1/√(β−1).
     let step = LOG_STEP / (1.0 + (beta - 1.0) / 4.0).sqrt();
     sum(step, (beta - 1.0).ln(), density)
         .into_iter()
@@ -78,13 +78,13 @@ pub(super) fn moffat(fwhm_px: f64, beta: f64) -> Vec<(f64, f64)> {
 
 /// Sersic profile of unit flux: weights and variances (px²). Index from 0.5.
 pub(super) fn sersic(index: f64, half_light_px: f64) -> Vec<(f64, f64)> {
-    // A galaxy is drawn with several shears and sizes.
+    // The same galaxy is computed with several shears and sizes.
     static KNOWN: Recent<f64, Arc<Vec<(f64, f64)>>> = Recent::new(64);
     let round = KNOWN.get(index, |index| Arc::new(round_sersic(*index)));
     round.iter().map(|(weight, variance)| (*weight, half_light_px * half_light_px * variance)).collect()
 }
 
-/// The same of half-light radius 1.
+/// The same for half-light radius 1.
 fn round_sersic(index: f64) -> Vec<(f64, f64)> {
     let b = half_light_coefficient(index);
     // exp(−S b^2n r²/R²) has the variance R²/(2 b^2n S).
@@ -101,7 +101,7 @@ fn round_sersic(index: f64) -> Vec<(f64, f64)> {
     let log_a = |phi: f64| {
         steepness * (gamma * phi).sin().ln() + ((1.0 - gamma) * phi).sin().ln() - phi.sin().ln() / (1.0 - gamma)
     };
-    // A(φ) is needed at the same φ for every S. All that counts is where x is a few: it grows without limit towards π.
+    // A(φ) is needed at the same φ for every S. Only the range where x is a few matters: x diverges towards π.
     let parts = 8;
     let nodes = (0..parts).flat_map(|part| {
         let width = 1.0 / f64::from(parts);
@@ -112,22 +112,22 @@ fn round_sersic(index: f64) -> Vec<(f64, f64)> {
     let density = |log_s: f64| {
         let integrand = |log_a: f64| {
             let log_x = log_a - steepness * log_s;
-            // e^−x is nothing beyond.
+            // e^−x is negligible beyond.
             if log_x > LARGE_LOG { 0.0 } else { (log_x - log_x.exp() - log_s - log_norm).exp() }
         };
         steepness * nodes.iter().map(|(log_a, weight)| weight * integrand(*log_a)).sum::<f64>()
     };
     let step = LOG_STEP * (2.0 * index - 1.0).min(1.0);
-    // The flux is largest where x at φ = 0, the least x, is about 1/γ.
+    // The flux is largest where x at φ = 0, the smallest x, is about 1/γ.
     let log_a0 = steepness * gamma.ln() + (1.0 - gamma).ln();
     let middle = (log_a0 + gamma.ln()) / steepness;
     sum(step, middle, density).into_iter().map(|(weight, log_s)| (weight, variance(log_s))).collect()
 }
 
-/// Indices 1/2n above this are taken for the Gaussian, n = 0.5: the law of S is then narrower than 1 %.
+/// Indices 1/2n above this are replaced by the Gaussian, n = 0.5: the distribution of S is then narrower than 1 %.
 const NARROW: f64 = 0.999;
 
-/// Logarithm of an x with e^−x below any number.
+/// Logarithm of an x for which e^−x underflows.
 const LARGE_LOG: f64 = 7.0;
 
 /// b of exp(−b (r/R)^(1/n)) for which R is the half-light radius: P(2n, b) = 1/2 (Ciotti & Bertin 1999, eq. 4).
@@ -140,7 +140,7 @@ fn half_light_coefficient(index: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Nodes of the trapezoidal rule for a density over a logarithm, from around its middle out to its tails.
+/// Nodes of the trapezoidal rule for a density over a logarithm, from near its centre out to its tails.
 fn sum(step: f64, middle: f64, density: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
     let mut nodes = Vec::new();
     for direction in [-1.0, 1.0] {
@@ -198,7 +198,7 @@ mod tests {
             for r in [0.1_f64, 0.3, 1.0, 2.0, 5.0] {
                 let exact = norm * (-b * r.powf(1.0 / n)).exp();
                 let there = surface(&mixture, r * r);
-                // Relative to the value at a tenth of the half-light radius: cusps have no peak.
+                // Relative to the value at a tenth of the half-light radius: cusps have no peak value.
                 let scale = norm * (-b * 0.1_f64.powf(1.0 / n)).exp();
                 assert!((there - exact).abs() < 5e-5 * scale, "n {n}, r {r}: {there} {exact}");
             }

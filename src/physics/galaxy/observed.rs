@@ -1,15 +1,15 @@
-//! Sersic galaxies through a PSF → flux, size and ellipticity as a round weight sees them, without an image.
+//! Sersic galaxies through a PSF → flux, size and ellipticity under a round weight, without an image.
 //!
-//! A mixture of Gaussians under a Gaussian weight is a mixture of Gaussians. With V the variances of a component, and W = σ² 1 of
-//! the weight:
+//! A mixture of Gaussians under a Gaussian weight is a mixture of Gaussians. With V the covariance of a component, and W = σ² 1
+//! that of the weight:
 //!
 //! ```text
 //! flux ∝ det(1 + V W⁻¹)^−½        variances V (1 + V W⁻¹)⁻¹
 //! ```
 //!
-//! Mixtures are tabulated over the Sersic index, and a pixel is a Gaussian of its variance, 1/12 px². The size and the ellipticity
-//! found are a per cent or two from those of an image, since the components of a PSF are taken together: they are coordinates for
-//! interpolation, not results.
+//! Mixtures are tabulated over the Sersic index, and a pixel is a Gaussian of its variance, 1/12 px². Size and ellipticity differ
+//! by one or two per cent from those of an image, since components of the PSF are merged: they are coordinates for interpolation,
+//! not results.
 
 use super::Ellipse;
 use super::mixture::{moffat, sersic};
@@ -18,7 +18,7 @@ use crate::mission::Psf;
 /// Mixtures per unit of ln n.
 const PER_LOG: f64 = 48.0;
 
-/// Components of the PSF that are taken together.
+/// Number of components of the PSF merged into one.
 const TOGETHER: usize = 3;
 
 /// Variance of a pixel, px².
@@ -29,14 +29,14 @@ const PIXEL: f64 = 1.0 / 12.0;
 pub struct Observed {
     /// Weights and variances (px²) of the PSF.
     psf: Vec<(f64, f64)>,
-    /// Weights and variances of galaxies of half-light radius 1, at indices that are evenly spaced in their logarithm.
+    /// Weights and variances of galaxies of half-light radius 1, at indices evenly spaced in their logarithm.
     galaxies: Vec<Vec<(f64, f64)>>,
-    /// Logarithm of the least index.
+    /// Logarithm of the smallest index.
     least: f64,
 }
 
 impl Observed {
-    /// For Sersic indices between two.
+    /// For Sersic indices in a range.
     pub fn new(psf: &Psf, [least, largest]: [f64; 2]) -> Observed {
         let steps = ((largest / least).ln() * PER_LOG).ceil() as usize;
         let index = |step: usize| (least * (step as f64 / PER_LOG).exp()).min(largest);
@@ -107,7 +107,7 @@ mod tests {
             let image = Profile::lensed(&galaxy, &psf, 1e-6).stamp(27, 0.0, 0.0);
             let moments = Moments::of(&image, 5.4).unwrap();
             let [share, size_px, e1, e2] = observed.shape(sersic_index, half_light_px, ellipticity, 5.4);
-            // A Moffat PSF in seven parts has a size 1.1 % too large under this weight.
+            // A Moffat PSF in seven components has a size 1.1 % too large under this weight.
             assert!((size_px / moments.size_px - 1.0).abs() < 0.015, "{size_px} {}", moments.size_px);
             assert!((share / moments.flux_e - 1.0).abs() < 0.015, "{share} {}", moments.flux_e);
             assert!((e1 - moments.e1).abs() < 0.01 && (e2 - moments.e2).abs() < 0.01, "{e1} {e2} {moments:?}");

@@ -1,4 +1,4 @@
-//! A law of the galaxies of a deep survey from space: magnitudes, sizes, Sersic indices and ellipticities.
+//! Distribution of the galaxies of a deep survey from space: magnitudes, sizes, Sersic indices and ellipticities.
 //!
 //! ```text
 //! dN/dm ∝ 10^(0.374 m)                                        magnitudes of a band like F606W or VIS
@@ -8,9 +8,9 @@
 //! Sersic index: log-normal, median 1.2, σ of the logarithm 1, from 0.5 to 4.5
 //! ```
 //!
-//! Source: the public scripts (megalut, runs/euclid-like) of Tewes et al. 2019 (A&A 621, A36), who fitted galaxies of GEMS, observed with
-//! the same camera as COSMOS (Rix et al. 2004, ApJS 152, 163). There |g| ends at 0.9 and the index begins at 0.3: galaxies that flat
-//! are few (2 % are above 0.7), and profiles here begin at 0.5. Size, index and ellipticity are independent of one another.
+//! Source: the public scripts (megalut, runs/euclid-like) of Tewes et al. 2019 (A&A 621, A36), who fitted galaxies of GEMS,
+//! observed with the same camera as COSMOS (Rix et al. 2004, ApJS 152, 163). There |g| ends at 0.9 (2 % are above 0.7), and the
+//! index begins at 0.3; profiles here begin at 0.5. Size, index and ellipticity are independent of each other.
 
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, LogNormal, StandardNormal};
@@ -18,13 +18,13 @@ use rand_distr::{Distribution, LogNormal, StandardNormal};
 /// d log10(dN/dm)/dm.
 const COUNTS: f64 = 0.374;
 
-/// Shape of the skew normal law of the logarithm of sizes.
+/// Shape parameter of the skew normal distribution of the logarithm of sizes.
 const SKEW: f64 = -0.58;
 
 /// Largest half-light radius, arcsec.
 const LARGEST_ARCSEC: f64 = 4.5;
 
-/// Width of Rayleigh's law of |g|, and the largest |g|.
+/// Width of the Rayleigh distribution of |g|, and the largest |g|.
 const RAYLEIGH: f64 = 0.25;
 const FLATTEST: f64 = 0.7;
 
@@ -46,7 +46,7 @@ pub struct DrawnGalaxy {
 }
 
 impl DrawnGalaxy {
-    /// A galaxy between two magnitudes, the brighter one first.
+    /// Draws a galaxy between two magnitudes, the brighter one first.
     pub fn draw([bright, faint]: [f64; 2], random: &mut impl Rng) -> DrawnGalaxy {
         let magnitude = {
             let [low, high] = [0.0, COUNTS * (faint - bright)].map(|exponent: f64| 10_f64.powf(exponent));
@@ -100,7 +100,7 @@ mod tests {
         let mean = near.iter().sum::<f64>() / near.len() as f64;
         let expected = 2.0738 - 0.10831 * 24.45 + (0.69013 - 0.021479 * 24.45) * -0.5017 * 0.79788;
         assert!((mean - expected).abs() < 0.02, "{mean} {expected}");
-        // The median of Rayleigh's law cut off at 0.7: 2 % above.
+        // The median of the Rayleigh distribution truncated at 0.7: 2 % are above.
         let g = |galaxy: &DrawnGalaxy| {
             let e = galaxy.ellipticity[0].hypot(galaxy.ellipticity[1]);
             e / (1.0 + (1.0 - e * e).sqrt())

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use super::Profile;
 use crate::mission::{Galaxy, Mission};
 
-/// Flux (e-) of a mission's galaxy: as given, or that of its signal-to-noise ratio.
+/// Flux (e-) of a mission's galaxy: as given, or from its signal-to-noise ratio.
 pub fn flux_e(mission: &Mission, galaxy: &Galaxy) -> f64 {
     match (galaxy.flux_e, galaxy.snr, galaxy.aperture_px) {
         (None, Some(snr), Some(aperture_px)) => {
@@ -16,7 +16,7 @@ pub fn flux_e(mission: &Mission, galaxy: &Galaxy) -> f64 {
     }
 }
 
-/// Flux (e-) whose part `share` within an aperture has the signal-to-noise ratio `snr` against its own photon noise,
+/// Flux (e-) for which the part `share` within an aperture has the signal-to-noise ratio `snr`, with its own photon noise,
 /// background (e- per pixel) and read noise (e- per pixel).
 ///
 /// ```text

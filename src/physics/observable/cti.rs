@@ -1,8 +1,8 @@
-//! Charge transfer inefficiency: the fraction of charge that is lost in a transfer.
+//! Charge transfer inefficiency: the fraction of charge lost in a transfer.
 //!
-//! Of a lone packet with charge S before and S' after n transfers: 1 − (S'/S)^(1/n), as X-ray lines of known energy give it. Of an
-//! edge (a row gives `block_px`, `first_px` and `last_px`): the charge in those pixels behind it, over n S, as extended pixel edge
-//! response gives it (Janesick 2001, Scientific Charge-Coupled Devices, section 5.2).
+//! For a lone packet with charge S before and S' after n transfers: 1 − (S'/S)^(1/n), as measured with X-ray lines of known energy.
+//! For an edge (a row gives `block_px`, `first_px` and `last_px`): the charge in those pixels behind it, over n S, as measured by
+//! the extended pixel edge response (Janesick 2001, Scientific Charge-Coupled Devices, section 5.2).
 
 use super::{Card, Probe};
 use crate::physics::conditions::Conditions;

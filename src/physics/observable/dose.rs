@@ -1,4 +1,4 @@
-//! Cumulative dose since launch, as a monitor beside the detector measures it.
+//! Cumulative dose since launch, as measured by a monitor beside the detector.
 
 use super::{Card, Probe};
 

@@ -1,4 +1,4 @@
-//! Extended pixel edge response: charge in a pixel behind a flat block, less the trailed background.
+//! Extended pixel edge response: charge in a pixel behind a flat block, minus the trailed background.
 
 use super::{Card, Probe, behind};
 

@@ -1,4 +1,4 @@
-//! Charge read in a lone packet's own pixel, less the trailed background.
+//! Charge read in a lone packet's own pixel, minus the trailed background.
 
 use super::{Card, Probe};
 

@@ -1,11 +1,11 @@
-//! Intensity of the dipole that a single trap makes in a flat field by trap pumping: electrons moved from a pixel into its neighbour.
+//! Intensity of the dipole from a single trap in a flat field after trap pumping: electrons moved from a pixel into its neighbour.
 //!
 //! ```text
 //! I = N P (exp(−t/τ) − exp(−2t/τ))        largest at t = τ ln 2, where it is N P/4
 //! ```
 //!
-//! after N cycles with the phase time t, of a trap with release time τ that captures with the probability P, here 1. A row names the
-//! species of the trap, if the mission has several.
+//! after N cycles with the phase time t, for a trap with release time τ and capture probability P, here 1. A row names the species
+//! of the trap, if the mission has several.
 //!
 //! Source: Mostek et al. 2010, Proc. SPIE 7742; Murray et al. 2012, Proc. SPIE 8453; Hall et al. 2014, IEEE Trans. Nucl. Sci. 61, 1826.
 
@@ -26,8 +26,8 @@ pub(super) const CARD: Card = Card {
     less: "model's dipole too bright",
 };
 
-/// Intensity of a dipole (e-) after so many cycles with a phase time, of a trap with a release time (both ms) that catches with
-/// a probability.
+/// Intensity of a dipole (e-) after a number of cycles with a phase time, for a trap with a release time (both ms) and a capture
+/// probability.
 pub fn dipole_e(cycles: f64, probability: f64, phase_ms: f64, release_ms: f64) -> f64 {
     let left = (-phase_ms / release_ms).exp();
     // exp(−t/τ) − exp(−2t/τ)

@@ -1,4 +1,4 @@
-//! Charge in a pixel behind a lone packet, less the trailed background, over the packet's charge before transfer.
+//! Charge in a pixel behind a lone packet, minus the trailed background, over the packet's charge before transfer.
 
 use super::{Card, Probe, behind};
 

@@ -1,4 +1,4 @@
-//! Traps per pixel: of the species that a row names, or of all together.
+//! Traps per pixel: for the species named in a row, or for all together.
 
 use super::{Card, Probe};
 

@@ -4,14 +4,14 @@
 //! (e1, e2) = (A, C) / max(T, √(A² + C²))     A = Σ I w (x² − y²),  C = Σ I w 2xy,  T = Σ I w (x² + y²)
 //! ```
 //!
-//! Without noise |(A, C)| is less than T, and this is the ellipticity of [`super::Moments`]. Noise may bring T close to 0 or below it:
-//! the plain ratio then has no mean (it has the tails of a Cauchy distribution; Israel, Kitching & Massey 2015, arXiv:1512.05591). A
-//! survey rejects such objects; here |e| is bounded
-//! by 1, the largest ellipticity of any image that is nowhere negative, so that no object is lost and none is selected.
+//! Without noise |(A, C)| is less than T, and this is the ellipticity of [`super::Moments`]. Noise may bring T close to 0 or below
+//! it: the plain ratio then has no mean (it has the tails of a Cauchy distribution; Israel, Kitching & Massey 2015,
+//! arXiv:1512.05591). A survey rejects such objects. Here |e| is bounded by 1, the largest ellipticity of any non-negative image,
+//! so that no object is lost and there is no selection.
 //!
-//! A, C and T are sums over many pixels, and about normal. The mean of the bounded ellipticity over their noise is then an integral
-//! over three dimensions, which Sobol's points do, the same ones for every integral: differences of two means are far more
-//! accurate than each.
+//! A, C and T are sums over many pixels, and nearly normal. The mean of the bounded ellipticity over their noise is then a
+//! three-dimensional integral, computed with Sobol points. The points are the same for every integral: differences of two means are
+//! far more accurate than each.
 
 use std::sync::OnceLock;
 
@@ -27,10 +27,10 @@ pub type Quadrupoles = [f64; 3];
 /// Covariances of A, C and T, e-² px⁴.
 pub type Covariance = [[f64; 3]; 3];
 
-/// Points of the integral over the noise; each counts with both signs.
+/// Points of the integral over the noise; each is used with both signs.
 const POINTS: u64 = 2048;
 
-/// A, C and T of each column of `image[[y, x]]` with a weight of `weight_px` (σ) on a centroid (`[x, y]`, px from the middle of the
+/// A, C and T of each column of `image[[y, x]]` with a weight of `weight_px` (σ) on a centroid (`[x, y]`, px from the centre of the
 /// image).
 pub fn quadrupoles_of_columns(image: ArrayView2<f64>, weight_px: f64, [x_px, y_px]: [f64; 2]) -> Vec<Quadrupoles> {
     let (rows, columns) = image.dim();
@@ -95,11 +95,11 @@ pub fn mean_ellipticity(mean: &Quadrupoles, covariance: &Covariance) -> [f64; 2]
     sum.map(|sum| sum / (2 * POINTS) as f64)
 }
 
-/// Steps of a fitted centroid at most.
+/// Maximum number of steps of a fitted centroid.
 const STEPS: usize = 20;
 
-/// Moments of a noisy image with the bounded ellipticity. The centroid is fitted, from `start_px` (`[x, y]`, px from the middle of the
-/// image) in 20 steps at most, and no farther away than the weight is wide. None if the weighted flux is not positive.
+/// Moments of a noisy image with the bounded ellipticity. The centroid is fitted from `start_px` (`[x, y]`, px from the centre of
+/// the image) in at most 20 steps, and no further away than the width of the weight. None if the weighted flux is not positive.
 pub fn fitted(image: &Array2<f64>, weight_px: f64, start_px: [f64; 2]) -> Option<Moments> {
     let middle = [image.ncols(), image.nrows()].map(|pixels| (pixels as f64 - 1.0) / 2.0);
     let sums_at = |[x, y]: [f64; 2]| Sums::of(image, weight_px, middle[1] + y, middle[0] + x);
@@ -122,7 +122,7 @@ pub fn fitted(image: &Array2<f64>, weight_px: f64, start_px: [f64; 2]) -> Option
     (sums.flux > 0.0).then_some(Moments { flux_e: sums.flux, x_px: at[0], y_px: at[1], size_px, e1, e2 })
 }
 
-/// The point of a disc around a centre that is closest to a place.
+/// The point of a disc around a centre that is closest to `place`.
 fn within(centre: [f64; 2], place: [f64; 2], radius: f64) -> [f64; 2] {
     let offset = [place[0] - centre[0], place[1] - centre[1]];
     let factor = (radius / offset[0].hypot(offset[1])).min(1.0);
@@ -197,7 +197,7 @@ mod tests {
         let mean = |a: f64| mean_ellipticity(&[a, 0.0, 1.5], &covariance)[0];
         let slope = |step: f64| (mean(step) - mean(-step)) / (2.0 * step);
         assert!(mean(1e6) <= 1.0);
-        // The same slope from steps that differ by a factor of 100.
+        // The same slope for steps that differ by a factor of 100.
         assert!((slope(1e-3) / slope(1e-1) - 1.0).abs() < 0.01, "{} {}", slope(1e-3), slope(1e-1));
     }
 }
