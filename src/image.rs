@@ -1,4 +1,4 @@
-//! Whole images: charge transfer inefficiency added to the frames of a FITS file, or taken out of them.
+//! Whole images: charge transfer inefficiency added to the frames of a FITS file, or removed from them.
 //!
 //! ```text
 //! FITS file ─▶ [fits] values ─▶ [unit] electrons ─▶ [mask] no gaps ─▶ [frame] as it is read ─▶ back to values ─▶ FITS file
@@ -7,7 +7,7 @@
 //!                                                        └──▶ [correct] ─────────┘   the readout, turned round
 //! ```
 //!
-//! One HDU is in memory at a time. What is done to a frame stands in `docs/images.md`.
+//! One HDU is in memory at a time. The processing of a frame is described in `docs/images.md`.
 
 pub mod amplifier;
 pub mod amplifier_table;
@@ -60,38 +60,38 @@ use crate::warning::Warning;
 use companions::Flagged;
 use fits::{Fits, Hdu, HduKind};
 
-/// What is done to frames.
+/// The processing of frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Task {
     /// Trails are added.
     Readout,
-    /// Trails are taken out.
+    /// Trails are removed.
     Correct {
-        /// When that is done.
+        /// When the correction is complete.
         stop: Stop,
-        /// White noise of the amplifier, e- rms, whose amplification is to be measured, and the seed for it.
+        /// White noise of the amplifier, e- rms, whose amplification is to be measured, and its seed.
         noise: Option<(f64, u64)>,
     },
 }
 
-/// Charge in pixels without light, e- and over that of the image, beyond which it is hardly the trail of the image.
+/// Charge in pixels without light, e- and relative to that of the image, above which it is probably not the trail of the image.
 const MOST_DARK_E: f64 = 5.0;
 const MOST_DARK: f64 = 0.2;
 
-/// Which HDU is meant.
+/// Selection of HDUs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Choice {
-    /// By its place in the file; 0 is the primary one.
+    /// By index in the file; 0 is the primary HDU.
     Index(usize),
-    /// By its EXTNAME: all that are called so. `*.E.SCI` is all that end so.
+    /// By EXTNAME: all with this name. `*.E.SCI` selects all with this ending.
     Name(String),
-    /// By its EXTNAME and EXTVER.
+    /// By EXTNAME and EXTVER.
     Version(String, i64),
 }
 
 /// Frames to be read out or corrected.
 pub struct Job {
-    /// What is done.
+    /// The task.
     pub task: Task,
     /// The mission with its effects.
     pub model: Model,
@@ -99,17 +99,17 @@ pub struct Job {
     pub device: Device,
     /// How the frames lie on the detector.
     pub geometry: Geometry,
-    /// What their numbers mean.
+    /// The meaning of their values.
     pub unit: Unit,
-    /// Images to work on; none: all that hold charge.
+    /// Images to process; none: all that hold charge.
     pub hdus: Vec<Choice>,
-    /// Amplifiers of a camera, in place of geometry, unit and choice of images.
+    /// Amplifiers of a camera, in place of geometry, unit and selection of images.
     pub amplifiers: Option<AmplifierTable>,
-    /// What the bits of data quality mean to a correction.
+    /// The meaning of the data quality bits for a correction.
     pub bits: Bits,
     /// Factors on the densities of the pixels' traps, by column.
     pub trap_map: Option<TrapMap>,
-    /// Read noise, e- rms, of amplifiers whose table names none.
+    /// Read noise, e- rms, of amplifiers without an entry in the table.
     pub read_noise_e: Option<f64>,
     /// Read noise is separated before a correction, and added afterwards.
     pub separate_noise: bool,
@@ -117,22 +117,22 @@ pub struct Job {
     pub propagate_errors: bool,
 }
 
-/// What was done to a file.
+/// Results for a file.
 #[derive(Clone, Debug)]
 pub struct Done {
     /// Name of the mission.
     pub mission: String,
     /// Conditions, with the dose behind the traps.
     pub at: Conditions,
-    /// Dose as its monitor sees it, MeV/g.
+    /// Dose as measured by its monitor, MeV/g.
     pub dose_mev_g: f64,
     /// Traps of the pixels.
     pub traps: Vec<SpeciesState>,
-    /// The way transfers are computed.
+    /// The method for the transfers.
     pub method: Method,
-    /// What was done.
+    /// The task.
     pub task: Task,
-    /// How the frames lay, unless amplifiers are named.
+    /// How the frames lay, unless there is a table of amplifiers.
     pub geometry: Geometry,
     /// The table of amplifiers, as given.
     pub amplifiers: Option<String>,
@@ -142,58 +142,58 @@ pub struct Done {
     pub warnings: Vec<Warning>,
 }
 
-/// What was done to an HDU.
+/// Results for an HDU.
 #[derive(Clone, Debug)]
 pub struct HduDone {
-    /// Place in the file.
+    /// Index in the file.
     pub index: usize,
     /// EXTNAME.
     pub name: Option<String>,
-    /// The frame, where it was one; None if the HDU was copied.
+    /// The frame, if it was one; None if the HDU was copied.
     pub frame: Option<FrameDone>,
 }
 
-/// What was done to a frame.
+/// Results for a frame.
 #[derive(Clone, Debug)]
 pub struct FrameDone {
     /// Rows and columns.
     pub shape: (usize, usize),
     /// Electrons per unit of the frame; none if its amplifiers differ.
     pub gain_e_per_dn: Option<f64>,
-    /// What read it.
+    /// The amplifiers that read it.
     pub amplifiers: Amplifiers,
     /// Largest change of a pixel, e-.
     pub largest_change_e: f64,
     /// Median charges in pixels without light and in those of the image, e-, if there are any of the former.
     pub levels_e: Option<(f64, f64)>,
-    /// Pixels without a value, which stay so.
+    /// Pixels without a value, which remain so.
     pub missing_px: usize,
     /// Pixels at or above full well, or beyond the range of the converter.
     pub saturated_px: usize,
     /// Pixels clipped to the range of their type.
     pub clipped_px: usize,
-    /// Of a correction: the residuals of the forward model, before it and after each step.
+    /// For a correction: the residuals of the forward model, before it and after each step.
     pub residuals: Vec<Residual>,
-    /// Of a correction: pixels whose charge the frame does not determine.
+    /// For a correction: pixels whose charge the frame does not determine.
     pub uncertain: Option<Uncertain>,
-    /// Of a correction: the last residual is within the requested error, except for the uncertain pixels.
+    /// For a correction: whether the last residual is within the requested error, except for the uncertain pixels.
     pub converged: bool,
-    /// Of a correction: what became of the amplifier's noise.
+    /// For a correction: the amplifier's noise afterwards.
     pub noise: Option<NoiseAfter>,
-    /// Changes of the HDUs that go with it.
+    /// Changes of its companion HDUs.
     pub beside: CompanionsDone,
 }
 
-/// What was done to the HDUs that go with a frame.
+/// Results for the companion HDUs of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CompanionsDone {
     /// The HDU of errors, and the ratio of their root mean squares after and before.
     pub errors: Option<(usize, f64)>,
-    /// What its data quality marks.
+    /// Results for its data quality.
     pub quality: Option<QualityDone>,
 }
 
-/// What data quality says of a frame.
+/// Data quality of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct QualityDone {
     /// Its HDU.
@@ -202,35 +202,35 @@ pub struct QualityDone {
     pub bad_px: usize,
     /// Pixels flagged as saturated.
     pub saturated_px: usize,
-    /// Pixels in which the bit of uncertain ones was set.
+    /// Pixels in which the bit for uncertain pixels was set.
     pub set_px: usize,
 }
 
 impl CompanionsDone {
-    /// Whether an HDU has other values than before.
+    /// Whether the values of an HDU have changed.
     pub fn changed(&self, hdu: usize) -> bool {
         self.errors.is_some_and(|(errors, _)| errors == hdu)
             || self.quality.is_some_and(|quality| quality.hdu == hdu && quality.set_px > 0)
     }
 }
 
-/// Pixels of a frame that is corrected.
+/// Pixels of a frame to be corrected.
 struct Masks<'a> {
-    /// They keep their values.
+    /// Pixels that keep their values.
     kept: &'a Array2<bool>,
-    /// They hold light, and are corrected.
+    /// Pixels that hold light, and are corrected.
     counted: Array2<bool>,
 }
 
 impl Job {
-    /// Makes a mission's detector ready for frames.
+    /// Prepares a mission's detector for frames.
     ///
-    /// `relative` is the accuracy of the readout ([`Method::Fast`]) in place of the mission's, which is meant for single
-    /// galaxies; a mission that wants another method keeps it.
+    /// `relative` is the accuracy of the readout ([`Method::Fast`]) in place of the mission's, which is meant for single galaxies;
+    /// a mission with another method keeps it.
     ///
     /// # Errors
-    /// If serial transfers are wanted of a mission without serial traps, or parallel ones of a mission with a store or persistence,
-    /// or a formula fails.
+    /// If serial transfers are requested for a mission without serial traps, or parallel ones for a mission with a store or
+    /// persistence, or a formula fails.
     pub fn new(
         task: Task,
         model: &Model,
@@ -286,11 +286,11 @@ impl Job {
         })
     }
 
-    /// Works on a file. `progress` is given the HDUs that are done, how many there are, and what is being done.
+    /// Processes a file. `progress` is given the number of HDUs done, their total, and the current step.
     ///
     /// # Errors
-    /// If the input is no FITS file or holds nothing to work on, a unit is not known, a formula fails, or the output cannot
-    /// be written, is the input, or is there already and must not be overwritten.
+    /// If the input is not a FITS file or contains no frame, a unit is unknown, a formula fails, or the output cannot be written,
+    /// is the input, or already exists and must not be overwritten.
     pub fn run(
         &self,
         input: &Path,
@@ -395,12 +395,12 @@ impl Job {
         Ok(frames.into_iter().map(of).collect())
     }
 
-    /// Error of a readout over the largest displacement of charge: mostly ten times smaller than requested (`docs/images.md`).
+    /// Error of a readout over the largest displacement of charge: usually ten times smaller than requested (`docs/images.md`).
     fn accuracy(&self) -> f64 {
         if let Method::Fast { relative } = self.device.method { 0.1 * relative } else { 0.0 }
     }
 
-    /// What is doubtful about a frame.
+    /// Warnings about a frame.
     fn warnings(&self, hdu: &Hdu, frame: &FrameDone) -> Vec<Warning> {
         let (name, task) = (hdu.to_string(), self.task.word());
         let before = |line: &str| line.starts_with("ctiplan") && line.contains(&format!("{task}:"));
@@ -425,8 +425,8 @@ impl Job {
         warnings
     }
 
-    /// Works on one frame in memory (e-, `[[row, column]]`, row 0 the lowest; NaN if a pixel is missing, which it stays), read by
-    /// one amplifier. Gives the charges afterwards, e-.
+    /// Processes one frame in memory (e-, `[[row, column]]`, row 0 the lowest; NaN for missing pixels, which remain so), read by
+    /// one amplifier. Returns the charges afterwards, e-.
     ///
     /// # Errors
     /// If the frame does not fit the geometry, or a formula fails.
@@ -446,7 +446,7 @@ impl Job {
         Ok((after_e, done))
     }
 
-    /// Works on one frame.
+    /// Processes one frame.
     fn frame(
         &self,
         pixels: &mut fits::Pixels,
@@ -456,7 +456,7 @@ impl Job {
     ) -> Result<work::Worked, InputError> {
         let charge_e = amplifiers.charge_e(&pixels.physical());
         let mut worked = self.charges(charge_e, amplifiers, flagged, status)?;
-        // A pixel that does not change keeps its very bits.
+        // An unchanged pixel keeps its exact bits.
         let changed = Zip::from(&worked.before_e)
             .and(&worked.after_e)
             .and(&worked.kept)
@@ -466,7 +466,7 @@ impl Job {
         Ok(worked)
     }
 
-    /// Works on the charges of a frame, e-; NaN if a pixel is missing.
+    /// Processes the charges of a frame, e-; NaN for missing pixels.
     fn charges(
         &self,
         mut before_e: Array2<f64>,
@@ -569,19 +569,19 @@ impl Job {
         Ok(with(corrected.image, &noise_e))
     }
 
-    /// Header cards that record this.
+    /// Header cards for the record.
     fn header(&self, frame: &FrameDone, dose_mev_g: f64) -> Vec<Card> {
         let mut cards = self.keywords(frame, dose_mev_g);
         cards.extend(self.history(frame, dose_mev_g));
         cards
     }
 
-    /// The mission's name as headers hold it.
+    /// The mission's name as written to headers.
     fn name_in_header(&self) -> String {
         plain(&self.model.mission.mission.name).chars().take(MOST_TEXT).collect()
     }
 
-    /// What was done, for programs: keywords with values and units.
+    /// The processing as keywords with values and units, for programs.
     fn keywords(&self, frame: &FrameDone, dose_mev_g: f64) -> Vec<Card> {
         let text = |text: &str| Value::String(text.into());
         let done = match self.task {
@@ -686,10 +686,10 @@ fn history_of(amplifier: &Amplifier) -> [String; 2] {
     [format!("{name}traps per pixel: {}", traps.collect::<Vec<_>>().join(", ")), lies]
 }
 
-/// Places of the HDUs to work on (those that are chosen, or all that hold charge), and what their numbers mean.
+/// Indices of the HDUs to process (those selected, or all that hold charge), and the meaning of their values.
 ///
 /// # Errors
-/// If there is no such HDU, one is no image, does not fit the geometry, or its unit is not known.
+/// If there is no such HDU, one is not an image, does not fit the geometry, or its unit is unknown.
 pub(crate) fn frames(
     hdus: &[Hdu],
     choices: &[Choice],
@@ -718,10 +718,10 @@ pub(crate) fn frames(
     Ok(frames)
 }
 
-/// Rows and columns of an image that can be worked on.
+/// Rows and columns of an image that can be processed.
 ///
 /// # Errors
-/// If the HDU is no image of two axes, or its pixels are not those that are computed with.
+/// If the HDU is not an image of two axes, or its pixels have an unsupported type.
 pub(crate) fn image_shape(hdu: &Hdu) -> Result<(usize, usize), InputError> {
     let refusal = |problem: &str, help: &str| Err(InputError::new(hdu.to_string(), problem).with_help(help));
     match hdu.kind {
@@ -743,17 +743,17 @@ pub(crate) fn image_shape(hdu: &Hdu) -> Result<(usize, usize), InputError> {
     }
 }
 
-/// Names of extensions that go with an image and hold no charge: data quality, errors, variances, weights, masks, as the
-/// pipelines of Hubble, Euclid and others call them. What follows the last dot counts (`3-4.F.SCI`).
+/// Names of companion extensions that hold no charge: data quality, errors, variances, weights, masks, as named in the pipelines of
+/// Hubble, Euclid and others. The part after the last dot counts (`3-4.F.SCI`).
 const OTHER_THAN_CHARGE: [&str; 16] = [
     "DQ", "ERR", "ERROR", "VAR", "VARIANCE", "IVAR", "RMS", "FLG", "FLAG", "MASK", "WHT", "WEIGHT", "CTX", "SAMP",
     "TIME", UNCERTAIN,
 ];
 
-/// The end of the name of an extension that marks uncertain pixels.
+/// The ending of the name of an extension that marks uncertain pixels.
 const UNCERTAIN: &str = "UNCERTAIN";
 
-/// The name of the extension in which the uncertain pixels of a frame are marked.
+/// The name of the extension that marks the uncertain pixels of a frame.
 fn marks(hdu: &Hdu) -> String {
     format!("{}.{UNCERTAIN}", hdu.name().unwrap_or_else(|| format!("HDU{}", hdu.index)))
 }
@@ -763,10 +763,10 @@ fn says_other_than_charge(hdu: &Hdu) -> bool {
     OTHER_THAN_CHARGE.contains(&name.rsplit('.').next().unwrap_or_default())
 }
 
-/// Most letters of a text in a card with a comment.
+/// Maximum length of a text in a card with a comment.
 const MOST_TEXT: usize = 36;
 
-/// A text in letters that FITS knows; others become `?`.
+/// A text in the characters that FITS allows; others become `?`.
 fn plain(text: &str) -> String {
     text.chars().map(|letter| if (' '..='~').contains(&letter) { letter } else { '?' }).collect()
 }
@@ -785,7 +785,7 @@ fn cards(text: &str) -> Vec<Card> {
             lines.push(format!("  {word}"));
         }
     }
-    // Column 9 is left blank, as is the custom.
+    // Column 9 is left blank by convention.
     lines.into_iter().map(|line| fits::history(&format!(" {line}"))).collect()
 }
 
@@ -811,7 +811,7 @@ impl Choice {
     }
 }
 
-/// Whether an EXTNAME is the one that is meant, or ends as it does behind `*`.
+/// Whether an EXTNAME is the one selected, or has the ending after `*`.
 fn is_called(name: &str, meant: &str) -> bool {
     let (name, meant) = (name.to_ascii_uppercase(), meant.to_ascii_uppercase());
     meant.strip_prefix('*').map_or(name == meant, |end| name.ends_with(end))

@@ -1,7 +1,7 @@
-//! Amplifiers of a frame: the pixels that each one reads, where it is, what its numbers mean, and its traps.
+//! Amplifiers of a frame: for each, its pixels, its position, the meaning of its values, and its traps.
 //!
-//! A frame has one amplifier unless a table names several ([`super::amplifier_table`]). Amplifiers share no packet, so each
-//! part of a frame is read out for itself. Pixels that no amplifier reads keep their values.
+//! A frame has one amplifier unless a table lists several ([`super::amplifier_table`]). Amplifiers share no packets, so each part
+//! of a frame is read out separately. Pixels that no amplifier reads keep their values.
 
 use std::ops::Range;
 
@@ -15,10 +15,10 @@ use super::unit::Scale;
 use crate::error::InputError;
 use crate::model::Device;
 
-/// What one amplifier reads of a frame, and how.
+/// The part of a frame that one amplifier reads, and how.
 #[derive(Clone, Debug)]
 pub struct Amplifier {
-    /// Its name in reports; none if a frame has no other.
+    /// Its name in reports; none if it is the only one.
     pub name: Option<String>,
     /// Its rows of the frame.
     pub rows: Range<usize>,
@@ -26,11 +26,11 @@ pub struct Amplifier {
     pub columns: Range<usize>,
     /// How these pixels lie on the detector.
     pub geometry: Geometry,
-    /// What their numbers mean.
+    /// The meaning of their values.
     pub scale: Scale,
     /// Value at which its converter saturates, in the unit of the frame.
     pub saturated_dn: Option<f64>,
-    /// Read noise, e- rms, if it is known.
+    /// Read noise, e- rms, if known.
     pub read_noise_e: Option<f64>,
     /// The traps and wells of its pixels.
     pub device: Device,
@@ -44,12 +44,12 @@ impl Amplifier {
         frame.slice(s![self.rows.clone(), self.columns.clone()])
     }
 
-    /// What it reads (e-), with trails; `allowed_e` is an error that is allowed, e-.
+    /// Reads its part (e-), with trails; `allowed_e`: allowed error, e-.
     fn read(&self, part_e: &Array2<f64>, allowed_e: Option<f64>) -> Result<Array2<f64>, InputError> {
         frame::read_with(&self.device, &self.geometry, part_e, self.factors.as_ref(), allowed_e)
     }
 
-    /// Puts values (rows and columns of the part) into a frame.
+    /// Copies values (rows and columns of the part) into a frame.
     pub fn put<T: Clone>(&self, part: &Array2<T>, frame: &mut Array2<T>) {
         frame.slice_mut(s![self.rows.clone(), self.columns.clone()]).assign(part);
     }
@@ -93,7 +93,7 @@ impl Amplifiers {
         self.read_within(frame_e, None)
     }
 
-    /// The same with an error that is allowed for each direction of transfer, e-; none: as the devices are accurate.
+    /// The same with an allowed error for each direction of transfer, e-; none: with the accuracy of the devices.
     ///
     /// # Errors
     /// If an effect has no value.
@@ -106,7 +106,7 @@ impl Amplifiers {
         Ok(read_e)
     }
 
-    /// Values of a frame (in its unit) → charges, e-; 0 if nothing is read.
+    /// Values of a frame (in its unit) → charges, e-; 0 for pixels that are not read.
     pub fn charge_e(&self, values: &Array2<f64>) -> Array2<f64> {
         self.scaled(values, |amplifier, value| amplifier.scale.charge_e(value))
     }
@@ -116,7 +116,7 @@ impl Amplifiers {
         self.scaled(charge_e, |amplifier, charge_e| amplifier.scale.value(charge_e))
     }
 
-    /// Values of a frame, each changed by its amplifier; 0 if nothing is read.
+    /// Values of a frame, each transformed for its amplifier; 0 for pixels that are not read.
     pub fn scaled(&self, values: &Array2<f64>, to: impl Fn(&Amplifier, f64) -> f64) -> Array2<f64> {
         self.each(values, 0.0, |amplifier, part| part.mapv(|value| to(amplifier, value)))
     }
@@ -143,7 +143,7 @@ impl Amplifiers {
     /// The read noise (e-) that can be separated from charge, for pixels that count: see [`super::noise::separated`].
     ///
     /// # Errors
-    /// If the read noise of an amplifier is not known.
+    /// If the read noise of an amplifier is unknown.
     pub fn read_noise(&self, charge_e: &Array2<f64>, count: &Array2<bool>) -> Result<Array2<f64>, InputError> {
         let mut noise_e = Array2::zeros(charge_e.raw_dim());
         for amplifier in &self.0 {
@@ -168,7 +168,7 @@ impl Amplifiers {
         self.0.iter().all(|amplifier| gain(amplifier) == first).then_some(first)
     }
 
-    /// A frame of what is computed of each amplifier's part.
+    /// A frame composed of the results for each amplifier's part.
     fn each<T: Clone>(
         &self,
         frame: &Array2<f64>,

@@ -4,8 +4,8 @@
 //! table ─▶ rows, read once ─▶ with the HDUs of a file ─▶ amplifiers of each frame
 //! ```
 //!
-//! Columns are listed in `docs/images.md`. Sections are those of FITS, `[1:2048,1:2048]`: columns, then
-//! rows, counted from 1, both ends included. A cell of a number may name the header keyword that holds it: `keyword:ATODGNA`.
+//! Columns are listed in `docs/images.md`. Sections are in FITS notation, `[1:2048,1:2048]`: columns, then rows, counted from 1,
+//! both ends included. Instead of a number, a cell may name the header keyword that holds it: `keyword:ATODGNA`.
 
 mod columns;
 mod section;
@@ -25,7 +25,7 @@ use crate::model::Device;
 use columns::{Cells, Value};
 use section::Section;
 
-/// The amplifiers of a camera, as a table has them.
+/// The amplifiers of a camera, from a table.
 #[derive(Clone, Debug)]
 pub struct AmplifierTable {
     /// The path as given.
@@ -42,7 +42,7 @@ struct Row {
     corner: Corner,
     /// Its pixels of the HDU; none: all.
     section: Option<Value<Section>>,
-    /// Those of the image; none: all but prescan and overscan.
+    /// Its pixels of the image; none: all but prescan and overscan.
     data_section: Option<Value<Section>>,
     prescan_columns: usize,
     overscan_columns: usize,
@@ -60,12 +60,12 @@ struct Row {
     densities_per_px: BTreeMap<String, f64>,
 }
 
-/// An HDU, by its place, with its amplifiers.
+/// An HDU, by its index, with its amplifiers.
 pub type Frame = (usize, Amplifiers);
 
-/// An amplifier of a frame as its row has it, but for the traps.
+/// An amplifier of a frame as given by its row, without the traps.
 pub(crate) struct Place {
-    /// Place of its row in the table, from 0.
+    /// Index of its row in the table.
     pub index: usize,
     pub name: String,
     /// Its rows and columns of the frame.
@@ -73,21 +73,21 @@ pub(crate) struct Place {
     pub columns: Range<usize>,
     pub geometry: Geometry,
     pub gain_e_per_dn: f64,
-    /// In the unit of the frame, if it is given.
+    /// In the unit of the frame, if given.
     pub bias_dn: Option<f64>,
-    /// In the unit of the frame, if it is given.
+    /// In the unit of the frame, if given.
     pub saturated_dn: Option<f64>,
     pub read_noise_e: Option<f64>,
 }
 
 impl Place {
-    /// Whether it reads a pixel that another one reads too.
+    /// Whether it shares a pixel with another amplifier.
     fn overlaps(&self, other: &Place) -> bool {
         let meet = |a: &Range<usize>, b: &Range<usize>| a.start < b.end && b.start < a.end;
         meet(&self.rows, &other.rows) && meet(&self.columns, &other.columns)
     }
 
-    /// With the traps of its pixels.
+    /// Adds the traps of its pixels.
     fn with(self, device: Device) -> Amplifier {
         Amplifier {
             name: Some(self.name),
@@ -107,8 +107,7 @@ impl AmplifierTable {
     /// Reads a table.
     ///
     /// # Errors
-    /// If the file cannot be read, a column is unknown or absent, or a cell is not allowed: one message with line, column and
-    /// value.
+    /// If the file cannot be read, a column is unknown or missing, or a cell is invalid: one message with line, column and value.
     pub fn read(path: impl AsRef<Path>) -> Result<AmplifierTable, InputError> {
         let name = path.as_ref().display().to_string();
         let refused = format!("cannot use amplifiers `{name}`");
@@ -121,16 +120,16 @@ impl AmplifierTable {
         Ok(AmplifierTable { name, table, rows })
     }
 
-    /// All that its rows say, as a text for comparisons.
+    /// The content of all rows, as a text for comparisons.
     pub(super) fn contents(&self) -> String {
         format!("{:?}", self.rows)
     }
 
-    /// The frames of a file with their amplifiers, in the file's order: the HDUs that rows name. `device` is the mission's.
+    /// The frames of a file with their amplifiers, in the file's order: the HDUs named in the rows. `device` is the mission's.
     ///
     /// # Errors
-    /// If a row names no HDU of the file, or one that is no image; if a section does not fit it, amplifiers overlap, a keyword is
-    /// absent, or a bias of counts is.
+    /// If a row names no HDU of the file, or one that is not an image; if a section does not fit it, amplifiers overlap, or a
+    /// keyword or the bias of counts is missing.
     pub(crate) fn frames(&self, hdus: &[Hdu], transfers: Transfers, device: &Device) -> Result<Vec<Frame>, InputError> {
         let with_traps = |hdu: usize, place: Place| {
             refuse_unknown_bias(&hdus[hdu], &place.geometry, place.bias_dn).map_err(|error| {

@@ -1,4 +1,4 @@
-//! Many files, one after another: the failure of one does not lose the others, and what is there already can be kept.
+//! Many files, one after another: a failure affects only its own file, and existing outputs can be kept.
 
 use std::collections::HashMap;
 use std::ffi::OsStr;
@@ -11,56 +11,56 @@ use super::{Done, FrameDone, Job};
 use crate::error::InputError;
 use crate::io::atomic_file;
 
-/// Outputs that exist already.
+/// Treatment of existing outputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
-    /// Nothing is done before they are gone.
+    /// Nothing is done until they are removed.
     Refused,
     /// They are replaced.
     Replaced,
-    /// They are complete, since files are written whole or not at all, and stay. What an interruption left of others is removed.
+    /// They are kept: they are complete, since files are written as a whole or not at all. Remains of interrupted ones are removed.
     Kept,
 }
 
-/// What was done to files.
+/// Results for several files.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Batch {
     /// Each, in the order given.
     pub files: Vec<FileDone>,
 }
 
-/// What was done to one of many files.
+/// The result for one of several files.
 #[derive(Clone, Debug)]
 pub struct FileDone {
     /// The file that was read.
     pub input: PathBuf,
     /// The file that was written.
     pub output: PathBuf,
-    /// What became of it.
+    /// The outcome.
     pub outcome: Outcome,
 }
 
-/// What became of a file.
+/// The outcome for a file.
 #[derive(Clone, Debug)]
 pub enum Outcome {
-    /// It was there already.
+    /// It already existed.
     Kept,
     /// It was written.
     Done(Summary),
-    /// It could not be.
+    /// It failed.
     Failed(InputError),
 }
 
-/// What was done to a file, without the masks of its frames.
+/// Summary of the results for a file, without the masks of its frames.
 #[derive(Clone, Debug)]
 pub struct Summary {
     /// Frames that were processed.
     pub frames: usize,
     /// Largest change of a pixel, e-.
     pub largest_change_e: f64,
-    /// Of a correction: the largest residual that is left, e-.
+    /// For a correction: the largest remaining residual, e-.
     pub max_after_e: Option<f64>,
-    /// Of a correction: uncertain pixels.
+    /// For a correction: number of uncertain pixels.
     pub uncertain_px: Option<usize>,
     /// Number of warnings.
     pub warnings: usize,
@@ -69,11 +69,11 @@ pub struct Summary {
 }
 
 impl Batch {
-    /// Works on files and writes each under its own name into a folder. `progress` is given the files that are done and what is
-    /// being done.
+    /// Processes files and writes each under its own name into a folder. `progress` is given the number of files done and the
+    /// current step.
     ///
     /// # Errors
-    /// Before anything is done: if two files have one name, a file lies in the folder itself, the folder cannot be made, or an
+    /// Before any processing: if two files have the same name, a file is in the folder itself, the folder cannot be created, or an
     /// output exists and must not. Failures of single files are in the result.
     pub fn run(
         job: &Job,
@@ -109,7 +109,7 @@ impl Batch {
         Ok(Batch { files })
     }
 
-    /// One error that names all files that failed. None if none did.
+    /// One error that names all failed files. None if there are none.
     pub fn failure(&self) -> Option<InputError> {
         let failed = self.files.iter().filter_map(|file| match &file.outcome {
             Outcome::Failed(error) => Some(error),
@@ -121,7 +121,7 @@ impl Batch {
     }
 }
 
-/// The files to be written.
+/// The output files.
 fn outputs(inputs: &[&Path], folder: &Path) -> Result<Vec<PathBuf>, InputError> {
     let refusal = |path: &Path, problem: String, help: &str| {
         Err(InputError::new(format!("cannot write `{}`", path.display()), problem).with_help(help))

@@ -1,6 +1,6 @@
-//! What goes with a frame: its errors and its data quality, in HDUs beside it.
+//! Companions of a frame: its errors and its data quality, in separate HDUs.
 //!
-//! Pipelines call them after the frame: `SCI`, `ERR` and `DQ` with the same EXTVER (Hubble), or `3-4.F.SCI`, `3-4.F.RMS` and
+//! Pipelines name them after the frame: `SCI`, `ERR` and `DQ` with the same EXTVER (Hubble), or `3-4.F.SCI`, `3-4.F.RMS` and
 //! `3-4.F.FLG` (Euclid).
 
 use ndarray::{Array2, Zip};
@@ -8,7 +8,7 @@ use ndarray::{Array2, Zip};
 use super::fits::{Hdu, HduKind, Pixels};
 use crate::error::InputError;
 
-/// The last part of the name of a frame that has companions.
+/// The last part of the name of a frame with companions.
 const FRAME: &str = "SCI";
 
 /// The last part of the name of 1-sigma errors.
@@ -17,27 +17,27 @@ const ERRORS: [&str; 3] = ["ERR", "ERROR", "RMS"];
 /// The last part of the name of data quality.
 const QUALITY: [&str; 3] = ["DQ", "FLG", "FLAG"];
 
-/// The HDUs that go with a frame, by their places.
+/// The companion HDUs of a frame, by their indices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Companions {
     /// 1-sigma errors, in the unit of the frame.
     pub errors: Option<usize>,
-    /// Data quality: whole numbers whose bits are flags.
+    /// Data quality: integers whose bits are flags.
     pub quality: Option<usize>,
 }
 
-/// What the bits of data quality mean.
+/// Meaning of the data quality bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Bits {
     /// Saturated pixels; none: those of the instrument.
     pub saturated: Option<u32>,
     /// Pixels without a measured value; none: those of the instrument.
     pub bad: Option<u32>,
-    /// Set where a correction is uncertain; 0: none.
+    /// Set where a correction is uncertain; 0: no bit.
     pub uncertain: u32,
 }
 
-/// Pixels that are flagged.
+/// Flagged pixels.
 #[derive(Clone, Debug)]
 pub struct Flagged {
     /// Saturated.
@@ -47,7 +47,7 @@ pub struct Flagged {
 }
 
 impl Companions {
-    /// Those of a frame; HDUs of another size, or without data, are none.
+    /// The companions of a frame; HDUs of another size, or without data, are excluded.
     pub fn of(hdus: &[Hdu], frame: usize) -> Companions {
         let Some((stem, FRAME)) = parts(&hdus[frame]).as_ref().map(|(stem, last)| (stem.clone(), last.as_str())) else {
             return Companions::default();
@@ -56,7 +56,7 @@ impl Companions {
             let beside = hdus.iter().filter(|hdu| {
                 is_called(hdu, &stem, &names, &hdus[frame]) && image_shape(hdu) == image_shape(&hdus[frame])
             });
-            // Two files in one may repeat names: the nearest behind the frame is meant.
+            // A combined file may repeat names: the nearest one after the frame is used.
             beside.map(|hdu| hdu.index).min_by_key(|index| (*index < frame, index.abs_diff(frame)))
         };
         let quality =
@@ -64,7 +64,7 @@ impl Companions {
         Companions { errors: called(ERRORS), quality }
     }
 
-    /// Images that are called as a frame's companions are, and have another size.
+    /// Images with the name of a companion of a frame, but of another size.
     pub fn of_other_size(hdus: &[Hdu], frame: usize) -> Vec<&Hdu> {
         let Some((stem, FRAME)) = parts(&hdus[frame]).as_ref().map(|(stem, last)| (stem.clone(), last.as_str())) else {
             return Vec::new();
@@ -91,7 +91,7 @@ fn is_called(hdu: &Hdu, stem: &str, names: &[&str], frame: &Hdu) -> bool {
         && hdu.version() == frame.version()
 }
 
-/// EXTNAME in capitals, cut at its last dot.
+/// EXTNAME in upper case, split at its last dot.
 fn parts(hdu: &Hdu) -> Option<(String, String)> {
     let name = hdu.name()?.to_ascii_uppercase();
     Some(match name.rsplit_once('.') {
@@ -101,8 +101,8 @@ fn parts(hdu: &Hdu) -> Option<(String, String)> {
 }
 
 impl Bits {
-    /// With the bits of the instrument if none are given: full well or converter saturated (256, 2048), and lost or filled
-    /// by software (1, 2), of HST/ACS.
+    /// Default bits of the instrument if none are given: full well or converter saturated (256, 2048), and lost or filled by
+    /// software (1, 2), for HST/ACS.
     ///
     /// Source: table of ACS flags in spacetelescope/stginga (`dqflags_acs.txt`), as in the ACS Data Handbook.
     pub fn of(self, primary: &Hdu) -> Bits {
@@ -115,7 +115,7 @@ impl Bits {
         }
     }
 
-    /// Pixels that have one of the bits.
+    /// Pixels with at least one of the bits.
     pub fn flagged(self, quality: &Pixels) -> Flagged {
         let flags = quality.physical();
         let any = |bits: Option<u32>| {
@@ -125,7 +125,7 @@ impl Bits {
         Flagged { saturated: any(self.saturated), bad: any(self.bad) }
     }
 
-    /// Sets the bit of uncertain pixels, and says in how many.
+    /// Sets the bit of uncertain pixels, and returns their number.
     ///
     /// # Errors
     /// If the type of the pixels does not hold the bit.

@@ -1,17 +1,17 @@
-//! Trailed image → image as it was before the transfers, by turning the forward model round.
+//! Trailed image → image before the transfers, by inverting the forward model.
 //!
 //! ```text
 //! image₀     = observed
 //! image_k+1  = image_k + (observed − trail(image_k))
 //! ```
 //!
-//! Each step takes out the trails that the step before has left: the error falls by about the fraction of the charge that
-//! is moved. What remains is known, observed − trail(image), and is kept for every step. If the transfers can be turned round,
-//! [`super::invert()`] does the same in fewer steps.
+//! Each step removes the trails left by the previous step: the error decreases by about the fraction of the charge that is
+//! displaced. The residual, observed − trail(image), is known and is kept for every step. If the transfers can be reversed,
+//! [`super::invert()`] gives the same result in fewer steps.
 //!
-//! Sources: Bristow 2003 (STIS model-based charge transfer inefficiency correction); Massey et al. 2010 (MNRAS 401, 371),
-//! section 4; Rhodes et al. 2010 (PASP 122, 439) for what it brings. Holds as far as the forward model does: a trap that the
-//! model lacks leaves its trail, and noise that was added after the transfers is sharpened as if it had been trailed.
+//! Sources: Bristow 2003 (STIS model-based charge transfer inefficiency correction); Massey et al. 2010 (MNRAS 401, 371), section
+//! 4; Rhodes et al. 2010 (PASP 122, 439) for its benefit. As valid as the forward model: a trap missing from the model leaves its
+//! trail, and noise added after the transfers is sharpened as if it had been trailed.
 
 use ndarray::{Array2, Zip};
 use serde::Serialize;
@@ -20,14 +20,14 @@ use super::invert::{Columns, invert};
 use crate::numeric::parallel;
 use crate::readout::{Allowed, Downstream, Readout};
 
-/// When a correction is done: as soon as one of the accuracies is reached.
+/// Stopping criterion of a correction: the first of the accuracies reached.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
     /// Largest residual of a pixel, as a fraction of the largest before the first step.
     pub relative: f64,
     /// Error of the image, e- rms; 0 if only the residual counts.
     pub error_e: f64,
-    /// Most steps.
+    /// Maximum number of steps.
     pub iterations: usize,
 }
 
@@ -36,23 +36,23 @@ pub struct Stop {
 pub(super) const ERROR_OVER_RESIDUAL: f64 = 10.0;
 
 impl Stop {
-    /// Until the largest residual is that fraction of the largest before the first step.
+    /// Until the largest residual is this fraction of the largest before the first step.
     pub fn at_residual(relative: f64, iterations: usize) -> Stop {
         Stop { relative, error_e: 0.0, iterations }
     }
 
-    /// Until the error of the image, e- rms, is so small.
+    /// Until the error of the image, e- rms, is this small.
     pub fn at_error(error_e: f64, iterations: usize) -> Stop {
         Stop { relative: 0.0, error_e, iterations }
     }
 
-    /// Whether a residual is small enough, given what the first one was. The error of the image is taken to be ten times its residual.
+    /// Whether a residual is small enough, given the first one. The error of the image is assumed to be ten times its residual.
     pub fn is_reached(self, residual: Residual, first: Residual) -> bool {
         residual.max_e <= self.relative * first.max_e || ERROR_OVER_RESIDUAL * residual.rms_e <= self.error_e
     }
 }
 
-/// observed − trail(image) over the pixels that are corrected.
+/// observed − trail(image) over the corrected pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Residual {
     /// Root mean square, e-.
@@ -61,7 +61,7 @@ pub struct Residual {
     pub max_e: f64,
 }
 
-/// What was turned round to give an image.
+/// The source image whose reversal gave an image.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Turned {
     pub source_e: Array2<f64>,
@@ -73,16 +73,16 @@ pub(super) struct Turned {
 pub struct Corrected {
     /// Charges before the transfers, e-, `[[row, column]]`.
     pub image: Array2<f64>,
-    /// Residuals of the forward model: before the first step (the trails themselves, as first estimated), and after each step that
-    /// was kept.
+    /// Residuals of the forward model: before the first step (the trails themselves, as first estimated), and after each accepted
+    /// step.
     pub residuals: Vec<Residual>,
-    /// The last residual is within the requested error.
+    /// Whether the last residual is within the requested error.
     pub converged: bool,
     /// The last residual pixel by pixel, e-: observed − trail(image); 0 for held pixels.
     pub left: Array2<f64>,
-    /// If the image was found by turning the transfers round.
+    /// Present if the image was found by reversing the transfers.
     pub(super) turned: Option<Turned>,
-    /// Error that the readout was allowed by which it was compared, e-; None: as accurate as it is done.
+    /// Allowed error of the readout in the comparison, e-; None: as accurate as the readout.
     pub(super) read_e: Option<f64>,
 }
 
@@ -105,29 +105,29 @@ impl Corrected {
         })
     }
 
-    /// Steps that were made and kept.
+    /// Number of accepted steps.
     pub fn iterations(&self) -> usize {
         self.residuals.len() - 1
     }
 
-    /// What is left.
+    /// The last residual.
     pub fn last(&self) -> Residual {
         *self.residuals.last().expect("a correction starts with a residual")
     }
 }
 
-/// Takes the trails of a parallel readout out of an image.
+/// Removes the trails of a parallel readout from an image.
 ///
-/// `observed[[row, column]]`, e-, as read, row 0 nearest the register; see [`Readout::parallel`]. A readout by chance
-/// ([`crate::readout::Method::MonteCarlo`]) is turned round in the mean.
+/// `observed[[row, column]]`, e-, as read, row 0 nearest the register; see [`Readout::parallel`]. A random readout
+/// ([`crate::readout::Method::MonteCarlo`]) is inverted in the mean.
 pub fn correct(readout: &Readout, observed: &Array2<f64>, downstream: Downstream, stop: Stop) -> Corrected {
     let readout = &readout.expected();
     invert(&Columns { readout, downstream }, observed, None, stop).unwrap_or_else(|never| match never {})
 }
 
-/// The same for any readout: finds the image that `trail` turns into what was observed.
+/// The same for any readout: finds the image that `trail` maps to the observed one.
 ///
-/// Pixels that are `held` stay as they are observed: they take part in the readout, and their residual does not count.
+/// Pixels that are `held` keep their observed values: they take part in the readout, and their residual does not count.
 ///
 /// # Errors
 /// Those of the readout.
@@ -141,7 +141,7 @@ pub fn solve<E>(
     go_on(start, observed, held, stop, trail)
 }
 
-/// The same from another first image than the observed one, until the largest residual is `wanted_e`.
+/// The same from a first image other than the observed one, until the largest residual is `wanted_e`.
 ///
 /// # Errors
 /// Those of the readout, here and below.
@@ -157,8 +157,8 @@ pub(super) fn solve_from<E>(
     go_on(start, observed, held, Stop::at_residual(relative, iterations), trail)
 }
 
-/// The image that `trail` turns into what was observed, after so many steps, all of which are kept: what is linear in the image
-/// stays linear, as a mean over noise needs.
+/// The image that `trail` maps to the observed one, after a fixed number of steps, all accepted: terms linear in the image stay
+/// linear, as required for a mean over noise.
 ///
 /// # Errors
 /// Those of the readout.
@@ -175,7 +175,7 @@ pub fn iterated<E>(
     Ok(image)
 }
 
-/// Improves an image step by step until it is as accurate as wanted.
+/// Improves an image step by step until it is sufficiently accurate.
 pub(super) fn go_on<E>(
     mut found: Corrected,
     observed: &Array2<f64>,
@@ -188,7 +188,7 @@ pub(super) fn go_on<E>(
         let image = sum(&found.image, &found.left);
         let left = without(difference(observed, &trail(&image)?), held);
         let residual = Residual::of(&left);
-        // If a step makes nothing better the charge is as well known as it will be.
+        // If a step improves nothing, the accuracy limit is reached.
         if !residual.is_below(found.last()) {
             break;
         }
@@ -201,7 +201,7 @@ pub(super) fn go_on<E>(
 
 impl Residual {
     pub(super) fn of(left: &Array2<f64>) -> Residual {
-        // Row by row, so that the sum is the same for any number of threads.
+        // Row by row, so that the sum does not depend on the number of threads.
         let rows = parallel::map(left.rows(), |row| {
             row.iter().fold((0.0_f64, 0.0), |(max, sum), value| (max.max(value.abs()), sum + value * value))
         });
@@ -209,7 +209,7 @@ impl Residual {
         Residual { max_e, rms_e: (squares / left.len().max(1) as f64).sqrt() }
     }
 
-    /// Less than another one, on the whole; NaN is not.
+    /// Whether the rms is less than another one's; false for NaN.
     pub(super) fn is_below(self, other: Residual) -> bool {
         self.rms_e < other.rms_e
     }
@@ -225,7 +225,7 @@ pub(super) fn sum(a: &Array2<f64>, b: &Array2<f64>) -> Array2<f64> {
     Zip::from(a).and(b).par_map_collect(|a, b| a + b)
 }
 
-/// Values that are 0 in some pixels.
+/// Values, set to 0 in some pixels.
 pub(super) fn without(mut values: Array2<f64>, pixels: Option<&Array2<bool>>) -> Array2<f64> {
     if let Some(pixels) = pixels {
         Zip::from(&mut values).and(pixels).par_for_each(|value, without| {
@@ -270,7 +270,7 @@ mod tests {
         assert!(corrected.converged, "{:?}", corrected.residuals);
         let moved = (&trailed - &before).iter().fold(0.0_f64, |max, value| max.max(value.abs()));
         let error = (&corrected.image - &before).iter().fold(0.0_f64, |max, value| max.max(value.abs()));
-        // A residual of 1e-6 of the first, and the steps that it would still take.
+        // A residual of 1e-6 of the first, plus the steps that would follow.
         assert!(moved > 10.0 && error < 3e-6 * moved, "{error} e- of {moved} e-");
         for pair in corrected.residuals.windows(2) {
             assert!(pair[1].rms_e < 0.5 * pair[0].rms_e, "{:?}", corrected.residuals);
@@ -279,7 +279,7 @@ mod tests {
 
     #[test]
     fn a_step_that_helps_nothing_is_taken_back() {
-        // No image is read out as this one: half the charge is lost in a way that no charge makes good.
+        // No image is read out as this one: half the charge is lost in a way that no charge compensates.
         let observed = Array2::from_elem((3, 1), 10.0);
         let corrected =
             solve(&observed, None, Stop::at_residual(1e-3, 9), |_| Ok::<_, Infallible>(Array2::zeros((3, 1))));

@@ -5,14 +5,14 @@
 //! σ²ᵢ   = Σⱼ (P⁻¹)²ᵢⱼ Σₖ (S⁻¹)²ⱼₖ σ²ₖ
 //! ```
 //!
-//! A packet changes itself and those behind it, so P is triangular within a column. Its band is measured: eight readouts, each
-//! with every eighth packet changed by its error (and a random sign), give ∂read/∂packet for the packet itself and the seven
-//! behind it. The band is inverted column by column. S is the same along rows. Errors of neighbours are
-//! correlated afterwards; only their variances are kept.
+//! A packet affects itself and those behind it, so P is triangular within a column. Its band is measured: eight readouts, each with
+//! every eighth packet changed by its error (with a random sign), give ∂read/∂packet for the packet itself and the seven behind it.
+//! The band is inverted column by column. S is the same along rows. Errors of neighbours are correlated afterwards; only their
+//! variances are kept.
 //!
-//! Approximations: errors of the observed pixels are independent; the change of packets farther behind is left out, which is of the
-//! second order in the fraction of an electron's charge that a packet loses, and spread over many pixels. Shot noise was there
-//! before the transfers and is neither amplified nor reduced, so if the read noise is known, only that is propagated.
+//! Approximations: errors of the observed pixels are independent. The change of packets further behind is neglected; it is of
+//! second order in the fraction of charge that a packet loses, and spread over many pixels. Shot noise precedes the transfers and
+//! is neither amplified nor reduced, so if the read noise is known, only that is propagated.
 //! `tests/suite/companions.rs` compares both with corrections of many noisy frames.
 
 use ndarray::{Array2, ArrayView1, Axis, Zip};
@@ -25,13 +25,13 @@ use super::trap_map::Factors;
 use crate::error::InputError;
 use crate::numeric::parallel;
 
-/// Packets of the band: one, and those behind it.
+/// Number of packets in the band: one, and those behind it.
 const LAGS: usize = 8;
 
-/// Least share of its own change that a packet is taken to keep: below, it is near being emptied, and its charge is uncertain.
+/// Minimum share of its own change that a packet is assumed to keep: below that, it is nearly emptied, and its charge is uncertain.
 const LEAST_KEPT: f64 = 0.5;
 
-/// Least change of a packet by which derivatives are measured, e-.
+/// Minimum change of a packet for measuring derivatives, e-.
 const LEAST_STEP_E: f64 = 1.0;
 
 /// Errors (e-, `[[row, column]]`) of the corrected frame, given those of the observed one. Pixels that are `held` keep theirs, and
@@ -85,7 +85,7 @@ fn of_amplifier(
     Ok(all)
 }
 
-/// Variances (e-²) of what one side reads, in the order of readout.
+/// Variances (e-²) of the part read by one amplifier, in the order of readout.
 fn part(
     amplifier: &Amplifier,
     corrected_e: &Array2<f64>,
@@ -133,7 +133,7 @@ fn inverted(
     Ok(before)
 }
 
-/// ∂read/∂packet, by lag: `band[lag][place of the packet]`, of the packet `lag` behind it.
+/// ∂read/∂packet, by lag: `band[lag][index of the packet]`, for the packet `lag` behind it.
 fn band(
     read: &impl Fn(&Array2<f64>) -> Result<Array2<f64>, InputError>,
     image: &Array2<f64>,
@@ -169,7 +169,7 @@ fn band(
     Ok(band)
 }
 
-/// One column or row: Σⱼ (T⁻¹)²ᵢⱼ σ²ⱼ, with T the band. A pixel that is held is what was observed.
+/// One column or row: Σⱼ (T⁻¹)²ᵢⱼ σ²ⱼ, with T the band. A held pixel keeps its observed value.
 fn line_inverted(band: &[ArrayView1<f32>], held: ArrayView1<bool>, variance: ArrayView1<f64>) -> Vec<f64> {
     let length = variance.len();
     let of = |packet: usize, lag: usize| f64::from(band[lag][packet]);

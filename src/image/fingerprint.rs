@@ -1,4 +1,4 @@
-//! Fingerprint of a job, which distinguishes its files from those of another: a hash of everything that determines their values,
+//! Fingerprint of a job, which distinguishes its files from those of other jobs: a hash of everything that determines their values,
 //! except the frames themselves.
 
 use std::path::Path;
@@ -10,12 +10,12 @@ use super::fits::{Fits, Hdu};
 use super::unit::number_of;
 use crate::error::InputError;
 
-/// The keyword that holds it.
+/// Its header keyword.
 pub(super) const KEYWORD: &str = "CTIJOB";
 
 impl Job {
     /// Sixteen hexadecimal digits: a hash of ctiplan's version, mission, conditions and traps, of the task and its options, and of
-    /// the contents of the table of amplifiers and of the map of traps. Not which HDUs are chosen: each frame has its own header.
+    /// the contents of the amplifier table and the trap map. The selection of HDUs is not included: each frame has its own header.
     pub(super) fn fingerprint(&self) -> String {
         let Job { task, model, device, geometry, unit, amplifiers, bits, trap_map, .. } = self;
         let mut hash = Sha256::new();
@@ -30,11 +30,10 @@ impl Job {
         hash.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
     }
 
-    /// Refuses a file that is there already unless it is one that this job writes.
+    /// Rejects an existing file unless it is one that this job writes.
     ///
     /// # Errors
-    /// If it cannot be read, no frame in it was made by this command, or one was made with another mission, at another time or dose,
-    /// or with other options.
+    /// If it cannot be read, no frame in it was made by this command, or one was made with another mission, time, dose or options.
     pub(super) fn refuse_others(&self, output: &Path) -> Result<(), InputError> {
         let hdus = Fits::open(output)?.hdus;
         let wanted = Made { job: self.fingerprint(), conditions: self.conditions()? };
@@ -65,7 +64,7 @@ impl Job {
     }
 }
 
-/// What the header of a frame records of the job that made it.
+/// The header's record of the job that made a frame.
 struct Made {
     job: String,
     conditions: String,

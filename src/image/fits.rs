@@ -1,7 +1,7 @@
-//! FITS files: headers kept card by card, pixels of images decoded and encoded, all else copied.
+//! FITS files: headers kept card by card, image pixels decoded and encoded, all else copied.
 //!
-//! Cards, values and pixels are read and written by the crate fitsio-pure; this module keeps the bytes of the headers as they
-//! are in the file, so that what ctiplan does not change comes out as it went in.
+//! Cards, values and pixels are read and written by the crate fitsio-pure; this module keeps the original bytes of the headers, so
+//! that whatever ctiplan does not change is written unchanged.
 //!
 //! Source: Pence et al. 2010, FITS standard 3.0 (A&A 524, A42), and version 4.0 for CHECKSUM and DATASUM.
 
@@ -37,9 +37,9 @@ pub struct Fits {
 /// One header and data unit.
 #[derive(Clone, Debug)]
 pub struct Hdu {
-    /// Place in the file; 0 is the primary one.
+    /// Index in the file; 0 is the primary HDU.
     pub index: usize,
-    /// What its data are.
+    /// Its kind of data.
     pub kind: HduKind,
     header: Vec<u8>,
     cards: Vec<Card>,
@@ -47,7 +47,7 @@ pub struct Hdu {
     data_len: u64,
 }
 
-/// What an HDU holds.
+/// Kind of data in an HDU.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum HduKind {
     /// An image of two axes.
@@ -63,13 +63,13 @@ pub enum HduKind {
     OtherAxes(usize),
     /// A header without data.
     Empty,
-    /// An image compressed by tiles in a way that is not read: others are images.
+    /// A tile-compressed image with an unsupported algorithm: supported ones count as images.
     Compressed,
-    /// A table, or something else that is no image.
+    /// A table, or anything else that is not an image.
     NoImage,
 }
 
-/// Pixels as they are stored, and how to understand them.
+/// Pixels as stored, with their scaling.
 pub struct Pixels {
     stored: ImageData,
     scale: f64,
@@ -79,10 +79,10 @@ pub struct Pixels {
 }
 
 impl Fits {
-    /// Opens a file, as it is or compressed with gzip, and reads its headers.
+    /// Opens a file, plain or compressed with gzip, and reads its headers.
     ///
     /// # Errors
-    /// If it is not there, no FITS file, truncated, or its headers are malformed.
+    /// If it does not exist, is not a FITS file, is truncated, or its headers are malformed.
     pub fn open(path: &Path) -> Result<Fits, InputError> {
         let name = path.display().to_string();
         let refusal = |problem: String| InputError::new(format!("cannot read `{name}`"), problem);
@@ -107,7 +107,7 @@ impl Fits {
         Ok(fits)
     }
 
-    /// The HDU that starts here. None if there is none: at the end, or where what follows is no extension.
+    /// The HDU that starts here. None at the end, or if what follows is not an extension.
     fn next(&mut self, start: u64) -> Result<Option<Hdu>, InputError> {
         let index = self.hdus.len();
         let mut header = Vec::new();
@@ -171,7 +171,7 @@ impl Fits {
         Ok(Pixels { stored, scale, zero, blank, shape: (rows, columns) })
     }
 
-    /// Copies an HDU as it is.
+    /// Copies an HDU unchanged.
     ///
     /// # Errors
     /// If reading or writing fails.
@@ -180,7 +180,7 @@ impl Fits {
         self.copy_from(start, end.min(self.length) - start, out)
     }
 
-    /// Copies what follows the last HDU, and says how many bytes that are.
+    /// Copies what follows the last HDU, and returns the number of bytes.
     ///
     /// # Errors
     /// If reading or writing fails.
@@ -196,7 +196,7 @@ impl Fits {
         Ok(())
     }
 
-    /// So many bytes, or as many as there are.
+    /// At most `length` bytes, as many as there are.
     fn bytes(&mut self, start: u64, length: u64) -> Result<Vec<u8>, InputError> {
         let mut bytes = Vec::new();
         let read = self.file.seek(SeekFrom::Start(start));
@@ -221,7 +221,7 @@ fn begin_of(file: &mut File) -> std::io::Result<Vec<u8>> {
     Ok(begin)
 }
 
-/// A file that was compressed with gzip, as a temporary one.
+/// Unpacks a file compressed with gzip into a temporary one.
 fn unpacked(file: &mut File) -> std::io::Result<File> {
     file.rewind()?;
     let mut unpacked = tempfile::tempfile()?;
@@ -243,23 +243,23 @@ pub fn pack(mut plain: File, out: &mut impl Write) -> std::io::Result<()> {
     packed.finish()?.flush()
 }
 
-/// Most bytes of a file that was compressed with gzip.
+/// Maximum size of an unpacked gzip file, bytes.
 const MOST_UNPACKED: u64 = 64 << 30;
 
-/// Longest header that is read, bytes: a thousand times longer than most.
+/// Maximum length of a header, bytes: a thousand times longer than usual.
 const MOST_HEADER: usize = 10_000 * BLOCK_SIZE;
 
 const TRUNCATED: &str = "the file is truncated: copy it again";
 
 impl Hdu {
-    /// No header: an image of this shape (rows, columns), of whole numbers or of others.
+    /// Without a header: an image of this shape (rows, columns), of integers or floats.
     pub fn without_header((rows, columns): (usize, usize), integers: bool) -> Hdu {
         let kind = HduKind::Image { rows, columns, bitpix: if integers { 32 } else { -64 } };
         Hdu { index: 0, kind, header: Vec::new(), cards: Vec::new(), start: 0, data_len: 0 }
     }
 
     fn new(index: usize, header: Vec<u8>, start: u64) -> Result<Hdu, String> {
-        // Letters beyond ASCII, which the standard forbids, are met in comments. They are kept in the file.
+        // Characters beyond ASCII, forbidden by the standard, occur in comments. They are kept in the file.
         let plain: Vec<u8> =
             header.iter().map(|byte| if (b' '..=b'~').contains(byte) { *byte } else { b'?' }).collect();
         let cards = parse_header_blocks(&plain).map_err(|error| error.to_string())?;
@@ -293,7 +293,7 @@ impl Hdu {
             _ if hdu.is_compressed() => tiles::kind(&hdu)?,
             _ if random_groups || !image => HduKind::NoImage,
             _ if hdu.data_len == 0 => HduKind::Empty,
-            // Groups and parameters are for other kinds of HDU.
+            // Groups and parameters belong to other kinds of HDU.
             _ if (parameters, groups) != (0, 1) => HduKind::NoImage,
             [columns, rows] => HduKind::Image { rows: rows as usize, columns: columns as usize, bitpix },
             _ => HduKind::OtherAxes(lengths.len()),
@@ -301,17 +301,17 @@ impl Hdu {
         Ok(hdu)
     }
 
-    /// Whether it is an image compressed by tiles.
+    /// Whether it is a tile-compressed image.
     pub fn is_compressed(&self) -> bool {
         self.value("ZIMAGE") == Some(&Value::Logical(true))
     }
 
-    /// A value of the header.
+    /// A header value.
     pub fn value(&self, keyword: &str) -> Option<&Value> {
         self.cards.iter().find(|card| card.keyword_str() == keyword)?.value.as_ref()
     }
 
-    /// A text of the header.
+    /// A text value of the header.
     pub fn text(&self, keyword: &str) -> Option<String> {
         match self.value(keyword) {
             Some(Value::String(text)) => Some(text.trim().to_string()),
@@ -319,7 +319,7 @@ impl Hdu {
         }
     }
 
-    /// Lines of HISTORY.
+    /// HISTORY lines.
     pub fn history(&self) -> impl Iterator<Item = &str> {
         let cards = self.cards.iter().filter(|card| card.keyword_str() == "HISTORY");
         cards.filter_map(|card| card.comment.as_deref()).map(str::trim)
@@ -330,7 +330,7 @@ impl Hdu {
         self.text("EXTNAME").filter(|name| !name.is_empty())
     }
 
-    /// EXTVER, 1 unless the header has another.
+    /// EXTVER; default 1.
     pub fn version(&self) -> i64 {
         self.integer("EXTVER").unwrap_or(1)
     }
@@ -357,8 +357,8 @@ impl Hdu {
         self.data_start() + self.data_len.next_multiple_of(BLOCK_SIZE as u64)
     }
 
-    /// Writes the HDU with other pixels and with more cards before END, which replace those of the same keyword unless they are
-    /// HISTORY; checksums are brought up to date if there are any, and all other cards are as they were.
+    /// Writes the HDU with other pixels and with additional cards before END, which replace those of the same keyword unless they
+    /// are HISTORY. Existing checksums are updated, and all other cards are unchanged.
     ///
     /// # Errors
     /// If writing fails.
@@ -387,18 +387,17 @@ impl Hdu {
     }
 }
 
-/// A card of HISTORY.
+/// A HISTORY card.
 pub fn history(line: &str) -> Card {
     Card { keyword: *b"HISTORY ", value: None, comment: Some(line.into()) }
 }
 
-/// Writes an image extension of bytes, 1 where a pixel of a frame (an HDU of the file, by its place) is marked and 0 elsewhere,
-/// behind what is written already.
+/// Appends an image extension of bytes, 1 where a pixel of a frame (an HDU of the file, by its index) is marked and 0 elsewhere.
 ///
 /// # Errors
 /// If writing fails.
 pub fn write_mask(name: &str, of: usize, mask: &Array2<bool>, out: &mut (impl Write + Seek)) -> std::io::Result<()> {
-    // A file may end without the blocks of its last HDU being full.
+    // A file may end before the last block of its last HDU is full.
     let written = out.stream_position()?;
     out.write_all(&vec![0; (written.next_multiple_of(BLOCK_SIZE as u64) - written) as usize])?;
     let (rows, columns) = mask.dim();
@@ -427,7 +426,7 @@ impl fmt::Display for Hdu {
     }
 }
 
-/// Gives a card another text and keeps its comment. False if there is no such card.
+/// Replaces the text of a card and keeps its comment. False if there is no such card.
 fn set_text(header: &mut [u8], keyword: &[u8; 8], text: &str) -> bool {
     let Some(bytes) = header.chunks_exact_mut(CARD_SIZE).find(|card| card.starts_with(keyword)) else {
         return false;
@@ -444,10 +443,10 @@ fn ones_complement_sum(a: u32, b: u32) -> u32 {
 }
 
 impl Pixels {
-    /// Physical values, `[[row, column]]`, BSCALE and BZERO applied; NaN if a pixel has none.
+    /// Physical values, `[[row, column]]`, BSCALE and BZERO applied; NaN for pixels without a value.
     pub fn physical(&self) -> Array2<f64> {
         let mut values = image::apply_bscale_bzero(&self.stored, self.scale, self.zero);
-        // blank_mask narrows BLANK to the type of the pixels; one that does not fit there marks none.
+        // blank_mask narrows BLANK to the type of the pixels; a value out of range there marks none.
         if let Some(blank) = self.blank.filter(|blank| self.holds(*blank)) {
             let blanks = image::blank_mask(&self.stored, Some(blank)).unwrap_or_default();
             for (value, _) in values.iter_mut().zip(blanks).filter(|(_, blank)| *blank) {
@@ -457,8 +456,8 @@ impl Pixels {
         Array2::from_shape_vec(self.shape, values).expect("as many pixels as the axes say")
     }
 
-    /// Puts other physical values if there are any (`Some`), rounded and cut to what integers hold. Gives the number of
-    /// those that were cut.
+    /// Replaces physical values where given (`Some`), rounded and clipped to the range of integers. Returns the number of clipped
+    /// values.
     pub fn set(&mut self, values: impl Iterator<Item = Option<f64>>) -> usize {
         let (scale, zero, blank) = (self.scale, self.zero, self.blank);
         let stored = |value: f64| (value - zero) / scale;

@@ -1,4 +1,4 @@
-//! Where the amplifier is, and which pixels of a frame hold light.
+//! Position of the amplifiers, and the pixels of a frame that hold light.
 //!
 //! ```text
 //!         columns as they are read, the first nearest the amplifier
@@ -15,8 +15,8 @@
 //! ```
 //!
 //! Charge is clocked down through all rows to the register and then along it to the amplifier. Pixels of the prescan and the
-//! overscan hold no charge before they are read: what is in them of the frame (bias, noise) was added by the amplifier and
-//! stays as it is, and trails of the image are added.
+//! overscan hold no charge before they are read: their content in the frame (bias, noise) was added by the amplifier and is
+//! unchanged; trails of the image are added to it.
 
 use ndarray::{Array2, ArrayView1, ArrayView2, ArrayViewMut2, Axis, Zip, s};
 
@@ -25,7 +25,7 @@ use crate::error::InputError;
 use crate::model::Device;
 use crate::readout::{Allowed, Downstream};
 
-/// Directions in which charge is moved.
+/// Directions in which charge is clocked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transfers {
     /// Along the columns, to the serial register.
@@ -36,7 +36,7 @@ pub enum Transfers {
     Both,
 }
 
-/// Corner of a frame that is read first, as the frame is displayed: its first pixel is at the lower left.
+/// Corner of a frame that is read first, as displayed: its first pixel is at the lower left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Corner {
     /// First row, first column.
@@ -65,26 +65,26 @@ pub enum Split {
 pub struct Geometry {
     /// Directions of transfer that are modelled.
     pub transfers: Transfers,
-    /// The corner that is read first; if halves are read to both sides, their own sides hold.
+    /// The corner that is read first; overridden by the sides of split halves.
     pub corner: Corner,
     /// Amplifiers on both sides.
     pub split: Option<Split>,
-    /// First columns that are read, of the serial register alone.
+    /// First columns read, from the serial register only.
     pub prescan_columns: usize,
-    /// Last columns that are read, behind those of the image.
+    /// Last columns read, behind those of the image.
     pub overscan_columns: usize,
-    /// Last rows that are read, behind those of the image.
+    /// Last rows read, behind those of the image.
     pub overscan_rows: usize,
     /// Rows between the frame's first row and the serial register.
     pub rows_before: u32,
     /// Charge in those rows before readout, e- per pixel.
     pub charge_before_e: f64,
-    /// Pixels of the serial register between the frame's first column and the amplifier. They are dark.
+    /// Pixels of the serial register between the frame's first column and the amplifier; dark.
     pub columns_before: u32,
 }
 
 impl Default for Geometry {
-    /// A frame of light alone, at the register and the amplifier, read through its lower left corner along its columns.
+    /// A frame with only light, at the register and the amplifier, read through its lower left corner along its columns.
     fn default() -> Geometry {
         Geometry {
             transfers: Transfers::Parallel,
@@ -101,34 +101,34 @@ impl Default for Geometry {
 }
 
 impl Corner {
-    /// The last column is read first.
+    /// Whether the last column is read first.
     pub fn is_right(self) -> bool {
         matches!(self, Corner::LowerRight | Corner::UpperRight)
     }
 
-    /// The last row is read first.
+    /// Whether the last row is read first.
     pub fn is_upper(self) -> bool {
         matches!(self, Corner::UpperLeft | Corner::UpperRight)
     }
 }
 
 impl Transfers {
-    /// Charge moves along columns.
+    /// Whether charge is clocked along columns.
     pub fn parallel(self) -> bool {
         self != Transfers::Serial
     }
 
-    /// Charge moves along the serial register.
+    /// Whether charge is clocked along the serial register.
     pub fn serial(self) -> bool {
         self != Transfers::Parallel
     }
 }
 
 impl Geometry {
-    /// Says whether a frame of so many rows and columns can be read like this.
+    /// Checks that a frame of this shape (rows, columns) can be read like this.
     ///
     /// # Errors
-    /// If prescan and overscan leave no image, or halves are not halves.
+    /// If prescan and overscan leave no image, or the halves are unequal.
     pub fn check(&self, (rows, columns): (usize, usize)) -> Result<(), InputError> {
         let refusal = |problem: String| Err(InputError::new(format!("a frame of {columns} x {rows} px"), problem));
         if rows == 0 || columns == 0 {
@@ -158,12 +158,12 @@ impl Geometry {
         Ok(())
     }
 
-    /// Some pixels hold no light.
+    /// Whether some pixels hold no light.
     pub fn has_dark_pixels(&self) -> bool {
         self.prescan_columns + self.overscan_columns + self.overscan_rows > 0
     }
 
-    /// Pixels that hold light, in a frame of so many rows and columns.
+    /// Pixels that hold light, in a frame of this shape.
     pub fn lit(&self, shape: (usize, usize)) -> Array2<bool> {
         let mut lit = Array2::from_elem(shape, false);
         for part in self.parts() {
@@ -174,7 +174,7 @@ impl Geometry {
         lit
     }
 
-    /// Where the amplifiers are, in words.
+    /// The positions of the amplifiers, in words.
     pub fn sides(&self) -> String {
         let corner = match self.corner {
             Corner::LowerLeft => "lower left",
@@ -190,7 +190,7 @@ impl Geometry {
         }
     }
 
-    /// What each amplifier reads of a frame, in the order of readout.
+    /// The part of a frame that each amplifier reads, in the order of readout.
     pub fn amplifiers<T: Clone>(&self, frame: &Array2<T>) -> Vec<Array2<T>> {
         self.parts().into_iter().map(|part| part.of(frame).to_owned()).collect()
     }
@@ -203,14 +203,14 @@ impl Geometry {
         self.parts().into_iter().map(of).collect()
     }
 
-    /// Puts what [`Geometry::amplifiers`] gives back into a frame.
+    /// Copies the parts from [`Geometry::amplifiers`] back into a frame.
     pub fn put_back<T: Clone>(&self, parts: &[Array2<T>], frame: &mut Array2<T>) {
         for (part, values) in self.parts().into_iter().zip(parts) {
             part.of_mut(frame).assign(values);
         }
     }
 
-    /// Rows and columns of the image in what an amplifier reads, in the order of readout.
+    /// Rows and columns of the image in an amplifier's part, in the order of readout.
     pub fn image(&self, (rows, columns): (usize, usize)) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
         (0..rows - self.overscan_rows, self.prescan_columns..columns - self.overscan_columns)
     }
@@ -223,7 +223,7 @@ impl Geometry {
         matches!(self.split, Some(Split::Rows | Split::Both))
     }
 
-    /// What each amplifier reads.
+    /// The part of each amplifier.
     fn parts(&self) -> Vec<Part> {
         let corner = self.corner;
         let sides = |split: bool, mirrored: bool| match split {
@@ -247,7 +247,7 @@ enum Side {
     Second,
 }
 
-/// What one amplifier reads: which half of the rows and of the columns, and whether they are read from the far end.
+/// The part of one amplifier: its half of the rows and of the columns, and whether they are read from the far end.
 #[derive(Clone, Copy)]
 struct Part {
     rows: (Side, bool),
@@ -287,7 +287,7 @@ impl Side {
         }
     }
 
-    /// Some values of all its places, in the order of readout.
+    /// The indices of its part, in the order of readout.
     fn places(self, all: &[usize], reversed: bool) -> Vec<usize> {
         let mut places = ArrayView1::from(all);
         places.slice_axis_inplace(Axis(0), self.range(all.len()));
@@ -298,11 +298,9 @@ impl Side {
     }
 }
 
-/// A frame (e-, `[[row, column]]`, row 0 the lowest) as it is read: light and what the amplifier adds go in, the same with
-/// trails comes out.
+/// Reads a frame (e-, `[[row, column]]`, row 0 the lowest): from light and the amplifier's contributions to the same with trails.
 ///
-/// Serial registers are the device's; that their effect names a number of transfers does not matter here, where every
-/// column makes its own.
+/// Serial registers are those of the device; the number of transfers in their effect is ignored, since every column makes its own.
 ///
 /// # Errors
 /// If an effect has no value, here and below.
@@ -310,8 +308,8 @@ pub fn read(device: &Device, geometry: &Geometry, frame_e: &Array2<f64>) -> Resu
     read_with(device, geometry, frame_e, None, None)
 }
 
-/// The same with factors on the densities of the pixels' traps, and with an error that is allowed for each direction of transfer, e-;
-/// none: as the device is accurate.
+/// The same with factors on the densities of the pixels' traps, and with an allowed error for each direction of transfer, e-; none:
+/// with the accuracy of the device.
 ///
 /// # Errors
 /// As [`read`].
@@ -330,9 +328,9 @@ pub fn read_with(
     Ok(read_e)
 }
 
-/// What a frame was before [`read`], from what was read of it: transfers are turned round, with an error that is allowed, and the
-/// amplifier's values in pixels without light stay as they are. Effects other than transfers are not undone.
-/// None if transfers cannot be turned round; see [`crate::readout::Readout::parallel_reversed`].
+/// A frame before [`read`], from the frame read: the transfers are reversed, with an allowed error, and the amplifier's values in
+/// pixels without light are unchanged. Effects other than transfers are not undone. None if transfers cannot be reversed; see
+/// [`crate::readout::Readout::parallel_reversed`].
 pub fn before(
     device: &Device,
     geometry: &Geometry,
@@ -358,11 +356,11 @@ fn unclocked(
     factors: Option<&Factors>,
     allowed: Allowed,
 ) -> Option<Array2<f64>> {
-    // What is read after the image has not changed it.
+    // Pixels read after the image have not affected it.
     let (rows, columns) = geometry.image(part_e.dim());
     let mut read_e = part_e.slice(s![rows.clone(), ..columns.end]).to_owned();
     if geometry.transfers.serial() {
-        // Dark pixels in front pass traps that are empty.
+        // Dark pixels in front pass empty traps.
         read_e.slice_mut(s![.., ..columns.start]).fill(0.0);
         let downstream = Downstream { rows: geometry.columns_before.into(), charge_e: 0.0 };
         for (register, _) in device.serial().iter().rev() {
@@ -393,7 +391,7 @@ pub(super) fn clocked(
     let (rows, columns) = geometry.image(part_e.dim());
     let image = s![rows, columns.clone()];
     let mut light_e = part_e.slice(image).to_owned();
-    // What else happens to charges belongs to the pixels, and is done with them.
+    // Other effects on charge belong to the pixels, and are applied with them.
     if geometry.transfers.parallel() {
         light_e = device.before(light_e)?;
     }
@@ -401,8 +399,8 @@ pub(super) fn clocked(
     before_e.slice_mut(image).assign(&light_e);
     let mut read_e = before_e.clone();
     if geometry.transfers.parallel() {
-        // Overscan rows are rows of nothing above the image. Nothing is caught and nothing is let go above the topmost row
-        // that exists, so they may be clocked as if there were pixels for them: the transfers that count are those below.
+        // Overscan rows are empty rows above the image. No charge is captured or released above the topmost existing row, so they
+        // may be clocked as if there were pixels for them: only the transfers below count.
         let downstream = Downstream { rows: geometry.rows_before.into(), charge_e: geometry.charge_before_e };
         let mut lit = read_e.slice_mut(s![.., columns.clone()]);
         let (readout, lit_e) = (device.readout(), lit.to_owned());
@@ -427,7 +425,7 @@ pub(super) fn clocked(
     if geometry.transfers.parallel() {
         read_e = device.amplified(&before_e, read_e)?;
     }
-    // What the amplifier added where there was no light.
+    // The amplifier's contribution in pixels without light.
     let mut added_e = part_e.to_owned();
     added_e.slice_mut(image).fill(0.0);
     Zip::from(&mut read_e).and(&added_e).for_each(|read, added| *read += added);

@@ -1,4 +1,4 @@
-//! A correction that begins with the transfers in the opposite order.
+//! A correction that starts from the reversed transfers.
 //!
 //! ```text
 //! source₀     = observed
@@ -6,10 +6,10 @@
 //! source_k+1  = source_k + (observed − trail(image_k))  what the forward model leaves unexplained
 //! ```
 //!
-//! The charges before the transfers follow from those behind them as directly as the other way about ([`Readout::parallel_reversed`]),
-//! with an error that is chosen. The forward model then shows what is left, and that is turned round with the rest: an error falls by
-//! as much as the reversal is right, where the plain iteration of [`super::correct()`] gains by as much as the trails are short.
-//! (A defect correction: Stetter 1978, Numerische Mathematik 29, 425.)
+//! The charges before the transfers can be computed from those after them as directly as the other way round
+//! ([`Readout::parallel_reversed`]), with a selectable error. The forward model then gives the residual, which is reversed as well.
+//! An error decreases by the accuracy of the reversal, while in the plain iteration of [`super::correct()`] it decreases by the
+//! relative size of the trails. (A defect correction: Stetter 1978, Numerische Mathematik 29, 425.)
 
 use std::convert::Infallible;
 
@@ -20,22 +20,22 @@ use crate::readout::{Allowed, Downstream, Readout};
 
 /// Charge from where it was collected to the amplifier, and back.
 pub trait Transport {
-    /// What can go wrong.
+    /// Its error type.
     type Error;
 
-    /// An image as it is read: with an error (e-, rms) that is allowed if that is known, else as accurately as it is done.
+    /// An image as read: with an allowed error (e-, rms) if given, otherwise with the accuracy of the readout.
     ///
     /// # Errors
     /// If a formula fails.
     fn read(&self, image_e: &Array2<f64>, allowed_e: Option<f64>) -> Result<Array2<f64>, Self::Error>;
 
-    /// The image before the readout, with an allowed error if that is quick. None if there is no quick way.
+    /// The image before the readout, with an allowed error, if there is a fast method. None if there is none.
     ///
     /// # Errors
     /// If a formula fails.
     fn before(&self, read_e: &Array2<f64>, allowed: Allowed) -> Result<Option<Array2<f64>>, Self::Error>;
 
-    /// Pixels whose values take part in no transfer and are only added to what is read; none, if there are not any.
+    /// Pixels whose values take part in no transfer and are only added to the image read; none if there are no such pixels.
     fn added(&self) -> Option<&Array2<bool>> {
         None
     }
@@ -68,11 +68,11 @@ impl Transport for Columns<'_> {
 const SHARE_OF_REVERSAL: f64 = 0.15;
 const SHARE_OF_READOUT: f64 = 0.1;
 
-/// Finds the image that is read as what was observed.
+/// Finds the image that is read as the observed one.
 ///
-/// Pixels that are `held` stay as they are observed: they take part in the readout, and their residual does not count. The first of
-/// the residuals is what the first reversal has moved. If the transport cannot be turned round, or no reversal helps any more,
-/// the plain iteration goes on ([`super::correct::solve`]).
+/// Pixels that are `held` keep their observed values: they take part in the readout, and their residual does not count. The first
+/// residual is the change by the first reversal. If the transport cannot be reversed, or reversal no longer helps, the plain
+/// iteration continues ([`super::correct::solve`]).
 ///
 /// # Errors
 /// Those of the transport.
@@ -109,19 +109,18 @@ pub fn invert<T: Transport>(
     go_on(found, observed, held, stop, |image| transport.read(image, read_e))
 }
 
-/// What a reversal has to be compared with.
+/// The data with which a reversal is compared.
 struct Comparison<'a, T> {
     transport: &'a T,
     observed: &'a Array2<f64>,
     held: Option<&'a Array2<bool>>,
     stop: Stop,
-    /// Error that the readout may make, e-.
+    /// Allowed error of the readout, e-.
     read_e: Option<f64>,
 }
 
 impl<T: Transport> Comparison<'_, T> {
-    /// An image that was found from a source, as it is read; with what is unexplained of all pixels, those that are held among
-    /// them.
+    /// An image from a source, as it is read, with the residuals of all pixels, including held ones.
     fn of(
         &self,
         mut image: Array2<f64>,
@@ -131,7 +130,7 @@ impl<T: Transport> Comparison<'_, T> {
     ) -> Result<(Corrected, Array2<f64>), T::Error> {
         let mut unexplained = difference(self.observed, &self.transport.read(&image, self.read_e)?);
         if let Some(added) = self.transport.added() {
-            // Nothing else depends on them, and they are read as they are.
+            // Nothing else depends on them, and they are read unchanged.
             Zip::from(&mut image).and(&mut unexplained).and(added).par_for_each(|image, unexplained, added| {
                 if *added {
                     *image += std::mem::take(unexplained);
@@ -147,7 +146,7 @@ impl<T: Transport> Comparison<'_, T> {
     }
 }
 
-/// An image with the observed values in the pixels that are held.
+/// An image with the observed values in held pixels.
 fn with_held(mut image: Array2<f64>, observed: &Array2<f64>, held: Option<&Array2<bool>>) -> Array2<f64> {
     if let Some(held) = held {
         Zip::from(&mut image).and(observed).and(held).par_for_each(|image, observed, held| {

@@ -1,4 +1,4 @@
-//! What was done to a file as the JSON document that `ctiplan readout` and `ctiplan correct` print.
+//! Results for a file as the JSON document that `ctiplan readout` and `ctiplan correct` print.
 
 use serde::ser::{Serialize, Serializer};
 
@@ -16,7 +16,7 @@ struct Document<'a> {
     traps: &'a [SpeciesState],
     temperature_k: f64,
     line_time_ms: f64,
-    /// Of the fast readout alone.
+    /// Only for the fast readout.
     relative: Option<f64>,
     hdus: Vec<OneHdu<'a>>,
     warnings: &'a [Warning],
@@ -35,7 +35,7 @@ struct OneHdu<'a> {
 
 #[derive(serde::Serialize)]
 struct Frame {
-    /// Those of a table.
+    /// The amplifiers of a table.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     amplifiers: Vec<OneAmplifier>,
     rows_px: usize,

@@ -1,7 +1,7 @@
-//! Pixels that are no measurement of charge: missing ones, and saturated ones.
+//! Pixels without a measured charge: missing ones, and saturated ones.
 //!
 //! A missing pixel (NaN, infinite, or BLANK) held charge when it was clocked, so the readout needs a value: the median of the
-//! nearby pixels in its column, along which charge moves. It stays missing in the output.
+//! nearby pixels in its column, the direction of transfer. It remains missing in the output.
 //!
 //! A saturated pixel holds at least a full well, or more than the range of the converter. The effect of a full well on the traps is
 //! known, regardless of its charge; its own charge is not, so a correction leaves it unchanged.
@@ -10,13 +10,13 @@ use ndarray::{Array1, Array2, ArrayView1, Axis};
 
 use crate::readout::Cloud;
 
-/// Rows on each side of a missing pixel of which the median is taken.
+/// Rows on each side of a missing pixel in the median.
 const NEAR_ROWS: usize = 5;
 
-/// Puts a charge into every pixel without a finite one, and says which those were.
+/// Sets a charge in every pixel without a finite one, and returns the mask of these.
 ///
-/// `charge_e[[row, column]]`. The charge is the median of the finite pixels of the column within five rows; where there are
-/// none, of the column; where there are none, of the image; and 0 where nothing is finite.
+/// `charge_e[[row, column]]`. The charge is the median of the finite pixels of the column within five rows; if there are none, of
+/// the column; if there are none, of the image; and 0 if nothing is finite.
 pub fn fill(charge_e: &mut Array2<f64>) -> Array2<bool> {
     let missing = charge_e.mapv(|charge| !charge.is_finite());
     if !missing.iter().any(|missing| *missing) {
@@ -37,7 +37,7 @@ pub fn fill(charge_e: &mut Array2<f64>) -> Array2<bool> {
     missing
 }
 
-/// Pixels whose charge clouds are as high as clouds get, and those of `from_e` (e-) and more.
+/// Pixels whose charge clouds have the maximum height, and those of at least `from_e` (e-).
 pub fn saturated(charge_e: &Array2<f64>, cloud: &Cloud, from_e: f64) -> Array2<bool> {
     charge_e.mapv(|charge| charge >= from_e || cloud.height(charge) >= 1.0)
 }
@@ -55,7 +55,7 @@ pub fn levels_e(charge_e: &Array2<f64>, covered: &Array2<bool>, lit: &Array2<boo
     Some((level_e(false)?, level_e(true)?))
 }
 
-/// The middle of the finite values, the mean of the two middle ones if their number is even.
+/// Median of the finite values, the mean of the two middle ones if their number is even.
 fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     if values.is_empty() {

@@ -1,16 +1,16 @@
-//! Noise that the amplifier adds after the transfers: separated before a correction, and followed through it.
+//! Noise added by the amplifier after the transfers: separated before a correction, and propagated through it.
 //!
-//! A correction takes what the amplifier added for charge that was trailed, and sharpens it. Pipelines that have flown therefore
-//! correct the smoothest image that the read noise allows, and add the difference again (Anderson & Bedin 2010, PASP 122, 1035;
-//! CALACS). Here the difference is that from the mean of the pixels around, as far as read noise can make it: with mean m and
-//! variance v of the pixels around one of value x,
+//! A correction treats the amplifier's contribution as trailed charge, and sharpens it. Existing pipelines therefore correct the
+//! smoothest image that the read noise allows, and add the difference again (Anderson & Bedin 2010, PASP 122, 1035; CALACS). Here
+//! the difference is that from the mean of the surrounding pixels, as far as read noise can explain it: with mean m and variance v
+//! of the pixels around one of value x,
 //!
 //! ```text
 //! noise = (x − m) · min(1, r/√v), but not beyond ±2r        r: read noise
 //! ```
 //!
-//! Its rms in a flat sky is the read noise. Shot noise that it takes with it is not corrected, which is of the second order; at the
-//! edges of stars it is small beside their charge.
+//! Its rms in a flat sky is the read noise. Shot noise included in it is not corrected, which is a second-order effect; at the
+//! edges of stars it is small compared with their charge.
 
 use ndarray::{Array2, Axis, Zip, s};
 use rand::SeedableRng;
@@ -18,16 +18,16 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 use serde::Serialize;
 
-/// Pixels on each side of one of which mean and variance are taken, in rows and in columns.
+/// Pixels on each side for the mean and variance, in rows and in columns.
 const AROUND_PX: usize = 2;
 
-/// Largest noise that is separated, over the read noise.
+/// Largest separated noise, relative to the read noise.
 const MOST: f64 = 2.0;
 
-/// Largest distance of pixels whose correlation is reported.
+/// Largest separation of pixels for which the correlation is reported.
 const LAGS: usize = 5;
 
-/// What a correction makes of white noise that the amplifier added.
+/// White amplifier noise after a correction.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NoiseAfter {
     /// Its rms over that of the noise before.
@@ -38,8 +38,8 @@ pub struct NoiseAfter {
     pub correlation_columns: Vec<f64>,
 }
 
-/// Possible read noise in each pixel of an image (e-, `[[row, column]]`); 0 if a pixel does not count. Pixels that do not count are
-/// not used for others.
+/// Possible read noise in each pixel of an image (e-, `[[row, column]]`); 0 for pixels that do not count. These are not used for
+/// others.
 pub fn separated(image_e: &Array2<f64>, count: &Array2<bool>, read_noise_e: f64) -> Array2<f64> {
     let (rows, columns) = image_e.dim();
     let around = |at: usize, length: usize| at.saturating_sub(AROUND_PX)..(at + AROUND_PX + 1).min(length);
@@ -64,7 +64,7 @@ pub fn separated(image_e: &Array2<f64>, count: &Array2<bool>, read_noise_e: f64)
     noise
 }
 
-/// What becomes of white noise of the amplifier (`noise_e`, e- rms) in a correction.
+/// Effect of a correction on white noise of the amplifier (`noise_e`, e- rms).
 ///
 /// The correction is repeated on the observed image with noise from `seed`; the difference of the corrected images is compared with
 /// the noise, over pixels that `count`.
@@ -88,7 +88,7 @@ pub fn followed<E>(
             let (products, squares) = products(values, count, along, lag);
             products / squares
         };
-        // White noise is uncorrelated: what a sample of it shows is chance, and the same after the correction.
+        // White noise is uncorrelated: the correlation of a sample is random, and the same after the correction.
         let of = |lag| of(&difference, lag) - of(&noise, lag);
         (1..=LAGS.min(difference.len_of(along).saturating_sub(1))).map(of).collect()
     };
@@ -99,7 +99,7 @@ pub fn followed<E>(
     })
 }
 
-/// Sum of products of pixels so far apart of which both count, and the geometric mean of the sums of the squares of either.
+/// Sum of products of pixels at this lag, both of which count, and the geometric mean of the sums of the squares of either.
 fn products(values: &Array2<f64>, count: &Array2<bool>, along: Axis, lag: usize) -> (f64, f64) {
     let cut = |from: usize, to: usize| ndarray::Slice::from(from..to);
     let length = values.len_of(along);
@@ -139,7 +139,7 @@ mod tests {
         let all = Array2::from_elem((80, 80), true);
         let noise = white((80, 80), 4.0, 1);
         let noise_left = separated(&(&noise + 60.0), &all, 4.0);
-        // Mean and variance of 25 pixels scatter.
+        // Mean and variance of 25 pixels have sampling errors.
         assert!(rms(&(&noise_left - &noise)) < 0.35 * 4.0, "{}", rms(&(&noise_left - &noise)));
         let shot = white((80, 80), 12.0, 2);
         let of_both = rms(&separated(&(&noise + &shot), &all, 4.0));
@@ -153,7 +153,7 @@ mod tests {
     fn what_becomes_of_noise_is_what_the_correction_does_to_it() {
         let observed = Array2::from_elem((200, 200), 100.0);
         let count = Array2::from_elem((200, 200), true);
-        // A correction that doubles each pixel and takes the one below away: lag 1 has −2/5.
+        // A correction that doubles each pixel and subtracts the one below: lag 1 has −2/5.
         let correct = |image: &Array2<f64>| {
             let mut sharp = image * 2.0;
             let mut above = sharp.slice_mut(s![1.., ..]);

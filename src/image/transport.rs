@@ -1,4 +1,4 @@
-//! The amplifiers of a frame as a correction asks for them: there and back.
+//! The amplifiers of a frame as the transport of a correction: forward and reverse.
 
 use std::cell::Cell;
 
@@ -19,7 +19,7 @@ pub struct FrameTransport<'a> {
 }
 
 impl<'a> FrameTransport<'a> {
-    /// For frames like this one; `status` is given what is being done.
+    /// For frames like this one; `status` is given the current step.
     pub fn new(amplifiers: &'a Amplifiers, frame: &Array2<f64>, status: &'a dyn Fn(&str)) -> FrameTransport<'a> {
         let dark = amplifiers.covered(frame) & !amplifiers.lit(frame);
         FrameTransport { amplifiers, dark, status, readouts: Cell::new(0) }

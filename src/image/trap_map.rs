@@ -4,8 +4,8 @@
 //! map ─▶ factors of a frame ─▶ of each amplifier's part, in the order of readout ─▶ bands of each column
 //! ```
 //!
-//! Columns share no packet, so those with the same factors are read out side by side with their own densities; along a column, bands of
-//! rows are read out one after another ([`Readout::parallel_in_bands`]). Both are exact.
+//! Columns share no packets, so those with the same factors are read out side by side with their own densities; along a column,
+//! bands of rows are read out one after another ([`Readout::parallel_in_bands`]). Both are exact.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -36,9 +36,9 @@ pub struct TrapMap {
 #[derive(Clone, Debug)]
 pub struct Factors {
     map: Arc<Array2<f64>>,
-    /// The row of the map that holds for each row.
+    /// The row of the map for each row.
     rows: Vec<usize>,
-    /// The column of the map that holds for each column.
+    /// The column of the map for each column.
     columns: Vec<usize>,
 }
 
@@ -46,7 +46,7 @@ impl TrapMap {
     /// Reads the images of a FITS file: a factor for each pixel or block of pixels of a frame.
     ///
     /// # Errors
-    /// If the file cannot be read, has no image, or a factor is not from 0 to 10⁶.
+    /// If the file cannot be read, has no image, or a factor is outside 0 to 10⁶.
     pub fn read(path: &Path) -> Result<TrapMap, InputError> {
         let name = path.display().to_string();
         let mut fits = Fits::open(path)?;
@@ -73,7 +73,7 @@ impl TrapMap {
     /// A map in memory, for all frames.
     ///
     /// # Errors
-    /// If a factor is not from 0 to 10⁶.
+    /// If a factor is outside 0 to 10⁶.
     pub fn of_all(name: &str, map: Array2<f64>) -> Result<TrapMap, InputError> {
         Ok(TrapMap { name: name.into(), images: vec![(None, 1, checked(map, name, "the map")?)] })
     }
@@ -82,7 +82,7 @@ impl TrapMap {
     ///
     /// # Errors
     /// If there are none, if rows or columns of the map are not those of the frame or equal blocks of them, or if factors change
-    /// along columns whose traps carry their state on from pixel to pixel.
+    /// along columns whose traps carry their state from pixel to pixel.
     pub fn of(&self, frame: &Hdu, shape: (usize, usize), method: Method) -> Result<Factors, InputError> {
         let named = |image: &&(Option<String>, i64, _)| (&image.0, image.1) == (&frame.name(), frame.version());
         let (.., map) = match &self.images[..] {
@@ -95,7 +95,7 @@ impl TrapMap {
         self.spread(map, &frame.to_string(), shape, method)
     }
 
-    /// The factors of a frame in memory, of n rows and m columns.
+    /// The factors of a frame in memory, of this shape (rows, columns).
     ///
     /// # Errors
     /// As [`TrapMap::of`].
@@ -135,7 +135,7 @@ fn refusal(name: &str, problem: String) -> InputError {
     InputError::new(format!("cannot use trap map `{name}`"), problem)
 }
 
-/// A map whose factors are allowed.
+/// Checks the factors of a map.
 fn checked(map: Array2<f64>, name: &str, place: &str) -> Result<Arc<Array2<f64>>, InputError> {
     match map.indexed_iter().find(|(_, factor)| !(0.0..=MOST).contains(*factor)) {
         None => Ok(Arc::new(map)),
@@ -147,12 +147,12 @@ fn checked(map: Array2<f64>, name: &str, place: &str) -> Result<Arc<Array2<f64>>
 }
 
 impl Factors {
-    /// Those of some rows and columns.
+    /// The factors of some rows and columns.
     pub fn part(&self, rows: Range<usize>, columns: Range<usize>) -> Factors {
         Factors { map: self.map.clone(), rows: self.rows[rows].to_vec(), columns: self.columns[columns].to_vec() }
     }
 
-    /// The same with rows and columns in another order, or with some of them.
+    /// The same for some rows and columns, in any order.
     pub(super) fn ordered(
         &self,
         rows: impl Fn(&[usize]) -> Vec<usize>,
@@ -161,7 +161,7 @@ impl Factors {
         Factors { map: self.map.clone(), rows: rows(&self.rows), columns: columns(&self.columns) }
     }
 
-    /// Columns that have the same traps, with their bands.
+    /// Columns with the same traps, with their bands.
     fn alike(&self) -> Vec<(Vec<Band>, Vec<usize>)> {
         let mut of_column: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (column, place) in self.columns.iter().enumerate() {
@@ -187,7 +187,7 @@ impl Factors {
         bands
     }
 
-    /// A parallel readout of an image with as many rows and columns, with an error that is allowed if one is.
+    /// A parallel readout of an image with these rows and columns, with an allowed error if given.
     pub(super) fn parallel(
         &self,
         readout: &Readout,
@@ -199,7 +199,7 @@ impl Factors {
             .expect("every readout has a result")
     }
 
-    /// That turned round; None if it cannot be.
+    /// Its reversal; None if it cannot be reversed.
     pub(super) fn parallel_reversed(
         &self,
         readout: &Readout,
@@ -210,7 +210,7 @@ impl Factors {
         self.each(read_e, |read_e, bands| readout.parallel_in_bands_reversed(read_e, downstream, bands, allowed))
     }
 
-    /// An image after something was done to its columns, those with the same traps together.
+    /// An image after an operation on its columns, those with the same traps together.
     fn each(
         &self,
         image: &Array2<f64>,

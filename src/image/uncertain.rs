@@ -1,21 +1,21 @@
-//! Pixels whose charge before the transfers does not follow from what was read.
+//! Pixels whose charge before the transfers is not determined by the frame read.
 //!
-//! A packet that meets more empty traps than it has electrons is emptied. What leaves the detector in its place is then what
-//! traps give back later, and does not depend on what the packet held: many images are read as the same frame. The residual
-//! of a correction, observed − trail(image), is 0 for each of them and shows nothing. The electrons that were caught come out
-//! behind the packet, so that the pixels there are uncertain too, by as much as they are counted as someone else's.
+//! A packet that meets more empty traps than it has electrons is emptied. The charge that leaves the detector in its place is what
+//! traps release later, and does not depend on the packet: many images are read as the same frame. The residual of a correction,
+//! observed − trail(image), is 0 for each of them and shows nothing. The captured electrons appear behind the packet, so that the
+//! pixels there are uncertain by the amount wrongly attributed to them.
 //!
-//! So the correction is begun again elsewhere, and where it ends elsewhere the pixel is uncertain. The image is first moved by
-//! little, ± at random from pixel to pixel, and read out: if every pixel keeps half of its own change or more, no packet is
-//! near being emptied and the correction has one end. Nor is any if the transfers, turned round, give every change back to
-//! within half of it. Otherwise it is begun at three other images, with all pixels raised by
-//! the largest displacement of charge in the frame, all lowered by it (to 0 at least), and either of these at random. Then
-//! only the uncertain pixels are moved, all to the least and all to the largest charge that they have ended at, until no
-//! others become uncertain: those far behind, which the traps were left fuller or emptier for, are found by that. The charges
-//! that fit the frame lie between the images at which these corrections end.
+//! So the correction is started again from other images, and where the result differs the pixel is uncertain. The image is first
+//! changed slightly, ± at random from pixel to pixel, and read out: if every pixel keeps at least half of its own change, no packet
+//! is nearly emptied and the correction has a unique result. The same holds if the reversed transfers recover every change to
+//! within half of it. Otherwise the correction is started from three other images, with all pixels raised by the largest
+//! displacement of charge in the frame, all lowered by it (to 0 at least), and either of these at random. Then only the uncertain
+//! pixels are changed, all to the smallest and all to the largest charge among their results, until no others become uncertain.
+//! This finds pixels far behind, affected through the state of the traps. The charges that fit the frame lie between the images at
+//! which these corrections end.
 //!
-//! Holds for any readout that grows with each charge. It is a search: `tests/suite/images.rs` holds it to a factor of 3 in the error
-//! that is claimed.
+//! Valid for any readout that increases with each charge. It is a search: `tests/suite/images.rs` requires its error estimate to be
+//! within a factor of 3.
 
 use ndarray::{Array2, Zip};
 use rand::{RngExt, SeedableRng};
@@ -24,28 +24,28 @@ use rand_chacha::ChaCha8Rng;
 use super::correct::{Corrected, ERROR_OVER_RESIDUAL, Residual, difference, solve_from, sum, without};
 use super::invert::Transport;
 
-/// What is uncertain of a corrected image.
+/// Uncertain pixels of a corrected image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Uncertain {
     /// Pixels whose error may be larger than `error_e`.
     pub pixels: Array2<bool>,
-    /// Error of all other pixels, e-, if the forward model is right, also in the charges of pixels that are held.
+    /// Error of all other pixels, e-, if the forward model is right, including for the charges of held pixels.
     pub error_e: f64,
-    /// What the forward model leaves unexplained of all other pixels.
+    /// Residual of the forward model for all other pixels.
     pub left: Residual,
 }
 
-/// Most times that the uncertain pixels are moved to the ends of their ranges, to see which others depend on them.
+/// Maximum number of rounds in which the uncertain pixels are set to the ends of their ranges, to find others that depend on them.
 const ROUNDS: usize = 3;
 
-/// Share of its own change that a pixel keeps, or that is found again of it, if its packet is not near being emptied.
+/// Share of its own change that a pixel keeps, or that is recovered, if its packet is not nearly emptied.
 const KEPT: f64 = 0.5;
 
-/// Finds the uncertain pixels of a correction, which is the work of one or two readouts more, or of up to nine corrections of so
-/// many iterations if packets were emptied.
+/// Finds the uncertain pixels of a correction. It takes one or two more readouts, or, if packets were emptied, up to nine
+/// corrections with this number of iterations.
 ///
-/// `transport`, `observed` and `held` are those of the correction; `accuracy_e` is how well each residual is known: what was asked
-/// for, and the accuracy of the readout itself.
+/// `transport`, `observed` and `held` are those of the correction; `accuracy_e` is the accuracy of each residual: the requested
+/// one, and that of the readout itself.
 ///
 /// # Errors
 /// Those of the readout.
@@ -57,15 +57,15 @@ pub fn uncertain<T: Transport>(
     (accuracy_e, iterations): (f64, usize),
 ) -> Result<Uncertain, T::Error> {
     let image = &corrected.image;
-    // Always the same numbers: any will do.
+    // Always the same random numbers; any will do.
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let error_e = ERROR_OVER_RESIDUAL * accuracy_e.max(corrected.last().rms_e);
     let trail = |image: &Array2<f64>| transport.read(image, corrected.read_e);
 
     let step = Array2::from_shape_simple_fn(image.raw_dim(), || if random.random() { error_e } else { -error_e });
-    // A pixel that is held has no step of its own, and one that is only added to what is read is as certain as all others together.
+    // A held pixel has no step of its own, and one that is only added to the image read is as certain as all others together.
     let step = without(without(step, held), transport.added());
-    // observed − left is what the image is read as.
+    // observed − left is the image as read.
     let change = sum(&difference(&trail(&sum(image, &step))?, observed), &corrected.left);
     let mut range = Range { image, low: image.clone(), high: image.clone(), error_e };
     if !is_kept(&change, &step) && !is_found_again(transport, corrected, &change, &step)? {
@@ -100,7 +100,7 @@ pub fn uncertain<T: Transport>(
     Ok(Uncertain { pixels, error_e, left })
 }
 
-/// Whether every pixel keeps enough of its own step in what is read.
+/// Whether every pixel keeps enough of its own step in the image read.
 fn is_kept(change: &Array2<f64>, step: &Array2<f64>) -> bool {
     Zip::from(change).and(step).all(|change, step| change * step >= KEPT * step * step)
 }
@@ -122,7 +122,7 @@ fn is_found_again<T: Transport>(
         .all(|again, image, step| *step == 0.0 || ((again - image) - step).abs() <= (1.0 - KEPT) * step.abs()))
 }
 
-/// Charges at which corrections end.
+/// Range of the charges at which corrections end.
 struct Range<'a> {
     image: &'a Array2<f64>,
     low: Array2<f64>,
@@ -131,7 +131,7 @@ struct Range<'a> {
 }
 
 impl Range<'_> {
-    /// Takes in the end of one more correction.
+    /// Extends the range by the result of one more correction.
     fn widen(&mut self, end: &Array2<f64>) {
         Zip::from(&mut self.low).and(&mut self.high).and(end).for_each(|low, high, end| {
             *low = low.min(*end);
@@ -139,7 +139,7 @@ impl Range<'_> {
         });
     }
 
-    /// Pixels that end at other charges than in the image.
+    /// Pixels whose charges differ from those in the image.
     fn uncertain(&self) -> Array2<bool> {
         Zip::from(self.image)
             .and(&self.low)

@@ -1,4 +1,4 @@
-//! From numbers in a frame to electrons and back.
+//! Frame values to electrons and back.
 //!
 //! ```text
 //! charge [e-] = (value − bias) · gain
@@ -12,25 +12,25 @@ use super::fits::Hdu;
 use super::frame::Geometry;
 use crate::error::InputError;
 
-/// How the numbers of a frame are to be understood.
+/// The meaning of frame values.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Unit {
     /// Electrons per DN.
     pub gain_e_per_dn: Option<f64>,
     /// Header keyword that holds the gain.
     pub gain_keyword: Option<String>,
-    /// Level of no charge, in the frame's own unit; none: 0; counts with a prescan or an overscan are refused.
+    /// Level of zero charge, in the frame's own unit; none: 0, but counts with a prescan or an overscan are rejected.
     pub bias_dn: Option<f64>,
-    /// Value at which the converter saturates, in the frame's own unit; none: only full wells are saturated.
+    /// Value at which the converter saturates, in the frame's own unit; none: saturation only at full well.
     pub saturated_dn: Option<f64>,
 }
 
-/// Electrons per unit of a frame, and its level of no charge.
+/// Electrons per unit of a frame, and its level of zero charge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     /// Electrons per unit of the frame.
     pub gain_e_per_dn: f64,
-    /// Level of no charge, in the frame's unit.
+    /// Level of zero charge, in the frame's unit.
     pub bias_dn: f64,
 }
 
@@ -46,7 +46,7 @@ impl Scale {
     }
 }
 
-/// What BUNIT says.
+/// The unit in BUNIT.
 enum Written {
     Electrons,
     Counts,
@@ -56,10 +56,10 @@ enum Written {
 }
 
 impl Unit {
-    /// The scale of an HDU. The gain's keyword is looked for in its header, and then in the primary one.
+    /// The scale of an HDU. The gain's keyword is searched in its header, then in the primary one.
     ///
     /// # Errors
-    /// If neither header nor options give the gain, or they contradict one another.
+    /// If neither the headers nor the options give the gain, or they contradict each other.
     pub fn scale(&self, hdu: &Hdu, primary: &Hdu) -> Result<Scale, InputError> {
         let refusal = |problem: String, help: &str| Err(InputError::new(hdu.to_string(), problem).with_help(help));
         let bunit = hdu.text("BUNIT").unwrap_or_default();
@@ -106,8 +106,8 @@ impl Unit {
     }
 }
 
-/// Refuses counts with a prescan or an overscan whose bias is not given: what the converter wrote there is hardly 0, and all of it
-/// would be taken for charge.
+/// Rejects counts with a prescan or an overscan whose bias is not given: the converter's values there are unlikely to be 0, and all
+/// of it would be taken for charge.
 pub(super) fn refuse_unknown_bias(hdu: &Hdu, geometry: &Geometry, given_dn: Option<f64>) -> Result<(), InputError> {
     let bunit = hdu.text("BUNIT").unwrap_or_default();
     let counts = matches!(written(&bunit), Written::Counts);
@@ -127,7 +127,7 @@ fn gain_of(keyword: &str, hdu: &Hdu, primary: &Hdu) -> Result<f64, InputError> {
     }
 }
 
-/// A number of an HDU's header, or of the primary one; `help` says what to try if neither has it.
+/// A number in an HDU's header, or in the primary one; `help` states what to try if neither has it.
 pub(crate) fn number_of(keyword: &str, hdu: &Hdu, primary: &Hdu, help: &str) -> Result<f64, InputError> {
     match hdu.value(keyword).or_else(|| primary.value(keyword)) {
         Some(Value::Float(number)) => Ok(*number),
@@ -138,7 +138,7 @@ pub(crate) fn number_of(keyword: &str, hdu: &Hdu, primary: &Hdu, help: &str) -> 
     }
 }
 
-/// BUNIT as pipelines write it: ELECTRONS, electron, e-, COUNTS, DN, ADU, ELECTRONS/S, ...
+/// BUNIT as written by pipelines: ELECTRONS, electron, e-, COUNTS, DN, ADU, ELECTRONS/S, ...
 fn written(bunit: &str) -> Written {
     let unit = bunit.trim().to_ascii_lowercase();
     let rate = unit.contains('/') || unit.contains("s-1") || unit.contains("s^-1") || unit.contains("s**-1");

@@ -1,4 +1,4 @@
-//! One file at work: frames and their companions, each processed before the first of its HDUs is written.
+//! Processing of one file: frames and their companions, each processed before the first of its HDUs is written.
 
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
@@ -12,7 +12,7 @@ use super::fits::{Fits, Hdu, Pixels};
 use super::{CompanionsDone, FrameDone, Job, QualityDone, Task, amplifier_table, cards, errors, fits};
 use crate::error::InputError;
 
-/// What was computed of a frame.
+/// Results for a frame.
 pub(super) struct Worked {
     pub done: FrameDone,
     /// Charges before, e-, with an estimate for missing pixels.
@@ -30,9 +30,9 @@ pub(super) struct Work<'a> {
     frames: Vec<(usize, Amplifiers, Companions)>,
     bits: Bits,
     dose_mev_g: f64,
-    /// HDUs that are to be written: pixels, and cards for the header.
+    /// HDUs ready to be written: pixels, and cards for the header.
     ready: BTreeMap<usize, (Pixels, Vec<Card>)>,
-    /// What was done to frames.
+    /// Results for the frames.
     pub done: BTreeMap<usize, FrameDone>,
 }
 
@@ -69,8 +69,8 @@ impl<'a> Work<'a> {
         Ok(Work { job, fits, frames: with, bits, dose_mev_g, ready: BTreeMap::new(), done: BTreeMap::new() })
     }
 
-    /// Writes the whole file, and gives the number of bytes behind its last HDU. `progress` is given the HDUs that are done, how many
-    /// there are, and what is being done.
+    /// Writes the whole file, and returns the number of bytes after its last HDU. `progress` is given the number of HDUs done,
+    /// their total, and the current step.
     ///
     /// # Errors
     /// As [`Work::write`].
@@ -90,7 +90,7 @@ impl<'a> Work<'a> {
         Ok(self.write_marks(out).and_then(|()| self.fits.copy_rest(out)))
     }
 
-    /// Writes an HDU: processed, if it is a frame or goes with one, and as it was otherwise.
+    /// Writes an HDU: processed, if it is a frame or a companion of one, otherwise unchanged.
     ///
     /// # Errors
     /// Those of reading and of the readout. (`Ok(Err(_))`: writing failed.)
@@ -114,7 +114,7 @@ impl<'a> Work<'a> {
         })
     }
 
-    /// Processes a frame with what goes with it.
+    /// Processes a frame with its companions.
     fn process(&mut self, place: usize, status: &dyn Fn(&str)) -> Result<(), InputError> {
         let (index, amplifiers, companions) = self.frames[place].clone();
         let mut pixels = self.fits.pixels(index)?;
@@ -154,7 +154,7 @@ impl<'a> Work<'a> {
         Ok(())
     }
 
-    /// Propagates the errors of a frame through its correction. Gives the ratio of their root mean squares, after and before.
+    /// Propagates the errors of a frame through its correction. Returns the ratio of their root mean squares, after and before.
     fn errors(&mut self, at: usize, frame: usize, amplifiers: &Amplifiers, worked: &Worked) -> Result<f64, InputError> {
         let mut pixels = self.fits.pixels(at)?;
         let before = pixels.physical();
@@ -180,7 +180,7 @@ impl<'a> Work<'a> {
         Ok(ratio)
     }
 
-    /// Writes the extensions in which uncertain pixels are marked, unless data quality has a bit for them.
+    /// Writes the extensions that mark uncertain pixels, unless data quality has a bit for them.
     ///
     /// # Errors
     /// If writing fails.

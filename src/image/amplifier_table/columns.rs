@@ -16,16 +16,16 @@ pub(super) enum Value<T> {
     Keyword(String),
 }
 
-/// What begins a cell that names a keyword.
+/// Prefix of a cell that names a keyword.
 const KEYWORD: &str = "keyword:";
 
-/// What begins the name of a column of densities.
+/// Prefix of the name of a density column.
 pub(super) const DENSITY: &str = "density_per_px:";
 
-/// Unit of a column's numbers, and those that are allowed.
+/// Unit and allowed range of a column's numbers.
 struct Column {
     name: &'static str,
-    /// As ECSV may write it; empty: none.
+    /// As written in ECSV; empty: none.
     units: &'static [&'static str],
     allowed: (f64, f64),
     whole: bool,
@@ -37,7 +37,7 @@ const PER_DN: &[&str] = &["e-/DN", "electron / adu", "electron / DN", "electron/
 const PX: &[&str] = &["px", "pix", "pixel"];
 const ANY: (f64, f64) = (f64::MIN, f64::MAX);
 
-/// Columns of numbers.
+/// Numeric columns.
 const NUMBERS: [Column; 12] = [
     Column { name: "prescan_columns", units: PX, allowed: (0.0, 1e6), whole: true },
     Column { name: "overscan_columns", units: PX, allowed: (0.0, 1e6), whole: true },
@@ -53,7 +53,7 @@ const NUMBERS: [Column; 12] = [
     Column { name: "serial_density_factor", units: &[], allowed: (0.0, 1e6), whole: false },
 ];
 
-/// Columns of words.
+/// Text columns.
 const WORDS: [&str; 5] = ["hdu", "amplifier", "corner", "section", "data_section"];
 
 /// Names of corners.
@@ -70,7 +70,7 @@ pub(super) fn rows(table: &Table) -> Result<Vec<Row>, InputError> {
     (0..table.rows()).map(|row| Cells { table, row }.read()).collect()
 }
 
-/// Columns are known and have their units, and there are rows.
+/// Checks that columns are known and have their units, and that there are rows.
 fn check(table: &Table) -> Result<(), InputError> {
     let refusal = |problem: String| InputError::new(String::new(), problem);
     let known: Vec<&str> = WORDS.into_iter().chain(NUMBERS.iter().map(|column| column.name)).collect();
@@ -202,7 +202,7 @@ impl Cells<'_> {
         self.allowed(name, number).map(Some)
     }
 
-    /// The number, if the column allows it.
+    /// The number, if allowed in the column.
     pub fn allowed(self, name: &str, number: f64) -> Result<f64, InputError> {
         let density = Column { name: DENSITY, units: &[], allowed: (0.0, 1e6), whole: false };
         let column = NUMBERS.iter().find(|column| column.name == name).unwrap_or(&density);
@@ -237,7 +237,7 @@ impl Cells<'_> {
 }
 
 impl Value<Section> {
-    /// The section, given or of an HDU's header.
+    /// The section, given or from an HDU's header.
     pub fn of(&self, hdu: &Hdu) -> Result<Section, InputError> {
         match self {
             Value::Given(section) => Ok(*section),

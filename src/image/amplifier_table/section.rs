@@ -10,7 +10,7 @@ pub(super) struct Section {
     rows: (usize, usize),
 }
 
-/// What a section looks like.
+/// The format of a section, for messages.
 pub(super) const EXAMPLE: &str = "[1:2048,1:2066]: first and last column, first and last row, counted from 1";
 
 impl Section {
@@ -19,7 +19,7 @@ impl Section {
         Section { columns: (1, columns), rows: (1, rows) }
     }
 
-    /// Rows and columns from 0, if an image of so many has them.
+    /// Rows and columns from 0, if they are within an image of this shape.
     pub fn within(self, (rows, columns): (usize, usize)) -> Result<(Range<usize>, Range<usize>), String> {
         if self.rows.1 > rows || self.columns.1 > columns {
             return Err(format!("{self} ends beyond the image of {columns} columns and {rows} rows"));
@@ -27,7 +27,7 @@ impl Section {
         Ok((self.rows.0 - 1..self.rows.1, self.columns.0 - 1..self.columns.1))
     }
 
-    /// Rows and columns from 0, if these hold them.
+    /// Rows and columns from 0, if they are within the given ones.
     pub fn inside(
         self,
         (rows, columns): (&Range<usize>, &Range<usize>),

@@ -1,7 +1,7 @@
-//! Images that are compressed by tiles, in a table.
+//! Tile-compressed images, stored in a table.
 //!
-//! Tiles are decoded and encoded by the crate fitsio-pure; this module checks what a file claims before it is decoded, and keeps
-//! the cards of a header that do not belong to the compression.
+//! Tiles are decoded and encoded by the crate fitsio-pure; this module validates the declarations of a file before decoding, and
+//! keeps the header cards that do not belong to the compression.
 //!
 //! Source: FITS standard 4.0, section 10.
 
@@ -13,19 +13,19 @@ use fitsio_pure::value::Value;
 
 use super::{Hdu, HduKind};
 
-/// Algorithms that are read and written.
+/// Supported algorithms.
 const KNOWN: [&str; 4] = ["RICE_1", "RICE_ONE", "GZIP_1", "GZIP_2"];
 
-/// Most pixels: those that a tile can count.
+/// Maximum number of pixels: the range of a tile's counter.
 const MOST_PIXELS: u64 = i32::MAX as u64;
 
-/// Most pixels that a byte of the file can stand for: those of a constant image, compressed by gzip.
+/// Maximum number of pixels per byte of the file: that of a constant image compressed by gzip.
 const MOST_PIXELS_PER_BYTE: u64 = 5000;
 
-/// What an HDU with `ZIMAGE = T` holds.
+/// The kind of an HDU with `ZIMAGE = T`.
 ///
 /// # Errors
-/// If its keywords contradict the standard, or one another, in words.
+/// If its keywords contradict the standard, or each other, in words.
 pub(super) fn kind(hdu: &Hdu) -> Result<HduKind, String> {
     if !hdu.text("ZCMPTYPE").is_some_and(|algorithm| KNOWN.contains(&algorithm.as_str())) {
         return Ok(HduKind::Compressed);
@@ -50,7 +50,7 @@ pub(super) fn kind(hdu: &Hdu) -> Result<HduKind, String> {
     Ok(HduKind::Image { rows: rows as usize, columns: columns as usize, bitpix })
 }
 
-/// Parameters that decoding relies on.
+/// Checks the parameters used in decoding.
 fn check(hdu: &Hdu) -> Result<(), String> {
     let given = |keyword: &str, least: u64, most: u64| match hdu.value(keyword) {
         None => Ok(()),
@@ -64,7 +64,7 @@ fn check(hdu: &Hdu) -> Result<(), String> {
         given(&format!("ZTILE{axis}"), 1, MOST_PIXELS)?;
     }
     if hdu.text("ZCMPTYPE").is_some_and(|algorithm| algorithm.starts_with("RICE")) {
-        // Pixels in a block of Rice, and bytes of a pixel, in either order.
+        // Pixels per Rice block, and bytes per pixel, in either order.
         given("ZVAL1", 1, 1 << 16)?;
         given("ZVAL2", 1, 1 << 16)?;
     }
@@ -76,10 +76,10 @@ fn check(hdu: &Hdu) -> Result<(), String> {
     Ok(())
 }
 
-/// Whether every tile is where the table says, and the table has as many as the image.
+/// Checks that every tile is where the table says, and that the table has as many as the image.
 ///
 /// # Errors
-/// What is wrong, in words.
+/// The fault, in words.
 pub(super) fn check_tiles(hdu: &Hdu, data: &[u8]) -> Result<(), String> {
     let (width, tiles) = (hdu.natural("NAXIS1", 1 << 20)? as usize, hdu.natural("NAXIS2", MOST_PIXELS)? as usize);
     let heap = width * tiles;
@@ -137,8 +137,8 @@ fn wrong(form: &str) -> String {
     format!("TFORM = '{form}' is no column of a compressed image")
 }
 
-/// Cards (without END) and data of the HDU with other pixels: with the same algorithm and tiles if the pixels are integers, and
-/// without loss by gzip if they are floats.
+/// Cards (without END) and data of the HDU with other pixels: with the same algorithm and tiles for integer pixels, and lossless
+/// gzip for floats.
 pub(super) fn encoded(hdu: &Hdu, pixels: &ImageData, axes: [usize; 2]) -> std::io::Result<(Vec<u8>, Vec<u8>)> {
     let tile = [1, 2].map(|axis| hdu.natural(&format!("ZTILE{axis}"), MOST_PIXELS).ok().map(|length| length as usize));
     let tile = [tile[0].unwrap_or(axes[0]), tile[1].unwrap_or(1)];
@@ -176,7 +176,7 @@ fn compressed<T: CompressPixel>(pixels: &[T], axes: [usize; 2], how: &TileCompre
     compress_image_hdu(&axes, pixels, how, &[]).map_err(std::io::Error::other)
 }
 
-/// Whether a card describes the table or the compression, not the image. (ZHECKSUM and ZDATASUM are those of the image as it was.)
+/// Whether a card describes the table or the compression, not the image. (ZHECKSUM and ZDATASUM are those of the original image.)
 fn of_compression(card: &[u8]) -> bool {
     const FIXED: [&str; 21] = [
         "XTENSION", "BITPIX", "NAXIS", "PCOUNT", "GCOUNT", "TFIELDS", "THEAP", "ZIMAGE", "ZBITPIX", "ZNAXIS",
