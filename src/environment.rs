@@ -4,8 +4,8 @@
 //! [`source`] spectra over time ([`esp`], AP-8, [`cosmic_rays`]; [`solar_cycle`]) → [`shielding`] → NIEL in silicon ([`proton`])
 //! ```
 //!
-//! "Dose" is displacement damage dose in MeV per gram of silicon, everywhere. D(t) of a mission is made of these parts in one
-//! place, the model.
+//! "Dose" is displacement damage dose in MeV per gram of silicon, everywhere. A single place, the model, combines these parts into
+//! D(t) of a mission.
 
 pub mod cosmic_rays;
 pub mod esp;
@@ -18,7 +18,7 @@ pub mod solar_events;
 pub mod source;
 pub mod spectrum;
 
-/// Seconds of a year of 365.25 days.
+/// Seconds per year of 365.25 days.
 pub const SECONDS_PER_YEAR: f64 = 365.25 * 86_400.0;
 
 use std::fmt;
@@ -55,8 +55,8 @@ impl Niel {
         }
     }
 
-    /// NIEL of protons of an energy (MeV), MeV cm²/g, as a reference: the tables' own values at 10 and 12.5 MeV, with which most
-    /// detectors are irradiated, and between 7 and 20 MeV the curve with their deviation from it.
+    /// Reference NIEL of protons at an energy (MeV), MeV cm²/g: the tables' own values at 10 and 12.5 MeV, common energies for
+    /// irradiation tests, and between 7 and 20 MeV the curve, corrected by their deviation from it.
     pub fn at(self, energy_mev: f64) -> f64 {
         let known = [(10.0, self.at_10_mev()), (12.5, self.at_12_5_mev())];
         let curve = self.curve();
@@ -69,7 +69,7 @@ impl Niel {
         correction * curve.at(energy_mev)
     }
 
-    /// NIEL of protons of 12.5 MeV, MeV cm²/g, of the same tables.
+    /// NIEL of 12.5 MeV protons, MeV cm²/g, from the same tables.
     pub fn at_12_5_mev(self) -> f64 {
         match self {
             Niel::Sr => 8.44e-3,
@@ -77,8 +77,8 @@ impl Niel {
         }
     }
 
-    /// NIEL of protons of 10 MeV, MeV cm²/g, as the tables print it: SR-NIEL-7 v11.0 (Boschini et al.), and the RD50 compilation
-    /// (Vasilescu & Lindström), 3.871 times 95 MeV mb. The fitted curves are good to 5 % at one energy.
+    /// NIEL of 10 MeV protons, MeV cm²/g, as printed in the tables: SR-NIEL-7 v11.0 (Boschini et al.), and the RD50 compilation
+    /// (Vasilescu & Lindström), 3.871 times 95 MeV mb. The fitted curves have an error of 5 % at single energies.
     pub fn at_10_mev(self) -> f64 {
         match self {
             Niel::Sr => 9.4037e-3,

@@ -1,5 +1,5 @@
-//! From frames to measurements: tables of edge responses, trails, injected charge and dipoles, as `validate`, `fit` and `diagnose`
-//! read them.
+//! From frames to measurements: tables of edge responses, trails, injected charge and dipoles, in the format read by `validate`,
+//! `fit` and `diagnose`.
 //!
 //! ```text
 //! FITS files ─▶ [exposure] electrons above the bias, in the order of readout ─┬▶ [eper]      ─┐
@@ -8,7 +8,7 @@
 //!                                                                             └▶ [dipoles]   ─┘
 //! ```
 //!
-//! Every value is a mean without outliers ([statistic]); its error comes from the scatter of the pixels that it is the mean of.
+//! Every value is a clipped mean ([statistic]); its error comes from the scatter of the pixels averaged.
 
 pub mod bias;
 pub mod dipoles;
@@ -28,25 +28,25 @@ use crate::warning::{Warning, together};
 use exposure::{About, Reading};
 use table::{Measurement, Origin};
 
-/// What was measured.
+/// Results of the measurement.
 #[derive(Clone, Debug)]
 pub struct Measured {
-    /// The command's word for the way it was measured.
+    /// The command's word for the method.
     pub kind: &'static str,
     /// The tables, the one requested first.
     pub tables: Vec<(Observable, Table)>,
     /// The exposures.
     pub exposures: Vec<About>,
-    /// Numbers of what was used and what was rejected, by name.
+    /// Numbers of used and rejected items, by name.
     pub counts: Vec<(&'static str, usize)>,
-    /// Options, as they were understood.
+    /// Options, as interpreted.
     pub options: Json,
     /// Warnings.
     pub warnings: Vec<Warning>,
 }
 
 impl Measured {
-    /// Puts a word into the `meta` of all tables.
+    /// Adds a word to the `meta` of all tables.
     fn say(&mut self, name: &str, word: &str) {
         for (_, table) in &mut self.tables {
             table.meta.push(Meta { name: name.into(), value: Cell::Text(word.into()), line: None });
@@ -54,7 +54,7 @@ impl Measured {
     }
 }
 
-/// What is found while frames are read.
+/// Results collected while frames are read.
 #[derive(Default)]
 struct Found {
     exposures: Vec<About>,
@@ -63,7 +63,7 @@ struct Found {
 }
 
 impl Found {
-    /// Adds to a number of what was used or rejected.
+    /// Adds to a number of used or rejected items.
     fn count(&mut self, name: &'static str, more: usize) {
         match self.counts.iter_mut().find(|(known, _)| *known == name) {
             Some((_, count)) => *count += more,

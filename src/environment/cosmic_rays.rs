@@ -9,7 +9,7 @@
 //! J(T, φ) = J₀(T + φ) T (T + 2m)/[(T + φ)(T + φ + 2m)]
 //! ```
 //!
-//! φ = 0.44 GV gives the CREME-96 spectrum of the minimum of 1977 to 10 % between 0.1 and 5 GeV.
+//! φ = 0.44 GV reproduces the CREME-96 spectrum of the minimum of 1977 to 10 % between 0.1 and 5 GeV.
 
 use std::f64::consts::PI;
 
@@ -22,14 +22,14 @@ const REST_GEV: f64 = 0.938_272;
 /// Modulation (GV) at solar minimum and at maximum: rounded from the series of Usoskin et al., 0.3 to 0.45 and 0.7 to 1.1.
 pub const MODULATION_GV: (f64, f64) = (0.40, 0.85);
 
-/// Least and greatest modulation (GV) of five solar minima, and of five maxima, 1954 to 2000: Usoskin et al. 2005.
+/// Smallest and largest modulation (GV) of five solar minima, and of five maxima, 1954 to 2000: Usoskin et al. 2005.
 pub const MODULATION_RANGES_GV: [(f64, f64); 2] = [(0.30, 0.45), (0.70, 1.10)];
 
-/// Dose of helium and heavier nuclei over that of the protons: 0.5 to 1, an estimate of this project from their share of the flux
-/// (12 % helium, 1 % heavier) and damage that grows as the square of their charge.
+/// Dose of helium and heavier nuclei relative to that of the protons: 0.5 to 1, an estimate of this project from their share of the
+/// flux (12 % helium, 1 % heavier) and damage proportional to the square of their charge.
 pub const NUCLEI_OVER_PROTONS: f64 = 0.75;
 
-/// Energies (MeV) between which the spectrum is followed.
+/// Range of energies (MeV) of the spectrum.
 const ENERGIES_MEV: (f64, f64) = (1.0, 1e5);
 
 /// Flux of protons of an energy (MeV) at a modulation (GV), per m² s sr GeV.
@@ -70,14 +70,14 @@ mod tests {
         assert_eq!(format!("{:.1}", flux_m2_s_sr_gev(200.0, 0.9)), "417.6");
     }
 
-    /// The default of `uncertainty.cosmic_ray_modulation`: the range of five normal numbers is 2.326 standard deviations on average
+    /// The default of `uncertainty.cosmic_ray_modulation`: the mean range of five normal deviates is 2.326 standard deviations
     /// (Tippett 1925, Biometrika 17, 364).
     #[test]
     fn the_modulation_scatters_from_cycle_to_cycle_as_it_did() {
         let sigmas = MODULATION_RANGES_GV.map(|(least, greatest)| (greatest / least).ln() / 2.326);
         let (minima, maxima) = (sigmas[0], sigmas[1]);
         assert!((0.5 * (minima + maxima) - 0.18).abs() < 0.01, "{minima} {maxima}");
-        // Those of the model lie within.
+        // The values of the model lie within.
         let (minimum, maximum) = MODULATION_GV;
         let inside = |value: f64, (least, greatest): (f64, f64)| value > least && value < greatest;
         assert!(inside(minimum, MODULATION_RANGES_GV[0]) && inside(maximum, MODULATION_RANGES_GV[1]));
@@ -87,7 +87,7 @@ mod tests {
     fn the_modulation_is_least_at_solar_minimum() {
         assert!((modulation_gv(0.0) - 0.40).abs() < 1e-12 && (modulation_gv(0.5) - 0.85).abs() < 1e-12);
         assert!(yearly(0.4).above(100.0) > yearly(0.85).above(100.0));
-        // Beyond some 20 GeV the Sun makes no difference.
+        // Above about 20 GeV the Sun has no effect.
         assert!((yearly(0.4).above(4e4) / yearly(0.85).above(4e4) - 1.0).abs() < 0.05);
     }
 }

@@ -4,8 +4,8 @@
 //! σ² = ln(1 + RV/T)     μ = ln(T · mean) − σ²/2     F(>E) = exp(μ + z_q σ)
 //! ```
 //!
-//! for T solar-active years and a probability q that the fluence is not exceeded. Above 100 MeV: a factor times
-//! F(>100 MeV). Between energies log-log; beyond the ends the power law of the end pair.
+//! for T solar-active years and a probability q that the fluence is not exceeded. Above 100 MeV: a factor times F(>100 MeV).
+//! Log-log interpolation between energies; beyond the ends the power law of the end pair.
 //!
 //! Source: Xapsos et al. 1999, 2000 (IEEE Trans. Nucl. Sci. 46, 1481; 47, 486), with the parameters of
 //! ECSS-E-ST-10-04C (2008), tables B-7 and B-8. Holds at 1 AU outside the magnetosphere (L1, L2, interplanetary).
@@ -57,7 +57,7 @@ pub fn fluence(confidence: f64, active_years: f64) -> Spectrum {
     fluence_at(Normal::standard().inverse_cdf(confidence), active_years)
 }
 
-/// The same, if the confidence is given as the quantile z of the standard normal law.
+/// The same, with the confidence given as the quantile z of the standard normal distribution.
 pub fn fluence_at(z: f64, active_years: f64) -> Spectrum {
     let years = active_years.max(1.0);
     spectrum(|yearly| {
@@ -77,14 +77,14 @@ pub struct Yearly {
 }
 
 impl Yearly {
-    /// Above an energy (MeV) of the table; None between them.
+    /// Above an energy (MeV) in the table; None at other energies.
     pub fn above(energy_mev: f64) -> Option<Yearly> {
         let row = YEARLY.iter().find(|row| row.0 == energy_mev)?;
         Some(Yearly { mean_cm2: row.1, relative_variance: row.2 })
     }
 }
 
-/// The spectrum of a fluence (cm⁻²) that is known where a year's mean and variance are. It never rises with energy.
+/// The spectrum of a fluence (cm⁻²) given at the energies of the table. It never rises with energy.
 pub(super) fn spectrum(fluence: impl Fn(Yearly) -> f64) -> Spectrum {
     let mut least = f64::INFINITY;
     let mut nodes: Vec<(f64, f64)> = Vec::with_capacity(YEARLY.len() + ABOVE_100_MEV.len());

@@ -1,4 +1,4 @@
-//! What shields are made of: density, and the aluminium that slows protons down as much.
+//! Shield materials: density, and the equivalent areal density of aluminium.
 
 use std::fmt;
 
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::proton::ALUMINIUM_G_CM3;
 
-/// What a shield is made of.
+/// Material of a shield.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Material {
@@ -62,11 +62,11 @@ impl Material {
         "polyethylene",
     ];
 
-    /// Density (g/cm³), and the areal density of aluminium that 1 g/cm² of it is worth.
+    /// Density (g/cm³), and the areal density of aluminium equivalent to 1 g/cm².
     ///
-    /// Densities of the Particle Data Group (Atomic and Nuclear Properties, 2020); graphite is that of machined blocks, carbon fibre
-    /// plastic and silicon carbide are typical values. Equivalences: this project's Bethe formula without shell correction, mean
-    /// of 30 to 200 MeV, ±3 % there; heavy metals are worth 10 % less at 10 MeV.
+    /// Densities of the Particle Data Group (Atomic and Nuclear Properties, 2020); graphite is that of machined blocks, carbon
+    /// fibre plastic and silicon carbide are typical values. Equivalences: this project's Bethe formula without shell correction,
+    /// mean over 30 to 200 MeV, ±3 % there; for heavy metals they are 10 % lower at 10 MeV.
     pub fn density_and_equivalence(self) -> (f64, f64) {
         match self {
             Material::Aluminium => (ALUMINIUM_G_CM3, 1.0),
@@ -92,7 +92,7 @@ impl Material {
         self.density_and_equivalence().0
     }
 
-    /// Aluminium (g/cm²) that 1 g/cm² is worth.
+    /// Areal density of aluminium (g/cm²) equivalent to 1 g/cm².
     pub fn equivalence(self) -> f64 {
         self.density_and_equivalence().1
     }

@@ -1,6 +1,6 @@
-//! What a proton does in matter: its range in aluminium and its displacement damage in silicon.
+//! Protons in matter: range in aluminium and displacement damage in silicon.
 //!
-//! Both are Chebyshev fits, ln y = Σ c_k T_k(x) with x = 2 ln(E/lo)/ln(hi/lo) − 1, made for this project: nine numbers in
+//! Both are Chebyshev fits, ln y = Σ c_k T_k(x) with x = 2 ln(E/lo)/ln(hi/lo) − 1, made for this project: nine coefficients in
 //! place of a copied table.
 
 /// Density of aluminium, g/cm³ (NIST PSTAR).
@@ -14,15 +14,15 @@ pub const NIEL_NEUTRON_1MEV: f64 = 95e-27 * 6.022_140_76e23 / 28.0855;
 pub struct Curve {
     low_mev: f64,
     high_mev: f64,
-    /// Exponent of the power law that continues the curve below the fitted energies: the tables' own mean slope from
-    /// there down to 1 keV. (The slope of a Chebyshev fit at its very end is not to be trusted.)
+    /// Exponent of the power law below the fitted energies: the tables' own mean slope from there down to 1 keV. (The slope at the
+    /// very end of a Chebyshev fit is unreliable.)
     exponent_below: f64,
-    /// Growth per MeV above the fitted energies.
+    /// Increase per MeV above the fitted energies.
     slope_above: f64,
     coefficients: [f64; 9],
 }
 
-/// Range of protons in aluminium, g/cm², continuous slowing down. Fit to NIST PSTAR, 0.1 to 1000 MeV, good to 0.12 %.
+/// Range of protons in aluminium, g/cm², continuous slowing down. Fit to NIST PSTAR, 0.1 to 1000 MeV, accurate to 0.12 %.
 pub const RANGE_ALUMINIUM: Curve = Curve {
     low_mev: 0.1,
     high_mev: 1000.0,
@@ -42,8 +42,8 @@ pub const RANGE_ALUMINIUM: Curve = Curve {
     ],
 };
 
-/// Non-ionising energy loss of protons in silicon, MeV cm²/g. Fit to SR-NIEL (displacement threshold 21 eV), 0.01 to
-/// 1000 MeV, good to 3.7 % pointwise and 1.1 % on a dose.
+/// Non-ionising energy loss of protons in silicon, MeV cm²/g. Fit to SR-NIEL (displacement threshold 21 eV), 0.01 to 1000 MeV,
+/// accurate to 3.7 % pointwise and 1.1 % on a dose.
 pub const NIEL_SR: Curve = Curve {
     low_mev: 0.01,
     high_mev: 1000.0,
@@ -112,9 +112,9 @@ impl Curve {
         (self.at(energy_mev), self.log_slope(energy_mev))
     }
 
-    /// Energy (MeV) at which a rising curve has a value.
+    /// Energy (MeV) at which an increasing curve has a value.
     pub fn inverse(&self, value: f64) -> f64 {
-        // Newton's method in logarithms: the curves that are inverted are close to a power law.
+        // Newton's method in logarithms: the inverted curves are close to a power law.
         let mut energy_mev = (self.low_mev * self.high_mev).sqrt();
         for _ in 0..60 {
             let (here, slope) = self.value_and_slope(energy_mev);

@@ -1,4 +1,4 @@
-//! What protons do in a shield besides slowing down: nuclear reactions.
+//! Nuclear reactions of protons in a shield.
 //!
 //! ```text
 //! primaries left   exp(−t/λ)              λ = 107 g/cm², the interaction length of aluminium
@@ -6,8 +6,8 @@
 //! their damage     NIEL of neutrons of some MeV, 2.5e-3 MeV cm²/g
 //! ```
 //!
-//! An estimate, good to a factor of 2: multiplicities are those of aluminium and of one reaction each, the mass of the spacecraft
-//! behind the detector adds to them, and heavy metals make several times as many. λ: Particle Data Group, Atomic and Nuclear
+//! An estimate, accurate to a factor of 2: multiplicities are for aluminium and one reaction each. The mass of the spacecraft
+//! behind the detector adds to them, and heavy metals produce several times as many. λ: Particle Data Group, Atomic and Nuclear
 //! Properties (2020).
 
 use super::proton::RANGE_ALUMINIUM;
@@ -23,20 +23,20 @@ const NIEL_NEUTRONS: f64 = 2.5e-3;
 /// Energy (MeV) behind the shield above which protons are counted.
 const COUNTED_MEV: f64 = 0.1;
 
-/// Share of the dose that matters: a warning is given beyond it.
+/// Share of the dose above which a warning is given.
 pub const MATTERS: f64 = 0.05;
 
-/// What reactions take and add, as doses in silicon (MeV/g).
+/// Effects of reactions, as doses in silicon (MeV/g).
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Secondaries {
-    /// Lost with the protons that react.
+    /// Dose lost with the protons that react.
     pub lost_mev_g: f64,
-    /// Made by neutrons.
+    /// Dose from neutrons.
     pub neutrons_mev_g: f64,
 }
 
 impl Secondaries {
-    /// Behind a shield, of a spectrum with a dose (MeV/g) behind each direction, and neutrons per reaction.
+    /// Behind a shield, for a spectrum with a dose (MeV/g) behind each direction, and neutrons per reaction.
     pub fn of(shield: &Shield, spectrum: &Spectrum, dose_mev_g: f64, neutrons: f64) -> Secondaries {
         let range = RANGE_ALUMINIUM.at(COUNTED_MEV);
         let behind = |direction: &Direction| spectrum.above(RANGE_ALUMINIUM.inverse(range + direction.aluminium_g_cm2));

@@ -1,14 +1,14 @@
 //! Spectrum and shield → spectrum behind the shield and its displacement damage dose.
 //!
 //! Straight ahead, continuous slowing down: a proton that leaves with E_out entered with E_in = R⁻¹(R(E_out) + t). A shield is a
-//! list of directions, each with its share of the sky and a thickness t. A sphere has one. A slab is seen under the angle arccos μ,
-//! has thickness t/μ and covers half of the sky; nothing comes from the other half.
+//! list of directions, each with its share of the sky and a thickness t. A sphere has one. A slab at the angle arccos μ has
+//! thickness t/μ and covers half of the sky; no protons come from the other half.
 //!
 //! ```text
 //! D = Σ share ∫ NIEL(E_out) f(E_in) dE_in        slab: D = ½ ∫₀¹ D_sphere(t/μ) dμ
 //! ```
 //!
-//! What this leaves out is in [`super::secondaries`].
+//! Effects neglected here are in [`super::secondaries`].
 
 use std::fmt;
 use std::num::NonZeroUsize;
@@ -38,14 +38,14 @@ impl fmt::Display for Geometry {
     }
 }
 
-/// A direction, or several alike.
+/// A direction, or several equal ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Direction {
     /// Share of the sky (4π).
     pub share: f64,
     /// Areal density, g/cm².
     pub areal_g_cm2: f64,
-    /// Areal density of the aluminium that slows protons down as much, g/cm².
+    /// Equivalent areal density of aluminium, g/cm².
     pub aluminium_g_cm2: f64,
 }
 
@@ -57,7 +57,7 @@ pub struct Shield {
 }
 
 impl Shield {
-    /// A shape with a thickness in its normal direction: areal density, and that of the aluminium it is worth, g/cm².
+    /// A shape with a thickness along its normal: areal density, and its equivalent in aluminium, g/cm².
     pub fn of(geometry: Geometry, areal_g_cm2: f64, aluminium_g_cm2: f64) -> Shield {
         let direction = |share: f64, cosine: f64| Direction {
             share,
@@ -68,14 +68,14 @@ impl Shield {
             Geometry::Sphere => vec![direction(1.0, 1.0)],
             Geometry::Slab => {
                 let legendre = GaussLegendre::new(NonZeroUsize::new(24).expect("24 points"));
-                // Nodes and weights of −1 to 1.
+                // Nodes and weights on −1 to 1.
                 legendre.iter().map(|(node, weight)| direction(0.25 * weight, 0.5 * (1.0 + node))).collect()
             }
         };
         Shield { directions }
     }
 
-    /// Aluminium of a shape and thickness (mm).
+    /// Aluminium of this shape and thickness (mm).
     pub fn aluminium(geometry: Geometry, thickness_mm: f64) -> Shield {
         let areal_g_cm2 = thickness_mm / 10.0 * ALUMINIUM_G_CM3;
         Shield::of(geometry, areal_g_cm2, areal_g_cm2)
@@ -91,7 +91,7 @@ impl Shield {
         Shield { directions: self.directions.iter().map(scaled).collect() }
     }
 
-    /// Mean over the sky of what arrives behind a direction; nothing comes from where there is none.
+    /// Mean over the sky of a quantity behind each direction; zero where there is no direction.
     pub fn mean(&self, arriving: impl Fn(&Direction) -> f64) -> f64 {
         self.directions.iter().map(|direction| direction.share * arriving(direction)).sum()
     }
@@ -102,8 +102,8 @@ impl Shield {
         self.mean(|direction| spectrum.above(RANGE_ALUMINIUM.inverse(range + direction.aluminium_g_cm2)))
     }
 
-    /// Displacement damage dose in silicon (MeV/g) behind the shield. Behind as many directions as ray tracing gives it is
-    /// interpolated between thicknesses.
+    /// Displacement damage dose in silicon (MeV/g) behind the shield. For the many directions of ray tracing it is interpolated
+    /// between thicknesses.
     pub fn dose(&self, spectrum: &Spectrum, niel: &Curve) -> f64 {
         if self.directions.len() <= DIRECTIONS {
             return self.mean(|direction| dose_behind(spectrum, direction.aluminium_g_cm2, niel));
@@ -121,7 +121,7 @@ impl Shield {
     }
 }
 
-/// Directions up to which each is computed by itself.
+/// Maximum number of directions for which each is computed separately.
 const DIRECTIONS: usize = 48;
 
 /// Dose against thickness of aluminium, tabulated.
@@ -131,7 +131,7 @@ pub struct DepthCurve {
 }
 
 impl DepthCurve {
-    /// Between two thicknesses, g/cm².
+    /// For a range of thicknesses, g/cm².
     pub fn of(spectrum: &Spectrum, niel: &Curve, least: f64, most: f64) -> DepthCurve {
         let (from, to) = (least.max(THINNEST).ln(), most.max(1.5 * least).max(1.5 * THINNEST).ln());
         let point = |index: usize| {
@@ -141,8 +141,8 @@ impl DepthCurve {
         DepthCurve { points: (0..=DIRECTIONS).map(point).collect() }
     }
 
-    /// Dose (MeV/g) behind a thickness (g/cm²): a cubic of the logarithms through the four nearest points, between the two next to
-    /// it. (Where a spectrum ends a cubic overshoots.)
+    /// Dose (MeV/g) behind a thickness (g/cm²): a cubic in the logarithms through the four nearest points, limited to the range of
+    /// the two adjacent ones. (At the end of a spectrum a cubic overshoots.)
     pub fn at(&self, thickness_g_cm2: f64) -> f64 {
         let log = thickness_g_cm2.max(THINNEST).ln();
         let first = self.points.partition_point(|point| point.0 <= log).saturating_sub(2).min(self.points.len() - 4);
@@ -158,11 +158,11 @@ impl DepthCurve {
     }
 }
 
-/// Thickness (g/cm²) below which all are alike: protons that 0.4 µm stop make no damage that is counted.
+/// Thickness (g/cm²) below which all are equivalent: protons stopped by 0.4 µm cause no damage that is counted.
 const THINNEST: f64 = 1e-4;
 
-/// Emerging energies (MeV) over which a dose is integrated. Slower protons, of less than 1 keV, displace next to nothing
-/// (SR-NIEL falls to 0 at 0.15 keV).
+/// Emerging energies (MeV) over which a dose is integrated. Slower protons, of less than 1 keV, displace almost nothing (SR-NIEL
+/// falls to 0 at 0.15 keV).
 const EMERGING_MEV: (f64, f64) = (1e-3, 1e5);
 
 /// Displacement damage dose in silicon (MeV/g) behind aluminium (g/cm²) in all directions.
@@ -172,7 +172,7 @@ fn dose_behind(spectrum: &Spectrum, thickness_g_cm2: f64, niel: &Curve) -> f64 {
         let left = RANGE_ALUMINIUM.at(entering_mev) - thickness_g_cm2;
         if left > 0.0 { RANGE_ALUMINIUM.inverse(left) } else { 0.0 }
     };
-    // Where the law of the spectrum changes, and at least every factor of two, as NIEL bends.
+    // At kinks of the spectrum, and at least every factor of two, as NIEL is curved.
     let (low, high) = EMERGING_MEV;
     let mut cuts: Vec<f64> = spectrum.kinks_mev().map(emerging).filter(|e| *e > low && *e < high).collect();
     cuts.extend((0..=26).map(|k| low * 2_f64.powi(k)).filter(|e| *e < high));

@@ -1,8 +1,7 @@
-//! Solar maxima and the years around them in which protons come.
+//! Solar maxima and the active years around them.
 //!
-//! ECSS-E-ST-10-04C (2008), annex B.1: a cycle of 11 years has 7 active ones, from 2.5 years before the maximum to 4.5
-//! years after it; the other 4 add nothing. After the last maximum that is known the Sun goes on at the mean length of a
-//! cycle.
+//! ECSS-E-ST-10-04C (2008), annex B.1: a cycle of 11 years has 7 active ones, from 2.5 years before the maximum to 4.5 years after
+//! it; the other 4 contribute nothing. After the last known maximum, cycles have the mean length.
 
 use std::f64::consts::TAU;
 
@@ -12,7 +11,7 @@ pub const ACTIVE_BEFORE_YR: f64 = 2.5;
 pub const ACTIVE_AFTER_YR: f64 = 4.5;
 /// Active years of a cycle.
 pub const ACTIVE_YR: f64 = ACTIVE_BEFORE_YR + ACTIVE_AFTER_YR;
-/// Active share of a cycle: 7 years of 11.
+/// Active fraction of a cycle: 7 years of 11.
 pub const ACTIVE_SHARE: f64 = ACTIVE_YR / CYCLE_YR;
 /// Mean length of a cycle, yr.
 pub const CYCLE_YR: f64 = 11.0;
@@ -31,12 +30,12 @@ pub const MAXIMA: [f64; 7] = [1958.2, 1968.9, 1979.9, 1989.9, 2000.3, 2014.3, 20
 pub struct Maximum {
     /// Decimal year.
     pub year: f64,
-    /// How many cycles after the last one that is known; 0 if it is known.
+    /// Number of cycles after the last known one; 0 if it is known.
     pub cycles_ahead: u32,
 }
 
 impl Maximum {
-    /// Standard deviation of its date, yr: the lengths of cycles scatter independently.
+    /// Standard deviation of its date, yr: the lengths of cycles vary independently.
     pub fn sigma_yr(&self) -> f64 {
         CYCLE_SCATTER_YR * f64::from(self.cycles_ahead).sqrt()
     }
@@ -54,14 +53,14 @@ pub fn maxima(known: &[f64], until: f64) -> Vec<Maximum> {
     maxima
 }
 
-/// A stretch of active years.
+/// An interval of active years.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ActiveYears {
     /// Start, decimal year.
     pub from: f64,
     /// End, decimal year.
     pub to: f64,
-    /// Whether it is that of a maximum after the last one that is known.
+    /// Whether it belongs to an extrapolated maximum.
     pub extrapolated: bool,
 }
 
@@ -82,7 +81,7 @@ pub fn active_years(maxima: &[Maximum]) -> Vec<ActiveYears> {
 /// Minima of the solar cycle, decimal years; that of 2031 is assumed.
 const MINIMA: [f64; 8] = [1954.3, 1964.8, 1976.2, 1986.7, 1996.6, 2008.9, 2019.9, 2031.0];
 
-/// The solar cycle from minimum to minimum, as seen by something that follows it later.
+/// The solar cycle from minimum to minimum, with a delay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Phase {
     /// Delay behind the Sun, yr.
@@ -90,7 +89,7 @@ pub struct Phase {
 }
 
 impl Phase {
-    /// Phase at a decimal year: 0 at minimum, ½ in the middle between two minima, up to 1.
+    /// Phase at a decimal year: 0 at minimum, ½ half-way between two minima, up to 1.
     pub fn at(self, year: f64) -> f64 {
         let (from, to) = around(year - self.lag_yr);
         (year - self.lag_yr - from) / (to - from)
@@ -125,7 +124,7 @@ impl Phase {
     }
 }
 
-/// Minima before (or at) and after a decimal year; beyond those that are known every [`CYCLE_YR`].
+/// Minima before (or at) and after a decimal year; beyond the known ones, one every [`CYCLE_YR`].
 fn around(year: f64) -> (f64, f64) {
     let (first, last) = (MINIMA[0], MINIMA[MINIMA.len() - 1]);
     if year < first {
@@ -134,7 +133,7 @@ fn around(year: f64) -> (f64, f64) {
     }
     if year >= last {
         let on = last + CYCLE_YR * ((year - last) / CYCLE_YR).floor();
-        // Rounding may leave the year at the end.
+        // Rounding may leave the year at the end of the interval.
         return if year < on + CYCLE_YR { (on, on + CYCLE_YR) } else { (on + CYCLE_YR, on + 2.0 * CYCLE_YR) };
     }
     let after = MINIMA.partition_point(|minimum| *minimum <= year);
@@ -171,7 +170,7 @@ mod tests {
         let lengths: Vec<f64> = MAXIMA.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
         let variance = lengths.iter().map(|length| (length - mean).powi(2)).sum::<f64>() / (lengths.len() - 1) as f64;
-        // Six cycles: the mean to scatter/√6, the scatter to 30 %.
+        // Six cycles: the mean within scatter/√6, the scatter to 30 %.
         assert!((mean - CYCLE_YR).abs() < 2.0 * CYCLE_SCATTER_YR / 6_f64.sqrt(), "{mean}");
         assert!((variance.sqrt() / CYCLE_SCATTER_YR - 1.0).abs() < 0.6, "{}", variance.sqrt());
     }

@@ -1,22 +1,22 @@
-//! The Sun as events: solar proton events of a mission, drawn at random.
+//! The Sun as a series of events: random solar proton events of a mission.
 //!
-//! Events of active years are a Poisson process of w a year. The logarithm of an event's fluence above an energy is normal, with
-//! one standard normal z for all energies, so that a year has ESP's mean and relative variance RV at each of them:
+//! Events of active years are a Poisson process with a rate w per year. The logarithm of an event's fluence above an energy is
+//! normal, with one standard normal z for all energies, such that a year has ESP's mean and relative variance RV at each of them:
 //!
 //! ```text
 //! φ(>E) = exp(μ + z σ)      σ² = ln(w RV)      μ = ln(mean/w) − σ²/2
 //! ```
 //!
 //! w: ECSS-E-ST-10-04C (2008), table I-2. Sums of such events have ESP's mean, but not its quantiles: ESP is not closed under
-//! addition, so that no independent events give them for all lengths of time. Therefore each sample has a rank: the probability p
-//! that a mission of as many active years T has a smaller sum above 30 MeV. Who turns events into a fluence or a dose gives the
-//! active events of a sample ESP's total of T and p, and each of them its share ([`SunSample::confidence`]).
+//! addition, so no independent events reproduce them for all durations. Therefore each sample has a rank: the probability p that a
+//! mission with as many active years T has a smaller sum above 30 MeV. In a conversion to fluence or dose, the active events of a
+//! sample together receive ESP's total for T and p, and each of them its share ([`SunSample::confidence`]).
 //!
-//! Events of quiet years are rarer (w ≈ 1.6), smaller (exp μ times 0.55) and scatter less (0.8 σ). ESP has none of them, so they
-//! keep their own size. Source: list of solar proton events affecting the Earth environment (NOAA/NCEI), 1976 to July 2026, in
-//! which events less than a week apart are one and peak fluxes stand for fluences.
+//! Events of quiet years are rarer (w ≈ 1.6), smaller (exp μ times 0.55) and scatter less (0.8 σ). ESP does not include them, so
+//! they keep their own size. Source: list of solar proton events affecting the Earth environment (NOAA/NCEI), 1976 to July 2026, in
+//! which events less than a week apart are merged and peak fluxes replace fluences.
 //!
-//! The height of a coming maximum is not drawn: ESP's distribution holds it. See [`HEIGHTS`].
+//! The height of a future maximum is not drawn: ESP's distribution includes it. See [`HEIGHTS`].
 
 mod calendar;
 mod ranks;
@@ -47,21 +47,23 @@ pub const EVENTS_PER_ACTIVE_YR: f64 = 6.15;
 
 /// Maxima of the 13-month smoothed international sunspot number v2.0, cycles 19 to 25 (NOAA/SWPC).
 ///
-/// Events are more frequent in higher cycles, in proportion to the sunspot number, with the same distribution of sizes (Nymmik, Moscow
-/// State University, quantitative probabilistic model of the fluxes of solar energetic particles); but their mean fluence is smaller
-/// there (Barnard & Lockwood 2011, J. Geophys. Res. 116, A05103, cycles 20 to 23), so that not even the sign of what height does to the fluence of a cycle is known. Cycle 24 had a third
-/// fewer events than cycle 23, and 4 to 10 times less fluence above 10 MeV (Mewaldt et al. 2015, PoS ICRC2015 030).
+/// Events are more frequent in higher cycles, in proportion to the sunspot number, with the same distribution of sizes (Nymmik,
+/// Moscow State University, quantitative probabilistic model of the fluxes of solar energetic particles); but their mean fluence is
+/// smaller there (Barnard & Lockwood 2011, J. Geophys. Res. 116, A05103, cycles 20 to 23). So even the sign of the effect of height
+/// on the fluence of a cycle is unknown. Cycle 24 had a third fewer events than cycle 23, and 4 to 10 times less fluence above 10
+/// MeV (Mewaldt et al. 2015, PoS ICRC2015 030).
 ///
-/// ESP is fitted to years of the maxima of three cycles, 20 to 22, whose heights differ. If fluences were in proportion to the height, and ESP
-/// held nothing of it, heights would add 5 % at most to the variance of the logarithm of the fluence of a cycle's seven active years
-/// above 30 MeV, and 2 % of the standard deviation (a test). Such differences as between cycles 23 and 24 are within ESP's distribution as well.
+/// ESP is fitted to years of the maxima of three cycles, 20 to 22, whose heights differ. If fluences were proportional to the
+/// height, and ESP did not include this, heights would add at most 5 % to the variance of the logarithm of the fluence of a cycle's
+/// seven active years above 30 MeV, and 2 % to the standard deviation (a test). Differences as between cycles 23 and 24 are also
+/// within ESP's distribution.
 pub const HEIGHTS: [f64; 7] = [285.0, 156.6, 232.9, 212.5, 180.3, 116.4, 160.9];
 
-/// Energy (MeV) above which the sum of events decides on the rank of a sample.
+/// Energy (MeV) above which the sum of events determines the rank of a sample.
 const RANKED_MEV: f64 = 30.0;
 
 impl Activity {
-    /// Mean number of events a year.
+    /// Mean number of events per year.
     pub fn events_per_yr(self) -> f64 {
         match self {
             Activity::Active => EVENTS_PER_ACTIVE_YR,
@@ -69,7 +71,7 @@ impl Activity {
         }
     }
 
-    /// Fluence (cm⁻²) of an event of size z, at an energy at which active years have this mean and variance.
+    /// Fluence (cm⁻²) of an event of size z, at an energy with this mean and variance in active years.
     fn fluence(self, yearly: Yearly, z: f64) -> f64 {
         let sigma = (EVENTS_PER_ACTIVE_YR * yearly.relative_variance).ln().sqrt();
         let mu = (yearly.mean_cm2 / EVENTS_PER_ACTIVE_YR).ln() - 0.5 * sigma * sigma;
@@ -92,7 +94,7 @@ pub struct Event {
     pub t_yr: f64,
     /// Size: standard deviations above the mean of the logarithm.
     pub z: f64,
-    /// Of the Sun at its time.
+    /// Activity of the Sun at this time.
     pub activity: Activity,
 }
 
@@ -101,14 +103,14 @@ pub struct Event {
 pub struct SunSample {
     /// Active years of the mission; 0 or at least 1, as ESP counts them.
     pub active_years: f64,
-    /// Probability p that the events of so many active years make a smaller sum above 30 MeV. The fluence of all active events
-    /// together is ESP's of `active_years` at this confidence.
+    /// Probability p that a mission with this number of active years has a smaller sum of events above 30 MeV. The fluence of all
+    /// active events together is ESP's for `active_years` at this confidence.
     pub confidence: f64,
-    /// Events: first the active ones, then the quiet ones, each in the order of time.
+    /// Events: first the active ones, then the quiet ones, each sorted by time.
     pub events: Vec<Event>,
 }
 
-/// Samples of the Sun over a mission. The same seed gives the same bits, with any number of threads.
+/// Samples of the Sun over a mission. The same seed gives the same bits, for any number of threads.
 #[derive(Clone, Debug)]
 pub struct SolarEvents {
     sun: Sun,
@@ -119,8 +121,8 @@ pub struct SolarEvents {
 }
 
 impl SolarEvents {
-    /// Samples of the Sun over a mission of `duration_yr` years. Events are drawn anew when a sample is needed, since many samples
-    /// of long missions would fill the memory.
+    /// Samples of the Sun over a mission of `duration_yr` years. Events are regenerated when a sample is needed, since many samples
+    /// of long missions would exhaust the memory.
     pub fn new(sun: Sun, duration_yr: f64, samples: u32, seed: u64) -> SolarEvents {
         let mut events = SolarEvents { sun, duration_yr, seed, ranked: Vec::new() };
         let indices = 0..u64::from(samples);
@@ -151,7 +153,7 @@ impl SolarEvents {
         self.ranked.len()
     }
 
-    /// Least and greatest number of active years above 0, as ESP counts them; None if no sample has any.
+    /// Smallest and largest number of active years above 0, as ESP counts them; None if no sample has any.
     pub fn active_years(&self) -> Option<(f64, f64)> {
         let years = || self.ranked.iter().map(|(years, _)| *years).filter(|years| *years > 0.0);
         years().next()?;
@@ -161,12 +163,12 @@ impl SolarEvents {
     /// A sample.
     ///
     /// # Panics
-    /// If there are not so many.
+    /// If there are not that many.
     pub fn sample(&self, index: usize) -> SunSample {
         let (active_years, confidence) = self.ranked[index];
         let index = index as u64;
         let calendar = self.calendar(index);
-        // Less than one active year has the events of one.
+        // Less than one active year has the events of a full year.
         let stretch = if active_years > 0.0 { calendar.years(Activity::Active) / active_years } else { 1.0 };
         let of = |activity: Activity, until_yr: f64, stretch: f64| {
             let when = |at_yr: f64| calendar.when(activity, stretch * at_yr);
@@ -183,7 +185,7 @@ impl SolarEvents {
         self.sun.drawn(self.duration_yr, &mut self.random(index, Draw::Cycles))
     }
 
-    /// Elapsed active or quiet time (yr), up to one, and size of the events of a sample.
+    /// Elapsed active or quiet time (yr), up to a limit, and size of the events of a sample.
     fn events(&self, index: u64, activity: Activity, until_yr: f64) -> impl Iterator<Item = (f64, f64)> {
         let draw = match activity {
             Activity::Active => Draw::ActiveEvents,
@@ -200,10 +202,10 @@ impl SolarEvents {
     }
 }
 
-/// Streams of the Sun, apart from those of everything else that is drawn with the same seed.
+/// Random streams of the Sun, separate from all other uses of the same seed.
 const STREAMS: u64 = 1 << 42;
 
-/// What is drawn of a sample, each from a stream of its own.
+/// The quantities drawn for a sample, each from its own stream.
 #[derive(Clone, Copy)]
 enum Draw {
     Cycles,
@@ -217,7 +219,7 @@ fn esp_years(calendar: &Calendar) -> f64 {
     if years > 0.0 { years.max(1.0) } else { 0.0 }
 }
 
-/// Times (yr) up to one, and sizes, of events that come independently of each other, so many a year.
+/// Times (yr) up to a limit, and sizes, of independent events at a given rate per year.
 fn poisson(mut random: ChaCha8Rng, per_yr: f64, until_yr: f64) -> impl Iterator<Item = (f64, f64)> {
     let mut at_yr = 0.0;
     iter::from_fn(move || {
@@ -257,7 +259,7 @@ mod tests {
         }
     }
 
-    /// What the height of maxima could add to ESP at most: see [`HEIGHTS`].
+    /// The maximum effect of the height of maxima on ESP: see [`HEIGHTS`].
     #[test]
     fn the_distribution_of_esp_holds_the_height_of_maxima() {
         let logs = HEIGHTS.map(f64::ln);
@@ -266,7 +268,7 @@ mod tests {
         assert!((heights.sqrt() - 0.295).abs() < 0.001, "{}", heights.sqrt());
         let of_esp =
             |energy_mev: f64, years: f64| (Yearly::above(energy_mev).unwrap().relative_variance / years).ln_1p();
-        // Behind a shield energies above 30 MeV count.
+        // Behind a shield, energies above 30 MeV matter.
         for energy_mev in [30.0, 60.0, 100.0] {
             let share = heights / (heights + of_esp(energy_mev, 7.0));
             assert!(share < 0.05, "{energy_mev} MeV: {share}");

@@ -1,4 +1,4 @@
-//! Sources of protons: each a card and a law, one file and one line.
+//! Sources of protons: each has a card and a law, one file and one line.
 //!
 //! ```text
 //! orbit, Sun, date → source → streams: a spectrum for each law of time → shield → dose rate
@@ -27,16 +27,16 @@ pub static SOURCES: [&dyn Source; 4] = [
     &cosmic_ray_nuclei::CosmicRayNuclei,
 ];
 
-/// What a source is, for people.
+/// Description of a source.
 #[derive(Debug, PartialEq)]
 pub struct Card {
     /// Name in mission files.
     pub name: &'static str,
-    /// What it is.
+    /// Meaning.
     pub what: &'static str,
     /// The law, in one sentence.
     pub law: &'static str,
-    /// Where it holds, and how well.
+    /// Range of validity, and accuracy.
     pub range: &'static str,
     /// Papers and standards.
     pub citation: &'static str,
@@ -44,13 +44,13 @@ pub struct Card {
 
 /// A source of protons.
 pub trait Source: Sync {
-    /// What it is.
+    /// Its description.
     fn card(&self) -> &'static Card;
 
-    /// Whether protons of it arrive at a place.
+    /// Whether its protons reach a place.
     fn reaches(&self, place: &Place) -> bool;
 
-    /// Its spectra, each with the time at which it comes.
+    /// Its spectra, each with its time dependence.
     fn streams(&self, setting: &Setting) -> Vec<Stream>;
 
     /// Whether its spectra depend on confidence and active years.
@@ -63,13 +63,13 @@ pub trait Source: Sync {
         false
     }
 
-    /// Neutrons that a nuclear reaction of one of its protons makes.
+    /// Neutrons per nuclear reaction of one of its protons.
     fn neutrons(&self) -> f64 {
         2.0
     }
 }
 
-/// Where a mission flies, as far as protons are concerned.
+/// Location of a mission, for protons.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
     /// Around the Sun at 1 AU, or far enough from the Earth.
@@ -78,41 +78,41 @@ pub enum Place {
     Earth(Elements),
 }
 
-/// What sources depend on.
+/// Inputs of the sources.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
-    /// Where.
+    /// Location.
     pub place: Place,
-    /// Decimal year of the middle of the mission: the magnetic field is of then.
+    /// Decimal year of the middle of the mission: the epoch of the magnetic field.
     pub middle: f64,
     /// Probability that the fluence of solar protons is not exceeded.
     pub confidence: f64,
-    /// Active years whose quantile is taken at once, above 0.
+    /// Active years of the quantile of the sum, above 0.
     pub active_years: f64,
-    /// Modulation of cosmic rays over that of a mean cycle, at each phase.
+    /// Modulation of cosmic rays relative to a mean cycle, at each phase.
     pub modulation: f64,
 }
 
 impl Setting {
-    /// The same for sources that do not depend on events: all such settings are one.
+    /// The same for sources that do not depend on events: all such settings are equal.
     pub(crate) fn without_events(&self) -> Setting {
         Setting { confidence: 0.5, active_years: 1.0, ..self.clone() }
     }
 }
 
-/// A spectrum and when it comes.
+/// A spectrum and its time dependence.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stream {
-    /// Omnidirectional fluence of a year of it, cm⁻².
+    /// Omnidirectional fluence per year, cm⁻².
     pub yearly: Spectrum,
-    /// How much of it comes when.
+    /// Its time dependence.
     pub when: When,
 }
 
-/// A share of a stream over time.
+/// Time dependence of a stream.
 #[derive(Clone, Debug, PartialEq)]
 pub enum When {
-    /// All in the active years of the Sun, nothing in the others.
+    /// All in the active years of the Sun, none in the others.
     ActiveYears,
     /// Σ c_k cos 2πkx with the phase x of the solar cycle.
     Cycle {
@@ -121,12 +121,12 @@ pub enum When {
         /// The phase.
         phase: Phase,
     },
-    /// Always.
+    /// Constant.
     Always,
 }
 
 impl When {
-    /// The same with the Sun held at a phase of its cycle.
+    /// The same with the Sun fixed at a phase of its cycle.
     pub fn held(&self, activity: Activity) -> When {
         match self {
             When::Cycle { cosines, phase } => {
@@ -139,8 +139,8 @@ impl When {
     }
 }
 
-/// For each of so many phases from minimum to maximum, the cosines of the share that interpolates between spectra there: a
-/// quantity that is even in the phase is met at all of them.
+/// For each of `nodes` phases from minimum to maximum, the cosine coefficients of the weight that interpolates between spectra
+/// there: a quantity that is even in the phase is exact at all of them.
 pub(crate) fn interpolation(nodes: usize) -> Vec<Vec<f64>> {
     let last = nodes - 1;
     let half = |index: usize| if index == 0 || index == last { 0.5 } else { 1.0 };
@@ -149,7 +149,7 @@ pub(crate) fn interpolation(nodes: usize) -> Vec<Vec<f64>> {
     (0..nodes).map(|node| (0..nodes).map(|k| cosine(node, k)).collect()).collect()
 }
 
-/// The source of a name.
+/// The source with this name.
 pub fn source(name: &str) -> Option<&'static dyn Source> {
     SOURCES.into_iter().find(|source| source.card().name == name)
 }

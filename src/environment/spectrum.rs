@@ -1,18 +1,18 @@
 //! Energy spectra of protons, as fluences above an energy.
 //!
-//! From here to the damage, the chain is linear in a spectrum from any source: the Sun, the belts, the Galaxy, or another program.
+//! From here to the damage, the chain is linear in the spectrum of any source: the Sun, the belts, the Galaxy, or another program.
 
-/// Integral fluence spectrum, omnidirectional (4π): known at some energies, with a law between them.
+/// Integral fluence spectrum, omnidirectional (4π): given at some energies, with a law in between.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spectrum {
     /// Energy (MeV) and ln(F(>E) cm²), by energy.
     nodes: Vec<(f64, f64)>,
     law: Law,
-    /// Energies (MeV) at which the law's parameters change so much that an integral has to stop there.
+    /// Energies (MeV) at which the law's parameters change so much that an integral must be split there.
     kinks: Vec<f64>,
 }
 
-/// How a fluence falls with energy between two nodes.
+/// Decrease of a fluence with energy between two nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Law {
     /// As a power of the energy.
@@ -31,15 +31,15 @@ impl Law {
     }
 }
 
-/// Fluence (cm⁻²) that is none: what a law leaves far beyond its last energy.
+/// Fluence (cm⁻²) that counts as zero: what a law gives far beyond its last energy.
 const NOTHING_CM2: f64 = 1e-12;
 
-/// Energies of a decade at which a spectrum is tabulated that is a product or a formula.
+/// Energies per decade in the tabulation of a product or a formula.
 const PER_DECADE: f64 = 40.0;
 
 impl Spectrum {
-    /// From energies (MeV, rising) and fluences above them (cm⁻², falling). Beyond the ends the law of the end pair holds. Energies
-    /// from the first without a fluence on are left out; fewer than two are left if there is nothing.
+    /// From energies (MeV, ascending) and fluences above them (cm⁻², descending). Beyond the ends the law of the end pair applies.
+    /// Energies from the first without fluence on are omitted; a spectrum without fluence has fewer than two.
     pub fn of(nodes: impl IntoIterator<Item = (f64, f64)>, law: Law) -> Spectrum {
         let known = nodes.into_iter().take_while(|(_, fluence)| *fluence > 0.0);
         let nodes: Vec<(f64, f64)> = known.map(|(energy_mev, fluence)| (energy_mev, fluence.ln())).collect();
@@ -47,7 +47,7 @@ impl Spectrum {
         Spectrum { nodes, law, kinks }
     }
 
-    /// From a smooth differential fluence (cm⁻² MeV⁻¹) between two energies (MeV); nothing comes above the second.
+    /// From a smooth differential fluence (cm⁻² MeV⁻¹) between two energies (MeV); zero above the second.
     pub fn of_differential(differential: impl Fn(f64) -> f64, from_mev: f64, to_mev: f64) -> Spectrum {
         let energies_mev = tabulated(from_mev, to_mev);
         let values: Vec<f64> = energies_mev.iter().map(|energy_mev| differential(*energy_mev)).collect();
@@ -62,7 +62,8 @@ impl Spectrum {
         Spectrum { kinks: Vec::new(), ..Spectrum::of(nodes, Law::Power) }
     }
 
-    /// What is left of it if only a share arrives, by energy (MeV). Followed to 100 GeV, as fast protons pass what stops others.
+    /// The same if only a fraction arrives, depending on energy (MeV). Extended to 100 GeV, as fast protons pass where others are
+    /// stopped.
     pub fn attenuated(&self, share: impl Fn(f64) -> f64) -> Spectrum {
         let (Some(first), Some(last)) = (self.nodes.first(), self.nodes.last()) else { return self.clone() };
         let mut energies_mev = tabulated(first.0, last.0.max(1e5));
@@ -80,7 +81,7 @@ impl Spectrum {
         Spectrum { kinks: self.kinks.clone(), ..Spectrum::of(nodes, self.law) }
     }
 
-    /// So many times the fluence.
+    /// The fluence multiplied by a factor.
     pub fn times(&self, factor: f64) -> Spectrum {
         if factor == 0.0 {
             return Spectrum { nodes: Vec::new(), kinks: Vec::new(), law: self.law };
@@ -96,7 +97,7 @@ impl Spectrum {
         if fluence < NOTHING_CM2 { 0.0 } else { fluence }
     }
 
-    /// Differential fluence at an energy (MeV), cm⁻² MeV⁻¹: the slope of [`Self::above`], which steps at the nodes.
+    /// Differential fluence at an energy (MeV), cm⁻² MeV⁻¹: the slope of [`Self::above`], discontinuous at the nodes.
     pub fn differential(&self, energy_mev: f64) -> f64 {
         let Some((slope, ..)) = self.segment(energy_mev) else { return 0.0 };
         let per_mev = match self.law {
@@ -106,7 +107,7 @@ impl Spectrum {
         -per_mev * self.above(energy_mev)
     }
 
-    /// Highest energy (MeV) that it is known at; None if there is nothing.
+    /// Highest energy (MeV) of its nodes; None if there is no fluence.
     pub fn last_mev(&self) -> Option<f64> {
         self.nodes.last().map(|node| node.0)
     }
@@ -116,7 +117,7 @@ impl Spectrum {
         self.kinks.iter().copied()
     }
 
-    /// Slope and starting point of the law that holds at an energy.
+    /// Slope and starting point of the law at an energy.
     fn segment(&self, energy_mev: f64) -> Option<(f64, f64, f64)> {
         if self.nodes.len() < 2 {
             return None;
@@ -134,7 +135,7 @@ fn tabulated(from_mev: f64, to_mev: f64) -> Vec<f64> {
     (0..=steps as usize).map(|step| from_mev * (to_mev / from_mev).powf(step as f64 / steps)).collect()
 }
 
-/// Integral of a power law between two points of it (MeV, per MeV).
+/// Integral of a power law between two of its points (MeV, per MeV).
 fn power_law_integral((from, low): (f64, f64), (to, high): (f64, f64)) -> f64 {
     if low <= 0.0 || high <= 0.0 {
         return 0.5 * (low + high) * (to - from);
@@ -181,7 +182,7 @@ mod tests {
                 (spectrum.attenuated(|_| 0.25).above(energy_mev) / (0.25 * spectrum.above(energy_mev)) - 1.0).abs()
                     < 1e-9
             );
-            // All above a threshold: the same above it, and constant below.
+            // Only protons above a threshold: the same above it, and constant below.
             let gate = spectrum.attenuated(|energy_mev| if energy_mev > 20.0 { 1.0 } else { 0.0 });
             let expected = spectrum.above(energy_mev.max(20.0));
             assert!((gate.above(energy_mev) / expected - 1.0).abs() < 0.05, "{energy_mev}: {}", gate.above(energy_mev));

@@ -1,4 +1,4 @@
-//! The level of a pixel without charge: given, or the clipped mean of pixels that hold none.
+//! The level of a pixel without charge: given, or the clipped mean of pixels without charge.
 
 use std::ops::Range;
 
@@ -7,26 +7,26 @@ use ndarray::{Array2, s};
 use super::statistic::clipped;
 use crate::image::Geometry;
 
-/// Where the bias comes from.
+/// Source of the bias.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BiasSource {
-    /// A value, in the unit of the frame.
+    /// A given value, in the unit of the frame.
     Given(f64),
-    /// The last half of the overscan columns: trails of the serial register end in the first half.
+    /// The second half of the overscan columns: trails of the serial register end in the first half.
     OverscanColumns,
     /// The prescan columns.
     Prescan,
-    /// The last half of the overscan rows, in the columns of the image: trails along the columns end in the first half.
+    /// The second half of the overscan rows, in the columns of the image: trails along the columns end in the first half.
     OverscanRows,
 }
 
-/// Fewest columns of overscan or prescan, and rows of overscan, of which a bias is taken unasked.
+/// Minimum number of columns of overscan or prescan, and of rows of overscan, for the default bias.
 const FEWEST_COLUMNS: usize = 2;
 const FEWEST_ROWS: usize = 4;
 
 impl BiasSource {
-    /// The best that a frame offers: overscan columns, prescan columns, overscan rows. Trails along the columns are only in the
-    /// last of them.
+    /// The best source in a frame: overscan columns, prescan columns, overscan rows. Only the last of them contains trails along
+    /// the columns.
     pub fn of(geometry: &Geometry) -> Option<BiasSource> {
         if geometry.overscan_columns >= FEWEST_COLUMNS {
             Some(BiasSource::OverscanColumns)
@@ -37,7 +37,7 @@ impl BiasSource {
         }
     }
 
-    /// The first of the overscan rows, counted from 0, that are used for the bias.
+    /// The first overscan row, counted from 0, that is used for the bias.
     pub fn first_overscan_row(self, geometry: &Geometry) -> Option<usize> {
         (self == BiasSource::OverscanRows).then_some(geometry.overscan_rows / 2)
     }
@@ -52,8 +52,8 @@ impl BiasSource {
         }
     }
 
-    /// Rows and columns of an amplifier's part, in the order of readout, whose mean it is. None if it is given, or if there are no
-    /// such pixels.
+    /// Rows and columns of an amplifier's part, in the order of readout, that are averaged. None if the bias is given, or if there
+    /// are no such pixels.
     fn region(self, geometry: &Geometry, shape: (usize, usize)) -> Option<(Range<usize>, Range<usize>)> {
         let (rows, columns) = geometry.image(shape);
         let region = match self {
@@ -65,7 +65,7 @@ impl BiasSource {
         (!region.0.is_empty() && !region.1.is_empty()).then_some(region)
     }
 
-    /// The bias of an amplifier's part (in the unit of the frame, in the order of readout), whose values come in steps of
+    /// The bias of an amplifier's part (in the unit of the frame, in the order of readout), whose values have steps of
     /// `quantum_dn`. None if no pixels determine it.
     pub fn measure(self, geometry: &Geometry, part_dn: &Array2<f64>, quantum_dn: f64) -> Option<Bias> {
         if let BiasSource::Given(dn) = self {
@@ -93,11 +93,11 @@ pub struct Bias {
     pub sigma_dn: f64,
     /// Standard deviation of the pixels from which it was estimated: the noise of the amplifier.
     pub noise_dn: Option<f64>,
-    /// How it was determined.
+    /// Its source.
     pub source: BiasSource,
     /// Number of pixels averaged.
     pub pixels: usize,
-    /// Pixels that were rejected.
+    /// Number of rejected pixels.
     pub rejected_px: usize,
 }
 

@@ -4,11 +4,11 @@
 //! I = (bright − dark)/2
 //! ```
 //!
-//! A dipole is found if, in several frames, the two pixels lie on opposite sides of the flat near them and their difference stands
-//! out of its noise. What counts is its intensity at all phase times, also where it is faint: so it is measured in every frame, at
-//! its place and with its sign, whether it was found there or not. Its error is that of the flat's noise and of the chance of
-//! every pump, I(1 − I/N) after N cycles. A pair that does not hold the charge of two pixels of the flat, because a cosmic ray has hit
-//! it, is left out.
+//! A dipole is found if, in several frames, the two pixels are on opposite sides of the flat near them and their difference is
+//! significant. Its intensity is needed at all phase times, also where it is faint. So it is measured in every frame, at its
+//! position and with its sign, whether it was detected there or not. Its error is that of the flat's noise and the binomial noise
+//! of the pumps, I(1 − I/N) after N cycles. A pair whose sum is not that of two pixels of the flat, because of a cosmic ray, is
+//! excluded.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -24,15 +24,15 @@ use crate::physics::observable::Observable;
 
 /// Rows on each side of a pair from which the flat is estimated.
 const NEAR_ROWS: usize = 10;
-/// Least deviation of each pixel of a pair from the flat, over that of their half difference.
+/// Minimum deviation of each pixel of a pair from the flat, relative to that of their half difference.
 const EACH: f64 = 0.5;
 
 /// How dipoles are measured.
 #[derive(Clone, Debug)]
 pub struct Dipoles {
-    /// Beyond so many sigma of its noise a pair stands out.
+    /// Detection threshold of a pair, in sigma of its noise.
     pub threshold_sigma: f64,
-    /// Frames in which a dipole must be found; in one, if there are no more.
+    /// Number of frames in which a dipole must be found; one, if there are no more.
     pub found_in: usize,
     /// The species of the traps, by its name in the mission, for the header.
     pub species: Option<String>,
@@ -44,17 +44,17 @@ impl Default for Dipoles {
     }
 }
 
-/// Amplifier, and row and column of the pixel of a pair that is nearer the register.
+/// Amplifier, and row and column of the pixel of a pair nearer the register.
 type Place = (usize, usize, usize, usize);
 
 impl Dipoles {
-    /// Measures the dipoles of all frames, which are read twice. `progress` is given the files that are done.
+    /// Measures the dipoles of all frames, which are read twice. `progress` is given the number of files done.
     ///
     /// # Errors
     /// If frames cannot be read as described, phase time or cycles are not given, or no dipole is found.
     pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
         let mut found = Found::default();
-        // How often a pair was found with its bright pixel nearer the register, less how often farther.
+        // Number of detections of a pair with its bright pixel nearer the register, minus those with it further away.
         let mut seen: HashMap<Place, (usize, i64)> = HashMap::new();
         let mut of_sensor: HashMap<(usize, usize), usize> = HashMap::new();
         frames.each(progress, |exposure| {
@@ -67,7 +67,7 @@ impl Dipoles {
         })?;
         let candidates = seen.len();
         let enough = |place: &Place| self.found_in.min(of_sensor[&(place.0, place.1)]);
-        // The same sign in all frames but the odd one.
+        // The same sign in the majority of the frames.
         seen.retain(|place, (times, halves)| *times >= enough(place) && 2 * halves.unsigned_abs() as usize > *times);
         let dipoles: BTreeMap<Place, i64> =
             seen.into_iter().map(|(place, (_, halves))| (place, halves.signum())).collect();
@@ -89,7 +89,7 @@ impl Dipoles {
         if rows.is_empty() {
             return Err(self.nothing(candidates));
         }
-        // One dipole after another.
+        // Sorted by dipole.
         rows.sort_by_key(|(place, _)| *place);
         let options = json!({
             "threshold_sigma": self.threshold_sigma, "found_in": self.found_in,
@@ -112,18 +112,18 @@ impl Dipoles {
             .with_help("give frames of other phase times, a lower --threshold-sigma or a smaller --found-in")
     }
 
-    /// Pairs of a frame that stand out, with +1 if the bright pixel is nearer the register, else -1.
+    /// Significant pairs of a frame, with +1 if the bright pixel is nearer the register, otherwise -1.
     fn pairs(&self, exposure: &Exposure) -> HashSet<(Place, i64)> {
         let Some(noise_e) = noise(exposure) else { return HashSet::new() };
         let about = &exposure.about;
-        // Of half the difference of two pixels.
+        // For half the difference of two pixels.
         let least_e = self.threshold_sigma * noise_e / 2_f64.sqrt();
         let mut pairs = HashSet::new();
         for column in exposure.columns.clone() {
             let half_e = |row: usize| 0.5 * (exposure.charge_e[[row, column]] - exposure.charge_e[[row + 1, column]]);
             for row in 1..exposure.rows.saturating_sub(2) {
                 let size_e = half_e(row).abs();
-                // Of overlapping pairs the one that stands out most.
+                // Of overlapping pairs the most significant one.
                 let is_largest = size_e > half_e(row - 1).abs() && size_e >= half_e(row + 1).abs();
                 if size_e > least_e && is_largest && is_dipole(exposure, row, column, half_e(row)) {
                     pairs.insert(((about.hdu, about.amplifier, row, column), half_e(row).signum() as i64));
@@ -134,7 +134,7 @@ impl Dipoles {
     }
 }
 
-/// Noise of a pixel of the flat, e-, from pixels that follow one another in a column.
+/// Noise of a pixel of the flat, e-, from successive pixels in a column.
 fn noise(exposure: &Exposure) -> Option<f64> {
     let image = exposure.charge_e.slice(s![..exposure.rows, exposure.columns.clone()]);
     let (below, above) = (image.slice(s![..-1, ..]), image.slice(s![1.., ..]));
@@ -148,8 +148,8 @@ fn flat(exposure: &Exposure, row: usize, column: usize) -> Option<f64> {
     median(rows.filter(|near| *near != row && *near != row + 1).map(|near| exposure.charge_e[[near, column]]).collect())
 }
 
-/// Whether one pixel is above the flat and the other below, each by at least half of what is expected: hot pixels, dark ones and
-/// cosmic rays are not.
+/// Whether one pixel is above the flat and the other below, each by at least half of the expected amount. This excludes hot pixels,
+/// dark ones and cosmic rays.
 fn is_dipole(exposure: &Exposure, row: usize, column: usize, half_e: f64) -> bool {
     let Some(flat_e) = flat(exposure, row, column) else { return false };
     let near = half_e.signum() * (exposure.charge_e[[row, column]] - flat_e);
@@ -157,8 +157,8 @@ fn is_dipole(exposure: &Exposure, row: usize, column: usize, half_e: f64) -> boo
     near.min(far) > EACH * half_e.abs()
 }
 
-/// The intensity of a dipole in a frame; None if a pixel has no value, or the pair does not hold the charge of two pixels of the flat,
-/// as after a cosmic ray or on a hot pixel.
+/// The intensity of a dipole in a frame; None if a pixel has no value, or the sum of the pair is not that of two pixels of the
+/// flat, as after a cosmic ray or on a hot pixel.
 fn measured(exposure: &Exposure, (_, _, row, column): Place, half: i64) -> Result<Option<Measurement>, InputError> {
     let about = &exposure.about;
     let needed = |value: Option<f64>, what: &str, option: &str, keyword: &str| {

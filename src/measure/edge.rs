@@ -8,18 +8,18 @@ use ndarray::{Array2, s};
 use super::exposure::Exposure;
 use super::statistic::{Mean, clipped, inliers, mean, median};
 
-/// A flat block of rows, and how much around it is used.
+/// A flat block of rows, and the range of rows used around it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Block {
     /// Its rows, in the order of readout.
     pub rows: Range<usize>,
-    /// Last rows of it of which the level is the mean.
+    /// Number of its last rows averaged for the level.
     pub level_rows: usize,
     /// Rows behind it.
     pub trail_px: usize,
 }
 
-/// What the columns of a block say together.
+/// Mean results for the columns of a block.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edge {
     /// Charge per pixel in the last rows of the block, e-.
@@ -31,9 +31,9 @@ pub struct Edge {
 }
 
 impl Block {
-    /// The columns of an image in so many groups of equal size, by their level: what trails depends on the level, and not in
-    /// proportion. Columns with an outlying level (dead ones, hot ones) or an outlying pixel in the rows of the level (a cosmic ray,
-    /// which leaves a trail of its own) are in none.
+    /// The columns of an image in groups of equal size, by their level: trails depend nonlinearly on the level. Columns with an
+    /// outlying level (dead ones, hot ones) or an outlying pixel in the rows of the level (a cosmic ray, which leaves its own
+    /// trail) are excluded.
     pub fn groups(&self, exposure: &Exposure, groups: usize) -> Vec<Vec<usize>> {
         let charge_e = &exposure.charge_e;
         let quantum_e = exposure.about.quantum_e;
@@ -59,10 +59,10 @@ impl Block {
             .collect()
     }
 
-    /// The edge of these columns, with a level of no charge (e-) taken off; None if too few pixels have a value.
+    /// The edge of these columns, with a zero level (e-) subtracted; None if too few pixels have a value.
     ///
-    /// What differs from column to column in the level is no error of its mean over the same columns, so that errors come from what
-    /// differs along them: of the level from the scatter of its rows, of the first row from its difference to the level.
+    /// Differences in level between columns are not an error of its mean over the same columns. So errors come from differences
+    /// along the columns: for the level from the scatter of its rows, for the first row from its difference to the level.
     pub fn edge(&self, exposure: &Exposure, columns: &[usize], baseline_e: f64) -> Option<Edge> {
         let charge_e = &exposure.charge_e;
         let quantum_e = exposure.about.quantum_e;

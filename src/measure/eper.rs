@@ -1,11 +1,11 @@
 //! Extended pixel edge response and first pixel response of flat fields.
 //!
-//! A flat field fills all rows of the image. Its last row is followed by rows of overscan, which hold what traps release behind it:
-//! the mean over columns of the charge in overscan row k, above the bias, is the edge response in pixel k. The level of the flat is
-//! that of its last rows, which lose as much to traps as they get from them: it is the charge before transfer.
+//! A flat field fills all rows of the image. Its last row is followed by overscan rows, which contain the charge that traps release
+//! behind it: the mean over columns of the charge in overscan row k, above the bias, is the edge response in pixel k. The level of
+//! the flat is that of its last rows, where capture and release are in balance: it is the charge before transfer.
 //!
 //! The first row of the flat is the first packet that meets the traps between the frame and the register, and loses charge to them
-//! as a lone packet does: the first pixel response.
+//! like a lone packet: the first pixel response.
 //!
 //! Source: Janesick 2001, Scientific Charge-Coupled Devices, section 5.2 (edge response, first pixel response).
 
@@ -24,36 +24,36 @@ use crate::image::Geometry;
 use crate::physics::observable::Observable;
 use crate::warning::Warning;
 
-/// Most rows behind the edge that are measured unasked.
+/// Default maximum number of rows measured behind the edge.
 const MOST_TRAIL_PX: usize = 50;
-/// Rows of the level that are taken unasked: so many, or this part of the image.
+/// Default number of rows for the level: this number, or this fraction of the image.
 const LEVEL_ROWS: usize = 20;
 const LEVEL_SHARE: usize = 4;
-/// Most charge in the row behind an edge, over that of the flat.
+/// Maximum charge in the row behind an edge, relative to the flat.
 const MOST_BEHIND: f64 = 0.5;
 /// Significance, sigma, at which a trail in the rows of the bias is distinguished from noise.
 const TRAIL_SIGMA: f64 = 4.0;
 
-/// How edges are measured.
+/// Options of the measurement.
 #[derive(Clone, Debug, Default)]
 pub struct Eper {
-    /// Rows behind the edge; none: all that the bias does not need, up to 50.
+    /// Rows behind the edge; none: all those not needed for the bias, up to 50.
     pub trail_px: Option<usize>,
-    /// Last rows of the flat of which its level is the mean; none: 20, or a quarter of the image.
+    /// Number of last rows of the flat averaged for its level; none: 20, or a quarter of the image.
     pub level_rows: Option<usize>,
     /// Groups of columns, by the level of the flat.
     pub groups: usize,
-    /// First pixel response is wanted, too.
+    /// Whether the first pixel response is also requested.
     pub first_pixel: bool,
-    /// CTI is wanted, too: of the charge in these pixels behind the edge, first and last; an empty list: pixel 1, 2 to 3, 4 to 7, ...
+    /// CTI is also requested: from the charge in these pixels behind the edge, first and last; empty: pixel 1, 2 to 3, 4 to 7, ...
     pub cti_px: Option<Vec<(usize, usize)>>,
 }
 
 impl Eper {
-    /// Measures the edges of all frames. `progress` is given the files that are done.
+    /// Measures the edges of all frames. `progress` is given the number of files done.
     ///
     /// # Errors
-    /// If the frames have no overscan rows, or too few, or cannot be read as described.
+    /// If the frames have no or too few overscan rows, or cannot be read as described.
     pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
         let mut found = Found::default();
         let (mut edges, mut first, mut cti) = (Vec::new(), Vec::new(), Vec::new());
@@ -98,7 +98,7 @@ impl Eper {
         Ok(found.measured("eper", options, tables))
     }
 
-    /// Rows behind the edge that are measured.
+    /// Number of rows measured behind the edge.
     fn rows_behind(&self, source: BiasSource, geometry: &Geometry) -> Result<usize, InputError> {
         let free = source.first_overscan_row(geometry).unwrap_or(geometry.overscan_rows);
         let refused = |wanted: usize| InputError::new("cannot measure an edge", format!("{wanted} rows behind it"));
@@ -148,8 +148,8 @@ fn behind(exposure: &Exposure, edge: &Edge) -> Vec<Measurement> {
     trail.map(row).collect()
 }
 
-/// Pixels behind an edge of which CTI is measured. Unasked, each range is twice as long as the one before: trails fade, and no pixel
-/// counts twice, so that rows have independent errors.
+/// Pixels behind an edge for the CTI. By default each range is twice as long as the previous one: trails fade, and ranges do not
+/// overlap, so that rows have independent errors.
 fn ranges(given: &[(usize, usize)], trail_px: usize) -> Result<Vec<(usize, usize)>, InputError> {
     if let Some((first, last)) = given.iter().find(|(first, last)| !(1..=*last).contains(first) || *last > trail_px) {
         let problem = format!("pixels {first} to {last}; {trail_px} rows behind the edge are measured, from 1");
@@ -164,7 +164,7 @@ fn ranges(given: &[(usize, usize)], trail_px: usize) -> Result<Vec<(usize, usize
 }
 
 /// The row of a table for the CTI from the charge in some pixels behind an edge: that charge over the level of the flat and the
-/// transfers (Janesick 2001, section 5.2). None if one of the pixels has no value.
+/// number of transfers (Janesick 2001, section 5.2). None if one of the pixels has no value.
 fn lost(exposure: &Exposure, edge: &Edge, (first, last): (usize, usize)) -> Option<Measurement> {
     let about = &exposure.about;
     let pixels: Vec<Mean> = edge.trail[first - 1..last].iter().copied().collect::<Option<_>>()?;
@@ -192,7 +192,7 @@ fn lost(exposure: &Exposure, edge: &Edge, (first, last): (usize, usize)) -> Opti
     Some(Measurement { conditions, ..of(about, value, sigma, all) })
 }
 
-/// The row of a table for the charge in the first row. Its error is that of its difference to the level, with which it is compared.
+/// The row of a table for the charge in the first row. Its error is that of its difference to the level, to which it is compared.
 fn first_pixel(exposure: &Exposure, edge: &Edge) -> Measurement {
     let (about, first) = (&exposure.about, edge.first);
     Measurement {
@@ -206,7 +206,7 @@ fn first_pixel(exposure: &Exposure, edge: &Edge) -> Measurement {
     }
 }
 
-/// A row of a table with what an exposure knows, and no conditions yet.
+/// A row of a table with the data of an exposure, and no conditions yet.
 pub(super) fn of(about: &About, value: f64, sigma: f64, mean: Mean) -> Measurement {
     Measurement {
         conditions: Vec::new(),
@@ -219,12 +219,12 @@ pub(super) fn of(about: &About, value: f64, sigma: f64, mean: Mean) -> Measureme
     }
 }
 
-/// Rows of overscan from which the bias is estimated, if it is.
+/// Overscan rows from which the bias is estimated, if any.
 fn bias_rows(source: BiasSource, exposure: &Exposure, geometry: &Geometry) -> Option<Range<usize>> {
     Some(exposure.rows + source.first_overscan_row(geometry)?..exposure.charge_e.nrows())
 }
 
-/// A trail that has not ended in the rows of the level of no charge makes that level too large.
+/// A trail that has not ended in the rows of the zero level makes that level too high.
 pub(super) fn trail_in_bias(exposure: &Exposure, rows: &[Range<usize>], columns: &[usize]) -> Option<Warning> {
     let mean = |half: &dyn Fn(&Range<usize>) -> Range<usize>| {
         let rows = rows.iter().flat_map(half);
@@ -242,7 +242,7 @@ fn no_edge(about: &About) -> InputError {
         .with_help("give fewer --column-groups, or leave the frame out with --hdu")
 }
 
-/// A flat field is bright, and what is behind it is not.
+/// Checks that the flat field is bright, and the rows behind it are not.
 fn is_edge(about: &About, edge: &Edge) -> Result<(), InputError> {
     let refused = |problem: String| {
         Err(InputError::new(about.place(), problem).with_help("check --corner, --overscan-rows and the bias"))

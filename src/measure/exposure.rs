@@ -16,14 +16,14 @@ use crate::image::unit::number_of;
 use crate::image::{AmplifierTable, Choice, Geometry, Transfers, Unit, frames};
 use crate::io::table::{Cell, Time};
 
-/// How frames are to be understood.
+/// How frames are interpreted.
 #[derive(Clone, Debug, Default)]
 pub struct Reading {
-    /// Images to take; none: all that hold charge.
+    /// Images to use; none: all that hold charge.
     pub hdus: Vec<Choice>,
-    /// What their numbers mean; its bias is not used.
+    /// The meaning of their values; its bias is not used.
     pub unit: Unit,
-    /// The bias; none: the best that the frame offers.
+    /// The bias; none: the best source in the frame.
     pub bias: Option<BiasSource>,
     /// How the frames lie on the detector.
     pub geometry: Geometry,
@@ -41,10 +41,10 @@ pub struct Reading {
     pub cycles: Source,
 }
 
-/// Where a number comes from.
+/// Source of a number.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Source {
-    /// Nowhere: the mission's holds, if it has one.
+    /// Not given: that of the mission is used, if it has one.
     #[default]
     Mission,
     /// An option.
@@ -53,7 +53,7 @@ pub enum Source {
     Keyword(String),
 }
 
-/// Where the time of an exposure comes from.
+/// Source of the time of an exposure.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum WhenSource {
     /// `DATE-OBS`, or `MJD-OBS`.
@@ -65,25 +65,25 @@ pub enum WhenSource {
     Date(NaiveDateTime),
     /// Years since launch.
     Since(f64),
-    /// Dose of the traps, MeV/g, and years since it was given.
+    /// Dose that created the traps, MeV/g, and years since it was given.
     Dose(Source, Option<f64>),
 }
 
-/// When an exposure was taken, as a measurement file says it.
+/// When an exposure was taken, as written in a measurement file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum When {
     /// On a date.
     Date(NaiveDateTime),
     /// Years since launch.
     Since(f64),
-    /// With the traps of a dose (MeV/g), and years since it was given.
+    /// With the traps created by a dose (MeV/g), and years since it was given.
     Dose(f64, Option<f64>),
 }
 
-/// What one amplifier read of a frame.
+/// The part of a frame read by one amplifier.
 #[derive(Clone, Debug)]
 pub struct Exposure {
-    /// What is known of it besides its pixels.
+    /// Its data other than the pixels.
     pub about: About,
     /// Charge above the bias, e-, `[[row, column]]` in the order of readout; NaN if a pixel has none or is saturated.
     pub charge_e: Array2<f64>,
@@ -93,38 +93,38 @@ pub struct Exposure {
     pub rows: usize,
 }
 
-/// What is known of an exposure besides its pixels.
+/// Data of an exposure other than its pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct About {
-    /// Its number among all that were read, from 1.
+    /// Its number among all exposures, from 1.
     pub number: usize,
     /// The file as given.
     pub file: String,
-    /// Place of the HDU in the file.
+    /// Index of the HDU in the file.
     pub hdu: usize,
-    /// The amplifier, from 1: those of lower rows first, from the left; of a table, its row.
+    /// The amplifier, from 1: those of lower rows first, from the left; for a table, its row.
     pub amplifier: usize,
     /// Its name in the table of amplifiers, if there is one.
     pub amplifier_name: Option<String>,
     /// Electrons per unit of the frame.
     pub gain_e_per_dn: f64,
-    /// Step of the values, e-: one electron, or one DN if that is more and the file holds integers.
+    /// Step of the values, e-: one electron, or one DN if that is larger and the file contains integers.
     pub quantum_e: f64,
     /// The bias.
     pub bias: Bias,
     /// When it was taken.
     pub when: When,
-    /// Temperature of the detector, K, if it was given.
+    /// Temperature of the detector, K, if given.
     pub temperature_k: Option<f64>,
-    /// Time between two parallel transfers, ms, if it was given.
+    /// Time between two parallel transfers, ms, if given.
     pub line_time_ms: Option<f64>,
-    /// Time of one phase of trap pumping, ms, if it was given.
+    /// Time of one phase of trap pumping, ms, if given.
     pub phase_time_ms: Option<f64>,
-    /// Cycles of trap pumping, if they were given.
+    /// Cycles of trap pumping, if given.
     pub cycles: Option<f64>,
     /// How its pixels lie on the detector.
     pub geometry: Geometry,
-    /// Pixels without a value, and saturated ones.
+    /// Number of pixels without a value, or saturated.
     pub missing_px: usize,
 }
 
@@ -145,7 +145,7 @@ impl About {
         self.geometry.rows_before
     }
 
-    /// HDU and amplifier, if a table distinguishes them.
+    /// HDU and amplifier, if distinguished in a table.
     pub fn sensor(&self) -> Vec<(&'static str, usize)> {
         let numbers = vec![("hdu", self.hdu), ("amplifier", self.amplifier)];
         if self.amplifier_name.is_some() { numbers } else { Vec::new() }
@@ -177,7 +177,7 @@ impl About {
 }
 
 impl When {
-    /// Years since launch, if they are given so; since the dose was given otherwise.
+    /// Years since launch, if given so; otherwise since the dose was given.
     pub fn t_yr(self) -> Option<f64> {
         match self {
             When::Date(_) => None,
@@ -186,12 +186,12 @@ impl When {
         }
     }
 
-    /// Dose of the traps, MeV/g, if it is given.
+    /// Dose that created the traps, MeV/g, if given.
     pub fn dose_mev_g(self) -> Option<f64> {
         if let When::Dose(dose_mev_g, _) = self { Some(dose_mev_g) } else { None }
     }
 
-    /// As people write it.
+    /// In words.
     pub fn words(self) -> String {
         match self {
             When::Date(date) => date_words(date),
@@ -207,7 +207,7 @@ pub(super) fn date_words(date: NaiveDateTime) -> String {
     if date.date().and_hms_opt(0, 0, 0) == Some(date) { day } else { date.format("%Y-%m-%dT%H:%M:%S").to_string() }
 }
 
-/// A date as people or headers write it.
+/// A date in common or header notation.
 pub fn date(text: &str) -> Option<NaiveDateTime> {
     Cell::Text(text.to_string()).moment(None)
 }
@@ -219,27 +219,27 @@ pub struct Frames {
     pub files: Vec<PathBuf>,
     /// Frames without a file, behind those of the files.
     pub arrays: Vec<FrameArray>,
-    /// How they are to be understood.
+    /// How they are interpreted.
     pub reading: Reading,
 }
 
 /// A frame in memory, without a header.
 #[derive(Clone, Debug)]
 pub struct FrameArray {
-    /// What to call it.
+    /// Its name in messages.
     pub name: String,
     /// Values, `[[row, column]]`, row 0 the lowest.
     pub values_dn: Array2<f64>,
-    /// Whether values were whole numbers.
+    /// Whether the values were integers.
     pub integers: bool,
 }
 
 impl Frames {
-    /// Shows every exposure to `visit`, one after another: a frame is in memory at a time. `progress` is given the files that are
-    /// done.
+    /// Passes every exposure to `visit`, one after another: one frame at a time is in memory. `progress` is given the number of
+    /// files done.
     ///
     /// # Errors
-    /// If a file is no FITS file or has no image, or a gain, bias or time is missing; what `visit` says.
+    /// If a file is not a FITS file or has no image, or a gain, bias or time is missing; errors of `visit`.
     pub fn each(
         &self,
         progress: &dyn Fn(usize),
@@ -270,13 +270,13 @@ impl Frames {
 /// A frame with its headers.
 struct Frame<'a> {
     name: &'a str,
-    /// Place of its HDU among those of the file.
+    /// Index of its HDU in the file.
     hdu: usize,
     hdus: &'a [Hdu],
     values_dn: Array2<f64>,
 }
 
-/// What one amplifier read of a frame, in the order of readout, and what its numbers mean.
+/// The part of a frame read by one amplifier, in the order of readout, and the meaning of its values.
 struct Part {
     /// From 1.
     number: usize,
@@ -292,7 +292,7 @@ fn cannot_measure(name: &str, error: InputError) -> InputError {
     InputError { refused: format!("cannot measure on `{name}`: {}", error.refused), ..error }
 }
 
-/// Information on a frame from its header or an option.
+/// Data of a frame from its header or an option.
 #[derive(Clone)]
 struct Known {
     when: When,
@@ -303,10 +303,10 @@ struct Known {
 }
 
 impl Reading {
-    /// The bias that is used.
+    /// The bias source to be used.
     ///
     /// # Errors
-    /// If none is given, and frames offer none.
+    /// If none is given, and the frames have none.
     fn bias(&self, part: &Part) -> Result<BiasSource, InputError> {
         part.bias.or(self.bias).or_else(|| BiasSource::of(&part.geometry)).ok_or_else(|| {
             let error = InputError::new("no bias is known", "the frame has no overscan and no prescan by its options");
@@ -317,7 +317,7 @@ impl Reading {
         })
     }
 
-    /// The images of a file that are frames, by their places.
+    /// The images of a file that are frames, by their indices.
     fn chosen(&self, hdus: &[Hdu]) -> Result<Vec<usize>, InputError> {
         Ok(match &self.amplifiers {
             Some(table) => table.places(hdus, Transfers::Parallel)?.into_iter().map(|(hdu, _)| hdu).collect(),
@@ -325,7 +325,7 @@ impl Reading {
         })
     }
 
-    /// What each amplifier read of a frame.
+    /// The part read by each amplifier of a frame.
     fn parts(&self, frame: &Frame) -> Result<Vec<Part>, InputError> {
         let Frame { hdu, hdus, values_dn, .. } = frame;
         let Some(table) = &self.amplifiers else {
@@ -355,7 +355,7 @@ impl Reading {
         Ok(of_frame.flat_map(|(_, places)| places).map(part).collect())
     }
 
-    /// Shows what each amplifier read of a frame to `visit`; `number` counts them.
+    /// Passes the part read by each amplifier of a frame to `visit`; `number` counts them.
     fn each(
         &self,
         frame: Frame,
@@ -425,7 +425,7 @@ impl Reading {
         }
     }
 
-    /// What an amplifier read, with its bias taken off, given its number among all exposures and its file.
+    /// The part read by an amplifier, with its bias subtracted, given its number among all exposures and its file.
     fn exposure(
         &self,
         hdu: &Hdu,
@@ -469,7 +469,7 @@ impl Reading {
     }
 }
 
-/// The point in time under a keyword; None if there is no such keyword.
+/// The time under a keyword; None if there is no such keyword.
 fn moment(keyword: &str, hdu: &Hdu, primary: &Hdu) -> Option<Result<When, InputError>> {
     let text = hdu.text(keyword).or_else(|| primary.text(keyword));
     let (found, said) = match text {

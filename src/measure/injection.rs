@@ -1,12 +1,12 @@
-//! Charge-injection blocks: rows of injected charge that come again and again, with rows of nothing between them.
+//! Charge-injection blocks: periodic blocks of rows of injected charge, with empty rows between them.
 //!
-//! Behind each block is the trail of an edge, as behind a flat field ([`super::edge`]). Its first row is the packet that meets the traps
-//! as those before left them. The level of no charge is the mean of the last rows of the gap behind a block, where its trail has
-//! ended, or of the rows in front of the first block, which have lost charge if rows before them are empty. The charge of the
-//! block is the mean of its last rows, whose losses are made up by what traps release.
+//! Behind each block is the trail of an edge, as behind a flat field ([`super::edge`]). Its first row is the packet that meets the
+//! traps in the state left by those before. The zero level is the mean of the last rows of the gap behind a block, where its trail
+//! has ended, or of the rows in front of the first block, which have lost charge if rows before them are empty. The charge of the
+//! block is the mean of its last rows, where capture and release are in balance.
 //!
-//! Blocks are found by their brightness if their rows are not given: rows whose median is above half of the brightest. Traps that
-//! hold charge for longer than the gap are partly filled by the block ahead, which the model of a lone block does not know.
+//! If their rows are not given, blocks are found by their brightness: rows whose median is above half of the brightest. Traps that
+//! hold charge for longer than the gap are partly filled by the block ahead, which the model of a lone block neglects.
 
 use std::ops::Range;
 
@@ -21,50 +21,50 @@ use super::{Found, Measured};
 use crate::error::InputError;
 use crate::physics::observable::Observable;
 
-/// The level of no charge is measured in the last nth part of a gap between blocks.
+/// The zero level is measured in the last nth part of a gap between blocks.
 const GAP_SHARE: usize = 4;
 
-/// Where the blocks are.
+/// Positions of the blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pattern {
     /// First row of the first block, from 0, in the order of readout.
     pub first_row: usize,
-    /// Rows of a block.
+    /// Number of rows of a block.
     pub block_px: usize,
     /// Rows from the first of a block to the first of the next.
     pub period_px: usize,
 }
 
-/// How blocks are measured.
+/// Options of the measurement.
 #[derive(Clone, Debug, Default)]
 pub struct Injection {
-    /// Where the blocks are; none: they are looked for in each exposure.
+    /// Positions of the blocks; none: they are searched in each exposure.
     pub pattern: Option<Pattern>,
-    /// Rows behind a block; none: all that the level of no charge does not need.
+    /// Rows behind a block; none: all those not needed for the zero level.
     pub trail_px: Option<usize>,
-    /// Last rows of a block of which its charge is the mean; none: half of them.
+    /// Number of last rows of a block averaged for its charge; none: half of them.
     pub level_rows: Option<usize>,
     /// Groups of columns, by their charge.
     pub groups: usize,
-    /// The level of no charge is that of the rows in front of the first block, not of the last quarter of each gap.
+    /// Whether the zero level is that of the rows in front of the first block, not of the last quarter of each gap.
     pub in_front: bool,
-    /// The charge of the first rows is wanted, too.
+    /// Whether the charge of the first rows is also requested.
     pub first_pixel: bool,
 }
 
 /// The blocks of an exposure, in the order of readout.
 struct Blocks {
     rows: Vec<Range<usize>>,
-    /// Rows of the level of no charge, before each.
+    /// Rows of the zero level, for each.
     empty: Vec<Range<usize>>,
     trail_px: usize,
 }
 
 impl Injection {
-    /// Measures the blocks of all frames. `progress` is given the files that are done.
+    /// Measures the blocks of all frames. `progress` is given the number of files done.
     ///
     /// # Errors
-    /// If frames cannot be read as described, or hold no blocks.
+    /// If frames cannot be read as described, or contain no blocks.
     pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
         let mut found = Found::default();
         let (mut edges, mut first) = (Vec::new(), Vec::new());
@@ -133,7 +133,7 @@ impl Injection {
             return Err(refused(problem));
         }
         let gaps = gaps(&rows, exposure.rows);
-        // The end of the image may have cut the gap behind the last block.
+        // The end of the image may truncate the gap behind the last block.
         let is_cut = gaps.len() > 1 && 2 * gaps[gaps.len() - 1] < gaps[0];
         let whole = if is_cut { gaps.len() - 1 } else { gaps.len() };
         let (rows, gap) = (&rows[..whole], gaps[..whole].iter().copied().min().expect("one block at least"));
@@ -154,14 +154,14 @@ impl Injection {
 }
 
 impl Pattern {
-    /// The blocks that lie within a frame's rows, with the gaps behind them.
+    /// The blocks within a frame's rows, with the gaps behind them.
     fn blocks(self, rows: usize) -> Vec<Range<usize>> {
         let starts = (self.first_row..rows).step_by(self.period_px.max(1));
         starts.map(|start| start..start + self.block_px).filter(|block| block.end < rows).collect()
     }
 }
 
-/// Blocks of rows whose median is above half of the brightest, but for one that reaches the last row of the image.
+/// Blocks of rows whose median is above half of the brightest, except one that reaches the last row of the image.
 fn bright_rows(exposure: &Exposure) -> Vec<Range<usize>> {
     let of_row = |row: usize| {
         let charges = exposure.columns.clone().map(|column| exposure.charge_e[[row, column]]);
@@ -186,7 +186,7 @@ fn gaps(blocks: &[Range<usize>], rows: usize) -> Vec<usize> {
     blocks.iter().zip(ends).map(|(block, end)| end - block.end).collect()
 }
 
-/// The level of no charge of some columns: their mean in some rows, e-.
+/// The zero level of some columns: their mean in some rows, e-.
 fn level(exposure: &Exposure, rows: &Range<usize>, columns: &[usize]) -> Option<Mean> {
     let charges = rows.clone().flat_map(|row| columns.iter().map(move |column| exposure.charge_e[[row, *column]]));
     clipped(charges, exposure.about.quantum_e)
@@ -201,7 +201,7 @@ struct Place<'a> {
     exposure: &'a Exposure,
     rows: &'a Range<usize>,
     number: usize,
-    /// Level of no charge, e-.
+    /// Zero level, e-.
     base: Mean,
 }
 

@@ -1,31 +1,31 @@
-//! Means without outliers, and their errors from the scatter.
+//! Clipped means, and their errors from the scatter.
 
-/// Values farther from the median than so many robust standard deviations are rejected.
+/// Values further from the median than this number of robust standard deviations are rejected.
 pub const CLIP_SIGMA: f64 = 5.0;
 
-/// Of n values the limit is wider by 1 + 5/n: the robust scatter of few values is often too small by chance, and a limit at 5 of it would
-/// cut into the noise (at n = 8 the variance of (mean - truth)/sigma would be 1.1).
+/// For n values the limit is wider by 1 + 5/n: the robust scatter of few values is often too small by chance, and a limit at 5
+/// times it would cut into the noise (at n = 8 the variance of (mean - truth)/sigma would be 1.1).
 const WIDER: f64 = 5.0;
 
-/// Standard deviation of a Gaussian over its median absolute deviation.
+/// Ratio of the standard deviation of a Gaussian to its median absolute deviation.
 const SIGMA_OF_MAD: f64 = 1.4826;
 
-/// Fewest values of which a mean has an error: with fewer, that of the scatter has no end.
+/// Minimum number of values for a mean with an error: with fewer, the variance of its t distribution is infinite.
 pub const FEWEST: usize = 5;
 
 /// A clipped mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Mean {
-    /// The mean of the values that were kept.
+    /// The mean of the accepted values.
     pub value: f64,
-    /// Its 1-sigma error: their standard deviation over the square root of their number n, times √((n − 1)/(n − 3)). The scatter of few
-    /// values is itself uncertain; with this factor (that of Student's t) deviations in units of sigma have the variance 1.
+    /// Its 1-sigma error: their standard deviation over the square root of their number n, times √((n − 1)/(n − 3)). The scatter of
+    /// few values is itself uncertain; with this factor (from Student's t) deviations in units of sigma have variance 1.
     pub sigma: f64,
     /// Their standard deviation.
     pub scatter: f64,
-    /// Values that were kept.
+    /// Number of accepted values.
     pub used: usize,
-    /// Values that were rejected.
+    /// Number of rejected values.
     pub rejected: usize,
 }
 
@@ -36,16 +36,15 @@ impl Mean {
     }
 }
 
-/// The mean of the finite values within [`CLIP_SIGMA`] of their median; None of fewer than [`FEWEST`].
+/// The mean of the finite values within [`CLIP_SIGMA`] of their median; None for fewer than [`FEWEST`].
 ///
-/// `quantum` is the step of the values. No scatter is taken to be smaller than the one that rounding alone makes, quantum/√12, and
-/// nothing within [`CLIP_SIGMA`] quanta is rejected: of few electrons with little noise most pixels hold none, and those with one
-/// are no outliers.
+/// `quantum` is the step of the values. The scatter is at least that of rounding, quantum/√12, and nothing within [`CLIP_SIGMA`]
+/// quanta is rejected: at few electrons with little noise most pixels contain none, and those with one are not outliers.
 pub fn clipped(values: impl IntoIterator<Item = f64>, quantum: f64) -> Option<Mean> {
     clipped_beyond(values, quantum, quantum)
 }
 
-/// The same if the scatter is known to be no less than `least_scatter`: few values may lie together by chance.
+/// The same if the scatter is known to be at least `least_scatter`: few values may be close together by chance.
 pub fn clipped_beyond(values: impl IntoIterator<Item = f64>, quantum: f64, least_scatter: f64) -> Option<Mean> {
     let finite: Vec<f64> = values.into_iter().filter(|value| value.is_finite()).collect();
     let kept = inliers(&finite, least_scatter);
@@ -54,7 +53,7 @@ pub fn clipped_beyond(values: impl IntoIterator<Item = f64>, quantum: f64, least
     Some(Mean { rejected: finite.len() - inside.len(), ..mean })
 }
 
-/// The mean of values, none of which is rejected; None of fewer than [`FEWEST`].
+/// The mean of values without rejection; None for fewer than [`FEWEST`].
 pub fn mean(values: &[f64], quantum: f64) -> Option<Mean> {
     if values.len() < FEWEST {
         return None;
@@ -67,8 +66,8 @@ pub fn mean(values: &[f64], quantum: f64) -> Option<Mean> {
     Some(Mean { value, sigma: student * scatter / count.sqrt(), scatter, used: values.len(), rejected: 0 })
 }
 
-/// Which of the values are within [`CLIP_SIGMA`] robust standard deviations (at least `least_scatter` each) of their median, or somewhat
-/// more of few values; missing ones (NaN) are.
+/// Which values are within [`CLIP_SIGMA`] robust standard deviations (at least `least_scatter` each) of their median, or somewhat
+/// more for few values; missing ones (NaN) count as inliers.
 pub fn inliers(values: &[f64], least_scatter: f64) -> Vec<bool> {
     let (Some(middle), Some(scatter)) = (median(values.to_vec()), robust_scatter(values)) else { return Vec::new() };
     let count = values.iter().filter(|value| value.is_finite()).count() as f64;
@@ -82,7 +81,7 @@ pub fn robust_scatter(values: &[f64]) -> Option<f64> {
     Some(SIGMA_OF_MAD * median(values.iter().map(|value| (value - middle).abs()).collect())?)
 }
 
-/// The middle of the finite values, the mean of the two middle ones if their number is even.
+/// Median of the finite values, the mean of the two middle ones if their number is even.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {
     values.retain(|value| value.is_finite());
     if values.is_empty() {
@@ -123,7 +122,7 @@ mod tests {
             let trials = deviations.len() as f64;
             let bias = deviations.iter().sum::<f64>() / trials;
             let variance = deviations.iter().map(|deviation| deviation * deviation).sum::<f64>() / trials;
-            // Of 4000 Gaussian deviations the mean is 0 +- 0.016 and the variance 1 +- 0.022; Student's t scatters more.
+            // For 4000 Gaussian deviations the mean is 0 +- 0.016 and the variance 1 +- 0.022; Student's t scatters more.
             assert!(bias.abs() < 0.06, "{count}: bias {bias} sigma");
             assert!((0.9..1.1).contains(&variance), "{count}: variance {variance}");
         }

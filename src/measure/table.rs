@@ -1,4 +1,4 @@
-//! Measurements → the table of a measurement file, with all that leads to its numbers in `meta`.
+//! Measurements → the table of a measurement file, with the origin of its numbers in `meta`.
 
 use serde_json::{Map, Value as Json, json};
 
@@ -13,19 +13,19 @@ pub struct Measurement {
     pub conditions: Vec<(&'static str, f64)>,
     /// When it was taken.
     pub when: When,
-    /// Temperature of the detector, K, if it was given.
+    /// Temperature of the detector, K, if given.
     pub temperature_k: Option<f64>,
-    /// Time between two parallel transfers, ms, if it was given.
+    /// Time between two parallel transfers, ms, if given.
     pub line_time_ms: Option<f64>,
     /// The value, in the unit of the observable.
     pub value: f64,
     /// Its 1-sigma error.
     pub sigma: f64,
-    /// Where it comes from: numbers of pixels, the exposure.
+    /// Its origin: numbers of pixels, the exposure.
     pub from: Vec<(&'static str, usize)>,
 }
 
-/// Columns of measurement files: name, unit, and what it is.
+/// Columns of measurement files: name, unit, and meaning.
 const COLUMNS: [(&str, &str, &str); 26] = [
     ("trail_px", "pix", "pixel behind the charge; 1 is next to it"),
     ("signal_e", "electron", "charge before transfer, above the background"),
@@ -55,15 +55,15 @@ const COLUMNS: [(&str, &str, &str); 26] = [
     ("pixels_rejected", "", "pixels rejected as outliers"),
 ];
 
-/// What leads to a table's numbers.
+/// Origin of a table's numbers.
 pub(super) struct Origin<'a> {
-    /// What was measured.
+    /// The measured quantity.
     pub observable: Observable,
-    /// The command's word for the way it was measured.
+    /// The command's word for the method.
     pub kind: &'static str,
-    /// Options and how they were understood.
+    /// Options, as interpreted.
     pub options: Json,
-    /// Numbers of what was used and rejected.
+    /// Numbers of used and rejected items.
     pub counts: &'a [(&'static str, usize)],
     /// The exposures.
     pub exposures: &'a [About],
@@ -122,7 +122,7 @@ fn column(name: &str, observable: Observable, cells: Vec<Cell>) -> Column {
     };
     let (unit, description) = known.map_or((unit_of_values, None), |(_, unit, words)| (*unit, Some(words.to_string())));
     let whole = |cell: &Cell| matches!(cell, Cell::Number(number) if number.fract() == 0.0 && number.abs() < 1e15);
-    // A condition that happens to be whole stays a real number; those that count are whole by their nature.
+    // A condition whose values happen to be integers remains real; counts are integers by nature.
     let counts = unit.is_empty() && known.is_some() || unit == "pix";
     let (datatype, cells) = if matches!(cells[0], Cell::Text(_)) {
         (Datatype::Text, cells)

@@ -1,17 +1,18 @@
 //! Trails behind warm and hot pixels.
 //!
-//! A warm pixel holds the same charge in every exposure of its date, in one pixel alone, and nothing but background around it: a lone
-//! packet at a known place. Found in several exposures at the same place it is no cosmic ray (`find`).
+//! A warm pixel holds the same charge in every exposure of its date, in a single pixel surrounded by background: a lone packet at a
+//! known position. If found in several exposures at the same position, it is not a cosmic ray (`find`).
 //!
 //! ```text
 //! T(k) = [q(r + k, c) − q(r − k, c)] − median over columns near c of the same difference
 //! ```
 //!
-//! is the charge in pixel k behind it. Trails are one-sided; faint neighbours, halos and charge seen by neighbours are alike on both
-//! sides, and go with the pixels in front. A background that grows along the columns goes with the columns beside. Trails are
-//! stacked in bins of signal, transfers and background; the error of a mean comes from the scatter between warm pixels (`stack`).
+//! is the charge in pixel k behind it. Trails are one-sided. Faint neighbours, halos and charge shared with neighbours are
+//! symmetric, and cancel with the pixels in front. A background gradient along the columns cancels with the adjacent columns.
+//! Trails are stacked in bins of signal, transfers and background; the error of a mean comes from the scatter between warm pixels
+//! (`stack`).
 //!
-//! A value is T(k) over the charge before transfer, which is to first order what was read in the pixel and in its trail.
+//! A value is T(k) over the charge before transfer, to first order the charge read in the pixel and in its trail.
 //!
 //! Source of the method: Massey et al. 2010, MNRAS 401, 371, section 3 (trails behind hot pixels).
 
@@ -32,22 +33,22 @@ use crate::warning::Warning;
 use find::{Cut, Search};
 use stack::Bins;
 
-/// How trails are measured.
+/// Options of the measurement.
 #[derive(Clone, Debug)]
 pub struct Trails {
-    /// Pixels of a trail.
+    /// Length of a trail, px.
     pub trail_px: usize,
-    /// Least charge of a warm pixel above the background, e-.
+    /// Minimum charge of a warm pixel above the background, e-.
     pub threshold_e: f64,
-    /// Bins of signal and of background in a factor of ten.
+    /// Bins of signal and of background per decade.
     pub bins_per_decade: usize,
     /// Bins of transfers.
     pub transfer_bins: usize,
-    /// Fewest warm pixels of a bin.
+    /// Minimum number of warm pixels in a bin.
     pub fewest: usize,
-    /// Exposures within so many days of the one before are of one date.
+    /// Exposures within this number of days of the previous one belong to one date.
     pub epoch_days: f64,
-    /// Rows have the charge of the packet as it was read, and not before transfer.
+    /// Rows give the charge of the packet as read, not before transfer.
     pub signal_as_read: bool,
 }
 
@@ -65,11 +66,11 @@ impl Default for Trails {
     }
 }
 
-/// Amplifier of an HDU: warm pixels are at the same place in all exposures of it.
+/// Amplifier of an HDU: warm pixels are at the same position in all its exposures.
 type Sensor = (usize, usize);
 type Pixel = (usize, usize);
 
-/// Pixels that look like warm ones in an exposure, and what is known of it.
+/// Candidate warm pixels of an exposure, with its data.
 struct Seen {
     about: About,
     /// Rows of the image.
@@ -78,10 +79,10 @@ struct Seen {
 }
 
 impl Trails {
-    /// Measures the trails of all frames, which are read twice. `progress` is given the files that are done.
+    /// Measures the trails of all frames, which are read twice. `progress` is given the number of files done.
     ///
     /// # Errors
-    /// If frames cannot be read as described, no warm pixels are found, or they are too few.
+    /// If frames cannot be read as described, or no or too few warm pixels are found.
     pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
         let search = Search { trail_px: self.trail_px, threshold_e: self.threshold_e };
         let mut found = Found::default();
@@ -149,7 +150,7 @@ impl Trails {
         let bins = Bins {
             per_decade: self.bins_per_decade,
             transfers: (least, most, self.transfer_bins),
-            // Only a table says that they are other detectors.
+            // Only a table states that they are different detectors.
             amplifiers_apart: seen.iter().any(|seen| seen.about.amplifier_name.is_some()),
         };
         let mut table = Vec::new();
@@ -190,7 +191,7 @@ impl Trails {
     }
 }
 
-/// Warm pixels of each date and sensor: those seen in two of three exposures at least, and in two if there are several.
+/// Warm pixels of each date and sensor: those seen in at least two of three exposures, and in two if there are several.
 fn warm_pixels(seen: &[Seen], epochs: &[usize], found: &mut Found) -> HashMap<(usize, Sensor), HashSet<Pixel>> {
     let mut times: HashMap<(usize, Sensor), (usize, HashMap<Pixel, usize>)> = HashMap::new();
     for (seen, epoch) in seen.iter().zip(epochs) {
@@ -215,7 +216,7 @@ fn warm_pixels(seen: &[Seen], epochs: &[usize], found: &mut Found) -> HashMap<(u
 }
 
 impl When {
-    /// By what exposures are sorted: kinds apart.
+    /// Sort key of exposures: kinds are separated.
     fn order(self) -> (u8, f64) {
         match self {
             When::Date(date) => (0, date.and_utc().timestamp() as f64),
@@ -224,7 +225,7 @@ impl When {
         }
     }
 
-    /// Whether two exposures are of one date; those with a dose are if it is the same.
+    /// Whether two exposures belong to one date; exposures with a dose do if it is the same.
     fn is_near(self, other: When, days: f64) -> bool {
         match (self, other) {
             (When::Date(one), When::Date(other)) => (one - other).abs().as_seconds_f64() <= days * 86_400.0,

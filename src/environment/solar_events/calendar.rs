@@ -1,4 +1,4 @@
-//! Active and quiet time of a mission, where maxima that are not known yet are drawn.
+//! Active and quiet time of a mission, with future maxima drawn.
 
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -6,7 +6,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::Activity;
 use crate::environment::solar_cycle::{self, CYCLE_SCATTER_YR, Maximum};
 
-/// The Sun over a mission, before anything is drawn.
+/// The Sun over a mission, before any draw.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sun {
     /// It follows its cycle.
@@ -16,7 +16,7 @@ pub enum Sun {
         /// Launch, decimal year.
         launch: f64,
     },
-    /// So many active years, spread evenly over the mission.
+    /// A number of active years, spread evenly over the mission.
     Mean {
         /// Active years of the mission.
         active_yr: f64,
@@ -24,8 +24,8 @@ pub enum Sun {
 }
 
 impl Sun {
-    /// Active and quiet time of a mission of so many years, with maxima that are not known yet drawn: the lengths of cycles
-    /// scatter independently, so that each maximum shifts those after it.
+    /// Active and quiet time of a mission of `duration_yr`, with future maxima drawn: the lengths of cycles vary independently, so
+    /// that each maximum shifts those after it.
     pub fn drawn(&self, duration_yr: f64, random: &mut impl Rng) -> Calendar {
         match self {
             Sun::Mean { active_yr } => {
@@ -53,16 +53,16 @@ pub struct Calendar {
     stretches: Vec<Stretch>,
 }
 
-/// Part of a mission in which the Sun is the same.
+/// Part of a mission with constant activity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Stretch {
     length_yr: f64,
-    /// Active share of it.
+    /// Active fraction of it.
     active: f64,
 }
 
 impl Stretch {
-    /// Share of it in which the Sun is like this.
+    /// Fraction of it with this activity.
     fn share(&self, activity: Activity) -> f64 {
         match activity {
             Activity::Active => self.active,
@@ -72,7 +72,7 @@ impl Stretch {
 }
 
 impl Calendar {
-    /// Around maxima (decimal years), of a mission of so many years.
+    /// Around maxima (decimal years), for a mission of this duration.
     pub fn around(maxima: &[Maximum], launch: f64, duration_yr: f64) -> Calendar {
         let mut stretches = Vec::new();
         let mut at_yr = 0.0;
@@ -88,12 +88,12 @@ impl Calendar {
         Calendar { stretches }
     }
 
-    /// Time (yr) in which the Sun is like this.
+    /// Time (yr) with this activity.
     pub fn years(&self, activity: Activity) -> f64 {
         self.stretches.iter().map(|stretch| stretch.length_yr * stretch.share(activity)).sum()
     }
 
-    /// When (years since launch) so much active or quiet time is over; the end, if there is not so much.
+    /// When (years since launch) this much active or quiet time has passed; the end, if there is less.
     pub fn when(&self, activity: Activity, elapsed_yr: f64) -> f64 {
         let (mut at_yr, mut left_yr) = (0.0, elapsed_yr);
         for stretch in &self.stretches {

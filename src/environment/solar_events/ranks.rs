@@ -1,9 +1,9 @@
-//! Sums of events → probability that a mission of as many active years has a smaller one.
+//! Sums of events → probability that a mission with as many active years has a smaller one.
 
-/// Numbers of active years at which sums are ranked; in between on straight lines.
+/// Numbers of active years at which sums are ranked; linear interpolation in between.
 const NODES: usize = 17;
 
-/// Active years, rising, at which samples with these many are ranked: one if all have the same, none if none has any.
+/// Active years, ascending, at which samples with these are ranked: one if all have the same, none if none has any.
 pub(super) fn nodes(years: &[f64]) -> Vec<f64> {
     let active = || years.iter().copied().filter(|years| *years > 0.0);
     let (least, most) = (active().fold(f64::INFINITY, f64::min), active().fold(0.0, f64::max));
@@ -18,12 +18,12 @@ pub(super) fn nodes(years: &[f64]) -> Vec<f64> {
 
 /// Sums of all samples after each of some numbers of active years.
 pub(super) struct Ranks {
-    /// Active years, and the sums in order.
+    /// Active years, and the sorted sums.
     nodes: Vec<(f64, Vec<f64>)>,
 }
 
 impl Ranks {
-    /// Of the sums of each sample after each number of active years.
+    /// From the sums of each sample after each number of active years.
     pub(super) fn of(years: &[f64], sums: &[Vec<f64>]) -> Ranks {
         let sorted = |(node, years): (usize, &f64)| {
             let mut sums: Vec<f64> = sums.iter().map(|sample| sample[node]).collect();
@@ -33,7 +33,7 @@ impl Ranks {
         Ranks { nodes: years.iter().enumerate().map(sorted).collect() }
     }
 
-    /// Probability that a mission of so many active years has a smaller sum, (r + ½)/n.
+    /// Probability that a mission with this number of active years has a smaller sum, (r + ½)/n.
     pub(super) fn of_sum(&self, years: f64, sum: f64) -> f64 {
         let Some(last) = self.nodes.len().checked_sub(1) else { return 0.5 };
         let after = self.nodes.partition_point(|node| node.0 <= years).min(last);
@@ -45,7 +45,7 @@ impl Ranks {
     }
 }
 
-/// Share of numbers (in order) that are smaller, and half of that of those that are equal.
+/// Fraction of sorted numbers that are smaller, plus half of those that are equal.
 fn rank(sorted: &[f64], number: f64) -> f64 {
     let smaller = sorted.partition_point(|other| *other < number);
     let not_larger = sorted.partition_point(|other| *other <= number);

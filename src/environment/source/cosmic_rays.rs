@@ -8,7 +8,7 @@ use crate::environment::solar_cycle::Phase;
 
 pub(super) struct CosmicRays;
 
-/// Phases from minimum to maximum at which the spectrum is computed; the dose between them is right to 1e-4.
+/// Number of phases from minimum to maximum at which the spectrum is computed; the dose between them has an error of 1e-4.
 const PHASES: usize = 5;
 
 impl Source for CosmicRays {

@@ -31,19 +31,19 @@ impl Source for SolarProtons {
 
     fn streams(&self, setting: &Setting) -> Vec<Stream> {
         let years = setting.active_years.max(1.0);
-        // Less than one active year counts as one, and all of it arrives within the active time there is.
+        // Less than one active year counts as one, and all of it arrives within the available active time.
         let outside = esp::fluence(setting.confidence, years).times(1.0 / setting.active_years);
         let yearly = Arrival::at(&setting.place, setting.middle).of(outside);
         vec![Stream { yearly, when: When::ActiveYears }]
     }
 }
 
-/// What of the protons of solar events arrives at a place.
+/// The part of the protons of solar events that arrives at a place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arrival(Option<Exposure>);
 
 impl Arrival {
-    /// At a place, in the magnetic field of a decimal year.
+    /// At a place, in the magnetic field at a decimal year.
     pub fn at(place: &Place, year: f64) -> Arrival {
         match place {
             Place::Interplanetary => Arrival(None),
@@ -51,7 +51,7 @@ impl Arrival {
         }
     }
 
-    /// Of a spectrum of interplanetary space.
+    /// From an interplanetary spectrum.
     pub fn of(&self, outside: Spectrum) -> Spectrum {
         match &self.0 {
             None => outside,

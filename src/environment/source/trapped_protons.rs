@@ -10,7 +10,7 @@ use crate::numeric::recent::Recent;
 
 pub(super) struct TrappedProtons;
 
-/// Delay (yr) of the trapped protons behind the Sun: 430 d, that of the damage of the low-orbit camera of Massey et al. 2025.
+/// Delay (yr) of the trapped protons relative to the Sun: 430 d, that of the damage of the low-orbit camera of Massey et al. 2025.
 const LAG_YR: f64 = 430.0 / 365.25;
 
 impl Source for TrappedProtons {
@@ -44,7 +44,7 @@ impl Source for TrappedProtons {
 /// Mean over an orbit.
 #[derive(Clone, Debug)]
 pub struct Averaged {
-    /// Omnidirectional fluence of a year, cm⁻².
+    /// Omnidirectional fluence per year, cm⁻².
     pub yearly: Spectrum,
     /// Estimated relative error of the mean.
     pub relative_error: f64,

@@ -1,4 +1,4 @@
-//! Isolated pixels with much charge, and the trails behind them.
+//! Isolated pixels with large charge, and the trails behind them.
 
 use std::collections::HashSet;
 
@@ -9,30 +9,30 @@ use super::super::exposure::Exposure;
 use super::super::statistic::{median, robust_scatter};
 use super::Pixel;
 
-/// Pixels in front of a warm one count as another source beyond so many sigma of the frame's noise.
+/// Pixels in front of a warm one count as another source above this number of sigma of the frame's noise.
 const SOURCE_SIGMA: f64 = 6.0;
-/// A halo: share of a pixel's charge that its neighbours may hold, up to a distance in pixels, and beside it.
+/// Halo: maximum share of a pixel's charge in its neighbours, up to a distance in pixels, and beside it.
 const HALO: f64 = 0.05;
 const HALO_PX: usize = 2;
 const BESIDE: f64 = 0.2;
 /// A pixel behind with more than this share of the charge is another source.
 const BEHIND: f64 = 0.5;
-/// Columns on each side, from the second on, from which the background is estimated.
+/// Columns on each side, starting with the second, from which the background is estimated.
 const NEAR_COLUMNS: std::ops::RangeInclusive<usize> = 2..=9;
 
-/// What is looked for.
+/// Search criteria.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Search {
-    /// Pixels of a trail.
+    /// Length of a trail, px.
     pub trail_px: usize,
-    /// Least charge of a pixel above the background, e-.
+    /// Minimum charge of a pixel above the background, e-.
     pub threshold_e: f64,
 }
 
-/// A trail as it was cut out of an exposure.
+/// A trail extracted from an exposure.
 #[derive(Clone, Debug)]
 pub(super) struct Cut {
-    /// Where: HDU, amplifier, row, column. The same in all exposures.
+    /// Position: HDU, amplifier, row, column. The same in all exposures.
     pub place: (usize, usize, usize, usize),
     /// Parallel transfers of the pixel.
     pub transfers: f64,
@@ -40,14 +40,14 @@ pub(super) struct Cut {
     pub signal_e: f64,
     /// Background near it, e-.
     pub background_e: f64,
-    /// Charge behind it less that in front of it, e-; NaN if a pixel is missing.
+    /// Charge behind it minus that in front of it, e-; NaN if a pixel is missing.
     pub trail_e: Vec<f64>,
     /// Step of the values, e-.
     pub quantum_e: f64,
 }
 
 impl Search {
-    /// Pixels that look like warm ones.
+    /// Candidate warm pixels.
     pub fn candidates(&self, exposure: &Exposure, found: &mut Found) -> HashSet<Pixel> {
         let Some((level_e, noise_e)) = level_and_noise(exposure) else { return HashSet::new() };
         let mut pixels = HashSet::new();
@@ -78,7 +78,7 @@ impl Search {
         Some(exposure.charge_e[[row, column]] - self.background(exposure, (row, column))?)
     }
 
-    /// Background near a pixel, e-: the median of the columns beside it, over the rows of its trail and of as many in front.
+    /// Background near a pixel, e-: the median of the columns beside it, over the rows of its trail and as many in front.
     fn background(&self, exposure: &Exposure, (row, column): Pixel) -> Option<f64> {
         let rows = row - self.trail_px..row + self.trail_px + 1;
         median(
@@ -86,9 +86,9 @@ impl Search {
         )
     }
 
-    /// Whether a pixel is brighter than all around it, and alone with its trail.
+    /// Whether a pixel is brighter than all around it, and isolated except for its trail.
     ///
-    /// Nothing is asked of the faint light of pixels behind it: that would make trails fainter.
+    /// There is no condition on faint pixels behind it: that would bias trails low.
     fn is_isolated(&self, exposure: &Exposure, (row, column): Pixel, signal_e: f64, noise_e: f64) -> bool {
         let Some(background_e) = self.background(exposure, (row, column)) else { return false };
         let above = |row: usize, column: usize| exposure.charge_e[[row, column]] - background_e;
@@ -97,7 +97,7 @@ impl Search {
             (row - 1..=row + 1)
                 .all(|row| above(row, near).is_nan() || above(row, near) < BESIDE * signal_e + SOURCE_SIGMA * noise_e)
         });
-        // Farther than the pixels that are compared: what is there trails into them, from afar if it is bright.
+        // Further than the pixels compared: sources there trail into them, from afar if they are bright.
         let in_front = (1..=(3 * self.trail_px).min(row)).all(|distance| {
             let limit_e = match distance {
                 _ if distance <= HALO_PX => HALO * signal_e + SOURCE_SIGMA * noise_e,
@@ -136,14 +136,14 @@ impl Search {
     }
 }
 
-/// Columns of the image near a column, without it and the ones beside it.
+/// Columns of the image near a column, without it and its neighbours.
 fn near(exposure: &Exposure, column: usize) -> impl Iterator<Item = usize> {
     let columns = exposure.columns.clone();
     let sides = NEAR_COLUMNS.flat_map(move |distance| [column.checked_sub(distance), Some(column + distance)]);
     sides.flatten().filter(move |near| columns.contains(near))
 }
 
-/// Median of the image and noise of a pixel (from the differences of pixels that follow one another in a column), e-.
+/// Median of the image and noise of a pixel (from the differences of successive pixels in a column), e-.
 fn level_and_noise(exposure: &Exposure) -> Option<(f64, f64)> {
     let image = exposure.charge_e.slice(s![..exposure.rows, exposure.columns.clone()]);
     let level_e = median(image.iter().copied().collect())?;

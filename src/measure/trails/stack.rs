@@ -7,22 +7,22 @@ use super::super::statistic::{Mean, clipped_beyond, inliers, median, robust_scat
 use super::super::table::Measurement;
 use super::find::Cut;
 
-/// Backgrounds below this are in one bin, e-.
+/// Backgrounds below this are in a common bin, e-.
 const LEAST_BACKGROUND_E: f64 = 1.0;
 
-/// How trails are sorted.
+/// Bins for the trails.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bins {
-    /// Bins of signal and of background in a factor of ten.
+    /// Bins of signal and of background per decade.
     pub per_decade: usize,
-    /// Least and most transfers, and bins between them.
+    /// Smallest and largest number of transfers, and number of bins between them.
     pub transfers: (f64, f64, usize),
-    /// Amplifiers have bins of their own.
+    /// Whether amplifiers have separate bins.
     pub amplifiers_apart: bool,
 }
 
 impl Bins {
-    /// Trails bin by bin; those of lower background, then transfers, then signal first.
+    /// Trails bin by bin, sorted by background, then transfers, then signal.
     pub fn sorted(&self, cuts: Vec<Cut>) -> Vec<Vec<Cut>> {
         let decade = |charge_e: f64| (charge_e.log10() * self.per_decade as f64).floor() as i64;
         let (least, most, count) = self.transfers;
@@ -46,15 +46,15 @@ pub(super) struct Trail {
     signal_e: f64,
     background_e: f64,
     transfers: f64,
-    /// Charge in each pixel behind, e-; None of too few.
+    /// Charge in each pixel behind, e-; None for too few values.
     pixels: Vec<Option<Mean>>,
 }
 
-/// The mean of trails, over warm pixels: exposures of one are averaged first, since what is near it is near it in all of them. None
-/// of fewer warm pixels than `fewest`.
+/// The mean of trails, over warm pixels: exposures of one pixel are averaged first, since its surroundings are the same in all of
+/// them. None for fewer warm pixels than `fewest`.
 ///
-/// Trails of a bin differ because their signals S and transfers n do: to first order as √S n. That is taken off, so that the mean is the
-/// trail of the mean signal, and the scatter that of noise.
+/// Trails of a bin differ because their signals S and transfers n do: to first order as √S n. This is removed, so that the mean is
+/// the trail of the mean signal, and the scatter that of noise.
 pub(super) fn stack(cuts: &[Cut], fewest: usize, trail_px: usize) -> Option<Trail> {
     let mut places: BTreeMap<_, Vec<usize>> = BTreeMap::new();
     for (index, cut) in cuts.iter().enumerate() {
@@ -97,8 +97,8 @@ fn mean_of(values: impl Iterator<Item = f64>) -> f64 {
     sum / f64::from(count)
 }
 
-/// The trails with NaN in the place of outliers. Charge that stands out behind a warm pixel is another source, which has a trail of its
-/// own: what follows it goes, too.
+/// The trails with NaN in place of outliers. Significant charge behind a warm pixel is another source, with its own trail: the
+/// pixels after it are also removed.
 fn without_sources(cuts: &[Cut], trail_px: usize, quantum_e: f64) -> Vec<Vec<f64>> {
     let mut trails: Vec<Vec<f64>> = cuts.iter().map(|cut| cut.trail_e.clone()).collect();
     let at = |trails: &[Vec<f64>], distance: usize| trails.iter().map(|trail| trail[distance]).collect::<Vec<f64>>();
@@ -116,14 +116,14 @@ fn without_sources(cuts: &[Cut], trail_px: usize, quantum_e: f64) -> Vec<Vec<f64
     trails
 }
 
-/// The median over the pixels of a trail of the scatter between trails, e-: noise is about the same in all of them, and of few trails
-/// those of one pixel may lie together by chance.
+/// The median over the pixels of a trail of the scatter between trails, e-: noise is nearly the same in all of them, and with few
+/// trails those of one pixel may be close together by chance.
 fn usual_scatter(charges: &[Vec<f64>]) -> f64 {
     median(charges.iter().filter_map(|values| robust_scatter(values)).collect()).unwrap_or(0.0)
 }
 
 impl Trail {
-    /// The rows of a table, for the exposures of a date; with the charge of the packet as it was read, or else before transfer.
+    /// The rows of a table, for the exposures of a date; with the charge of the packet as read, or before transfer.
     pub fn rows(&self, abouts: &[&About], as_read: bool) -> Vec<Measurement> {
         let trailed_e: f64 = self.pixels.iter().flatten().map(|mean| mean.value).sum();
         let before_e = self.signal_e + trailed_e;
