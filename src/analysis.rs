@@ -1,4 +1,4 @@
-//! The second half: measurements → predictions → residuals → fit → the effect that is missing.
+//! The second half: measurements → predictions → residuals → fit → the missing effect.
 
 pub mod diagnose;
 pub mod fit;

@@ -1,12 +1,12 @@
 //! Mission, measurements and free keys → values with errors.
 //!
-//! Weighted least squares by Levenberg and Marquardt's method (the crate's port of MINPACK), in coordinates in which bounds are out
-//! of reach (`problem`, `parameter`, `minimise`), from one start or several (`solve`, `elsewhere`). Errors are those of the linear
-//! theory at the optimum, from derivatives with respect to the parameters themselves (`errors`), larger if the model is curved
-//! (`profile_errors`); parameters that the data do not limit on one side are reported (`open_sides`). Species that a fit has
-//! exchanged get their own values back (`species_order`). The epoch of an event (a flare, a bakeout) has no derivative: data only
-//! determine between which two of their epochs it lies, so these intervals are tried one after another; the result is the middle of
-//! all that fit equally well (`event_epochs`).
+//! Weighted least squares by the Levenberg-Marquardt method (the crate's port of MINPACK), in coordinates without bounds
+//! (`problem`, `parameter`, `minimise`), from one start or several (`solve`, `elsewhere`). Errors are those of linear theory at the
+//! optimum, from derivatives with respect to the parameters themselves (`errors`), larger if the model is curved
+//! (`profile_errors`); parameters that the data do not limit on one side are reported (`open_sides`). Species exchanged by a fit
+//! get their own values back (`species_order`). The epoch of an event (a flare, a bakeout) has no derivative: data only determine
+//! between which two of their epochs it lies, so these intervals are tried one after another; the result is the centre of all that
+//! fit equally well (`event_epochs`).
 
 mod advice;
 mod elsewhere;
@@ -38,8 +38,7 @@ pub(crate) use solve::fit_rows;
 /// Adjusts the values of `keys` in a mission to data. `progress` is called with chi2 after every evaluation of the model.
 ///
 /// # Errors
-/// If a key is none of the mission's or no number, or is duplicate, there are fewer rows than keys, or the model has no value for a
-/// row.
+/// If a key is not a number of the mission, or is duplicate, there are fewer rows than keys, or the model has no value for a row.
 pub fn fit(
     mission: &Mission,
     data: &[DataSet],

@@ -1,7 +1,7 @@
 //! A measurement file → rows of value, error and conditions.
 //!
-//! One file, one observable. Conditions are columns, or stated once in `meta`, or those of the mission; columns that the model does
-//! not know are kept, so that residuals can be tested against them too.
+//! One file, one observable. Conditions are columns, or given once in `meta`, or those of the mission. Columns unknown to the model
+//! are kept, so that residuals can also be tested against them.
 
 mod condition_errors;
 mod floor;
@@ -26,15 +26,15 @@ use units::Unit;
 pub struct DataSet {
     /// The file as given.
     pub file: String,
-    /// What was measured.
+    /// The measured quantity.
     pub observable: Observable,
     /// In the file's order.
     pub rows: Vec<Row>,
     /// Conditions and covariates that vary from row to row, by name, in the file's order.
     pub varying: Vec<String>,
-    /// The file's table, with everything that the model does not know.
+    /// The file's table, with everything unknown to the model.
     pub table: Table,
-    /// What the errors of its rows have in common: nothing, as it is read.
+    /// Common errors of its rows: none as read.
     pub shared: Shared,
 }
 
@@ -43,41 +43,41 @@ pub struct DataSet {
 pub struct Row {
     /// The value, in the observable's unit.
     pub value: f64,
-    /// Its 1-sigma error, floors and those of conditions included.
+    /// Its 1-sigma error, including floors and errors of conditions.
     pub sigma: f64,
-    /// What of that is a floor of systematic errors, which the scatter of rows need not show.
+    /// The part of it that is a floor of systematic errors, which the scatter of rows need not show.
     pub floor: f64,
-    /// The conditions that are believed in; numeric columns that the model does not know are covariates.
+    /// The adopted conditions; numeric columns unknown to the model are covariates.
     pub at: Conditions,
-    /// 1-sigma errors of conditions, by name, in the units of the conditions; independent from row to row. Only those that the file
-    /// gives as `sigma_CONDITION`.
+    /// 1-sigma errors of conditions, by name, in the units of the conditions; independent from row to row. Only those given in the
+    /// file as `sigma_CONDITION`.
     pub condition_sigmas: Vec<(&'static str, f64)>,
-    /// The galaxy, by its place in the mission.
+    /// The galaxy, by its index in the mission.
     pub galaxy: Option<usize>,
-    /// The species of a trap density or of a dipole, by its place in the mission.
+    /// The species of a trap density or of a dipole, by its index in the mission.
     pub species: Option<usize>,
-    /// Columns of words that the model does not know, and the galaxy: name and word.
+    /// Text columns unknown to the model, and the galaxy: name and word.
     pub words: Vec<(String, String)>,
 }
 
 impl Row {
-    /// The question to the model for this row.
+    /// The query to the model for this row.
     pub fn question(&self, observable: Observable) -> Question<'_> {
         Question { observable, at: &self.at, galaxy: self.galaxy, species: self.species }
     }
 
-    /// A word of it, by the column's name.
+    /// A word of the row, by the column's name.
     pub fn word(&self, name: &str) -> Option<&str> {
         self.words.iter().find(|(known, _)| known == name).map(|(_, word)| word.as_str())
     }
 }
 
-/// All questions of some data sets, in order.
+/// All queries of some data sets, in order.
 pub fn questions(data: &[DataSet]) -> Vec<Question<'_>> {
     data.iter().flat_map(|set| set.rows.iter().map(|row| row.question(set.observable))).collect()
 }
 
-/// Refuses data without any row.
+/// Rejects data without rows.
 pub(crate) fn some_rows(data: &[DataSet], refused: &str) -> Result<(), InputError> {
     if data.iter().all(|set| set.rows.is_empty()) {
         return Err(InputError::new(refused, "there are no measurements").with_help("give at least one data set"));
@@ -85,7 +85,7 @@ pub(crate) fn some_rows(data: &[DataSet], refused: &str) -> Result<(), InputErro
     Ok(())
 }
 
-/// A condition that files may give, with its unit and what is allowed.
+/// A condition that files may contain, with its unit and allowed values.
 struct Known {
     name: &'static str,
     unit: Unit,
@@ -93,7 +93,7 @@ struct Known {
     help: fn(f64) -> Option<String>,
 }
 
-/// All conditions that are numbers.
+/// All numeric conditions.
 fn known(name: &str) -> Option<Known> {
     let plain = |name, unit, kind| Known { name, unit, kind, help: |_| None };
     let as_key = |name, unit, path: &str| {
@@ -124,7 +124,7 @@ fn known(name: &str) -> Option<Known> {
 /// Other names for a time, in days.
 const DAYS: [&str; 3] = ["date", "mjd", "jd"];
 
-/// The condition whose error a column of that name holds.
+/// The condition whose error is in a column of this name.
 fn condition_of_sigma(name: &str) -> Option<&'static str> {
     let condition = name.strip_prefix(SIGMA_OF)?;
     if DAYS.contains(&condition) {
@@ -137,14 +137,15 @@ fn condition_of_sigma(name: &str) -> Option<&'static str> {
 const MODIFIED_JULIAN_DAY_0: f64 = 2_400_000.5;
 const JULIAN_DAY_0: f64 = 0.0;
 
-/// Days by which two times of a row may differ and be the same.
+/// Difference in days below which two times of a row are the same.
 const SAME_TIME_D: f64 = 2.0;
 
-/// Before the name of a condition: its 1-sigma error.
+/// Prefix of a condition's name for its 1-sigma error.
 const SIGMA_OF: &str = "sigma_";
 
-/// A condition of another name, of which this one is a slip: one letter is wrong, missing, too many, or two are swapped, or the unit
-/// of `signal_read_e` or `preceding_e` is missing. Capitals do not matter. `date` is a word with many neighbours (`rate`, `gate`, `data`): only its capitals count.
+/// A condition of another name, of which this one is a misspelling: one letter is wrong, missing, additional, or two are swapped,
+/// or the unit of `signal_read_e` or `preceding_e` is missing. Case does not matter; for `date`, with many neighbours (`rate`),
+/// only case.
 fn slip_of(name: &str) -> Option<&'static str> {
     if conditions::NAMES.contains(&name) || OTHERS.contains(&name) {
         return None;
@@ -156,7 +157,7 @@ fn slip_of(name: &str) -> Option<&'static str> {
             ["signal_read", "preceding"].contains(&name.as_str()) && condition.strip_suffix("_e") == Some(&name);
         without_unit || strsim::damerau_levenshtein(&name, condition) <= allowed(condition)
     };
-    // A letter too many or missing is likelier than a wrong one.
+    // An additional or missing letter is likelier than a wrong one.
     let letters_apart = |condition: &&str| condition.len().abs_diff(name.len());
     conditions::NAMES.into_iter().chain(["galaxy", "date"]).rev().filter(like).max_by_key(letters_apart)
 }
@@ -168,13 +169,13 @@ impl DataSet {
     /// Reads a measurement file, ECSV or CSV, for a mission.
     ///
     /// # Errors
-    /// If the file cannot be read, or what it says makes no sense for the mission: one message with line, column, value
-    /// and what is allowed.
+    /// If the file cannot be read, or its content is invalid for the mission: one message with line, column, value and the allowed
+    /// range.
     pub fn read(path: impl AsRef<Path>, mission: &Mission) -> Result<DataSet, InputError> {
         DataSet::of(Table::read(path)?, mission)
     }
 
-    /// Takes a table as the measurements it is.
+    /// Interprets a table as measurements.
     ///
     /// # Errors
     /// As [`DataSet::read`].
@@ -192,13 +193,13 @@ impl DataSet {
         Ok(DataSet { file: table.name.clone(), observable, rows, varying, table, shared: Shared::default() })
     }
 
-    /// The same if no pedestal is allowed for.
+    /// The same without a pedestal.
     pub(crate) fn without_pedestal(&self) -> DataSet {
         DataSet { shared: Shared { pedestal: false, ..self.shared.clone() }, ..self.clone() }
     }
 
-    /// A condition, a covariate or a column of words of every row, as numbers; NaN if a row has none. Words are numbered
-    /// in order of appearance.
+    /// A condition, covariate or text column of every row, as numbers; NaN if a row has none. Words are numbered in order of
+    /// appearance.
     pub fn against(&self, name: &str) -> Vec<f64> {
         let mut words: Vec<&str> = Vec::new();
         let mut values = Vec::with_capacity(self.rows.len());
@@ -222,7 +223,7 @@ impl DataSet {
         self.varying.iter().any(|varying| varying == name)
     }
 
-    /// Whether a varying column holds words.
+    /// Whether a varying column contains words.
     pub fn is_words(&self, name: &str) -> bool {
         self.rows.iter().any(|row| row.word(name).is_some())
     }
@@ -260,8 +261,8 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// No column, and no number of `meta`, has the name of a condition with a slip in it: as a covariate it would leave the
-    /// condition to the mission.
+    /// Checks that no column or number of `meta` is a misspelt condition: as a covariate it would leave the condition to the
+    /// mission.
     fn check_names(&self) -> Result<(), InputError> {
         let columns = self.table.columns.iter().map(|column| (&column.name, column.name.clone()));
         let numbers = self.table.meta.iter().filter(|meta| meta.value.quantity().is_some());
@@ -277,7 +278,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// An error without a unit beside a value in a unit that is converted could be meant in either.
+    /// Checks that an error has a unit if its value is in a unit that is converted: otherwise it is ambiguous.
     fn check_sigma_unit(&self) -> Result<(), InputError> {
         let unit = |name: &str| self.table.column(name).map(|column| column.unit.as_deref().unwrap_or(""));
         let (Some(of_value), Some("")) = (unit("value"), unit("sigma")) else { return Ok(()) };
@@ -289,7 +290,7 @@ impl Reader<'_> {
         Err(self.table.fault(None, Some("sigma"), problem).with_help("give sigma the unit that it is in"))
     }
 
-    /// A name that says it is the error of a condition names one.
+    /// Checks that the name of an error column refers to a condition.
     fn check_sigma_of(&self, name: &str, place: &str) -> Result<(), InputError> {
         let lower = name.to_lowercase();
         let Some(condition) = lower.strip_prefix(SIGMA_OF) else { return Ok(()) };
@@ -331,14 +332,14 @@ impl Reader<'_> {
         Ok(Row { value, sigma, floor, at, condition_sigmas, galaxy, species, words })
     }
 
-    /// Errors of the conditions that have one.
+    /// Errors of the conditions.
     fn condition_sigmas(&self, row: usize) -> Result<Vec<(&'static str, f64)>, InputError> {
         let mut sigmas: Vec<(&'static str, f64)> = Vec::new();
         let in_days = DAYS.map(|name| (name, "t_yr", Unit::Days, 1.0 / DAYS_PER_YEAR));
         let others = conditions::NAMES.map(|name| (name, name, known(name).expect("a condition").unit, 1.0));
         for (name, condition, unit, factor) in others.into_iter().chain(in_days) {
             let name = format!("{SIGMA_OF}{name}");
-            // A difference of temperatures is the same in kelvin and degrees Celsius.
+            // A temperature difference is the same in kelvin and degrees Celsius.
             let Some((sigma, place)) =
                 self.number_by(row, &name, unit, |conversion, theirs| conversion.scale(theirs))?
             else {
@@ -377,7 +378,7 @@ impl Reader<'_> {
         Err(self.table.fault(Some(row), Some(&place), problem).with_help("leave out rows without measurements"))
     }
 
-    /// The galaxy of a change of shape, by its place in the mission.
+    /// The galaxy of a change of shape, by its index in the mission.
     fn galaxy(&self, row: usize) -> Result<Option<usize>, InputError> {
         if !self.observable.is_shape() {
             return Ok(None);
@@ -385,7 +386,7 @@ impl Reader<'_> {
         let names: Vec<&str> = self.mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect();
         match self.named(row, "galaxy", &names)? {
             Some(galaxy) => Ok(Some(galaxy)),
-            // That of [requirement], as everything that stands nowhere is the mission's.
+            // The galaxy of [requirement]: whatever is not given is the mission's.
             None if self.table.column("galaxy").is_none() => {
                 let judged = &self.mission.requirement.galaxy;
                 Ok(names.iter().position(|name| name == judged))
@@ -394,8 +395,8 @@ impl Reader<'_> {
         }
     }
 
-    /// The species of a trap density or of a dipole, by its place in the mission; None if a row of a density names none. A
-    /// dipole is that of one trap.
+    /// The species of a trap density or of a dipole, by its index in the mission; None if a row of a density names none. A dipole
+    /// belongs to a single trap.
     fn species(&self, row: usize) -> Result<Option<usize>, InputError> {
         let pumped = matches!(self.observable.card().probe, Probe::Pumping(_));
         if !pumped && !matches!(self.observable.card().probe, Probe::Traps) {
@@ -409,7 +410,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The place of the name that a column, or `meta`, gives; None if neither does.
+    /// The index of the name given in a column or `meta`; None if there is none.
     fn named(&self, row: usize, what: &str, names: &[&str]) -> Result<Option<usize>, InputError> {
         let column = self.table.column(what);
         let said = column.map(|column| &column.cells[row]).or_else(|| self.table.meta(what));
@@ -435,7 +436,7 @@ impl Reader<'_> {
         }
         let mut believed = Conditions::of(self.mission, t_yr.unwrap_or(0.0));
         if dose_mev_g.is_some() {
-            // A laboratory does not follow the mission's history.
+            // A laboratory measurement does not follow the mission's history.
             believed.temperature_k = self.mission.detector.temperature_k;
         }
         let whole = |number: f64| number as u32;
@@ -477,7 +478,7 @@ impl Reader<'_> {
         Ok(at)
     }
 
-    /// The charge of a packet is known before transfer, or as read.
+    /// Checks that the charge of a packet is given either before transfer or as read.
     fn check_signal_read(&self, row: usize, at: &Conditions) -> Result<(), InputError> {
         let Some(signal_read_e) = at.signal_read_e else { return Ok(()) };
         let refuse = |problem: &str, help: &str| {
@@ -494,7 +495,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A preceding packet has a charge and a distance, and lies on the detector.
+    /// Checks that a preceding packet has a charge and a distance, and is on the detector.
     fn check_preceding(&self, row: usize, at: &Conditions) -> Result<(), InputError> {
         match (at.preceding_e, at.preceding_px) {
             (None, None) => Ok(()),
@@ -511,7 +512,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The CTI of an edge needs the pixels behind it.
+    /// Checks that the CTI of an edge has the pixels behind it.
     fn check_edge(&self, row: usize, at: &Conditions) -> Result<(), InputError> {
         if !self.observable.depends_on("first_px") {
             return Ok(());
@@ -529,7 +530,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Numeric columns, and numbers of `meta`, that the model does not know.
+    /// Numeric columns, and numbers of `meta`, unknown to the model.
     fn covariates(&self, row: usize) -> Vec<(String, f64)> {
         let unknown =
             |name: &str| !OTHERS.contains(&name) && known(name).is_none() && condition_of_sigma(name).is_none();
@@ -567,12 +568,12 @@ impl Reader<'_> {
         })
     }
 
-    /// A number of a row or of `meta` in our unit, and where it stands.
+    /// A number of a row or of `meta` in our unit, and its location.
     fn number(&self, row: usize, name: &str, unit: Unit) -> Result<Option<(f64, String)>, InputError> {
         self.number_by(row, name, unit, units::Conversion::apply)
     }
 
-    /// The same, converted in a way of its own.
+    /// The same with a specific conversion.
     fn number_by(
         &self,
         row: usize,
@@ -688,7 +689,7 @@ impl Reader<'_> {
             self.observable,
             self.names()
         );
-        // A column with holes has its place.
+        // A column with missing cells has its location.
         let place = self.table.column(name).map(|_| name);
         self.table.fault(place.map(|_| row), place, problem)
     }

@@ -1,4 +1,4 @@
-//! Model against measurements: how far off, where, and against which condition the residuals trend.
+//! Model against measurements: size and location of the deviations, and the conditions with which the residuals trend.
 //!
 //! Nothing is adjusted here. A residual is (value − model)/sigma.
 
@@ -19,7 +19,7 @@ pub use result::{Claim, Finding, SetResult, Validation};
 pub(crate) use result::{file_stem, plain_name};
 pub(crate) use scatter::{along_neighbours, second_differences};
 
-/// Holds a mission against data. The seed is that of the simulated noise with which residual trends are compared.
+/// Compares a mission with data. The seed is for the simulated noise with which residual trends are compared.
 ///
 /// # Errors
 /// If there are no rows, or the model has no value for one.

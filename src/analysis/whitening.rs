@@ -1,10 +1,10 @@
-//! What the errors of a data set's rows have in common, taken out of its residuals.
+//! Removal of the common errors of a data set's rows from its residuals.
 //!
-//! Residuals (value − model)/sigma of independent rows are what they are. If errors of neighbouring pixels of a trail are
-//! correlated by r (r^d at a distance of d), each but the first is replaced by what the one before does not predict,
-//! (e_k − r^d e_(k−1))/√(1 − r^2d): the Cholesky factor of a first-order autoregressive process. A constant pedestal of a file
-//! is allowed for by counting its mean residual z (in its own error) as z/√(1 + z²/C): up to a few sigma as it is, beyond that
-//! no more than √C. All of that is smooth, so that a fit can follow it.
+//! Residuals (value − model)/sigma of independent rows are unchanged. If errors of neighbouring pixels of a trail are correlated by
+//! r (r^d at a distance of d), each but the first is replaced by the part not predicted by the previous one, (e_k − r^d
+//! e_(k−1))/√(1 − r^2d): the Cholesky factor of a first-order autoregressive process. A constant pedestal of a file is allowed for
+//! by replacing its mean residual z (in units of its own error) by z/√(1 + z²/C): nearly unchanged up to a few sigma, at most √C
+//! beyond. All of this is smooth, so that a fit can follow it.
 
 use std::ops::Range;
 
@@ -13,41 +13,41 @@ use nalgebra::{DMatrix, DVector};
 use crate::analysis::measurement::DataSet;
 use crate::numeric::least_squares::Span;
 
-/// What the errors of a data set's rows have in common; nothing by default.
+/// Common errors of a data set's rows; none by default.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shared {
     /// Correlation of neighbours in a trail.
     pub correlation: f64,
-    /// Which neighbours that is meant of.
+    /// The neighbours that it refers to.
     pub neighbours: Neighbours,
     /// Whether the file may carry a constant pedestal.
     pub pedestal: bool,
     /// Wrong rows, by their indices in the data set: they have no neighbours.
     pub wrong: Vec<usize>,
-    /// Rows that a model which explains the data has shown to be right, by their places in the data set.
+    /// Rows confirmed by a model that explains the data, by their indices in the data set.
     pub right: Vec<usize>,
     /// Degrees of freedom from which the scale of the errors was estimated; None if it was not.
     pub freedom: Option<f64>,
 }
 
-/// Between which rows of a trail errors are correlated by the number given.
+/// Rows of a trail whose errors have the given correlation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Neighbours {
-    /// Pixels next to one another: those d pixels apart by its power d.
+    /// Adjacent pixels: for a distance of d pixels its power d.
     #[default]
     Pixels,
-    /// Rows of the file next to one another in the trail, at any distance.
+    /// Adjacent rows of the file in the trail, at any distance.
     Rows,
 }
 
-/// The largest part of chi2 that a pedestal costs, C: less than an effect must bring to be claimed, or one would be claimed in place of
-/// a pedestal; more than a rival may be worse by, or one would have rivals that need a pedestal besides.
+/// The maximum contribution of a pedestal to chi2, C. It is less than the gain required of an effect, or one would be claimed in
+/// place of a pedestal. It is more than the margin of a rival, or a pedestal would admit rivals that also need one.
 pub(crate) const PEDESTAL: f64 = 12.0;
 
-/// Share of a column beyond the others, below which it is linearly dependent.
+/// Norm of a column orthogonal to the others, below which it is linearly dependent.
 const FLAT: f64 = 1e-5;
 
-/// Rows of a file below which no pedestal is estimated: with few values, it may be all that an effect does.
+/// Minimum number of rows in a file for a pedestal: with few values, it may absorb a whole effect.
 const FEW: usize = 4;
 
 /// The preceding row in the same trail, and the distance in pixels.
@@ -55,12 +55,12 @@ pub(crate) type Link = Option<(usize, i32)>;
 
 /// Makes errors of rows independent, and allows for pedestals.
 pub struct Whitening {
-    /// For each row the row before, and its correlation with it.
+    /// For each row the previous row, and its correlation with it.
     before: Vec<Option<(usize, f64)>>,
     pedestals: Vec<Pedestal>,
 }
 
-/// The direction of a file's constant, and how long it is for one unit of the value.
+/// The direction of a file's constant, and its length for one unit of the value.
 struct Pedestal {
     set: usize,
     rows: Range<usize>,
@@ -69,7 +69,7 @@ struct Pedestal {
 }
 
 impl Whitening {
-    /// That of those rows (by their place among all) that are wanted.
+    /// For the wanted rows only (by their indices among all).
     pub fn of(data: &[DataSet], wanted: impl Fn(usize) -> bool) -> Whitening {
         let (mut before, mut ends, mut first) = (Vec::new(), Vec::new(), 0);
         for set in data {
@@ -105,7 +105,7 @@ impl Whitening {
         whitening
     }
 
-    /// A change of the residuals as it is without what rows have in common, pedestals kept.
+    /// A change of the residuals, without common errors of rows, pedestals kept.
     pub fn linear(&self, residuals: &[f64]) -> Vec<f64> {
         let one = |(row, link): (usize, &Option<(usize, f64)>)| match link {
             None => residuals[row],
@@ -114,11 +114,11 @@ impl Whitening {
         self.before.iter().enumerate().map(one).collect()
     }
 
-    /// What [`Whitening::linear`] makes this of.
+    /// The inverse of [`Whitening::linear`].
     pub fn undone(&self, white: &[f64]) -> Vec<f64> {
         let mut found: Vec<Option<f64>> = vec![None; white.len()];
         for row in 0..white.len() {
-            // From the row back to the first of its trail that is known, and on again.
+            // From the row back to the first known one of its trail, and forward again.
             let mut way = vec![row];
             while let Some((before, _)) =
                 self.before[*way.last().expect("a row")].filter(|(before, _)| found[*before].is_none())
@@ -139,7 +139,7 @@ impl Whitening {
         found.into_iter().map(|value| value.expect("every row")).collect()
     }
 
-    /// Residuals with errors that are independent, pedestals allowed for.
+    /// Residuals with independent errors, pedestals allowed for.
     pub fn residuals(&self, residuals: &[f64]) -> Vec<f64> {
         let mut white = self.linear(residuals);
         for pedestal in &self.pedestals {
@@ -150,7 +150,7 @@ impl Whitening {
         white
     }
 
-    /// The same with pedestals that are beyond noise taken away altogether.
+    /// The same with significant pedestals removed completely.
     pub fn levelled(&self, residuals: &[f64]) -> Vec<f64> {
         let mut white = self.linear(residuals);
         for pedestal in &self.pedestals {
@@ -162,7 +162,7 @@ impl Whitening {
         white
     }
 
-    /// A change of such residuals as small changes of residuals make it, if pedestals are as high as levels say.
+    /// Transforms a small change of such residuals, if pedestals have the given levels.
     pub fn change(&self, linear: &mut [f64], levels: &[f64]) {
         for (pedestal, level) in self.pedestals.iter().zip(levels) {
             let along = pedestal.level(linear);
@@ -175,17 +175,17 @@ impl Whitening {
         self.pedestals.iter().map(|pedestal| pedestal.set).collect()
     }
 
-    /// Allows for pedestals no more.
+    /// No longer allows for pedestals.
     pub(crate) fn forget_pedestals(&mut self) {
         self.pedestals.clear();
     }
 
-    /// How high each pedestal is, in its own error, in linear residuals.
+    /// The level of each pedestal, in units of its own error, in linear residuals.
     pub fn levels(&self, linear: &[f64]) -> Vec<f64> {
         self.pedestals.iter().map(|pedestal| pedestal.level(linear)).collect()
     }
 
-    /// What each pedestal that is beyond noise costs in chi2, at its level; 0 of others.
+    /// The contribution of each significant pedestal to chi2, at its level; 0 for others.
     pub fn costs(&self, levels: &[f64]) -> Vec<f64> {
         let of = |level: &f64| {
             let square = level * level;
@@ -194,8 +194,8 @@ impl Whitening {
         levels.iter().map(of).collect()
     }
 
-    /// Data set, value and error of each pedestal, in the unit of the values, in linear residuals of a fit with those
-    /// derivatives (of its residuals, pedestals allowed for); the error is that with all parameters free.
+    /// Data set, value and error of each pedestal, in the unit of the values, in linear residuals of a fit with those derivatives
+    /// (of its residuals, pedestals allowed for); the error is that with all parameters free.
     pub fn pedestals(&self, linear: &[f64], jacobian: &DMatrix<f64>) -> Vec<(usize, f64, f64)> {
         let levels = self.levels(linear);
         let mut derivatives = jacobian.clone();
@@ -216,7 +216,7 @@ impl Whitening {
     }
 }
 
-/// Derivative of how a pedestal's level counts with respect to the level.
+/// Derivative of a pedestal's transformed level with respect to the level.
 fn slope(level: f64) -> f64 {
     (1.0 + level * level / PEDESTAL).powf(-1.5)
 }
@@ -234,7 +234,7 @@ impl Pedestal {
 }
 
 impl Shared {
-    /// Correlation of two rows that are neighbours in a trail, at a distance in pixels.
+    /// Correlation of two neighbouring rows of a trail, at a distance in pixels.
     pub fn between(&self, apart: i32) -> f64 {
         match self.neighbours {
             Neighbours::Pixels => self.correlation.powi(apart),
@@ -243,7 +243,7 @@ impl Shared {
     }
 }
 
-/// For each row of a data set the row before it in the same trail, among those wanted, and how many pixels lie between.
+/// For each row of a data set the previous row in the same trail, among the wanted ones, and their distance in pixels.
 pub(crate) fn trails(set: &DataSet, wanted: impl Fn(usize) -> bool) -> Vec<Link> {
     let others: Vec<Vec<f64>> =
         set.varying.iter().filter(|name| *name != "trail_px").map(|name| set.against(name)).collect();

@@ -1,12 +1,12 @@
-//! What data do not determine.
+//! Parameters that the data do not determine.
 
 use super::parameter::Parameter;
 use super::result::{Advice, Fitted};
 
-/// Correlation beyond which two parameters count as traded off.
+/// Correlation above which two parameters are reported as degenerate.
 const TRADED_OFF: f64 = 0.95;
 
-/// Doubts about all parameters, the worst first.
+/// Advice on all parameters, the worst first.
 pub(super) fn on(
     parameters: &[Parameter],
     fitted: &[Fitted],

@@ -1,10 +1,10 @@
-//! Whether chi2 has a deeper minimum elsewhere.
+//! Search for a deeper minimum of chi2 elsewhere.
 //!
 //! If a model has a kink (a packet that sinks into a notch near the background), chi2 has several minima, and a minimiser ends in
-//! the one next to its start. Each parameter is scanned by itself, on either side of the optimum, at the value that the mission
-//! has, and at its kinks, next to which a minimum may be narrow, all others following to first order: 20 to 28 evaluations of the
-//! model for each. If the scan finds a lower chi2 than at the optimum, or a second valley, the fit starts once more. The mission's
-//! own values are among the starts, so that a fit with a parameter held there cannot end lower than one with it free.
+//! the one next to its start. Each parameter is scanned separately, on either side of the optimum, at the mission's value, and at
+//! its kinks, next to which a minimum may be narrow; all others follow to first order: 20 to 28 evaluations of the model for each.
+//! If the scan finds a lower chi2 than at the optimum, or a second valley, the fit starts once more. The mission's own values are
+//! among the starts, so that a fit with a parameter fixed there cannot end lower than one with it free.
 
 use nalgebra::DVector;
 
@@ -15,7 +15,7 @@ use crate::effect::Reach;
 use crate::numeric::least_squares::Span;
 use crate::numeric::parallel;
 
-/// Distances of a scan from the optimum, in ordinary changes of a parameter (of its logarithm, if it must be above 0).
+/// Distances of a scan from the optimum, in typical changes of a parameter (of its logarithm, if it must be above 0).
 const DISTANCES: [f64; 9] = [0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 3.2, 4.6];
 
 /// Rounds of scans of all parameters, and new starts in each: the most promising ones.
@@ -25,7 +25,7 @@ const STARTS: usize = 3;
 /// Increase of chi2 within which a rough fit has found the known minimum.
 const ROUGH: f64 = 1.0;
 
-/// Excess of chi2, in addition to a share of it, beyond which a minimum is not followed to its bottom.
+/// Excess of chi2, in addition to a share of it, above which a minimum is not followed to its bottom.
 const FAR_ABOVE: f64 = 30.0;
 
 /// Whether a rough fit may lead to a minimum other than the known one, and not far above it.
@@ -36,7 +36,7 @@ pub(crate) fn is_another(rough: f64, known: f64) -> bool {
 }
 
 impl Problem<'_> {
-    /// Minima that are found from scans around an optimum, lower or higher than it.
+    /// Minima found by scans around an optimum, lower or higher than it.
     pub(super) fn scanned(&self, optimum: &Optimum) -> Vec<Optimum> {
         let mut best = optimum.clone();
         let mut found = Vec::new();
@@ -53,7 +53,7 @@ impl Problem<'_> {
         found
     }
 
-    /// The minimum that a start leads to; None if a rough fit leads to no other.
+    /// The minimum reached from a start; None if a rough fit reaches no other.
     fn another(&self, start: &[f64], known: &Optimum) -> Option<Optimum> {
         let rough = self.roughly(start);
         is_another(rough.chi2, known.chi2).then(|| self.minimise(&rough.at))
@@ -67,7 +67,7 @@ impl Problem<'_> {
         }
     }
 
-    /// Places from which another minimum may be reached, those of least chi2 first.
+    /// Points from which another minimum may be reached, sorted by chi2.
     fn valleys(&self, optimum: &Optimum) -> Vec<Vec<f64>> {
         let Ok(jacobian) = self.jacobian(&optimum.at) else { return Vec::new() };
         let moving = |index: &usize| !self.parameters[*index].is_event_epoch;

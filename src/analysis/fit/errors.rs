@@ -1,17 +1,18 @@
-//! Errors of the linear theory, and what the data leave open.
+//! Errors of linear theory, and directions that the data do not constrain.
 
 use nalgebra::DMatrix;
 
-/// Errors of the linear theory.
+/// Errors of linear theory.
 pub(super) struct Errors {
-    /// Of each parameter; None if the data do not constrain it.
+    /// Error of each parameter; None if the data do not constrain it.
     pub sigmas: Vec<Option<f64>>,
     pub correlation: Vec<Vec<f64>>,
-    /// Directions (in units of each parameter's own error were it alone) along which chi2 does not change.
+    /// Directions (in units of each parameter's own error if it were alone) along which chi2 does not change.
     pub flat: Vec<Vec<f64>>,
 }
 
-/// Eigenvalue of the scaled normal matrix, of trace n, below which a direction counts as flat: a combination known ten
+/// Eigenvalue of the scaled normal matrix, of trace n, below which a direction counts as flat: a combination whose error is ten
+/// thousand times larger than those of its members alone.
 /// thousand times worse than its members would be alone.
 const FLAT: f64 = 1e-8;
 

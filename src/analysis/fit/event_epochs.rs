@@ -6,17 +6,17 @@ use super::problem::{LOOSE, Optimum, Problem};
 use crate::error::InputError;
 use crate::numeric::least_squares::Span;
 
-/// Rise of chi2 up to which a moment is as good elsewhere: one standard error.
+/// Increase of chi2 up to which an event epoch fits equally well: one standard error.
 const AS_GOOD: f64 = 1.0;
 
-/// Rise of chi2 beyond which no moment is looked for.
+/// Increase of chi2 above which no event epoch is searched.
 const UNLIKELY: f64 = 16.0;
 
-/// Intervals between epochs of which one is tried first for a moment.
+/// Only one in this many intervals between epochs is tried first for an event epoch.
 const EVERY: usize = 4;
 
 impl Problem<'_> {
-    /// Minimises from a start, trying every interval between epochs for each moment.
+    /// Minimises from a start, trying every interval between epochs for each event epoch.
     pub(super) fn with_event_epochs(&self, start: &[f64]) -> Optimum {
         let moments: Vec<usize> = (0..start.len()).filter(|&index| self.parameters[index].is_event_epoch).collect();
         let mut best = self.minimise(start);
@@ -24,7 +24,7 @@ impl Problem<'_> {
             return best;
         }
         let candidates: Vec<f64> = self.epochs().windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
-        // Moments may depend on one another: once more after all have been tried.
+        // Event epochs may depend on each other: repeated once after all have been tried.
         for _ in 0..if moments.len() > 1 { 2 } else { 1 } {
             for &index in &moments {
                 let from = best.at.clone();
@@ -33,7 +33,7 @@ impl Problem<'_> {
                     at[index] = candidates[place];
                     self.minimise(&at)
                 };
-                // Every few intervals first, then all around the best of them.
+                // One in every few intervals first, then all around the best of them.
                 let coarse: Vec<(usize, Optimum)> =
                     (0..candidates.len()).step_by(EVERY).map(|place| (place, attempt(place))).collect();
                 let least = coarse.iter().min_by(|a, b| a.1.chi2.total_cmp(&b.1.chi2)).map_or(0, |(place, _)| *place);
@@ -49,7 +49,7 @@ impl Problem<'_> {
         best
     }
 
-    /// Launch and the epochs of the data, years since launch, rising.
+    /// Launch and the epochs of the data, years since launch, ascending.
     fn epochs(&self) -> Vec<f64> {
         let mut epochs: Vec<f64> = self.questions.iter().map(|question| question.at.t_yr).collect();
         epochs.push(0.0);
@@ -80,15 +80,15 @@ impl Problem<'_> {
         Ok(found)
     }
 
-    /// Intervals between epochs where a moment may lie, from that of an optimum outwards as long as chi2, the other
-    /// parameters following to first order, does not rise by more.
+    /// Intervals between epochs where an event may lie, outwards from that of an optimum until chi2 has increased by `rise`; the
+    /// other parameters follow to first order.
     fn around(&self, optimum: &Optimum, index: usize, rise: f64) -> Vec<Interval> {
         let epochs = self.epochs();
         let interval = |ends: &[f64]| -> Option<Interval> {
             let mut at = optimum.at.clone();
             at[index] = 0.5 * (ends[0] + ends[1]);
             let residuals = DVector::from_vec(self.residuals(&at).ok()?);
-            // The signature of a flare is another one where the flare is.
+            // The signature of a flare depends on its epoch.
             let jacobian = self.jacobian(&at).ok()?;
             let follow = -Span::of(&jacobian, LOOSE).solve(&residuals);
             let rise = (residuals + jacobian * &follow).norm_squared() - optimum.chi2;
@@ -104,8 +104,8 @@ impl Problem<'_> {
         before.chain(after).collect()
     }
 
-    /// Errors of moments, and what they add to those of all others: every interval between epochs is as likely as it is
-    /// long, times exp(−chi2/2).
+    /// Errors of event epochs, and their contribution to those of all others: the probability of each interval between epochs is
+    /// proportional to its length times exp(−chi2/2).
     pub(super) fn add_event_epochs(&self, optimum: &Optimum, sigmas: &mut [Option<f64>]) {
         for index in (0..optimum.at.len()).filter(|&index| self.parameters[index].is_event_epoch) {
             let around = self.around(optimum, index, UNLIKELY);
@@ -116,7 +116,7 @@ impl Problem<'_> {
             }
             let mean =
                 |of: &dyn Fn(&Interval) -> f64| around.iter().map(|one| likely(one) * of(one)).sum::<f64>() / all;
-            // Of (t − moment)^2 over an interval.
+            // Mean of (t − epoch)² over an interval.
             let square = |one: &Interval| {
                 let [from, to] = [one.from_yr, one.to_yr].map(|t_yr| t_yr - optimum.at[index]);
                 (from * from + from * to + to * to) / 3.0
@@ -132,12 +132,12 @@ impl Problem<'_> {
     }
 }
 
-/// An interval between epochs, with a moment in it.
+/// An interval between epochs, with an event epoch in it.
 struct Interval {
     from_yr: f64,
     to_yr: f64,
-    /// By how much chi2 is above that of the optimum.
+    /// Increase of chi2 above that of the optimum.
     rise: f64,
-    /// How the other parameters follow.
+    /// Changes of the other parameters.
     follow: DVector<f64>,
 }

@@ -1,7 +1,7 @@
-//! How well a fit predicts data that it has not seen: groups of rows left out in turn.
+//! Prediction error for held-out data: groups of rows are left out in turn.
 //!
-//! A trail's pixels share their errors, so whole groups are left out: a signal level, an epoch, a distance. Groups at the ends of a
-//! column's range are predicted by extrapolation, as in a plan, and are reported separately from those in between.
+//! The pixels of a trail share their errors, so whole groups are left out: a signal level, an epoch, a distance. Groups at the ends
+//! of a column's range are predicted by extrapolation, as in planning, and are reported separately from those in between.
 
 use serde::Serialize;
 
@@ -10,7 +10,7 @@ use crate::analysis::measurement::DataSet;
 use crate::error::{InputError, nearest};
 use crate::model::Model;
 
-/// Most groups that a column of numbers is cut into.
+/// Maximum number of groups for a column of numbers.
 const GROUPS: usize = 8;
 
 /// Held-out errors.
@@ -22,22 +22,22 @@ pub struct Holdout {
     pub rms_sigma: f64,
     /// rms of (value − model)/sigma over groups in between.
     pub interpolated_rms_sigma: Option<f64>,
-    /// The same over groups at the ends of the range; None for words.
+    /// The same over groups at the ends of the range; None for text columns.
     pub extrapolated_rms_sigma: Option<f64>,
-    /// One group after another, in the column's order.
+    /// All groups, in the column's order.
     pub groups: Vec<Group>,
 }
 
-/// One group of rows left out.
+/// A group of rows left out.
 #[derive(Clone, Debug, Serialize)]
 pub struct Group {
-    /// What is common to them.
+    /// Their common value.
     pub name: String,
-    /// How many they are.
+    /// Number of rows.
     pub n: usize,
     /// rms of (value − model)/sigma, with the model fitted to all other rows.
     pub rms_sigma: f64,
-    /// Whether it lies at an end of the column's range.
+    /// Whether it is at an end of the column's range.
     pub at_end: bool,
 }
 
@@ -80,7 +80,7 @@ pub fn holdout(
     })
 }
 
-/// Groups of rows (by their place among all): name, members, whether at an end.
+/// Groups of rows (by their indices among all): name, members, whether at an end.
 pub(crate) fn groups(data: &[DataSet], column: &str) -> Result<Vec<(String, Vec<usize>, bool)>, InputError> {
     if !data.iter().any(|set| set.varies_in(column)) {
         let varying: Vec<&str> = data.iter().flat_map(|set| &set.varying).map(String::as_str).collect();
@@ -97,7 +97,7 @@ pub(crate) fn groups(data: &[DataSet], column: &str) -> Result<Vec<(String, Vec<
     Ok(groups_among(data, &(0..data.len()).collect::<Vec<_>>(), column))
 }
 
-/// The same of some data sets, by their places among all; those that do not vary in the column are never left out.
+/// The same for some data sets, by their indices among all; those that do not vary in the column are never left out.
 pub(crate) fn groups_among(data: &[DataSet], some: &[usize], column: &str) -> Vec<(String, Vec<usize>, bool)> {
     let varies = data.iter().enumerate().map(|(place, set)| (set, some.contains(&place) && set.varies_in(column)));
     let rows = varies.flat_map(|(set, varies)| set.rows.iter().map(move |row| (row, varies)));

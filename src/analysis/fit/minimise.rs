@@ -1,4 +1,4 @@
-//! The least sum of squares, from a start, moments of events held.
+//! The minimum of the sum of squares, from a start, with event epochs fixed.
 
 use std::cell::RefCell;
 
@@ -12,17 +12,17 @@ use crate::error::InputError;
 use crate::mission::Mission;
 use crate::numeric::parallel;
 
-/// Times that a minimisation is taken up again at most.
+/// Maximum number of restarts of a minimisation.
 const AGAIN: usize = 20;
 
-/// Relative change of chi2 and of parameters at which a sketch of an optimum is good enough.
+/// Relative change of chi2 and of parameters at which a rough optimum is sufficient.
 const SKETCHED: f64 = 1e-3;
 
-/// Times that a sketch is taken up again at most, and the fall of chi2 from which on that is worth it.
+/// Maximum number of restarts of a rough optimum, and the decrease of chi2 that justifies one.
 const FRESH: usize = 3;
 const HELPED: f64 = 2.0;
 
-/// The fall of chi2 from so much that was worth another minimisation.
+/// The decrease of chi2 from this value that justifies another minimisation.
 pub(crate) fn helped(chi2: f64) -> f64 {
     HELPED.max(HELPED * 1e-3 * chi2)
 }
@@ -32,7 +32,7 @@ fn rough_solver() -> LevenbergMarquardt<f64> {
 }
 
 impl Problem<'_> {
-    /// Missions near optima other than one of so much chi2, from random starting points.
+    /// Missions near optima other than the one with this chi2, from random starting points.
     pub(crate) fn elsewhere(&self, starts: usize, seed: u64, chi2: f64) -> Vec<Mission> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let sketches = (0..starts).filter_map(|_| {
@@ -54,14 +54,14 @@ impl Problem<'_> {
         Optimum { at: at.to_vec(), chi2 }
     }
 
-    /// A point near the optimum: a short minimisation from the mission's own values, moments held. Derivatives with respect to the
-    /// first parameters may be known from a fit without the others.
+    /// A point near the optimum: a short minimisation from the mission's own values, with event epochs fixed. Derivatives with
+    /// respect to the first parameters may be known from a fit without the others.
     pub(crate) fn approach(&self, known: &DMatrix<f64>) -> Optimum {
         self.minimise_once(&self.here(), rough_solver(), known)
     }
 
-    /// The same from a point nearby with fresh derivatives, again and again while that helps: those that have followed far lead
-    /// astray.
+    /// The same from a nearby point with fresh derivatives, repeated while it helps: updated derivatives become wrong over long
+    /// distances.
     pub(crate) fn polish(&self, near: Optimum) -> Optimum {
         let mut found = near;
         for _ in 0..FRESH {
@@ -77,13 +77,13 @@ impl Problem<'_> {
         found
     }
 
-    /// A mission near the optimum, and its chi2: both steps, with no derivatives known.
+    /// A mission near the optimum, and its chi2: both steps, without known derivatives.
     pub(crate) fn sketch(&self) -> Result<(Mission, f64), InputError> {
         let found = self.polish(self.roughly(&self.here()));
         Ok((self.mission(&found.at)?, found.chi2))
     }
 
-    /// A point near the minimum that a start leads to, moments held.
+    /// A point near the minimum reached from a start, with event epochs fixed.
     pub(super) fn roughly(&self, start: &[f64]) -> Optimum {
         self.minimise_once(start, rough_solver(), &self.nothing_known())
     }
@@ -97,10 +97,10 @@ impl Problem<'_> {
         DMatrix::zeros(self.values.len(), 0)
     }
 
-    /// Minimises from a start with moments held where they are, again and again with fresh derivatives until that helps no more:
-    /// if the model has a kink (a packet that sinks into a notch) the solver stops early.
+    /// Minimises from a start with event epochs fixed, repeated with fresh derivatives until it no longer helps: if the model has a
+    /// kink (a packet that sinks into a notch) the solver stops early.
     pub(super) fn minimise(&self, start: &[f64]) -> Optimum {
-        // Residuals are good to the accuracy of the readout: no use in asking for more.
+        // Residuals have the accuracy of the readout: smaller tolerances are useless.
         let solver = || LevenbergMarquardt::new().with_ftol(1e-6).with_xtol(1e-6);
         let mut best = self.roughly(start);
         for _ in 0..AGAIN {
@@ -116,8 +116,8 @@ impl Problem<'_> {
         best
     }
 
-    /// One minimisation, with derivatives that follow by Broyden's update (1965, Mathematics of Computation 19, 577) from those at
-    /// the start; those of the first parameters may be `known`.
+    /// One minimisation, with derivatives from Broyden's update (1965, Mathematics of Computation 19, 577) of those at the start;
+    /// those of the first parameters may be `known`.
     fn minimise_once(&self, start: &[f64], solver: LevenbergMarquardt<f64>, known: &DMatrix<f64>) -> Optimum {
         let moving: Vec<usize> = (0..start.len()).filter(|&index| !self.parameters[index].is_event_epoch).collect();
         if moving.is_empty() {
@@ -138,10 +138,10 @@ impl Problem<'_> {
     }
 }
 
-/// A minimisation under way, in inner coordinates.
+/// A minimisation in progress, in inner coordinates.
 struct Run<'a> {
     problem: &'a Problem<'a>,
-    /// Parameters that move, by their places.
+    /// Parameters that move, by their indices.
     moving: Vec<usize>,
     at: Vec<f64>,
     residuals: Option<Vec<f64>>,
@@ -151,7 +151,7 @@ struct Run<'a> {
     last: RefCell<Option<Point>>,
 }
 
-/// A point on the way, in inner coordinates.
+/// A point of the path, in inner coordinates.
 struct Point {
     at: DVector<f64>,
     residuals: DVector<f64>,
@@ -164,7 +164,7 @@ impl Run<'_> {
         DVector::from_iterator(self.moving.len(), self.moving.iter().map(inner))
     }
 
-    /// By how much each parameter is drawn to where it came from.
+    /// The prior of each parameter at its starting value.
     fn priors(&self) -> Vec<f64> {
         let prior = |&index: &usize| {
             let parameter = &self.problem.parameters[index];
@@ -194,7 +194,7 @@ impl Run<'_> {
         Some(jacobian)
     }
 
-    /// Derivatives with respect to the inner coordinates, by a step forward if they are not known.
+    /// Derivatives with respect to the inner coordinates, by a forward difference if they are not known.
     fn derivatives(&self, centre: &DVector<f64>) -> Option<DMatrix<f64>> {
         let (problem, at, known) = (self.problem, &self.at, &self.known);
         let derivative = |&index: &usize| -> Option<DVector<f64>> {
@@ -209,7 +209,7 @@ impl Run<'_> {
             at[index] = moved;
             Some((DVector::from_vec(problem.residuals(&at).ok()?) - centre) / step)
         };
-        // All of them, also if one has no value: how many evaluations were made must not depend on which came first.
+        // All of them, even if one has no value: the number of evaluations must not depend on which came first.
         let columns: Vec<Option<DVector<f64>>> = parallel::map(&self.moving, derivative);
         Some(DMatrix::from_columns(&columns.into_iter().collect::<Option<Vec<_>>>()?))
     }

@@ -1,9 +1,9 @@
 //! Parameters that the data do not limit on one side.
 //!
-//! An error is the distance at which chi2 has increased by 1. Beyond that chi2 may hardly increase any more: no trail distinguishes
+//! An error is the distance at which chi2 has increased by 1. Beyond that chi2 may hardly increase further: no trail distinguishes
 //! a release time of a hundred transfers from one of ten thousand. Such a parameter has a limit on one side only, and its error
-//! must not be taken for that of a normal distribution. So a parameter with an error above a few tenths of its value is held far
-//! away on either side, all others are fitted, and chi2 is compared.
+//! must not be interpreted as that of a normal distribution. So a parameter with an error above a few tenths of its value is fixed
+//! far away on either side, all others are fitted, and chi2 is compared.
 
 use super::parameter::Parameter;
 use super::problem::Problem;
@@ -13,16 +13,16 @@ use crate::error::InputError;
 use crate::model::Model;
 use crate::numeric::parallel;
 
-/// Error over value from which the sides are tested.
+/// Error over value above which the sides are tested.
 const POORLY_KNOWN: f64 = 0.3;
 
 /// Factor by which a value is moved to either side.
 const FAR: f64 = 100.0;
 
-/// Rise of chi2 from which on a value is excluded, to three errors.
+/// Increase of chi2 above which a value is excluded, at three sigma.
 const EXCLUDED: f64 = 9.0;
 
-/// The open sides of all parameters of a fit that must be above 0; `fitted` are they with their errors.
+/// The open sides of all parameters of a fit that must be above 0; `fitted` contains these with their errors.
 ///
 /// # Errors
 /// As [`super::fit`].
@@ -42,7 +42,7 @@ pub(crate) fn open_sides(
         let factor = if above { FAR } else { FAR.recip() };
         let coordinate = parameter.coordinate(parameter.start * factor).clamp(low, high);
         let value = parameter.at_coordinate(coordinate);
-        // A value that makes no sense in the mission (a full well below the notch) is excluded, too.
+        // A value that is invalid in the mission (a full well below the notch) is also excluded.
         let chi2 = chi2_held_at(model, data, fit, &parameter.key, value, progress).ok()?;
         let rise = chi2 - fit.chi2;
         let advice = Advice::Open { key: parameter.key.clone(), above, value, unit: parameter.unit, rise };
@@ -51,7 +51,7 @@ pub(crate) fn open_sides(
     Ok(parallel::map(sides, open).into_iter().flatten().collect())
 }
 
-/// chi2 with a parameter held at a value and all others fitted from where they are.
+/// chi2 with a parameter fixed at a value and all others refitted.
 fn chi2_held_at(
     model: &Model,
     data: &[DataSet],

@@ -1,4 +1,4 @@
-//! A key that a fit may change: its bounds, and the coordinate in which it is free of them.
+//! A key that a fit may change: its bounds, and the coordinate without bounds.
 //!
 //! | values allowed | inner coordinate u | |
 //! |---|---|---|
@@ -22,13 +22,13 @@ pub struct Parameter {
     pub unit: &'static str,
     /// Value in the mission.
     pub start: f64,
-    /// Least value allowed.
+    /// Smallest value allowed.
     pub low: f64,
     /// Largest value allowed.
     pub high: f64,
-    /// Whether it is the moment of an event, which data know only between two epochs.
+    /// Whether it is the epoch of an event, which data only determine between two of their epochs.
     pub is_event_epoch: bool,
-    /// Its place in the mission; None if it can only be set by way of the text.
+    /// Its handle in the mission; None if it can only be set through the text.
     pub(crate) handle: Option<Handle>,
     scale: Scale,
 }
@@ -41,21 +41,21 @@ enum Scale {
     Linear,
 }
 
-/// If a value that must be above 0 moves nothing any more, a fit would take it to 0 or infinity: so many sigma for a
-/// factor e hold it near to where it came from. That shifts a value known to a factor e by a thousandth of its error.
+/// If a value that must be above 0 no longer has any effect, a fit would move it to 0 or infinity: a prior of this many sigma for a
+/// factor e keeps it near its starting value. That shifts a value known to a factor e by a thousandth of its error.
 const FEATHER: f64 = 0.03;
 
-/// Times the least value that a fit goes to, up to which a value that must be above 0 is at its bound.
+/// Multiple of the smallest value in a fit, up to which a value that must be above 0 is at its bound.
 const NEXT_TO_NOTHING: f64 = 1e3;
 
-/// Upper bounds beyond this are no bounds of physics.
+/// Upper bounds above this are not physical.
 const BOUNDLESS: f64 = 1e3;
 
 impl Parameter {
     /// The parameter of a mission's key.
     ///
     /// # Errors
-    /// If the mission has no such key, or its value is no number that can be fitted.
+    /// If the mission has no such key, or its value is not a number that can be fitted.
     pub fn of(mission: &Mission, key: &str) -> Result<Parameter, InputError> {
         let refusal = |problem: String| InputError::new(format!("cannot fit `{key}`"), problem);
         let path = mission.path(key).map_err(|(problem, help)| InputError { help, ..refusal(problem) })?;
@@ -75,7 +75,7 @@ impl Parameter {
         Ok(Parameter { key: key.to_string(), unit: known.unit, start, low, high, is_event_epoch, handle, scale })
     }
 
-    /// Size of what is an ordinary change.
+    /// Size of a typical change.
     fn size(&self) -> f64 {
         match (self.start - self.low).abs() {
             size if size.is_finite() && size > 0.0 => size,
@@ -88,7 +88,7 @@ impl Parameter {
     pub fn inner(&self, value: f64) -> f64 {
         match self.scale {
             Scale::Log => value.max(f64::MIN_POSITIVE).ln(),
-            // A bound is a stationary point, from which no way leads away: start a little inside.
+            // A bound is a stationary point that a fit cannot leave: start slightly inside.
             Scale::From => {
                 let above = (value - self.low + self.size()).max((1.0 + 1e-6) * self.size());
                 (above * above - self.size() * self.size()).sqrt()
@@ -112,12 +112,12 @@ impl Parameter {
         value.max(self.least()).min(self.high)
     }
 
-    /// The least value that a fit goes to: next to 0 if the value must be above 0.
+    /// The smallest value in a fit: nearly 0 if the value must be above 0.
     fn least(&self) -> f64 {
         if self.is_log() { 1e-12 * self.high.min(1.0) } else { self.low }
     }
 
-    /// How far a value is from the mission's, in ordinary changes (of its logarithm, if it must be above 0).
+    /// Distance of a value from the mission's, in typical changes (of its logarithm, if it must be above 0).
     pub fn changes_from_start(&self, value: f64) -> f64 {
         let change = (self.inner(value) - self.inner(self.start)).abs();
         match self.scale {
@@ -126,7 +126,7 @@ impl Parameter {
         }
     }
 
-    /// Whether a value that has one bound is less than a tenth, or more than ten times, as far from it as the mission's.
+    /// Whether a value with one bound is less than a tenth, or more than ten times, as far from it as the mission's.
     pub fn is_driven_out(&self, value: f64) -> bool {
         let ratio = match self.scale {
             Scale::Log => value / self.start,
@@ -136,7 +136,7 @@ impl Parameter {
         !(0.1..10.0).contains(&ratio)
     }
 
-    /// The coordinate along which a parameter is followed, and in which a flat prior is flat: ln x if x must be above 0, else x.
+    /// The coordinate of a scan, in which a flat prior is flat: ln x if x must be above 0, otherwise x.
     pub fn coordinate(&self, value: f64) -> f64 {
         if self.is_log() { value.max(self.least()).ln() } else { value }
     }
@@ -147,12 +147,12 @@ impl Parameter {
         value.max(self.least()).min(self.high)
     }
 
-    /// Least and largest such coordinate.
+    /// Smallest and largest such coordinate.
     pub fn coordinates(&self) -> (f64, f64) {
         (self.coordinate(self.least()), self.coordinate(self.high))
     }
 
-    /// A 1-sigma error of a value along that coordinate; an ordinary change where it is not known or larger than a factor e.
+    /// A 1-sigma error of a value in that coordinate; a typical change if it is unknown or larger than a factor e.
     pub fn coordinate_error(&self, value: f64, sigma: Option<f64>) -> f64 {
         match sigma.filter(|sigma| sigma.is_finite() && *sigma > 0.0) {
             Some(sigma) if self.is_log() => (sigma / value).min(1.0),
@@ -162,23 +162,23 @@ impl Parameter {
         }
     }
 
-    /// Sigma, for each unit of the inner coordinate, by which it is drawn to where it came from.
+    /// Prior towards the starting value, in sigma per unit of the inner coordinate.
     pub fn prior(&self) -> f64 {
         if self.is_log() { FEATHER } else { 0.0 }
     }
 
-    /// Whether its values are above 0, so that factors count.
+    /// Whether its values are above 0, so that factors matter.
     pub fn is_log(&self) -> bool {
         self.scale == Scale::Log
     }
 
-    /// A step of the inner coordinate for derivatives: a thousandth of an ordinary change.
+    /// A step of the inner coordinate for derivatives: a thousandth of a typical change.
     pub fn inner_step(&self, inner: f64) -> f64 {
         match self.scale {
             Scale::Log => 1e-3,
             Scale::From => 1e-3 * self.size().max(inner.abs()),
             Scale::Between => {
-                // Towards the middle, where the bounds are not.
+                // Towards the centre, away from the bounds.
                 let towards = if inner.sin() > 0.0 { -1.0 } else { 1.0 };
                 towards * inner.cos().signum() * 1e-3 * (self.size() / (self.high - self.low)).clamp(0.01, 1.0)
             }
@@ -186,7 +186,7 @@ impl Parameter {
         }
     }
 
-    /// Allowed around one for derivatives with respect to the parameter itself, within bounds.
+    /// Values on both sides for derivatives with respect to the parameter itself, within bounds.
     pub fn around(&self, value: f64) -> (f64, f64) {
         let size = match self.scale {
             Scale::Log => value.abs(),
@@ -198,7 +198,7 @@ impl Parameter {
         ((value - step).max(least), high)
     }
 
-    /// A value elsewhere, from a random number between 0 and 1: within a factor of 10 to either side, or over the bounds.
+    /// A random value, from a random number between 0 and 1: within a factor of 10, the allowed range, or two typical changes.
     pub fn elsewhere(&self, chance: f64) -> f64 {
         let value = match self.scale {
             Scale::Log | Scale::From => {
@@ -211,7 +211,7 @@ impl Parameter {
         value.min(self.high)
     }
 
-    /// Allowed at some distances to either side of one, in ordinary changes or, above 0, in logarithms; and that of the mission.
+    /// Allowed values at some distances to either side, in typical changes or, above 0, in logarithms; and that of the mission.
     pub fn around_it(&self, value: f64, distances: &[f64]) -> Vec<f64> {
         let at = |distance: f64| {
             let moved = match self.scale {
@@ -220,7 +220,7 @@ impl Parameter {
                     self.low.max(0.0) + (value - self.low.max(0.0)).max(1e-2 * self.size()) * distance.exp()
                 }
                 Scale::Between => {
-                    // From bound to bound is twice the farthest.
+                    // The largest distance corresponds to the range from bound to bound.
                     let farthest = distances.iter().copied().fold(0.0, f64::max);
                     value + distance / farthest * (self.high - self.low)
                 }
@@ -235,7 +235,7 @@ impl Parameter {
         values
     }
 
-    /// Whether a value is at a bound, to a share of an ordinary change.
+    /// Whether a value is at a bound, to a fraction of a typical change.
     pub fn at_bound(&self, value: f64) -> Option<f64> {
         let near = 1e-3 * self.size();
         let low = if self.is_log() { value < NEXT_TO_NOTHING * self.least() } else { value - self.low < near };

@@ -4,11 +4,11 @@
 //! ln p(θ | data) = −χ²(θ)/2 + constant      within the bounds of each key
 //! ```
 //!
-//! The prior is flat in ln θ if a value must be above 0, else in θ. An ensemble of walkers moves along the differences of two
+//! The prior is flat in ln θ if a value must be above 0, otherwise in θ. An ensemble of walkers moves along the differences of two
 //! others (differential evolution: ter Braak 2006, Stat. Comput. 16, 239) or by the affine-invariant stretch (Goodman & Weare 2010,
-//! Comm. App. Math. Comp. Sci. 5, 65; Foreman-Mackey et al. 2013, PASP 125, 306), each with random numbers of its own: the same
-//! seed gives the same bits with any number of threads. Walkers start from the linear theory and go on until the sample has the
-//! requested number of independent draws and is 50 autocorrelation times long, or the evaluations are used up.
+//! Comm. App. Math. Comp. Sci. 5, 65; Foreman-Mackey et al. 2013, PASP 125, 306), each with its own random numbers: the same seed
+//! gives the same bits for any number of threads. Walkers start from linear theory and continue until the sample has the requested
+//! number of independent draws and is 50 autocorrelation times long, or the evaluations are used up.
 
 mod schedule;
 mod summary;
@@ -32,32 +32,33 @@ use crate::plan::mission_sample::{self, EFFECTIVE_SAMPLES};
 use schedule::{Schedule, kept};
 pub use summary::{Marginal, Prior};
 
-/// The sampler by its name, source and version.
+/// The sampler: name, source and version.
 pub const SAMPLER: &str = "ensemble of walkers: differential evolution (ter Braak 2006) and stretch moves (Goodman & Weare \
                            2010), crate hammer-and-sample 0.6";
 
-/// Walkers: at least so many, and so many for each parameter.
+/// Minimum number of walkers, in total and per parameter.
 const WALKERS: usize = 16;
 const WALKERS_EACH: usize = 4;
 
-/// Of three moves, those by differential evolution, which forgets sooner, and by the stretch, which copes with other shapes.
+/// Weights of the moves, out of three: differential evolution, which decorrelates faster, and the stretch, which copes with other
+/// shapes.
 const DIFFERENTIAL: u32 = 2;
 const STRETCHED: u32 = 1;
 
 /// Scatter of the factor on a difference, so that walkers on a line can leave it (ter Braak 2006).
 const JITTER: f64 = 1e-5;
 
-/// Tries to start a walker within the bounds, each half as far away as the one before.
+/// Attempts to start a walker within the bounds, each half as far away as the previous one.
 const TRIES: usize = 60;
 
-/// How to sample.
+/// Options of the sampling.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Draws that are wanted.
+    /// Requested number of draws.
     pub samples: usize,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Evaluations of the model at most; if none are given, 100 for each draw and at least 20 000.
+    /// Maximum number of evaluations of the model; by default 100 for each draw and at least 20 000.
     pub evaluations: Option<usize>,
 }
 
@@ -68,21 +69,21 @@ pub struct Posterior {
     pub seed: u64,
     /// The sampler.
     pub sampler: &'static str,
-    /// Walkers.
+    /// Number of walkers.
     pub walkers: usize,
-    /// Steps of each walker, with those at the beginning that are not used.
+    /// Steps of each walker, including the burn-in.
     pub steps: usize,
-    /// Steps at the beginning that are not used.
+    /// Steps of the burn-in.
     pub burn_in_steps: usize,
     /// Evaluations of the model.
     pub evaluations: usize,
-    /// Share of the moves that were accepted.
+    /// Fraction of the moves that were accepted.
     pub acceptance: f64,
-    /// Draws that were wanted.
+    /// Requested number of draws.
     pub wanted_samples: usize,
-    /// Independent draws that the sample is worth: the least of all parameters.
+    /// Effective number of independent draws: the smallest of all parameters.
     pub effective_samples: f64,
-    /// Whether walkers were followed for 50 autocorrelation times and the draws that were wanted are independent.
+    /// Whether walkers were followed for 50 autocorrelation times and the requested number of draws is independent.
     pub converged: bool,
     /// Each parameter.
     pub parameters: Vec<Marginal>,
@@ -119,9 +120,9 @@ pub fn posterior(
     Ok(posterior.summary(&chain, walkers, accepted, options))
 }
 
-/// How walkers move in so many dimensions.
+/// Moves of the walkers for a number of dimensions.
 fn moves(dimensions: usize) -> Mixture<u32, (DifferentialEvolution, Stretch)> {
-    // γ = 2.38/√(2 d), the best for a normal law (ter Braak 2006).
+    // γ = 2.38/√(2 d), optimal for a normal distribution (ter Braak 2006).
     let differential = DifferentialEvolution::new(2.38 / (2.0 * dimensions as f64).sqrt(), JITTER);
     Mixture::from(((differential, DIFFERENTIAL), (Stretch::default(), STRETCHED)))
 }
@@ -138,7 +139,7 @@ impl Target for OfProblem<'_> {
         if !self.is_allowed(coordinates) {
             return f64::NEG_INFINITY;
         }
-        // If the model has no value, there is no probability.
+        // If the model has no value, the probability is zero.
         self.problem.residuals(&self.values(coordinates)).map_or(f64::NEG_INFINITY, |found| -0.5 * chi2(&found))
     }
 }
@@ -156,7 +157,7 @@ impl OfProblem<'_> {
         self.problem.parameters.iter().zip(coordinates).map(value).collect()
     }
 
-    /// Where walkers start: drawn from the normal law of the linear theory, within the bounds.
+    /// Starting points of the walkers: drawn from the normal distribution of linear theory, within the bounds.
     fn starts(&self, fit: &Fit, walkers: usize, seed: u64) -> impl Iterator<Item = (Vec<f64>, ChaCha8Rng)> {
         let n = fit.parameters.len();
         let fitted = || fit.parameters.iter().zip(&self.problem.parameters);
@@ -221,7 +222,7 @@ impl OfProblem<'_> {
 }
 
 impl Posterior {
-    /// The draws as a table, of a mission and files of data by their names.
+    /// The draws as a table, with the names of the mission and of the data files.
     pub fn table(&self, mission: &str, data: &[String]) -> Table {
         let keys: Vec<(&str, &str)> = self.parameters.iter().map(|one| (one.key.as_str(), one.unit)).collect();
         let words = |words: &str| Cell::Text(words.into());

@@ -12,7 +12,7 @@ use crate::model::Model;
 use crate::model::predict::{Question, predict};
 use crate::numeric::parallel;
 
-/// A least-squares problem: all that stays the same while parameters change.
+/// A least-squares problem: everything that is constant while parameters change.
 pub(crate) struct Problem<'a> {
     pub(super) base: &'a Model,
     pub(super) parameters: Vec<Parameter>,
@@ -35,14 +35,14 @@ pub(super) fn chi2(residuals: &[f64]) -> f64 {
     residuals.iter().map(|residual| residual * residual).sum()
 }
 
-/// Part of a parameter's signature that others leave, below which it does not follow.
+/// Norm of a parameter's signature orthogonal to the others, below which it is linearly dependent.
 pub(super) const LOOSE: f64 = 1e-9;
 
-/// Sigma by which a factor e must move all rows together for a parameter to be one of the model's freedoms.
+/// Effect of a factor e, in sigma over all rows together, below which a parameter is not counted as free.
 const IDLE: f64 = 0.1;
 
 impl<'a> Problem<'a> {
-    /// The problem of some rows (by their place among all).
+    /// The problem for some rows (by their indices among all).
     ///
     /// # Errors
     /// As [`super::fit`].
@@ -88,7 +88,7 @@ impl<'a> Problem<'a> {
     /// The mission with other values.
     ///
     /// # Errors
-    /// If the values make no sense together.
+    /// If the combination of values is invalid.
     pub(crate) fn mission(&self, at: &[f64]) -> Result<Mission, InputError> {
         let numbers = self.parameters.iter().zip(at);
         let numbers: Option<Vec<_>> =
@@ -101,7 +101,7 @@ impl<'a> Problem<'a> {
         self.base.mission.with(&self.parameters.iter().zip(at).map(setting).collect::<Vec<_>>())
     }
 
-    /// (value − model)/sigma of every row, without what the errors of rows have in common.
+    /// (value − model)/sigma of every row, without the common errors of rows.
     ///
     /// # Errors
     /// If the model has no value.
@@ -136,8 +136,8 @@ impl<'a> Problem<'a> {
         Ok(residuals)
     }
 
-    /// Derivatives of the residuals with respect to the parameters, `[(row, parameter)]`, from one step to either side; 0 for
-    /// moments, which have none.
+    /// Derivatives of the residuals with respect to the parameters, `[(row, parameter)]`, from central differences; 0 for event
+    /// epochs, which have none.
     pub(super) fn jacobian(&self, at: &[f64]) -> Result<DMatrix<f64>, InputError> {
         let derivative = |(index, parameter): (usize, &Parameter)| -> Result<DVector<f64>, InputError> {
             if parameter.is_event_epoch {
@@ -155,8 +155,8 @@ impl<'a> Problem<'a> {
         Ok(DMatrix::from_columns(&columns))
     }
 
-    /// Derivatives without those of parameters that would have to change by many factors e to move anything: in so far away
-    /// a place they are others.
+    /// Derivatives without those of parameters that would have to change by many factors e to have any effect: that far away the
+    /// derivatives are different.
     pub(super) fn without_idle(&self, mut jacobian: DMatrix<f64>, at: &[f64]) -> DMatrix<f64> {
         for (index, mut column) in jacobian.column_iter_mut().enumerate() {
             if self.parameters[index].is_log() && column.norm() * at[index] < IDLE {

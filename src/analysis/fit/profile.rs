@@ -1,15 +1,15 @@
 //! Intervals by profile likelihood.
 //!
-//! A parameter θ is held at one value after another, and all other free parameters φ are fitted again at each:
+//! A parameter θ is fixed at one value after another, and all other free parameters φ are refitted at each:
 //!
 //! ```text
 //! Δχ²(θ) = min over φ of χ²(θ, φ) − χ²(at the optimum)
 //! ```
 //!
-//! With Gaussian noise the values with Δχ² ≤ 1 are an interval of 68.3 % confidence, those with Δχ² ≤ 4 of 95.4 % (Wilks 1938,
-//! Ann. Math. Stat. 9, 60; Cash 1976, A&A 52, 307). Each side is followed outwards in growing steps until Δχ² is above, or to
-//! the bound of what is allowed, and the crossing is found as a root. Of several crossings on one side it is the first that a
-//! step shows. The number of fits is limited.
+//! With Gaussian noise the values with Δχ² ≤ 1 are an interval of 68.3 % confidence, those with Δχ² ≤ 4 of 95.4 % (Wilks 1938, Ann.
+//! Math. Stat. 9, 60; Cash 1976, A&A 52, 307). Each side is followed outwards in growing steps until Δχ² is above, or to the bound,
+//! and the crossing is found as a root. Of several crossings on one side, the first one seen by a step is used. The number of fits
+//! is limited.
 
 use std::cell::{Cell, RefCell};
 
@@ -24,22 +24,22 @@ use crate::model::Model;
 use crate::numeric::parallel;
 use crate::numeric::root_finding::try_between;
 
-/// Rises of chi2, each with the confidence of the interval that they end.
+/// Increases of chi2, each with the confidence of its interval.
 pub const LEVELS: [(f64, f64); 2] = [(1.0, 0.6827), (4.0, 0.9545)];
 
-/// Fits on one side of the optimum at most.
+/// Maximum number of fits on one side of the optimum.
 const FITS: usize = 40;
 
-/// Fits that are added between the ends of the widest interval, for the curve.
+/// Fits added between the ends of the widest interval, for the curve.
 const ADDED: usize = 12;
 
-/// How exactly an end is found: share of its distance from the optimum.
+/// Accuracy of an end: share of its distance from the optimum.
 const EXACT: f64 = 1e-3;
 
-/// Least and largest factor from one distance to the next.
+/// Smallest and largest factor from one distance to the next.
 const GROWTH: (f64, f64) = (1.3, 4.0);
 
-/// Rise of chi2 from which on it does not matter how large it is; also if the model has no value.
+/// Increase of chi2 above which its value does not matter; also used if the model has no value.
 const VERY_HIGH: f64 = 1e6;
 
 /// A scan of chi2 along one parameter.
@@ -53,11 +53,11 @@ pub struct Profile {
     pub value: f64,
     /// Intervals, in the order of [`LEVELS`].
     pub intervals: Vec<Interval>,
-    /// Values of the parameter, rising, with the rise of chi2 when all others are fitted.
+    /// Values of the parameter, ascending, with the increase of chi2 when all others are refitted.
     pub curve: Vec<CurvePoint>,
-    /// Fits that were made.
+    /// Number of fits.
     pub refits: usize,
-    /// Least chi2 below that of the optimum that was found on the way, with the parameter's value there; None if there is none.
+    /// Lowest chi2 below that of the optimum found on the way, with the parameter's value there; None if there is none.
     pub lower: Option<CurvePoint>,
 }
 
@@ -66,16 +66,16 @@ pub struct Profile {
 pub struct CurvePoint {
     /// Value, in the unit of the key.
     pub value: f64,
-    /// chi2 less that of the optimum.
+    /// chi2 minus that of the optimum.
     pub delta_chi2: f64,
 }
 
-/// An interval of confidence.
+/// A confidence interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Interval {
     /// Its confidence, between 0 and 1.
     pub confidence: f64,
-    /// Rise of chi2 at its ends.
+    /// Increase of chi2 at its ends.
     pub delta_chi2: f64,
     /// Its lower end.
     pub low: End,
@@ -83,7 +83,7 @@ pub struct Interval {
     pub high: End,
 }
 
-/// Where an interval ends.
+/// End of an interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "end", rename_all = "kebab-case")]
 pub enum End {
@@ -117,7 +117,7 @@ impl End {
 /// Scans chi2 along one of the free parameters of a fit.
 ///
 /// # Errors
-/// If the key is not among those that were fitted.
+/// If the key is not among the fitted ones.
 pub fn profile(
     model: &Model,
     data: &[DataSet],
@@ -163,7 +163,7 @@ pub fn profile(
     })
 }
 
-/// The place of a key among the free ones.
+/// The index of a key among the free ones.
 ///
 /// # Errors
 /// If it is not one of them.
@@ -178,7 +178,7 @@ pub fn place(free: &[String], key: &str) -> Result<usize, InputError> {
     })
 }
 
-/// What stays the same while a parameter is moved.
+/// Quantities that are constant while a parameter is moved.
 struct Scan<'a> {
     /// With the values at the optimum.
     model: &'a Model,
@@ -192,19 +192,19 @@ struct Scan<'a> {
     progress: &'a (dyn Fn(f64) + Sync),
 }
 
-/// A fit with the parameter held.
+/// A fit with the parameter fixed.
 #[derive(Clone)]
 struct Refit {
-    /// Where it is held.
+    /// Its fixed value.
     coordinate: f64,
-    /// chi2 less that of the optimum.
+    /// chi2 minus that of the optimum.
     rise: f64,
     /// Values of the other parameters.
     others: Vec<f64>,
 }
 
 impl Scan<'_> {
-    /// A fit of the others from a start, the parameter held. If the model has no value, chi2 is very high.
+    /// A fit of the others from a start, with the parameter fixed. If the model has no value, chi2 is very high.
     fn refit(&self, coordinate: f64, start: &[f64]) -> Refit {
         let value = self.parameter.at_coordinate(coordinate);
         let held = [(self.parameter.key.clone(), value.into())];
@@ -222,12 +222,12 @@ impl Scan<'_> {
         CurvePoint { value: self.parameter.at_coordinate(refit.coordinate), delta_chi2: refit.rise }
     }
 
-    /// Fits evenly between the ends of the widest interval, each from the nearest that is known.
+    /// Fits evenly spaced between the ends of the widest interval, each from the nearest known one.
     fn between(&self, known: &[Refit], intervals: &[Interval]) -> Vec<Refit> {
         let Some(widest) = intervals.last() else { return Vec::new() };
         let farthest = |end: End| match end {
             End::Crossing { value } | End::Undone { value } => Some(self.parameter.coordinate(value)),
-            // A logarithm has no place for a bound at 0.
+            // A bound at 0 has no logarithm.
             End::Bound { .. } => None,
         };
         let all = || known.iter().map(|refit| refit.coordinate);
@@ -250,20 +250,20 @@ struct Side {
     refits: Vec<Refit>,
 }
 
-/// A side on the way.
+/// A search on one side, in progress.
 struct Search<'a> {
     scan: &'a Scan<'a>,
     optimum: &'a Refit,
     /// −1 below, 1 above.
     sign: f64,
-    /// The last coordinate that is allowed.
+    /// The last allowed coordinate.
     last: f64,
-    /// By their distance from the optimum, which is the first.
+    /// Sorted by their distance from the optimum, which is the first.
     refits: RefCell<Vec<Refit>>,
     left: Cell<usize>,
 }
 
-/// No fit is left.
+/// No fits are left.
 struct Exhausted;
 
 impl Side {
@@ -285,7 +285,7 @@ impl Side {
 }
 
 impl Search<'_> {
-    /// Where chi2 has increased by `rise`.
+    /// The end at which chi2 has increased by `rise`.
     fn end(&self, rise: f64) -> End {
         let value = |coordinate: f64| self.scan.parameter.at_coordinate(coordinate);
         match self.bracket(rise) {
@@ -326,7 +326,7 @@ impl Search<'_> {
         }
     }
 
-    /// Where to look next for a rise of chi2, beyond a fit with a smaller one: as a parabola says.
+    /// Next trial value for an increase of chi2, beyond a fit with a smaller one: by a parabola.
     fn farther(&self, inside: &Refit, rise: f64) -> f64 {
         let distance = (inside.coordinate - self.optimum.coordinate).abs();
         let next = if distance > 0.0 {
@@ -339,7 +339,7 @@ impl Search<'_> {
         if self.sign < 0.0 { place.max(self.last) } else { place.min(self.last) }
     }
 
-    /// A fit at a place, from the nearest that is known.
+    /// A fit at this coordinate, from the nearest known one.
     fn refit(&self, coordinate: f64) -> Result<Refit, Exhausted> {
         self.left.set(self.left.get().checked_sub(1).ok_or(Exhausted)?);
         let distance = |refit: &Refit| (refit.coordinate - coordinate).abs();

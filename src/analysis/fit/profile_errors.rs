@@ -2,8 +2,8 @@
 //!
 //! The error of a parameter is the distance, all others being refitted, at which chi2 has increased by 1 (Avni 1976, ApJ 210, 642).
 //! Linear theory predicts it; if a model is curved (a release time far below the line time, a time constant of many years) it is
-//! larger on one side. It is searched for from the linear prediction, and the larger of both sides is quoted. The other parameters
-//! follow to first order, and what they could absorb of the rest is not counted.
+//! larger on one side. It is searched from the linear prediction, and the larger of both sides is quoted. The other parameters
+//! follow to first order; any further compensation by them is neglected.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -16,16 +16,16 @@ use crate::model::Model;
 use crate::numeric::least_squares::Span;
 use crate::numeric::parallel;
 
-/// Rise of chi2 that is one standard error, and how near to it is near enough.
+/// Increase of chi2 for one standard error, and the tolerance on it.
 const ONE_ERROR: f64 = 1.0;
 const NEAR: f64 = 0.1;
 
-/// Steps towards it, how much farther each goes at most, and how far all together, in errors of linear theory.
+/// Number of steps towards it, the maximum growth per step, and the maximum distance, in errors of linear theory.
 const STEPS: usize = 4;
 const STRETCH: f64 = 3.0;
 const FARTHEST: f64 = 30.0;
 
-/// The fitted parameters of a model with errors as large as the larger side asks for.
+/// The fitted parameters of a model with errors as large as required by the larger side.
 ///
 /// # Errors
 /// As [`super::fit`].
@@ -47,7 +47,7 @@ pub(crate) fn widened(
     Ok(parallel::map(fit.parameters.iter().enumerate(), widen))
 }
 
-/// How far a parameter can be moved to one side.
+/// Distance by which a parameter can be moved to one side.
 fn side(problem: &Problem, fit: &Fit, index: usize, sigma: f64) -> f64 {
     let at: Vec<f64> = fit.parameters.iter().map(|fitted| fitted.value).collect();
     let others = fit.jacobian.clone().remove_column(index);
@@ -64,7 +64,7 @@ fn side(problem: &Problem, fit: &Fit, index: usize, sigma: f64) -> f64 {
     let (mut step, mut farthest) = (sigma, 0.0_f64);
     for _ in 0..STEPS {
         let Some(rise) = rise(step) else { break };
-        // Not beyond what one error is worth.
+        // Not beyond one error.
         let share = (ONE_ERROR / rise.max(1e-9)).sqrt();
         farthest = farthest.max(step.abs() * share.min(1.0));
         if rise > ONE_ERROR - NEAR || step.abs() >= FARTHEST * sigma.abs() {

@@ -1,11 +1,11 @@
-//! What a fit finds.
+//! Results of a fit.
 
 use nalgebra::DMatrix;
 use serde::Serialize;
 
 use crate::mission::Mission;
 
-/// What a fit found.
+/// Results of a fit.
 #[derive(Clone, Debug)]
 pub struct Fit {
     /// The mission with the fitted values.
@@ -14,7 +14,7 @@ pub struct Fit {
     pub parameters: Vec<Fitted>,
     /// Correlation of two parameters, `[[i, j]]`; 0 with one to which the data are insensitive.
     pub correlation: Vec<Vec<f64>>,
-    /// chi2 of the mission as it was.
+    /// chi2 of the original mission.
     pub chi2_before: f64,
     /// chi2 at the optimum.
     pub chi2: f64,
@@ -22,16 +22,16 @@ pub struct Fit {
     pub n: usize,
     /// Model at the optimum, for each row of each data set, in order.
     pub values: Vec<f64>,
-    /// What the data do not determine, in words.
+    /// Parameters that the data do not determine, in words.
     pub advice: Vec<Advice>,
-    /// chi2 that each start came to, best first.
+    /// chi2 reached from each start, best first.
     pub starts: Vec<f64>,
-    /// chi2 that the mission's own values came to: that of a local minimum, if it is larger than [`Fit::chi2`].
+    /// chi2 reached from the mission's own values: that of a local minimum, if it is larger than [`Fit::chi2`].
     pub chi2_from_mission: f64,
     /// Other minima of chi2, the lowest first.
     pub minima: Vec<Minimum>,
     /// Derivatives of (value − model)/sigma with respect to the parameters at the optimum, `[(row, parameter)]`; 0 for those
-    /// that move nothing in reach.
+    /// without effect nearby.
     pub(crate) jacobian: DMatrix<f64>,
 }
 
@@ -51,7 +51,7 @@ pub struct Fitted {
     pub key: String,
     /// Unit of the value; empty for pure numbers.
     pub unit: &'static str,
-    /// Value in the mission as it was.
+    /// Value in the original mission.
     pub before: f64,
     /// Value at the optimum.
     pub value: f64,
@@ -65,7 +65,7 @@ impl Fit {
         self.n.saturating_sub(self.parameters.len())
     }
 
-    /// By how many of its standard deviations chi2 is more than noise makes.
+    /// Excess of chi2 over its expectation, in standard deviations.
     pub fn excess(&self) -> f64 {
         let freedom = self.degrees_of_freedom().max(1) as f64;
         (self.chi2 - freedom) / (2.0 * freedom).sqrt()
@@ -76,21 +76,21 @@ impl Fit {
         (self.chi2 / self.n as f64).sqrt()
     }
 
-    /// Whether a value of chi2 is that of the optimum, as exactly as a fit ends.
+    /// Whether a value of chi2 equals that of the optimum, within the tolerance of a fit.
     pub fn is_optimum(&self, chi2: f64) -> bool {
         is_same(chi2, self.chi2)
     }
 }
 
-/// A doubt about fitted parameters.
+/// Advice on fitted parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Advice {
-    /// The data do not change with it.
+    /// The data are insensitive to it.
     Unconstrained {
         /// The key.
         key: String,
     },
-    /// It is less well known than it is large.
+    /// Its error is larger than its value.
     PoorlyConstrained {
         /// The key.
         key: String,
@@ -99,17 +99,17 @@ pub enum Advice {
     },
     /// Several keys can be changed together without a change of chi2.
     Degenerate {
-        /// The keys, those that matter most first.
+        /// The keys, the most important ones first.
         keys: Vec<String>,
     },
-    /// Two keys are known together but not each for itself.
+    /// Only a combination of two keys is constrained.
     Correlated {
         /// The keys.
         keys: [String; 2],
         /// Their correlation.
         correlation: f64,
     },
-    /// It would go further if it could.
+    /// The fit is limited by a bound.
     AtBound {
         /// The key.
         key: String,
@@ -126,27 +126,27 @@ pub enum Advice {
         value: f64,
         /// Unit of the value.
         unit: &'static str,
-        /// By how much chi2 is larger there, all others fitted.
+        /// Increase of chi2 there, all others refitted.
         rise: f64,
     },
-    /// Species have exchanged the order of their release times, and without that the data are described less well.
+    /// Species have exchanged the order of their release times, and the data are described less well with the original order.
     Exchanged {
         /// The keys of the release times.
         keys: Vec<String>,
     },
-    /// It was not fitted, and others would be different if it were.
+    /// It was not fitted; the others would change if it were.
     Assumed {
         /// The key.
         key: String,
-        /// What it was taken to be.
+        /// Its assumed value.
         value: f64,
     },
 }
 
-/// Fall of chi2 below which two minima are one.
+/// Difference of chi2 below which two minima are the same.
 pub(super) const SAME: f64 = 0.01;
 
-/// Whether two values of chi2 are those of one minimum, as exactly as a fit ends.
+/// Whether two values of chi2 belong to the same minimum, within the tolerance of a fit.
 pub(super) fn is_same(chi2: f64, best: f64) -> bool {
     chi2 < best + SAME * (1.0 + best)
 }

@@ -14,7 +14,7 @@ use crate::mission::Mission;
 use crate::model::Model;
 use crate::model::predict::predict;
 
-/// How to fit.
+/// Options of a fit.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Starting points: the mission's values, and random ones around them.
@@ -23,9 +23,9 @@ pub struct Options {
     pub scan: bool,
     /// Seed of the random starting points.
     pub seed: u64,
-    /// Whether every interval between epochs is tried for the moment of an event; only that of the start otherwise.
+    /// Whether every interval between epochs is tried for the epoch of an event; otherwise only that of the start.
     pub moments: bool,
-    /// Whether the start is an optimum already: then only errors are computed.
+    /// Whether the start is already an optimum: then only errors are computed.
     pub settled: bool,
 }
 
@@ -35,8 +35,7 @@ impl Default for Options {
     }
 }
 
-/// Adjusts the values of `keys` to those rows alone (by their place among all) that are wanted; predictions are made for all of
-/// them.
+/// Adjusts the values of `keys` to the wanted rows only (by their indices among all); predictions are made for all rows.
 pub(crate) fn fit_rows(
     model: &Model,
     data: &[DataSet],
@@ -83,7 +82,7 @@ pub(crate) fn fit_rows(
     })
 }
 
-/// A mission that has no free parameters, as it is.
+/// A mission without free parameters, unchanged.
 fn nothing_free(mission: &Mission, values: Vec<f64>, chi2: f64, n: usize) -> Fit {
     Fit {
         mission: mission.clone(),
@@ -101,7 +100,7 @@ fn nothing_free(mission: &Mission, values: Vec<f64>, chi2: f64, n: usize) -> Fit
     }
 }
 
-/// Minima other than the first of some optima, which come in the order of their chi2.
+/// Minima other than the first of some optima, which are sorted by chi2.
 fn minima(optima: &[Optimum]) -> Vec<Minimum> {
     let mut others: Vec<Minimum> = Vec::new();
     for pair in optima.windows(2).filter(|pair| pair[1].chi2.is_finite() && !is_same(pair[1].chi2, pair[0].chi2)) {
@@ -111,7 +110,7 @@ fn minima(optima: &[Optimum]) -> Vec<Minimum> {
 }
 
 impl Problem<'_> {
-    /// The optima that all starts come to, that of the mission's own values first.
+    /// The optima reached from all starts, that of the mission's own values first.
     fn optima(&self, here: &[f64], options: &Options) -> Vec<Optimum> {
         let mut random = ChaCha8Rng::seed_from_u64(options.seed);
         let mut optima = Vec::new();

@@ -1,8 +1,8 @@
-//! Trap species that a fit has exchanged.
+//! Trap species exchanged by a fit.
 //!
-//! Two species whose densities and release times are both free give the same model with each other's values, if nothing else
-//! distinguishes them. Their names and energy levels are not exchanged, so at another temperature it is another detector. Species
-//! therefore keep the order of their release times, unless the data are then described less well.
+//! Two species whose densities and release times are both free give the same model with exchanged values, if nothing else
+//! distinguishes them. Their names and energy levels are not exchanged, so at another temperature it is a different detector.
+//! Species therefore keep the order of their release times, unless the data are then described less well.
 
 use std::collections::BTreeMap;
 
@@ -13,10 +13,10 @@ use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
 
-/// What must be free for species to be exchanged.
+/// Keys that must be free for species to be exchanged.
 const EXCHANGED: [&str; 2] = ["density_per_px", "release_ms"];
 
-/// A fit, or one as good in which species keep the order of their release times; advice if there is none as good.
+/// A fit, or an equally good one in which species keep the order of their release times; advice if there is none.
 ///
 /// # Errors
 /// As [`super::fit`].
@@ -45,8 +45,8 @@ pub(super) fn kept(
     Ok(Fit { advice: [fit.advice, vec![exchanged]].concat(), ..fit })
 }
 
-/// Values, by dotted key, with which species whose free keys have the same names are in the order of release times that they were
-/// given in. Empty if they are.
+/// Values, by dotted key, with which species whose free keys have the same names have their original order of release times. Empty
+/// if they already have.
 pub(crate) fn restored(fitted: &Mission, given: &Mission, free: &[String]) -> BTreeMap<String, f64> {
     let mut by_species: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for (species, name) in free.iter().filter_map(|key| key.rsplit_once('.')) {
@@ -88,7 +88,7 @@ mod tests {
         let key = |species: usize, name: &str| format!("detector.traps.{}.{name}", names[species]);
         let free: Vec<String> = (0..names.len()).flat_map(|species| EXCHANGED.map(|name| key(species, name))).collect();
         assert!(restored(&given, &given, &free).is_empty());
-        // All move on by one place.
+        // A cyclic shift by one position.
         let count = names.len();
         let moved: Vec<_> = (0..count)
             .flat_map(|species| {
@@ -104,7 +104,7 @@ mod tests {
             restored(&fitted, &given, &free).into_iter().map(|(key, value)| (key, value.into())).collect();
         assert_eq!(back.len(), free.len());
         assert_eq!(fitted.with(&back).unwrap().detector.traps, given.detector.traps);
-        // A key that is free in one species alone distinguishes them.
+        // A key that is free in only one species distinguishes them.
         assert!(restored(&fitted, &given, &free[..1]).is_empty());
         let distinguished: Vec<String> =
             free.iter().cloned().chain((0..count - 1).map(|species| key(species, "energy_ev"))).collect();

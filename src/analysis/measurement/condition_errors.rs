@@ -1,8 +1,8 @@
 //! Errors of conditions, as errors of the value.
 //!
-//! A value m(c) whose condition c is known to σ_c has, beside its own error, one of |∂m/∂c| σ_c (Taylor 1997, An Introduction to
-//! Error Analysis, section 3.11); independent errors add in squares. The derivative is that of the mission as it is given, over
-//! one σ_c to either side.
+//! A value m(c) whose condition c has the error σ_c has, besides its own error, one of |∂m/∂c| σ_c (Taylor 1997, An Introduction to
+//! Error Analysis, section 3.11); independent errors add in quadrature. The derivative is that of the given mission, over one σ_c
+//! to either side.
 
 use super::Row;
 use crate::error::InputError;
@@ -12,7 +12,7 @@ use crate::model::predict::{Question, predict};
 use crate::physics::conditions::Conditions;
 use crate::physics::observable::Observable;
 
-/// Enlarges the errors of rows by those of their conditions.
+/// Adds the errors of the conditions to those of the rows.
 ///
 /// # Errors
 /// If the model has no value.
@@ -49,11 +49,11 @@ pub(super) fn add(rows: &mut [Row], observable: Observable, mission: &Mission) -
     Ok(())
 }
 
-/// A row's conditions with one of them a standard error lower and higher, and by which share of their difference the value is
-/// uncertain; None if the condition is exact, or the row does not have it.
+/// A row's conditions with one of them lower and higher by a standard error, and the fraction of their difference that is the error
+/// of the value; None if the condition is exact, or missing in the row.
 fn around(row: &Row, (name, sigma): &(&'static str, f64), place: usize) -> Option<(usize, f64, [Conditions; 2])> {
     let here = row.at.get(name).filter(|_| *sigma > 0.0)?;
-    // Whole numbers move by one at least.
+    // Integers move by at least one.
     let step = if Conditions::is_whole(name) { sigma.round().max(1.0) } else { *sigma };
     let least = if Conditions::is_whole(name) { 1.0 } else { 0.0 };
     let (low, high) = ((here - step).max(least), here + step);

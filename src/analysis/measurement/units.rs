@@ -22,7 +22,7 @@ pub(super) struct Conversion {
     offset: f64,
 }
 
-/// Nothing is to be done.
+/// The identity.
 impl Default for Conversion {
     fn default() -> Conversion {
         Conversion { factor: 1.0, offset: 0.0 }
@@ -34,7 +34,7 @@ impl Conversion {
         self.factor * theirs + self.offset
     }
 
-    /// A difference of two numbers.
+    /// Conversion of a difference.
     pub fn scale(self, theirs: f64) -> f64 {
         self.factor * theirs
     }
@@ -52,7 +52,7 @@ impl Unit {
         Unit::Pure,
     ];
 
-    /// That of an observable's values.
+    /// The unit of an observable's values.
     pub fn of(observable: Observable) -> Unit {
         Unit::ALL.into_iter().find(|unit| unit.name() == observable.unit()).expect("a unit of this crate")
     }
@@ -70,12 +70,12 @@ impl Unit {
         }
     }
 
-    /// The name behind a number.
+    /// The unit's name after a number.
     pub fn behind(self) -> String {
         if self == Unit::Pure { String::new() } else { format!(" {}", self.name()) }
     }
 
-    /// Spellings of units that are this one but for a factor: of astropy, and of people.
+    /// Spellings of units equal to this one up to a factor: those of astropy, and common ones.
     fn spellings(self) -> &'static [(&'static str, f64)] {
         match self {
             Unit::Years => &[
@@ -119,10 +119,10 @@ impl Unit {
         }
     }
 
-    /// How to convert from a unit of a file; from none, nothing is to be done.
+    /// The conversion from a unit in a file; the identity if there is none.
     ///
     /// # Errors
-    /// What is wrong with the unit, and what to try.
+    /// The fault of the unit, and what to try.
     pub fn from(self, given: Option<&str>) -> Result<Conversion, (String, Option<&'static str>)> {
         let pure = Conversion::default();
         let Some(given) = given.map(|given| given.replace(' ', "")).filter(|given| !given.is_empty()) else {

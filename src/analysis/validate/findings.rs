@@ -1,9 +1,9 @@
-//! What is significant of residuals.
+//! Significant properties of residuals.
 
 use super::residual_trend::Trend;
 use super::result::{Claim, Finding, SPOKEN, SetResult, chi2_chances, strongest};
 
-/// All that is significant: for each data set its strongest trend, or its offset; and errors that are not those quoted.
+/// All significant properties: for each data set its strongest trend, or its offset; and errors that differ from the quoted ones.
 pub(super) fn of(sets: &[SetResult], trends: &[Trend]) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (index, set) in sets.iter().enumerate() {
@@ -14,7 +14,7 @@ pub(super) fn of(sets: &[SetResult], trends: &[Trend]) -> Vec<Finding> {
         } else if offset < SPOKEN {
             find(Claim::Offset, offset);
         }
-        // Of any of the data sets.
+        // For any of the data sets.
         let [below, above] =
             chi2_chances(set.chi2, set.data.rows.len()).map(|chance| (chance * sets.len() as f64).min(1.0));
         if above < SPOKEN && set.noise_sigma() > 1.0 && set.scatter_sigma > 2.0 {

@@ -1,4 +1,4 @@
-//! What of a data set and its model stands in the JSON document that `ctiplan validate` prints.
+//! A data set and its model in the JSON document that `ctiplan validate` prints.
 
 use serde::ser::{Serialize, Serializer};
 

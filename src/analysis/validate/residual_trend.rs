@@ -2,8 +2,8 @@
 //!
 //! Rows are binned in a condition (by its values themselves if they are few). Two statistics test for a trend: chi2 of the bins'
 //! means about the common one, for any shape, and the square of the slope against the bins' order, for a monotonic trend. Each has
-//! a p-value from the chi2 distribution; twice the smaller is the p-value of this condition. The false-alarm probability is how
-//! often the smallest p-value of *all* conditions is as small by noise alone; it is found by simulation.
+//! a p-value from the chi2 distribution; twice the smaller is the p-value of this condition. The false-alarm probability is the
+//! probability that, by noise alone, the smallest p-value of *all* conditions is as small; it is found by simulation.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -15,10 +15,10 @@ use crate::analysis::measurement::DataSet;
 use crate::io::json;
 use crate::numeric::parallel;
 
-/// How the residuals of one data set trend on one condition or covariate.
+/// Trend of the residuals of one data set with one condition or covariate.
 #[derive(Clone, Debug, Serialize)]
 pub struct Trend {
-    /// The data set, by its place.
+    /// The data set, by its index.
     #[serde(skip)]
     pub set: usize,
     /// Its file.
@@ -27,26 +27,26 @@ pub struct Trend {
     pub name: String,
     /// Change of the residual from the first bin to the last along a straight line in the bins' order, in sigma.
     pub slope_sigma: f64,
-    /// Error of it.
+    /// Its error.
     pub slope_error_sigma: f64,
     /// Probability of as strong a trend with this condition by noise alone.
     pub chance: f64,
     /// Probability of as strong a trend with any of the conditions tested by noise alone.
     pub false_alarm: f64,
-    /// Bins in rising order (words in order of appearance).
+    /// Bins in ascending order (words in order of appearance).
     pub bins: Vec<Bin>,
 }
 
-/// Rows of similar condition.
+/// Rows with similar values of the condition.
 #[derive(Clone, Debug, Serialize)]
 pub struct Bin {
-    /// Least value of the condition.
+    /// Smallest value of the condition.
     pub low: f64,
     /// Largest value.
     pub high: f64,
     /// The word, if the condition is one.
     pub word: Option<String>,
-    /// Rows; in JSON how many they are.
+    /// Rows; in JSON their number.
     #[serde(rename = "n", serialize_with = "json::length")]
     pub rows: Vec<usize>,
     /// Mean residual, in sigma.
@@ -55,13 +55,13 @@ pub struct Bin {
     pub error_sigma: f64,
 }
 
-/// Conditions with so many values or fewer are not binned further.
+/// Conditions with at most this number of values are not binned further.
 const MOST_VALUES: usize = 12;
 
-/// Bins of those with more.
+/// Number of bins for those with more.
 const BINS: usize = 8;
 
-/// Simulations of noise.
+/// Number of noise simulations.
 const SIMULATIONS: u64 = 2000;
 
 /// A condition of one data set, binned.
@@ -69,7 +69,7 @@ pub struct Trial {
     set: usize,
     file: String,
     name: String,
-    /// Without means: those are the residuals'.
+    /// Without means: those depend on the residuals.
     bins: Vec<Bin>,
 }
 
@@ -85,7 +85,7 @@ impl Trial {
         let edges: Vec<f64> = if distinct.len() <= MOST_VALUES || words {
             distinct
         } else {
-            // Equal numbers of rows, as far as equal values allow.
+            // Equal numbers of rows, as nearly as equal values allow.
             let mut edges: Vec<f64> = (0..BINS).map(|bin| at[rows[bin * rows.len() / BINS]]).collect();
             edges.dedup();
             edges
@@ -101,7 +101,7 @@ impl Trial {
         (bins.len() > 1).then(|| Trial { set, file: data.file.clone(), name: name.to_string(), bins })
     }
 
-    /// Chance of the trend, slope and its error. `residuals` have a scatter of 1.
+    /// Probability of the trend, its slope and the slope's error. `residuals` have a scatter of 1.
     fn chance(&self, residuals: &[f64]) -> (f64, f64, f64) {
         let (mut weight, mut sum) = (0.0, 0.0);
         let (mut order, mut order2, mut product) = (0.0, 0.0, 0.0);
@@ -129,7 +129,7 @@ impl Trial {
     }
 }
 
-/// Trends of all trials, the most significant first. `scatter` is that of each data set's residuals if nothing trends.
+/// Trends of all trials, the most significant first. `scatter` is that of each data set's residuals without a trend.
 pub fn all(trials: &[Trial], residuals: &[Vec<f64>], scatter: &[f64], seed: u64) -> Vec<Trend> {
     let scaled: Vec<Vec<f64>> = residuals
         .iter()
@@ -149,7 +149,7 @@ pub fn all(trials: &[Trial], residuals: &[Vec<f64>], scatter: &[f64], seed: u64)
             let scatter = scatter[trial.set];
             let (chance, slope, error) = trial.chance(&scaled[trial.set]);
             let as_small = simulated.iter().filter(|&&simulated| simulated <= chance).count();
-            // Beyond what simulations reach: as if all trials were independent, which is the larger.
+            // Beyond the reach of simulations: as if all trials were independent, which gives the larger value.
             let bound = 1.0 - (1.0 - chance).powi(trials.len() as i32);
             let bound = if chance < 1e-12 { chance * trials.len() as f64 } else { bound };
             let false_alarm = if as_small < 10 { bound } else { as_small as f64 / SIMULATIONS as f64 };

@@ -10,15 +10,15 @@ use crate::analysis::whitening::Whitening;
 use crate::io::table::{Cell, Column, Datatype, Table};
 use crate::mission::Mission;
 
-/// False-alarm probability below which anything is claimed.
+/// False-alarm probability below which a finding is reported.
 pub(super) const SPOKEN: f64 = 1e-3;
 
-/// What is claimed of residuals.
+/// Kind of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Claim {
     /// Residuals depend on a condition.
     Trend,
-    /// Residuals are off in the mean.
+    /// The mean residual differs from zero.
     Offset,
     /// The quoted errors are too small.
     SmallErrors,
@@ -29,11 +29,11 @@ pub enum Claim {
 /// A significant property of the residuals of one data set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
-    /// The data set, by its place.
+    /// The data set, by its index.
     pub set: usize,
-    /// What is claimed.
+    /// Its kind.
     pub claim: Claim,
-    /// Chance that noise alone looks like that in any of the data sets.
+    /// Probability that noise alone looks like that in any of the data sets.
     pub chance: f64,
 }
 
@@ -42,7 +42,7 @@ pub struct Finding {
 pub struct Validation {
     /// The mission.
     pub mission: Mission,
-    /// Set by set, in the order given.
+    /// Results for each data set, in the order given.
     pub sets: Vec<SetResult>,
     /// Sum of squared residuals.
     pub chi2: f64,
@@ -50,11 +50,11 @@ pub struct Validation {
     pub n: usize,
     /// Residual trends on all conditions and covariates that vary, the most significant first.
     pub trends: Vec<Trend>,
-    /// Where the model fails; empty if it does not.
+    /// Significant deviations of the model; empty if there are none.
     pub findings: Vec<Finding>,
 }
 
-/// One data set against the model.
+/// One data set compared with the model.
 #[derive(Clone, Debug)]
 pub struct SetResult {
     /// The data.
@@ -67,7 +67,7 @@ pub struct SetResult {
     pub rms: f64,
     /// Mean residual, in units of sigma; its error is 1/√n.
     pub bias_sigma: f64,
-    /// Scatter of the residuals about smooth misfits, in units of sigma. Near 1 if the quoted errors are right.
+    /// Scatter of the residuals about smooth misfits, in units of sigma. Near 1 if the quoted errors are correct.
     pub scatter_sigma: f64,
 }
 
@@ -92,14 +92,14 @@ impl SetResult {
         (self.chi2 / self.data.rows.len() as f64).sqrt()
     }
 
-    /// The noise that residual trends are judged by: 1, the quoted errors, unless the scatter is clearly larger.
+    /// The noise level for residual trends: 1, the quoted errors, unless the scatter is clearly larger.
     pub fn noise_sigma(&self) -> f64 {
-        // A scatter estimated from n rows is good to 1.6/√n (simulated).
+        // A scatter estimated from n rows is accurate to 1.6/√n (simulated).
         let clearly = 1.0 + 2.0 * 1.6 / (self.data.rows.len() as f64).sqrt();
         if self.scatter_sigma > clearly { self.scatter_sigma } else { 1.0 }
     }
 
-    /// Chance that noise alone makes a mean residual as large in any of so many trials.
+    /// Probability that, by noise alone, the mean residual is as large in any of `trials` trials.
     pub fn bias_alarm(&self, trials: usize) -> f64 {
         let errors = self.bias_sigma.abs() * (self.data.rows.len() as f64).sqrt() / self.noise_sigma();
         trials as f64 * erfc(errors / std::f64::consts::SQRT_2)
@@ -110,7 +110,7 @@ impl SetResult {
         self.data.file.rsplit(['/', '\\']).next().expect("a last part")
     }
 
-    /// (value − model)/sigma, row by row, without what the errors of rows have in common.
+    /// (value − model)/sigma, row by row, without the common errors of rows.
     pub fn residuals(&self) -> Vec<f64> {
         residuals(&self.data, &self.model)
     }
@@ -125,7 +125,7 @@ fn off_sigma(data: &DataSet, model: &[f64]) -> Vec<f64> {
 }
 
 impl SetResult {
-    /// (value − model)/sigma, row by row, as they are.
+    /// (value − model)/sigma, row by row, uncorrected.
     pub(crate) fn off_sigma(&self) -> Vec<f64> {
         off_sigma(&self.data, &self.model)
     }
@@ -137,11 +137,11 @@ impl Validation {
         (self.chi2 / self.n as f64).sqrt()
     }
 
-    /// The data sets' tables with columns `model` and `residual_sigma`, each with the name of a file.
+    /// The data sets' tables with columns `model` and `residual_sigma`, each with a file name.
     pub fn tables(&self) -> Vec<(String, Table)> {
         let with_model = |(index, set): (usize, &SetResult)| {
             let mut table = set.data.table.clone();
-            // As astropy spells them.
+            // In astropy's spelling.
             let unit = match set.data.observable.unit() {
                 "" => None,
                 "e-" => Some("electron".to_string()),
@@ -164,27 +164,27 @@ impl Validation {
         self.sets.iter().enumerate().map(with_model).collect()
     }
 
-    /// By how many of its standard deviations chi2 is more than noise makes: that of n independent rows is n ± √(2n).
+    /// Excess of chi2 over its expectation, in standard deviations: for n independent rows n ± √(2n).
     pub fn excess(&self) -> f64 {
         (self.chi2 - self.n as f64) / (2.0 * self.n as f64).sqrt()
     }
 
-    /// The most significant trend of a data set, by its place; None if none is significant.
+    /// The most significant trend of a data set, by its index; None if none is significant.
     pub fn trend(&self, set: usize) -> Option<&Trend> {
         strongest(&self.trends, set)
     }
 
-    /// Whether chi2 of all rows is more than noise makes.
+    /// Whether chi2 of all rows is larger than expected from noise.
     pub fn exceeds_noise(&self) -> bool {
         chi2_chances(self.chi2, self.n)[1] < SPOKEN
     }
 
-    /// Whether chi2 of all rows is less than noise of the quoted errors makes.
+    /// Whether chi2 of all rows is smaller than expected from the quoted errors.
     pub fn falls_short_of_noise(&self) -> bool {
         chi2_chances(self.chi2, self.n)[0] < SPOKEN
     }
 
-    /// Whether the model explains the data: chi2 is what noise makes, and there is nothing to say of the residuals.
+    /// Whether the model explains the data: chi2 is consistent with noise, and there are no findings.
     pub fn within_noise(&self) -> bool {
         !self.exceeds_noise() && !self.falls_short_of_noise() && self.findings.is_empty()
     }
@@ -208,7 +208,7 @@ pub(crate) fn file_stem(index: usize, data: &DataSet) -> String {
     format!("{}-{}", index + 1, plain_name(&stem))
 }
 
-/// The name of a file that is called so: letters, digits, and nothing that a shell reads.
+/// A safe file name for a name: letters, digits, and nothing special to a shell.
 pub(crate) fn plain_name(name: &str) -> String {
     name.chars().map(|letter| if letter.is_alphanumeric() || "._".contains(letter) { letter } else { '_' }).collect()
 }
@@ -218,7 +218,7 @@ pub(super) fn strongest(trends: &[Trend], set: usize) -> Option<&Trend> {
     trends.iter().find(|trend| trend.set == set && trend.false_alarm < SPOKEN)
 }
 
-/// Chances that noise alone has no more, and no less, chi2 in that many rows.
+/// Probabilities that noise alone has no more, and no less, chi2 in that many rows.
 pub(super) fn chi2_chances(chi2: f64, rows: usize) -> [f64; 2] {
     ChiSquared::new(rows as f64).map_or([1.0; 2], |law| [law.cdf(chi2), law.sf(chi2)])
 }

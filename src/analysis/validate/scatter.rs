@@ -1,14 +1,14 @@
-//! How rough residuals are from row to row.
+//! Row-to-row scatter of residuals.
 
 use crate::analysis::measurement::DataSet;
 
-/// Scatter about what is smooth: the median second difference of neighbouring residuals, as the standard deviation of
-/// normal noise that has it. Neighbours are those in the condition along which that is least.
+/// Scatter about smooth misfits: the median second difference of neighbouring residuals, converted to the standard deviation of
+/// normal noise. Neighbours are those in the condition along which it is smallest.
 pub(super) fn scatter(data: &DataSet, residuals: &[f64]) -> f64 {
     along_neighbours(data, residuals, second_differences)
 }
 
-/// The least that a measure of roughness comes to when rows are put in the order of one condition after another.
+/// The smallest value of a measure of roughness when rows are sorted by one condition after another.
 pub(crate) fn along_neighbours(data: &DataSet, residuals: &[f64], roughness: fn(&[f64]) -> f64) -> f64 {
     let along = |first: &String| {
         // Sorted by all other conditions, then by this one.
@@ -24,7 +24,7 @@ pub(crate) fn along_neighbours(data: &DataSet, residuals: &[f64], roughness: fn(
     data.varying.iter().map(along).fold(roughness(residuals), f64::min)
 }
 
-/// Rows below which a scatter is not estimated.
+/// Minimum number of rows for an estimate of the scatter.
 const FEW: usize = 8;
 
 /// Median second difference, 1 for normal noise of standard deviation 1.
@@ -35,6 +35,6 @@ pub(crate) fn second_differences(residuals: &[f64]) -> f64 {
     let mut differences: Vec<f64> =
         residuals.windows(3).map(|three| (three[0] - 2.0 * three[1] + three[2]).abs()).collect();
     differences.sort_by(f64::total_cmp);
-    // The median of |a − 2b + c| of three normal numbers is 0.6745 √6.
+    // The median of |a − 2b + c| of three normal deviates is 0.6745 √6.
     differences[differences.len() / 2] / (0.674_489_750_196 * 6.0_f64.sqrt())
 }

@@ -1,4 +1,4 @@
-//! How long walkers go on.
+//! Length of the chains.
 
 use std::ops::ControlFlow;
 
@@ -6,31 +6,31 @@ use hammer_and_sample as sampler;
 
 use crate::numeric::autocorrelation;
 
-/// Autocorrelation times for which walkers are followed at least, after the beginning.
+/// Minimum length of the chain after burn-in, in autocorrelation times.
 pub(super) const LONG: f64 = 50.0;
 
-/// Share of the steps at the beginning that is not used.
+/// Fraction of the steps discarded as burn-in.
 const BURN_IN: f64 = 0.25;
 
-/// Steps before the first look at the chain, and the factor to the next.
+/// Steps before the first check of the chain, and the factor to the next.
 const FIRST: usize = 100;
 const NEXT: f64 = 1.3;
 
-/// Until a chain is long enough, or no evaluation is left.
+/// Until a chain is long enough, or no evaluations are left.
 pub(super) struct Schedule {
     walkers: usize,
-    /// Independent draws requested.
+    /// Requested number of independent draws.
     wanted: usize,
-    /// Steps for which evaluations are left.
+    /// Maximum number of steps, by the evaluations left.
     most: usize,
     /// Steps at which the chain is checked.
     look: usize,
 }
 
 impl Schedule {
-    /// Of so many walkers that may evaluate the model so often.
+    /// For a number of walkers and of evaluations.
     pub fn new(walkers: usize, wanted: usize, evaluations: usize) -> Schedule {
-        // One evaluation for each start, and a few steps in any case.
+        // One evaluation for each start, and always a few steps.
         let most = (evaluations / walkers).saturating_sub(1).max(4);
         Schedule { walkers, wanted, most, look: FIRST }
     }
@@ -62,7 +62,7 @@ impl sampler::Schedule<Vec<f64>> for Schedule {
     }
 }
 
-/// The part of a chain, step after step of all walkers, that is used.
+/// The part of a chain, step after step of all walkers, after burn-in.
 pub(super) fn kept(chain: &[Vec<f64>], walkers: usize) -> &[Vec<f64>] {
     let steps = chain.len() / walkers;
     let burn_in = (BURN_IN * steps as f64).ceil() as usize;

@@ -1,4 +1,4 @@
-//! What a sample says of each parameter, and of two.
+//! Summary of a sample: each parameter, and pairs.
 
 use std::fmt;
 
@@ -9,15 +9,16 @@ use super::schedule::{LONG, time};
 use crate::mission::keys::plain;
 use crate::numeric::estimate::quantile;
 
-/// Probabilities at the ends of the intervals of 68.3 and 95.4 %: those of one and two standard deviations of a normal law.
+/// Probabilities at the ends of the intervals of 68.3 and 95.4 %: those of one and two standard deviations of a normal
+/// distribution.
 const ENDS: [[f64; 2]; 2] = [[0.1587, 0.8413], [0.0228, 0.9772]];
 
-/// Distance from an end of a prior, in half the width of the central 68.3 %, and share of the draws within it from which on it is
-/// the prior that ends them: of half a normal law 5 % are that near, of a normal law two such widths away 1 %.
+/// Distance from an end of a prior, in half-widths of the central 68.3 %, and fraction of the draws within it above which the prior
+/// ends the interval: for half of a normal distribution 5 % are that near, for a normal distribution two half-widths away 1 %.
 const NEXT_TO_END: f64 = 0.1;
 const MANY: f64 = 0.02;
 
-/// The posterior of one parameter, over all values of the others.
+/// The marginal posterior of one parameter.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Marginal {
     /// Dotted key.
@@ -26,7 +27,7 @@ pub struct Marginal {
     pub unit: &'static str,
     /// Its prior.
     pub prior: Prior,
-    /// Half of the draws are below it.
+    /// Median.
     pub median: f64,
     /// Ends of the central 68.3 %.
     pub interval_68: [f64; 2],
@@ -34,11 +35,11 @@ pub struct Marginal {
     pub interval_95: [f64; 2],
     /// Integrated autocorrelation time, steps of a walker; None if nothing moves.
     pub autocorrelation_steps: Option<f64>,
-    /// Independent draws that the chain is worth.
+    /// Effective number of independent draws in the chain.
     pub effective_samples: f64,
-    /// Steps of each walker that are used.
+    /// Steps of each walker after burn-in.
     pub steps: usize,
-    /// Whether many draws lie at an end of the prior, so that the interval is its rather than the data's.
+    /// Whether many draws are at an end of the prior, so that the interval reflects the prior rather than the data.
     pub ended_by_prior: bool,
 }
 
@@ -47,14 +48,14 @@ pub struct Marginal {
 pub enum Prior {
     /// In the value.
     Flat {
-        /// Least value.
+        /// Smallest value.
         low: f64,
         /// Largest value.
         high: f64,
     },
     /// In its logarithm.
     FlatInLogarithm {
-        /// Least value.
+        /// Smallest value.
         low: f64,
         /// Largest value.
         high: f64,
@@ -88,7 +89,7 @@ impl fmt::Display for Prior {
     }
 }
 
-/// As people read it.
+/// In text form.
 impl Serialize for Prior {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         to.collect_str(self)
@@ -96,7 +97,7 @@ impl Serialize for Prior {
 }
 
 impl Marginal {
-    /// Of a parameter by its place in a chain of coordinates, step after step of all walkers.
+    /// For a parameter, by its index in a chain of coordinates, step after step of all walkers.
     pub(super) fn of(parameter: &Parameter, place: usize, chain: &[Vec<f64>], walkers: usize) -> Marginal {
         let time = time(chain, place, walkers);
         let mut sorted: Vec<f64> = chain.iter().map(|at| at[place]).collect();
@@ -120,7 +121,7 @@ impl Marginal {
         }
     }
 
-    /// Whether walkers were followed for long enough that their autocorrelation time is known.
+    /// Whether walkers were followed long enough for a known autocorrelation time.
     pub fn is_long_enough(&self) -> bool {
         self.autocorrelation_steps.is_some_and(|time| self.steps as f64 >= LONG * time)
     }
