@@ -1,4 +1,4 @@
-//! Files that are written whole or not at all, and never in place of one that is read.
+//! Files that are written completely or not at all, and never in place of an input.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
@@ -9,20 +9,19 @@ use tempfile::{Builder, NamedTempFile};
 
 use crate::error::InputError;
 
-/// Writes a file by way of a temporary one beside it, so that a partial file is never visible.
+/// Writes a file through a temporary one beside it, so that a partial file is never visible.
 ///
 /// # Errors
-/// If the folder is not there, or cannot be written to.
+/// If the folder does not exist, or is not writable.
 pub fn write(path: impl AsRef<Path>, content: impl AsRef<[u8]>) -> Result<(), InputError> {
     let path = path.as_ref();
     write_by_way_of(folder_of(path), path, |file| file.write_all(content.as_ref()))
 }
 
-/// The same for a file that is written bit by bit, and perhaps must not replace another.
+/// The same for a file that is written piece by piece, and optionally must not replace another.
 ///
 /// # Errors
-/// Those of `content`; where the folder is not there, or cannot be written to; where there is such a file already, and it
-/// must not be overwritten.
+/// Those of `content`; if the folder does not exist or is not writable; if the file already exists and must not be overwritten.
 pub fn write_by(
     path: &Path,
     overwrite: bool,
@@ -37,25 +36,25 @@ pub fn write_by(
     keep(file, path, overwrite)
 }
 
-/// Writes a file by way of a temporary one in a folder of the same file system, in which leftovers of a killed process do no harm.
+/// Writes a file through a temporary one in a folder of the same file system, where leftovers of a killed process do no harm.
 ///
 /// # Errors
-/// If a folder is not there, or cannot be written to; what `content` says.
+/// If a folder does not exist, or is not writable; errors of `content`.
 pub(crate) fn write_by_way_of(
     folder: &Path,
     path: &Path,
     content: impl FnOnce(&mut File) -> std::io::Result<()>,
 ) -> Result<(), InputError> {
     let mut file = NamedTempFile::with_suffix_in(PART, folder).map_err(refusal(path))?;
-    // Not the temporary file's own path in the message: it is gone by then.
+    // The message does not name the temporary file, which no longer exists by then.
     content(file.as_file_mut()).map_err(refusal(path))?;
     keep(file, path, true)
 }
 
-/// The end of the name of a file that is not complete.
+/// Suffix of an incomplete file.
 const PART: &str = ".part";
 
-/// The beginning of the name of what becomes a file: `.a.fits.`
+/// Prefix of the name of a temporary file: `.a.fits.`
 fn before_part(path: &Path) -> OsString {
     let mut name = OsString::from(".");
     name.push(path.file_name().unwrap_or_default());
@@ -63,10 +62,10 @@ fn before_part(path: &Path) -> OsString {
     name
 }
 
-/// Removes what an interruption has left of a file that [`write_by`] began.
+/// Removes leftovers of an interrupted [`write_by`].
 ///
 /// # Errors
-/// If it is there and cannot be removed.
+/// If they exist and cannot be removed.
 pub(crate) fn remove_parts(path: &Path) -> Result<(), InputError> {
     let before = before_part(path);
     let is_part = |name: &OsStr| {
@@ -84,17 +83,17 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Refuses a path that could not be written to, before there is anything to write: work of hours is not to be lost at its end.
+/// Rejects a path that is not writable before there is anything to write, so that hours of work are not lost at their end.
 ///
 /// # Errors
-/// If the folder is not there or cannot be written to, or the path is that of something that is no file.
+/// If the folder does not exist or is not writable, or the path is not that of a file.
 pub fn refuse_unwritable(path: &Path) -> Result<(), InputError> {
     refuse_other_than_file(path)?;
     NamedTempFile::new_in(folder_of(path)).map_err(refusal(path))?;
     Ok(())
 }
 
-/// Refuses folders and devices: a file that takes their place would be the last that is seen of them.
+/// Rejects folders and devices, which a new file would replace.
 fn refuse_other_than_file(path: &Path) -> Result<(), InputError> {
     let problem = match fs::metadata(path) {
         Ok(there) if there.is_dir() => "this is a folder, not a file",
@@ -104,11 +103,11 @@ fn refuse_other_than_file(path: &Path) -> Result<(), InputError> {
     Err(InputError::new(format!("cannot write `{}`", path.display()), problem))
 }
 
-/// Gives a temporary file its name, once it is safe on the disk.
+/// Gives a temporary file its final name, once it is safely on disk.
 fn keep(file: NamedTempFile, path: &Path, overwrite: bool) -> Result<(), InputError> {
     refuse_other_than_file(path)?;
     file.as_file().sync_all().map_err(refusal(path))?;
-    // Temporary files are private; results are as public as any new file.
+    // Temporary files are private; results have the permissions of any new file.
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
@@ -118,22 +117,22 @@ fn keep(file: NamedTempFile, path: &Path, overwrite: bool) -> Result<(), InputEr
     if overwrite {
         file.persist(path).map_err(|error| refusal(path)(error.error))?;
     } else {
-        // The file may have come into being meanwhile.
+        // The file may have been created meanwhile.
         file.persist_noclobber(path).map_err(|error| refusal(path)(error.error))?;
     }
     Ok(())
 }
 
-/// What is to be written.
+/// An output.
 #[derive(Clone, Copy, Debug)]
 pub enum Written<'a> {
     /// A file.
     File(&'a Path),
-    /// Files in a folder, of names that satisfy a condition.
+    /// Files in a folder, with names that satisfy a condition.
     Into(&'a Path, fn(&OsStr) -> bool),
 }
 
-/// Refuses outputs that would replace a file that is read, or one another, by any name or link.
+/// Rejects outputs that would replace an input, or each other, by any name or link.
 ///
 /// # Errors
 /// The first such output.
@@ -167,7 +166,7 @@ impl Written<'_> {
         }
     }
 
-    /// The file, or files that are there already and may be replaced.
+    /// The file, or existing files that may be replaced.
     fn there(&self) -> Vec<PathBuf> {
         match self {
             Written::File(path) => vec![path.to_path_buf()],
@@ -185,26 +184,26 @@ impl Written<'_> {
             | (Written::Into(folder, writes), Written::File(file)) => {
                 same_file(folder_of(file), folder) && file.file_name().is_some_and(writes)
             }
-            // Names of figures, of tables and of manual pages have different endings.
+            // Names of figures, tables and manual pages have different suffixes.
             (Written::Into(..), Written::Into(..)) => false,
         }
     }
 }
 
-/// Whether two paths lead to the same file or folder, which need not be there yet.
+/// Whether two paths lead to the same file or folder, which need not exist yet.
 fn same_file(one: &Path, other: &Path) -> bool {
     match (fs::metadata(one), fs::metadata(other)) {
         #[cfg(unix)]
         (Ok(one), Ok(other)) => {
             use std::os::unix::fs::MetadataExt;
-            // Links of both kinds, too.
+            // Including hard and symbolic links.
             (one.dev(), one.ino()) == (other.dev(), other.ino())
         }
         _ => location(one) == location(other),
     }
 }
 
-/// A path without links and detours, as far as it is there.
+/// A path without links and detours, as far as it exists.
 fn location(path: &Path) -> Option<PathBuf> {
     let whole = |path: &Path| fs::canonicalize(path).or_else(|_| absolute(path)).ok();
     match path.file_name() {
@@ -213,10 +212,10 @@ fn location(path: &Path) -> Option<PathBuf> {
     }
 }
 
-/// Refuses a path at which there is something already.
+/// Rejects a path that already exists.
 ///
 /// # Errors
-/// If there is.
+/// If it exists.
 pub fn refuse_existing(path: &Path) -> Result<(), InputError> {
     match path.symlink_metadata() {
         Ok(_) => Err(InputError::new(format!("cannot write `{}`", path.display()), "the file exists already")
@@ -238,10 +237,10 @@ pub fn refusal(path: &Path) -> impl Fn(std::io::Error) -> InputError {
     }
 }
 
-/// Makes a folder if there is none.
+/// Creates a folder if there is none.
 ///
 /// # Errors
-/// If it cannot be made.
+/// If it cannot be created.
 pub fn folder(path: impl AsRef<Path>) -> Result<(), InputError> {
     fs::create_dir_all(&path).map_err(|error| {
         InputError::new(format!("cannot make the folder `{}`", path.as_ref().display()), error.to_string())

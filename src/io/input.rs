@@ -1,4 +1,4 @@
-//! Files that are read whole: no devices, and no more bytes than make sense, so that nothing is read for ever.
+//! Files read as a whole: no devices, and no more bytes than reasonable, so that reading always ends.
 
 use std::fs::File;
 use std::io::Read;
@@ -6,18 +6,18 @@ use std::path::Path;
 
 use crate::error::unreadable;
 
-/// Most bytes of a mission, a grid, or another file of keys and values.
+/// Maximum size of a mission, a grid, or another file of keys and values, bytes.
 const MOST_OF_A_TEXT: u64 = 64 << 20;
 
-/// Most bytes of a table: some ten million rows.
+/// Maximum size of a table, bytes: about ten million rows.
 pub(crate) const MOST_OF_A_TABLE: u64 = 1 << 30;
 
-/// The text of a file; an error is what is wrong with the file, in words.
+/// The text of a file; an error is the fault of the file, in words.
 pub(crate) fn text(path: &Path) -> Result<String, String> {
     String::from_utf8(bytes(path, MOST_OF_A_TEXT)?).map_err(|_| "the file is not text in UTF-8".into())
 }
 
-/// The bytes of a file or a pipe, of which there must not be more than `most`.
+/// The bytes of a file or a pipe, at most `most`.
 pub(crate) fn bytes(path: &Path, most: u64) -> Result<Vec<u8>, String> {
     let read = || {
         let file = File::open(path)?;

@@ -1,9 +1,9 @@
-//! Results → JSON: what serde's derives do not do by themselves.
+//! Results → JSON: conversions beyond serde's derives.
 
 use serde::ser::{Serialize, Serializer};
 use toml::{Table, Value};
 
-/// TOML as JSON; dates as text.
+/// A TOML value as JSON; dates as text.
 struct Plain<'a>(&'a Value);
 
 impl Serialize for Plain<'_> {
@@ -17,7 +17,7 @@ impl Serialize for Plain<'_> {
     }
 }
 
-/// A table of TOML.
+/// A TOML table.
 pub(crate) fn table<S: Serializer>(members: &Table, to: S) -> Result<S::Ok, S::Error> {
     to.collect_map(members.iter().map(|(key, value)| (key, Plain(value))))
 }

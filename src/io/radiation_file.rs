@@ -1,16 +1,16 @@
-//! What other programs write: proton spectra, dose histories, dose-depth curves, shielding by sectors, temperatures.
+//! Output of other programs: proton spectra, dose histories, dose-depth curves, shielding by sectors, temperatures.
 //!
-//! The program is recognised by what its file says, never by the file's name. All of them may have line ends of Windows,
-//! a byte order mark and up to 100 MiB; all refusals are one message with file, line, column and value. Read are:
+//! The program is recognised by the content of its file, never by the file's name. All files may have Windows line ends, a byte
+//! order mark and up to 100 MiB; every error is one message with file, line, column and value. Supported are:
 //!
 //! * SPENVIS: orbit-averaged fluxes of trapped protons (`spenvis_tri.txt`), mission fluences of solar protons
 //!   (`spenvis_sef.txt`), cosmic rays (`spenvis_gcf.txt`);
 //! * OMERE: spectra under a header of comments, and the input fluences in its outputs of displacement damage;
 //! * CREME96 and CREME-MC: `.flx`, `.tfx` and `.trp`;
-//! * ECSV and CSV with columns named here; for both histories, dose-depth curves and sectors these alone.
+//! * ECSV and CSV with columns named here; the only formats for both histories, dose-depth curves and sectors.
 //!
-//! Not read is what has no mean over the mission (worst days and weeks), what is not displacement damage (ionising dose in
-//! rad or Gy), and what is already behind something else (LET spectra, equivalent fluences).
+//! Not supported are quantities without a mean over the mission (worst days and weeks), other damage than displacement (ionising
+//! dose in rad or Gy), and quantities behind other material (LET spectra, equivalent fluences).
 
 mod columns;
 mod creme;
@@ -40,7 +40,7 @@ pub enum Doses {
 }
 
 impl Doses {
-    /// The numbers, in MeV/g or MeV/g/yr.
+    /// The values, in MeV/g or MeV/g/yr.
     pub fn values(&self) -> &[f64] {
         match self {
             Doses::Total(values) | Doses::Rate(values) => values,
@@ -48,17 +48,17 @@ impl Doses {
     }
 }
 
-/// How much material stands in front, row by row; not negative.
+/// Material in front, row by row; not negative.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Depths {
-    /// Thickness in mm, of the material that whoever reads the file takes it to be.
+    /// Thickness in mm, of a material chosen by the reader of the file.
     ThicknessMm(Vec<f64>),
     /// Areal density in g/cm2.
     ArealDensityGCm2(Vec<f64>),
 }
 
 impl Depths {
-    /// The numbers, in mm or g/cm2.
+    /// The values, in mm or g/cm2.
     pub fn values(&self) -> &[f64] {
         match self {
             Depths::ThicknessMm(values) | Depths::ArealDensityGCm2(values) => values,

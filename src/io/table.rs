@@ -1,15 +1,15 @@
 //! Tables of measurements: ECSV, the Enhanced CSV of astropy.table, and plain CSV.
 //!
-//! [ECSV](https://github.com/astropy/astropy-APEs/blob/main/APE6.rst) is CSV with a header in YAML, in comment lines, that gives
-//! the datatype and unit of each column and metadata for all rows (`meta`). Tables are read as by astropy, with the same values: an
-//! empty cell is missing regardless of its datatype, blanks around a cell mean nothing, and the columns in which astropy keeps
-//! parts of a `Quantity`, `Time` or masked column become one column again. The header is read as YAML 1.2, in which `1.78e8` is a
-//! number as intended; in astropy's YAML 1.1 it is a string.
+//! [ECSV](https://github.com/astropy/astropy-APEs/blob/main/APE6.rst) is CSV with a YAML header, in comment lines, that gives the
+//! datatype and unit of each column and metadata for all rows (`meta`). Tables are read as in astropy, with the same values: an
+//! empty cell is missing regardless of its datatype, blanks around a cell are ignored, and the columns in which astropy keeps parts
+//! of a `Quantity`, `Time` or masked column become one column again. The header is read as YAML 1.2, in which `1.78e8` is a number
+//! as intended; in astropy's YAML 1.1 it is a string.
 //!
 //! Parquet is read by its columns (see `parquet.rs`).
 //!
-//! Plain CSV is any file that does not begin with `# %ECSV`: leading lines `# key: value` are its `meta`, a unit may
-//! stand behind a name in brackets, and datatypes are taken from the cells.
+//! Plain CSV is any file that does not begin with `# %ECSV`: leading lines `# key: value` are its `meta`, a unit may follow a name
+//! in brackets, and datatypes are inferred from the cells.
 
 mod columns;
 mod csv;
@@ -26,10 +26,10 @@ use crate::error::InputError;
 use crate::io::input;
 
 impl Table {
-    /// Reads a table from a file: ECSV, plain CSV, or Parquet, which is known by its first bytes.
+    /// Reads a table from a file: ECSV, plain CSV, or Parquet, recognised by its first bytes.
     ///
     /// # Errors
-    /// If the file cannot be read, or is no such table: one message with line, column and value.
+    /// If the file cannot be read, or is not such a table: one message with line, column and value.
     pub fn read(path: impl AsRef<Path>) -> Result<Table, InputError> {
         let table = Table { name: path.as_ref().display().to_string(), ..Table::default() };
         let bytes = input::bytes(path.as_ref(), input::MOST_OF_A_TABLE).map_err(|problem| table.refuse(problem))?;

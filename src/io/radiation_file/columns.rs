@@ -1,4 +1,4 @@
-//! Columns of ECSV and CSV with our names, in our units.
+//! ECSV and CSV columns with our names, in our units.
 
 use super::text::Source;
 use super::unit::Unit;
@@ -26,12 +26,12 @@ impl<'a> Columns<'a> {
         &self.table
     }
 
-    /// A refusal for what stands in a row (from 0) and column.
+    /// An error for a row (from 0) and column.
     pub fn fault(&self, row: Option<usize>, column: &str, problem: impl Into<String>) -> InputError {
         self.source.refused(self.table.fault(row, Some(column), problem))
     }
 
-    /// The one of these columns that there is. All of a list are the same in other words, so only one may stand.
+    /// The one of these columns that is present. They are alternatives, so only one is allowed.
     pub fn one_of(&self, names: &[&'static str]) -> Result<&'static str, InputError> {
         match self.present(names)[..] {
             [one] => Ok(one),
@@ -43,12 +43,12 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// Those of these columns that there are.
+    /// Those of these columns that are present.
     pub fn present(&self, names: &[&'static str]) -> Vec<&'static str> {
         names.iter().copied().filter(|name| self.table.column(name).is_some()).collect()
     }
 
-    /// None of these columns is there.
+    /// The error if none of these columns is present.
     pub fn absent(&self, names: &[&str]) -> InputError {
         let known = || self.table.columns.iter().map(|column| column.name.as_str());
         let columns = known().collect::<Vec<_>>().join(", ");
@@ -60,20 +60,20 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// The column's numbers in the unit of its name, from the unit that its header states. None may be negative.
+    /// The column's values in the unit of its name, converted from the unit in its header. None may be negative.
     pub fn numbers(&self, name: &str, unit: &str) -> Result<Vec<f64>, InputError> {
         let ours = Unit::parse(unit).expect("a unit of this crate");
         self.converted(name, unit, |theirs| theirs.to(ours))
     }
 
-    /// The column's fluxes or fluences, omnidirectional and in the unit of its name, of the same kind as that.
+    /// The column's fluxes or fluences, omnidirectional and in the unit of its name, of the same kind.
     pub fn fluxes(&self, name: &str, unit: &str) -> Result<Vec<f64>, InputError> {
         let (quantity, time, _) = Unit::parse(unit).and_then(Unit::flux).expect("a unit of this crate");
         let factor = |theirs: Unit| theirs.flux().filter(|flux| (flux.0, flux.1) == (quantity, time));
         self.converted(name, unit, |theirs| factor(theirs).map(|flux| flux.2))
     }
 
-    /// The column's numbers times what makes ours of the unit that its header states.
+    /// The column's values, multiplied by the conversion from the unit in its header.
     fn converted(&self, name: &str, unit: &str, factor: impl Fn(Unit) -> Option<f64>) -> Result<Vec<f64>, InputError> {
         let stated = self.table.column(name).and_then(|column| column.unit.as_ref());
         let factor = match stated {
@@ -85,7 +85,7 @@ impl<'a> Columns<'a> {
         Ok(self.plain_numbers(name)?.into_iter().map(|number| factor * number).collect())
     }
 
-    /// The column's numbers in their own unit. None may be negative.
+    /// The column's values in their own unit. None may be negative.
     pub fn plain_numbers(&self, name: &str) -> Result<Vec<f64>, InputError> {
         let column = self.table.column(name).ok_or_else(|| self.absent(&[name]))?;
         let number = |(row, cell): (usize, &Cell)| match cell.number().filter(|number| number.is_finite()) {
@@ -112,7 +112,7 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// At least two rows, so that there is something between them.
+    /// Checks that there are at least two rows, needed for interpolation.
     pub fn check_two_rows(&self) -> Result<(), InputError> {
         match self.table.rows() {
             0 | 1 => Err(self.source.refuse("there is one row, and at least two are needed")),
@@ -120,7 +120,7 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// Each value is larger than the one before.
+    /// Checks that each value is larger than the previous one.
     pub fn check_rising<T: PartialOrd>(&self, name: &str, values: &[T]) -> Result<(), InputError> {
         match values.windows(2).position(|pair| pair[0] >= pair[1]) {
             None => Ok(()),
@@ -128,7 +128,7 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// No value is less than the one before.
+    /// Checks that no value is smaller than the previous one.
     pub fn check_not_falling(&self, name: &str, values: &[f64]) -> Result<(), InputError> {
         match values.windows(2).position(|pair| pair[0] > pair[1]) {
             None => Ok(()),

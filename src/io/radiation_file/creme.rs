@@ -1,8 +1,7 @@
 //! Proton spectra of CREME96 and CREME-MC: `.flx`, `.tfx` and `.trp`.
 //!
-//! Learnt from the page on file formats of creme.isde.vanderbilt.edu (`CREME-MC/faq/creme96-file-formats`), its page on
-//! the module TRANS (units), and the reader of csda_rpp (P. O'Brien), which quotes the line of an output. A file is
-//!
+//! From the page on file formats of creme.isde.vanderbilt.edu (`CREME-MC/faq/creme96-file-formats`), its page on the module TRANS
+//! (units), and the reader of csda_rpp (P. O'Brien), which quotes a line of output. A file is
 //! ```text
 //!  4 GEO.FLX 210 1                       comments, file, version, program
 //! %Created by CREME96:FLUX_DRIVER
@@ -10,16 +9,16 @@
 //!  1.0000E-01  1.0000E+05   1002      1     92  UNSHIELDED    1977.000  0 2  200 3
 //! ```
 //!
-//! with the first and last energy in MeV/nuc, the number of energies, even in their logarithm, the first and last
-//! atomic number, what the spectrum is behind, the year, and for `.flx` the state of the Sun (0 is quiet); then the
-//! differential flux in (m2 s sr MeV/nuc)-1 of all energies for each atomic number. Hydrogen is read.
+//! with the first and last energy in MeV/nuc, the number of energies, evenly spaced in their logarithm, the first and last atomic
+//! number, the shield, the year, and for `.flx` the state of the Sun (0 is quiet). The differential flux in (m2 s sr MeV/nuc)-1 of
+//! all energies for each atomic number follows. Hydrogen is read.
 
 use super::spectrum::{Point, Program, Spectrum, SpectrumFile};
 use super::text::{Source, number};
 use super::unit::Unit;
 use crate::error::InputError;
 
-/// Whether CREME wrote a text: its first or second line is a comment that begins with `%`.
+/// Whether a text was written by CREME: its first or second line is a comment that begins with `%`.
 pub(super) fn is_creme(text: &str) -> bool {
     text.lines().filter(|line| !line.trim().is_empty()).take(2).any(is_comment)
 }
@@ -64,22 +63,22 @@ struct Header {
     energies: usize,
     first_nucleus: usize,
     nuclei: usize,
-    /// What the spectrum is behind.
+    /// The shield.
     target: String,
 }
 
-/// What CREME calls a spectrum behind nothing.
+/// CREME's word for a spectrum without a shield.
 const OUTSIDE: &str = "UNSHIELDED";
 
-/// More than any atomic number that CREME has, 92.
+/// Above the largest atomic number in CREME, 92.
 const HEAVIEST: usize = 120;
 
-/// States of the Sun in CREME other than a quiet one.
+/// CREME's states of the Sun other than quiet.
 const EVENTS: [&str; 3] = ["the worst day", "the worst week", "the peak of five minutes"];
 
 impl Header {
     fn of(source: &Source) -> Result<Header, InputError> {
-        // If the number of comments stands before them, it is on a line of its own.
+        // The number of comments, if present, is on its own line before them.
         let (index, line) = (source.text.lines().enumerate())
             .skip_while(|(_, line)| !is_comment(line))
             .find(|(_, line)| !is_comment(line) && !line.trim().is_empty())

@@ -1,8 +1,8 @@
 //! Dose-depth curves: displacement damage dose against the shielding in front.
 //!
-//! Other programs write mostly another dose against depth: the ionising one in rad (SHIELDOSE-2 in SPENVIS 4.6.11, `Dose`
-//! in `rad`; the `.dos` of OMERE 5.9, columns in `rad`), or equivalent fluences (OMERE 5.9, `.fle`). Neither can be turned
-//! into displacement damage dose, so both are refused by what they are.
+//! Other programs usually write another dose against depth: the ionising one in rad (SHIELDOSE-2 in SPENVIS 4.6.11, `Dose` in
+//! `rad`; the `.dos` of OMERE 5.9, columns in `rad`), or equivalent fluences (OMERE 5.9, `.fle`). Neither can be converted to
+//! displacement damage dose, so both are rejected with the reason.
 
 use std::path::Path;
 
@@ -11,24 +11,23 @@ use super::text::Source;
 use super::{Depths, Doses, omere, spenvis};
 use crate::error::InputError;
 
-/// A dose-depth curve as its file has it.
+/// A dose-depth curve as in its file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DoseDepth {
-    /// The shielding, row by row, each more than the one before; at least two.
+    /// The shielding, row by row, ascending; at least two.
     pub depths: Depths,
     /// The dose over the mission, or the dose rate; as many as depths.
     pub doses: Doses,
 }
 
-/// The name of each column that the table may have for the dose.
+/// The possible names of the dose column.
 const DOSES: [&str; 2] = ["dose_mev_g", "dose_mev_g_yr"];
 
 /// Reads a dose-depth curve from ECSV or CSV with the columns `thickness_mm` or `areal_density_g_cm2`, and `dose_mev_g`
-/// (displacement damage dose over the mission, MeV/g) or `dose_mev_g_yr` (MeV/g/yr). Units that a header states are
-/// converted.
+/// (displacement damage dose over the mission, MeV/g) or `dose_mev_g_yr` (MeV/g/yr). Units in a header are converted.
 ///
 /// # Errors
-/// If the file cannot be read or is no such table, or if its dose is ionising: one message with file, line, column and value.
+/// If the file cannot be read or is not such a table, or its dose is ionising: one message with file, line, column and value.
 pub fn read_dose_depth(path: impl AsRef<Path>) -> Result<DoseDepth, InputError> {
     let source = Source::read(path.as_ref(), "dose-depth curve")?;
     if spenvis::is_spenvis(&source.text) || omere::is_omere(&source.text) {
@@ -46,13 +45,13 @@ pub fn read_dose_depth(path: impl AsRef<Path>) -> Result<DoseDepth, InputError> 
     Ok(DoseDepth { depths, doses })
 }
 
-/// Units of the dose that ionises.
+/// Units of ionising dose.
 const IONISING: [&str; 7] = ["rad", "krad", "mrad", "gy", "kgy", "mgy", "cgy"];
 
 const NOT_DISPLACEMENT: &str = "this is ionising dose, not displacement damage dose";
 const ADVICE: &str = "displacement damage dose is in MeV/g: columns thickness_mm,dose_mev_g";
 
-/// Why the output of a program is no dose-depth curve of displacement damage.
+/// Why the output of a program is not a dose-depth curve of displacement damage.
 fn of_a_program(source: &Source) -> InputError {
     let is_ionising = |unit: &str| IONISING.contains(&unit.to_lowercase().as_str());
     let stated = |line: &str| match line.strip_prefix('#') {
@@ -68,7 +67,7 @@ fn of_a_program(source: &Source) -> InputError {
     }
 }
 
-/// A refusal of a table whose columns, by names or units, hold ionising dose and no other.
+/// An error for a table whose columns, by names or units, contain only ionising dose.
 fn ionising(columns: &Columns) -> Option<InputError> {
     let is_ionising = |name: &str| words(name).any(|word| IONISING.contains(&word.as_str()) || word == "tid");
     if let Some(name) = columns.present(&DOSES).first() {
@@ -83,7 +82,7 @@ fn ionising(columns: &Columns) -> Option<InputError> {
     Some(columns.fault(None, &found.name, NOT_DISPLACEMENT).with_help(ADVICE))
 }
 
-/// The words of a line in small letters.
+/// The words of a line in lower case.
 fn words(line: &str) -> impl Iterator<Item = String> {
     line.split(|letter: char| !letter.is_alphabetic()).map(str::to_lowercase)
 }

@@ -10,21 +10,21 @@ use super::text::Source;
 use crate::error::InputError;
 use crate::io::table::Cell;
 
-/// A dose history as its file has it.
+/// A dose history as in its file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DoseHistoryFile {
-    /// When, row by row, each later than the one before; at least two.
+    /// Times, row by row, ascending; at least two.
     pub times: Times,
-    /// The dose since launch, which never falls, or the dose rate; as many as times.
+    /// The dose since launch, which never decreases, or the dose rate; as many as times.
     pub doses: Doses,
 }
 
-/// Points in time, each later than the one before.
+/// Times, ascending.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Times {
     /// Years of 365.25 d since launch; not negative.
     SinceLaunchYr(Vec<f64>),
-    /// Dates, with the time of day if the file has it.
+    /// Dates, with the time of day if given.
     Dates(Vec<NaiveDateTime>),
 }
 
@@ -38,11 +38,11 @@ impl Times {
     }
 }
 
-/// Reads a dose history from ECSV or CSV with the columns `t_yr` (years since launch) or `date`, and `dose_mev_g` (the
-/// dose since launch, MeV/g) or `rate_mev_g_yr` (MeV/g/yr). Units that a header states are converted.
+/// Reads a dose history from ECSV or CSV with the columns `t_yr` (years since launch) or `date`, and `dose_mev_g` (the dose since
+/// launch, MeV/g) or `rate_mev_g_yr` (MeV/g/yr). Units in a header are converted.
 ///
 /// # Errors
-/// If the file cannot be read or is no such table: one message with file, line, column and value.
+/// If the file cannot be read or is not such a table: one message with file, line, column and value.
 pub fn read_dose_history(path: impl AsRef<Path>) -> Result<DoseHistoryFile, InputError> {
     let source = Source::read(path.as_ref(), "dose history")?;
     let columns = Columns::of(&source)?;
@@ -55,7 +55,7 @@ pub fn read_dose_history(path: impl AsRef<Path>) -> Result<DoseHistoryFile, Inpu
     Ok(DoseHistoryFile { times, doses })
 }
 
-/// When, row by row: the column `t_yr` or `date`.
+/// Times, row by row: the column `t_yr` or `date`.
 pub(super) fn times(columns: &Columns) -> Result<Times, InputError> {
     if columns.one_of(&["t_yr", "date"])? == "t_yr" {
         let years = columns.numbers("t_yr", "yr")?;

@@ -1,9 +1,9 @@
 //! Proton spectra of OMERE.
 //!
-//! Learnt from outputs of OMERE 5.9.1 in the repository mariapasaylo/LUMENS-PV (`omere_outputs/*_equiFlux.fle`,
-//! displacement damage with its input fluences), and from programs that read others: `.dos` and `.let` of 5.9, and `.flx`,
-//! of which no output was at hand: energies, and fluxes that are omnidirectional. All are tables of numbers below
-//! comments, the last of which have the names and the units of the columns:
+//! From outputs of OMERE 5.9.1 in the repository mariapasaylo/LUMENS-PV (`omere_outputs/*_equiFlux.fle`, displacement damage with
+//! its input fluences), and from programs that read others: `.dos` and `.let` of 5.9, and `.flx`, of which no output was available:
+//! energies, and omnidirectional fluxes. All are tables of numbers below comments, the last of which contain the names and the
+//! units of the columns:
 //!
 //! ```text
 //! # OMERE 5.9.1.41289 - Displacement damage
@@ -14,15 +14,15 @@
 //!  1.00e-01            1.62e+13
 //! ```
 //!
-//! A table is a spectrum where its units say so, and of protons where the comments above it do. Where models are added up,
-//! an energy stands twice at the step where one begins: the second value holds.
+//! A table is a spectrum if its units say so, and of protons if the comments above it do. Where models are joined, an energy occurs
+//! twice at the step to the second one: the second value is used.
 
 use super::spectrum::{Point, Program, Quantity, Spectrum, SpectrumFile, Time};
 use super::text::{Source, number};
 use super::unit::Unit;
 use crate::error::InputError;
 
-/// Whether OMERE wrote a text: a comment begins with its name and version, and below the comments are numbers.
+/// Whether a text was written by OMERE: a comment begins with its name and version, and numbers follow the comments.
 pub(super) fn is_omere(text: &str) -> bool {
     let is_version = |line: &str| {
         let after = line.trim_start_matches('#').trim_start().strip_prefix("OMERE ");
@@ -56,7 +56,7 @@ pub(super) fn read(source: &Source) -> Result<SpectrumFile, InputError> {
     }
 }
 
-/// What a table is of.
+/// The particle of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Particle {
     Proton,
@@ -67,7 +67,7 @@ enum Particle {
 struct Section<'a> {
     /// None if the comments name no particle, or several.
     particle: Option<Particle>,
-    /// The units of the columns. None if the comments do not say them.
+    /// The units of the columns. None if the comments do not state them.
     units: Option<Vec<Unit>>,
     /// The duration of the mission, s.
     duration_s: Option<f64>,
@@ -75,7 +75,7 @@ struct Section<'a> {
     rows: Vec<(usize, Vec<&'a str>)>,
 }
 
-/// The column of a table that is a flux or a fluence.
+/// The flux or fluence column of a table.
 #[derive(Clone, Copy)]
 struct FluxColumn {
     place: usize,
@@ -126,9 +126,9 @@ fn sections(source: &Source) -> Result<Vec<Section<'_>>, InputError> {
 /// The comments above a table.
 #[derive(Default)]
 struct Comments<'a> {
-    /// Those that stand together above it.
+    /// The comments in one block above it.
     paragraph: Vec<&'a str>,
-    /// Whether any so far names protons, and any other particles.
+    /// Whether any so far name protons, and any other particles.
     proton: bool,
     other: bool,
     duration_s: Option<f64>,
@@ -149,7 +149,7 @@ impl<'a> Comments<'a> {
         }
     }
 
-    /// The only particle that the last comment names that names one, or that all comments of the file name so far.
+    /// The only particle named in the last comment that names one, or in all comments of the file so far.
     fn particle(&self) -> Option<Particle> {
         let last = self.paragraph.iter().rev().map(|comment| named(comment)).find(|(proton, other)| proton | other);
         match last.unwrap_or((self.proton, self.other)) {
@@ -159,7 +159,7 @@ impl<'a> Comments<'a> {
         }
     }
 
-    /// The units of some columns: the last comment that has them, one for each column, bare or in brackets.
+    /// The units of some columns: from the last comment that has one for each column, bare or in brackets.
     fn units(&self, columns: usize) -> Option<Vec<Unit>> {
         self.paragraph.iter().rev().find_map(|comment| {
             let bare = comment.split_whitespace().collect();
@@ -180,7 +180,7 @@ fn named(comment: &str) -> (bool, bool) {
     (comment.contains("proton"), other)
 }
 
-/// What stands in brackets that stand in no others.
+/// The contents of the outermost brackets.
 fn bracketed(comment: &str) -> Vec<&str> {
     let mut found = Vec::new();
     let mut open = Vec::new();
@@ -215,7 +215,7 @@ impl Section<'_> {
         self.rows.first().map_or(0, |(line, _)| *line)
     }
 
-    /// The column that is a flux or fluence, the integral one first. None if this is no spectrum.
+    /// The flux or fluence column, preferably the integral one. None if this is not a spectrum.
     fn flux(&self) -> Option<FluxColumn> {
         let units = self.units.as_ref()?;
         units.first()?.to(Unit::MEV)?;

@@ -1,4 +1,4 @@
-//! Shielding by sectors: how much material stands in which part of the solid angle, as ray tracing finds it.
+//! Shielding by sectors: material by solid angle, as found by ray tracing.
 
 use std::path::Path;
 
@@ -10,17 +10,17 @@ use crate::error::InputError;
 /// Shielding by sectors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sectors {
-    /// The fraction of all solid angle that each sector is; their sum is 1.
+    /// The fraction of the solid angle of each sector; their sum is 1.
     pub weights: Vec<f64>,
     /// The material in front, as many as weights.
     pub depths: Depths,
 }
 
 /// Reads sectors from ECSV or CSV with the columns `weight` (solid angle in any unit or scale) and `thickness_mm` or
-/// `areal_density_g_cm2`, which are converted from a unit that the header states.
+/// `areal_density_g_cm2`, converted from the unit in the header.
 ///
 /// # Errors
-/// If the file cannot be read or is no such table, or if the weights are zero: one message with file, line, column and value.
+/// If the file cannot be read or is not such a table, or the weights are zero: one message with file, line, column and value.
 pub fn read_sectors(path: impl AsRef<Path>) -> Result<Sectors, InputError> {
     let source = Source::read(path.as_ref(), "sectors")?;
     let columns = Columns::of(&source)?;

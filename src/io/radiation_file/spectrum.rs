@@ -1,4 +1,4 @@
-//! Proton spectra: which program wrote one, and what all have in common.
+//! Proton spectra: detection of the program, and common properties.
 
 use std::path::Path;
 
@@ -10,24 +10,23 @@ use crate::error::InputError;
 /// A spectrum of protons before any shielding of ours: omnidirectional, cm-2.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpectrumFile {
-    /// Who wrote it.
+    /// The program that wrote it.
     pub program: Program,
-    /// What the values are of.
+    /// The quantity.
     pub quantity: Quantity,
-    /// What the values are summed over.
+    /// The time over which the values are summed.
     pub time: Time,
-    /// How long the mission is in the file, in s, if it says so.
+    /// The duration of the mission in the file, in s, if stated.
     pub duration_s: Option<f64>,
-    /// What the file says the spectrum is behind, such as `ALUMINUM`. None if it says nothing: then it is outside.
+    /// The shield stated in the file, such as `ALUMINUM`. None if not stated: then it is unshielded.
     pub shield: Option<String>,
-    /// Energies in MeV, positive, each more than the one before; at least two.
+    /// Energies in MeV, positive, ascending; at least two.
     pub energies_mev: Vec<f64>,
-    /// One for each energy, not negative: cm-2, cm-2 MeV-1, cm-2 s-1 or cm-2 s-1 MeV-1. Those that are integral never
-    /// rise with the energy.
+    /// One for each energy, not negative: cm-2, cm-2 MeV-1, cm-2 s-1 or cm-2 s-1 MeV-1. Integral ones never rise with energy.
     pub values: Vec<f64>,
 }
 
-/// Who writes spectra.
+/// Programs that write spectra.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Program {
     /// SPENVIS of ESA and BIRA-IASB.
@@ -52,7 +51,7 @@ impl Program {
     }
 }
 
-/// What a value of a spectrum is of.
+/// The quantity of a spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// All protons above the energy.
@@ -61,16 +60,16 @@ pub enum Quantity {
     Differential,
 }
 
-/// What the values of a spectrum are summed over.
+/// The time over which the values of a spectrum are summed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Time {
     /// The whole mission: a fluence.
     Mission,
-    /// A second: a flux, the mean over the mission.
+    /// One second: a flux, the mean over the mission.
     PerSecond,
 }
 
-/// One point of a spectrum, and where it stands.
+/// One point of a spectrum, and its line.
 pub(super) struct Point {
     pub energy_mev: f64,
     /// In the unit of the file.
@@ -84,7 +83,7 @@ pub(super) struct Point {
 /// (fluxes), whose `meta` may have `duration_yr`. If there are both, the integral column is read.
 ///
 /// # Errors
-/// If the file cannot be read or holds no such spectrum: one message with file, line, column and value.
+/// If the file cannot be read or contains no such spectrum: one message with file, line, column and value.
 pub fn read_spectrum(path: impl AsRef<Path>) -> Result<SpectrumFile, InputError> {
     let source = Source::read(path.as_ref(), "spectrum")?;
     if spenvis::is_spenvis(&source.text) {
@@ -98,7 +97,7 @@ pub fn read_spectrum(path: impl AsRef<Path>) -> Result<SpectrumFile, InputError>
     }
 }
 
-/// The columns that a table may have, the preferred ones first.
+/// The possible columns of a table, the preferred ones first.
 const COLUMNS: [(&str, &str, Quantity, Time); 4] = [
     ("integral_cm2", "cm-2", Quantity::Integral, Time::Mission),
     ("integral_cm2_s", "cm-2 s-1", Quantity::Integral, Time::PerSecond),
@@ -111,7 +110,7 @@ fn of_table(source: &Source) -> Result<SpectrumFile, InputError> {
     let energies = columns.numbers("energy_mev", "MeV")?;
     let names = COLUMNS.map(|(name, ..)| name);
     let present = columns.present(&names);
-    // Fluences and fluxes side by side contradict one another, or at least say which the mission has.
+    // Fluences and fluxes together are contradictory or ambiguous for the mission.
     let has = |time: Time| COLUMNS.iter().any(|column| column.3 == time && present.contains(&column.0));
     if has(Time::Mission) && has(Time::PerSecond) {
         let problem = format!("columns {} are fluences and fluxes, and only one of the two can be", present.join(", "));
@@ -141,14 +140,14 @@ pub(super) struct Spectrum {
     pub time: Time,
     pub duration_s: Option<f64>,
     pub shield: Option<String>,
-    /// What makes the values omnidirectional and in our unit.
+    /// The conversion of the values to omnidirectional ones in our unit.
     pub factor: f64,
     pub points: Vec<Point>,
 }
 
 impl Spectrum {
-    /// The spectrum where it is one: energies positive and rising, values not negative, integral ones not rising.
-    /// `column` is what the file calls the values.
+    /// The checked spectrum: energies positive and ascending, values not negative, integral ones not rising. `column` is the file's
+    /// name of the values.
     pub fn checked(self, source: &Source, column: &str) -> Result<SpectrumFile, InputError> {
         let at = |point: &Point, column: &str, value: f64, problem: &str| {
             source.refuse_value(point.line, column, &format!("{value:?}"), problem)

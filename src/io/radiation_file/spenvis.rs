@@ -1,7 +1,7 @@
 //! Proton spectra of SPENVIS.
 //!
-//! Learnt from outputs of SPENVIS 4.6.13 in the repository tdloveless/me-radfx (`HW/HW_02_Solutions/*_spenvis_tri.txt`,
-//! `_sef.txt`, `_sefflare.txt`, `_gcf.txt`), and of 4.6.7 and 4.6.11. A file is a row of blocks:
+//! From outputs of SPENVIS 4.6.13 in the repository tdloveless/me-radfx (`HW/HW_02_Solutions/*_spenvis_tri.txt`, `_sef.txt`,
+//! `_sefflare.txt`, `_gcf.txt`), and of 4.6.7 and 4.6.11. A file is a sequence of blocks:
 //!
 //! ```text
 //! '*',    75,     1,    33,    37,     3,     3,    29,     1
@@ -18,19 +18,19 @@
 //! 'End of Block'
 //! ```
 //!
-//! The first line counts: lines of the header with itself, lines of text, metadata, lines of annotation, variables,
-//! columns, rows, blocks that follow. A variable has a name, a unit, a number of columns, and a title; `SPECIES` names the
-//! columns if ions share a block (`-92,'H ','He',...`). The last block ends with `'End of File'`.
+//! The first line contains counts: lines of the header including itself, lines of text, metadata, lines of annotation, variables,
+//! columns, rows, following blocks. A variable has a name, a unit, a number of columns, and a title; `SPECIES` names the columns if
+//! ions share a block (`-92,'H ','He',...`). The last block ends with `'End of File'`.
 //!
-//! Of a segment of the mission are blocks that have its orbit (`ORB_MJD` to `ORB_TSE`, days); others are of the whole
-//! mission and go before. Fluxes of several segments are averaged by their durations, fluences are added.
+//! Blocks with an orbit (`ORB_MJD` to `ORB_TSE`, days) belong to a segment of the mission; the others belong to the whole mission
+//! and have precedence. Fluxes of several segments are averaged by their durations, fluences are added.
 
 use super::spectrum::{Point, Program, Spectrum, SpectrumFile, Time};
 use super::text::{Source, number};
 use super::unit::Unit;
 use crate::error::InputError;
 
-/// Whether SPENVIS wrote a text: the first line counts the header, as above.
+/// Whether a text was written by SPENVIS: the first line counts the header, as above.
 pub(super) fn is_spenvis(text: &str) -> bool {
     let first = text.lines().find(|line| !line.trim().is_empty()).unwrap_or("");
     first.trim_start().starts_with("'*'")
@@ -67,7 +67,7 @@ pub(super) fn read(source: &Source) -> Result<SpectrumFile, InputError> {
     }
 }
 
-/// Which species a block must have.
+/// The species that a block must have.
 #[derive(Clone, Copy, PartialEq)]
 enum Species {
     Proton,
@@ -86,15 +86,15 @@ struct Block<'a> {
 /// A proton spectrum of a block.
 struct OfBlock {
     spectrum: Spectrum,
-    /// How many days of the mission it is of. None if it is of all.
+    /// Days of the mission that it covers. None if it covers all.
     segment_d: Option<f64>,
-    /// What its values are called.
+    /// The name of its values.
     column: &'static str,
     /// The block's first line, from 1.
     line: usize,
 }
 
-/// The cells of a line, without blanks and quotes around them. A comma between quotes parts nothing.
+/// The cells of a line, without surrounding blanks and quotes. A comma between quotes is not a delimiter.
 fn cells(line: &str) -> Vec<&str> {
     let mut quoted = false;
     let parts = line.split(move |letter| {
@@ -138,7 +138,7 @@ fn blocks(source: &Source) -> Result<Vec<Block<'_>>, InputError> {
     Ok(blocks)
 }
 
-/// The counts of a block's first line: header lines with itself, lines of text, metadata, annotation, variables; rows.
+/// The counts in a block's first line: header lines including itself, lines of text, metadata, annotation, variables; rows.
 fn counts(source: &Source, line: usize, first: &str) -> Result<[usize; 6], InputError> {
     let cells = cells(first);
     let count = |place: usize| cells.get(place).and_then(|cell| cell.parse::<usize>().ok());
@@ -185,7 +185,7 @@ impl Block<'_> {
         None
     }
 
-    /// The spectrum of protons, if the block holds one of this species.
+    /// The spectrum of protons, if the block contains one of this species.
     fn spectrum(&self, source: &Source, species: Species) -> Result<Option<OfBlock>, InputError> {
         let Some((_, names)) = self.meta("SPECIES") else { return Ok(None) };
         let place = match species {
@@ -219,7 +219,7 @@ impl Block<'_> {
         Ok(Some(OfBlock { spectrum, segment_d: self.segment_d(source)?, column, line: self.line }))
     }
 
-    /// How many days the segment lasts that the block is of. None if it is of the whole mission.
+    /// Duration in days of the segment of the block. None if it covers the whole mission.
     fn segment_d(&self, source: &Source) -> Result<Option<f64>, InputError> {
         let (start, end) = (self.meta_number(source, "ORB_MJD")?, self.meta_number(source, "ORB_TSE")?);
         let (Some(start), Some(end)) = (start, end) else { return Ok(None) };
@@ -229,7 +229,7 @@ impl Block<'_> {
         Err(source.refuse_line(self.line, format!("the segment ends on day {end}, and begins on day {start}")))
     }
 
-    /// The flux of a worst day or week is no mean over the mission.
+    /// Rejects the flux of a worst day or week, which is not a mean over the mission.
     fn check_mean(&self, source: &Source) -> Result<(), InputError> {
         match self.meta("MOD_ABB") {
             Some((line, ["FLA", ..])) => Err(source
@@ -245,7 +245,7 @@ impl Block<'_> {
 
 const DAY_S: f64 = 86_400.0;
 
-/// Segments together: the mean of their fluxes by duration, the sum of their fluences.
+/// Combines segments: the mean of their fluxes by duration, the sum of their fluences.
 fn sum_of_segments(source: &Source, segments: Vec<OfBlock>) -> Result<SpectrumFile, InputError> {
     let days: f64 = segments.iter().filter_map(|segment| segment.segment_d).sum();
     let mut segments = segments.into_iter();

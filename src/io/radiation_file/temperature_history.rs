@@ -8,10 +8,10 @@ use super::text::Source;
 use crate::error::InputError;
 use crate::io::table::Cell;
 
-/// A temperature history as its file has it.
+/// A temperature history as in its file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TemperatureHistoryFile {
-    /// From when, row by row, each later than the one before; at least one.
+    /// Start times, row by row, ascending; at least one.
     pub times: Times,
     /// The temperature from then on, K; as many as times.
     pub temperatures_k: Vec<f64>,
@@ -20,11 +20,11 @@ pub struct TemperatureHistoryFile {
 /// The column of temperatures.
 const COLUMN: &str = "temperature_k";
 
-/// Reads a temperature history from ECSV or CSV with the columns `t_yr` (years since launch) or `date`, and `temperature_k`
-/// (K, or degrees Celsius if the header says so), none below or above those allowed, K.
+/// Reads a temperature history from ECSV or CSV with the columns `t_yr` (years since launch) or `date`, and `temperature_k` (K, or
+/// degrees Celsius if stated in the header), all within the allowed range, K.
 ///
 /// # Errors
-/// If the file cannot be read or is no such table: one message with file, line, column and value.
+/// If the file cannot be read or is not such a table: one message with file, line, column and value.
 pub fn read_temperature_history(
     path: impl AsRef<Path>,
     allowed_k: [f64; 2],

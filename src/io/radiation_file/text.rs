@@ -1,14 +1,14 @@
-//! Texts of other programs: how they are read, and how they are refused.
+//! Texts of other programs: reading, and errors.
 
 use std::path::Path;
 
 use crate::error::{InputError, shortened};
 use crate::io::input;
 
-/// Most bytes of such a file: the longest known, of all nuclei from hydrogen to uranium, has one or two million.
+/// Maximum size of such a file, bytes: the longest known, of all nuclei from hydrogen to uranium, has one or two million.
 const MOST: u64 = 100 << 20;
 
-/// The text of a file, and what it is to be.
+/// The text of a file, and its intended use.
 pub(super) struct Source {
     /// `cannot use spectrum `protons.txt``
     refused: String,
@@ -19,7 +19,7 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// Reads a file that is to be `what`, such as "spectrum".
+    /// Reads a file to be used as `what`, such as "spectrum".
     pub fn read(path: &Path, what: &str) -> Result<Source, InputError> {
         let name = path.display().to_string();
         let refused = format!("cannot use {what} `{name}`");
@@ -30,30 +30,30 @@ impl Source {
         Ok(Source { refused, name, text })
     }
 
-    /// A refusal without a place.
+    /// An error without a location.
     pub fn refuse(&self, problem: impl Into<String>) -> InputError {
         InputError::new(&self.refused, problem)
     }
 
-    /// A refusal of a line, from 1: `line 17: 'Energy','MeV'`.
+    /// An error in a line, from 1: `line 17: 'Energy','MeV'`.
     pub fn refuse_line(&self, line: usize, problem: impl Into<String>) -> InputError {
         let written = self.text.lines().nth(line.saturating_sub(1)).unwrap_or("").trim();
         InputError { place: Some(format!("line {line}: {}", shortened(written))), ..self.refuse(problem) }
     }
 
-    /// A refusal of a value in a line and a column: `line 17: IFlux = -1`.
+    /// An error in a value in a line and a column: `line 17: IFlux = -1`.
     pub fn refuse_value(&self, line: usize, column: &str, value: &str, problem: impl Into<String>) -> InputError {
         let place = Some(format!("line {line}: {column} = {}", shortened(value)));
         InputError { place, ..self.refuse(problem) }
     }
 
-    /// The same refusal as one of this file's, whoever made it.
+    /// Any error, as one of this file.
     pub fn refused(&self, error: InputError) -> InputError {
         InputError { refused: self.refused.clone(), ..error }
     }
 }
 
-/// UTF-8, or Latin-1, in which programs for Windows write `°` and `Störmer`: what must be understood is ASCII in both.
+/// UTF-8, or Latin-1, in which Windows programs write `°` and `Störmer`: everything that matters is ASCII in both.
 fn decoded(bytes: Vec<u8>) -> Result<String, String> {
     if bytes.iter().any(|&byte| byte < b' ' && !matches!(byte, b'\t' | b'\n' | b'\r' | 0x0c | 0x1a)) {
         let wide = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
@@ -69,7 +69,7 @@ fn decoded(bytes: Vec<u8>) -> Result<String, String> {
     Ok(text)
 }
 
-/// A number as Fortran also writes it: `1.0D+02`, and `1.0-102`, which leaves out the E of an exponent of three digits.
+/// A number, also in Fortran notation: `1.0D+02`, and `1.0-102`, without the E of an exponent of three digits.
 pub(super) fn number(text: &str) -> Option<f64> {
     if let Ok(number) = text.parse::<f64>() {
         return Some(number);

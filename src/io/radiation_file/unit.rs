@@ -1,8 +1,8 @@
-//! Units as radiation programs write them → powers of cm, s, sr, MeV and g.
+//! Units in the notation of radiation programs → powers of cm, s, sr, MeV and g.
 //!
-//! Read are products and quotients in the spellings of SPENVIS (`cm!u-2!n s!u-1!n (MeV/n)!u-1!n`, the superscripts of
-//! IDL), of OMERE (`/(MeV.cm2)`, `cm-2.s-1`) and of ECSV (`1 / (MeV cm2)`). A `/` divides by the next factor alone.
-//! Energy per nucleon is energy: the nucleon has no unit here. Neither have counted particles.
+//! Products and quotients are read in the spellings of SPENVIS (`cm!u-2!n s!u-1!n (MeV/n)!u-1!n`, the superscripts of IDL), of
+//! OMERE (`/(MeV.cm2)`, `cm-2.s-1`) and of ECSV (`1 / (MeV cm2)`). A `/` divides by the next factor only. Energy per nucleon is
+//! energy: nucleons and counted particles have no unit here.
 
 use std::f64::consts::PI;
 use std::iter::Peekable;
@@ -21,7 +21,7 @@ pub(super) struct Unit {
     powers: [i32; 5],
 }
 
-/// Names of units, what they are in cm, s, sr, MeV or g, and the place of that among the powers. A year is 365.25 d.
+/// Names of units, their values in cm, s, sr, MeV or g, and the index of that among the powers. A year is 365.25 d.
 const NAMES: [(&str, f64, usize); 35] = [
     ("um", 1e-4, 0),
     ("µm", 1e-4, 0),
@@ -60,17 +60,17 @@ const NAMES: [(&str, f64, usize); 35] = [
     ("kg", 1e3, 4),
 ];
 
-/// What is counted, and has no unit.
+/// Counted items, which have no unit.
 const COUNTED: [&str; 10] = ["particles", "protons", "electrons", "nuclei", "ions", "p", "n", "u", "nuc", "nucleon"];
 
-/// Most characters of a unit, so that brackets within brackets have an end.
+/// Maximum length of a unit, which limits nested brackets.
 const LONGEST: usize = 80;
 
 impl Unit {
     pub const MEV: Unit = Unit { factor: 1.0, powers: [0, 0, 0, 1, 0] };
     pub const PURE: Unit = Unit { factor: 1.0, powers: [0; 5] };
 
-    /// The unit that a text says. None if it says something else.
+    /// The unit in a text. None if it is not a unit.
     pub fn parse(text: &str) -> Option<Unit> {
         let text = text.replace("!u", "^").replace("!n", "").replace("**", "^");
         let mut rest = text.chars().peekable();
@@ -78,13 +78,13 @@ impl Unit {
         rest.next().is_none().then_some(unit)
     }
 
-    /// What a number in this unit is to be multiplied by to be one in the other. None if they measure different things.
+    /// The factor from this unit to another. None if they measure different things.
     pub fn to(self, other: Unit) -> Option<f64> {
         (self.powers == other.powers).then_some(self.factor / other.factor)
     }
 
-    /// If this is the unit of a flux or a fluence: which, over what time, and what makes it omnidirectional and in cm,
-    /// s and MeV. An isotropic flux per steradian is 1/(4 pi) of the omnidirectional one.
+    /// For the unit of a flux or a fluence: the quantity, the time, and the factor to omnidirectional values in cm, s and MeV. An
+    /// isotropic flux per steradian is 1/(4 pi) of the omnidirectional one.
     pub fn flux(self) -> Option<(Quantity, Time, f64)> {
         let [cm, s, sr, mev, g] = self.powers;
         let quantity = match mev {
@@ -169,7 +169,7 @@ fn word(rest: &mut Peekable<Chars>) -> String {
     word
 }
 
-/// The power behind a factor: `2`, `-2`, `^-2`; 1 if none stands. A `-` before a letter joins factors.
+/// The power after a factor: `2`, `-2`, `^-2`; 1 if there is none. A `-` before a letter joins factors.
 fn power(rest: &mut Peekable<Chars>) -> Option<i32> {
     let raised = rest.next_if_eq(&'^').is_some();
     let mut ahead = rest.clone();

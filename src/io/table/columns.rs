@@ -1,4 +1,4 @@
-//! What a table of measurements holds, however it is written: columns of cells, and what holds for all rows.
+//! Content of a table of measurements, independent of the format: columns of cells, and metadata for all rows.
 
 use std::collections::HashSet;
 use std::fmt;
@@ -8,18 +8,18 @@ use serde_json::Value;
 
 use crate::error::{InputError, shortened};
 
-/// A table of measurements: columns of equal length, and what holds for all rows.
+/// A table of measurements: columns of equal length, and metadata for all rows.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
     /// The path as given, for messages.
     pub name: String,
-    /// What holds for all rows, in the order of the file.
+    /// Metadata for all rows, in the order of the file.
     pub meta: Vec<Meta>,
     /// Columns in the order of the file.
     pub columns: Vec<Column>,
-    /// Line of each row in the file, from 1. Empty if the table was not read.
+    /// Line of each row in the file, from 1. Empty if the table was not read from a file.
     pub lines: Vec<usize>,
-    /// Line of the names of the columns, from 1.
+    /// Line of the column names, from 1.
     pub header_line: usize,
 }
 
@@ -37,19 +37,19 @@ pub struct Meta {
 /// A column of a table.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Column {
-    /// Its name, which no other column has.
+    /// Its unique name.
     pub name: String,
-    /// Its unit as the file writes it, such as `MeV / g`. None if there is none or it is dimensionless.
+    /// Its unit as written in the file, such as `MeV / g`. None if there is none or it is dimensionless.
     pub unit: Option<String>,
-    /// What its cells hold.
+    /// Datatype of its cells.
     pub datatype: Datatype,
-    /// What each cell holds if that is more than one value, as JSON: `float64[2]`, `float64[null]` or `json`.
+    /// Content of each cell with several values, as JSON: `float64[2]`, `float64[null]` or `json`.
     pub subtype: Option<String>,
-    /// What it is, in words.
+    /// Its description.
     pub description: Option<String>,
-    /// How to print it, for Python. The file has all digits.
+    /// Python print format. The file has all digits.
     pub format: Option<String>,
-    /// How its cells name points in time, if astropy knows it as a column of times.
+    /// The time format of its cells, if it is a time column for astropy.
     pub time: Option<Time>,
     /// Its values.
     pub cells: Vec<Cell>,
@@ -57,28 +57,27 @@ pub struct Column {
     pub line: Option<usize>,
 }
 
-/// How cells name points in time.
+/// A time format.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Time {
-    /// astropy's name of the format: `iso`, `isot` and others are texts, `mjd`, `jd` (days), `decimalyear` and others
-    /// are numbers.
+    /// astropy's name of the format: `iso`, `isot` and others are text, `mjd`, `jd` (days), `decimalyear` and others are numbers.
     pub format: String,
     /// The time scale, such as `utc` or `tt`.
     pub scale: String,
 }
 
-/// What the cells of a column hold.
+/// Datatype of the cells of a column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Datatype {
     /// True or False.
     Bool,
-    /// Whole numbers of so many bits.
+    /// Integers of this number of bits.
     Int(u8),
-    /// Whole numbers of so many bits that are not negative.
+    /// Unsigned integers of this number of bits.
     Uint(u8),
-    /// Numbers of so many bits.
+    /// Floats of this number of bits.
     Float(u8),
-    /// Words, also dates and JSON.
+    /// Text, including dates and JSON.
     #[default]
     Text,
 }
@@ -86,23 +85,23 @@ pub enum Datatype {
 /// A value of a table or of its `meta`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Cell {
-    /// Nothing.
+    /// No value.
     #[default]
     Missing,
     /// A number, possibly NaN or infinite.
     Number(f64),
-    /// A whole number.
+    /// An integer.
     Integer(i64),
     /// True or False.
     Truth(bool),
-    /// Words.
+    /// Text.
     Text(String),
-    /// Anything else: lists, mappings, whole numbers beyond 64 bits with sign. NaN and infinities in there are the
-    /// words `nan`, `inf` and `-inf`.
+    /// Anything else: lists, mappings, integers beyond 64 bits with sign. NaN and infinities in there are the words `nan`, `inf`
+    /// and `-inf`.
     Other(Value),
 }
 
-/// Where astropy says which columns are parts of what.
+/// The key under which astropy lists the parts of columns.
 pub(super) const PARTS: &str = "__serialized_columns__";
 
 impl Table {
@@ -111,18 +110,18 @@ impl Table {
         self.columns.first().map_or(0, |column| column.cells.len())
     }
 
-    /// The column of that name.
+    /// The column with this name.
     pub fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|column| column.name == name)
     }
 
-    /// What `meta` says under that key.
+    /// The value of `meta` under this key.
     pub fn meta(&self, name: &str) -> Option<&Cell> {
         self.meta.iter().find(|meta| meta.name == name).map(|meta| &meta.value)
     }
 
-    /// A refusal of this table for what stands in a row (from 0) and column, in one of them, or under a key of `meta`,
-    /// which is called `meta.KEY` if a column has its name: `line 17: sigma = -0.1`, `line 9: meta.transfers = 0`.
+    /// An error in this table for a row (from 0) and column, for one of them, or for a key of `meta`, written `meta.KEY` if a
+    /// column has the same name: `line 17: sigma = -0.1`, `line 9: meta.transfers = 0`.
     pub fn fault(&self, row: Option<usize>, column: Option<&str>, problem: impl Into<String>) -> InputError {
         InputError { place: self.place(row, column), ..self.refuse(problem) }
     }
@@ -146,18 +145,18 @@ impl Table {
         Some(format!("{}meta.{key} = {}", line_before(meta.line), meta.value))
     }
 
-    /// A refusal without a place.
+    /// An error without a location.
     pub(super) fn refuse(&self, problem: impl Into<String>) -> InputError {
         InputError::new(format!("cannot use measurements `{}`", self.name), problem)
     }
 
-    /// A refusal of a line of the text.
+    /// An error in a line of the text.
     pub(super) fn refuse_line(&self, text: &str, line: usize, problem: impl Into<String>) -> InputError {
         let written = text.lines().nth(line.saturating_sub(1)).unwrap_or("").trim();
         InputError { place: Some(format!("line {line}: {}", shortened(written))), ..self.refuse(problem) }
     }
 
-    /// No column and no key stands twice, and all columns have names.
+    /// Checks that no column or key is duplicate, and that all columns have names.
     pub(super) fn check_names(&self) -> Result<(), InputError> {
         let mut known = HashSet::new();
         for (index, column) in self.columns.iter().enumerate() {
@@ -196,7 +195,7 @@ impl Table {
 }
 
 impl Column {
-    /// Whether a cell holds JSON: a list, or an object of Python.
+    /// Whether a cell contains JSON: a list, or a Python object.
     pub(super) fn is_nested(&self) -> bool {
         self.subtype.as_ref().is_some_and(|subtype| subtype == "json" || subtype.contains('['))
     }
@@ -216,7 +215,7 @@ impl Datatype {
 }
 
 impl Cell {
-    /// The number, also if a column or a header has it as a word.
+    /// The number, even if given as text in a column or a header.
     pub fn number(&self) -> Option<f64> {
         match self {
             Cell::Number(number) => Some(*number),
@@ -237,7 +236,7 @@ impl Cell {
         }
     }
 
-    /// The words.
+    /// The text.
     pub fn text(&self) -> Option<&str> {
         match self {
             Cell::Text(text) => Some(text),
@@ -261,7 +260,7 @@ impl From<Value> for Cell {
     }
 }
 
-/// As messages show it: words in quotes, at most some 60 characters.
+/// As shown in messages: text in quotes, at most some 60 characters.
 impl fmt::Display for Cell {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -280,17 +279,17 @@ fn line_before(line: Option<usize>) -> String {
     line.map_or(String::new(), |line| format!("line {line}: "))
 }
 
-/// The shortest text that reads back as the number, for Python and for Rust.
+/// The shortest text that reads back as the same number, in Python and in Rust.
 pub(super) fn float(number: f64) -> String {
     if number.is_nan() { "nan".to_string() } else { format!("{number:?}") }
 }
 
-/// True or False, as Python writes them.
+/// True or False, as in Python.
 pub(super) fn word(truth: bool) -> &'static str {
     if truth { "True" } else { "False" }
 }
 
-/// The value of a scalar of YAML.
+/// The value of a YAML scalar.
 pub(super) fn scalar(value: &Scalar) -> Cell {
     match value {
         Scalar::Null => Cell::Missing,

@@ -12,13 +12,13 @@ pub(super) struct Record {
     pub cells: Vec<String>,
 }
 
-/// The rows of a text after its first `skip` lines, without blank lines and comments. An error is the line of a cell
-/// whose quotes are never closed.
+/// The rows of a text after its first `skip` lines, without blank lines and comments. An error is the line of a cell with an
+/// unclosed quote.
 ///
-/// Cells are split as astropy splits them (Python's `csv` with `skipinitialspace`): blanks before a cell are skipped,
-/// so several blanks are one delimiter, and a cell that begins with a quote may go on over the next line.
+/// Cells are split as in astropy (Python's `csv` with `skipinitialspace`): blanks before a cell are skipped, so several blanks are
+/// one delimiter, and a quoted cell may continue on the next line.
 pub(super) fn rows(text: &str, skip: usize, delimiter: char) -> impl Iterator<Item = Result<Record, usize>> {
-    // A tab at the end of a line is an empty cell if tabs delimit.
+    // With tabs as delimiters, a tab at the end of a line is an empty cell.
     let trimmed =
         move |line| str::trim_matches(line, |c| c == ' ' || c == '\r' || (c == '\t' && c != delimiter)).chars();
     let mut lines = text.lines().enumerate().skip(skip);
@@ -71,11 +71,11 @@ enum State {
     Plain,
     /// Between quotes.
     Quoted,
-    /// After a quote between quotes: it ended them, or it is the first of two that stand for one.
+    /// After a quote within quotes: either the closing one, or the first of an escaped pair.
     QuoteInQuoted,
 }
 
-/// Whether a line is a comment, wherever it stands.
+/// Whether a line is a comment, anywhere in the file.
 pub(super) fn is_comment(line: &str) -> bool {
     line.trim_start().starts_with('#')
 }
@@ -97,7 +97,7 @@ impl Table {
         }
     }
 
-    /// Reads rows, whose number of cells must be that of the columns; notes their lines.
+    /// Reads rows, which must have as many cells as there are columns; records their lines.
     pub(super) fn records(
         &mut self,
         rows: impl Iterator<Item = Result<Record, usize>>,
@@ -139,7 +139,7 @@ impl Table {
         let line = Some(self.header_line);
         self.columns.extend(names.into_iter().map(|name| Column { line, ..named(name) }));
         self.check_names()?;
-        // A spreadsheet also has rows in which nothing stands.
+        // A spreadsheet may have empty rows.
         let rows = rows.filter(|row| !row.as_ref().is_ok_and(|row| row.cells.iter().all(String::is_empty)));
         let records = self.records(rows, text)?;
         for (index, column) in self.columns.iter_mut().enumerate() {
@@ -148,11 +148,11 @@ impl Table {
         Ok(())
     }
 
-    /// Keeps what comments above the header say as `# key: value`. Gives the number of lines before the header.
+    /// Reads comments `# key: value` above the header. Returns the number of lines before the header.
     fn comments(&mut self, text: &str) -> Result<usize, InputError> {
         let mut skip = 0;
         for (index, line) in text.lines().enumerate() {
-            // A spreadsheet pads comments with delimiters, and puts those that hold a delimiter in quotes.
+            // A spreadsheet pads comments with delimiters, and quotes those that contain a delimiter.
             let line = line.trim_matches([' ', '\t', '\r', ',', ';', '"']);
             if let Some(comment) = line.strip_prefix('#') {
                 if let Some((key, value)) = comment.split_once(':')
@@ -175,7 +175,7 @@ impl Table {
 }
 
 impl Column {
-    /// Takes the cells of a file, as what all of them seem to hold.
+    /// Sets the cells from a file, with a datatype common to all of them.
     fn fill<'a>(&mut self, cells: impl Iterator<Item = &'a str> + Clone) {
         let kinds: Vec<Datatype> = cells.clone().filter(|cell| !cell.is_empty()).map(guess).collect();
         self.datatype = if kinds.is_empty() || kinds.contains(&Datatype::Text) {
@@ -205,7 +205,7 @@ fn named(header: String) -> Column {
     Column { name, unit: unit.filter(|unit| !unit.is_empty()), ..Column::default() }
 }
 
-/// What a cell seems to hold.
+/// The apparent datatype of a cell.
 fn guess(cell: &str) -> Datatype {
     if cell.parse::<i64>().is_ok() {
         Datatype::Int(64)
@@ -216,7 +216,7 @@ fn guess(cell: &str) -> Datatype {
     }
 }
 
-/// The value in a comment `# key: value`: a number or a word, as in YAML.
+/// The value in a comment `# key: value`: a number or text, as in YAML.
 fn meta(value: &str) -> Cell {
     let value = value.trim();
     match value.strip_prefix(['"', '\'']) {

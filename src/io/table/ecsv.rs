@@ -8,11 +8,11 @@ use super::columns::{Cell, Column, Datatype, Meta, PARTS, Table, Time, float, sc
 use super::csv;
 use crate::error::{InputError, nearest};
 
-/// Lists and mappings within each other beyond which a header is refused, since the YAML parser recurses into them. (Of
-/// those in brackets, the parser itself allows 255.)
+/// Maximum nesting of lists and mappings in a header, since the YAML parser is recursive. (For those in brackets, the parser itself
+/// allows 255.)
 const MAX_DEPTH: usize = 64;
 
-/// What a file says its version is, if its first line is that of ECSV.
+/// The version in a file, if its first line is that of ECSV.
 pub(super) fn version(line: &str) -> Option<&str> {
     line.trim().strip_prefix('#')?.trim_start().strip_prefix("%ECSV").map(str::trim)
 }
@@ -40,7 +40,7 @@ impl Table {
         let names = self.names(rows.next(), text)?;
         self.check_columns(&names, text)?;
         self.check_names()?;
-        // If the mask is a column of its own, an empty cell is an empty text, not a missing one.
+        // If the mask is a separate column, an empty cell is an empty text, not a missing one.
         let parts = self.meta(PARTS).cloned();
         let masked = |column: &Column| match &parts {
             Some(Cell::Other(parts)) => {
@@ -71,7 +71,7 @@ impl Table {
         self.check_names()
     }
 
-    /// The header as YAML, in which each line has the number that it has in the file.
+    /// The header as YAML, with the line numbers of the file.
     fn header(&self, text: &str) -> Result<String, InputError> {
         let lines: Vec<&str> =
             text.lines().take_while(|line| line.trim().is_empty() || csv::is_comment(line)).collect();
@@ -92,7 +92,7 @@ impl Table {
         let mut yaml = String::new();
         let mut depths = Vec::new();
         for (index, line) in bodies.iter().enumerate() {
-            // Deeper is what begins further to the right, behind blanks or behind marks of lists and keys.
+            // Nesting increases with the indentation after blanks or list and key marks.
             for (column, mark) in line.char_indices().filter(|(_, mark)| !mark.is_whitespace()) {
                 depths.truncate(depths.partition_point(|depth| *depth < column));
                 depths.push(column);
@@ -109,7 +109,7 @@ impl Table {
         Ok(yaml)
     }
 
-    /// The names over the rows are those of the header.
+    /// Checks that the names above the rows are those of the header.
     fn check_columns(&self, names: &[String], text: &str) -> Result<(), InputError> {
         let differs = self.columns.iter().zip(names).position(|(column, name)| column.name != *name);
         let problem = match differs {
@@ -134,7 +134,7 @@ impl Table {
         }
     }
 
-    /// Puts columns together that are parts of a `Quantity`, a `Time` or a masked column.
+    /// Joins columns that are parts of a `Quantity`, a `Time` or a masked column.
     fn assemble(&mut self) -> Result<(), InputError> {
         let Some(index) = self.meta.iter().position(|meta| meta.name == PARTS) else { return Ok(()) };
         let Cell::Other(Value::Object(wholes)) = self.meta[index].value.clone() else {
@@ -151,7 +151,7 @@ impl Table {
         Ok(())
     }
 
-    /// Makes one column of the parts of one, if that is possible; an error is the name of a part that is not there.
+    /// Joins the parts of one column, if possible; an error is the name of a missing part.
     fn join(&mut self, name: &str, parts: &Map<String, Value>) -> Result<(), String> {
         let (mut mask, mut data) = (None, Vec::new());
         for (attribute, part) in parts {
@@ -206,7 +206,7 @@ impl Table {
         Ok(())
     }
 
-    /// Takes a column out of the table.
+    /// Removes a column from the table.
     fn take(&mut self, name: &str) -> Option<Column> {
         let index = self.columns.iter().position(|column| column.name == name)?;
         Some(self.columns.remove(index))
@@ -226,7 +226,7 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// A refusal of what stands at a node.
+    /// An error at a node.
     fn fault(self, node: &MarkedYaml, problem: impl Into<String>) -> InputError {
         self.table.refuse_line(self.text, node.span.start.line(), problem)
     }
@@ -275,7 +275,7 @@ impl Source<'_> {
         Ok(column)
     }
 
-    /// What a column says under a key. What YAML takes for a number may be a word here.
+    /// The text of a column under a key. A YAML number may be text here.
     fn word(self, node: &MarkedYaml, key: &str) -> Result<Option<String>, InputError> {
         let Some(node) = node.data.as_mapping_get(key) else { return Ok(None) };
         match self.value(node)? {
@@ -303,7 +303,7 @@ impl Source<'_> {
             ("float128", Datatype::Float(128)),
             ("string", Datatype::Text),
         ];
-        // Names of numpy that astropy also writes, or wrote.
+        // numpy type names that astropy also writes, or wrote.
         const WORDS: [&str; 6] = ["datetime64", "str", "unicode", "bytes", "object", "complex"];
         if let Some((_, datatype)) = KNOWN.iter().find(|(known, _)| *known == name) {
             return Ok(*datatype);
@@ -335,8 +335,8 @@ impl Source<'_> {
             .collect()
     }
 
-    /// Keys, their lines and values, of a mapping or of an ordered one, which YAML writes as a list of mappings of one
-    /// key each. None if the node is neither; if an ordered mapping is expected, its tag may be missing.
+    /// Keys, their lines and values, of a mapping or of an ordered one, which YAML writes as a list of mappings of one key each.
+    /// None if the node is neither; if an ordered mapping is expected, its tag may be missing.
     fn entries<'n, 'y>(
         self,
         node: &'n MarkedYaml<'y>,
@@ -367,7 +367,7 @@ impl Source<'_> {
         pairs.into_iter().map(entry).collect::<Result<_, _>>().map(Some)
     }
 
-    /// A node as JSON. Of astropy's own objects, a unit is its name and a time its date.
+    /// A node as JSON. For astropy's own objects, a unit is its name and a time its date.
     fn value(self, node: &MarkedYaml) -> Result<Value, InputError> {
         Ok(match &node.data {
             YamlData::Value(value) => match scalar(value) {
@@ -411,7 +411,7 @@ impl Source<'_> {
         written.split_whitespace().take_while(|word| word.starts_with(['!', '&'])).any(|word| word == "!!omap")
     }
 
-    /// What is written in the first line of a node.
+    /// The first line of a node as written.
     fn written(self, node: &MarkedYaml) -> String {
         let (start, end) = (node.span.start, node.span.end);
         let line = self.yaml.get(start.line().saturating_sub(1)).copied().unwrap_or("");
@@ -420,7 +420,7 @@ impl Source<'_> {
     }
 }
 
-/// The value of a cell that is not empty, or what is wrong with it.
+/// The value of a cell that is not empty, or its fault.
 fn cell(text: &str, column: &Column) -> Result<Cell, String> {
     let wrong = |what: &str| format!("the header says {}, and this is no {what}", column.datatype.name());
     match column.datatype {
@@ -450,7 +450,7 @@ fn cell(text: &str, column: &Column) -> Result<Cell, String> {
     }
 }
 
-/// JSON as Python writes it: NaN and Infinity, which JSON has not, become words.
+/// JSON in Python's notation: NaN and Infinity, which JSON lacks, become words.
 fn json(text: &str) -> Option<Value> {
     const CONSTANTS: [(&str, &str); 3] = [("NaN", "\"nan\""), ("-Infinity", "\"-inf\""), ("Infinity", "\"inf\"")];
     if let Ok(value) = serde_json::from_str(text) {
@@ -470,7 +470,7 @@ fn json(text: &str) -> Option<Value> {
     serde_json::from_str(&out).ok()
 }
 
-/// Puts null where the mask says true.
+/// Sets null where the mask is true.
 fn hide(value: &mut Value, mask: &Value) {
     match (value, mask) {
         (value, Value::Bool(true)) => *value = Value::Null,
@@ -481,8 +481,8 @@ fn hide(value: &mut Value, mask: &Value) {
     }
 }
 
-/// The date and time of a Julian date in two parts, as astropy writes it. Leap seconds, below what matters here, are
-/// not counted.
+/// The date and time of a Julian date in two parts, as written by astropy. Leap seconds, which are negligible here, are not
+/// counted.
 fn date(jd1: f64, jd2: f64) -> Option<String> {
     const UNIX_EPOCH: f64 = 2_440_587.5;
     let milliseconds = (((jd1 - UNIX_EPOCH) + jd2) * 86_400e3).round();

@@ -1,11 +1,11 @@
-//! Cells that name points in time.
+//! Cells with points in time.
 
 use chrono::{NaiveDate, NaiveDateTime, TimeDelta};
 
 use super::columns::{Cell, Time};
 
 impl Cell {
-    /// A point in time: text as ISO 8601 has it, or a number as astropy's time formats do, which `time` names.
+    /// A point in time: text in ISO 8601, or a number in one of astropy's time formats, named by `time`.
     pub fn moment(&self, time: Option<&Time>) -> Option<NaiveDateTime> {
         if let Cell::Text(text) = self {
             return written(text.trim().trim_end_matches('Z'));

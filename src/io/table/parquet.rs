@@ -1,7 +1,7 @@
 //! Tables as Parquet files: columns by name, `meta` as the file's metadata.
 //!
-//! Parquet has no units, so that names of columns carry them. Read are flat columns of numbers, truths and words; lists and the like are
-//! refused.
+//! Parquet has no units, so column names carry them. Flat columns of numbers, booleans and text are read; nested types are
+//! rejected.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -23,16 +23,16 @@ use crate::error::InputError;
 /// How a Parquet file begins and ends.
 pub(super) const MAGIC: &[u8] = b"PAR1";
 
-/// Metadata that programs keep for themselves.
+/// Metadata for internal use by programs.
 const PRIVATE: [&str; 2] = ["ARROW:schema", "pandas"];
 
-/// Rows that are written together.
+/// Rows per group when writing.
 const GROUP: usize = 1 << 17;
 
 impl Table {
     /// Fills the table from the bytes of a file.
     pub(super) fn read_parquet(&mut self, bytes: Vec<u8>) -> Result<(), InputError> {
-        // The library panics if some numbers of a damaged file make no sense.
+        // The library panics on some invalid numbers in a damaged file.
         let read = catch_unwind(AssertUnwindSafe(|| self.read_columns(bytes)));
         let (columns, meta) = read.unwrap_or_else(|_| Err(self.refuse("it is a damaged Parquet file")))?;
         (self.columns, self.meta) = (columns, meta);
@@ -77,10 +77,10 @@ impl Table {
         Ok((columns, meta))
     }
 
-    /// The table as the bytes of a Parquet file. Units and descriptions are left out.
+    /// The table as the bytes of a Parquet file, without units and descriptions.
     ///
     /// # Errors
-    /// If a column has two values in a cell.
+    /// If a column has several values in a cell.
     pub fn to_parquet(&self) -> Result<Vec<u8>, InputError> {
         if let Some(column) = self.columns.iter().find(|column| column.is_nested()) {
             return Err(self.fault(None, Some(&column.name), "its cells hold lists, which are not written as Parquet"));
@@ -131,7 +131,7 @@ fn cell(field: Field) -> Cell {
     }
 }
 
-/// What cells hold of which some may be missing.
+/// The datatype of cells, some of which may be missing.
 fn datatype(cells: &[Cell]) -> Datatype {
     match cells.iter().find(|cell| **cell != Cell::Missing) {
         Some(Cell::Number(_)) | None => Datatype::Float(64),

@@ -9,8 +9,8 @@ use super::columns::{Cell, Column, PARTS, Table, float, word};
 impl Table {
     /// The table as ECSV 1.0, delimited by commas: astropy reads the same values from it.
     ///
-    /// What ECSV cannot hold is lost: an empty text becomes missing, blanks around a text go, and masks, quantities and
-    /// dates in parts are plain columns.
+    /// Whatever ECSV cannot represent is lost: an empty text becomes missing, blanks around a text are removed, and masks,
+    /// quantities and dates in parts are plain columns.
     pub fn to_ecsv(&self) -> String {
         let mut out = String::from("# %ECSV 1.0\n# ---\n# datatype:\n");
         for column in &self.columns {
@@ -84,8 +84,8 @@ fn written(cell: &Cell) -> String {
     }
 }
 
-/// A cell in quotes if it needs them. One that begins with # would make its line a comment, in a table of one column
-/// an empty one would make it blank, and Python ends lines and strips blanks at more than ASCII.
+/// A cell, quoted if needed. One that begins with # would make its line a comment, an empty one would make the line of a
+/// single-column table blank, and Python's line ends and blanks go beyond ASCII.
 fn quoted(cell: &str, lonely: bool) -> String {
     let marks = |c: char| c == ',' || c == '"' || c.is_control() || c == '\u{2028}' || c == '\u{2029}';
     if cell.contains(marks) || cell.starts_with('#') || cell.trim() != cell || (lonely && cell.is_empty()) {
@@ -95,7 +95,7 @@ fn quoted(cell: &str, lonely: bool) -> String {
     }
 }
 
-/// JSON in ASCII, as Python writes it.
+/// JSON in ASCII, as in Python.
 fn json(value: &Value) -> String {
     let mut out = String::new();
     for c in value.to_string().chars() {
@@ -132,7 +132,7 @@ fn yaml_value(value: &Value) -> String {
     }
 }
 
-/// A number in YAML 1.1, which wants a point before, and a sign in, the exponent: `1.0e+20`.
+/// A number in YAML 1.1, which requires a decimal point and a sign of the exponent: `1.0e+20`.
 fn yaml_float(number: f64) -> String {
     if !number.is_finite() {
         return if number.is_nan() {
@@ -154,7 +154,7 @@ fn yaml_float(number: f64) -> String {
     }
 }
 
-/// Words in YAML, in quotes unless they are plainly words.
+/// Text in YAML, quoted unless unambiguous.
 fn yaml_text(text: &str) -> String {
     const RESERVED: [&str; 9] = ["y", "n", "yes", "no", "on", "off", "true", "false", "null"];
     let plain = text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
