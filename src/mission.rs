@@ -1,5 +1,5 @@
-//! What a mission file says, as data. [`keys`] is the one list of its keys: unit, allowed values, default, what people get wrong.
-//! [`crate::mission_file`] reads it.
+//! The content of a mission file, as data. [`keys`] is the single list of its keys: unit, allowed values, default, frequent
+//! mistakes. [`crate::mission_file`] reads it.
 
 mod clock;
 pub mod keys;
@@ -17,7 +17,7 @@ pub use clock::{ClockProblem, PhaseClock};
 pub use orbit::{Header, Orbit, OrbitElements, OrbitKind};
 pub use shielding::{Layer, SecondariesCounted, Shielding};
 
-/// Everything a mission file says, defaults filled in. Keys carry their units; see [`keys::KEYS`].
+/// The content of a mission file, with defaults filled in. Keys carry their units; see [`keys::KEYS`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mission {
     /// Name, launch, duration, orbit.
@@ -38,49 +38,50 @@ pub struct Mission {
     pub sky: Sky,
     /// Point spread function.
     pub psf: Psf,
-    /// Galaxies whose shapes are followed.
+    /// Galaxies whose shapes are measured.
     pub galaxies: Vec<Galaxy>,
     /// Galaxies of a survey, for shear biases.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub population: Option<Population>,
-    /// What is judged.
+    /// The requirement.
     pub requirement: Requirement,
-    /// How accurate the numbers are to be; no physics.
+    /// Numerical accuracy; not physics.
     pub accuracy: Accuracy,
-    /// What is added to the model, by kind: a table, or an array of tables; see [`crate::effect`].
+    /// Effects added to the model, by kind: a table, or an array of tables; see [`crate::effect`].
     #[serde(default, skip_serializing_if = "toml::Table::is_empty")]
     pub effects: toml::Table,
-    /// What a survey does with its time; needed if areas are compared.
+    /// Timing of a survey; needed for comparisons of areas.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub survey: Option<Survey>,
-    /// How well the inputs are known.
+    /// Uncertainties of the inputs.
     pub uncertainty: Uncertainty,
-    /// What may be adjusted to measurements.
+    /// Parameters that may be fitted to measurements.
     pub fit: FitSettings,
-    /// What the files hold that the mission names, and a realisation of the Sun that was drawn.
+    /// Contents of the files named in the mission, and a drawn realisation of the Sun.
     #[serde(skip)]
     pub imported: Imported,
 }
 
-/// What a mission has besides its file: contents of the files that it names, read with it, and a realisation of the Sun.
+/// Data of a mission besides its file: contents of the files that it names, and a drawn realisation of the Sun.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Imported {
-    /// `environment.history`: years since launch, rising from 0, and dose since launch, MeV/g.
+    /// `environment.history`: years since launch, ascending from 0, and dose since launch, MeV/g.
     pub history: Vec<(f64, f64)>,
     /// `environment.spectra`.
     pub spectra: Vec<ImportedSpectrum>,
-    /// `environment.dose_depth`: areal density of aluminium (g/cm², rising) and dose of the mission behind a sphere of it, MeV/g.
+    /// `environment.dose_depth`: areal density of aluminium (g/cm², ascending) and dose of the mission behind a sphere of it,
+    /// MeV/g.
     pub dose_depth: Vec<(f64, f64)>,
     /// `shielding.sectors`: share of the sky and areal density, g/cm².
     pub sectors: Vec<(f64, f64)>,
-    /// `detector.temperature_history`: years since launch, rising, and temperature from then on, K.
+    /// `detector.temperature_history`: years since launch, ascending, and temperature from then on, K.
     pub temperatures: Vec<(f64, f64)>,
     /// `population.table`: galaxies.
     pub galaxies: Vec<PopulationGalaxy>,
-    /// A realisation of the Sun that was drawn: years since launch, rising, and dose of solar protons since launch (MeV/g, before
-    /// `environment.dose_factor`). It stands in place of all solar protons that the environment gives.
+    /// A drawn realisation of the Sun: years since launch, ascending, and dose of solar protons since launch (MeV/g, before
+    /// `environment.dose_factor`). It replaces all solar protons of the environment.
     pub sun: Option<Vec<(f64, f64)>>,
-    /// A level of cosmic rays that was drawn: their dose over that of a mean cycle.
+    /// A drawn level of cosmic rays: their dose relative to that of a mean cycle.
     pub cosmic_rays: Option<f64>,
 }
 
@@ -91,40 +92,40 @@ pub struct ImportedSpectrum {
     pub file: String,
     /// The program that wrote it.
     pub program: String,
-    /// Omnidirectional fluence of the mission, or of a second, cm⁻².
+    /// Omnidirectional fluence of the mission, or per second, cm⁻².
     pub spectrum: Spectrum,
-    /// Whether it is that of a second.
+    /// Whether it is per second.
     pub per_second: bool,
 }
 
 /// `[environment]`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
-    /// How the dose is spread over the years.
+    /// How the dose is distributed over the years.
     pub model: DoseModel,
-    /// Dose rate behind the shielding in an active year, MeV/g/yr; derived where it is not given.
+    /// Dose rate behind the shielding in an active year, MeV/g/yr; derived if not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub active_dose_rate_mev_g_yr: Option<f64>,
     /// Probability that the solar proton fluence is not exceeded.
     pub confidence: f64,
-    /// How quantiles of years add up, if the file says it; see [`Environment::accumulate`].
+    /// How quantiles of years are combined, if stated in the file; see [`Environment::accumulate`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub accumulate: Option<Accumulate>,
     /// Factor on the whole dose, such as a radiation design margin.
     pub dose_factor: f64,
-    /// Dose rate of cosmic rays in every year, on top, MeV/g/yr.
+    /// Additional dose rate of cosmic rays in every year, MeV/g/yr.
     pub cosmic_ray_floor_mev_g_yr: f64,
     /// Solar maxima, decimal years.
     pub solar_maximum: Vec<f64>,
     /// Active years of the mission, in place of those of the calendar.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub active_years: Option<f64>,
-    /// Phase of the solar cycle at which trapped protons and cosmic rays are held.
+    /// Phase of the solar cycle at which trapped protons and cosmic rays are fixed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub solar_phase: Option<SolarPhase>,
     /// Damage curve of protons in silicon.
     pub niel: Niel,
-    /// Sources of protons, by name; all that reach the orbit where it is None.
+    /// Sources of protons, by name; if None, all that reach the orbit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sources: Option<Vec<String>>,
     /// File of the dose over time.
@@ -139,7 +140,7 @@ pub struct Environment {
 }
 
 impl Environment {
-    /// How quantiles of years add up: the quantile of the sum if all sources are derived, the paper's way in its models.
+    /// How quantiles of years are combined: the quantile of the sum if all sources are derived, the paper's method in its models.
     pub fn accumulate(&self) -> Accumulate {
         let default = if self.model == DoseModel::Derived { Accumulate::Mission } else { Accumulate::Yearly };
         self.accumulate.unwrap_or(default)
@@ -156,26 +157,26 @@ pub enum SolarPhase {
     Max,
 }
 
-/// How the dose is spread over the years.
+/// How the dose is distributed over the years.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DoseModel {
-    /// 7/11 of the active rate, always.
+    /// 7/11 of the active rate, at all times.
     Constant,
     /// The active rate in active years, nothing in quiet ones.
     SolarCycle,
     /// From orbit, Sun, shield and NIEL: each source at its own times.
     Derived,
-    /// As a file says.
+    /// From a file.
     History,
 }
 
-/// How quantiles of years add up.
+/// How quantiles of years are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Accumulate {
-    /// The quantile of one active year, times active years: the paper's way. Above the quantile of the sum for common
-    /// particles at high confidence, below it for rare ones (behind much shielding) and at low confidence.
+    /// The quantile of one active year, times active years: the paper's method. Larger than the quantile of the sum for common
+    /// particles at high confidence, smaller for rare ones (behind much shielding) and at low confidence.
     Yearly,
     /// The quantile of the sum over the mission, spread evenly over its active years.
     Mission,
@@ -223,10 +224,10 @@ pub struct Species {
     pub release_ms: f64,
     /// Energy level below the band, eV.
     pub energy_ev: f64,
-    /// Exponent of the cloud's height for this species, where it is not the detector's.
+    /// Exponent of the cloud's height for this species, if it differs from the detector's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub well_fill_power: Option<f64>,
-    /// Charge above which a packet reaches this species, which lies at the surface, e-; none for traps of the bulk.
+    /// Charge above which a packet reaches this species at the surface, e-; none for bulk traps.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surface_level_e: Option<f64>,
 }
@@ -236,18 +237,18 @@ pub struct Species {
 pub struct Clocking {
     /// Time between two parallel transfers, ms.
     pub line_time_ms: f64,
-    /// Parallel transfers of the object evaluated.
+    /// Parallel transfers of the evaluated object.
     pub transfers: u32,
-    /// What traps hold when the first packet comes.
+    /// State of the traps when the first packet arrives.
     #[serde(default, skip_serializing_if = "TrapsAtStart::is_empty")]
     pub traps_at_start: TrapsAtStart,
     /// The phases of a pixel; none if a transfer is one step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clock: Option<PhaseClock>,
-    /// The store that frames are shifted into before they are read; none if the image ends at the register.
+    /// The store into which frames are shifted before they are read; none if the image ends at the register.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub store: Option<Store>,
-    /// What the clock costs in read noise; needed if clocks are compared for more than shapes.
+    /// Read noise against the clock; needed for comparisons of clocks beyond shapes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise: Option<ReadNoise>,
 }
@@ -259,19 +260,19 @@ pub struct Store {
     pub rows: u32,
     /// Time between two transfers of the burst, ms.
     pub burst_line_time_ms: f64,
-    /// Traps of a pixel of the store over those of a pixel of the image.
+    /// Trap density in the store relative to the image.
     #[serde(default = "one")]
     pub trap_ratio: f64,
 }
 
-/// What the traps of a pixel hold when its first packet comes.
+/// State of the traps of a pixel when its first packet arrives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TrapsAtStart {
-    /// Nothing.
+    /// Empty.
     #[default]
     Empty,
-    /// What the pixel next to it, nearer to the register, was left with by its own first packet; ArCTIc's default.
+    /// The state in which the next pixel nearer to the register was left by its own first packet; ArCTIc's default.
     Carried,
 }
 
@@ -288,18 +289,18 @@ pub struct ReadNoise {
     pub columns: u32,
     /// Rows that one amplifier reads.
     pub rows: u32,
-    /// Part of the line time in which no pixel is read, ms.
+    /// Part of the line time without pixel reads, ms.
     pub parallel_ms: f64,
     /// Read noise of a slow amplifier, e-.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub floor_e: Option<f64>,
-    /// White part of the read noise at the reference rate, e-; it grows with the root of the rate.
+    /// White part of the read noise at the reference rate, e-; proportional to the square root of the rate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub white_e: Option<f64>,
     /// Pixel rate of `white_e`, kHz.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reference_rate_khz: Option<f64>,
-    /// Pixel rates of a table, kHz, rising.
+    /// Pixel rates of a table, kHz, ascending.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pixel_rate_khz: Option<Vec<f64>>,
     /// Read noise at those rates, e-.
@@ -308,17 +309,17 @@ pub struct ReadNoise {
 }
 
 impl ReadNoise {
-    /// Pixel rate (kHz) that a line time (ms) asks for: `columns` pixels in what is left of it. None if nothing is left.
+    /// Pixel rate (kHz) required by a line time (ms): `columns` pixels in the rest of it. None if nothing is left.
     pub fn pixel_rate_khz(&self, line_time_ms: f64) -> Option<f64> {
         let left_ms = line_time_ms - self.parallel_ms;
         (left_ms > 0.0).then(|| f64::from(self.columns) / left_ms)
     }
 
-    /// Read noise (e-) at a pixel rate (kHz): √(floor² + white² rate/reference), or a straight line in the logarithm of the
+    /// Read noise (e-) at a pixel rate (kHz): √(floor² + white² rate/reference), or linear interpolation in the logarithm of the
     /// rate between the values of the table. None beyond the ends of the table.
     ///
-    /// White noise of an amplifier grows with the root of its bandwidth, 1/f noise after correlated double sampling does not
-    /// (Janesick 2001, Scientific Charge-Coupled Devices).
+    /// White noise of an amplifier is proportional to the square root of its bandwidth; 1/f noise after correlated double sampling
+    /// is not (Janesick 2001, Scientific Charge-Coupled Devices).
     pub fn read_noise_e(&self, rate_khz: f64) -> Option<f64> {
         if let (Some(rates), Some(noise)) = (&self.pixel_rate_khz, &self.read_noise_e) {
             let after = rates.iter().position(|rate| *rate >= rate_khz)?;
@@ -339,37 +340,36 @@ impl ReadNoise {
 pub struct Survey {
     /// Length of one exposure, s.
     pub exposure_s: f64,
-    /// Time from one exposure to the next that reading out may fill, s.
+    /// Time between exposures that is available for the readout, s.
     pub slew_s: f64,
-    /// What exposures before have left in the traps; none if the traps are empty.
+    /// Earlier exposures that have filled the traps; none if the traps are empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub persistence: Option<Persistence>,
 }
 
-/// `[survey.persistence]`: exposures before, whose charge slow traps keep.
+/// `[survey.persistence]`: earlier exposures, whose charge slow traps retain.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Persistence {
-    /// Exposures before.
+    /// Number of earlier exposures.
     pub exposures: u32,
-    /// What they saw.
+    /// Their scene.
     pub scene: SceneBefore,
     /// Rows of the frame, all of which are read.
     pub rows: u32,
 }
 
-/// What exposures before saw in the columns of an object.
+/// Scene of earlier exposures in the columns of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SceneBefore {
-    /// The same, in the same pixels: the telescope has not moved.
+    /// The same in the same pixels: the telescope has not moved.
     Same,
-    /// Sky alone: it has moved.
+    /// Only sky: the telescope has moved.
     Sky,
 }
 
 impl Survey {
-    /// Time from one exposure of so many seconds to the next (s), if reading out takes so many: reading out and slewing go
-    /// on at once.
+    /// Time from one exposure to the next (s), for given exposure and readout times (s): readout and slew are in parallel.
     pub fn cycle_s(&self, exposure_s: f64, readout_s: f64) -> f64 {
         exposure_s + readout_s.max(self.slew_s)
     }
@@ -378,10 +378,10 @@ impl Survey {
 /// `[uncertainty]`: relative uncertainties (1 σ of the logarithm).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Uncertainty {
-    /// Dose model: spectrum and transport at a given confidence, and the damage curve if the dose is given; not the luck of the
-    /// Sun.
+    /// Dose model: spectrum and transport at a given confidence, and the damage curve if the dose is given; without the randomness
+    /// of the Sun.
     pub dose_model: f64,
-    /// Damage curve of protons in silicon (NIEL), if the dose is derived with it.
+    /// Damage curve of protons in silicon (NIEL), if the dose is derived from it.
     pub niel: f64,
     /// Modulation of cosmic rays from cycle to cycle, if they are a source of the mission.
     pub cosmic_ray_modulation: f64,
@@ -434,10 +434,10 @@ pub struct Galaxy {
     /// Signal-to-noise ratio within the aperture, instead of the flux.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub snr: Option<f64>,
-    /// Radius of the aperture in which `snr` holds, px.
+    /// Radius of the aperture for `snr`, px.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub aperture_px: Option<f64>,
-    /// Read noise that `snr` counts, and that noise has if `[readout.noise]` says nothing, e- per pixel.
+    /// Read noise included in `snr`, and used for noise if `[readout.noise]` is missing, e- per pixel.
     pub read_noise_e: f64,
     /// Ellipticity before the PSF, (a² − b²)/(a² + b²), positive along the rows' direction x.
     pub e1: f64,
@@ -451,44 +451,44 @@ pub struct Population {
     /// File of galaxies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub table: Option<String>,
-    /// Galaxies that are evaluated at most; without a table, that are drawn.
+    /// Maximum number of galaxies evaluated; without a table, the number drawn.
     pub galaxies: u32,
     /// Brightest and faintest magnitude of the law.
     pub magnitude_range: Vec<f64>,
-    /// Magnitude of a source of one electron in an exposure; None: the faintest galaxies have the flux of the judged one.
+    /// Magnitude of a source that gives one electron in an exposure; None: the faintest galaxies have the flux of the judged one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub one_electron_mag: Option<f64>,
     /// Width of a pixel, arcsec; None: 0.1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pixel_arcsec: Option<f64>,
-    /// Transfers of galaxies for which the table says nothing.
+    /// Transfers of galaxies if not in the table.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transfers: Option<Distances>,
-    /// Flux of the stars of which the PSF is made, e-; None: the PSF is known from elsewhere.
+    /// Flux of the stars from which the PSF is measured, e-; None: the PSF is known independently.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub psf_stars_e: Option<f64>,
     /// Orientations of the detector on the sky over which the survey averages, degrees.
     pub orientations_deg: Vec<f64>,
-    /// Rows by which a galaxy is farther from the register in each exposure than at its own place, px; the survey averages over exposures.
+    /// Additional rows between a galaxy and the register in each exposure, px; the survey averages over exposures.
     pub dither_rows_px: Vec<f64>,
-    /// Columns by which it is farther from the amplifier, px, of the same exposures; None: no columns.
+    /// Additional columns between it and the amplifier, px, in the same exposures; None: no columns.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dither_columns_px: Option<Vec<f64>>,
     /// Whether ellipticities are measured with the noise of one exposure.
     pub noise: PopulationNoise,
 }
 
-/// Place of a galaxy in an exposure, relative to its own.
+/// Position of a galaxy in an exposure, relative to its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Dither {
-    /// More parallel transfers.
+    /// Additional parallel transfers.
     pub rows: i64,
-    /// More serial transfers.
+    /// Additional serial transfers.
     pub columns: i64,
 }
 
 impl Population {
-    /// Places in all exposures, in whole pixels: parts of a pixel are averaged over anyway.
+    /// Positions in all exposures, in whole pixels: sub-pixel positions are averaged over anyway.
     pub fn dithers(&self) -> Vec<Dither> {
         let columns = |place: usize| self.dither_columns_px.as_ref().map_or(0.0, |columns| columns[place]);
         let dither =
@@ -501,7 +501,7 @@ impl Population {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Distances {
-    /// `readout.transfers`, all of them.
+    /// `readout.transfers` for all of them.
     Evaluated,
     /// Evenly spread from 1 to `readout.transfers`.
     Uniform,
@@ -517,7 +517,7 @@ pub enum PopulationNoise {
     Included,
 }
 
-/// One galaxy of a population; what its table does not say is None.
+/// One galaxy of a population; None for values not in its table.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PopulationGalaxy {
     /// Flux, e-.
@@ -541,7 +541,7 @@ pub struct PopulationGalaxy {
 /// `[requirement]`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Requirement {
-    /// Largest change of ellipticity; 0.999, which none reaches, if only shear biases are limited.
+    /// Largest change of ellipticity; 0.999, which is never reached, if only shear biases are limited.
     #[serde(default = "unlimited")]
     pub delta_e: f64,
     /// Largest additive shear bias of the population.
@@ -556,7 +556,7 @@ pub struct Requirement {
     pub galaxy: String,
 }
 
-/// A change of ellipticity that none reaches.
+/// A change of ellipticity that is never reached.
 const UNLIMITED: f64 = 0.999;
 
 fn one() -> f64 {
@@ -568,12 +568,12 @@ fn unlimited() -> f64 {
 }
 
 impl Requirement {
-    /// Limits on |Δe| before correction: without it, and with it.
+    /// Limits on |Δe| before correction: for none, and for software correction.
     pub fn limits(&self) -> [f64; 2] {
         [self.delta_e, self.delta_e * self.correction_factor]
     }
 
-    /// Whether the change of the galaxy's ellipticity is limited, or shear biases of the population alone.
+    /// Whether the change of the galaxy's ellipticity is limited, not only shear biases of the population.
     pub fn limits_a_galaxy(&self) -> bool {
         self.delta_e < UNLIMITED
     }
@@ -582,22 +582,21 @@ impl Requirement {
 /// `[accuracy]`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Accuracy {
-    /// How transfers are computed.
+    /// The method for the transfers.
     pub readout: ReadoutMethod,
-    /// Accuracy of `fast`: of changes of shape, and of the charge of packets relative to its displacement, as root mean
-    /// squares.
+    /// Accuracy of `fast`: for changes of shape, and for the charge of packets relative to its displacement, as root mean squares.
     pub relative: f64,
     /// Heights of `fractional`.
     pub levels: u32,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
     /// Sub-pixel positions in y over which shapes are averaged; see [`crate::model::Model::positions`] for those in x.
     pub subpixel_grid: u32,
-    /// Realisations of the noise of one exposure of the judged galaxy; half of them of others. 0 for none.
+    /// Noise realisations of one exposure for the judged galaxy; half as many for others. 0 for none.
     pub noise_realisations: u32,
 }
 
-/// How transfers are computed; see [`crate::readout::Method`].
+/// The method for the transfers; see [`crate::readout::Method`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ReadoutMethod {
@@ -653,7 +652,7 @@ impl fmt::Display for Date {
 }
 
 impl Mission {
-    /// What exposures before have left in the traps, if that is modelled.
+    /// Earlier exposures that have filled the traps, if modelled.
     pub fn persistence(&self) -> Option<Persistence> {
         self.survey.as_ref()?.persistence
     }
@@ -682,7 +681,7 @@ impl Mission {
         self.readout.noise.as_ref().and_then(of_clock).unwrap_or(galaxy.read_noise_e)
     }
 
-    /// The galaxy that the requirement judges.
+    /// The judged galaxy of the requirement.
     pub fn judged_galaxy(&self) -> &Galaxy {
         self.galaxies
             .iter()

@@ -1,9 +1,8 @@
 //! Mission files (TOML): read and checked, edited, templates, schemas.
 //!
-//! [`crate::mission`] holds what a mission says; this module knows the effects' keys beside the mission's own. Reading checks a
-//! file against the one list of keys, fills in the defaults, and then looks at what keys say together; every refusal names
-//! file, line, key and value. A [`Mission`](crate::mission::Mission) that exists is valid, and serialises to the file it came
-//! from, as resolved.
+//! [`crate::mission`] defines the content of a mission; this module also knows the keys of effects. Reading checks a file against
+//! the single list of keys, fills in the defaults, and then checks the keys in combination; every error states file, line, key and
+//! value. An existing [`Mission`](crate::mission::Mission) is valid, and serialises to its file, as resolved.
 
 mod edit;
 mod galaxies;

@@ -1,10 +1,10 @@
-//! Any keys of a mission over lists, ranges and distributions: thousands of points, that outlive a kill and spread over
-//! machines.
+//! Any keys of a mission over lists, ranges and distributions: thousands of points, computed on several machines and resumed after
+//! an interruption.
 //!
-//! A grid file ([`Grid`]) says which missions, which keys, and what is recorded. A point is a function of the grid file and
-//! its number alone, so that it does not matter who computes it, in which order, or how often. Points are computed in
-//! chunks, and each chunk is a file of its own ([`Parts`]) that is there whole or not at all: what is missing is known by
-//! looking at the files. When all are there they become one table, Parquet or CSV.
+//! A grid file ([`Grid`]) states the missions, the keys, and the recorded quantities. A point is a function of the grid file and
+//! its number only, so it does not matter who computes it, in which order, or how often. Points are computed in chunks, and each
+//! chunk is a separate file ([`Parts`]) that is written completely or not at all: the missing ones are known from the files. When
+//! all are present they become one table, Parquet or CSV.
 
 mod distribution;
 mod grid;

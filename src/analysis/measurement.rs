@@ -144,8 +144,8 @@ const SAME_TIME_D: f64 = 2.0;
 const SIGMA_OF: &str = "sigma_";
 
 /// A condition of another name, of which this one is a misspelling: one letter is wrong, missing, additional, or two are swapped,
-/// or the unit of `signal_read_e` or `preceding_e` is missing. Case does not matter; for `date`, with many neighbours (`rate`),
-/// only case.
+/// or the unit of `signal_read_e` or `preceding_e` is missing. Case does not matter; of `date`, with many neighbours (`rate`,
+/// `gate`, `data`), only other cases are misspellings.
 fn slip_of(name: &str) -> Option<&'static str> {
     if conditions::NAMES.contains(&name) || OTHERS.contains(&name) {
         return None;

@@ -1,4 +1,4 @@
-//! The phases of a pixel and the steps in which they are clocked, as a mission file gives them.
+//! The phases of a pixel and the clock steps, as given in a mission file.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,12 +20,12 @@ pub struct PhaseClock {
     pub trap_share: Option<Vec<f64>>,
 }
 
-/// What is wrong with a key of the table, and what to try.
+/// A fault in a key of the table, and what to try.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClockProblem {
     /// The key within the table.
     pub key: &'static str,
-    /// What is wrong.
+    /// The fault.
     pub problem: String,
     /// What to try.
     pub help: &'static str,
@@ -67,7 +67,7 @@ impl PhaseClock {
 /// An example of a list of steps.
 const HOLDS: &str = "for three phases: holds = [[1], [2], [3]] or [[1], [1, 2], [2], [2, 3], [3], [3, 1]]";
 
-/// The first step that names a phase that does not exist, and that phase.
+/// The first step with a phase that does not exist, and that phase.
 fn outside(holds: &[Vec<usize>], phases: usize) -> Option<(usize, usize)> {
     let wrong = |held: &Vec<usize>| held.iter().copied().find(|phase| !(1..=phases).contains(phase));
     holds.iter().enumerate().find_map(|(step, held)| Some((step, wrong(held)?)))

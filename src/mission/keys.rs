@@ -7,17 +7,17 @@ use Need::{Default, Optional, Required};
 /// One key of the mission file.
 #[derive(Debug)]
 pub struct Key {
-    /// Dotted path; `[]` stands for any member of an array of tables.
+    /// Dotted path; `[]` matches any member of an array of tables.
     pub path: &'static str,
     /// Description.
     pub what: &'static str,
-    /// Unit of the value, empty for pure numbers and words.
+    /// Unit of the value, empty for pure numbers and text.
     pub unit: &'static str,
-    /// What values are allowed.
+    /// Allowed values.
     pub kind: Allowed,
     /// Whether it must be given.
     pub need: Need,
-    /// Advice on a number that is out of range, such as one in another unit.
+    /// Advice on a number out of range, such as one in another unit.
     pub help: fn(f64) -> Option<String>,
 }
 
@@ -28,24 +28,24 @@ impl Key {
     }
 }
 
-/// What a key's value may be.
+/// Allowed values of a key.
 #[derive(Clone, Copy, Debug)]
 pub enum Allowed {
     /// A number from the first to the second, ends included.
     Number(f64, f64),
     /// A number above the first, up to the second.
     Positive(f64, f64),
-    /// A whole number from the first to the second, ends included.
+    /// An integer from the first to the second, ends included.
     Integer(i64, i64),
     /// A list of numbers in that range.
     Numbers(f64, f64),
-    /// A list of lists of whole numbers in that range.
+    /// A list of lists of integers in that range.
     IntegerLists(i64, i64),
     /// One of these words.
     Choice(&'static [&'static str]),
-    /// Words that are not empty.
+    /// Text that is not empty.
     Text,
-    /// A list of words.
+    /// A list of texts.
     Texts,
     /// A day.
     Date,
@@ -54,16 +54,16 @@ pub enum Allowed {
 /// Whether a key must be given.
 #[derive(Clone, Copy, Debug)]
 pub enum Need {
-    /// Nothing sensible can be assumed.
+    /// There is no sensible default.
     Required,
-    /// This is assumed (TOML).
+    /// The default (TOML).
     Default(&'static str),
-    /// Its absence means something.
+    /// Its absence has a meaning.
     Optional,
 }
 
-/// All tables, in the order of the file, with a description; `[]` is a member of an array of tables. Effects have tables of
-/// their own, known to the catalogue of effects.
+/// All tables, in the order of the file, with a description; `[]` is a member of an array of tables. Effects have their own tables,
+/// listed in the catalogue of effects.
 pub const TABLES: [(&str, &str); 21] = [
     ("mission", "name, launch, duration, orbit"),
     ("orbit", "orbit, by its elements; in place of mission.orbit"),
@@ -101,7 +101,7 @@ pub const TABLES: [(&str, &str); 21] = [
     ("fit", "free parameters of fits to measurements"),
 ];
 
-/// Tables that may be absent as a whole; their required keys are required only if the table is given.
+/// Tables that may be absent as a whole; their required keys are required only if the table is present.
 pub const OPTIONAL_TABLES: [&str; 9] = [
     "orbit",
     "shielding",
@@ -599,7 +599,7 @@ pub const KEYS: &[Key] = &[
     },
 ];
 
-/// Coldest and warmest detector, K.
+/// Coldest and warmest allowed detector, K.
 pub const TEMPERATURES_K: [f64; 2] = [40.0, 400.0];
 
 const TEMPERATURE: Allowed = Number(TEMPERATURES_K[0], TEMPERATURES_K[1]);
@@ -617,7 +617,7 @@ fn percentage_of_traps(value: f64) -> Option<String> {
     (value > 10.0).then(|| format!("a ratio, not a percentage: {value} % is {}", value / 100.0))
 }
 
-/// Altitudes: from where orbits last for months to where the Sun takes over.
+/// Altitudes: from orbits that last for months up to the region where the Sun dominates.
 const ALTITUDE: Allowed = Number(100.0, 1.5e6);
 
 fn altitude(value: f64) -> Option<String> {
@@ -635,7 +635,7 @@ fn celsius(value: f64) -> Option<String> {
 }
 
 impl Allowed {
-    /// Why a number is not allowed, or None.
+    /// Whether a number is not allowed.
     pub fn refuses(&self, value: f64) -> bool {
         match *self {
             Number(low, high) | Numbers(low, high) => !(low..=high).contains(&value),

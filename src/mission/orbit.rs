@@ -1,4 +1,4 @@
-//! `[mission]` and `[orbit]`: where a mission flies.
+//! `[mission]` and `[orbit]`: orbit and duration of a mission.
 
 use std::fmt;
 
@@ -18,12 +18,12 @@ pub struct Header {
     pub launch: Date,
     /// Length of the mission, years of 365.25 days.
     pub duration_yr: f64,
-    /// Where it flies, if no `[orbit]` says it; L2 if nothing does.
+    /// The orbit, unless given by `[orbit]`; L2 by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub orbit: Option<Orbit>,
 }
 
-/// Where a mission flies, by name.
+/// The orbit of a mission, by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Orbit {
@@ -35,14 +35,14 @@ pub enum Orbit {
     Interplanetary,
     /// Geostationary.
     Geo,
-    /// Some low Earth orbit: without its elements no dose can be derived.
+    /// Any low Earth orbit: without its elements no dose can be derived.
     Leo,
 }
 
 /// `[orbit]`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OrbitElements {
-    /// What kind of orbit.
+    /// The kind of orbit.
     pub kind: OrbitKind,
     /// Lowest altitude above a sphere of 6371 km, km.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -53,12 +53,12 @@ pub struct OrbitElements {
     /// Inclination, degrees.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inclination_deg: Option<f64>,
-    /// Argument of perigee, degrees; all of them if it is None.
+    /// Argument of perigee, degrees; None: uniformly distributed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub argument_of_perigee_deg: Option<f64>,
 }
 
-/// What kind of orbit.
+/// The kind of orbit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OrbitKind {
@@ -104,7 +104,7 @@ impl OrbitElements {
 }
 
 impl Mission {
-    /// Where it flies, as far as protons are concerned. None in a low Earth orbit of which no more is known.
+    /// Its location, for protons. None in a low Earth orbit of unknown elements.
     pub fn place(&self) -> Option<Place> {
         if let Some(orbit) = &self.orbit {
             return Some(orbit.elements().map_or(Place::Interplanetary, Place::Earth));

@@ -12,7 +12,7 @@ pub struct Shielding {
     /// Sphere or slab; None with sectors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub geometry: Option<Geometry>,
-    /// What it is made of.
+    /// Its material.
     pub material: Material,
     /// Thickness, mm.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -36,14 +36,14 @@ pub struct Shielding {
 pub enum SecondariesCounted {
     /// Protons only slow down.
     Neglected,
-    /// Loss of protons and damage by neutrons, to a factor of 2.
+    /// Loss of protons and damage by neutrons, accurate to a factor of 2.
     Estimated,
 }
 
 /// `[[shielding.layers]]`
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Layer {
-    /// What it is made of.
+    /// Its material.
     pub material: Material,
     /// Thickness, mm.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -61,7 +61,7 @@ impl Layer {
 }
 
 impl Shielding {
-    /// Aluminium of a shape and thickness (mm).
+    /// Aluminium of this shape and thickness (mm).
     pub fn aluminium(geometry: Geometry, thickness_mm: f64) -> Shielding {
         Shielding {
             geometry: Some(geometry),
@@ -74,7 +74,7 @@ impl Shielding {
         }
     }
 
-    /// The layers; that of the section itself if no others are given.
+    /// The layers; that of the section itself if there are no others.
     fn all_layers(&self) -> Vec<Layer> {
         let own = Layer {
             material: self.material,

@@ -1,4 +1,4 @@
-//! A mission's text with other values, and all else as it was written.
+//! The text of a mission with changed values, otherwise as written.
 
 use toml_edit::{DocumentMut, Item, Table, Value};
 
@@ -6,11 +6,11 @@ use crate::effect;
 use crate::error::InputError;
 use crate::mission::Mission;
 
-/// The text of a mission file with other values of some keys; comments and order are kept. Keys that the file leaves to
-/// their defaults are added.
+/// The text of a mission file with changed values of some keys; comments and order are kept. Keys that the file leaves to their
+/// defaults are added.
 ///
 /// # Panics
-/// If the text is not that of the mission, or a key is none of it.
+/// If the text is not that of the mission, or a key is not one of its keys.
 pub fn edit(text: &str, mission: &Mission, settings: &[(String, toml::Value)]) -> String {
     let mut document: DocumentMut = text.parse().expect("the text of a mission that was read");
     for (key, value) in settings {
@@ -23,7 +23,7 @@ pub fn edit(text: &str, mission: &Mission, settings: &[(String, toml::Value)]) -
 /// A mission with one more effect, and the dotted key of the new table, such as `effects.notch` or `effects.bakeout.2`.
 ///
 /// # Errors
-/// If it makes no sense there.
+/// If it is invalid there.
 pub fn add_effect(mission: &Mission, kind: &str, table: toml::Table) -> Result<(Mission, String), InputError> {
     let mut added = mission.clone();
     let there = effect::tables(mission, kind).len();
@@ -46,7 +46,7 @@ pub fn add_effect(mission: &Mission, kind: &str, table: toml::Table) -> Result<(
     Ok((Mission::parse(&added.to_toml())?, key))
 }
 
-/// The text of a mission file with other tables of some kinds of effects, each with a comment above it.
+/// The text of a mission file with the tables of some kinds of effects replaced, each with a comment above it.
 ///
 /// # Panics
 /// If the text is not that of a mission.
@@ -91,7 +91,7 @@ fn set(item: &mut Item, path: &str, value: &toml::Value) {
         let place = &mut item[name];
         match place.as_value_mut() {
             Some(old) => {
-                // Blanks and the comment behind it stay.
+                // Blanks and the comment after it are kept.
                 let decor = old.decor().clone();
                 *old = new;
                 *old.decor_mut() = decor;

@@ -1,4 +1,4 @@
-//! Tables of galaxies of a population.
+//! Tables of galaxies for a population.
 
 use crate::error::{InputError, nearest};
 use crate::io::table::Table;
@@ -23,7 +23,7 @@ const MOST_ELLIPTICAL: f64 = 0.95;
 /// Reads galaxies of a population from ECSV or CSV, as [`of_table`].
 ///
 /// # Errors
-/// As [`of_table`], and if the file cannot be read or is no table, or no galaxy has a weight.
+/// As [`of_table`], and if the file cannot be read or is not a table, or no galaxy has a weight.
 pub(super) fn read(file: &str) -> Result<Vec<PopulationGalaxy>, InputError> {
     let table = Table::read(file).map_err(|error| refused(file, error))?;
     let galaxies = of_table(&table)?;
@@ -33,7 +33,7 @@ pub(super) fn read(file: &str) -> Result<Vec<PopulationGalaxy>, InputError> {
     Ok(galaxies)
 }
 
-/// An error of a table, said of galaxies.
+/// An error in a table, as one about galaxies.
 fn refused(file: &str, error: InputError) -> InputError {
     InputError { refused: refusal(file, String::new()).refused, ..error }
 }
@@ -42,7 +42,7 @@ fn refusal(file: &str, problem: String) -> InputError {
     InputError::new(format!("cannot read galaxies from {file}"), problem)
 }
 
-/// Galaxies of a table. Columns that are not known are ignored, unless they look like a known one.
+/// Galaxies of a table. Unknown columns are ignored, unless they resemble a known one.
 ///
 /// # Errors
 /// If it has no galaxy or no known column, or a value is not allowed: one message with file, line, column and value.
@@ -95,7 +95,7 @@ fn of_columns(table: &Table) -> Result<Vec<PopulationGalaxy>, InputError> {
     Ok(galaxies)
 }
 
-/// A column's numbers, all None if it is absent.
+/// A column's values, all None if it is absent.
 fn numbers(table: &Table, name: &str, key: &str) -> Result<Vec<Option<f64>>, InputError> {
     let Some(column) = table.column(name) else { return Ok(vec![None; table.rows()]) };
     let key: Option<&Key> = KEYS.iter().find(|known| known.path == key);

@@ -1,4 +1,4 @@
-//! The files that a mission names: read with it, so that a mission that exists is complete.
+//! The files named in a mission: read with it, so that an existing mission is complete.
 
 use std::path::Path;
 
@@ -13,10 +13,10 @@ use crate::mission::keys::TEMPERATURES_K;
 use crate::mission::{Imported, ImportedSpectrum, Mission, PopulationGalaxy};
 use crate::numeric::calendar::years_between;
 
-/// What is wrong with a file: the key that names it, if the problem is not within the file alone.
+/// A fault in a file, with the key that names it, unless the fault is only in the file.
 type Refusal = (Option<&'static str>, InputError);
 
-/// Reads the files that a mission names, counted from a folder; their names become those that were read.
+/// Reads the files named in a mission, relative to a folder; their names become those of the files read.
 pub(super) fn import(mission: &mut Mission, folder: &Path) -> Result<(), Refusal> {
     let environment = &mut mission.environment;
     let sectors = mission.shielding.as_mut().and_then(|shielding| shielding.sectors.as_mut());
@@ -51,10 +51,10 @@ fn within(error: InputError) -> Refusal {
     (None, error)
 }
 
-/// Straight lines on which the dose between two rows of rates is followed, to 0.4 % of what it bends.
+/// Number of straight lines for the dose between two rows of rates: accurate to 0.4 % of its deviation from a single line.
 const PIECES: u32 = 16;
 
-/// Years since launch, from 0 on, and dose since launch, MeV/g.
+/// Years since launch, starting at 0, and dose since launch, MeV/g.
 fn history(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
     const KEY: &str = "environment.history";
     let Some(file) = &mission.environment.history else { return Ok(Vec::new()) };
@@ -76,13 +76,13 @@ fn history(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
             Ok(table)
         }
         Doses::Rate(rates) => {
-            // A day is left for dates.
+            // A tolerance of one day for dates.
             if times[0] > 0.003 {
                 return Err(wrong(KEY, format!("{file} has no dose rate before {:.3} yr after launch", times[0])));
             }
             let mut table = vec![(0.0, 0.0)];
             for (pair, rate) in times.windows(2).zip(rates.windows(2)) {
-                // The rate is a straight line between two rows: the dose a parabola, on as many straight lines as it takes.
+                // The rate is linear between two rows, so the dose is a parabola, approximated by several straight lines.
                 let (before, length) = (table[table.len() - 1].1, pair[1] - pair[0]);
                 table.extend((1..=PIECES).map(|piece| {
                     let share = f64::from(piece) / f64::from(PIECES);
@@ -110,7 +110,7 @@ fn since_launch_yr(mission: &Mission, times: &Times) -> Vec<f64> {
     }
 }
 
-/// Years since launch, rising, and temperature from then on, K.
+/// Years since launch, ascending, and temperature from then on, K.
 fn temperatures(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
     let Some(file) = &mission.detector.temperature_history else { return Ok(Vec::new()) };
     let read = read_temperature_history(file, TEMPERATURES_K).map_err(within)?;
@@ -170,7 +170,7 @@ fn spectrum(read: &SpectrumFile) -> Spectrum {
     Spectrum::of_differential(differential, points[0].0, points[points.len() - 1].0)
 }
 
-/// Areal density of aluminium (g/cm², rising) and dose of the mission, MeV/g.
+/// Areal density of aluminium (g/cm², ascending) and dose of the mission, MeV/g.
 fn dose_depth(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
     let Some(file) = &mission.environment.dose_depth else { return Ok(Vec::new()) };
     let read = read_dose_depth(file).map_err(within)?;
@@ -206,7 +206,7 @@ fn sectors_of(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
     Ok(read.weights.iter().copied().zip(areal).collect())
 }
 
-/// Areal densities (g/cm²) of a material of a density (g/cm³).
+/// Areal densities (g/cm²) of a material with a density (g/cm³).
 fn areal(depths: &Depths, density_g_cm3: f64) -> impl Iterator<Item = f64> {
     let scale = match depths {
         Depths::ThicknessMm(_) => density_g_cm3 / 10.0,

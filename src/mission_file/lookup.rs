@@ -1,15 +1,15 @@
-//! Any key of a mission file by its path: those of the mission and those of effects.
+//! Lookup of any key of a mission file by its path, including those of effects.
 
 use crate::effect;
 use crate::mission::keys::{KEYS, Key, pattern_of};
 
-/// The key of a path in which `[3]` may stand for `[]`; those of effects too.
+/// The key of a path in which `[3]` may replace `[]`, including those of effects.
 pub fn find(path: &str) -> Option<&'static Key> {
     let pattern = pattern_of(path);
     KEYS.iter().find(|key| key.path == pattern).or_else(|| effect::find_key(path))
 }
 
-/// Whether a path, in which `[3]` may stand for `[]`, is that of a table.
+/// Whether a path, in which `[3]` may replace `[]`, is that of a table.
 pub fn is_table(path: &str) -> bool {
     let pattern = pattern_of(path);
     let holds = |key: &Key, table: &str| key.path.strip_prefix(table).is_some_and(|rest| rest.starts_with('.'));
@@ -24,7 +24,7 @@ pub fn is_table(path: &str) -> bool {
     }
 }
 
-/// Names of what may stand in a table, by its path.
+/// Names of the members of a table, by its path.
 pub fn members(table: &str) -> Vec<&'static str> {
     let pattern = pattern_of(table);
     let within = |keys: &'static [Key], table: &str| -> Vec<&'static str> {

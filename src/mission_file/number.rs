@@ -1,9 +1,8 @@
-//! Real numbers of a mission by their dotted keys: other values without going by way of text.
+//! Real numbers of a mission by their dotted keys, changed without re-reading the text.
 //!
-//! A fit asks for thousands of missions that differ in a few numbers: it finds each key's place once, as a [`Handle`].
-//! [`Mission::with`] goes this way where it can, and by way of the text, with all its checks and messages, where it cannot: for
-//! a key that is not there, a value that is refused, or anything but real numbers. Both ways give the same mission (a test over
-//! all keys).
+//! A fit needs thousands of missions that differ in a few numbers: it finds each key once, as a [`Handle`]. [`Mission::with`] uses
+//! this method if it can, and the text, with all its checks and messages, if it cannot: for a key that is absent, a value that is
+//! not allowed, or anything but real numbers. Both methods give the same mission (a test over all keys).
 
 use toml::Value;
 
@@ -13,7 +12,7 @@ use crate::mission::keys::{self, Allowed, Key};
 use crate::mission::{Galaxy, Mission, Species};
 
 impl Mission {
-    /// The mission with other real numbers; None if one of them is not there any more, or not allowed.
+    /// The mission with other real numbers; None if one of them is no longer present, or not allowed.
     pub(crate) fn with_handles<'a>(&self, numbers: impl Iterator<Item = (&'a Handle, f64)>) -> Option<Mission> {
         let mut mission = self.clone();
         for (handle, value) in numbers {
@@ -27,7 +26,7 @@ impl Mission {
         agrees.then_some(mission)
     }
 
-    /// The same by dotted keys; None also if a key is not that of a real number that is there already, or stands twice.
+    /// The same by dotted keys; None also if a key is not that of an existing real number, or is duplicate.
     pub(super) fn with_numbers(&self, settings: &[(String, Value)]) -> Option<Mission> {
         let twice = |index: usize| settings[..index].iter().any(|(other, _)| *other == settings[index].0);
         if (0..settings.len()).any(twice) {
@@ -38,23 +37,23 @@ impl Mission {
         self.with_handles(numbers.iter().map(|(handle, value)| (handle, *value)))
     }
 
-    /// What is wrong with the elements of the orbit, if the perigee is above the apogee.
+    /// The fault in the elements of the orbit, if the perigee is above the apogee.
     pub(super) fn orbit_problem(&self) -> Option<String> {
         let (perigee_km, apogee_km) = (self.orbit.as_ref()?.perigee_km?, self.orbit.as_ref()?.apogee_km?);
         (perigee_km > apogee_km)
             .then(|| format!("the perigee ({perigee_km} km) must not be above the apogee ({apogee_km} km)"))
     }
 
-    /// What is wrong with the dose history, if it ends before the mission.
+    /// The fault in the dose history, if it ends before the mission.
     pub(super) fn history_problem(&self) -> Option<String> {
         let (last_yr, _) = self.imported.history.last()?;
         let duration_yr = self.mission.duration_yr;
-        // A day is left for dates.
+        // A tolerance of one day for dates.
         (*last_yr + 0.003 < duration_yr)
             .then(|| format!("the history ends after {last_yr:.3} yr, but the mission lasts {duration_yr} yr"))
     }
 
-    /// The first species of the surface whose level is not below the full well, by its place, and what is wrong with it.
+    /// The first surface species whose level is not below the full well, by its index, and the fault.
     pub(super) fn surface_problem(&self) -> Option<(usize, String)> {
         let full_well_e = self.detector.full_well_e;
         let level = |species: &Species| species.surface_level_e.filter(|level_e| *level_e >= full_well_e);
@@ -65,7 +64,7 @@ impl Mission {
         })
     }
 
-    /// What is wrong with the notch, where it is not below the full well.
+    /// The fault in the notch, if it is not below the full well.
     pub(super) fn notch_problem(&self) -> Option<String> {
         let detector = &self.detector;
         (detector.notch_e >= detector.full_well_e).then(|| {
@@ -78,8 +77,7 @@ impl Mission {
     }
 }
 
-/// Where a real number of a mission stands: found once from its dotted key, and the same in every mission that differs from that
-/// one in numbers only.
+/// Location of a real number in a mission: found once from its dotted key, and valid in every mission that differs only in numbers.
 #[derive(Clone, Debug)]
 pub struct Handle {
     place: Place,
@@ -89,10 +87,10 @@ pub struct Handle {
 #[derive(Clone, Debug)]
 enum Place {
     Plain(fn(&mut Mission) -> Option<&mut f64>),
-    /// Of a species or a galaxy, by its place among them.
+    /// Of a species or a galaxy, by its index.
     Species(usize, fn(&mut Species) -> Option<&mut f64>),
     Galaxy(usize, fn(&mut Galaxy) -> Option<&mut f64>),
-    /// Of an effect's table: its kind, its place if there are several tables, that of one of its species, and the name.
+    /// Of an effect's table: its kind, its index if there are several tables, the index of its species, and the name.
     Effect {
         kind: &'static str,
         table: Option<usize>,
@@ -102,7 +100,7 @@ enum Place {
 }
 
 impl Handle {
-    /// The handle of a dotted key; None if it is not that of a real number which is there.
+    /// The handle of a dotted key; None if it is not that of an existing real number.
     pub fn of(mission: &Mission, key: &str) -> Option<Handle> {
         let (place, known) = if let Some(below) = key.strip_prefix("effects.") {
             of_effect(&mission.effects, below)?
@@ -119,7 +117,7 @@ impl Handle {
         is_real.then_some(Handle { place, known })
     }
 
-    /// Sets the number; None if it is not there, or the value is not allowed.
+    /// Sets the number; None if it is absent, or the value is not allowed.
     fn set(&self, mission: &mut Mission, value: f64) -> Option<()> {
         let number = match &self.place {
             Place::Plain(number) => number(mission)?,
@@ -144,7 +142,7 @@ impl Handle {
     }
 }
 
-/// The number of a key that is no member of an array.
+/// The number of a key that is not a member of an array.
 fn plain(key: &str) -> Option<fn(&mut Mission) -> Option<&mut f64>> {
     Some(match key {
         "mission.duration_yr" => |mission| Some(&mut mission.mission.duration_yr),
@@ -181,7 +179,7 @@ fn plain(key: &str) -> Option<fn(&mut Mission) -> Option<&mut f64>> {
     })
 }
 
-/// The place of a member of an array by its name, and the rest of the key.
+/// The index of a member of an array by its name, and the rest of the key.
 fn member<'a, T>(members: &[T], name: impl Fn(&T) -> &str, key: &'a str) -> Option<(usize, &'a str)> {
     let field = |member: &T| key.strip_prefix(name(member))?.strip_prefix('.');
     members.iter().enumerate().find_map(|(index, member)| Some((index, field(member)?)))
@@ -241,7 +239,7 @@ fn of_effect(effects: &toml::Table, key: &str) -> Option<(Place, &'static Key)> 
 mod tests {
     use super::*;
 
-    /// Dotted keys of all real numbers below a table, members of arrays called by their names or numbers.
+    /// Dotted keys of all real numbers below a table; members of arrays by their names or numbers.
     fn real_keys(value: &Value, key: &str, found: &mut Vec<(String, f64)>) {
         let below = |name: &str| if key.is_empty() { name.to_string() } else { format!("{key}.{name}") };
         match value {
@@ -283,7 +281,7 @@ mod tests {
                 quick += usize::from(value == 1.01 * number);
             }
         }
-        // All that a fit may free: only tables of noise, the survey, uncertainties and the floor of errors go by way of the text.
+        // All that a fit may free: only tables of noise, the survey, uncertainties and the error floor use the text.
         let slow: Vec<&String> = keys
             .iter()
             .filter(|(key, number)| mission.with_numbers(&[(key.clone(), Value::Float(1.01 * number))]).is_none())

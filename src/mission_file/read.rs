@@ -20,15 +20,14 @@ use crate::mission::{
 use crate::numeric::calendar;
 use crate::readout::MAX_SPECIES;
 
-/// Most exposures of a dither.
+/// Maximum number of exposures in a dither pattern.
 const MOST_DITHERS: usize = 64;
 
 impl Mission {
     /// Reads a mission file.
     ///
     /// # Errors
-    /// If the file cannot be read, or what it says makes no sense: one message with line, key, value and what is
-    /// allowed.
+    /// If the file cannot be read, or its content is invalid: one message with line, key, value and the allowed range.
     pub fn read(path: impl AsRef<Path>) -> Result<Mission, InputError> {
         let folder = path.as_ref().parent().unwrap_or(Path::new(""));
         Source { folder, ..Source::parse(refused(path.as_ref()), &read_text(path.as_ref())?, true)? }.mission()
@@ -42,21 +41,21 @@ impl Mission {
         Source::parse("cannot use mission".into(), text, true)?.mission()
     }
 
-    /// The mission as resolved: a file that can be run again.
+    /// The mission as resolved: a valid mission file.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("a mission is a TOML table")
     }
 
-    /// The same mission with other values of some keys, such as `detector.temperature_k` or
-    /// `detector.traps.VV.release_ms`; members of an array are called by their names.
+    /// The same mission with changed values of some keys, such as `detector.temperature_k` or `detector.traps.VV.release_ms`;
+    /// members of an array are called by their names.
     ///
     /// # Errors
-    /// If there is no such key, it stands twice, or the value is not allowed for it.
+    /// If there is no such key, it is duplicate, or the value is not allowed.
     pub fn with(&self, settings: &[(String, Value)]) -> Result<Mission, InputError> {
         self.with_numbers(settings).map_or_else(|| self.with_text(settings), Ok)
     }
 
-    /// The same by way of the text of the mission, with all its checks.
+    /// The same through the text of the mission, with all its checks.
     pub(super) fn with_text(&self, settings: &[(String, Value)]) -> Result<Mission, InputError> {
         let said: Vec<String> = settings.iter().map(|(key, value)| format!("{key} = {value}")).collect();
         let refused = format!("cannot use mission \"{}\" with {}", self.mission.name, said.join(", "));
@@ -79,7 +78,7 @@ impl Mission {
         Source::parse(refused, &text, false)?.mission()
     }
 
-    /// The mission as a TOML table, by way of its text: dates only stay dates that way.
+    /// The mission as a TOML table, through its text: only this preserves dates.
     pub fn to_table(&self) -> toml::Table {
         self.to_toml().parse().expect("a mission is a TOML table")
     }
@@ -89,13 +88,13 @@ impl Mission {
         json::table(&self.to_table(), serde_json::value::Serializer).expect("keys are text")
     }
 
-    /// The path of a dotted key, in which members of arrays have their places instead of their names; or what is wrong with
-    /// it and what to try.
+    /// The path of a dotted key, in which members of arrays have their indices instead of their names; or the fault and what to
+    /// try.
     pub(crate) fn path(&self, key: &str) -> Result<String, (String, Option<String>)> {
         resolve(&self.to_table(), key)
     }
 
-    /// The value of a numeric key by its dotted path. None if there is no such key or no number.
+    /// The value of a numeric key by its dotted path. None if there is no such key or it is not a number.
     pub fn number(&self, key: &str) -> Option<f64> {
         let table = self.to_table();
         let path = resolve(&table, key).ok()?;
@@ -116,14 +115,14 @@ pub(crate) fn read_text(path: &Path) -> Result<String, InputError> {
     input::text(path).map_err(|problem| InputError::new(refused(path), problem))
 }
 
-/// A mission text, parsed, with the places of its values.
+/// A mission text, parsed, with the locations of its values.
 struct Source<'a> {
     refused: String,
     text: &'a str,
     document: DeTable<'a>,
-    /// Folder from which the files that it names are counted.
+    /// Folder to which the names of its files are relative.
     folder: &'a Path,
-    /// Whether lines of the text mean something to the user.
+    /// Whether lines of the text are meaningful to the user.
     lines: bool,
 }
 
@@ -170,14 +169,14 @@ impl<'a> Source<'a> {
         Ok(mission)
     }
 
-    /// Every key of a table is known and has an allowed value.
+    /// Checks that every key of a table is known and has an allowed value.
     fn check_table(&self, table: &DeTable, path: &str) -> Result<(), InputError> {
         for (name, value) in table {
             let name = name.get_ref().as_ref();
             let below = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
             let is_table = lookup::is_table(&below);
             let is_array = lookup::is_table(&format!("{below}[]"));
-            // One effect is a table, several of a kind are an array of tables.
+            // A single effect is a table, several of a kind are an array of tables.
             let either = path == "effects" && is_table;
             match value.get_ref() {
                 DeValue::Table(inner) if is_table && (either || !is_array) => self.check_table(inner, &below)?,
@@ -241,7 +240,7 @@ impl<'a> Source<'a> {
         InputError { help: Some(help), ..self.fault(path, problem) }
     }
 
-    /// Fills in a default, or refuses a mission in which a required key is missing. `prefix` goes before the key's path.
+    /// Fills in a default, or rejects a mission without a required key. `prefix` precedes the key's path.
     fn complete(&self, table: &mut toml::Table, prefix: &str, key: &keys::Key) -> Result<(), InputError> {
         let path = format!("{prefix}{}", key.path);
         let paths = match path.split_once("[]") {
@@ -284,7 +283,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// What keys say together.
+    /// Checks the keys in combination.
     fn check_together(&self, mission: &Mission, table: &toml::Table) -> Result<(), InputError> {
         self.check_traps(mission)?;
         let galaxies: Vec<&str> = mission.galaxies.iter().map(|galaxy| galaxy.name.as_str()).collect();
@@ -302,7 +301,7 @@ impl<'a> Source<'a> {
         self.check_dose(mission)
     }
 
-    /// Notch and surface are below the full well, and the readout can hold all species, each under its own name.
+    /// Checks that notch and surface are below the full well, and that the readout can hold all species, with distinct names.
     fn check_traps(&self, mission: &Mission) -> Result<(), InputError> {
         let traps = &mission.detector.traps;
         if let Some(problem) = mission.notch_problem() {
@@ -319,7 +318,7 @@ impl<'a> Source<'a> {
         self.check_names("detector.traps", &species)
     }
 
-    /// Members of an array have names of their own.
+    /// Checks that members of an array have distinct names.
     fn check_names(&self, array: &str, names: &[&str]) -> Result<(), InputError> {
         (1..names.len()).find(|&index| names[..index].contains(&names[index])).map_or(Ok(()), |index| {
             let problem = format!("duplicate name \"{}\"", names[index]);
@@ -327,7 +326,7 @@ impl<'a> Source<'a> {
         })
     }
 
-    /// The charge of a galaxy is given, or follows from its signal-to-noise ratio.
+    /// Checks that the charge of a galaxy is given, or follows from its signal-to-noise ratio.
     fn check_flux(&self, galaxy: &Galaxy, index: usize) -> Result<(), InputError> {
         let snr = format!("galaxies[{index}].snr");
         match (galaxy.flux_e, galaxy.snr, galaxy.aperture_px) {
@@ -343,7 +342,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The requirement names a galaxy of the mission.
+    /// Checks that the requirement names a galaxy of the mission.
     fn check_judged(&self, judged: &str, galaxies: &[&str]) -> Result<(), InputError> {
         if galaxies.contains(&judged) {
             return Ok(());
@@ -353,7 +352,7 @@ impl<'a> Source<'a> {
         Err(InputError { help, ..self.fault("requirement.galaxy", problem) })
     }
 
-    /// Each effect refuses what its own keys say together.
+    /// Each effect checks its own keys in combination.
     fn check_effects(&self, mission: &Mission, table: &toml::Table) -> Result<(), InputError> {
         for entry in &effect::CATALOGUE {
             entry.check(mission).map_err(|(index, refusal)| {
@@ -365,7 +364,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// Free parameters are keys of the mission.
+    /// Checks that free parameters are keys of the mission.
     fn check_free(&self, free: &[String], table: &toml::Table) -> Result<(), InputError> {
         for (index, key) in free.iter().enumerate() {
             if let Err((problem, help)) = resolve(table, key) {
@@ -375,7 +374,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// The steps of a clock move a packet by one pixel, and not too many species are divided among the phases.
+    /// Checks that the steps of a clock move a packet by one pixel, and that there are not too many species for its phases.
     fn check_clock(&self, mission: &Mission) -> Result<(), InputError> {
         let by_levels = matches!(mission.accuracy.readout, ReadoutMethod::Fractional | ReadoutMethod::MonteCarlo);
         if by_levels && mission.readout.traps_at_start == TrapsAtStart::Carried {
@@ -402,7 +401,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// Frames follow one another through traps that capture at once, in an image that ends at the register.
+    /// Checks persistence: instantaneous capture, in an image that ends at the register.
     fn check_persistence(&self, mission: &Mission) -> Result<(), InputError> {
         let Some(persistence) = mission.persistence() else { return Ok(()) };
         let readout = &mission.readout;
@@ -433,7 +432,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// All rows that are read have been shifted into the store, whose traps are empty before.
+    /// Checks a store: all rows read have been shifted into it, and its traps are initially empty.
     fn check_store(&self, mission: &Mission) -> Result<(), InputError> {
         let Some(store) = mission.readout.store else { return Ok(()) };
         if mission.readout.traps_at_start == TrapsAtStart::Carried {
@@ -449,7 +448,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// Something is judged; shear biases need a population, and galaxies come from a table or a law.
+    /// Checks that something is judged, that shear biases have a population, and that galaxies come from a table or a law.
     fn check_population(&self, mission: &Mission, table: &toml::Table) -> Result<(), InputError> {
         let requirement = &mission.requirement;
         let judged = ["delta_e", "c", "m"].iter().any(|key| get(table, &format!("requirement.{key}")).is_some());
@@ -483,7 +482,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Rows and columns of dithers are of the same exposures, and these are no more than can be read out.
+    /// Checks that rows and columns of dithers belong to the same exposures, and that these are not too many.
     fn check_dithers(&self, population: &Population) -> Result<(), InputError> {
         let rows = population.dither_rows_px.len();
         if rows > MOST_DITHERS {
@@ -501,7 +500,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Read noise is a law or a table, and a table has as many noises as rates.
+    /// Checks that read noise is a law or a table, and that a table has as many noises as rates.
     fn check_noise(&self, mission: &Mission) -> Result<(), InputError> {
         let Some(noise) = &mission.readout.noise else { return Ok(()) };
         let law = [noise.floor_e, noise.white_e, noise.reference_rate_khz];
@@ -535,7 +534,7 @@ impl<'a> Source<'a> {
         self.check_sun(mission)
     }
 
-    /// The orbit is said once, and its elements are all there.
+    /// Checks that the orbit is given once, with all its elements.
     fn check_orbit(&self, mission: &Mission) -> Result<(), InputError> {
         let Some(orbit) = &mission.orbit else { return Ok(()) };
         if let Some(named) = mission.mission.orbit {
@@ -574,7 +573,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// A shield is a shape with one thickness, a shape with layers, or sectors.
+    /// Checks that a shield is a shape with one thickness, a shape with layers, or sectors.
     fn check_shielding(&self, mission: &Mission) -> Result<(), InputError> {
         let Some(shielding) = &mission.shielding else { return Ok(()) };
         let help = "geometry with thickness_mm or areal_density_g_cm2; geometry with [[shielding.layers]]; or sectors";
@@ -613,7 +612,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// The dose is given, derived or read, in one way.
+    /// Checks that the dose is given, derived or read, in one way.
     fn check_sources(&self, mission: &Mission) -> Result<(), InputError> {
         let environment = &mission.environment;
         self.check_model_keys(environment)?;
@@ -632,7 +631,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Keys of another model than the mission's are absent.
+    /// Checks that keys of models other than the mission's are absent.
     fn check_model_keys(&self, environment: &Environment) -> Result<(), InputError> {
         for (key, is_there, of) in [
             ("history", environment.history.is_some(), DoseModel::History),
@@ -649,7 +648,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// The dose is made from one of its keys, and nothing counts twice in it.
+    /// Checks that the dose has a single origin, and that nothing is counted twice.
     fn check_lists(&self, environment: &Environment) -> Result<(), InputError> {
         let (sources, spectra) = (environment.sources.is_some(), environment.spectra.is_some());
         if [sources, spectra, environment.dose_depth.is_some()].iter().filter(|given| **given).count() > 1 {
@@ -671,7 +670,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// A dose over time comes from its file alone.
+    /// Checks that a dose history comes only from its file.
     fn check_history(&self, environment: &Environment) -> Result<(), InputError> {
         if environment.history.is_none() {
             let problem = "`environment.history` is missing: the file of the dose over time";
@@ -690,7 +689,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// A dose that is not given follows from an orbit and a shield.
+    /// Checks that a dose that is not given follows from an orbit and a shield.
     fn check_derivable(&self, mission: &Mission) -> Result<(), InputError> {
         let environment = &mission.environment;
         let imports = environment.spectra.is_some() || environment.dose_depth.is_some();
@@ -718,7 +717,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// Sources of protons are known.
+    /// Checks that sources of protons are known.
     fn check_source_names(&self, environment: &Environment) -> Result<(), InputError> {
         for (index, name) in environment.sources.iter().flatten().enumerate() {
             if source::source(name).is_none() {
@@ -732,7 +731,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// Densities are quoted at a dose or at a fluence of protons of an energy.
+    /// Checks that densities are quoted at a dose or at a fluence of protons of an energy.
     fn check_reference(&self, mission: &Mission) -> Result<(), InputError> {
         let detector = &mission.detector;
         let of_fluence = (detector.reference_fluence_cm2.is_some(), detector.reference_energy_mev.is_some());
@@ -758,12 +757,12 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Solar maxima are far enough apart, and known at launch.
+    /// Checks that solar maxima are far enough apart, and known at launch.
     fn check_sun(&self, mission: &Mission) -> Result<(), InputError> {
         let environment = &mission.environment;
         let mut maxima = environment.solar_maximum.clone();
         maxima.sort_by(f64::total_cmp);
-        // A hair is left for decimal years, which are not exact.
+        // A small tolerance for decimal years, which are not exact.
         let overlap = |pair: &&[f64]| pair[1] - pair[0] < solar_cycle::ACTIVE_YR - 1e-6;
         if let Some(pair) = maxima.windows(2).find(overlap) {
             let problem = format!(
@@ -794,7 +793,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// A refusal at a key (none if `path` is empty).
+    /// An error at a key (at none if `path` is empty).
     fn fault(&self, path: &str, problem: impl Into<String>) -> InputError {
         InputError { place: self.place(path), ..InputError::new(&self.refused, problem) }
     }
@@ -806,13 +805,13 @@ impl<'a> Source<'a> {
         let value = &self.text[span];
         let shown = self.shown(path);
         if value.starts_with('[') && !value.contains('=') && lookup::find(path).is_none() {
-            // A table's place is its header.
+            // The location of a table is its header.
             return Some(format!("{line}{value}"));
         }
         Some(format!("{line}{shown} = {}", shortened(value)))
     }
 
-    /// Place of the value of a key in the text.
+    /// Location of the value of a key in the text.
     fn span(&self, path: &str) -> Option<Range<usize>> {
         if path.is_empty() {
             return None;
@@ -836,7 +835,7 @@ impl<'a> Source<'a> {
         found
     }
 
-    /// The path as users write it: members of arrays by their names.
+    /// The path as written by users: members of arrays by their names.
     fn shown(&self, path: &str) -> String {
         let mut shown = String::new();
         let mut so_far = String::new();
@@ -863,7 +862,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Whether a value is allowed for a key; `fault` makes the refusal of what is wrong with it.
+/// Checks that a value is allowed for a key; `fault` makes the error message.
 pub(crate) fn check_value(
     value: &DeValue,
     key: &keys::Key,
@@ -938,7 +937,7 @@ fn check_choice(
     Err(InputError { help, ..fault(problem) })
 }
 
-/// Text is not empty; names are written into tables, a row each.
+/// Checks that text is not empty; names are written into tables, one per row.
 fn check_text(word: &str, key: &keys::Key, fault: &impl Fn(String) -> InputError) -> Result<(), InputError> {
     if key.is_name() && word.contains(char::is_control) {
         return Err(fault(format!("the {} holds an end of a line, a tab or another control character", key.what)));
@@ -949,12 +948,12 @@ fn check_text(word: &str, key: &keys::Key, fault: &impl Fn(String) -> InputError
     Ok(())
 }
 
-/// Line of a place in a text, from 1.
+/// Line of a byte offset in a text, from 1.
 pub(crate) fn line_at(text: &str, place: usize) -> usize {
     text[..place.min(text.len())].matches('\n').count() + 1
 }
 
-/// Names several of an effect that have none, if they have one by default: `extra`, `extra 2`, and so on.
+/// Names unnamed tables of an effect, if it has a default name: `extra`, `extra 2`, and so on.
 fn name_each(table: &mut toml::Table, entry: &Entry) {
     let Some(Need::Default(default)) = entry.card.key("name").map(|key| key.need) else { return };
     let places = effect_places(table, entry.card.kind);
@@ -985,7 +984,7 @@ fn effect_places(table: &toml::Table, kind: &str) -> Vec<String> {
     }
 }
 
-/// `detector.traps.VV.release_ms` → `detector.traps[1].release_ms`, or what is wrong with it and what to try.
+/// `detector.traps.VV.release_ms` → `detector.traps[1].release_ms`, or the fault and what to try.
 ///
 /// Effects are called by their kind, several of one kind by their number, from 1: `effects.solar-flare.2.t_yr`.
 fn resolve(table: &toml::Table, key: &str) -> Result<String, (String, Option<String>)> {
@@ -1036,7 +1035,7 @@ fn resolve(table: &toml::Table, key: &str) -> Result<String, (String, Option<Str
         let near = nearest(name, names.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
         return Err((format!("there is no {called} \"{name}\"; there are: {}", names.join(", ")), near));
     }
-    // Parameters of any name must be there.
+    // Parameters of any name must exist.
     let any_name = effect::find_key(&path).is_some_and(|key| key.path == "*");
     if any_name && get(table, &path).is_none() {
         let (parent, name) = path.rsplit_once('.').expect("a table and a key");
@@ -1049,7 +1048,7 @@ fn resolve(table: &toml::Table, key: &str) -> Result<String, (String, Option<Str
     known(path, key)
 }
 
-/// The path, where it is that of a key.
+/// The path, if it is that of a key.
 fn known(path: String, key: &str) -> Result<String, (String, Option<String>)> {
     if lookup::find(&path).is_some() {
         return Ok(path);
@@ -1074,7 +1073,7 @@ fn default_value(default: &str) -> Value {
     table["value"].clone()
 }
 
-/// Whether a key has a value that is not its default.
+/// Whether a key has a value other than its default.
 fn is_set(table: &toml::Table, path: &str) -> bool {
     let default = lookup::find(path).and_then(|key| match key.need {
         Need::Default(default) => Some(default_value(default)),
@@ -1100,7 +1099,7 @@ fn member<'a>(get: impl Fn(&str) -> Option<&'a Value>, part: &str) -> Option<&'a
     }
 }
 
-/// Sets the value at `a.b[2].c`, making the tables on the way; members of arrays must be there.
+/// Sets the value at `a.b[2].c`, creating intermediate tables; members of arrays must exist.
 fn set(table: &mut toml::Table, path: &str, value: Value) {
     let Some((first, rest)) = path.split_once('.') else {
         table.insert(path.to_string(), value);

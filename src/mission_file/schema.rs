@@ -1,13 +1,13 @@
 //! A JSON Schema (draft 2020-12) of mission files, for editors: the definitions in [`keys`](crate::mission::keys) in another notation.
 //!
-//! What keys say together (one of `flux_e` and `snr`, names that differ, a notch below the full well) is left to ctiplan.
+//! Checks of keys in combination (one of `flux_e` and `snr`, distinct names, a notch below the full well) are left to ctiplan.
 
 use serde_json::{Map, Value, json};
 
 use crate::effect;
 use crate::mission::keys::{Allowed, KEYS, Key, Need, OPTIONAL_TABLES, TABLES};
 
-/// The schema: tables, keys, units, what is allowed, defaults.
+/// The schema: tables, keys, units, allowed values, defaults.
 pub fn schema() -> Value {
     let mut schema = table(KEYS, "");
     let effects: Map<String, Value> =
@@ -75,12 +75,12 @@ fn table(keys: &[Key], path: &str) -> Value {
     table
 }
 
-/// What of a key's path is below a table.
+/// The part of a key's path below a table.
 fn below<'a>(key: &'a str, table: &str) -> Option<&'a str> {
     if table.is_empty() { Some(key) } else { key.strip_prefix(table)?.strip_prefix('.') }
 }
 
-/// What a key's value may be.
+/// Allowed values of a key.
 fn value(key: &Key) -> Value {
     let mut value = match key.kind {
         Allowed::Number(low, high) => number(low, high),
@@ -112,7 +112,7 @@ fn value(key: &Key) -> Value {
     value
 }
 
-/// A number from the first to the second. JSON has no infinity: there is then no limit.
+/// A number from the first to the second. JSON has no infinity, which means no limit.
 fn number(low: f64, high: f64) -> Value {
     limited([("minimum", low), ("maximum", high)])
 }

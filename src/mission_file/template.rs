@@ -1,22 +1,22 @@
-//! A mission file to start from, in which comments say what every key is, in what unit, and what is allowed.
+//! A mission file to start from, with comments on every key: its meaning, unit, and allowed values.
 //!
-//! The values are those of `example.toml`; what is said about them is that of the definitions in [`keys`](crate::mission::keys).
+//! The values are those of `example.toml`; the comments are from the definitions in [`keys`](crate::mission::keys).
 
 use super::lookup;
 use crate::effect;
 use crate::mission::Mission;
 use crate::mission::keys::{Allowed, Key, Need, TABLES};
 
-/// The mission without what is said about its keys. Defaults and what is optional are behind a `#`.
+/// The mission without comments on its keys. Defaults and optional keys are commented out.
 const EXAMPLE: &str = include_str!("example.toml");
 
-/// Letters before what is said about a key.
+/// Column at which comments on keys start.
 const COLUMN: usize = 38;
 
-/// The text of a mission file that can be used as it is, with every key there is: those that may be left out are behind a `#`.
+/// The text of a valid mission file, with every key: optional ones are commented out.
 ///
 /// # Panics
-/// Never: there is one text, and it is tested.
+/// Never: there is a single text, and it is tested.
 pub fn template() -> String {
     let mission = Mission::parse(EXAMPLE).expect("the example is a mission");
     let effects = effect::CATALOGUE.iter().map(|entry| example_of(entry, &mission));
@@ -24,7 +24,7 @@ pub fn template() -> String {
     with_comments(&bare)
 }
 
-/// The example of an effect, behind `#`.
+/// The example of an effect, commented out.
 fn example_of(entry: &effect::Entry, mission: &Mission) -> String {
     let tables = toml::Table::from_iter([(entry.card.kind.to_string(), (entry.example)(mission).into())]);
     let effects = toml::Table::from_iter([("effects".to_string(), tables.into())]);
@@ -33,7 +33,7 @@ fn example_of(entry: &effect::Entry, mission: &Mission) -> String {
     format!("\n{}", text.lines().map(behind).collect::<String>())
 }
 
-/// A mission's text with a comment above every table and behind every key, at the first of each.
+/// A mission's text with a comment above every table and after every key, at the first occurrence of each.
 fn with_comments(bare: &str) -> String {
     let mut said: Vec<String> = Vec::new();
     let mut table = String::new();
@@ -88,7 +88,7 @@ mod tests {
     use super::*;
     use crate::mission::keys::KEYS;
 
-    /// The text with all keys and tables that are behind a `#`.
+    /// The text with all commented keys and tables activated.
     fn all_of(text: &str) -> String {
         fn used(line: &str) -> Option<&str> {
             line.strip_prefix("# ").filter(|rest| rest.starts_with('[') || rest.contains(" = "))

@@ -1,55 +1,55 @@
-//! Distributions that a key's values are drawn from, by their quantiles.
+//! Distributions of a key's values, by their quantiles.
 //!
 //! ```text
 //! uniform     x = a + u (b − a)            log-uniform  x = a (b/a)^u
 //! normal      x = μ + σ Φ⁻¹(u)             log-normal   x = m exp(σ Φ⁻¹(u))
 //! ```
 //!
-//! u is even between 0 and 1. If a normal or log-normal distribution is cut at `min` or `max`, u is even between the
-//! probabilities of the two ends, so that what remains keeps its shape. Quantiles serve both kinds of sampling, and keep
-//! the strata of a Latin hypercube.
+//! u is uniform between 0 and 1. If a normal or log-normal distribution is truncated at `min` or `max`, u is uniform between the
+//! probabilities of the two ends, so that the rest keeps its shape. Quantiles are used in both kinds of sampling, and preserve the
+//! strata of a Latin hypercube.
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
 /// A distribution of numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Distribution {
-    /// Even between two numbers.
+    /// Uniform between two numbers.
     Uniform {
-        /// Least.
+        /// Smallest.
         from: f64,
         /// Largest.
         to: f64,
     },
-    /// Even in the logarithm between two numbers above 0.
+    /// Uniform in the logarithm between two numbers above 0.
     LogUniform {
-        /// Least.
+        /// Smallest.
         from: f64,
         /// Largest.
         to: f64,
     },
-    /// Gauss's.
+    /// Normal.
     Normal {
         /// μ.
         mean: f64,
         /// σ.
         sigma: f64,
-        /// Where it is cut; infinite if it is not.
+        /// Truncation limits; infinite if there are none.
         ends: (f64, f64),
     },
-    /// Gauss's in the logarithm.
+    /// Log-normal.
     LogNormal {
-        /// m, half of the values are below it.
+        /// m, the median.
         median: f64,
-        /// σ of the natural logarithm: about the relative scatter where it is small.
+        /// σ of the natural logarithm: if small, nearly the relative scatter.
         sigma: f64,
-        /// Where it is cut; 0 and infinite if it is not.
+        /// Truncation limits; 0 and infinite if there are none.
         ends: (f64, f64),
     },
 }
 
 impl Distribution {
-    /// The value that a share `u` (between 0 and 1, neither of them) of all values is below.
+    /// The quantile at a probability `u` (above 0 and below 1).
     pub fn quantile(&self, u: f64) -> f64 {
         match *self {
             Distribution::Uniform { from, to } => (from + u * (to - from)).clamp(from, to),
@@ -65,7 +65,7 @@ impl Distribution {
         }
     }
 
-    /// Probability that lies between the ends of a cut distribution; 1 if it is not cut.
+    /// Probability between the truncation limits; 1 without truncation.
     pub fn kept(&self) -> f64 {
         let normal = Normal::standard();
         let between = |low: f64, high: f64| normal.cdf(high) - normal.cdf(low);
@@ -79,7 +79,7 @@ impl Distribution {
     }
 }
 
-/// Quantile of the standard normal distribution between two ends.
+/// Quantile of the truncated standard normal distribution.
 fn cut(u: f64, low: f64, high: f64) -> f64 {
     let normal = Normal::standard();
     let (below_low, below_high) = (normal.cdf(low), normal.cdf(high));
@@ -90,7 +90,7 @@ fn cut(u: f64, low: f64, high: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Mean and standard deviation by the quantiles of evenly spaced probabilities.
+    /// Mean and standard deviation from the quantiles of evenly spaced probabilities.
     fn moments(distribution: Distribution, of: fn(f64) -> f64) -> (f64, f64) {
         const N: usize = 200_000;
         let values = (0..N).map(|i| of(distribution.quantile((i as f64 + 0.5) / N as f64)));
@@ -100,7 +100,7 @@ mod tests {
     }
 
     fn near(found: (f64, f64), expected: (f64, f64)) {
-        // The tails beyond the last of 200 000 quantiles carry 1e-4 of the variance.
+        // The tails beyond the last of 200 000 quantiles contain 1e-4 of the variance.
         let scale = expected.1;
         assert!((found.0 - expected.0).abs() < 1e-4 * scale, "{found:?} {expected:?}");
         assert!((found.1 - expected.1).abs() < 3e-4 * scale, "{found:?} {expected:?}");

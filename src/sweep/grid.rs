@@ -1,8 +1,8 @@
-//! The grid file (TOML) → missions, axes and what is recorded; the number of a point → its settings.
+//! The grid file (TOML) → missions, axes and recorded quantities; the number of a point → its settings.
 //!
-//! Lists and ranges are combined in full, the last one fastest; distributions are drawn from, `draws` times at every
-//! combination, with the same draws at each: designs are compared under the same circumstances. Missions vary slowest,
-//! draws fastest. A [`Grid`] that was read is valid, but for what its keys say together at single points.
+//! All combinations of lists and ranges are computed, the last axis varying fastest. Distributions are drawn from, `draws` times at
+//! every combination, with the same draws at each, so that designs are compared under the same conditions. Missions vary slowest,
+//! draws fastest. A [`Grid`] that was read is valid, except for combinations of keys at single points.
 
 use std::path::{Path, PathBuf};
 
@@ -19,10 +19,10 @@ use crate::numeric::sample_points::{Sample, Sampling};
 
 mod read;
 
-/// Most points of a sweep.
+/// Maximum number of points of a sweep.
 pub const MOST_POINTS: u64 = 100_000_000;
 
-/// A key, and what it is to be.
+/// A key, and its values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
     /// Dotted key of the mission.
@@ -40,7 +40,7 @@ pub enum Values {
     Chosen(Vec<Value>),
     /// A number for each draw.
     Drawn(Distribution),
-    /// The nearest whole number for each draw.
+    /// The nearest integer for each draw.
     DrawnWhole(Distribution),
     /// A day for each draw, between two of them, both included.
     DrawnDays(chrono::NaiveDate, chrono::NaiveDate),
@@ -53,32 +53,32 @@ pub struct Grid {
     pub name: String,
     /// Missions, each with its path as the grid file writes it.
     pub missions: Vec<(String, Mission)>,
-    /// Keys that vary, in the order of the file.
+    /// Varied keys, in the order of the file.
     pub axes: Vec<Axis>,
-    /// How distributions are drawn from; None if there are none.
+    /// The sampling of distributions; None if there are none.
     pub sampling: Option<Sampling>,
     /// Draws at every combination of the lists; 1 if there are no distributions.
     pub draws: u64,
     /// Seed of the draws.
     pub seed: u64,
-    /// What is recorded, in the order of the file.
+    /// Recorded quantities, in the order of the file.
     pub records: Vec<Output>,
-    /// Points that are computed and written together.
+    /// Number of points computed and written together.
     pub chunk_points: u64,
-    /// Tells this sweep from others: a hash of missions, axes, draws, what is recorded, and ctiplan's version. Comments
-    /// and the order of words in the files do not matter to it.
+    /// Identifies the sweep: a hash of missions, axes, draws, recorded quantities, and ctiplan's version. Comments and the order of
+    /// keys in the files do not matter.
     pub fingerprint: String,
     sample: Sample,
 }
 
-/// What a column of the result holds.
+/// Datatype of a column of the result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Holds {
     /// Numbers.
     Numbers,
-    /// Whole numbers.
+    /// Integers.
     Integers,
-    /// Words.
+    /// Text.
     Words,
     /// Days.
     Days,
@@ -88,7 +88,7 @@ impl Grid {
     /// Reads a grid file and its missions.
     ///
     /// # Errors
-    /// If a file cannot be read, or what it says makes no sense: one message with line, key, value and what is allowed.
+    /// If a file cannot be read, or its content is invalid: one message with line, key, value and the allowed range.
     pub fn read(path: impl AsRef<Path>) -> Result<Grid, InputError> {
         let path = path.as_ref();
         let refused = format!("cannot use grid `{}`", path.display());
@@ -97,7 +97,7 @@ impl Grid {
         read::grid(&refused, path.display().to_string(), &text, folder)
     }
 
-    /// Files that were read: the grid and its missions.
+    /// The files read: the grid and its missions.
     pub fn files(&self) -> Vec<PathBuf> {
         let grid = Path::new(&self.name);
         let folder = grid.parent().unwrap_or(Path::new(""));
@@ -109,7 +109,7 @@ impl Grid {
         self.missions.len() as u64 * self.combinations() * self.draws
     }
 
-    /// Combinations of listed values.
+    /// Number of combinations of listed values.
     pub fn combinations(&self) -> u64 {
         self.axes.iter().map(|axis| axis.values.listed() as u64).product()
     }
@@ -125,12 +125,12 @@ impl Grid {
         start..(start + self.chunk_points).min(self.points())
     }
 
-    /// The mission of a point, by its place, and the value of each axis there.
+    /// The mission of a point, by its index, and the value of each axis there.
     pub fn point(&self, point: u64) -> (usize, Vec<(String, Value)>) {
         let mut places = self.sample.places(point % self.draws).into_iter();
         let mut rest = point / self.draws;
         let mut settings: Vec<(String, Value)> = Vec::with_capacity(self.axes.len());
-        // The last list is the fastest.
+        // The last list varies fastest.
         for axis in self.axes.iter().rev() {
             let listed = axis.values.listed() as u64;
             if let Values::Listed(values) = &axis.values {
@@ -150,7 +150,7 @@ impl Grid {
         (rest as usize, settings)
     }
 
-    /// What is recorded, a column each: the quantity, and of which galaxy.
+    /// The recorded quantities, one column each: the quantity, and its galaxy.
     pub fn outputs(&self) -> Vec<(Output, Option<&str>)> {
         let mut galaxies: Vec<&str> = Vec::new();
         for (_, mission) in &self.missions {
@@ -169,7 +169,7 @@ impl Grid {
         self.records.iter().flat_map(columns).collect()
     }
 
-    /// Names of the columns of a result, and what they hold.
+    /// Names and datatypes of the columns of a result.
     pub fn columns(&self) -> Vec<(String, Holds)> {
         let mut columns = vec![
             ("sweep".to_string(), Holds::Words),
@@ -193,7 +193,7 @@ impl Grid {
         for (name, mission) in &self.missions {
             said.push_str(&format!("{name:?}\n{}\n", mission.to_toml()));
         }
-        // Numbers are written so that no two are alike.
+        // Numbers are written such that different ones remain different.
         said.push_str(&format!("{:?} {:?} {}\n", self.axes, self.sampling, self.draws));
         said.push_str(&format!("{} {:?} {}\n", self.seed, self.columns(), self.chunk_points));
         Sha256::digest(said.as_bytes()).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
@@ -201,7 +201,7 @@ impl Grid {
 }
 
 impl Values {
-    /// Values that are combined with those of other axes: 1 if they are drawn.
+    /// Number of values combined with those of other axes: 1 if they are drawn.
     fn listed(&self) -> usize {
         match self {
             Values::Listed(values) => values.len(),
@@ -209,7 +209,7 @@ impl Values {
         }
     }
 
-    /// The value that a share `u` of all is below.
+    /// The quantile at a probability `u`.
     fn at(&self, u: f64) -> Value {
         match self {
             Values::Listed(values) | Values::Chosen(values) => {
@@ -240,7 +240,7 @@ impl Values {
     }
 }
 
-/// Whether a key takes numbers, and whether whole ones.
+/// Whether a key takes numbers, and whether integers.
 fn whole(kind: Allowed) -> Option<bool> {
     match kind {
         Allowed::Number(..) | Allowed::Positive(..) => Some(false),

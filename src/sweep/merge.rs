@@ -10,27 +10,27 @@ use crate::error::InputError;
 use crate::io::atomic_file;
 use crate::io::table::Cell;
 
-/// What a result holds.
+/// Summary of a result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Merged {
     /// Points.
     pub points: u64,
-    /// Points without a result, and the first of them with what is wrong there.
+    /// Points without a result, and the first of them with its error.
     pub problems: (u64, Option<(u64, String)>),
     /// Points with warnings, and the first warning.
     pub warnings: (u64, Option<String>),
-    /// How each recorded quantity is spread.
+    /// The distribution of each recorded quantity.
     pub spreads: Vec<Spread>,
 }
 
-/// How the values of a recorded quantity are spread over the points that have one; None if no point has.
+/// Distribution of the values of a recorded quantity over the points that have one; None if no point has.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Spread {
-    /// The quantity, as its column is called.
+    /// The quantity, by the name of its column.
     pub name: String,
     /// Points without a value.
     pub points_without_value: u64,
-    /// Least.
+    /// Smallest.
     pub least: Option<f64>,
     /// Quantile 16 %.
     pub quantile_16: Option<f64>,
@@ -43,20 +43,20 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Least, quantile 16 %, median, quantile 84 % and largest.
+    /// Smallest, quantile 16 %, median, quantile 84 % and largest.
     pub fn values(&self) -> [Option<f64>; 5] {
         [self.least, self.quantile_16, self.median, self.quantile_84, self.largest]
     }
 }
 
-/// Rows that are written together.
+/// Rows written together.
 const ROWS: usize = 65_536;
 
-/// Makes one table of all parts, and removes them.
+/// Merges all parts into one table, and removes them.
 ///
 /// # Errors
-/// If parts are missing (the message says how many, and how to find which), damaged, or those of another sweep, or the table
-/// cannot be written. Nothing is removed then.
+/// If parts are missing (the message states how many, and how to list them), damaged, or from another sweep, or the table cannot be
+/// written. Nothing is removed then.
 pub fn collect(parts: &Parts) -> Result<Merged, InputError> {
     let grid = parts.grid;
     let present = parts.present()?;
@@ -79,7 +79,7 @@ pub fn collect(parts: &Parts) -> Result<Merged, InputError> {
     let columns = grid.columns();
     let kind = ColumnKind::of(&parts.result)?;
     let mut summary = Summary::new(&columns, grid.outputs().len());
-    // What went wrong with a part, while errors are those of writing.
+    // The fault in a part, while the error type is that of writing.
     let mut damaged = None;
     let written = atomic_file::write_by_way_of(&parts.folder, &parts.result, |file| {
         let mut table = TableWriter::new(kind, file, grid)?;
@@ -107,7 +107,7 @@ pub fn collect(parts: &Parts) -> Result<Merged, InputError> {
     Ok(summary.done(grid.points()))
 }
 
-/// Many numbers of parts, but not a page of them.
+/// A list of part numbers, shortened if too long.
 fn shortened(numbers: String) -> String {
     match numbers.char_indices().nth(60) {
         None => numbers,

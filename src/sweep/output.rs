@@ -1,4 +1,4 @@
-//! What a sweep records of each point.
+//! Quantities that a sweep records for each point.
 
 /// A quantity of one point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,39 +13,39 @@ pub enum Output {
     ExceededUncorrected,
     /// When the first of all budgets is exceeded with correction, years since launch.
     ExceededCorrected,
-    /// Additive shear bias of the population at the end of the mission: its larger member, without a sign.
+    /// Additive shear bias of the population at the end of the mission: absolute value of its larger component.
     AdditiveBias,
-    /// The same of the multiplicative shear bias.
+    /// The same for the multiplicative shear bias.
     MultiplicativeBias,
     /// When the budget of |Δe| is exceeded without correction, years since launch.
     ExceededDeltaE,
-    /// The same of the additive shear bias.
+    /// The same for the additive shear bias.
     ExceededAdditive,
-    /// The same of the multiplicative shear bias.
+    /// The same for the multiplicative shear bias.
     ExceededMultiplicative,
-    /// Limit less |Δe| at the end of the mission, without correction.
+    /// Limit minus |Δe| at the end of the mission, without correction.
     MarginUncorrected,
-    /// Limit times the correction factor less |Δe| at the end of the mission.
+    /// Limit times the correction factor minus |Δe| at the end of the mission.
     MarginCorrected,
     /// d|Δe|/dt just after launch, per yr.
     RateAtLaunch,
     /// |Δe| at the end of the mission over its duration, per yr.
     MeanRate,
-    /// Probability that all uncorrected budgets are met to the end, with the Sun and `[uncertainty]` drawn, here and below.
+    /// Probability that all uncorrected budgets are met until the end, with the Sun and `[uncertainty]` drawn, here and below.
     ProbabilityMetUncorrected,
-    /// Probability that all corrected budgets are met to the end.
+    /// Probability that all corrected budgets are met until the end.
     ProbabilityMetCorrected,
-    /// How long all uncorrected budgets are kept with a probability of 90 %, years since launch.
+    /// How long all uncorrected budgets are met with a probability of 90 %, years since launch.
     KeptUncorrected,
-    /// The same of the corrected budgets.
+    /// The same for the corrected budgets.
     KeptCorrected,
     /// Change of e1 of every galaxy at the end of the mission.
     DeltaE1,
     /// Change of the centroid of every galaxy along y, px.
     DeltaY,
-    /// Change of the size of every galaxy, as a fraction.
+    /// Relative change of the size of every galaxy.
     DeltaSize,
-    /// Change of the flux of every galaxy, as a fraction.
+    /// Relative change of the flux of every galaxy.
     DeltaFlux,
 }
 
@@ -83,7 +83,7 @@ impl Output {
         DeltaFlux,
     ];
 
-    /// What is recorded if the grid file does not say.
+    /// Quantities recorded by default.
     pub const USUAL: [Output; 4] = [Dose, DeltaE, ExceededUncorrected, ExceededCorrected];
 
     /// Name in grid files and of the column.

@@ -1,8 +1,8 @@
-//! Chunks of points as files beside the result, until all are there.
+//! Chunks of points as files beside the result, until all are complete.
 //!
-//! `results.parquet` has its parts in `results.parquet.parts`, `part-000042.FINGERPRINT.csv`. A part is written under
-//! another name and then renamed, so that it is there whole or not at all. Its name follows from the grid alone and its
-//! content too: two processes that compute the same chunk write the same file, and the second replaces the first.
+//! `results.parquet` has its parts in `results.parquet.parts`, `part-000042.FINGERPRINT.csv`. A part is written under another name
+//! and then renamed, so that it is written completely or not at all. Its name and its content follow from the grid alone: two
+//! processes that compute the same chunk write the same file, and the second replaces the first.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Write};
@@ -14,14 +14,14 @@ use crate::error::InputError;
 use crate::io::atomic_file::{self, Written};
 use crate::io::table::Cell;
 
-/// Parts of one sweep, and the file that they become.
+/// Parts of one sweep, and the file into which they are merged.
 #[derive(Clone, Debug)]
 pub struct Parts<'a> {
     /// The sweep.
     pub grid: &'a Grid,
-    /// The file that the parts become.
+    /// The file into which the parts are merged.
     pub result: PathBuf,
-    /// Where the parts are.
+    /// The folder of the parts.
     pub folder: PathBuf,
 }
 
@@ -29,14 +29,14 @@ impl<'a> Parts<'a> {
     /// The parts of a sweep whose result is a file, `.parquet` or `.csv`.
     ///
     /// # Errors
-    /// If the file's name ends in neither, or it is there and is not the result of this sweep, or the result or its
-    /// parts would replace a file that the sweep reads.
+    /// If the file has another suffix, or exists and is not the result of this sweep, or the result or its parts would replace a
+    /// file that the sweep reads.
     pub fn of(grid: &'a Grid, result: impl Into<PathBuf>) -> Result<Parts<'a>, InputError> {
         let result = result.into();
         let kind = ColumnKind::of(&result)?;
         let parts = Parts { grid, folder: with_suffix(&result, ".parts"), result };
         let read = grid.files();
-        // The folder of the parts is removed at the end, with all that is in it.
+        // The folder of the parts is removed at the end, with all its contents.
         let outputs = [Written::File(&parts.result), Written::Into(&parts.folder, |_| true)];
         atomic_file::refuse_clashes(&outputs, &read.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
         if let Some(fingerprint) = kind.fingerprint(&parts.result)?
@@ -51,15 +51,15 @@ impl<'a> Parts<'a> {
         Ok(parts)
     }
 
-    /// Whether the result is there: it is only written when all parts are.
+    /// Whether the result exists: it is only written when all parts are complete.
     pub fn merged(&self) -> bool {
         self.result.exists()
     }
 
-    /// Makes the folder of the parts.
+    /// Creates the folder of the parts.
     ///
     /// # Errors
-    /// If it cannot be made, or not be written to.
+    /// If it cannot be created, or is not writable.
     pub fn prepare(&self) -> Result<(), InputError> {
         let parent = self.result.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if !parent.is_dir() {
@@ -71,10 +71,10 @@ impl<'a> Parts<'a> {
         atomic_file::folder(&self.folder)
     }
 
-    /// Which chunks are there.
+    /// Which chunks are present.
     ///
     /// # Errors
-    /// If the folder cannot be read, or holds parts of another sweep.
+    /// If the folder cannot be read, or contains parts of another sweep.
     pub fn present(&self) -> Result<Vec<bool>, InputError> {
         let mut present = vec![false; self.grid.chunks() as usize];
         let refused = || format!("cannot use the parts in `{}`", self.folder.display());
@@ -101,7 +101,7 @@ impl<'a> Parts<'a> {
     /// Writes the rows of a chunk.
     ///
     /// # Errors
-    /// If that cannot be done.
+    /// If writing fails.
     pub(super) fn write(&self, chunk: u64, rows: &[Vec<Cell>]) -> Result<(), InputError> {
         let mut writer = csv::Writer::from_writer(Vec::new());
         let header: Vec<String> = self.grid.columns().into_iter().map(|(name, _)| name).collect();
@@ -116,7 +116,7 @@ impl<'a> Parts<'a> {
     /// Reads the rows of a chunk.
     ///
     /// # Errors
-    /// If the file is not there, or is not what was written.
+    /// If the file does not exist, or was modified.
     pub(super) fn read(&self, chunk: u64) -> Result<Vec<Vec<Cell>>, InputError> {
         let path = self.path(chunk);
         let refuse = |problem: String| {
@@ -152,12 +152,12 @@ impl<'a> Parts<'a> {
         Ok(rows)
     }
 
-    /// Holds the parts against another process that would compute the same; for as long as the file lives.
+    /// Locks the parts against another process with the same task, for the lifetime of the file.
     ///
-    /// None if the file system knows no locks: two processes then do the work twice, and the result is the same.
+    /// None if the file system does not support locks: two processes then do the work twice, with the same result.
     ///
     /// # Errors
-    /// If another process holds them.
+    /// If another process holds the lock.
     pub(super) fn lock(&self) -> Result<Option<File>, InputError> {
         let path = self.folder.join("lock");
         let refused = || format!("cannot sweep into `{}`", self.result.display());
@@ -171,9 +171,9 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// Removes the parts, once they are one file.
+    /// Removes the parts after the merger.
     pub(super) fn remove(&self) {
-        // Leftover files do no harm, and the result is written.
+        // Leftover files do no harm, and the result is already written.
         let _ = fs::remove_dir_all(&self.folder);
     }
 

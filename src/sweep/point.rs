@@ -1,6 +1,6 @@
-//! Number of a point → what is recorded of it.
+//! Number of a point → its recorded quantities.
 //!
-//! Shapes are read out coarser than `accuracy.relative` asks (see [`Purpose::ManyShapes`]), and only those that are recorded.
+//! Shapes are read out less accurately than `accuracy.relative` (see [`Purpose::ManyShapes`]), and only if recorded.
 
 use std::cell::OnceCell;
 use std::collections::VecDeque;
@@ -21,10 +21,10 @@ use crate::plan::judgement::{Budget, Judgement, Limited};
 /// Models whose images are kept for others with the same galaxies.
 const KEPT: usize = 32;
 
-/// Probability and number of draws for quantities that are estimated from draws, for each point.
+/// Probability and number of draws for quantities estimated from draws, for each point.
 const CONFIDENCE: Confidence = Confidence { probability: 0.9, samples: 400 };
 
-/// Computes points of one sweep; shared by threads.
+/// Computes the points of one sweep; shared by threads.
 pub(super) struct Points<'a> {
     grid: &'a Grid,
     /// The latest models with different images, newest first.
@@ -78,7 +78,7 @@ impl<'a> Points<'a> {
         Ok((values, warnings.join("; ")))
     }
 
-    /// All budgets together, if a recorded quantity asks for that: it is drawn, or shear biases are limited.
+    /// Judgement of all budgets, if needed for a recorded quantity: it is drawn, or shear biases are limited.
     fn judgement(&self, end: &EndOfLife) -> Result<Option<Judgement>, InputError> {
         let mission = &end.model.mission;
         let drawn = self.grid.records.iter().any(|output| output.is_drawn());
@@ -97,8 +97,8 @@ impl<'a> Points<'a> {
         if let Some(known) = known {
             return known.like(mission);
         }
-        // Nobody else has this model while its images are drawn: a thread that waits for another's drawing might be given
-        // work that needs the same images, and wait for itself.
+        // No other thread has this model while its images are drawn: a thread waiting for another's drawing might be given work
+        // that needs the same images, and wait for itself.
         let model = Model::new(mission);
         for galaxy in 0..mission.galaxies.len() {
             model.scene(galaxy);
@@ -114,14 +114,14 @@ impl<'a> Points<'a> {
     }
 }
 
-/// A mission at its end, and on the way there as far as needed.
+/// A mission at its end, and before as needed.
 struct EndOfLife<'a> {
     model: &'a Model,
     duration_yr: f64,
     device: Device,
     /// Changes of the galaxies' shapes, computed when first needed.
     galaxies: OnceCell<Vec<Option<ShapeChange>>>,
-    /// All budgets together, if a recorded quantity needs them.
+    /// Judgement of all budgets, if a recorded quantity needs it.
     judgement: Option<Judgement>,
 }
 

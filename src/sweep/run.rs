@@ -1,4 +1,4 @@
-//! Computes the points that are missing.
+//! Computation of the missing points.
 
 use super::parts::Parts;
 use super::point::Points;
@@ -7,25 +7,25 @@ use crate::error::InputError;
 use crate::io::table::Cell;
 use crate::numeric::parallel;
 
-/// What a run came to.
+/// Results of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Done {
-    /// Points that it was about: those of its shard.
+    /// Points of the run: those of its shard.
     pub points: u64,
-    /// Those that were there already.
+    /// Points already present.
     pub found: u64,
-    /// Those that were computed.
+    /// Points computed.
     pub computed: u64,
-    /// Computed points that have no result; their rows say why.
+    /// Computed points without a result; their rows state why.
     pub problems: u64,
 }
 
 /// Computes the missing points of a sweep, or of one shard of it, and writes them as parts.
 ///
-/// `plan` is called once with the number of points to compute, `progress` with every point that is done.
+/// `plan` is called once with the number of points to compute, `progress` after every point.
 ///
 /// # Errors
-/// If parts cannot be read or written, or are those of another sweep, or another process is at the whole sweep already.
+/// If parts cannot be read or written, or are from another sweep, or another process is already computing the whole sweep.
 pub fn run(
     parts: &Parts,
     shard: Option<Shard>,
@@ -65,7 +65,7 @@ pub fn run(
             row
         };
         let rows: Vec<Vec<Cell>> = parallel::map(grid.chunk(chunk), row);
-        // Another process may have computed the same, and have made the result of it meanwhile.
+        // Another process may have computed the same, and merged the result meanwhile.
         parts.write(chunk, &rows).or_else(|error| if parts.merged() { Ok(()) } else { Err(error) })?;
         Ok(rows.iter().filter(|row| *row.last().expect("a column of problems") != Cell::Missing).count() as u64)
     })?;

@@ -1,4 +1,4 @@
-//! A sweep as a Slurm job array: which task does what, the script, and which tasks to submit again.
+//! A sweep as a Slurm job array: division into tasks, the script, and the tasks to resubmit.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -8,9 +8,9 @@ use super::grid::Grid;
 use super::parts::Parts;
 use crate::error::InputError;
 
-/// One of the equal parts that a sweep is cut into: number K, from 1, of N.
+/// One of the equal parts into which a sweep is divided: number K, from 1, of N.
 ///
-/// It has every N-th chunk: neighbours take about as long as one another, and so do shards.
+/// It has every N-th chunk: neighbouring chunks take about equal times, and so do shards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
     /// K, from 1.
@@ -20,7 +20,7 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// Whether a chunk is its.
+    /// Whether a chunk belongs to it.
     pub fn has(&self, chunk: u64) -> bool {
         chunk % self.of == self.number - 1
     }
@@ -38,10 +38,10 @@ impl FromStr for Shard {
     }
 }
 
-/// Refuses to cut a sweep into more shards than it has chunks: some would have nothing to do.
+/// Rejects more shards than chunks: some would have nothing to do.
 ///
 /// # Errors
-/// If that is so.
+/// If there are more.
 pub(super) fn check(grid: &Grid, shards: u64) -> Result<(), InputError> {
     if shards <= grid.chunks() {
         return Ok(());
@@ -55,10 +55,10 @@ pub(super) fn check(grid: &Grid, shards: u64) -> Result<(), InputError> {
         .with_help("take fewer shards, or set chunk_points in the grid file to less"))
 }
 
-/// Numbers, from 1, of the shards of so many that lack points. None lacks any if the result is there.
+/// Numbers, from 1, of the shards with missing points, out of `shards`. Empty if the result exists.
 ///
 /// # Errors
-/// If parts are those of another sweep, or there are more shards than chunks.
+/// If parts are from another sweep, or there are more shards than chunks.
 pub fn missing(parts: &Parts, shards: u64) -> Result<Vec<u64>, InputError> {
     check(parts.grid, shards)?;
     if parts.merged() {
@@ -72,7 +72,7 @@ pub fn missing(parts: &Parts, shards: u64) -> Result<Vec<u64>, InputError> {
     Ok((1..=shards).filter(lacks).collect())
 }
 
-/// Rising numbers as `sbatch --array` takes them: `3,7-9`.
+/// Ascending numbers in the notation of `sbatch --array`: `3,7-9`.
 pub fn indices(numbers: &[u64]) -> String {
     let mut out = String::new();
     let mut rest = numbers;
@@ -89,10 +89,10 @@ pub fn indices(numbers: &[u64]) -> String {
     out
 }
 
-/// A script for `sbatch` that computes a sweep as an array of so many tasks, each `program ... --shard K/N`.
+/// A script for `sbatch` that computes a sweep as an array of `tasks` tasks, each `program ... --shard K/N`.
 ///
 /// # Errors
-/// If there are more tasks than chunks, or a path is not there.
+/// If there are more tasks than chunks, or a path does not exist.
 pub fn script(parts: &Parts, program: &Path, tasks: u64) -> Result<String, InputError> {
     check(parts.grid, tasks)?;
     let absolute = |path: &Path| std::path::absolute(path).map_or_else(|_| quoted(path), |path| quoted(&path));

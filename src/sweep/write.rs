@@ -1,7 +1,7 @@
 //! Rows → Parquet or CSV.
 //!
-//! Both hold the same columns with the same values, to the last bit. Days are dates in Parquet; what is missing is null there
-//! and an empty cell in CSV. The sweep's fingerprint is a column, and in Parquet also metadata of the file.
+//! Both contain the same columns with the same values, to the last bit. Days are dates in Parquet; missing values are null there
+//! and empty cells in CSV. The sweep's fingerprint is a column, and in Parquet also metadata of the file.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -33,7 +33,7 @@ pub(super) enum ColumnKind {
 }
 
 impl ColumnKind {
-    /// By the end of the file's name.
+    /// From the suffix of the file's name.
     pub fn of(path: &Path) -> Result<ColumnKind, InputError> {
         match path.extension().and_then(|extension| extension.to_str()) {
             Some("parquet") => Ok(ColumnKind::Parquet),
@@ -45,7 +45,7 @@ impl ColumnKind {
         }
     }
 
-    /// Fingerprint of the sweep whose result a file is, empty if it is none; None if there is no file.
+    /// Fingerprint of the sweep whose result is in a file, empty if it is not a result; None if there is no file.
     pub fn fingerprint(self, path: &Path) -> Result<Option<String>, InputError> {
         let refuse = |error: io::Error| InputError::new(format!("cannot use `{}`", path.display()), error.to_string());
         let file = match File::open(path) {
@@ -85,7 +85,7 @@ pub(super) fn written(cell: &Cell) -> String {
     }
 }
 
-/// Writes rows into a file, some at a time.
+/// Writes rows into a file, in batches.
 pub(super) enum TableWriter<'a> {
     Csv(Box<csv::Writer<&'a mut File>>),
     Parquet(Vec<Holds>, Box<SerializedFileWriter<BufWriter<&'a mut File>>>),
@@ -137,7 +137,7 @@ impl<'a> TableWriter<'a> {
     }
 }
 
-/// What went wrong with the file, without the library's own words around it.
+/// The error of a file, without the library's own words around it.
 fn plain(error: ParquetError) -> io::Error {
     match error {
         ParquetError::External(error) => match error.downcast::<io::Error>() {

@@ -18,7 +18,7 @@ use crate::plan::scenario;
 use crate::sweep::distribution::Distribution;
 use crate::sweep::output::Output;
 
-/// What stands at the top of a grid file.
+/// Top-level keys of a grid file.
 const KNOWN: [&str; 7] = ["mission", "outputs", "sampling", "draws", "seed", "chunk_points", "axes"];
 
 /// All distributions.
@@ -37,13 +37,13 @@ const DISTRIBUTIONS: [Syntax; 5] = [
 
 const SAMPLINGS: [&str; 4] = ["grid", "latin-hypercube", "monte-carlo", "sobol"];
 
-/// Least share of a distribution that may be left when it is cut: below that, quantiles lose their digits.
+/// Minimum probability left by truncation: below that, quantiles lose their digits.
 const LEAST_KEPT: f64 = 1e-6;
 
-/// So many chunks if the file does not say how large they are.
+/// Default number of chunks.
 const CHUNKS: u64 = 256;
 
-/// Largest chunk if the file does not say.
+/// Maximum default size of a chunk.
 const MOST_CHUNK_POINTS: u64 = 1000;
 
 pub(super) fn grid(refused: &str, name: String, text: &str, folder: &Path) -> Result<Grid, InputError> {
@@ -59,7 +59,7 @@ pub(super) fn grid(refused: &str, name: String, text: &str, folder: &Path) -> Re
     source.read(document.get_ref(), name, folder)
 }
 
-/// How a grid file writes a distribution.
+/// Notation of a distribution in a grid file.
 #[derive(Clone, Copy)]
 struct Syntax {
     name: &'static str,
@@ -83,14 +83,14 @@ struct Source<'a> {
     text: &'a str,
 }
 
-/// An axis, where it stands, and what its key takes.
+/// An axis, its location, and the values that its key takes.
 struct Placed<'a> {
     axis: Axis,
     entry: Entry<'a>,
     key: &'static keys::Key,
 }
 
-/// A key as users write it, its value, and where the two stand in the text.
+/// A key as written by the user, its value, and their locations in the text.
 struct Entry<'a> {
     key: String,
     value: &'a DeValue<'a>,
@@ -141,7 +141,7 @@ impl Source<'_> {
         Ok(grid)
     }
 
-    /// Every key at the top of the file is known.
+    /// Checks that every top-level key of the file is known.
     fn check_known(&self, entries: &[Entry]) -> Result<(), InputError> {
         let Some(unknown) = entries.iter().find(|entry| !KNOWN.contains(&entry.key.as_str())) else { return Ok(()) };
         let help = match nearest(&unknown.key, KNOWN) {
@@ -167,7 +167,7 @@ impl Source<'_> {
         }
     }
 
-    /// Draws at every combination of the lists: said if there are distributions, and only there.
+    /// Draws at every combination of the lists: given if there are distributions, and only then.
     fn draws(&self, entry: Option<&Entry>, sampling: Option<Sampling>) -> Result<u64, InputError> {
         match (entry, sampling) {
             (Some(entry), None) => Err(self
@@ -188,7 +188,7 @@ impl Source<'_> {
         }
     }
 
-    /// Number of points: missions and draws, times the values of each list.
+    /// Number of points: missions times draws times the values of each list.
     fn points(&self, missions_and_draws: u64, axes: &[Placed]) -> Result<u64, InputError> {
         let listed = axes
             .iter()
@@ -204,7 +204,7 @@ impl Source<'_> {
         })
     }
 
-    /// Sobol's sequence has so many points, in so many dimensions.
+    /// Checks the limits of Sobol's sequence on points and dimensions.
     fn check_sobol(&self, sampling: Option<Sampling>, draws: u64, distributions: usize) -> Result<(), InputError> {
         if sampling == Some(Sampling::Sobol) && (draws > MOST_SOBOL.0 || distributions > MOST_SOBOL.1) {
             let problem = format!(
@@ -321,7 +321,7 @@ impl Source<'_> {
     fn axes<'a>(&self, table: &'a DeTable<'a>, missions: &[(String, Mission)]) -> Result<Vec<Placed<'a>>, InputError> {
         let mut leaves = Vec::new();
         self.leaves(table, "", &missions[0].1, &mut leaves);
-        // Dotted keys of one section need not stand together.
+        // Dotted keys of one section need not be adjacent.
         leaves.sort_by_key(|entry| (entry.line, entry.span.start));
         let mut axes: Vec<Placed> = Vec::new();
         for mut entry in leaves {
@@ -347,7 +347,7 @@ impl Source<'_> {
         Ok(axes)
     }
 
-    /// `detector.temperature_k = ...` may be a key in quotes, a dotted key, or a key in [axes.detector].
+    /// `detector.temperature_k = ...` may be a quoted key, a dotted key, or a key in [axes.detector].
     fn leaves<'a>(&self, table: &'a DeTable<'a>, prefix: &str, mission: &Mission, leaves: &mut Vec<Entry<'a>>) {
         for entry in self.entries(table, prefix) {
             match entry.value {
@@ -421,7 +421,7 @@ impl Source<'_> {
         Ok(if whole { Values::DrawnWhole(distribution) } else { Values::Drawn(distribution) })
     }
 
-    /// Which distribution a table names.
+    /// The distribution named in a table.
     fn syntax(&self, entry: &Entry, members: &[Entry]) -> Result<Syntax, InputError> {
         let names = || DISTRIBUTIONS.iter().map(|syntax| syntax.name);
         let known = names().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
@@ -440,7 +440,7 @@ impl Source<'_> {
         })
     }
 
-    /// A distribution has the numbers that it needs, and no others.
+    /// Checks that a distribution has the numbers it needs, and no others.
     fn check_members(&self, entry: &Entry, syntax: Syntax, members: &[Entry]) -> Result<(), InputError> {
         let Syntax { name, required, optional, .. } = syntax;
         let allowed: Vec<&str> = ["distribution"].iter().chain(required).chain(optional).copied().collect();
@@ -473,7 +473,7 @@ impl Source<'_> {
         self.list(entry, key, values).map(Values::Chosen)
     }
 
-    /// The distribution of a family that has the numbers of a table.
+    /// The distribution of a family with the numbers of a table.
     fn numbers(&self, entry: &Entry, family: Family, members: &[Entry]) -> Result<Distribution, InputError> {
         let number =
             |name: &str, otherwise: f64| find(members, name).map_or(Ok(otherwise), |member| self.number(entry, member));
@@ -546,9 +546,9 @@ impl Source<'_> {
         Ok(Values::DrawnDays(from, to))
     }
 
-    /// Every number that will be drawn is allowed for its key.
+    /// Checks that every number to be drawn is allowed for its key.
     fn check_draws(&self, drawn: &[&Placed], sample: &Sample, draws: u64) -> Result<(), InputError> {
-        // Quantiles are monotonic: the lowest and the highest place are sufficient.
+        // Quantiles are monotonic: the lowest and the highest draw are sufficient.
         let mut ends = vec![((f64::INFINITY, 0), (0.0, 0)); drawn.len()];
         for draw in 0..draws {
             for (place, (least, most)) in sample.places(draw).into_iter().zip(&mut ends) {
@@ -625,13 +625,13 @@ impl Source<'_> {
         }
     }
 
-    /// The value that is written at a place of the text.
+    /// The value at a location in the text.
     fn value(&self, span: Range<usize>) -> Value {
         let table: toml::Table = format!("value = {}", &self.text[span]).parse().expect("a value that was parsed");
         table["value"].clone()
     }
 
-    /// 5 stands for 5.0 if a key takes any number: a column holds one kind.
+    /// 5 is converted to 5.0 if a key takes any number: a column has one datatype.
     fn number_as_wanted(&self, key: &keys::Key, value: Value) -> Value {
         match (key.kind, value) {
             (Allowed::Number(..) | Allowed::Positive(..), Value::Integer(integer)) => Value::Float(integer as f64),
@@ -653,7 +653,7 @@ impl Source<'_> {
         entries
     }
 
-    /// A refusal at a key of the grid file itself.
+    /// An error at a key of the grid file itself.
     fn fault(&self, entry: &Entry, problem: impl Into<String>) -> InputError {
         let value = &self.text[entry.span.clone()];
         let place = if value.starts_with('[') && !value.contains('=') && !matches!(entry.value, DeValue::Array(_)) {
@@ -668,7 +668,7 @@ impl Source<'_> {
         InputError { place: Some(format!("line {}: {place}", entry.line)), ..InputError::new(self.refused, problem) }
     }
 
-    /// A refusal at an axis.
+    /// An error at an axis.
     fn fault_at(&self, entry: &Entry, problem: impl Into<String>) -> InputError {
         self.fault(
             &Entry {
