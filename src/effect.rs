@@ -1,12 +1,11 @@
-//! What is added to the model: the catalogue of effects.
+//! Additions to the model: the catalogue of effects.
 //!
-//! A mission switches effects on in its `[effects]` tables; a fit adjusts their parameters; a diagnosis tries every one of
-//! them. Each stands in one file, with its physics, its source, and what it looks like in residuals; the list below is all
-//! that knows of them. To add one: a file beside the others, its `mod` line, its line in [`CATALOGUE`] (see
-//! `docs/adding-an-effect.md`).
+//! A mission switches effects on in its `[effects]` tables; a fit adjusts their parameters; a diagnosis tries each of them. Each
+//! has one file, with its physics, its source, and its appearance in residuals; they are registered only in the list below. To add
+//! one: a file beside the others, its `mod` line, its line in [`CATALOGUE`] (see `docs/adding-an-effect.md`).
 //!
-//! An effect changes one quantity of the chain, by overriding the method of [`Effect`] that is called for it. Effects act in the
-//! order of the list, regardless of their order in the file.
+//! An effect changes one quantity of the chain, by overriding the corresponding method of [`Effect`]. Effects act in the order of
+//! the list, regardless of their order in the file.
 
 mod annealing;
 mod bakeout;
@@ -47,7 +46,7 @@ use crate::physics::{Damage, DoseHistory, SpeciesState};
 use crate::readout::{Clock, Cloud};
 pub use reach::Reach;
 
-/// All effects there are, in the order in which the physics happens.
+/// All effects, in the order of the physics.
 pub static CATALOGUE: [Entry; 22] = [
     entry::<solar_cycle::SolarCycle>(),
     entry::<cycle::Cycle>(),
@@ -73,16 +72,16 @@ pub static CATALOGUE: [Entry; 22] = [
     entry::<formula::Formula>(),
 ];
 
-/// A small change of one noun of the chain: override the method of the noun that changes. In the order of the chain.
+/// A small change of one element of the chain: override the method of that element. In the order of the chain.
 ///
-/// Methods that make something once for a mission cannot fail: what they are made of was checked when the mission was read.
-/// Those that are asked under given conditions can.
+/// Methods called once per mission cannot fail: their parameters were checked when the mission was read. Those called with
+/// conditions can.
 pub trait Effect: fmt::Debug + Send + Sync {
-    /// The conditions as they really are, where thermometers and mission files are wrong.
+    /// The true conditions, if thermometers and mission files are wrong.
     fn conditions(&self, _at: &mut Conditions) -> Result<(), InputError> {
         Ok(())
     }
-    /// Dose over time, as a dose monitor sees it.
+    /// Dose over time, as measured by a dose monitor.
     fn dose(&self, _dose: &mut DoseHistory) {}
     /// Wells and trap species.
     fn detector(&self, _detector: &mut Detector) {}
@@ -104,26 +103,26 @@ pub trait Effect: fmt::Debug + Send + Sync {
     fn charge(&self, _charge_e: &mut Array2<f64>, _at: &Conditions) -> Result<(), InputError> {
         Ok(())
     }
-    /// A serial register with traps of its own.
+    /// A serial register with its own traps.
     fn serial(&self) -> Option<SerialRegister> {
         None
     }
-    /// The charges (e-, `[[row, column]]`) as the amplifier gives them out, with those before the first transfer.
+    /// The charges (e-, `[[row, column]]`) as output by the amplifier, with those before the first transfer.
     fn read(&self, _before_e: &Array2<f64>, _read_e: &mut Array2<f64>, _at: &Conditions) -> Result<(), InputError> {
         Ok(())
     }
-    /// What is predicted for an observable.
+    /// The predicted value of an observable.
     fn value(&self, _value: &mut f64, _observable: Observable, _at: &Conditions) -> Result<(), InputError> {
         Ok(())
     }
 
-    /// Conditions, by name, on which it depends beyond those that the chain itself depends on.
+    /// Conditions, by name, on which it depends in addition to those of the chain itself.
     fn depends_on(&self) -> Vec<String> {
         Vec::new()
     }
 }
 
-/// A serial register: rows are clocked through it after the parallel transfers, by the same physics.
+/// A serial register: rows are clocked through it after the parallel transfers, with the same physics.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SerialRegister {
     /// Trap species, densities at the detector's reference dose.
@@ -134,83 +133,83 @@ pub struct SerialRegister {
     pub transfers: u32,
 }
 
-/// What a reader needs to know of an effect.
+/// Description of an effect.
 #[derive(Clone, Copy)]
 pub struct Card {
     /// Its name in `[effects.NAME]`.
     pub kind: &'static str,
-    /// What it adds, in one sentence.
+    /// The addition, in one sentence.
     pub adds: &'static str,
     /// The physics, with its formula.
     pub physics: &'static str,
-    /// Where that is from.
+    /// Source of the physics.
     pub source: &'static str,
-    /// Where it holds and where not.
+    /// Range of validity.
     pub holds: &'static str,
-    /// What residuals look like where it is missing from the model.
+    /// Appearance of residuals if it is missing from the model.
     pub residuals: &'static str,
-    /// Its parameters; paths are relative to its table, and `*` stands for any name.
+    /// Its parameters; paths are relative to its table, and `*` matches any name.
     pub keys: &'static [Key],
 }
 
 impl Card {
-    /// The parameter of a relative path, in which `[]` stands for any member of an array.
+    /// The parameter with a relative path, in which `[]` matches any member of an array.
     pub fn key(&self, pattern: &str) -> Option<&'static Key> {
         let fits = |key: &&Key| key.path == pattern || (key.path == "*" && !pattern.contains(['.', '[']));
         self.keys.iter().find(fits)
     }
 }
 
-/// A kind of effect: what the catalogue holds.
+/// A kind of effect, as registered in the catalogue.
 pub trait Catalogued: Effect + DeserializeOwned + 'static {
-    /// What a reader needs to know.
+    /// Its description.
     const CARD: Card;
 
-    /// Its table at zero strength: in this mission it changes nothing.
+    /// Its table at zero strength, without effect in this mission.
     fn nothing(mission: &Mission) -> toml::Table;
 
-    /// Its table at a strength that can be seen, as an example.
+    /// Its table at a visible strength, as an example.
     fn example(mission: &Mission) -> toml::Table;
 
-    /// Starting points of a search for it in some data: forms that it could take, each as tables whose changes of the predictions
-    /// add up, with any weights. The strength is only known to be not below zero. Weak effects show best what free parameters
-    /// absorb.
+    /// Starting points of a search in some data: possible forms, each as tables whose changes of the predictions add up, with any
+    /// weights. The strength is only known to be non-negative. Weak effects best show what free parameters absorb.
     fn trials(mission: &Mission, _reach: &Reach) -> Vec<Vec<toml::Table>> {
         vec![vec![Self::example(mission)]]
     }
 
-    /// Whether it replaces a part of the mission, as a second one would again: a mission has one at most.
+    /// Whether it replaces a part of the mission, as a second one would again: a mission has at most one.
     const REPLACES: bool = false;
 
-    /// Kinds of which it is the general case: if it is no better, they are meant.
+    /// Kinds of which it is the general case: unless it is better, they are preferred.
     const GENERALISES: &'static [&'static str] = &[];
 
-    /// Parameters that a search holds at the values of its trials: the data do not determine them.
+    /// Parameters that a search fixes at the values of its trials: the data do not determine them.
     fn held(_reach: &Reach) -> &'static [&'static str] {
         &[]
     }
 
-    /// Values (in the unit of each key), by dotted key, with which a fitted mission predicts the same and reads better, such as a time within the mission;
-    /// none if it reads well. `key` is that of the table, `given` the mission before the fit of the `free` keys.
+    /// Values (in the unit of each key), by dotted key, with which a fitted mission gives the same predictions and is easier to
+    /// read, such as a time within the mission; empty if it already is. `key` is that of the table, `given` the mission before the
+    /// fit of the `free` keys.
     fn plainer(_fitted: &Mission, _given: &Mission, _free: &[String], _key: &str) -> Vec<(String, f64)> {
         Vec::new()
     }
 
-    /// Whether it makes sense in a mission.
+    /// Checks that it is valid in a mission.
     ///
     /// # Errors
-    /// If it does not.
+    /// If it is not.
     fn check(&self, _mission: &Mission) -> Result<(), Refusal> {
         Ok(())
     }
 }
 
-/// Why an effect makes no sense in a mission.
+/// Why an effect is invalid in a mission.
 #[derive(Clone, Debug)]
 pub struct Refusal {
-    /// The parameter that is wrong.
+    /// The invalid parameter.
     pub key: String,
-    /// What is wrong.
+    /// The fault.
     pub problem: String,
     /// What to try.
     pub help: Option<String>,
@@ -221,21 +220,21 @@ pub type Plainer = fn(&Mission, &Mission, &[String], &str) -> Vec<(String, f64)>
 
 /// One line of the catalogue.
 pub struct Entry {
-    /// What a reader needs to know.
+    /// Its description.
     pub card: Card,
     /// The table at zero strength.
     pub nothing: fn(&Mission) -> toml::Table,
     /// The table of an example.
     pub example: fn(&Mission) -> toml::Table,
-    /// Where a search starts.
+    /// Starting points of a search.
     pub trials: fn(&Mission, &Reach) -> Vec<Vec<toml::Table>>,
-    /// Whether a mission has one at most.
+    /// Whether a mission has at most one.
     pub replaces: bool,
     /// Kinds of which it is the general case.
     pub generalises: &'static [&'static str],
-    /// Parameters that a search holds.
+    /// Parameters that a search fixes.
     pub held: fn(&Reach) -> &'static [&'static str],
-    /// Values that mean the same and read better.
+    /// Equivalent values that are easier to read.
     pub plainer: Plainer,
     read: fn(&toml::Table) -> Result<Arc<dyn Effect>, String>,
     check: fn(&toml::Table, &Mission) -> Result<(), Refusal>,
@@ -263,11 +262,11 @@ const fn entry<K: Catalogued>() -> Entry {
 }
 
 impl Entry {
-    /// Whether the tables of this effect make sense in a mission, by themselves already checked; the index is that of the
-    /// table among several of the kind.
+    /// Checks the tables of this effect, already valid by themselves, in a mission; the index is that of the table among several of
+    /// the kind.
     ///
     /// # Errors
-    /// The first that does not.
+    /// That of the first invalid one.
     pub(crate) fn check(&self, mission: &Mission) -> Result<(), (usize, Refusal)> {
         for (index, table) in tables(mission, self.card.kind).into_iter().enumerate() {
             if self.replaces && index > 0 {
@@ -281,19 +280,19 @@ impl Entry {
     }
 }
 
-/// The catalogue's line of a kind.
+/// The catalogue's entry for a kind.
 pub fn find(kind: &str) -> Option<&'static Entry> {
     CATALOGUE.iter().find(|entry| entry.card.kind == kind)
 }
 
-/// The key of a dotted path below `effects`, in which `[3]` may stand for `[]`.
+/// The key of a dotted path below `effects`, in which `[3]` may replace `[]`.
 pub(crate) fn find_key(path: &str) -> Option<&'static Key> {
     let pattern = pattern_of(path);
     let (kind, parameter) = pattern.strip_prefix("effects.")?.split_once('.')?;
     find(kind.trim_end_matches("[]"))?.card.key(parameter)
 }
 
-/// A name that is not taken: `extra`, `extra 2`, and so on.
+/// An unused name: `extra`, `extra 2`, and so on.
 pub(crate) fn new_name(first: &str, taken: &[String]) -> String {
     let numbered = |number: usize| if number == 1 { first.to_string() } else { format!("{first} {number}") };
     (1..).map(numbered).find(|name| !taken.contains(name)).expect("numbers do not end")
@@ -308,7 +307,7 @@ pub(crate) fn tables<'a>(mission: &'a Mission, kind: &str) -> Vec<&'a toml::Tabl
     }
 }
 
-/// The table of a dotted key as [`add_effect`](crate::mission_file::add_effect) gives it.
+/// The table of a dotted key from [`add_effect`](crate::mission_file::add_effect).
 pub(crate) fn table<'a>(mission: &'a Mission, key: &str) -> Option<&'a toml::Table> {
     let mut parts = key.split('.').skip(1);
     let kind = parts.next()?;
@@ -326,7 +325,7 @@ pub fn of(mission: &Mission) -> Vec<Arc<dyn Effect>> {
     CATALOGUE.iter().flat_map(read).collect()
 }
 
-/// Most epochs at which a search looks for an event.
+/// Maximum number of epochs at which a search tries an event.
 pub(crate) const EVENT_EPOCHS: usize = 48;
 
 /// A table of numbers.

@@ -1,4 +1,4 @@
-//! Numbers and dates: what any program of numbers needs, and nothing of CCDs.
+//! Numbers and dates: general numerical tools, independent of CCDs.
 
 pub(crate) mod autocorrelation;
 pub mod calendar;

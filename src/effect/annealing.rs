@@ -48,7 +48,7 @@ impl Catalogued for Annealing {
     }
 
     fn trials(_: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
-        // From much faster than the mission to hardly within it.
+        // From much faster than the mission to hardly visible within it.
         let span_yr = reach.last_yr().max(0.1);
         ratios(0.1 * span_yr, 5.0 * span_yr, 6).map(|time_yr| vec![numbers(&[("time_yr", time_yr)])]).collect()
     }

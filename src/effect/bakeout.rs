@@ -1,4 +1,4 @@
-//! A fraction of the traps gone on one day.
+//! Loss of a fraction of the traps on one day.
 
 use std::sync::Arc;
 

@@ -61,7 +61,7 @@ impl Catalogued for Clocking {
     }
 
     fn trials(_: &Mission, _: &Reach) -> Vec<Vec<toml::Table>> {
-        // Species much faster than the line vanish at once, others change little by little.
+        // Species much faster than the line vanish at once; others change gradually.
         [0.02, 0.2].map(|share| vec![numbers(&[("return_share", share)])]).into()
     }
 }

@@ -1,4 +1,4 @@
-//! A dose rate that rises and falls with the Sun.
+//! A dose rate that varies with the solar cycle.
 
 use serde::Deserialize;
 
@@ -20,10 +20,10 @@ pub struct Cycle {
 /// Mean length of the solar cycle, yr.
 const SOLAR_CYCLE_YR: f64 = 11.0;
 
-/// Data that span as many years show their period themselves.
+/// Data that span at least this many years determine their own period.
 const SHOWS_PERIOD_YR: f64 = 8.0;
 
-/// Phases at which a search starts.
+/// Number of phases at which a search starts.
 const PHASES: u32 = 8;
 
 impl Catalogued for Cycle {

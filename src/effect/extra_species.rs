@@ -77,8 +77,8 @@ impl Catalogued for ExtraSpecies {
             .collect()
     }
 
-    /// A species whose density and release time are free, and which a fit has taken away from its release time to one that the
-    /// extra species is nearer to than it, changes places with it.
+    /// If a fit has moved a species with free density and release time away from its release time, and the extra species is now
+    /// nearer to it, both exchange their values.
     fn plainer(fitted: &Mission, given: &Mission, free: &[String], key: &str) -> Vec<(String, f64)> {
         let own = |name: &str| format!("{key}.{name}");
         let of = |species: &Species, name: &str| format!("detector.traps.{}.{name}", species.name);
@@ -154,7 +154,7 @@ mod tests {
         swapped.sort_by(|a, b| a.0.cmp(&b.0));
         let values: Vec<f64> = swapped.iter().map(|(_, value)| *value).collect();
         assert_eq!(values, [density_per_px, 1.1 * release_ms, 0.5, 0.01 * release_ms], "{swapped:?}");
-        // What is not free cannot change places, and what is at its place need not.
+        // Fixed parameters cannot be exchanged, and a species at its original release time need not be.
         assert!(ExtraSpecies::plainer(&away, &given, &keys[..1], &key).is_empty());
         let (here, key) = fitted(1.1 * release_ms, 0.01 * release_ms);
         assert!(ExtraSpecies::plainer(&here, &given, &keys, &key).is_empty());

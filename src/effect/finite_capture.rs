@@ -1,4 +1,4 @@
-//! Capture that takes time.
+//! Finite capture times.
 
 use serde::Deserialize;
 
@@ -109,7 +109,7 @@ impl Catalogued for FiniteCapture {
 }
 
 impl FiniteCapture {
-    /// Packets of the reference have a density.
+    /// Checks that packets of the reference have a density.
     fn check_reference(&self, mission: &Mission) -> Result<(), Refusal> {
         let Some(capture_at_e) = self.capture_at_e.filter(|_| self.density_power > 0.0) else { return Ok(()) };
         let given = |kind: &str, key: &str| tables(mission, kind).last().and_then(|table| table.get(key)?.as_float());
@@ -163,7 +163,7 @@ mod tests {
 
     #[test]
     fn faint_packets_are_captured_less_than_a_full_well() {
-        // Sky and galaxy are far below a full well: their clouds are thinner.
+        // Sky and galaxy are far below a full well: their clouds have lower densities.
         let changes = ["0.0", "0.25", "0.5", "1.0"]
             .map(|power| change(&format!("capture_ms = 3.0\ndensity_power = {power}")).abs());
         assert!(changes.windows(2).all(|pair| pair[1] < 0.995 * pair[0]), "{changes:?}");

@@ -25,7 +25,7 @@ pub struct Formula {
     compiled: Result<Compiled, ExpressionError>,
 }
 
-/// The same, as a mission file has it.
+/// The same, as written in a mission file.
 #[derive(Deserialize)]
 struct Written {
     target: String,
@@ -44,17 +44,17 @@ impl From<Written> for Formula {
     }
 }
 
-/// An expression that knows where the values of its slots come from.
+/// An expression with the sources of the values of its slots.
 #[derive(Clone, Debug)]
 struct Compiled {
     expression: Expression,
-    /// Values of the slots, as far as they never change: those of parameters.
+    /// Values of the constant slots: those of parameters.
     slots: Vec<f64>,
-    /// The slot of the quantity that changes.
+    /// The slot of the changed quantity.
     quantity: Option<usize>,
-    /// The slot of `charge_e`, of which a charge cloud's height is a function.
+    /// The slot of `charge_e`, on which a charge cloud's height depends.
     charge_e: Option<usize>,
-    /// All other slots: they take the conditions of these names.
+    /// All other slots: conditions with these names.
     conditions: Vec<(usize, String)>,
 }
 
@@ -73,7 +73,7 @@ impl Compiled {
         Compiled { slots, quantity: expression.slot(quantity), charge_e, conditions, expression }
     }
 
-    /// Values of all slots under given conditions, but for those that [`Compiled::value`] fills.
+    /// Values of all slots under given conditions, except those filled by [`Compiled::value`].
     fn slots(&self, known: impl Fn(&str) -> Option<f64>) -> Result<Vec<f64>, InputError> {
         let mut slots = self.slots.clone();
         for (slot, name) in &self.conditions {
@@ -82,7 +82,7 @@ impl Compiled {
         Ok(slots)
     }
 
-    /// What becomes of a quantity. A quantity that is not known stays unknown.
+    /// The new value of a quantity. An unknown quantity stays unknown.
     fn value(&self, slots: &mut [f64], quantity: f64) -> Result<f64, InputError> {
         if quantity.is_nan() {
             return Ok(quantity);
@@ -94,11 +94,11 @@ impl Compiled {
     }
 }
 
-/// The target that is a function of the charge, and the name of that.
+/// The target that depends on the charge, and the name of the charge.
 const CLOUD: &str = "cloud_height";
 const CHARGE: &str = "charge_e";
 
-/// Targets, each the name of the quantity in its expression too.
+/// Targets; each is also the name of the quantity in its expression.
 const TARGETS: [&str; 10] = [
     "background_e",
     "temperature_k",
@@ -208,7 +208,7 @@ fn words(target: &str, expression: &str) -> toml::Table {
 }
 
 impl Formula {
-    /// Target and the member of it, as in `density_per_px.VV`.
+    /// Target and its member, as in `density_per_px.VV`.
     fn parts(&self) -> (&str, Option<&str>) {
         self.target.split_once('.').map_or((&self.target, None), |(target, member)| (target, Some(member)))
     }
@@ -217,7 +217,7 @@ impl Formula {
         self.compiled.as_ref().expect("checked when the mission was read")
     }
 
-    /// What becomes of a quantity. A quantity that is not known stays unknown.
+    /// The new value of a quantity. An unknown quantity stays unknown.
     fn becomes(&self, quantity: f64, at: &Conditions) -> Result<f64, InputError> {
         if quantity.is_nan() {
             return Ok(quantity);
@@ -246,7 +246,7 @@ impl Formula {
     }
 }
 
-/// Why an expression has no value, with its place in the mission file.
+/// The error of an expression, with its location in the mission file.
 fn refusal(error: ExpressionError) -> InputError {
     InputError {
         refused: "cannot apply a formula".into(),
@@ -284,7 +284,7 @@ impl Effect for Formula {
                 "density_per_px" => species.density_per_px = self.becomes(species.density_per_px, at)?.max(0.0),
                 "release_ms" => {
                     let release_ms = self.becomes(species.release_ms, at)?;
-                    // Traps that release within a millionth of a transfer, or never, are the limits.
+                    // Release within a millionth of a transfer, or never, are the limits.
                     species.release_ms = release_ms.max(1e-6 * at.line_time_ms);
                 }
                 _ => {}

@@ -13,7 +13,7 @@ pub struct Notch {
     notch_e: f64,
 }
 
-/// Share of a background that a channel nearly holds.
+/// Capacity of a channel that nearly holds a background, relative to that background.
 const NEARLY: f64 = 0.97;
 
 impl Catalogued for Notch {
@@ -39,13 +39,13 @@ impl Catalogued for Notch {
     }
 
     fn trials(mission: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
-        // From below the background, which does something else when it sinks into the channel, to half of the brightest.
+        // From below the background, which behaves differently when it sinks into the channel, to half of the brightest.
         let [least_e, brightest_e] = reach.charge_e.unwrap_or([mission.sky.background_e, 1e4]);
         let highest_e = (0.5 * brightest_e).min(0.5 * mission.detector.full_well_e);
         let lowest_e = (0.25 * least_e).max(0.3).min(0.5 * highest_e);
         let count = (highest_e / lowest_e).log(2.5).ceil() as usize + 1;
         let deeper = ratios(lowest_e, highest_e, count).map(|notch_e| mission.detector.notch_e + notch_e);
-        // A channel that nearly holds a background does far more to its small packets than one that holds a little less or more.
+        // A channel that nearly holds a background affects its small packets far more than a slightly smaller or larger one.
         let own_e = mission.detector.notch_e;
         let nearly =
             reach.backgrounds_e.iter().map(|background_e| NEARLY * background_e).filter(|notch_e| *notch_e > own_e);

@@ -1,4 +1,4 @@
-//! Background that the mission file does not know of.
+//! Background that is missing in the mission file.
 
 use serde::Deserialize;
 
@@ -36,7 +36,7 @@ impl Catalogued for Preflash {
     }
 
     fn trials(mission: &Mission, _: &Reach) -> Vec<Vec<toml::Table>> {
-        // Nothing is known of it: from hardly anything to much more than the sky.
+        // It is unknown: from almost zero to much more than the sky.
         let largest_e = (10.0 * mission.sky.background_e).clamp(100.0, 0.1 * mission.detector.full_well_e);
         ratios(1.0, largest_e, 4).map(|electrons| vec![numbers(&[("electrons", electrons)])]).collect()
     }

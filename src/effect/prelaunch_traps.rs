@@ -1,4 +1,4 @@
-//! Traps that were there at launch.
+//! Traps present at launch.
 
 use std::collections::BTreeMap;
 
@@ -41,7 +41,7 @@ impl Catalogued for PrelaunchTraps {
     }
 
     fn trials(mission: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
-        // A fifth of what the mission makes, species by species.
+        // A fifth of those created in the mission, species by species.
         let share = 0.2 * reach.dose_mev_g / mission.reference_dose_mev_g();
         let species = mission.detector.traps.iter();
         let alone = |alone: &str| {

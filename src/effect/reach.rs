@@ -1,32 +1,32 @@
-//! What data reach: where a search for an effect has to look.
+//! Range of the data, in which an effect is searched.
 
 use crate::physics::conditions::Conditions;
 
-/// Least and largest conditions of some data.
+/// Range of the conditions of some data.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reach {
-    /// Launch and the epochs of the data, years since launch, rising.
+    /// Launch and the epochs of the data, years since launch, ascending.
     pub epochs_yr: Vec<f64>,
     /// Shortest and longest time between two parallel transfers, ms.
     pub line_time_ms: [f64; 2],
     /// Largest distance behind a packet, px; 1 if there are no trails.
     pub trail_px: u32,
-    /// Least charge that a pixel holds (the faintest background, the faintest packet if there is none) and the brightest
-    /// packet or block with its background, e-; None if there are only galaxies.
+    /// Smallest charge of a pixel (the faintest background, or without one the faintest packet) and the brightest packet or block
+    /// with its background, e-; None if there are only galaxies.
     pub charge_e: Option<[f64; 2]>,
-    /// Distinct backgrounds above 0, rising, eight of them at most, e-.
+    /// Distinct backgrounds above 0, ascending, at most eight, e-.
     pub backgrounds_e: Vec<f64>,
     /// Coldest and warmest detector, K.
     pub temperature_k: [f64; 2],
-    /// Dose of the model at the last epoch, or a year after launch if that is later, to scale a trial with, MeV/g.
+    /// Dose of the model at the last epoch, or a year after launch if that is later, as a scale for trials, MeV/g.
     pub dose_mev_g: f64,
 }
 
 impl Reach {
-    /// That of some rows' conditions.
+    /// The range of some rows' conditions.
     ///
     /// # Panics
-    /// If there are none.
+    /// If there are no rows.
     pub fn of<'a>(rows: impl Iterator<Item = &'a Conditions> + Clone) -> Reach {
         let ends = |value: &dyn Fn(&Conditions) -> Option<f64>| {
             rows.clone().filter_map(value).fold(None, |ends: Option<[f64; 2]>, value| match ends {
@@ -51,7 +51,7 @@ impl Reach {
         }
     }
 
-    /// Distinct backgrounds above 0 of some rows' conditions, rising, eight of them at most, evenly chosen, e-.
+    /// Distinct backgrounds above 0 in some rows' conditions, ascending, at most eight, evenly chosen, e-.
     pub fn backgrounds_of<'a>(rows: impl Iterator<Item = &'a Conditions>) -> Vec<f64> {
         let mut all: Vec<f64> = rows.map(|at| at.background_e).filter(|background_e| *background_e > 0.0).collect();
         all.sort_by(f64::total_cmp);
@@ -60,12 +60,12 @@ impl Reach {
         all.into_iter().step_by(step).collect()
     }
 
-    /// The same with the dose that a model has; a dose that it cannot give is 0.
+    /// The same with the dose from a model; 0 if it has none.
     pub fn with_dose(&self, dose_mev_g: impl FnOnce(f64) -> Option<f64>) -> Reach {
         Reach { dose_mev_g: dose_mev_g(self.last_yr().max(1.0)).unwrap_or(0.0), ..self.clone() }
     }
 
-    /// Middles between two epochs, so many at most, evenly chosen.
+    /// Midpoints between epochs, at most `most`, evenly chosen.
     pub fn between_epochs(&self, most: usize) -> Vec<f64> {
         let middles: Vec<f64> = self.epochs_yr.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
         let step = middles.len().div_ceil(most).max(1);
@@ -83,10 +83,10 @@ impl Reach {
     }
 }
 
-/// Backgrounds that are named at most.
+/// Maximum number of backgrounds.
 const BACKGROUNDS: usize = 8;
 
-/// Numbers from one to another whose ratios are equal, both included.
+/// Numbers in equal ratios from one to another, both included.
 pub fn ratios(low: f64, high: f64, count: usize) -> impl Iterator<Item = f64> {
     let step = (high / low).powf(1.0 / (count.max(2) - 1) as f64);
     (0..count).map(move |index| low * step.powi(index as i32))

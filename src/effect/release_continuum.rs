@@ -1,4 +1,4 @@
-//! Release times that are spread.
+//! Distributions of release times.
 
 use serde::Deserialize;
 

@@ -1,4 +1,4 @@
-//! Traps that become more with time.
+//! Traps that increase with time.
 
 use std::sync::Arc;
 
@@ -49,7 +49,7 @@ impl Catalogued for ReverseAnnealing {
     }
 
     fn trials(_: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
-        // As those of annealing: from much faster than the mission to hardly within it.
+        // Like annealing: from much faster than the mission to hardly visible within it.
         let span_yr = reach.last_yr().max(0.1);
         ratios(0.1 * span_yr, 5.0 * span_yr, 6).map(|time_yr| vec![table(0.1, time_yr)]).collect()
     }

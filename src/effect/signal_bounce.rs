@@ -60,8 +60,8 @@ impl Effect for SignalBounce {
     }
 }
 
-/// Adds to what is read (e-) a trail behind each packet: fraction exp(−(k − 1)/length) cos(2π (k − 1)/period) of it in pixel k
-/// behind it. Lengths and periods are in pixels; an infinite period is none.
+/// Adds a trail behind each packet to the charges read (e-): fraction exp(−(k − 1)/length) cos(2π (k − 1)/period) of it in pixel k
+/// behind it. Lengths and periods are in pixels; an infinite period means no oscillation.
 pub(super) fn add_trail(
     fraction: f64,
     length_px: f64,

@@ -24,7 +24,7 @@ impl Catalogued for SolarCycle {
     };
 
     fn nothing(_: &Mission) -> toml::Table {
-        // At zero strength only if the mission follows the cycle already: there is nothing to turn down.
+        // At zero strength only if the mission already follows the cycle: it has no adjustable strength.
         toml::Table::new()
     }
 

@@ -1,4 +1,4 @@
-//! A thermometer that is wrong.
+//! A thermometer offset.
 
 use serde::Deserialize;
 

@@ -44,7 +44,7 @@ impl Catalogued for VolumeAtZero {
     }
 }
 
-/// A share of what is left of the well in addition.
+/// A further share of the rest of the well.
 fn more(mission: &Mission, share: f64) -> toml::Table {
     let known = mission.detector.volume_at_zero;
     numbers(&[("fraction", known + share * (0.999 - known))])

@@ -1,4 +1,4 @@
-//! Another exponent of the charge cloud.
+//! A different exponent of the charge cloud's height.
 
 use serde::Deserialize;
 

@@ -1,4 +1,4 @@
-//! How long a Markov chain remembers.
+//! Autocorrelation time of a Markov chain.
 
 /// Width of the window in autocorrelation times.
 const WINDOW: f64 = 5.0;
@@ -9,9 +9,9 @@ const WINDOW: f64 = 5.0;
 /// τ = 1 + 2 Σ ρ(k)   over lags k from 1 to M, with the least M ≥ 5 τ
 /// ```
 ///
-/// ρ is the mean autocorrelation of all chains about their common mean; the window is Sokal's (1997, in: Functional
-/// Integration, NATO ASI B 361, 131). A mean over n steps of w chains has the variance σ²τ/(n w). The estimate is good for chains of 50 τ
-/// and more; infinite if nothing moves.
+/// ρ is the mean autocorrelation of all chains about their common mean; the window is Sokal's (1997, in: Functional Integration,
+/// NATO ASI B 361, 131). A mean over n steps of w chains has the variance σ²τ/(n w). The estimate is reliable for chains of at
+/// least 50 τ; infinite if nothing moves.
 pub(crate) fn time(chains: &[Vec<f64>]) -> f64 {
     let length = chains.first().map_or(0, Vec::len);
     let mean = chains.iter().flatten().sum::<f64>() / (length * chains.len()) as f64;
@@ -19,7 +19,7 @@ pub(crate) fn time(chains: &[Vec<f64>]) -> f64 {
         let products = |chain: &Vec<f64>| -> f64 {
             chain.iter().zip(&chain[lag..]).map(|(early, late)| (early - mean) * (late - mean)).sum()
         };
-        // Over the length, not the number of products: late lags are noise.
+        // Divided by the length, not the number of products: late lags are noise.
         chains.iter().map(products).sum::<f64>() / (length * chains.len()) as f64
     };
     let variance = if length > 0 { covariance(0) } else { 0.0 };
@@ -61,7 +61,7 @@ mod tests {
             let chains: Vec<Vec<f64>> = (0..10).map(|_| chain()).collect();
             let expected = (1.0 + a) / (1.0 - a);
             let found = time(&chains);
-            // √(2 (2 M + 1)/n) of the estimate, with M = 5 τ and n = 50 000 (Sokal 1997): 9 % at most.
+            // √(2 (2 M + 1)/n) relative error, with M = 5 τ and n = 50 000 (Sokal 1997): at most 9 %.
             assert!((found / expected - 1.0).abs() < 0.2, "{found} {expected}");
         }
     }

@@ -1,7 +1,7 @@
 //! Dates, decimal years and years since launch.
 //!
-//! A year since launch is 365.25 days, everywhere. Solar maxima are quoted in decimal calendar years, which are as long
-//! on average; the difference, a day or so, is far below what a maximum is known to.
+//! A year since launch is 365.25 days, everywhere. Solar maxima are quoted in decimal calendar years, whose mean length is the
+//! same; the difference, about a day, is far below the uncertainty of a maximum.
 
 use chrono::{Datelike, NaiveDate, TimeDelta};
 
@@ -16,7 +16,7 @@ pub fn decimal_year(date: NaiveDate) -> f64 {
 
 /// The date (the day that has begun) `t_yr` years after launch. None after the year 9999.
 pub fn date_after(launch: NaiveDate, t_yr: f64) -> Option<NaiveDate> {
-    // The least fraction of a day keeps whole numbers of days whole in spite of rounding.
+    // A tiny fraction of a day keeps whole numbers of days in spite of rounding.
     let days = (t_yr * DAYS_PER_YEAR + 1e-6).floor();
     launch.checked_add_signed(TimeDelta::try_days(days as i64)?).filter(|date| date.year() <= 9999)
 }

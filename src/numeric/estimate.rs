@@ -1,16 +1,16 @@
-//! Numbers that are estimated from draws, and their errors.
+//! Numbers estimated from draws, and their errors.
 //!
-//! Errors are those of the bootstrap: the draws are drawn from again, with replacement, and the number is made anew of each
-//! such sample (Efron 1979, Ann. Statist. 7, 1).
+//! Errors are those of the bootstrap: the draws are resampled with replacement, and the number is computed for each such sample
+//! (Efron 1979, Ann. Statist. 7, 1).
 
 use crate::numeric::parallel;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Samples of the bootstrap: an error is known to a tenth of itself.
+/// Samples of the bootstrap: the relative accuracy of an error is a tenth.
 const SAMPLES: u64 = 200;
 
-/// Streams of the bootstrap, apart from those of the draws themselves.
+/// Random streams of the bootstrap, separate from those of the draws themselves.
 const STREAMS: u64 = 1 << 40;
 
 /// A number with its standard error, in the same unit.
@@ -24,9 +24,9 @@ pub struct Estimate {
 
 /// Values of statistics, and their standard errors from the finite number of draws.
 ///
-/// `statistics` makes them of the draws whose places it is given, the same number of statistics each time. A statistic may be
-/// infinite: later than what was followed. An error is half the central 68.3 % of the samples, or its lower half where the
-/// upper one is infinite; None if that is infinite, too. The same seed gives the same bits with any number of threads.
+/// `statistics` computes them from the draws with the given indices, always the same number of statistics. A statistic may be
+/// infinite: later than the horizon. An error is half the central 68.3 % of the samples, or its lower half if the upper one is
+/// infinite; None if that is also infinite. The same seed gives the same bits for any number of threads.
 pub fn with_errors(
     draws: usize,
     seed: u64,
@@ -44,7 +44,7 @@ pub fn with_errors(
     values.into_iter().enumerate().map(|(index, value)| (value, error(index))).collect()
 }
 
-/// The quantile of sorted numbers at a probability `p`, between two of them on a straight line. Numbers may be infinite.
+/// The quantile of sorted numbers at a probability `p`, with linear interpolation. Numbers may be infinite.
 pub fn quantile(sorted: &[f64], p: f64) -> f64 {
     let place = p * (sorted.len() - 1) as f64;
     let (low, high) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);

@@ -1,9 +1,8 @@
-//! A formula that a user wrote, such as `value * (1 + a * t_yr)`, compiled once and evaluated often.
+//! A user-defined formula, such as `value * (1 + a * t_yr)`, compiled once and evaluated often.
 //!
-//! From loosely to tightly binding: `||`, `&&`, `== !=`, `< <= > >=`, `+ -`, `* / %`, `^` (or `**`, from right to left), and the
-//! signs `- + !`; besides, functions, `PI`, `true`, `false` and `if a { b } else { c }`. All numbers are real (`1/2` is 0.5). An
-//! expression without a real value (the logarithm of a negative number, a division by zero) is refused at its place instead
-//! of becoming NaN.
+//! In ascending precedence: `||`, `&&`, `== !=`, `< <= > >=`, `+ -`, `* / %`, `^` (or `**`, right-associative), and the signs `- +
+//! !`; also functions, `PI`, `true`, `false` and `if a { b } else { c }`. All numbers are real (`1/2` is 0.5). An expression
+//! without a real value (the logarithm of a negative number, a division by zero) is an error with its position, instead of NaN.
 
 mod compile;
 mod function;
@@ -13,16 +12,16 @@ use std::fmt;
 
 use function::Function;
 
-/// An expression, compiled to a program for a stack of numbers. Its names are numbered: slots take their values.
+/// An expression, compiled to a program for a stack machine. Its names are numbered: their values are given in slots.
 #[derive(Clone)]
 pub struct Expression {
     text: String,
-    /// Slots: names that must be given values, each with its first place.
+    /// Slots: names that need values, each with its first position.
     slots: Vec<(String, usize)>,
     program: Vec<Step>,
-    /// Place of each step in the text.
+    /// Position of each step in the text.
     places: Vec<usize>,
-    /// Most numbers on the stack.
+    /// Maximum height of the stack.
     height: usize,
 }
 
@@ -39,7 +38,7 @@ enum Step {
     Jump(usize),
     /// Takes a comparison from the stack, and continues elsewhere if it is false.
     JumpUnless(usize),
-    /// Continues elsewhere if the comparison on the stack is this one, which stays; drops it otherwise.
+    /// Continues elsewhere if the comparison on the stack has this value, which stays; drops it otherwise.
     JumpIf(bool, usize),
 }
 
@@ -60,14 +59,14 @@ enum Binary {
     NotEqual,
 }
 
-/// What is wrong with an expression, and where in it.
+/// An error in an expression, and its position.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ExpressionError {
     /// The expression.
     pub text: String,
-    /// Place in it: letters before what is wrong.
+    /// Its position: number of characters before it.
     pub place: Option<usize>,
-    /// What is wrong.
+    /// The error.
     pub problem: String,
     /// What to try.
     pub help: Option<String>,
@@ -82,21 +81,21 @@ impl fmt::Display for ExpressionError {
     }
 }
 
-/// Most operations inside one another.
+/// Maximum nesting of operations.
 const NESTED: usize = 100;
 
 impl Expression {
-    /// Names in it that must be given values, in the order of their slots.
+    /// Its names that need values, in the order of their slots.
     pub fn variables(&self) -> impl Iterator<Item = &str> {
         self.slots.iter().map(|(name, _)| name.as_str())
     }
 
-    /// The slot of a name, if the expression has it.
+    /// The slot of a name, if it occurs.
     pub fn slot(&self, name: &str) -> Option<usize> {
         self.variables().position(|known| known == name)
     }
 
-    /// Its value for those of its variables, in the order of their slots.
+    /// Its value for given values of its variables, in the order of their slots.
     ///
     /// # Errors
     /// If there is no real value.
@@ -104,7 +103,7 @@ impl Expression {
     /// # Panics
     /// If there are fewer values than variables.
     pub fn value(&self, slots: &[f64]) -> Result<f64, ExpressionError> {
-        // A short stack costs less to clear.
+        // A short stack takes less time to clear.
         let run = if self.height <= 16 { Expression::run::<16> } else { Expression::run::<{ NESTED + 2 }> };
         let value = run(self, slots)?;
         if value.is_finite() { Ok(value) } else { Err(self.fault(None, format!("the result is {value}"))) }
@@ -122,7 +121,7 @@ impl Expression {
 
     fn run<const HEIGHT: usize>(&self, slots: &[f64]) -> Result<f64, ExpressionError> {
         let mut stack = [0.0; HEIGHT];
-        // The stack's height, and the step that is next.
+        // The height of the stack, and the next step.
         let (mut height, mut next) = (0, 0);
         while let Some(step) = self.program.get(next) {
             next += 1;
@@ -191,7 +190,7 @@ impl Binary {
         }
     }
 
-    /// Refuses divisions and powers whose value is no number; sums may become infinite on the way.
+    /// Rejects divisions and powers without a numeric value; sums may become infinite on the way.
     fn check(self, a: f64, b: f64) -> Result<(), String> {
         match self {
             Binary::Divide => Err(format!("{a} / {b} is no number")),
@@ -243,7 +242,7 @@ mod tests {
         }
     }
 
-    /// Precedence, direction, functions and conditions are those that formulas have always had.
+    /// Precedence, associativity, functions and conditions must never change.
     #[test]
     fn values_are_those_of_the_golden_table() {
         for row in csv::Reader::from_path("tests/golden/formulas.csv").unwrap().deserialize() {
@@ -268,7 +267,7 @@ mod tests {
             assert!(Expression::parse(&nested(20)).unwrap().value(&[0.5]).is_ok(), "{open}");
             let error = Expression::parse(&nested(5000)).unwrap_err();
             assert_eq!(error.problem, "more than 100 operations are inside one another", "{open}");
-            // The deepest that is accepted fits the stack.
+            // The deepest nesting accepted fits the stack.
             let deepest = (1..=100).rev().find_map(|depth| Expression::parse(&nested(depth)).ok()).unwrap();
             assert!(deepest.value(&[0.5]).is_ok(), "{open}");
         }

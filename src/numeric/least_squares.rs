@@ -1,27 +1,26 @@
-//! Linear least squares for columns that may be of very different size, or depend on one another.
+//! Linear least squares for columns of very different size, or with linear dependences.
 
 use nalgebra::{DMatrix, DVector};
 
-/// What columns span, and how they make it up.
+/// The span of columns, and their decomposition.
 ///
-/// A QR decomposition with pivoting (Golub & Van Loan 2013, Matrix Computations, section 5.4.2) of the columns brought to
-/// length 1. It ends after as many steps as there are columns; the singular values of the same columns come from a loop
-/// that does not always end.
+/// A QR decomposition with pivoting (Golub & Van Loan 2013, Matrix Computations, section 5.4.2) of the columns scaled to length 1.
+/// It ends after as many steps as there are columns; the iteration for singular values does not always converge.
 pub(crate) struct Span {
     /// Orthonormal directions, `[(row, direction)]`.
     directions: DMatrix<f64>,
-    /// How the columns used consist of them: upper triangle.
+    /// Coefficients of the columns used: upper triangle.
     triangle: DMatrix<f64>,
-    /// The columns used, by their places, in the order of the triangle's.
+    /// The columns used, by their indices, in the order of the triangle's.
     used: Vec<usize>,
-    /// Lengths of those.
+    /// Lengths of these columns.
     lengths: Vec<f64>,
     columns: usize,
 }
 
 impl Span {
-    /// The span of columns, `[(row, column)]`. A column of which the others leave less than `flat` of its length adds
-    /// nothing; neither does one without length, or whose length is no number.
+    /// The span of columns, `[(row, column)]`. A column whose component orthogonal to the others is below `flat` of its length adds
+    /// nothing; neither does one of zero or NaN length.
     pub fn of(columns: &DMatrix<f64>, flat: f64) -> Span {
         let norms: Vec<f64> = columns.column_iter().map(|column| column.norm()).collect();
         let alive: Vec<usize> =
@@ -50,7 +49,7 @@ impl Span {
         &self.directions
     }
 
-    /// How much of each column comes nearest to a vector; 0 of those that add nothing.
+    /// Coefficients of the columns closest to a vector; 0 for those that add nothing.
     pub fn solve(&self, vector: &DVector<f64>) -> DVector<f64> {
         let along = self.directions.transpose() * vector;
         let scaled = self.triangle.solve_upper_triangular(&along).expect("no zero on the diagonal");
@@ -61,7 +60,7 @@ impl Span {
         found
     }
 
-    /// Covariance of what [`Span::solve`] finds, of vectors with errors of 1.
+    /// Covariance of the result of [`Span::solve`], for vectors with errors of 1.
     pub fn covariance(&self) -> DMatrix<f64> {
         let rank = self.used.len();
         let inverse = self.triangle.solve_upper_triangular(&DMatrix::identity(rank, rank)).expect("likewise");
@@ -80,8 +79,7 @@ impl Span {
 mod tests {
     use super::*;
 
-    /// Columns of sizes from 1e-9 to 1e9: a parabola and its parts, one of them twice, one that is not there, one that is
-    /// no number.
+    /// Columns of sizes from 1e-9 to 1e9: a parabola and its parts, one of them twice, one of zeros, and one of NaN.
     fn columns() -> DMatrix<f64> {
         DMatrix::from_fn(7, 6, |row, column| {
             let x = row as f64 - 2.0;

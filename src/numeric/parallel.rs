@@ -1,7 +1,7 @@
-//! Loops whose items are computed in parallel and whose results come in the order of the items.
+//! Parallel loops whose results have the order of the items.
 //!
-//! Rayon generates code of its own for each of its loops. Here there is one, for all: with a hundred of them, a sixth of the program's
-//! compilation was this.
+//! Rayon generates code for each of its loops. Here there is one for all: a hundred loops took a sixth of the program's compile
+//! time.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -25,7 +25,7 @@ where
         interrupt::check();
         let locked = || places[index].lock().unwrap_or_else(PoisonError::into_inner);
         let item = locked().0.take();
-        // Not while the place is locked: `one` may take long.
+        // Not while the mutex is locked: `one` may take long.
         let result = item.map(&one);
         locked().1 = result;
     });
@@ -33,10 +33,10 @@ where
     places.into_iter().map(|place| result(place).expect("each item was computed")).collect()
 }
 
-/// The same if an item may fail. Items after one that failed may be left out.
+/// The same if an item may fail. Items after a failed one may be skipped.
 ///
 /// # Errors
-/// Of the first item that fails, in the order of the items, with any number of threads.
+/// That of the first failed item, in the order of the items, for any number of threads.
 pub fn try_map<I, R, E>(items: I, one: impl Fn(I::Item) -> Result<R, E> + Sync) -> Result<Vec<R>, E>
 where
     I: IntoIterator<Item: Send>,

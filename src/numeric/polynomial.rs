@@ -4,14 +4,13 @@
 //! f(x) = Σ c_k T_k1(x1) T_k2(x2) ...        a1 k1 + a2 k2 + ... ≤ degree
 //! ```
 //!
-//! with Chebyshev's polynomials T, for variables between −1 and 1, and a cost a of a power of each variable: in some a function is smoother
-//! than in others. A function that is even or odd in the last variable needs the
-//! even or the odd powers of it alone.
+//! with Chebyshev polynomials T, for variables between −1 and 1, and a cost a of a power of each variable: a function is smoother
+//! in some variables than in others. A function that is even or odd in the last variable needs only even or odd powers of it.
 
 use nalgebra::{DMatrix, DVector};
 use ndarray::{Array2, Axis};
 
-/// Powers of the last variable that occur.
+/// Powers of the last variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Parity {
     /// All of them.
@@ -22,7 +21,7 @@ pub(crate) enum Parity {
     Odd,
 }
 
-/// The terms of a polynomial up to some degree.
+/// The terms of a polynomial up to a degree.
 #[derive(Clone, Debug)]
 pub(crate) struct Terms {
     /// Cost of a power of each variable, in units of the degree.
@@ -31,16 +30,16 @@ pub(crate) struct Terms {
     terms: Vec<Term>,
 }
 
-/// A term: another one times Chebyshev's polynomial of one more variable.
+/// A term: another one times a Chebyshev polynomial of one more variable.
 #[derive(Clone, Debug)]
 struct Term {
-    /// Place of the other one; None for 1.
+    /// Index of the other one; None for 1.
     times: Option<usize>,
     variable: usize,
     power: usize,
     /// Costs of all its powers.
     cost: usize,
-    /// Whether it occurs in the polynomial, and not in other terms alone.
+    /// Whether it is part of the polynomial, not only a factor of other terms.
     occurs: bool,
 }
 
@@ -52,7 +51,7 @@ impl Terms {
         found
     }
 
-    /// Terms in the variables from one on, with so much of the degree left, each times a term.
+    /// Adds terms in the variables starting with one, with the degree left, each multiplied by a term.
     fn add(&mut self, variable: usize, left: usize, times: Option<usize>, parity: Parity) {
         if variable == self.costs.len() {
             return;
@@ -69,7 +68,7 @@ impl Terms {
             if last && !occurs {
                 continue;
             }
-            // A factor of 1 is none.
+            // A factor of 1 is omitted.
             let place = match (power, last) {
                 (0, false) => times,
                 _ => {
@@ -86,7 +85,7 @@ impl Terms {
         self.terms.iter().filter(|term| term.occurs).count()
     }
 
-    /// Degree of each term over the largest.
+    /// Degree of each term relative to the largest.
     pub fn shares(&self) -> Vec<f64> {
         let terms = self.terms.iter().filter(|term| term.occurs);
         terms.map(|term| term.cost as f64 / self.degree.max(1) as f64).collect()
@@ -110,14 +109,14 @@ impl Terms {
             if term.occurs {
                 values.extend_from_slice(&product);
             }
-            // The last variable's terms are factors of no other.
+            // Terms of the last variable are factors of no others.
             all.push(if term.occurs { Vec::new() } else { product });
         }
         Array2::from_shape_vec((self.count(), count), values).expect("a row for each term")
     }
 }
 
-/// T_0 to T_degree at some places.
+/// T_0 to T_degree at the given points.
 fn chebyshev(places: Vec<f64>, degree: usize) -> Vec<Vec<f64>> {
     let mut all = vec![vec![1.0; places.len()], places];
     for power in 2..=degree {
@@ -131,11 +130,11 @@ fn chebyshev(places: Vec<f64>, degree: usize) -> Vec<Vec<f64>> {
 
 /// Shares of the mean square of the terms that are added to the diagonal of the normal equations, for any term and for those of the
 /// highest degree. Terms that the points do not distinguish, and high ones that they hardly determine, get small coefficients. So
-/// there may be more terms than the points would support otherwise (ridge regression: Hoerl & Kennard 1970, Technometrics 12, 55).
+/// more terms are possible than the points would support otherwise (ridge regression: Hoerl & Kennard 1970, Technometrics 12, 55).
 const RIDGE: f64 = 1e-12;
 const HIGHEST: f64 = 1e-3;
 
-/// Power of the degree with which the latter grows.
+/// Exponent of the degree in the latter.
 const GROWTH: i32 = 10;
 
 /// Coefficients `[(function, term)]` of several functions from their values `[(function, point)]` and the terms' values, by least
@@ -188,7 +187,7 @@ mod tests {
     fn a_polynomial_is_found_from_its_values() {
         let law = |x: f64, y: f64, z: f64| 1.0 - x + 2.0 * x * y * z * z - 0.3 * y * y * y * y;
         let known = points(300);
-        // Twice the degree that is needed: what is highest is held down.
+        // Twice the degree needed: the highest terms are suppressed.
         let terms = Terms::of(&[1; 3], 8, Parity::Even);
         let at = |points: &Array2<f64>| {
             Array2::from_shape_fn((1, points.ncols()), |(_, p)| law(points[[0, p]], points[[1, p]], points[[2, p]]))
@@ -198,11 +197,11 @@ mod tests {
             let error = coefficients.dot(&terms.values(points)) - at(points);
             error.mapv(|error| error * error).mean().unwrap().sqrt()
         };
-        // Errors squared and penalty together are at most the penalty of the law itself: its one large coefficient of degree 4 is 1, and
-        // terms are at most 1.
+        // The sum of squared errors and penalty is at most the penalty of the true function: its one large coefficient of degree 4
+        // is 1, and terms are at most 1.
         let penalty = HIGHEST * 0.5_f64.powi(GROWTH) * 1.01;
         assert!(rms(&known) < penalty.sqrt(), "{}", rms(&known));
-        // A hundred points more are between them.
+        // A hundred further points are between them.
         assert!(rms(&points(400)) < penalty.sqrt(), "{}", rms(&points(400)));
     }
 

@@ -1,20 +1,20 @@
-//! A cache of results that take long and are needed repeatedly for few inputs: the last ones are kept for the process.
+//! A cache of results that take long and are needed repeatedly for few inputs: the latest ones are kept for the process.
 
 use std::sync::Mutex;
 
-/// The last results of a function of its inputs alone. The cache changes the time, never the value.
+/// The latest results of a pure function. The cache changes the time, never the value.
 pub(crate) struct Recent<K, V> {
     kept: Mutex<Vec<(K, V)>>,
     most: usize,
 }
 
 impl<K: PartialEq, V: Clone> Recent<K, V> {
-    /// At most so many.
+    /// With this maximum number of results.
     pub const fn new(most: usize) -> Recent<K, V> {
         Recent { kept: Mutex::new(Vec::new()), most }
     }
 
-    /// The result for an input; made where it is not kept. Threads that ask for it at once may each make it.
+    /// The result for an input, computed if not cached. Threads that need it simultaneously may each compute it.
     pub fn get(&self, input: K, make: impl FnOnce(&K) -> V) -> V {
         let kept = || self.kept.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         if let Some((_, found)) = kept().iter().find(|(known, _)| *known == input) {

@@ -1,9 +1,9 @@
 //! Roots of functions of one variable.
 
-/// Most steps of a search: bisection alone needs fewer.
+/// Maximum number of steps: bisection alone needs fewer.
 const STEPS: usize = 200;
 
-/// Root between two places at which a function has different signs (or is 0), to `tolerance`.
+/// Root between two points at which a function has different signs (or is 0), to `tolerance`.
 ///
 /// # Panics
 /// If the signs do not differ.
@@ -13,10 +13,10 @@ pub(crate) fn between(low: f64, high: f64, tolerance: f64, function: impl Fn(f64
     found.unwrap_or_else(|never| match never {})
 }
 
-/// The same of a function that can fail, given with its values at the two places.
+/// The same for a function that may fail, given with its values at the two points.
 ///
-/// Brent's method (Brent 1973, Algorithms for Minimization without Derivatives, chapter 4): inverse quadratic interpolation or
-/// the secant if they converge, bisection if they do not.
+/// Brent's method (Brent 1973, Algorithms for Minimization without Derivatives, chapter 4): inverse quadratic interpolation or the
+/// secant if they converge, otherwise bisection.
 ///
 /// # Errors
 /// Those of the function.
@@ -29,7 +29,7 @@ pub(crate) fn try_between<E>(
     function: impl Fn(f64) -> Result<f64, E>,
 ) -> Result<f64, E> {
     assert!(at_a * at_b <= 0.0, "no change of sign between {a} ({at_a}) and {b} ({at_b})");
-    // b is the best place so far, c the one on the other side of the root.
+    // b is the best point so far, c the one on the other side of the root.
     let (mut c, mut at_c) = (a, at_a);
     let (mut step, mut before_last) = (b - a, b - a);
     for _ in 0..STEPS {
@@ -64,7 +64,7 @@ pub(crate) fn try_between<E>(
     Ok(b)
 }
 
-/// Step from `b` to where a curve through three places (or a line, where two are the same) meets 0.
+/// Step from `b` to the zero of a curve through three points (or a line, if two are the same).
 fn interpolation((a, at_a): (f64, f64), (b, at_b): (f64, f64), (c, at_c): (f64, f64)) -> f64 {
     let s = at_b / at_a;
     let (p, q) = if a == c {

@@ -1,28 +1,28 @@
-//! Number of a draw → its place in every distribution, between 0 and 1.
+//! Number of a draw → its quantile in every distribution, between 0 and 1.
 //!
-//! A draw knows of no other: which process computes it, and what it computed before, change nothing. Each has a stream of
-//! random numbers of its own, chosen by its number. In a Latin hypercube (McKay, Beckman & Conover 1979, Technometrics 21,
-//! 239) each distribution is cut into as many strata of equal probability as there are draws, and one permutation per
-//! distribution, from the seed alone, says which draw falls into which: every stratum is met once. Sobol's points (Sobol 1967,
-//! with the scrambling of Owen 1995 after Burley 2020, JCGT 9(4), 1) fill all distributions together: means of smooth functions
-//! come closer with n draws than 1/√n.
+//! Draws are independent of each other: it does not matter which process computes one, or what it computed before. Each has its own
+//! stream of random numbers, selected by its number. In a Latin hypercube (McKay, Beckman & Conover 1979, Technometrics 21, 239)
+//! each distribution is divided into as many strata of equal probability as there are draws. One permutation per distribution, from
+//! the seed alone, assigns draws to strata: every stratum has one draw. Sobol's points (Sobol 1967, with the scrambling of Owen
+//! 1995 after Burley 2020, JCGT 9(4), 1) fill all distributions together: means of smooth functions converge faster with n draws
+//! than 1/√n.
 
 use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// How distributions are drawn from.
+/// The sampling of distributions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampling {
-    /// One draw in each of so many strata of equal probability, for each distribution.
+    /// One draw in each stratum of equal probability, for each distribution.
     LatinHypercube,
     /// Independent draws.
     MonteCarlo,
-    /// Scrambled points of Sobol's sequence, [`MOST_SOBOL`] at most.
+    /// Scrambled points of Sobol's sequence, at most [`MOST_SOBOL`].
     Sobol,
 }
 
-/// Most points of Sobol's sequence, and most distributions.
+/// Maximum number of points of Sobol's sequence, and of distributions.
 pub const MOST_SOBOL: (u64, usize) = (1 << 16, sobol_burley::NUM_DIMENSIONS as usize);
 
 /// Draws from several distributions together.
@@ -32,12 +32,12 @@ pub struct Sample {
     draws: u64,
     dimensions: usize,
     sampling: Sampling,
-    /// For each distribution the stratum of each draw; empty if draws are independent.
+    /// For each distribution the stratum of each draw; empty for independent draws.
     strata: Vec<Vec<u32>>,
 }
 
 impl Sample {
-    /// So many draws from so many distributions.
+    /// `draws` draws from `dimensions` distributions.
     ///
     /// # Panics
     /// With more than [`MOST_SOBOL`] points of Sobol's sequence.
@@ -47,7 +47,7 @@ impl Sample {
         }
         let permutation = |dimension: usize| {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
-            // Streams of draws are counted from below.
+            // Streams of draws count upwards from 0.
             random.set_stream(u64::MAX - dimension as u64);
             let mut strata: Vec<u32> = (0..draws as u32).collect();
             strata.shuffle(&mut random);
@@ -60,7 +60,7 @@ impl Sample {
         Sample { seed, draws, dimensions, sampling, strata }
     }
 
-    /// Where a draw is in each distribution: above 0 and below 1.
+    /// The quantile of a draw in each distribution: above 0 and below 1.
     pub fn places(&self, draw: u64) -> Vec<f64> {
         if self.sampling == Sampling::Sobol {
             return (0..self.dimensions).map(|dimension| self.sobol(draw as u32, dimension as u32)).collect();
@@ -69,7 +69,7 @@ impl Sample {
         random.set_stream(draw);
         (0..self.dimensions)
             .map(|dimension| {
-                // The middle of one of 2^53 equal parts: never 0; in the last stratum rounding may make it 1.
+                // The midpoint of one of 2^53 equal parts: never 0; in the last stratum rounding may make it 1.
                 let within = ((random.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64;
                 let place = match self.strata.get(dimension) {
                     Some(strata) => (f64::from(strata[draw as usize]) + within) / self.draws as f64,
@@ -81,14 +81,14 @@ impl Sample {
     }
 
     fn sobol(&self, draw: u32, dimension: u32) -> f64 {
-        // Both halves of the seed count.
+        // Both halves of the seed matter.
         let seed = (self.seed as u32) ^ ((self.seed >> 32) as u32).rotate_left(16);
         let place = f64::from(sobol_burley::sample(draw, dimension, seed));
         place.clamp(SOBOL_EDGE, 1.0 - SOBOL_EDGE)
     }
 }
 
-/// Distance from 0 and from 1 that points of Sobol's sequence, numbers of 24 bits, keep.
+/// Minimum distance from 0 and from 1 of Sobol's points, which have 24 bits.
 const SOBOL_EDGE: f64 = 1.0 / (1_u64 << 25) as f64;
 
 #[cfg(test)]
@@ -105,14 +105,14 @@ mod tests {
             strata.sort();
             assert_eq!(strata, (0..1000).collect::<Vec<_>>());
         }
-        // Distributions know nothing of one another: 1/√1000 is a standard deviation.
+        // Distributions are independent: 1/√1000 is a standard deviation.
         let mean = places.iter().map(|place| (place[0] - 0.5) * (place[1] - 0.5) * 12.0).sum::<f64>() / 1000.0;
         assert!(mean.abs() < 4.0 / 1000_f64.sqrt(), "{mean}");
     }
 
     #[test]
     fn points_of_sobol_fill_every_pair_of_distributions() {
-        // Of 2^2k points one falls into each of 2^k × 2^k squares, for the first two dimensions.
+        // For 2^2k points, one is in each of 2^k × 2^k squares, for the first two dimensions.
         let sample = Sample::new(Sampling::Sobol, 5, 256, 2);
         let square = |draw: u64| {
             let places = sample.places(draw);
@@ -122,7 +122,7 @@ mod tests {
         squares.sort();
         assert_eq!(squares, (0..256).collect::<Vec<_>>());
         assert_ne!(sample.places(3), Sample::new(Sampling::Sobol, 6, 256, 2).places(3));
-        // A mean of a product over 12 distributions is closer than that of independent draws.
+        // A mean of a product over 12 distributions is more accurate than for independent draws.
         let product = |sampling: Sampling| {
             let sample = Sample::new(sampling, 1, 4096, 12);
             let value = |draw: u64| sample.places(draw).iter().map(|place| 1.0 + 0.3 * (place - 0.5)).product::<f64>();

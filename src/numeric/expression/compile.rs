@@ -1,21 +1,21 @@
-//! An expression's text → its program, in one pass by operator precedence (Pratt 1973).
+//! Text of an expression → its program, in one pass by operator precedence (Pratt 1973).
 
 use super::function::{FUNCTIONS, Function};
 use super::token::{Token, TokenKind, next_token};
 use super::{Binary, Expression, ExpressionError, NESTED, Step};
 use crate::error::nearest;
 
-/// What an expression's value is.
+/// The type of an expression.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Type {
     Number,
     Truth,
 }
 
-/// How tightly `^` binds, the only operator that is taken from right to left.
+/// Precedence of `^`, the only right-associative operator.
 const POWER: u8 = 7;
 
-/// An operator between two values, and how tightly it binds.
+/// A binary operator, and its precedence.
 fn binary(symbol: &str) -> Option<(Operator, u8)> {
     use Binary::*;
     Some(match symbol {
@@ -38,13 +38,13 @@ fn binary(symbol: &str) -> Option<(Operator, u8)> {
 }
 
 enum Operator {
-    /// Of numbers, a number.
+    /// Numbers to a number.
     Arithmetic(Binary),
-    /// Of numbers, true or false.
+    /// Numbers to true or false.
     Comparison(Binary),
-    /// Of two numbers, or of two comparisons, true or false.
+    /// Two numbers, or two comparisons, to true or false.
     Equality(Binary),
-    /// Of comparisons; the second is not evaluated if the first decides.
+    /// Comparisons to true or false; the second is not evaluated if the first decides.
     Logical { decided_by: bool },
 }
 
@@ -52,7 +52,7 @@ impl Expression {
     /// Compiles an expression.
     ///
     /// # Errors
-    /// If it is none.
+    /// If it is not an expression.
     pub fn parse(text: &str) -> Result<Expression, ExpressionError> {
         let expression =
             Expression { text: text.to_string(), slots: vec![], program: vec![], places: vec![], height: 0 };
@@ -68,7 +68,7 @@ impl Expression {
     }
 }
 
-/// What is wrong, and after how many bytes.
+/// An error, and its byte offset.
 struct Fault {
     at: Option<usize>,
     problem: String,
@@ -89,11 +89,11 @@ fn letters(text: &str, at: usize) -> usize {
 
 struct Compiler<'a> {
     text: &'a str,
-    /// What comes next.
+    /// The next token.
     token: Token<'a>,
-    /// Operations inside one another, here.
+    /// Current nesting of operations.
     nested: usize,
-    /// Numbers on the stack, here.
+    /// Current height of the stack.
     height: usize,
     expression: Expression,
 }
@@ -104,7 +104,7 @@ impl<'a> Compiler<'a> {
         std::mem::replace(&mut self.token, next)
     }
 
-    /// Takes a token, if it comes next.
+    /// Consumes a token, if it is the next one.
     fn takes(&mut self, text: &str) -> bool {
         let there = self.token.text == text;
         if there {
@@ -113,7 +113,7 @@ impl<'a> Compiler<'a> {
         there
     }
 
-    /// Adds a step, written at a place (byte), that changes the stack's height. Returns its index.
+    /// Adds a step, at a byte offset, that changes the stack's height. Returns its index.
     fn add(&mut self, step: Step, at: usize, change: isize) -> usize {
         self.height = self.height.saturating_add_signed(change);
         self.expression.height = self.expression.height.max(self.height);
@@ -122,7 +122,7 @@ impl<'a> Compiler<'a> {
         self.expression.program.len() - 1
     }
 
-    /// Makes a jump that was added end here.
+    /// Sets the target of a jump to the current position.
     fn land(&mut self, jump: usize) {
         let here = self.expression.program.len();
         match &mut self.expression.program[jump] {
@@ -141,7 +141,7 @@ impl<'a> Compiler<'a> {
         value
     }
 
-    /// A value with all operators that bind at least so tightly.
+    /// A value with all operators of at least this precedence.
     fn value(&mut self, least: u8) -> Result<Type, Fault> {
         self.nest(|this| {
             let mut left = this.signed()?;
@@ -154,7 +154,7 @@ impl<'a> Compiler<'a> {
         })
     }
 
-    /// An operator and what stands right of it.
+    /// An operator and its right operand.
     fn operation(&mut self, left: Type, operator: Operator, tightness: u8) -> Result<Type, Fault> {
         let sign = self.advance();
         let least = if tightness == POWER { POWER } else { tightness + 1 };
@@ -181,7 +181,7 @@ impl<'a> Compiler<'a> {
         Ok(if matches!(operator, Operator::Arithmetic(_)) { Type::Number } else { Type::Truth })
     }
 
-    /// A value with the signs before it.
+    /// A value with its signs.
     fn signed(&mut self) -> Result<Type, Fault> {
         let (wanted, step) = match self.token.text {
             "-" => (Type::Number, Some(Step::Negate)),
@@ -192,7 +192,7 @@ impl<'a> Compiler<'a> {
         let sign = self.advance();
         let value = self.nest(Self::signed)?;
         expect(value, wanted, &sign)?;
-        // People mean -(x^2), programs differ.
+        // -x^2 is meant as -(x^2), but programs differ.
         if sign.text == "-" && ["^", "**"].contains(&self.token.text) {
             let help = "write -(x ^ 2) or (-x) ^ 2";
             return fault_with_help(sign.at, "a sign in front of a power can mean two things", help);
@@ -269,7 +269,7 @@ impl<'a> Compiler<'a> {
         Ok(Type::Number)
     }
 
-    /// `if a { b } else { c }`, whose `if` has been taken.
+    /// `if a { b } else { c }`, whose `if` has been consumed.
     fn branch(&mut self, word: &Token) -> Result<Type, Fault> {
         expect(self.value(0)?, Type::Truth, word)?;
         let otherwise = self.add(Step::JumpUnless(0), word.at, -1);
@@ -301,7 +301,7 @@ impl<'a> Compiler<'a> {
         Ok(value)
     }
 
-    /// What must follow a value that was opened by a parenthesis or brace.
+    /// The closing parenthesis or brace of a value.
     fn close(&mut self, open: &Token) -> Result<(), Fault> {
         if self.takes(if open.text == "(" { ")" } else { "}" }) {
             return Ok(());
@@ -312,7 +312,7 @@ impl<'a> Compiler<'a> {
         }
     }
 
-    /// Nothing may follow the whole, which is a number.
+    /// Checks that nothing follows the whole expression, and that it is a number.
     fn end(&mut self, whole: Type) -> Result<(), Fault> {
         match (self.token.kind, whole) {
             (TokenKind::End, Type::Number) => Ok(()),

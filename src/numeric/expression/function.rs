@@ -1,11 +1,11 @@
 //! Functions of one or two numbers.
 
-/// A function that an expression may call.
+/// A function for expressions.
 #[derive(Debug)]
 pub struct Function {
     pub name: &'static str,
     law: Law,
-    /// Whether a value that is no finite number is refused at once. Others may be infinite on the way to a finite result.
+    /// Whether a value that is not finite is rejected at once. Others may be infinite on the way to a finite result.
     checked: bool,
 }
 
@@ -52,12 +52,12 @@ pub static FUNCTIONS: [Function; 20] = [
 ];
 
 impl Function {
-    /// The function of a name.
+    /// The function with this name.
     pub fn find(name: &str) -> Option<&'static Function> {
         FUNCTIONS.iter().find(|function| function.name == name)
     }
 
-    /// How many arguments it takes.
+    /// Number of its arguments.
     pub fn arguments(&self) -> usize {
         match self.law {
             Law::One(_) => 1,
@@ -65,7 +65,7 @@ impl Function {
         }
     }
 
-    /// Its value for the first of some numbers.
+    /// Its value for the first of the given numbers.
     pub fn of(&self, arguments: &[f64]) -> f64 {
         match self.law {
             Law::One(law) => law(arguments[0]),
@@ -73,7 +73,7 @@ impl Function {
         }
     }
 
-    /// Refuses a value at an argument that is no finite number.
+    /// The error for a value that is not finite, if such values are rejected at once.
     pub fn check(&self, argument: f64, value: f64) -> Result<(), String> {
         let beyond = if value == f64::INFINITY { "beyond all numbers" } else { "no real number" };
         if self.checked { Err(format!("{}({argument}) is {beyond}", self.name)) } else { Ok(()) }

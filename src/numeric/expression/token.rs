@@ -1,11 +1,11 @@
-//! The words of an expression: numbers, names, and symbols.
+//! The tokens of an expression: numbers, names, and symbols.
 
-/// A word and where it stands.
+/// A token and its position.
 #[derive(Clone, Copy, Debug)]
 pub struct Token<'a> {
     pub kind: TokenKind,
     pub text: &'a str,
-    /// Bytes before it.
+    /// Byte offset.
     pub at: usize,
 }
 
@@ -17,10 +17,10 @@ pub enum TokenKind {
     End,
 }
 
-/// Symbols of two letters. No operator begins with `//` or `/*`, which are comments elsewhere.
+/// Symbols of two characters. No operator begins with `//` or `/*`, which are comments elsewhere.
 const PAIRS: [&str; 9] = ["**", "<=", ">=", "==", "!=", "&&", "||", "//", "/*"];
 
-/// The first word at or behind a byte.
+/// The first token at or after a byte offset.
 pub fn next_token(text: &str, from: usize) -> Token<'_> {
     let rest = text[from..].trim_start();
     let at = text.len() - rest.len();
@@ -39,7 +39,7 @@ pub fn next_token(text: &str, from: usize) -> Token<'_> {
     }
 }
 
-/// Length of digits that may have a fraction and an exponent, as in `1_000.5e-3`.
+/// Length of a number with optional fraction and exponent, such as `1_000.5e-3`.
 fn number_length(text: &str) -> usize {
     let digits = |from: usize| run(&text[from..], |letter| letter.is_ascii_digit() || letter == b'_');
     let starts = |from: usize| text[from..].starts_with(|letter: char| letter.is_ascii_digit());
