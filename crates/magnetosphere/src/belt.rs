@@ -1,9 +1,9 @@
 //! Drift shell → flux of trapped protons: the maps AP-8 MIN and AP-8 MAX.
 //!
-//! Sawyer & Vette 1976 (NSSDC/WDC-A-R&S 76-06). For each energy a map holds strings, one for each of some values of L: along a
-//! string log10 of the flux falls by 0.25 from point to point while B/B0 rises. Between strings and points it is interpolated as
-//! Daly et al. 1996 (IEEE Trans. Nucl. Sci. 43, 2771) and SPENVIS do, in φ = asin[(b − 1)/(b_max − 1)] instead of b = B/B0,
-//! which keeps the steep edge near the atmosphere. (NASA's own routine, in B/B0, gives 16 to 19 % less at 400 to 600 km.)
+//! Sawyer & Vette 1976 (NSSDC/WDC-A-R&S 76-06). For each energy a map has strings, one for each of some values of L: along a string
+//! log10 of the flux falls by 0.25 from point to point while B/B0 rises. Between strings and points it is interpolated as by Daly
+//! et al. 1996 (IEEE Trans. Nucl. Sci. 43, 2771) and SPENVIS, in φ = asin[(b − 1)/(b_max − 1)] instead of b = B/B0, which preserves
+//! the steep edge near the atmosphere. (NASA's own routine, in B/B0, gives 16 to 19 % less at 400 to 600 km.)
 
 use std::f64::consts::FRAC_PI_2;
 use std::sync::LazyLock;
@@ -13,7 +13,7 @@ use crate::drift_shell::MOMENT;
 use crate::field::{Field, GSFC_1266_1970, JENSEN_CAIN_1960, igrf};
 use crate::{number, rows};
 
-/// Phase of the solar cycle that a map holds for.
+/// Phase of the solar cycle of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Activity {
     /// Solar minimum: AP-8 MIN, epoch 1964.
@@ -33,8 +33,8 @@ impl Activity {
         }
     }
 
-    /// The field in which the map was made. A map in another field is wrong by large factors at low altitude: the South Atlantic
-    /// Anomaly sinks into an atmosphere that the map does not know.
+    /// The field in which the map was made. A map in another field has large errors at low altitude: the South Atlantic Anomaly
+    /// sinks into an atmosphere that the map does not include.
     pub fn field(self) -> &'static Field {
         match self {
             Activity::Minimum => &JENSEN_CAIN_1960,
@@ -58,27 +58,27 @@ impl Activity {
 /// A map of trapped protons.
 #[derive(Debug)]
 pub struct Map {
-    /// By rising energy.
+    /// By ascending energy.
     sheets: Vec<Sheet>,
-    /// L, rising, and the strongest field (nT) that has protons on a shell up to the next L.
+    /// L, ascending, and the strongest field (nT) with protons on a shell up to the next L.
     reach: Vec<(f64, f64)>,
 }
 
-/// The map of one energy.
+/// The map for one energy.
 #[derive(Debug)]
 struct Sheet {
     energy_mev: f64,
-    /// By rising L.
+    /// By ascending L.
     strings: Vec<String>,
 }
 
-/// The map of one energy and one L.
+/// The map for one energy and one L.
 #[derive(Debug)]
 struct String {
     l: f64,
     /// B/B0 of the last point.
     edge: f64,
-    /// φ and log10 flux, by rising φ.
+    /// φ and log10 flux, by ascending φ.
     points: Vec<(f64, f64)>,
 }
 
@@ -99,7 +99,7 @@ impl Map {
             .map(|string| (string.l, MOMENT * string.edge_over_l3()))
             .collect();
         reach.sort_by(|a, b| a.0.total_cmp(&b.0));
-        // Between two shells the edge lies between theirs.
+        // Between two shells the edge is between theirs.
         for index in 0..reach.len() {
             let next = reach.get(index + 1).map_or(0.0, |next| next.1);
             let before = index.checked_sub(1).map_or(0.0, |before| reach[before].1);
@@ -108,19 +108,19 @@ impl Map {
         Map { sheets, reach }
     }
 
-    /// Field (nT) beyond which the map has no proton on any shell up to an L: such places are in the atmosphere's reach.
+    /// Field (nT) above which the map has no protons on any shell up to an L: such places are within the atmosphere.
     fn strongest_field_nt(&self, l: f64) -> f64 {
         let after = self.reach.partition_point(|shell| shell.0 <= l);
         after.checked_sub(1).map_or(0.0, |index| self.reach[index].1)
     }
 
-    /// Whether a place with a field (nT) may have protons, by its L in the eccentric dipole of the map's epoch: a quick look that
-    /// spares the field line. McIlwain's L is at most 1.32 times that of the dipole (measured; a test looks again).
+    /// Whether a place with a field (nT) may have protons, by its L in the eccentric dipole of the map's epoch: a fast test without
+    /// tracing the field line. McIlwain's L is at most 1.32 times that of the dipole (measured; verified in a test).
     pub fn may_have_protons(&self, b_nt: f64, dipole_l: f64) -> bool {
         b_nt <= self.strongest_field_nt(1.4 * dipole_l)
     }
 
-    /// Energies of the map, MeV, rising.
+    /// Energies of the map, MeV, ascending.
     pub fn energies_mev(&self) -> Vec<f64> {
         self.sheets.iter().map(|sheet| sheet.energy_mev).collect()
     }
@@ -149,7 +149,7 @@ impl Map {
 }
 
 impl Sheet {
-    /// log10 of the flux; 0 if there is none.
+    /// log10 of the flux; 0 without flux.
     fn log_flux(&self, l: f64, b_over_b0: f64) -> f64 {
         let after = self.strings.partition_point(|string| string.l < l);
         if after == 0 || after == self.strings.len() {
@@ -157,7 +157,7 @@ impl Sheet {
         }
         let (inner, outer) = (&self.strings[after - 1], &self.strings[after]);
         let share = (l - inner.l) / (outer.l - inner.l);
-        // The edge lies at a latitude, as B/B0 over L³ says.
+        // The edge is interpolated in latitude, by B/B0 over L³.
         let edge = l.powi(3) * ((1.0 - share) * inner.edge_over_l3() + share * outer.edge_over_l3());
         if b_over_b0 > edge {
             return 0.0;
@@ -167,7 +167,7 @@ impl Sheet {
     }
 }
 
-/// Walks along two strings from the equator, always to the nearer next point, until the triangle that holds the angle: log10 of
+/// Walks along two strings from the equator, always to the nearer next point, up to the triangle that contains the angle: log10 of
 /// the flux, linear in the angle between its edges.
 fn between(inner: &[(f64, f64)], outer: &[(f64, f64)], share: f64, angle: f64) -> f64 {
     let (mut s, mut t) = (0, 0);
@@ -195,7 +195,7 @@ fn between(inner: &[(f64, f64)], outer: &[(f64, f64)], share: f64, angle: f64) -
 }
 
 impl String {
-    /// B/B0 of the edge over L³: the field there over the Earth's moment.
+    /// B/B0 of the edge over L³: the field there in units of the Earth's moment.
     fn edge_over_l3(&self) -> f64 {
         if self.l > 0.0 { self.edge / self.l.powi(3) } else { 0.0 }
     }

@@ -1,6 +1,6 @@
-//! Orbit and date → share of the protons of interplanetary space that arrives there.
+//! Orbit and date → fraction of the interplanetary protons that arrives there.
 //!
-//! The field turns away protons below a cutoff rigidity, the Earth hides part of the sky:
+//! The field deflects protons below a cutoff rigidity, and the Earth blocks part of the sky:
 //!
 //! ```text
 //! x(E) = mean over the orbit of v · [L > 5 or R(E) > 14.5/L² GV]      v = (1 + √(1 − 1/r²))/2
@@ -24,17 +24,17 @@ const CUTOFF_GV: f64 = 14.5;
 /// Twice the rest energy of the proton, MeV.
 const TWICE_REST_MEV: f64 = 1876.54;
 
-/// Energies (MeV) from and to which an exposure is tabulated.
+/// Range of energies (MeV) of a tabulated exposure.
 const ENERGIES_MEV: (f64, f64) = (0.1, 1e5);
 
-/// Energies of the table.
+/// Number of energies in the table.
 const STEPS: usize = 240;
 
-/// Places over which the mean is taken, and those of one task.
+/// Number of places averaged, and number per task.
 const PLACES: usize = 16_384;
 const AT_ONCE: usize = 1024;
 
-/// Share of the protons of interplanetary space that arrives along an orbit, against energy.
+/// Fraction of the interplanetary protons that arrives along an orbit, against energy.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exposure {
     /// At energies evenly spaced in their logarithm.
@@ -47,7 +47,7 @@ pub fn rigidity_gv(energy_mev: f64) -> f64 {
 }
 
 impl Exposure {
-    /// Along an orbit, in the field of a decimal year, without magnetic storms.
+    /// Along an orbit, in the field at a decimal year, without magnetic storms.
     pub fn along(elements: &Elements, year: f64) -> Exposure {
         let dipole = Dipole::of(&igrf(year));
         let part = |chunk: usize| {
@@ -61,7 +61,7 @@ impl Exposure {
             arriving
         };
         let parts: Vec<Vec<f64>> = (0..PLACES / AT_ONCE).into_par_iter().map(part).collect();
-        // The share that arrives at an energy is a histogram of cutoffs, added up.
+        // The fraction that arrives at an energy is a cumulative histogram of cutoffs.
         let mut shares = Vec::with_capacity(STEPS + 1);
         let mut sum = 0.0;
         for step in 0..=STEPS {
@@ -80,18 +80,18 @@ impl Exposure {
     }
 }
 
-/// Place of an energy in the table.
+/// Index of an energy in the table.
 fn position(energy_mev: f64) -> f64 {
     (energy_mev / ENERGIES_MEV.0).ln() / (ENERGIES_MEV.1 / ENERGIES_MEV.0).ln() * STEPS as f64
 }
 
-/// First step of the table at which protons arrive on a shell.
+/// First step of the table at which protons reach a shell.
 fn first_open(l: f64) -> usize {
     if l > OPEN_BEYOND_L {
         return 0;
     }
     let rigidity_mv = 1000.0 * CUTOFF_GV / (l * l);
-    // E² + 2 m E = R², in the form that loses no digits at small R.
+    // E² + 2 m E = R², in a form without cancellation at small R.
     let half = 0.5 * TWICE_REST_MEV;
     let energy_mev = rigidity_mv * rigidity_mv / (half + (half * half + rigidity_mv * rigidity_mv).sqrt());
     (position(energy_mev).ceil().max(0.0) as usize).min(STEPS + 1)

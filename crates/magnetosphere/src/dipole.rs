@@ -1,6 +1,6 @@
 //! Gauss coefficients → eccentric dipole, and L in it.
 //!
-//! Fraser-Smith 1987 (Rev. Geophys. 25, 1): the dipole whose centre makes the quadrupole as small as it can be.
+//! Fraser-Smith 1987 (Rev. Geophys. 25, 1): the dipole whose centre minimises the quadrupole.
 
 use crate::field::{Coefficients, length};
 

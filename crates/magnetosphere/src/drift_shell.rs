@@ -7,22 +7,22 @@ use std::f64::consts::PI;
 
 use crate::field::{Field, length};
 
-/// Magnetic moment of the Earth in the definition of L, nT RE³: a constant, not the dipole of the field that is used.
+/// Magnetic moment of the Earth in the definition of L, nT RE³: a constant, not the dipole of the field used.
 pub const MOMENT: f64 = 31_165.3;
 
 /// Step along a field line over its distance from the centre.
 const STEP: f64 = 0.1;
 
-/// Steps that a line between mirror points has at least: shorter lines are followed again in shorter steps.
+/// Minimum number of steps between mirror points: shorter lines are traced again with shorter steps.
 const FEWEST: usize = 6;
 
 /// Shortest step, over the distance from the centre: a place is then on the magnetic equator.
 const SHORTEST: f64 = 1e-4;
 
-/// Distance (RE) beyond which lines are not followed: no map reaches so far.
+/// Distance (RE) beyond which lines are not traced: no map extends that far.
 const FARTHEST: f64 = 12.0;
 
-/// Angles at which the integral is evaluated.
+/// Number of angles for the integral.
 const ANGLES: usize = 24;
 
 /// A drift shell, and the place on it.
@@ -64,9 +64,9 @@ fn invariant(field: &Field, place: [f64; 3], b_nt: f64) -> Option<f64> {
     Some(0.0)
 }
 
-/// A field line from a place on.
+/// A field line starting at a place.
 enum Line {
-    /// The field rises from the start.
+    /// The field increases from the start.
     Rises,
     /// It leaves the region of the maps.
     Leaves,
@@ -74,7 +74,7 @@ enum Line {
     Bounces(Vec<(f64, f64)>),
 }
 
-/// Follows a line by the classical Runge-Kutta method, in steps of `step` times the distance from the centre.
+/// Traces a line by the classical Runge-Kutta method, in steps of `step` times the distance from the centre.
 fn line(field: &Field, start: [f64; 3], b_nt: f64, step: f64) -> Line {
     let mut samples = vec![(0.0, 1.0)];
     let (mut place, mut travelled) = (start, 0.0);
@@ -108,7 +108,7 @@ fn advance(field: &Field, place: [f64; 3], b: [f64; 3], distance: f64) -> [f64; 
     shifted(mean, distance)
 }
 
-/// ∫ √(1 − B(s)/B) ds from the start to where B is back.
+/// ∫ √(1 − B(s)/B) ds from the start to where B has returned to its value.
 fn integral(samples: &[(f64, f64)]) -> f64 {
     let end = mirror(samples);
     // s = S (1 − cos θ)/2 turns the square roots at both ends into a smooth, periodic function of θ, for which the midpoint
@@ -121,7 +121,7 @@ fn integral(samples: &[(f64, f64)]) -> f64 {
     (0..ANGLES).map(root).sum::<f64>() * 0.5 * end * PI / ANGLES as f64
 }
 
-/// Distance at which the field is back at its value at the start, within the last step.
+/// Distance at which the field has returned to its value at the start, within the last step.
 fn mirror(samples: &[(f64, f64)]) -> f64 {
     let (mut low, mut high) = (samples[samples.len() - 2].0, samples[samples.len() - 1].0);
     for _ in 0..40 {

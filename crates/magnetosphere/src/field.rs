@@ -1,8 +1,8 @@
 //! Place → magnetic field of the Earth, from spherical harmonics.
 //!
-//! V = a Σ (a/r)ⁿ⁺¹ (g cos mλ + h sin mλ) P_nm(θ), B = −∇V, with Schmidt's semi-normalised P_nm and a = 6371.2 km. The gradient
-//! is taken in Cartesian coordinates by the recursion of Cunningham 1970 (Celestial Mechanics 2, 207), as in Montenbruck & Gill
-//! 2000 (Satellite Orbits, section 3.2.4): no poles, no trigonometric functions.
+//! V = a Σ (a/r)ⁿ⁺¹ (g cos mλ + h sin mλ) P_nm(θ), B = −∇V, with Schmidt's semi-normalised P_nm and a = 6371.2 km. The gradient is
+//! computed in Cartesian coordinates by the recursion of Cunningham 1970 (Celestial Mechanics 2, 207), as in Montenbruck & Gill
+//! 2000 (Satellite Orbits, section 3.2.4): no singular poles, no trigonometric functions.
 
 use std::sync::LazyLock;
 
@@ -14,7 +14,7 @@ type Column = [(f64, f64); ORDERS];
 /// Highest degree of the models, plus the two that the gradient needs.
 const ORDERS: usize = 13;
 
-/// Share of the field that may be left out far from the Earth, where high degrees have died out.
+/// Share of the field that may be neglected far from the Earth, where high degrees have decayed.
 const NEGLIGIBLE: f64 = 1e-6;
 
 /// Gauss coefficients of the main field, nT, Schmidt semi-normalised.
@@ -25,18 +25,18 @@ pub struct Coefficients {
 }
 
 impl Coefficients {
-    /// The axial dipole of a moment (nT RE³) alone.
+    /// Only the axial dipole with a moment (nT RE³).
     pub fn axial_dipole(moment: f64) -> Coefficients {
         Coefficients { terms: vec![(1, 0, -moment, 0.0)] }
     }
 
-    /// Those of degree `n` and order `m`; 0 beyond the model's degree.
+    /// The coefficients of degree `n` and order `m`; 0 beyond the model's degree.
     pub fn at(&self, n: usize, m: usize) -> (f64, f64) {
         self.terms.iter().find(|term| (term.0, term.1) == (n, m)).map_or((0.0, 0.0), |term| (term.2, term.3))
     }
 }
 
-/// A field that can be evaluated.
+/// A field for evaluation.
 #[derive(Clone, Debug)]
 pub struct Field {
     /// For each degree from 1 on, for each order, the coefficients (nT) without normalisation.
@@ -59,8 +59,8 @@ fn table(csv: &'static str) -> Coefficients {
     Coefficients { terms: rows(csv).map(term).collect() }
 }
 
-/// International Geomagnetic Reference Field at a decimal year: linear between its epochs (1960 to 2025), and with their last
-/// or first slope beyond.
+/// International Geomagnetic Reference Field at a decimal year: linear between its epochs (1960 to 2025), extrapolated with the
+/// last or first slope beyond.
 pub fn igrf(year: f64) -> Coefficients {
     const FIRST: f64 = 1960.0;
     const STEP: f64 = 5.0;
@@ -96,7 +96,7 @@ impl Field {
         }
         let reach = (0..degree)
             .map(|index| {
-                // The field of degree n falls as r⁻⁽ⁿ⁺²⁾, the dipole's as r⁻³.
+                // The field of degree n decreases as r⁻⁽ⁿ⁺²⁾, that of the dipole as r⁻³.
                 let radius = |above: usize| {
                     let relative = (power[above] / power[0]).sqrt() / NEGLIGIBLE;
                     if above == 0 { f64::INFINITY } else { relative.powf(1.0 / above as f64) }
@@ -140,7 +140,7 @@ impl Field {
 /// Solid harmonics of one order, by degree up to one above `degree`, from the sectoral one.
 #[inline(always)]
 fn column(harmonics: &mut Column, sectoral: (f64, f64), m: usize, degree: usize, z: f64, inverse2: f64) {
-    /// 1/n: divisions would take most of the time.
+    /// 1/n: divisions would dominate the time.
     const INVERSE: [f64; ORDERS + 1] = {
         let mut inverse = [0.0; ORDERS + 1];
         let mut n = 1;
@@ -161,7 +161,7 @@ fn column(harmonics: &mut Column, sectoral: (f64, f64), m: usize, degree: usize,
     }
 }
 
-/// Gradient of one term, from the harmonics of the degree above and of the orders below, here and above.
+/// Gradient of one term, from the harmonics of the next degree and of the orders below, at, and above its own.
 fn gradient(
     (c, s): (f64, f64),
     n: usize,

@@ -1,20 +1,20 @@
-//! Elements of an orbit → places and the shares of time spent there.
+//! Elements of an orbit → places and the fractions of time spent there.
 //!
-//! Trapped protons depend only on the place in the field that turns with the Earth. Over months the node visits every longitude
-//! evenly, and the perigee, unless it is held, every argument. So the mean is one over anomaly, longitude and, if it is free,
-//! argument of perigee; the eccentric anomaly E counts with 1 − e cos E, as Kepler's equation says.
+//! Trapped protons depend only on the place in the field, which rotates with the Earth. Over months the node visits all longitudes
+//! evenly, and the perigee, unless it is fixed, all arguments. So the mean is one over anomaly, longitude and, if it is free,
+//! argument of perigee; the eccentric anomaly E has the weight 1 − e cos E, from Kepler's equation.
 
 use std::f64::consts::{PI, SQRT_2, TAU};
 
 use crate::EARTH_RADIUS_KM;
 
-/// Radius (km) above which altitudes are counted.
+/// Radius (km) of the reference sphere for altitudes.
 pub const SPHERE_KM: f64 = 6371.0;
 
 /// Gravitational parameter of the Earth, km³ s⁻².
 const GM: f64 = 398_600.44;
 
-/// Period of the Earth's rotation against the stars, h.
+/// Sidereal rotation period of the Earth, h.
 const SIDEREAL_DAY_H: f64 = 23.934_47;
 
 /// An orbit around the Earth.
@@ -26,7 +26,7 @@ pub struct Elements {
     pub apogee_km: f64,
     /// Inclination to the equator, degrees.
     pub inclination_deg: f64,
-    /// Argument of perigee, degrees; all of them, evenly, if it is None.
+    /// Argument of perigee, degrees; None: uniformly distributed.
     pub argument_of_perigee_deg: Option<f64>,
 }
 
@@ -34,12 +34,12 @@ pub struct Elements {
 pub const GEOSTATIONARY: Elements =
     Elements { perigee_km: 35_793.2, apogee_km: 35_793.2, inclination_deg: 0.0, argument_of_perigee_deg: None };
 
-/// A geocentric place with its share of the time.
+/// A geocentric place with its fraction of the time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Visit {
     /// Place, RE.
     pub place: [f64; 3],
-    /// Share of the time, over that of all visits together.
+    /// Fraction of the time, relative to the mean over all visits.
     pub weight: f64,
 }
 
@@ -59,7 +59,7 @@ impl Elements {
         TAU * (self.semi_major_axis_km().powi(3) / GM).sqrt() / 3600.0
     }
 
-    /// Rate at which the Earth's oblateness turns the perigee, degrees a year. Sun and Moon turn those of high orbits as fast.
+    /// Drift rate of the perigee from the Earth's oblateness, degrees per year. For high orbits that from Sun and Moon is as large.
     pub fn perigee_drift_deg_yr(&self) -> f64 {
         const J2: f64 = 1.082_63e-3;
         let parameter_km = self.semi_major_axis_km() * (1.0 - self.eccentricity().powi(2));
@@ -69,14 +69,14 @@ impl Elements {
         rate.to_degrees() * 3600.0 * 24.0 * 365.25
     }
 
-    /// Revolutions a sidereal day if they are one or two, to 5 %: the same longitudes are then met again and again, and a mean
-    /// over all of them is only right for the mean of many such orbits.
+    /// Revolutions per sidereal day if one or two, to 5 %: the same longitudes then recur, and a mean over all of them is only
+    /// valid for the mean of many such orbits.
     pub fn repeats_longitudes(&self) -> Option<u32> {
         let revolutions = SIDEREAL_DAY_H / self.period_h();
         [1, 2].into_iter().find(|count| (revolutions / f64::from(*count) - 1.0).abs() < 0.05)
     }
 
-    /// Whether perigee and apogee differ by less than counts.
+    /// Whether the difference of perigee and apogee is negligible.
     fn is_circular(&self) -> bool {
         self.eccentricity() < 1e-6
     }
@@ -84,9 +84,9 @@ impl Elements {
     /// A place on the orbit below a distance (RE) from the centre, by its number, from 0 on. The mean of a quantity over the orbit
     /// is the mean of weight times quantity over the first visits; it has converged when more of them change nothing.
     ///
-    /// Longitude of the node and argument of latitude, or anomaly if the perigee is held, follow the additive sequence of the
-    /// powers of 1/φ with φ³ = φ + 1, which fills the square as evenly as can be (Niederreiter 1992, Random Number Generation and
-    /// Quasi-Monte Carlo Methods). If the perigee is free all arguments of latitude belong to any anomaly, which follows √2.
+    /// Longitude of the node and argument of latitude, or anomaly if the perigee is fixed, follow the additive sequence of the
+    /// powers of 1/φ with φ³ = φ + 1, which fills the square very evenly (Niederreiter 1992, Random Number Generation and
+    /// Quasi-Monte Carlo Methods). If the perigee is free, the anomaly is independent of the argument of latitude, and follows √2.
     pub fn visit(&self, number: usize, below: f64) -> Visit {
         const GOLDEN: f64 = 1.324_717_957_244_746;
         let count = (number + 1) as f64;

@@ -12,29 +12,29 @@ use crate::orbit::Elements;
 /// Mean flux of trapped protons along an orbit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrappedProtons {
-    /// Energies of the map, MeV, rising.
+    /// Energies of the map, MeV, ascending.
     pub energies_mev: Vec<f64>,
     /// Omnidirectional flux above each, cm⁻² s⁻¹.
     pub flux_cm2_s: Vec<f64>,
     /// Estimated relative error of the flux above 1 MeV.
     pub relative_error: f64,
-    /// Places over which the mean was taken.
+    /// Number of places averaged.
     pub places: usize,
 }
 
-/// Estimated relative error at which the mean is good enough.
+/// Estimated relative error at which the mean has converged.
 const CONVERGED: f64 = 0.005;
 
-/// Energy (MeV) from which the flux has to be converged: slower protons are stopped by 0.015 mm of aluminium.
+/// Energy (MeV) above which the flux must have converged: slower protons are stopped by 0.015 mm of aluminium.
 const FROM_MEV: f64 = 1.0;
 
-/// Flux (cm⁻² s⁻¹) below which errors are counted relative to it: 1 % of that of cosmic-ray protons.
+/// Flux (cm⁻² s⁻¹) below which errors are relative to it: 1 % of that of cosmic-ray protons.
 const SMALL_FLUX: f64 = 0.03;
 
-/// Places from which and up to which their number is doubled; the error is said in any case.
+/// Initial and maximum number of places, doubled in each step; the error is always reported.
 const PLACES: (usize, usize) = (2048, 131_072);
 
-/// Distance from the centre (RE) beyond which no map has a proton: with it the lines that leave the maps are not followed.
+/// Distance from the centre (RE) beyond which no map has protons: excludes field lines that leave the maps.
 const FARTHEST: f64 = 7.5;
 
 /// Mean over an orbit, in the field in which the map was made: the number of places is doubled until the flux above 1 MeV has
@@ -58,7 +58,7 @@ pub fn trapped_protons(elements: &Elements, activity: Activity) -> TrappedProton
     }
 }
 
-/// Relative error of the last mean: what the last doubling changed, or half of what the one before did.
+/// Relative error of the last mean: the change by the last doubling, or half of that by the previous one.
 fn error(means: &[Vec<f64>], energies_mev: &[f64]) -> f64 {
     let change = |back: usize| {
         let [.., before, after] = &means[..means.len() - back] else { return f64::INFINITY };
