@@ -1,4 +1,4 @@
-//! Results → tables, JSON, CSV, pages. Nothing is computed here that is not already in a result.
+//! Results → tables, JSON, CSV, pages. Only results are shown here; nothing new is computed.
 
 mod active;
 mod catalogue;
@@ -33,10 +33,10 @@ use crate::mission::keys::plain;
 use crate::numeric::calendar::date_after;
 use crate::plan::requirement::Crossing;
 
-/// How a result is shown.
+/// Output format of a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// Tables for people.
+    /// Text tables for the terminal.
     Text,
     /// One JSON document.
     Json,
@@ -44,14 +44,14 @@ pub enum Format {
     Csv,
 }
 
-/// A result that can be shown. Its JSON is what it serialises to.
+/// A result that can be shown. Its JSON is its serialisation.
 pub trait Report: Serialize {
-    /// For people, at most 80 columns wide.
+    /// As text, at most 80 columns wide.
     fn text(&self) -> String;
-    /// For spreadsheets: header first; units in the headers.
+    /// For spreadsheets: header first, with units.
     fn csv(&self) -> Vec<Vec<String>>;
 
-    /// The result in a format, with a line end.
+    /// The result in a format, with a final line end.
     fn render(&self, format: Format) -> String {
         match format {
             Format::Text => self.text(),
@@ -70,17 +70,17 @@ pub trait Report: Serialize {
     }
 }
 
-/// Columns that text must fit, and tables if they go to a file.
+/// Maximum width of text in columns, and of tables written to a file.
 const WIDTH: u16 = 80;
 
-/// Columns that tables must fit: those of the terminal, if it is standard output.
+/// Maximum width of tables in columns: that of the terminal, if it is standard output.
 fn columns() -> u16 {
-    // Narrower ones would break words and numbers.
+    // Narrower tables would break words and numbers.
     const LEAST: u16 = 40;
     terminal_size::terminal_size_of(stdout()).map_or(WIDTH, |(columns, _)| columns.0.max(LEAST))
 }
 
-/// A table with a header whose columns but the first are numbers; lines around it only on a terminal.
+/// A table with a header; all columns but the first are numeric. It has lines around it only on a terminal.
 fn table(header: &[&str]) -> Table {
     let mut table = Table::new();
     table
@@ -94,8 +94,8 @@ fn table(header: &[&str]) -> Table {
     table
 }
 
-/// Keeps the words of a table's columns, from one on, in one piece: what is too wide for a line is broken between words, or in
-/// the columns before.
+/// Keeps the words of a table's columns, from one on, unbroken: lines that are too wide break between words, or in the columns
+/// before.
 fn keep_words(table: &mut Table, from: usize) {
     for place in from..table.column_count() {
         let width = longest_word(table, place, |text| text);
@@ -103,7 +103,7 @@ fn keep_words(table: &mut Table, from: usize) {
     }
 }
 
-/// Keeps numbers and their errors on one line, if all columns of the table can be wide enough for that.
+/// Keeps numbers and their errors on one line, if all columns of the table can be wide enough.
 fn keep_errors(table: &mut Table) {
     let joined = |text: String| text.replace(" +- ", "-+--");
     let widths: Vec<usize> = (0..table.column_count()).map(|place| longest_word(table, place, joined)).collect();
@@ -119,7 +119,7 @@ fn longest_word(table: &Table, place: usize, text: impl Fn(String) -> String) ->
     cells.map(|cell| words(text(cell.content()))).max().unwrap_or(0) + PADDING
 }
 
-/// Sets the least width of a column.
+/// Sets the minimum width of a column.
 fn at_least(table: &mut Table, place: usize, width: usize) {
     if let (Some(column), Ok(width)) = (table.column_mut(place), u16::try_from(width)) {
         column.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(width)));
@@ -129,7 +129,7 @@ fn at_least(table: &mut Table, place: usize, width: usize) {
 /// Blanks around the text of a cell.
 const PADDING: usize = 2;
 
-/// The table as lines without trailing blanks. Blanks at which no line breaks (before a unit) are plain ones then.
+/// The table as lines without trailing blanks. Non-breaking blanks (before a unit) then become plain ones.
 fn lines(table: &Table) -> String {
     table.lines().map(|line| format!("{}\n", line.trim_end().replace('\u{a0}', " "))).collect()
 }
@@ -139,7 +139,7 @@ fn indented(text: &str) -> String {
     text.lines().map(|line| if line.is_empty() { "\n".into() } else { format!("  {line}\n") }).collect()
 }
 
-/// Text broken into lines of at most 80 columns, the later ones indented.
+/// Text broken into lines of at most 80 columns, with an indent from the second line on.
 fn wrapped(text: &str, indent: usize) -> String {
     let first = text.len() - text.trim_start_matches(' ').len();
     let mut out = " ".repeat(first);
@@ -163,12 +163,12 @@ fn wrapped(text: &str, indent: usize) -> String {
     out
 }
 
-/// So many of something.
+/// A number and a noun, in the singular or plural.
 fn counted(number: u64, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
-/// A number in common notation, rounded to so many digits.
+/// A number in common notation, rounded to `digits` digits.
 fn significant(number: f64, digits: usize) -> String {
     let decimals = digits.saturating_sub(1);
     plain(format!("{number:.decimals$e}").parse().expect("a number that was printed"))
@@ -179,7 +179,7 @@ fn or_dash(value: Option<String>) -> String {
     value.unwrap_or_else(|| "-".into())
 }
 
-/// A chance as people read it.
+/// A probability in words.
 fn chance(chance: f64) -> String {
     if chance < 1e-12 {
         "below 1e-12".into()
@@ -190,7 +190,7 @@ fn chance(chance: f64) -> String {
     }
 }
 
-/// When a limit is exceeded, in words, for a mission launched on a day; how much of the budget is used if it is not.
+/// When a limit is exceeded, in words, for a given launch date; if it is not, the share of the budget that is used.
 fn exceeded(crossing: &Crossing, launch: chrono::NaiveDate) -> String {
     let Some(first_yr) = crossing.t_yr else {
         let used = crossing.margin.map(|margin| 100.0 * (1.0 - margin / crossing.limit));
@@ -217,5 +217,5 @@ fn exceeded(crossing: &Crossing, launch: chrono::NaiveDate) -> String {
     format!("exceeded after {first_yr:.3} yr: {shown}")
 }
 
-/// Most spans of time that are listed one by one.
+/// Maximum number of intervals that are listed one by one.
 const SPANS: usize = 4;

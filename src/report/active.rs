@@ -1,10 +1,10 @@
-//! The years of an active Sun, as figures show them.
+//! The active years of the Sun, for figures.
 
 use crate::environment::solar_cycle::ActiveYears;
 use crate::physics::DoseHistory;
 use crate::report::plot::{Mark, Series};
 
-/// A shade over each active stretch of a mission, which flies between two decimal calendar years.
+/// A shaded interval for each active period of a mission, between two decimal calendar years.
 pub(super) fn shades(dose: &DoseHistory, launch: f64, end: f64) -> Vec<Series> {
     let flown = dose.active_stretches().iter().filter(|stretch| launch + stretch.from < end);
     let shade = |stretch: &ActiveYears| Series {

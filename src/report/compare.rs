@@ -156,10 +156,10 @@ impl Page for Comparison {
     }
 }
 
-/// Most ties that are named.
+/// Maximum number of ties that are named.
 const NAMED: usize = 4;
 
-/// What budgets limit.
+/// Quantities that budgets limit.
 const BUDGETS: [Limited; 3] = [Limited::DeltaE, Limited::C, Limited::M];
 
 impl Comparison {
@@ -208,8 +208,8 @@ impl Comparison {
         BUDGETS.into_iter().filter(|one| *one != Limited::DeltaE && self.limits(*one))
     }
 
-    /// Dates until which a scenario keeps its budgets with the requested confidence, and the probability that it keeps the
-    /// corrected one to the end, %; empty if none is requested.
+    /// Dates until which a scenario meets its budgets with the requested confidence, and the probability that it meets the
+    /// corrected one until the end, %; empty if none is requested.
     fn kept(&self, scenario: &Scenario) -> Vec<String> {
         let Some(found) = &scenario.judgement.distribution else { return Vec::new() };
         let launch = scenario.mission.mission.launch.0;
@@ -305,14 +305,14 @@ fn name(scenario: &Scenario, several_missions: bool) -> String {
     }
 }
 
-/// The key without the section that holds it.
+/// The key without its section.
 fn short(key: &str) -> &str {
     key.split_once('.').map_or(key, |(_, name)| name)
 }
 
 fn setting(value: &toml::Value) -> String {
     match value {
-        // Six digits distinguish the values of any sensible list.
+        // Six digits distinguish the values in any reasonable list.
         toml::Value::Float(number) => {
             let rounded: f64 = format!("{number:.5e}").parse().expect("a number that was printed");
             crate::mission::keys::plain(rounded)
@@ -322,7 +322,7 @@ fn setting(value: &toml::Value) -> String {
     }
 }
 
-/// The day and the years after launch at which the first budget is exceeded, and which one it is if there are several: dates of
+/// The day and the years after launch at which the first budget is exceeded, and the budget if there are several: dates for
 /// different launches do not show which mission lasts longer.
 fn when(scenario: &Scenario, first: Option<(Limited, f64)>) -> String {
     let several = scenario.judgement.limits_biases();
@@ -332,13 +332,13 @@ fn when(scenario: &Scenario, first: Option<(Limited, f64)>) -> String {
     }))
 }
 
-/// A shear bias at the end of the mission, where it is limited.
+/// A shear bias at the end of the mission, if it is limited.
 fn at_end(scenario: &Scenario, limited: Limited) -> String {
     let budget = scenario.judgement.budgets.iter().find(|budget| budget.limited == limited);
     or_dash(budget.and_then(Budget::at_end).map(|value| format!("{value:.2e}")))
 }
 
-/// Shear biases that are shown, in words.
+/// The shear biases shown, in words.
 fn biases_in_words(comparison: &Comparison) -> &'static str {
     if comparison.limits_biases() { " and shear biases" } else { "" }
 }

@@ -17,10 +17,10 @@ use crate::numeric::calendar::date_after;
 use crate::plan::sources::{self, Source};
 use crate::report::plot::Figure;
 
-/// Rise of chi2 from which on an effect that cannot be weaker is said to be ruled out: three standard errors.
+/// Increase of chi2 above which an effect whose strength cannot be lower is ruled out: three standard errors.
 const RULED_OUT: f64 = 9.0;
 
-/// Effects listed among those that were tried.
+/// Number of tried effects that are listed.
 const LISTED: usize = 8;
 
 impl Report for Diagnosis {
@@ -135,13 +135,13 @@ impl Page for Diagnosis {
         self.drawn()
     }
 
-    /// Those of the effects that were added, too.
+    /// Includes those of the added effects.
     fn sources(&self, _: &[Mission]) -> Vec<Source> {
         sources::of(&self.improved)
     }
 }
 
-/// With a capital letter, if it is no name of a file.
+/// With a capital letter, unless it is a file name.
 fn sentence(text: &str) -> String {
     let mut letters = text.chars();
     match letters.next() {
@@ -153,7 +153,7 @@ fn sentence(text: &str) -> String {
 }
 
 impl Changed {
-    /// What the search comes to then.
+    /// The result of the search.
     fn found(&self) -> String {
         let effects = if self.effects.is_empty() { String::new() } else { format!(", {}", self.effects.join(" and ")) };
         format!("{}{effects}", self.verdict.name())
@@ -161,7 +161,7 @@ impl Changed {
 }
 
 impl Diagnosis {
-    /// If they are not as quoted.
+    /// If they differ from the quoted ones.
     fn errors(&self, out: &mut Parts) {
         let of = |(noise, set): (&SetNoise, &SetResult)| noise::words(noise, set.data.observable.unit());
         for words in self.noise.iter().zip(&self.after.sets).filter_map(of) {
@@ -169,18 +169,18 @@ impl Diagnosis {
         }
     }
 
-    /// What the verdict depends on, and what was left undone, in sentences that follow it.
+    /// The conditions of the verdict, and incomplete tests, in sentences that follow it.
     fn reservations(&self) -> String {
         let fails = self.stability.done.iter().filter(|changed| !changed.holds);
         let fails: Vec<String> = fails.map(|changed| format!("with {}: {}", changed.change, changed.found())).collect();
         let unstable = if fails.is_empty() { String::new() } else { format!(" Not stable: {}.", fails.join("; ")) };
-        // That an unexplained one is incomplete its reason says.
+        // The reason of an unexplained one already states that it is incomplete.
         let incomplete = !self.undone.is_empty() && self.verdict != Verdict::Unexplained;
         let undone = if incomplete { " The search is incomplete (see the note)." } else { "" };
         format!("{unstable}{undone}")
     }
 
-    /// Under which other assumptions the verdict is the same.
+    /// Other assumptions under which the verdict is the same.
     fn stands(&self, out: &mut Parts) {
         let (holds, fails): (Vec<&Changed>, Vec<&Changed>) =
             self.stability.done.iter().partition(|changed| changed.holds);
@@ -350,7 +350,7 @@ impl Diagnosis {
         let mut tried = table(&["effect", "chi2", "change of chi2"]);
         for attempt in self.tried.iter().filter(|tried| tried.chi2.is_some()).take(LISTED) {
             let chi2 = attempt.chi2.expect("filtered");
-            // Rough fits are good to a few in a thousand.
+            // Rough fits are accurate to a few per mille.
             let digits = |value: f64| usize::from(value.abs() < 1000.0);
             let fall = chi2 - self.baseline.chi2;
             tried.add_row(vec![

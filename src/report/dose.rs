@@ -107,7 +107,7 @@ impl Survey {
         }
     }
 
-    /// What is imported beside what would be derived.
+    /// Imported doses, with the doses that would be derived in their place.
     fn beside_imports(&self, out: &mut Parts) {
         let Some(derived_mev_g) = self.derived_mev_g else { return };
         out.gap();
@@ -121,7 +121,7 @@ impl Survey {
         );
     }
 
-    /// What the curve of the dose against thickness shows.
+    /// The quantity in the curve of the dose against thickness.
     fn depth_title(&self) -> String {
         let of = if self.depths_of_mission { "the mission" } else { "one active year" };
         format!("Dose of {of} behind aluminium, at {} % confidence", 100.0 * self.confidence)
@@ -171,7 +171,7 @@ impl Survey {
             ),
             2,
         );
-        // With all sources there is no such thing as an active year by itself.
+        // With all sources there is no separate dose of an active year.
         let alone = !self.depths_of_mission;
         let mut columns = vec!["confidence [%]", "year x years [MeV/g]", "sum [MeV/g]"];
         if alone {

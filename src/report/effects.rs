@@ -1,4 +1,4 @@
-//! `ctiplan effects`, and the page that is generated from it.
+//! `ctiplan effects`, and the page generated from it.
 
 use serde::ser::{Serialize, Serializer};
 
@@ -75,7 +75,7 @@ impl Report for OneEffect {
     }
 }
 
-/// The page `docs/effects.md`, as it should be.
+/// The current content of the page `docs/effects.md`.
 pub fn page() -> String {
     let mut out = String::from(
         "# Effects\n\nWhat can be added to the model, in the order of the physics. Generated from the catalogue by `ctiplan \

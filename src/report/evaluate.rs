@@ -22,7 +22,7 @@ use crate::plan::evaluate::json::NamedChange;
 use crate::plan::evaluate::{Evaluation, Year};
 use crate::report::plot::Figure;
 
-/// The document of an evaluation, and below it the realisations.
+/// The document of an evaluation, followed by the realisations.
 #[derive(serde::Serialize)]
 struct Document<'a> {
     #[serde(flatten)]
@@ -34,7 +34,7 @@ struct Document<'a> {
     compliance: Vec<Line>,
     /// The requested probability.
     confidence: Option<f64>,
-    /// Whether all corrected budgets are met, noise left out.
+    /// Whether all corrected budgets are met, without noise.
     passes: bool,
 }
 
@@ -311,7 +311,7 @@ impl Assessment {
         format!("{:.3e} MeV/g/yr {spread}; {origin}{}", dose.active_rate_mev_g_yr, added.concat())
     }
 
-    /// What else there is of dose, in words.
+    /// Further contributions to the dose, in words.
     fn added_dose(&self) -> Vec<String> {
         let (mission, dose) = (self.evaluation.mission(), self.evaluation.model.history());
         let mut added = Vec::new();
@@ -350,7 +350,7 @@ fn burst(store: Store) -> String {
     format!(" from a store filled by {rows} transfers of {burst_line_time_ms} ms (traps x {trap_ratio})")
 }
 
-/// The exposures that were read before.
+/// The earlier exposures.
 fn exposures_before(before: Persistence) -> String {
     let scene = if before.scene == SceneBefore::Same { "the same scene" } else { "sky" };
     format!(" after {} exposures of {scene}", before.exposures)
@@ -369,7 +369,7 @@ fn date(year: &Year) -> String {
     or_dash(year.date.map(|date| date.to_string()))
 }
 
-/// Tables of a column for each member, as many side by side as fit; `cell` is the text of a member in a year.
+/// Tables with one column for each member, as many side by side as fit; `cell` is the text of a member in a year.
 fn by_member(years: &[Year], names: &[&str], cell: impl Fn(&Year, usize) -> String) -> Vec<Table> {
     let side_by_side = 5;
     let block = |(block, names): (usize, &[&str])| {
@@ -384,13 +384,13 @@ fn by_member(years: &[Year], names: &[&str], cell: impl Fn(&Year, usize) -> Stri
     names.chunks(side_by_side).enumerate().map(block).collect()
 }
 
-/// Densities year by year, a column for each species.
+/// Densities by year, one column for each species.
 fn densities(years: &[Year]) -> Vec<Table> {
     let names: Vec<&str> = years[0].traps.iter().map(|species| species.name.as_str()).collect();
     by_member(years, &names, |year, species| format!("{:.4}", year.traps[species].density_per_px))
 }
 
-/// Changes of ellipticity year by year, a column for each galaxy.
+/// Changes of ellipticity by year, one column for each galaxy.
 fn changes(years: &[Year], names: Vec<&str>) -> Vec<Table> {
     by_member(years, &names, |year, galaxy| {
         year.galaxies[galaxy].map_or("lost".into(), |change| format!("{:+.3e}", change.delta_e1))

@@ -17,7 +17,7 @@ use crate::mission::keys::plain;
 use crate::plan::sources::{self, Source};
 use crate::report::plot::Figure;
 
-/// A fit, with the requested additions: the error on rows it has not seen, intervals, a sample.
+/// A fit, with the requested additions: the error for held-out rows, intervals, a sample.
 pub struct FitReport {
     /// The fit.
     pub fit: Fit,
@@ -80,7 +80,7 @@ impl Report for FitReport {
         self.parts().text()
     }
 
-    /// The curves of the profiles if there are any; else the parameters.
+    /// The curves of the profiles if there are any; otherwise the parameters.
     fn csv(&self) -> Vec<Vec<String>> {
         if !self.profiles.is_empty() {
             return profile::curves(&self.profiles);
@@ -161,7 +161,7 @@ fn values(fit: &Fit) -> comfy_table::Table {
     values
 }
 
-/// How well the model explains the data, in sentences.
+/// Quality of the fit, in sentences.
 fn quality(fit: &Fit) -> Vec<String> {
     let freedom = fit.degrees_of_freedom().max(1);
     let mut said = vec![format!(
@@ -181,7 +181,7 @@ fn quality(fit: &Fit) -> Vec<String> {
     said
 }
 
-/// The lower triangle of a matrix of correlations.
+/// The lower triangle of a correlation matrix.
 fn correlations<'a>(keys: impl Iterator<Item = &'a str> + Clone, correlation: &[Vec<f64>]) -> comfy_table::Table {
     let n = keys.clone().count();
     let numbers: Vec<String> = (1..=n).map(|number| number.to_string()).collect();
@@ -202,10 +202,10 @@ fn correlations<'a>(keys: impl Iterator<Item = &'a str> + Clone, correlation: &[
     correlations
 }
 
-/// Other minima listed.
+/// Maximum number of other minima listed.
 const MINIMA: usize = 3;
 
-/// What the starts came to, in sentences; nothing if one start was enough.
+/// The results from all starts, in sentences; empty if there was only one.
 fn minima(fit: &Fit) -> Vec<String> {
     let mut said = Vec::new();
     if fit.starts.len() > 1 {
@@ -232,7 +232,7 @@ fn minima(fit: &Fit) -> Vec<String> {
     said
 }
 
-/// Value and error to the same decimal, the error to two digits.
+/// Value and error to the same decimal place, the error to two digits.
 pub(super) fn value_and_error(parameter: &Fitted) -> (String, String) {
     let value = parameter.value;
     match parameter.sigma {
@@ -270,7 +270,7 @@ fn held_out(holdout: &Holdout, fit: &Fit, out: &mut Parts) {
     );
 }
 
-/// A number to two digits of what it is known to.
+/// A number to two digits of its uncertainty.
 fn to_digits_of(value: f64, spread: f64) -> String {
     if !(spread > 0.0 && spread.is_finite()) {
         return plain(value);

@@ -68,7 +68,7 @@ impl Report for Done {
 }
 
 impl Done {
-    /// The mission and its conditions, where the amplifiers are, and how transfers are computed.
+    /// The mission and its conditions, the positions of the amplifiers, and the method for the transfers.
     fn heading(&self) -> String {
         let at = &self.at;
         let mut out = wrapped(
@@ -91,7 +91,7 @@ impl Done {
         out
     }
 
-    /// A row for each HDU: how far its pixels changed, or what was done to it beside a frame.
+    /// One row for each HDU: the change of its pixels, or its treatment if it is not a frame.
     fn changes(&self) -> String {
         let mut hdus =
             table(&["HDU", "name", "size [px]", "gain [e-/DN]", "change [e-]", "missing", "saturated", "clipped"]);
@@ -118,7 +118,7 @@ impl Done {
         lines(&hdus)
     }
 
-    /// A row for each corrected frame: what the forward model leaves of it, before and after.
+    /// One row for each corrected frame: the residuals of the forward model, before and after.
     fn residuals(&self) -> String {
         let mut residuals = table(&[
             "HDU",
@@ -145,7 +145,7 @@ impl Done {
         lines(&residuals)
     }
 
-    /// How far pixels of corrected frames may be off, and what their noise and companions became.
+    /// Errors of the pixels of corrected frames, and the changes of their noise and companions.
     fn pixel_errors(&self) -> String {
         let mut out = String::new();
         for (hdu, frame) in self.frames() {
@@ -169,7 +169,7 @@ impl Done {
         out
     }
 
-    /// What was done to an HDU that is no frame.
+    /// The treatment of an HDU that is not a frame.
     fn beside(&self, index: usize) -> &'static str {
         let all = || self.frames().map(|(_, frame)| frame.beside);
         if all().any(|beside| beside.errors.is_some_and(|(hdu, _)| hdu == index)) {
@@ -186,7 +186,7 @@ impl Done {
     }
 }
 
-/// How noise of neighbouring pixels is correlated.
+/// Correlation of the noise of neighbouring pixels.
 fn correlation(index: usize, frame: &FrameDone) -> String {
     let Some(noise) = &frame.noise else { return String::new() };
     let transfers = frame.amplifiers.0.first().map(|amplifier| amplifier.geometry.transfers);
@@ -205,7 +205,7 @@ fn correlation(index: usize, frame: &FrameDone) -> String {
     out
 }
 
-/// What errors and data quality of a frame were used for.
+/// The use of errors and data quality of a frame.
 fn beside(index: usize, done: CompanionsDone) -> String {
     let mut out = String::new();
     if let Some((hdu, ratio)) = done.errors {

@@ -1,4 +1,4 @@
-//! `ctiplan readout` and `ctiplan correct` of many files: a line for each.
+//! `ctiplan readout` and `ctiplan correct` for many files: one line for each.
 
 use super::{Report, lines, or_dash, table};
 use crate::image::batch::{Batch, FileDone, Outcome, Summary};

@@ -9,9 +9,9 @@ use super::{Report, keep_words, lines, or_dash, table, wrapped};
 use crate::measure::Measured;
 use crate::measure::exposure::About;
 
-/// What was measured, and where it was written.
+/// The measurement, and its files.
 pub struct MeasureReport {
-    /// What was measured.
+    /// The measurement.
     pub measured: Measured,
     /// The files, in the order of the tables.
     pub files: Vec<String>,

@@ -1,4 +1,4 @@
-//! A result as one page of HTML that needs no other file, no network and no script; for screens and for paper.
+//! A result as one self-contained HTML page, without network or scripts; for screen and print.
 
 use comfy_table::Table;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -9,15 +9,15 @@ use crate::mission::Mission;
 use crate::plan::sources::{self, Source};
 use crate::report::plot::Figure;
 
-/// A result that makes a page.
+/// A result with a page.
 pub trait Page: Report {
-    /// The command that made it, such as `study clock`.
+    /// Its command, such as `study clock`.
     fn command(&self) -> String;
-    /// What its text says.
+    /// The parts of its text.
     fn parts(&self) -> Parts;
-    /// Figures with the names of their files.
+    /// Figures with their file names.
     fn figures(&self) -> Vec<(String, Figure)>;
-    /// What to call the missions that it is of.
+    /// Names of the missions of the result.
     fn names(&self, missions: &[Mission]) -> Vec<String> {
         missions.iter().map(|mission| mission.mission.name.clone()).collect()
     }
@@ -25,16 +25,16 @@ pub trait Page: Report {
     fn compliance(&self) -> Option<Table> {
         None
     }
-    /// Where the models are from that made it of these missions.
+    /// Sources of the models for these missions.
     fn sources(&self, missions: &[Mission]) -> Vec<Source> {
         sources::once(missions.iter().flat_map(sources::of))
     }
 }
 
-/// The look of a page: one column, figures narrower than it, black on white, without fonts of its own.
+/// The style of a page: one column, narrower figures, black on white, without its own fonts.
 const STYLE: &str = include_str!("page.css");
 
-/// The page of a result, which was made of these missions.
+/// The page of a result for these missions.
 pub fn page(result: &impl Page, missions: &[Mission]) -> String {
     let parts = result.parts();
     let names = result.names(missions);
@@ -82,7 +82,7 @@ pub fn page(result: &impl Page, missions: &[Mission]) -> String {
     markup.into_string() + "\n"
 }
 
-/// Requirements with room for names; the digest of the mission as resolved identifies what is signed.
+/// Requirements with space for signatures; the digest of the mission as resolved identifies what is signed.
 fn to_be_signed(lines: &Table, missions: &[Mission]) -> Markup {
     let digests = missions
         .iter()

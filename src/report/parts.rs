@@ -1,29 +1,29 @@
-//! What a report says, part by part: the same parts make the text of a terminal and the page of a browser.
+//! The content of a report, part by part: the same parts make the text of a terminal and the page of a browser.
 
 use comfy_table::Table;
 use maud::{Markup, html};
 
 use super::{indented, lines, wrapped};
 
-/// A report in its order.
+/// The parts of a report, in order.
 #[derive(Default)]
 pub struct Parts(Vec<Part>);
 
 /// A part of a report.
 enum Part {
-    /// The first line: of what it is, and what it is.
+    /// The first line: the name of the subject, and a description.
     Title(String, String),
-    /// A line over what follows.
+    /// A heading.
     Heading(String),
-    /// A paragraph; its later lines are indented by so many columns.
+    /// A paragraph, indented by `indent` columns from the second line on.
     Words { text: String, indent: usize, verdict: bool },
-    /// One of several outcomes, whose names have so many columns.
+    /// One of several outcomes, whose names are `width` columns wide.
     Outcome { name: String, width: usize, text: String },
     /// Rows of cells.
     Table(Table),
-    /// TOML, as it is to be copied.
+    /// TOML, to be copied.
     Code(String),
-    /// An empty line; pages have room of their own.
+    /// An empty line; pages have their own spacing.
     Gap,
 }
 
@@ -33,22 +33,22 @@ impl Parts {
         self.0.push(Part::Title(of.into(), what.into()));
     }
 
-    /// A heading, below an empty line.
+    /// A heading, after an empty line.
     pub fn heading(&mut self, text: impl Into<String>) {
         self.0.push(Part::Heading(text.into()));
     }
 
-    /// A paragraph, whose later lines are indented by so many columns.
+    /// A paragraph, indented by `indent` columns from the second line on.
     pub fn words(&mut self, text: impl Into<String>, indent: usize) {
         self.0.push(Part::Words { text: text.into(), indent, verdict: false });
     }
 
-    /// The same for what a reader wants to know first: a page begins with it.
+    /// The same for the main result: a page begins with it.
     pub fn verdict(&mut self, text: impl Into<String>, indent: usize) {
         self.0.push(Part::Words { text: text.into(), indent, verdict: true });
     }
 
-    /// One of several outcomes, which stand below one another in text, their names in so many columns.
+    /// One of several outcomes, listed below each other in text, with names `width` columns wide.
     pub fn outcome(&mut self, name: &str, width: usize, text: impl Into<String>) {
         self.0.push(Part::Outcome { name: name.into(), width, text: text.into() });
     }
@@ -82,7 +82,7 @@ impl Parts {
         self.0.iter().map(text).collect()
     }
 
-    /// Of what the report is, and what it is, if it says so.
+    /// The subject of the report, and its description, if there are any.
     pub(super) fn title_html(&self) -> Option<(&str, &str)> {
         self.0.iter().find_map(|part| match part {
             Part::Title(of, what) => Some((of.as_str(), what.as_str())),
@@ -90,12 +90,12 @@ impl Parts {
         })
     }
 
-    /// What a reader wants to know first.
+    /// The main result.
     pub(super) fn verdict_html(&self) -> Markup {
         markup(self.0.iter().filter(|part| part.is_verdict()))
     }
 
-    /// All the rest.
+    /// The rest.
     pub(super) fn rest_html(&self) -> Markup {
         markup(self.0.iter().filter(|part| !part.is_verdict()))
     }
@@ -125,7 +125,7 @@ fn markup<'a>(parts: impl Iterator<Item = &'a Part>) -> Markup {
     }
 }
 
-/// The cells of a table of the terminal. Columns in which nothing but numbers stand have them at the right.
+/// The cells of a table of the terminal. Numeric columns are right-aligned.
 pub(super) fn cells(table: &Table) -> Markup {
     let rows: Vec<Vec<String>> =
         table.row_iter().map(|row| row.cell_iter().map(|cell| cell.content()).collect()).collect();
@@ -149,7 +149,7 @@ pub(super) fn cells(table: &Table) -> Markup {
     }
 }
 
-/// Whether a cell holds a number or a date, or a word in place of one.
+/// Whether a cell contains a number or a date, or a word in place of one.
 fn is_number(cell: &str) -> bool {
     let digits = cell.trim_start_matches(['+', '-', '<', '>', '~', ' ']);
     ["", "lost", "mean", "never"].contains(&digits)

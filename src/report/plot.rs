@@ -1,7 +1,7 @@
-//! Numbers → figures as SVG, PDF or PNG. Nothing here knows what the numbers mean.
+//! Numbers → figures as SVG, PDF or PNG. This module does not depend on the meaning of the numbers.
 //!
-//! Values that cannot be shown (not finite, beyond 1e±250, not positive on a logarithmic axis) are left out: a point is
-//! missing, a line or a band has a gap, an error bar is absent or ends at the frame.
+//! Values that cannot be shown (not finite, beyond 1e±250, not positive on a logarithmic axis) are omitted: a point is missing, a
+//! line or a band has a gap, an error bar is absent or ends at the frame.
 
 mod axis;
 mod drawing;
@@ -19,39 +19,39 @@ use font::{fitted, wrapped};
 use legend::Legend;
 use pen::{LARGE, NORMAL, Pen, SMALL};
 
-/// Panels below one another, or in rows, under a title.
+/// Panels below each other, or in rows, under a title.
 #[derive(Clone, Debug, Default)]
 pub struct Figure {
     /// Above the panels; may be empty.
     pub title: String,
-    /// From top to bottom. Those of the same `x_label` and `x_log` show the same range of x; of neighbours among them,
-    /// only the lowest carries its numbers.
+    /// From top to bottom. Panels with the same `x_label` and `x_log` have the same range of x; of adjacent ones among them, only
+    /// the lowest has numbers on its axis.
     pub panels: Vec<Panel>,
 }
 
 /// A frame with its axes.
 #[derive(Clone, Debug, Default)]
 pub struct Panel {
-    /// What x is, with its unit.
+    /// Quantity on the x axis, with its unit.
     pub x_label: String,
-    /// What y is, with its unit.
+    /// Quantity on the y axis, with its unit.
     pub y_label: String,
     /// Whether x is logarithmic.
     pub x_log: bool,
     /// Whether y is logarithmic.
     pub y_log: bool,
-    /// Whether x counts something: its axis has no fractions.
+    /// Whether x is a count: its axis has no fractions.
     pub x_counts: bool,
-    /// What is shown; shades lie lowest, then bands, points, levels and lines.
+    /// The data; shades are lowest, then bands, points, levels and lines.
     pub series: Vec<Series>,
-    /// Height relative to the other panels; one that is not positive counts as 1.
+    /// Height relative to the other panels; values that are not positive count as 1.
     pub height_share: f64,
-    /// Panels to the right of it. If a figure has any, all are squares in columns; those of a row with the same `y_label` and
-    /// `y_log` show the same range of y, and only the first of a row carries its label and numbers.
+    /// Panels to the right of it. If a figure has any, all panels are squares in columns. Those of a row with the same `y_label`
+    /// and `y_log` have the same range of y, and only the first of a row has its label and numbers.
     pub beside: Vec<Panel>,
 }
 
-/// Numbers that belong together.
+/// A data series.
 #[derive(Clone, Debug)]
 pub struct Series {
     /// Its name in the legend; series of the same name share an entry.
@@ -59,11 +59,11 @@ pub struct Series {
     /// Colour and marker: 0 black circle, 1 blue square, 2 vermilion triangle, 3 green diamond, 4 purple inverted
     /// triangle, 5 orange star, 6 sky-blue cross, 7 yellow plus, 8 as 0.
     pub color: usize,
-    /// What is drawn.
+    /// The marks to be drawn.
     pub kind: Mark,
 }
 
-/// What is drawn; of vectors of unequal length, as much as all have.
+/// Marks; of vectors of unequal length, only the common part is drawn.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)]
 pub enum Mark {
@@ -75,7 +75,7 @@ pub enum Mark {
     Band { x: Vec<f64>, low: Vec<f64>, high: Vec<f64> },
     /// A horizontal line across the frame.
     Level { y: f64, dashed: bool },
-    /// A stretch of x; an infinite end means the edge of the frame.
+    /// An interval of x; an infinite end means the edge of the frame.
     Shade { from: f64, to: f64 },
 }
 
@@ -99,22 +99,22 @@ pub fn level(label: &str, y: f64) -> Series {
     Series { label: Some(label.into()), color: 0, kind: Mark::Level { y, dashed: true } }
 }
 
-/// Width of a figure, px; as all lengths below. In a paper's column it is half as wide, in pt.
+/// Width of a figure, px, as for all lengths below. In the column of a paper it is half as wide, in pt.
 const WIDTH: f64 = 480.0;
-/// Mean and least height of a frame.
+/// Mean and minimum height of a frame.
 const FRAME: f64 = 220.0;
 const FRAME_LEAST: f64 = 60.0;
 /// Heights of a line of the title, and of numbers and label of an x axis.
 const HEAD: f64 = 20.0;
 const FOOT: f64 = 44.0;
-/// Room around frames, and between labels and the left edge of the figure.
+/// Space around frames, and between labels and the left edge of the figure.
 const GAP: f64 = 12.0;
 const EDGE: f64 = 4.0;
-/// Room between frames beside one another.
+/// Space between adjacent frames.
 const COLUMN_GAP: f64 = 6.0;
 /// Length of a tick.
 const TICK: f64 = 4.0;
-/// More points than this are drawn smaller.
+/// Above this number of points they are drawn smaller.
 const MANY: usize = 200;
 /// Opacity of bands, of shades, and of grid lines with and without a number.
 const BAND: f64 = 0.25;
@@ -122,12 +122,12 @@ const SHADE: f64 = 0.12;
 const GRID: f64 = 0.14;
 const MINOR_GRID: f64 = 0.06;
 
-/// Kinds of files that hold a figure.
+/// File formats of a figure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// For browsers, and for programs that edit figures.
+    /// For browsers and vector editors.
     Svg,
-    /// For papers: as wide as a column.
+    /// For papers: the width of a column.
     Pdf,
     /// For slides: 1920 pixels wide.
     Png,
@@ -137,7 +137,7 @@ impl Format {
     /// All.
     pub const ALL: [Format; 3] = [Format::Svg, Format::Pdf, Format::Png];
 
-    /// How a file's name ends.
+    /// The suffix of a file.
     pub fn ending(self) -> &'static str {
         match self {
             Format::Svg => "svg",
@@ -148,7 +148,7 @@ impl Format {
 }
 
 impl Figure {
-    /// The figure as a file. The same figure is the same bytes.
+    /// The figure as a file. The same figure gives the same bytes.
     pub fn to(&self, format: Format) -> Vec<u8> {
         match format {
             Format::Svg => self.svg().into_bytes(),
@@ -193,7 +193,7 @@ impl Figure {
         };
         let y: Vec<Vec<Axis>> =
             rows.iter().map(|row| row.iter().map(|panel| panel.y_axis(row, frame(panel))).collect()).collect();
-        // Frames stand exactly below one another.
+        // Frames are aligned vertically.
         let left = y.iter().filter_map(|row| row.first()).map(Axis::width).fold(0.0, f64::max) + EDGE + 2.0 * NORMAL;
         let width = (WIDTH - left - GAP + COLUMN_GAP) / columns.max(1) as f64 - COLUMN_GAP;
         let x = |panel: &Panel| {
@@ -233,7 +233,7 @@ impl Panel {
         [self].into_iter().chain(&self.beside).collect()
     }
 
-    /// The y axis of a frame of a height, in a row.
+    /// The y axis of a frame with this height, in a row.
     fn y_axis(&self, row: &[&Panel], frame: f64) -> Axis {
         let shares = |other: &&&Panel| {
             std::ptr::eq(**other, self)
@@ -249,7 +249,7 @@ impl Panel {
     }
 }
 
-/// A panel with all that decides where it is drawn.
+/// A panel with its layout.
 struct Layout<'a> {
     panel: &'a Panel,
     x: Axis,
@@ -258,9 +258,9 @@ struct Layout<'a> {
     left: f64,
     width: f64,
     frame: f64,
-    /// Room for numbers and label of the x axis, if it carries any.
+    /// Height for numbers and label of the x axis, if it has any.
     foot: f64,
-    /// Whether it carries numbers and label of the y axis.
+    /// Whether it has numbers and label on the y axis.
     says_y: bool,
     legend: Legend<'a>,
 }
@@ -271,7 +271,7 @@ impl Layout<'_> {
         self.above() + self.frame + self.foot
     }
 
-    /// Room above the frame. The legend stands there because it can cover no data there.
+    /// Height above the frame. The legend is there, where it covers no data.
     fn above(&self) -> f64 {
         GAP + self.legend.height()
     }
@@ -302,7 +302,7 @@ impl Layout<'_> {
         }
     }
 
-    /// Lines across the frame; `at` says where a point of the plane lies on the drawing.
+    /// Lines across the frame; `at` converts a point of the plane to the drawing.
     fn grid(&self, drawing: &mut Drawing, at: impl Fn(f64, f64) -> Point) {
         const END: f64 = f64::INFINITY;
         let mut pen = Pen { drawing, color: 0 };
@@ -333,7 +333,7 @@ impl Layout<'_> {
         }
     }
 
-    /// What a series shows; `at` says where a point of the plane lies on the canvas.
+    /// The marks of a series; `at` converts a point of the plane to the canvas.
     fn series(&self, pen: &mut Pen, kind: &Mark, at: impl Fn(f64, f64) -> Point) {
         let shows = |x: &f64, y: &f64| self.x.shows(*x) && self.y.shows(*y);
         match kind {
@@ -368,7 +368,7 @@ impl Layout<'_> {
 }
 
 impl Mark {
-    /// Low layers are covered by higher ones. Lines lie above points, where many points would bury a model.
+    /// Low layers are covered by higher ones. Lines are above points, where many points would hide a model.
     fn layer(&self) -> usize {
         match self {
             Mark::Shade { .. } => 0,
@@ -379,7 +379,7 @@ impl Mark {
         }
     }
 
-    /// The values of x and of y that axes should reach.
+    /// The values of x and of y that axes should include.
     fn extent(&self) -> (Vec<f64>, Vec<f64>) {
         match self {
             Mark::Points { x, y, sigma: None } | Mark::Line { x, y, .. } => (x.clone(), y.clone()),
@@ -394,7 +394,7 @@ impl Mark {
     }
 }
 
-/// Stretches without a gap.
+/// Runs without a gap.
 fn runs<T>(items: impl Iterator<Item = Option<T>>) -> Vec<Vec<T>> {
     let mut runs = vec![vec![]];
     for item in items {
@@ -419,7 +419,7 @@ mod tests {
         Figure { panels: vec![Panel { series: vec![series], ..Panel::default() }], ..Figure::default() }
     }
 
-    /// Any bits as a number, or one of those that most often break things.
+    /// Random bits as a number, or a value that often breaks things.
     fn number(random: &mut ChaCha8Rng) -> f64 {
         let odd =
             [0.0, -0.0, 1.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX, f64::MIN_POSITIVE, 5e-324, 1e250];
@@ -472,7 +472,7 @@ mod tests {
             assert!(svg.starts_with("<svg width=\"480\"") && svg.ends_with("</svg>\n"));
             assert!(!svg.contains("NaN") && !svg.contains("inf"), "{figure:?}");
             assert!(figure.to(Format::Pdf).starts_with(b"%PDF"));
-            // A picture takes long.
+            // A PNG takes long.
             assert!(index % 20 > 0 || figure.to(Format::Png).starts_with(b"\x89PNG"));
         }
     }

@@ -1,6 +1,6 @@
-//! `ctiplan study`: a study's numbers → tables, figures and findings.
+//! `ctiplan study`: results of a study → tables, figures and findings.
 //!
-//! Each study has a file here that says which of its numbers are shown, and how.
+//! Each study has a file here that selects the numbers shown and their format.
 
 mod calibration;
 mod charge_injection;
@@ -30,37 +30,37 @@ use crate::warning::Warning;
 
 pub use table::{Column, DataTable, Digits};
 
-/// Results of a study that can be shown.
+/// Results of a study, with their report.
 pub trait Shown {
-    /// Tables, figures and findings, for the mission that was studied.
+    /// Tables, figures and findings, for the studied mission.
     fn shown(&self, mission: &Mission) -> StudyReport;
 }
 
-/// What a study shows.
+/// The report of a study.
 #[derive(Clone, Debug)]
 pub struct StudyReport {
     /// Name of the study, as on the command line.
     pub name: &'static str,
     /// Name of the mission.
     pub mission: String,
-    /// What is studied, in a sentence.
+    /// Subject of the study, in a sentence.
     pub title: String,
-    /// Tables; the first is the one that makes the CSV.
+    /// Tables; the first is used for CSV.
     pub tables: Vec<DataTable>,
-    /// Single numbers, by names that end in their unit.
+    /// Single numbers, with names that end in their unit.
     pub results: Map<String, Value>,
-    /// What follows from them, in sentences.
+    /// Conclusions, in sentences.
     pub findings: Vec<String>,
     /// Warnings.
     pub warnings: Vec<Warning>,
-    /// Figures with the names of their files.
+    /// Figures with their file names.
     pub figures: Vec<(String, Figure)>,
-    /// Sources of the models that are the study's own.
+    /// Sources of the study's own models.
     pub sources: Vec<Source>,
 }
 
 impl StudyReport {
-    /// With nothing to show yet.
+    /// An empty report.
     fn of(name: &'static str, mission: &Mission, title: String, warnings: &[Warning]) -> StudyReport {
         StudyReport {
             name,
@@ -90,7 +90,7 @@ impl StudyReport {
         self.findings.push(words.into());
     }
 
-    /// Says that the study looks at one galaxy, if the requirement limits shear biases besides.
+    /// States that the study considers one galaxy, if the requirement also limits shear biases.
     fn of_galaxy_alone(&mut self, mission: &Mission) {
         let biases: Vec<&str> =
             Limited::by(mission).into_iter().filter(|one| *one != Limited::DeltaE).map(Limited::symbol).collect();
@@ -169,12 +169,12 @@ impl Page for StudyReport {
     }
 }
 
-/// A number with four digits, as people write it.
+/// A number with four digits, in common notation.
 fn short(number: f64) -> String {
     significant(number, 4)
 }
 
-/// The limit on |Δe| of the judged galaxy in a figure, if there is one.
+/// The limit on |Δe| of the judged galaxy for a figure, if there is one.
 fn budget(mission: &Mission) -> Option<Series> {
     let requirement = &mission.requirement;
     requirement.limits_a_galaxy().then(|| level("budget", requirement.delta_e))
@@ -185,7 +185,7 @@ fn when(date: Option<NaiveDate>) -> String {
     date.map_or("not exceeded".into(), |date| format!("exceeded on {date}"))
 }
 
-/// What S/N and area leave out because it is not in the mission, in sentences.
+/// Contributions to S/N and area that are neglected because the mission lacks them, in sentences.
 fn left_out(mission: &Mission) -> impl Iterator<Item = String> {
     let noise = mission.readout.noise.is_none().then(|| {
         let read_noise_e = short(mission.judged_galaxy().read_noise_e);

@@ -5,17 +5,17 @@ use serde::ser::{Serialize, Serializer};
 use super::{Report, counted, lines, or_dash, table, wrapped};
 use crate::sweep::{Done, Grid, Merged, Parts, Shard, Spread};
 
-/// What a sweep came to.
+/// The result of a sweep.
 pub struct SweepReport<'a> {
     /// The grid.
     pub grid: &'a Grid,
     /// Its parts and its result.
     pub parts: &'a Parts<'a>,
-    /// The part of the sweep that was computed, where it was not all of it.
+    /// The part of the sweep that was computed, if not all of it.
     pub shard: Option<Shard>,
-    /// What was computed; None if parts were only collected.
+    /// The computation; None if parts were only merged.
     pub done: Option<Done>,
-    /// The result; None if it was there already, or is for others to collect.
+    /// The result; None if it already existed, or is to be merged by another process.
     pub merged: Option<Merged>,
 }
 
@@ -113,7 +113,7 @@ impl SweepReport<'_> {
     fn computed(&self, done: &Done) -> String {
         let of = self.shard.map_or(String::new(), |shard| format!("shard {}/{}: ", shard.number, shard.of));
         let mut said = format!("  {of}{} of {} points were there, {} computed", done.found, done.points, done.computed);
-        // Of a whole sweep, the result says it.
+        // For a whole sweep, the result states it.
         if self.shard.is_some() && done.problems > 0 {
             said.push_str(&format!(", {} of them without a result", done.problems));
         }
@@ -140,7 +140,7 @@ fn spreads(all: &[Spread]) -> String {
     out
 }
 
-/// Points without a result and with warnings: how many, and the first of each.
+/// Points without a result and with warnings: their number, and the first of each.
 fn first_faults(merged: &Merged) -> String {
     let mut out = String::new();
     if let (count, Some((point, problem))) = &merged.problems {
@@ -161,7 +161,7 @@ fn first_faults(merged: &Merged) -> String {
     out
 }
 
-/// Times in years, all else in powers of ten.
+/// Times in years, all else in scientific notation.
 fn shown(name: &str, value: f64) -> String {
     if name.ends_with("_yr") && !name.ends_with("per_yr") { format!("{value:.2}") } else { format!("{value:.2e}") }
 }

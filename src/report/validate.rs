@@ -10,7 +10,7 @@ use crate::analysis::validate::residual_trend::Trend;
 use crate::analysis::validate::{SetResult, Validation};
 use crate::report::plot::Figure;
 
-/// Rows listed as the worst.
+/// Number of rows listed as the worst.
 const WORST: usize = 5;
 
 /// A validation in JSON.
@@ -98,7 +98,7 @@ impl Page for Validation {
 }
 
 impl Validation {
-    /// How far the model is from each file.
+    /// Deviation of the model from each file.
     fn by_file(&self, out: &mut Parts) {
         let mut sets = table(&["data", "observable", "rows", "chi2", "chi2/row", "rms", "bias", "scatter"]);
         for set in &self.sets {
@@ -130,7 +130,7 @@ impl Validation {
         );
     }
 
-    /// How residuals change with conditions.
+    /// Trends of residuals with conditions.
     fn residual_trends(&self, out: &mut Parts) {
         out.heading("Residual trends");
         let mut trends = table(&["data", "condition", "first to last bin [sigma]", "bin means [sigma]", "p-value"]);
@@ -157,7 +157,7 @@ impl Validation {
         );
     }
 
-    /// The rows that are farthest from the model.
+    /// The rows with the largest residuals.
     fn largest_residuals(&self, out: &mut Parts) {
         out.heading("Largest residuals");
         let mut worst = table(&["data", "line", "value", "model", "residual [sigma]"]);

@@ -45,7 +45,7 @@ impl fmt::Display for Cause {
     }
 }
 
-/// As people read it.
+/// In text form.
 impl Serialize for Cause {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         to.collect_str(self)

@@ -1,4 +1,4 @@
-//! |Δe| at the end of the mission, and when the budget is exceeded, along what differs most often.
+//! |Δe| at the end of the mission, and when the budget is exceeded, against the setting with most values.
 
 use super::{setting, short};
 use crate::mission::Date;
@@ -8,10 +8,10 @@ use crate::plan::scenario::{Comparison, Scenario};
 use crate::report::plot::label::{counts, label};
 use crate::report::plot::{Figure, Panel, Series, level, line, points};
 
-/// Groups of scenarios that colours distinguish; more are not drawn.
+/// Maximum number of groups of scenarios, one for each colour; further ones are not drawn.
 const COLOURS: usize = 6;
 
-/// Scenarios that differ in what is along x, and their places there.
+/// Scenarios that differ only in the quantity on the x axis, and their x values.
 struct Group<'a> {
     name: String,
     x: Vec<f64>,
@@ -64,7 +64,7 @@ impl Comparison {
         vec![("compare.svg".into(), Figure { title, panels })]
     }
 
-    /// The models of the dose over time, each once.
+    /// The dose models, without repetition.
     fn dose_models(&self) -> String {
         let mut models: Vec<&str> = self.scenarios.iter().map(Scenario::dose_model).collect();
         models.sort_unstable();
@@ -88,7 +88,7 @@ impl Comparison {
             .map(|(_, index)| index)
     }
 
-    /// Scenarios alike in all but what is along x, from left to right; all of them in their order if nothing is.
+    /// Scenarios equal in all but the quantity on the x axis, from left to right; without one, all of them in their order.
     fn groups(&self, along: Option<usize>) -> Vec<Group<'_>> {
         let several = self.several_missions();
         let mut groups: Vec<Group> = Vec::new();
@@ -118,7 +118,7 @@ impl Comparison {
 }
 
 impl Group<'_> {
-    /// A value of the scenarios as points, joined if something is along x.
+    /// A value of the scenarios as points, joined if there is a quantity on the x axis.
     fn drawn(&self, color: usize, along: Option<usize>, value: &dyn Fn(&Scenario) -> Option<f64>) -> Vec<Series> {
         let y: Vec<f64> = self.scenarios.iter().map(|scenario| value(scenario).unwrap_or(f64::NAN)).collect();
         let mut series = vec![points(&self.name, color, &self.x, y.clone())];
@@ -129,7 +129,7 @@ impl Group<'_> {
     }
 }
 
-/// Whether values are better seen on a logarithmic axis.
+/// Whether values need a logarithmic axis.
 fn wide<'a>(values: impl IntoIterator<Item = &'a f64>) -> bool {
     let ends = |(low, high): (f64, f64), value: &f64| (low.min(*value), high.max(*value));
     let (low, high) = values.into_iter().fold((f64::INFINITY, 0.0), ends);

@@ -1,11 +1,11 @@
-//! Figures of a diagnosis: data and model before and after, and the error falling.
+//! Figures of a diagnosis: data and model before and after, and the decreasing error.
 
 use crate::analysis::diagnose::{Diagnosis, Rung};
 use crate::report::plot::{Figure, Mark, Panel, Series};
 
 impl Diagnosis {
-    /// Figures with the names of their files: the falling error, if anything was added, and all of `validate` for the model as
-    /// given (fitted) and for the improved one. Those of residuals against a condition have the band of noise alone.
+    /// Figures with their file names: the decreasing error, if anything was added, and all of `validate` for the model as given
+    /// (fitted) and for the improved one. Those of residuals against a condition have the band of noise alone.
     pub(super) fn drawn(&self) -> Vec<(String, Figure)> {
         let mut figures = Vec::new();
         if !self.steps.is_empty() {

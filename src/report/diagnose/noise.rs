@@ -1,4 +1,4 @@
-//! The errors of the files as a search saw them: in sentences, and in JSON.
+//! The errors of the files as adopted in the search: in sentences, and in JSON.
 
 use serde::ser::{Serialize, Serializer};
 
@@ -11,7 +11,7 @@ struct OneFile<'a> {
     scale: f64,
     correlation: f64,
     pedestal: Pedestal,
-    /// Line numbers of the file; places among the rows, from 1, of a table that was not read from one.
+    /// Line numbers of the file; for a table that was not read from a file, row numbers from 1.
     outliers: Vec<usize>,
 }
 
@@ -34,7 +34,7 @@ impl Serialize for SetNoise {
     }
 }
 
-/// What was allowed for in a file; None if its errors are as quoted.
+/// The allowances made for a file; None if its errors are as quoted.
 pub(super) fn words(noise: &SetNoise, unit: &str) -> Option<String> {
     let mut said = Vec::new();
     if noise.scale != 1.0 {

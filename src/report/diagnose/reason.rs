@@ -1,4 +1,4 @@
-//! Why a diagnosis comes to its verdict, and what was seen on the way, in sentences.
+//! The reason for the verdict of a diagnosis, and further notes, in sentences.
 
 use std::fmt;
 
@@ -141,14 +141,14 @@ impl fmt::Display for Note {
     }
 }
 
-/// As people read it.
+/// In text form.
 impl Serialize for Reason {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         to.collect_str(self)
     }
 }
 
-/// As people read it.
+/// In text form.
 impl Serialize for Note {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         to.collect_str(self)

@@ -1,4 +1,4 @@
-//! `ctiplan dose --explain`: from the particle spectrum to MeV/g, a numbered line for each step.
+//! `ctiplan dose --explain`: from the particle spectrum to MeV/g, one numbered line per step.
 
 use crate::mission::SolarPhase;
 use crate::plan::dose::{Step, Survey};

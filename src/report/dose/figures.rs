@@ -1,15 +1,15 @@
-//! Dose year by year, behind aluminium, and the spectrum it comes from.
+//! Dose by year, behind aluminium, and its spectrum.
 
 use crate::physics::RateOrigin;
 use crate::plan::dose::{AtEnergy, CalendarYear, SourceSpectrum, Survey};
 use crate::report::active::shades;
 use crate::report::plot::{Figure, Mark, Panel, Series, dashed, level, line};
 
-/// Room on both sides of the column of a year, as a share of what is flown of it.
+/// Space on both sides of the column of a year, as a share of its part within the mission.
 const BESIDE: f64 = 0.08;
 
 impl Survey {
-    /// Figures with the names of their files.
+    /// Figures with their file names.
     pub(super) fn drawn(&self) -> Vec<(String, Figure)> {
         vec![
             ("years.svg".into(), self.by_year()),
@@ -74,7 +74,7 @@ impl Survey {
         Figure { title: self.depth_title(), panels: vec![logarithmic("thickness [mm Al]", "dose [MeV/g]", series)] }
     }
 
-    /// Protons above an energy, before and behind the shield.
+    /// Protons above an energy, in front of and behind the shield.
     fn by_energy(&self) -> Figure {
         if self.depths_of_mission {
             return self.spectra_by_source();
@@ -101,7 +101,7 @@ impl Survey {
 }
 
 impl Survey {
-    /// Protons of each source above an energy, before and behind the shield.
+    /// Protons of each source above an energy, in front of and behind the shield.
     fn spectra_by_source(&self) -> Figure {
         let mut series = Vec::new();
         for (index, source) in self.sources.iter().enumerate() {

@@ -30,7 +30,7 @@ pub(super) fn said(survey: &Survey, out: &mut Parts) {
     out.table(years);
 }
 
-/// What else is found, and what the numbers are good for.
+/// Further findings, and the validity of the numbers.
 fn findings(survey: &Survey, samples: &Samples) -> String {
     let mut words = format!("A mission has {:.1} solar events on average", samples.events);
     if let Some(share) = samples.largest_event_share {
@@ -48,7 +48,7 @@ fn findings(survey: &Survey, samples: &Samples) -> String {
              to a factor of 2 at 95 %, and has no events in quiet years."
 }
 
-/// Columns of the years' table for spreadsheets.
+/// CSV columns of the table of years.
 pub(super) fn columns(survey: &Survey) -> Vec<String> {
     let names = |p: &f64| {
         let p = format!("p{:02}", (100.0 * p).round());
@@ -63,7 +63,7 @@ pub(super) fn cells(survey: &Survey, year: usize) -> Vec<String> {
     quantiles.flat_map(|at| [at.dose_mev_g.to_string(), at.error.to_string()]).collect()
 }
 
-/// Where the model of the events is from.
+/// Source of the event model.
 pub(super) fn source() -> Source {
     Source::new(
         "Solar events, drawn: a Poisson process with lognormal sizes, scaled to ESP's quantiles of a mission",
@@ -72,7 +72,7 @@ pub(super) fn source() -> Source {
     )
 }
 
-/// A quantile in words; 0 if nothing has come yet.
+/// A quantile in words; 0 if there is no dose yet.
 fn or_zero(at: &Quantile, words: fn(Estimate) -> String) -> String {
     let estimate = Estimate { value: at.dose_mev_g, error: at.error };
     if estimate.value == 0.0 && estimate.error == 0.0 { "0".into() } else { words(estimate) }

@@ -8,7 +8,7 @@ use crate::plan::compliance::Line;
 use crate::report::study::estimate::plus_minus;
 use crate::report::{or_dash, table};
 
-/// A row for each requirement.
+/// One row for each requirement.
 pub(super) fn table_of(lines: &[Line], confidence: Option<f64>) -> Table {
     let met = confidence.map_or("met".into(), |asked| format!("met, {} % asked for", plain(100.0 * asked)));
     let mut rows =

@@ -1,4 +1,4 @@
-//! The date as a distribution, in words and as a figure.
+//! The distribution of the date, in words and as a figure.
 
 use comfy_table::Table;
 
@@ -12,13 +12,13 @@ use crate::report::plot::{Figure, Mark, Panel, Series, line};
 use crate::report::study::estimate::{error_of_date, known_date, plus_minus};
 use crate::report::{Parts, counted, table};
 
-/// Inputs that are named with their shares, at most.
+/// Maximum number of inputs named with their shares.
 const NAMED: usize = 6;
 
-/// Shares below this, of 1, are not named.
+/// Minimum share, of 1, of the inputs named.
 const NAMED_FROM: f64 = 0.01;
 
-/// Quantiles of the dates, how probable it is that there is one, and what that comes from.
+/// Quantiles of the dates, the probability that there is one, and its causes.
 pub(super) fn say(found: &DateDistribution, mission: &Mission, out: &mut Parts) {
     out.heading(format!("Date as a distribution: {} of {}", counted(found.samples as u64, "draw"), drawn(found)));
     let mut legend = "";
@@ -35,7 +35,7 @@ pub(super) fn say(found: &DateDistribution, mission: &Mission, out: &mut Parts) 
     }
 }
 
-/// How probable it is that each budget is met, and quantiles of the date on which it is not.
+/// The probability that each budget is met, and quantiles of the date at which it is exceeded.
 fn dates_of(found: &DateDistribution, mission: &Mission) -> Table {
     let corrected = format!("corrected, factor {}", mission.requirement.correction_factor);
     let mut dates = table(&["", "uncorrected", &corrected]);
@@ -81,7 +81,7 @@ fn drawn(found: &DateDistribution) -> String {
     }
 }
 
-/// What the numbers are conditioned on.
+/// The conditions of the numbers.
 fn conditions(found: &DateDistribution, mission: &Mission) -> String {
     let mut said = Vec::new();
     if let Some(why) = &found.sun_not_drawn {
@@ -130,7 +130,7 @@ fn date(at: &DateQuantile) -> String {
     }
 }
 
-/// Share of the draws in which the budget is exceeded by a date.
+/// Fraction of the draws in which the budget is exceeded by a date.
 pub(super) fn figure(found: &DateDistribution, mission: &Mission) -> Figure {
     let launch = decimal_year(mission.mission.launch.0);
     let end = launch + mission.mission.duration_yr;

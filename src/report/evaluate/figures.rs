@@ -10,11 +10,11 @@ use crate::plan::time_series::TimeSeries;
 use crate::report::active::shades;
 use crate::report::plot::{Figure, Panel, Series, dashed, level, line, points};
 
-/// Curves that colours distinguish; more are not drawn.
+/// Maximum number of curves, one for each colour; further ones are not drawn.
 const COLOURS: usize = 6;
 
 impl Assessment {
-    /// Figures with the names of their files; none without the time series.
+    /// Figures with their file names; none without the time series.
     pub(super) fn drawn(&self) -> Vec<(String, Figure)> {
         let Some(time_series) = &self.time_series else { return Vec::new() };
         let mut figures = vec![
@@ -89,7 +89,7 @@ impl Assessment {
         )
     }
 
-    /// The moment at which a budget is exceeded.
+    /// The time at which a budget is exceeded.
     fn exceeded(&self, how: &str, crossing: &Crossing) -> Option<Series> {
         let mission = self.evaluation.mission();
         let launch = mission.mission.launch.0;

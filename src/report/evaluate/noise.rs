@@ -1,4 +1,4 @@
-//! How much earlier noise moves the date, in words.
+//! The effect of noise on the date, in words.
 
 use crate::mission::keys::plain;
 use crate::numeric::calendar::{DAYS_PER_YEAR, date_after};
@@ -25,7 +25,7 @@ pub(super) fn say(evaluation: &Evaluation, noise: &NoisyEvaluation, out: &mut Pa
     }
 }
 
-/// What noise does to a date.
+/// The effect of noise on a date.
 fn moved(without: &Crossing, with: &NoisyCrossing, launch: chrono::NaiveDate) -> String {
     let Some(t_yr) = with.crossing.t_yr else {
         let used = with.crossing.margin.map(|margin| 100.0 * (1.0 - margin / with.crossing.limit));

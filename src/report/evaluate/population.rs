@@ -5,7 +5,7 @@ use crate::mission::{Mission, PopulationNoise};
 use crate::plan::population::{Camera, Estimated, PopulationBias};
 use crate::report::{Parts, exceeded, table};
 
-/// Biases year by year.
+/// Biases by year.
 pub(super) fn say(biases: &PopulationBias, mission: &Mission, out: &mut Parts) {
     let Some(population) = &mission.population else { return };
     let whole = if biases.evaluated < biases.galaxies { format!(" of {}", biases.galaxies) } else { String::new() };
@@ -63,7 +63,7 @@ pub(super) fn say(biases: &PopulationBias, mission: &Mission, out: &mut Parts) {
     }
 }
 
-/// What becomes of the limits.
+/// Whether and when the limits are exceeded.
 pub(super) fn judge(biases: &PopulationBias, mission: &Mission, out: &mut Parts) {
     let factor = mission.requirement.correction_factor;
     for (name, what, verdict) in [("c", "additive", &biases.c), ("m", "multiplicative", &biases.m)] {

@@ -1,4 +1,4 @@
-//! What data do not determine, in words.
+//! Parameters that the data do not determine, in words.
 
 use std::fmt;
 
@@ -47,7 +47,7 @@ impl fmt::Display for Advice {
     }
 }
 
-/// As people read it.
+/// In text form.
 impl Serialize for Advice {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         to.collect_str(self)

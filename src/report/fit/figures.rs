@@ -1,4 +1,4 @@
-//! Profiles of chi2, and the posterior of each parameter and of each two: a corner plot.
+//! Profiles of chi2, and the posterior of each parameter and each pair: a corner plot.
 
 use super::FitReport;
 use crate::analysis::fit::posterior::{Marginal, Posterior, Prior};
@@ -8,11 +8,11 @@ use crate::report::plot::{Figure, Mark, Panel, Series, dashed, level, line, poin
 /// Bins of a histogram.
 const BINS: usize = 24;
 
-/// Draws that are shown as points at most.
+/// Maximum number of draws shown as points.
 const POINTS: usize = 1000;
 
 impl FitReport {
-    /// Figures with the names of their files.
+    /// Figures with their file names.
     pub(super) fn drawn(&self) -> Vec<(String, Figure)> {
         let mut figures: Vec<(String, Figure)> = self.profiles.iter().map(profile).collect();
         figures.extend(self.posterior.as_ref().map(|sample| ("corner.svg".into(), corner(sample))));
@@ -20,7 +20,7 @@ impl FitReport {
     }
 }
 
-/// chi2 against a parameter, with the rises that end its intervals.
+/// chi2 against a parameter, with the increases that define its intervals.
 fn profile(profile: &Profile) -> (String, Figure) {
     let shown = || profile.curve.iter().filter(|point| point.delta_chi2 < 3.0 * LEVELS[LEVELS.len() - 1].0);
     let x: Vec<f64> = shown().map(|point| point.value).collect();
@@ -37,7 +37,7 @@ fn profile(profile: &Profile) -> (String, Figure) {
     (name, Figure { title: format!("Profile of {}", profile.key), panels: vec![panel] })
 }
 
-/// Histograms on the diagonal, below them two parameters each.
+/// Histograms on the diagonal, pairs of parameters below it.
 fn corner(sample: &Posterior) -> Figure {
     let row = |row: usize| {
         let mut panels: Vec<Panel> = (0..row).map(|column| pair(sample, column, row)).collect();
@@ -50,7 +50,7 @@ fn corner(sample: &Posterior) -> Figure {
     Figure { title, panels: (0..sample.parameters.len()).map(row).collect() }
 }
 
-/// Share of the draws in each bin, with the median and the central 68 %.
+/// Fraction of the draws in each bin, with the median and the central 68 %.
 fn histogram(sample: &Posterior, place: usize) -> Panel {
     let of = &sample.parameters[place];
     let values: Vec<f64> = sample.draws.iter().map(|draw| draw[place]).collect();
@@ -63,7 +63,7 @@ fn histogram(sample: &Posterior, place: usize) -> Panel {
         let bin = ((along(*value) - low) / (high - low) * BINS as f64).floor();
         counts[(bin.max(0.0) as usize).min(BINS - 1)] += 100.0 / values.len() as f64;
     }
-    // Each bin is a step: from edge to edge at its height.
+    // Each bin is a step, at its height from edge to edge.
     let edge = |bin: usize| back(low + (high - low) * bin as f64 / BINS as f64);
     let x: Vec<f64> = (0..BINS).flat_map(|bin| [edge(bin), edge(bin + 1)]).collect();
     let y: Vec<f64> = counts.iter().flat_map(|count| [*count, *count]).collect();
@@ -101,7 +101,7 @@ fn is_log(of: &Marginal) -> bool {
     matches!(of.prior, Prior::FlatInLogarithm { .. })
 }
 
-/// Whether the values span more than a factor of 3, so that an axis of their logarithms shows more.
+/// Whether the values span more than a factor of 3, so that a logarithmic axis shows more.
 fn is_log_scale(of: &Marginal) -> bool {
     is_log(of) && of.interval_95[1] > 3.0 * of.interval_95[0]
 }

@@ -5,7 +5,7 @@ use crate::analysis::fit::posterior::{Marginal, Posterior};
 use crate::plan::sources::Source;
 use crate::report::{Parts, table};
 
-/// Columns of spreadsheets for each parameter, besides the fit.
+/// CSV columns for each parameter, besides the fit.
 pub(super) const COLUMNS: [&str; 7] =
     ["median", "low_68", "high_68", "low_95", "high_95", "autocorrelation_steps", "effective_samples"];
 
@@ -65,7 +65,7 @@ pub(super) fn say(sample: &Posterior, out: &mut Parts) {
     }
 }
 
-/// What is not as it should be.
+/// Warnings about the sample.
 fn doubts(sample: &Posterior) -> Vec<String> {
     let mut said = Vec::new();
     if !sample.converged {
@@ -88,7 +88,7 @@ fn doubts(sample: &Posterior) -> Vec<String> {
     said
 }
 
-/// Where the method is from.
+/// Source of the method.
 pub(super) fn source() -> Source {
     Source::new(
         "Sample of the posterior: an ensemble of walkers, differential evolution and stretch moves",

@@ -36,7 +36,7 @@ fn percent(interval: &Interval) -> String {
     format!("{:.0} %", 100.0 * interval.confidence)
 }
 
-/// An interval of which an end is open, in words.
+/// An interval with an open end, in words.
 fn words(profile: &Profile, interval: &Interval) -> Option<String> {
     let at = |way: &str, value: f64| {
         let unit = if profile.unit.is_empty() { String::new() } else { format!(" {}", profile.unit) };
@@ -58,7 +58,7 @@ fn number(profile: &Profile, value: f64) -> String {
     if least.is_finite() { to_digits_of(value, least) } else { format!("{value:.3e}") }
 }
 
-/// Ends that were not found, and a minimum that lies deeper.
+/// Ends that were not found, and a deeper minimum.
 fn doubts(profile: &Profile, out: &mut Parts) {
     let key = &profile.key;
     let mut said = |said: String| out.verdict(format!("  - {key}: {said}"), 4);
@@ -79,7 +79,7 @@ fn doubts(profile: &Profile, out: &mut Parts) {
     }
 }
 
-/// How far an end was looked for that was not found.
+/// How far the search went for an end that was not found.
 fn reason(end: End, way: &str) -> Option<String> {
     match end {
         End::Crossing { .. } => None,
@@ -88,7 +88,7 @@ fn reason(end: End, way: &str) -> Option<String> {
     }
 }
 
-/// Curves for spreadsheets.
+/// Curves as CSV.
 pub(super) fn curves(profiles: &[Profile]) -> Vec<Vec<String>> {
     let mut records = vec![["key", "unit", "value", "delta_chi2"].map(str::to_string).to_vec()];
     for profile in profiles {
@@ -100,7 +100,7 @@ pub(super) fn curves(profiles: &[Profile]) -> Vec<Vec<String>> {
     records
 }
 
-/// Where the method is from.
+/// Source of the method.
 pub(super) fn source() -> Source {
     Source::new(
         "Intervals by profile likelihood: chi2 + 1 and + 4 with all other parameters fitted again",

@@ -1,15 +1,15 @@
-//! Ranges of axes, and where numbers and grid lines stand.
+//! Ranges of axes, and positions of numbers and grid lines.
 
 use super::font::length;
 use super::pen::SMALL;
 
-/// Numbers on an axis: fewer if they do not fit, but not less than the least.
+/// Maximum number of labels on an axis: fewer if they do not fit, but not less than the minimum.
 const MOST: usize = 8;
 const MOST_LEAST: usize = 3;
-/// Largest value shown; its inverse is the smallest on a logarithmic axis. Sums of such are still far from overflow.
+/// Largest value shown; its inverse is the smallest on a logarithmic axis. Sums of such values are still far from overflow.
 const LARGEST: f64 = 1e250;
 
-/// One axis; `low` and `high` are logarithms where it is logarithmic.
+/// One axis; `low` and `high` are logarithms if it is logarithmic.
 #[derive(Clone, Debug)]
 pub struct Axis {
     log: bool,
@@ -24,7 +24,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// An axis that reaches all values it can show, with as many numbers as fit, given their count and their width.
+    /// An axis that includes all values it can show, with as many labels as fit, given their count and their width.
     pub fn new(values: impl Iterator<Item = f64>, log: bool, counts: bool, fits: impl Fn(f64, f64) -> bool) -> Axis {
         let mut axis = Axis { log, counts, low: 0.0, high: 1.0, ticks: vec![], labels: vec![], minor: vec![] };
         let (low, high) = values
@@ -44,7 +44,7 @@ impl Axis {
         axis
     }
 
-    /// Width of the widest number, px.
+    /// Width of the widest label, px.
     pub fn width(&self) -> f64 {
         self.labels.iter().map(|label| length(label, SMALL)).fold(0.0, f64::max)
     }
@@ -54,18 +54,18 @@ impl Axis {
         value.abs() <= LARGEST && (!self.log || value >= 1.0 / LARGEST)
     }
 
-    /// Where a value is between the ends of the axis, 0 to 1. What lies beyond the ends is held there.
+    /// Position of a value between the ends of the axis, 0 to 1. Values beyond the ends are clamped.
     pub fn place(&self, value: f64) -> f64 {
         let value = if self.log { value.max(0.0).log10() } else { value };
         ((value - self.low) / (self.high - self.low)).clamp(0.0, 1.0)
     }
 
-    /// Values that carry numbers, and these.
+    /// Values with labels, and the labels.
     pub fn numbers(&self) -> impl Iterator<Item = (f64, &str)> {
         self.ticks.iter().copied().zip(self.labels.iter().map(String::as_str))
     }
 
-    /// Sets about `most` numbers.
+    /// Sets about `most` labels.
     fn number(&mut self, most: usize) {
         // 1, 2, 5 are too few within a decade.
         if self.log && self.high - self.low >= 1.0 {
@@ -79,7 +79,7 @@ impl Axis {
     }
 }
 
-/// Room between the outermost values and the ends of their axis.
+/// Space between the outermost values and the ends of their axis.
 fn margin(low: f64, high: f64, log: bool) -> f64 {
     let size = low.abs().max(high.abs());
     let (least, alone) = if log { (0.05, 0.3) } else { (1e-9 * size, 0.12 * size) };
@@ -92,8 +92,8 @@ fn margin(low: f64, high: f64, log: bool) -> f64 {
     }
 }
 
-/// At most about `most` multiples of 1, 2 or 5 times a power of ten. Read from text, they are the numbers next to the
-/// decimal ones, and written they have no more digits than needed.
+/// At most about `most` multiples of 1, 2 or 5 times a power of ten. Parsed from text, they are the floats closest to the decimals,
+/// and need no more digits when printed.
 fn steps(low: f64, high: f64, most: usize, counts: bool) -> Vec<f64> {
     let least = ((high - low) / most as f64).max(if counts { 1.0 } else { 0.0 });
     let exponent = least.log10().floor() as i32;
@@ -107,7 +107,7 @@ fn steps(low: f64, high: f64, most: usize, counts: bool) -> Vec<f64> {
         .collect()
 }
 
-/// Numbers on a logarithmic axis, at most `most`: 1, 2, 5 in each decade, or powers of ten; and thinner grid lines.
+/// Labels on a logarithmic axis, at most `most`: 1, 2, 5 in each decade, or powers of ten; and thinner grid lines.
 fn decades(low: f64, high: f64, most: usize) -> (Vec<f64>, Vec<f64>) {
     let values = |digits: &[i32], every: i32| -> Vec<f64> {
         (low.floor() as i32..=high.ceil() as i32)
@@ -121,7 +121,7 @@ fn decades(low: f64, high: f64, most: usize) -> (Vec<f64>, Vec<f64>) {
     (ticks.into_iter().find(|ticks| ticks.len() <= most).unwrap_or_default(), minor)
 }
 
-/// Numbers as text, with exponents if all are small or one is large. On an even axis all end at the same decimal.
+/// Numbers as text, with exponents if all are small or one is large. On a linear axis all have the same number of decimals.
 fn labels(values: &[f64], even: bool) -> Vec<String> {
     let sizes = || values.iter().map(|value| value.abs());
     let largest = sizes().fold(0.0, f64::max);
@@ -138,7 +138,7 @@ fn labels(values: &[f64], even: bool) -> Vec<String> {
     values.iter().map(label).collect()
 }
 
-/// A number's exponent, and how many decimals it needs when written without one.
+/// A number's exponent, and the decimals it needs when printed without one.
 fn parts(value: f64) -> (i32, i32) {
     let text = format!("{value:e}");
     let (digits, exponent) = text.split_once('e').unwrap_or((&text, "0"));

@@ -1,15 +1,15 @@
-//! Lines, areas and text in the plane: what a figure is before it becomes a file.
+//! Lines, areas and text in the plane: a figure before it is written to a file.
 
-/// A place, px to the right of and below the upper left corner.
+/// A point, px to the right of and below the upper left corner.
 pub type Point = (f64, f64);
 
 /// Red, green and blue, 0 to 255.
 pub type Color = [u8; 3];
 
-/// Marks in the order in which they cover one another.
+/// Marks in drawing order: later ones cover earlier ones.
 #[derive(Clone, Debug)]
 pub struct Drawing {
-    /// Its width, px; as all lengths here.
+    /// Its width, px, as for all lengths here.
     pub width: f64,
     /// Its height.
     pub height: f64,
@@ -24,25 +24,25 @@ pub enum Mark {
     Line { points: Vec<Point>, width: f64, dashes: Option<[f64; 2]>, color: Color, opacity: f64 },
     /// The area between points.
     Area { points: Vec<Point>, color: Color, opacity: f64 },
-    /// Text at a point, which is in the middle of its height.
+    /// Text at a point at half of its height.
     Text { text: String, size: f64, at: Point, anchor: Anchor },
 }
 
-/// Where text is, seen from its point.
+/// Position of text relative to its point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Anchor {
     /// To the right of it.
     Start,
-    /// Around it.
+    /// Centred on it.
     Middle,
     /// To the left of it.
     End,
-    /// Around it, read from below.
+    /// Centred on it, rotated to read upwards.
     Upwards,
 }
 
 impl Anchor {
-    /// Part of the text's length that is before its point.
+    /// Fraction of the text's length before its point.
     pub fn before(self) -> f64 {
         match self {
             Anchor::Start => 0.0,
@@ -61,7 +61,7 @@ impl Drawing {
     }
 }
 
-/// Text without characters that XML cannot hold.
+/// Text without characters that XML does not allow.
 fn clean(text: &str) -> String {
     text.chars()
         .map(|letter| if letter.is_control() || ('\u{fffe}'..='\u{ffff}').contains(&letter) { ' ' } else { letter })

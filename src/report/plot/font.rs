@@ -1,4 +1,4 @@
-//! The letters of figures: DejaVu Sans, without which widths of text would be guessed and papers get no letters.
+//! The font of figures: DejaVu Sans, needed for the widths of text and for the letters in papers.
 
 use std::sync::LazyLock;
 
@@ -9,7 +9,7 @@ use super::drawing::Point;
 static FACE: LazyLock<Face<'static>> =
     LazyLock::new(|| Face::parse(include_bytes!("DejaVuSans.ttf"), 0).expect("a font that is part of the program"));
 
-/// Height of small letters and half of it, in units of the size of type: text whose middle is at y has its baseline lower.
+/// Half the height of lower-case letters, in units of the font size: text centred at y has its baseline lower by this.
 pub const HALF_HEIGHT: f64 = 0.36;
 
 /// A stroke of a letter's outline.
@@ -22,12 +22,12 @@ pub enum Stroke {
     Close,
 }
 
-/// Length of text of a size, px.
+/// Length of text in a font size, px.
 pub fn length(text: &str, size: f64) -> f64 {
     text.chars().map(|letter| advance(glyph(letter))).sum::<f64>() * size
 }
 
-/// Size of type at which text fits.
+/// Font size at which text fits.
 pub fn fitted(text: &str, size: f64, room: f64) -> f64 {
     size * (room / length(text, size)).min(1.0)
 }
@@ -56,12 +56,12 @@ pub fn outlines(text: &str, size: f64) -> Vec<Stroke> {
     outline.strokes
 }
 
-/// The picture of a letter; a box if the font has none.
+/// The glyph of a letter; a box if the font has none.
 fn glyph(letter: char) -> GlyphId {
     FACE.glyph_index(letter).unwrap_or(GlyphId(0))
 }
 
-/// Width of a letter in units of the size of type.
+/// Width of a letter in units of the font size.
 fn advance(glyph: GlyphId) -> f64 {
     f64::from(FACE.glyph_hor_advance(glyph).unwrap_or(0)) / f64::from(FACE.units_per_em())
 }

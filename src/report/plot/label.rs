@@ -1,6 +1,6 @@
 //! A key or a column, such as `line_time_ms`, as the label of an axis: `line time [ms]`.
 
-/// Units at the ends of keys, longest first, and how they are written.
+/// Units at the ends of keys, longest first, and their notation.
 const UNITS: [(&str, &str); 14] = [
     ("_mev_g_yr", "MeV/g/yr"),
     ("_per_px", "1/px"),
@@ -18,7 +18,7 @@ const UNITS: [(&str, &str); 14] = [
     ("_e", "e⁻"),
 ];
 
-/// Keys whose words alone would not say what they are.
+/// Keys whose words alone would be unclear.
 const NAMED: [(&str, &str); 14] = [
     ("launch", "launch [year]"),
     ("t_yr", "time since launch t [yr]"),
@@ -36,7 +36,7 @@ const NAMED: [(&str, &str); 14] = [
     ("last_px", "last pixel behind the block"),
 ];
 
-/// The label of a key's axis, with the unit that its name ends with.
+/// The axis label of a key, with the unit at the end of its name.
 pub fn label(key: &str) -> String {
     if let Some((_, label)) = NAMED.iter().find(|(known, _)| *known == key) {
         return label.to_string();
@@ -57,7 +57,7 @@ pub fn setting(key: &str, value: f64) -> String {
     format!("{words} {value} {}", unit.trim_end_matches(']')).trim_end().to_string()
 }
 
-/// Whether a key counts something.
+/// Whether a key is a count.
 pub fn counts(key: &str) -> bool {
     ["transfers", "trail_px", "block_px", "first_px", "last_px", "preceding_px"].contains(&key)
 }

@@ -1,4 +1,4 @@
-//! Names of series with samples of what they look like, in rows.
+//! Names of series with samples of their marks, in rows.
 
 use super::drawing::{Anchor, Drawing};
 use super::font::{fitted, length};
@@ -26,7 +26,7 @@ struct Entry<'a> {
 }
 
 impl<'a> Legend<'a> {
-    /// Entries from left to right in rows of a width, px.
+    /// Entries from left to right in rows of a given width, px.
     pub fn new(series: &'a [Series], width: f64) -> Legend<'a> {
         let mut entries: Vec<Entry> = Vec::new();
         let (mut row, mut left) = (0, 0.0);
@@ -65,7 +65,7 @@ impl<'a> Legend<'a> {
     }
 }
 
-/// What stands for a series.
+/// The sample of a series.
 fn sample(pen: &mut Pen, kind: &Mark, left: f64, middle: f64) {
     let at = |x: f64, y: f64| (left + x * SAMPLE, middle + y);
     match kind {

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use super::drawing::{Color, Drawing, Mark, Point};
 
-/// Sizes of type for numbers, labels and title, px: 6.8, 7.4 and 7.9 pt in a paper's column.
+/// Font sizes for numbers, labels and title, px: 6.8, 7.4 and 7.9 pt in the column of a paper.
 pub const SMALL: f64 = 13.0;
 pub const NORMAL: f64 = 14.0;
 pub const LARGE: f64 = 15.0;
@@ -51,7 +51,7 @@ impl Pen<'_> {
         self.stroke(points, THICK, dashed.then_some([6.0, 4.0]), 1.0);
     }
 
-    /// A thin line of an opacity.
+    /// A thin line with an opacity.
     pub fn hairline(&mut self, from: Point, to: Point, opacity: f64) {
         self.stroke(vec![from, to], THIN, None, opacity);
     }
@@ -80,10 +80,10 @@ impl Pen<'_> {
         }
     }
 
-    /// A marker, smaller or larger by a factor.
+    /// A marker, scaled by a factor.
     pub fn marker(&mut self, (x, y): Point, factor: f64) {
         let (tips, hollow, first) = MARKERS[self.color % MARKERS.len()];
-        // All cover about the same area.
+        // All have nearly the same area.
         let radius = RADIUS * factor / hollow.sqrt();
         let corner = |index: usize| {
             let reach = if index.is_multiple_of(2) { radius } else { radius * hollow };

@@ -5,7 +5,7 @@ use tiny_skia::{FillRule, LineJoin, Paint, Path, PathBuilder, Pixmap, Stroke, St
 use super::drawing::{Anchor, Drawing, Mark, Point};
 use super::font::{self, HALF_HEIGHT, length, outlines};
 
-/// Pixels of the picture to a px of the drawing: 550 to the inch in a paper's column.
+/// Pixels of the image per px of the drawing: 550 per inch in the column of a paper.
 const SCALE: f64 = 4.0;
 
 /// The drawing as a picture.

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::drawing::{Anchor, Drawing, Mark, Point};
 use super::font::HALF_HEIGHT;
 
-/// The drawing as an SVG document; its text is text, for programs to search and edit.
+/// The drawing as an SVG document; text remains text, which programs can search and edit.
 pub fn svg(drawing: &Drawing) -> String {
     let (width, height) = (number(drawing.width), number(drawing.height));
     let mut svg = format!(
@@ -65,6 +65,6 @@ fn places(points: &[Point]) -> String {
 
 /// A number to a hundredth of a px.
 fn number(value: f64) -> String {
-    // Adding zero takes the sign from a zero.
+    // Adding zero removes the sign of a negative zero.
     ((100.0 * value).round() / 100.0 + 0.0).to_string()
 }

@@ -8,7 +8,7 @@ use crate::report::plot::{Figure, Panel, level, line};
 use crate::study::Estimate;
 use crate::study::calibration::{Continued, Known, LEAST_MONTHS, Longest, Outcome, Results, TOLERANCE};
 
-/// Ways to continue densities, with their names.
+/// Extrapolations of densities, with their names.
 const WAYS: [(Continued, &str); 2] =
     [(Continued::Constant, "not continued"), (Continued::Linear, "continued on a line")];
 
@@ -113,7 +113,7 @@ fn describe(report: &mut StudyReport, results: &Results) {
     }
 }
 
-/// The longest interval, densities continued in one way.
+/// The longest interval, for one extrapolation of densities.
 fn describe_longest(report: &mut StudyReport, results: &Results, longest: &Longest) {
     let key = if longest.continued == Continued::Linear { "longest_linear" } else { "longest_constant" };
     report.result(&format!("{key}_months"), longest.interval_months);

@@ -79,7 +79,7 @@ fn change(spacing: &Spacing) -> f64 {
     spacing.delta_e.unwrap_or(f64::INFINITY)
 }
 
-/// The spacing of least shape error, given |Δe| without lines.
+/// The spacing of smallest shape error, given |Δe| without lines.
 fn describe(report: &mut StudyReport, spacing: &Spacing, best: &Best, without: f64) {
     let rows = spacing.spacing_rows.unwrap_or(0.0);
     report.result("best_spacing_rows", rows as u32);
@@ -102,7 +102,7 @@ fn describe(report: &mut StudyReport, spacing: &Spacing, best: &Best, without: f
     ));
 }
 
-/// The spacing that meets a budget at the largest area.
+/// The spacing that meets a budget with the largest area.
 fn needed(results: &Results, name: &str, budget: f64) -> String {
     let lasting = results.all().filter(|spacing| change(spacing) < budget);
     match lasting.max_by(|a, b| a.area_equal_depth.total_cmp(&b.area_equal_depth)) {

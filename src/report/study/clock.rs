@@ -72,7 +72,7 @@ fn line_times(results: &Results, mission: &Mission) -> DataTable {
         ]);
     }
     if results.ranking.is_some() {
-        // With a requested probability, expected values are only in the output for programs: there is no room for both.
+        // With a requested probability, expected values are only in the machine-readable output: there is no space for both.
         let expected = |name: &'static str| if results.confidence.is_some() { "" } else { name };
         columns.extend([words("exceeded_date", expected("exceeded")), words("corrected_date", expected("corrected"))]);
         columns.extend(judged::each(mission, false));
@@ -82,7 +82,7 @@ fn line_times(results: &Results, mission: &Mission) -> DataTable {
     DataTable::of("line_times", &results.line_times, columns).titled(title)
 }
 
-/// Δe1 of each species alone, a column each.
+/// Δe1 of each species alone, one column each.
 #[derive(Serialize)]
 struct Alone {
     line_time_ms: f64,
@@ -175,7 +175,7 @@ fn compare(report: &mut StudyReport, results: &Results, comparison: &Comparison,
     price(report, results, comparison, mission);
 }
 
-/// Whether a line time is at one of the ends of those that were tried.
+/// Whether a line time is at one of the ends of those tried.
 fn is_last(results: &Results, one: &LineTime) -> bool {
     [results.line_times.first(), results.line_times.last()]
         .into_iter()
@@ -211,7 +211,7 @@ fn worst_clock(results: &Results, worst: &LineTime) -> String {
     words + "."
 }
 
-/// The line time at which a species alone is worst, if that is not an end of those that were tried.
+/// The line time at which a species alone is worst, if that is not an end of those tried.
 fn worst_alone(results: &Results, species: usize) -> Option<String> {
     let tried = &results.line_times;
     let size = |place: usize| alone(&tried[place], species);
@@ -227,7 +227,7 @@ fn worst_alone(results: &Results, species: usize) -> Option<String> {
     ))
 }
 
-/// What survey and noise have to say.
+/// The costs in survey area and noise.
 fn price(report: &mut StudyReport, results: &Results, comparison: &Comparison, mission: &Mission) {
     let Some(noise) = &mission.readout.noise else {
         report.find("The cost of a clock in read noise and time is not known: the mission has no [readout.noise].");

@@ -11,7 +11,7 @@ use crate::report::plot::{Figure, Panel, line};
 use crate::study::Estimate;
 use crate::study::correction::{BiasLeft, Cause, Earned, Left, PopulationRemainder, Remainder, Results};
 
-/// Standard errors beyond which a mean is not chance.
+/// Standard errors above which a mean is significant.
 const STANDS_OUT: f64 = 3.0;
 
 impl Shown for Results {
@@ -64,7 +64,7 @@ fn name(cause: &Cause) -> String {
     }
 }
 
-/// What a cause leaves, with its name.
+/// The residual from a cause, with its name.
 #[derive(Serialize)]
 struct Named<'a> {
     cause: String,
@@ -135,7 +135,7 @@ fn describe(report: &mut StudyReport, remainder: &Remainder, earned: &Earned, mi
     ));
 }
 
-/// The parameter whose error leaves most.
+/// The parameter whose error leaves the largest residual.
 fn limit(report: &mut StudyReport, remainder: &Remainder) {
     let square = |left: &Left| left.delta_e.map_or(0.0, |delta_e| delta_e * delta_e);
     let parameters = || remainder.causes.iter().filter(|left| left.error_percent.is_some());
@@ -154,7 +154,7 @@ fn limit(report: &mut StudyReport, remainder: &Remainder) {
     }
 }
 
-/// What noise leaves with the true model.
+/// The residual from noise with the true model.
 fn noise(delta_e: Option<Estimate>) -> String {
     match delta_e {
         Some(noise) if noise.value > STANDS_OUT * noise.error => format!(
@@ -180,7 +180,7 @@ fn earned_date(earned: &Earned) -> String {
     }
 }
 
-/// Shear biases of the population, and how well parameters must be known for them.
+/// Shear biases of the population, and the required knowledge of the parameters.
 fn of_population(population: &PopulationRemainder) -> Vec<DataTable> {
     let biases = vec![
         words("bias", "population"),
@@ -237,7 +237,7 @@ fn describe_population(report: &mut StudyReport, population: &PopulationRemainde
     }
 }
 
-/// What the correction earns for a bias.
+/// The factor of the correction for a bias.
 fn bias_left(bias: &BiasLeft) -> String {
     let Some(factor) = bias.factor else { return format!("Of {} nothing is left to first order.", bias.bias) };
     let estimate = |value: f64, error: Option<f64>| Estimate { value, error: error.unwrap_or(0.0) };

@@ -159,7 +159,7 @@ fn describe(report: &mut StudyReport, results: &Results) {
     }
 }
 
-/// The inputs that matter most, and how well |Δe| is known.
+/// The most important inputs, and the uncertainty of |Δe|.
 fn dominant(report: &mut StudyReport, budget: &Budget, rest: Estimate) {
     report.result("rest_share", rest.value);
     report.result("rest_share_error", rest.error);
@@ -183,7 +183,7 @@ fn dominant(report: &mut StudyReport, budget: &Budget, rest: Estimate) {
     }
 }
 
-/// When a budget is exceeded: the median, and the span of nine draws in ten.
+/// When a budget is exceeded: the median, and the range of 90 % of the draws.
 fn spread(report: &mut StudyReport, name: &str, exceeded: &Exceeded, horizon_yr: f64) {
     let day = |place: usize| exceeded.percentiles[place].as_ref().and_then(Percentile::day);
     let said = |place: usize| match day(place) {
@@ -208,7 +208,7 @@ fn spread(report: &mut StudyReport, name: &str, exceeded: &Exceeded, horizon_yr:
     });
 }
 
-/// One detector against the other.
+/// Comparison of two detectors.
 fn side_by_side(report: &mut StudyReport, own: &Budget, name: &str, other: &Budget) {
     let Some((mine, theirs)) = own.nominal.delta_e.zip(other.nominal.delta_e).filter(|(mine, _)| *mine > 0.0) else {
         report.find(format!("With the detector of \"{name}\", or with its own, no shape is left to compare."));

@@ -1,17 +1,17 @@
-//! Numbers and dates that are estimated from draws, to the digits that their errors leave.
+//! Numbers and dates estimated from draws, rounded according to their errors.
 
 use chrono::NaiveDate;
 
 use super::short;
 use crate::study::Estimate;
 
-/// Days of a month.
+/// Days per month.
 const MONTH_D: f64 = 365.25 / 12.0;
 
-/// Errors of as many months or more leave only the year.
+/// Errors of at least this many months leave only the year.
 const MONTHS_BELOW: f64 = 24.0;
 
-/// A date that is known to so many days (1 sigma), to the unit that they leave: a day, a month, or a year.
+/// A date with an error in days (1 sigma), rounded to a day, a month, or a year.
 pub(in crate::report) fn known_date(date: NaiveDate, error_d: Option<f64>) -> String {
     let format = match error_d {
         Some(error_d) if error_d < 0.5 * MONTH_D => "%Y-%m-%d",
@@ -31,13 +31,13 @@ pub(in crate::report) fn error_of_date(error_d: f64) -> String {
     }
 }
 
-/// Without an exponent, to the digits that the error leaves; without an error if that is 0.
+/// Without an exponent, rounded according to the error; without an error if that is 0.
 pub(in crate::report) fn plus_minus(estimate: Estimate) -> String {
     let Estimate { value, error } = estimate;
     if !is_known(error) {
         return short(value);
     }
-    // The digits of a double at most.
+    // At most the digits of a double.
     let last = last_digit(error).max(-12);
     let unit = 10_f64.powi(last.max(0));
     match usize::try_from(-last) {
@@ -56,7 +56,7 @@ pub(in crate::report) fn scientific(estimate: Estimate) -> String {
     format!("{value} +- {:.own$e}", estimate.error)
 }
 
-/// The value alone, in scientific notation, to the digits that the error leaves.
+/// The value alone, in scientific notation, rounded according to the error.
 pub(in crate::report) fn scientific_value(Estimate { value, error }: Estimate) -> String {
     if !is_known(error) {
         return format!("{value:.2e}");
@@ -70,7 +70,7 @@ fn is_known(error: f64) -> bool {
     error > 0.0 && error.is_finite()
 }
 
-/// The power of ten of the last digit that the error leaves: its first one, or the one behind a leading 1.
+/// The power of ten of the last significant digit: the first digit of the error, or the one after a leading 1.
 fn last_digit(error: f64) -> i32 {
     error.log10().floor() as i32 - i32::from(leads_with_1(error))
 }

@@ -1,4 +1,4 @@
-//! Budgets that are judged together: columns and sentences.
+//! Budgets judged together: columns and sentences.
 
 use serde::Serialize;
 
@@ -10,7 +10,7 @@ use crate::plan::scenario::{Criterion, Ranking};
 use crate::report::study::estimate::plus_minus;
 use crate::study::Estimate;
 
-/// Each budget in a table for people, beside a column that distinguishes rows; none if |Δe| alone is limited.
+/// Each budget in a text table, beside a column that distinguishes rows; none if only |Δe| is limited.
 pub(super) fn table<R: Serialize>(rows: &[R], apart: Column, mission: &Mission) -> Option<DataTable> {
     let columns = each(mission, true);
     let title = "Each budget at the end of the mission, and which one is exceeded first";
@@ -18,8 +18,8 @@ pub(super) fn table<R: Serialize>(rows: &[R], apart: Column, mission: &Mission) 
     (!columns.is_empty()).then(table)
 }
 
-/// Which budget is exceeded first, and of each its value at the end and when it is exceeded, for people or for programs alone;
-/// nothing if |Δe| alone is limited.
+/// The budget that is exceeded first, and for each budget its value at the end and when it is exceeded, for all output or only for
+/// programs; empty if only |Δe| is limited.
 pub(super) fn each(mission: &Mission, shown: bool) -> Vec<Column> {
     let name = |head: &'static str| if shown { head } else { "" };
     let limited = Limited::by(mission);
@@ -39,8 +39,8 @@ pub(super) fn each(mission: &Mission, shown: bool) -> Vec<Column> {
     columns
 }
 
-/// How long budgets are kept with a probability, and how probable it is that they are met to the end; with names if they are
-/// shown to people.
+/// How long budgets are met with a probability, and the probability that they are met until the end; with headings if they are
+/// shown in text.
 pub(super) fn drawn(shown: bool) -> Vec<Column> {
     let head = |name: &'static str| if shown { name } else { "" };
     vec![
@@ -52,7 +52,7 @@ pub(super) fn drawn(shown: bool) -> Vec<Column> {
     ]
 }
 
-/// What [`drawn`] shows, in words, and why the Sun is not drawn, where it is not.
+/// An explanation of the columns of [`drawn`], and why the Sun is not drawn, if so.
 pub(super) fn explain(report: &mut StudyReport, rows: &[&JudgedRow], asked: f64) {
     report.find(format!(
         "kept: how long all budgets are kept with {:.0} %; met: probability that they are to the end, without correction and with it.",
@@ -63,7 +63,7 @@ pub(super) fn explain(report: &mut StudyReport, rows: &[&JudgedRow], asked: f64)
     }
 }
 
-/// The best case and the worst of those that were judged, by names, as expected or with a probability.
+/// The best and the worst case among those judged, by name, as expected or with a probability.
 pub(super) fn rank(
     report: &mut StudyReport,
     rows: &[&JudgedRow],
@@ -86,7 +86,7 @@ pub(super) fn rank(
     ));
 }
 
-/// What ranks a case.
+/// The quantity by which a case is ranked.
 fn fate(row: &JudgedRow, by: Criterion, asked: Option<f64>) -> String {
     let corrected = usize::from(by == Criterion::Corrected);
     let word = ["uncorrected", "corrected"][corrected];

@@ -16,7 +16,7 @@ use crate::report::plot::{Figure, Mark, Panel, Series, level, line};
 use crate::study::Estimate;
 use crate::study::launch::{Launched, Results};
 
-/// Most ties that are named.
+/// Maximum number of ties that are named.
 const NAMED: usize = 6;
 
 impl Shown for Results {
@@ -59,7 +59,7 @@ impl Results {
 
 fn launches(results: &Results) -> DataTable {
     let exceeded = results.launches.iter().any(|launched| launched.judged.corrected_t_yr.is_some());
-    // With a requested confidence, expected values are only in the output for programs: there is no room for both.
+    // With a requested confidence, expected values are only in the machine-readable output: there is no space for both.
     let expected = |name: &'static str| if results.confidence.is_some() { "" } else { name };
     let mut columns = vec![
         words("launch", "launch"),
@@ -75,7 +75,7 @@ fn launches(results: &Results) -> DataTable {
     columns.extend(judged::drawn(results.confidence.is_some()));
     columns.push(words("dose_model", ""));
     let table = DataTable::of("launches", &results.launches, columns);
-    // Many rows of the same are nothing to read.
+    // Many equal rows are not worth reading.
     DataTable { programs_only: results.ranking.by.is_none() && results.launches.len() > 2, ..table }
 }
 
@@ -100,7 +100,7 @@ fn figure(results: &Results, mission: &Mission) -> Figure {
     }
 }
 
-/// Active years of the Sun between the first and the last of some years, as shades; an average knows none.
+/// Active years of the Sun between the first and the last of some years, as shades; none for an average.
 fn active_years(compared: &Mission, years: &[f64]) -> Vec<Series> {
     if sun::model(compared) == "constant" {
         return Vec::new();
@@ -116,7 +116,7 @@ fn active_years(compared: &Mission, years: &[f64]) -> Vec<Series> {
     stretches.into_iter().filter(|stretch| stretch.to > first && stretch.from < last).map(shade).collect()
 }
 
-/// What becomes of a launch, with dates if these are wanted.
+/// The result of a launch, with dates if requested.
 fn fate(launched: &Launched, dated: bool) -> String {
     let several = launched.judged.each.keys().any(|key| !key.starts_with(Limited::DeltaE.key()));
     let lasts = |name: &str, t_yr: Option<f64>, date: Option<NaiveDate>, by: Option<Limited>| match t_yr {

@@ -97,7 +97,7 @@ fn figure(results: &Results, mission: &Mission) -> Figure {
     }
 }
 
-/// What becomes known of a species that is found.
+/// Knowledge of a species that is found.
 fn found(results: &Results, known: &Known) -> String {
     let release = match known.release_error_percent {
         Some(percent) => format!("to {percent:.2} % (thermometer {} K)", results.options.temperature_error_k),
@@ -115,7 +115,7 @@ fn found(results: &Results, known: &Known) -> String {
     )
 }
 
-/// Why a species is not found. None if it is, or was not looked for.
+/// Why a species is not found. None if it is, or was not searched.
 fn not_found(results: &Results, species: &SpeciesState) -> Option<String> {
     if results.known.iter().any(|known| known.species == species.name) {
         return None;

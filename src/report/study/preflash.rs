@@ -82,7 +82,7 @@ fn compare(report: &mut StudyReport, levels: &[Level], dark: f64) {
     }
 }
 
-/// The smallest flash that meets a budget, given when it is exceeded without.
+/// The smallest flash that meets a budget, and when the budget is exceeded without it.
 fn needed(report: &mut StudyReport, budget: &str, least: Option<&Level>, without: String) {
     let key = format!("least_{budget}_electrons");
     report.result(&key, least.map_or(Value::Null, |level| level.electrons.into()));

@@ -10,7 +10,7 @@ use crate::report::plot::{Figure, Panel, level, line};
 use crate::report::significant;
 use crate::study::requirement::{Bound, Limit, Results};
 
-/// A quantity that scales with the dose: what the mission has, and what is allowed.
+/// A quantity proportional to the dose: the mission's own value, and the allowed one.
 #[derive(Serialize)]
 struct Row {
     quantity: &'static str,
@@ -77,7 +77,7 @@ fn allowed(results: &Results) -> DataTable {
         uncorrected_confident: of(0, 1, bound, unit),
         corrected_confident: of(1, 1, bound, unit),
     };
-    // A bound is a factor on what the mission has.
+    // A bound is a factor on the mission's own value.
     let factor_on = |quantity, own: f64, bound| row(quantity, own, own, bound);
     let dose: fn(&Limit) -> [Bound; 2] = |limit| limit.factor;
     let mut rows = vec![
@@ -105,7 +105,7 @@ fn allowed(results: &Results) -> DataTable {
     DataTable::of("allowed", rows, columns)
 }
 
-/// Line times between which a limit is kept.
+/// A range of line times within which a limit is met.
 #[derive(Serialize)]
 struct Range {
     limit: &'static str,

@@ -58,7 +58,7 @@ fn corrected_budgets(mission: &Mission) -> String {
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// Shields with the Sun and `[uncertainty]` drawn: a table, and what is enough.
+/// Shields with the Sun and `[uncertainty]` drawn: a table, and the sufficient thickness.
 fn with_probability(report: &mut StudyReport, results: &Results, mission: &Mission) {
     let (Some(asked), Some(ranking)) = (results.probability, &results.ranking) else { return };
     let mut columns = vec![words("geometry", "shield"), column("thickness_mm", "Al [mm]", Digits::Significant(4))];
@@ -95,7 +95,7 @@ fn percent(confidence: f64) -> String {
     format!("{}", (100.0 * confidence * 1e6).round() / 1e6)
 }
 
-/// Margins of one shield, a column for each confidence.
+/// Margins of one shield, one column for each confidence.
 #[derive(Serialize)]
 struct Margins {
     geometry: Geometry,
@@ -135,7 +135,7 @@ fn needed(results: &Results) -> DataTable {
     DataTable::of("needed", &results.needed, columns).titled(title)
 }
 
-/// Every case, for programs and for those who plot themselves.
+/// All cases, for programs and for user plots.
 fn cases(results: &Results, mission: &Mission) -> DataTable {
     let mut columns = vec![
         words("geometry", "shield"),
@@ -173,7 +173,7 @@ fn figure(results: &Results, mission: &Mission) -> Figure {
     Figure { title: format!("{}: shielding", mission.mission.name), panels: GEOMETRIES.iter().map(panel).collect() }
 }
 
-/// What a geometry needs.
+/// The thickness needed for a geometry.
 fn described(results: &Results, geometry: Geometry) -> String {
     let (thinnest, thickest) = (results.thicknesses_mm[0], results.thicknesses_mm[results.thicknesses_mm.len() - 1]);
     let said = |thickness_mm: f64| {

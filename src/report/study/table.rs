@@ -1,4 +1,4 @@
-//! Rows of a study → a table for people, JSON, CSV.
+//! Rows of a study → a text table, JSON, CSV.
 
 use chrono::NaiveDate;
 use comfy_table::Table;
@@ -9,18 +9,18 @@ use super::estimate::{error_of_date, known_date, plus_minus, scientific};
 use crate::report::{keep_errors, or_dash, significant, table};
 use crate::study::Estimate;
 
-/// Rows of one kind, and which of their values are shown.
+/// Rows of one kind, and the values shown.
 #[derive(Clone, Debug)]
 pub struct DataTable {
     /// Its key in JSON.
     pub name: &'static str,
-    /// What it shows, in words; may be empty.
+    /// Its title; may be empty.
     pub title: String,
     /// Columns, in order.
     pub columns: Vec<Column>,
     /// Rows: values by the keys of the columns.
     pub rows: Vec<Map<String, Value>>,
-    /// Whether it is for programs alone: too long to be read.
+    /// Whether it is only for programs: too long to be read.
     pub programs_only: bool,
 }
 
@@ -29,42 +29,42 @@ pub struct DataTable {
 pub struct Column {
     /// Key with its unit, for programs.
     pub key: String,
-    /// Name with its unit, for people; a column without one is for programs alone.
+    /// Heading with its unit, for text tables; a column without one is only for programs.
     pub head: String,
-    /// How numbers are shown to people.
+    /// Number format in text tables.
     pub digits: Digits,
     /// Key of the standard errors, if its values are estimated from draws: errors of numbers in their unit, of dates in days.
     pub error_key: Option<String>,
 }
 
-/// How a number is shown.
+/// Number format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Digits {
-    /// So many decimals.
+    /// This number of decimals.
     Fixed(usize),
-    /// So many decimals and an exponent.
+    /// This number of decimals, with an exponent.
     Scientific(usize),
-    /// So many digits in all, without an exponent if that is readable.
+    /// This number of significant digits, without an exponent if that is readable.
     Significant(usize),
 }
 
-/// A column of numbers.
+/// A numeric column.
 pub(super) fn column(key: impl Into<String>, head: impl Into<String>, digits: Digits) -> Column {
     Column { key: key.into(), head: head.into(), digits, error_key: None }
 }
 
-/// A column of words or dates.
+/// A column of text or dates.
 pub(super) fn words(key: impl Into<String>, head: impl Into<String>) -> Column {
     column(key, head, Digits::Fixed(0))
 }
 
 impl Column {
-    /// The same with values that are estimated from draws, whose errors have a key of their own.
+    /// The same with values estimated from draws, whose errors have their own key.
     pub(super) fn with_error(self, key: impl Into<String>) -> Column {
         Column { error_key: Some(key.into()), ..self }
     }
 
-    /// A value of a row as people read it.
+    /// A value of a row in text form.
     fn shown(&self, row: &Map<String, Value>) -> String {
         let error = self.error_key.as_ref().map(|key| row.get(key).and_then(Value::as_f64));
         match (row.get(&self.key), error) {
@@ -115,17 +115,17 @@ impl DataTable {
         table
     }
 
-    /// The same under a title.
+    /// The same with a title.
     pub(super) fn titled(self, title: impl Into<String>) -> DataTable {
         DataTable { title: title.into(), ..self }
     }
 
-    /// Keys of its values: those of the columns, each before that of its errors.
+    /// Keys of its values: those of the columns, each followed by that of its errors.
     fn keys(&self) -> impl Iterator<Item = &String> {
         self.columns.iter().flat_map(|column| [Some(&column.key), column.error_key.as_ref()]).flatten()
     }
 
-    /// Rows with the values of the columns alone; null if there is no such value.
+    /// Rows with only the values of the columns; null for missing values.
     pub(super) fn json(&self) -> Value {
         let value = |row: &Map<String, Value>, key: &String| (key.clone(), row.get(key).cloned().unwrap_or_default());
         let row = |row: &Map<String, Value>| Value::Object(self.keys().map(|key| value(row, key)).collect());
@@ -143,7 +143,7 @@ impl DataTable {
         records
     }
 
-    /// For people.
+    /// As a text table.
     pub(super) fn text(&self) -> Table {
         let read = || self.columns.iter().filter(|column| !column.head.is_empty());
         let mut shown = table(&read().map(|column| column.head.as_str()).collect::<Vec<_>>());

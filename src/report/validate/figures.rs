@@ -7,12 +7,12 @@ use crate::report::chance;
 use crate::report::plot::label::{counts, label, setting};
 use crate::report::plot::{Figure, Mark, Panel, Series};
 
-/// Groups of rows that are distinguished by colour; more are not drawn.
+/// Maximum number of groups of rows, one for each colour; further ones are not drawn.
 const COLOURS: usize = 6;
 
 impl Validation {
-    /// Figures with the names of their files: for each data set the data against its first varying condition with model and
-    /// residuals, and the residuals against every condition that varies.
+    /// Figures with their file names: for each data set the data against its first varying condition with model and residuals, and
+    /// the residuals against every varying condition.
     pub(in crate::report) fn drawn(&self) -> Vec<(String, Figure)> {
         let mut figures = Vec::new();
         for (index, set) in self.sets.iter().enumerate() {
@@ -89,7 +89,7 @@ fn data_and_model(set: &SetResult, along: &str) -> Figure {
     }
 }
 
-/// Residuals of all rows against one condition, the means of its bins, and where those of noise alone would be.
+/// Residuals of all rows against one condition, the means of its bins, and the band of noise alone.
 fn residuals(set: &SetResult, trend: &Trend) -> Figure {
     let at = set.data.against(&trend.name);
     let centre = |rows: &[usize]| rows.iter().map(|&row| at[row]).sum::<f64>() / rows.len() as f64;
@@ -125,7 +125,8 @@ fn residuals(set: &SetResult, trend: &Trend) -> Figure {
     }
 }
 
-/// Rows by what else varies, in order of appearance, as many groups as there are colours; and how many rows are in none.
+/// Rows grouped by what else varies, in order of appearance, as many groups as there are colours; and the number of rows without a
+/// group.
 fn groups(data: &DataSet, along: &str) -> (Vec<(String, Vec<usize>)>, usize) {
     let others: Vec<(&String, Vec<f64>)> =
         data.varying.iter().filter(|name| *name != along).map(|name| (name, data.against(name))).collect();
@@ -149,7 +150,7 @@ fn groups(data: &DataSet, along: &str) -> (Vec<(String, Vec<usize>)>, usize) {
     (groups, left_out)
 }
 
-/// Whether a condition is better seen on a logarithmic axis.
+/// Whether a condition needs a logarithmic axis.
 fn is_log(at: &[f64]) -> bool {
     let finite = at.iter().copied().filter(|at| at.is_finite());
     let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));

@@ -5,7 +5,7 @@ use crate::analysis::validate::{Claim, Finding, SetResult, Validation};
 use crate::mission::keys::plain;
 use crate::report::chance;
 
-/// Errors by which a mean must differ from 0 to be spoken of.
+/// Minimum significance, in errors, of a mean that is reported.
 const CLEAR: f64 = 3.0;
 
 impl Validation {
@@ -38,7 +38,7 @@ impl Validation {
         }
     }
 
-    /// What comes of it, in a sentence.
+    /// The conclusion, in a sentence.
     pub fn conclusion(&self) -> String {
         let excess = self.excess();
         let all = format!("chi2 is {:.1} for {} rows", self.chi2, self.n);
@@ -66,7 +66,7 @@ impl Validation {
     }
 }
 
-/// A claim as the end of a sentence that begins with a chi2 of which nothing can be said.
+/// A claim as the end of a sentence that begins with a chi2 about which nothing can be said.
 fn ending(claim: Claim) -> &'static str {
     match claim {
         Claim::Trend => "the residuals have a trend",
@@ -76,7 +76,7 @@ fn ending(claim: Claim) -> &'static str {
     }
 }
 
-/// What is wrong with the model in some rows: `trail too faint`.
+/// The fault of the model in some rows: `trail too faint`.
 fn fault(set: &SetResult, rows: &[usize]) -> &'static str {
     let sum = |value: &dyn Fn(usize) -> f64| rows.iter().map(|&row| value(row) / set.data.rows[row].sigma).sum::<f64>();
     let data = sum(&|row| set.data.rows[row].value);
@@ -110,7 +110,7 @@ fn trend_in_words(set: &SetResult, trend: &Trend) -> String {
     format!("{}: {}", set.name(), said.join("; "))
 }
 
-/// Where some bins of a condition lie: `beyond trail_px 20`.
+/// Location of some bins of a condition: `beyond trail_px 20`.
 fn place(trend: &Trend, bins: &[usize]) -> String {
     let name = &trend.name;
     let last = trend.bins.len() - 1;
@@ -142,7 +142,7 @@ fn place(trend: &Trend, bins: &[usize]) -> String {
     }
 }
 
-/// Whether that is so at all values of the other conditions: `, at all signal_e`.
+/// Whether that holds at all values of the other conditions: `, at all signal_e`.
 fn elsewhere(set: &SetResult, trend: &Trend, rows: &[usize]) -> String {
     let residuals = set.residuals();
     let mut said = String::new();
