@@ -1,7 +1,7 @@
 //! The command line: arguments → results → standard output, and the exit status.
 //!
-//! 0: done. 2: a bad command line or bad input, one message on standard error. 1: anything else, and a requirement that is
-//! not met with `--check`.
+//! 0: success. 2: a bad command line or bad input, one message on standard error. 1: anything else, and a requirement that is not
+//! met with `--check`.
 
 mod catalogue;
 mod compare;
@@ -110,14 +110,14 @@ enum Outcome {
     NotMet,
 }
 
-/// Runs the program with these arguments (the first is its name) and gives its exit status.
+/// Runs the program with these arguments (the first is its name) and returns its exit status.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let parsed = Cli::command().try_get_matches_from(arguments);
     let parsed = parsed.and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, matches)));
     let (cli, matches) = match parsed {
         Ok(parsed) => parsed,
         Err(error) => {
-            // Help and version are no errors. If nothing can be printed, the failure cannot be reported either.
+            // Help and version are not errors. If nothing can be printed, the failure cannot be reported either.
             let _ = error.print();
             return if error.use_stderr() { 2 } else { 0 };
         }
@@ -148,7 +148,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             eprintln!("error: {error}");
             2
         }
-        // The reader has seen enough (`ctiplan ... | head`).
+        // The reader has closed the pipe (`ctiplan ... | head`).
         Err(Failure::Output(error)) if error.kind() == ErrorKind::BrokenPipe => 0,
         Err(Failure::Output(error)) => {
             eprintln!("error: cannot write the result\n  {error}");
@@ -173,7 +173,7 @@ fn print(report: &impl Report, output: &Output) -> Result<(), Failure> {
     print_and_suggest(report, output, None)
 }
 
-/// The same, and for people the command that is called for now.
+/// The same; text output also suggests the next command.
 fn print_and_suggest(report: &impl Report, output: &Output, next: Option<String>) -> Result<(), Failure> {
     let mut text = report.render(output.format());
     if let Some(command) = next.filter(|_| output.format() == Format::Text) {
@@ -191,7 +191,7 @@ fn say(text: &str) -> Result<(), Failure> {
 /// A progress bar on standard error if that is a terminal, and nothing otherwise.
 fn progress(length: u64, unit: &str) -> ProgressBar {
     let style = ProgressStyle::with_template(&format!("{{msg}} {{bar:30}} {{pos}}/{{len}} {unit}, {{eta}} left"));
-    // Of a length that is not known yet a bar is empty, of length 0 it would be full.
+    // With an unknown length a bar is empty; with length 0 it would be full.
     let bar = if length == 0 { ProgressBar::no_length() } else { ProgressBar::new(length) };
     bar.with_style(style.expect("a template that a test has drawn"))
 }

@@ -1,4 +1,4 @@
-//! The confidence that missions are ranked by.
+//! The confidence by which missions are ranked.
 
 use clap::Args;
 

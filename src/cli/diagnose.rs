@@ -87,7 +87,7 @@ impl Diagnose {
     }
 }
 
-/// The effects of a file of candidates, as they make sense in a mission.
+/// The effects in a file of candidates, checked for a mission.
 fn candidates(path: &Path, mission: &Mission) -> Result<toml::Table, InputError> {
     let refused = || format!("cannot use the candidates in `{}`", path.display());
     let text = input::text(path).map_err(|problem| InputError::new(refused(), problem))?;
@@ -103,7 +103,7 @@ fn candidates(path: &Path, mission: &Mission) -> Result<toml::Table, InputError>
     }
     match table.get("effects") {
         Some(toml::Value::Table(effects)) if !effects.is_empty() => {
-            // The line is that of a mission with them.
+            // The line refers to the text of a mission that includes them.
             let key = |place: String| place.split_once(": ").map_or(place.clone(), |(_, key)| key.to_string());
             let named = |error: InputError| InputError { refused: refused(), place: error.place.map(key), ..error };
             diagnose::hypothesis::all(mission, Some(effects)).map_err(named)?;

@@ -53,7 +53,7 @@ impl Dose {
 }
 
 impl Dose {
-    /// The mission under the requested Sun.
+    /// The mission with the requested Sun.
     fn of_sun(&self, mission: Mission) -> Result<Mission, Failure> {
         let years = self.active_years.map(|years| ("environment.active_years".to_string(), Value::Float(years)));
         let phase = self.solar_phase.clone().map(|phase| ("environment.solar_phase".to_string(), Value::String(phase)));

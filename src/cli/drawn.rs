@@ -34,7 +34,7 @@ impl Drawn {
         self.plots.is_some() || self.html.is_some()
     }
 
-    /// Makes sure, before the work, that its result can be written.
+    /// Checks before the computation that its result can be written.
     pub fn check(&self) -> Result<(), InputError> {
         if let Some(folder) = &self.plots {
             atomic_file::folder(folder)?;

@@ -58,7 +58,7 @@ impl Evaluate {
         let report = self.assess(&mission, &options)?;
         let met = passes(&report.lines());
         self.drawn.write(&report, &[mission])?;
-        // What the date hangs on is worth knowing where it comes too early.
+        // If the date is too early, its causes are of interest.
         let next = (!met).then(|| format!("ctiplan study error-budget {}", self.mission.words()));
         print_and_suggest(&report, &self.output, next)?;
         Ok(if self.check && !met { Outcome::NotMet } else { Outcome::Done })

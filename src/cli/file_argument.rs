@@ -1,4 +1,4 @@
-//! Files of a command line: every path among its arguments is an input or an output.
+//! Files in a command line: every path among its arguments is an input or an output.
 //!
 //! The types of the arguments give all inputs and outputs of any command. Before any computation, one function
 //! ([`refuse_clashes`]) checks that no output replaces an input or another output.
@@ -14,19 +14,19 @@ use crate::error::InputError;
 use crate::io::atomic_file::{self, Written};
 use crate::report::plot::Format;
 
-/// A file that is read.
+/// An input file.
 #[derive(Clone, Debug)]
 pub struct InputFile(PathBuf);
 
-/// A file that is written.
+/// An output file.
 #[derive(Clone, Debug)]
 pub struct OutputFile(PathBuf);
 
-/// A folder into which files are written.
+/// A folder for output files.
 #[derive(Clone, Debug)]
 pub struct OutputFolder {
     path: PathBuf,
-    /// Whether a file of that name may be written.
+    /// Whether a file with this name may be written.
     writes: fn(&OsStr) -> bool,
 }
 
@@ -93,7 +93,7 @@ impl From<OsString> for OutputFile {
     }
 }
 
-/// Refuses a command line with an output that would replace one of its inputs or another of its outputs.
+/// Rejects a command line with an output that would replace one of its inputs or another of its outputs.
 ///
 /// # Errors
 /// The first such output.
@@ -102,7 +102,7 @@ pub fn refuse_clashes(arguments: &ArgMatches) -> Result<(), InputError> {
     let (mut inputs, mut outputs) = (Vec::<&Path>::new(), Vec::new());
     loop {
         for id in matches.ids() {
-            // An argument is of one of these types or of none: for the others there are no values.
+            // An argument has one of these types or none: for the others there are no values.
             inputs.extend(values::<InputFile>(matches, id.as_str()).map(Deref::deref));
             outputs.extend(values::<OutputFile>(matches, id.as_str()).map(|file| Written::File(file)));
             let folders = values::<OutputFolder>(matches, id.as_str());

@@ -1,4 +1,4 @@
-//! Frames as options of the command line: which images of a file, where they lie on the detector, and what their numbers mean.
+//! Frames as options of the command line: the images of a file, their position on the detector, and the meaning of their values.
 
 use std::str::FromStr;
 
@@ -44,7 +44,7 @@ impl FromStr for Choices {
         let mut choices: Vec<Choice> = Vec::new();
         for part in text.split(',') {
             match (part.parse()?, choices.pop()) {
-                // A number behind a name is its EXTVER, as in tables of amplifiers.
+                // A number after a name is its EXTVER, as in amplifier tables.
                 (Choice::Index(version), Some(Choice::Name(name))) => {
                     choices.push(Choice::Version(name, version as i64));
                 }
@@ -56,12 +56,12 @@ impl FromStr for Choices {
 }
 
 impl Layout {
-    /// The HDUs that are chosen; none: all images of charge.
+    /// The selected HDUs; none: all images of charge.
     pub fn hdus(&self) -> Vec<Choice> {
         self.hdu.iter().flat_map(|choices| choices.0.clone()).collect()
     }
 
-    /// The geometry of frames that are read along their columns.
+    /// The geometry of frames read along their columns.
     pub fn geometry(&self) -> Geometry {
         Geometry {
             corner: self.corner,
@@ -101,7 +101,7 @@ impl Gain {
     }
 }
 
-/// A keyword of a header as it stands there.
+/// A header keyword, trimmed and in upper case.
 pub(super) fn keyword(text: &str) -> String {
     text.trim().to_ascii_uppercase()
 }

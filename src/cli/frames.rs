@@ -174,7 +174,7 @@ impl Frames {
         }
     }
 
-    /// One file.
+    /// Processes one file.
     fn one(&self, job: &Job) -> Result<Outcome, Failure> {
         let [input, output] = &self.files[..] else {
             let problem = format!("found {} files; one to read and one to write are needed", self.files.len());
@@ -194,7 +194,7 @@ impl Frames {
         Ok(Outcome::Done)
     }
 
-    /// Many files; those that fail are named at the end.
+    /// Processes many files; those that fail are listed at the end.
     fn many(&self, job: &Job, folder: &Path) -> Result<Outcome, Failure> {
         let inputs: Vec<&Path> = self.files.iter().map(PathBuf::as_path).collect();
         for input in &inputs {
@@ -217,7 +217,7 @@ impl Frames {
         batch.failure().map_or(Ok(Outcome::Done), |failure| Err(failure.into()))
     }
 
-    /// Files that are read besides frames.
+    /// Input files other than frames.
     fn read_besides(&self) -> impl Iterator<Item = &Path> {
         [Some(&self.mission), self.amplifiers.as_ref(), self.trap_map.as_ref()]
             .into_iter()

@@ -1,4 +1,4 @@
-//! Inputs that several commands share.
+//! Inputs shared by several commands.
 
 use std::fmt;
 use std::path::Path;
@@ -26,49 +26,49 @@ pub(super) struct OneMission {
 }
 
 impl OneMission {
-    /// The mission with what was set.
+    /// The mission with its settings.
     pub fn read(&self) -> Result<Mission, InputError> {
         mission_with(&self.path, &self.set)
     }
 
-    /// Keys that were set.
+    /// The keys that were set.
     pub fn keys_set(&self) -> Vec<&str> {
         self.set.iter().filter_map(|setting| Some(key_and_value(setting).ok()?.0)).collect()
     }
 
-    /// The mission as it was named, as words of a shell.
+    /// The mission options, quoted for a shell.
     pub fn words(&self) -> String {
         let set = self.set.iter().map(|setting| format!(" --set {}", quoted(Path::new(setting))));
         format!("{}{}", quoted(&self.path), set.collect::<String>())
     }
 
-    /// The mission file's text with what was set; comments and order are kept.
+    /// The mission file's text with the settings; comments and order are kept.
     pub fn text(&self) -> Result<String, InputError> {
         let mission = Mission::read(&self.path)?;
         Ok(mission_file::edit(&mission_file::read_text(&self.path)?, &mission, &settings(&self.set)?))
     }
 }
 
-/// A mission file's mission, with single values set.
+/// The mission of a file, with single values changed.
 pub(super) fn mission_with(path: &Path, set: &[String]) -> Result<Mission, InputError> {
     let mission = Mission::read(path)?;
     if set.is_empty() { Ok(mission) } else { mission.with(&settings(set)?) }
 }
 
-/// A file to be written at the end of the work, with the mission's text as it was at its beginning.
+/// A file to be written after the computation, with the mission's initial text.
 pub(super) struct NewMission<'a> {
     path: &'a Path,
     text: String,
 }
 
 impl<'a> NewMission<'a> {
-    /// Refused where the path cannot be written to.
+    /// Checks that the path is writable.
     pub fn from(measured: &Measured, path: &'a Path) -> Result<NewMission<'a>, InputError> {
         atomic_file::refuse_unwritable(path)?;
         Ok(NewMission { path, text: measured.mission.text()? })
     }
 
-    /// Writes what becomes of the text.
+    /// Writes the edited text.
     pub fn write(&self, edited: impl FnOnce(&str) -> String) -> Result<(), InputError> {
         atomic_file::write(self.path, edited(&self.text))
     }
@@ -115,7 +115,7 @@ pub(super) struct Adjust {
 }
 
 impl Adjust {
-    /// Keys to adjust: those of the mission's `[fit] free`, unless only others are wanted.
+    /// Keys to be fitted: those of the mission's `[fit] free`, unless others are requested.
     pub fn keys(&self, mission: &Mission) -> Vec<String> {
         let mut keys = if self.only { Vec::new() } else { mission.fit.free.clone() };
         keys.extend(self.free.iter().filter(|key| self.only || !mission.fit.free.contains(key)).cloned());
@@ -124,7 +124,7 @@ impl Adjust {
 }
 
 impl fmt::Display for Adjust {
-    /// As options of a command, each with a blank before it.
+    /// As options of a command, each preceded by a blank.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.free.iter().try_for_each(|key| write!(out, " --free {}", quoted(Path::new(key))))?;
         out.write_str(if self.only { " --only" } else { "" })

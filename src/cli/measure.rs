@@ -70,7 +70,7 @@ struct Eper {
     cti_px: Vec<(usize, usize)>,
 }
 
-/// Pixels from a first to a last one, `3-8`, or a single one.
+/// Pixels from the first to the last, `3-8`, or a single one.
 fn pixels(text: &str) -> Result<(usize, usize), String> {
     let (first, last) = text.split_once('-').unwrap_or((text, text));
     let number = |text: &str| text.trim().parse().ok().filter(|pixel| (1..=100_000).contains(pixel));

@@ -42,7 +42,7 @@ impl ManPages {
     }
 }
 
-/// A page for a command, and one for each command below it.
+/// A page for a command, and one for each subcommand.
 fn pages(command: Command, folder: &Path) -> Result<(), Failure> {
     for below in command.get_subcommands().cloned() {
         pages(below, folder)?;

@@ -1,4 +1,4 @@
-//! `ctiplan study`: the list of all studies, and their arguments, a file each.
+//! `ctiplan study`: the list of all studies, and their arguments, one file each.
 
 mod calibration;
 mod charge_injection;
@@ -32,10 +32,10 @@ pub(super) struct Study {
 trait Options: Args {
     type Study: study::Study<Results: Shown>;
 
-    /// The study that they ask for, of a mission in which these keys were set in the same command.
+    /// The requested study, for a mission in which these keys were set in the same command.
     ///
     /// # Errors
-    /// If a list or range cannot be read, or a file.
+    /// If a list, range or file cannot be read.
     fn study(&self, keys_set: &[&str]) -> Result<Self::Study, InputError>;
 }
 
@@ -110,18 +110,18 @@ impl<O: Options> Asked<O> {
     }
 }
 
-/// Numbers of an argument: a list or a range, as those of a key of the mission.
+/// Numbers of an argument: a list or a range, as for a key of the mission.
 fn numbers(key: &str, text: &str) -> Result<Vec<f64>, InputError> {
     let number = |value: &toml::Value| value.as_float().or(value.as_integer().map(|whole| whole as f64));
     Ok(Axis::parse(key, text)?.values.iter().filter_map(number).collect())
 }
 
-/// Numbers as a list that [`numbers`] reads.
+/// Numbers as a list in the notation of [`numbers`].
 fn list(numbers: &[f64]) -> String {
     numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
 }
 
-/// Reads a number that is allowed; `needed` says which are.
+/// Reads a number; `needed` describes the allowed ones.
 fn number(text: &str, allowed: impl Fn(f64) -> bool, needed: &str) -> Result<f64, String> {
     text.trim().parse().ok().filter(|number| allowed(*number)).ok_or_else(|| needed.into())
 }
