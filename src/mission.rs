@@ -69,8 +69,7 @@ pub struct Imported {
     pub history: Vec<(f64, f64)>,
     /// `environment.spectra`.
     pub spectra: Vec<ImportedSpectrum>,
-    /// `environment.dose_depth`: areal density of aluminium (g/cm², ascending) and dose of the mission behind a sphere of it,
-    /// MeV/g.
+    /// `environment.dose_depth`: areal density of aluminium (g/cm², ascending), dose of the mission behind a sphere of it, MeV/g.
     pub dose_depth: Vec<(f64, f64)>,
     /// `shielding.sectors`: share of the sky and areal density, g/cm².
     pub sectors: Vec<(f64, f64)>,

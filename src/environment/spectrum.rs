@@ -62,8 +62,7 @@ impl Spectrum {
         Spectrum { kinks: Vec::new(), ..Spectrum::of(nodes, Law::Power) }
     }
 
-    /// The same if only a fraction arrives, depending on energy (MeV). Extended to 100 GeV, as fast protons pass where others are
-    /// stopped.
+    /// The part that arrives, by the share at each energy (MeV). Extended to 100 GeV: fast protons pass where others stop.
     pub fn attenuated(&self, share: impl Fn(f64) -> f64) -> Spectrum {
         let (Some(first), Some(last)) = (self.nodes.first(), self.nodes.last()) else { return self.clone() };
         let mut energies_mev = tabulated(first.0, last.0.max(1e5));

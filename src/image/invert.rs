@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! source₀     = observed
-//! image_k     = before(source_k)                       the transfers turned round, nearly right
-//! source_k+1  = source_k + (observed − trail(image_k))  what the forward model leaves unexplained
+//! image_k     = before(source_k)                       the transfers reversed, nearly exact
+//! source_k+1  = source_k + (observed − trail(image_k))  the residual of the forward model
 //! ```
 //!
 //! The charges before the transfers can be computed from those after them as directly as the other way round

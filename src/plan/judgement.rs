@@ -190,8 +190,7 @@ pub struct JudgedRow {
     /// Why the Sun was not drawn; None if it was, or if there were no draws.
     #[serde(skip)]
     pub sun_not_drawn: Option<String>,
-    /// For each budget: under its key the value at the end of the mission, and the times (years since launch) at which it is
-    /// exceeded.
+    /// For each budget: under its key the value at the end of the mission, and the times (years since launch) of its crossings.
     #[serde(flatten)]
     pub each: BTreeMap<String, Option<f64>>,
 }

@@ -101,8 +101,7 @@ pub struct ByTraps {
 }
 
 impl ByTraps {
-    /// Smallest number of traps, relative to that at the end, at which a component of a bias reaches a limit; infinite if none
-    /// does.
+    /// Smallest number of traps, relative to the end, at which a component of a bias reaches a limit; infinite if none does.
     ///
     /// ```text
     /// bias = α f² + β f        α f² + β f = ± limit
@@ -235,8 +234,7 @@ fn unmeasurable(mission: &Mission) -> InputError {
 /// Times at which galaxies are read out.
 struct ReadoutTimes {
     times_yr: Vec<f64>,
-    /// If only the number of traps changes: the first time is the end of the mission, and the second has this fraction of its
-    /// traps.
+    /// If only the number of traps changes: the first time is the end of the mission; the second has this share of its traps.
     half: Option<f64>,
 }
 

@@ -1,7 +1,6 @@
 //! How accurately a correction must know the traps, and what calibrations at a given interval achieve.
 //!
-//! To first order in the trailing, a correction with assumed parameters leaves the difference between the effects of the true and
-//! the assumed ones:
+//! To first order in the trailing, a correction with assumed parameters leaves the difference from the true effects:
 //!
 //! ```text
 //! left = Σ ∂q/∂ln ρᵢ (Δρᵢ/ρᵢ) + Σ ∂q/∂ln τᵢ (Δτᵢ/τᵢ)        q: Δe of the judged galaxy, shear biases c and m of the population

@@ -168,8 +168,7 @@ impl LineTime {
         })
     }
 
-    /// Whether the corrected budgets are met until the end: all of them if they are judged together, with the requested
-    /// probability.
+    /// Whether the corrected budgets are met until the end; if judged together, all of them with the requested probability.
     fn keeps(&self, corrected: f64) -> bool {
         match (&self.judged, self.judged.as_ref().and_then(|judged| judged.corrected_met_percent)) {
             (Some(judged), Some(_)) => judged.corrected_kept_t_yr.is_none(),

@@ -72,8 +72,7 @@ impl Exposure {
         reference.cycle(1.0) / self.cycle(times)
     }
 
-    /// Time from one exposure, `times` times as long, to the next, s; without a survey only the exposure, in units of its own
-    /// length.
+    /// Time from one exposure to the next, s, if `times` times as long; without a survey, `times`.
     fn cycle(&self, times: f64) -> f64 {
         self.survey.as_ref().map_or(times, |survey| survey.cycle_s(times * survey.exposure_s, self.readout_s))
     }

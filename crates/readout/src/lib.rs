@@ -88,7 +88,7 @@ pub struct Trap {
     pub capture_density: Option<CaptureDensity>,
     /// Exponent of its cloud's height, if it differs from that of the readout's cloud.
     pub well_fill_power: Option<f64>,
-    /// Charge above which a packet reaches the surface, where the trap lies, e-; none for a trap of the bulk.
+    /// Charge above which a packet reaches the surface, where the trap lies, e-; none for a bulk trap.
     pub surface_level_e: Option<f64>,
     /// When packets are over it; [`Clock::spread`] divides traps among the phases of a pixel.
     pub phase: Phase,

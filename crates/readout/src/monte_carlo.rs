@@ -37,8 +37,7 @@ pub(super) fn column(
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(lane | (pixels.start as u64) << 32);
     let numbers: Vec<Option<Poisson<f64>>> = traps.iter().map(|trap| Poisson::new(trap.density_per_px).ok()).collect();
-    // For finite capture times: probability of being filled after a transfer inside the cloud of a packet, if empty and if filled
-    // before.
+    // For finite capture times: probability of being filled after a transfer inside a packet's cloud, if empty and if filled.
     let chances = |species: usize, charge_e: f64| {
         let (_, full, approach) = traps[species].passage_of(clouds[species], charge_e);
         [full * (1.0 - approach), full + (1.0 - full) * approach]

@@ -296,7 +296,7 @@ impl<P: Passage> Step<'_, P> {
     }
 }
 
-/// An error over the allowed error. No error is within any allowance, even 0.
+/// An error over the allowed error. A zero error is within any allowance, even 0.
 fn ratio(error_e: f64, allowed_e: f64) -> f64 {
     if error_e > 0.0 { error_e / allowed_e } else { 0.0 }
 }

@@ -141,8 +141,7 @@ impl Clock {
         Clock { shares: vec![(1.0, Phase::SINGLE)] }
     }
 
-    /// A clock of `phases` phases (at least 1), each with the packet for an equal part of the line and with an equal part of the
-    /// traps.
+    /// A clock of `phases` phases (at least 1), each with an equal part of the line and an equal part of the traps.
     pub fn of_phases(phases: usize) -> Clock {
         let steps: Vec<ClockStep> =
             (0..phases.max(1)).map(|phase| ClockStep { dwell: 1.0, holds: vec![phase] }).collect();

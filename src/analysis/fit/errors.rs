@@ -11,9 +11,8 @@ pub(super) struct Errors {
     pub flat: Vec<Vec<f64>>,
 }
 
-/// Eigenvalue of the scaled normal matrix, of trace n, below which a direction counts as flat: a combination whose error is ten
+/// Eigenvalue of the scaled normal matrix, of trace n, below which a direction counts as flat: a combination with an error ten
 /// thousand times larger than those of its members alone.
-/// thousand times worse than its members would be alone.
 const FLAT: f64 = 1e-8;
 
 impl Errors {

@@ -40,8 +40,7 @@ pub const SAMPLER: &str = "ensemble of walkers: differential evolution (ter Braa
 const WALKERS: usize = 16;
 const WALKERS_EACH: usize = 4;
 
-/// Weights of the moves, out of three: differential evolution, which decorrelates faster, and the stretch, which copes with other
-/// shapes.
+/// Weights of the moves: differential evolution, which decorrelates faster, and the stretch, which copes with other shapes.
 const DIFFERENTIAL: u32 = 2;
 const STRETCHED: u32 = 1;
 

@@ -125,8 +125,7 @@ fn residuals(set: &SetResult, trend: &Trend) -> Figure {
     }
 }
 
-/// Rows grouped by what else varies, in order of appearance, as many groups as there are colours; and the number of rows without a
-/// group.
+/// Rows grouped by what else varies, in order of appearance, at most one group per colour; and the number of other rows.
 fn groups(data: &DataSet, along: &str) -> (Vec<(String, Vec<usize>)>, usize) {
     let others: Vec<(&String, Vec<f64>)> =
         data.varying.iter().filter(|name| *name != along).map(|name| (name, data.against(name))).collect();

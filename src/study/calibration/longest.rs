@@ -70,8 +70,7 @@ impl Calibration {
             intervals(MONTHS * histories.end_yr).into_iter().map(|months| (months, used(months))).collect();
         let solve = |probability: f64| solved(&tried, probability, &used);
         let (outcome, months) = solve(self.probability);
-        // The probability has an error from the finite number of draws: the limits are also solved for with a higher and a lower
-        // one.
+        // The probability has an error from the finite number of draws: the limits are also solved with a higher and a lower one.
         let drawn = histories.sun_not_drawn.is_none();
         let error = share_error(self.probability, histories.of_draws.len() as f64);
         let ends = || [1.0, -1.0].map(|sign| solve((self.probability + sign * error).clamp(0.0, 1.0)));
@@ -108,7 +107,7 @@ fn intervals(most_months: f64) -> Vec<f64> {
 
 /// Up to which interval (months) the limits are met with a probability.
 fn solved(tried: &[Tried], probability: f64, used: &dyn Fn(f64) -> Vec<f64>) -> (Outcome, Option<f64>) {
-    // In logarithms: a limit far from 1 makes the curve bend less.
+    // In logarithms: the curve bends less if the limit is far off.
     let over = |used: &[f64]| quantile(used, probability).max(f64::MIN_POSITIVE).ln();
     match tried.iter().position(|(_, used)| over(used) > 0.0) {
         None => (Outcome::AlwaysMet, tried.last().map(|(months, _)| *months)),

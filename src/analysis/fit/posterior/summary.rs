@@ -9,8 +9,7 @@ use super::schedule::{LONG, time};
 use crate::mission::keys::plain;
 use crate::numeric::estimate::quantile;
 
-/// Probabilities at the ends of the intervals of 68.3 and 95.4 %: those of one and two standard deviations of a normal
-/// distribution.
+/// Probabilities at the ends of the intervals of 68.3 and 95.4 %: one and two standard deviations of a normal distribution.
 const ENDS: [[f64; 2]; 2] = [[0.1587, 0.8413], [0.0228, 0.9772]];
 
 /// Distance from an end of a prior, in half-widths of the central 68.3 %, and fraction of the draws within it above which the prior
