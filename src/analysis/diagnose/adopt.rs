@@ -111,7 +111,7 @@ impl Evidence<'_> {
     pub(super) fn adopt(&self, node: &Arc<Node>) -> Result<Ended, InputError> {
         for place in 0..node.added.len() {
             if self.may_be_noise(node, place)? {
-                // That explains the data by itself, which only the values of the larger model may have led to.
+                // The model without it may explain the data; perhaps only the values of the larger one have led there.
                 let simpler = self.without(node, place)?;
                 let is_enough = !simpler.added.is_empty() && self.is_enough(&simpler)?;
                 return if is_enough { self.adopt(&simpler) } else { Ok(Ended::ByChance) };

@@ -131,8 +131,8 @@ fn are_together(far: &[(usize, f64)], rows: usize) -> bool {
     1.0 - fewer < NO_ACCIDENT
 }
 
-/// Whether rows of a file have residuals of one sign and all one value of a condition, which so many rows have by chance with a
-/// probability below `NO_ACCIDENT`: a ghost in one pixel of every trail, such as by crosstalk. (Two rows may always.)
+/// Whether three or more rows of a file have residuals of one sign and the same value of a condition, with a probability below
+/// `NO_ACCIDENT` of doing so by chance: such as a ghost in one pixel of every trail, by crosstalk.
 pub(super) fn share_a_condition(set: &DataSet, far: &[(usize, f64)]) -> bool {
     let Some((&(first, off), others)) = far.split_first() else { return false };
     if others.len() < 2 || others.iter().any(|(_, other)| other * off < 0.0) {
