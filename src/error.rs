@@ -1,9 +1,9 @@
-//! Bad input, said once and clearly.
+//! Errors in the input, reported once and clearly.
 
 use std::fmt;
 use std::io;
 
-/// Something a user gave that cannot be used: what could not be done, where, what is wrong, what to try.
+/// An error in the user's input: what could not be done, where, what is wrong, and what to try.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct InputError {
     /// What could not be done, such as ``cannot use mission `a.toml` ``.
@@ -17,7 +17,7 @@ pub struct InputError {
 }
 
 impl InputError {
-    /// A refusal without a place in a file.
+    /// An error without a place in a file.
     pub fn new(refused: impl Into<String>, problem: impl Into<String>) -> InputError {
         InputError { refused: refused.into(), place: None, problem: problem.into(), help: None }
     }
@@ -44,10 +44,10 @@ impl fmt::Display for InputError {
 
 impl std::error::Error for InputError {}
 
-/// What is said of a file that is not there.
+/// The message for a file that does not exist.
 pub(crate) const NO_SUCH_FILE: &str = "there is no such file";
 
-/// Why a text file cannot be read, in words.
+/// The reason why a text file cannot be read.
 pub(crate) fn unreadable(error: &io::Error) -> String {
     match error.kind() {
         io::ErrorKind::NotFound => NO_SUCH_FILE.to_string(),
@@ -57,12 +57,12 @@ pub(crate) fn unreadable(error: &io::Error) -> String {
     }
 }
 
-/// The text, or its beginning where it is long.
+/// The text, or its beginning if it is long.
 pub(crate) fn shortened(text: &str) -> String {
     if text.chars().count() > 60 { text.chars().take(57).chain("...".chars()).collect() } else { text.to_string() }
 }
 
-/// The nearest of the known names, if one is near enough to be meant.
+/// The nearest of the known names, if it is near enough to be what was meant.
 pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     known
         .into_iter()

@@ -1,25 +1,25 @@
 #![doc = include_str!("../README.md")]
 #![warn(missing_docs)]
 
-// Left does not know right: a module uses those above it, never those below. `tests/suite/architecture.rs` sees to it, and for
-// the readout the compiler, since it is a crate of its own. See docs/architecture.md.
+// A module uses those above it, never those below. `tests/suite/architecture.rs` checks this, and for the readout, a crate of its own,
+// the compiler does. See docs/architecture.md.
 
 // Image and traps → image with trails.
 pub use ctiplan_readout as readout;
 
-// What any program needs: refusals, numbers and dates, files.
+// General tools: error messages, numerics and dates, files.
 pub mod error;
 
 pub mod numeric;
 
 pub mod io;
 
-// The Sun, the shield, damage by protons; what is doubtful about results.
+// The Sun, the shield, damage by protons; warnings.
 pub mod environment;
 
 pub mod warning;
 
-// What a mission file says; dose, traps, galaxies and shapes; what effects change of them; reading the file.
+// The content of a mission file; dose, traps, galaxies and shapes; what effects change in them; reading the file.
 pub mod mission;
 
 pub mod physics;
@@ -28,15 +28,15 @@ pub mod effect;
 
 pub mod mission_file;
 
-// The chain, put together in one place; what a planner asks it.
+// The whole chain, assembled in one place; the planner's questions to it.
 pub mod model;
 
 pub mod plan;
 
-// Measurements → residuals → fit → the effect that is missing.
+// Measurements → residuals → fit → the missing effect.
 pub mod analysis;
 
-// What stands on the chain: frames, measurements on them, trade studies, sweeps.
+// Applications of the chain: frames, measurements on them, trade studies, sweeps.
 pub mod image;
 
 pub mod measure;
@@ -45,7 +45,7 @@ pub mod study;
 
 pub mod sweep;
 
-// Words, tables, figures; the command line.
+// Text, tables and figures; the command line.
 pub mod report;
 
 pub mod cli;

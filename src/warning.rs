@@ -13,7 +13,7 @@ use crate::environment::solar_cycle::{CYCLE_YR, Maximum};
 /// 1 − exp(−Δt/3τ), 96 % at τ = Δt/10. A transfer that is one step gives all of them to the packet behind instead.
 pub const RELEASED_IN_PLACE_LINES: f64 = 0.1;
 
-/// Something doubtful about a result.
+/// A reason to doubt a result.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Warning {
     /// The mission flies through active years of the Sun that are not known yet.
