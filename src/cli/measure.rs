@@ -62,7 +62,7 @@ struct Eper {
     /// Write the charge in the first row, too, into this file, as observable packet_charge
     #[arg(long, value_name = "FILE")]
     first_pixel: Option<OutputFile>,
-    /// Write the CTI that the edge tells, too, into this file, as observable cti
+    /// Write the CTI of the edge, too, into this file, as observable cti
     #[arg(long, value_name = "FILE")]
     cti: Option<OutputFile>,
     /// Pixels behind the edge whose charge is counted for a CTI, such as 1-2 or 1-2,3-8 [default: 1,2-3,4-7,...]
@@ -96,7 +96,7 @@ impl Eper {
 struct Trails {
     #[command(flatten)]
     input: Input,
-    /// Pixels of a trail; as many in front of a warm pixel tell what is not trail
+    /// Pixels of a trail; as many in front of a warm pixel give the level without a trail
     #[arg(long, value_name = "PIXELS", default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     trail_px: u32,
     /// Least charge of a warm pixel above the background, e-
@@ -156,7 +156,7 @@ struct Injection {
     /// Groups of columns to measure apart, by their charge
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     column_groups: u32,
-    /// Rows that tell the background
+    /// Rows that give the background
     #[arg(long, value_name = "ROWS", default_value = "gap")]
     background_from: BackgroundFrom,
     /// Write the charge in the first row of each block, too, into this file, as observable packet_charge
@@ -241,7 +241,7 @@ impl Dipoles {
     }
 }
 
-/// Input, what headers do not tell, and output.
+/// Input, what headers do not state, and output.
 #[derive(Debug, Args)]
 struct Input {
     /// FITS files to read

@@ -44,9 +44,9 @@ impl Job {
         let problem = match made.iter().map(|(_, made)| made).find(|made| made.job != wanted.job) {
             None if made.iter().map(|(index, _)| *index).eq(frames) => return Ok(()),
             None if made.is_empty() => format!("no frame in it has the keyword {KEYWORD} that `ctiplan {task}` writes"),
-            None => "other HDUs of it were processed than are asked for".into(),
+            None => "other HDUs of it were processed than are requested now".into(),
             Some(other) if other.conditions != wanted.conditions => {
-                format!("it was made with {}; asked for is {}", other.conditions, wanted.conditions)
+                format!("it was made with {}; requested is {}", other.conditions, wanted.conditions)
             }
             Some(other) => format!(
                 "another command, mission file or other options made it: {KEYWORD} = '{}' there, '{}' of this `ctiplan {task}`; HISTORY \

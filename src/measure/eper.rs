@@ -111,7 +111,7 @@ impl Eper {
         }
         match self.trail_px {
             Some(wanted) if wanted > free => Err(InputError {
-                problem: format!("{wanted} rows behind it were asked for; {free} are there, less those of the bias"),
+                problem: format!("{wanted} rows behind it were requested; {free} are there, less those of the bias"),
                 help: Some("give a smaller --trail-px, or another bias with --bias-from or --bias-dn".into()),
                 ..refused(wanted)
             }),

@@ -70,7 +70,7 @@ impl<'a> Case<'a> {
         if values.iter().any(|value| !value.is_finite()) {
             return Err(InputError::new(
                 "cannot diagnose",
-                "the model has no value for a row; `ctiplan validate` tells which",
+                "the model has no value for a row; `ctiplan validate` shows which",
             ));
         }
         Ok(self.white(&values))

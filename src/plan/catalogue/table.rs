@@ -37,7 +37,7 @@ impl Epochs {
             return Ok(all);
         }
         if let Some(column) = all.column(TIME) {
-            let problem = "the table has this column already, which tells the epochs of the result";
+            let problem = "the table has this column already, which identifies the epochs of the result";
             return Err(table.fault(None, Some(&column.name), problem).with_help("rename it, or run one epoch"));
         }
         for catalogue in others {

@@ -64,7 +64,7 @@ pub(super) fn say_met(lines: &[Line], confidence: Option<f64>, out: &mut Parts) 
         match confidence {
             Some(asked) => {
                 let passed = if line.met { "passed" } else { "not passed" };
-                out.verdict(format!("  {passed}: {said} (asked for: {} %)", plain(100.0 * asked)), 4);
+                out.verdict(format!("  {passed}: {said} (required: {} %)", plain(100.0 * asked)), 4);
             }
             None if line.of_population => out.words(format!("  {said}"), 4),
             None => {}
