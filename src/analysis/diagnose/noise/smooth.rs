@@ -32,11 +32,15 @@ pub(super) fn columns(set: &DataSet, model: &[f64]) -> Vec<DVector<f64>> {
             shapes.extend(of_words(&values));
             continue;
         }
-        let (place, distinct) = in_order(&values);
+        let (ranks, distinct) = ranks(&values);
+        let last = (distinct.max(2) - 1) as f64;
+        // Ranks scaled from −1 to 1; 0 for values that are not finite.
+        let place: Vec<f64> =
+            ranks.iter().map(|rank| rank.map_or(0.0, |rank| 2.0 * rank as f64 / last - 1.0)).collect();
         let power = |power: usize| place.iter().map(|place| place.powi(power as i32)).collect();
-        shapes.extend((1..=DEGREE.min(distinct - 1)).map(power));
+        shapes.extend((1..=DEGREE.min(distinct.max(1) - 1)).map(power));
         // What all rows of one epoch (or pixel, ...) have in common need not be smooth, and is no scatter of single rows.
-        shapes.extend(of_values(&values));
+        shapes.extend(of_words(&ranks.iter().map(|rank| rank.map_or(-1.0, |rank| rank as f64)).collect::<Vec<f64>>()));
         places.push(place);
     }
     for (index, one) in places.iter().enumerate() {
@@ -51,26 +55,13 @@ pub(super) fn columns(set: &DataSet, model: &[f64]) -> Vec<DVector<f64>> {
     shapes.iter().flat_map(|shape| [over_sigma(shape, false), over_sigma(shape, true)]).collect()
 }
 
-/// Ranks of values, scaled from −1 to 1, and the number of distinct values; 0 for values that are not finite.
-fn in_order(values: &[f64]) -> (Vec<f64>, usize) {
+/// The rank of each value among the distinct ones, None for values that are not finite; and the number of distinct values.
+fn ranks(values: &[f64]) -> (Vec<Option<usize>>, usize) {
     let mut distinct: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     distinct.sort_by(f64::total_cmp);
     distinct.dedup();
-    let last = (distinct.len().max(2) - 1) as f64;
-    let place = |value: &f64| match distinct.binary_search_by(|known| known.total_cmp(value)) {
-        Ok(place) => 2.0 * place as f64 / last - 1.0,
-        Err(_) => 0.0,
-    };
-    (values.iter().map(place).collect(), distinct.len().max(1))
-}
-
-/// One column for every value of a condition; none if there are too many values.
-fn of_values(values: &[f64]) -> Vec<Vec<f64>> {
-    let mut distinct: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
-    distinct.sort_by(f64::total_cmp);
-    distinct.dedup();
-    let number = |value: &f64| distinct.iter().position(|known| known == value).map_or(-1.0, |number| number as f64);
-    of_words(&values.iter().map(number).collect::<Vec<f64>>())
+    let rank = |value: &f64| distinct.binary_search_by(|known| known.total_cmp(value)).ok();
+    (values.iter().map(rank).collect(), distinct.len())
 }
 
 /// One column for every word (words are numbered); none if there are too many words.
