@@ -38,7 +38,7 @@ pub(super) fn columns(set: &DataSet, model: &[f64]) -> Vec<DVector<f64>> {
         let place: Vec<f64> =
             ranks.iter().map(|rank| rank.map_or(0.0, |rank| 2.0 * rank as f64 / last - 1.0)).collect();
         let power = |power: usize| place.iter().map(|place| place.powi(power as i32)).collect();
-        shapes.extend((1..=DEGREE.min(distinct.max(1) - 1)).map(power));
+        shapes.extend((1..=DEGREE.min(distinct.saturating_sub(1))).map(power));
         // What all rows of one epoch (or pixel, ...) have in common need not be smooth, and is no scatter of single rows.
         shapes.extend(of_words(&ranks.iter().map(|rank| rank.map_or(-1.0, |rank| rank as f64)).collect::<Vec<f64>>()));
         places.push(place);
@@ -60,7 +60,11 @@ fn ranks(values: &[f64]) -> (Vec<Option<usize>>, usize) {
     let mut distinct: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     distinct.sort_by(f64::total_cmp);
     distinct.dedup();
-    let rank = |value: &f64| distinct.binary_search_by(|known| known.total_cmp(value)).ok();
+    // −0 and 0 are one value, and NaN equals none.
+    let rank = |value: &f64| {
+        let rank = distinct.partition_point(|known| known < value);
+        (distinct.get(rank) == Some(value)).then_some(rank)
+    };
     (values.iter().map(rank).collect(), distinct.len())
 }
 
@@ -91,4 +95,16 @@ pub(super) fn directions(smooth: Vec<DVector<f64>>, signatures: Vec<DVector<f64>
     let others = Span::of(&DMatrix::from_columns(&others), FLAT).directions().clone();
     let count = others.ncols().min(most - first.ncols());
     DMatrix::from_columns(&first.column_iter().chain(others.columns(0, count).column_iter()).collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ranks;
+
+    #[test]
+    fn equal_values_have_one_rank_and_values_that_are_not_finite_none() {
+        let (ranks, distinct) = ranks(&[5.0, -0.0, f64::NAN, 0.0, -1.0, f64::INFINITY, 5.0]);
+        assert_eq!(ranks, [Some(2), Some(1), None, Some(1), Some(0), None, Some(2)]);
+        assert_eq!(distinct, 3);
+    }
 }
