@@ -28,6 +28,7 @@ __all__ = [
     "CCDPhase",
     "CTI_model_for_HST_ACS",
     "ROE",
+    "ROEChargeInjection",
     "TrapInstantCapture",
     "TrapInstantCaptureContinuum",
     "TrapSlowCapture",
@@ -173,6 +174,47 @@ class ROE:
         self.pixel_bounce_kv = pixel_bounce_kv
         self.pixel_bounce_omega = pixel_bounce_omega
         self.pixel_bounce_gamma = pixel_bounce_gamma
+
+
+class ROEChargeInjection(ROE):
+    """Charge is injected at the far end of the columns: every packet passes all pixels on its way to the register.
+
+    Traps of a pixel are empty when its first packet comes. Between columns with ``empty_traps_between_columns=False`` they are as
+    the column before has left the last of the pixels.
+
+    Parameters
+    ----------
+    dwell_times, prescan_offset, overscan_start, empty_traps_between_columns, ... :
+        As of :class:`ROE`. The offset adds to the pixels of the frame; an overscan takes its own away.
+    """
+
+    def __init__(
+        self,
+        dwell_times: npt.ArrayLike = (1.0,),
+        prescan_offset: int = 0,
+        overscan_start: int = -1,
+        empty_traps_between_columns: bool = True,
+        force_release_away_from_readout: bool = True,
+        use_integer_express_matrix: bool = False,
+        pixel_bounce_kA: float = 0.0,  # noqa: N803 (arcticpy's name)
+        pixel_bounce_kv: float = 0.0,
+        pixel_bounce_omega: float = 1.0,
+        pixel_bounce_gamma: float = 1.0,
+    ) -> None:
+        super().__init__(
+            dwell_times, prescan_offset, overscan_start, empty_traps_between_columns, False,
+            force_release_away_from_readout, use_integer_express_matrix,
+            pixel_bounce_kA, pixel_bounce_kv, pixel_bounce_omega, pixel_bounce_gamma,
+        )  # fmt: skip
+
+    @staticmethod
+    def from_normal_roe(roe: ROE, n_pixels_in_image: int) -> ROEChargeInjection:
+        """The same electronics with injected charge, and so many pixels more in ``prescan_offset``, as arcticpy has it."""
+        return ROEChargeInjection(
+            roe.dwell_times, roe.prescan_offset + n_pixels_in_image, roe.overscan_start, roe.empty_traps_between_columns,
+            roe.force_release_away_from_readout, roe.use_integer_express_matrix,
+            roe.pixel_bounce_kA, roe.pixel_bounce_kv, roe.pixel_bounce_omega, roe.pixel_bounce_gamma,
+        )  # fmt: skip
 
 
 class TrapInstantCapture:
@@ -338,7 +380,7 @@ def add_cti(
     InputError
         Where a value cannot be used.
     NotImplementedError
-        For phases whose wells differ, trap pumping, charge injection and pixel bounce.
+        For phases whose wells differ, trap pumping and pixel bounce.
     """
     parallel = _Direction.of(
         "parallel", parallel_ccd, parallel_roe, parallel_traps, parallel_express,
@@ -493,6 +535,8 @@ class _Direction:
     traps: list[dict[str, float]]
     setting: dict[str, Any]
     window: tuple[int, int]
+    #: Whether charge is injected behind the pixels.
+    injected: bool = False
 
     @classmethod
     def of(
@@ -523,7 +567,8 @@ class _Direction:
             "shares": shares,
         }
         line, fraction = sum(dwells), sum(shares)
-        return cls([_species(f"{name}_traps", trap, line, fraction) for trap in given], setting, (first, last))
+        species = [_species(f"{name}_traps", trap, line, fraction) for trap in given]
+        return cls(species, setting, (first, last), isinstance(roe, ROEChargeInjection))
 
     def rows(self, length: int, name: str) -> slice:
         """The window among so many rows."""
@@ -536,14 +581,18 @@ class _Direction:
             )  # fmt: skip
         return slice(first, last)
 
-    def read(self, frame: np.ndarray, start: int) -> np.ndarray:
-        """Reads a frame out along its first axis, from so many pixels on: charge in front does not take part."""
+    def read(self, frame: np.ndarray, start: int, length: int) -> np.ndarray:
+        """Reads a frame out along its first axis, from so many pixels on: charge in front does not take part.
+
+        `length` is that of the CCD, of which the frame holds the pixels up to the end of the window.
+        """
         if not self.traps or not frame[start:].size:
             return frame
         if start > 0:
             frame = frame.copy()
             frame[:start] = 0.0
-        return _ctiplan.arctic_readout(frame, self.traps, self.setting | {"first": start})
+        injected = length + self.setting["offset"] if self.injected else None
+        return _ctiplan.arctic_readout(frame, self.traps, self.setting | {"first": start, "injected": injected})
 
 
 def _read_out(frame: np.ndarray, parallel: _Direction, serial: _Direction, allow_negative: bool) -> np.ndarray:
@@ -551,8 +600,9 @@ def _read_out(frame: np.ndarray, parallel: _Direction, serial: _Direction, allow
     trailed = frame.copy()
     if not allow_negative:
         trailed[rows, columns] = np.maximum(trailed[rows, columns], 0.0)
-    trailed[rows, columns] = parallel.read(trailed[: rows.stop, columns], rows.start)[rows]
-    trailed[rows, columns] = serial.read(trailed[rows, : columns.stop].T, columns.start)[columns].T
+    height, width = frame.shape
+    trailed[rows, columns] = parallel.read(trailed[: rows.stop, columns], rows.start, height)[rows]
+    trailed[rows, columns] = serial.read(trailed[rows, : columns.stop].T, columns.start, width)[columns].T
     return trailed
 
 
@@ -569,7 +619,7 @@ def _phases(name: str, ccd: CCD, roe: ROE) -> tuple[CCDPhase, list[float], list[
     """The well that all phases have, the dwell times and the shares of traps."""
     for attribute, value in (("n_pumps", -1), ("type", 0)):
         if getattr(roe, attribute, value) != value:
-            raise NotImplementedError(f"{name}_roe: trap pumping and charge injection are not read out here")
+            raise NotImplementedError(f"{name}_roe: trap pumping is not read out here")
     phases, dwells, given = ccd.phases, roe.dwell_times, ccd.fraction_of_traps_per_phase
     if not len(phases) == len(dwells) == len(given) > 0:
         raise InputError(

@@ -9,7 +9,7 @@ use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::work;
-use every_transfer::{Order, Species};
+use every_transfer::{Order, Species, Transfers};
 
 /// Traps of one species, as Python says it. Times are in transfers, volumes fractions of the full well.
 #[derive(FromPyObject, Clone, Copy)]
@@ -36,6 +36,8 @@ pub struct Setting {
     /// The first row that takes part; those before it hold no charge.
     first: usize,
     empty_for_first: bool,
+    /// Pixels that all packets pass, if charge is injected behind them.
+    injected: Option<usize>,
     empty_between: bool,
     relative: f64,
     /// Time below each phase, in any unit, and traps there, as a share of all.
@@ -74,7 +76,7 @@ fn check(traps: &[Traps], setting: &Setting) -> Result<(), InputError> {
     if setting.is_special(traps) && !traps.iter().all(plain) {
         return refused(
             "capture that takes time, spread release times and several phases go with overscan_start = -1, \
-             empty_traps_between_columns = True and traps in the whole volume only"
+             empty_traps_between_columns = True, traps in the whole volume and no charge injection only"
                 .into(),
         );
     }
@@ -91,7 +93,7 @@ impl Traps {
 impl Setting {
     /// Whether the readout of ctiplan has no such setting.
     fn is_special(&self, traps: &[Traps]) -> bool {
-        self.pixels.is_some() || !self.empty_between || traps.iter().any(Traps::is_in_part)
+        self.pixels.is_some() || self.injected.is_some() || !self.empty_between || traps.iter().any(Traps::is_in_part)
     }
 
     fn readout(&self, traps: &[Traps], frame_e: Array2<f64>) -> Result<Array2<f64>, InputError> {
@@ -129,8 +131,13 @@ impl Setting {
             full_exposed: traps.full_exposed,
         };
         let species: Vec<Species> = traps.iter().map(species).collect();
-        let Setting { offset, pixels, first, empty_for_first, empty_between, .. } = *self;
-        let order = Order { offset, pixels, first, empty_for_first, empty_between };
+        let Setting { offset, pixels, first, empty_between, .. } = *self;
+        let transfers = match self.injected {
+            Some(pixels) => Transfers::Injected(pixels),
+            None if self.empty_for_first => Transfers::Empty,
+            None => Transfers::Carried,
+        };
+        let order = Order { offset, pixels, first, transfers, empty_between };
         let mut columns: Vec<Vec<f64>> = frame_e.axis_iter(Axis(1)).map(|column| column.to_vec()).collect();
         // Columns that leave their traps to the next are read one after another, others side by side.
         let together = if empty_between { 1 } else { columns.len().max(1) };

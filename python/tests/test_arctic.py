@@ -250,6 +250,11 @@ def test_a_header_says_what_was_done(frame):
             cp.InputError,
             "overscan_start",
         ),
+        (
+            {"parallel_traps": [arctic.TrapSlowCapture(1.0, 1.0, 0.1)], "parallel_roe": arctic.ROEChargeInjection()},
+            cp.InputError,
+            "no charge injection",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_refused_in_words(frame, words, exception, said):

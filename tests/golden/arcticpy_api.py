@@ -70,6 +70,9 @@ def cases(arctic):
     def roe_carried(**words):
         return dict(base, parallel_roe=a.ROE(**words))
 
+    def injected(**words):
+        return dict(base, parallel_roe=a.ROEChargeInjection(**words))
+
     add = [
         ("empty", sky(), base),
         ("carried", sky(), default),
@@ -91,6 +94,17 @@ def cases(arctic):
         ("columns joined carried, overscan", sky(), roe_carried(empty_traps_between_columns=False, overscan_start=31)),
         ("columns joined carried, overscan, window", sky(), dict(
             roe_carried(empty_traps_between_columns=False, overscan_start=31, prescan_offset=3), parallel_window_start=12)),
+        ("injected", sky(), injected()),
+        ("injected, offset", sky(), dict(injected(prescan_offset=7), parallel_window_offset=4)),
+        ("injected, overscan", sky(), dict(injected(overscan_start=41, prescan_offset=4), parallel_window_offset=9)),
+        ("injected, window", sky(), dict(injected(prescan_offset=3), parallel_window_start=15, parallel_window_stop=45)),
+        ("injected, window, overscan", sky(), dict(injected(overscan_start=31), parallel_window_start=12)),
+        ("injected, columns joined", sky(), injected(empty_traps_between_columns=False, prescan_offset=3)),
+        ("injected, from normal", sky(), dict(base, parallel_roe=a.ROEChargeInjection.from_normal_roe(carried, 50))),
+        ("injected, serial", sky(), dict(serial, serial_roe=a.ROEChargeInjection())),
+        ("injected, surface", sky(), dict(injected(), parallel_traps=[a.TrapInstantCapture(30.0, 3.0, 0.05, 0.4), *two])),
+        ("injected, notch", sky(), dict(injected(), parallel_ccd=a.CCD([a.CCDPhase(84700.0, 70.0, 0.7)], [1.0]))),
+        ("injected, negative", sky(level=3.0) + noise, injected()),
         ("dwell", sky(), roe(dwell_times=[0.25])),
         ("fraction", sky(), dict(base, parallel_ccd=a.CCD([a.CCDPhase(84700.0, 0.0, 0.478)], [0.4]))),
         ("notch", sky(), well(84700.0, 70.0, 0.7)),
@@ -128,6 +142,7 @@ def cases(arctic):
         ("remove negative not allowed", sky(level=3.0) + noise, dict(base, n_iterations=3, allow_negative_pixels=0)),
         ("remove negative not allowed, window", sky(level=3.0) + noise,
          dict(base, n_iterations=3, allow_negative_pixels=0, parallel_window_start=15)),
+        ("remove injected", sky(), dict(injected(), n_iterations=3)),
         ("remove in windows", sky(), dict(base, n_iterations=2, parallel_window_start=10, serial_window_stop=4)),
     ]
     return [(name, a.add_cti, *rest) for name, *rest in add] + [(name, a.remove_cti, *rest) for name, *rest in remove]
@@ -176,6 +191,8 @@ def random_frame(arctic, number):
         roe.overscan_start = int(rng.integers(rows // 2, rows + 1))
         words.update(parallel_window_offset=int(rng.integers(0, 30)))
     roe.empty_traps_between_columns = number % 8 not in (5, 6)
+    if number % 11 == 7:
+        words.update(parallel_roe=a.ROEChargeInjection.from_normal_roe(roe, 0))
     start = time.perf_counter()
     if number % 10 in (8, 9) and first == 0.0:
         result = a.remove_cti(frame, 3, **UNPRUNED, **words)

@@ -28,6 +28,17 @@ impl Species {
     }
 }
 
+/// Which pixels a packet passes, and the traps that the first packet finds there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Transfers {
+    /// Those between its own and the register. Traps of a pixel are empty when its first packet comes.
+    Empty,
+    /// The same pixels. The first packet finds the traps as it has left them in the pixel before.
+    Carried,
+    /// All of so many pixels, as charge that is injected behind them does. Traps of a pixel are empty when its first packet comes.
+    Injected(usize),
+}
+
 /// What happens at the ends of columns and of the frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Order {
@@ -37,8 +48,7 @@ pub struct Order {
     pub pixels: Option<usize>,
     /// The first packet that takes part. Those before it hold no charge, and leave the traps as they are.
     pub first: usize,
-    /// Traps of a pixel are empty when its first packet comes; else they are as that packet left the pixel before.
-    pub empty_for_first: bool,
+    pub transfers: Transfers,
     /// Traps are empty when a column begins; else they are as the column before has left them.
     pub empty_between: bool,
 }
@@ -57,10 +67,10 @@ pub fn columns(columns: &mut [Vec<f64>], species: &[Species], cloud: &Cloud, ord
     let mut left = State::default();
     for charge_e in columns {
         let start = if order.empty_between { State::default() } else { std::mem::take(&mut left) };
-        left = if order.empty_for_first {
-            pixel.empty_for_first(charge_e, start, order)
-        } else {
-            pixel.carried(charge_e, start, order)
+        left = match order.transfers {
+            Transfers::Empty => pixel.empty_for_first(charge_e, start, order),
+            Transfers::Carried => pixel.carried(charge_e, start, order),
+            Transfers::Injected(pixels) => pixel.injected(charge_e, start, order, pixels),
         };
     }
 }
@@ -108,6 +118,20 @@ impl<'a> Pixel<'a> {
             }
             state.clone_from(&start);
             for packet_e in &mut charge_e[order.first.max(nearest + 1)..] {
+                self.packet(&mut state, packet_e);
+            }
+        }
+        state
+    }
+
+    /// Pixels that all packets pass, each of which starts alike. Gives the traps of the last.
+    fn injected(&self, charge_e: &mut [f64], start: State, order: Order, pixels: usize) -> State {
+        let first = order.first.min(charge_e.len());
+        let mut state = start.clone();
+        for _ in 0..order.pixels.map_or(pixels, |limit| limit.min(pixels)) {
+            interrupt::check();
+            state.clone_from(&start);
+            for packet_e in &mut charge_e[first..] {
                 self.packet(&mut state, packet_e);
             }
         }
