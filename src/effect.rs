@@ -27,6 +27,7 @@ mod signal_bounce;
 mod signal_ringing;
 mod solar_cycle;
 mod solar_flare;
+mod temperature_cycle;
 mod temperature_offset;
 mod volume_at_zero;
 mod well_fill;
@@ -47,7 +48,7 @@ use crate::readout::{Clock, Cloud};
 pub use reach::Reach;
 
 /// All effects, in the order of the physics.
-pub static CATALOGUE: [Entry; 22] = [
+pub static CATALOGUE: [Entry; 23] = [
     entry::<solar_cycle::SolarCycle>(),
     entry::<cycle::Cycle>(),
     entry::<solar_flare::SolarFlare>(),
@@ -65,6 +66,7 @@ pub static CATALOGUE: [Entry; 22] = [
     entry::<volume_at_zero::VolumeAtZero>(),
     entry::<preflash::Preflash>(),
     entry::<temperature_offset::TemperatureOffset>(),
+    entry::<temperature_cycle::TemperatureCycle>(),
     entry::<clocking::Clocking>(),
     entry::<serial_traps::SerialTraps>(),
     entry::<signal_bounce::SignalBounce>(),

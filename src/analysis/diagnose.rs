@@ -33,6 +33,7 @@ mod stability;
 mod stopping_rule;
 mod summary;
 mod unexplained;
+mod unrecorded;
 mod work;
 
 use std::sync::Arc;

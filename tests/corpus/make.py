@@ -149,6 +149,10 @@ class World:
             at["t_yr"] = (datetime.date.fromisoformat(at["date"]) - mission["mission"]["launch"]).days / 365.25
         at["background_e"] += sum(preflash["electrons"] for preflash in self.of("preflash"))
         at["temperature_k"] += sum(offset["kelvin"] for offset in self.of("temperature-offset"))
+        at["temperature_k"] += sum(
+            season["amplitude_k"] * math.cos(2.0 * math.pi * (at["t_yr"] - season["warmest_t_yr"]) / season["period_yr"])
+            for season in self.of("temperature-cycle"))
+        at["temperature_k"] += sum(kelvin["of"](at) for kelvin in self.of("outside: temperature of every epoch"))
         return at
 
     def pixel(self):
@@ -752,6 +756,14 @@ def strong():
         trails(3.0e-4, temperature_k=[182.0, 192.0, 202.0], trail_px=FEW, transfers=900, signal_e=1000.0, background_e=20.0,
                t_yr=4.0)])
 
+    m = euclid()
+    yield one(1, "temperature-cycle", {"amplitude_k": 1.5, "period_yr": 1.0, "warmest_t_yr": 0.3}, m, [
+        trails((3.0e-5, 0.01), t_yr=years(0.2, 4.1, 0.13), trail_px=FEW, signal_e=2000.0, background_e=60.0, transfers=1500)],
+        free=density_of("fast", "mid", "slow"))
+    m = hst()
+    yield one(2, "temperature-cycle", {"amplitude_k": 3.0, "period_yr": 0.5, "warmest_t_yr": 0.1}, m, [
+        trails(2.0e-4, t_yr=years(0.3, 2.3, 0.05), trail_px=NEAR, signal_e=1000.0, background_e=20.0, transfers=900)])
+
     m = snap()
     yield one(1, "signal-bounce", {"fraction": 1.2e-3, "length_px": 1.6}, m, [
         trails(1.5e-4, transfers=[40, 300, 1000], signal_e=[500.0, 3000.0], trail_px=FEW, background_e=20.0,
@@ -886,6 +898,12 @@ def outside():
                 signal_e=2000.0, background_e=60.0)], None, ["temperature_k"],
         "as many traps times 1 + 0.03 (T - 153 K)",
         effects=[("outside: density against a condition", {"of": lambda at: 1.0 + 0.03 * (at["temperature_k"] - 153.0)})])
+    m = euclid()
+    yield one("temperature-by-epoch", m, [
+        trails((3.0e-5, 0.01), t_yr=years(0.2, 4.1, 0.26), trail_px=FEW, signal_e=2000.0, background_e=60.0, transfers=1500)],
+        None, [], "a temperature of its own at every epoch, normal with 1.2 K, that no column records",
+        effects=[("outside: temperature of every epoch",
+                  {"of": lambda at: np.random.default_rng(int(1e4 * at["t_yr"])).normal(0.0, 1.2)})])
     m = snap()
     yield one("one-pixel", m, [trails(2.0e-4, signal_e=[150.0, 400.0, 1500.0, 6000.0], transfers=[300, 900],
                                       trail_px=[1, 2, 3, 4, 6, 10], background_e=5.0, t_yr=[2.0, 5.0])],
@@ -1003,6 +1021,7 @@ def weaker(kind, parameters, strength, believed):
     for name in {"solar-flare": ["dose_mev_g"], "cosmic-ray-floor": ["rate_mev_g_yr"], "prelaunch-traps": list(p),
                  "bakeout": ["fraction"], "extra-species": ["density_per_px"], "finite-capture": ["capture_ms"],
                  "notch": ["notch_e"], "preflash": ["electrons"], "temperature-offset": ["kelvin"],
+                 "temperature-cycle": ["amplitude_k"],
                  "signal-bounce": ["fraction"]}.get(kind, []):
         p[name] *= strength
     if kind == "dose-scale":

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock};
 
-use ctiplan::analysis::diagnose::{Diagnosis, Options, Progress, Verdict, diagnose};
+use ctiplan::analysis::diagnose::{Diagnosis, Note, Options, Progress, Verdict, diagnose};
 use ctiplan::analysis::measurement::{DataSet, Row, questions};
 use ctiplan::analysis::validate::validate;
 use ctiplan::io::table::Table;
@@ -143,6 +143,25 @@ fn cases_of_another_simulator_are_told_as_they_are() {
         cases += 1;
     }
     assert!(cases >= 10);
+}
+
+/// A temperature that differs from epoch to epoch is no larger error, and no effect: the diagnosis says which column is missing.
+#[test]
+#[ignore = "slow: .ci/run runs it"]
+fn a_temperature_that_no_column_records_is_named() {
+    let found = diagnosed(corpus("outside-temperature-by-epoch"), "");
+    assert_eq!((found.verdict, found.noise[0].scale), (Verdict::Unexplained, 1.0), "{}", found.reason);
+    let named = found.notes.iter().find_map(|note| match note {
+        Note::EpochTemperatures { epochs, range_k, chi2, n } => Some((*epochs, *range_k, *chi2, *n)),
+        _ => None,
+    });
+    let (epochs, [low_k, high_k], [without, with], n) = named.expect("a note");
+    // The case was made with 16 temperatures from -1.2 to +2.5 K; the errors of one are about 0.2 K.
+    assert_eq!((epochs, n), (16, 96));
+    assert!((low_k + 1.2).abs() < 0.6 && (high_k - 2.5).abs() < 0.6, "{low_k} {high_k}");
+    // 80 degrees of freedom.
+    assert!(without > 500.0 && (45.0..120.0).contains(&with), "{without} {with}");
+    assert!(said(&found).contains("add a column temperature_k"));
 }
 
 #[test]

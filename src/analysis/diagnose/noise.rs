@@ -16,6 +16,7 @@ use super::evidence::Found;
 use super::fitted_model::{Case, Node};
 use super::result::Reason;
 use super::search::Expansion;
+use super::unrecorded;
 use crate::analysis::measurement::DataSet;
 use crate::analysis::validate::along_neighbours;
 use crate::analysis::whitening::{Neighbours, Shared, trails};
@@ -180,6 +181,7 @@ pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, k
         .chain(expansion.trials.iter().flatten().flat_map(|trial| trial.basis.column_iter()))
         .map(|column| case.coloured(column.as_slice()))
         .collect();
+    let per_kelvin = unrecorded::per_kelvin(case, node);
     let of = |(index, set): (usize, &DataSet)| {
         let rows = case.rows(index);
         if rows.len() < FEW {
@@ -196,7 +198,8 @@ pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, k
         let residuals = set.rows.iter().zip(model).map(|(row, model)| (row.value - model) / row.sigma);
         let residuals = DVector::from_iterator(rows.len(), residuals);
         let signatures = signatures.iter().map(as_quoted).collect();
-        let smooth = smooth::directions(smooth::columns(set, model), signatures);
+        let per_kelvin = per_kelvin.as_ref().map(|change| &change[rows.clone()]);
+        let smooth = smooth::directions(smooth::columns(set, model, per_kelvin), signatures);
         of_set(set, &residuals, &smooth, &known[index])
     };
     quoted.iter().enumerate().map(of).collect()

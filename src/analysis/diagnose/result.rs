@@ -168,6 +168,17 @@ pub enum Note {
         /// Decrease of chi2 with it, pedestals counted as in the search.
         fall: f64,
     },
+    /// A temperature of its own for every epoch explains what no effect does.
+    EpochTemperatures {
+        /// Number of epochs.
+        epochs: usize,
+        /// Lowest and highest difference from the temperature assumed, K.
+        range_k: [f64; 2],
+        /// chi2 of the mission's model, without and with them.
+        chi2: [f64; 2],
+        /// Number of rows.
+        n: usize,
+    },
     /// A rival that is only slightly worse than the adopted effect and was set aside.
     SetAside {
         /// The rival.

@@ -6,6 +6,7 @@ use super::evidence::{Evidence, Found, newest};
 use super::fitted_model::{Added, Node};
 use super::result::{Covariate, Diagnosis, Note, Rung, Step, Tried, Verdict};
 use super::stability::Stability;
+use super::unrecorded;
 use super::{doubts, formula, holdout};
 use crate::analysis::fit::{self, Advice, Fitted};
 use crate::analysis::validate::{Validation, validate};
@@ -43,7 +44,9 @@ impl Evidence<'_> {
             (Vec::new(), None)
         };
         let replaced = doubts::replaced(&steps, &values, &node.fit.advice);
-        let notes = [notes, aside, doubts::of(&rungs[0], &steps), replaced].concat();
+        let unrecorded =
+            (verdict == Verdict::Unexplained).then(|| unrecorded::temperatures(self.case(), self.base)).flatten();
+        let notes = [notes, aside, Vec::from_iter(unrecorded), doubts::of(&rungs[0], &steps), replaced].concat();
         let parameters = values.iter().filter(|fitted| self.search.base.contains(&fitted.key)).cloned();
         Ok(Diagnosis {
             mission: mission.clone(),

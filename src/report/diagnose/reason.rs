@@ -125,6 +125,11 @@ impl fmt::Display for Note {
                  the two",
                 files.join(" and ")
             ),
+            Note::EpochTemperatures { epochs, range_k: [low, high], chi2: [without, with], n } => write!(
+                out,
+                "no column records the temperature; one of its own for each of the {epochs} epochs, {low:+.1} to {high:+.1} K from \
+                 the mission's, would explain the data (chi2 {without:.0} -> {with:.0}, {n} rows): add a column temperature_k"
+            ),
             Note::SetAside { effect, instead_of, chi2, parameters } => {
                 let more = match parameters {
                     0 => "as many parameters".to_string(),

@@ -17,15 +17,19 @@ const FLAT: f64 = 0.02;
 /// Share of the directions of the rows that may be smooth.
 const MOST: f64 = 0.4;
 
+/// The condition whose values are epochs.
+const EPOCH: &str = "t_yr";
+
 /// Rows per word of a column, on average, from which each word has its own constant.
 const ROWS_OF_A_WORD: usize = 4;
 
-/// Polynomials in every condition, products of two conditions, and a constant for every word, each alone and times the model; in
-/// quoted errors.
-pub(super) fn columns(set: &DataSet, model: &[f64]) -> Vec<DVector<f64>> {
+/// Polynomials in every condition, products of two conditions, and a constant for every word, each alone and times the model; and for
+/// every epoch the change of the model with a temperature that no column records. In quoted errors.
+pub(super) fn columns(set: &DataSet, model: &[f64], per_kelvin: Option<&[f64]>) -> Vec<DVector<f64>> {
     let rows = set.rows.len();
     let mut shapes: Vec<Vec<f64>> = vec![vec![1.0; rows]];
     let mut places: Vec<Vec<f64>> = Vec::new();
+    let mut epochs: Vec<Vec<f64>> = Vec::new();
     for name in &set.varying {
         let values = set.against(name);
         if set.is_words(name) {
@@ -40,7 +44,11 @@ pub(super) fn columns(set: &DataSet, model: &[f64]) -> Vec<DVector<f64>> {
         let power = |power: usize| place.iter().map(|place| place.powi(power as i32)).collect();
         shapes.extend((1..=DEGREE.min(distinct.saturating_sub(1))).map(power));
         // What all rows of one epoch (or pixel, ...) have in common need not be smooth, and is no scatter of single rows.
-        shapes.extend(of_words(&ranks.iter().map(|rank| rank.map_or(-1.0, |rank| rank as f64)).collect::<Vec<f64>>()));
+        let constants = of_words(&ranks.iter().map(|rank| rank.map_or(-1.0, |rank| rank as f64)).collect::<Vec<f64>>());
+        if name == EPOCH {
+            epochs.clone_from(&constants);
+        }
+        shapes.extend(constants);
         places.push(place);
     }
     for (index, one) in places.iter().enumerate() {
@@ -48,11 +56,12 @@ pub(super) fn columns(set: &DataSet, model: &[f64]) -> Vec<DVector<f64>> {
             shapes.push(one.iter().zip(other).map(|(one, other)| one * other).collect());
         }
     }
-    let over_sigma = |shape: &Vec<f64>, times_model: bool| {
-        let value = |row: usize| shape[row] * if times_model { model[row] } else { 1.0 } / set.rows[row].sigma;
-        DVector::from_fn(rows, |row, _| value(row))
-    };
-    shapes.iter().flat_map(|shape| [over_sigma(shape, false), over_sigma(shape, true)]).collect()
+    let over_sigma =
+        |shape: &[f64], factor: &[f64]| DVector::from_fn(rows, |row, _| shape[row] * factor[row] / set.rows[row].sigma);
+    let alone = vec![1.0; rows];
+    let of_shapes = shapes.iter().flat_map(|shape| [over_sigma(shape, &alone), over_sigma(shape, model)]);
+    let of_epochs = epochs.iter().filter_map(|epoch| Some(over_sigma(epoch, per_kelvin?)));
+    of_shapes.chain(of_epochs).collect()
 }
 
 /// The rank of each value among the distinct ones, None for values that are not finite; and the number of distinct values.

@@ -1,0 +1,96 @@
+//! Conditions that no column records and that differ from epoch to epoch in flight, such as the temperature.
+
+use nalgebra::{DMatrix, DVector};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::fitted_model::{Case, FLAT, Node};
+use super::result::Note;
+use crate::model::predict::{Question, predict};
+use crate::numeric::least_squares::Span;
+use crate::physics::conditions::Conditions;
+
+/// The condition, and a step of it for derivatives, K.
+const TEMPERATURE: &str = "temperature_k";
+const STEP_K: f64 = 0.1;
+
+/// Largest difference from the recorded temperature, K.
+const FARTHEST_K: f64 = 20.0;
+
+/// Steps of the fit of one temperature per epoch.
+const ITERATIONS: usize = 8;
+
+/// Rows of an epoch, on average, below which a temperature of its own would explain anything.
+const ROWS_OF_AN_EPOCH: usize = 4;
+
+/// Probability of a larger chi2 above which temperatures explain the data.
+const EXPLAINED: f64 = 1e-3;
+
+/// Change of the model per kelvin, in the files that do not record the temperature; None if it changes nothing.
+pub(super) fn per_kelvin(case: &Case, node: &Node) -> Option<Vec<f64>> {
+    let values = with_temperatures(case, node, &|_| STEP_K)?;
+    let change: Vec<f64> = values.iter().zip(&node.fit.values).map(|(warm, value)| (warm - value) / STEP_K).collect();
+    change.iter().any(|change| *change != 0.0).then_some(change)
+}
+
+/// Whether a temperature of its own for every epoch, with the free parameters, explains what no effect does.
+pub(super) fn temperatures(case: &Case, node: &Node) -> Option<Note> {
+    let (epochs, epoch_of) = epochs(case);
+    let freedom = case.n().checked_sub(epochs.len() + node.basis.ncols()).filter(|freedom| *freedom > 0)?;
+    let explained = |chi2: f64, freedom: f64| ChiSquared::new(freedom).expect("above 0").sf(chi2) > EXPLAINED;
+    let few = epochs.len() < 2 || epochs.len() * ROWS_OF_AN_EPOCH > case.n();
+    if few || explained(node.chi2(), node.freedom()) {
+        return None;
+    }
+    let off_sigma = |values: &[f64]| -> DVector<f64> {
+        let off =
+            case.values.iter().zip(values).zip(&case.sigmas).map(|((value, model), sigma)| (value - model) / sigma);
+        DVector::from_vec(case.whitening.residuals(&off.collect::<Vec<_>>()))
+    };
+    let mut kelvin = vec![0.0; epochs.len()];
+    let mut chi2 = f64::INFINITY;
+    for _ in 0..ITERATIONS {
+        let here = with_temperatures(case, node, &|row| kelvin[epoch_of[row]])?;
+        let warmer = with_temperatures(case, node, &|row| kelvin[epoch_of[row]] + STEP_K)?;
+        let residuals = off_sigma(&here);
+        let of_epoch = |epoch: usize| {
+            let at = |row: usize| if epoch_of[row] == epoch { warmer[row] } else { here[row] };
+            (&residuals - off_sigma(&(0..case.n()).map(at).collect::<Vec<_>>())) / STEP_K
+        };
+        let columns: Vec<DVector<f64>> =
+            (0..epochs.len()).map(of_epoch).chain(node.basis.column_iter().map(|column| column.into_owned())).collect();
+        let columns = DMatrix::from_columns(&columns);
+        let steps = Span::of(&columns, FLAT).solve(&residuals);
+        chi2 = (&residuals - columns * &steps).norm_squared();
+        for (kelvin, step) in kelvin.iter_mut().zip(steps.iter()) {
+            *kelvin = (*kelvin + step).clamp(-FARTHEST_K, FARTHEST_K);
+        }
+    }
+    let range_k = [f64::min, f64::max].map(|end| kelvin.iter().copied().reduce(end).expect("two epochs"));
+    let chi2 = [node.chi2(), chi2];
+    let note = Note::EpochTemperatures { epochs: epochs.len(), range_k, chi2, n: case.n() };
+    explained(chi2[1], freedom as f64).then_some(note)
+}
+
+/// Epochs, ascending, and the place of each row's among them.
+fn epochs(case: &Case) -> (Vec<f64>, Vec<usize>) {
+    let mut epochs: Vec<f64> = case.questions.iter().map(|question| question.at.t_yr).collect();
+    let of_rows = epochs.clone();
+    epochs.sort_by(f64::total_cmp);
+    epochs.dedup();
+    let place = |t_yr: &f64| epochs.partition_point(|known| known < t_yr);
+    let places = of_rows.iter().map(place).collect();
+    (epochs, places)
+}
+
+/// Values with the temperature of rows changed, in files that do not record it; None if the model has no value.
+fn with_temperatures(case: &Case, node: &Node, kelvin: &dyn Fn(usize) -> f64) -> Option<Vec<f64>> {
+    let at = |(row, question): (usize, &Question)| match case.data[case.set_of[row]].varies_in(TEMPERATURE) {
+        true => question.at.clone(),
+        false => Conditions { temperature_k: question.at.temperature_k + kelvin(row), ..question.at.clone() },
+    };
+    let at: Vec<Conditions> = case.questions.iter().enumerate().map(at).collect();
+    let questions = case.questions.iter().zip(&at).map(|(question, at)| Question { at, ..*question });
+    let values = predict(&node.model, &questions.collect::<Vec<_>>()).ok()?;
+    case.work.count();
+    values.iter().all(|value| value.is_finite()).then_some(values)
+}

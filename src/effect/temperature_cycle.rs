@@ -1,0 +1,107 @@
+//! A detector temperature that rises and falls with the seasons.
+
+use std::f64::consts::TAU;
+
+use serde::Deserialize;
+
+use super::{Card, Catalogued, Effect, Reach, Refusal, numbers};
+use crate::error::InputError;
+use crate::mission::Mission;
+use crate::mission::keys::{Allowed::Number, Key, Need::Required, key};
+use crate::physics::conditions::Conditions;
+
+/// `[effects.temperature-cycle]`
+#[derive(Debug, Deserialize)]
+pub struct TemperatureCycle {
+    amplitude_k: f64,
+    period_yr: f64,
+    warmest_t_yr: f64,
+}
+
+/// Periods at which a search starts, yr: the Earth's distance from the Sun, and eclipse seasons.
+const PERIODS_YR: [f64; 2] = [1.0, 0.5];
+
+/// Number of phases at which a search starts.
+const PHASES: u32 = 8;
+
+/// Data that span at least this many years determine their own period.
+const SHOWS_PERIOD_YR: f64 = 3.0;
+
+/// Fewer epochs do not show a wave.
+const FEWEST_EPOCHS: usize = 6;
+
+impl Catalogued for TemperatureCycle {
+    const CARD: Card = Card {
+        kind: "temperature-cycle",
+        adds: "a detector temperature that rises and falls as a cosine, with the seasons, unseen by the thermometer",
+        physics: "Release times are those at temperature_k + amplitude_k cos(2 pi (t_yr − warmest_t_yr)/period_yr). The \
+                  reference temperature is not changed.",
+        source: "release times: Shockley & Read 1952 (Phys. Rev. 87, 835) and Hall 1952 (Phys. Rev. 87, 387); seasons: sunlight \
+                 at the Earth's distance varies by 6.9 % in a year, and orbits have eclipse seasons",
+        holds: "One cosine. A search tries it only if no temperature is recorded, and holds the period at a year or half a year \
+                if the data span less than 3 yr.",
+        residuals: "Measured trails are steeper, then flatter than the model's, in waves of the period along t_yr; deep levels \
+                    more than shallow ones.",
+        keys: &[
+            Key {
+                help: |value| (value > 100.0).then(|| "a difference in kelvin, not a temperature".into()),
+                ..key("amplitude_k", "amplitude about the recorded temperature", "K", Number(0.0, 100.0), Required)
+            },
+            key("period_yr", "period", "yr", Number(0.01, 100.0), Required),
+            Key {
+                help: |value| (value > 1000.0).then(|| "years since launch, not a calendar year".into()),
+                ..key("warmest_t_yr", "a time at which it is warmest", "yr", Number(-100.0, 100.0), Required)
+            },
+        ],
+    };
+
+    fn nothing(_: &Mission) -> toml::Table {
+        table(0.0, 1.0, 0.0)
+    }
+
+    fn example(_: &Mission) -> toml::Table {
+        table(3.0, 1.0, 0.3)
+    }
+
+    fn trials(_: &Mission, reach: &Reach) -> Vec<Vec<toml::Table>> {
+        // Launch is among the epochs.
+        if reach.varies_in_temperature() || reach.epochs_yr.len() <= FEWEST_EPOCHS {
+            return Vec::new();
+        }
+        let periods = PERIODS_YR.into_iter().filter(|period_yr| *period_yr <= reach.last_yr());
+        let phases = |period_yr: f64| (0..PHASES).map(move |phase| (period_yr, f64::from(phase) / f64::from(PHASES)));
+        periods.flat_map(phases).map(|(period_yr, phase)| vec![table(0.5, period_yr, phase * period_yr)]).collect()
+    }
+
+    /// The first maximum after launch.
+    fn plainer(fitted: &Mission, _: &Mission, _: &[String], key: &str) -> Vec<(String, f64)> {
+        let number = |name: &str| fitted.number(&format!("{key}.{name}")).expect("a required number");
+        let (warmest_t_yr, period_yr) = (number("warmest_t_yr"), number("period_yr"));
+        let first = warmest_t_yr.rem_euclid(period_yr);
+        if first == warmest_t_yr { Vec::new() } else { vec![(format!("{key}.warmest_t_yr"), first)] }
+    }
+
+    fn held(reach: &Reach) -> &'static [&'static str] {
+        if reach.last_yr() >= SHOWS_PERIOD_YR { &[] } else { &["period_yr"] }
+    }
+
+    fn check(&self, mission: &Mission) -> Result<(), Refusal> {
+        let coldest_k = mission.detector.temperature_k - self.amplitude_k;
+        if coldest_k > 0.0 {
+            return Ok(());
+        }
+        let problem = format!("the detector would be at {coldest_k} K");
+        Err(Refusal { key: "amplitude_k".into(), problem, help: None })
+    }
+}
+
+fn table(amplitude_k: f64, period_yr: f64, warmest_t_yr: f64) -> toml::Table {
+    numbers(&[("amplitude_k", amplitude_k), ("period_yr", period_yr), ("warmest_t_yr", warmest_t_yr)])
+}
+
+impl Effect for TemperatureCycle {
+    fn conditions(&self, at: &mut Conditions) -> Result<(), InputError> {
+        at.temperature_k += self.amplitude_k * (TAU * (at.t_yr - self.warmest_t_yr) / self.period_yr).cos();
+        Ok(())
+    }
+}
