@@ -198,8 +198,9 @@ pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, k
         let residuals = set.rows.iter().zip(model).map(|(row, model)| (row.value - model) / row.sigma);
         let residuals = DVector::from_iterator(rows.len(), residuals);
         let signatures = signatures.iter().map(as_quoted).collect();
-        let per_kelvin = per_kelvin.as_ref().map(|change| &change[rows.clone()]);
-        let smooth = smooth::directions(smooth::columns(set, model, per_kelvin), signatures);
+        let drifts =
+            per_kelvin.as_ref().map(|change| smooth::of_epochs(set, &change[rows.clone()])).unwrap_or_default();
+        let smooth = smooth::directions(smooth::columns(set, model), signatures, drifts);
         of_set(set, &residuals, &smooth, &known[index])
     };
     quoted.iter().enumerate().map(of).collect()

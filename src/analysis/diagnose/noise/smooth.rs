@@ -14,8 +14,9 @@ const CONSTANTS: usize = 2;
 /// Share of a column beyond the others, below which it adds nothing: a hundred sigma of an effect leave two.
 const FLAT: f64 = 0.02;
 
-/// Share of the directions of the rows that may be smooth.
+/// Share of the directions of the rows that may be smooth, and with drifts from epoch to epoch.
 const MOST: f64 = 0.4;
+const MOST_WITH_DRIFTS: f64 = 0.5;
 
 /// The condition whose values are epochs.
 const EPOCH: &str = "t_yr";
@@ -23,13 +24,12 @@ const EPOCH: &str = "t_yr";
 /// Rows per word of a column, on average, from which each word has its own constant.
 const ROWS_OF_A_WORD: usize = 4;
 
-/// Polynomials in every condition, products of two conditions, and a constant for every word, each alone and times the model; and for
-/// every epoch the change of the model with a temperature that no column records. In quoted errors.
-pub(super) fn columns(set: &DataSet, model: &[f64], per_kelvin: Option<&[f64]>) -> Vec<DVector<f64>> {
+/// Polynomials in every condition, products of two conditions, and a constant for every word, each alone and times the model; in
+/// quoted errors.
+pub(super) fn columns(set: &DataSet, model: &[f64]) -> Vec<DVector<f64>> {
     let rows = set.rows.len();
     let mut shapes: Vec<Vec<f64>> = vec![vec![1.0; rows]];
     let mut places: Vec<Vec<f64>> = Vec::new();
-    let mut epochs: Vec<Vec<f64>> = Vec::new();
     for name in &set.varying {
         let values = set.against(name);
         if set.is_words(name) {
@@ -44,11 +44,7 @@ pub(super) fn columns(set: &DataSet, model: &[f64], per_kelvin: Option<&[f64]>) 
         let power = |power: usize| place.iter().map(|place| place.powi(power as i32)).collect();
         shapes.extend((1..=DEGREE.min(distinct.saturating_sub(1))).map(power));
         // What all rows of one epoch (or pixel, ...) have in common need not be smooth, and is no scatter of single rows.
-        let constants = of_words(&ranks.iter().map(|rank| rank.map_or(-1.0, |rank| rank as f64)).collect::<Vec<f64>>());
-        if name == EPOCH {
-            epochs.clone_from(&constants);
-        }
-        shapes.extend(constants);
+        shapes.extend(of_ranks(&ranks));
         places.push(place);
     }
     for (index, one) in places.iter().enumerate() {
@@ -56,12 +52,21 @@ pub(super) fn columns(set: &DataSet, model: &[f64], per_kelvin: Option<&[f64]>) 
             shapes.push(one.iter().zip(other).map(|(one, other)| one * other).collect());
         }
     }
-    let over_sigma =
-        |shape: &[f64], factor: &[f64]| DVector::from_fn(rows, |row, _| shape[row] * factor[row] / set.rows[row].sigma);
     let alone = vec![1.0; rows];
-    let of_shapes = shapes.iter().flat_map(|shape| [over_sigma(shape, &alone), over_sigma(shape, model)]);
-    let of_epochs = epochs.iter().filter_map(|epoch| Some(over_sigma(epoch, per_kelvin?)));
-    of_shapes.chain(of_epochs).collect()
+    shapes.iter().flat_map(|shape| [over_sigma(set, shape, &alone), over_sigma(set, shape, model)]).collect()
+}
+
+/// A change of the model with something that differs from epoch to epoch, for every epoch; in quoted errors.
+pub(super) fn of_epochs(set: &DataSet, change: &[f64]) -> Vec<DVector<f64>> {
+    if !set.varies_in(EPOCH) {
+        return Vec::new();
+    }
+    of_ranks(&ranks(&set.against(EPOCH)).0).iter().map(|epoch| over_sigma(set, epoch, change)).collect()
+}
+
+/// A shape times a factor of each row, over quoted errors.
+fn over_sigma(set: &DataSet, shape: &[f64], factor: &[f64]) -> DVector<f64> {
+    DVector::from_fn(shape.len(), |row, _| shape[row] * factor[row] / set.rows[row].sigma)
 }
 
 /// The rank of each value among the distinct ones, None for values that are not finite; and the number of distinct values.
@@ -77,6 +82,11 @@ fn ranks(values: &[f64]) -> (Vec<Option<usize>>, usize) {
     (values.iter().map(rank).collect(), distinct.len())
 }
 
+/// One column for every rank, as for words.
+fn of_ranks(ranks: &[Option<usize>]) -> Vec<Vec<f64>> {
+    of_words(&ranks.iter().map(|rank| rank.map_or(-1.0, |rank| rank as f64)).collect::<Vec<f64>>())
+}
+
 /// One column for every word (words are numbered); none if there are too many words.
 fn of_words(words: &[f64]) -> Vec<Vec<f64>> {
     let count = words.iter().copied().fold(-1.0, f64::max) as i64 + 1;
@@ -87,23 +97,33 @@ fn of_words(words: &[f64]) -> Vec<Vec<f64>> {
 }
 
 /// Orthonormal basis of the columns, the most important directions first. The first columns, a constant alone and times the model,
-/// are always included: files have pedestals and gains.
-pub(super) fn directions(smooth: Vec<DVector<f64>>, signatures: Vec<DVector<f64>>) -> DMatrix<f64> {
+/// are always included: files have pedestals and gains. What drifts from epoch to epoch comes last.
+pub(super) fn directions(
+    smooth: Vec<DVector<f64>>,
+    signatures: Vec<DVector<f64>>,
+    drifts: Vec<DVector<f64>>,
+) -> DMatrix<f64> {
     let first = Span::of(&DMatrix::from_columns(&smooth[..CONSTANTS]), 1e-6).directions().clone();
-    let most = (MOST * first.nrows() as f64) as usize;
+    let others = smooth.into_iter().skip(CONSTANTS).chain(signatures);
+    let all = extended(first, others, MOST);
+    extended(all, drifts.into_iter(), MOST_WITH_DRIFTS)
+}
+
+/// Orthonormal directions, and those of further columns up to a share of the directions of the rows.
+fn extended(known: DMatrix<f64>, columns: impl Iterator<Item = DVector<f64>>, most: f64) -> DMatrix<f64> {
+    let most = (most * known.nrows() as f64) as usize;
     // As a share of a unit vector, so that a nearly constant column counts little.
-    let beyond = |column: &DVector<f64>| {
-        let column = column / column.norm().max(f64::MIN_POSITIVE);
-        &column - &first * first.tr_mul(&column)
+    let beyond = |column: DVector<f64>| {
+        let column = &column / column.norm().max(f64::MIN_POSITIVE);
+        &column - &known * known.tr_mul(&column)
     };
-    let others: Vec<DVector<f64>> =
-        smooth[CONSTANTS..].iter().chain(&signatures).map(beyond).filter(|left| left.norm() > FLAT).collect();
-    if others.is_empty() || first.ncols() >= most {
-        return first;
+    let others: Vec<DVector<f64>> = columns.map(beyond).filter(|left| left.norm() > FLAT).collect();
+    if others.is_empty() || known.ncols() >= most {
+        return known;
     }
     let others = Span::of(&DMatrix::from_columns(&others), FLAT).directions().clone();
-    let count = others.ncols().min(most - first.ncols());
-    DMatrix::from_columns(&first.column_iter().chain(others.columns(0, count).column_iter()).collect::<Vec<_>>())
+    let count = others.ncols().min(most - known.ncols());
+    DMatrix::from_columns(&known.column_iter().chain(others.columns(0, count).column_iter()).collect::<Vec<_>>())
 }
 
 #[cfg(test)]
