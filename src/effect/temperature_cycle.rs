@@ -38,8 +38,8 @@ impl Catalogued for TemperatureCycle {
                   reference temperature is not changed.",
         source: "release times: Shockley & Read 1952 (Phys. Rev. 87, 835) and Hall 1952 (Phys. Rev. 87, 387); seasons: sunlight \
                  at the Earth's distance varies by 6.9 % in a year, and orbits have eclipse seasons",
-        holds: "One cosine. A search tries it only if no temperature is recorded, and holds the period at a year or half a year \
-                if the data span less than 3 yr.",
+        holds: "One cosine. A search tries it only if all data are of one temperature, recorded or assumed, and holds the period at \
+                a year or half a year if the data span less than 3 yr.",
         residuals: "Measured trails are steeper, then flatter than the model's, in waves of the period along t_yr; deep levels \
                     more than shallow ones.",
         keys: &[
@@ -103,5 +103,30 @@ impl Effect for TemperatureCycle {
     fn conditions(&self, at: &mut Conditions) -> Result<(), InputError> {
         at.temperature_k += self.amplitude_k * (TAU * (at.t_yr - self.warmest_t_yr) / self.period_yr).cos();
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mission_file::add_effect;
+
+    #[test]
+    fn the_warmest_time_is_the_first_after_launch() {
+        let mission = Mission::read("missions/snap_l2.toml").unwrap();
+        for (warmest_t_yr, first) in [(-3.4, 1.1), (7.25, 1.25)] {
+            let (far, key) = add_effect(&mission, "temperature-cycle", table(2.0, 1.5, warmest_t_yr)).unwrap();
+            let values = TemperatureCycle::plainer(&far, &mission, &[], &key);
+            assert!(values.len() == 1 && (values[0].1 - first).abs() < 1e-12, "{values:?}");
+            let kelvin = |warmest_t_yr: f64| {
+                let mut at = Conditions::of(&mission, 2.3);
+                let given_k = at.temperature_k;
+                TemperatureCycle { amplitude_k: 2.0, period_yr: 1.5, warmest_t_yr }.conditions(&mut at).unwrap();
+                at.temperature_k - given_k
+            };
+            assert!((kelvin(warmest_t_yr) - kelvin(values[0].1)).abs() < 1e-9);
+        }
+        let (near, key) = add_effect(&mission, "temperature-cycle", table(2.0, 1.5, 0.6)).unwrap();
+        assert!(TemperatureCycle::plainer(&near, &mission, &[], &key).is_empty());
     }
 }

@@ -161,7 +161,7 @@ fn a_temperature_that_no_column_records_is_named() {
     assert!((low_k + 1.2).abs() < 0.6 && (high_k - 2.5).abs() < 0.6, "{low_k} {high_k}");
     // 80 degrees of freedom.
     assert!(without > 500.0 && (45.0..120.0).contains(&with), "{without} {with}");
-    assert!(said(&found).contains("add a column temperature_k"));
+    assert!(said(&found).contains("record it in a column temperature_k"));
 }
 
 #[test]

@@ -35,7 +35,8 @@ pub enum Transfers {
     Empty,
     /// The same pixels. The first packet finds the traps as it has left them in the pixel before.
     Carried,
-    /// All of so many pixels, as charge that is injected behind them does. Traps of a pixel are empty when its first packet comes.
+    /// This number of pixels, the same for all packets: charge is injected behind them. Traps of a pixel are empty when its first
+    /// packet comes.
     Injected(usize),
 }
 

@@ -1,4 +1,4 @@
-//! Conditions that no column records and that differ from epoch to epoch in flight, such as the temperature.
+//! The temperature, which differs from epoch to epoch in flight although no column may say so.
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -13,7 +13,7 @@ use crate::physics::conditions::Conditions;
 const TEMPERATURE: &str = "temperature_k";
 const STEP_K: f64 = 0.1;
 
-/// Largest difference from the recorded temperature, K.
+/// Largest difference from the temperature assumed, K.
 const FARTHEST_K: f64 = 20.0;
 
 /// Steps of the fit of one temperature per epoch.

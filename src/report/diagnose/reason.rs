@@ -127,8 +127,9 @@ impl fmt::Display for Note {
             ),
             Note::EpochTemperatures { epochs, range_k: [low, high], chi2: [without, with], n } => write!(
                 out,
-                "no column records the temperature; one of its own for each of the {epochs} epochs, {low:+.1} to {high:+.1} K from \
-                 the mission's, would explain the data (chi2 {without:.0} -> {with:.0}, {n} rows): add a column temperature_k"
+                "the temperature is not recorded epoch by epoch; one of its own for each of the {epochs} epochs, {low:+.1} to \
+                 {high:+.1} K from the one assumed, would explain the data (chi2 {without:.0} -> {with:.0}, {n} rows): record it in a \
+                 column temperature_k"
             ),
             Note::SetAside { effect, instead_of, chi2, parameters } => {
                 let more = match parameters {
