@@ -69,7 +69,7 @@ fn order_and_threads_change_no_bit() {
             signal_e: Some(500.0 + 100.0 * f64::from(row % 5)),
             trail_px: Some(1 + row / 5),
             block_px: Some(40),
-            ..model.conditions(4.0)
+            ..model.conditions(f64::from(4 + row % 3))
         })
         .collect();
     let observables = [Observable::Trail, Observable::PacketCharge, Observable::Eper, Observable::DeltaE1];
@@ -85,6 +85,31 @@ fn order_and_threads_change_no_bit() {
     let mut found = predict(&model, &backwards).unwrap();
     found.reverse();
     assert_eq!(found, here);
+}
+
+/// Packets at many doses and temperatures are columns side by side, of which those without damage are read apart.
+#[test]
+fn packets_at_many_doses_and_temperatures_are_those_read_one_by_one() {
+    let base = include_str!("../../missions/snap_l2.toml");
+    for effects in ["", "[effects.notch]\nnotch_e = 80.0\n", "[effects.prelaunch-traps]\nVV = 0.02\nCO = 0.01\n"] {
+        let model = Model::new(&Mission::parse(&format!("{base}\n{effects}")).unwrap());
+        let ats: Vec<Conditions> = (0..40)
+            .map(|row| {
+                let at = model.conditions(0.25 * f64::from(row));
+                let temperature_k = at.temperature_k + 3.0 * f64::from(row % 4);
+                let background_e = if row % 5 == 0 { 40.0 } else { 120.0 };
+                let signal_e = Some(400.0 * f64::from(1 + row % 7));
+                Conditions { signal_e, trail_px: Some(1 + row % 6), temperature_k, background_e, ..at }
+            })
+            .collect();
+        let of = |at| Question { observable: Observable::Trail, at, galaxy: None, species: None };
+        let together = predict(&model, &ats.iter().map(of).collect::<Vec<_>>()).unwrap();
+        let largest_e = together.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+        for (at, together_e) in ats.iter().zip(together) {
+            let alone_e = one(&model, Observable::Trail, at);
+            assert!((together_e - alone_e).abs() < 1e-5 * largest_e, "{effects} {together_e} e-, alone {alone_e} e-");
+        }
+    }
 }
 
 fn one(model: &Model, observable: Observable, at: &Conditions) -> f64 {

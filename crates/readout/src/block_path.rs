@@ -13,7 +13,7 @@ use std::ops::{Add, Mul, Sub};
 
 use fearless_simd::prelude::*;
 
-use super::simd::{LANES, Mask, Packets, Vector};
+use super::simd::{Coefficient, LANES, Mask, Packets, Vector};
 
 /// Changes of packets along their path through a block, to first order, as needed by the second order.
 pub(super) struct PathMeans {
@@ -114,11 +114,11 @@ impl<T: Simd, const TWICE: bool> Sub for Summed<T, TWICE> {
     }
 }
 
-impl<T: Simd, const TWICE: bool> Mul<f64> for Summed<T, TWICE> {
+impl<T: Simd, C: Coefficient, const TWICE: bool> Mul<C> for Summed<T, TWICE> {
     type Output = Self;
 
     #[inline(always)]
-    fn mul(self, factor: f64) -> Self {
+    fn mul(self, factor: C) -> Self {
         Summed { once: self.once * factor, twice: if TWICE { self.twice * factor } else { self.twice } }
     }
 }

@@ -8,7 +8,7 @@ use fearless_simd::prelude::*;
 
 use super::block_path::Summed;
 use super::pixel::Pixel;
-use super::simd::Vector;
+use super::simd::{Coefficient, Vector};
 
 /// The parts of such watermarks above all clouds that have passed since, summed over all pixels: where they are many, they are
 /// nearly equal.
@@ -37,10 +37,10 @@ impl<T: Simd, const S: usize> HomeWatermarks<T, S> {
     /// stored again. Electrons of partly covered watermarks are only returned. `able` is 0 for packets that may lack charge for all
     /// traps in their reach; these are not followed here.
     #[inline(always)]
-    pub fn pass<const TWICE: bool, const RETURNS: bool>(
+    pub fn pass<const TWICE: bool, const RETURNS: bool, C: Coefficient>(
         &mut self,
         simd: T,
-        pixel: &Pixel<S, RETURNS>,
+        pixel: &Pixel<S, RETURNS, C>,
         height: Vector<T>,
         able: Vector<T>,
         stored: &mut [Summed<T, TWICE>; S],
@@ -57,8 +57,7 @@ impl<T: Simd, const S: usize> HomeWatermarks<T, S> {
         let ahead = self.ahead / number;
         let mut in_part_e = zero;
         for s in pixel.species() {
-            let lost = if RETURNS { pixel.lost[s] } else { pixel.release[s] };
-            let still_e = self.stored_e[s] * (1.0 - lost);
+            let still_e = self.stored_e[s] * pixel.still[s];
             let covered_e = still_e * share;
             self.stored_e[s] = still_e - covered_e;
             in_part_e = in_part_e + covered_e;
@@ -76,10 +75,10 @@ impl<T: Simd, const S: usize> HomeWatermarks<T, S> {
 
     /// Adds a watermark if it has any thickness, with this floor and `ahead` pixels ahead; filled m packets ago.
     #[inline(always)]
-    pub fn leave<const RETURNS: bool>(
+    pub fn leave<const RETURNS: bool, C: Coefficient>(
         &mut self,
         simd: T,
-        pixel: &Pixel<S, RETURNS>,
+        pixel: &Pixel<S, RETURNS, C>,
         thickness: Vector<T>,
         floor: Vector<T>,
         (m, ahead): (usize, f64),

@@ -290,6 +290,7 @@ macro_rules! with_width {
 }
 
 mod carried;
+mod traps_of_each;
 
 /// Maximum number of release times into which all species together are resolved.
 const WIDEST: usize = 256;

@@ -15,14 +15,14 @@ use super::block_path::{BlockPath, PathMeans, Reached, Returned, Summed, ahead};
 use super::home_watermarks::HomeWatermarks;
 use super::passage::{Block, Lead, Passage, Stage};
 use super::pixel::Pixel;
-use super::simd::{LANES, Mask, Packets, Vector};
+use super::simd::{Coefficient, LANES, Mask, Packets, Vector};
 use super::spent::{Passed, Short};
 use super::watermarks::{BACKGROUND, NONE, PACKETS, Watermarks};
 
 /// A pass through a block, in progress. Its state stays in registers if the species are few.
-pub(super) struct Pass<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const KNOWN: bool> {
+pub(super) struct Pass<'a, T: Simd, C, const S: usize, const RETURNS: bool, const SEEK: bool, const KNOWN: bool> {
     simd: T,
-    pixel: &'a Pixel<S, RETURNS>,
+    pixel: &'a Pixel<S, RETURNS, C>,
     known: Option<&'a PathMeans>,
     watermarks: &'a mut Watermarks<S>,
     /// Electrons in the traps of all the block's pixels, by species.
@@ -74,14 +74,14 @@ pub(super) struct Met<T: Simd, const SEEK: bool> {
 // Operations on vectors must be inlined into the caller, which knows the processor; closures are not always inlined.
 
 #[allow(clippy::needless_range_loop)] // species index several arrays at once
-impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const KNOWN: bool>
-    Pass<'a, T, S, RETURNS, SEEK, KNOWN>
+impl<'a, T: Simd, C: Coefficient, const S: usize, const RETURNS: bool, const SEEK: bool, const KNOWN: bool>
+    Pass<'a, T, C, S, RETURNS, SEEK, KNOWN>
 {
     /// Before the first row, with the state left by the background.
     #[inline(always)]
     pub fn new(
         simd: T,
-        pixel: &'a Pixel<S, RETURNS>,
+        pixel: &'a Pixel<S, RETURNS, C>,
         known: Option<&'a PathMeans>,
         watermarks: &'a mut Watermarks<S>,
     ) -> Self {
@@ -113,7 +113,7 @@ impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const K
         let mut home_height = zero;
         if starts {
             // Into empty traps, not more than it has.
-            let most = arriving_e.max(zero) * (1.0 / pixel.density_all);
+            let most = arriving_e.max(zero) * pixel.per_density_all;
             home_height = cloud.heights(simd, arriving_e).min(most);
         }
         let left_e = home_height * if RETURNS { pixel.held_all } else { pixel.density_all };
@@ -249,7 +249,7 @@ impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const K
     fn to_return(&self, height: Vector<T>) -> (Vector<T>, Summed<T, SEEK>) {
         let (mut own_e, mut all) = (Vector::all(self.simd, 0.0), Summed::none(self.simd));
         for s in self.pixel.species() {
-            own_e = own_e + height * (self.pixel.density[s] * self.pixel.returned[s]);
+            own_e = own_e + height * self.pixel.to_return[s];
             all = all + self.stored[s] * self.pixel.returned[s];
         }
         (own_e, all)
@@ -304,8 +304,7 @@ impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const K
         }
         if arrival.starts {
             for s in self.pixel.species() {
-                let held = self.pixel.density[s] * if RETURNS { 1.0 - self.pixel.returned[s] } else { 1.0 };
-                let left_e = arrival.home_height * held;
+                let left_e = arrival.home_height * self.pixel.held[s];
                 self.stored[s] = self.stored[s] + Summed::at(left_e, arrival.visits);
             }
         }
@@ -319,7 +318,7 @@ impl<'a, T: Simd, const S: usize, const RETURNS: bool, const SEEK: bool, const K
     }
 }
 
-impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
+impl<const S: usize, const RETURNS: bool, C: Coefficient> Pixel<S, RETURNS, C> {
     /// See [`Passage::pass`]. `SEEK`: the path of the packets is to be computed; `KNOWN`: it is known.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)] // those of the trait's method, and the processor
@@ -347,7 +346,7 @@ impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
             path.absent(first);
         }
         watermarks.start(self, first, rows, block, downstream);
-        let mut pass = Pass::<T, S, RETURNS, SEEK, KNOWN>::new(simd, self, known, watermarks);
+        let mut pass = Pass::<T, C, S, RETURNS, SEEK, KNOWN>::new(simd, self, known, watermarks);
         for row in first..rows {
             let before = if row == first { BACKGROUND } else { row - 1 + PACKETS };
             let (starts, visits) = block.passage_of(row as i64, downstream);
@@ -368,7 +367,7 @@ impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
     }
 }
 
-impl<const S: usize, const RETURNS: bool> Passage for Pixel<S, RETURNS> {
+impl<const S: usize, const RETURNS: bool, C: Coefficient> Passage for Pixel<S, RETURNS, C> {
     type Watermarks = Watermarks<S>;
 
     // Not inlined into the caller: this is most of the program's work, compiled once for each kind of processor.
@@ -390,7 +389,7 @@ impl<const S: usize, const RETURNS: bool> Passage for Pixel<S, RETURNS> {
     }
 
     fn density(&self) -> f64 {
-        self.density_all
+        self.density_all.largest()
     }
 
     fn clouds(&self) -> &[Cloud] {

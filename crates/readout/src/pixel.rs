@@ -27,77 +27,130 @@
 //! | R | `returned` | 1 | probability that the electron returns to the packet that has just left; see [`super::phase`] |
 //! | ρ exp(−m/τ) | `left[m]` | per pixel | still filled m packets later |
 
+use super::simd::Coefficient;
 use super::{Cloud, Trap};
 
-/// The traps of one pixel, tabulated for `S` species (padded with species of no density).
-pub(super) struct Pixel<const S: usize, const RETURNS: bool> {
+/// The traps of one pixel, tabulated for `S` species (padded with species of no density). `C`: the same in all columns (`f64`), or
+/// others in each of the columns that are passed side by side ([`super::simd::Packets`]).
+pub(super) struct Pixel<const S: usize, const RETURNS: bool, C = f64> {
     pub cloud: Cloud,
     pub species: usize,
-    pub density: [f64; S],
-    pub density_all: f64,
-    /// Traps that stay filled where a packet has filled all, after the return, per pixel, of all species.
-    pub held_all: f64,
+    pub density: [C; S],
+    pub density_all: C,
+    /// One over that.
+    pub per_density_all: C,
+    /// Traps that stay filled where a packet has filled all, after the return, per pixel.
+    pub held: [C; S],
+    pub held_all: C,
     /// The fraction released to a packet before it captures: 1 − exp(−1/τ) with one phase.
-    pub release: [f64; S],
+    pub release: [C; S],
     /// The fraction released after that, to the same packet; 0 with one phase.
-    pub returned: [f64; S],
-    /// The fraction released from one packet to the next, 1 − exp(−1/τ).
-    pub lost: [f64; S],
+    pub returned: [C; S],
+    /// That share of all traps, per pixel.
+    pub to_return: [C; S],
+    /// The fraction that stays filled from one packet to the next: one minus what is lost.
+    pub still: [C; S],
     /// Traps still filled m packets after the one that filled them, per pixel.
-    pub left: Vec<[f64; S]>,
-    pub left_all: Vec<f64>,
+    pub left: Vec<[C; S]>,
+    pub left_all: Vec<C>,
     /// Released to the m-th packet after the one that filled them before it captures, per pixel.
-    pub out_all: Vec<f64>,
+    pub out_all: Vec<C>,
 }
 
 /// Maximum number of species held in registers.
 pub(super) const FEW: usize = 5;
 
-impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
+impl<const S: usize, const RETURNS: bool, C: Coefficient> Pixel<S, RETURNS, C> {
     /// Indices of species: all places if few and known at compile time, otherwise only those in use.
     #[inline(always)]
     pub(super) fn species(&self) -> std::ops::Range<usize> {
         0..if S <= FEW { S } else { self.species }
     }
 
-    /// Tables for columns of `rows` packets.
-    pub fn new(traps: &[Trap], cloud: Cloud, rows: usize) -> Pixel<S, RETURNS> {
-        let mut density = [0.0; S];
-        let [mut release, mut returned, mut lost] = [[0.0; S]; 3];
-        for (s, trap) in traps.iter().enumerate() {
-            density[s] = trap.density_per_px;
-            release[s] = trap.released();
-            returned[s] = trap.returned();
-            lost[s] = trap.lost();
-        }
-        let kept: Vec<f64> = traps.iter().map(Trap::kept).collect();
+    /// Tables for columns of `rows` packets, whose pixels all have the same traps.
+    pub fn new(traps: &[Trap], cloud: Cloud, rows: usize) -> Pixel<S, RETURNS, C> {
+        let rates = Rates::of(traps);
+        Pixel::of_each(traps.len(), |_| &rates, cloud, rows)
+    }
+
+    /// Tables for columns of `rows` packets, from those of at most `species` species in each column.
+    pub fn of_each<'a>(
+        species: usize,
+        rates: impl Fn(usize) -> &'a Rates<S>,
+        cloud: Cloud,
+        rows: usize,
+    ) -> Pixel<S, RETURNS, C> {
+        let none = C::of(|_| 0.0);
+        let every = |value: &dyn Fn(&Rates<S>, usize) -> f64| {
+            let mut each = [none; S];
+            for (s, each) in each.iter_mut().enumerate().take(species) {
+                *each = C::of(|column| value(rates(column), s));
+            }
+            each
+        };
+        let product = |a: &[C; S], b: &[C; S]| {
+            let mut each = [none; S];
+            for s in 0..species {
+                each[s] = C::of(|column| a[s].lane(column) * b[s].lane(column));
+            }
+            each
+        };
+        let sum = |each: &[C; S]| C::of(|column| each.iter().take(species).map(|each| each.lane(column)).sum());
+        let density = every(&|rates, s| rates.density_per_px[s]);
+        let kept = every(&|rates, s| rates.kept[s]);
+        let out = every(&|rates, s| (1.0 - rates.returned[s]) * rates.released[s]);
+        let held = every(&|rates, s| rates.density_per_px[s] * (1.0 - rates.returned[s]));
         // ρ exp(−m/τ), by multiplication: computing exponentials for a stamp's rows would take as long as a pass.
         let mut left = vec![density];
         for m in 0..=rows {
-            let mut next = [0.0; S];
-            for (s, kept) in kept.iter().enumerate() {
-                next[s] = left[m][s] * kept;
-            }
-            left.push(next);
+            left.push(product(&left[m], &kept));
         }
-        let left_all = left.iter().map(|left: &[f64; S]| left.iter().sum()).collect();
-        let mut out_all = vec![0.0];
-        let out = |left: &[f64; S]| (0..S).map(|s| left[s] * (1.0 - returned[s]) * release[s]).sum::<f64>();
-        out_all.extend(left.iter().map(out));
-        let density_all = density.iter().sum();
-        let held_all = (0..S).map(|s| density[s] * (1.0 - returned[s])).sum();
+        let left_all = left.iter().map(sum).collect();
+        let mut out_all = vec![none];
+        out_all.extend(left.iter().map(|left| sum(&product(left, &out))));
+        let density_all = sum(&density);
         Pixel {
             cloud,
-            species: traps.len(),
+            species,
             density,
             density_all,
-            held_all,
-            release,
-            returned,
-            lost,
+            per_density_all: C::of(|column| 1.0 / density_all.lane(column)),
+            held,
+            held_all: sum(&held),
+            release: every(&|rates, s| rates.released[s]),
+            returned: every(&|rates, s| rates.returned[s]),
+            to_return: every(&|rates, s| rates.density_per_px[s] * rates.returned[s]),
+            still: every(&|rates, s| 1.0 - if RETURNS { rates.lost[s] } else { rates.released[s] }),
             left,
             left_all,
             out_all,
+        }
+    }
+}
+
+/// Densities and rates of the traps of a pixel, by species; see [`Trap`].
+pub(super) struct Rates<const S: usize> {
+    density_per_px: [f64; S],
+    kept: [f64; S],
+    lost: [f64; S],
+    released: [f64; S],
+    returned: [f64; S],
+}
+
+impl<const S: usize> Rates<S> {
+    /// Those of at most `S` species.
+    pub fn of(traps: &[Trap]) -> Rates<S> {
+        let each = |value: fn(&Trap) -> f64| {
+            let mut each = [0.0; S];
+            each.iter_mut().zip(traps).for_each(|(each, trap)| *each = value(trap));
+            each
+        };
+        Rates {
+            density_per_px: each(|trap| trap.density_per_px),
+            kept: each(Trap::kept),
+            lost: each(Trap::lost),
+            released: each(Trap::released),
+            returned: each(Trap::returned),
         }
     }
 }

@@ -44,6 +44,65 @@ pub(super) fn side_by_side(numbers: &[f64], columns: &[usize]) -> Packets {
     std::array::from_fn(|lane| numbers[columns[lane.min(columns.len() - 1)]])
 }
 
+/// A factor on the values of a row: the same for all columns, or one for each.
+pub(super) trait Coefficient: Copy + Sync {
+    /// From the factor of each column.
+    fn of(each: impl Fn(usize) -> f64) -> Self;
+
+    /// That of one column.
+    fn lane(&self, lane: usize) -> f64;
+
+    /// The largest.
+    fn largest(&self) -> f64;
+
+    /// The product with the values of a row.
+    fn times<S: Simd>(&self, values: Vector<S>) -> Vector<S>;
+}
+
+impl Coefficient for f64 {
+    #[inline(always)]
+    fn of(each: impl Fn(usize) -> f64) -> f64 {
+        each(0)
+    }
+
+    #[inline(always)]
+    fn lane(&self, _: usize) -> f64 {
+        *self
+    }
+
+    #[inline(always)]
+    fn largest(&self) -> f64 {
+        *self
+    }
+
+    #[inline(always)]
+    fn times<S: Simd>(&self, values: Vector<S>) -> Vector<S> {
+        Vector(from_fn(|n| values.0[n] * *self))
+    }
+}
+
+impl Coefficient for Packets {
+    #[inline(always)]
+    fn of(each: impl Fn(usize) -> f64) -> Packets {
+        std::array::from_fn(each)
+    }
+
+    #[inline(always)]
+    fn lane(&self, lane: usize) -> f64 {
+        self[lane]
+    }
+
+    #[inline(always)]
+    fn largest(&self) -> f64 {
+        self.iter().copied().fold(0.0, f64::max)
+    }
+
+    #[inline(always)]
+    fn times<S: Simd>(&self, values: Vector<S>) -> Vector<S> {
+        Vector(from_fn(|n| values.0[n] * f64x8::from_slice(values.0[n].simd, &self[8 * n..8 * n + 8])))
+    }
+}
+
 /// The values of a row as vectors of the processor. Comparisons with NaN are false.
 #[derive(Clone, Copy)]
 pub(super) struct Vector<S: Simd>([f64x8<S>; N]);
@@ -208,7 +267,15 @@ operator!(Sub, sub);
 operator!(Mul, mul);
 operator!(Div, div);
 operator!(Add<f64>, add);
-operator!(Mul<f64>, mul);
+
+impl<S: Simd, C: Coefficient> Mul<C> for Vector<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn mul(self, factor: C) -> Self {
+        factor.times(self)
+    }
+}
 
 impl<S: Simd> BitAnd for Mask<S> {
     type Output = Self;

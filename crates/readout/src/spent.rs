@@ -2,7 +2,7 @@
 
 use super::block_path::{PathMeans, ahead};
 use super::pixel::Pixel;
-use super::simd::{LANES, Packets};
+use super::simd::{Coefficient, LANES, Packets};
 use super::watermarks::{NONE, PACKETS, Watermarks};
 
 /// Added to the index of the last watermark met by a packet that is spent.
@@ -31,7 +31,7 @@ pub(super) struct Short {
     pub has_e: Packets,
 }
 
-impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
+impl<const S: usize, const RETURNS: bool, C: Coefficient> Pixel<S, RETURNS, C> {
     /// Follows the packets of a row that hold less charge than they would fill. `stored` and `stored_ahead` assume enough charge
     /// for all, and are corrected for these packets; `watermarks` holds the previous state of the traps.
     pub(super) fn spend(
@@ -92,7 +92,8 @@ impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
                 watermarks.starts[watermark] * (watermarks.home_height[watermark][lane].min(height) - floor);
             let m = packet - watermark;
             let still_filled = visits_there * filled + home_filled;
-            let mut more_e = visits * self.density_all * thickness - self.left_all[m] * still_filled;
+            let mut more_e =
+                visits * self.density_all.lane(lane) * thickness - self.left_all[m].lane(lane) * still_filled;
             let spent = captured_e + more_e > available_e;
             if spent {
                 let share = (available_e - captured_e) / more_e;
@@ -103,8 +104,9 @@ impl<const S: usize, const RETURNS: bool> Pixel<S, RETURNS> {
                 height = reached + thickness;
             }
             for s in self.species() {
-                let (thick_e, filled_e) = (self.density[s] * thickness, self.left[m][s] * filled);
-                let home_filled_e = self.left[m][s] * home_filled;
+                let left = self.left[m][s].lane(lane);
+                let (thick_e, filled_e) = (self.density[s].lane(lane) * thickness, left * filled);
+                let home_filled_e = left * home_filled;
                 watermarks.stored[s][lane] += visits * thick_e - visits_there * filled_e - home_filled_e;
                 watermarks.stored_ahead[s][lane] +=
                     ahead(visits) * thick_e - ahead(visits_there) * filled_e - visits_there * home_filled_e;

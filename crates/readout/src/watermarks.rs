@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 use super::block_path::{Summed, ahead};
 use super::passage::{Block, Lead};
 use super::pixel::Pixel;
-use super::simd::{LANES, Packets};
+use super::simd::{Coefficient, LANES, Packets};
 
 /// Index of a watermark that is higher than all and exists nowhere; and the same as stored in links.
 pub(super) const NONE: usize = 0;
@@ -49,9 +49,9 @@ impl<const S: usize> Watermarks<S> {
     }
 
     /// Watermarks as the background has left them.
-    pub fn start<const RETURNS: bool>(
+    pub fn start<const RETURNS: bool, C: Coefficient>(
         &mut self,
-        pixel: &Pixel<S, RETURNS>,
+        pixel: &Pixel<S, RETURNS, C>,
         first: usize,
         rows: usize,
         block: Block,
@@ -81,9 +81,9 @@ impl<const S: usize> Watermarks<S> {
             self.visits[place] = visits;
         }
         for s in pixel.species() {
-            let held = if RETURNS { pixel.density[s] * (1.0 - pixel.returned[s]) } else { pixel.density[s] };
-            self.stored[s] = height.map(|height| visits * height * held);
-            self.stored_ahead[s] = height.map(|height| ahead(visits) * height * held);
+            let held = |lane: usize| pixel.held[s].lane(lane);
+            self.stored[s] = std::array::from_fn(|lane| visits * height[lane] * held(lane));
+            self.stored_ahead[s] = std::array::from_fn(|lane| ahead(visits) * height[lane] * held(lane));
         }
     }
 }

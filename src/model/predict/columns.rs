@@ -1,13 +1,15 @@
-//! Packets and blocks, many at a time: those with the same traps, wells and transfers are columns of one image.
+//! Packets and blocks, many at a time: those with the same wells and transfers are columns of one image.
 
-use ndarray::{Array2, ArrayView1, Axis, s};
+use std::cmp::Ordering;
+
+use ndarray::{Array2, s};
 
 use super::{Probed, Reading};
 use crate::error::InputError;
 use crate::model::{Beside, Device};
 use crate::numeric::parallel;
 use crate::physics::conditions::Conditions;
-use crate::readout::Readout;
+use crate::readout::{Readout, Trap};
 
 /// Columns of an image, backgrounds included: as many as SIMD reads side by side. The accuracy of a readout is relative to its
 /// brightest column, so a few columns of similar charge are better than many.
@@ -37,7 +39,7 @@ pub(super) fn read(readings: &[Reading], devices: &[Device]) -> Result<Vec<Optio
     }
     for group in &mut groups {
         // The order of the rows of a table must not matter.
-        group.sort_by(|a, b| a.signal_e().total_cmp(&b.signal_e()));
+        group.sort_by(Column::order);
     }
     let images: Vec<&[Column]> = groups.iter().flat_map(|group| images(group)).collect();
     let mut found = vec![None; readings.len()];
@@ -53,15 +55,19 @@ pub(super) fn read(readings: &[Reading], devices: &[Device]) -> Result<Vec<Optio
 fn images<'a, 'b>(mut group: &'a [Column<'b>]) -> Vec<&'a [Column<'b>]> {
     let mut images = Vec::new();
     while !group.is_empty() {
-        let mut backgrounds: Vec<f64> = Vec::new();
-        let fits = |(place, column): &(usize, &Column)| {
-            let background_e = column.device.at.background_e;
-            if !backgrounds.contains(&background_e) {
-                backgrounds.push(background_e);
+        let mut backgrounds: Vec<(f64, &[Trap])> = Vec::new();
+        let mut fitting = 0;
+        for column in group {
+            let background = (column.device.at.background_e, &*column.readout.traps);
+            if !backgrounds.contains(&background) {
+                backgrounds.push(background);
             }
-            place + 1 + backgrounds.len() <= TOGETHER
-        };
-        let (image, rest) = group.split_at(group.iter().enumerate().take_while(fits).count());
+            if fitting + 1 + backgrounds.len() > TOGETHER {
+                break;
+            }
+            fitting += 1;
+        }
+        let (image, rest) = group.split_at(fitting);
         images.push(image);
         group = rest;
     }
@@ -75,11 +81,29 @@ struct Column<'a> {
     reading: &'a Reading<'a>,
     device: &'a Device,
     readout: Readout,
+    /// Whether columns with other traps may be beside it.
+    has_room_beside: bool,
 }
 
 impl<'a> Column<'a> {
     fn new(index: usize, reading: &'a Reading<'a>, device: &'a Device) -> Column<'a> {
-        Column { index, reading, device, readout: device.readout() }
+        let readout = device.readout();
+        let has_room_beside = device.store.is_none() && device.persistence.is_none() && readout.has_room_beside();
+        Column { index, reading, device, readout, has_room_beside }
+    }
+
+    /// By the number of traps, since accuracy is relative to the largest changes; then by charge.
+    fn order(&self, other: &Column) -> Ordering {
+        let key = |column: &Column| {
+            let traps = &column.readout.traps;
+            let mut key = vec![traps.iter().map(|trap| trap.density_per_px).sum::<f64>()];
+            key.extend(traps.iter().flat_map(|trap| [trap.density_per_px, trap.release_transfers]));
+            key.extend([column.signal_e(), column.device.at.background_e]);
+            key
+        };
+        let (ours, theirs) = (key(self), key(other));
+        let differences = ours.iter().zip(&theirs).map(|(ours, theirs)| ours.total_cmp(theirs));
+        differences.fold(Ordering::Equal, Ordering::then)
     }
 
     fn signal_e(&self) -> f64 {
@@ -113,7 +137,9 @@ impl<'a> Column<'a> {
         self.block_px() == other.block_px()
             && self.rows_ahead() == other.rows_ahead()
             && self.rows_downstream() == other.rows_downstream()
-            && self.readout == other.readout
+            && (self.readout == other.readout || (self.has_room_beside && other.has_room_beside))
+            && self.readout.cloud == other.readout.cloud
+            && self.readout.method == other.readout.method
             && self.device.store == other.device.store
             && self.device.persistence == other.device.persistence
     }
@@ -133,28 +159,37 @@ impl<'a> Column<'a> {
 }
 
 /// Reads out columns that share a readout.
-fn together(columns: &[Column]) -> Result<Vec<(usize, Vec<f64>)>, InputError> {
+fn together<'a>(columns: &'a [Column]) -> Result<Vec<(usize, Vec<f64>)>, InputError> {
     let first = &columns[0];
     // Background behind a packet changes nothing before it.
     let behind = columns.iter().map(|column| column.reading.trail_px).max().unwrap_or(0);
     let rows = first.rows_ahead() + first.block_px() + behind;
     let mut image = Array2::zeros((rows, 0));
-    let mut downstream_e = Vec::new();
+    let (mut downstream_e, mut traps) = (Vec::new(), Vec::<&[Trap]>::new());
     // Most backgrounds are equal.
-    let mut place = |charge_e: &Array2<f64>, background_e: f64| {
-        let known = |known: (ArrayView1<f64>, &f64)| known == (charge_e.column(0), &background_e);
-        image.axis_iter(Axis(1)).zip(&downstream_e).position(known).unwrap_or_else(|| {
+    let mut place = |charge_e: &Array2<f64>, column: &'a Column| {
+        let background_e = column.device.at.background_e;
+        let known = |place: &usize| {
+            image.column(*place) == charge_e.column(0)
+                && downstream_e[*place] == background_e
+                && traps[*place] == column.readout.traps
+        };
+        let place = (0..image.ncols()).find(known);
+        place.unwrap_or_else(|| {
             image.push_column(charge_e.column(0)).expect("columns of one length");
             downstream_e.push(background_e);
+            traps.push(&column.readout.traps);
             image.ncols() - 1
         })
     };
     let mut placed = Vec::new();
     for column in columns {
-        let background_e = column.device.at.background_e;
-        placed.push(column.before(rows)?.map(|before_e| (place(&before_e, background_e), before_e)));
+        placed.push(column.before(rows)?.map(|before_e| (place(&before_e, column), before_e)));
     }
-    let clocked = first.device.clocked(&image, first.rows_downstream(), &downstream_e);
+    let clocked = match columns.iter().all(|column| column.readout.traps == first.readout.traps) {
+        true => first.device.clocked(&image, first.rows_downstream(), &downstream_e),
+        false => first.readout.parallel_with_traps_of_each(&image, first.rows_downstream(), &downstream_e, &traps),
+    };
     // Backgrounds in equal registers; clouds and methods of these columns are equal.
     let mut flats: Vec<(usize, &Column, Array2<f64>)> = Vec::new();
     let mut found = Vec::new();
