@@ -53,6 +53,10 @@ const SHARE_OF_BOUNDS: f64 = 0.5;
 /// are without background, or with all of it in a notch).
 const SHARE: f64 = 0.02;
 
+/// Share of what a region's steps have left of its allowed error, that any step may make. (The first steps must be short where
+/// wells are empty, since a root of the charge is steepest there; by their length alone they might make next to no error.)
+const STEP_SHARE: f64 = 0.03;
+
 /// Buffers that steps reuse.
 pub(super) struct Workspace<L> {
     pub watermarks: L,
@@ -87,11 +91,9 @@ pub(super) struct Aim {
 }
 
 impl Aim {
-    /// Predicted first-order error over the allowed error, for `pixels` of a region of `length` pixels.
-    fn predicted(&self, pixels: i64, length: i64) -> f64 {
-        let [of_journey, of_region] = [self.pixels, length].map(|all| pixels as f64 / all as f64);
-        // The allowed error is proportional to the pixels' share of the region.
-        self.first_order * of_journey.powf(GROWTH) / of_region
+    /// Predicted first-order error over the allowed error, for `pixels` that are allowed a share of the whole error.
+    fn predicted(&self, pixels: i64, share: f64) -> f64 {
+        self.first_order * (pixels as f64 / self.pixels as f64).powf(GROWTH) / share
     }
 }
 
@@ -138,29 +140,36 @@ pub(super) fn columns<P: Passage>(
         let mut position = region.end;
         let mut wanted = length;
         let mut by_first = true;
-        let mut refused = 0;
+        let (mut refused, mut shortened) = (0, false);
+        // Of the region's allowed error, what earlier steps have left.
+        let mut left = 1.0;
         while position > region.start {
             interrupt::check();
             let alike = pixel.alike_pixels(position - 1, downstream).start.max(region.start);
             let pixels = wanted.clamp(1, position - alike);
             let block = Block { nearest: position - pixels, pixels };
-            // Evenly over the region's pixels.
-            let tolerance_e = aim.tolerance_e * pixels as f64 / length as f64;
+            let by_length = pixels as f64 / length as f64;
+            let share = by_length.max(STEP_SHARE * left).min(left);
+            let tolerance_e = aim.tolerance_e * share;
             // If it failed once, it seldom suffices later.
-            let first_order = if by_first { aim.predicted(pixels, length) } else { HOPELESS_FIRST };
-            let step = Step { pixel, block, downstream, tolerance_e, staggered, first_order };
+            let first_order = if by_first { aim.predicted(pixels, share) } else { HOPELESS_FIRST };
+            let evenly = by_length > STEP_SHARE * left;
+            let step = Step { pixel, block, downstream, tolerance_e, evenly, staggered, first_order };
             let attempt = step.attempt(charge_e, work);
             by_first &= attempt.by_first;
-            let Attempt { ratio, order, .. } = attempt;
-            let stretch = if ratio > 0.0 { 0.9 * ratio.powf(-1.0 / (order - 1.0)) } else { 4.0 };
+            let Attempt { ratio, stretch, .. } = attempt;
             if ratio <= 1.0 {
                 position -= pixels;
+                left -= share * ratio;
                 let longer = (pixels as f64 * stretch.clamp(1.0, 4.0)) as i64;
                 // A step cut short by unequal pixels does not exclude longer ones.
                 wanted = if pixels < wanted { longer.max(wanted) } else { longer };
-                refused = 0;
+                (refused, shortened) = (0, false);
             } else if pixels as f64 * stretch > SINGLY as f64 {
-                wanted = (pixels as f64 * stretch.clamp(0.1, 0.7)) as i64;
+                // The estimate promises too much if the change is not smooth.
+                let less = if shortened { 0.5 } else { 1.0 };
+                wanted = (pixels as f64 * stretch.clamp(0.1, 0.7) * less) as i64;
+                shortened = true;
             } else {
                 // Not tried again at once, and less often after repeated failures.
                 let next = region.start.max(position - (SINGLY << (1 + refused).min(PATIENCE)));
@@ -196,6 +205,8 @@ struct Step<'a, P> {
     downstream: &'a Lead,
     /// Error allowed, e-.
     tolerance_e: f64,
+    /// Whether that is proportional to the step's length, rather than the same for all short steps.
+    evenly: bool,
     /// Packets start within the block.
     staggered: bool,
     /// Predicted first-order error, over the allowed one.
@@ -206,8 +217,8 @@ struct Step<'a, P> {
 struct Attempt {
     /// Estimated error over the allowed error; if above 1, the charges are unchanged.
     ratio: f64,
-    /// Exponent of the step's length in the estimate; the allowed error is proportional to the length.
-    order: f64,
+    /// Length of the next step over that of this one, at best.
+    stretch: f64,
     /// Whether the first order sufficed.
     by_first: bool,
 }
@@ -218,7 +229,7 @@ impl<P: Passage> Step<'_, P> {
         let Step { pixel, block, downstream, .. } = *self;
         if block.pixels <= SINGLY {
             singly(pixel, charge_e, block.nearest..block.nearest + block.pixels, downstream, work);
-            return Attempt { ratio: 0.0, order: 5.0, by_first: true };
+            return Attempt { ratio: 0.0, stretch: f64::INFINITY, by_first: true };
         }
         let Workspace { watermarks, stages: [k1, k2, k3, k4], stage_e, path } = work;
         let mut pass = |charge_e: &[Packets], path: BlockPath, found: &mut Stage| {
@@ -229,7 +240,7 @@ impl<P: Passage> Step<'_, P> {
         let seek = self.staggered && !only_first && self.first_order > LIKELY_FIRST;
         pass(charge_e, if seek { BlockPath::Sought(path) } else { BlockPath::Unknown }, k1);
         if estimate::exhausted(estimate::volume_at_zero(pixel.clouds()) * pixel.density(), charge_e, k1) {
-            return Attempt { ratio: f64::INFINITY, order: 2.0, by_first: self.first_order <= HOPELESS_FIRST };
+            return Attempt { ratio: f64::INFINITY, stretch: 0.0, by_first: self.first_order <= HOPELESS_FIRST };
         }
         if only_first || self.first_order <= HOPELESS_FIRST {
             let traps = block.pixels as f64 * pixel.density();
@@ -238,7 +249,7 @@ impl<P: Passage> Step<'_, P> {
                 estimate::add(charge_e, &[(1.0, k1)]);
             }
             if ratio <= 1.0 || only_first {
-                return Attempt { ratio, order: 2.0, by_first: true };
+                return Attempt { ratio, stretch: self.stretch(ratio, 2.0), by_first: true };
             }
         }
         if self.staggered && !seek {
@@ -254,11 +265,18 @@ impl<P: Passage> Step<'_, P> {
         let errors = estimate::second(k1, k2);
         let kinked_e = if self.staggered { errors.kinked_e.max(OUT_OF_STEP * errors.all_e) } else { errors.kinked_e };
         let second = self.judge(errors.smooth_e, 3.0, kinked_e);
+        if self.staggered {
+            if second.ratio <= 1.0 {
+                estimate::add(charge_e, &[(1.0, k2)]);
+            }
+            return second;
+        }
         if second.ratio <= 1.0 {
             estimate::add(charge_e, &[(1.0, k2)]);
-        }
-        if second.ratio <= 1.0 || self.staggered {
-            return second;
+            // By the order that goes farthest with each pass.
+            let fourth = self.judge(errors.fourth_e, 5.0, kinked_e);
+            let longer = if fourth.stretch / 4.0 > second.stretch / 2.0 { fourth.stretch } else { second.stretch };
+            return Attempt { stretch: longer, ..second };
         }
         let fourth = self.judge(errors.fourth_e, 5.0, 0.0);
         if fourth.ratio > HOPELESS {
@@ -291,8 +309,14 @@ impl<P: Passage> Step<'_, P> {
     /// that of its kinks.
     fn judge(&self, smooth_e: f64, order: f64, kinked_e: f64) -> Attempt {
         let [smooth, kinked] = [smooth_e, kinked_e].map(|error_e| ratio(error_e, SHARE * self.tolerance_e));
-        let (ratio, order) = if kinked > smooth { (kinked, 2.0) } else { (smooth, order) };
-        Attempt { ratio, order, by_first: false }
+        let stretch = self.stretch(smooth, order).min(self.stretch(kinked, 2.0));
+        Attempt { ratio: smooth.max(kinked), stretch, by_first: false }
+    }
+
+    /// How much longer a step may be whose error over the allowed one is this, and grows with this power of its length.
+    fn stretch(&self, ratio: f64, order: f64) -> f64 {
+        let exponent = if self.evenly { order - 1.0 } else { order };
+        if ratio > 0.0 { 0.9 * ratio.powf(-1.0 / exponent) } else { f64::INFINITY }
     }
 }
 
