@@ -62,7 +62,7 @@ fn beside(python: &str, shape: (usize, usize), traps_per_px: f64) {
         let theirs_e = error_e(&theirs.1);
         let mut ours = vec![
             (
-                format!("ctiplan, {theirs_e:.1e} e- asked for"),
+                format!("ctiplan, {theirs_e:.1e} e- requested"),
                 Stop::at_error(theirs_e, ITERATIONS),
                 (f64::INFINITY, 0.0),
             ),
@@ -106,6 +106,6 @@ fn alone(shape: (usize, usize), traps_per_px: f64, asked_e: f64) {
         assert!(corrected.converged && found.count() == 0, "{} pixels", found.count());
         error_e = rms(&corrected.image - &before);
     }
-    line(&name, &format!("ctiplan, {asked_e} e- asked for"), 2, (seconds[0], error_e), "");
+    line(&name, &format!("ctiplan, {asked_e} e- requested"), 2, (seconds[0], error_e), "");
     line(&name, "the same, with the search for uncertain pixels", 2, (seconds[1], error_e), "");
 }

@@ -29,7 +29,7 @@ pub(super) struct Compare {
     #[arg(long, value_name = "KEY=VALUES")]
     set: Vec<String>,
     #[command(flatten)]
-    asked: Confident,
+    confident: Confident,
     #[command(flatten)]
     drawn: Drawn,
     #[command(flatten)]
@@ -64,7 +64,7 @@ impl Compare {
         self.drawn.check()?;
         let scenarios = candidates.len() * axes.iter().map(|axis| axis.values.len()).product::<usize>();
         let bar = progress(scenarios as u64, "scenarios");
-        let comparison = compare(&candidates, &axes, self.asked.confidence(), || bar.inc(1));
+        let comparison = compare(&candidates, &axes, self.confident.confidence(), || bar.inc(1));
         bar.finish_and_clear();
         let comparison = comparison?;
         let missions: Vec<Mission> = candidates.into_iter().map(|candidate| candidate.mission).collect();

@@ -111,7 +111,7 @@ mod tests {
     use crate::model::Model;
 
     #[test]
-    fn a_maximum_is_told_as_that_nearest_to_the_middle_of_the_mission() {
+    fn a_maximum_is_that_nearest_to_the_middle_of_the_mission() {
         let mission = Mission::read("missions/snap_l2.toml").unwrap();
         let middle = decimal_year(mission.mission.launch.0) + 0.5 * mission.mission.duration_yr;
         let (far, key) = add_effect(&mission, "cycle", table(0.4, 7.0, middle + 1.5 - 17.0 * 7.0)).unwrap();

@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_place() {
+    fn an_error_names_its_place() {
         for (text, place, problem) in [
             ("2 + ", 4, "something is missing at the end"),
             ("2 x", 2, "an operator is missing before `x`"),

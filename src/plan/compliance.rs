@@ -67,7 +67,7 @@ pub fn lines(evaluation: &Evaluation, dates: Option<&DateDistribution>, confiden
             probability_error: probability.map(|met| met.1),
             of_population: false,
             by_probability: probability.is_some() && confidence.is_some(),
-            met: probability.zip(confidence).map_or(expected, |(met, asked)| met.0 >= asked),
+            met: probability.zip(confidence).map_or(expected, |(met, required)| met.0 >= required),
         }
     };
     let of_dates = |dates: &Dates| (dates.probability_met(), dates.probability_error);

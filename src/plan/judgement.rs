@@ -110,7 +110,7 @@ impl Judgement {
             budgets.extend(budget(Limited::C, &biases.c));
             budgets.extend(budget(Limited::M, &biases.m));
         }
-        let distribution = confidence.map(|asked| asked.of(mission, biases.as_ref())).transpose()?;
+        let distribution = confidence.map(|required| required.of(mission, biases.as_ref())).transpose()?;
         Ok(Judgement { budgets, distribution })
     }
 

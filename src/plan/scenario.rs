@@ -128,7 +128,7 @@ pub fn compare(
     let scenarios = parallel::try_map(scenarios, |((candidate, name), settings)| {
         scenario(candidate, name, settings, confidence).inspect(|_| progress())
     })?;
-    let confidence = confidence.map(|asked| asked.probability);
+    let confidence = confidence.map(|required| required.probability);
     let merits: Vec<Merit> = scenarios.iter().map(|scenario| scenario.merit(confidence)).collect();
     let ranking = Ranking::of(&merits);
     let (best, worst) = (&scenarios[ranking.best[0]], &scenarios[ranking.worst[0]]);
@@ -212,7 +212,7 @@ fn scenario(
         traps: end.traps.clone(),
         verdict: evaluation.verdict,
         judgement: Judgement::of(&evaluation.model, of_galaxy, confidence)?,
-        confidence: confidence.map(|asked| asked.probability),
+        confidence: confidence.map(|required| required.probability),
         warnings: evaluation.warnings,
         mission,
     })

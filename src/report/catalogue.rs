@@ -92,7 +92,7 @@ fn rows_of(catalogue: &Catalogue) -> Vec<Vec<String>> {
 
 fn not_used(class: &Class) -> String {
     format!(
-        "the interpolation of the galaxies with a weight of {} px is not as accurate as asked for, and all of them were read \
+        "the interpolation of the galaxies with a weight of {} px is less accurate than requested, and all of them were read \
          out; a larger --accuracy, or a narrower range of galaxies, can be interpolated",
         class.weight_px
     )

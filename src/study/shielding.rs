@@ -146,7 +146,7 @@ impl Study for Shielding {
         }
         let warnings = warnings(mission);
         if mission.place().is_none() {
-            let probability = self.probability.map(|asked| asked.probability);
+            let probability = self.probability.map(|required| required.probability);
             let (cases, needed, drawn) = (Vec::new(), Vec::new(), Vec::new());
             return Ok(Results {
                 thicknesses_mm,
@@ -186,7 +186,7 @@ impl Study for Shielding {
             cases,
             ranking: (!merits.is_empty()).then(|| Ranking::of(&merits)),
             drawn,
-            probability: self.probability.map(|asked| asked.probability),
+            probability: self.probability.map(|required| required.probability),
             warnings,
         })
     }
@@ -200,7 +200,7 @@ impl Shielding {
         thicknesses_mm: &[f64],
         advance: &(dyn Fn() + Sync),
     ) -> Result<Vec<Drawn>, InputError> {
-        let Some(asked) = self.probability else { return Ok(Vec::new()) };
+        let Some(required) = self.probability else { return Ok(Vec::new()) };
         let mut shields = Vec::new();
         for geometry in GEOMETRIES {
             shields.extend(thicknesses_mm.iter().map(|thickness_mm| (geometry, *thickness_mm)));
@@ -210,12 +210,12 @@ impl Shielding {
             let mission = behind(&model.mission, geometry, thickness_mm, model.mission.environment.confidence);
             let model = model.like(&mission);
             let timeline = Timeline::of(&model)?;
-            let judgement = Judgement::along(&model, &timeline, Some(asked))?;
+            let judgement = Judgement::along(&model, &timeline, Some(required))?;
             Ok(Drawn {
                 geometry,
                 thickness_mm,
-                judged: JudgedRow::of(&judgement, mission.mission.launch.0, Some(asked.probability)),
-                merit: Merit::of(&judgement, Some(asked.probability), timeline.end()),
+                judged: JudgedRow::of(&judgement, mission.mission.launch.0, Some(required.probability)),
+                merit: Merit::of(&judgement, Some(required.probability), timeline.end()),
             })
         })
     }

@@ -164,7 +164,7 @@ mod tests {
     use crate::model::Model;
 
     #[test]
-    fn rows_left_out_are_foretold_as_by_fits_without_them() {
+    fn rows_left_out_are_predicted_as_by_fits_without_them() {
         let mission = Mission::read("tests/practice/prelaunch/mission.toml").unwrap();
         let data = ["trails", "dose"]
             .map(|name| DataSet::read(format!("tests/practice/prelaunch/{name}.ecsv"), &mission).unwrap());

@@ -11,7 +11,7 @@ pub(super) struct Clock {
     #[arg(long, value_name = "MS")]
     line_time_ms: Option<String>,
     #[command(flatten)]
-    asked: Confident,
+    confident: Confident,
 }
 
 impl Options for Clock {
@@ -19,6 +19,6 @@ impl Options for Clock {
 
     fn study(&self, _: &[&str]) -> Result<clock::Clock, InputError> {
         let line_times_ms = self.line_time_ms.as_ref().map(|text| numbers("readout.line_time_ms", text));
-        Ok(clock::Clock { line_times_ms: line_times_ms.transpose()?, confidence: self.asked.confidence() })
+        Ok(clock::Clock { line_times_ms: line_times_ms.transpose()?, confidence: self.confident.confidence() })
     }
 }

@@ -15,7 +15,7 @@ pub(super) struct Launch {
     #[arg(long, value_name = "DATES")]
     launch: Option<String>,
     #[command(flatten)]
-    asked: Confident,
+    confident: Confident,
 }
 
 impl Options for Launch {
@@ -25,7 +25,7 @@ impl Options for Launch {
         // An average over the solar cycle that is set in the same command is intended.
         let keep_average = keys_set.contains(&sun::MODEL);
         let launches = self.launch.as_deref().map(dates).transpose()?;
-        Ok(launch::Launch { launches, keep_average, confidence: self.asked.confidence() })
+        Ok(launch::Launch { launches, keep_average, confidence: self.confident.confidence() })
     }
 }
 

@@ -14,7 +14,7 @@ const FOLLOWS: &str = "Launch dates are compared with environment.model = \"sola
                                   keeps it).";
 
 /// Note if the average was requested.
-const AVERAGED: &str = "With environment.model = \"constant\", as was asked for, the dose is an average over the \
+const AVERAGED: &str = "With environment.model = \"constant\", as requested, the dose is an average over the \
                                    solar cycle: every launch date is alike.";
 
 /// Note for a mission that solar protons do not reach.

@@ -10,7 +10,7 @@ use crate::report::{or_dash, table};
 
 /// One row for each requirement.
 pub(super) fn table_of(lines: &[Line], confidence: Option<f64>) -> Table {
-    let met = confidence.map_or("met".into(), |asked| format!("met, {} % required", plain(100.0 * asked)));
+    let met = confidence.map_or("met".into(), |required| format!("met, {} % required", plain(100.0 * required)));
     let mut rows =
         table(&["requirement", "correction", "limit", "at the end", "used [%]", "exceeded", "met with [%]", &met]);
     for line in lines {

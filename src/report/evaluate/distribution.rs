@@ -62,9 +62,9 @@ pub(super) fn say_met(lines: &[Line], confidence: Option<f64>, out: &mut Parts) 
         let how = if line.of_population { ", by the number of traps alone" } else { "" };
         let said = format!("{}, corrected, is met with {met} %{how}", line.requirement);
         match confidence {
-            Some(asked) => {
+            Some(required) => {
                 let passed = if line.met { "passed" } else { "not passed" };
-                out.verdict(format!("  {passed}: {said} (required: {} %)", plain(100.0 * asked)), 4);
+                out.verdict(format!("  {passed}: {said} (required: {} %)", plain(100.0 * required)), 4);
             }
             None if line.of_population => out.words(format!("  {said}"), 4),
             None => {}

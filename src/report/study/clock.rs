@@ -36,8 +36,8 @@ impl Shown for Results {
                 format!("{} ms", short(line_time_ms(place)))
             });
             report.result("best_for_requirement_line_time_ms", line_time_ms(ranking.best[0]));
-            if let Some(asked) = self.confidence {
-                judged::explain(&mut report, &rows, asked);
+            if let Some(required) = self.confidence {
+                judged::explain(&mut report, &rows, required);
             }
         }
         report

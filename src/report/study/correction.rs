@@ -228,7 +228,7 @@ fn describe_population(report: &mut StudyReport, population: &PopulationRemainde
         })
         .collect();
     match needed.is_empty() {
-        true => report.find("The requirement has no limit on c or m: how well the traps must be known for the population is not asked."),
+        true => report.find("The requirement has no limit on c or m: how well the traps must be known for the population is not computed."),
         false => report.find(format!(
             "The limits on the population ask for {}. Israel et al. 2015 (Euclid, worst-case galaxy) ask for 0.03 % in densities and \
              0.04 % in release times.",

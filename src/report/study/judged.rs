@@ -53,10 +53,10 @@ pub(super) fn drawn(shown: bool) -> Vec<Column> {
 }
 
 /// An explanation of the columns of [`drawn`], and why the Sun is not drawn, if so.
-pub(super) fn explain(report: &mut StudyReport, rows: &[&JudgedRow], asked: f64) {
+pub(super) fn explain(report: &mut StudyReport, rows: &[&JudgedRow], required: f64) {
     report.find(format!(
         "kept: how long all budgets are kept with {:.0} %; met: probability that they are to the end, without correction and with it.",
-        100.0 * asked
+        100.0 * required
     ));
     if let Some(why) = rows.iter().find_map(|row| row.sun_not_drawn.as_ref()) {
         report.find(format!("The Sun is not drawn: {why}."));
@@ -68,7 +68,7 @@ pub(super) fn rank(
     report: &mut StudyReport,
     rows: &[&JudgedRow],
     ranking: &Ranking,
-    asked: Option<f64>,
+    required: Option<f64>,
     name: impl Fn(usize) -> String,
 ) {
     let names = |places: &[usize]| places.iter().map(|place| name(*place)).collect::<Vec<_>>().join(", ");
@@ -76,7 +76,7 @@ pub(super) fn rank(
         report.find(format!("For the requirement all {} tried are alike.", rows.len()));
         return;
     };
-    let fate = |place: usize| fate(rows[place], by, asked);
+    let fate = |place: usize| fate(rows[place], by, required);
     report.find(format!(
         "Best for the requirement: {} ({}). Worst: {} ({}).",
         names(&ranking.best),
@@ -87,11 +87,11 @@ pub(super) fn rank(
 }
 
 /// The quantity by which a case is ranked.
-fn fate(row: &JudgedRow, by: Criterion, asked: Option<f64>) -> String {
+fn fate(row: &JudgedRow, by: Criterion, required: Option<f64>) -> String {
     let corrected = usize::from(by == Criterion::Corrected);
     let word = ["uncorrected", "corrected"][corrected];
     let exceeded_by = [row.exceeded_by, row.corrected_by][corrected];
-    match asked {
+    match required {
         Some(p) => {
             let kept = [row.kept_t_yr, row.corrected_kept_t_yr][corrected];
             let percent = [row.met_percent, row.corrected_met_percent][corrected].unwrap_or(f64::NAN);

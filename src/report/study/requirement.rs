@@ -42,14 +42,14 @@ impl Shown for Results {
             report.result(&format!("{name}_dose_factor_confident"), limit.factor[1].value());
         }
         report.result("launches_tried", self.launches.len());
-        if let Some(asked) = self.confidence {
-            let Confidence { probability, samples } = asked;
+        if let Some(required) = self.confidence {
+            let Confidence { probability, samples } = required;
             report.result("confidence", probability);
             report.find(format!(
                 "With {samples} draws of the Sun and [uncertainty], a probability of {:.0} % has a standard error of {:.1} %. What is \
                  allowed with it is known to a few per cent only, because solar doses have a long tail.",
                 100.0 * probability,
-                100.0 * asked.error()
+                100.0 * required.error()
             ));
         }
         report.find(
@@ -97,7 +97,7 @@ fn allowed(results: &Results) -> DataTable {
         column("corrected", "corrected", Digits::Significant(4)),
     ];
     let head = |name: &str| {
-        results.confidence.map_or(String::new(), |asked| format!("{name}, {:.0} %", 100.0 * asked.probability))
+        results.confidence.map_or(String::new(), |required| format!("{name}, {:.0} %", 100.0 * required.probability))
     };
     for name in names() {
         columns.push(column(format!("{name}_confident"), head(name), Digits::Significant(2)));
@@ -133,7 +133,7 @@ fn sentence(results: &Results, name: &str, limit: &Limit) -> String {
         Bound::None => "is not kept by a thousandth of the mission's dose".into(),
         Bound::NotSought => "was not solved for".into(),
     };
-    let confident = match (limit.factor[1], results.confidence.map(|asked| asked.probability)) {
+    let confident = match (limit.factor[1], results.confidence.map(|required| required.probability)) {
         (Bound::At(factor), Some(p)) => format!(", {} with {:.0} %", significant(factor, 2), 100.0 * p),
         (Bound::All, Some(p)) => format!(", any with {:.0} %", 100.0 * p),
         (Bound::None, Some(p)) => format!(", none with {:.0} %", 100.0 * p),

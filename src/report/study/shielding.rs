@@ -60,7 +60,7 @@ fn corrected_budgets(mission: &Mission) -> String {
 
 /// Shields with the Sun and `[uncertainty]` drawn: a table, and the sufficient thickness.
 fn with_probability(report: &mut StudyReport, results: &Results, mission: &Mission) {
-    let (Some(asked), Some(ranking)) = (results.probability, &results.ranking) else { return };
+    let (Some(required), Some(ranking)) = (results.probability, &results.ranking) else { return };
     let mut columns = vec![words("geometry", "shield"), column("thickness_mm", "Al [mm]", Digits::Significant(4))];
     columns.extend(judged::each(mission, false));
     columns.extend(judged::drawn(true));
@@ -71,7 +71,7 @@ fn with_probability(report: &mut StudyReport, results: &Results, mission: &Missi
         let drawn = &results.drawn[place];
         format!("a {} of {} mm", drawn.geometry, plain(drawn.thickness_mm))
     };
-    judged::rank(report, &rows, ranking, Some(asked), name);
+    judged::rank(report, &rows, ranking, Some(required), name);
     for geometry in GEOMETRIES {
         let of = || results.drawn.iter().filter(|drawn| drawn.geometry == geometry);
         let enough = of().find(|drawn| drawn.judged.corrected_kept_t_yr.is_none());
@@ -81,14 +81,14 @@ fn with_probability(report: &mut StudyReport, results: &Results, mission: &Missi
         report.find(match enough.zip(met) {
             Some((drawn, met)) => format!(
                 "The thinnest {geometry} tried that keeps the corrected budgets with {:.0} % has {} mm: they are met with {} %.",
-                100.0 * asked,
+                100.0 * required,
                 plain(drawn.thickness_mm),
                 plus_minus(met)
             ),
-            None => format!("No {geometry} tried keeps the corrected budgets with {:.0} %.", 100.0 * asked),
+            None => format!("No {geometry} tried keeps the corrected budgets with {:.0} %.", 100.0 * required),
         });
     }
-    judged::explain(report, &rows, asked);
+    judged::explain(report, &rows, required);
 }
 
 fn percent(confidence: f64) -> String {
