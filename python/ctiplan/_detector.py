@@ -40,7 +40,7 @@ class Corrected:
     uncertain: np.ndarray = field(repr=False)
     #: Error of all other pixels, e-, if the model is right, and missing and saturated pixels held what is assumed of them.
     error_e: float
-    #: Whether the residual is as small as was asked for.
+    #: Whether the residual is as small as required.
     converged: bool
     #: Before the first iteration, and after each.
     residuals: tuple[Residual, ...]
@@ -163,7 +163,7 @@ class Detector:
         tolerance : float
             Largest residual of the forward model at which iterations end, over its initial value.
         tolerance_e : float, optional
-            Error of the image that is asked for, e- rms, in place of `tolerance`.
+            Required error of the image, e- rms, in place of `tolerance`.
         iterations : int
             Largest number of iterations.
         read_noise_e : float, optional

@@ -40,7 +40,7 @@ def evaluate(
     monte_carlo : int, optional
         Galaxies that are read out with photon and read noise at the end of the mission.
     confidence : float, optional
-        The probability to meet the corrected budget that is asked for, above 0 and below 1.
+        The required probability to meet the corrected budget, above 0 and below 1.
     posterior : path, optional
         A sample of ``ctiplan fit --posterior``, whose keys are drawn in place of their uncertainties.
     progress : callable, optional

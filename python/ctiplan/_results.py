@@ -337,7 +337,7 @@ class Fit(Result):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Free parameters, in the order asked for."""
+        """Free parameters, in the order requested."""
         return tuple(Parameter._of(said) for said in self.document["parameters"])
 
     @property
