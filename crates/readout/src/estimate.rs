@@ -57,18 +57,19 @@ pub(super) fn volume_at_zero(clouds: &[Cloud]) -> f64 {
     clouds.iter().map(Cloud::volume_at_zero).fold(0.0, f64::max)
 }
 
-/// Whether some packet ends with less charge than a pixel's traps within the volume at zero charge would capture (`least_e`, e-).
-/// Its loss stops somewhere on the way, where its charge is used up, and no pass over all pixels sees where.
-pub(super) fn exhausted(least_e: f64, charge_e: &[Packets], k1: &Stage) -> bool {
+/// Whether some packet may run out of charge on the way: it loses charge, or starts within the block (`starts`), and ends with less
+/// than a pixel's traps within the volume at zero charge would capture if all were empty (`least_e`, e-). Its loss stops where its
+/// charge is used up, and no pass over all pixels sees where. Changes up to `negligible_e` do not matter.
+pub(super) fn exhausted(least_e: f64, starts: bool, negligible_e: f64, charge_e: &[Packets], k1: &Stage) -> bool {
     if least_e == 0.0 {
         return false;
     }
     dispatch!(Level::new(), simd => {
-        let (zero, least_e) = (Vector::all(simd, 0.0), Vector::all(simd, least_e));
+        let [zero, negligible_e, least_e] = [0.0, negligible_e, least_e].map(|value| Vector::all(simd, value));
         charge_e.iter().zip(&k1.change_e).any(|(charge_e, change_e)| {
             let (charge_e, change_e) = (Vector::load(simd, charge_e), Vector::load(simd, change_e));
-            let ends = (charge_e + change_e).below(least_e);
-            (ends & zero.below(charge_e.abs().max(change_e.abs()))).any()
+            let moves = if starts { charge_e.abs().max(change_e.abs()) } else { zero - change_e };
+            ((charge_e + change_e).below(least_e) & negligible_e.below(moves)).any()
         })
     })
 }

@@ -36,75 +36,109 @@ pub(super) fn column(
 ) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(lane | (pixels.start as u64) << 32);
-    let numbers: Vec<Option<Poisson<f64>>> = traps.iter().map(|trap| Poisson::new(trap.density_per_px).ok()).collect();
-    // For finite capture times: probability of being filled after a transfer inside a packet's cloud, if empty and if filled.
-    let chances = |species: usize, charge_e: f64| {
-        let (_, full, approach) = traps[species].passage_of(clouds[species], charge_e);
-        [full * (1.0 - approach), full + (1.0 - full) * approach]
-    };
-    let mut inside: Vec<[f64; 2]> = (0..traps.len()).map(|species| chances(species, 0.0)).collect();
-    let mut sites = Vec::new();
-    let mut heights = vec![0.0; clouds.len()];
-    // Species usually share one cloud.
-    let set_heights = |heights: &mut [f64], charge_e: f64| {
-        for species in 0..clouds.len() {
-            let known = species > 0 && std::ptr::eq(clouds[species], clouds[species - 1]);
-            heights[species] = if known { heights[species - 1] } else { clouds[species].height(charge_e) };
-        }
-    };
+    let mut pixel_traps = PixelTraps::new(traps, clouds, random);
     for pixel in pixels.rev() {
         interrupt::check();
-        sites.clear();
-        for (species, (trap, number)) in traps.iter().zip(&numbers).enumerate() {
-            let filled_before = if pixel < downstream.rows { clouds[species].height(downstream.charge_e) } else { 0.0 };
-            // A Poisson distribution of mean 0 does not exist: a species of no density has no traps.
-            let count = number.map_or(0.0, |number| number.sample(&mut random)) as usize;
+        pixel_traps.place(pixel, downstream);
+        let first = (pixel - downstream.rows).max(0) as usize;
+        for charge in &mut charge_e[first..] {
+            pixel_traps.pass(charge);
+        }
+    }
+}
+
+/// The traps of one pixel.
+struct PixelTraps<'a> {
+    traps: &'a [Trap],
+    clouds: &'a [&'a Cloud],
+    /// Distribution of the number of traps, by species. A Poisson distribution of mean 0 does not exist: None is no trap.
+    numbers: Vec<Option<Poisson<f64>>>,
+    random: ChaCha8Rng,
+    sites: Vec<Site>,
+    /// For finite capture times, by species: probability of being filled after a transfer inside a packet's cloud, if empty and if
+    /// filled.
+    inside: Vec<[f64; 2]>,
+    /// Height of the packet's cloud, by species.
+    heights: Vec<f64>,
+}
+
+impl<'a> PixelTraps<'a> {
+    fn new(traps: &'a [Trap], clouds: &'a [&'a Cloud], random: ChaCha8Rng) -> PixelTraps<'a> {
+        let numbers = traps.iter().map(|trap| Poisson::new(trap.density_per_px).ok()).collect();
+        let inside = traps.iter().zip(clouds).map(|(trap, cloud)| chances(trap, cloud, 0.0)).collect();
+        let heights = vec![0.0; clouds.len()];
+        PixelTraps { traps, clouds, numbers, random, sites: Vec::new(), inside, heights }
+    }
+
+    /// Places the traps of a pixel, filled as packets that passed before row 0 leave them.
+    fn place(&mut self, pixel: i64, downstream: Downstream) {
+        self.sites.clear();
+        for (species, (trap, number)) in self.traps.iter().zip(&self.numbers).enumerate() {
+            let cloud = self.clouds[species];
+            let filled_before = if pixel < downstream.rows { cloud.height(downstream.charge_e) } else { 0.0 };
+            let count = number.map_or(0.0, |number| number.sample(&mut self.random)) as usize;
             let slow = trap.capture_transfers > 0.0;
             // For finite capture times, a line is one step.
             let (release, returned) = if slow { (trap.lost(), 0.0) } else { (trap.released(), trap.returned()) };
-            let filled = trap.filled_by(downstream.rows - pixel, clouds[species], downstream.charge_e);
+            let filled = trap.filled_by(downstream.rows - pixel, cloud, downstream.charge_e);
             let sure = !slow && filled == 1.0;
             for _ in 0..count {
-                let height = random.random::<f64>();
-                let filled = height < filled_before && (sure || random.random::<f64>() < filled);
-                sites.push(Site { height, species, release, returned, slow, filled });
-            }
-        }
-        let first = (pixel - downstream.rows).max(0) as usize;
-        for charge in &mut charge_e[first..] {
-            set_heights(&mut heights, *charge);
-            for species in (0..traps.len()).filter(|species| traps[*species].capture_density.is_some()) {
-                inside[species] = chances(species, *charge);
-            }
-            for site in &mut sites {
-                if site.slow && site.height < heights[site.species] {
-                    let fills = random.random::<f64>() < inside[site.species][usize::from(site.filled)];
-                    if fills && !site.filled && *charge >= 1.0 {
-                        site.filled = true;
-                        *charge -= 1.0;
-                    } else if !fills && site.filled {
-                        site.filled = false;
-                        *charge += 1.0;
-                    }
-                } else if site.filled && random.random::<f64>() < site.release {
-                    site.filled = false;
-                    *charge += 1.0;
-                }
-            }
-            set_heights(&mut heights, *charge);
-            for site in &mut sites {
-                // Only a whole electron can be captured.
-                if !site.slow && !site.filled && site.height < heights[site.species] && *charge >= 1.0 {
-                    site.filled = true;
-                    *charge -= 1.0;
-                }
-            }
-            for site in sites.iter_mut().filter(|site| site.returned > 0.0 && site.filled) {
-                if random.random::<f64>() < site.returned {
-                    site.filled = false;
-                    *charge += 1.0;
-                }
+                let height = self.random.random::<f64>();
+                let filled = height < filled_before && (sure || self.random.random::<f64>() < filled);
+                self.sites.push(Site { height, species, release, returned, slow, filled });
             }
         }
     }
+
+    /// A packet passes: traps release into it, capture from it, and release again before it leaves.
+    fn pass(&mut self, charge_e: &mut f64) {
+        self.set_heights(*charge_e);
+        for (species, trap) in self.traps.iter().enumerate().filter(|(_, trap)| trap.capture_density.is_some()) {
+            self.inside[species] = chances(trap, self.clouds[species], *charge_e);
+        }
+        for site in &mut self.sites {
+            if site.slow && site.height < self.heights[site.species] {
+                let fills = self.random.random::<f64>() < self.inside[site.species][usize::from(site.filled)];
+                if fills && !site.filled && *charge_e >= 1.0 {
+                    site.filled = true;
+                    *charge_e -= 1.0;
+                } else if !fills && site.filled {
+                    site.filled = false;
+                    *charge_e += 1.0;
+                }
+            } else if site.filled && self.random.random::<f64>() < site.release {
+                site.filled = false;
+                *charge_e += 1.0;
+            }
+        }
+        self.set_heights(*charge_e);
+        for site in &mut self.sites {
+            // Only a whole electron can be captured.
+            if !site.slow && !site.filled && site.height < self.heights[site.species] && *charge_e >= 1.0 {
+                site.filled = true;
+                *charge_e -= 1.0;
+            }
+        }
+        for site in self.sites.iter_mut().filter(|site| site.returned > 0.0 && site.filled) {
+            if self.random.random::<f64>() < site.returned {
+                site.filled = false;
+                *charge_e += 1.0;
+            }
+        }
+    }
+
+    fn set_heights(&mut self, charge_e: f64) {
+        for species in 0..self.clouds.len() {
+            // Species usually share one cloud.
+            let known = species > 0 && std::ptr::eq(self.clouds[species], self.clouds[species - 1]);
+            self.heights[species] =
+                if known { self.heights[species - 1] } else { self.clouds[species].height(charge_e) };
+        }
+    }
+}
+
+/// Probability of being filled after a transfer inside a packet's cloud, if empty and if filled.
+fn chances(trap: &Trap, cloud: &Cloud, charge_e: f64) -> [f64; 2] {
+    let (_, full, approach) = trap.passage_of(cloud, charge_e);
+    [full * (1.0 - approach), full + (1.0 - full) * approach]
 }

@@ -57,6 +57,13 @@ const SHARE: f64 = 0.02;
 /// wells are empty, since a root of the charge is steepest there; by their length alone they might make next to no error.)
 const STEP_SHARE: f64 = 0.03;
 
+/// Change of a packet over the tolerance, up to which it does not matter whether its charge runs out.
+const NEGLIGIBLE: f64 = 1e-4;
+
+/// Share of the tolerance if any charge fills part of the wells: where a packet's charge runs out depends on those ahead of it, so
+/// their errors add up in one packet.
+const PASSED_ON: f64 = 0.2;
+
 /// Buffers that steps reuse.
 pub(super) struct Workspace<L> {
     pub watermarks: L,
@@ -136,6 +143,7 @@ pub(super) fn columns<P: Passage>(
     let shared = nearest..downstream.rows.min(end);
     for region in [image, shared] {
         let length = region.end - region.start;
+        let passed_on = if estimate::volume_at_zero(pixel.clouds()) > 0.0 { PASSED_ON } else { 1.0 };
         let staggered = region.start >= downstream.rows;
         let mut position = region.end;
         let mut wanted = length;
@@ -150,7 +158,7 @@ pub(super) fn columns<P: Passage>(
             let block = Block { nearest: position - pixels, pixels };
             let by_length = pixels as f64 / length as f64;
             let share = by_length.max(STEP_SHARE * left).min(left);
-            let tolerance_e = aim.tolerance_e * share;
+            let tolerance_e = aim.tolerance_e * passed_on * share;
             // If it failed once, it seldom suffices later.
             let first_order = if by_first { aim.predicted(pixels, share) } else { HOPELESS_FIRST };
             let evenly = by_length > STEP_SHARE * left;
@@ -231,15 +239,13 @@ impl<P: Passage> Step<'_, P> {
             singly(pixel, charge_e, block.nearest..block.nearest + block.pixels, downstream, work);
             return Attempt { ratio: 0.0, stretch: f64::INFINITY, by_first: true };
         }
-        let Workspace { watermarks, stages: [k1, k2, k3, k4], stage_e, path } = work;
-        let mut pass = |charge_e: &[Packets], path: BlockPath, found: &mut Stage| {
-            pixel.pass(charge_e, path, block, downstream, watermarks, found);
-        };
-
         let only_first = self.staggered && !pixel.knows_paths();
         let seek = self.staggered && !only_first && self.first_order > LIKELY_FIRST;
-        pass(charge_e, if seek { BlockPath::Sought(path) } else { BlockPath::Unknown }, k1);
-        if estimate::exhausted(estimate::volume_at_zero(pixel.clouds()) * pixel.density(), charge_e, k1) {
+        let Workspace { watermarks, stages: [k1, ..], path, .. } = work;
+        let first_path = if seek { BlockPath::Sought(path) } else { BlockPath::Unknown };
+        pixel.pass(charge_e, first_path, block, downstream, watermarks, k1);
+        let least_e = estimate::volume_at_zero(pixel.clouds()) * pixel.density();
+        if estimate::exhausted(least_e, self.staggered, NEGLIGIBLE * self.tolerance_e, charge_e, k1) {
             return Attempt { ratio: f64::INFINITY, stretch: 0.0, by_first: self.first_order <= HOPELESS_FIRST };
         }
         if only_first || self.first_order <= HOPELESS_FIRST {
@@ -252,29 +258,42 @@ impl<P: Passage> Step<'_, P> {
                 return Attempt { ratio, stretch: self.stretch(ratio, 2.0), by_first: true };
             }
         }
-        if self.staggered && !seek {
-            pass(charge_e, BlockPath::Sought(path), k1);
+        if self.staggered { self.by_paths(seek, charge_e, work) } else { self.by_higher_orders(charge_e, work) }
+    }
+
+    /// A step of packets that start within the block, of second order along their paths; the first pass is done, and sought the
+    /// paths or not.
+    fn by_paths(&self, sought: bool, charge_e: &mut [Packets], work: &mut Workspace<P::Watermarks>) -> Attempt {
+        let Step { pixel, block, downstream, .. } = *self;
+        let Workspace { watermarks, stages: [k1, k2, ..], path, .. } = work;
+        if !sought {
+            pixel.pass(charge_e, BlockPath::Sought(path), block, downstream, watermarks, k1);
         }
-        let tableau = Tableau::of(block.pixels as f64);
-        if self.staggered {
-            pass(charge_e, BlockPath::Known(path), k2);
-        } else {
-            estimate::sum(charge_e, &[(tableau.a21, k1)], stage_e);
-            pass(stage_e, BlockPath::Unknown, k2);
-        }
+        pixel.pass(charge_e, BlockPath::Known(path), block, downstream, watermarks, k2);
         let errors = estimate::second(k1, k2);
-        let kinked_e = if self.staggered { errors.kinked_e.max(OUT_OF_STEP * errors.all_e) } else { errors.kinked_e };
-        let second = self.judge(errors.smooth_e, 3.0, kinked_e);
-        if self.staggered {
-            if second.ratio <= 1.0 {
-                estimate::add(charge_e, &[(1.0, k2)]);
-            }
-            return second;
+        let attempt = self.judge(errors.smooth_e, 3.0, errors.kinked_e.max(OUT_OF_STEP * errors.all_e));
+        if attempt.ratio <= 1.0 {
+            estimate::add(charge_e, &[(1.0, k2)]);
         }
+        attempt
+    }
+
+    /// A step of packets that all pass the whole block, of second, third or fourth order; the first pass is done.
+    fn by_higher_orders(&self, charge_e: &mut [Packets], work: &mut Workspace<P::Watermarks>) -> Attempt {
+        let Step { pixel, block, downstream, .. } = *self;
+        let Workspace { watermarks, stages: [k1, k2, k3, k4], stage_e, .. } = work;
+        let mut pass = |charge_e: &[Packets], found: &mut Stage| {
+            pixel.pass(charge_e, BlockPath::Unknown, block, downstream, watermarks, found);
+        };
+        let tableau = Tableau::of(block.pixels as f64);
+        estimate::sum(charge_e, &[(tableau.a21, k1)], stage_e);
+        pass(stage_e, k2);
+        let errors = estimate::second(k1, k2);
+        let second = self.judge(errors.smooth_e, 3.0, errors.kinked_e);
         if second.ratio <= 1.0 {
             estimate::add(charge_e, &[(1.0, k2)]);
             // By the order that goes farthest with each pass.
-            let fourth = self.judge(errors.fourth_e, 5.0, kinked_e);
+            let fourth = self.judge(errors.fourth_e, 5.0, errors.kinked_e);
             let longer = if fourth.stretch / 4.0 > second.stretch / 2.0 { fourth.stretch } else { second.stretch };
             return Attempt { stretch: longer, ..second };
         }
@@ -285,15 +304,15 @@ impl<P: Passage> Step<'_, P> {
         let attempt = if errors.third_e <= SHARE * self.tolerance_e {
             let [a31, a32, b1, b2, b3] = tableau.third;
             estimate::sum(charge_e, &[(a31, k1), (a32, k2)], stage_e);
-            pass(stage_e, BlockPath::Unknown, k3);
+            pass(stage_e, k3);
             estimate::sum(charge_e, &[(b1, k1), (b2, k2), (b3, k3)], stage_e);
             let (smooth_e, kinked_e) = estimate::higher([k1, k2, k3], charge_e, stage_e, 1);
             self.judge(smooth_e, 4.0, kinked_e)
         } else {
             estimate::sum(charge_e, &[(tableau.a31, k1), (tableau.a32, k2)], stage_e);
-            pass(stage_e, BlockPath::Unknown, k3);
+            pass(stage_e, k3);
             estimate::sum(charge_e, &[(tableau.a41, k1), (tableau.a43, k3)], stage_e);
-            pass(stage_e, BlockPath::Unknown, k4);
+            pass(stage_e, k4);
             let changes = [(tableau.b1, &*k1), (tableau.b2, k2), (tableau.b3, k3), (tableau.b4, k4)];
             estimate::sum(charge_e, &changes, stage_e);
             let (smooth_e, kinked_e) = estimate::higher([k1, k2, k4], charge_e, stage_e, 2);
