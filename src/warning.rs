@@ -112,6 +112,11 @@ pub enum Warning {
         /// `[accuracy] relative`.
         relative: f64,
     },
+    /// What is left of a shape is so rough that crossings of its limit may be missed.
+    RoughShape {
+        /// Longest interval between two shapes computed, yr.
+        interval_yr: f64,
+    },
     /// According to its header, the same task was applied to a frame before.
     DoneBefore {
         /// The frame.
@@ -318,6 +323,12 @@ impl fmt::Display for Warning {
             Warning::CoarseAccuracy { relative } => {
                 write!(out, "accuracy.relative = {relative} may affect the shapes: 1e-6 takes little more time")
             }
+            Warning::RoughShape { interval_yr } => write!(
+                out,
+                "near its limit the change of shape is rough: hardly a shape is left to measure, or the accuracy of the readout is \
+                 too low. Up to {interval_yr:.2} yr apart, crossings of the limit may be missed; try a smaller accuracy.relative or \
+                 a larger accuracy.subpixel_grid"
+            ),
             // Frames with trails added or removed.
             Warning::DoneBefore { name, task } => {
                 write!(

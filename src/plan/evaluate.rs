@@ -15,7 +15,7 @@ use crate::physics::accuracy::SHOWS_IN_SHAPES;
 use crate::physics::shape::ShapeChange;
 use crate::plan::noise::NoisyEvaluation;
 use crate::plan::population::PopulationBias;
-use crate::plan::requirement::{Crossing, Point, crossing, resolved};
+use crate::plan::requirement::{Crossing, Point, resolved};
 use crate::readout::Clock;
 use crate::warning::{RELEASED_IN_PLACE_LINES, Warning};
 
@@ -133,8 +133,8 @@ pub(crate) fn crossings_of<const N: usize>(
     let mut points: Vec<Point> = parallel::try_map(times, |t_yr| Ok((t_yr, magnitude(t_yr)?)))?;
     points.extend(known);
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let points = resolved(&points, &limits, &magnitude)?;
-    let found = limits.map(|limit| crossing(limit, &points, &magnitude));
+    let resolved = resolved(&points, &limits, &magnitude)?;
+    let found = limits.map(|limit| resolved.crossing(limit, &magnitude));
     let found: Vec<Crossing> = found.into_iter().collect::<Result<_, _>>()?;
     Ok(found.try_into().expect("as many crossings as limits"))
 }
@@ -191,7 +191,8 @@ pub(crate) fn evaluated(model: Model) -> Result<Evaluation, InputError> {
     }
     let years = parallel::try_map(year_ends(mission.mission.duration_yr), |t_yr| year(&model, t_yr))?;
     let verdict = verdict(&model, &years)?;
-    let warnings = warnings(&model)?;
+    let rough = verdict.corrected.rough_yr.map(|interval_yr| Warning::RoughShape { interval_yr });
+    let warnings = warnings(&model)?.into_iter().chain(rough).collect();
     Ok(Evaluation { model, years, verdict, noise: None, population: None, warnings })
 }
 

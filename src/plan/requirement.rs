@@ -22,6 +22,8 @@ pub struct Crossing {
     pub limit: f64,
     /// Limit minus |Δe| at the end of the mission; negative if exceeded then. None if the galaxy has no shape left by then.
     pub margin: Option<f64>,
+    /// Longest interval (yr) in which crossings may have been missed, since the curve is too rough near a limit; None if none were.
+    pub rough_yr: Option<f64>,
 }
 
 impl Crossing {
@@ -42,12 +44,24 @@ pub type Point = (f64, Option<f64>);
 /// Shortest interval that is subdivided, yr: nine hours.
 const SHORTEST_YR: f64 = 1e-3;
 
+/// Maximum number of points added. A few dozen show the crossings of a curve that is smooth. If hardly a shape is left, what
+/// remains of it is rough, and crosses limits all the time.
+const MOST_POINTS: usize = 500;
+
 /// A curve this close to a limit (relative to it) is neither above nor below.
 const CLOSE: f64 = 1e-4;
 
 /// Margin for curves that are not parabolas, in units of the deviation from a straight line within an interval. A parabola itself
 /// needs a quarter.
 const ROOM: f64 = 2.0;
+
+/// Points of a curve, between which its crossings can be located.
+pub struct Resolved {
+    /// Ascending in time.
+    pub points: Vec<Point>,
+    /// Intervals in which crossings may have been missed, since the curve is too rough near a limit.
+    pub rough: Vec<[f64; 2]>,
+}
 
 /// Adds points to `known` (ascending in time) until the crossings of a function with each limit can be located.
 ///
@@ -59,7 +73,7 @@ pub fn resolved(
     known: &[Point],
     limits: &[f64],
     function: impl Fn(f64) -> Result<Option<f64>, InputError> + Sync,
-) -> Result<Vec<Point>, InputError> {
+) -> Result<Resolved, InputError> {
     let mut points = known.to_vec();
     let mut open: Vec<[Point; 2]> = Vec::new();
     for (index, pair) in known.windows(2).enumerate() {
@@ -71,7 +85,7 @@ pub fn resolved(
             open.push([pair[0], pair[1]]);
         }
     }
-    while !open.is_empty() {
+    while !open.is_empty() && points.len() + open.len() <= known.len() + MOST_POINTS {
         let middles: Vec<Result<Point, InputError>> = parallel::map(&open, |[start, end]| {
             let t_yr = 0.5 * (start.0 + end.0);
             Ok((t_yr, function(t_yr)?))
@@ -87,7 +101,8 @@ pub fn resolved(
         open = next;
     }
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(points)
+    let rough = open.into_iter().map(|[start, end]| [start.0, end.0]).collect();
+    Ok(Resolved { points, rough })
 }
 
 fn is_even([a, b, c]: &[Point; 3]) -> bool {
@@ -110,6 +125,20 @@ fn is_clear(three: &[Point; 3], limits: &[f64]) -> bool {
     })
 }
 
+impl Resolved {
+    /// Crossings with a limit, as by [`crossing`]; where the curve is rough, to the length of the interval.
+    ///
+    /// # Errors
+    /// Those of the function.
+    pub fn crossing(
+        &self,
+        limit: f64,
+        function: impl Fn(f64) -> Result<Option<f64>, InputError>,
+    ) -> Result<Crossing, InputError> {
+        located(limit, &self.points, &self.rough, function)
+    }
+}
+
 /// Crossings of a function with a limit, given points that bracket every crossing (see [`resolved`]). Roots are those of
 /// `function`, to 1e-9 yr, not of the linear interpolation.
 ///
@@ -118,6 +147,15 @@ fn is_clear(three: &[Point; 3], limits: &[f64]) -> bool {
 pub fn crossing(
     limit: f64,
     points: &[Point],
+    function: impl Fn(f64) -> Result<Option<f64>, InputError>,
+) -> Result<Crossing, InputError> {
+    located(limit, points, &[], function)
+}
+
+fn located(
+    limit: f64,
+    points: &[Point],
+    rough: &[[f64; 2]],
     function: impl Fn(f64) -> Result<Option<f64>, InputError>,
 ) -> Result<Crossing, InputError> {
     let excess = |value: Option<f64>| value.map_or(limit, |value| value - limit);
@@ -129,7 +167,8 @@ pub fn crossing(
             continue;
         }
         let is_jump = pair[0].0.next_up() >= pair[1].0;
-        crossings_yr.push(match is_jump {
+        let is_rough = rough.iter().any(|[start, end]| *start <= pair[0].0 && pair[1].0 <= *end);
+        crossings_yr.push(match is_jump || is_rough {
             true => pair[1].0,
             false => {
                 let ends = [pair[0], pair[1]].map(|(t_yr, value)| (t_yr, excess(value)));
@@ -138,7 +177,8 @@ pub fn crossing(
         });
     }
     let margin = points.last().expect("at least one time").1.map(|value| limit - value);
-    Ok(Crossing { t_yr: crossings_yr.first().copied(), crossings_yr, limit, margin })
+    let rough_yr = rough.iter().map(|[start, end]| end - start).reduce(f64::max);
+    Ok(Crossing { t_yr: crossings_yr.first().copied(), crossings_yr, limit, margin, rough_yr })
 }
 
 #[cfg(test)]
@@ -151,7 +191,7 @@ mod tests {
         times.sort_by(f64::total_cmp);
         let known: Vec<Point> = times.into_iter().map(|t_yr| (t_yr, function(t_yr))).collect();
         let points = resolved(&known, &[limit], |t_yr| Ok(function(t_yr))).unwrap();
-        crossing(limit, &points, |t_yr| Ok(function(t_yr))).unwrap()
+        points.crossing(limit, |t_yr| Ok(function(t_yr))).unwrap()
     }
 
     #[test]
@@ -209,7 +249,20 @@ mod tests {
             Ok(Some(t))
         };
         let known: Vec<Point> = (0..=5).map(|year| (f64::from(year), Some(f64::from(year)))).collect();
-        assert_eq!(resolved(&known, &[2.5, 25.0], line).unwrap().len(), known.len());
+        assert_eq!(resolved(&known, &[2.5, 25.0], line).unwrap().points.len(), known.len());
         assert_eq!(calls.into_inner(), 0);
+    }
+
+    /// Noise about the limit: what is left of a shape that is nearly lost. It ends, and says how closely it looked.
+    #[test]
+    fn a_curve_that_is_rough_everywhere_is_not_followed_for_ever() {
+        let rough = |t: f64| Ok(Some(1.0 + 0.5 * (1e5 * t).sin()));
+        let known: Vec<Point> = (0..=5).map(|year| (f64::from(year), rough(f64::from(year)).unwrap())).collect();
+        let resolved = resolved(&known, &[1.0], rough).unwrap();
+        assert!(resolved.points.len() <= MOST_POINTS + known.len(), "{}", resolved.points.len());
+        let found = resolved.crossing(1.0, rough).unwrap();
+        let rough_yr = found.rough_yr.expect("left open");
+        assert!((0.005..0.05).contains(&rough_yr), "{rough_yr}");
+        assert!(found.crossings_yr.len() > 100);
     }
 }
