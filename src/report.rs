@@ -105,8 +105,16 @@ fn keep_words(table: &mut Table, from: usize) {
 
 /// Keeps numbers and their errors on one line, if all columns of the table can be wide enough.
 fn keep_errors(table: &mut Table) {
-    let joined = |text: String| text.replace(" +- ", "-+--");
-    let widths: Vec<usize> = (0..table.column_count()).map(|place| longest_word(table, place, joined)).collect();
+    keep_joined(table, |text| text.replace(" +- ", "-+--"));
+}
+
+/// Keeps on one line what `joined` makes one word of, if all columns of the table can be wide enough.
+fn keep_joined(table: &mut Table, joined: impl Fn(String) -> String) {
+    let whole: usize = table.column_max_content_widths().iter().map(|width| usize::from(*width) + PADDING).sum();
+    if whole <= usize::from(columns()) {
+        return;
+    }
+    let widths: Vec<usize> = (0..table.column_count()).map(|place| longest_word(table, place, &joined)).collect();
     if widths.iter().sum::<usize>() <= usize::from(columns()) {
         widths.into_iter().enumerate().for_each(|(place, width)| at_least(table, place, width));
     }

@@ -4,9 +4,9 @@
 //! (`problem`, `parameter`, `minimise`), from one start or several (`solve`, `elsewhere`). Errors are those of linear theory at the
 //! optimum, from derivatives with respect to the parameters themselves (`errors`), larger if the model is curved
 //! (`profile_errors`); parameters that the data do not limit on one side are reported (`open_sides`). Species exchanged by a fit
-//! get their own values back (`species_order`). The epoch of an event (a flare, a bakeout) has no derivative: data only determine
-//! between which two of their epochs it lies, so these intervals are tried one after another; the result is the centre of all that
-//! fit equally well (`event_epochs`).
+//! get their own values back (`species_order`), and a cycle its maximum nearest to the mission (`plainer`). The epoch of an event
+//! (a flare, a bakeout) has no derivative: data only determine between which two of their epochs it lies, so these intervals are
+//! tried one after another; the result is the centre of all that fit equally well (`event_epochs`).
 
 mod advice;
 mod elsewhere;
@@ -16,6 +16,7 @@ pub mod holdout;
 mod minimise;
 pub(crate) mod open_sides;
 pub mod parameter;
+mod plainer;
 pub mod posterior;
 mod problem;
 pub mod profile;
@@ -48,9 +49,10 @@ pub fn fit(
 ) -> Result<Fit, InputError> {
     let model = Model::new(mission);
     let fit = fit_rows(&model, data, keys, options, progress, |_| true)?;
-    let fit = species_order::kept(&model, data, fit, options, progress)?;
+    let fit = species_order::kept(&model, data, fit, options, progress);
+    let fit = plainer::plainer(&model, data, fit, options, progress);
     let model = model.like(&fit.mission);
     let parameters = profile_errors::widened(&model, data, &fit, progress)?;
-    let open = open_sides::open_sides(&model, data, &fit, &parameters, progress)?;
-    Ok(Fit { parameters, advice: [fit.advice.clone(), open].concat(), ..fit })
+    let advice = open_sides::with_open_sides(&model, data, &fit, &parameters, progress)?;
+    Ok(Fit { parameters, advice, ..fit })
 }

@@ -6,7 +6,7 @@ mod noise;
 mod reason;
 
 use super::fit::value_and_error;
-use super::{Page, Parts, Report, chance, or_dash, significant, table};
+use super::{Page, Parts, Report, chance, keep_joined, or_dash, significant, table};
 use crate::analysis::diagnose::noise::SetNoise;
 use crate::analysis::diagnose::{Changed, Diagnosis, Next, Rung, Stability, Tried, Verdict};
 use crate::analysis::fit::Fitted;
@@ -220,6 +220,7 @@ impl Diagnosis {
         for step in &self.steps {
             rung(format!("+ {}", step.effect), &step.rung, chance(step.false_alarm));
         }
+        keep_joined(&mut ladder, |text| text.replace("+ ", "+-").replace("below ", "below-"));
         out.table(ladder);
         let held_out = self.held_out.as_ref().map_or(String::new(), |column| {
             format!("; held out: rms of rows left out of the fit, group by group of {column}")
@@ -256,7 +257,7 @@ impl Diagnosis {
             out.gap();
             let mut values = table(&["fitted", "value", "error", "unit"]);
             for fitted in fitted {
-                let (value, error) = value_and_error(fitted);
+                let (value, error) = value_and_error(fitted, &self.advice);
                 values.add_row(vec![fitted.key.clone(), value, error, fitted.unit.into()]);
             }
             out.table(values);

@@ -155,7 +155,7 @@ impl Page for FitReport {
 fn values(fit: &Fit) -> comfy_table::Table {
     let mut values = table(&["key", "before", "fitted", "error", "unit"]);
     for parameter in &fit.parameters {
-        let (value, error) = value_and_error(parameter);
+        let (value, error) = value_and_error(parameter, &fit.advice);
         values.add_row(vec![parameter.key.clone(), plain(parameter.before), value, error, parameter.unit.into()]);
     }
     values
@@ -232,10 +232,18 @@ fn minima(fit: &Fit) -> Vec<String> {
     said
 }
 
-/// Value and error to the same decimal place, the error to two digits.
-pub(super) fn value_and_error(parameter: &Fitted) -> (String, String) {
+/// Value and error to the same decimal place, the error to two digits. An error larger than the value is none if the data set no
+/// limit on one side.
+pub(super) fn value_and_error(parameter: &Fitted, advice: &[Advice]) -> (String, String) {
     let value = parameter.value;
+    let limited = advice.iter().find(|advice| advice.limited() == Some(&parameter.key));
+    let limit = limited.map(|advice| match advice {
+        Advice::Open { above: true, .. } => "lower limit",
+        Advice::Open { above: false, .. } => "upper limit",
+        _ => "not determined",
+    });
     match parameter.sigma {
+        Some(sigma) if sigma > value && limit.is_some() => (significant(value, 4), limit.unwrap_or_default().into()),
         Some(sigma) if sigma > 0.0 && sigma.is_finite() => {
             let shown = to_digits_of(value, sigma);
             let error = if shown.contains('e') { format!("{sigma:.1e}") } else { to_digits_of(sigma, sigma) };

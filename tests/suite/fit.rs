@@ -9,6 +9,8 @@ use ctiplan::mission::Mission;
 use ctiplan::mission_file;
 use ctiplan::model::Model;
 use ctiplan::model::predict::predict;
+use ctiplan::numeric::calendar::decimal_year;
+use ctiplan::report::{FitReport, Report};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -75,6 +77,22 @@ fn a_limit_on_one_side_only_is_told() {
     assert_eq!([3.0, 12.15, 30_000.0].map(open), [vec![false], vec![], vec![true]]);
 }
 
+/// With errors a thousand times larger no release time is excluded: that is said once, and no error is shown.
+#[test]
+fn a_value_that_the_data_do_not_determine_has_no_error() {
+    let (mission, mut data) = measured(12.15, 1);
+    data.iter_mut().flat_map(|set| &mut set.rows).for_each(|row| row.sigma *= 1000.0);
+    let found = fitted(&mission, &data, &[RELEASE]);
+    let [Advice::Undetermined { key, between, rise, .. }] = &found.advice[..] else { panic!("{:?}", found.advice) };
+    let value = found.parameters[0].value;
+    assert!(key == RELEASE && between[0] < value && value < between[1] && *rise < 9.0, "{:?}", found.advice);
+    let report = FitReport { fit: found, holdout: None, profiles: Vec::new(), posterior: None };
+    let said = report.text();
+    let row = said.lines().find(|line| line.trim_start().starts_with(RELEASE)).unwrap();
+    assert!(row.contains("not determined"), "{said}");
+    assert!(said.contains("not determined; from") && !said.contains("poorly constrained"), "{said}");
+}
+
 /// A full well a hundredth as large would lie below the notch: that side is closed, and the fit is not refused for it.
 #[test]
 fn values_that_make_no_sense_limit_a_parameter() {
@@ -90,6 +108,27 @@ fn values_that_make_no_sense_limit_a_parameter() {
     assert!(fitted.sigma.unwrap() > 0.3 * fitted.value, "the case shows nothing: {fitted:?}");
     let below = |advice: &Advice| matches!(advice, Advice::Open { above: false, .. });
     assert!(!found.advice.iter().any(below), "{:?}", found.advice);
+}
+
+/// A maximum three periods ago is the same as one during the mission, and stands there.
+#[test]
+fn a_cycle_keeps_its_maximum_near_the_mission() {
+    let mission = Mission::read("missions/snap_l2.toml").unwrap();
+    let middle = decimal_year(mission.mission.launch.0) + 0.5 * mission.mission.duration_yr;
+    let with = |peak: f64| {
+        let text = format!("amplitude = 0.4\nperiod_yr = 7.0\npeak = {peak}\n");
+        mission_file::add_effect(&mission, "cycle", text.parse().unwrap()).unwrap().0
+    };
+    let epochs: Vec<f64> = (1..=10).map(|epoch| 0.5 * f64::from(epoch)).collect();
+    let rows = epochs.iter().map(|t_yr| format!("{t_yr},0.0,1e4\n")).collect::<String>();
+    let table = Table::parse("dose.csv", &format!("# observable: dose\nt_yr,value,sigma\n{rows}")).unwrap();
+    let mut data = [DataSet::of(table, &mission).unwrap()];
+    let values = predict(&Model::new(&with(middle + 1.5)), &questions(&data)).unwrap();
+    data[0].rows.iter_mut().zip(values).for_each(|(row, value)| row.value = value);
+    let found = fitted(&with(middle + 1.7 - 21.0), &data, &["effects.cycle.amplitude", "effects.cycle.peak"]);
+    let (peak, sigma) = (found.parameters[1].value, found.parameters[1].sigma.unwrap());
+    assert!((peak - middle - 1.5).abs() < 0.01 && sigma < 0.1, "{:?}", found.parameters);
+    assert_eq!(found.parameters[1].before, middle + 1.7 - 21.0);
 }
 
 /// An error is as far as chi2 rises by 1, the other parameter following, to that side where it is farther.

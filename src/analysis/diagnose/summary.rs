@@ -27,10 +27,10 @@ impl Evidence<'_> {
         let improved = accurate(node);
         let before = validate(&accurate(self.base), self.case().data, self.options.seed)?;
         let after = validate(&improved, self.case().data, self.options.seed)?;
-        let mut rungs: Vec<Rung> = ladder.iter().map(|node| self.rung(node)).collect();
+        let mut rungs: Vec<Rung> = ladder.iter().map(|node| self.rung(node, &accurate(node))).collect();
         let values =
             fit::profile_errors::widened(&node.model, self.case().data, &node.fit, &|_| self.case().work.count())?;
-        let open = fit::open_sides::open_sides(&node.model, self.case().data, &node.fit, &values, &|_| {
+        let advice = fit::open_sides::with_open_sides(&node.model, self.case().data, &node.fit, &values, &|_| {
             self.case().work.count()
         })?;
         rungs.last_mut().expect("the base").parameters = values.clone();
@@ -44,8 +44,9 @@ impl Evidence<'_> {
             (Vec::new(), None)
         };
         let replaced = doubts::replaced(&steps, &values, &node.fit.advice);
-        let unrecorded =
-            (verdict == Verdict::Unexplained).then(|| unrecorded::temperatures(self.case(), self.base)).flatten();
+        let unrecorded = matches!(verdict, Verdict::Unexplained | Verdict::Unfit)
+            .then(|| unrecorded::temperatures(self.case(), self.base))
+            .flatten();
         let notes = [notes, aside, Vec::from_iter(unrecorded), doubts::of(&rungs[0], &steps), replaced].concat();
         let parameters = values.iter().filter(|fitted| self.search.base.contains(&fitted.key)).cloned();
         Ok(Diagnosis {
@@ -70,12 +71,12 @@ impl Evidence<'_> {
             undone: self.case().work.undone(),
             before,
             after,
-            advice: node.fit.advice.iter().cloned().chain(open).chain(self.assumed(node)).collect(),
+            advice: advice.into_iter().chain(self.assumed(node)).collect(),
         })
     }
 
-    /// Summary of one model.
-    fn rung(&self, node: &Node) -> Rung {
+    /// Summary of one model; `mission` has the accuracy requested.
+    fn rung(&self, node: &Node, mission: &Mission) -> Rung {
         self.search.progress.step();
         Rung {
             chi2: node.chi2(),
@@ -84,7 +85,7 @@ impl Evidence<'_> {
             parameters: node.fit.parameters.clone(),
             holdout_rms_sigma: self.groups().and_then(|groups| holdout::rms_sigma(groups, node)),
             carried: holdout::carried(self.case(), node),
-            budget: budget(node.mission()),
+            budget: budget(mission),
         }
     }
 

@@ -129,6 +129,17 @@ pub enum Advice {
         /// Increase of chi2 there, all others refitted.
         rise: f64,
     },
+    /// Values far away on both sides are not excluded.
+    Undetermined {
+        /// The key.
+        key: String,
+        /// Two values far apart.
+        between: [f64; 2],
+        /// Unit of the values.
+        unit: &'static str,
+        /// Increase of chi2 at the worse of them, all others refitted.
+        rise: f64,
+    },
     /// Species have exchanged the order of their release times, and the data are described less well with the original order.
     Exchanged {
         /// The keys of the release times.
@@ -141,6 +152,16 @@ pub enum Advice {
         /// Its assumed value.
         value: f64,
     },
+}
+
+impl Advice {
+    /// The parameter that has no limit on one side or on both.
+    pub(crate) fn limited(&self) -> Option<&str> {
+        match self {
+            Advice::Open { key, .. } | Advice::Undetermined { key, .. } => Some(key),
+            _ => None,
+        }
+    }
 }
 
 /// Difference of chi2 below which two minima are the same.

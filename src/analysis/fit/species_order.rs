@@ -6,10 +6,10 @@
 
 use std::collections::BTreeMap;
 
-use super::result::{Advice, Fit, is_same};
-use super::solve::{Options, fit_rows};
+use super::plainer::refitted;
+use super::result::{Advice, Fit};
+use super::solve::Options;
 use crate::analysis::measurement::DataSet;
-use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
 
@@ -17,32 +17,22 @@ use crate::model::Model;
 const EXCHANGED: [&str; 2] = ["density_per_px", "release_ms"];
 
 /// A fit, or an equally good one in which species keep the order of their release times; advice if there is none.
-///
-/// # Errors
-/// As [`super::fit`].
 pub(super) fn kept(
     model: &Model,
     data: &[DataSet],
     fit: Fit,
     options: &Options,
     progress: &(dyn Fn(f64) + Sync),
-) -> Result<Fit, InputError> {
+) -> Fit {
     let keys: Vec<String> = fit.parameters.iter().map(|parameter| parameter.key.clone()).collect();
-    let values = restored(&fit.mission, &model.mission, &keys);
+    let values: Vec<(String, f64)> = restored(&fit.mission, &model.mission, &keys).into_iter().collect();
     if values.is_empty() {
-        return Ok(fit);
+        return fit;
     }
-    let start = fit.mission.with(&values.iter().map(|(key, value)| (key.clone(), (*value).into())).collect::<Vec<_>>());
-    let options = Options { starts: 1, scan: false, ..options.clone() };
-    let other = start.and_then(|start| fit_rows(&model.like(&start), data, &keys, &options, progress, |_| true));
-    if let Some(other) = other.ok().filter(|other| is_same(other.chi2, fit.chi2)) {
-        let mut parameters = other.parameters;
-        parameters.iter_mut().zip(fit.parameters).for_each(|(after, before)| after.before = before.before);
-        let Fit { chi2_before, starts, chi2_from_mission, minima, .. } = fit;
-        return Ok(Fit { parameters, chi2_before, starts, chi2_from_mission, minima, ..other });
-    }
-    let exchanged = Advice::Exchanged { keys: values.into_keys().filter(|key| key.ends_with(EXCHANGED[1])).collect() };
-    Ok(Fit { advice: [fit.advice, vec![exchanged]].concat(), ..fit })
+    refitted(model, data, &fit, &values, options, progress).unwrap_or_else(|| {
+        let keys = values.into_iter().map(|(key, _)| key).filter(|key| key.ends_with(EXCHANGED[1])).collect();
+        Fit { advice: [fit.advice.clone(), vec![Advice::Exchanged { keys }]].concat(), ..fit }
+    })
 }
 
 /// Values, by dotted key, with which species whose free keys have the same names have their original order of release times. Empty

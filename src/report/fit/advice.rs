@@ -34,6 +34,10 @@ impl fmt::Display for Advice {
                 let at = at.trim_end();
                 write!(out, "{key}: the data set {limit} limit only; at {at} chi2 is larger by just {rise:.1}")
             }
+            Advice::Undetermined { key, between: [low, high], unit, rise } => {
+                let range = [significant(*low), "to".into(), significant(*high), unit.to_string()].join(" ");
+                write!(out, "{key}: not determined; from {} chi2 rises by at most {rise:.1}", range.trim_end())
+            }
             Advice::Exchanged { keys } => write!(
                 out,
                 "{}: the species have exchanged the order of their release times, and names and energy levels have stayed; in the order that was \
