@@ -32,6 +32,7 @@ mod significance;
 mod stability;
 mod stopping_rule;
 mod summary;
+mod trimmed;
 mod unexplained;
 mod unrecorded;
 mod work;
@@ -175,7 +176,7 @@ impl Task<'_> {
                 (None, Some(found)) => found,
                 (None, None) => evidence.select()?,
             };
-            if let Some(better) = self.other_errors(evidence, noise, &found).filter(|_| more_rounds) {
+            if let Some(better) = self.other_errors(evidence, noise, &found)?.filter(|_| more_rounds) {
                 return Ok(Attempt::Again(better));
             }
             found.noise = match found.verdict {
@@ -238,17 +239,28 @@ impl Task<'_> {
     }
 
     /// The errors that the search should have used, as estimated at its end; None if it used them.
-    fn other_errors(&self, evidence: &Evidence, noise: &[SetNoise], found: &Found) -> Option<Vec<SetNoise>> {
+    fn other_errors(
+        &self,
+        evidence: &Evidence,
+        noise: &[SetNoise],
+        found: &Found,
+    ) -> Result<Option<Vec<SetNoise>>, InputError> {
         if !found.wrong.is_empty() {
-            return Some(noise::with_wrong(self.quoted, noise, &found.wrong));
+            return Ok(Some(noise::with_wrong(self.quoted, noise, &found.wrong)));
         }
         if found.verdict == Verdict::Unfit {
-            return noise::with_larger(evidence.case(), noise, found);
+            return Ok(noise::with_larger(evidence.case(), noise, found));
         }
         let node = found.nearest.as_ref().unwrap_or(found.ladder.last().expect("the base"));
+        if found.verdict == Verdict::Unexplained {
+            let better = trimmed::wrong_rows(evidence, self.quoted, noise, node)?;
+            if better.is_some() {
+                return Ok(better);
+            }
+        }
         let known = if found.explains() { noise::confirmed(evidence.case(), node, noise) } else { noise.to_vec() };
         let better = noise::estimate(evidence.case(), self.quoted, &evidence.search.expand(node), &known);
-        (!noise::is_same(&better, noise)).then_some(better)
+        Ok((!noise::is_same(&better, noise)).then_some(better))
     }
 }
 

@@ -24,8 +24,11 @@ const NO_ACCIDENT: f64 = 1e-5;
 const ODD_SIGMA: f64 = 5.0;
 const ONE_IN: usize = 20;
 
-/// Standard deviations of chi2 within which a model nearly explains all other rows: it is refitted without the outliers.
+/// Standard deviations of chi2 within which a model nearly explains all other rows: it is refitted without the outliers. The
+/// residuals of several effects may be a real change that they cannot describe, such as a gain that drifts in the brightest
+/// packets: they must leave no more than noise.
 const NEARLY: f64 = 4.0;
+pub(super) const AS_NOISE: f64 = 1.6;
 
 /// Share of the residuals of a row, or of several together, absorbed by free parameters beyond which one of them is determined by
 /// these rows.
@@ -157,8 +160,7 @@ pub(super) struct Odd {
     pub reason: Reason,
 }
 
-/// A few rows, each far from a model that explains all others. None if there are none, if more is wrong, or if the model has
-/// several added effects.
+/// A few rows, each far from a model that explains all others. None if there are none, or if more is wrong.
 pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
     // A row that alone determines a parameter may be all that shows an effect.
     let hangs = |row: &usize| node.basis.row(*row).norm_squared() > HANGS_ON_IT;
@@ -170,11 +172,6 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
     let odd = |row: &usize| size(*row) > ODD_SIGMA && !hangs(row) && !is_right(row);
     let mut clear: Vec<usize> = (0..case.n()).filter(odd).collect();
     clear.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
-    // The residuals of several effects may be a real change that they cannot describe: a gain that drifts, in the brightest
-    // packets.
-    if node.added.len() > 1 {
-        return None;
-    }
     // In each file one row in twenty, including those already known.
     let wrong = |set: usize| case.data[set].shared.wrong.len();
     let mut left: Vec<usize> =
@@ -185,14 +182,10 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
         *left -= usize::from(may_be);
         may_be
     });
-    // Neighbours with residuals of the same sign are not accidents of single rows.
-    let together = |rows: &[usize]| {
-        let same = |a: usize, b: usize| a.abs_diff(b) == 1 && node.residuals[a] * node.residuals[b] > 0.0;
-        rows.iter().any(|&a| rows.iter().any(|&b| same(a, b)))
-    };
     let explained = |rows: &[usize]| {
+        let here: Vec<(usize, f64)> = rows.iter().map(|&row| (row, node.residuals[row])).collect();
         // A parameter may be determined by several rows together and by none of them alone.
-        if together(rows) || holdout::least_seen(node, rows) < 1.0 - HANGS_ON_IT {
+        if are_neighbours_alike(&here) || holdout::least_seen(node, rows) < 1.0 - HANGS_ON_IT {
             return None;
         }
         let off = holdout::left_out(node, rows)?;
@@ -202,7 +195,8 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
         }
         let fall: f64 = rows.iter().zip(off.iter()).map(|(&row, off)| node.residuals[row] * off).sum();
         let freedom = node.freedom() - rows.len() as f64;
-        (node.chi2_of_rows() - fall < freedom + NEARLY * (2.0 * freedom).sqrt()).then_some((fall, off))
+        let above = if node.added.len() > 1 { AS_NOISE } else { NEARLY };
+        (node.chi2_of_rows() - fall < freedom + above * (2.0 * freedom).sqrt()).then_some((fall, off))
     };
     let least = (1..=clear.len()).find_map(|count| explained(&clear[..count]).map(|found| (&clear[..count], found)));
     let (rows, (fall, off)) = least?;
@@ -210,6 +204,11 @@ pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
     let each = rows.iter().zip(off.iter()).map(|(&row, off)| (named(case, row), *off)).collect();
     let rows: Vec<(usize, f64)> = rows.iter().copied().zip(off.iter().copied()).collect();
     Some(Odd { fall: fall - 2.0 * rows.len() as f64, rows, reason: Reason::OddRows { rows: each, with } })
+}
+
+/// Whether neighbours among rows, each with its residual, have the same sign: these are no accidents of single rows.
+pub(super) fn are_neighbours_alike(rows: &[(usize, f64)]) -> bool {
+    rows.iter().any(|a| rows.iter().any(|b| a.0.abs_diff(b.0) == 1 && a.1 * b.1 > 0.0))
 }
 
 /// Whether a row alone has the lowest or highest value of a condition in its file. It may then be all that shows an effect, such as

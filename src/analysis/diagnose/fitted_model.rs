@@ -98,6 +98,12 @@ impl<'a> Case<'a> {
         Ok(change)
     }
 
+    /// (value − model)/sigma, whitened and without pedestals.
+    pub fn residuals(&self, model: &[f64]) -> DVector<f64> {
+        let off: Vec<f64> = self.values.iter().zip(model).map(|(value, model)| value - model).collect();
+        DVector::from_vec(self.whitening.residuals(&self.over_sigma(&off)))
+    }
+
     fn over_sigma(&self, values: &[f64]) -> Vec<f64> {
         values.iter().zip(&self.sigmas).map(|(value, sigma)| value / sigma).collect()
     }
@@ -170,7 +176,7 @@ impl Node {
         let fit = fit::fit_rows(model, case.data, &keys, options, &|_| case.work.count(), |_| true)?;
         let model = model.like(&fit.mission);
         let off: Vec<f64> = case.values.iter().zip(&fit.values).map(|(value, model)| value - model).collect();
-        let residuals = DVector::from_vec(case.whitening.residuals(&case.over_sigma(&off)));
+        let residuals = case.residuals(&fit.values);
         let levels = case.whitening.levels(case.white(&off).as_slice());
         let basis = orthonormal(&fit.jacobian);
         let pedestal_costs = case.whitening.costs(&levels);

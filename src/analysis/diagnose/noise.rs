@@ -7,7 +7,7 @@
 
 mod restricted_likelihood;
 mod smooth;
-mod wrong_rows;
+pub(super) mod wrong_rows;
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -136,6 +136,11 @@ pub(super) fn with_scales_of_1(noise: &[SetNoise]) -> Vec<SetNoise> {
         SetNoise { scale: 1.0, freedom: None, wrong: wrong.collect(), ..noise.clone() }
     };
     noise.iter().map(as_quoted).collect()
+}
+
+/// The same scales, with no row marked, as wrong or as right.
+pub(super) fn unmarked(noise: &[SetNoise]) -> Vec<SetNoise> {
+    noise.iter().map(|noise| SetNoise { wrong: Vec::new(), right: Vec::new(), ..noise.clone() }).collect()
 }
 
 /// Whether two estimates are equivalent for a search.

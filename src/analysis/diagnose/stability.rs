@@ -175,7 +175,7 @@ impl Task<'_> {
             // As in a diagnosis: rows that only a poor model marks as wrong are left out at first and restored later.
             let (other, better) = task.with_evidence(&data, like, |evidence, _| {
                 let other = evidence.select()?;
-                let better = task.other_errors(evidence, &noise, &other).filter(|_| round < ROUNDS);
+                let better = task.other_errors(evidence, &noise, &other)?.filter(|_| round < ROUNDS);
                 Ok((self.outcome(evidence, found, &other, &change.name), better))
             })?;
             match better.filter(|_| work.allows(&change.name)) {

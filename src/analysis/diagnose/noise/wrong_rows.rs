@@ -14,7 +14,7 @@ use crate::analysis::measurement::DataSet;
 use crate::numeric::least_squares::Span;
 
 /// Distance from which a row is wrong, in units of the scatter, and the probability that noise puts any row of the file there.
-pub(super) const FAR: f64 = 5.0;
+pub(in crate::analysis::diagnose) const FAR: f64 = 5.0;
 const BY_CHANCE: f64 = 2e-3;
 
 /// One row in this number may be wrong.
@@ -27,7 +27,7 @@ const ITS_OWN: f64 = 0.15;
 const NO_ACCIDENT: f64 = 0.01;
 
 /// Largest number of rows of a file that may be wrong.
-pub(super) fn most(rows: usize) -> usize {
+pub(in crate::analysis::diagnose) fn most(rows: usize) -> usize {
     rows.div_ceil(ONE_IN)
 }
 
