@@ -91,15 +91,21 @@ def test_a_fit_has_a_covariance_and_a_mission(laboratory, data):
     assert told and told[-1][0].startswith("chi2")
 
 
-def test_a_diagnosis_finds_the_missing_effect(laboratory, data):
-    told = []
-    diagnosis = cp.diagnose(laboratory, data, stability=False, progress=lambda *now: told.append(now))
+@pytest.fixture(scope="module")
+def diagnosed(laboratory, data):
+    """A diagnosis, and the stages that it reported."""
+    stages = []
+    return cp.diagnose(laboratory, data, stability=False, progress=lambda *now: stages.append(now)), stages
+
+
+def test_a_diagnosis_finds_the_missing_effect(diagnosed, data):
+    diagnosis, stages = diagnosed
     assert (diagnosis.verdict, diagnosis.added) == ("missing", ("extra-species",))
     assert [rung.effect for rung in diagnosis.ladder] == [None, "extra-species"]
     assert diagnosis.ladder[1].chi2 < diagnosis.ladder[0].chi2
     # The ladder allows for a constant pedestal of each file as well.
     assert diagnosis.ladder[1].chi2 <= cp.validate(diagnosis.mission, data).chi2 < diagnosis.ladder[1].chi2 + 1
-    assert len({stage for stage, _, _ in told}) > 1
+    assert len({stage for stage, _, _ in stages}) > 1
 
 
 def test_the_command_is_installed():
@@ -108,18 +114,20 @@ def test_the_command_is_installed():
     assert refused.returncode == 2 and "none.toml" in refused.stderr and not refused.stdout
 
 
-def results(snap, laboratory, data):
+@pytest.fixture(scope="module")
+def results(snap, laboratory, data, diagnosed):
+    """A result of each question."""
     return [
         cp.evaluate(snap, samples=20),
         cp.compare(snap, {"readout.line_time_ms": [5, 25]}),
         cp.validate(laboratory, data),
         cp.fit(laboratory, data, free=["detector.traps.VV.density_per_px"]),
-        cp.diagnose(laboratory, data),
+        diagnosed[0],
     ]
 
 
-def test_results_can_be_pickled(snap, laboratory, data):
-    for result in results(snap, laboratory, data):
+def test_results_can_be_pickled(results):
+    for result in results:
         for back in (pickle.loads(pickle.dumps(result)), copy.deepcopy(result)):
             assert type(back) is type(result) and repr(back) == repr(result) and str(back) == str(result)
             assert back.document == result.document and back.to_json() == result.to_json()

@@ -52,6 +52,8 @@ def test_work_ends_with_ctrl_c(work):
         import pathlib, signal, threading, time, os
         import numpy as np
         import ctiplan as cp
+        # A shell that starts this in the background has it ignore the signal, which Python would leave so.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         root, practice = pathlib.Path({str(ROOT)!r}), pathlib.Path({str(PRACTICE)!r})
         m, lab = cp.Mission.read(root / "missions/snap_l2.toml"), cp.Mission.read(practice / "mission.toml")
         data = [cp.DataSet.read(practice / name, lab) for name in ("packets.ecsv", "trails.ecsv")]
