@@ -182,6 +182,15 @@ fn significant(number: f64, digits: usize) -> String {
     plain(format!("{number:.decimals$e}").parse().expect("a number that was printed"))
 }
 
+/// `a, b and c`
+fn listed(names: &[impl AsRef<str>]) -> String {
+    let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
+    match &names[..] {
+        [before @ .., last] if before.len() > 1 => format!("{} and {last}", before.join(", ")),
+        _ => names.join(" and "),
+    }
+}
+
 /// A number or a dash.
 fn or_dash(value: Option<String>) -> String {
     value.unwrap_or_else(|| "-".into())

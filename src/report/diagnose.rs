@@ -6,9 +6,9 @@ mod noise;
 mod reason;
 
 use super::fit::value_and_error;
-use super::{Page, Parts, Report, chance, keep_joined, or_dash, significant, table};
+use super::{Page, Parts, Report, chance, keep_joined, listed, or_dash, significant, table};
 use crate::analysis::diagnose::noise::SetNoise;
-use crate::analysis::diagnose::{Changed, Diagnosis, Next, Rung, Stability, Tried, Verdict};
+use crate::analysis::diagnose::{Changed, Diagnosis, Next, Reason, Rung, Stability, Tried, Verdict};
 use crate::analysis::fit::Fitted;
 use crate::analysis::validate::SetResult;
 use crate::analysis::whitening::PEDESTAL;
@@ -95,11 +95,20 @@ impl Page for Diagnosis {
         }
         if !self.alternatives.is_empty() {
             out.heading("Effects that these data do not distinguish");
+            let pedestals = matches!(self.reason, Reason::LackingOrPedestals { .. });
             for set in &self.alternatives {
-                out.words(format!("  {}", set.join(" or ")), 4);
+                let or_pedestals = if pedestals { " or pedestals" } else { "" };
+                out.words(format!("  {}{or_pedestals}", set.join(" or ")), 4);
+            }
+            if pedestals {
+                out.words(
+                    "A pedestal is the same in all rows of a file: measure at other conditions, into the same file.",
+                    2,
+                );
             }
             match &self.next {
                 Some(next) => out.words(self.measure(next), 2),
+                None if self.alternatives.iter().all(|set| set.len() < 2) => (),
                 None => out.words("No measurement that was considered would distinguish the first two.", 2),
             }
         }
@@ -155,7 +164,7 @@ fn sentence(text: &str) -> String {
 impl Changed {
     /// The result of the search.
     fn found(&self) -> String {
-        let effects = if self.effects.is_empty() { String::new() } else { format!(", {}", self.effects.join(" and ")) };
+        let effects = if self.effects.is_empty() { String::new() } else { format!(", {}", listed(&self.effects)) };
         format!("{}{effects}", self.verdict.name())
     }
 }

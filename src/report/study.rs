@@ -21,7 +21,7 @@ use chrono::NaiveDate;
 use serde::ser::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
-use super::{Page, Parts, Report, significant};
+use super::{Page, Parts, Report, listed, significant};
 use crate::mission::Mission;
 use crate::plan::judgement::Limited;
 use crate::plan::sources::{self, Source};
@@ -98,7 +98,7 @@ impl StudyReport {
             self.find(format!(
                 "This study looks at |delta e| of the galaxy alone: the limits on {} of the population are judged by `ctiplan \
                  evaluate`, `compare` and the studies `launch`, `clock` and `shielding`.",
-                biases.join(" and ")
+                listed(&biases)
             ));
         }
     }

@@ -300,6 +300,26 @@ fn a_notch_just_below_the_background_is_among_the_rivals() {
     assert!(rivals.iter().any(|name| *name == "notch"), "{:?} {rivals:?}", effects(&found));
 }
 
+/// Three files of shapes, each with a constant change: a bounce of two parameters makes all three, and three pedestals that are
+/// independent of one another would rarely agree with it. Where they are independent, they remain pedestals.
+#[test]
+fn an_effect_that_makes_the_pedestals_of_more_files_than_it_has_parameters_may_be_missing() {
+    let folder = Path::new("tests/corpus/edge/bounce-or-pedestals");
+    let found = diagnosed(folder, "");
+    assert_eq!((found.verdict, effects(&found)), (Verdict::Ambiguous, vec!["signal-bounce".to_string()]));
+    assert_eq!(found.alternatives[0][0], "signal-bounce");
+    let said = said(&found);
+    assert!(said.contains("delta_y.ecsv are each off by a constant of their own"), "{said}");
+    assert!(said.contains("signal-bounce or pedestals"), "{said}");
+    let (mission, mut data) = read(folder, "");
+    remade(&mut data, &mission, 5);
+    for (set, off_sigma) in data.iter_mut().zip([5.0, -4.0, 3.0]) {
+        set.rows.iter_mut().for_each(|row| row.value += off_sigma * row.sigma);
+    }
+    let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
+    assert_eq!(found.verdict, Verdict::Complete, "{}", found.reason);
+}
+
 /// Three rows of one epoch agree with anything.
 #[test]
 fn fewer_than_four_rows_carry_no_verdict() {

@@ -13,6 +13,15 @@ use crate::error::InputError;
 /// Effects that are fitted in place of pedestals.
 const IN_PLACE: usize = 3;
 
+/// An effect that explains pedestals of the base.
+struct InPlace {
+    sketch: Sketch,
+    /// Files that need no pedestal with it.
+    files: Vec<String>,
+    /// It has fewer parameters than there are such files.
+    simpler: bool,
+}
+
 impl Evidence<'_> {
     /// The models from the base to one with several effects, each time adding first the effect with the larger gain.
     fn ladder(&self, node: &Arc<Node>) -> Result<Vec<Arc<Node>>, InputError> {
@@ -72,26 +81,38 @@ impl Evidence<'_> {
         Ok(self.groups().is_none_or(better))
     }
 
-    /// The effect that would best explain the pedestals of the base, if any. A change that a pedestal could make is no evidence for
-    /// an effect, nor against one.
-    fn in_place_of_pedestals(&self) -> Option<Note> {
+    /// The effect that would best explain the pedestals of the base, if any. A change that one pedestal could make is no evidence
+    /// for an effect, nor against one.
+    fn in_place_of_pedestals(&self) -> Option<InPlace> {
         if !self.base.has_pedestal() || !self.work().allows("effects in the place of pedestals") {
             return None;
         }
         let mut wanted = self.search.promising_without_pedestals(self.base);
         wanted.truncate(IN_PLACE);
         let sketches = self.search.sketches(&self.search.expand(self.base), &wanted);
-        let score = |sketch: &Sketch| {
-            let parameters = sketch.added.last().map_or(0, |added| added.free.len());
-            sketch.chi2 + 2.0 * parameters as f64
-        };
-        let best = sketches.iter().min_by(|a, b| score(a).total_cmp(&score(b)))?;
+        let parameters = |sketch: &Sketch| sketch.added.last().map_or(0, |added| added.free.len());
+        let score = |sketch: &Sketch| sketch.chi2 + 2.0 * parameters(sketch) as f64;
+        let best = sketches.into_iter().min_by(|a, b| score(a).total_cmp(&score(b)))?;
         let costs = self.base.pedestal_costs.iter().zip(&best.pedestal_costs);
         let without = costs.enumerate().filter(|(_, (before, with))| **before > 0.0 && **with == 0.0);
         let files: Vec<String> = self.case().pedestal_files(without.map(|(place, _)| place));
-        let fall = self.base.chi2() - best.chi2;
-        let clear = score(best) + rivals::margin(self.options.level) < self.base.chi2();
-        (clear && !files.is_empty()).then(|| Note::InPlaceOfPedestals { effect: self.name(best.last()), files, fall })
+        let clear = score(&best) + rivals::margin(self.options.level) < self.base.chi2();
+        let simpler = parameters(&best) < files.len();
+        (clear && !files.is_empty()).then_some(InPlace { sketch: best, files, simpler })
+    }
+
+    /// The base explains the data, unless an effect explains its pedestals with fewer parameters.
+    pub(super) fn complete(&self, reason: Reason) -> Result<Found, InputError> {
+        let mut found = Found::of(Verdict::Complete, reason, vec![self.base.clone()]);
+        match self.in_place_of_pedestals() {
+            Some(in_place) if in_place.simpler => return self.instead_of_pedestals(in_place),
+            Some(InPlace { sketch, files, .. }) => {
+                let fall = self.base.chi2() - sketch.chi2;
+                found.aside.push(Note::InPlaceOfPedestals { effect: self.name(sketch.last()), files, fall });
+            }
+            None => (),
+        }
+        Ok(found)
     }
 
     /// Adds to a verdict what complete data would have shown, or, if there are rivals, the measurement that would distinguish them.
@@ -99,12 +120,24 @@ impl Evidence<'_> {
         let node = found.ladder.last().expect("the base");
         if found.verdict == Verdict::Complete {
             found.limits = limits::all(self.search, self.base, self.options.level)?;
-            found.aside.extend(self.in_place_of_pedestals());
         }
         if let Some(rival) = found.rivals.first() {
             found.next = experiment_design::best(self.search, node, &rival.node, &found.rivals, &self.options.can)?;
         }
         Ok(())
+    }
+
+    /// An effect with fewer parameters than the pedestals that it explains: independent constants would rarely agree with it.
+    fn instead_of_pedestals(&self, in_place: InPlace) -> Result<Found, InputError> {
+        let node = self.search.settled(&*self.search.node(&in_place.sketch, self.base)?)?;
+        let (node, rivals::Around { rivals, aside }) = rivals::of(self, &node)?;
+        let adopted = node.set();
+        let reason = Reason::LackingOrPedestals { effect: self.name(adopted[0]), files: in_place.files };
+        let mut found = Found::of(Verdict::Ambiguous, reason, self.ladder(&node)?);
+        let all = distinct(adopted.into_iter().chain(rivals.iter().map(|rival| rival.hypothesis)));
+        found.alternatives = vec![all.into_iter().map(|place| self.name(place)).collect()];
+        (found.rivals, found.aside) = (rivals, aside);
+        Ok(found)
     }
 
     /// Adopts a model that explains the data, unless noise or a few rows alone account for it.

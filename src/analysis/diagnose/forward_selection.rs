@@ -46,7 +46,7 @@ impl Evidence<'_> {
         (self.search.progress.stage)("every effect", 2 * hypotheses);
         self.search.expand(self.base);
         if self.is_enough(self.base)? {
-            return Ok(self.complete(Reason::Explained));
+            return self.complete(Reason::Explained);
         }
         let mut tried = vec![self.base.clone()];
         let ended = self.lines(&mut tried)?;
@@ -60,7 +60,7 @@ impl Evidence<'_> {
         }
         match found {
             Some(found) => Ok(found),
-            None if by_chance || self.mere_noise(self.base)?.is_some() => Ok(self.complete(self.not_borne_out(&tried))),
+            None if by_chance || self.mere_noise(self.base)?.is_some() => self.complete(self.not_borne_out(&tried)),
             None => match self.enough_but_for_noise(&tried)? {
                 Some(found) => Ok(found),
                 None => self.unexplained(&tried),
@@ -82,10 +82,6 @@ impl Evidence<'_> {
             }
         }
         Ok(None)
-    }
-
-    fn complete(&self, reason: Reason) -> Found {
-        Found::of(Verdict::Complete, reason, vec![self.base.clone()])
     }
 
     /// The reason for a model without effects: the best effect gains more than noise usually does, but was not confirmed.
@@ -132,11 +128,12 @@ impl Evidence<'_> {
             }
             self.sort(&mut nodes);
             nodes.dedup_by(|a, b| a.set() == b.set());
+            // Two models that differ by one wrong row alone make nearly the same predictions.
+            tried.extend(nodes.iter().cloned());
             self.unlike(&mut nodes);
             let Some(best) = nodes.first() else { break };
             let excess = |node: &Node| (node.chi2() - node.freedom()).max(0.0);
             let helped = excess(best) < WORTH_GOING_ON * excess(&lines[0]);
-            tried.extend(nodes.iter().cloned());
             // chi2 and residual trends are those of noise; the only sign of an effect was not confirmed by its fit.
             if depth == 1 && self.mere_noise(self.base)?.is_some() {
                 break;

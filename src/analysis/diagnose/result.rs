@@ -57,6 +57,13 @@ pub enum Reason {
         /// Whether the data allow others in their place.
         has_rivals: bool,
     },
+    /// An effect explains constants in several files with fewer parameters.
+    LackingOrPedestals {
+        /// The effect.
+        effect: String,
+        /// Files that need no constant with it.
+        files: Vec<String>,
+    },
     /// Unexplained.
     Unexplained {
         /// Steps of the search that were left undone.

@@ -6,7 +6,7 @@ use serde::ser::{Serialize, Serializer};
 
 use crate::analysis::diagnose::{Note, Reason, RowPlace};
 use crate::mission::keys::plain;
-use crate::report::{counted, significant};
+use crate::report::{counted, listed, significant};
 
 impl fmt::Display for Reason {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -17,13 +17,18 @@ impl fmt::Display for Reason {
                 out,
                 "the model explains the data to within their noise. {} would lower chi2 by {fall:.0}, which noise or a few rows \
                  can do as well",
-                effects.join(" and ")
+                listed(effects)
             ),
-            Reason::Lacking { effects, has_rivals: false } => write!(out, "the model lacks {}", effects.join(" and ")),
+            Reason::Lacking { effects, has_rivals: false } => write!(out, "the model lacks {}", listed(effects)),
             Reason::Lacking { effects, has_rivals: true } => write!(
                 out,
                 "the model lacks {}, or an effect that these data do not distinguish from it",
-                effects.join(" and ")
+                listed(effects)
+            ),
+            Reason::LackingOrPedestals { effect, files } => write!(
+                out,
+                "the model lacks {effect}, or {} are each off by a constant of their own: these data do not distinguish the two",
+                listed(files)
             ),
             Reason::Unexplained { undone } if undone.is_empty() => {
                 out.write_str("no combination of the catalogue's effects explains the data to within their noise")
@@ -69,9 +74,9 @@ impl fmt::Display for Reason {
 
 fn odd_rows(out: &mut fmt::Formatter<'_>, rows: &[(RowPlace, f64)], with: &[String]) -> fmt::Result {
     let each: Vec<String> = rows.iter().map(|(row, off)| format!("{row} ({off:+.1} sigma)")).collect();
-    let with = if with.is_empty() { String::new() } else { format!(" with {}", with.join(" and ")) };
+    let with = if with.is_empty() { String::new() } else { format!(" with {}", listed(with)) };
     let (lies, it) = if rows.len() == 1 { ("lies", "it") } else { ("lie", "them") };
-    let each = each.join(" and ");
+    let each = listed(&each);
     write!(out, "{each} {lies} off the model{with}, which explains all other rows: correct {it}, or leave {it} out")
 }
 
@@ -123,7 +128,7 @@ impl fmt::Display for Note {
                 out,
                 "instead of a constant in {}, {effect} could be missing (chi2 lower by {fall:.0}): these data do not distinguish \
                  the two",
-                files.join(" and ")
+                listed(files)
             ),
             Note::EpochTemperatures { epochs, range_k: [low, high], chi2: [without, with], n } => write!(
                 out,

@@ -6,6 +6,7 @@ use serde::ser::{Serialize, Serializer};
 
 use crate::analysis::fit::Advice;
 use crate::mission::keys::plain;
+use crate::report::listed;
 use crate::report::validate::significant;
 
 impl fmt::Display for Advice {
@@ -42,7 +43,7 @@ impl fmt::Display for Advice {
                 out,
                 "{}: the species have exchanged the order of their release times, and names and energy levels have stayed; in the order that was \
                  given, chi2 is higher",
-                keys.join(" and ")
+                listed(keys)
             ),
             Advice::Assumed { key, value } => {
                 write!(out, "{key}: assumed, not fitted; the values above hold with {}", plain(*value))

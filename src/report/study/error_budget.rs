@@ -7,6 +7,7 @@ use super::table::{column, words};
 use super::{DataTable, Digits, Shown, StudyReport, short};
 use crate::mission::Mission;
 use crate::numeric::calendar::decimal_year;
+use crate::report::listed;
 use crate::report::plot::{Figure, Mark, Panel, Series, line};
 use crate::study::Estimate;
 use crate::study::error_budget::{Budget, Exceeded, InputShare, PERCENTILES, Percentile, Results};
@@ -171,7 +172,7 @@ fn dominant(report: &mut StudyReport, budget: &Budget, rest: Estimate) {
     let mut words = format!("The dominant uncertainty is {}", said(&budget.inputs[0]));
     let next: Vec<String> = budget.inputs.iter().skip(1).take(2).map(said).collect();
     if !next.is_empty() {
-        words += &format!(", followed by {}", next.join(" and "));
+        words += &format!(", followed by {}", listed(&next));
     }
     let rest = plus_minus(rest.times(100.0));
     report.find(format!("{words}. {rest} % of the variance is not linear in the inputs."));
