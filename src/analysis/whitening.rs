@@ -18,6 +18,8 @@ use crate::numeric::least_squares::Span;
 pub struct Shared {
     /// Correlation of neighbours in a trail.
     pub correlation: f64,
+    /// Its error.
+    pub correlation_sigma: f64,
     /// The neighbours that it refers to.
     pub neighbours: Neighbours,
     /// Whether the file may carry a constant pedestal.
@@ -43,6 +45,9 @@ pub enum Neighbours {
 /// The maximum contribution of a pedestal to chi2, C. It is less than the gain required of an effect, or one would be claimed in
 /// place of a pedestal. It is more than the margin of a rival, or a pedestal would admit rivals that also need one.
 pub(crate) const PEDESTAL: f64 = 12.0;
+
+/// The largest correlation of neighbours that is allowed for.
+pub(crate) const LARGEST_CORRELATION: f64 = 0.95;
 
 /// Norm of a column orthogonal to the others, below which it is linearly dependent.
 const FLAT: f64 = 1e-5;

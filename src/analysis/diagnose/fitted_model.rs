@@ -4,11 +4,12 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
+use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::work::Work;
 use crate::analysis::fit::{self, Fit, Fitted};
 use crate::analysis::measurement::{DataSet, questions};
-use crate::analysis::whitening::{Link, Whitening, trails};
+use crate::analysis::whitening::{LARGEST_CORRELATION, Link, Whitening, trails};
 use crate::effect::Reach;
 use crate::error::InputError;
 use crate::mission::Mission;
@@ -111,6 +112,26 @@ impl<'a> Case<'a> {
     /// A whitened change of residuals with the common part of the errors restored.
     pub fn coloured(&self, white: &[f64]) -> DVector<f64> {
         DVector::from_vec(self.whitening.undone(white))
+    }
+
+    /// The whitening for correlations at the middles of `n` intervals of equal probability of their errors, of all files at once;
+    /// none if no correlation was estimated.
+    pub fn at_other_correlations(&self, n: usize) -> Vec<Whitening> {
+        if self.data.iter().all(|set| set.shared.correlation_sigma == 0.0) {
+            return Vec::new();
+        }
+        let normal = Normal::standard();
+        let at = |interval: usize| {
+            let off_sigma = normal.inverse_cdf((interval as f64 + 0.5) / n as f64);
+            let mut data = self.data.to_vec();
+            for set in &mut data {
+                let shared = &mut set.shared;
+                shared.correlation =
+                    (shared.correlation + off_sigma * shared.correlation_sigma).clamp(0.0, LARGEST_CORRELATION);
+            }
+            Whitening::of(&data, |_| true)
+        };
+        (0..n).map(at).collect()
     }
 
     /// Names of the files of some pedestals, by their indices among all.

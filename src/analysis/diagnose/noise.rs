@@ -55,6 +55,8 @@ pub struct SetNoise {
     pub scale: f64,
     /// Correlation of neighbours in a trail; 0 if it is not significant.
     pub correlation: f64,
+    /// Its error.
+    pub(super) correlation_sigma: f64,
     /// The neighbours that it refers to.
     pub neighbours: Neighbours,
     /// Wrong rows, each with its residual in sigma.
@@ -96,6 +98,7 @@ impl SetNoise {
             file: set.file.clone(),
             scale: 1.0,
             correlation: 0.0,
+            correlation_sigma: 0.0,
             neighbours: Neighbours::default(),
             wrong: Vec::new(),
             right: Vec::new(),
@@ -165,6 +168,7 @@ pub(super) fn allowed_for(quoted: &[DataSet], noise: &[SetNoise]) -> Vec<DataSet
         }
         set.shared = Shared {
             correlation: noise.correlation,
+            correlation_sigma: noise.correlation_sigma,
             neighbours: noise.neighbours,
             pedestal: rows >= FEW_IN_ALL,
             wrong: noise.wrong.iter().map(|wrong| wrong.row).collect(),
@@ -266,6 +270,7 @@ fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known:
         scale,
         by_model: known.by_model,
         correlation: found.correlation,
+        correlation_sigma: found.correlation_sigma,
         neighbours: found.neighbours,
         // In units of the estimated errors.
         wrong: wrong.into_iter().map(|wrong| wrong.over(if wrong.by_model { 1.0 } else { scale })).collect(),

@@ -7,13 +7,14 @@
 //! lowest p-value of all effects is as low.
 
 use nalgebra::{DMatrix, DVector};
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Gamma};
 
 use super::fitted_model::{Case, Node};
 use super::hypothesis::Trial;
+use crate::analysis::whitening::{LARGEST_CORRELATION, Whitening};
 use crate::numeric::parallel;
 
 /// Simulations of noise.
@@ -67,17 +68,23 @@ impl Noise {
         noise
     }
 
-    fn sample(&self, case: &Case, random: &mut ChaCha8Rng) -> DVector<f64> {
+    fn sample(&self, case: &Case, correlations: &[Whitening], random: &mut ChaCha8Rng) -> DVector<f64> {
         let scale = self.scale.iter().zip(&self.freedom).map(|(scale, freedom)| {
             // An error estimated from noise is itself uncertain: Student's t.
             let squares = freedom.map(|freedom| (freedom, rand_distr::ChiSquared::new(freedom).expect("above 0")));
             scale * squares.map_or(1.0, |(freedom, law)| (freedom / law.sample(random)).sqrt())
         });
         let scale: Vec<f64> = scale.collect();
-        DVector::from_fn(case.n(), |row, _| {
+        let white = DVector::from_fn(case.n(), |row, _| {
             let fresh: f64 = StandardNormal.sample(random);
             scale[case.set_of[row]] * fresh
-        })
+        });
+        // So is an estimated correlation: errors correlated by another one, whitened with the estimate.
+        if correlations.is_empty() {
+            return white;
+        }
+        let coloured = correlations[random.random_range(0..correlations.len())].undone(white.as_slice());
+        DVector::from_vec(case.whitening.linear(&coloured))
     }
 }
 
@@ -92,7 +99,7 @@ pub(super) fn correlation(case: &Case, residuals: &DVector<f64>) -> f64 {
         count += 1.0;
     }
     let correlation = if squares > 0.0 { product / squares } else { 0.0 };
-    if correlation * f64::sqrt(count) > CLEAR { correlation.min(0.95) } else { 0.0 }
+    if correlation * f64::sqrt(count) > CLEAR { correlation.min(LARGEST_CORRELATION) } else { 0.0 }
 }
 
 /// The null distribution: what the whole search finds in noise.
@@ -107,6 +114,9 @@ pub(super) struct Null {
     chi2: (f64, f64),
 }
 
+/// Correlations that stand for the error of an estimated one.
+const CORRELATIONS: usize = 16;
+
 /// Simulations that are searched together, by one matrix product; the result does not depend on it.
 const TOGETHER: u64 = 100;
 
@@ -115,12 +125,13 @@ fn searched(case: &Case, node: &Node, trials: &[Vec<Trial>], noise: &Noise, seed
     let directions: Vec<_> = trials.iter().flatten().flat_map(|trial| trial.basis.column_iter()).collect();
     // `[(direction, row)]`
     let directions = DMatrix::from_fn(directions.len(), case.n(), |direction, row| directions[direction][row]);
+    let correlations = case.at_other_correlations(CORRELATIONS);
     let some = |first: u64| {
         let samples: Vec<DVector<f64>> = (first..first + TOGETHER)
             .map(|simulation| {
                 let mut random = ChaCha8Rng::seed_from_u64(seed);
                 random.set_stream(simulation);
-                noise.sample(case, &mut random)
+                noise.sample(case, &correlations, &mut random)
             })
             .collect();
         let samples = DMatrix::from_columns(&samples);

@@ -74,9 +74,15 @@ fn value(kind: Allowed, item: &str) -> Result<Value, String> {
         Allowed::Numbers(..) => Ok(Value::Array(vec![Value::Float(number()?)])),
         Allowed::IntegerLists(..) => Err("give lists of lists in the mission file".into()),
         Allowed::Date => Ok(Value::Datetime(Date(day(item)?).into())),
-        Allowed::Choice(_) | Allowed::Text => Ok(Value::String(item.to_string())),
-        Allowed::Texts => Ok(Value::Array(vec![Value::String(item.to_string())])),
+        Allowed::Choice(_) | Allowed::Text => Ok(Value::String(unquoted(item).to_string())),
+        Allowed::Texts => Ok(Value::Array(vec![Value::String(unquoted(item).to_string())])),
     }
+}
+
+/// A text without the quotes that it has in a mission file.
+fn unquoted(item: &str) -> &str {
+    let within = |quote: char| item.strip_prefix(quote)?.strip_suffix(quote);
+    within('"').or_else(|| within('\'')).unwrap_or(item)
 }
 
 fn range(kind: Allowed, from: &str, rest: &str) -> Result<Vec<Value>, String> {
@@ -165,6 +171,8 @@ mod tests {
         let launches = Axis::parse("mission.launch", "2009-01-01..2011-06-01:0.5").unwrap().values;
         assert_eq!(launches.len(), 5);
         assert_eq!(launches[1].to_string(), "2009-07-01");
+        let methods = |text| Axis::parse("accuracy.readout", text).unwrap().values;
+        assert_eq!(methods("'exact',\"fractional\""), methods("exact,fractional"));
     }
 
     #[test]
