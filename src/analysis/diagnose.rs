@@ -4,9 +4,10 @@
 //! readout computed finely enough (`numerics`)? Then the free parameters are fitted, and effects are added one at a time and in
 //! pairs (`forward_selection`, with `hypothesis`, `search`, `pairs`) until the stopping rule is met (`stopping_rule`). Each effect
 //! found is tested for significance against noise (`adopt`, `significance`), by prediction of groups of rows left out (`holdout`)
-//! and against rivals (`rivals`); `experiment_design` proposes the measurement that would distinguish these. If nothing explains
-//! the data, the remainder is described (`unexplained`, `formula`). `summary` collects all that is reported. Nothing is called
-//! missing that noise could have made, and nothing is called certain that has a rival.
+//! and against rivals (`rivals`) and laws of the measurement itself (`measurement_law`); `experiment_design` proposes the measurement
+//! that would distinguish rivals. If nothing explains the data, the remainder is described (`unexplained`, `formula`). `summary`
+//! collects all that is reported. Nothing is called missing that noise could have made, and nothing is called certain that has a
+//! rival.
 
 mod adopt;
 mod data_quality;
@@ -21,6 +22,7 @@ pub mod hypothesis;
 mod json;
 mod larger_errors;
 mod limits;
+mod measurement_law;
 pub mod noise;
 mod numerics;
 mod options;
@@ -37,7 +39,7 @@ mod unexplained;
 mod unrecorded;
 mod work;
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::analysis::fit::{self, Problem};
 use crate::analysis::measurement::{DataSet, some_rows};
@@ -150,7 +152,8 @@ impl Task<'_> {
             search.begin_like(other, &base);
         }
         let split = holdout::split(&case);
-        then(&Evidence { search: &search, options: self.options, base: &base, split: split.as_ref() }, notes)
+        let law = OnceLock::new();
+        then(&Evidence { search: &search, options: self.options, base: &base, split: split.as_ref(), law }, notes)
     }
 
     /// The whole search, with the errors taken as given.
@@ -197,6 +200,14 @@ impl Task<'_> {
         let better = noise::estimate(evidence.case(), self.quoted, &evidence.search.expand(&nearest[0]), noise);
         if noise::is_same(&better, noise) {
             return Ok(FirstLook::AsQuoted);
+        }
+        if better.iter().any(|noise| noise.scale > 1.0) {
+            // A gain that changes makes rows scatter as well.
+            let as_quoted = noise::with_scales_of_1(&better);
+            let data = noise::allowed_for(self.quoted, &as_quoted);
+            if let Some(far) = self.with_evidence(&data, None, |evidence, _| evidence.law_without_larger(&better))? {
+                return Ok(FirstLook::Others(noise::with_wrong(self.quoted, &as_quoted, &far)));
+            }
         }
         let Some(beyond) = data_quality::errors_beyond(&better) else {
             return self.larger_or_effects(evidence, noise, better);
@@ -249,11 +260,19 @@ impl Task<'_> {
             return Ok(Some(noise::with_wrong(self.quoted, noise, &found.wrong)));
         }
         if found.verdict == Verdict::Unfit {
-            return Ok(noise::with_larger(evidence.case(), noise, found));
+            let larger = |node: &Arc<Node>| noise::with_larger(evidence.case(), noise, node, &found.reason);
+            return Ok(found.nearest.as_ref().and_then(larger));
         }
         let node = found.nearest.as_ref().unwrap_or(found.ladder.last().expect("the base"));
+        if found.law.is_some() {
+            return Ok(None);
+        }
         if found.verdict == Verdict::Unexplained {
             let better = trimmed::wrong_rows(evidence, self.quoted, noise, node)?;
+            if better.is_some() {
+                return Ok(better);
+            }
+            let better = evidence.larger_errors(noise, found)?;
             if better.is_some() {
                 return Ok(better);
             }

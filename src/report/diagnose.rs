@@ -312,14 +312,19 @@ impl Diagnosis {
         }
         if let Some(suggestion) = &self.suggestion {
             out.gap();
-            out.words(
+            let [before, with] = suggestion.chi2;
+            let what = if suggestion.is_law {
                 format!(
-                    "An empirical formula to start from lowers chi2, without constant offsets of the files, from {:.1} to {:.1}. It \
-                     describes the residuals and names no cause. Refine it, and add it to the search: --candidates FILE.toml",
-                    suggestion.chi2[0], suggestion.chi2[1]
-                ),
-                2,
-            );
+                    "With the law, chi2 is {with:.1}; without it, {before:.1}. It names no cause: look at the gain, the linearity \
+                     and the reduction of the data first."
+                )
+            } else {
+                format!(
+                    "An empirical formula to start from lowers chi2, without constant offsets of the files, from {before:.1} to \
+                     {with:.1}. It describes the residuals and names no cause."
+                )
+            };
+            out.words(format!("{what} Refine it, and add it to the search: --candidates FILE.toml"), 2);
             out.gap();
             out.code(&suggestion.toml);
         }

@@ -156,6 +156,9 @@ impl Evidence<'_> {
                 return Ok(Ended::Nothing);
             }
         }
+        if self.better_law(&node).is_some() {
+            return Ok(Ended::Nothing);
+        }
         let effects = node.added.iter().map(|added| self.name(added.hypothesis)).collect();
         let reason = Reason::Lacking { effects, has_rivals: !rivals.is_empty() };
         let mut found = Found::of(Verdict::Missing, reason, self.ladder(&node)?);

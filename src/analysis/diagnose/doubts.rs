@@ -22,6 +22,7 @@ pub(super) fn of(baseline: &Rung, steps: &[Step]) -> Vec<Note> {
     for step in steps {
         notes.extend(moves_the_date(before, step, all));
         notes.extend(does_not_extrapolate(before, step));
+        notes.extend(part_of_a_period(step));
         before = &step.rung;
     }
     if !steps.is_empty() {
@@ -68,6 +69,13 @@ fn does_not_extrapolate(before: &Rung, step: &Step) -> Option<Note> {
         })
     };
     step.rung.carried.iter().find_map(of)
+}
+
+fn part_of_a_period(step: &Step) -> Option<Note> {
+    let period_yr = step.parameters.iter().find(|fitted| fitted.key.ends_with(".period_yr"))?.value;
+    let [first, last] = step.rung.carried.iter().find(|carried| carried.condition == "t_yr")?.range;
+    let span_yr = last - first;
+    (span_yr < period_yr).then(|| Note::PartOfAPeriod { effect: step.effect.clone(), period_yr, span_yr })
 }
 
 fn trust_inside(carried: &Carried) -> Option<Note> {

@@ -1,11 +1,12 @@
 //! The evidence for a verdict, and the outcome of a search.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::fitted_model::{Case, Node};
+use super::measurement_law::MeasurementLaw;
 use super::noise::SetNoise;
 use super::options::Options;
-use super::result::{Limit, Next, Note, Reason, Verdict};
+use super::result::{Limit, Next, Note, Reason, Suggestion, Verdict};
 use super::rivals::{self, Rival};
 use super::search::Search;
 use super::work::Work;
@@ -25,6 +26,8 @@ pub(super) struct Found {
     pub aside: Vec<Note>,
     /// The model nearest to the data if none explains them.
     pub nearest: Option<Arc<Node>>,
+    /// A law of the measurement that explains the data better than effects.
+    pub law: Option<Suggestion>,
     /// Wrong rows (indices among all), each with its residual in sigma: the search is to be repeated without them.
     pub wrong: Vec<(usize, f64)>,
     /// The errors used in the search.
@@ -43,6 +46,7 @@ impl Found {
             rivals: Vec::new(),
             nearest: None,
             aside: Vec::new(),
+            law: None,
             wrong: Vec::new(),
             noise: Vec::new(),
         }
@@ -71,6 +75,8 @@ pub(super) struct Evidence<'a> {
     pub base: &'a Arc<Node>,
     /// Columns whose groups of rows are left out, and these groups.
     pub split: Option<&'a (Vec<&'static str>, Vec<Vec<usize>>)>,
+    /// The best law of the measurement itself, once it was looked for.
+    pub law: OnceLock<Option<MeasurementLaw>>,
 }
 
 impl Evidence<'_> {

@@ -99,6 +99,13 @@ impl<'a> Case<'a> {
         Ok(change)
     }
 
+    /// A small change of the values, in their unit, as it enters the residuals at a fitted model.
+    pub fn change_of_values(&self, node: &Node, change: &[f64]) -> DVector<f64> {
+        let mut change = self.white(change);
+        self.whitening.change(change.as_mut_slice(), &node.levels);
+        change
+    }
+
     /// (value − model)/sigma, whitened and without pedestals.
     pub fn residuals(&self, model: &[f64]) -> DVector<f64> {
         let off: Vec<f64> = self.values.iter().zip(model).map(|(value, model)| value - model).collect();

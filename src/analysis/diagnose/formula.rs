@@ -58,7 +58,7 @@ pub(super) fn suggest(validation: &Validation, covariates: &[Covariate]) -> Opti
     for (name, value) in ["a", "b", "c"].iter().zip(found.iter()) {
         toml += &format!("{name} = {value:.6e}\n");
     }
-    Some(Suggestion { toml, chi2: [residuals.norm_squared(), chi2] })
+    Some(Suggestion { toml, chi2: [residuals.norm_squared(), chi2], is_law: false })
 }
 
 /// Changes of the rows of a data set (consecutive, in sigma) with each power of a form.

@@ -46,7 +46,11 @@ impl Evidence<'_> {
         (self.search.progress.stage)("every effect", 2 * hypotheses);
         self.search.expand(self.base);
         if self.is_enough(self.base)? {
-            return self.complete(Reason::Explained);
+            // Errors estimated from rows among which one is wrong hide it.
+            return match data_quality::odd_rows(self.case(), self.base) {
+                Some(odd) => Ok(self.unfit_for(odd)),
+                None => self.complete(Reason::Explained),
+            };
         }
         let mut tried = vec![self.base.clone()];
         let ended = self.lines(&mut tried)?;
@@ -56,7 +60,7 @@ impl Evidence<'_> {
             Ended::Nothing => (None, false),
         };
         if let Some(odd) = self.odd_rows(found.as_ref(), &tried) {
-            return Ok(Found { wrong: odd.rows, ..Found::of(Verdict::Unfit, odd.reason, vec![self.base.clone()]) });
+            return Ok(self.unfit_for(odd));
         }
         match found {
             Some(found) => Ok(found),
@@ -66,6 +70,11 @@ impl Evidence<'_> {
                 None => self.unexplained(&tried),
             },
         }
+    }
+
+    /// Wrong rows, without which the search is to be repeated.
+    fn unfit_for(&self, odd: Odd) -> Found {
+        Found { wrong: odd.rows, ..Found::of(Verdict::Unfit, odd.reason, vec![self.base.clone()]) }
     }
 
     /// The simplest model that leaves only noise, if every further effect was found to be possible noise.

@@ -48,7 +48,15 @@ fn most_rows(case: &Case, files: &[usize], columns: &[&'static str]) -> Option<(
             groups_among(case.data, files, column).into_iter().map(|(_, members, _)| members).collect();
         (groups.len() > 2).then_some((*column, groups))
     };
-    columns.iter().filter_map(split).max_by_key(|(_, groups)| groups.iter().map(Vec::len).sum::<usize>())
+    let all: Vec<(&'static str, Vec<Vec<usize>>)> = columns.iter().filter_map(split).collect();
+    let most = all.iter().max_by_key(|(_, groups)| groups.iter().map(Vec::len).sum::<usize>())?;
+    // A temperature recorded once for every epoch makes the same groups: they are those of the epochs.
+    let sorted = |groups: &Vec<Vec<usize>>| {
+        let mut groups = groups.clone();
+        groups.sort();
+        groups
+    };
+    all.iter().find(|(_, groups)| sorted(groups) == sorted(&most.1)).cloned()
 }
 
 /// 1 − H_gg of a group, and the residuals of its rows.

@@ -14,8 +14,8 @@ use std::sync::Arc;
 
 use super::evidence::{Evidence, Found};
 use super::fitted_model::Node;
-use super::noise::SetNoise;
-use super::{pairs, rivals};
+use super::noise::{self, SetNoise};
+use super::{data_quality, pairs, rivals};
 use crate::error::InputError;
 
 /// Rows of a file up to which effects are tried in place of larger errors. In files of 60 rows, two effects have been mistaken for
@@ -31,14 +31,43 @@ impl Evidence<'_> {
     /// Those of the search.
     pub(super) fn without_larger(&self, larger: &[SetNoise]) -> Result<Option<Found>, InputError> {
         let nearest = self.nearest()?;
-        let with = nearest.iter().map(|node| self.with_larger(node, larger)).fold(f64::INFINITY, f64::min);
-        let most = with - rivals::margin(self.options.level);
+        let most = self.most(&nearest, larger);
         if self.promised(&nearest) > most || !self.work().allows("effects in place of larger errors") {
             return Ok(None);
         }
         let found = self.select()?;
         let is_better = found.ladder.last().is_some_and(|node| node.chi2() + self.cost(node) < most);
         Ok((found.explains() && is_better).then_some(found))
+    }
+
+    /// If nothing explains the data, but effects explain most and leave no trend in a file that is too short for its errors to be
+    /// estimated: the errors of this file as they leave them. None otherwise.
+    ///
+    /// # Errors
+    /// If the model has no value for a row.
+    pub(super) fn larger_errors(&self, noise: &[SetNoise], found: &Found) -> Result<Option<Vec<SetNoise>>, InputError> {
+        let Some(node) = found.ladder.last().filter(|node| !node.added.is_empty()) else { return Ok(None) };
+        let case = self.case();
+        let reason = data_quality::sigma_too_small(case, node);
+        let Some(larger) = noise::with_larger(case, noise, node, &reason) else { return Ok(None) };
+        let is_short = |index: usize| larger[index] == noise[index] || case.rows(index).len() <= FEW;
+        let white = (0..larger.len()).all(is_short) && self.is_white(node)?;
+        Ok(white.then_some(larger))
+    }
+
+    /// Rows that are wrong, each with its residual in sigma, if a law of the measurement explains all others with these errors, much
+    /// better than the nearest models do with larger errors of some files. None if there is none.
+    ///
+    /// # Errors
+    /// Those of the search.
+    pub(super) fn law_without_larger(&self, larger: &[SetNoise]) -> Result<Option<Vec<(usize, f64)>>, InputError> {
+        Ok(self.far_from_a_law_below(self.most(&self.nearest()?, larger)))
+    }
+
+    /// What −2 ln L and penalties must be below to be much better than the nearest models with larger errors.
+    fn most(&self, nearest: &[Arc<Node>], larger: &[SetNoise]) -> f64 {
+        let with = nearest.iter().map(|node| self.with_larger(node, larger)).fold(f64::INFINITY, f64::min);
+        with - rivals::margin(self.options.level)
     }
 
     /// −2 ln L of a model plus the cost of its parameters; errors are fitted in the files in which they are larger.

@@ -12,7 +12,6 @@ pub(super) mod wrong_rows;
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::evidence::Found;
 use super::fitted_model::{Case, Node};
 use super::result::Reason;
 use super::search::Expansion;
@@ -321,10 +320,10 @@ pub(super) fn with_wrong(quoted: &[DataSet], noise: &[SetNoise], wrong: &[(usize
     all
 }
 
-/// The same with larger errors for the file in which a model leaves only noise, but more than its errors. None if the search found
-/// no such model, if this was done before, or if the factor is beyond what can be allowed for.
-pub(super) fn with_larger(case: &Case, noise: &[SetNoise], found: &Found) -> Option<Vec<SetNoise>> {
-    let (Reason::SmallErrors { file, factor }, Some(node)) = (&found.reason, &found.nearest) else { return None };
+/// The same with larger errors for a file in which a model leaves only noise, but more than its errors. None if this was done
+/// before, or if the factor is beyond what can be allowed for.
+pub(super) fn with_larger(case: &Case, noise: &[SetNoise], node: &Node, reason: &Reason) -> Option<Vec<SetNoise>> {
+    let Reason::SmallErrors { file, factor } = reason else { return None };
     let index = noise.iter().position(|noise| noise.file == *file && !noise.by_model)?;
     let freedom = case.rows(index).len() as f64 * node.freedom() / case.n() as f64;
     let larger =

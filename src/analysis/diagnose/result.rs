@@ -69,6 +69,13 @@ pub enum Reason {
         /// Steps of the search that were left undone.
         undone: Vec<String>,
     },
+    /// Unexplained: a law of the measurement itself explains the data better than effects.
+    BetterLaw {
+        /// What it changes: `value`, or `value.OBSERVABLE`.
+        target: String,
+        /// Its new value.
+        expression: String,
+    },
     /// Unfit: fewer rows than unknowns.
     TooFewRows {
         /// Rows.
@@ -158,6 +165,15 @@ pub enum Note {
         range: [f64; 2],
         /// rms of (value − model)/sigma of groups left out inside the range and at its ends.
         rms_sigma: [f64; 2],
+    },
+    /// A cycle of which the data show less than a period.
+    PartOfAPeriod {
+        /// The effect.
+        effect: String,
+        /// Its period, years.
+        period_yr: f64,
+        /// The years that the data span.
+        span_yr: f64,
     },
     /// The density of a species of the mission vanished, and an additional species took its place.
     TakesItsPlace {
@@ -263,8 +279,10 @@ pub struct Covariate {
 pub struct Suggestion {
     /// `[effects.formula]`, ready for a mission or for `--candidates`.
     pub toml: String,
-    /// chi2 before, and with it to first order.
+    /// chi2 before, and with it: to first order, or fitted if it is a law.
     pub chi2: [f64; 2],
+    /// Whether it is a law of the measurement that explains all data better than any effect.
+    pub is_law: bool,
 }
 
 /// A measurement that distinguishes rivals.
@@ -353,8 +371,11 @@ impl Diagnosis {
             all.extend(placed.into_iter().map(|(_, one)| one));
         }
         put(&mut self.noise, places);
-        put(&mut self.before.sets, places);
-        put(&mut self.after.sets, places);
+        for validation in [&mut self.before, &mut self.after] {
+            put(&mut validation.sets, places);
+            validation.trends.iter_mut().for_each(|trend| trend.set = places[trend.set]);
+            validation.findings.iter_mut().for_each(|finding| finding.set = places[finding.set]);
+        }
         self
     }
 

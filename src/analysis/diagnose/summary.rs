@@ -19,7 +19,7 @@ use crate::plan::evaluate::{self, evaluate};
 impl Evidence<'_> {
     /// Summary of all findings.
     pub(super) fn diagnosis(&self, mission: &Mission, found: Found, notes: Vec<Note>) -> Result<Diagnosis, InputError> {
-        let Found { verdict, reason, ladder, alternatives, next, limits, noise, aside, .. } = found;
+        let Found { verdict, reason, ladder, alternatives, next, limits, noise, aside, law, .. } = found;
         let node = ladder.last().expect("the base");
         (self.search.progress.stage)("budget", ladder.len() as u64);
         // A search may use a coarser accuracy than requested.
@@ -38,7 +38,7 @@ impl Evidence<'_> {
         let tried = if verdict == Verdict::Unfit { Vec::new() } else { self.tried() };
         let (covariates, suggestion) = if verdict == Verdict::Unexplained {
             let covariates = self.covariates(&after);
-            let suggestion = formula::suggest(&after, &covariates);
+            let suggestion = law.or_else(|| formula::suggest(&after, &covariates));
             (covariates, suggestion)
         } else {
             (Vec::new(), None)

@@ -58,7 +58,7 @@ pub(super) fn wrong_rows(
 }
 
 /// The rows of each file with the largest residuals, as many as may be wrong; ascending.
-fn farthest(case: &Case, residuals: &[f64]) -> Vec<usize> {
+pub(super) fn farthest(case: &Case, residuals: &[f64]) -> Vec<usize> {
     let of_set = |set: usize| {
         let mut rows: Vec<usize> = case.rows(set).collect();
         let most = wrong_rows::most(rows.len());

@@ -28,7 +28,9 @@ impl Evidence<'_> {
             return Ok(Found { nearest, ..Found::of(Verdict::Unfit, reason, vec![self.base.clone()]) });
         }
         let mut ladder = vec![self.base.clone()];
-        loop {
+        let law = tried.iter().map(|node| self.better_law(node)).collect::<Option<Vec<_>>>();
+        let law = law.and_then(|laws| laws.first().copied());
+        while law.is_none() {
             let here = ladder.last().expect("the base").clone();
             let further = tried.iter().filter(|node| {
                 node.added.len() == here.added.len() + 1 && here.set().iter().all(|place| node.set().contains(place))
@@ -43,12 +45,14 @@ impl Evidence<'_> {
             }
             ladder.push(next.clone());
         }
-        let (undone, nearest) = (self.work().undone(), tried.iter().min_by(by_score).cloned());
-        Ok(Found { nearest, ..Found::of(Verdict::Unexplained, Reason::Unexplained { undone }, ladder) })
+        let nearest = tried.iter().min_by(by_score).cloned();
+        let reason = law.map_or_else(|| Reason::Unexplained { undone: self.work().undone() }, |law| law.reason.clone());
+        let law = law.map(|law| law.suggestion.clone());
+        Ok(Found { nearest, law, ..Found::of(Verdict::Unexplained, reason, ladder) })
     }
 
     /// Whether the residuals of a model have no trend, no offset in the mean and no correlation.
-    fn is_white(&self, node: &Node) -> Result<bool, InputError> {
+    pub(super) fn is_white(&self, node: &Node) -> Result<bool, InputError> {
         let validation = validate(node.mission(), self.case().data, self.options.seed)?;
         let level = TRENDS * self.options.level;
         let trends = validation.trends.iter().any(|trend| trend.false_alarm < level);

@@ -38,6 +38,10 @@ impl fmt::Display for Reason {
                 "none of the effects tried explains the data to within their noise, and the search is incomplete: {} left undone",
                 undone.join(", ")
             ),
+            Reason::BetterLaw { target, expression } => write!(
+                out,
+                "a simple law of the measured values explains the data better than effects of the catalogue: {target} = {expression}"
+            ),
             Reason::TooFewRows { n, free } => write!(
                 out,
                 "{} {} too few to fit {} and to test effects besides: free fewer, or give more data",
@@ -118,6 +122,12 @@ impl fmt::Display for Note {
                  {inside:.1} sigma, those at the ends to {beyond:.1} sigma",
                 significant(*low, 4),
                 significant(*high, 4)
+            ),
+            Note::PartOfAPeriod { effect, period_yr, span_yr } => write!(
+                out,
+                "{effect}: the data span {} yr, less than its period of {} yr: they show a drift, and not that it returns",
+                significant(*span_yr, 2),
+                significant(*period_yr, 2)
             ),
             Note::TakesItsPlace { effect, species } => write!(
                 out,

@@ -145,13 +145,14 @@ fn place(trend: &Trend, bins: &[usize]) -> String {
 /// Whether that holds at all values of the other conditions: `, at all signal_e`.
 fn elsewhere(set: &SetResult, trend: &Trend, rows: &[usize]) -> String {
     let residuals = set.residuals();
+    let along = set.data.against(&trend.name);
     let mut said = String::new();
     for name in set.data.varying.iter().filter(|name| **name != trend.name) {
         let at = set.data.against(name);
         let mut values: Vec<f64> = rows.iter().map(|&row| at[row]).filter(|at| at.is_finite()).collect();
         values.sort_by(f64::total_cmp);
         values.dedup();
-        if values.len() < 2 || values.len() > rows.len() / 2 {
+        if values.len() < 2 || values.len() > rows.len() / 2 || follows(&at, &along, rows) {
             continue;
         }
         let mean = |value: f64| {
@@ -171,6 +172,13 @@ fn elsewhere(set: &SetResult, trend: &Trend, rows: &[usize]) -> String {
         }
     }
     said
+}
+
+/// Whether one condition has a single value for every value of another: a temperature recorded once for every epoch.
+fn follows(at: &[f64], along: &[f64], rows: &[usize]) -> bool {
+    let mut pairs: Vec<(f64, f64)> = rows.iter().map(|&row| (along[row], at[row])).collect();
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    pairs.windows(2).all(|pair| pair[0].0 != pair[1].0 || pair[0].1 == pair[1].1)
 }
 
 fn range(low: f64, high: f64) -> String {
