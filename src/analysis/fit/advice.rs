@@ -6,6 +6,9 @@ use super::result::{Advice, Fitted};
 /// Correlation above which two parameters are reported as degenerate.
 const TRADED_OFF: f64 = 0.95;
 
+/// Error over value below which a parameter is determined by itself, in spite of a correlation.
+const KNOWN: f64 = 0.05;
+
 /// Advice on all parameters, the worst first.
 pub(super) fn on(
     parameters: &[Parameter],
@@ -34,9 +37,10 @@ pub(super) fn on(
             _ => {}
         }
     }
+    let is_known = |index: usize| fitted[index].sigma.is_some_and(|sigma| sigma < KNOWN * fitted[index].value.abs());
     for (a, row) in correlation.iter().enumerate() {
         for (b, &correlation) in row.iter().enumerate().skip(a + 1) {
-            if correlation.abs() > TRADED_OFF && !(in_flat(a) && in_flat(b)) {
+            if correlation.abs() > TRADED_OFF && !(in_flat(a) && in_flat(b)) && !(is_known(a) && is_known(b)) {
                 advice.push(Advice::Correlated { keys: [key(a), key(b)], correlation });
             }
         }
