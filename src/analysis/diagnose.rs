@@ -264,7 +264,7 @@ impl Task<'_> {
             return Ok(found.nearest.as_ref().and_then(larger));
         }
         let node = found.nearest.as_ref().unwrap_or(found.ladder.last().expect("the base"));
-        if found.law.is_some() {
+        if found.law.as_ref().is_some_and(|law| law.is_law) {
             return Ok(None);
         }
         if found.verdict == Verdict::Unexplained {

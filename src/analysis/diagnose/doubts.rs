@@ -87,3 +87,41 @@ fn trust_inside(carried: &Carried) -> Option<Note> {
         rms_sigma: [inside, beyond],
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Data over 8 years show a period of 7 years, and not one of 9.
+    #[test]
+    fn less_than_a_period_is_a_drift() {
+        let step = |period_yr: f64| {
+            let carried = Carried {
+                condition: "t_yr".into(),
+                range: [1.0, 9.0],
+                inside_rms_sigma: Some(1.0),
+                beyond_rms_sigma: Some(1.0),
+            };
+            let rung = Rung {
+                chi2: 50.0,
+                n: 50,
+                free: 3,
+                parameters: Vec::new(),
+                holdout_rms_sigma: Some(1.0),
+                carried: vec![carried],
+                budget: None,
+            };
+            let key = "effects.cycle.period_yr".into();
+            let period = Fitted { key, unit: "yr", before: 10.0, value: period_yr, sigma: None };
+            let key = "effects.cycle".into();
+            Step { effect: "cycle".into(), parameters: vec![period], key, rung, false_alarm: 1e-9 }
+        };
+        assert_eq!(part_of_a_period(&step(7.0)), None);
+        let note = Note::PartOfAPeriod { effect: "cycle".into(), period_yr: 9.0, span_yr: 8.0 };
+        assert_eq!(part_of_a_period(&step(9.0)), Some(note.clone()));
+        assert_eq!(
+            note.to_string(),
+            "cycle: the data span 8 yr, less than its period of 9 yr: they show a drift, and not that it returns"
+        );
+    }
+}

@@ -171,6 +171,17 @@ mod tests {
     use crate::mission::Mission;
     use crate::model::Model;
 
+    /// A temperature recorded once for every epoch, and falling: the groups are named after the epochs.
+    #[test]
+    fn groups_by_the_temperatures_of_epochs_are_those_of_the_epochs() {
+        let mission = Mission::read("tests/practice/prelaunch/mission.toml").unwrap();
+        let mut data = DataSet::read("tests/practice/prelaunch/trails.ecsv", &mission).unwrap();
+        data.rows.iter_mut().for_each(|row| row.at.temperature_k = 160.0 - row.at.t_yr);
+        data.varying.push("temperature_k".into());
+        let (columns, groups) = split(&Case::of(&[data])).unwrap();
+        assert_eq!((columns, groups.len()), (vec!["t_yr"], 8));
+    }
+
     #[test]
     fn rows_left_out_are_predicted_as_by_fits_without_them() {
         let mission = Mission::read("tests/practice/prelaunch/mission.toml").unwrap();

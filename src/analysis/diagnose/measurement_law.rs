@@ -34,6 +34,7 @@ const NAMES: [&str; 3] = ["a", "b", "c"];
 /// A law of the measurement, fitted.
 pub(super) struct MeasurementLaw {
     pub suggestion: Suggestion,
+    /// For a verdict that names it.
     pub reason: Reason,
     /// chi2 with penalties for its parameters and for the choice among all laws.
     cost: f64,
@@ -225,7 +226,8 @@ impl Evidence<'_> {
             let (node, toml) = self.with_law(law, &start)?;
             let cost =
                 node.chi2() + 2.0 * (node.fit.parameters.len() + law.parameters() - law.powers.len()) as f64 + choice;
-            let suggestion = Suggestion { toml, chi2: [self.base.chi2(), node.chi2()], is_law: true };
+            let is_law = node.residuals.norm_squared() < DESCRIBED * self.case().n() as f64;
+            let suggestion = Suggestion { toml, chi2: [self.base.chi2(), node.chi2()], is_law };
             let reason = Reason::BetterLaw { target: law.target(), expression: law.expression() };
             Some(MeasurementLaw { suggestion, reason, cost, residuals: node.residuals })
         });

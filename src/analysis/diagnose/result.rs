@@ -279,9 +279,9 @@ pub struct Covariate {
 pub struct Suggestion {
     /// `[effects.formula]`, ready for a mission or for `--candidates`.
     pub toml: String,
-    /// chi2 before, and with it: to first order, or fitted if it is a law.
+    /// chi2 before, and with it: to first order, or fitted.
     pub chi2: [f64; 2],
-    /// Whether it is a law of the measurement that explains all data better than any effect.
+    /// Whether it is a law of the measurement that explains all data better than any effect, nearly to their errors.
     pub is_law: bool,
 }
 

@@ -46,7 +46,9 @@ impl Evidence<'_> {
             ladder.push(next.clone());
         }
         let nearest = tried.iter().min_by(by_score).cloned();
-        let reason = law.map_or_else(|| Reason::Unexplained { undone: self.work().undone() }, |law| law.reason.clone());
+        let named = law.filter(|law| law.suggestion.is_law);
+        let reason =
+            named.map_or_else(|| Reason::Unexplained { undone: self.work().undone() }, |law| law.reason.clone());
         let law = law.map(|law| law.suggestion.clone());
         Ok(Found { nearest, law, ..Found::of(Verdict::Unexplained, reason, ladder) })
     }

@@ -193,3 +193,17 @@ fn number(value: f64) -> String {
     let digits = (3 - value.abs().log10().floor() as i32).max(0);
     plain((value * 10_f64.powi(digits)).round() / 10_f64.powi(digits))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::follows;
+
+    /// A temperature recorded once for every epoch follows the epochs; one that is recorded row by row does not.
+    #[test]
+    fn a_condition_with_one_value_for_each_of_another_follows_it() {
+        let epochs = [1.0, 2.0, 1.0, 3.0, 2.0];
+        assert!(follows(&[150.0, 151.0, 150.0, 150.0, 151.0], &epochs, &[0, 1, 2, 3, 4]));
+        assert!(!follows(&[150.0, 151.0, 150.0, 150.0, 152.0], &epochs, &[0, 1, 2, 3, 4]));
+        assert!(follows(&[150.0, 151.0, 150.0, 150.0, 152.0], &epochs, &[0, 2, 3, 4]));
+    }
+}
