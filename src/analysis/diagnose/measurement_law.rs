@@ -36,8 +36,11 @@ pub(super) struct MeasurementLaw {
     pub suggestion: Suggestion,
     /// For a verdict that names it.
     pub reason: Reason,
-    /// chi2 with penalties for its parameters and for the choice among all laws.
+    /// chi2 of the rows, with penalties for its parameters and for the choice among all laws. The penalties of pedestals are not
+    /// counted: a constant of a law could be one.
     cost: f64,
+    /// Penalties of pedestals.
+    pedestals: f64,
     /// (value − model)/sigma, whitened.
     residuals: DVector<f64>,
 }
@@ -190,18 +193,17 @@ impl Evidence<'_> {
     /// A law of the measurement that explains the data much better than a model with an effect, or better than one with several.
     pub(super) fn better_law(&self, node: &Node) -> Option<&MeasurementLaw> {
         let margin = if node.added.len() > 1 { 0.0 } else { rivals::margin(self.options.level) };
-        self.law_below(node.chi2() + self.cost(node) - margin)
+        self.law().filter(|law| law.cost + margin < node.chi2_of_rows() + self.cost(node))
     }
 
-    /// A law of the measurement with chi2 and penalties below some value.
-    fn law_below(&self, most: f64) -> Option<&MeasurementLaw> {
-        self.law.get_or_init(|| self.best_law()).as_ref().filter(|law| law.cost < most)
+    fn law(&self) -> Option<&MeasurementLaw> {
+        self.law.get_or_init(|| self.best_law()).as_ref()
     }
 
     /// Rows far from a law of the measurement that describes all others, each with its residual in sigma, if chi2 and penalties are
     /// below some value without them. Each counts as a parameter and as a choice among all rows.
     pub(super) fn far_from_a_law_below(&self, most: f64) -> Option<Vec<(usize, f64)>> {
-        let law = self.law_below(f64::INFINITY)?;
+        let law = self.law()?;
         let far = trimmed::farthest(self.case(), law.residuals.as_slice()).into_iter();
         let far: Vec<(usize, f64)> =
             far.map(|row| (row, law.residuals[row])).filter(|(_, off)| off.abs() > wrong_rows::FAR).collect();
@@ -210,7 +212,7 @@ impl Evidence<'_> {
         let squares: f64 = far.iter().map(|(_, off)| off * off).sum();
         let is_described = law.residuals.norm_squared() - squares < DESCRIBED * n;
         let saved = squares - each * far.len() as f64;
-        (is_described && law.cost - saved < most).then_some(far)
+        (is_described && law.cost + law.pedestals - saved < most).then_some(far)
     }
 
     /// The law that explains the data best; None if none can be fitted.
@@ -224,12 +226,13 @@ impl Evidence<'_> {
         promised.sort_by(|a, b| a.0.total_cmp(&b.0));
         let fitted = promised.into_iter().take(FITTED).filter_map(|(_, law, start)| {
             let (node, toml) = self.with_law(law, &start)?;
-            let cost =
-                node.chi2() + 2.0 * (node.fit.parameters.len() + law.parameters() - law.powers.len()) as f64 + choice;
+            let parameters = node.fit.parameters.len() + law.parameters() - law.powers.len();
+            let cost = node.chi2_of_rows() + 2.0 * parameters as f64 + choice;
+            let pedestals = node.pedestal_costs.iter().sum();
             let is_law = node.residuals.norm_squared() < DESCRIBED * self.case().n() as f64;
             let suggestion = Suggestion { toml, chi2: [self.base.chi2(), node.chi2()], is_law };
             let reason = Reason::BetterLaw { target: law.target(), expression: law.expression() };
-            Some(MeasurementLaw { suggestion, reason, cost, residuals: node.residuals })
+            Some(MeasurementLaw { suggestion, reason, cost, pedestals, residuals: node.residuals })
         });
         fitted.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
