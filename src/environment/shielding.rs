@@ -54,6 +54,8 @@ pub struct Direction {
 pub struct Shield {
     /// Directions from which protons come.
     pub directions: Vec<Direction>,
+    /// Of a slab, the areal density along its normal and its equivalent in aluminium, g/cm²: a mean over directions would be infinite.
+    pub along_normal_g_cm2: Option<[f64; 2]>,
 }
 
 impl Shield {
@@ -72,7 +74,8 @@ impl Shield {
                 legendre.iter().map(|(node, weight)| direction(0.25 * weight, 0.5 * (1.0 + node))).collect()
             }
         };
-        Shield { directions }
+        let is_slab = geometry == Geometry::Slab;
+        Shield { directions, along_normal_g_cm2: is_slab.then_some([areal_g_cm2, aluminium_g_cm2]) }
     }
 
     /// Aluminium of this shape and thickness (mm).
@@ -88,7 +91,10 @@ impl Shield {
             aluminium_g_cm2: factor * direction.aluminium_g_cm2,
             ..*direction
         };
-        Shield { directions: self.directions.iter().map(scaled).collect() }
+        Shield {
+            directions: self.directions.iter().map(scaled).collect(),
+            along_normal_g_cm2: self.along_normal_g_cm2.map(|both| both.map(|one| factor * one)),
+        }
     }
 
     /// Mean over the sky of a quantity behind each direction; zero where there is no direction.
@@ -114,10 +120,13 @@ impl Shield {
         self.mean(|direction| curve.at(direction.aluminium_g_cm2))
     }
 
-    /// Mean areal density over the directions from which protons come, g/cm².
-    pub fn mean_areal_g_cm2(&self) -> f64 {
+    /// Areal density and its equivalent in aluminium, g/cm²: of a slab along its normal, of other shields the mean over the directions
+    /// from which protons come.
+    pub fn typical_g_cm2(&self) -> [f64; 2] {
         let seen: f64 = self.mean(|_| 1.0);
-        if seen > 0.0 { self.mean(|direction| direction.areal_g_cm2) / seen } else { 0.0 }
+        let mean = |of: fn(&Direction) -> f64| if seen > 0.0 { self.mean(of) / seen } else { 0.0 };
+        let means = || [mean(|direction| direction.areal_g_cm2), mean(|direction| direction.aluminium_g_cm2)];
+        self.along_normal_g_cm2.unwrap_or_else(means)
     }
 }
 
@@ -191,4 +200,25 @@ fn dose_behind(spectrum: &Spectrum, thickness_g_cm2: f64, niel: &Curve) -> f64 {
             })
         })
         .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The mean over the directions of a slab grows with the number of directions that are computed.
+    #[test]
+    fn the_thickness_of_a_slab_is_that_along_its_normal() {
+        let slab = Shield::aluminium(Geometry::Slab, 5.0);
+        let normal_g_cm2 = 0.5 * ALUMINIUM_G_CM3;
+        assert_eq!(slab.typical_g_cm2(), [normal_g_cm2; 2]);
+        assert_eq!(slab.scaled(2.0).typical_g_cm2(), [2.0 * normal_g_cm2; 2]);
+        assert_eq!(Shield::aluminium(Geometry::Sphere, 5.0).typical_g_cm2(), [normal_g_cm2; 2]);
+        // Half of the sky behind 1 g/cm2 of tantalum, a tenth behind 4: protons see 1.5 on average.
+        let direction =
+            |share: f64, areal_g_cm2: f64| Direction { share, areal_g_cm2, aluminium_g_cm2: 0.7 * areal_g_cm2 };
+        let sectors = Shield { directions: vec![direction(0.5, 1.0), direction(0.1, 4.0)], along_normal_g_cm2: None };
+        let [areal, aluminium] = sectors.typical_g_cm2();
+        assert!((areal - 1.5).abs() < 1e-12 && (aluminium - 1.05).abs() < 1e-12, "{areal} {aluminium}");
+    }
 }

@@ -111,7 +111,10 @@ impl Mission {
                 areal_g_cm2,
                 aluminium_g_cm2: equivalence * areal_g_cm2,
             };
-            return Some(Shield { directions: self.imported.sectors.iter().map(direction).collect() });
+            return Some(Shield {
+                directions: self.imported.sectors.iter().map(direction).collect(),
+                along_normal_g_cm2: None,
+            });
         };
         let layers = shielding.all_layers();
         let areal: f64 = layers.iter().map(Layer::areal_g_cm2).sum();

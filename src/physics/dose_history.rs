@@ -313,7 +313,8 @@ impl DoseHistory {
             mission.shielding.as_ref().is_some_and(|shield| shield.secondaries == SecondariesCounted::Estimated);
         let slowed = if counted { slowed + sum.lost_mev_g - sum.neutrons_mev_g } else { slowed };
         let (lost, neutrons) = (sum.lost_mev_g / slowed, sum.neutrons_mev_g / slowed);
-        (lost.max(neutrons) > secondaries::MATTERS).then_some(Warning::Secondaries { lost, neutrons, counted })
+        let matters = lost.max(neutrons) > secondaries::MATTERS && slowed > 0.0;
+        matters.then_some(Warning::Secondaries { lost, neutrons, counted })
     }
 
     /// Dose since launch, MeV/g, at a time in years since launch.

@@ -303,9 +303,15 @@ impl Assessment {
         if matches!(dose.origin, RateOrigin::Spectra | RateOrigin::DoseDepth) {
             return format!("{:.3e} MeV/g/yr in every year; {origin}", dose.floor_mev_g_yr);
         }
-        let spread = match dose.averages_the_cycle() {
-            true => "in active years, averaged over the solar cycle (x 7/11)",
-            false => "in active years, nothing in quiet ones",
+        let spread = match environment.active_years {
+            Some(years) => {
+                format!(
+                    "in active years, of which {years:.2} are spread over {} yr",
+                    plain(mission.mission.duration_yr)
+                )
+            }
+            None if dose.averages_the_cycle() => "in active years, averaged over the solar cycle (x 7/11)".into(),
+            None => "in active years, nothing in quiet ones".into(),
         };
         let added: Vec<String> = self.added_dose().into_iter().map(|added| format!(", and {added}")).collect();
         format!("{:.3e} MeV/g/yr {spread}; {origin}{}", dose.active_rate_mev_g_yr, added.concat())

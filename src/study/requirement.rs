@@ -77,7 +77,7 @@ pub struct Own {
     pub traps_per_px: f64,
     /// Protons of 10 MeV of the same dose, cm⁻².
     pub protons_10mev_cm2: f64,
-    /// Areal density of the shield, mean over its directions; None if unknown.
+    /// Areal density of the shield, along the normal of a slab, otherwise the mean over its directions; None if unknown.
     pub shield_g_cm2: Option<f64>,
     /// Transfers.
     pub transfers: u32,

@@ -181,6 +181,18 @@ fn a_shielded_mission_is_dosed_less_behind_more() {
     assert!(dose("10") > dose("20") && dose("20") > dose("40"));
 }
 
+/// The rate of active years, and what the words say of them, make the dose of the table.
+#[test]
+fn given_active_years_are_said_and_counted() {
+    let set = ["missions/snap_l2_shielded.toml", "--set", "environment.active_years=2"];
+    let said = stdout(&[&["evaluate"], &set[..], &["--samples", "0"]].concat());
+    let line = said.lines().find(|line| line.starts_with("Dose: ")).unwrap();
+    assert!(line.contains("in active years, of which 2.00 are spread over 5 yr"), "{line}");
+    let rate: f64 = line.split_whitespace().nth(1).unwrap().parse().unwrap();
+    let total = json(&[&["dose"], &set[..], &["--json"]].concat())["total_mev_g"].as_f64().unwrap();
+    assert!((2.0 * rate / total - 1.0).abs() < 1e-3, "{rate} {total}");
+}
+
 #[test]
 fn spectra_are_printed_at_the_energies_asked_for() {
     let json = json(&["dose", "missions/snap_l2_shielded.toml", "--energies-mev", "10,30,100", "--json"]);

@@ -39,13 +39,15 @@ pub enum Step {
         /// By energy (MeV).
         above_cm2: [(f64, f64); 3],
     },
-    /// Shield: areal density, and its equivalent in aluminium; means over the open directions, g/cm².
+    /// Shield: areal density, and its equivalent in aluminium, g/cm².
     Shield {
         /// In words.
         words: String,
         /// Share of the sky from which protons come.
         open: f64,
-        /// Mean areal density, g/cm².
+        /// Whether the densities are those along the normal of a slab; otherwise they are means over the open directions.
+        along_normal: bool,
+        /// Areal density, g/cm².
         areal_g_cm2: f64,
         /// As aluminium, g/cm².
         aluminium_g_cm2: f64,
@@ -140,8 +142,7 @@ fn chain(mission: &Mission, history: &DoseHistory, source: &SourceDose, dose_mev
     let above = |energy_mev: f64| history.of_spectrum(source, duration_yr, |spectrum| spectrum.above(energy_mev));
     let Some(shield) = mission.shield() else { return Vec::new() };
     let open = shield.mean(|_| 1.0);
-    let mean = |value: f64| if open > 0.0 { value / open } else { 0.0 };
-    let aluminium_g_cm2 = mean(shield.mean(|direction| direction.aluminium_g_cm2));
+    let [areal_g_cm2, aluminium_g_cm2] = shield.typical_g_cm2();
     // Oblique paths through a slab become infinite: the thinnest path says more than the mean.
     let nearest = shield.directions.iter().map(|direction| direction.aluminium_g_cm2).fold(f64::INFINITY, f64::min);
     let stopped_below_mev = RANGE_ALUMINIUM.inverse(nearest);
@@ -153,7 +154,8 @@ fn chain(mission: &Mission, history: &DoseHistory, source: &SourceDose, dose_mev
         Step::Shield {
             words: mission.shielding.as_ref().map_or(String::new(), |shielding| shielding.words()),
             open,
-            areal_g_cm2: shield.mean_areal_g_cm2(),
+            along_normal: shield.along_normal_g_cm2.is_some(),
+            areal_g_cm2,
             aluminium_g_cm2,
         },
         Step::Range { stopped_below_mev, before_mev, behind_mev },

@@ -184,7 +184,7 @@ const DOSE_KEYS: [&str; 2] = ["environment.active_dose_rate_mev_g_yr", "environm
 #[derive(Clone)]
 pub struct Shield {
     curve: Vec<(f64, f64)>,
-    /// Areal density, mean over the directions from which protons come, g/cm².
+    /// Areal density, g/cm²: along the normal of a slab, otherwise the mean over the directions from which protons come.
     pub areal_g_cm2: f64,
 }
 
@@ -226,7 +226,7 @@ impl Shield {
         let itself = dose(0.0).ln();
         itself.is_finite().then(|| Shield {
             curve: parallel::map(logs, |log| (log, dose(log).ln() - itself)),
-            areal_g_cm2: shield.mean_areal_g_cm2(),
+            areal_g_cm2: shield.typical_g_cm2()[0],
         })
     }
 

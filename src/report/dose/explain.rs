@@ -56,9 +56,10 @@ fn words(step: &Step, confidence: f64) -> String {
                 above_cm2.iter().map(|(energy, fluence)| format!("{fluence:.4e} above {energy} MeV")).collect();
             format!("fluence of {} per cm2 over the mission", fluences.join(", "))
         }
-        Step::Shield { words, open, areal_g_cm2, aluminium_g_cm2 } => format!(
-            "shield: {words}; {areal_g_cm2:.4} g/cm2 on average, worth {aluminium_g_cm2:.4} g/cm2 of aluminium, over {:.1} % of the \
+        Step::Shield { words, open, along_normal, areal_g_cm2, aluminium_g_cm2 } => format!(
+            "shield: {words}; {areal_g_cm2:.4} g/cm2 {}, worth {aluminium_g_cm2:.4} g/cm2 of aluminium, over {:.1} % of the \
              sky",
+            if *along_normal { "along its normal" } else { "on average" },
             100.0 * open
         ),
         Step::Range { stopped_below_mev, before_mev, behind_mev } => format!(
