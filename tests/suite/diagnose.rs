@@ -445,8 +445,8 @@ fn errors_that_are_too_small_in_short_files_do_not_hide_an_effect() {
     data.iter_mut().flat_map(|set| &mut set.rows).for_each(|row| row.sigma /= 1.4);
     let found = diagnose(&mission, &data, &options(&mission), &SILENT).unwrap();
     assert_eq!((found.verdict, effects(&found)), (Verdict::Missing, vec!["well-fill".to_string()]), "{}", found.reason);
-    // 40 degrees of freedom: 11 %.
-    assert!((1.0..2.0).contains(&found.noise[0].scale), "{:?}", found.noise);
+    // 29 degrees of freedom: 13 %. Without larger errors nothing explains the data.
+    assert!((1.1..1.95).contains(&found.noise[0].scale), "{:?}", found.noise);
 }
 
 /// A wrong row among thirty whose errors are too small besides: larger errors of all rows must not hide it.

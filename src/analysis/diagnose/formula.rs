@@ -10,6 +10,9 @@ use crate::physics::observable::Observable;
 /// Share of a power of a covariate beyond the span of the lower ones, below which it is linearly dependent.
 const FLAT: f64 = 1e-10;
 
+/// Names of a formula's parameters.
+pub(super) const NAMES: [&str; 3] = ["a", "b", "c"];
+
 /// What a formula changes, and how.
 #[derive(Clone, Copy)]
 struct Form {
@@ -54,11 +57,15 @@ pub(super) fn suggest(validation: &Validation, covariates: &[Covariate]) -> Opti
     let parts = covariate.map_or_else(|| "a".into(), |Covariate { name, .. }| format!("a + b * {name} + c * {name}^2"));
     let expression = if form.multiplied { format!("value * (1 + {parts})") } else { format!("value + {parts}") };
     let target = form.of.map_or_else(|| "value".into(), |of| format!("value.{}", of.name()));
-    let mut toml = format!("[effects.formula]\ntarget = \"{target}\"\nexpression = \"{expression}\"\n");
-    for (name, value) in ["a", "b", "c"].iter().zip(found.iter()) {
-        toml += &format!("{name} = {value:.6e}\n");
-    }
+    let toml = table(&target, &expression, found.as_slice());
     Some(Suggestion { toml, chi2: [residuals.norm_squared(), chi2], is_law: false })
+}
+
+/// `[effects.formula]` as it would be written in a mission, with the values of the parameters [`NAMES`].
+pub(super) fn table(target: &str, expression: &str, values: &[f64]) -> String {
+    let head = format!("[effects.formula]\ntarget = \"{target}\"\nexpression = \"{expression}\"\n");
+    let lines = NAMES.iter().zip(values).map(|(name, value)| format!("{name} = {value:.6e}\n"));
+    std::iter::once(head).chain(lines).collect()
 }
 
 /// Changes of the rows of a data set (consecutive, in sigma) with each power of a form.

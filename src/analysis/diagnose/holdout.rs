@@ -51,12 +51,13 @@ fn most_rows(case: &Case, files: &[usize], columns: &[&'static str]) -> Option<(
     let all: Vec<(&'static str, Vec<Vec<usize>>)> = columns.iter().filter_map(split).collect();
     let most = all.iter().max_by_key(|(_, groups)| groups.iter().map(Vec::len).sum::<usize>())?;
     // A temperature recorded once for every epoch makes the same groups: they are those of the epochs.
-    let sorted = |groups: &Vec<Vec<usize>>| {
-        let mut groups = groups.clone();
+    let sorted = |groups: &[Vec<usize>]| {
+        let mut groups = groups.to_vec();
         groups.sort();
         groups
     };
-    all.iter().find(|(_, groups)| sorted(groups) == sorted(&most.1)).cloned()
+    let wanted = sorted(&most.1);
+    all.iter().find(|(_, groups)| sorted(groups) == wanted).cloned()
 }
 
 /// 1 − H_gg of a group, and the residuals of its rows.

@@ -11,7 +11,7 @@ use super::evidence::Evidence;
 use super::fitted_model::{FLAT, Node};
 use super::noise::wrong_rows;
 use super::result::{Reason, Suggestion};
-use super::{rivals, trimmed};
+use super::{formula, rivals, trimmed};
 use crate::analysis::fit;
 use crate::analysis::measurement::DataSet;
 use crate::mission_file;
@@ -25,11 +25,8 @@ const FITTED: usize = 3;
 /// Epochs between which steps are tried.
 const MOST_STEPS: usize = 200;
 
-/// chi2 of a row, below which a law describes data whose errors may be too small.
+/// chi2 of a row, below which a law describes data whose errors may be 1.6 times too small.
 const DESCRIBED: f64 = 2.5;
-
-/// Names of a law's parameters.
-const NAMES: [&str; 3] = ["a", "b", "c"];
 
 /// A law of the measurement, fitted.
 pub(super) struct MeasurementLaw {
@@ -46,7 +43,6 @@ pub(super) struct MeasurementLaw {
 }
 
 /// On what a law depends.
-#[derive(Clone, PartialEq)]
 enum Argument {
     /// On nothing.
     Constant,
@@ -77,7 +73,7 @@ impl Law {
             (Argument::Value, power) => format!("{name} * value{}", raised(*power)),
             (Argument::Condition(condition), power) => format!("{name} * {condition}{}", raised(*power)),
         };
-        let terms: Vec<String> = NAMES.iter().zip(self.powers).map(term).collect();
+        let terms: Vec<String> = formula::NAMES.iter().zip(self.powers).map(term).collect();
         let sum = terms.join(" + ");
         if self.multiplied { format!("value * (1 + {sum})") } else { format!("value + {sum}") }
     }
@@ -254,21 +250,19 @@ impl Evidence<'_> {
         let mut table = toml::Table::new();
         table.insert("target".into(), law.target().into());
         table.insert("expression".into(), law.expression().into());
-        for (name, value) in NAMES.iter().zip(start.iter()) {
+        for (name, value) in formula::NAMES.iter().zip(start.iter()) {
             table.insert((*name).into(), (*value).into());
         }
         let (mission, key) = mission_file::add_effect(self.base.mission(), "formula", table).ok()?;
-        let names = NAMES.iter().take(law.powers.len());
-        let own: Vec<String> = names.clone().map(|name| format!("{key}.{name}")).collect();
+        let names = formula::NAMES.iter().take(law.powers.len());
+        let own: Vec<String> = names.map(|name| format!("{key}.{name}")).collect();
         let free: Vec<String> = self.search.base.iter().chain(&own).cloned().collect();
         let options = fit::Options { seed: self.options.seed, ..fit::Options::default() };
         let node = Node::fit(self.case(), &self.base.model.like(&mission), Vec::new(), &free, &options).ok()?;
-        let mut toml =
-            format!("[effects.formula]\ntarget = \"{}\"\nexpression = \"{}\"\n", law.target(), law.expression());
-        for (name, key) in names.zip(&own) {
-            let fitted = node.fit.parameters.iter().find(|fitted| fitted.key == *key)?;
-            toml += &format!("{name} = {:.6e}\n", fitted.value);
-        }
+        let value =
+            |key: &String| node.fit.parameters.iter().find(|fitted| fitted.key == *key).map(|fitted| fitted.value);
+        let values = own.iter().map(value).collect::<Option<Vec<f64>>>()?;
+        let toml = formula::table(&law.target(), &law.expression(), &values);
         Some((node, toml))
     }
 }
