@@ -90,6 +90,18 @@ pub enum Warning {
         /// Dose rate given by hand, MeV/g/yr.
         floor_mev_g_yr: f64,
     },
+    /// Trapped protons are counted where there are none.
+    NoTrappedProtons {
+        /// The orbit, in words.
+        orbit: String,
+    },
+    /// The Sun is active for less than the shortest time of the model of solar protons.
+    PartOfAnActiveYear {
+        /// Active years in the mission.
+        active_years: f64,
+        /// Probability that their fluence is not exceeded.
+        confidence: f64,
+    },
     /// The mean of the trapped protons over the orbit has not converged.
     OrbitMean {
         /// Its estimated relative error.
@@ -275,6 +287,17 @@ impl fmt::Display for Warning {
                 "the orbit makes {revolutions} revolution{} a day and meets the same longitudes again and again: its trapped protons \
                  may be half or twice the mean over all longitudes that is used",
                 if *revolutions == 1 { "" } else { "s" }
+            ),
+            Warning::NoTrappedProtons { orbit } => write!(
+                out,
+                "AP-8 has no trapped protons on the orbit ({orbit}): it lies below the belt or outside it, and its few protons, \
+                 below 1 /cm2/s, are not in the model"
+            ),
+            Warning::PartOfAnActiveYear { active_years, confidence } => write!(
+                out,
+                "the mission has {active_years:.3} active years of the Sun, and ESP is a model of one or more: the fluence of a whole \
+                 active year at {} % confidence is used, an upper limit",
+                100.0 * confidence
             ),
             Warning::OrbitMean { relative_error } => write!(
                 out,

@@ -19,6 +19,8 @@ pub struct Key {
     pub need: Need,
     /// Advice on a number out of range, such as one in another unit.
     pub help: fn(f64) -> Option<String>,
+    /// Advice on a word that is not one of those allowed.
+    pub help_on_word: fn(&str) -> Option<String>,
 }
 
 impl Key {
@@ -135,7 +137,10 @@ pub const KEYS: &[Key] = &[
         Choice(&["l1", "l2", "interplanetary", "geo", "leo"]),
         Optional,
     ),
-    key("orbit.kind", "kind of orbit", "", Choice(&["l1", "l2", "interplanetary", "geo", "elements"]), Required),
+    Key {
+        help_on_word: orbit_kind,
+        ..key("orbit.kind", "kind of orbit", "", Choice(&["l1", "l2", "interplanetary", "geo", "elements"]), Required)
+    },
     Key {
         help: altitude,
         ..key("orbit.perigee_km", "lowest altitude above a sphere of 6371 km", "km", ALTITUDE, Optional)
@@ -626,7 +631,19 @@ fn altitude(value: f64) -> Option<String> {
 
 /// A key without advice.
 pub const fn key(path: &'static str, what: &'static str, unit: &'static str, kind: Allowed, need: Need) -> Key {
-    Key { path, what, unit, kind, need, help: |_| None }
+    Key { path, what, unit, kind, need, help: |_| None, help_on_word: |_| None }
+}
+
+/// Orbits by their usual names.
+fn orbit_kind(word: &str) -> Option<String> {
+    let elements = "kind = \"elements\" with perigee_km, apogee_km and inclination_deg";
+    match word.to_lowercase().as_str() {
+        "leo" | "low-earth" | "sso" | "iss" | "meo" | "heo" | "gto" | "molniya" | "polar" => Some(elements.into()),
+        "earth-trailing" | "heliocentric" | "drift-away" | "solar" => {
+            Some("kind = \"interplanetary\", which is at 1 AU from the Sun".into())
+        }
+        _ => None,
+    }
 }
 
 /// Temperatures below 0 are degrees Celsius.

@@ -74,9 +74,13 @@ pub enum OrbitKind {
     Elements,
 }
 
+/// The orbit around the Sun, in words.
+const INTERPLANETARY: &str = "interplanetary at 1 AU";
+
 impl fmt::Display for OrbitElements {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.elements() {
+            None if self.kind == OrbitKind::Interplanetary => out.write_str(INTERPLANETARY),
             None => write!(out, "{}", format!("{:?}", self.kind).to_uppercase()),
             Some(_) if self.kind == OrbitKind::Geo => out.write_str("GEO"),
             Some(Elements { perigee_km, apogee_km, inclination_deg, argument_of_perigee_deg }) => {
@@ -120,6 +124,7 @@ impl Mission {
     pub fn orbit_name(&self) -> String {
         match &self.orbit {
             Some(orbit) => orbit.to_string(),
+            None if self.mission.orbit == Some(Orbit::Interplanetary) => INTERPLANETARY.into(),
             None => format!("{:?}", self.mission.orbit.unwrap_or(Orbit::L2)).to_uppercase(),
         }
     }

@@ -182,8 +182,11 @@ fn dose_depth(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
     Ok(areal(&read.depths, crate::environment::proton::ALUMINIUM_G_CM3).zip(doses).collect())
 }
 
-/// Areal density (g/cm²) of 0.015 mm of aluminium.
-const THINNEST_G_CM2: f64 = 0.004;
+/// Areal density (g/cm²) of 0.015 mm of aluminium, the thinnest shield behind which a dose is derived.
+pub(super) const THINNEST_G_CM2: f64 = 0.004;
+
+/// Why a thinner shield is refused.
+pub(super) const THINNEST_HELP: &str = "proton models start at 1 MeV, which 0.015 mm of aluminium stop";
 
 /// Share of the sky and areal density, g/cm².
 fn sectors_of(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
@@ -201,7 +204,7 @@ fn sectors_of(mission: &Mission) -> Result<Vec<(f64, f64)>, Refusal> {
             row + 1
         );
         let (key, error) = wrong("shielding.sectors", problem);
-        return Err((key, error.with_help("proton models start at 1 MeV, which 0.015 mm of aluminium stop")));
+        return Err((key, error.with_help(THINNEST_HELP)));
     }
     Ok(read.weights.iter().copied().zip(areal).collect())
 }

@@ -6,10 +6,11 @@
 
 use toml::Value;
 
+use super::imported::THINNEST_G_CM2;
 use super::lookup;
 use crate::effect;
 use crate::mission::keys::{self, Allowed, Key};
-use crate::mission::{Galaxy, Mission, Species};
+use crate::mission::{DoseModel, Galaxy, Mission, Species};
 
 impl Mission {
     /// The mission with other real numbers; None if one of them is no longer present, or not allowed.
@@ -22,6 +23,8 @@ impl Mission {
             && mission.surface_problem().is_none()
             && mission.orbit_problem().is_none()
             && mission.history_problem().is_none()
+            && mission.active_years_problem().is_none()
+            && mission.shield_problem().is_none()
             && effect::CATALOGUE.iter().all(|entry| entry.check(&mission).is_ok());
         agrees.then_some(mission)
     }
@@ -51,6 +54,27 @@ impl Mission {
         // A tolerance of one day for dates.
         (*last_yr + 0.003 < duration_yr)
             .then(|| format!("the history ends after {last_yr:.3} yr, but the mission lasts {duration_yr} yr"))
+    }
+
+    /// The fault in given active years, if the mission is too short for them.
+    pub(super) fn active_years_problem(&self) -> Option<String> {
+        let (years, duration_yr) = (self.environment.active_years?, self.mission.duration_yr);
+        (years > duration_yr).then(|| format!("{years} active years of the Sun in a mission of {duration_yr} yr"))
+    }
+
+    /// The fault in a shield, if its dose is derived and it is too thin for that. Sectors are checked when their file is read.
+    pub(super) fn shield_problem(&self) -> Option<String> {
+        let environment = &self.environment;
+        let read = environment.model == DoseModel::History
+            || environment.active_dose_rate_mev_g_yr.is_some()
+            || environment.spectra.is_some()
+            || environment.dose_depth.is_some();
+        let has_shape = self.shielding.as_ref()?.geometry.is_some();
+        let [areal_g_cm2, _] = self.shield().filter(|_| has_shape && !read)?.typical_g_cm2();
+        (areal_g_cm2 < THINNEST_G_CM2).then(|| {
+            let areal_g_cm2 = keys::plain(areal_g_cm2);
+            format!("a shield of {areal_g_cm2} g/cm2: at least {THINNEST_G_CM2} g/cm2 are needed to derive a dose")
+        })
     }
 
     /// The first surface species whose level is not below the full well, by its index, and the fault.

@@ -7,6 +7,7 @@ use std::path::Path;
 use toml::Value;
 use toml::de::{DeTable, DeValue};
 
+use super::imported::THINNEST_HELP;
 use super::{imported, lookup};
 use crate::effect::{self, Entry};
 use crate::environment::solar_cycle::{self, ACTIVE_AFTER_YR, ACTIVE_BEFORE_YR, CYCLE_YR};
@@ -617,6 +618,9 @@ impl<'a> Source<'a> {
         let environment = &mission.environment;
         self.check_model_keys(environment)?;
         self.check_lists(environment)?;
+        if let Some(problem) = mission.active_years_problem() {
+            return Err(self.fault("environment.active_years", problem).with_help("at most mission.duration_yr"));
+        }
         let given = environment.active_dose_rate_mev_g_yr.is_some();
         match environment.model {
             DoseModel::History => self.check_history(environment),
@@ -714,7 +718,16 @@ impl<'a> Source<'a> {
                 "add [shielding] with geometry = \"sphere\" or \"slab\" and thickness_mm, in mm of aluminium",
             ));
         }
-        Ok(())
+        match mission.shield_problem() {
+            Some(problem) => Err(self.fault(self.thickness_key(), problem).with_help(THINNEST_HELP)),
+            None => Ok(()),
+        }
+    }
+
+    /// The key that gives the thickness of a shield.
+    fn thickness_key(&self) -> &'static str {
+        let keys = ["shielding.thickness_mm", "shielding.areal_density_g_cm2", "shielding.layers"];
+        keys.into_iter().find(|key| self.span(key).is_some()).unwrap_or("shielding.geometry")
     }
 
     /// Checks that sources of protons are known.
@@ -932,7 +945,8 @@ fn check_choice(
     if words.contains(&word) {
         return Ok(());
     }
-    let help = nearest(word, words.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
+    let near = || nearest(word, words.iter().copied()).map(|near| format!("did you mean \"{near}\"?"));
+    let help = (key.help_on_word)(word).or_else(near);
     let problem = format!("the {} is \"{word}\"; allowed: {}", key.what, key.kind.allowed(key.unit));
     Err(InputError { help, ..fault(problem) })
 }

@@ -292,7 +292,23 @@ impl DoseHistory {
         let sun = (!maxima.is_empty() && self.follows_active_years()).then_some(Warning::SunExtrapolated { maxima });
         let shield = self.derived.as_ref().and_then(|mission| self.secondaries_warning(mission, until_yr));
         let orbit = self.derived.as_ref().map_or(Vec::new(), |mission| dose_warnings::of(mission));
-        sun.into_iter().chain(shield).chain(orbit).collect()
+        let part = self.derived.as_ref().and_then(|mission| self.part_of_an_active_year(mission, until_yr));
+        sun.into_iter().chain(part).chain(shield).chain(orbit).collect()
+    }
+
+    /// Active years of which the dose of solar protons is the quantile of the sum. None if there are no solar protons, or if each
+    /// year has the quantile of a year.
+    pub(crate) fn quantile_active_years(&self) -> Option<f64> {
+        let mission = self.derived.as_ref().filter(|_| self.follows_active_years())?;
+        let of_sum = mission.environment.accumulate() == Accumulate::Mission;
+        of_sum.then(|| self.active_years(mission.mission.duration_yr))
+    }
+
+    /// A dose of solar protons of less than the year that is the shortest time of their model.
+    fn part_of_an_active_year(&self, mission: &Mission, until_yr: f64) -> Option<Warning> {
+        let active_years = self.quantile_active_years().filter(|_| self.active_years(until_yr) > 0.0)?;
+        let confidence = mission.environment.confidence;
+        (active_years < 1.0).then_some(Warning::PartOfAnActiveYear { active_years, confidence })
     }
 
     /// Whether a mission sets a phase of the solar cycle although none of its sources is derived.
@@ -483,7 +499,8 @@ impl DoseHistory {
 
     /// Active years among the first `t_yr` since launch; 7/11 of them with a constant dose rate.
     pub fn active_years(&self, t_yr: f64) -> f64 {
-        self.active_share * years_within(&self.windows, t_yr)
+        // What rounding leaves of an active year that begins as a mission ends (30 ms) would get the fluence of a whole one.
+        Some(self.active_share * years_within(&self.windows, t_yr)).filter(|years| *years > 1e-9).unwrap_or(0.0)
     }
 }
 

@@ -21,15 +21,17 @@ pub(super) fn of(mission: &Mission) -> Vec<Warning> {
     let mut warnings = source_warnings(mission, &place);
     let Place::Earth(elements) = place else { return warnings };
     let counts = sources(&mission.environment, &Place::Earth(elements)).iter().any(|one| one.card().name == TRAPPED);
-    let error = || [Activity::Minimum, Activity::Maximum].map(|activity| averaged(&elements, activity).relative_error);
     if !counts {
         return warnings;
     }
-    let relative_error = error().into_iter().fold(0.0, f64::max);
+    let means = [Activity::Minimum, Activity::Maximum].map(|activity| averaged(&elements, activity));
+    let relative_error = means.iter().map(|mean| mean.relative_error).fold(0.0, f64::max);
+    let empty = means.iter().all(|mean| mean.yearly.above(0.0) == 0.0);
     let held = elements.argument_of_perigee_deg.is_some();
     let reached = elements.perigee_km < 20_000.0;
     let long = elements.apogee_km > HIGH_KM && elements.eccentricity() > 0.3;
     let of_orbit = [
+        (empty && reached).then(|| Warning::NoTrappedProtons { orbit: mission.orbit_name() }),
         elements.repeats_longitudes().filter(|_| reached).map(|revolutions| Warning::RepeatsLongitudes { revolutions }),
         (relative_error > 0.005).then_some(Warning::OrbitMean { relative_error }),
         (elements.perigee_km < LOW_KM).then_some(Warning::LowAltitude { perigee_km: elements.perigee_km }),

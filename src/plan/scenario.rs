@@ -48,6 +48,8 @@ pub struct Scenario {
     pub dose_mev_g: f64,
     /// Active time of the mission, yr.
     pub active_yr: f64,
+    /// Active years of which the dose of solar protons is the quantile of the sum; None if it is not such a quantile.
+    pub quantile_active_yr: Option<f64>,
     /// |Δe| of the judged galaxy at the end of the mission; None if the shape is lost.
     pub delta_e: Option<f64>,
     /// When |Δe| exceeds its budget.
@@ -105,7 +107,7 @@ pub fn compare(
     confidence: Option<Confidence>,
     progress: impl Fn() + Sync,
 ) -> Result<Comparison, InputError> {
-    let (candidates, notes) = under_the_sun(candidates, axes);
+    let (candidates, mut notes) = under_the_sun(candidates, axes);
     let names = names(&candidates);
     let mut combinations: Vec<Vec<(String, toml::Value)>> = vec![Vec::new()];
     for axis in axes {
@@ -147,8 +149,28 @@ pub fn compare(
         Some(_) => why(&State::of(&best.mission, compared_at_yr[0])?, &State::of(&worst.mission, compared_at_yr[1])?),
         None => (None, Vec::new()),
     };
+    notes.extend(confidence.is_none().then(|| quantiles_of_sums(&scenarios)).flatten());
     let warnings = warning::together(scenarios.iter().flat_map(|scenario| &scenario.warnings));
     Ok(Comparison { scenarios, names, confidence, ranking, compared_at_yr, ratio, why, notes, warnings })
+}
+
+/// A note if expected dates of missions of different lengths are compared that have quantiles of different sums: each quantile is
+/// spread evenly over its mission, so a longer one has less in its first years.
+fn quantiles_of_sums(scenarios: &[Scenario]) -> Option<String> {
+    let of_sums = || scenarios.iter().filter(|scenario| scenario.quantile_active_yr.is_some());
+    let differ = |of: fn(&Scenario) -> Option<f64>| of_sums().any(|scenario| of(scenario) != of(&scenarios[0]));
+    let differ =
+        differ(|scenario| Some(scenario.mission.mission.duration_yr)) && differ(|scenario| scenario.quantile_active_yr);
+    differ.then(|| {
+        let environment = &scenarios[0].mission.environment;
+        format!(
+            "Missions of different lengths: the dose of solar protons at {} % confidence is that of each mission as a whole, spread \
+             evenly over its active years. A longer mission has less of it in its first years, and later dates at the same risk. \
+             --confidence {} compares dates of equal risk; environment.accumulate = \"yearly\" takes the quantile of each year.",
+            100.0 * environment.confidence,
+            environment.confidence,
+        )
+    })
 }
 
 /// Candidates for a comparison of launch dates, if these are compared, and notes for the reader.
@@ -208,6 +230,7 @@ fn scenario(
         settings: settings.to_vec(),
         dose_mev_g: end.dose_mev_g,
         active_yr: evaluation.model.history().active_years(end.t_yr),
+        quantile_active_yr: evaluation.model.history().quantile_active_years(),
         delta_e: end.galaxies[0].map(|change| change.magnitude()),
         traps: end.traps.clone(),
         verdict: evaluation.verdict,

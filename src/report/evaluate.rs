@@ -303,6 +303,10 @@ impl Assessment {
         if matches!(dose.origin, RateOrigin::Spectra | RateOrigin::DoseDepth) {
             return format!("{:.3e} MeV/g/yr in every year; {origin}", dose.floor_mev_g_yr);
         }
+        let added: Vec<String> = self.added_dose().into_iter().map(|added| format!(", and {added}")).collect();
+        if let Some(reason) = self.without_solar_protons() {
+            return format!("no solar protons ({reason}) behind a {shield}, damage curve {niel}{}", added.concat());
+        }
         let spread = match environment.active_years {
             Some(years) => {
                 format!(
@@ -313,8 +317,19 @@ impl Assessment {
             None if dose.averages_the_cycle() => "in active years, averaged over the solar cycle (x 7/11)".into(),
             None => "in active years, nothing in quiet ones".into(),
         };
-        let added: Vec<String> = self.added_dose().into_iter().map(|added| format!(", and {added}")).collect();
         format!("{:.3e} MeV/g/yr {spread}; {origin}{}", dose.active_rate_mev_g_yr, added.concat())
+    }
+
+    /// Why a derived dose is without solar protons, if it is.
+    fn without_solar_protons(&self) -> Option<&'static str> {
+        let (mission, dose) = (self.evaluation.mission(), self.evaluation.model.history());
+        if !matches!(dose.origin, RateOrigin::Esp { .. } | RateOrigin::Sources { .. }) {
+            return None;
+        }
+        if dose.active_rate_mev_g_yr == 0.0 {
+            return Some("none among the sources");
+        }
+        (dose.active_years(mission.mission.duration_yr) == 0.0).then_some("the mission has no active year of the Sun")
     }
 
     /// Further contributions to the dose, in words.

@@ -9,6 +9,7 @@ use ctiplan::mission::Mission;
 use ctiplan::model::Model;
 use ctiplan::plan::dose::{Survey, survey};
 use ctiplan::plan::evaluate::evaluate;
+use ctiplan::plan::scenario::{Axis, Candidate, compare};
 use ctiplan::study::Study;
 use ctiplan::study::shielding::Shielding;
 use ctiplan::warning::Warning;
@@ -404,4 +405,51 @@ fn a_phase_without_a_derived_source_is_warned_of() {
             assert_eq!(warnings.contains(&Warning::IdlePhase), warned, "{text}");
         }
     }
+}
+
+/// A belt that the orbit does not meet, and an active year that is not complete, are warned of; an active year that rounding of
+/// dates alone would begin does not count.
+#[test]
+fn ends_of_the_models_are_warned_of() {
+    let warned = |mission: &Mission, what: &str| {
+        let found = [asked(mission).warnings, evaluate(mission).unwrap().warnings];
+        let [dose, evaluated] = found.map(|all| all.iter().any(|warning| warning.to_string().contains(what)));
+        assert_eq!(dose, evaluated, "{what}");
+        dose
+    };
+    let circle = |altitude_km: f64| mission(&elements(altitude_km, altitude_km, 0.0), "", SPHERE);
+    assert!(warned(&circle(400.0), "no trapped protons"));
+    assert!(!warned(&circle(3000.0), "no trapped protons"));
+    // Active years start 2.5 yr before the maximum.
+    let of = |duration_yr: f64| {
+        let text = text("kind = \"l2\"", "solar_maximum = [2026.8, 2038.0]", SPHERE);
+        Mission::parse(&text.replace("duration_yr = 10.0", &format!("duration_yr = {duration_yr}"))).unwrap()
+    };
+    let part = "a model of one or more";
+    assert!(!warned(&of(0.2), part));
+    assert!(warned(&of(0.8), part));
+    assert!(!warned(&of(1.5), part));
+    let year = ctiplan::numeric::calendar::decimal_year(of(1.0).mission.launch.0);
+    let begins = 2026.8 - 2.5 - year;
+    for sliver in [-1e-12, 1e-14, 1e-12] {
+        let found = asked(&of(begins + sliver));
+        assert_eq!((found.active_years, dose(&found, "solar-protons")), (0.0, 0.0), "{sliver}");
+    }
+}
+
+/// The quantile of a whole mission is spread evenly over it, so a longer one has less in its first years: a comparison of their dates
+/// says so, one of dates of equal risk need not.
+#[test]
+fn dates_of_missions_of_different_lengths_carry_a_note() {
+    let axis = |key: &str, values: &str| Axis::parse(key, values).unwrap();
+    let noted = |environment: &str, axis: Axis| {
+        let candidate = Candidate { file: "m.toml".into(), mission: mission("kind = \"l2\"", environment, SPHERE) };
+        let notes = compare(&[candidate], &[axis], None, || {}).unwrap().notes;
+        notes.iter().any(|note| note.contains("Missions of different lengths"))
+    };
+    assert!(noted("", axis("mission.duration_yr", "1,7")));
+    assert!(!noted("accumulate = \"yearly\"", axis("mission.duration_yr", "1,7")));
+    assert!(!noted("sources = [\"cosmic-rays\"]", axis("mission.duration_yr", "1,7")));
+    assert!(!noted("", axis("readout.line_time_ms", "5,25")));
+    assert!(!noted("", axis("mission.launch", "2020-01-01,2026-01-01")));
 }

@@ -27,12 +27,7 @@ impl Axis {
     /// # Errors
     /// If the key does not exist, the text has none of these forms, or a value is of the wrong kind.
     pub fn parse(key: &str, text: &str) -> Result<Axis, InputError> {
-        let refuse = |problem: String| {
-            InputError::new(format!("cannot read the values of {key}: `{text}`"), problem).with_help(
-                "a list `5,10,25`, a range with a step `100..1700:100`, equal steps `5..100:lin:8`, or equal ratios \
-                 `5..100:log:8`",
-            )
-        };
+        let refuse = |problem: String| InputError::new(format!("cannot read the values of {key}: `{text}`"), problem);
         let Some(kind) = kind_of(key) else {
             let near = nearest(key, KEYS.iter().map(|key| key.path));
             let error = InputError::new(format!("cannot set {key}"), format!("a mission has no key `{key}`"));
@@ -42,11 +37,35 @@ impl Axis {
             });
         };
         let values = match text.split_once("..") {
-            Some((from, to)) => range(kind, from.trim(), to.trim()).map_err(refuse)?,
-            None => text.split(',').map(|item| value(kind, item.trim())).collect::<Result<_, _>>().map_err(refuse)?,
+            Some((from, to)) => range(kind, from.trim(), to.trim()),
+            None => items(text).into_iter().map(|item| value(kind, item)).collect(),
         };
+        let values = values.map_err(|problem| refuse(problem).with_help(help(kind)))?;
         Ok(Axis { key: key.to_string(), values })
     }
+}
+
+/// The forms that the values of a key take.
+fn help(kind: Allowed) -> &'static str {
+    match kind {
+        Allowed::Date => "a list `2030-01-01,2031-07-01`, or a range with a step in years `2029-01-01..2040-01-01:1`",
+        Allowed::Choice(_) | Allowed::Text => "a list `this,that`",
+        Allowed::Numbers(..) | Allowed::Texts => "a list of lists `[a,b],[c]`, or `a,b` for lists of one each",
+        Allowed::IntegerLists(..) => "the mission file takes lists of lists",
+        Allowed::Number(..) | Allowed::Positive(..) | Allowed::Integer(..) => {
+            "a list `5,10,25`, a range with a step `100..1700:100`, equal steps `5..100:lin:8`, or equal ratios `5..100:log:8`"
+        }
+    }
+}
+
+/// What is between commas, apart from those in brackets.
+fn items(text: &str) -> Vec<&str> {
+    let mut depth = 0;
+    let outside = |symbol: char| {
+        depth += i32::from(symbol == '[') - i32::from(symbol == ']');
+        symbol == ',' && depth == 0
+    };
+    text.split(outside).map(str::trim).collect()
 }
 
 /// The kind of value that a key takes; a name matches any member.
@@ -71,12 +90,18 @@ fn value(kind: Allowed, item: &str) -> Result<Value, String> {
             Err(_) => whole(number()?).ok_or(format!("`{item}` is no whole number")),
         },
         Allowed::Number(..) | Allowed::Positive(..) => Ok(Value::Float(number()?)),
-        Allowed::Numbers(..) => Ok(Value::Array(vec![Value::Float(number()?)])),
+        Allowed::Numbers(..) => list(item, |member| value(Allowed::Number(f64::MIN, f64::MAX), member)),
         Allowed::IntegerLists(..) => Err("give lists of lists in the mission file".into()),
         Allowed::Date => Ok(Value::Datetime(Date(day(item)?).into())),
         Allowed::Choice(_) | Allowed::Text => Ok(Value::String(unquoted(item).to_string())),
-        Allowed::Texts => Ok(Value::Array(vec![Value::String(unquoted(item).to_string())])),
+        Allowed::Texts => list(item, |member| value(Allowed::Text, member)),
     }
+}
+
+/// A list in brackets, or of one value.
+fn list(item: &str, member: impl Fn(&str) -> Result<Value, String>) -> Result<Value, String> {
+    let members = item.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(item);
+    Ok(Value::Array(items(members).into_iter().map(member).collect::<Result<_, _>>()?))
 }
 
 /// A text without the quotes that it has in a mission file.
@@ -173,6 +198,15 @@ mod tests {
         assert_eq!(launches[1].to_string(), "2009-07-01");
         let methods = |text| Axis::parse("accuracy.readout", text).unwrap().values;
         assert_eq!(methods("'exact',\"fractional\""), methods("exact,fractional"));
+        let sources = |text| {
+            let values = Axis::parse("environment.sources", text).unwrap().values;
+            values.iter().map(ToString::to_string).collect::<Vec<_>>()
+        };
+        assert_eq!(sources("[solar-protons, 'cosmic-rays'],[solar-protons]").len(), 2);
+        assert_eq!(sources("[solar-protons,\"cosmic-rays\"]"), [r#"["solar-protons", "cosmic-rays"]"#]);
+        assert_eq!(sources("solar-protons,cosmic-rays"), [r#"["solar-protons"]"#, r#"["cosmic-rays"]"#]);
+        let maxima = Axis::parse("environment.solar_maximum", "[2025.2,2036]").unwrap().values;
+        assert_eq!(maxima[0].as_array().unwrap().len(), 2);
     }
 
     #[test]
