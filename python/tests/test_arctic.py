@@ -286,3 +286,17 @@ def test_charge_that_is_none_stays_in_its_column(frame):
             found, expected = arctic.add_cti(broken, **words), arctic.add_cti(frame, **words)
             others = [0, 1, 3, 4, 5, 6]
             assert np.abs(found - expected)[:, others].max() <= 1e-4 * np.abs(expected - frame).max()
+
+
+def test_the_first_column_does_not_depend_on_traps_between_columns():
+    # The packets of 1 and 8 e- give the traps all they have, and leave layers of equal volume: what the next one fills was lost once.
+    column = np.array([[2.0, -12.0, -4.0, 1.0, 8.0, 1206.0]]).T
+    traps, ccd = [TrapInstantCapture(2.0, 0.6)], CCD(full_well_depth=6e4, well_fill_power=0.42)
+    alone, joined = (
+        add_cti(column, parallel_traps=traps, parallel_ccd=ccd, parallel_roe=ROE(prescan_offset=400, empty_traps_between_columns=empty))
+        for empty in (True, False)
+    )
+    # arcticpy 2.6, both.
+    expected = [1.9737, -3.4197, -2.3754, 0.0, 0.0, 1061.9839]
+    assert np.abs(joined[:, 0] - expected).max() < 1e-4
+    assert np.abs(alone[:, 0] - expected).max() < 2e-5 * 144.0

@@ -1,18 +1,22 @@
 //! The change of shape with the noise of one exposure, over a mission, and how much earlier the budget is then exceeded.
 //!
 //! To first order, the effect of noise is proportional to the density of the traps. It is realised at the end of the mission, and
-//! in a few other years whose traps differ from those then by more than their number. In between, the effect at the nearest such
-//! time is scaled.
+//! in a few other years whose traps differ from those then by more than their number, and on the dates without noise, if far fewer
+//! traps are there by then. In between, the effect at the nearest such time is scaled. If noise leaves no shape at the end, it is
+//! realised in years before as well.
 
 use crate::error::InputError;
 use crate::model::noise::{NoiseTerm, Realisations};
-use crate::model::{Device, Model};
+use crate::model::Device;
 use crate::physics::shape::ShapeChange;
-use crate::plan::evaluate::{Evaluation, Year, crossings_of};
+use crate::plan::evaluate::{Evaluation, crossings_of};
 use crate::plan::requirement::{Crossing, Point};
 
 /// Maximum number of times at which noise is realised.
 const TIMES: usize = 8;
+
+/// Ratio of the numbers of traps down to which the effect of noise on a date is scaled.
+const PROPORTIONAL: f64 = 0.3;
 
 /// Position of the centroid while noise is measured, in words.
 pub const CENTROID: &str = "held where the image without noise has it, before and after the readout";
@@ -78,7 +82,7 @@ impl NoisyEvaluation {
             return Ok(None);
         }
         let model = &evaluation.model;
-        let realised = realised(model, &evaluation.years, realisations)?;
+        let realised = realised(evaluation, realisations)?;
         let years = evaluation.years.iter().map(|year| {
             let device = model.device_at(year.t_yr)?;
             let shape = |(galaxy, change): (usize, &Option<ShapeChange>)| {
@@ -119,20 +123,26 @@ pub fn others(judged: u32) -> u32 {
     judged.div_ceil(2)
 }
 
-/// Noise of all galaxies at the end of the mission, and in those years (evenly chosen) whose traps differ from all of these by more
-/// than their number.
-fn realised(model: &Model, years: &[Year], realisations: Realisations) -> Result<Vec<Realised>, InputError> {
+/// Noise of all galaxies at the end of the mission, in those years (evenly chosen) whose traps differ from all of these by more than
+/// their number, and on dates with fewer traps. While no shape of the judged galaxy is left, earlier years follow.
+fn realised(evaluation: &Evaluation, realisations: Realisations) -> Result<Vec<Realised>, InputError> {
+    let Evaluation { model, years, verdict, .. } = evaluation;
+    let judged = model.judged();
     let mut found: Vec<Realised> = Vec::new();
-    let step = years.len().div_ceil(TIMES);
-    for year in years.iter().rev().step_by(step) {
-        let device = model.device_at(year.t_yr)?;
-        let known = found.iter().any(|realised| device.traps_over(&realised.device).is_some());
+    let of_years = years.iter().rev().step_by(years.len().div_ceil(TIMES)).map(|year| (year.t_yr, 0.0));
+    let dates = [verdict.corrected.t_yr, verdict.uncorrected.t_yr];
+    let of_dates = dates.into_iter().flatten().map(|t_yr| (t_yr, PROPORTIONAL));
+    for (t_yr, least) in of_years.chain(of_dates) {
+        let device = model.device_at(t_yr)?;
+        let measured = |realised: &&Realised| realised.terms[judged].is_some();
+        let scales = |realised: &Realised| device.traps_over(&realised.device).is_some_and(|factor| factor > least);
+        let known = found.iter().filter(measured).any(scales);
         if known || device.species().all(|species| species.density_per_px == 0.0) {
             continue;
         }
         let others = Realisations { count: others(realisations.count), ..realisations };
         let terms = (0..model.mission.galaxies.len()).map(|galaxy| {
-            let realisations = if galaxy == model.judged() { realisations } else { others };
+            let realisations = if galaxy == judged { realisations } else { others };
             model.noise_term(galaxy, &device, realisations)
         });
         found.push(Realised { terms: terms.collect::<Result<_, _>>()?, device });
@@ -142,20 +152,21 @@ fn realised(model: &Model, years: &[Year], realisations: Realisations) -> Result
 
 /// The effect of noise on the change of a galaxy by a device. None if no shape is left.
 fn term(realised: &[Realised], galaxy: usize, device: &Device) -> Option<NoiseTerm> {
-    let proportional = realised.iter().find_map(|realised| Some((realised, device.traps_over(&realised.device)?)));
-    let (nearest, factor) = match proportional {
-        Some(found) => found,
-        None => {
-            let distance = |realised: &&Realised| (realised.device.at.t_yr - device.at.t_yr).abs();
-            let Some(nearest) = realised.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
-                // No traps at all.
-                return Some(NoiseTerm::default());
-            };
-            let traps = |device: &Device| device.species().map(|species| species.density_per_px).sum::<f64>();
-            (nearest, traps(device) / traps(&nearest.device))
-        }
-    };
-    Some(nearest.terms[galaxy]?.times(factor))
+    let traps = |device: &Device| device.species().map(|species| species.density_per_px).sum::<f64>();
+    let total = traps(device);
+    if total == 0.0 {
+        return Some(NoiseTerm::default());
+    }
+    let is_lost = |realised: &Realised| realised.terms[galaxy].is_none() && traps(&realised.device) <= total;
+    if realised.iter().any(is_lost) {
+        return None;
+    }
+    let measured = || realised.iter().filter_map(|realised| Some((&realised.device, realised.terms[galaxy].as_ref()?)));
+    let nearest = |of: &dyn Fn(&Device) -> f64| measured().min_by(|a, b| of(a.0).total_cmp(&of(b.0)));
+    let in_number = |other: &Device| device.traps_over(other).map_or(f64::INFINITY, |factor| factor.ln().abs());
+    let in_time = |other: &Device| (other.at.t_yr - device.at.t_yr).abs();
+    let (other, term) = nearest(&in_number).filter(|(other, _)| in_number(other).is_finite()).or(nearest(&in_time))?;
+    Some(term.times(total / traps(other)))
 }
 
 /// When |Δe| of the judged galaxy with noise exceeds the budget.

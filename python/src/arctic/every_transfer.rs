@@ -174,10 +174,11 @@ impl<'a> Pixel<'a> {
     fn wanted_e(&self, state: &State, volume: f64) -> f64 {
         let (mut wanted_e, mut floor) = (0.0, 0.0);
         for (top, fills) in state.tops.iter().zip(state.fills.chunks(self.species.len())) {
-            let top = top.min(volume);
-            if top <= floor {
+            if floor >= volume {
                 return wanted_e;
             }
+            // Packets that gave all they had may have left layers of no thickness.
+            let top = top.min(volume);
             for (species, fill) in self.species.iter().zip(fills) {
                 wanted_e += (1.0 - fill) * self.traps(species, floor, top);
             }

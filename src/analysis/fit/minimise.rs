@@ -84,8 +84,16 @@ impl Problem<'_> {
     }
 
     /// A point near the minimum reached from a start, with event epochs fixed.
+    ///
+    /// Parameters that start at a bound are held there first: their derivatives nearly vanish, and the solver takes the steps that
+    /// they would need for an end of the search.
     pub(super) fn roughly(&self, start: &[f64]) -> Optimum {
-        self.minimise_once(start, rough_solver(), &self.nothing_known())
+        let at_bound = |index: usize| self.parameters[index].at_bound(start[index]).is_some();
+        let is_mixed = (0..start.len()).any(at_bound) && !(0..start.len()).all(at_bound);
+        let within = |index: usize| !at_bound(index);
+        let near = is_mixed.then(|| self.minimise_some(start, rough_solver(), &self.nothing_known(), within));
+        let from = near.as_ref().map_or(start, |near| &near.at);
+        self.minimise_once(from, rough_solver(), &self.nothing_known())
     }
 
     fn here(&self) -> Vec<f64> {
@@ -119,7 +127,19 @@ impl Problem<'_> {
     /// One minimisation, with derivatives from Broyden's update (1965, Mathematics of Computation 19, 577) of those at the start;
     /// those of the first parameters may be `known`.
     fn minimise_once(&self, start: &[f64], solver: LevenbergMarquardt<f64>, known: &DMatrix<f64>) -> Optimum {
-        let moving: Vec<usize> = (0..start.len()).filter(|&index| !self.parameters[index].is_event_epoch).collect();
+        self.minimise_some(start, solver, known, |_| true)
+    }
+
+    /// The same with some of the parameters.
+    fn minimise_some(
+        &self,
+        start: &[f64],
+        solver: LevenbergMarquardt<f64>,
+        known: &DMatrix<f64>,
+        moves: impl Fn(usize) -> bool,
+    ) -> Optimum {
+        let moving: Vec<usize> =
+            (0..start.len()).filter(|&index| moves(index) && !self.parameters[index].is_event_epoch).collect();
         if moving.is_empty() {
             return self.state(start);
         }

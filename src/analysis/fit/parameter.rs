@@ -48,6 +48,10 @@ const FEATHER: f64 = 0.03;
 /// Multiple of the smallest value in a fit, up to which a value that must be above 0 is at its bound.
 const NEXT_TO_NOTHING: f64 = 1e3;
 
+/// Decades above a typical change that are searched for a value whose size is unknown, and steps in each.
+const UNKNOWN_DECADES: f64 = 6.0;
+const STEPS_PER_DECADE: f64 = 4.0;
+
 /// Upper bounds above this are not physical.
 const BOUNDLESS: f64 = 1e3;
 
@@ -198,9 +202,14 @@ impl Parameter {
         ((value - step).max(least), high)
     }
 
-    /// A random value, from a random number between 0 and 1: within a factor of 10, the allowed range, or two typical changes.
+    /// A random value, from a random number between 0 and 1: within a factor of 10, the allowed range, or two typical changes; from a
+    /// start at its bound, within six decades.
     pub fn elsewhere(&self, chance: f64) -> f64 {
         let value = match self.scale {
+            // A start at the bound says nothing of the size.
+            Scale::From if self.start <= self.low => {
+                self.low + self.size() * 10_f64.powf((UNKNOWN_DECADES + 1.0) * chance - 1.0)
+            }
             Scale::Log | Scale::From => {
                 let size = if self.start > self.low { self.start - self.low } else { self.size() };
                 self.low.max(0.0) + size * 10_f64.powf(2.0 * chance - 1.0)
@@ -229,10 +238,19 @@ impl Parameter {
             moved.max(self.least()).min(self.high)
         };
         let both = distances.iter().flat_map(|distance| [at(-distance), at(*distance)]);
-        let mut values: Vec<f64> = both.chain([self.start]).filter(|other| *other != value).collect();
+        let far = self.far_from_bound(value);
+        let mut values: Vec<f64> = both.chain([self.start]).chain(far).filter(|other| *other != value).collect();
         values.sort_by(f64::total_cmp);
         values.dedup();
         values
+    }
+
+    /// Values of all sizes, if a value with one bound is at it: it says nothing of the size of others.
+    fn far_from_bound(&self, value: f64) -> impl Iterator<Item = f64> {
+        let is_at_it = self.scale == Scale::From && self.at_bound(value) == Some(self.low);
+        let steps = if is_at_it { (UNKNOWN_DECADES * STEPS_PER_DECADE) as i32 } else { 0 };
+        let far = |step: i32| self.low + self.size() * 10_f64.powf(f64::from(step) / STEPS_PER_DECADE);
+        (1..=steps).map(far).filter(|far| *far <= self.high)
     }
 
     /// Whether a value is at a bound, to a fraction of a typical change.

@@ -35,6 +35,11 @@ fn moved(without: &Crossing, with: &NoisyCrossing, launch: chrono::NaiveDate) ->
             Some(_) => format!("not exceeded with noise{used}"),
         };
     };
+    if with.error_yr.is_some_and(|error_yr| error_yr > t_yr) {
+        return "no date: the standard error of |delta e| is larger than its change since launch; more realisations give one \
+                (accuracy.noise_realisations)"
+            .into();
+    }
     let date = date_after(launch, t_yr).map_or(format!("{t_yr:.3} yr"), |date| date.to_string());
     let error = with.error_yr.map_or(String::new(), |error| format!(" +- {:.0} d", error * DAYS_PER_YEAR));
     let shift = match with.earlier_yr {
