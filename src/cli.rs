@@ -110,9 +110,18 @@ enum Outcome {
     NotMet,
 }
 
+/// The same command whose options take negative numbers for values: their ranges refuse those that are not allowed.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let takes_values = |arg: clap::Arg| {
+        let takes_values = arg.get_action().takes_values() && !arg.is_positional();
+        if takes_values { arg.allow_negative_numbers(true) } else { arg }
+    };
+    command.mut_args(takes_values).mut_subcommands(with_negative_numbers)
+}
+
 /// Runs the program with these arguments (the first is its name) and returns its exit status.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    let parsed = Cli::command().try_get_matches_from(arguments);
+    let parsed = with_negative_numbers(Cli::command()).try_get_matches_from(arguments);
     let parsed = parsed.and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, matches)));
     let (cli, matches) = match parsed {
         Ok(parsed) => parsed,

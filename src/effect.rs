@@ -191,9 +191,8 @@ pub trait Catalogued: Effect + DeserializeOwned + 'static {
     }
 
     /// Values (in the unit of each key), by dotted key, with which a fitted mission gives the same predictions and is easier to
-    /// read, such as a time within the mission; empty if it already is. `key` is that of the table, `given` the mission before the
-    /// fit of the `free` keys.
-    fn plainer(_fitted: &Mission, _given: &Mission, _free: &[String], _key: &str) -> Vec<(String, f64)> {
+    /// read, such as a time within the mission; empty if it already is. `key` is that of the table.
+    fn plainer(_after: &AfterFit, _key: &str) -> Vec<(String, f64)> {
         Vec::new()
     }
 
@@ -217,8 +216,21 @@ pub struct Refusal {
     pub help: Option<String>,
 }
 
-/// Fitted mission, mission before the fit, free keys and the key of a table → values, by dotted key (see [`Catalogued::plainer`]).
-pub type Plainer = fn(&Mission, &Mission, &[String], &str) -> Vec<(String, f64)>;
+/// A fit, as effects see it.
+#[derive(Clone, Copy, Debug)]
+pub struct AfterFit<'a> {
+    /// The fitted mission.
+    pub fitted: &'a Mission,
+    /// The mission before the fit.
+    pub given: &'a Mission,
+    /// Keys of the mission, apart from effects that were added, that were free.
+    pub free: &'a [String],
+    /// Epochs of the data, years since launch, ascending.
+    pub epochs_yr: &'a [f64],
+}
+
+/// A fit and the key of a table → values, by dotted key (see [`Catalogued::plainer`]).
+pub type Plainer = fn(&AfterFit, &str) -> Vec<(String, f64)>;
 
 /// One line of the catalogue.
 pub struct Entry {

@@ -739,7 +739,7 @@ pub(crate) fn image_shape(hdu: &Hdu) -> Result<(usize, usize), InputError> {
             "unpack the file first, with funpack or astropy",
         ),
         HduKind::Empty => refusal("it has no data", "choose others with --hdu"),
-        HduKind::NoImage => refusal("it is no image", "choose others with --hdu"),
+        HduKind::NoImage => refusal("it is not an image", "choose others with --hdu"),
     }
 }
 

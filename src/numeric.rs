@@ -1,5 +1,6 @@
 //! Numbers and dates: general numerical tools, independent of CCDs.
 
+pub mod aliases;
 pub(crate) mod autocorrelation;
 pub mod calendar;
 pub mod estimate;

@@ -256,12 +256,13 @@ impl fmt::Display for Warning {
             ),
             Warning::Secondaries { lost, neutrons, counted } => write!(
                 out,
-                "nuclear reactions in the shield take {:.0} % of the dose and add {:.0} % by neutrons, to a factor of 2: they are \
-                 {}counted{}",
+                "nuclear reactions in the shield are {}included: they {} {:.0} % of the dose and add {:.0} % by neutrons, uncertain by \
+                 a factor of 2{}",
+                if *counted { "" } else { "not " },
+                if *counted { "remove" } else { "would remove" },
                 100.0 * lost,
                 100.0 * neutrons,
-                if *counted { "" } else { "not " },
-                if *counted { "" } else { "; shielding.secondaries = \"estimated\" counts them" }
+                if *counted { "" } else { "; to include them: shielding.secondaries = \"estimated\"" }
             ),
             Warning::CosmicRaysTwice { floor_mev_g_yr } => write!(
                 out,
@@ -329,9 +330,8 @@ impl fmt::Display for Warning {
             ),
             Warning::ReleasesInPlace { species, over_line } => write!(
                 out,
-                "{species} releases after {over_line:.3e} line times, before its packet has left the pixel: in a CCD nearly \
-                 all of these electrons return to their own packet; here a transfer is one step, and they join the packet \
-                 behind, so the trail of {species} is too strong: name the phases of the clock in [readout.clock]"
+                "{species}: the release time is {over_line:.3} line times. In a CCD nearly all of these electrons return to their own \
+                 packet. Without [readout.clock] they join the packet behind, and the trail of {species} is overestimated"
             ),
             Warning::CarriedTraps => write!(
                 out,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -58,12 +59,13 @@ class Detector:
     strides are taken. float32 comes back as float32, everything else as float64.
     """
 
-    __slots__ = ("_inner", "mission")
+    __slots__ = ("_given", "_inner", "mission")
 
     mission: Mission
 
     def __init__(self, mission: Mission, t_yr: float | None = None, *, dose_mev_g: float | None = None) -> None:
         self.mission = mission
+        self._given = (t_yr, dose_mev_g)
         self._inner = _ctiplan.Detector(mission._inner, t_yr=t_yr, dose_mev_g=dose_mev_g)
 
     @property
@@ -132,7 +134,7 @@ class Detector:
         layout = _layout(
             axis, corner, split, prescan, overscan, overscan_rows, transfers_before, charge_before_e, serial_transfers_before
         )
-        return give_back(self._inner.readout(charge, layout, factors(trap_map, frame), relative))
+        return give_back(self._inner.readout(charge, layout, factors(trap_map, frame), real("relative", relative)))
 
     def correct(
         self,
@@ -178,11 +180,11 @@ class Detector:
             axis, corner, split, prescan, overscan, overscan_rows, transfers_before, charge_before_e, serial_transfers_before
         )
         options = {
-            "tolerance": tolerance,
-            "tolerance_e": tolerance_e,
+            "tolerance": real("tolerance", tolerance),
+            "tolerance_e": None if tolerance_e is None else real("tolerance_e", tolerance_e),
             "iterations": iterations,
-            "relative": relative,
-            "read_noise_e": read_noise_e,
+            "relative": real("relative", relative),
+            "read_noise_e": None if read_noise_e is None else real("read_noise_e", read_noise_e),
         }
         found = self._inner.correct(charge, layout, factors(trap_map, frame), options)
         return Corrected(
@@ -195,8 +197,15 @@ class Detector:
             missing_px=found["missing_px"],
         )
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _detector_of, (self.mission, *self._given)
+
     def __repr__(self) -> str:
         return f"<Detector of {self.mission.name!r} at {self.t_yr} yr, {self.dose_mev_g:.3e} MeV/g>"
+
+
+def _detector_of(mission: Mission, t_yr: float | None, dose_mev_g: float | None) -> Detector:
+    return Detector(mission, t_yr, dose_mev_g=dose_mev_g)
 
 
 def _layout(
@@ -220,6 +229,9 @@ def _layout(
     }
     for name, count in counts.items():
         whole(name, count, 0, 1_000_000)
+    one_of("axis", axis, get_args(Axis))
+    one_of("corner", corner, get_args(Corner))
+    one_of("split", split, (None, *get_args(Split)))
     return {
         "axis": axis,
         "corner": corner,
@@ -228,9 +240,27 @@ def _layout(
         "overscan": overscan,
         "overscan_rows": overscan_rows,
         "transfers_before": transfers_before,
-        "charge_before_e": charge_before_e,
+        "charge_before_e": real("charge_before_e", charge_before_e),
         "serial_transfers_before": serial_transfers_before,
     }
+
+
+def one_of(name: str, value: Any, allowed: tuple[str | None, ...]) -> None:
+    """A word of some, or a refusal that names it."""
+    if value not in allowed:
+        words = ", ".join(repr(word) for word in allowed)
+        raise InputError(f"cannot use {name} = {value!r}", None, f"allowed: {words}")
+
+
+def real(name: str, value: Any) -> float:
+    """A finite number, or a refusal that names it."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if isinstance(value, (str, bool)) or not math.isfinite(number):
+        raise InputError(f"cannot use {name} = {value!r}", None, "allowed: a finite number")
+    return number
 
 
 def whole(name: str, value: Any, least: int, most: int) -> int:
@@ -281,6 +311,8 @@ def values(frame: Any, *, unit: str | None) -> np.ndarray:
     """
     said = getattr(frame, "unit", None)
     mask = getattr(frame, "mask", None)
+    # A method of that name, as pandas has, is none.
+    mask = None if callable(mask) else mask
     given = np.asarray(getattr(frame, "data", frame) if said is not None and not isinstance(frame, np.ndarray) else frame)
     if given.dtype.kind not in "fiub":
         raise TypeError(f"a frame of real numbers is needed; found dtype {given.dtype}")

@@ -128,10 +128,11 @@ class DataSet:
     Made by :meth:`read` or :meth:`from_table`.
     """
 
-    __slots__ = ("_inner",)
+    __slots__ = ("_inner", "_mission")
 
-    def __init__(self, inner: _ctiplan.DataSet) -> None:
+    def __init__(self, inner: _ctiplan.DataSet, mission: Mission) -> None:
         self._inner = inner
+        self._mission = mission
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], mission: Mission) -> DataSet:
@@ -142,7 +143,7 @@ class DataSet:
         InputError
             Where the file cannot be read or makes no sense for the mission, with its line and column.
         """
-        return cls(_ctiplan.DataSet.read(os.fspath(path), mission._inner))
+        return cls(_ctiplan.DataSet.read(os.fspath(path), checked(mission)._inner), mission)
 
     @classmethod
     def from_table(cls, table: Any, mission: Mission, *, name: str = "table", **meta: Any) -> DataSet:
@@ -160,7 +161,7 @@ class DataSet:
         **meta
             Entries of ``meta`` beside the table's, such as ``observable="trail"``, or conditions that all rows share.
         """
-        return cls(_ctiplan.DataSet.parse(name, _tables.to_ecsv(table, meta), mission._inner))
+        return dataset_of(name, _tables.to_ecsv(table, meta), checked(mission))
 
     @property
     def name(self) -> str:
@@ -204,5 +205,20 @@ class DataSet:
     def __len__(self) -> int:
         return len(self._inner)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dataset_of, (self.name, self.to_ecsv(), self._mission)
+
     def __repr__(self) -> str:
         return f"<DataSet {self.name!r}, {self.observable}, {len(self)} rows>"
+
+
+def dataset_of(name: str, text: str, mission: Mission) -> DataSet:
+    """Measurements from the text of a file (ECSV or CSV)."""
+    return DataSet(_ctiplan.DataSet.parse(name, text, mission._inner), mission)
+
+
+def checked(mission: Any) -> Mission:
+    """A mission, or a refusal of anything else."""
+    if not isinstance(mission, Mission):
+        raise TypeError(f"a mission is needed, as Mission.read(path) gives it; found {type(mission).__name__}")
+    return mission

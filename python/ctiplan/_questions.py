@@ -11,7 +11,7 @@ import numpy as np
 from ctiplan import _ctiplan
 from ctiplan._detector import whole
 from ctiplan._errors import InputError
-from ctiplan._mission import DataSet, Mission
+from ctiplan._mission import DataSet, Mission, checked
 from ctiplan._results import Comparison, Diagnosis, Evaluation, Fit, Validation
 
 #: Called with a stage, the steps done, and their number (0 where it is not known), from the thread that asked.
@@ -201,9 +201,7 @@ def diagnose(
 
 
 def _mission(mission: Mission) -> _ctiplan.Mission:
-    if not isinstance(mission, Mission):
-        raise TypeError(f"a mission is needed, as Mission.read(path) gives it; found {type(mission).__name__}")
-    return mission._inner
+    return checked(mission)._inner
 
 
 def _several(data: DataSet | Iterable[DataSet]) -> list[_ctiplan.DataSet]:

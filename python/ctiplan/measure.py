@@ -35,9 +35,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ctiplan import _ctiplan
-from ctiplan._detector import values
+from ctiplan._detector import real, values, whole
 from ctiplan._errors import InputError
-from ctiplan._mission import DataSet, Mission
+from ctiplan._mission import DataSet, Mission, checked, dataset_of
 
 if TYPE_CHECKING:
     import pandas
@@ -96,7 +96,7 @@ class Measurement:
 
     def data_set(self, mission: Mission, *, name: str | None = None) -> DataSet:
         """The measurements for a mission."""
-        return DataSet(_ctiplan.DataSet.parse(name or self.observable, self._ecsv, mission._inner))
+        return dataset_of(name or self.observable, self._ecsv, checked(mission))
 
     def __str__(self) -> str:
         return self._text
@@ -297,6 +297,9 @@ _TOLD: dict[str, Any] = {
     "pumping_cycles": None,
 }
 
+# Options that are numbers.
+_NUMBERS = ("gain", "bias", "saturated_dn", "t_yr", "dose_mev_g", "temperature_k", "line_time_ms", "phase_time_ms")
+
 # What a table of amplifiers tells.
 _IN_TABLE = (
     "gain",
@@ -328,7 +331,14 @@ def _measure(frames: Any, way: dict[str, Any], overscan_start: int | None, optio
         for name in set(options) & set(_IN_TABLE):
             raise TypeError(f"{name} is told by the table of amplifiers: give one")
     if told["date"] is not None and not isinstance(told["date"], str):
+        if not hasattr(told["date"], "isoformat"):
+            raise TypeError(f"date: a date or its text is needed; found {told['date']!r}")
         told["date"] = told["date"].isoformat()
+    for name in _NUMBERS:
+        if told.get(name) is not None:
+            told[name] = real(name, told[name])
+    for name in ("prescan", "overscan", "overscan_rows", "transfers_before"):
+        whole(name, layout[name], 0, 1_000_000)
     if overscan_start is not None:
         layout["overscan_rows"] = _rows_behind(given, overscan_start, layout)
     tables, text, document = _ctiplan.measure(given, layout, told, way, progress)

@@ -50,7 +50,9 @@ impl Watch {
 
     fn now(&self) -> (String, u64, u64) {
         let stage = self.stage.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone();
-        (stage, self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed))
+        let (done, total) = (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed));
+        // A search may take more steps than it expected.
+        (stage, done, if total > 0 { total.max(done) } else { 0 })
     }
 }
 

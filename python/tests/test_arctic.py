@@ -291,11 +291,9 @@ def test_charge_that_is_none_stays_in_its_column(frame):
 def test_the_first_column_does_not_depend_on_traps_between_columns():
     # The packets of 1 and 8 e- give the traps all they have, and leave layers of equal volume: what the next one fills was lost once.
     column = np.array([[2.0, -12.0, -4.0, 1.0, 8.0, 1206.0]]).T
-    traps, ccd = [TrapInstantCapture(2.0, 0.6)], CCD(full_well_depth=6e4, well_fill_power=0.42)
-    alone, joined = (
-        add_cti(column, parallel_traps=traps, parallel_ccd=ccd, parallel_roe=ROE(prescan_offset=400, empty_traps_between_columns=empty))
-        for empty in (True, False)
-    )
+    traps, ccd = [arctic.TrapInstantCapture(2.0, 0.6)], arctic.CCD(full_well_depth=6e4, well_fill_power=0.42)
+    roes = [arctic.ROE(prescan_offset=400, empty_traps_between_columns=empty) for empty in (True, False)]
+    alone, joined = (arctic.add_cti(column, parallel_traps=traps, parallel_ccd=ccd, parallel_roe=roe) for roe in roes)
     # arcticpy 2.6, both.
     expected = [1.9737, -3.4197, -2.3754, 0.0, 0.0, 1061.9839]
     assert np.abs(joined[:, 0] - expected).max() < 1e-4

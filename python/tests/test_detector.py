@@ -1,5 +1,8 @@
 """Frames through a detector."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -76,6 +79,9 @@ def test_frames_that_are_none_are_refused(detector, frame):
         detector.readout(frame.astype(complex))
     with pytest.raises(cp.InputError, match="corner"):
         detector.readout(frame, corner="middle")
+    for wrong in ({"corner": None}, {"axis": 1}, {"split": True}, {"charge_before_e": "x"}, {"relative": "x"}):
+        with pytest.raises(cp.InputError, match=next(iter(wrong))):
+            detector.readout(frame, **wrong)
     with pytest.raises(cp.InputError, match="prescan"):
         detector.readout(frame, prescan=30)
     with pytest.raises(cp.InputError, match="serial"):
@@ -153,6 +159,22 @@ def test_units_and_masks_of_frames_are_heeded(detector, frame):
         assert np.array_equal(detector.readout(masked), expected, equal_nan=True)
         assert detector.correct(masked).missing_px == 1
     assert detector.readout(frame.astype(">f4")).dtype == np.float32
+    pandas = pytest.importorskip("pandas")
+    assert np.array_equal(detector.readout(pandas.DataFrame(frame)), detector.readout(frame))
+
+
+def test_detectors_and_measurements_go_to_other_processes(detector, snap, frame):
+    expected = detector.readout(frame)
+    for back in (pickle.loads(pickle.dumps(detector)), copy.deepcopy(detector)):
+        assert np.array_equal(back.readout(frame), expected) and back.mission == snap
+    dosed = snap.detector_at(dose_mev_g=1e6)
+    assert pickle.loads(pickle.dumps(dosed)).dose_mev_g == 1e6
+    columns = {"t_yr": [1.0, 2.0], "value": [1e6, 2e6], "sigma": [1e5, 1e5]}
+    data = cp.DataSet.from_table(columns, snap, observable="dose")
+    for back in (pickle.loads(pickle.dumps(data)), copy.deepcopy(data)):
+        assert back.to_ecsv() == data.to_ecsv() and np.array_equal(back.sigma, data.sigma)
+    with pytest.raises(TypeError, match="a mission is needed"):
+        cp.DataSet.from_table(columns, None, observable="dose")
 
 
 def test_counts_that_are_none_are_refused(detector, frame):

@@ -173,6 +173,7 @@ impl Task<'_> {
             }
             let refusal = refusal
                 .or_else(|| data_quality::errors_beyond(noise))
+                .or_else(|| data_quality::errors_too_large(evidence.case(), evidence.base))
                 .or_else(|| data_quality::contradictory(evidence.case()));
             let mut found = match (refusal, selected) {
                 (Some(reason), _) => Found::of(Verdict::Unfit, reason, vec![evidence.base.clone()]),

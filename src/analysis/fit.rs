@@ -31,6 +31,7 @@ use crate::mission::Mission;
 use crate::model::Model;
 pub(crate) use elsewhere::is_another;
 pub(crate) use minimise::helped;
+pub(crate) use plainer::epochs_yr;
 pub(crate) use problem::{Optimum, Problem};
 pub use result::{Advice, Fit, Fitted, Minimum};
 pub use solve::Options;

@@ -270,8 +270,8 @@ impl Reader<'_> {
         for (name, place) in columns.chain(numbers) {
             self.check_sigma_of(name, &place)?;
             if let Some(condition) = slip_of(name) {
-                let problem = format!("`{name}` is no condition, but nearly `{condition}`, which is one");
-                let help = format!("write `{condition}`, or give a covariate a name that is less like it");
+                let problem = format!("`{name}` is not a condition, and resembles `{condition}`");
+                let help = format!("write `{condition}`, or give a covariate a name that is less similar");
                 return Err(self.table.fault(None, Some(&place), problem).with_help(help));
             }
         }
@@ -657,7 +657,7 @@ impl Reader<'_> {
         }
         let moment = cell.moment(column.and_then(|column| column.time.as_ref())).ok_or_else(|| {
             let help = "write 2030-06-01, or 2030-06-01T12:00:00; numbers need astropy's Time (mjd, jd, decimalyear)";
-            self.table.fault(Some(row), Some(place), "this is no date").with_help(help)
+            self.table.fault(Some(row), Some(place), "this is not a date").with_help(help)
         })?;
         let launch = self.mission.mission.launch.0.and_hms_opt(0, 0, 0).expect("midnight");
         let t_yr = (moment - launch).as_seconds_f64() / 86_400.0 / DAYS_PER_YEAR;

@@ -88,6 +88,13 @@ impl Measured {
     /// The mission and its measurements.
     pub fn read(&self) -> Result<(Mission, Vec<DataSet>), InputError> {
         let mission = self.mission.read()?;
+        let place = |path: &InputFile| Path::new(&**path).canonicalize().ok();
+        for (index, path) in self.data.iter().enumerate() {
+            if self.data[..index].iter().any(|other| place(path).is_some() && place(other) == place(path)) {
+                let problem = format!("duplicate file `{}`: its rows would count twice", path.display());
+                return Err(InputError::new("cannot use the measurements", problem).with_help("give each file once"));
+            }
+        }
         let data = self.data.iter().map(|path| DataSet::read(path, &mission)).collect::<Result<_, _>>()?;
         Ok((mission, data))
     }

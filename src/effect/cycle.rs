@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::reach::ratios;
-use super::{Card, Catalogued, Effect, Reach, numbers};
+use super::{AfterFit, Card, Catalogued, Effect, Reach, numbers};
 use crate::mission::Mission;
 use crate::mission::keys::{Allowed::Number, Key, Need::Required, key, percentage};
 use crate::numeric::calendar::decimal_year;
@@ -74,7 +74,8 @@ impl Catalogued for Cycle {
     }
 
     /// The maximum nearest to the middle of the mission.
-    fn plainer(fitted: &Mission, _: &Mission, _: &[String], key: &str) -> Vec<(String, f64)> {
+    fn plainer(after: &AfterFit, key: &str) -> Vec<(String, f64)> {
+        let fitted = after.fitted;
         let number = |name: &str| fitted.number(&format!("{key}.{name}")).expect("a required number");
         let middle = decimal_year(fitted.mission.launch.0) + 0.5 * fitted.mission.duration_yr;
         let (peak, period_yr) = (number("peak"), number("period_yr"));
@@ -115,7 +116,7 @@ mod tests {
         let mission = Mission::read("missions/snap_l2.toml").unwrap();
         let middle = decimal_year(mission.mission.launch.0) + 0.5 * mission.mission.duration_yr;
         let (far, key) = add_effect(&mission, "cycle", table(0.4, 7.0, middle + 1.5 - 17.0 * 7.0)).unwrap();
-        let values = Cycle::plainer(&far, &mission, &[], &key);
+        let values = plainer(&far, &mission, &key);
         assert_eq!(values.len(), 1);
         assert!((values[0].1 - middle - 1.5).abs() < 1e-9, "{values:?}");
         let near = far.with(&[(values[0].0.clone(), values[0].1.into())]).unwrap();
@@ -123,6 +124,10 @@ mod tests {
             let [a, b] = [&far, &near].map(|mission| Model::new(mission).dose_mev_g(t_yr).unwrap());
             assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
         }
-        assert!(Cycle::plainer(&near, &mission, &[], &key).is_empty());
+        assert!(plainer(&near, &mission, &key).is_empty());
+    }
+
+    fn plainer(fitted: &Mission, given: &Mission, key: &str) -> Vec<(String, f64)> {
+        Cycle::plainer(&AfterFit { fitted, given, free: &[], epochs_yr: &[] }, key)
     }
 }

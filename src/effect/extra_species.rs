@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::reach::ratios;
-use super::{Card, Catalogued, Effect, Reach, Refusal, new_name, numbers, tables};
+use super::{AfterFit, Card, Catalogued, Effect, Reach, Refusal, new_name, numbers, tables};
 use crate::mission::keys::{self, Allowed::Number, Need::Default, Need::Optional, Need::Required, key};
 use crate::mission::{Detector, Mission, Species};
 
@@ -79,7 +79,8 @@ impl Catalogued for ExtraSpecies {
 
     /// If a fit has moved a species with free density and release time away from its release time, and the extra species is now
     /// nearer to it, both exchange their values.
-    fn plainer(fitted: &Mission, given: &Mission, free: &[String], key: &str) -> Vec<(String, f64)> {
+    fn plainer(after: &AfterFit, key: &str) -> Vec<(String, f64)> {
+        let AfterFit { fitted, given, free, .. } = *after;
         let own = |name: &str| format!("{key}.{name}");
         let of = |species: &Species, name: &str| format!("detector.traps.{}.{name}", species.name);
         let extra_ms = fitted.number(&own("release_ms")).expect("a required number");
@@ -150,13 +151,17 @@ mod tests {
             add_effect(&at, ExtraSpecies::CARD.kind, table).unwrap()
         };
         let (away, key) = fitted(0.01 * release_ms, 1.1 * release_ms);
-        let mut swapped = ExtraSpecies::plainer(&away, &given, &keys, &key);
+        let mut swapped = plainer(&away, &given, &keys, &key);
         swapped.sort_by(|a, b| a.0.cmp(&b.0));
         let values: Vec<f64> = swapped.iter().map(|(_, value)| *value).collect();
         assert_eq!(values, [density_per_px, 1.1 * release_ms, 0.5, 0.01 * release_ms], "{swapped:?}");
         // Fixed parameters cannot be exchanged, and a species at its original release time need not be.
-        assert!(ExtraSpecies::plainer(&away, &given, &keys[..1], &key).is_empty());
+        assert!(plainer(&away, &given, &keys[..1], &key).is_empty());
         let (here, key) = fitted(1.1 * release_ms, 0.01 * release_ms);
-        assert!(ExtraSpecies::plainer(&here, &given, &keys, &key).is_empty());
+        assert!(plainer(&here, &given, &keys, &key).is_empty());
+    }
+
+    fn plainer(fitted: &Mission, given: &Mission, free: &[String], key: &str) -> Vec<(String, f64)> {
+        ExtraSpecies::plainer(&AfterFit { fitted, given, free, epochs_yr: &[] }, key)
     }
 }

@@ -4,10 +4,11 @@ use std::f64::consts::TAU;
 
 use serde::Deserialize;
 
-use super::{Card, Catalogued, Effect, Reach, Refusal, numbers};
+use super::{AfterFit, Card, Catalogued, Effect, Reach, Refusal, numbers};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::mission::keys::{Allowed::Number, Key, Need::Required, key};
+use crate::numeric::aliases::{Wave, even_spacing};
 use crate::physics::conditions::Conditions;
 
 /// `[effects.temperature-cycle]`
@@ -73,12 +74,15 @@ impl Catalogued for TemperatureCycle {
         periods.flat_map(phases).map(|(period_yr, phase)| vec![table(0.5, period_yr, phase * period_yr)]).collect()
     }
 
-    /// The first maximum after launch.
-    fn plainer(fitted: &Mission, _: &Mission, _: &[String], key: &str) -> Vec<(String, f64)> {
-        let number = |name: &str| fitted.number(&format!("{key}.{name}")).expect("a required number");
-        let (warmest_t_yr, period_yr) = (number("warmest_t_yr"), number("period_yr"));
-        let first = warmest_t_yr.rem_euclid(period_yr);
-        if first == warmest_t_yr { Vec::new() } else { vec![(format!("{key}.warmest_t_yr"), first)] }
+    /// The longest period of those that evenly spaced epochs do not distinguish, and the first maximum after launch.
+    fn plainer(after: &AfterFit, key: &str) -> Vec<(String, f64)> {
+        let of = |name: &str| format!("{key}.{name}");
+        let number = |name: &str| after.fitted.number(&of(name)).expect("a required number");
+        let found = Wave { period: number("period_yr"), maximum: number("warmest_t_yr") };
+        let longest = longest_alias(found, after.epochs_yr).unwrap_or(found);
+        let first = Wave { maximum: longest.maximum.rem_euclid(longest.period), ..longest };
+        let both = [("period_yr", first.period, found.period), ("warmest_t_yr", first.maximum, found.maximum)];
+        both.into_iter().filter(|(_, new, old)| new != old).map(|(name, new, _)| (of(name), new)).collect()
     }
 
     fn held(reach: &Reach) -> &'static [&'static str] {
@@ -99,6 +103,14 @@ fn table(amplitude_k: f64, period_yr: f64, warmest_t_yr: f64) -> toml::Table {
     numbers(&[("amplitude_k", amplitude_k), ("period_yr", period_yr), ("warmest_t_yr", warmest_t_yr)])
 }
 
+/// The longest wave with the same values at evenly spaced epochs, if it is longer, and no longer than the epochs span.
+fn longest_alias(wave: Wave, epochs_yr: &[f64]) -> Option<Wave> {
+    let spacing_yr = even_spacing(epochs_yr)?;
+    let (first_yr, last_yr) = (epochs_yr[0], epochs_yr[epochs_yr.len() - 1]);
+    let aliases = wave.aliases(first_yr, spacing_yr).into_iter();
+    aliases.filter(|alias| alias.period <= last_yr - first_yr).find(|alias| alias.period > wave.period)
+}
+
 impl Effect for TemperatureCycle {
     fn conditions(&self, at: &mut Conditions) -> Result<(), InputError> {
         at.temperature_k += self.amplitude_k * (TAU * (at.t_yr - self.warmest_t_yr) / self.period_yr).cos();
@@ -116,7 +128,7 @@ mod tests {
         let mission = Mission::read("missions/snap_l2.toml").unwrap();
         for (warmest_t_yr, first) in [(-3.4, 1.1), (7.25, 1.25)] {
             let (far, key) = add_effect(&mission, "temperature-cycle", table(2.0, 1.5, warmest_t_yr)).unwrap();
-            let values = TemperatureCycle::plainer(&far, &mission, &[], &key);
+            let values = plainer(&far, &mission, &key, &[]);
             assert!(values.len() == 1 && (values[0].1 - first).abs() < 1e-12, "{values:?}");
             let kelvin = |warmest_t_yr: f64| {
                 let mut at = Conditions::of(&mission, 2.3);
@@ -127,6 +139,22 @@ mod tests {
             assert!((kelvin(warmest_t_yr) - kelvin(values[0].1)).abs() < 1e-9);
         }
         let (near, key) = add_effect(&mission, "temperature-cycle", table(2.0, 1.5, 0.6)).unwrap();
-        assert!(TemperatureCycle::plainer(&near, &mission, &[], &key).is_empty());
+        assert!(plainer(&near, &mission, &key, &[]).is_empty());
+    }
+
+    fn plainer(fitted: &Mission, given: &Mission, key: &str, epochs_yr: &[f64]) -> Vec<(String, f64)> {
+        TemperatureCycle::plainer(&AfterFit { fitted, given, free: &[], epochs_yr }, key)
+    }
+
+    /// Epochs 0.636 yr apart do not tell a period of 1.0032 yr from one of 1.74 yr.
+    #[test]
+    fn of_periods_that_the_epochs_do_not_distinguish_the_longest_is_taken() {
+        let mission = Mission::read("missions/snap_l2.toml").unwrap();
+        let epochs_yr: Vec<f64> = (0..12).map(|place| 0.5 + 7.0 / 11.0 * f64::from(place)).collect();
+        let (short, key) = add_effect(&mission, "temperature-cycle", table(3.0, 1.0032, 0.4)).unwrap();
+        let values = plainer(&short, &mission, &key, &epochs_yr);
+        assert!(values.len() == 2 && (values[0].1 - 1.740).abs() < 0.001, "{values:?}");
+        let uneven: Vec<f64> = epochs_yr.iter().map(|t_yr| t_yr + 0.05 * (7.0 * t_yr).sin()).collect();
+        assert!(plainer(&short, &mission, &key, &uneven).is_empty());
     }
 }

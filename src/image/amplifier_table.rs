@@ -179,7 +179,7 @@ impl AmplifierTable {
         let row = &self.rows[index];
         let cells = Cells { table: &self.table, row: index };
         if matches!(hdu.kind, HduKind::Empty | HduKind::NoImage) {
-            return Err(self.fault(index, "hdu", format!("{hdu} is no image")));
+            return Err(self.fault(index, "hdu", format!("{hdu} is not an image")));
         }
         let shape = image_shape(hdu).map_err(|error| self.refused(error))?;
         let own = |error: InputError| self.refused(error);

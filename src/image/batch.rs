@@ -131,7 +131,7 @@ fn outputs(inputs: &[&Path], folder: &Path) -> Result<Vec<PathBuf>, InputError> 
     let mut outputs = Vec::new();
     for input in inputs {
         let Some(name) = input.file_name() else {
-            return Err(InputError::new(format!("cannot read `{}`", input.display()), "this is no file"));
+            return Err(InputError::new(format!("cannot read `{}`", input.display()), "this is not a file"));
         };
         let output = folder.join(name);
         let of = |path: &Path| {

@@ -96,7 +96,7 @@ impl Fits {
         }
         let length = file.metadata().map_err(|error| refusal(error.to_string()))?.len();
         if begin != b"SIMPLE" {
-            return Err(refusal("this is no FITS file: its first card is not SIMPLE".into()));
+            return Err(refusal("this is not a FITS file: its first card is not SIMPLE".into()));
         }
         let mut fits = Fits { file, name, hdus: Vec::new(), length };
         let mut start = 0;
@@ -338,7 +338,7 @@ impl Hdu {
     fn integer(&self, keyword: &str) -> Result<i64, String> {
         match self.value(keyword) {
             Some(Value::Integer(value)) => Ok(*value),
-            Some(_) => Err(format!("{keyword} is no whole number")),
+            Some(_) => Err(format!("{keyword} is not a whole number")),
             None => Err(format!("its header has no {keyword}")),
         }
     }

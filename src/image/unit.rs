@@ -97,7 +97,7 @@ impl Unit {
             }
             (Written::Other | Written::Rate, None) => {
                 return refusal(
-                    format!("BUNIT = '{bunit}' is no number of electrons, and no gain was given"),
+                    format!("BUNIT = '{bunit}' is not a number of electrons, and no gain was given"),
                     "give --gain-e-per-dn, electrons per unit of the image",
                 );
             }
@@ -132,7 +132,7 @@ pub(crate) fn number_of(keyword: &str, hdu: &Hdu, primary: &Hdu, help: &str) -> 
     match hdu.value(keyword).or_else(|| primary.value(keyword)) {
         Some(Value::Float(number)) => Ok(*number),
         Some(Value::Integer(number)) => Ok(*number as f64),
-        Some(_) => Err(InputError::new(hdu.to_string(), format!("{keyword} is no number"))),
+        Some(_) => Err(InputError::new(hdu.to_string(), format!("{keyword} is not a number"))),
         None => Err(InputError::new(hdu.to_string(), format!("neither its header nor the primary one has {keyword}"))
             .with_help(help)),
     }

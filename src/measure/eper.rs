@@ -250,12 +250,12 @@ fn is_edge(about: &About, edge: &Edge) -> Result<(), InputError> {
     let signal_e = edge.signal.value;
     if signal_e <= 0.0 {
         return refused(format!(
-            "the last rows of the image hold {signal_e:.1} e- above the bias: this is no flat field"
+            "the last rows of the image hold {signal_e:.1} e- above the bias: this is not a flat field"
         ));
     }
     match edge.trail.first().copied().flatten() {
         Some(next) if next.value > MOST_BEHIND * signal_e => refused(format!(
-            "the last rows of the image hold {signal_e:.1} e- above the bias, the row behind them {:.1} e-: this is no edge",
+            "the last rows of the image hold {signal_e:.1} e- above the bias, the row behind them {:.1} e-: this is not an edge",
             next.value
         )),
         _ => Ok(()),

@@ -487,7 +487,7 @@ fn moment(keyword: &str, hdu: &Hdu, primary: &Hdu) -> Option<Result<When, InputE
     Some(found.map(When::Date).ok_or_else(|| {
         InputError::new(
             hdu.to_string(),
-            format!("{keyword} = {said} is no date as FITS writes it, 2030-06-01T12:00:00"),
+            format!("{keyword} = {said} is not a date as FITS writes it, 2030-06-01T12:00:00"),
         )
         .with_help("give --date, or another keyword with --date-keyword")
     }))

@@ -65,6 +65,10 @@ fn of_columns(table: &Table) -> Result<Vec<PopulationGalaxy>, InputError> {
             );
         }
     }
+    if let Some(observable) = table.meta("observable") {
+        let problem = format!("it is a table of measurements (observable: {observable})");
+        return Err(refuse(problem).with_help("give a table of galaxies"));
+    }
     if !known.iter().any(|name| given(name)) {
         return Err(refuse(format!("it has none of the columns {}", known.join(", "))));
     }

@@ -193,8 +193,8 @@ impl Binary {
     /// Rejects divisions and powers without a numeric value; sums may become infinite on the way.
     fn check(self, a: f64, b: f64) -> Result<(), String> {
         match self {
-            Binary::Divide => Err(format!("{a} / {b} is no number")),
-            Binary::Power => Err(format!("{a} ^ {b} is no real number")),
+            Binary::Divide => Err(format!("{a} / {b} is not a number")),
+            Binary::Power => Err(format!("{a} ^ {b} is not a real number")),
             _ => Ok(()),
         }
     }
@@ -301,8 +301,8 @@ mod tests {
             assert_eq!((error.place, error.problem.as_str()), (Some(place), problem), "{text}");
         }
         for (text, place, problem) in [
-            ("1 + ln(x - 1)", Some(4), "ln(-0.5) is no real number"),
-            ("1 / (x - x)", Some(2), "1 / 0 is no number"),
+            ("1 + ln(x - 1)", Some(4), "ln(-0.5) is not a real number"),
+            ("1 / (x - x)", Some(2), "1 / 0 is not a number"),
             ("1e308 * x * 1e10", None, "the result is inf"),
         ] {
             let error = Expression::parse(text).unwrap().value(&[0.5]).unwrap_err();

@@ -6,8 +6,8 @@
 //! realised in years before as well.
 
 use crate::error::InputError;
-use crate::model::noise::{NoiseTerm, Realisations};
 use crate::model::Device;
+use crate::model::noise::{NoiseTerm, Realisations};
 use crate::physics::shape::ShapeChange;
 use crate::plan::evaluate::{Evaluation, crossings_of};
 use crate::plan::requirement::{Crossing, Point};

@@ -179,7 +179,7 @@ impl Comparison {
         }
         if let Some(confidence) = self.confidence.filter(|_| drawn) {
             let percent = format!("{:.0} %", 100.0 * confidence);
-            header.extend([format!("kept until with {percent}"), format!("corrected with {percent}")]);
+            header.extend([format!("met until ({percent})"), format!("corrected ({percent})")]);
             header.push("corrected met [%]".into());
         }
         header.push(String::new());
@@ -251,9 +251,14 @@ impl Comparison {
                 (Some(t_yr), None) => format!(", which exceeds the {limit} budget after {t_yr:.2} yr"),
                 (None, None) => format!(", which does not exceed the {limit} budget"),
                 (Some(t_yr), Some(p)) => {
-                    format!(", which keeps the {limit} budget for {t_yr:.2} yr with {:.0} %", 100.0 * p)
+                    format!(
+                        ", which meets the {limit} budget for {t_yr:.2} yr with a probability of {:.0} %",
+                        100.0 * p
+                    )
                 }
-                (None, Some(p)) => format!(", which keeps the {limit} budget to the end with {:.0} %", 100.0 * p),
+                (None, Some(p)) => {
+                    format!(", which meets the {limit} budget to the end with a probability of {:.0} %", 100.0 * p)
+                }
             };
             let [uncorrected_yr, corrected_yr] = self.scenarios[places[0]].judgement.kept_yr(self.confidence);
             let fate = match by {

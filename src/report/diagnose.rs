@@ -231,13 +231,16 @@ impl Diagnosis {
         }
         keep_joined(&mut ladder, |text| text.replace("+ ", "+-").replace("below ", "below-"));
         out.table(ladder);
-        let held_out = self.held_out.as_ref().map_or(String::new(), |column| {
-            format!("; held out: rms of rows left out of the fit, group by group of {column}")
+        let held_out = self.held_out.as_ref().map_or(String::new(), |(column, rows)| {
+            format!(
+                "; held out: rms of the {rows} rows that vary in {column}, left out of the fit group by group of it"
+            )
         });
         out.words(
             format!(
-                "  {} rows; free parameters are refitted in every row; each file may have a constant offset, which adds at most \
-                 {PEDESTAL} to chi2; p-value: probability that noise alone does as well, corrected for all effects tried{held_out}",
+                "  {} rows; free parameters are refitted in every row; a constant offset of each file is fitted here, not by \
+                 `validate` and `fit`, and adds at most {PEDESTAL} to chi2; p-value: probability that noise alone does as well, \
+                 corrected for all effects tried{held_out}",
                 self.baseline.n
             ),
             4,
@@ -315,8 +318,8 @@ impl Diagnosis {
             let [before, with] = suggestion.chi2;
             let what = if suggestion.is_law {
                 format!(
-                    "With the law, chi2 is {with:.1}; without it, {before:.1}. It names no cause: look at the gain, the linearity \
-                     and the reduction of the data first."
+                    "The formula lowers chi2 from {before:.1} to {with:.1}. It is a description and names no cause: check gain, linearity \
+                     and data reduction first."
                 )
             } else {
                 format!(
@@ -332,16 +335,17 @@ impl Diagnosis {
 
     fn detection_limits(&self, out: &mut Parts) {
         out.heading("Detection limits, at 95 % power");
-        let mut limits = table(&["effect", "detected from"]);
+        let mut limits = table(&["effect", "detected if"]);
         for limit in &self.limits {
             let said = match &limit.table {
                 None => "not detectable".to_string(),
-                Some(_) if limit.parameter.is_empty() => "yes".to_string(),
+                Some(_) if limit.parameter.is_empty() => "present".to_string(),
                 Some(table) => {
                     let inner = || table.get("traps")?.as_array()?.first()?.as_table();
                     let table = if table.contains_key(&limit.parameter) { Some(table) } else { inner() };
-                    let number = |value: &toml::Value| value.as_float().map(|number| significant(number, 4));
+                    let number = |value: &toml::Value| value.as_float().map(|number| significant(number, 3));
                     let strength = table.and_then(|table| table.get(&limit.parameter)).and_then(number);
+                    let side = if limit.increases { "or more" } else { "or less" };
                     let others: Vec<String> = table
                         .into_iter()
                         .flatten()
@@ -349,7 +353,7 @@ impl Diagnosis {
                         .filter_map(|(name, value)| Some(format!("{name} {}", number(value)?)))
                         .collect();
                     let at = if others.is_empty() { String::new() } else { format!(" (at {})", others.join(", ")) };
-                    format!("{} {}{at}", limit.parameter, or_dash(strength))
+                    format!("{} {} {side}{at}", limit.parameter, or_dash(strength))
                 }
             };
             limits.add_row(vec![limit.effect.clone(), said]);
@@ -358,6 +362,11 @@ impl Diagnosis {
             column.set_cell_alignment(comfy_table::CellAlignment::Left);
         }
         out.table(limits);
+        out.words(
+            "  detected: in 95 % of data sets chi2 falls by what --level asks of this effect; the verdict also asks that rows left out \
+             are predicted better, and may remain complete with a note",
+            4,
+        );
     }
 
     fn what_was_tried(&self, out: &mut Parts) {

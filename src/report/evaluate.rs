@@ -13,14 +13,16 @@ use super::{Page, Parts, Report, exceeded, or_dash, table};
 use crate::mission::keys::plain;
 use crate::mission::{Mission, Persistence, SceneBefore, Store};
 use crate::model::realise::NoisyChange;
-use crate::physics::RateOrigin;
 use crate::physics::shape::ShapeChange;
+use crate::physics::solar_event_dose::SOLAR_PROTONS;
+use crate::physics::{RateOrigin, SourceDose};
 use crate::plan::assessment::Assessment;
 use crate::plan::compliance::{Line, lines, passes};
 use crate::plan::date_distribution::DateDistribution;
 use crate::plan::evaluate::json::NamedChange;
 use crate::plan::evaluate::{Evaluation, Year};
 use crate::report::plot::Figure;
+use crate::report::validate::significant;
 
 /// The document of an evaluation, followed by the realisations.
 #[derive(serde::Serialize)]
@@ -292,10 +294,14 @@ impl Assessment {
         let niel = environment.niel;
         let origin = match dose.origin {
             RateOrigin::Given => "given by the mission file".into(),
-            RateOrigin::Esp { active_years } | RateOrigin::Sources { active_years } => format!(
+            RateOrigin::Esp { active_years } => format!(
                 "ESP solar protons at {} % confidence for {active_years:.2} active years behind a {shield}, damage curve {niel}",
                 100.0 * environment.confidence,
             ),
+            RateOrigin::Sources { .. } => {
+                let added: Vec<String> = self.added_dose().into_iter().map(|added| format!(", and {added}")).collect();
+                return format!("{} behind a {shield}, damage curve {niel}{}", self.by_source(), added.concat());
+            }
             RateOrigin::Spectra => format!("imported spectra behind a {shield}, damage curve {niel}, spread evenly"),
             RateOrigin::DoseDepth => "an imported dose-depth curve, spread evenly".into(),
             RateOrigin::History => return format!("imported: {}", environment.history.as_deref().unwrap_or("a file")),
@@ -304,10 +310,14 @@ impl Assessment {
             return format!("{:.3e} MeV/g/yr in every year; {origin}", dose.floor_mev_g_yr);
         }
         let added: Vec<String> = self.added_dose().into_iter().map(|added| format!(", and {added}")).collect();
-        if let Some(reason) = self.without_solar_protons() {
-            return format!("no solar protons ({reason}) behind a {shield}, damage curve {niel}{}", added.concat());
-        }
-        let spread = match environment.active_years {
+        let rate = format!("{:.3e} MeV/g/yr {}", dose.active_rate_mev_g_yr, self.active_years());
+        format!("{rate}; {origin}{}", added.concat())
+    }
+
+    /// The years in which a rate of active years holds.
+    fn active_years(&self) -> String {
+        let (mission, dose) = (self.evaluation.mission(), self.evaluation.model.history());
+        match mission.environment.active_years {
             Some(years) => {
                 format!(
                     "in active years, of which {years:.2} are spread over {} yr",
@@ -316,31 +326,45 @@ impl Assessment {
             }
             None if dose.averages_the_cycle() => "in active years, averaged over the solar cycle (x 7/11)".into(),
             None => "in active years, nothing in quiet ones".into(),
-        };
-        format!("{:.3e} MeV/g/yr {spread}; {origin}{}", dose.active_rate_mev_g_yr, added.concat())
+        }
     }
 
-    /// Why a derived dose is without solar protons, if it is.
-    fn without_solar_protons(&self) -> Option<&'static str> {
+    /// Mean dose rates of all sources over the mission, the largest first.
+    fn by_source(&self) -> String {
         let (mission, dose) = (self.evaluation.mission(), self.evaluation.model.history());
-        if !matches!(dose.origin, RateOrigin::Esp { .. } | RateOrigin::Sources { .. }) {
-            return None;
+        let duration_yr = mission.mission.duration_yr;
+        let mean = |source: &SourceDose| dose.of_source_mev_g(source, 0.0, duration_yr) / duration_yr;
+        let mut rates: Vec<(f64, &str)> = dose.sources.iter().map(|source| (mean(source), &source.name[..])).collect();
+        rates.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let said = |&(rate, name): &(f64, &str)| {
+            let shown = if rate == 0.0 { "0".into() } else { significant(rate) };
+            let when = if name == SOLAR_PROTONS { self.solar_protons() } else { String::new() };
+            format!("{} {shown}{when}", name.replace('-', " "))
+        };
+        let total: f64 = rates.iter().map(|(rate, _)| rate).sum();
+        let all: Vec<String> = rates.iter().map(said).collect();
+        format!("{total:.3e} MeV/g/yr on average: {},", all.join(", "))
+    }
+
+    /// When the dose of solar protons arrives, and its quantile.
+    fn solar_protons(&self) -> String {
+        let (mission, dose) = (self.evaluation.mission(), self.evaluation.model.history());
+        let RateOrigin::Sources { active_years } = dose.origin else { return String::new() };
+        if dose.active_years(mission.mission.duration_yr) == 0.0 {
+            return " (no active year of the Sun)".into();
         }
-        if dose.active_rate_mev_g_yr == 0.0 {
-            return Some("none among the sources");
-        }
-        (dose.active_years(mission.mission.duration_yr) == 0.0).then_some("the mission has no active year of the Sun")
+        format!(
+            " ({} {}; ESP at {} % confidence for {active_years:.2} active years)",
+            significant(dose.active_rate_mev_g_yr),
+            self.active_years(),
+            100.0 * mission.environment.confidence,
+        )
     }
 
     /// Further contributions to the dose, in words.
     fn added_dose(&self) -> Vec<String> {
         let (mission, dose) = (self.evaluation.mission(), self.evaluation.model.history());
         let mut added = Vec::new();
-        let duration_yr = mission.mission.duration_yr;
-        for source in dose.sources.iter().filter(|source| source.name != "solar-protons" && source.card.is_some()) {
-            let total = dose.of_source_mev_g(source, 0.0, duration_yr);
-            added.push(format!("{:.3e} MeV/g/yr on average of {}", total / duration_yr, source.name.replace('-', " ")));
-        }
         if dose.floor_mev_g_yr != 0.0 {
             added.push(format!("{:.3e} MeV/g/yr of cosmic rays in every year", dose.floor_mev_g_yr));
         }

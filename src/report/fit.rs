@@ -210,11 +210,11 @@ fn minima(fit: &Fit) -> Vec<String> {
     let mut said = Vec::new();
     if fit.starts.len() > 1 {
         let same = fit.starts.iter().filter(|chi2| fit.is_optimum(**chi2)).count();
-        said.push(format!("{same} of {} starts came to this minimum of chi2", fit.starts.len()));
+        said.push(format!("{same} of {} starts came to this minimum of chi2.", fit.starts.len()));
     }
     if !fit.is_optimum(fit.chi2_from_mission) {
         said.push(format!(
-            "Another start was better: from the mission's values the fit ends in a local minimum, chi2 {:.1}",
+            "Another start was better: from the mission's values the fit ends in a local minimum, chi2 {:.1}.",
             fit.chi2_from_mission
         ));
     }
@@ -227,7 +227,7 @@ fn minima(fit: &Fit) -> Vec<String> {
         let listed: Vec<String> = fit.minima.iter().take(MINIMA).map(at).collect();
         let more = fit.minima.len().saturating_sub(MINIMA);
         let more = if more > 0 { format!("; and {more} more") } else { String::new() };
-        said.push(format!("This minimum is one of several. Other starts ended at chi2 {}{more}", listed.join("; ")));
+        said.push(format!("This minimum is one of several. Other starts ended at chi2 {}{more}.", listed.join("; ")));
     }
     said
 }

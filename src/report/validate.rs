@@ -133,7 +133,8 @@ impl Validation {
     /// Trends of residuals with conditions.
     fn residual_trends(&self, out: &mut Parts) {
         out.heading("Residual trends");
-        let mut trends = table(&["data", "condition", "first to last bin [sigma]", "bin means [sigma]", "p-value"]);
+        let mut trends =
+            table(&["data", "condition", "linear trend [sigma]", "least, greatest bin [sigma]", "p-value"]);
         for trend in &self.trends {
             let extremes = trend.bins.iter().map(|bin| bin.mean_sigma);
             let low = extremes.clone().fold(f64::INFINITY, f64::min);
@@ -142,14 +143,15 @@ impl Validation {
                 self.sets[trend.set].name().to_string(),
                 trend.name.clone(),
                 format!("{:+.2} +- {:.2}", trend.slope_sigma, trend.slope_error_sigma),
-                format!("{low:+.1} to {high:+.1}"),
+                format!("{low:+.1}, {high:+.1}"),
                 chance(trend.false_alarm),
             ]);
         }
         out.table(trends);
         out.words(
             format!(
-                "  p-value: probability that noise alone gives as strong a trend, corrected for {} {} tested",
+                "  linear trend: change over the range of the condition, along the line through the bin means; p-value: probability \
+                 that noise alone gives bin means that differ as much, or as strong a linear trend, corrected for {} {} tested",
                 self.trends.len(),
                 if self.trends.len() == 1 { "condition" } else { "conditions" }
             ),

@@ -271,7 +271,7 @@ fn tables_that_do_not_fit_are_refused() {
             "line 2: corner = \"lower_left\"\n  allowed: lower-left, lower-right, upper-left",
         ),
         ("hdu,corner\n\"SCI,3\",lower-left\n", "the file has no such HDU; it has HDU 0, HDU 1 (SCI), HDU 2 (SCI)"),
-        ("hdu,corner\n0,lower-left\n", "HDU 0 is no image"),
+        ("hdu,corner\n0,lower-left\n", "HDU 0 is not an image"),
         ("hdu,corner\n\"SCI,x\",lower-left\n", "behind the comma an EXTVER is needed"),
         ("hdu,corner,section\n1,lower-left,\"[1:9,1:12]\"\n", "ends beyond the image of 8 columns and 12 rows"),
         ("hdu,corner,section\n1,lower-left,[1:2]\n", "a section is needed, such as [1:2048,1:2066]"),

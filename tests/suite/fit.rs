@@ -273,3 +273,21 @@ fn species_keep_the_order_of_their_release_times() {
     let two = of(&[mission.detector.temperature_k, mission.detector.temperature_k + 10.0]);
     assert!(near(&two, [160.0, 40.0, 0.5, 0.3]) && is_exchanged(&two), "{:?}", two.parameters);
 }
+
+/// A notch that starts at 0 has no size, and chi2 rises on the way to the minimum.
+#[test]
+fn a_value_that_starts_at_its_bound_is_found_far_from_it() {
+    let folder = Path::new("tests/practice/notch");
+    let mission = Mission::read(folder.join("mission.toml")).unwrap();
+    let data = [DataSet::read(folder.join("trails.ecsv"), &mission).unwrap()];
+    assert_eq!(mission.detector.notch_e, 0.0);
+    let key = "detector.notch_e".to_string();
+    let alone = fitted(&mission, &data, &["detector.notch_e"]);
+    assert!((alone.parameters[0].value - 59.8).abs() < 1.0 && alone.chi2 < 150.0, "{:?}", alone.parameters);
+    // Beside other keys, a value at its bound does not end the search for theirs.
+    let keys: Vec<String> = mission.fit.free.iter().cloned().chain([key]).collect();
+    let unscanned = Options { scan: false, ..Options::default() };
+    let [held, free] =
+        [&keys[..keys.len() - 1], &keys[..]].map(|keys| fit(&mission, &data, keys, &unscanned, &|_| {}).unwrap());
+    assert!(free.chi2 < held.chi2 * 1.001, "{} {}", free.chi2, held.chi2);
+}

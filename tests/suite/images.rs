@@ -727,9 +727,9 @@ fn what_cannot_be_used_is_refused_in_words() {
     };
     says(&path("nothing.fits"), &[], &["cannot read", "nothing.fits"]);
     fs::write(path("text"), "[mission]\nname = \"not an image\"\n").unwrap();
-    says(&path("text"), &[], &["no FITS file"]);
+    says(&path("text"), &[], &["not a FITS file"]);
     fs::write(path("empty"), "").unwrap();
-    says(&path("empty"), &[], &["no FITS file"]);
+    says(&path("empty"), &[], &["not a FITS file"]);
     fs::write(path("a.fits.gz"), [0x1f, 0x8b, 8, 0, 0, 0, 0, 0]).unwrap();
     says(&path("a.fits.gz"), &[], &["gzip", "truncated"]);
     fs::write(path("cut"), &camera[..camera.len() - 5000]).unwrap();
@@ -745,10 +745,10 @@ fn what_cannot_be_used_is_refused_in_words() {
     let camera = Path::new(CAMERA);
     says(camera, &["--hdu", "1"], &["HDU 1 (SCI)", "BUNIT = 'DN'", "--gain-e-per-dn"]);
     says(camera, &["--hdu", "1", "--gain-keyword", "EGAIN"], &["EGAIN", "neither"]);
-    says(camera, &["--hdu", "1", "--gain-keyword", "TELESCOP"], &["TELESCOP is no number"]);
+    says(camera, &["--hdu", "1", "--gain-keyword", "TELESCOP"], &["TELESCOP is not a number"]);
     says(camera, &["--hdu", "5", "--gain-e-per-dn", "2"], &["BUNIT = 'ELECTRONS'", "gain of 2"]);
     says(camera, &["--hdu", "9"], &["no HDU 9", "HDU 4 (STARS)"]);
-    says(camera, &["--hdu", "4"], &["HDU 4 (STARS)", "no image"]);
+    says(camera, &["--hdu", "4"], &["HDU 4 (STARS)", "not an image"]);
     says(camera, &["--hdu", "0"], &["HDU 0", "no data"]);
     says(camera, &["--hdu", "5", "--prescan-px", "40", "--overscan-columns", "7"], &["47 x 65", "leave none"]);
     says(camera, &["--hdu", "5", "--overscan-rows", "65"], &["65 rows of overscan"]);

@@ -38,7 +38,7 @@ fn many_files_are_as_each_alone_and_one_that_fails_loses_no_other() {
     assert_eq!(done.status.code(), Some(2));
     let stderr = said(&done);
     assert!(stderr.starts_with("error: 1 of 3 files failed; the others are complete\n  cannot read `"), "{stderr}");
-    assert!(stderr.contains("b.fits`") && stderr.contains("this is no FITS file"), "{stderr}");
+    assert!(stderr.contains("b.fits`") && stderr.contains("this is not a FITS file"), "{stderr}");
     let report: Json = serde_json::from_slice(&done.stdout).unwrap();
     let status: Vec<&str> =
         report["files"].as_array().unwrap().iter().map(|file| file["status"].as_str().unwrap()).collect();

@@ -415,7 +415,7 @@ fn what_is_missing_is_said_with_what_to_give() {
         ("eper", without("--overscan-rows", "24"), "give their number with --overscan-rows"),
         ("eper", format!("{FLAT} --trail-px 13 --bias-from rows"), "give a smaller --trail-px"),
         ("eper", format!("{FLAT} --bias-from prescan"), "give --bias-dn"),
-        ("eper", format!("{FLAT} --corner upper-left"), "this is no edge\n  help: check --corner"),
+        ("eper", format!("{FLAT} --corner upper-left"), "this is not an edge\n  help: check --corner"),
         ("eper", format!("{FLAT} --level-rows 201"), "give a smaller --level-rows"),
         (
             "eper",

@@ -128,7 +128,7 @@ fn no_column_and_no_number_of_meta_is_a_condition_with_a_slip() {
     for (name, slip) in NAMES.into_iter().chain(["galaxy"]).flat_map(slips_of).chain(capitals) {
         for text in [column(&slip), meta(&slip)] {
             let error = read(text).expect_err(&format!("{slip} was accepted")).to_string();
-            assert!(error.contains(&format!("nearly `{name}`")), "{slip}: {error}");
+            assert!(error.contains(&format!("resembles `{name}`")), "{slip}: {error}");
         }
     }
     // Other names are covariates.

@@ -108,3 +108,17 @@ fn noise_moves_the_date_and_says_by_how_much() {
     let noisy = &noisy(&mission, 64, 1).years[3][0].unwrap();
     assert!((with_yr / 4.0 / (1e-3 / noisy.magnitude()) - 1.0).abs() < 0.01, "{with_yr} {noisy:?}");
 }
+
+/// Dates long before the end of the mission, when far fewer traps are there, are those of a mission that ends soon after them.
+#[test]
+fn dates_with_noise_do_not_depend_on_the_duration() {
+    let long = Mission::read("missions/hst_leo.toml").unwrap();
+    let long = Mission { galaxies: vec![long.judged_galaxy().clone()], ..long };
+    let short = long.with(&[("mission.duration_yr".into(), toml::Value::Float(0.5))]).unwrap();
+    let [long, short] = [long, short].map(|mission| noisy(&mission, 48, 1).verdict);
+    for (long, short) in [(long.uncorrected, short.uncorrected), (long.corrected, short.corrected)] {
+        let error_yr = long.error_yr.unwrap().hypot(short.error_yr.unwrap());
+        let [long_yr, short_yr] = [long.crossing.t_yr, short.crossing.t_yr].map(Option::unwrap);
+        assert!((long_yr - short_yr).abs() < 3.0 * error_yr, "{long_yr} {short_yr} +- {error_yr}");
+    }
+}

@@ -206,7 +206,7 @@ fn commands_tell_the_same_dose_traps_and_change_of_shape() {
 }
 
 fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
 }
 
 fn run(arguments: &[&str]) -> String {

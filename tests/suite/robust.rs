@@ -105,7 +105,7 @@ fn a_device_is_not_read() {
         refused(&ctiplan(arguments), 2, "this is a device, not a file");
     }
     let frame = ["readout", "/dev/zero", "target/none.fits", "--mission", &mission, "--at", "1"];
-    refused(&ctiplan(&frame), 2, "no FITS file");
+    refused(&ctiplan(&frame), 2, "not a FITS file");
 }
 
 #[test]

@@ -455,7 +455,7 @@ fn a_grid_that_makes_no_sense_is_refused_with_line_key_value_and_what_to_try() {
             with("[axes.detector]\ntemperature_k = [150.0, -120.0]"),
             &["line 4: axes.detector.temperature_k", "kelvin: -120 °C is 153.15 K"],
         ),
-        (with("readout.line_time_ms = \"5..x:log:3\""), &["line 3", "`x` is no number", "5..100:log:8"]),
+        (with("readout.line_time_ms = \"5..x:log:3\""), &["line 3", "`x` is not a number", "5..100:log:8"]),
         (with("readout.line_time_ms = []"), &["the list is empty"]),
         (with("mission.launch = [\"2009-01-01\"]"), &["line 3", "without quotes: 2009-01-01"]),
         (with("environment.model = [\"constant\", \"solar-cycles\"]"), &["did you mean \"solar-cycle\"?"]),
@@ -497,7 +497,10 @@ fn a_grid_that_makes_no_sense_is_refused_with_line_key_value_and_what_to_try() {
             drawn("environment.confidence = { distribution = \"normal\", mean = 0.95, sigma = 0.1 }"),
             &["line 5", "in draw", "allowed: 0.01 to 0.9999", "min and max"],
         ),
-        (drawn("shielding.geometry = { distribution = \"uniform\", from = 1, to = 2 }"), &["is no number", "choice"]),
+        (
+            drawn("shielding.geometry = { distribution = \"uniform\", from = 1, to = 2 }"),
+            &["is not a number", "choice"],
+        ),
         (
             drawn("mission.launch = { distribution = \"normal\", mean = 1, sigma = 2 }"),
             &["days have no normal distribution"],

@@ -109,7 +109,7 @@ fn a_table_that_is_written_is_read_again() {
 /// tables, and wrong as measurements.
 const BROKEN: [(&str, &str, &str); 20] = [
     ("bad_yaml.ecsv", "line 10: # meta: observable: {", "the header is not YAML: mapping values are not allowed"),
-    ("decimal_comma.ecsv", "line 13: value = \"0,0031\"", "the header says float64, and this is no number"),
+    ("decimal_comma.ecsv", "line 13: value = \"0,0031\"", "the header says float64, and this is not a number"),
     ("duplicate_column.ecsv", "line 9: column value", "duplicate name `value`"),
     ("empty_file.ecsv", "", "the file is empty"),
     ("end_of_line_in_a_key.ecsv", "line 7: meta.", "the key holds an end of a line, a tab or another control"),
@@ -117,9 +117,9 @@ const BROKEN: [(&str, &str, &str); 20] = [
     ("header_unclosed.ecsv", "line 11: # schema: astropy-2.0", "the header is not YAML"),
     ("meta_is_a_list.ecsv", "line 10: # meta: [observable, trail]", "`meta` must be keys with values"),
     ("no_names.csv", "line 6: 2.0,1,", "the first line must name the columns, and `2.0` is a number"),
-    ("not_a_number.ecsv", "line 13: value = \"0.0O3\"", "the header says float64, and this is no number"),
-    ("not_an_integer.ecsv", "line 13: trail_px = \"one\"", "the header says int64, and this is no whole number"),
-    ("not_ecsv_version.ecsv", "line 1: # %ECSV one", "`one` is no version of ECSV known here"),
+    ("not_a_number.ecsv", "line 13: value = \"0.0O3\"", "the header says float64, and this is not a number"),
+    ("not_an_integer.ecsv", "line 13: trail_px = \"one\"", "the header says int64, and this is not a whole number"),
+    ("not_ecsv_version.ecsv", "line 1: # %ECSV one", "`one` is not a version of ECSV known here"),
     ("other_names_in_header.ecsv", "line 12: ", "column 4 is called `sigma` here and `value` in the header"),
     ("ragged_row.csv", "line 7: 2.0,1,", "6 cells, where line 6 names 5 columns"),
     ("ragged_row.ecsv", "line 13: 2.0,1000.0,1,", "6 cells, where line 12 names 5 columns"),

@@ -7,7 +7,7 @@ use super::fitted_model::Node;
 use super::result::{Note, Reason, Verdict};
 use super::search::Sketch;
 use super::significance::Noise;
-use super::{experiment_design, holdout, limits, rivals};
+use super::{experiment_design, holdout, limits, noise, rivals};
 use crate::error::InputError;
 
 /// Effects that are fitted in place of pedestals.
@@ -50,8 +50,9 @@ impl Evidence<'_> {
     }
 
     /// Probability that noise alone makes an effect of a model look as good, given its other effects and the residual noise. If
-    /// there are other effects, it is also computed for errors of all rows that are wrong by a common factor, the likeliest one of
-    /// each model: the residuals without the effect may only show that the errors are too small.
+    /// there are other effects, or too few rows for an estimate of their errors, it is also computed for errors of all rows that are
+    /// wrong by a common factor, the likeliest one of each model: the residuals without the effect may only show that the errors are
+    /// too small.
     pub(super) fn false_alarm(&self, node: &Node, place: usize) -> Result<f64, InputError> {
         let parent = self.without(node, place)?;
         let noise = Noise::left_at(self.case(), node);
@@ -60,7 +61,8 @@ impl Evidence<'_> {
         let gain = parent.gain_of(node.chi2(), &node.pedestal_costs, added.free.len());
         let alarm = null.false_alarm(added.hypothesis, gain);
         let quoted = Noise::of(self.case());
-        if parent.added.is_empty() || !quoted.is_as_quoted() {
+        let errors_hold = parent.added.is_empty() && self.case().n() >= noise::FEW;
+        if errors_hold || !quoted.is_as_quoted() {
             return Ok(alarm);
         }
         // −2 ln of the likelihood ratio with a common scale of all errors free in both; Fisher's F to a few per cent.
@@ -120,6 +122,9 @@ impl Evidence<'_> {
         let node = found.ladder.last().expect("the base");
         if found.verdict == Verdict::Complete {
             found.limits = limits::all(self.search, self.base, self.options.level)?;
+            if !found.limits.is_empty() && found.limits.iter().all(|limit| limit.table.is_none()) {
+                found.aside.push(Note::NothingDetectable);
+            }
         }
         if let Some(rival) = found.rivals.first() {
             found.next = experiment_design::best(self.search, node, &rival.node, &found.rivals, &self.options.can)?;

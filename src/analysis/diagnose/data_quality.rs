@@ -150,6 +150,25 @@ pub(super) fn errors_beyond(noise: &[SetNoise]) -> Option<Reason> {
     })
 }
 
+/// Errors of a file of few rows that are far larger than what the free parameters leave: the scatter of longer files is estimated
+/// from all that is smooth.
+pub(super) fn errors_too_large(case: &Case, base: &Node) -> Option<Reason> {
+    let taken = base.freedom() / case.n() as f64;
+    (0..case.data.len()).find_map(|set| {
+        let rows = case.rows(set);
+        let freedom = (rows.len() as f64 * taken).max(1.0);
+        let chi2: f64 = rows.clone().map(|row| base.residuals[row].powi(2)).sum();
+        let has_floor = case.data[set].rows.iter().any(|row| row.floor > 0.0);
+        let chance = ChiSquared::new(freedom).map_or(1.0, |law| law.cdf(chi2));
+        let scale = (chi2 / freedom).sqrt();
+        let far = rows.len() < noise::FEW && !has_floor && chance < noise::TOO_LARGE && noise::is_far_too_large(scale);
+        far.then(|| Reason::LargeErrors {
+            file: case.data[set].file.clone(),
+            factor: (10.0 / scale.max(1e-9)).round() / 10.0,
+        })
+    })
+}
+
 /// Outliers from a model that explains all other rows.
 pub(super) struct Odd {
     /// Decrease of chi2 without them, each counted as a parameter.

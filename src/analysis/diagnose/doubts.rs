@@ -3,6 +3,7 @@
 use super::holdout::Carried;
 use super::result::{Note, Rung, Step};
 use crate::analysis::fit::{Advice, Fitted};
+use crate::numeric::aliases::{Wave, even_spacing};
 
 /// Share of what all effects explain below which one explains little.
 const LITTLE: f64 = 0.05;
@@ -14,8 +15,11 @@ const FAR_YR: f64 = 0.5;
 const WORSE: f64 = 1.15;
 const BAD_SIGMA: f64 = 1.5;
 
+/// Share of an effect's period down to which others are named.
+const SHORTEST: f64 = 0.2;
+
 /// Doubts about the steps from the mission as given to the final model.
-pub(super) fn of(baseline: &Rung, steps: &[Step]) -> Vec<Note> {
+pub(super) fn of(baseline: &Rung, steps: &[Step], epochs_yr: &[f64]) -> Vec<Note> {
     let mut notes = Vec::new();
     let all = baseline.chi2 - steps.last().map_or(baseline.chi2, |step| step.rung.chi2);
     let mut before = baseline;
@@ -23,6 +27,7 @@ pub(super) fn of(baseline: &Rung, steps: &[Step]) -> Vec<Note> {
         notes.extend(moves_the_date(before, step, all));
         notes.extend(does_not_extrapolate(before, step));
         notes.extend(part_of_a_period(step));
+        notes.extend(other_periods(step, epochs_yr));
         before = &step.rung;
     }
     if !steps.is_empty() {
@@ -71,8 +76,25 @@ fn does_not_extrapolate(before: &Rung, step: &Step) -> Option<Note> {
     step.rung.carried.iter().find_map(of)
 }
 
+/// The period of an effect.
+fn period_yr(step: &Step) -> Option<f64> {
+    Some(step.parameters.iter().find(|fitted| fitted.key.ends_with(".period_yr"))?.value)
+}
+
+/// Other periods of much the same length that evenly spaced epochs do not distinguish.
+fn other_periods(step: &Step, epochs_yr: &[f64]) -> Option<Note> {
+    let (period_yr, spacing_yr) = (period_yr(step)?, even_spacing(epochs_yr)?);
+    let aliases = Wave { period: period_yr, maximum: 0.0 }.aliases(epochs_yr[0], spacing_yr).into_iter();
+    let others_yr: Vec<f64> = aliases
+        .map(|alias| alias.period)
+        .filter(|other| (SHORTEST..1.0 / SHORTEST).contains(&(other / period_yr)))
+        .collect();
+    let effect = step.effect.clone();
+    (!others_yr.is_empty()).then_some(Note::OtherPeriods { effect, period_yr, others_yr, spacing_yr })
+}
+
 fn part_of_a_period(step: &Step) -> Option<Note> {
-    let period_yr = step.parameters.iter().find(|fitted| fitted.key.ends_with(".period_yr"))?.value;
+    let period_yr = period_yr(step)?;
     let [first, last] = step.rung.carried.iter().find(|carried| carried.condition == "t_yr")?.range;
     let span_yr = last - first;
     (span_yr < period_yr).then(|| Note::PartOfAPeriod { effect: step.effect.clone(), period_yr, span_yr })

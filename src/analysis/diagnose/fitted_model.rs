@@ -34,6 +34,11 @@ pub(super) struct Case<'a> {
 }
 
 impl<'a> Case<'a> {
+    /// Distinct epochs of the data, years since launch, ascending.
+    pub fn epochs_yr(&self) -> Vec<f64> {
+        fit::epochs_yr(self.data)
+    }
+
     pub fn of(data: &'a [DataSet]) -> Case<'a> {
         let rows = || data.iter().flat_map(|set| &set.rows);
         let set_of: Vec<usize> = data.iter().enumerate().flat_map(|(index, set)| vec![index; set.rows.len()]).collect();

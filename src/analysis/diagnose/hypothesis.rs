@@ -38,7 +38,7 @@ pub fn all(mission: &Mission, candidates: Option<&Table>) -> Result<Vec<Hypothes
         let tables = match tables {
             Value::Table(table) => vec![table.clone()],
             Value::Array(tables) => tables.iter().filter_map(Value::as_table).cloned().collect(),
-            _ => return Err(InputError::new(refused, format!("effects.{kind} is no table"))),
+            _ => return Err(InputError::new(refused, format!("effects.{kind} is not a table"))),
         };
         let several = tables.len() > 1;
         for (index, table) in tables.into_iter().enumerate() {

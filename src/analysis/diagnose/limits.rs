@@ -47,7 +47,7 @@ pub(super) fn all(search: &Search, base: &Arc<Node>, level: f64) -> Result<Vec<L
 
 /// The limit of one effect: the strength that changes the predictions by the given number of sigma.
 fn limit(search: &Search, base: &Node, hypothesis: &Hypothesis, trials: &[Trial], needed_sigma: f64) -> Limit {
-    let none = Limit { effect: hypothesis.name.clone(), table: None, parameter: String::new() };
+    let none = Limit { effect: hypothesis.name.clone(), table: None, parameter: String::new(), increases: true };
     // The median of its trials by detectability.
     let mut order: Vec<&Trial> = trials.iter().collect();
     order.sort_by(|a, b| a.moved_sigma.total_cmp(&b.moved_sigma));
@@ -68,10 +68,16 @@ fn limit(search: &Search, base: &Node, hypothesis: &Hypothesis, trials: &[Trial]
         let excess = (moved_sigma().unwrap_or(0.0) / needed_sigma).ln();
         if excess.abs() < EXACT { 0.0 } else { excess }
     };
-    match crossing(excess) {
-        Some(log) => Limit { table: Some(at(log)), parameter: names[0].clone(), ..none },
-        None => none,
-    }
+    let Some(log) = crossing(excess) else { return none };
+    let strength = |log: f64| number(&at(log), &names[0]);
+    let increases = strength(log + LEAST) > strength(log);
+    Limit { table: Some(at(log)), parameter: names[0].clone(), increases, ..none }
+}
+
+/// A number of an effect's table, or of its first species.
+pub(crate) fn number(table: &toml::Table, name: &str) -> Option<f64> {
+    let inner = || table.get("traps")?.as_array()?.first()?.as_table()?.get(name);
+    table.get(name).or_else(inner)?.as_float()
 }
 
 /// Logarithm of the strength at which `excess` vanishes; its slope in that logarithm is nearly 1. Steps from a strength of 1 until

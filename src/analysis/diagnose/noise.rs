@@ -22,12 +22,12 @@ use crate::analysis::whitening::{Neighbours, Shared, trails};
 use restricted_likelihood::Likeliest;
 
 /// Rows of a file below which its errors are taken as quoted.
-const FEW: usize = 16;
+pub(super) const FEW: usize = 16;
 
 /// Probabilities below which quoted errors are rejected. Errors that are too small turn noise into effects; errors that are too
 /// large only hide effects.
 const TOO_SMALL: f64 = 0.02;
-const TOO_LARGE: f64 = 1e-4;
+pub(super) const TOO_LARGE: f64 = 1e-4;
 
 /// The same if they were rejected before: a search must not alternate.
 const STILL: f64 = 0.2;
@@ -110,7 +110,7 @@ impl SetNoise {
 
     /// Whether the errors are too far from the quoted ones: the factor by which they are too large, or too small.
     pub(super) fn is_beyond(&self) -> bool {
-        self.scale > AT_MOST || self.scale < 1.0 / AT_MOST
+        self.scale > AT_MOST || is_far_too_large(self.scale)
     }
 
     fn is_like(&self, other: &SetNoise) -> bool {
@@ -119,6 +119,11 @@ impl SetNoise {
             && (self.correlation - other.correlation).abs() < SAME_CORRELATION
             && rows(self) == rows(other)
     }
+}
+
+/// Whether quoted errors are too large to be used, by the true ones over them.
+pub(super) fn is_far_too_large(scale: f64) -> bool {
+    scale < 1.0 / AT_MOST
 }
 
 /// The quoted errors.

@@ -175,6 +175,19 @@ pub enum Note {
         /// The years that the data span.
         span_yr: f64,
     },
+    /// No effect of any strength would have been detected.
+    NothingDetectable,
+    /// A cycle whose period evenly spaced epochs do not distinguish from others.
+    OtherPeriods {
+        /// The effect.
+        effect: String,
+        /// Its period, years.
+        period_yr: f64,
+        /// The others, years.
+        others_yr: Vec<f64>,
+        /// The spacing of the epochs, years.
+        spacing_yr: f64,
+    },
     /// The density of a species of the mission vanished, and an additional species took its place.
     TakesItsPlace {
         /// The effect.
@@ -311,6 +324,8 @@ pub struct Limit {
     pub table: Option<toml::Table>,
     /// The parameter that measures its strength; empty if it has none.
     pub parameter: String,
+    /// Whether larger values of the parameter are stronger effects.
+    pub increases: bool,
 }
 
 /// Everything that a diagnosis found.
@@ -342,8 +357,8 @@ pub struct Diagnosis {
     pub next: Option<Next>,
     /// What the data would have shown, if nothing is missing.
     pub limits: Vec<Limit>,
-    /// The column whose groups were left out.
-    pub held_out: Option<String>,
+    /// The column whose groups were left out, and the number of rows in them.
+    pub held_out: Option<(String, usize)>,
     /// The errors of each file as used in the search.
     pub noise: Vec<SetNoise>,
     /// The verdict under equally plausible assumptions.

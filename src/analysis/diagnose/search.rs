@@ -17,7 +17,7 @@ use super::hypothesis::{FARTHEST, Hypothesis, Trial};
 use super::options::Progress;
 use super::significance::{Noise, Null};
 use crate::analysis::fit::{self, Optimum, Problem, helped};
-use crate::effect;
+use crate::effect::{self, AfterFit};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::mission_file;
@@ -232,9 +232,11 @@ impl<'a> Search<'a> {
     /// A fitted model, or an equivalent one with plainer values of its effects' parameters, if a fit from there reaches a minimum
     /// as low.
     fn plainer(&self, node: Arc<Node>) -> Arc<Node> {
+        let epochs_yr = self.case.epochs_yr();
+        let after = AfterFit { fitted: node.mission(), given: self.given, free: &self.base, epochs_yr: &epochs_yr };
         let plainer = |added: &Added| {
             let entry = effect::find(self.hypotheses[added.hypothesis].kind);
-            entry.map_or_else(Vec::new, |entry| (entry.plainer)(node.mission(), self.given, &self.base, &added.key))
+            entry.map_or_else(Vec::new, |entry| (entry.plainer)(&after, &added.key))
         };
         let in_order = fit::species_order::restored(node.mission(), self.given, &self.base);
         let values = if in_order.is_empty() { node.added.iter().flat_map(plainer).collect() } else { in_order };

@@ -47,7 +47,14 @@ impl Evidence<'_> {
         let unrecorded = matches!(verdict, Verdict::Unexplained | Verdict::Unfit)
             .then(|| unrecorded::temperatures(self.case(), self.base))
             .flatten();
-        let notes = [notes, aside, Vec::from_iter(unrecorded), doubts::of(&rungs[0], &steps), replaced].concat();
+        let notes = [
+            notes,
+            aside,
+            Vec::from_iter(unrecorded),
+            doubts::of(&rungs[0], &steps, &self.case().epochs_yr()),
+            replaced,
+        ]
+        .concat();
         let parameters = values.iter().filter(|fitted| self.search.base.contains(&fitted.key)).cloned();
         Ok(Diagnosis {
             mission: mission.clone(),
@@ -63,7 +70,7 @@ impl Evidence<'_> {
             suggestion,
             next,
             limits,
-            held_out: self.split.map(|(columns, _)| columns.join(", ")),
+            held_out: self.split.map(|(columns, groups)| (columns.join(", "), groups.iter().map(Vec::len).sum())),
             noise,
             stability: Stability::default(),
             notes,

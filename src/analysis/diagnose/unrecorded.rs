@@ -73,12 +73,9 @@ pub(super) fn temperatures(case: &Case, node: &Node) -> Option<Note> {
 
 /// Epochs, ascending, and the place of each row's among them.
 fn epochs(case: &Case) -> (Vec<f64>, Vec<usize>) {
-    let mut epochs: Vec<f64> = case.questions.iter().map(|question| question.at.t_yr).collect();
-    let of_rows = epochs.clone();
-    epochs.sort_by(f64::total_cmp);
-    epochs.dedup();
-    let place = |t_yr: &f64| epochs.partition_point(|known| known < t_yr);
-    let places = of_rows.iter().map(place).collect();
+    let epochs = case.epochs_yr();
+    let place = |t_yr: f64| epochs.partition_point(|known| *known < t_yr);
+    let places = case.questions.iter().map(|question| place(question.at.t_yr)).collect();
     (epochs, places)
 }
 

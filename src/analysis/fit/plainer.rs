@@ -2,8 +2,8 @@
 
 use super::result::{Fit, is_same};
 use super::solve::{Options, fit_rows};
-use crate::analysis::measurement::DataSet;
-use crate::effect;
+use crate::analysis::measurement::{DataSet, questions};
+use crate::effect::{self, AfterFit};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
@@ -16,21 +16,30 @@ pub(super) fn plainer(
     options: &Options,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Fit {
-    let values = values(&fit, &model.mission);
+    let values = values(&fit, &model.mission, &epochs_yr(data));
     if values.is_empty() { fit } else { refitted(model, data, &fit, &values, options, progress).unwrap_or(fit) }
 }
 
 /// Plainer values, by dotted key.
-fn values(fit: &Fit, given: &Mission) -> Vec<(String, f64)> {
+fn values(fit: &Fit, given: &Mission, epochs_yr: &[f64]) -> Vec<(String, f64)> {
+    let after = AfterFit { fitted: &fit.mission, given, free: &[], epochs_yr };
     let is_free = |key: &String| fit.parameters.iter().any(|parameter| parameter.key == *key);
     let mut tables: Vec<&str> =
         fit.parameters.iter().filter_map(|parameter| Some(parameter.key.rsplit_once('.')?.0)).collect();
     tables.dedup();
     let of = |table: &str| {
         let kind = table.strip_prefix("effects.")?.split('.').next()?;
-        Some((effect::find(kind)?.plainer)(&fit.mission, given, &[], table))
+        Some((effect::find(kind)?.plainer)(&after, table))
     };
     tables.into_iter().filter_map(of).flatten().filter(|(key, _)| is_free(key)).collect()
+}
+
+/// Distinct epochs of some data, years since launch, ascending.
+pub(crate) fn epochs_yr(data: &[DataSet]) -> Vec<f64> {
+    let mut all: Vec<f64> = questions(data).iter().map(|question| question.at.t_yr).collect();
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    all
 }
 
 /// The fit from other values of its parameters; None if it ends at another chi2, or if the values make no sense.

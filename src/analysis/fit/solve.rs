@@ -14,6 +14,9 @@ use crate::mission::Mission;
 use crate::model::Model;
 use crate::model::predict::predict;
 
+/// Distance from a minimum, in errors of a parameter, at which another one that is as low counts as another.
+const ELSEWHERE: f64 = 10.0;
+
 /// Options of a fit.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -75,7 +78,7 @@ pub(crate) fn fit_rows(
         chi2: best.chi2,
         n: problem.values.len(),
         advice,
-        minima: minima(&optima),
+        minima: problem.minima(&optima, &sigmas),
         starts: optima.iter().map(|optimum| optimum.chi2).collect(),
         chi2_from_mission,
         jacobian: problem.without_idle(jacobian, &best.at),
@@ -100,15 +103,6 @@ fn nothing_free(mission: &Mission, values: Vec<f64>, chi2: f64, n: usize) -> Fit
     }
 }
 
-/// Minima other than the first of some optima, which are sorted by chi2.
-fn minima(optima: &[Optimum]) -> Vec<Minimum> {
-    let mut others: Vec<Minimum> = Vec::new();
-    for pair in optima.windows(2).filter(|pair| pair[1].chi2.is_finite() && !is_same(pair[1].chi2, pair[0].chi2)) {
-        others.push(Minimum { chi2: pair[1].chi2, values: pair[1].at.clone() });
-    }
-    others
-}
-
 impl Problem<'_> {
     /// The optima reached from all starts, that of the mission's own values first.
     fn optima(&self, here: &[f64], options: &Options) -> Vec<Optimum> {
@@ -128,6 +122,31 @@ impl Problem<'_> {
             optima.extend(self.scanned(&best));
         }
         optima
+    }
+
+    /// Minima other than the first of some optima, which are sorted by chi2: of another chi2, or as low and far away.
+    fn minima(&self, optima: &[Optimum], sigmas: &[Option<f64>]) -> Vec<Minimum> {
+        let is_elsewhere = |one: &[f64], other: &[f64]| {
+            let far = |index: usize| {
+                let sigma = sigmas[index].filter(|sigma| *sigma > 0.0 && sigma.is_finite());
+                let parameter = &self.parameters[index];
+                let moved = (one[index] - other[index]).abs();
+                !parameter.is_event_epoch && sigma.is_some_and(|sigma| moved > ELSEWHERE * sigma)
+            };
+            (0..one.len()).any(far)
+        };
+        let mut others: Vec<Minimum> = Vec::new();
+        for optimum in optima.iter().skip(1).filter(|optimum| optimum.chi2.is_finite()) {
+            let is_lowest = is_same(optimum.chi2, optima[0].chi2);
+            let is_known = |chi2: f64, values: &[f64]| {
+                is_same(optimum.chi2, chi2) && !(is_lowest && is_elsewhere(&optimum.at, values))
+            };
+            let known = others.iter().any(|known| is_known(known.chi2, &known.values));
+            if !known && !is_known(optima[0].chi2, &optima[0].at) {
+                others.push(Minimum { chi2: optimum.chi2, values: optimum.at.clone() });
+            }
+        }
+        others
     }
 
     /// Parameters with their values and errors.

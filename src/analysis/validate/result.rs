@@ -163,12 +163,6 @@ impl Validation {
         };
         self.sets.iter().enumerate().map(with_model).collect()
     }
-
-    /// Excess of chi2 over its expectation, in standard deviations: for n independent rows n ± √(2n).
-    pub fn excess(&self) -> f64 {
-        (self.chi2 - self.n as f64) / (2.0 * self.n as f64).sqrt()
-    }
-
     /// The most significant trend of a data set, by its index; None if none is significant.
     pub fn trend(&self, set: usize) -> Option<&Trend> {
         strongest(&self.trends, set)
@@ -176,12 +170,17 @@ impl Validation {
 
     /// Whether chi2 of all rows is larger than expected from noise.
     pub fn exceeds_noise(&self) -> bool {
-        chi2_chances(self.chi2, self.n)[1] < SPOKEN
+        self.chi2_chances()[1] < SPOKEN
+    }
+
+    /// Probabilities that noise alone gives a chi2 of all rows as small, and as large.
+    pub fn chi2_chances(&self) -> [f64; 2] {
+        chi2_chances(self.chi2, self.n)
     }
 
     /// Whether chi2 of all rows is smaller than expected from the quoted errors.
     pub fn falls_short_of_noise(&self) -> bool {
-        chi2_chances(self.chi2, self.n)[0] < SPOKEN
+        self.chi2_chances()[0] < SPOKEN
     }
 
     /// Whether the model explains the data: chi2 is consistent with noise, and there are no findings.

@@ -38,7 +38,7 @@ impl Options for Calibration {
     fn study(&self, _: &[&str]) -> Result<calibration::Calibration, InputError> {
         let months = |text: &str| text.trim().parse::<f64>().ok().filter(|months| months.is_finite());
         let refused = |text: &str| {
-            InputError::new("cannot calibrate", format!("`{text}` is no time between calibrations in months"))
+            InputError::new("cannot calibrate", format!("`{text}` is not a time between calibrations in months"))
                 .with_help("--interval-months 1,3,6")
         };
         let intervals = self.interval_months.split(',').map(|text| months(text).ok_or_else(|| refused(text)));

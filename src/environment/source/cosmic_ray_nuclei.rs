@@ -12,7 +12,7 @@ impl Source for CosmicRayNuclei {
             name: "cosmic-ray-nuclei",
             what: "helium and heavier nuclei of galactic cosmic rays, as protons that do the same damage",
             law: "0.75 times the protons of cosmic rays",
-            range: "an allowance: 0.5 to 1 times the protons",
+            range: "estimated as 0.5 to 1 times the dose of the protons",
             citation: "an estimate of this project; abundances: Simpson 1983 (Ann. Rev. Nucl. Part. Sci. 33, 323)",
         }
     }

@@ -18,8 +18,8 @@ impl Source for CosmicRays {
             what: "protons of galactic cosmic rays",
             law: "local interstellar spectrum, modulated by a force field of 0.40 GV at solar minimum to 0.85 GV at maximum; around \
                   the Earth behind cutoff and shadow as solar protons",
-            range: "every year and every orbit; 10 % between 0.1 and 5 GeV at minimum; no cycle is like the next (0.7 to 1.1 GV at \
-                    maximum)",
+            range: "in all years, on all orbits; error 10 % between 0.1 and 5 GeV at solar minimum; at maximum the modulation differs between \
+                    cycles (0.7 to 1.1 GV)",
             citation: "Gleeson & Axford 1968 (ApJ 154, 1011); Burger et al. 2000 (J. Geophys. Res. 105, 27447); Usoskin et al. 2005 \
                        (J. Geophys. Res. 110, A12108)",
         }

@@ -15,7 +15,7 @@ impl Source for SolarProtons {
             what: "protons of solar events",
             law: "ESP fluence at the mission's confidence, in the seven active years of each cycle; around the Earth times the \
                   share that passes the geomagnetic cutoff (quiet field, eccentric dipole of the date) and the Earth's shadow",
-            range: "1 to 300 MeV at 1 AU; a factor of 2 at 95 %; nothing in quiet years",
+            range: "1 to 300 MeV at 1 AU; uncertain by a factor of 2 at 95 % confidence; none in quiet years",
             citation: "Xapsos et al. 1999, 2000 (IEEE Trans. Nucl. Sci. 46, 1481; 47, 486); ECSS-E-ST-10-04C (2008), tables B-7 and \
                        B-8; cutoff: Stassinopoulos & King 1974, Smart & Shea 2005, Fraser-Smith 1987",
         }

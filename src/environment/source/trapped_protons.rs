@@ -18,8 +18,8 @@ impl Source for TrappedProtons {
         &Card {
             name: "trapped-protons",
             what: "protons of the inner radiation belt",
-            law: "AP-8 MIN and MAX, each in the field it was made with, averaged over the orbit; between them with the solar cycle, \
-                  430 d later",
+            law: "AP-8 MIN and AP-8 MAX, each with its own model of the magnetic field, averaged over the orbit; interpolated between the \
+                  two over the solar cycle, with a delay of 430 d",
             range: "0.1 to 400 MeV; a factor of 2 anywhere, more below 500 km, where the flux doubles in 50 to 70 km; east-west \
                     asymmetry is averaged out; no storm belts",
             citation: "Sawyer & Vette 1976 (NSSDC/WDC-A-R&S 76-06); Daly et al. 1996 (IEEE Trans. Nucl. Sci. 43, 2771); fields: \

@@ -134,7 +134,7 @@ pub(super) fn check_tiles(hdu: &Hdu, data: &[u8]) -> Result<(), String> {
 }
 
 fn wrong(form: &str) -> String {
-    format!("TFORM = '{form}' is no column of a compressed image")
+    format!("TFORM = '{form}' is not a column of a compressed image")
 }
 
 /// Cards (without END) and data of the HDU with other pixels: with the same algorithm and tiles for integer pixels, and lossless

@@ -65,7 +65,7 @@ pub(super) fn times(columns: &Columns) -> Result<Times, InputError> {
     let column = columns.table().column("date").ok_or_else(|| columns.absent(&["date"]))?;
     let date = |(row, cell): (usize, &Cell)| {
         cell.moment(column.time.as_ref()).ok_or_else(|| {
-            columns.fault(Some(row), "date", "this is no date").with_help("write 2030-06-01, or 2030-06-01T12:00:00")
+            columns.fault(Some(row), "date", "this is not a date").with_help("write 2030-06-01, or 2030-06-01T12:00:00")
         })
     };
     let dates = column.cells.iter().enumerate().map(date).collect::<Result<Vec<_>, _>>()?;

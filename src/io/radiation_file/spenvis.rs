@@ -200,10 +200,10 @@ impl Block<'_> {
         };
         self.check_mean(source)?;
         let mev = Unit::parse(unit).and_then(|unit| unit.to(Unit::MEV));
-        let mev = mev.ok_or_else(|| source.refuse_line(energy_line, format!("`{unit}` is no unit of energy")))?;
+        let mev = mev.ok_or_else(|| source.refuse_line(energy_line, format!("`{unit}` is not a unit of energy")))?;
         let (quantity, time, factor) = Unit::parse(flux)
             .and_then(Unit::flux)
-            .ok_or_else(|| source.refuse_line(line, format!("`{flux}` is no unit of a flux or fluence")))?;
+            .ok_or_else(|| source.refuse_line(line, format!("`{flux}` is not a unit of a flux or fluence")))?;
         let point = |&(line, row): &(usize, &str)| {
             let cells = cells(row);
             let read = |column: &str, place: usize| {

@@ -79,7 +79,7 @@ impl Table {
         let said = version(lines.get(first).unwrap_or(&"")).unwrap_or("");
         let mut parts = said.split('.');
         if !matches!((parts.next(), parts.next()), (Some("0"), Some("9")) | (Some("1"), Some("0"))) {
-            let problem = format!("`{said}` is no version of ECSV known here; known are 0.9 and 1.0");
+            let problem = format!("`{said}` is not a version of ECSV known here; known are 0.9 and 1.0");
             return Err(self.refuse_line(text, first + 1, problem));
         }
         let bodies: Vec<&str> = lines
@@ -422,22 +422,22 @@ impl Source<'_> {
 
 /// The value of a cell that is not empty, or its fault.
 fn cell(text: &str, column: &Column) -> Result<Cell, String> {
-    let wrong = |what: &str| format!("the header says {}, and this is no {what}", column.datatype.name());
+    let wrong = |what: &str| format!("the header says {}, and this is not {what}", column.datatype.name());
     match column.datatype {
         Datatype::Text if column.is_nested() => {
             let subtype = column.subtype.as_deref().unwrap_or("");
             let value = json(text).filter(|value| subtype == "json" || value.is_array());
-            value.map(Cell::Other).ok_or_else(|| format!("the header says {subtype}, and this is no such JSON"))
+            value.map(Cell::Other).ok_or_else(|| format!("the header says {subtype}, and this is not such JSON"))
         }
         Datatype::Text => Ok(Cell::Text(text.to_string())),
-        Datatype::Float(_) => text.parse().map(Cell::Number).map_err(|_| wrong("number")),
+        Datatype::Float(_) => text.parse().map(Cell::Number).map_err(|_| wrong("a number")),
         Datatype::Bool => match text {
             "True" | "true" | "1" => Ok(Cell::Truth(true)),
             "False" | "false" | "0" => Ok(Cell::Truth(false)),
             _ => Err(wrong("True or False")),
         },
         Datatype::Int(bits) | Datatype::Uint(bits) => {
-            let integer: i128 = text.parse().map_err(|_| wrong("whole number"))?;
+            let integer: i128 = text.parse().map_err(|_| wrong("a whole number"))?;
             let (least, beyond) = match column.datatype {
                 Datatype::Uint(_) => (0, 1_i128 << bits),
                 _ => (-(1_i128 << (bits - 1)), 1_i128 << (bits - 1)),

@@ -41,7 +41,7 @@ impl Table {
 
     fn read_columns(&self, bytes: Vec<u8>) -> Result<(Vec<Column>, Vec<Meta>), InputError> {
         let length = bytes.len() as i64;
-        let refused = |error: ParquetError| self.refuse(format!("it is no Parquet file that can be read: {error}"));
+        let refused = |error: ParquetError| self.refuse(format!("it is not a Parquet file that can be read: {error}"));
         let reader = SerializedFileReader::new(Bytes::from(bytes)).map_err(refused)?;
         let parts = reader.metadata().row_groups().iter().flat_map(|group| group.columns());
         let lies_within = |part: &ColumnChunkMetaData| {
@@ -220,7 +220,7 @@ mod tests {
         let whole = table().to_parquet().unwrap();
         for length in [4, 8, whole.len() / 2, whole.len() - 1] {
             let error = read(whole[..length].to_vec()).unwrap_err();
-            assert!(error.problem.contains("no Parquet file"), "{error}");
+            assert!(error.problem.contains("not a Parquet file"), "{error}");
         }
     }
 }

@@ -83,11 +83,11 @@ fn kind_of(key: &str) -> Option<Allowed> {
 
 fn value(kind: Allowed, item: &str) -> Result<Value, String> {
     let number =
-        || item.parse::<f64>().ok().filter(|number| number.is_finite()).ok_or(format!("`{item}` is no number"));
+        || item.parse::<f64>().ok().filter(|number| number.is_finite()).ok_or(format!("`{item}` is not a number"));
     match kind {
         Allowed::Integer(..) => match item.parse::<i64>() {
             Ok(integer) => Ok(Value::Integer(integer)),
-            Err(_) => whole(number()?).ok_or(format!("`{item}` is no whole number")),
+            Err(_) => whole(number()?).ok_or(format!("`{item}` is not a whole number")),
         },
         Allowed::Number(..) | Allowed::Positive(..) => Ok(Value::Float(number()?)),
         Allowed::Numbers(..) => list(item, |member| value(Allowed::Number(f64::MIN, f64::MAX), member)),
@@ -114,12 +114,12 @@ fn range(kind: Allowed, from: &str, rest: &str) -> Result<Vec<Value>, String> {
     let parts: Vec<&str> = rest.split(':').map(str::trim).collect();
     let count = |text: &str| match text.parse::<usize>() {
         Ok(count) if (2..=MOST_VALUES).contains(&count) => Ok(count),
-        _ => Err(format!("`{text}` is no number of values from 2 to {MOST_VALUES}")),
+        _ => Err(format!("`{text}` is not a number of values from 2 to {MOST_VALUES}")),
     };
     if let Allowed::Date = kind {
         let [to, step] = parts[..] else { return Err("a range of dates needs a step in years, such as `:1`".into()) };
         let months = step.parse::<f64>().ok().map(|years| (years * 12.0).round()).filter(|months| *months >= 1.0);
-        let months = Months::new(months.ok_or(format!("`{step}` is no step in years (at least a month)"))? as u32);
+        let months = Months::new(months.ok_or(format!("`{step}` is not a step in years (at least a month)"))? as u32);
         let last = day(to)?;
         let mut dates = vec![day(from)?];
         if last < dates[0] {
@@ -173,7 +173,7 @@ fn whole(number: f64) -> Option<Value> {
 }
 
 fn day(text: &str) -> Result<NaiveDate, String> {
-    text.parse().map_err(|_| format!("`{text}` is no date such as 2030-01-01"))
+    text.parse().map_err(|_| format!("`{text}` is not a date such as 2030-01-01"))
 }
 
 #[cfg(test)]

@@ -20,24 +20,25 @@ impl fmt::Display for Cause {
                 write!(out, "{}|delta e| for each unit of dose is {ratio:.3} of the worst's", but(although))
             }
             Cause::Effects { only_better, only_worse } => {
-                let alone = |names: &[String], whose| format!("{} is in the {whose} alone", names.join(", "));
+                let alone = |names: &[String], whose| format!("only the {whose} has {}", names.join(", "));
                 let both = [(only_better, "best"), (only_worse, "worst")];
                 let said: Vec<_> = both
                     .iter()
                     .filter(|(names, _)| !names.is_empty())
                     .map(|(names, whose)| alone(names, whose))
                     .collect();
-                out.write_str(&said.join(", and "))
+                out.write_str(&said.join("; "))
             }
             Cause::Beside { share } => write!(
                 out,
-                "registers and amplifiers make {:.0} % of it against {:.0} %",
+                "serial registers and amplifiers contribute {:.0} % of the |delta e| of the best, {:.0} % of that of the worst",
                 100.0 * share[0],
                 100.0 * share[1]
             ),
             Cause::Species { name, release_transfers: [better, worse], share } => write!(
                 out,
-                "{name}, released after {better:.3} against {worse:.3} transfers, makes {:.0} % of it against {:.0} %",
+                "{name}, released after {better:.3} against {worse:.3} transfers, contributes {:.0} % of the |delta e| of the best, {:.0} % of \
+                 that of the worst",
                 100.0 * share[0],
                 100.0 * share[1]
             ),

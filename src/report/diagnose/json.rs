@@ -77,7 +77,7 @@ impl Serialize for Diagnosis {
             next_measurement: self.next.as_ref(),
             parameters: self.parameters.iter().map(Parameter::of).collect(),
             tried: self.tried.iter().map(|tried| Attempt::of(&tried.effect, tried.chi2, &self.baseline)).collect(),
-            held_out: self.held_out.as_deref(),
+            held_out: self.held_out.as_ref().map(|(column, _)| &column[..]),
             noise: &self.noise,
             stable: self.stability.holds(),
             stability: &self.stability.done,

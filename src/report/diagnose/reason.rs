@@ -40,7 +40,7 @@ impl fmt::Display for Reason {
             ),
             Reason::BetterLaw { target, expression } => write!(
                 out,
-                "a simple law of the measured values explains the data better than effects of the catalogue: {target} = {expression}"
+                "a correction of the measured values explains the data better than any effect of the catalogue: {target} = {expression}"
             ),
             Reason::TooFewRows { n, free } => write!(
                 out,
@@ -129,6 +129,21 @@ impl fmt::Display for Note {
                 significant(*span_yr, 2),
                 significant(*period_yr, 2)
             ),
+            Note::NothingDetectable => out.write_str(
+                "no effect of the catalogue could have been detected with these data, of any strength: that the model explains them \
+                 says little",
+            ),
+            Note::OtherPeriods { effect, period_yr, others_yr, spacing_yr } => {
+                let others: Vec<String> = others_yr.iter().map(|period_yr| significant(*period_yr, 3)).collect();
+                write!(
+                    out,
+                    "{effect}: a period of {} yr fits as well as one of {} yr: the epochs are {} yr apart and do not distinguish them. \
+                     Epochs at other intervals would",
+                    others.join(" or "),
+                    significant(*period_yr, 3),
+                    significant(*spacing_yr, 3)
+                )
+            }
             Note::TakesItsPlace { effect, species } => write!(
                 out,
                 "{effect} takes the place of {species}, whose density has gone to 0: perhaps it is that species, with another release time or \
@@ -149,13 +164,13 @@ impl fmt::Display for Note {
             Note::SetAside { effect, instead_of, chi2, parameters } => {
                 let more = match parameters {
                     0 => "as many parameters".to_string(),
-                    more if *more > 0 => format!("{more} more"),
-                    fewer => format!("{} fewer", -fewer),
+                    more if *more > 0 => format!("{} more", counted(*more as u64, "parameter")),
+                    fewer => format!("{} fewer", counted(-fewer as u64, "parameter")),
                 };
                 write!(
                     out,
-                    "{effect} in place of {instead_of} is rejected: chi2 is larger by {chi2:.1}, with {more} (p-value below half the \
-                     level)"
+                    "{effect} in place of {instead_of} is rejected: chi2 is larger by {chi2:.1}, with {more} (p-value below half of \
+                     --level)"
                 )
             }
         }

@@ -57,14 +57,14 @@ fn words(step: &Step, confidence: f64) -> String {
             format!("fluence of {} per cm2 over the mission", fluences.join(", "))
         }
         Step::Shield { words, open, along_normal, areal_g_cm2, aluminium_g_cm2 } => format!(
-            "shield: {words}; {areal_g_cm2:.4} g/cm2 {}, worth {aluminium_g_cm2:.4} g/cm2 of aluminium, over {:.1} % of the \
+            "shield: {words}; {areal_g_cm2:.4} g/cm2 {}, equivalent to {aluminium_g_cm2:.4} g/cm2 of aluminium, over {:.1} % of the \
              sky",
             if *along_normal { "along its normal" } else { "on average" },
             100.0 * open
         ),
         Step::Range { stopped_below_mev, before_mev, behind_mev } => format!(
-            "where it is thinnest it stops protons below {stopped_below_mev:.4} MeV (range = thickness); {before_mev:.4} MeV become \
-             {behind_mev:.4} MeV"
+            "the thinnest part stops protons below {stopped_below_mev:.4} MeV (range = thickness); a proton of {before_mev:.4} MeV \
+             leaves it with {behind_mev:.4} MeV"
         ),
         Step::Behind { fluence_cm2 } => format!("fluence behind it: {fluence_cm2:.4e} per cm2 above 0.1 MeV"),
         Step::Niel { curve, mean_mev_cm2_g, dose_mev_g } => {
@@ -76,14 +76,14 @@ fn words(step: &Step, confidence: f64) -> String {
             format!("all sources: {} = {total_mev_g:.4e} MeV/g{times}", all.join(" + "))
         }
         Step::Equivalent { niel_10_mev, protons_cm2 } => {
-            format!("over {niel_10_mev} MeV cm2/g at 10 MeV: as much as {protons_cm2:.4e} protons of 10 MeV per cm2")
+            format!("divided by {niel_10_mev} MeV cm2/g (NIEL at 10 MeV): {protons_cm2:.4e} protons of 10 MeV per cm2")
         }
         Step::Traps { reference_mev_g, reference_of, ratio } => {
             let of = reference_of.map_or(String::new(), |(fluence, energy, niel)| {
                 format!(" ({fluence:e} protons of {energy} MeV per cm2 x {niel:.4e} MeV cm2/g)")
             });
             format!(
-                "over the reference dose of {reference_mev_g:.4e} MeV/g{of} = {ratio:.4e} of the quoted trap densities"
+                "divided by the reference dose of {reference_mev_g:.4e} MeV/g{of}: {ratio:.4e} times the quoted trap densities"
             )
         }
     }

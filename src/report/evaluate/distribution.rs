@@ -20,7 +20,9 @@ const NAMED_FROM: f64 = 0.01;
 
 /// Quantiles of the dates, the probability that there is one, and its causes.
 pub(super) fn say(found: &DateDistribution, mission: &Mission, out: &mut Parts) {
-    out.heading(format!("Date as a distribution: {} of {}", counted(found.samples as u64, "draw"), drawn(found)));
+    let what =
+        if mission.requirement.limits_a_galaxy() { "Date of |delta e| as a distribution" } else { "Distribution" };
+    out.heading(format!("{what}: {} of {}", counted(found.samples as u64, "draw"), drawn(found)));
     let mut legend = "";
     if mission.requirement.limits_a_galaxy() {
         out.table(dates_of(found, mission));
@@ -59,8 +61,9 @@ pub(super) fn say_met(lines: &[Line], confidence: Option<f64>, out: &mut Parts) 
     for line in lines.iter().filter(|line| line.corrected && !line.noise) {
         let Some((value, error)) = line.probability_met.zip(line.probability_error) else { continue };
         let met = plus_minus(Estimate { value, error }.times(100.0));
-        let how = if line.of_population { ", by the number of traps alone" } else { "" };
-        let said = format!("{}, corrected, is met with {met} %{how}", line.requirement);
+        let how =
+            if line.of_population { " (scaled with the number of traps, galaxies not read out again)" } else { "" };
+        let said = format!("{}, corrected, is met with a probability of {met} %{how}", line.requirement);
         match confidence {
             Some(required) => {
                 let passed = if line.met { "passed" } else { "not passed" };
@@ -115,7 +118,7 @@ fn contributions(found: &DateDistribution) -> String {
     let large = found.shares.iter().filter(|share| share.share >= NAMED_FROM).take(NAMED);
     let said = large.map(|share| {
         let estimate = Estimate { value: share.share, error: share.error }.times(100.0);
-        let name = if share.input == NOT_LINEAR { "what is not linear".into() } else { share.input.replace('-', " ") };
+        let name = if share.input == NOT_LINEAR { "what is not linear".into() } else { share.input.clone() };
         format!("{name} {} %", plus_minus(estimate))
     });
     said.collect::<Vec<_>>().join(", ")

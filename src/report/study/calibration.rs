@@ -10,7 +10,7 @@ use crate::study::calibration::{Continued, Known, LEAST_MONTHS, Longest, Outcome
 
 /// Extrapolations of densities, with their names.
 const WAYS: [(Continued, &str); 2] =
-    [(Continued::Constant, "not continued"), (Continued::Linear, "continued on a line")];
+    [(Continued::Constant, "held constant"), (Continued::Linear, "extrapolated linearly")];
 
 impl Shown for Results {
     fn shown(&self, mission: &Mission) -> StudyReport {
@@ -41,8 +41,9 @@ fn intervals(results: &Results) -> DataTable {
         column("met_percent", "met [%]", Digits::Fixed(1)).with_error("met_error_percent"),
     ];
     DataTable::of("intervals", &results.intervals, columns).titled(format!(
-        "Largest error of the densities (of those at the end) and largest use of a limit over the mission, not exceeded with {percent} %; \
-         beyond: mean share of the mission in which one is exceeded; met: probability that none is to the end"
+        "error: largest error of the densities over the mission, in % of those at the end; limit used: largest fraction of a limit; \
+         both are {percent} % quantiles of the draws; beyond: mean fraction of the mission with a limit exceeded; met: probability that \
+         no limit is exceeded"
     ))
 }
 
@@ -104,10 +105,10 @@ fn describe(report: &mut StudyReport, results: &Results) {
         describe_longest(report, results, longest);
     }
     report.find(
-        "An event of the Sun is not foreseen: until the next calibration densities are too small by what it made, however short the \
-         interval. The time beyond a limit is what a calibration after each event saves.",
+        "Solar events are not predicted. Until the next calibration the densities are too small by the traps of the event, however short \
+         the interval. A calibration after each event would avoid the time beyond a limit.",
     );
-    report.find("What is left of the trailing is taken to first order; read noise and what a correction leaves of a known detector are those of `study correction`.");
+    report.find("The residual trailing is computed to first order. Read noise, and the residual of a correction with exact parameters, are in `study correction`.");
     if let Some(why) = &results.sun_not_drawn {
         report.find(format!("The Sun is not drawn: {why}. There is one history of the densities."));
     }

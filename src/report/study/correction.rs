@@ -74,10 +74,10 @@ struct Named<'a> {
 
 fn causes(causes: &[Left]) -> DataTable {
     let columns = vec![
-        words("cause", "imperfect"),
-        column("error_percent", "by [%]", Digits::Significant(3)),
-        column("delta_e", "|delta e| left", Digits::Scientific(2)).with_error("delta_e_sigma"),
-        column("left_percent", "left [%]", Digits::Significant(3)).with_error("left_error_percent"),
+        words("cause", "uncertain input"),
+        column("error_percent", "error [%]", Digits::Significant(3)),
+        column("delta_e", "residual |delta e|", Digits::Scientific(2)).with_error("delta_e_sigma"),
+        column("left_percent", "residual [%]", Digits::Significant(3)).with_error("left_error_percent"),
         column("factor", "factor", Digits::Significant(3)).with_error("factor_error"),
     ];
     DataTable::of("causes", causes.iter().map(|left| Named { cause: name(&left.cause), left }), columns)
@@ -165,8 +165,10 @@ fn noise(delta_e: Option<Estimate>) -> String {
             "Noise leaves no significant error (standard error {:.0e}); more --realisations make that smaller.",
             noise.error
         ),
-        None => "Noise is not included: it needs --read-noise-e, [readout.noise] or the galaxy's read_noise_e, and --realisations."
-            .into(),
+        None => {
+            "Noise is not included: give --read-noise-e, [readout.noise] or read_noise_e of the galaxy to include it."
+                .into()
+        }
     }
 }
 

@@ -7,8 +7,8 @@ use super::table::{column, words};
 use super::{DataTable, Digits, Shown, StudyReport, short};
 use crate::mission::Mission;
 use crate::numeric::calendar::decimal_year;
-use crate::report::listed;
 use crate::report::plot::{Figure, Mark, Panel, Series, line};
+use crate::report::{listed, significant};
 use crate::study::Estimate;
 use crate::study::error_budget::{Budget, Exceeded, InputShare, PERCENTILES, Percentile, Results};
 
@@ -18,7 +18,7 @@ const BUDGETS: [&str; 2] = ["uncorrected", "corrected"];
 impl Shown for Results {
     fn shown(&self, mission: &Mission) -> StudyReport {
         let title = format!(
-            "what the uncertainties of the inputs do to the date on which the budget of \"{}\" is exceeded; {} draws, followed \
+            "how the uncertainties of the inputs change the date on which the budget of \"{}\" is exceeded; {} draws, followed \
              for {} yr",
             mission.requirement.galaxy,
             self.own.fates.len(),
@@ -31,7 +31,7 @@ impl Shown for Results {
             "Saltelli et al. 2008, Global Sensitivity Analysis",
         );
         let title = "Percentiles of the date on which the budget is exceeded (-: later than the years that were followed), \
-                     with standard errors; flown: % of draws in which that is within the mission";
+                     with standard errors; exceeded: % of draws in which it is exceeded within the mission";
         report.tables = vec![inputs(&self.own), dates("dates", &self.own).titled(title)];
         report.draw(figure(&self.own, mission));
         describe(&mut report, self);
@@ -66,8 +66,9 @@ fn dates(name: &'static str, budget: &Budget) -> DataTable {
     let error_key = |percent: f64| format!("p{percent:02}_error_d");
     let mut columns = vec![words("budget", "budget")];
     columns.extend(PERCENTILES.map(|p| words(date_key(p), format!("{p} %")).with_error(error_key(p))));
-    columns
-        .push(column("exceeded_within_percent", "flown", Digits::Fixed(0)).with_error("exceeded_within_error_percent"));
+    columns.push(
+        column("exceeded_within_percent", "exceeded", Digits::Fixed(0)).with_error("exceeded_within_error_percent"),
+    );
     let row = |(name, exceeded): (&str, &Exceeded)| -> Map<String, Value> {
         let mut row = Map::from_iter([("budget".into(), name.into())]);
         for (percent, percentile) in PERCENTILES.into_iter().zip(&exceeded.percentiles) {
@@ -138,7 +139,7 @@ fn describe(report: &mut StudyReport, results: &Results) {
     });
     if let Some(emulated) = budget.emulated {
         report.find(format!(
-            "Changes of shape are emulated from {} readouts, {:.1e} off (rms) at {} others.",
+            "Changes of shape are emulated from {} readouts, with an rms relative error of {:.1e} at {} others.",
             emulated.readouts, emulated.relative_error, emulated.held_back
         ));
     }
@@ -175,12 +176,15 @@ fn dominant(report: &mut StudyReport, budget: &Budget, rest: Estimate) {
         words += &format!(", followed by {}", listed(&next));
     }
     let rest = plus_minus(rest.times(100.0));
-    report.find(format!("{words}. {rest} % of the variance is not linear in the inputs."));
+    report.find(format!("{words}. {rest} % of the variance is non-linear in the inputs."));
     if let Some(sigma) = budget.sigma_ln {
         report.result("sigma_ln_delta_e", sigma.value);
         report.result("sigma_ln_delta_e_error", sigma.error);
-        let percent = plus_minus(sigma.times(100.0));
-        report.find(format!("|delta e| at the end of the mission is known to {percent} % (1 sigma)."));
+        report.find(format!(
+            "The standard deviation of ln |delta e| at the end of the mission is {} (1 sigma: a factor of {}).",
+            plus_minus(sigma),
+            significant(sigma.value.exp(), 3)
+        ));
     }
 }
 

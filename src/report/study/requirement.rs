@@ -52,12 +52,32 @@ impl Shown for Results {
                 100.0 * required.error()
             ));
         }
+        if self.limits.iter().any(open) {
+            report.find(
+                "A dash: every value tried keeps the budget, or none does (see the sentence about it); transfers are not computed with a \
+                 probability.",
+            );
+        }
+        let ends = [self.line_times.first(), self.line_times.last()].map(|end| end.map_or(0.0, |(ms, _)| *ms));
+        if self.limits.iter().flat_map(|limit| limit.line_times_ms.iter().flatten()).any(|ms| ends.contains(ms)) {
+            report.find(format!(
+                "{} and {} ms are the ends of the range tried, not limits.",
+                significant(ends[0], 3),
+                significant(ends[1], 3)
+            ));
+        }
         report.find(
             "Dose, traps and fluence scale together: each is the mission's times the same factor. The shield is the mission's \
              own, thinner or thicker on all sides.",
         );
         report
     }
+}
+
+/// Whether a value of a limit is missing from the table.
+fn open(limit: &Limit) -> bool {
+    let bounds = [limit.factor, limit.shield, [limit.transfers, Bound::NotSought]];
+    bounds.iter().flatten().any(|bound| matches!(bound, Bound::None | Bound::All))
 }
 
 fn names() -> [&'static str; 2] {
@@ -91,7 +111,7 @@ fn allowed(results: &Results) -> DataTable {
     }
     rows.push(row("transfers", f64::from(own.transfers), 1.0, |limit| [limit.transfers, Bound::NotSought]));
     let mut columns = vec![
-        words("quantity", "allowed, at most"),
+        words("quantity", "at most"),
         column("mission", "mission", Digits::Significant(4)),
         column("uncorrected", "uncorrected", Digits::Significant(4)),
         column("corrected", "corrected", Digits::Significant(4)),
@@ -118,7 +138,7 @@ fn clocks(results: &Results) -> DataTable {
         limit.line_times_ms.iter().map(move |[from_ms, to_ms]| Range { limit: name, from_ms: *from_ms, to_ms: *to_ms })
     });
     let columns = vec![
-        words("limit", "line times within it"),
+        words("limit", "line times that keep it"),
         column("from_ms", "from [ms]", Digits::Significant(3)),
         column("to_ms", "to [ms]", Digits::Significant(3)),
     ];

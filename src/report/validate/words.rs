@@ -3,7 +3,7 @@
 use crate::analysis::validate::residual_trend::{Bin, Trend};
 use crate::analysis::validate::{Claim, Finding, SetResult, Validation};
 use crate::mission::keys::plain;
-use crate::report::chance;
+use crate::report::{chance, counted};
 
 /// Minimum significance, in errors, of a mean that is reported.
 const CLEAR: f64 = 3.0;
@@ -40,18 +40,15 @@ impl Validation {
 
     /// The conclusion, in a sentence.
     pub fn conclusion(&self) -> String {
-        let excess = self.excess();
-        let all = format!("chi2 is {:.1} for {} rows", self.chi2, self.n);
+        let all = format!("chi2 is {:.1} for {}", self.chi2, counted(self.n as u64, "row"));
+        let [as_small, as_large] = self.chi2_chances();
         if self.exceeds_noise() {
-            return format!(
-                "{all}, {excess:.0} standard deviations above what noise gives: the model does not explain the data"
-            );
+            let chance = chance(as_large);
+            return format!("{all}, more than noise gives (p-value {chance}): the model does not explain the data");
         }
         if self.falls_short_of_noise() {
-            return format!(
-                "{all}, {:.0} standard deviations below what noise gives: the quoted errors are too large",
-                -excess
-            );
+            let chance = chance(as_small);
+            return format!("{all}, less than noise gives (p-value {chance}): the quoted errors are too large");
         }
         let mut claims: Vec<&str> = Vec::new();
         for said in self.findings.iter().map(|finding| ending(finding.claim)) {

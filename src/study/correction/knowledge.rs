@@ -56,7 +56,7 @@ impl Knowledge {
         for parameter in listed {
             let key = parameter["key"].as_str().ok_or_else(|| refuse("a parameter has no `key`".into()))?;
             if mission.number(key).is_none() {
-                return Err(refuse(format!("`{key}` is no number of the mission \"{}\"", mission.mission.name)));
+                return Err(refuse(format!("`{key}` is not a number of the mission \"{}\"", mission.mission.name)));
             }
             let sigma = parameter["sigma"].as_f64();
             let sigma = sigma.ok_or_else(|| refuse(format!("`{key}` has no error: the data did not determine it")))?;

@@ -2,6 +2,7 @@
 
 use super::PERCENTILES;
 use crate::numeric::estimate::{quantile, with_errors};
+use crate::plan::date_distribution::share_error;
 use crate::plan::draws::Fates;
 use crate::study::Estimate;
 
@@ -48,7 +49,10 @@ impl Statistics {
         let estimate = |(value, error): (f64, Option<f64>)| Estimate { value, error: error.unwrap_or(0.0) };
         let limits = [0, 1].map(|_| Crossings {
             percentiles: PERCENTILES.map(|_| next()).into_iter().map(|one| one.0.is_finite().then_some(one)).collect(),
-            within: estimate(next()),
+            within: {
+                let share = next().0;
+                Estimate { value: share, error: share_error(share, fates.len() as f64) }
+            },
         });
         let sigma_ln = Some(estimate(next())).filter(|sigma| sigma.value.is_finite());
         let mut shares: Vec<Estimate> = values.map(estimate).collect();

@@ -412,7 +412,7 @@ impl Source<'_> {
             return Err(self
                 .fault_at(
                     entry,
-                    format!("the {} is no number: a {} distribution has none of it", key.what, syntax.name),
+                    format!("the {} is not a number: a {} distribution has none of it", key.what, syntax.name),
                 )
                 .with_help("{ distribution = \"choice\", values = [...] } draws from a list"));
         };
