@@ -75,7 +75,7 @@ impl Function {
 
     /// The error for a value that is not finite, if such values are rejected at once.
     pub fn check(&self, argument: f64, value: f64) -> Result<(), String> {
-        let beyond = if value == f64::INFINITY { "beyond all numbers" } else { "no real number" };
+        let beyond = if value == f64::INFINITY { "beyond all numbers" } else { "not a real number" };
         if self.checked { Err(format!("{}({argument}) is {beyond}", self.name)) } else { Ok(()) }
     }
 }
