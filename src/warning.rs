@@ -325,7 +325,7 @@ impl fmt::Display for Warning {
             ),
             Warning::NeverReleases { species, over_readout } => write!(
                 out,
-                "{species} releases after {over_readout:.3e} readouts: its traps stay filled from one exposure to the next, but \
+                "{species} releases after {over_readout:.2} readouts: its traps stay filled from one exposure to the next, but \
                  here they start empty: describe the exposures before in [survey.persistence]"
             ),
             Warning::ReleasesInPlace { species, over_line } => write!(

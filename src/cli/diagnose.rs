@@ -21,7 +21,7 @@ pub(super) struct Diagnose {
     measured: Measured,
     #[command(flatten)]
     adjust: Adjust,
-    /// Level of significance: fraction of complete models to which an effect is added by chance
+    /// Level of significance: probability of adding an effect to a complete model
     #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = level)]
     level: f64,
     /// Seed of all simulations, instead of the mission's

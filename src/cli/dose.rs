@@ -25,7 +25,7 @@ pub(super) struct Dose {
     /// Print the calculation from the particle spectrum to the dose, in ten steps with their numbers
     #[arg(long)]
     explain: bool,
-    /// Draw the Sun as events so many times, and print quantiles of the dose, year by year
+    /// Number of draws of the Sun as events: prints quantiles of the dose, year by year
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=100_000))]
     samples: Option<u32>,
     /// Seed of the samples, in place of the mission's

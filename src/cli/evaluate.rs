@@ -20,7 +20,7 @@ pub(super) struct Evaluate {
     /// Also read out this number of galaxies with photon and read noise at the end of the mission
     #[arg(long, value_name = "REALISATIONS", value_parser = clap::value_parser!(u32).range(2..=10_000_000))]
     monte_carlo: Option<u32>,
-    /// Seed of all that is random, instead of the mission's
+    /// Seed of all random numbers, instead of the mission's
     #[arg(long, value_name = "SEED")]
     seed: Option<u64>,
     /// Draws of the mission, for the date as a distribution: its Sun and its [uncertainty]; 0: none. 200 at most where shapes cannot

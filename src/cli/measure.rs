@@ -214,7 +214,7 @@ struct Dipoles {
     /// Header keyword of the pumping cycles
     #[arg(long, value_name = "KEYWORD")]
     cycles_keyword: Option<String>,
-    /// A pair of pixels stands out beyond so many sigma of its noise
+    /// A pair of pixels counts from this number of sigma of its noise
     #[arg(long, value_name = "SIGMA", default_value_t = 6.0, value_parser = positive)]
     threshold_sigma: f64,
     /// Frames in which a dipole must be found; it is measured in all

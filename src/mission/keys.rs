@@ -520,7 +520,8 @@ pub const KEYS: &[Key] = &[
     Key {
         help: |value| {
             (value > 0.0 && value < 1.0).then(|| {
-                format!("the change is divided by this factor: if {value} of it remains, write {}", 1.0 / value)
+                let factor = (1000.0 / value).round() / 1000.0;
+                format!("the change is divided by this factor: if {value} of it remains, write {factor}")
             })
         },
         ..key(

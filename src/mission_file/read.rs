@@ -129,14 +129,24 @@ struct Source<'a> {
 
 impl<'a> Source<'a> {
     fn parse(refused: String, text: &'a str, lines: bool) -> Result<Source<'a>, InputError> {
+        if text.trim().is_empty() {
+            let help = "`ctiplan init FILE` writes a mission to start from";
+            return Err(InputError::new(refused, "the file is empty").with_help(help));
+        }
         let document = DeTable::parse(text).map_err(|error| {
             let line = error.span().map(|span| line_at(text, span.start));
+            let is_date = error.message().contains("month") || error.message().contains("day");
+            let help = if is_date {
+                "dates are YYYY-MM-DD, without quotes"
+            } else {
+                "the file must be TOML: [section] lines and key = value lines, words in quotes"
+            };
             InputError {
                 refused: refused.clone(),
                 place: line
                     .map(|line| format!("line {line}: {}", shortened(text.lines().nth(line - 1).unwrap_or("").trim()))),
                 problem: error.message().replace('\n', " "),
-                help: Some("the file must be TOML: [section] lines and key = value lines, words in quotes".into()),
+                help: Some(help.into()),
             }
         })?;
         Ok(Source { refused, text, document: document.into_inner(), folder: Path::new(""), lines })

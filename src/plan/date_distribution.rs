@@ -49,6 +49,8 @@ pub struct DateDistribution {
     pub emulated: Option<Emulated>,
     /// Keys that were drawn from a posterior.
     pub posterior_keys: Vec<String>,
+    /// Whether its sample says that it has converged; None without a posterior, or if it does not say.
+    pub posterior_converged: Option<bool>,
 }
 
 /// When a limit is exceeded, without and with software correction.
@@ -150,6 +152,7 @@ pub fn date_distribution(
         shares: shares(&found, seed),
         sun_not_drawn: draws.sun_not_drawn().map(String::from),
         emulated: found.emulated,
+        posterior_converged: posterior.and_then(|sample| sample.converged),
         posterior_keys: posterior.map_or(Vec::new(), |sample| sample.keys.clone()),
     })
 }
@@ -173,7 +176,7 @@ fn shares(found: &Fates, seed: u64) -> Vec<Share> {
     shares
 }
 
-/// Name of the contribution of inputs in combination or not linear in one input; with a posterior, also of the posterior.
+/// Name of the contribution of inputs in combination or not linear in one input.
 pub const NOT_LINEAR: &str = "rest";
 
 /// Minimum number of draws beyond a probability for it to be estimated.

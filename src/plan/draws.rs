@@ -18,6 +18,8 @@ pub mod input;
 mod shares;
 mod sun;
 
+use std::ops::Range;
+
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::environment::solar_cycle::{self, ACTIVE_YR};
@@ -98,10 +100,13 @@ pub struct Fates {
     pub fates: Vec<Fate>,
     /// Indices of the draws.
     pub numbers: Vec<u32>,
-    /// Names of the uncertain inputs; the Sun is last if it is drawn.
+    /// Names of the uncertain inputs; then that of the posterior, and the Sun last, if they are drawn.
     pub names: Vec<String>,
-    /// Deviations (in σ) of the inputs in each draw; for the Sun, that of the logarithm of the dose at the end.
+    /// Deviations (in σ) of the inputs in each draw; for the posterior, those of all its keys; for the Sun, that of the logarithm of
+    /// the dose at the end.
     pub deviations: Vec<Vec<f64>>,
+    /// Those of the posterior among them.
+    pub of_posterior: Range<usize>,
     /// How shapes were emulated; None if each was read out.
     pub emulated: Option<Emulated>,
 }
@@ -291,8 +296,13 @@ impl<'a> Draws<'a> {
             Ok((fate.map_err(|error| self.fault(*index, error))?, draw.deviations))
         })?;
         let (fates, deviations) = found.into_iter().unzip();
-        let names = self.inputs.iter().map(|input| input.name.clone()).collect();
-        let mut found = Fates { fates, numbers: chosen.to_vec(), names, deviations, emulated: None };
+        let names: Vec<String> = self.inputs.iter().map(|input| input.name.clone()).collect();
+        let of_posterior = names.len()..names.len();
+        let mut found = Fates { fates, numbers: chosen.to_vec(), names, deviations, of_posterior, emulated: None };
+        if let Some((sample, rows)) = &self.posterior {
+            let of_draw = |index: &u32| sample.values(rows[*index as usize % rows.len()]);
+            found.add_posterior(chosen.iter().map(of_draw).collect());
+        }
         if self.suns.is_ok() {
             found.add_sun();
         }
@@ -432,7 +442,21 @@ impl Fates {
     pub fn explained(&self, places: &[usize]) -> Explained<'_> {
         let log = |place: usize| self.fates[place].delta_e.filter(|delta_e| *delta_e > 0.0).map(f64::ln);
         let draws = places.iter().map(|&place| (self.deviations[place].as_slice(), log(place)));
-        Explained::of(draws, self.names.last().is_some_and(|name| name == SOLAR_PROTONS))
+        Explained::of(draws, self.of_posterior.clone(), self.names.last().is_some_and(|name| name == SOLAR_PROTONS))
+    }
+
+    /// Adds a posterior to the inputs: the values of its keys in each draw, in units of their standard deviations.
+    fn add_posterior(&mut self, values: Vec<Vec<f64>>) {
+        let (count, keys) = (values.len() as f64, values.first().map_or(0, Vec::len));
+        for key in 0..keys {
+            let mean = values.iter().map(|row| row[key]).sum::<f64>() / count;
+            let sigma = (values.iter().map(|row| (row[key] - mean).powi(2)).sum::<f64>() / count).sqrt();
+            for (deviations, row) in self.deviations.iter_mut().zip(&values) {
+                deviations.push(if sigma > 0.0 { (row[key] - mean) / sigma } else { 0.0 });
+            }
+        }
+        self.of_posterior = self.names.len()..self.names.len() + keys;
+        self.names.push(POSTERIOR.to_string());
     }
 
     /// Adds the Sun to the inputs: by the logarithm of its dose at the end, without other inputs, in units of its standard
@@ -450,6 +474,9 @@ impl Fates {
         self.names.push(SOLAR_PROTONS.to_string());
     }
 }
+
+/// Name of the posterior among the inputs.
+pub const POSTERIOR: &str = "posterior";
 
 /// Share of the largest dose below which the dose of the Sun is replaced by this share.
 const LEAST_DOSE: f64 = 1e-6;

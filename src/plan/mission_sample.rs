@@ -17,6 +17,9 @@ pub const LOG_POSTERIOR: &str = "log_posterior";
 /// The key in `meta` for the effective number of independent draws.
 pub const EFFECTIVE_SAMPLES: &str = "effective_samples";
 
+/// The key in `meta` that says whether the sample has converged.
+pub const CONVERGED: &str = "converged";
+
 /// A sample of a mission's keys, read from a table.
 #[derive(Clone, Debug)]
 pub struct MissionSample {
@@ -24,6 +27,8 @@ pub struct MissionSample {
     pub keys: Vec<String>,
     /// Effective number of independent draws, if stated in the table.
     pub effective_samples: Option<f64>,
+    /// Whether the table says that the sample has converged; None if it does not say.
+    pub converged: Option<bool>,
     table: Table,
 }
 
@@ -64,8 +69,12 @@ impl MissionSample {
                 .with_help("`ctiplan fit --posterior N --out FILE` writes one"));
         }
         let effective_samples = table.meta(EFFECTIVE_SAMPLES).and_then(Cell::number);
+        let converged = match table.meta(CONVERGED) {
+            Some(Cell::Truth(converged)) => Some(*converged),
+            _ => None,
+        };
         let keys = columns().map(|column| column.name.clone()).collect();
-        Ok(MissionSample { keys, effective_samples, table })
+        Ok(MissionSample { keys, effective_samples, converged, table })
     }
 
     /// Number of draws.
@@ -95,6 +104,12 @@ impl MissionSample {
         };
         let settings: Vec<(String, Value)> = self.keys.iter().filter_map(value).collect();
         mission.with(&settings).map_err(|error| self.fault(row, error))
+    }
+
+    /// The values of all keys in a row.
+    pub(crate) fn values(&self, row: usize) -> Vec<f64> {
+        let value = |key: &String| self.table.column(key).and_then(|column| column.cells[row].number());
+        self.keys.iter().map(|key| value(key).unwrap_or(f64::NAN)).collect()
     }
 
     /// Values of a row on which neither the detector nor its dose depends.

@@ -2,7 +2,7 @@
 
 use serde::ser::{Serialize, Serializer};
 
-use super::{Report, indented, lines, table, wrapped};
+use super::{Report, at_least, indented, lines, longest_word, table, wrapped};
 use crate::effect::{CATALOGUE, Card, Entry};
 use crate::mission::Mission;
 use crate::mission::keys::{Key, Need};
@@ -45,8 +45,8 @@ impl Report for OneEffect {
         for (title, said) in [
             ("Physics", card.physics),
             ("Source", card.source),
-            ("Holds", card.holds),
-            ("Where it is missing", card.residuals),
+            ("Validity", card.holds),
+            ("Residuals if it is missing", card.residuals),
         ] {
             out.push_str(&format!("\n{title}\n"));
             out.push_str(&wrapped(&format!("  {said}"), 2));
@@ -60,6 +60,9 @@ impl Report for OneEffect {
             for key in card.keys {
                 keys.add_row(vec![name(key), key.what.into(), key.kind.allowed(key.unit), default(key)]);
             }
+            // Keys are copied.
+            let width = longest_word(&keys, 0, |text| text);
+            at_least(&mut keys, 0, width);
             out.push_str(&lines(&keys));
         }
         out.push_str(&format!("\nExample\n{}", indented(&example(self.0))));
@@ -90,7 +93,7 @@ pub fn page() -> String {
     for entry in &CATALOGUE {
         let card = &entry.card;
         out.push_str(&format!(
-            "\n## {}\n\n{}.\n\n**Physics.** {}\n\n**Source.** {}.\n\n**Holds.** {}\n\n**Where it is missing.** {}\n\n```toml\n{}```\n",
+            "\n## {}\n\n{}.\n\n**Physics.** {}\n\n**Source.** {}.\n\n**Validity.** {}\n\n**Residuals if it is missing.** {}\n\n```toml\n{}```\n",
             card.kind,
             capital(card.adds),
             card.physics,
@@ -125,7 +128,7 @@ fn name(key: &Key) -> String {
 
 fn default(key: &Key) -> String {
     match key.need {
-        Need::Required => "-".into(),
+        Need::Required => "required".into(),
         Need::Default(value) => value.into(),
         Need::Optional => "may be absent".into(),
     }

@@ -107,17 +107,17 @@ impl Validation {
                 set.name().to_string(),
                 set.data.observable.to_string(),
                 n.to_string(),
-                format!("{:.1}", set.chi2),
-                format!("{:.2}", set.chi2 / n as f64),
+                large(set.chi2, 1),
+                large(set.chi2 / n as f64, 2),
                 with_unit(set.rms, set),
                 format!("{:+.2}", set.bias_sigma),
                 format!("{:.2}", set.scatter_sigma),
             ]);
         }
         if self.sets.len() > 1 {
-            let all = ["all", "", &self.n.to_string(), &format!("{:.1}", self.chi2)].map(str::to_string);
+            let all = ["all", "", &self.n.to_string(), &large(self.chi2, 1)].map(str::to_string);
             let mut row = all.to_vec();
-            row.extend([format!("{:.2}", self.chi2 / self.n as f64), String::new(), String::new(), String::new()]);
+            row.extend([large(self.chi2 / self.n as f64, 2), String::new(), String::new(), String::new()]);
             sets.add_row(row);
         }
         out.table(sets);
@@ -180,6 +180,11 @@ impl Validation {
 fn with_unit(value: f64, set: &SetResult) -> String {
     let unit = set.data.observable.unit();
     if unit.is_empty() { significant(value) } else { format!("{} {unit}", significant(value)) }
+}
+
+/// With so many decimals, or in scientific notation if that is shorter.
+fn large(value: f64, decimals: usize) -> String {
+    if value < 1e6 { format!("{value:.decimals$}") } else { format!("{value:.2e}") }
 }
 
 /// Four digits.

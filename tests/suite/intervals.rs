@@ -289,6 +289,26 @@ fn dates_under_a_sample_are_those_of_its_missions() {
     assert!((median.unwrap() / times[10] - 1.0).abs() < 0.02, "{median:?} {times:?}");
 }
 
+/// If nothing else varies, the variance is that of the posterior, of all its keys together, however correlated they are; and a
+/// sample that has not converged is named.
+#[test]
+fn a_posterior_has_its_share_of_the_variance() {
+    let folder = tempfile::tempdir().unwrap();
+    let mission = certain(folder.path());
+    let other = DENSITY.replace("VV", "Ci");
+    let row = |index: i32| {
+        let both = 0.01 * f64::from(index % 7);
+        format!("{},{},-1.0\n", 0.45 + both, 0.30 + both + 1e-3 * f64::from(index % 2))
+    };
+    let rows: String = (0..40).map(row).collect();
+    let header = "# converged: false\n";
+    let sample = read(&format!("{header}{DENSITY},{other},log_posterior\n{rows}")).unwrap();
+    let found = date_distribution(&mission, Some(&sample), None, 40, 1, &Progress::NONE).unwrap();
+    let share = |name: &str| found.shares.iter().find(|share| share.input == name).unwrap().share;
+    assert!(share("posterior") > 0.99 && share("rest") < 0.01, "{:?}", found.shares);
+    assert_eq!((sample.converged, found.posterior_converged), (Some(false), Some(false)));
+}
+
 #[test]
 fn a_sample_that_does_not_fit_the_mission_is_refused() {
     let refusal = |text: &str| read(text).unwrap_err().to_string();

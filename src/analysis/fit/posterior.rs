@@ -27,7 +27,7 @@ use crate::error::InputError;
 use crate::io::table::{Cell, Table};
 use crate::model::Model;
 use crate::numeric::parallel;
-use crate::plan::mission_sample::{self, EFFECTIVE_SAMPLES};
+use crate::plan::mission_sample::{self, CONVERGED, EFFECTIVE_SAMPLES};
 
 use schedule::{Schedule, kept};
 pub use summary::{Marginal, Prior};
@@ -237,7 +237,7 @@ impl Posterior {
             ("burn_in_steps", whole(self.burn_in_steps)),
             ("evaluations", whole(self.evaluations)),
             (EFFECTIVE_SAMPLES, Cell::Number(self.effective_samples.round())),
-            ("converged", Cell::Truth(self.converged)),
+            (CONVERGED, Cell::Truth(self.converged)),
             ("version", words(env!("CARGO_PKG_VERSION"))),
         ];
         mission_sample::table(&keys, &self.draws, meta)

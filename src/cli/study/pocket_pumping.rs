@@ -30,7 +30,7 @@ pub(super) struct PocketPumping {
     /// Dipoles of each species that are simulated and fitted at each temperature
     #[arg(long, value_name = "N", default_value_t = default().dipoles, value_parser = clap::value_parser!(u32).range(2..=100_000))]
     dipoles: u32,
-    /// Dipoles count as found beyond so many sigma of the flat's noise
+    /// Dipoles count as found from this number of sigma of the flat's noise
     #[arg(long, value_name = "SIGMA", default_value_t = default().threshold_sigma, value_parser = positive)]
     threshold_sigma: f64,
     /// Error of the thermometer, K

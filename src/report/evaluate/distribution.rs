@@ -10,7 +10,7 @@ use crate::plan::compliance::Line;
 use crate::plan::date_distribution::{DateDistribution, DateQuantile, Dates, NOT_LINEAR, QUANTILES};
 use crate::report::plot::{Figure, Mark, Panel, Series, line};
 use crate::report::study::estimate::{error_of_date, known_date, plus_minus};
-use crate::report::{Parts, counted, table};
+use crate::report::{Parts, counted, listed, table};
 
 /// Maximum number of inputs named with their shares.
 const NAMED: usize = 6;
@@ -80,7 +80,7 @@ fn drawn(found: &DateDistribution) -> String {
     let sun = if found.sun_not_drawn.is_none() { "the Sun and [uncertainty]" } else { "[uncertainty], not of the Sun" };
     match &found.posterior_keys[..] {
         [] => sun.to_string(),
-        keys => format!("{sun}, {} from the posterior", keys.join(", ")),
+        _ => format!("{sun}, and of a posterior"),
     }
 }
 
@@ -107,7 +107,11 @@ fn conditions(found: &DateDistribution, mission: &Mission) -> String {
         }
         None => "each draw read out".into(),
     });
+    if found.posterior_converged == Some(false) {
+        said.push("the sample of the posterior has not converged: its intervals may be too narrow".into());
+    }
     if !found.posterior_keys.is_empty() {
+        said.push(format!("the posterior is that of {}", listed(&found.posterior_keys)));
         said.push(format!("errors are those of {:.0} independent draws", found.effective_samples));
     }
     said.join("; ")
