@@ -17,15 +17,15 @@ use crate::plan::catalogue::{Catalogue, Epochs, Settings};
 pub(super) struct CatalogueCommand {
     #[command(flatten)]
     mission: OneMission,
-    /// Table of galaxies (ECSV, CSV or Parquet): transfers, flux_e, half_light_px, sersic_index, e1, e2, weight_px; a column that is
-    /// missing is that of the mission's judged galaxy
+    /// Table of galaxies (ECSV, CSV or Parquet): transfers, flux_e, half_light_px, sersic_index, e1, e2, weight_px; missing
+    /// columns are taken from the galaxy in [requirement]
     #[arg(value_name = "GALAXIES")]
     galaxies: InputFile,
     /// Time of the exposure, years since launch; several such as 1,2.5,5 give all galaxies at each of them
-    #[arg(long, value_name = "YEARS", value_delimiter = ',', required = true, value_parser = years)]
+    #[arg(long, value_name = "YR", value_delimiter = ',', required = true, value_parser = years)]
     at: Vec<f64>,
     /// Table to write (ECSV or Parquet): the galaxies with the changes of their shapes
-    #[arg(long, value_name = "FILE.ecsv")]
+    #[arg(long, value_name = "FILE")]
     out: OutputFile,
     /// Largest error of galaxies that are interpolated, as root mean square over that of the changes: if it is larger, all
     /// galaxies are read out

@@ -28,7 +28,7 @@ impl Catalogued for SignalRinging {
         source: "the step response of an underdamped output stage, of second order (Janesick 2001, Scientific Charge-Coupled \
                  Devices, chapter 6, on the bandwidth of output amplifiers)",
         holds: "Linear in the signal, in the direction of the parallel trail, without loss of the packet's own charge. A \
-                negative fraction starts with an undershoot. Periods below 2 px cannot be told from longer ones; what swings more \
+                negative fraction starts with an undershoot. Periods below 2 px cannot be distinguished from longer ones; what swings more \
                 slowly than in 30 px is a trail (signal-bounce), no ringing of an output stage that settles within pixels.",
         residuals: "The measured trail is brighter and fainter than the model's in turn, by a fraction that does not depend on \
                     transfers, signal, time or temperature and falls with trail_px.",

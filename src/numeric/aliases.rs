@@ -1,7 +1,7 @@
 //! Waves that are equal at evenly spaced times.
 //!
 //! At times t₀ + mΔ a cosine of frequency f has the values of those of |k/Δ ± f|, k = 0, 1, 2, … (Shannon 1949, Proc. IRE 37, 10):
-//! from such times alone no period can be told from its aliases, of which the longest is at least 2Δ.
+//! from such times alone no period can be distinguished from its aliases, of which the longest is at least 2Δ.
 
 /// Share of the spacing by which times may deviate from even spacing.
 const EVEN: f64 = 0.02;

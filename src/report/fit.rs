@@ -177,6 +177,11 @@ fn quality(fit: &Fit) -> Vec<String> {
              may stand in for a missing effect. `ctiplan validate` shows where."
                 .into(),
         );
+    } else if !fit.parameters.is_empty() {
+        said.push(
+            "The errors (1 sigma) hold if the quoted errors of the data are right, and independent from row to row."
+                .into(),
+        );
     }
     said
 }

@@ -151,7 +151,8 @@ impl Validation {
         out.words(
             format!(
                 "  linear trend: change over the range of the condition, along the line through the bin means; p-value: probability \
-                 that noise alone gives bin means that differ as much, or as strong a linear trend, corrected for {} {} tested",
+                 that noise alone, independent from row to row, gives bin means that differ as much, or as strong a linear trend, \
+                 corrected for {} {} tested",
                 self.trends.len(),
                 if self.trends.len() == 1 { "condition" } else { "conditions" }
             ),

@@ -4,7 +4,7 @@
 //! of neighbouring rows. (Errors that are too small can be distinguished from a missing effect only after effects have been tried:
 //! see [`sigma_too_small`].)
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF};
 
@@ -98,7 +98,9 @@ fn repeated(case: &Case) -> Option<Reason> {
     };
     (accident < NO_ACCIDENT).then(|| {
         let (a, b) = equal[0];
-        Reason::Repeated { count: equal.len(), such_as: [named(case, a), named(case, b)] }
+        // Of several equal rows all but the first repeat another.
+        let count = equal.iter().map(|(_, later)| later).collect::<HashSet<_>>().len();
+        Reason::Repeated { count, such_as: [named(case, a), named(case, b)] }
     })
 }
 

@@ -25,14 +25,15 @@ pub(super) fn say(biases: &PopulationBias, mission: &Mission, out: &mut Parts) {
         let faintest_e = 10_f64.powf(-0.4 * (faint - one_electron_mag));
         out.words(
             format!(
-                "  Law of galaxies: {bright} to {faint} mag, the faintest of {faintest_e:.0} e-; pixels of {pixel_arcsec} arcsec."
+                "  Galaxies drawn from a distribution: {bright} to {faint} mag ({faintest_e:.0} e- at the faint limit); pixels of \
+                 {pixel_arcsec} arcsec."
             ),
             2,
         );
     }
     let stars = match population.psf_stars_e {
         None => "PSF known without trails (no psf_stars_e)".into(),
-        Some(flux_e) => format!("less the trails of PSF stars of {} e-", plain(flux_e)),
+        Some(flux_e) => format!("the trailing of PSF stars of {} e- is subtracted", plain(flux_e)),
     };
     let noise = match population.noise {
         PopulationNoise::Neglected => "without noise",
@@ -45,7 +46,7 @@ pub(super) fn say(biases: &PopulationBias, mission: &Mission, out: &mut Parts) {
     };
     out.words(
         format!(
-            "  Response of the ellipticity to shear {r1:.3}, {r2:.3}; {stars}; {noise}; mean over {} orientation{}{exposures}. Errors: finite \
+            "  Shear responsivity {r1:.3} (e1), {r2:.3} (e2); {stars}; {noise}; mean over {} orientation{}{exposures}. Errors: finite \
              sample.",
             population.orientations_deg.len(),
             if population.orientations_deg.len() == 1 { "" } else { "s" }
