@@ -85,7 +85,7 @@ pub(super) struct Gain {
     #[arg(long, value_name = "KEYWORD")]
     gain_keyword: Option<String>,
     /// Value at which the converter saturates, in the unit of the frame; such pixels count as saturated
-    #[arg(long, value_name = "DN", allow_negative_numbers = true, value_parser = super::frames::finite)]
+    #[arg(long, value_name = "DN", value_parser = super::frames::finite)]
     saturated_dn: Option<f64>,
 }
 

@@ -137,7 +137,7 @@ struct Frames {
     #[command(flatten)]
     gain: Gain,
     /// Bias: value of a pixel without charge, in the unit of the frame; needed (0 if it is subtracted) for counts with a prescan or an overscan
-    #[arg(long, value_name = "DN", allow_negative_numbers = true, value_parser = finite)]
+    #[arg(long, value_name = "DN", value_parser = finite)]
     bias_dn: Option<f64>,
     /// Accuracy of the readout, instead of accuracy.relative: error of a packet over the largest displacement of charge
     #[arg(long, value_name = "FRACTION", default_value_t = OF_FRAMES, value_parser = fraction)]

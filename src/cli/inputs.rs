@@ -88,9 +88,9 @@ impl Measured {
     /// The mission and its measurements.
     pub fn read(&self) -> Result<(Mission, Vec<DataSet>), InputError> {
         let mission = self.mission.read()?;
-        let place = |path: &InputFile| Path::new(&**path).canonicalize().ok();
+        let places: Vec<_> = self.data.iter().map(|path| path.canonicalize().ok()).collect();
         for (index, path) in self.data.iter().enumerate() {
-            if self.data[..index].iter().any(|other| place(path).is_some() && place(other) == place(path)) {
+            if places[index].is_some() && places[..index].contains(&places[index]) {
                 let problem = format!("duplicate file `{}`: its rows would count twice", path.display());
                 return Err(InputError::new("cannot use the measurements", problem).with_help("give each file once"));
             }

@@ -265,7 +265,7 @@ struct Input {
     #[command(flatten)]
     gain: Gain,
     /// Bias: value of a pixel without charge, in the unit of the frame; without it: measured in the overscan
-    #[arg(long, value_name = "DN", allow_negative_numbers = true, value_parser = finite)]
+    #[arg(long, value_name = "DN", value_parser = finite)]
     bias_dn: Option<f64>,
     /// Pixels from which the bias is measured [default: the first of these that the frame has]
     #[arg(long, value_name = "PIXELS", conflicts_with = "bias_dn")]

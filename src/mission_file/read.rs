@@ -135,8 +135,7 @@ impl<'a> Source<'a> {
         }
         let document = DeTable::parse(text).map_err(|error| {
             let line = error.span().map(|span| line_at(text, span.start));
-            let is_date = error.message().contains("month") || error.message().contains("day");
-            let help = if is_date {
+            let help = if error.message().starts_with("invalid date") {
                 "dates are YYYY-MM-DD, without quotes"
             } else {
                 "the file must be TOML: [section] lines and key = value lines, words in quotes"

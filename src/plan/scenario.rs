@@ -157,12 +157,13 @@ pub fn compare(
 /// A note if expected dates of missions of different lengths are compared that have quantiles of different sums: each quantile is
 /// spread evenly over its mission, so a longer one has less in its first years.
 fn quantiles_of_sums(scenarios: &[Scenario]) -> Option<String> {
-    let of_sums = || scenarios.iter().filter(|scenario| scenario.quantile_active_yr.is_some());
-    let differ = |of: fn(&Scenario) -> Option<f64>| of_sums().any(|scenario| of(scenario) != of(&scenarios[0]));
+    let mut of_sums = scenarios.iter().filter(|scenario| scenario.quantile_active_yr.is_some());
+    let first = of_sums.next()?;
+    let differ = |of: fn(&Scenario) -> Option<f64>| of_sums.clone().any(|scenario| of(scenario) != of(first));
     let differ =
         differ(|scenario| Some(scenario.mission.mission.duration_yr)) && differ(|scenario| scenario.quantile_active_yr);
     differ.then(|| {
-        let environment = &scenarios[0].mission.environment;
+        let environment = &first.mission.environment;
         format!(
             "Missions of different lengths: the dose of solar protons at {} % confidence is that of each mission as a whole, spread \
              evenly over its active years. A longer mission has less of it in its first years, and later dates at the same risk. \

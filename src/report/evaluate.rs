@@ -294,6 +294,9 @@ impl Assessment {
         let niel = environment.niel;
         let origin = match dose.origin {
             RateOrigin::Given => "given by the mission file".into(),
+            RateOrigin::Esp { .. } if dose.active_years(mission.mission.duration_yr) == 0.0 => {
+                "of ESP solar protons, but the mission has no active year of the Sun".into()
+            }
             RateOrigin::Esp { active_years } => format!(
                 "ESP solar protons at {} % confidence for {active_years:.2} active years behind a {shield}, damage curve {niel}",
                 100.0 * environment.confidence,

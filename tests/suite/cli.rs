@@ -191,6 +191,11 @@ fn given_active_years_are_said_and_counted() {
     let rate: f64 = line.split_whitespace().nth(1).unwrap().parse().unwrap();
     let total = json(&[&["dose"], &set[..], &["--json"]].concat())["total_mev_g"].as_f64().unwrap();
     assert!((2.0 * rate / total - 1.0).abs() < 1e-3, "{rate} {total}");
+    // Two years around the minimum of 2019.
+    let quiet = ["environment.model=solar-cycle", "mission.launch=2019-06-01", "mission.duration_yr=2"];
+    let quiet = quiet.map(|setting| ["--set", setting]).concat();
+    let said = stdout(&[&["evaluate", set[0], "--samples", "0"], &quiet[..]].concat());
+    assert!(said.contains("no active year of") && !said.contains("confidence for"), "{said}");
 }
 
 #[test]

@@ -75,7 +75,7 @@ fn limit(search: &Search, base: &Node, hypothesis: &Hypothesis, trials: &[Trial]
 }
 
 /// A number of an effect's table, or of its first species.
-pub(crate) fn number(table: &toml::Table, name: &str) -> Option<f64> {
+fn number(table: &toml::Table, name: &str) -> Option<f64> {
     let inner = || table.get("traps")?.as_array()?.first()?.as_table()?.get(name);
     table.get(name).or_else(inner)?.as_float()
 }

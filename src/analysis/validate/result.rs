@@ -163,6 +163,7 @@ impl Validation {
         };
         self.sets.iter().enumerate().map(with_model).collect()
     }
+
     /// The most significant trend of a data set, by its index; None if none is significant.
     pub fn trend(&self, set: usize) -> Option<&Trend> {
         strongest(&self.trends, set)
