@@ -18,6 +18,7 @@ mod frames;
 mod init;
 mod inputs;
 mod measure;
+mod number_argument;
 mod schema;
 mod shell;
 mod study;

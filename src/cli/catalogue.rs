@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::inputs::OneMission;
+use super::number_argument::number;
 use super::{Failure, Outcome, Output, print, progress};
 use crate::cli::file_argument::{InputFile, OutputFile};
 use crate::error::InputError;
@@ -78,15 +79,9 @@ impl CatalogueCommand {
 }
 
 fn years(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(t_yr) if (0.0..=100.0).contains(&t_yr) => Ok(t_yr),
-        _ => Err("a time from 0 to 100 yr is needed".into()),
-    }
+    number(text, |t_yr| (0.0..=100.0).contains(&t_yr), "a time from 0 to 100 yr is needed")
 }
 
 fn fraction(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(fraction) if (1e-6..=1.0).contains(&fraction) => Ok(fraction),
-        _ => Err("a fraction from 1e-6 to 1 is needed".into()),
-    }
+    number(text, |fraction| (1e-6..=1.0).contains(&fraction), "a fraction from 1e-6 to 1 is needed")
 }

@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::drawn::Drawn;
 use super::inputs::{Adjust, Measured, NewMission};
+use super::number_argument::{number, whole};
 use super::{Failure, Outcome, Output, print_and_suggest, progress};
 use crate::analysis::diagnose::{self, Verdict, diagnose};
 use crate::cli::file_argument::{InputFile, OutputFile};
@@ -34,7 +35,7 @@ pub(super) struct Diagnose {
     #[arg(long, value_name = "OBSERVABLES", value_delimiter = ',', value_parser = observable)]
     can: Vec<Observable>,
     /// Evaluations of the model at all rows after which no further step of the search begins
-    #[arg(long, value_name = "N", default_value_t = diagnose::EVALUATIONS, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = diagnose::EVALUATIONS, value_parser = whole(1_u64..))]
     evaluations: u64,
     /// Do not repeat the search with larger errors, another seed, other starts and other free keys
     #[arg(long)]
@@ -114,10 +115,7 @@ fn candidates(path: &Path, mission: &Mission) -> Result<toml::Table, InputError>
 }
 
 fn level(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(level) if level > 0.0 && level <= 0.5 => Ok(level),
-        _ => Err("a fraction between 0 and 0.5 is needed, such as 0.01".into()),
-    }
+    number(text, |level| level > 0.0 && level <= 0.5, "a fraction above 0 and up to 0.5 is needed, such as 0.01")
 }
 
 fn observable(text: &str) -> Result<Observable, String> {

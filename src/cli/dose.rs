@@ -5,6 +5,7 @@ use toml::Value;
 
 use super::drawn::Drawn;
 use super::inputs::OneMission;
+use super::number_argument::whole;
 use super::{Failure, Outcome, Output, print};
 use crate::mission::Mission;
 use crate::plan::dose::{self, Samples};
@@ -26,7 +27,7 @@ pub(super) struct Dose {
     #[arg(long)]
     explain: bool,
     /// Number of draws of the Sun as events: prints quantiles of the dose, year by year
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=100_000))]
+    #[arg(long, value_name = "N", value_parser = whole(100_u32..=100_000))]
     samples: Option<u32>,
     /// Seed of the samples, in place of the mission's
     #[arg(long, value_name = "SEED", requires = "samples")]

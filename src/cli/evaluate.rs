@@ -2,9 +2,9 @@
 
 use clap::Args;
 
-use super::confidence::probability;
 use super::drawn::Drawn;
 use super::inputs::OneMission;
+use super::number_argument::{probability, whole};
 use super::{Failure, Outcome, Output, print_and_suggest, progress};
 use crate::cli::file_argument::InputFile;
 use crate::error::InputError;
@@ -18,14 +18,14 @@ pub(super) struct Evaluate {
     #[command(flatten)]
     mission: OneMission,
     /// Also read out this number of galaxies with photon and read noise at the end of the mission
-    #[arg(long, value_name = "REALISATIONS", value_parser = clap::value_parser!(u32).range(2..=10_000_000))]
+    #[arg(long, value_name = "REALISATIONS", value_parser = whole(2_u32..=10_000_000))]
     monte_carlo: Option<u32>,
     /// Seed of all random numbers, instead of the mission's
     #[arg(long, value_name = "SEED")]
     seed: Option<u64>,
     /// Draws of the mission, for the date as a distribution: its Sun and its [uncertainty]; 0: none. 200 at most where shapes cannot
     /// be emulated
-    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(0..=65_536))]
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = whole(0_u32..=65_536))]
     samples: u32,
     /// Draw keys from a posterior (`ctiplan fit --posterior N --out FILE`) in place of their uncertainties
     #[arg(long, value_name = "FILE")]

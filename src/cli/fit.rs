@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::drawn::Drawn;
 use super::inputs::{Adjust, Measured, NewMission};
+use super::number_argument::whole;
 use super::{Failure, Outcome, Output, print_and_suggest, searching};
 use crate::analysis::fit;
 use crate::analysis::fit::posterior::Posterior;
@@ -26,7 +27,7 @@ pub(super) struct Fit {
     #[command(flatten)]
     adjust: Adjust,
     /// Number of starting points: the mission's values and random ones around them; each parameter is also scanned for minima
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(1_u32..=10_000))]
     starts: u32,
     /// Seed of the random starting points and of the posterior's sample, instead of the mission's
     #[arg(long, value_name = "SEED")]
@@ -38,10 +39,10 @@ pub(super) struct Fit {
     #[arg(long, value_name = "KEYS", value_delimiter = ',')]
     profile: Vec<String>,
     /// Also sample the posterior: number of independent draws
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(10..=1_000_000))]
+    #[arg(long, value_name = "N", value_parser = whole(10_u32..=1_000_000))]
     posterior: Option<u32>,
     /// Evaluations of the model for that sample at most [default: 100 for each draw, and at least 20000]
-    #[arg(long, value_name = "N", requires = "posterior", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", requires = "posterior", value_parser = whole(1_u32..))]
     posterior_evaluations: Option<u32>,
     /// Write the sample (ECSV), for `ctiplan evaluate --posterior`
     #[arg(long, value_name = "FILE", requires = "posterior")]

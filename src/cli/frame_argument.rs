@@ -5,6 +5,7 @@ use std::str::FromStr;
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 
+use super::number_argument::{finite, positive, whole};
 use crate::image::{Choice, Corner, Geometry, Split, Transfers, Unit};
 
 /// Which images, and where they lie on the detector.
@@ -29,7 +30,7 @@ pub(super) struct Layout {
     #[arg(long, value_name = "ROWS", default_value_t = 0)]
     overscan_rows: usize,
     /// Rows between the frame's first row and the serial register
-    #[arg(long, value_name = "ROWS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=1_000_000))]
+    #[arg(long, value_name = "ROWS", default_value_t = 0, value_parser = whole(..=1_000_000_u32))]
     pub transfers_before: u32,
 }
 
@@ -79,13 +80,13 @@ impl Layout {
 #[derive(Debug, Args)]
 pub(super) struct Gain {
     /// Gain, electrons per DN; not needed if BUNIT is electrons
-    #[arg(long, value_name = "GAIN", conflicts_with = "gain_keyword", value_parser = super::frames::positive)]
+    #[arg(long, value_name = "GAIN", conflicts_with = "gain_keyword", value_parser = positive)]
     gain_e_per_dn: Option<f64>,
     /// Header keyword of the gain, electrons per DN
     #[arg(long, value_name = "KEYWORD")]
     gain_keyword: Option<String>,
     /// Value at which the converter saturates, in the unit of the frame; such pixels count as saturated
-    #[arg(long, value_name = "DN", value_parser = super::frames::finite)]
+    #[arg(long, value_name = "DN", value_parser = finite)]
     saturated_dn: Option<f64>,
 }
 

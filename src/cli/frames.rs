@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::frame_argument::{Gain, Layout};
 use super::inputs::mission_with;
+use super::number_argument::{at_least_0, finite, number, positive, whole};
 use super::{Failure, Outcome, Output, print, progress};
 use crate::cli::file_argument::InputFile;
 use crate::error::InputError;
@@ -27,7 +28,7 @@ pub(super) struct Correct {
     #[command(flatten)]
     frames: Frames,
     /// Largest number of iterations
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = whole(1_u32..=1000))]
     iterations: u32,
     /// Largest residual of the forward model at which iterations end, over its initial value
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-4, value_parser = fraction)]
@@ -132,7 +133,7 @@ struct Frames {
     #[arg(long, value_name = "E", default_value_t = 0.0, value_parser = at_least_0)]
     charge_before_e: f64,
     /// Pixels of the serial register between the frame's first column and the amplifier
-    #[arg(long, value_name = "COLUMNS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=1_000_000))]
+    #[arg(long, value_name = "COLUMNS", default_value_t = 0, value_parser = whole(..=1_000_000_u32))]
     serial_transfers_before: u32,
     #[command(flatten)]
     gain: Gain,
@@ -262,30 +263,11 @@ fn bit(text: &str) -> Result<u32, String> {
     bits(text).ok().filter(|bits| bits.is_power_of_two()).ok_or_else(|| "one power of 2 is needed, such as 1024".into())
 }
 
-pub(super) fn number(text: &str, allowed: impl Fn(f64) -> bool, needed: &str) -> Result<f64, String> {
-    text.trim()
-        .parse()
-        .ok()
-        .filter(|value: &f64| value.is_finite() && allowed(*value))
-        .ok_or_else(|| needed.to_string())
-}
-
+/// Years since launch.
 pub(super) fn years(text: &str) -> Result<f64, String> {
     number(text, |years| (0.0..=1000.0).contains(&years), "a time of 0 to 1000 yr since launch is needed")
 }
 
 fn fraction(text: &str) -> Result<f64, String> {
     number(text, |fraction| (1e-12..1.0).contains(&fraction), "a fraction from 1e-12 to below 1 is needed")
-}
-
-pub(super) fn positive(text: &str) -> Result<f64, String> {
-    number(text, |value| value > 0.0, "a number above 0 is needed")
-}
-
-pub(super) fn at_least_0(text: &str) -> Result<f64, String> {
-    number(text, |value| value >= 0.0, "a number, 0 or more, is needed")
-}
-
-pub(super) fn finite(text: &str) -> Result<f64, String> {
-    number(text, |_| true, "a number is needed")
 }

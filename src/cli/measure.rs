@@ -6,7 +6,8 @@ use chrono::NaiveDateTime;
 use clap::{Args, Subcommand, ValueEnum};
 
 use super::frame_argument::{Gain, Layout, keyword};
-use super::frames::{at_least_0, finite, positive, years};
+use super::frames::years;
+use super::number_argument::{at_least_0, finite, positive, whole};
 use super::{Failure, Outcome, Output, print, progress};
 use crate::cli::file_argument::{InputFile, OutputFile};
 use crate::error::InputError;
@@ -51,13 +52,13 @@ struct Eper {
     #[command(flatten)]
     input: Input,
     /// Rows behind the edge to measure [default: overscan rows that the bias does not need, up to 50]
-    #[arg(long, value_name = "ROWS", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "ROWS", value_parser = whole(1_u32..=100_000))]
     trail_px: Option<u32>,
     /// Last rows of the flat of which its level is the mean [default: 20, or a quarter of the image]
-    #[arg(long, value_name = "ROWS", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "ROWS", value_parser = whole(1_u32..=100_000))]
     level_rows: Option<u32>,
     /// Groups of columns to measure apart, by the level of the flat: for flats that are brighter on one side
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(1_u32..=1000))]
     column_groups: u32,
     /// Write the charge in the first row, too, into this file, as observable packet_charge
     #[arg(long, value_name = "FILE")]
@@ -97,19 +98,19 @@ struct Trails {
     #[command(flatten)]
     input: Input,
     /// Pixels of a trail; as many in front of a warm pixel give the level without a trail
-    #[arg(long, value_name = "PIXELS", default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "PIXELS", default_value_t = 15, value_parser = whole(1_u32..=10_000))]
     trail_px: u32,
     /// Least charge of a warm pixel above the background, e-
     #[arg(long, value_name = "E", default_value_t = 300.0, value_parser = positive)]
     threshold_e: f64,
     /// Bins of signal and of background in a factor of ten
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=100))]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = whole(1_u32..=100))]
     bins_per_decade: u32,
     /// Bins of transfers, of equal numbers of rows
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = whole(1_u32..=1000))]
     transfer_bins: u32,
     /// Fewest warm pixels of a bin; smaller bins are left out
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(5..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = whole(5_u32..=1_000_000))]
     fewest_px: u32,
     /// Exposures at most so many days after the one before are of one date
     #[arg(long, value_name = "DAYS", default_value_t = 10.0, value_parser = at_least_0)]
@@ -139,22 +140,22 @@ struct Injection {
     #[command(flatten)]
     input: Input,
     /// First row of the first block, from 0, in the order of readout; without it: blocks are found by their brightness
-    #[arg(long, value_name = "ROW", requires_all = ["block_px", "period_px"], value_parser = clap::value_parser!(u32).range(..=1_000_000))]
+    #[arg(long, value_name = "ROW", requires_all = ["block_px", "period_px"], value_parser = whole(..=1_000_000_u32))]
     first_row: Option<u32>,
     /// Rows of a block
-    #[arg(long, value_name = "ROWS", requires = "first_row", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "ROWS", requires = "first_row", value_parser = whole(1_u32..=100_000))]
     block_px: Option<u32>,
     /// Rows from the first of a block to the first of the next
-    #[arg(long, value_name = "ROWS", requires = "first_row", value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
+    #[arg(long, value_name = "ROWS", requires = "first_row", value_parser = whole(2_u32..=1_000_000))]
     period_px: Option<u32>,
     /// Rows behind a block to measure [default: all that the background does not need]
-    #[arg(long, value_name = "ROWS", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "ROWS", value_parser = whole(1_u32..=100_000))]
     trail_px: Option<u32>,
     /// Last rows of a block of which its charge is the mean [default: half of them]
-    #[arg(long, value_name = "ROWS", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "ROWS", value_parser = whole(1_u32..=100_000))]
     level_rows: Option<u32>,
     /// Groups of columns to measure apart, by their charge
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(1_u32..=1000))]
     column_groups: u32,
     /// Rows that give the background
     #[arg(long, value_name = "ROWS", default_value = "gap")]
@@ -218,7 +219,7 @@ struct Dipoles {
     #[arg(long, value_name = "SIGMA", default_value_t = 6.0, value_parser = positive)]
     threshold_sigma: f64,
     /// Frames in which a dipole must be found; it is measured in all
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = whole(1_u32..=100_000))]
     found_in: u32,
     /// Species of the traps, by its name in the mission; needed by validate if that has several
     #[arg(long, value_name = "NAME")]

@@ -120,8 +120,3 @@ fn numbers(key: &str, text: &str) -> Result<Vec<f64>, InputError> {
 fn list(numbers: &[f64]) -> String {
     numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
 }
-
-/// Reads a number; `needed` describes the allowed ones.
-fn number(text: &str, allowed: impl Fn(f64) -> bool, needed: &str) -> Result<f64, String> {
-    text.trim().parse().ok().filter(|number| allowed(*number)).ok_or_else(|| needed.into())
-}

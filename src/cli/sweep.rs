@@ -4,6 +4,7 @@ use std::env;
 
 use clap::Args;
 
+use super::number_argument::whole;
 use super::{Failure, Outcome, Output, print, progress, say};
 use crate::cli::file_argument::{InputFile, OutputFile};
 use crate::report::SweepReport;
@@ -23,10 +24,10 @@ pub(super) struct Sweep {
     #[arg(long, group = "what")]
     collect: bool,
     /// Print which of N shards lack points, in the format of `sbatch --array`: 3,7-9
-    #[arg(long, value_name = "N", group = "what", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", group = "what", value_parser = whole(1_u64..))]
     missing: Option<u64>,
     /// Print a script for sbatch that runs the sweep as a job array of N tasks
-    #[arg(long, value_name = "N", group = "what", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", group = "what", value_parser = whole(1_u64..))]
     slurm: Option<u64>,
     #[command(flatten)]
     report: Output,

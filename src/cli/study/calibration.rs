@@ -1,7 +1,7 @@
 use clap::Args;
 
-use super::{Options, list, number};
-use crate::cli::confidence::probability;
+use super::{Options, list};
+use crate::cli::number_argument::{number, probability, whole};
 use crate::error::InputError;
 use crate::study::calibration;
 
@@ -20,7 +20,7 @@ pub(super) struct Calibration {
     #[arg(long, value_name = "P", default_value_t = default().probability, value_parser = probability)]
     confidence: f64,
     /// Draws of the Sun
-    #[arg(long, value_name = "N", default_value_t = default().samples, value_parser = clap::value_parser!(u32).range(20..=65_536))]
+    #[arg(long, value_name = "N", default_value_t = default().samples, value_parser = whole(20_u32..=65_536))]
     samples: u32,
 }
 

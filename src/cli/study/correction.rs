@@ -1,7 +1,8 @@
 use clap::Args;
 
-use super::{Options, number};
+use super::Options;
 use crate::cli::file_argument::InputFile;
+use crate::cli::number_argument::{number, whole};
 use crate::error::InputError;
 use crate::study::correction;
 
@@ -20,16 +21,16 @@ pub(super) struct Correction {
     #[arg(long, value_name = "FIT.json", conflicts_with_all = ["density_error", "release_error", "well_fill_error"])]
     fit: Option<InputFile>,
     /// Iterations of the forward model
-    #[arg(long, value_name = "N", default_value_t = default().iterations, value_parser = clap::value_parser!(u32).range(1..=50))]
+    #[arg(long, value_name = "N", default_value_t = default().iterations, value_parser = whole(1_u32..=50))]
     iterations: u32,
     /// Sets of believed parameters that are drawn
-    #[arg(long, value_name = "N", default_value_t = default().draws, value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = default().draws, value_parser = whole(2_u32..=10_000))]
     draws: u32,
     /// Read noise, e- per pixel [default: that of the mission's clock, or of its galaxy]
     #[arg(long, value_name = "ELECTRONS", value_parser = electrons)]
     read_noise_e: Option<f64>,
     /// Galaxies with noise that are corrected with the true model; 0 for none
-    #[arg(long, value_name = "N", default_value_t = default().realisations, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = default().realisations, value_parser = whole(0_u32..=1_000_000))]
     realisations: u32,
     /// Seed of the draws and of the noise, in place of the mission's
     #[arg(long, value_name = "SEED")]

@@ -2,6 +2,7 @@ use clap::Args;
 
 use super::Options;
 use crate::cli::file_argument::InputFile;
+use crate::cli::number_argument::whole;
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::study::error_budget;
@@ -9,7 +10,7 @@ use crate::study::error_budget;
 #[derive(Debug, Args)]
 pub(super) struct ErrorBudget {
     /// Missions that are drawn
-    #[arg(long, value_name = "N", default_value_t = error_budget::ErrorBudget::default().draws, value_parser = clap::value_parser!(u32).range(2..=65_536))]
+    #[arg(long, value_name = "N", default_value_t = error_budget::ErrorBudget::default().draws, value_parser = whole(2_u32..=65_536))]
     draws: u32,
     /// Years since launch up to which dates are followed, at most 100 [default: the mission]
     #[arg(long, value_name = "YEARS")]

@@ -1,7 +1,7 @@
 use clap::Args;
 
 use super::Options;
-use crate::cli::confidence::probability;
+use crate::cli::number_argument::{probability, whole};
 use crate::error::InputError;
 use crate::plan::date_distribution::Confidence;
 use crate::study::requirement;
@@ -12,7 +12,7 @@ pub(super) struct Requirement {
     #[arg(long, value_name = "P", default_value = "0.9", value_parser = probability_or_none)]
     confidence: f64,
     /// Draws of each mission
-    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(20..=65_536))]
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = whole(20_u32..=65_536))]
     samples: u32,
 }
 

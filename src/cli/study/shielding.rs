@@ -1,7 +1,7 @@
 use clap::Args;
 
 use super::{Options, list, numbers};
-use crate::cli::confidence::probability;
+use crate::cli::number_argument::{probability, whole};
 use crate::error::InputError;
 use crate::plan::date_distribution::Confidence;
 use crate::study::shielding;
@@ -19,7 +19,7 @@ pub(super) struct Shielding {
     probability: Option<f64>,
     /// Draws behind each shield, with --probability
     #[arg(long, value_name = "N", requires = "probability", default_value_t = 400)]
-    #[arg(value_parser = clap::value_parser!(u32).range(20..=65_536))]
+    #[arg(value_parser = whole(20_u32..=65_536))]
     samples: u32,
 }
 
