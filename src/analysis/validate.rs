@@ -16,7 +16,7 @@ use crate::model::predict::predict;
 use crate::numeric::parallel;
 use residual_trend::Trial;
 pub use result::{Claim, Finding, SetResult, Validation};
-pub(crate) use result::{file_stem, plain_name};
+pub(crate) use result::{SPOKEN, chi2_chances, file_stem, plain_name};
 pub(crate) use scatter::{along_neighbours, second_differences};
 
 /// Compares a mission with data. The seed is for the simulated noise with which residual trends are compared.

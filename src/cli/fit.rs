@@ -97,7 +97,7 @@ impl Fit {
             new.write(|text| mission_file::edit(text, &mission, &values))?;
         }
         let next = match &self.write {
-            _ if fitted.excess() > 3.0 => Some(format!("{}{}", self.measured.command("diagnose"), self.adjust)),
+            _ if !fitted.describes_data() => Some(format!("{}{}", self.measured.command("diagnose"), self.adjust)),
             Some(new) => Some(self.measured.command_with("validate", &quoted(new))),
             None => None,
         };
@@ -133,7 +133,7 @@ impl Fit {
         let found = fit::posterior::posterior(&model, data, fitted, &options, progress)?;
         if let Some(path) = &self.out {
             let files: Vec<String> = data.iter().map(|set| set.file.clone()).collect();
-            atomic_file::write(path, found.table(&fitted.mission.mission.name, &files).to_ecsv())?;
+            atomic_file::write(path, found.table(fitted, &files).to_ecsv())?;
         }
         Ok(Some(found))
     }

@@ -51,6 +51,10 @@ pub struct DateDistribution {
     pub posterior_keys: Vec<String>,
     /// Whether its sample says that it has converged; None without a posterior, or if it does not say.
     pub posterior_converged: Option<bool>,
+    /// Whether its fit describes the data within their errors; None as before.
+    pub posterior_describes_data: Option<bool>,
+    /// Keys of the device in which the fitted mission differs from this one.
+    pub posterior_differing: Vec<String>,
 }
 
 /// When a limit is exceeded, without and with software correction.
@@ -153,6 +157,8 @@ pub fn date_distribution(
         sun_not_drawn: draws.sun_not_drawn().map(String::from),
         emulated: found.emulated,
         posterior_converged: posterior.and_then(|sample| sample.converged),
+        posterior_describes_data: posterior.and_then(|sample| sample.describes_data),
+        posterior_differing: posterior.map_or(Vec::new(), |sample| sample.differing.clone()),
         posterior_keys: posterior.map_or(Vec::new(), |sample| sample.keys.clone()),
     })
 }

@@ -2,6 +2,7 @@
 //!
 //! One column for each key, under its dotted name, and `log_posterior`; one row for each draw.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use toml::Value;
@@ -20,6 +21,16 @@ pub const EFFECTIVE_SAMPLES: &str = "effective_samples";
 /// The key in `meta` that says whether the sample has converged.
 pub const CONVERGED: &str = "converged";
 
+/// The key in `meta` for the text of the fitted mission, as resolved.
+pub const FITTED_MISSION: &str = "fitted_mission";
+
+/// The key in `meta` that says whether the fit describes its data within their errors.
+pub const DESCRIBES_DATA: &str = "describes_data";
+
+/// Sections of a mission file on which a trap density or a readout depends: a posterior of a mission that differs in them is that
+/// of another device.
+const OF_THE_DEVICE: [&str; 5] = ["environment", "orbit", "shielding", "detector", "effects"];
+
 /// A sample of a mission's keys, read from a table.
 #[derive(Clone, Debug)]
 pub struct MissionSample {
@@ -29,6 +40,10 @@ pub struct MissionSample {
     pub effective_samples: Option<f64>,
     /// Whether the table says that the sample has converged; None if it does not say.
     pub converged: Option<bool>,
+    /// Whether its fit describes the data within their errors; None if the table does not say.
+    pub describes_data: Option<bool>,
+    /// Dotted keys of the device, other than those drawn, in which the fitted mission differs from this one.
+    pub differing: Vec<String>,
     table: Table,
 }
 
@@ -69,12 +84,24 @@ impl MissionSample {
                 .with_help("`ctiplan fit --posterior N --out FILE` writes one"));
         }
         let effective_samples = table.meta(EFFECTIVE_SAMPLES).and_then(Cell::number);
-        let converged = match table.meta(CONVERGED) {
-            Some(Cell::Truth(converged)) => Some(*converged),
+        let is_true = |name: &str| match table.meta(name) {
+            Some(Cell::Truth(truth)) => Some(*truth),
             _ => None,
         };
-        let keys = columns().map(|column| column.name.clone()).collect();
-        Ok(MissionSample { keys, effective_samples, converged, table })
+        let (converged, describes_data) = (is_true(CONVERGED), is_true(DESCRIBES_DATA));
+        let keys: Vec<String> = columns().map(|column| column.name.clone()).collect();
+        let mut differing = Vec::new();
+        if let Some(Cell::Text(text)) = table.meta(FITTED_MISSION) {
+            let fitted: toml::Table = text.parse().map_err(|error: toml::de::Error| {
+                table.fault(None, None, format!("`{FITTED_MISSION}` is not TOML: {}", error.message()))
+            })?;
+            let here = mission.to_table();
+            for section in OF_THE_DEVICE {
+                differences(section, fitted.get(section), here.get(section), &mut differing);
+            }
+            differing.retain(|key| !keys.contains(key));
+        }
+        Ok(MissionSample { keys, effective_samples, converged, describes_data, differing, table })
     }
 
     /// Number of draws.
@@ -127,6 +154,29 @@ impl MissionSample {
             help: error.help,
             ..self.table.fault(Some(row), None, said)
         }
+    }
+}
+
+/// Dotted keys below `key` in which two values differ; members of lists are called by their names.
+fn differences(key: &str, a: Option<&Value>, b: Option<&Value>, found: &mut Vec<String>) {
+    let members = |value: Option<&Value>| -> Option<BTreeMap<String, Value>> {
+        match value? {
+            Value::Table(table) => Some(table.clone().into_iter().collect()),
+            Value::Array(list) => {
+                list.iter().map(|member| Some((member.get("name")?.as_str()?.to_string(), member.clone()))).collect()
+            }
+            _ => None,
+        }
+    };
+    let (Some(in_a), Some(in_b)) = (members(a), members(b)) else {
+        if a != b {
+            found.push(key.into());
+        }
+        return;
+    };
+    let names: BTreeSet<&String> = in_a.keys().chain(in_b.keys()).collect();
+    for name in names {
+        differences(&format!("{key}.{name}"), in_a.get(name), in_b.get(name), found);
     }
 }
 

@@ -7,7 +7,7 @@ mod profile;
 
 use serde::ser::{Serialize, Serializer};
 
-use super::{Page, Parts, Report, significant, table};
+use super::{Page, Parts, Report, chance, significant, table};
 use crate::analysis::fit::holdout::Holdout;
 use crate::analysis::fit::posterior::Posterior;
 use crate::analysis::fit::profile::Profile;
@@ -171,12 +171,18 @@ fn quality(fit: &Fit) -> Vec<String> {
         fit.chi2 / freedom as f64,
         fit.rms_sigma()
     )];
-    if fit.excess() > 3.0 {
+    if !fit.describes_data() {
         said.push(
             "The model does not explain the data within their errors. The errors above are then too small, and parameters \
              may stand in for a missing effect. `ctiplan validate` shows where."
                 .into(),
         );
+    } else if let Some(probability) = fit.errors_too_large() {
+        said.push(format!(
+            "Noise leaves as little chi2 with a probability of {}: the quoted errors of the data are too large, and so are the \
+             errors above.",
+            chance(probability)
+        ));
     } else if !fit.parameters.is_empty() {
         said.push(
             "The errors (1 sigma) hold if the quoted errors of the data are right, and independent from row to row."

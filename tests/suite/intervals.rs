@@ -14,6 +14,7 @@ use ctiplan::model::Model;
 use ctiplan::plan::date_distribution::date_distribution;
 use ctiplan::plan::mission_sample::MissionSample;
 use ctiplan::plan::progress::Progress;
+use ctiplan::report::{FitReport, Report};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -307,6 +308,46 @@ fn a_posterior_has_its_share_of_the_variance() {
     let share = |name: &str| found.shares.iter().find(|share| share.input == name).unwrap().share;
     assert!(share("posterior") > 0.99 && share("rest") < 0.01, "{:?}", found.shares);
     assert_eq!((sample.converged, found.posterior_converged), (Some(false), Some(false)));
+}
+
+/// A sample carries the mission that was fitted, and whether it describes the data: used with a mission that differs elsewhere, or
+/// after a bad fit, it says so.
+#[test]
+fn a_sample_knows_the_fit_that_it_belongs_to() {
+    let (mission, data, _) = doses(3e6, -1e6, 8);
+    let sample = |keys: &[&str], here: &Mission| {
+        let fit = fitted(&mission, &data, keys);
+        let drawn = sampled(&mission, &data, &fit, 20, 1);
+        let file = tempfile::Builder::new().suffix(".ecsv").tempfile().unwrap();
+        fs::write(file.path(), drawn.table(&fit, &["doses.csv".into()]).to_ecsv()).unwrap();
+        MissionSample::read(file.path(), here).unwrap()
+    };
+    let known = sample(&[OFFSET, SLOPE], &mission);
+    assert_eq!((known.describes_data, &known.differing[..]), (Some(true), &[][..]));
+    // What has been fitted does not count, nor what the device does not depend on.
+    let settings =
+        [(SLOPE, 5.0), ("detector.traps.VV.release_ms", 3.0), (FLOOR, 7.0), ("requirement.delta_e", 2e-3)];
+    let settings = settings.map(|(key, value)| (key.to_string(), value.into()));
+    let other = sample(&[OFFSET, SLOPE], &mission.with(&settings).unwrap());
+    assert_eq!(other.differing, [FLOOR, "detector.traps.VV.release_ms"]);
+    // Without an offset of 3e6 MeV/g a slope does not describe the data.
+    assert_eq!(sample(&[SLOPE], &mission).describes_data, Some(false));
+}
+
+/// Errors that are too large are named, since those of the fit are as well.
+#[test]
+fn a_fit_says_that_errors_are_too_large() {
+    let (mission, data, _) = doses(3e6, -1e6, 9);
+    let said = |factor: f64| {
+        let mut data = data.clone();
+        data[0].rows.iter_mut().for_each(|row| row.sigma *= factor);
+        let fit = fitted(&mission, &data, &[OFFSET, SLOPE]);
+        assert_eq!(fit.errors_too_large().is_some(), factor > 1.0, "{:?}", fit.chi2);
+        let text = FitReport { fit, holdout: None, profiles: Vec::new(), posterior: None }.text();
+        text.split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    assert!(!said(1.0).contains("too large"));
+    assert!(said(10.0).contains("the quoted errors of the data are too large, and so are the errors above"));
 }
 
 #[test]

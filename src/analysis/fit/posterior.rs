@@ -27,7 +27,7 @@ use crate::error::InputError;
 use crate::io::table::{Cell, Table};
 use crate::model::Model;
 use crate::numeric::parallel;
-use crate::plan::mission_sample::{self, CONVERGED, EFFECTIVE_SAMPLES};
+use crate::plan::mission_sample::{self, CONVERGED, DESCRIBES_DATA, EFFECTIVE_SAMPLES, FITTED_MISSION};
 
 use schedule::{Schedule, kept};
 pub use summary::{Marginal, Prior};
@@ -221,16 +221,20 @@ impl OfProblem<'_> {
 }
 
 impl Posterior {
-    /// The draws as a table, with the names of the mission and of the data files.
-    pub fn table(&self, mission: &str, data: &[String]) -> Table {
+    /// The draws as a table, with the fit that they belong to and the names of its data files.
+    pub fn table(&self, fit: &Fit, data: &[String]) -> Table {
         let keys: Vec<(&str, &str)> = self.parameters.iter().map(|one| (one.key.as_str(), one.unit)).collect();
         let words = |words: &str| Cell::Text(words.into());
         let whole = |number: usize| Cell::Integer(number as i64);
         let meta = vec![
-            ("mission", words(mission)),
+            ("mission", words(&fit.mission.mission.name)),
+            (FITTED_MISSION, words(&fit.mission.to_toml())),
             ("data", Cell::Other(data.into())),
             ("sampler", words(self.sampler)),
             ("prior", Cell::Other(self.parameters.iter().map(|one| one.prior.to_string()).collect::<Vec<_>>().into())),
+            ("chi2", Cell::Number(fit.chi2)),
+            ("degrees_of_freedom", whole(fit.degrees_of_freedom())),
+            (DESCRIBES_DATA, Cell::Truth(fit.describes_data())),
             ("seed", Cell::Integer(self.seed as i64)),
             ("walkers", whole(self.walkers)),
             ("steps", whole(self.steps)),

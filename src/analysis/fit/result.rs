@@ -3,7 +3,11 @@
 use nalgebra::DMatrix;
 use serde::Serialize;
 
+use crate::analysis::validate::{SPOKEN, chi2_chances};
 use crate::mission::Mission;
+
+/// Excess of chi2, in its standard deviations, from which a model does not describe the data within their errors.
+const MISFIT: f64 = 3.0;
 
 /// Results of a fit.
 #[derive(Clone, Debug)]
@@ -69,6 +73,16 @@ impl Fit {
     pub fn excess(&self) -> f64 {
         let freedom = self.degrees_of_freedom().max(1) as f64;
         (self.chi2 - freedom) / (2.0 * freedom).sqrt()
+    }
+
+    /// Whether chi2 is that of the errors: not more than [`MISFIT`] above its expectation.
+    pub fn describes_data(&self) -> bool {
+        self.excess() <= MISFIT
+    }
+
+    /// The probability that noise leaves no more chi2, if it is so small that the errors of the data are too large.
+    pub fn errors_too_large(&self) -> Option<f64> {
+        Some(chi2_chances(self.chi2, self.degrees_of_freedom())[0]).filter(|chance| *chance < SPOKEN)
     }
 
     /// rms of (value − model)/sigma.

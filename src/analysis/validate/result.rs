@@ -11,7 +11,7 @@ use crate::io::table::{Cell, Column, Datatype, Table};
 use crate::mission::Mission;
 
 /// False-alarm probability below which a finding is reported.
-pub(super) const SPOKEN: f64 = 1e-3;
+pub(crate) const SPOKEN: f64 = 1e-3;
 
 /// Kind of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -219,6 +219,6 @@ pub(super) fn strongest(trends: &[Trend], set: usize) -> Option<&Trend> {
 }
 
 /// Probabilities that noise alone has no more, and no less, chi2 in that many rows.
-pub(super) fn chi2_chances(chi2: f64, rows: usize) -> [f64; 2] {
+pub(crate) fn chi2_chances(chi2: f64, rows: usize) -> [f64; 2] {
     ChiSquared::new(rows as f64).map_or([1.0; 2], |law| [law.cdf(chi2), law.sf(chi2)])
 }

@@ -110,6 +110,18 @@ fn conditions(found: &DateDistribution, mission: &Mission) -> String {
     if found.posterior_converged == Some(false) {
         said.push("the sample of the posterior has not converged: its intervals may be too narrow".into());
     }
+    if found.posterior_describes_data == Some(false) {
+        said.push(
+            "the posterior is that of a fit that does not describe its data: its intervals are too narrow".into(),
+        );
+    }
+    if !found.posterior_differing.is_empty() {
+        let differing = &found.posterior_differing;
+        let named = listed(&differing[..differing.len().min(NAMED)]);
+        let more = differing.len().saturating_sub(NAMED);
+        let more = if more > 0 { format!(" and {more} more keys") } else { String::new() };
+        said.push(format!("the posterior was fitted to a mission with other values of {named}{more}"));
+    }
     if !found.posterior_keys.is_empty() {
         said.push(format!("the posterior is that of {}", listed(&found.posterior_keys)));
         said.push(format!("errors are those of {:.0} independent draws", found.effective_samples));
