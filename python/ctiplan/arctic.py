@@ -37,8 +37,11 @@ __all__ = [
     "remove_cti",
 ]
 
-#: Error of a frame over the largest displacement of charge in it, unless ``express`` asks for another.
+#: Error of a frame over the largest displacement of charge in it at express 0, where every transfer is asked for.
 ACCURACY = 2e-4
+
+#: The same for other whole numbers, with which arcticpy gathers transfers and is off by some 5e-3.
+GATHERED = 1e-3
 
 
 class CCDPhase:
@@ -352,9 +355,9 @@ def add_cti(
     parallel_ccd, parallel_roe, parallel_traps : CCD, ROE and a list of traps, optional
         Parallel transfer; without traps there is none.
     parallel_express : int or float
-        The accuracy. Whatever it is, the result is what arcticpy gives at express 0. 0 and all other whole numbers: the error of
-        a pixel is at most about 2e-4 of the largest displacement of charge in the frame, and mostly far smaller.
-        Between 0 and 1: that fraction in place of 2e-4.
+        The accuracy. Whatever it is, the result is what arcticpy gives at express 0. With 0 the error of a pixel is at most about
+        2e-4 of the largest displacement of charge in the frame, with any other whole number 1e-3, and mostly far smaller.
+        Between 0 and 1: that fraction.
     parallel_window_offset : int
         More pixels between the frame and the register, added to ``prescan_offset``.
     parallel_window_start, parallel_window_stop : int
@@ -682,7 +685,9 @@ def _listed(name: str, traps: Iterable[Trap]) -> list[Trap]:
 
 def _accuracy(name: str, express: float) -> float:
     value = _number(f"{name}_express", express, least=0.0)
-    return value if 0.0 < value < 1.0 else ACCURACY
+    if value == 0.0:
+        return ACCURACY
+    return value if value < 1.0 else GATHERED
 
 
 def _no_bounce(pixel_bounce_list: Sequence[Any] | None) -> None:

@@ -134,7 +134,11 @@ def eper(
     **options
         Those of all functions of this module.
     """
-    way = {"eper_trail_px": trail_px, "level_rows": level_rows, "column_groups": column_groups, "cti_px": list(cti_px)}
+    _check_whole(trail_px=trail_px, level_rows=level_rows, column_groups=column_groups)
+    pixels = [tuple(whole("cti_px", one, 1, 10_000) for one in pair) for pair in cti_px]
+    if any(len(pair) != 2 for pair in pixels):
+        raise InputError(f"cannot use cti_px = {cti_px!r}", None, "pairs are needed", "such as [(1, 1), (2, 3)]")
+    way = {"eper_trail_px": trail_px, "level_rows": level_rows, "column_groups": column_groups, "cti_px": pixels}
     return _measure(frames, way, overscan_start, options)
 
 
@@ -173,6 +177,8 @@ def trails(
     **options
         Those of all functions of this module.
     """
+    _check_whole(trail_px=trail_px, bins_per_decade=bins_per_decade, transfer_bins=transfer_bins, fewest_px=fewest_px)
+    _check_above_0(threshold_e=threshold_e, epoch_days=epoch_days)
     way = {
         "trail_px": trail_px,
         "threshold_e": threshold_e,
@@ -221,6 +227,10 @@ def injection(
     given = (first_row, block_px, period_px)
     if None in given and given != (None, None, None):
         raise InputError("cannot measure injected charge", None, "first_row, block_px and period_px go together")
+    _check_whole(
+        first_row=first_row, block_px=block_px, period_px=period_px,
+        trail_px=trail_px, level_rows=level_rows, column_groups=column_groups,
+    )  # fmt: skip
     if block_px is not None and period_px is not None and block_px >= period_px:
         problem = f"blocks of {block_px} rows every {period_px} rows leave none between them"
         raise InputError(f"cannot use period_px = {period_px}", None, problem, "give a larger one")
@@ -265,6 +275,8 @@ def dipoles(
     **options
         Those of all functions of this module.
     """
+    _check_whole(found_in=found_in)
+    _check_above_0(threshold_sigma=threshold_sigma)
     way = {"threshold_sigma": threshold_sigma, "found_in": found_in, "species": species}
     return _measure(frames, way, overscan_start, {**options, "phase_time_ms": phase_time_ms, "pumping_cycles": pumping_cycles})
 
@@ -345,10 +357,39 @@ def _measure(frames: Any, way: dict[str, Any], overscan_start: int | None, optio
     return Measurement(tables, text, json.loads(document))
 
 
+# Ranges of options that are whole numbers, as on the command line.
+_WHOLE: dict[str, tuple[int, int]] = {
+    "trail_px": (1, 10_000),
+    "level_rows": (1, 100_000),
+    "column_groups": (1, 1000),
+    "bins_per_decade": (1, 100),
+    "transfer_bins": (1, 1000),
+    "fewest_px": (5, 1_000_000),
+    "first_row": (0, 1_000_000),
+    "block_px": (1, 100_000),
+    "period_px": (2, 1_000_000),
+    "found_in": (1, 100_000),
+}
+
+
+def _check_whole(**options: Any) -> None:
+    for name, value in options.items():
+        if value is not None:
+            whole(name, value, *_WHOLE[name])
+
+
+def _check_above_0(**options: Any) -> None:
+    for name, value in options.items():
+        if real(name, value) <= 0.0:
+            raise InputError(f"cannot use {name} = {value!r}", None, "allowed: a number above 0")
+
+
 def _several(frames: Any) -> Sequence[Any]:
+    if isinstance(frames, (list, tuple)) and not frames:
+        raise InputError("cannot measure frames", None, "there are none")
     if isinstance(frames, (str, os.PathLike)):
         return [frames]
-    if isinstance(frames, (list, tuple)) and (not frames or np.ndim(frames[0]) == 2 or isinstance(frames[0], (str, os.PathLike))):
+    if isinstance(frames, (list, tuple)) and (np.ndim(frames[0]) == 2 or isinstance(frames[0], (str, os.PathLike))):
         return frames
     return [frames]
 
@@ -368,6 +409,7 @@ def _rows_behind(given: list[Any], overscan_start: int, layout: dict[str, Any]) 
     rows = {frame[1].shape[0] for frame in given if not isinstance(frame, str)}
     if len(rows) != 1 or any(isinstance(frame, str) for frame in given):
         raise InputError("cannot use overscan_start", None, "it needs arrays of one number of rows", "give overscan_rows")
+    whole("overscan_start", overscan_start, 0, 1_000_000)
     rows_read = rows.pop() // (2 if layout["split"] in ("rows", "both") else 1)
     if not 0 < overscan_start < rows_read:
         problem = f"the frame has {rows_read} rows: 1 to {rows_read - 1} is needed"

@@ -91,3 +91,33 @@ def test_what_cannot_be_measured_is_refused(flat):
         cp.measure.dipoles("none.fits", gain=1.0)
     with pytest.raises(cp.InputError, match="period_px"):
         cp.measure.injection(flat, first_row=0, block_px=10, period_px=10)
+    with pytest.raises(cp.InputError, match="there are none"):
+        cp.measure.eper([], gain=1.5, t_yr=1.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        ("eper", {"trail_px": 0}),
+        ("eper", {"overscan_start": 300.0}),
+        ("eper", {"level_rows": "many"}),
+        ("eper", {"cti_px": [(1, 2, 3)]}),
+        ("trails", {"trail_px": 2.5}),
+        ("trails", {"threshold_e": -1.0}),
+        ("injection", {"column_groups": None, "first_row": 0.5, "block_px": 2, "period_px": 9}),
+        ("dipoles", {"found_in": 0}),
+        ("dipoles", {"threshold_sigma": "six"}),
+    ],
+)
+def test_options_out_of_range_are_refused_by_name(flat, kind, options):
+    with pytest.raises(cp.InputError) as refused:
+        getattr(cp.measure, kind)(flat, gain=1.5, bias=200.0, t_yr=1.0, **options)
+    assert any(name in str(refused.value) for name in options)
+    assert "Way" not in str(refused.value)
+
+
+def test_help_names_keywords_not_options(flat):
+    with pytest.raises(cp.InputError) as refused:
+        cp.measure.eper(flat, gain=1.5, overscan_start=300)
+    assert "--" not in str(refused.value)
+    assert "give date" in refused.value.help and "t_yr" in refused.value.help

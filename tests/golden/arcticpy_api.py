@@ -7,7 +7,9 @@ Command   python tests/golden/arcticpy_api.py                  writes python/tes
           python tests/golden/arcticpy_api.py --random 60      random frames through arcticpy and ctiplan.arctic, side by side: the
                                                                largest deviation of each as a fraction of the largest displacement
           python tests/golden/arcticpy_api.py --times          run times of both
-          (the last two need numpy and ctiplan installed in this interpreter; arcticpy runs in the one named by ARCTICPY_PYTHON,
+          python tests/golden/arcticpy_api.py --accuracy 400   random frames through ctiplan.arctic at express 0 and 5, beside its
+                                                               own result at 1e-8
+          (these need numpy and ctiplan installed in this interpreter; arcticpy runs in the one named by ARCTICPY_PYTHON,
           or in this one)
 
 What is trailed
@@ -27,6 +29,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -242,6 +245,28 @@ def compare(what, count):
     print("largest deviation: %.1e of the largest displacement in the frame" % worst)
 
 
+def at_express(arctic, express):
+    """The module with another accuracy of `add_cti` and `remove_cti`."""
+    def with_express(function):
+        return lambda *given, **words: function(*given, parallel_express=express, serial_express=express, **words)
+    names = {name: getattr(arctic, name) for name in arctic.__all__}
+    names.update(add_cti=with_express(arctic.add_cti), remove_cti=with_express(arctic.remove_cti))
+    return SimpleNamespace(**names)
+
+
+def accuracy(count):
+    from ctiplan import arctic
+    for express in (0, 5):
+        errors = []
+        for number in range(count):
+            frame, exact, _, _ = random_frame(at_express(arctic, 1e-8), number)
+            _, found, _, _ = random_frame(at_express(arctic, express), number)
+            moved = abs(exact - frame).max()
+            errors.append(abs(found - exact).max() / moved if moved > 0.0 else 0.0)
+        print("express %d: largest error %.1e of the largest displacement, 99 %% below %.1e"
+              % (express, max(errors), np.quantile(errors, 0.99)))
+
+
 if __name__ == "__main__":
     if "--oracle" in sys.argv:
         import arcticpy
@@ -249,6 +274,8 @@ if __name__ == "__main__":
             pickle.dump(globals()[sys.argv[2]](arcticpy, int(sys.argv[3])), file)
     elif "--random" in sys.argv:
         compare("random_frame", int(sys.argv[2]))
+    elif "--accuracy" in sys.argv:
+        accuracy(int(sys.argv[2]))
     elif "--times" in sys.argv:
         compare("timed", 4)
     else:

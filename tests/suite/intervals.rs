@@ -325,8 +325,7 @@ fn a_sample_knows_the_fit_that_it_belongs_to() {
     let known = sample(&[OFFSET, SLOPE], &mission);
     assert_eq!((known.describes_data, &known.differing[..]), (Some(true), &[][..]));
     // What has been fitted does not count, nor what the device does not depend on.
-    let settings =
-        [(SLOPE, 5.0), ("detector.traps.VV.release_ms", 3.0), (FLOOR, 7.0), ("requirement.delta_e", 2e-3)];
+    let settings = [(SLOPE, 5.0), ("detector.traps.VV.release_ms", 3.0), (FLOOR, 7.0), ("requirement.delta_e", 2e-3)];
     let settings = settings.map(|(key, value)| (key.to_string(), value.into()));
     let other = sample(&[OFFSET, SLOPE], &mission.with(&settings).unwrap());
     assert_eq!(other.differing, [FLOOR, "detector.traps.VV.release_ms"]);

@@ -16,9 +16,10 @@
 //!
 //! **Error.** Galaxies that were not fitted, chosen at random among all rows, are read out at their own positions.
 
+use std::ops::Range;
 use std::sync::Arc;
 
-use ndarray::Array2;
+use ndarray::{Array2, s};
 use serde::Serialize;
 
 use super::{Survey, rms, training};
@@ -200,18 +201,38 @@ impl Emulator {
 
     /// Changes of rows; None if they would be extrapolated.
     pub fn changes(&self, survey: &Survey, rows: &[usize]) -> Vec<Option<ShapeChange>> {
-        parallel::map(rows.chunks(TOGETHER), |rows| self.together(survey, rows)).into_iter().flatten().collect()
+        // Rows far from the register need the polynomials of few nodes.
+        let is_far = |place: &usize| self.distances.is_far(survey.galaxies[rows[*place]].transfers);
+        let (far, near): (Vec<usize>, Vec<usize>) = (0..rows.len()).partition(is_far);
+        let mut changes = vec![None; rows.len()];
+        for places in [far, near] {
+            let together = |places: &[usize]| {
+                let rows: Vec<usize> = places.iter().map(|place| rows[*place]).collect();
+                self.together(survey, &rows)
+            };
+            let found = parallel::map(places.chunks(TOGETHER), together);
+            for (place, change) in places.into_iter().zip(found.into_iter().flatten()) {
+                changes[place] = change;
+            }
+        }
+        changes
     }
 
+    /// The same for rows that are all far from the register or all near.
     fn together(&self, survey: &Survey, rows: &[usize]) -> Vec<Option<ShapeChange>> {
+        let Some(first) = rows.first() else { return Vec::new() };
+        let nodes = self.distances.around(survey.galaxies[*first].transfers);
         let points = self.place.of_rows(rows);
-        let [even, odd] = [&self.even, &self.odd].map(|(terms, coefficients)| coefficients.dot(&terms.values(&points)));
+        let values = |(terms, coefficients): &(Terms, Array2<f64>), quantities: usize| {
+            coefficients.slice(s![nodes.start * quantities..nodes.end * quantities, ..]).dot(&terms.values(&points))
+        };
+        let (even, odd) = (values(&self.even, EVEN), values(&self.odd, QUANTITIES - EVEN));
         let change = |(place, row): (usize, &usize)| {
             if points.column(place).iter().any(|x| x.is_nan() || x.abs() > BEYOND) {
                 return None;
             }
             let mut numbers = [0.0; QUANTITIES];
-            for (node, weight) in self.distances.weights(survey.galaxies[*row].transfers)? {
+            for (node, weight) in self.distances.weights(survey.galaxies[*row].transfers)?.into_iter().enumerate() {
                 for (quantity, number) in numbers.iter_mut().enumerate() {
                     *number += weight
                         * match quantity {
@@ -366,21 +387,31 @@ impl Distances {
         Distances { nodes, far }
     }
 
-    /// Nodes with their Lagrange weights at a number of transfers. None outside all nodes.
-    fn weights(&self, transfers: u32) -> Option<Vec<(usize, f64)>> {
+    /// Whether rows make transfers over the whole stamp.
+    fn is_far(&self, transfers: u32) -> bool {
+        self.nodes.get(self.far).is_some_and(|edge| transfers >= *edge)
+    }
+
+    /// The nodes between which a number of transfers is interpolated.
+    fn around(&self, transfers: u32) -> Range<usize> {
+        if self.is_far(transfers) { self.far..self.nodes.len() } else { 0..(self.far + 1).min(self.nodes.len()) }
+    }
+
+    /// Lagrange weights of these nodes. None outside all nodes.
+    fn weights(&self, transfers: u32) -> Option<Vec<f64>> {
         let (first, last) = (*self.nodes.first()?, *self.nodes.last()?);
         if !(first..=last).contains(&transfers) {
             return None;
         }
-        let is_far = self.nodes.get(self.far).is_some_and(|edge| transfers >= *edge);
-        let places = if is_far { self.far..self.nodes.len() } else { 0..(self.far + 1).min(self.nodes.len()) };
+        let is_far = self.is_far(transfers);
+        let places = self.around(transfers);
         let x = |transfers: u32| if is_far { f64::from(transfers) } else { f64::from(transfers).ln() };
         let weight = |node: usize| {
             let factor =
                 |other: usize| (x(transfers) - x(self.nodes[other])) / (x(self.nodes[node]) - x(self.nodes[other]));
             places.clone().filter(|other| *other != node).map(factor).product::<f64>()
         };
-        Some(places.clone().map(|node| (node, weight(node))).collect())
+        Some(places.clone().map(weight).collect())
     }
 }
 
@@ -393,12 +424,13 @@ mod tests {
         let distances = Distances { nodes: vec![1, 2, 5, 12, 28, 839, 1650], far: 4 };
         let law = |t: f64| 3.0 + 0.5 * t - 1e-4 * t * t;
         for transfers in [28, 100, 839, 1650] {
+            let nodes = &distances.nodes[distances.around(transfers)];
             let weights = distances.weights(transfers).unwrap();
-            let found: f64 = weights.iter().map(|(node, weight)| weight * law(f64::from(distances.nodes[*node]))).sum();
+            let found: f64 = nodes.iter().zip(weights).map(|(node, weight)| weight * law(f64::from(*node))).sum();
             assert!((found / law(f64::from(transfers)) - 1.0).abs() < 1e-12);
         }
         for (node, transfers) in [1, 2, 5, 12].into_iter().enumerate() {
-            for (other, weight) in distances.weights(transfers).unwrap() {
+            for (other, weight) in distances.around(transfers).zip(distances.weights(transfers).unwrap()) {
                 assert!((weight - f64::from(u8::from(other == node))).abs() < 1e-12);
             }
         }
