@@ -191,6 +191,19 @@ fn listed(names: &[impl AsRef<str>]) -> String {
     }
 }
 
+/// Effects, each once: `solar-flare twice and cycle`
+fn effects_listed(names: &[String]) -> String {
+    let mut said: Vec<String> = Vec::new();
+    for (place, name) in names.iter().enumerate().filter(|(place, name)| !names[..*place].contains(name)) {
+        said.push(match names[place..].iter().filter(|other| *other == name).count() {
+            1 => name.clone(),
+            2 => format!("{name} twice"),
+            times => format!("{name} {times} times"),
+        });
+    }
+    listed(&said)
+}
+
 /// A number or a dash.
 fn or_dash(value: Option<String>) -> String {
     value.unwrap_or_else(|| "-".into())

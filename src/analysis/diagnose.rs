@@ -86,14 +86,7 @@ pub fn diagnose(
         progress,
         work: Arc::new(Work::of_at_most(options.evaluations)),
     };
-    let mut noise = noise::as_quoted(&sorted);
-    for round in 0..ROUNDS {
-        match task.attempt(&noise, round)? {
-            Attempt::Done(found) => return Ok(found.with_files_at(&order)),
-            Attempt::Again(better) => noise = better,
-        }
-    }
-    unreachable!("the last round is done")
+    Ok(task.rounds()?.with_files_at(&order))
 }
 
 /// Indices of the data sets in the order of their names. Rounding alone can change the path of a search, and the order in which
@@ -125,11 +118,24 @@ enum Attempt {
 enum FirstLook {
     AsQuoted,
     Others(Vec<SetNoise>),
-    /// Far from the quoted ones, but a model explains the data with the quoted ones.
-    Explained(Box<Found>),
+    /// Far from the quoted ones, but with the quoted ones a model explains the data, or the nearest leaves
+    /// trends or less noise than that.
+    Decided(Box<Found>),
 }
 
 impl Task<'_> {
+    /// The search, repeated until its errors are those estimated at its end; at first with the quoted ones.
+    fn rounds(&self) -> Result<Diagnosis, InputError> {
+        let mut noise = noise::as_quoted(self.quoted);
+        for round in 0..ROUNDS {
+            match self.attempt(&noise, round)? {
+                Attempt::Done(found) => return Ok(*found),
+                Attempt::Again(better) => noise = better,
+            }
+        }
+        unreachable!("the last round is done")
+    }
+
     /// Calls a function with the base fit and everything that a search of these data needs. If `like` is given (the same data with
     /// other errors), it begins where that search ended.
     fn with_evidence<T>(
@@ -167,7 +173,7 @@ impl Task<'_> {
             if refusal.is_none() && round == 0 {
                 match self.first_look(evidence, noise)? {
                     FirstLook::Others(better) => return Ok(Attempt::Again(better)),
-                    FirstLook::Explained(found) => selected = Some(*found),
+                    FirstLook::Decided(found) => selected = Some(*found),
                     FirstLook::AsQuoted => (),
                 }
             }
@@ -198,7 +204,7 @@ impl Task<'_> {
     /// The errors estimated from the residuals of the model nearest to the data, before any search.
     fn first_look(&self, evidence: &Evidence, noise: &[SetNoise]) -> Result<FirstLook, InputError> {
         let nearest = evidence.nearest()?;
-        let better = noise::estimate(evidence.case(), self.quoted, &evidence.search.expand(&nearest[0]), noise);
+        let better = self.estimated(evidence, &nearest[0], noise);
         if noise::is_same(&better, noise) {
             return Ok(FirstLook::AsQuoted);
         }
@@ -223,7 +229,24 @@ impl Task<'_> {
             return Ok(FirstLook::Others(better));
         }
         let found = evidence.select()?;
-        Ok(if found.explains() { FirstLook::Explained(Box::new(found)) } else { FirstLook::Others(better) })
+        eprintln!(
+            "DBG first_look {:?} {:?} white {:?}",
+            found.verdict,
+            found.reason,
+            found.nearest.as_ref().map(|n| (n.set(), n.chi2(), evidence.is_white(n).ok()))
+        );
+        let remains = match &found.nearest {
+            Some(node) if found.verdict == Verdict::Unexplained => !evidence.leaves_larger_noise(node)?,
+            _ => false,
+        };
+        let holds = found.explains() || remains;
+        Ok(if holds { FirstLook::Decided(Box::new(found)) } else { FirstLook::Others(better) })
+    }
+
+    /// The errors estimated from the residuals of a model.
+    fn estimated(&self, evidence: &Evidence, node: &Arc<Node>, known: &[SetNoise]) -> Vec<SetNoise> {
+        let found = noise::estimate(evidence.case(), self.quoted, &evidence.search.expand(node), known);
+        noise::kept_if_exceeded(evidence.case(), evidence.base, known, found)
     }
 
     /// Larger errors that can be allowed for, unless effects explain the data better with the quoted ones.
@@ -242,7 +265,7 @@ impl Task<'_> {
         let as_quoted = noise::with_scales_of_1(&better);
         if noise::is_same(&as_quoted, noise) {
             let found = evidence.without_larger(&better)?;
-            return Ok(found.map_or(FirstLook::Others(better), |found| FirstLook::Explained(Box::new(found))));
+            return Ok(found.map_or(FirstLook::Others(better), |found| FirstLook::Decided(Box::new(found))));
         }
         // Wrong rows stay marked as wrong.
         let data = noise::allowed_for(self.quoted, &as_quoted);
@@ -279,7 +302,11 @@ impl Task<'_> {
             }
         }
         let known = if found.explains() { noise::confirmed(evidence.case(), node, noise) } else { noise.to_vec() };
-        let better = noise::estimate(evidence.case(), self.quoted, &evidence.search.expand(node), &known);
+        let better = self.estimated(evidence, node, &known);
+        let is_beyond = matches!(data_quality::errors_beyond(&better), Some(Reason::SmallErrors { .. }));
+        if found.verdict == Verdict::Unexplained && is_beyond && !evidence.leaves_larger_noise(node)? {
+            return Ok(None);
+        }
         Ok((!noise::is_same(&better, noise)).then_some(better))
     }
 }

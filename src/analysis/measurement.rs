@@ -124,6 +124,12 @@ fn known(name: &str) -> Option<Known> {
 /// Other names for a time, in days.
 const DAYS: [&str; 3] = ["date", "mjd", "jd"];
 
+/// What a row needs whose traps depend on the dose alone.
+const TIME_OR_DOSE: &str = "t_yr or dose_mev_g";
+
+/// Names of the sides of an error.
+const SIDES: [&str; 8] = ["plus", "minus", "upper", "lower", "up", "low", "hi", "lo"];
+
 /// The condition whose error is in a column of this name.
 fn condition_of_sigma(name: &str) -> Option<&'static str> {
     let condition = name.strip_prefix(SIGMA_OF)?;
@@ -233,8 +239,11 @@ fn observable(table: &Table) -> Result<Observable, InputError> {
     let names = || Observable::ALL.iter().map(|observable| observable.name());
     let listed = || names().collect::<Vec<_>>().join(", ");
     let Some(said) = table.meta("observable") else {
-        let help =
-            "write it into the header: `t.meta[\"observable\"] = \"trail\"` in astropy, `# observable: trail` in CSV";
+        let help = if table.meta("meta").is_some() {
+            "`# meta: {...}` belongs to ECSV, whose first line is `# %ECSV 1.0`; in CSV write a line `# observable: trail`"
+        } else {
+            "write it into the header: `t.meta[\"observable\"] = \"trail\"` in astropy, `# observable: trail` in CSV"
+        };
         return Err(table
             .fault(None, None, format!("meta.observable is missing: one of {}", listed()))
             .with_help(help));
@@ -247,6 +256,7 @@ fn observable(table: &Table) -> Result<Observable, InputError> {
             format!("no observable is called \"{said}\"; there are: {}", listed()),
         );
         match nearest(&said, names()) {
+            _ if said.eq_ignore_ascii_case("cte") => fault.with_help("give `cti`, with values of 1 - cte"),
             Some(near) => fault.with_help(format!("did you mean \"{near}\"?")),
             None => fault,
         }
@@ -294,6 +304,11 @@ impl Reader<'_> {
     fn check_sigma_of(&self, name: &str, place: &str) -> Result<(), InputError> {
         let lower = name.to_lowercase();
         let Some(condition) = lower.strip_prefix(SIGMA_OF) else { return Ok(()) };
+        if SIDES.contains(&condition) {
+            let problem = format!("`{name}`: errors have one value, not two sides");
+            let help = "give one column `sigma`, such as the mean of both sides";
+            return Err(self.table.fault(None, Some(place), problem).with_help(help));
+        }
         if condition_of_sigma(name).is_some() {
             return Ok(());
         }
@@ -307,6 +322,12 @@ impl Reader<'_> {
 
     fn row(&self, row: usize) -> Result<Row, InputError> {
         let value = self.measured(row, "value")?;
+        if let Some(most) = self.observable.card().most.filter(|most| value.abs() > *most) {
+            let problem =
+                format!("the value is {}; a {} is at most {}", keys::plain(value), self.observable, keys::plain(most));
+            let help = "a charge transfer efficiency is 1 - cti; values in units of 1e-5 are to be multiplied";
+            return Err(self.table.fault(Some(row), Some("value"), problem).with_help(help));
+        }
         let sigma = self.measured(row, "sigma")?;
         if sigma <= 0.0 {
             let problem = format!("the error of a measurement is above 0; this is {sigma}");
@@ -368,7 +389,14 @@ impl Reader<'_> {
                 fault.with_help("leave out rows without measurements")
             } else {
                 let problem = format!("there is no column `{name}`; columns: {}", self.names());
-                self.table.fault(None, None, problem).with_help("every row needs a value and its 1-sigma error")
+                let help = match name {
+                    "sigma" => {
+                        "every row needs the 1-sigma error of its value; if none is published, give the scatter about a smooth curve, and \
+                         say in meta.source that it is assumed"
+                    }
+                    _ => "every row needs a value and its 1-sigma error",
+                };
+                self.table.fault(None, None, problem).with_help(help)
             });
         };
         if number.is_finite() {
@@ -432,7 +460,7 @@ impl Reader<'_> {
         let t_yr = self.t_yr(row)?;
         let dose_will_do = self.observable.depends_on("dose_mev_g");
         if t_yr.is_none() && !(dose_will_do && dose_mev_g.is_some()) {
-            return Err(self.missing(if dose_will_do { "t_yr or dose_mev_g" } else { "t_yr" }, row));
+            return Err(self.missing(if dose_will_do { TIME_OR_DOSE } else { "t_yr" }, row));
         }
         let mut believed = Conditions::of(self.mission, t_yr.unwrap_or(0.0));
         if dose_mev_g.is_some() {
@@ -691,7 +719,15 @@ impl Reader<'_> {
         );
         // A column with missing cells has its location.
         let place = self.table.column(name).map(|_| name);
-        self.table.fault(place.map(|_| row), place, problem)
+        let fault = self.table.fault(place.map(|_| row), place, problem);
+        let help = match name {
+            "signal_e" if self.observable == Observable::Cti => "X-rays of E eV make E/3.65 e- in silicon",
+            TIME_OR_DOSE => {
+                "a date, mjd or jd will do as well; t_yr counts years from launch, and a laboratory gives the dose"
+            }
+            _ => return fault,
+        };
+        fault.with_help(help)
     }
 
     fn names(&self) -> String {

@@ -40,6 +40,8 @@ pub struct Card {
     pub probe: Probe,
     /// The smallest 1-sigma error expected of a measurement, in its unit.
     pub least_sigma: f64,
+    /// The largest value that makes sense, in its unit; None if any may.
+    pub most: Option<f64>,
     /// The likely fault of a model if data show more of it, in absolute value if it has a sign.
     pub more: &'static str,
     /// The likely fault of a model if data show less of it.

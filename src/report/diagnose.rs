@@ -6,7 +6,7 @@ mod noise;
 mod reason;
 
 use super::fit::value_and_error;
-use super::{Page, Parts, Report, chance, keep_joined, listed, or_dash, significant, table};
+use super::{Page, Parts, Report, chance, effects_listed, keep_joined, or_dash, significant, table};
 use crate::analysis::diagnose::noise::SetNoise;
 use crate::analysis::diagnose::{Changed, Diagnosis, Next, Reason, Rung, Stability, Tried, Verdict};
 use crate::analysis::fit::Fitted;
@@ -125,8 +125,8 @@ impl Page for Diagnosis {
         if !self.undone.is_empty() {
             out.words(
                 format!(
-                    "Note: the search ended after {} evaluations of the model (of {}); left undone: {}. --evaluations N allows \
-                     more.",
+                    "Note: the search ended after {} evaluations of the model (a round may begin steps up to {}); left undone: {}. \
+                     --evaluations N allows more.",
                     self.evaluations[0],
                     self.evaluations[1],
                     self.undone.join(", ")
@@ -164,7 +164,8 @@ fn sentence(text: &str) -> String {
 impl Changed {
     /// The result of the search.
     fn found(&self) -> String {
-        let effects = if self.effects.is_empty() { String::new() } else { format!(", {}", listed(&self.effects)) };
+        let effects =
+            if self.effects.is_empty() { String::new() } else { format!(", {}", effects_listed(&self.effects)) };
         format!("{}{effects}", self.verdict.name())
     }
 }
@@ -322,9 +323,10 @@ impl Diagnosis {
                      and data reduction first."
                 )
             } else {
+                let how = if suggestion.is_fitted { "" } else { ", without constant offsets of the files," };
                 format!(
-                    "An empirical formula to start from lowers chi2, without constant offsets of the files, from {before:.1} to \
-                     {with:.1}. It describes the residuals and names no cause."
+                    "An empirical formula to start from lowers chi2{how} from {before:.1} to {with:.1}. It describes the residuals \
+                     and names no cause."
                 )
             };
             out.words(format!("{what} Refine it, and add it to the search: --candidates FILE.toml"), 2);

@@ -28,6 +28,7 @@ mod images;
 mod intervals;
 mod judgement;
 mod laws;
+mod like_flown;
 mod many_files;
 mod measure;
 mod measurements;

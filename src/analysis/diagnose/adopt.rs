@@ -20,6 +20,8 @@ struct InPlace {
     files: Vec<String>,
     /// It has fewer parameters than there are such files.
     simpler: bool,
+    /// In one of them the constant is most of the values.
+    are_most: bool,
 }
 
 impl Evidence<'_> {
@@ -100,14 +102,16 @@ impl Evidence<'_> {
         let files: Vec<String> = self.case().pedestal_files(without.map(|(place, _)| place));
         let clear = score(&best) + rivals::margin(self.options.level) < self.base.chi2();
         let simpler = parameters(&best) < files.len();
-        (clear && !files.is_empty()).then_some(InPlace { sketch: best, files, simpler })
+        let dominated = noise::dominated_by_pedestals(self.case(), self.base);
+        let are_most = files.iter().any(|file| dominated.contains(file));
+        (clear && !files.is_empty()).then_some(InPlace { sketch: best, files, simpler, are_most })
     }
 
     /// The base explains the data, unless an effect explains its pedestals with fewer parameters.
     pub(super) fn complete(&self, reason: Reason) -> Result<Found, InputError> {
         let mut found = Found::of(Verdict::Complete, reason, vec![self.base.clone()]);
         match self.in_place_of_pedestals() {
-            Some(in_place) if in_place.simpler => return self.instead_of_pedestals(in_place),
+            Some(in_place) if in_place.simpler || in_place.are_most => return self.instead_of_pedestals(in_place),
             Some(InPlace { sketch, files, .. }) => {
                 let fall = self.base.chi2() - sketch.chi2;
                 found.aside.push(Note::InPlaceOfPedestals { effect: self.name(sketch.last()), files, fall });
@@ -137,7 +141,11 @@ impl Evidence<'_> {
         let node = self.search.settled(&*self.search.node(&in_place.sketch, self.base)?)?;
         let (node, rivals::Around { rivals, aside }) = rivals::of(self, &node)?;
         let adopted = node.set();
-        let reason = Reason::LackingOrPedestals { effect: self.name(adopted[0]), files: in_place.files };
+        let reason = Reason::LackingOrPedestals {
+            effect: self.name(adopted[0]),
+            files: in_place.files,
+            are_most: in_place.are_most,
+        };
         let mut found = Found::of(Verdict::Ambiguous, reason, self.ladder(&node)?);
         let all = distinct(adopted.into_iter().chain(rivals.iter().map(|rival| rival.hypothesis)));
         found.alternatives = vec![all.into_iter().map(|place| self.name(place)).collect()];
@@ -163,6 +171,11 @@ impl Evidence<'_> {
         }
         if self.better_law(&node).is_some() {
             return Ok(Ended::Nothing);
+        }
+        if let Some((beside, law)) = self.law_beside_fewer(&node)? {
+            let found = Found::of(Verdict::Unexplained, law.reason, self.ladder(&beside)?);
+            let (law, nearest) = (Some(law.suggestion), Some(node));
+            return Ok(Ended::Adopted(Box::new(Found { law, nearest, ..found })));
         }
         let effects = node.added.iter().map(|added| self.name(added.hypothesis)).collect();
         let reason = Reason::Lacking { effects, has_rivals: !rivals.is_empty() };

@@ -183,14 +183,18 @@ pub(super) struct Odd {
 
 /// A few rows, each far from a model that explains all others. None if there are none, or if more is wrong.
 pub(super) fn odd_rows(case: &Case, node: &Node) -> Option<Odd> {
-    // A row that alone determines a parameter may be all that shows an effect.
+    // A row that alone determines a parameter may be all that shows an effect, and so may the first or the last of a short
+    // file in time or dose.
     let hangs = |row: &usize| node.basis.row(*row).norm_squared() > HANGS_ON_IT;
     let size = |row: usize| node.residuals[row].abs();
     let is_right = |row: &usize| {
         let set = case.set_of[*row];
         case.data[set].shared.right.contains(&(row - case.rows(set).start))
     };
-    let odd = |row: &usize| size(*row) > ODD_SIGMA && !hangs(row) && !is_right(row);
+    let is_short = |row: &usize| case.rows(case.set_of[*row]).len() < noise::FEW;
+    let of_damage = |name: &str| ["t_yr", "dose_mev_g"].contains(&name);
+    let is_all = |row: &usize| is_short(row) && is_alone_at_an_end_of(case, *row, of_damage);
+    let odd = |row: &usize| size(*row) > ODD_SIGMA && !hangs(row) && !is_right(row) && !is_all(row);
     let mut clear: Vec<usize> = (0..case.n()).filter(odd).collect();
     clear.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
     // In each file one row in twenty, including those already known.
@@ -235,8 +239,13 @@ pub(super) fn are_neighbours_alike(rows: &[(usize, f64)]) -> bool {
 /// Whether a row alone has the lowest or highest value of a condition in its file. It may then be all that shows an effect, such as
 /// an event before the second epoch.
 pub(super) fn is_alone_at_an_end(case: &Case, place: usize) -> bool {
+    is_alone_at_an_end_of(case, place, |_| true)
+}
+
+/// The same for some conditions.
+fn is_alone_at_an_end_of(case: &Case, place: usize, wanted: impl Fn(&str) -> bool) -> bool {
     let (set, row) = (&case.data[case.set_of[place]], place - case.rows(case.set_of[place]).start);
-    set.varying.iter().filter(|name| !set.is_words(name)).any(|name| {
+    set.varying.iter().filter(|name| wanted(name) && !set.is_words(name)).any(|name| {
         let values = set.against(name);
         let others = || values.iter().enumerate().filter(|(other, _)| *other != row).map(|(_, value)| *value);
         others().all(|value| value > values[row]) || others().all(|value| value < values[row])

@@ -3,6 +3,9 @@
 use super::holdout::Carried;
 use super::result::{Note, Rung, Step};
 use crate::analysis::fit::{Advice, Fitted};
+use crate::analysis::measurement::DataSet;
+use crate::mission::Mission;
+use crate::mission::keys::plain;
 use crate::numeric::aliases::{Wave, even_spacing};
 
 /// Share of what all effects explain below which one explains little.
@@ -52,6 +55,58 @@ pub(super) fn replaced(steps: &[Step], fitted: &[Fitted], advice: &[Advice]) -> 
     gone.filter(|species| species.starts_with("detector.traps."))
         .map(|species| Note::TakesItsPlace { effect: step.effect.clone(), species })
         .collect()
+}
+
+/// Events (what, and when) between two epochs between which a recorded condition changed for good.
+pub(super) fn coincidences(events_yr: &[(String, f64)], data: &[DataSet]) -> Vec<Note> {
+    let of = |(what, event_yr): &(String, f64)| {
+        let (condition, values, between_yr) = data.iter().find_map(|set| changed_for_good(set, *event_yr))?;
+        Some(Note::CoincidesWith { what: what.clone(), condition, values, between_yr })
+    };
+    events_yr.iter().filter_map(of).collect()
+}
+
+/// Events of effects: name, and time since launch.
+pub(super) fn events_yr(steps: &[Step]) -> Vec<(String, f64)> {
+    let of = |step: &Step| {
+        let own = step.parameters.iter().filter(|fitted| fitted.key.starts_with(&format!("{}.", step.key)));
+        let event = own.filter(|fitted| fitted.key.ends_with(".t_yr")).next_back()?;
+        Some((step.effect.clone(), event.value))
+    };
+    steps.iter().filter_map(of).collect()
+}
+
+/// A condition of a file that has one value up to a time and another one from then on; its values, and the epochs around that time.
+fn changed_for_good(set: &DataSet, t_yr: f64) -> Option<(String, [String; 2], [f64; 2])> {
+    let times = set.against("t_yr");
+    let from = times.iter().copied().filter(|time| *time <= t_yr).fold(f64::NEG_INFINITY, f64::max);
+    let to = times.iter().copied().filter(|time| *time > t_yr).fold(f64::INFINITY, f64::min);
+    let of = |name: &String| {
+        let values = set.against(name);
+        let only = |is_before: bool| {
+            let is_here = |row: &usize| (times[*row] <= t_yr) == is_before;
+            let mut here = (0..times.len()).filter(is_here);
+            let first = here.next()?;
+            let said = set.rows[first].word(name).map_or_else(|| plain(values[first]), str::to_string);
+            here.all(|row| values[row] == values[first]).then_some((values[first], said))
+        };
+        let ((before, said), (after, then)) = (only(true)?, only(false)?);
+        (before != after).then(|| (name.clone(), [said, then], [from, to]))
+    };
+    set.varying.iter().filter(|name| *name != "t_yr").find_map(of)
+}
+
+/// Effects of another temperature if all data are of one and release times are not free.
+pub(super) fn release_times(steps: &[Step], data: &[DataSet], mission: &Mission, free: &[String]) -> Option<Note> {
+    let step = steps.iter().find(|step| step.effect == "temperature-offset")?;
+    let mut temperatures = data.iter().flat_map(|set| &set.rows).map(|row| row.at.temperature_k);
+    let first = temperatures.next()?;
+    if temperatures.any(|temperature_k| temperature_k != first) {
+        return None;
+    }
+    let keys = mission.detector.traps.iter().map(|species| format!("detector.traps.{}.release_ms", species.name));
+    let keys: Vec<String> = keys.filter(|key| !free.contains(key)).collect();
+    (!keys.is_empty()).then(|| Note::SameAsReleaseTime { effect: step.effect.clone(), keys })
 }
 
 fn moves_the_date(before: &Rung, step: &Step, all: f64) -> Option<Note> {

@@ -58,7 +58,7 @@ pub(super) fn suggest(validation: &Validation, covariates: &[Covariate]) -> Opti
     let expression = if form.multiplied { format!("value * (1 + {parts})") } else { format!("value + {parts}") };
     let target = form.of.map_or_else(|| "value".into(), |of| format!("value.{}", of.name()));
     let toml = table(&target, &expression, found.as_slice());
-    Some(Suggestion { toml, chi2: [residuals.norm_squared(), chi2], is_law: false })
+    Some(Suggestion { toml, chi2: [residuals.norm_squared(), chi2], is_law: false, is_fitted: false, step_yr: None })
 }
 
 /// `[effects.formula]` as it would be written in a mission, with the values of the parameters [`NAMES`].

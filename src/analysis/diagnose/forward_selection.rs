@@ -59,12 +59,15 @@ impl Evidence<'_> {
             Ended::ByChance => (None, true),
             Ended::Nothing => (None, false),
         };
-        if let Some(odd) = self.odd_rows(found.as_ref(), &tried) {
+        if let Some(odd) = self.odd_rows(found.as_ref().filter(|found| found.explains()), &tried) {
             return Ok(self.unfit_for(odd));
         }
         match found {
             Some(found) => Ok(found),
-            None if by_chance || self.mere_noise(self.base)?.is_some() => self.complete(self.not_borne_out(&tried)),
+            None if self.mere_noise(self.base)?.is_some() => {
+                self.complete(Reason::Noise { best: self.not_borne_out(&tried) })
+            }
+            None if by_chance => Ok(self.undecided(&tried)),
             None => match self.enough_but_for_noise(&tried)? {
                 Some(found) => Ok(found),
                 None => self.unexplained(&tried),
@@ -93,15 +96,22 @@ impl Evidence<'_> {
         Ok(None)
     }
 
-    /// The reason for a model without effects: the best effect gains more than noise usually does, but was not confirmed.
-    fn not_borne_out(&self, tried: &[Arc<Node>]) -> Reason {
+    /// The effects that gain most of those tried, and the decrease of chi2 with them: more than noise usually does, but not confirmed.
+    fn not_borne_out(&self, tried: &[Arc<Node>]) -> Option<(Vec<String>, f64)> {
         let best =
             tried.iter().filter(|node| !node.added.is_empty()).min_by(|a, b| self.score(a).total_cmp(&self.score(b)));
-        let best = best.map(|best| {
+        best.map(|best| {
             let names: Vec<String> = best.set().into_iter().map(|place| self.name(place)).collect();
             (names, self.base.chi2() - best.chi2())
-        });
-        Reason::Noise { best }
+        })
+    }
+
+    /// The base leaves more than the errors, and an effect that explains it gains no more than errors that are too small would: no
+    /// verdict, since either may be true.
+    fn undecided(&self, tried: &[Arc<Node>]) -> Found {
+        let (effects, fall) = self.not_borne_out(tried).unwrap_or_default();
+        let reason = Reason::Undecided { effects, fall, chi2: self.base.chi2(), n: self.case().n() };
+        Found::of(Verdict::Unfit, reason, vec![self.base.clone()])
     }
 
     /// Adds one effect at a time to the best few models, from the base on, until one is adopted. All models are kept.

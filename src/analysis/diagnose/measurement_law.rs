@@ -5,15 +5,19 @@
 //! observable, or of all, multiplied by a polynomial of a condition or of themselves, or with such a polynomial added, or a step.
 //! All laws are tried to first order at the base fit; the most promising are fitted, with all free parameters.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::evidence::Evidence;
-use super::fitted_model::{FLAT, Node};
+use super::fitted_model::Node;
 use super::noise::wrong_rows;
 use super::result::{Reason, Suggestion};
 use super::{formula, rivals, trimmed};
 use crate::analysis::fit;
 use crate::analysis::measurement::DataSet;
+use crate::error::InputError;
+use crate::mission::keys::plain;
 use crate::mission_file;
 use crate::numeric::least_squares::Span;
 use crate::numeric::parallel;
@@ -24,6 +28,12 @@ const FITTED: usize = 3;
 
 /// Epochs between which steps are tried.
 const MOST_STEPS: usize = 200;
+
+/// Share of what a parameter of a law changes that no other one does, below which a law without it does the same.
+const INDEPENDENT: f64 = 0.01;
+
+/// Range of a condition over its middle, below which it is counted from there.
+const NARROW: f64 = 0.5;
 
 /// chi2 of a row, below which a law describes data whose errors may be 1.6 times too small.
 const DESCRIBED: f64 = 2.5;
@@ -48,8 +58,8 @@ enum Argument {
     Constant,
     /// On the value itself.
     Value,
-    /// On a condition.
-    Condition(String),
+    /// On a condition, counted from an origin.
+    Condition(String, f64),
     /// On whether a condition is above a limit.
     Above(String, f64),
 }
@@ -71,7 +81,9 @@ impl Law {
             (Argument::Above(condition, limit), _) => format!("if {condition} > {limit} {{ {name} }} else {{ 0 }}"),
             (Argument::Constant, _) | (_, 0) => name.to_string(),
             (Argument::Value, power) => format!("{name} * value{}", raised(*power)),
-            (Argument::Condition(condition), power) => format!("{name} * {condition}{}", raised(*power)),
+            (Argument::Condition(condition, origin), power) => {
+                format!("{name} * {}{}", from_origin(condition, *origin), raised(*power))
+            }
         };
         let terms: Vec<String> = formula::NAMES.iter().zip(self.powers).map(term).collect();
         let sum = terms.join(" + ");
@@ -98,8 +110,8 @@ impl Law {
             let here = &values[arguments.len()..arguments.len() + set.rows.len()];
             match (&self.argument, self.concerns(set)) {
                 (Argument::Value, true) => arguments.extend(here.iter().map(|value| Some(*value))),
-                (Argument::Condition(condition), true) => {
-                    arguments.extend(set.against(condition).into_iter().map(Some))
+                (Argument::Condition(condition, origin), true) => {
+                    arguments.extend(set.against(condition).into_iter().map(|at| Some(at - origin)))
                 }
                 (Argument::Above(condition, limit), true) => {
                     arguments.extend(set.against(condition).iter().map(|at| Some(f64::from(at > limit))));
@@ -117,6 +129,23 @@ impl Law {
         };
         self.powers.iter().map(column).collect()
     }
+}
+
+/// `temperature_k`, or `(temperature_k - 153)`
+fn from_origin(condition: &str, origin: f64) -> String {
+    match origin {
+        0.0 => condition.to_string(),
+        origin if origin < 0.0 => format!("({condition} + {})", plain(-origin)),
+        origin => format!("({condition} - {})", plain(origin)),
+    }
+}
+
+/// From where a condition is counted: 0, or, if all values are far from it, a short number in their middle. A law in powers of a temperature
+/// in kelvins would otherwise be the small difference of large terms.
+fn origin(values: &[f64]) -> f64 {
+    let (Some(low), Some(high)) = (values.first(), values.last()) else { return 0.0 };
+    let (middle, range) = (0.5 * (low + high), high - low);
+    if range < NARROW * middle.abs() { between(middle - 0.1 * range, middle + 0.1 * range) } else { 0.0 }
 }
 
 fn raised(power: i32) -> String {
@@ -148,7 +177,7 @@ fn laws(data: &[DataSet]) -> Vec<Law> {
                     continue;
                 }
                 for powers in [&[1][..], &[0, 1], &[1, 2], &[0, 1, 2]] {
-                    add(multiplied, Argument::Condition(condition.clone()), powers);
+                    add(multiplied, Argument::Condition(condition.clone(), origin(&values)), powers);
                 }
                 if condition == "t_yr" && values.len() <= MOST_STEPS {
                     for pair in values.windows(2) {
@@ -185,6 +214,15 @@ fn between(low: f64, high: f64) -> f64 {
     (0..8).map(rounded).find(|at| *at > low && *at < high).unwrap_or(middle)
 }
 
+/// Some but not all of a few effects, and at least one of them.
+fn fewer(effects: &[usize]) -> Vec<Vec<usize>> {
+    let chosen = |mask: u32| {
+        let is_in = |(place, _): &(usize, &usize)| mask >> place & 1 == 1;
+        effects.iter().enumerate().filter(is_in).map(|(_, effect)| *effect).collect()
+    };
+    (1..(1 << effects.len()) - 1).map(chosen).collect()
+}
+
 impl Evidence<'_> {
     /// A law of the measurement that explains the data much better than a model with an effect, or better than one with several.
     pub(super) fn better_law(&self, node: &Node) -> Option<&MeasurementLaw> {
@@ -192,8 +230,9 @@ impl Evidence<'_> {
         self.law().filter(|law| law.cost + margin < node.chi2_of_rows() + self.cost(node))
     }
 
-    fn law(&self) -> Option<&MeasurementLaw> {
-        self.law.get_or_init(|| self.best_law()).as_ref()
+    /// The best law of the measurement on top of the base, whether it is better than effects or not.
+    pub(super) fn law(&self) -> Option<&MeasurementLaw> {
+        self.law.get_or_init(|| self.best_law(self.base)).as_ref()
     }
 
     /// Rows far from a law of the measurement that describes all others, each with its residual in sigma, if chi2 and penalties are
@@ -211,54 +250,84 @@ impl Evidence<'_> {
         (is_described && law.cost + law.pedestals - saved < most).then_some(far)
     }
 
-    /// The law that explains the data best; None if none can be fitted.
-    fn best_law(&self) -> Option<MeasurementLaw> {
-        if !self.work().allows("laws of the measurement in place of effects") {
-            return None;
+    /// A law beside fewer effects that explains the data much better than a model with several, and these effects. Each effect of a
+    /// model may stand for a gain that changed.
+    ///
+    /// # Errors
+    /// Those of a fit.
+    pub(super) fn law_beside_fewer(&self, node: &Node) -> Result<Option<(Arc<Node>, MeasurementLaw)>, InputError> {
+        let effects: Vec<usize> = node.added.iter().map(|added| added.hypothesis).collect();
+        let most = node.chi2_of_rows() + self.cost(node) - rivals::margin(self.options.level);
+        let mut best: Option<(Arc<Node>, MeasurementLaw)> = None;
+        for fewer in fewer(&effects) {
+            if !self.work().allows("laws of the measurement beside fewer effects") {
+                break;
+            }
+            let with = self.search.with(self.base, &fewer)?;
+            let Some(law) = self.best_law(&with) else { continue };
+            let limit = best.as_ref().map_or(most, |(_, best)| best.cost);
+            if law.suggestion.is_law && law.cost < limit {
+                best = Some((with, law));
+            }
         }
+        Ok(best)
+    }
+
+    /// The law that explains the data best on top of a model; None if none can be fitted. Few are fitted, so this is never left undone.
+    fn best_law(&self, base: &Node) -> Option<MeasurementLaw> {
         let laws = laws(self.case().data);
         let choice = 2.0 * (laws.len() as f64).ln();
-        let mut promised: Vec<(f64, &Law, DVector<f64>)> = parallel::map(&laws, |law| self.promise(law));
+        let promised = parallel::map(&laws, |law| self.promise(base, law));
+        let mut promised: Vec<(f64, &Law, DVector<f64>)> = promised.into_iter().flatten().collect();
         promised.sort_by(|a, b| a.0.total_cmp(&b.0));
         let fitted = promised.into_iter().take(FITTED).filter_map(|(_, law, start)| {
-            let (node, toml) = self.with_law(law, &start)?;
-            let parameters = node.fit.parameters.len() + law.parameters() - law.powers.len();
-            let cost = node.chi2_of_rows() + 2.0 * parameters as f64 + choice;
+            let (node, toml) = self.with_law(base, law, &start)?;
+            let unfitted = law.parameters() - law.powers.len();
+            let cost = node.chi2_of_rows() + self.cost(&node) + 2.0 * unfitted as f64 + choice;
             let pedestals = node.pedestal_costs.iter().sum();
             let is_law = node.residuals.norm_squared() < DESCRIBED * self.case().n() as f64;
-            let suggestion = Suggestion { toml, chi2: [self.base.chi2(), node.chi2()], is_law };
-            let reason = Reason::BetterLaw { target: law.target(), expression: law.expression() };
+            let step_yr = match law.argument {
+                Argument::Above(_, limit) => Some(limit),
+                _ => None,
+            };
+            let suggestion = Suggestion { toml, chi2: [base.chi2(), node.chi2()], is_law, is_fitted: true, step_yr };
+            let beside = base.added.iter().map(|added| self.name(added.hypothesis)).collect();
+            let reason = Reason::BetterLaw { target: law.target(), expression: law.expression(), beside };
             Some(MeasurementLaw { suggestion, reason, cost, pedestals, residuals: node.residuals })
         });
         fitted.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    /// chi2 with a law to first order, plus the cost of its parameters; and their values.
-    fn promise<'a>(&self, law: &'a Law) -> (f64, &'a Law, DVector<f64>) {
-        let columns = law.columns(self.case().data, &self.base.fit.values);
+    /// chi2 with a law to first order, plus the cost of its parameters; and their values. None if the data or the free parameters do not
+    /// determine all of them: a law with fewer does the same.
+    fn promise<'a>(&self, base: &Node, law: &'a Law) -> Option<(f64, &'a Law, DVector<f64>)> {
+        let columns = law.columns(self.case().data, &base.fit.values);
         let columns: Vec<DVector<f64>> =
-            columns.iter().map(|column| self.base.beyond(&self.case().change_of_values(self.base, column))).collect();
+            columns.iter().map(|column| base.beyond(&self.case().change_of_values(base, column))).collect();
         let columns = DMatrix::from_columns(&columns);
-        let span = Span::of(&columns, FLAT);
-        let found = span.solve(&self.base.residuals);
-        let gain = span.directions().tr_mul(&self.base.residuals).norm_squared();
-        (self.base.chi2() - gain + 2.0 * law.parameters() as f64, law, found)
+        let span = Span::of(&columns, INDEPENDENT);
+        if span.directions().ncols() < law.powers.len() {
+            return None;
+        }
+        let found = span.solve(&base.residuals);
+        let gain = span.directions().tr_mul(&base.residuals).norm_squared();
+        Some((base.chi2() - gain + 2.0 * law.parameters() as f64, law, found))
     }
 
-    /// The base with a law, fitted from some values of its parameters; and the law as it would be written in a mission.
-    fn with_law(&self, law: &Law, start: &DVector<f64>) -> Option<(Node, String)> {
+    /// A model with a law, fitted from some values of its parameters; and the law as it would be written in a mission.
+    fn with_law(&self, base: &Node, law: &Law, start: &DVector<f64>) -> Option<(Node, String)> {
         let mut table = toml::Table::new();
         table.insert("target".into(), law.target().into());
         table.insert("expression".into(), law.expression().into());
         for (name, value) in formula::NAMES.iter().zip(start.iter()) {
             table.insert((*name).into(), (*value).into());
         }
-        let (mission, key) = mission_file::add_effect(self.base.mission(), "formula", table).ok()?;
+        let (mission, key) = mission_file::add_effect(base.mission(), "formula", table).ok()?;
         let names = formula::NAMES.iter().take(law.powers.len());
         let own: Vec<String> = names.map(|name| format!("{key}.{name}")).collect();
         let free: Vec<String> = self.search.base.iter().chain(&own).cloned().collect();
         let options = fit::Options { seed: self.options.seed, ..fit::Options::default() };
-        let node = Node::fit(self.case(), &self.base.model.like(&mission), Vec::new(), &free, &options).ok()?;
+        let node = Node::fit(self.case(), &base.model.like(&mission), base.added.clone(), &free, &options).ok()?;
         let value =
             |key: &String| node.fit.parameters.iter().find(|fitted| fitted.key == *key).map(|fitted| fitted.value);
         let values = own.iter().map(value).collect::<Option<Vec<f64>>>()?;

@@ -11,6 +11,7 @@ pub(super) mod wrong_rows;
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
+use statrs::statistics::{Data, Median};
 
 use super::fitted_model::{Case, Node};
 use super::result::Reason;
@@ -41,6 +42,9 @@ const SAME_CORRELATION: f64 = 0.15;
 
 /// Sigma within which a row is right although another model had marked it as wrong.
 const NEAR: f64 = 3.5;
+
+/// Standard deviations by which chi2 exceeds quoted errors, so that they do not hide what is missing.
+const EXCEEDED: f64 = 3.0;
 
 /// Significance, in its errors, from which a pedestal counts.
 const CLEAR: f64 = 3.5;
@@ -110,7 +114,7 @@ impl SetNoise {
 
     /// Whether the errors are too far from the quoted ones: the factor by which they are too large, or too small.
     pub(super) fn is_beyond(&self) -> bool {
-        self.scale > AT_MOST || is_far_too_large(self.scale)
+        is_far_too_small(self.scale) || is_far_too_large(self.scale)
     }
 
     fn is_like(&self, other: &SetNoise) -> bool {
@@ -119,6 +123,11 @@ impl SetNoise {
             && (self.correlation - other.correlation).abs() < SAME_CORRELATION
             && rows(self) == rows(other)
     }
+}
+
+/// Whether quoted errors are too small to be used, by the true ones over them.
+pub(super) fn is_far_too_small(scale: f64) -> bool {
+    scale > AT_MOST
 }
 
 /// Whether quoted errors are too large to be used, by the true ones over them.
@@ -285,13 +294,15 @@ fn of_set(set: &DataSet, residuals: &DVector<f64>, smooth: &DMatrix<f64>, known:
 }
 
 /// Whether rows (by their indices among all, each with its residual) of some file are no accidents: of one sign, and all at one value of
-/// a condition.
+/// a condition; or all rows of an epoch, two or more, of one sign.
 pub(super) fn share_a_condition(case: &Case, rows: &[(usize, f64)]) -> bool {
-    (0..case.data.len()).any(|set| {
+    let of_one_file = (0..case.data.len()).any(|set| {
         let here = case.rows(set);
         let of_set = rows.iter().filter(|(row, _)| here.contains(row)).map(|(row, off)| (row - here.start, *off));
         wrong_rows::share_a_condition(&case.data[set], &of_set.collect::<Vec<_>>())
-    })
+    });
+    let times_yr: Vec<f64> = case.questions.iter().map(|question| question.at.t_yr).collect();
+    of_one_file || wrong_rows::are_whole_epoch(&times_yr, rows)
 }
 
 /// Rows found wrong with a model that explains all others.
@@ -336,6 +347,40 @@ pub(super) fn with_larger(case: &Case, noise: &[SetNoise], node: &Node, reason: 
     let mut all = noise.to_vec();
     all[index] = larger;
     (!all[index].is_beyond()).then_some(all)
+}
+
+/// Share of the typical value of a file, and number of its typical errors, above which a pedestal is most of what was measured: not an
+/// offset of the measurement that was overlooked.
+const MOST: f64 = 0.5;
+const FAR_ABOVE_ERRORS: f64 = 20.0;
+
+/// Files in which a pedestal is most of the values, at a fitted model.
+pub(super) fn dominated_by_pedestals(case: &Case, node: &Node) -> Vec<String> {
+    let is_most = |(set, value, _): &(usize, f64, f64)| {
+        let rows = case.rows(*set);
+        let typical = |numbers: &[f64]| Data::new(numbers.iter().map(|x| x.abs()).collect::<Vec<_>>()).median();
+        value.abs() > MOST * typical(&case.values[rows.clone()])
+            && value.abs() > FAR_ABOVE_ERRORS * typical(&case.sigmas[rows])
+    };
+    case.pedestals(node).into_iter().filter(is_most).map(|(set, ..)| case.data[set].file.clone()).collect()
+}
+
+/// Quoted errors that look far too large are kept if free parameters alone leave more than them: what is missing stands above them
+/// all the same. Values of a calibration file, smoothed by its makers, are like that.
+pub(super) fn kept_if_exceeded(case: &Case, base: &Node, known: &[SetNoise], found: Vec<SetNoise>) -> Vec<SetNoise> {
+    let taken = base.freedom() / case.n() as f64;
+    let kept = |(set, found): (usize, SetNoise)| {
+        let rows = case.rows(set);
+        let freedom = (rows.len() as f64 * taken).max(1.0);
+        let chi2 = base.residuals.rows_range(rows).norm_squared() * known[set].scale.powi(2);
+        if !is_far_too_large(found.scale) || chi2 < freedom + EXCEEDED * (2.0 * freedom).sqrt() {
+            return found;
+        }
+        let mut quoted = with_scales_of_1(&[found]).remove(0);
+        quoted.wrong.retain(|wrong| wrong.by_model || wrong.off_sigma.abs() > wrong_rows::FAR);
+        quoted
+    };
+    found.into_iter().enumerate().map(kept).collect()
 }
 
 /// The same with the pedestals at a fitted model.

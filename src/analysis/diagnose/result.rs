@@ -63,6 +63,8 @@ pub enum Reason {
         effect: String,
         /// Files that need no constant with it.
         files: Vec<String>,
+        /// Whether the constants are most of the values.
+        are_most: bool,
     },
     /// Unexplained.
     Unexplained {
@@ -75,6 +77,8 @@ pub enum Reason {
         target: String,
         /// Its new value.
         expression: String,
+        /// Effects beside it.
+        beside: Vec<String>,
     },
     /// Unfit: fewer rows than unknowns.
     TooFewRows {
@@ -111,6 +115,17 @@ pub enum Reason {
         /// Ratio of the scatter to them.
         factor: f64,
     },
+    /// Unfit: an effect may be missing, or the errors are too small.
+    Undecided {
+        /// The effects that would explain the data.
+        effects: Vec<String>,
+        /// Decrease of chi2 with them.
+        fall: f64,
+        /// chi2 without them, and rows.
+        chi2: f64,
+        /// Rows.
+        n: usize,
+    },
     /// Unfit: rows far from a model that explains all others.
     OddRows {
         /// Each with its residual in sigma.
@@ -134,6 +149,24 @@ pub struct RowPlace {
 /// A warning or remark; the report has the wording.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Note {
+    /// An event between two epochs between which a recorded condition changed as well.
+    CoincidesWith {
+        /// The effect, or the step of a law.
+        what: String,
+        /// The condition.
+        condition: String,
+        /// Its values or words before and after.
+        values: [String; 2],
+        /// The epochs, years since launch.
+        between_yr: [f64; 2],
+    },
+    /// At one temperature, another temperature is another release time.
+    SameAsReleaseTime {
+        /// The effect.
+        effect: String,
+        /// Dotted keys of release times that are not free.
+        keys: Vec<String>,
+    },
     /// The mission's own readout is too coarse; a finer one is used.
     CoarseReadout {
         /// Its largest error, sigma.
@@ -296,6 +329,10 @@ pub struct Suggestion {
     pub chi2: [f64; 2],
     /// Whether it is a law of the measurement that explains all data better than any effect, nearly to their errors.
     pub is_law: bool,
+    /// Whether it was fitted with the free parameters and constant offsets of the files; else to first order, without offsets.
+    pub is_fitted: bool,
+    /// Time of a step, years since launch.
+    pub step_yr: Option<f64>,
 }
 
 /// A measurement that distinguishes rivals.

@@ -299,7 +299,7 @@ impl<'a> Search<'a> {
         self.make_level(&parent);
         self.make_as_given(self.case, &parent);
         let trials = self.trials(*last, &parent);
-        let node = match self.sketch(&parent, &trials) {
+        let node = match self.sketch(&parent, *last, &trials) {
             Some(sketch) => self.node(&sketch, &parent)?,
             None => self.fit_without_trial(*last, &parent)?,
         };
@@ -344,7 +344,8 @@ impl<'a> Search<'a> {
     pub fn sketches(&self, expansion: &Expansion, wanted: &[usize]) -> Vec<Sketch> {
         let known = |place: &usize| expansion.sketches.lock().expect("nobody panics").get(place).cloned();
         let sketch = |place: &usize| {
-            let sketch = known(place).unwrap_or_else(|| self.sketch(&expansion.node, &expansion.trials[*place]));
+            let sketch =
+                known(place).unwrap_or_else(|| self.sketch(&expansion.node, *place, &expansion.trials[*place]));
             expansion.sketches.lock().expect("nobody panics").insert(*place, sketch.clone());
             self.progress.step();
             sketch
@@ -355,9 +356,9 @@ impl<'a> Search<'a> {
         sketches
     }
 
-    /// The best rough fit of an effect from its most promising trials.
-    fn sketch(&self, node: &Node, trials: &[Trial]) -> Option<Sketch> {
-        if let Some(start) = self.start_from_known(node, trials.first()?.hypothesis) {
+    /// The best rough fit of an effect from its most promising trials; without trials, in the place of a pedestal that does the same.
+    fn sketch(&self, node: &Node, place: usize, trials: &[Trial]) -> Option<Sketch> {
+        if let Some(start) = self.start_from_known(node, place) {
             return self.followed(node, vec![start]);
         }
         let mut wanted = most_promising(trials, node);
@@ -373,7 +374,7 @@ impl<'a> Search<'a> {
         if near.as_ref().is_some_and(|near| near.pedestal_costs.iter().all(|cost| *cost == 0.0)) {
             return near;
         }
-        let level = wanted.first().and_then(|trial| self.start_from_level(node, trial.hypothesis));
+        let level = self.start_from_level(node, place);
         let far = self.followed(node, level.into_iter().collect());
         near.into_iter().chain(far).min_by(|a, b| a.chi2.total_cmp(&b.chi2))
     }

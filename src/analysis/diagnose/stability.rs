@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::evidence::{Evidence, Found};
+use super::evidence::Evidence;
 use super::noise;
 use super::result::{Diagnosis, Verdict};
 use super::work::Work;
@@ -24,7 +24,8 @@ pub struct Changed {
     pub verdict: Verdict,
     /// The effects added with this change, in the order of the catalogue.
     pub effects: Vec<String>,
-    /// Whether the verdict is the same as without the change, and the effects are the same or rivals of the adopted ones.
+    /// Whether the verdict is the same as without the change, and the effects are the same or rivals of the adopted ones; or the same
+    /// effects have no rival with the change.
     pub holds: bool,
 }
 
@@ -60,6 +61,8 @@ struct Change {
     options: Options,
     /// Factor on the errors.
     larger: f64,
+    /// Whether the errors are estimated anew as well.
+    from_quoted: bool,
 }
 
 impl Task<'_> {
@@ -91,12 +94,16 @@ impl Task<'_> {
 
     fn changes(&self, found: &Diagnosis) -> Vec<Change> {
         let free = &self.options.free;
-        let with =
-            |name: String| Change { name, mission: self.mission.clone(), options: self.options.clone(), larger: 1.0 };
+        let with = |name: String| {
+            let (mission, options) = (self.mission.clone(), self.options.clone());
+            Change { name, mission, options, larger: 1.0, from_quoted: false }
+        };
+        // Errors that were not estimated would not be by another seed.
+        let from_quoted = !noise::is_same(&found.noise, &noise::as_quoted(self.quoted));
         let seed = self.options.seed.wrapping_add(1);
         let mut changes = vec![
             Change { larger: LARGER, ..with(format!("errors x {LARGER}")) },
-            Change { options: Options { seed, ..self.options.clone() }, ..with(format!("seed {seed}")) },
+            Change { options: Options { seed, ..self.options.clone() }, from_quoted, ..with(format!("seed {seed}")) },
         ];
         if free.is_empty() {
             let densities: Vec<String> = self
@@ -151,6 +158,22 @@ impl Task<'_> {
         self.mission.with(&settings.collect::<Option<Vec<_>>>()?).ok()
     }
 
+    /// The whole diagnosis with a change, from the quoted errors on.
+    fn changed_from_quoted(&self, found: &Diagnosis, change: &Change, work: &Arc<Work>) -> Result<Changed, InputError> {
+        let task = Task {
+            mission: &change.mission,
+            quoted: self.quoted,
+            hypotheses: self.hypotheses.clone(),
+            options: &Options { stability: false, ..change.options.clone() },
+            progress: self.progress,
+            work: Arc::new(Work::of_at_most(self.options.evaluations)),
+        };
+        let other = task.rounds()?;
+        work.count_all_of(&task.work);
+        let effects = other.steps.iter().map(|step| step.effect.clone()).collect();
+        Ok(outcome(found, other.verdict, effects, &other.alternatives, &change.name))
+    }
+
     fn changed(
         &self,
         evidence: &Evidence,
@@ -158,6 +181,9 @@ impl Task<'_> {
         change: Change,
         work: &Arc<Work>,
     ) -> Result<Changed, InputError> {
+        if change.from_quoted {
+            return self.changed_from_quoted(found, &change, work);
+        }
         let task = Task {
             mission: &change.mission,
             quoted: self.quoted,
@@ -176,7 +202,9 @@ impl Task<'_> {
             let (other, better) = task.with_evidence(&data, like, |evidence, _| {
                 let other = evidence.select()?;
                 let better = task.other_errors(evidence, &noise, &other)?.filter(|_| round < ROUNDS);
-                Ok((self.outcome(evidence, found, &other, &change.name), better))
+                let last = other.ladder.last().expect("the base");
+                let effects = last.set().into_iter().map(|place| evidence.name(place)).collect();
+                Ok((outcome(found, other.verdict, effects, &other.alternatives, &change.name), better))
             })?;
             match better.filter(|_| work.allows(&change.name)) {
                 Some(better) => noise = better,
@@ -185,16 +213,22 @@ impl Task<'_> {
         }
         unreachable!("the last round returns")
     }
+}
 
-    /// The outcome of a search, compared with the diagnosis.
-    fn outcome(&self, evidence: &Evidence, found: &Diagnosis, other: &Found, change: &str) -> Changed {
-        let last = other.ladder.last().expect("the base");
-        let effects: Vec<String> = last.set().into_iter().map(|place| evidence.name(place)).collect();
-        let known = found.steps.iter().map(|step| &step.effect);
-        let rivals: Vec<&String> = found.alternatives.iter().chain(&other.alternatives).flatten().collect();
-        let agree = effects.len() == found.steps.len()
-            && known.clone().all(|effect| effects.contains(effect) || rivals.contains(&effect));
-        let verdict = other.verdict;
-        Changed { change: change.into(), verdict, holds: verdict == found.verdict && agree, effects }
-    }
+/// The outcome of a search, compared with the diagnosis.
+fn outcome(
+    found: &Diagnosis,
+    verdict: Verdict,
+    effects: Vec<String>,
+    alternatives: &[Vec<String>],
+    change: &str,
+) -> Changed {
+    let known = || found.steps.iter().map(|step| &step.effect);
+    let rivals: Vec<&String> = found.alternatives.iter().chain(alternatives).flatten().collect();
+    let as_many = effects.len() == found.steps.len();
+    let agree = as_many && known().all(|effect| effects.contains(effect) || rivals.contains(&effect));
+    let same = as_many && known().all(|effect| effects.contains(effect));
+    let without_rivals = found.verdict == Verdict::Ambiguous && verdict == Verdict::Missing && same;
+    let holds = verdict == found.verdict && agree || without_rivals;
+    Changed { change: change.into(), verdict, holds, effects }
 }

@@ -47,12 +47,16 @@ impl Evidence<'_> {
         let unrecorded = matches!(verdict, Verdict::Unexplained | Verdict::Unfit)
             .then(|| unrecorded::temperatures(self.case(), self.base))
             .flatten();
+        let mut events_yr = doubts::events_yr(&steps);
+        events_yr.extend(suggestion.as_ref().and_then(|law| Some(("the step".to_string(), law.step_yr?))));
         let notes = [
             notes,
             aside,
             Vec::from_iter(unrecorded),
             doubts::of(&rungs[0], &steps, &self.case().epochs_yr()),
             replaced,
+            doubts::coincidences(&events_yr, self.case().data),
+            Vec::from_iter(doubts::release_times(&steps, self.case().data, mission, &self.search.base)),
         ]
         .concat();
         let parameters = values.iter().filter(|fitted| self.search.base.contains(&fitted.key)).cloned();

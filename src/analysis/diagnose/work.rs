@@ -33,6 +33,11 @@ impl Work {
         self.done.fetch_add(1, Ordering::Relaxed);
     }
 
+    /// Counts those of another search.
+    pub fn count_all_of(&self, other: &Work) {
+        self.done.fetch_add(other.done(), Ordering::Relaxed);
+    }
+
     /// Evaluations so far.
     pub fn done(&self) -> u64 {
         self.done.load(Ordering::Relaxed)

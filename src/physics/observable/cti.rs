@@ -28,6 +28,7 @@ pub(super) const CARD: Card = Card {
     ],
     probe: Probe::PacketOrBlock { packet: of_packet, block: of_edge },
     least_sigma: 1e-7,
+    most: Some(0.5),
     more: "model loses too little charge",
     less: "model loses too much charge",
 };

@@ -10,6 +10,7 @@ pub(super) const CARD: Card = Card {
     conditions: &["transfers", "background_e", "t_yr", "dose_mev_g", "temperature_k", "line_time_ms"],
     probe: Probe::Galaxy(|change| &mut change.delta_size),
     least_sigma: 3e-5,
+    most: None,
     more: "model's change of shape too small",
     less: "model's change of shape too large",
 };

@@ -10,6 +10,7 @@ pub(super) const CARD: Card = Card {
     conditions: &["t_yr"],
     probe: Probe::Dose,
     least_sigma: 2e4,
+    most: None,
     more: "model's dose too small",
     less: "model's dose too large",
 };

@@ -22,6 +22,7 @@ pub(super) const CARD: Card = Card {
     ],
     probe: Probe::Block(behind),
     least_sigma: 2.0,
+    most: None,
     more: "model's trail too faint",
     less: "model's trail too bright",
 };

@@ -20,6 +20,7 @@ pub(super) const CARD: Card = Card {
     ],
     probe: Probe::Packet(|charge_e, _| charge_e[0]),
     least_sigma: 2.0,
+    most: None,
     more: "model loses too much charge",
     less: "model loses too little charge",
 };

@@ -22,6 +22,7 @@ pub(super) const CARD: Card = Card {
         dipole_e(cycles, 1.0, at.phase_time_ms.expect("a dipole has a phase time"), release_ms)
     }),
     least_sigma: 5.0,
+    most: None,
     more: "model's dipole too faint",
     less: "model's dipole too bright",
 };

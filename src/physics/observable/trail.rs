@@ -21,6 +21,7 @@ pub(super) const CARD: Card = Card {
     ],
     probe: Probe::Packet(|charge_e, at| behind(charge_e, at) / at.signal_e.expect("a packet has a charge")),
     least_sigma: 3e-4,
+    most: None,
     more: "model's trail too faint",
     less: "model's trail too bright",
 };

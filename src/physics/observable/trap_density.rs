@@ -10,6 +10,7 @@ pub(super) const CARD: Card = Card {
     conditions: &["t_yr", "dose_mev_g", "temperature_k"],
     probe: Probe::Traps,
     least_sigma: 1e-3,
+    most: None,
     more: "model has too few traps",
     less: "model has too many traps",
 };

@@ -6,7 +6,7 @@ use serde::ser::{Serialize, Serializer};
 
 use crate::analysis::diagnose::{Note, Reason, RowPlace};
 use crate::mission::keys::plain;
-use crate::report::{counted, listed, significant};
+use crate::report::{counted, effects_listed, listed, significant};
 
 impl fmt::Display for Reason {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -17,18 +17,24 @@ impl fmt::Display for Reason {
                 out,
                 "the model explains the data to within their noise. {} would lower chi2 by {fall:.0}, which noise or a few rows \
                  can do as well",
-                listed(effects)
+                effects_listed(effects)
             ),
-            Reason::Lacking { effects, has_rivals: false } => write!(out, "the model lacks {}", listed(effects)),
+            Reason::Lacking { effects, has_rivals: false } => {
+                write!(out, "the model lacks {}", effects_listed(effects))
+            }
             Reason::Lacking { effects, has_rivals: true } => write!(
                 out,
                 "the model lacks {}, or an effect that these data do not distinguish from it",
-                listed(effects)
+                effects_listed(effects)
             ),
-            Reason::LackingOrPedestals { effect, files } => write!(
+            Reason::LackingOrPedestals { effect, files, are_most } => write!(
                 out,
-                "the model lacks {effect}, or {} are each off by a constant of their own: these data do not distinguish the two",
-                listed(files)
+                "the model lacks {effect}, or {} off by a constant{}: these data do not distinguish the two",
+                match &files[..] {
+                    [only] => format!("all values of {only} are"),
+                    several => format!("{} are each", listed(several)),
+                },
+                if *are_most { " that is most of what was measured" } else { " of their own" }
             ),
             Reason::Unexplained { undone } if undone.is_empty() => {
                 out.write_str("no combination of the catalogue's effects explains the data to within their noise")
@@ -38,10 +44,17 @@ impl fmt::Display for Reason {
                 "none of the effects tried explains the data to within their noise, and the search is incomplete: {} left undone",
                 undone.join(", ")
             ),
-            Reason::BetterLaw { target, expression } => write!(
-                out,
-                "a correction of the measured values explains the data better than any effect of the catalogue: {target} = {expression}"
-            ),
+            Reason::BetterLaw { target, expression, beside } => {
+                let beside = match &beside[..] {
+                    [] => String::new(),
+                    effects => format!(" (beside {})", effects_listed(effects)),
+                };
+                write!(
+                    out,
+                    "a correction of the measured values explains the data better than any effect of the catalogue: {target} = \
+                     {expression}{beside}"
+                )
+            }
             Reason::TooFewRows { n, free } => write!(
                 out,
                 "{} {} too few to fit {} and to test effects besides: free fewer, or give more data",
@@ -70,6 +83,12 @@ impl fmt::Display for Reason {
                 out,
                 "{file}: rows scatter by {factor:.1} times their quoted sigma, and the residuals follow no condition: the \
                  errors are too small, or something that no column records disturbs the data"
+            ),
+            Reason::Undecided { effects, fall, chi2, n } => write!(
+                out,
+                "{n} rows do not decide whether {} is missing (chi2 lower by {fall:.0}) or their errors are too small: the model alone \
+                 leaves chi2 {chi2:.0}. Give more rows, or a reason to trust the errors",
+                effects_listed(effects)
             ),
             Reason::OddRows { rows, with } => odd_rows(out, rows, with),
         }
@@ -128,6 +147,19 @@ impl fmt::Display for Note {
                 "{effect}: the data span {} yr, less than its period of {} yr: they show a drift, and not that it returns",
                 significant(*span_yr, 2),
                 significant(*period_yr, 2)
+            ),
+            Note::CoincidesWith { what, condition, values: [before, after], between_yr: [from, to] } => write!(
+                out,
+                "{what} lies between {} and {} yr, when {condition} changes from {before} to {after} in the data: perhaps it stands for \
+                 what that change did",
+                significant(*from, 3),
+                significant(*to, 3)
+            ),
+            Note::SameAsReleaseTime { effect, keys } => write!(
+                out,
+                "all data are of one temperature: there {effect} does what other release times do. Free {} before the thermometer is \
+                 doubted",
+                listed(keys)
             ),
             Note::NothingDetectable => out.write_str(
                 "no effect of the catalogue could have been detected with these data, of any strength: that the model explains them \

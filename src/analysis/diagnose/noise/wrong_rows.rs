@@ -131,9 +131,23 @@ fn are_together(far: &[(usize, f64)], rows: usize) -> bool {
     1.0 - fewer < NO_ACCIDENT
 }
 
-/// Whether three or more rows of a file have residuals of one sign and the same value of a condition, with a probability below
-/// `NO_ACCIDENT` of doing so by chance: such as a ghost in one pixel of every trail, by crosstalk.
+/// Whether rows (each with its residual) are all of an epoch, two or more, and of one sign.
+pub(super) fn are_whole_epoch(times_yr: &[f64], far: &[(usize, f64)]) -> bool {
+    far.iter().any(|(row, off)| {
+        let is_then = |other: &usize| times_yr[*other] == times_yr[*row];
+        let with = far.iter().filter(|(other, of_it)| is_then(other) && of_it * off > 0.0).count();
+        with > 1 && with == (0..times_yr.len()).filter(is_then).count()
+    })
+}
+
+/// Whether rows of a file are all of an epoch, two or more, with residuals of one sign; or three or more have residuals of one sign and the
+/// same value of a condition, with a probability below `NO_ACCIDENT` of doing so by chance: such as a ghost in one pixel of every
+/// trail, by crosstalk.
 pub(super) fn share_a_condition(set: &DataSet, far: &[(usize, f64)]) -> bool {
+    let times_yr: Vec<f64> = set.rows.iter().map(|row| row.at.t_yr).collect();
+    if are_whole_epoch(&times_yr, far) {
+        return true;
+    }
     let Some((&(first, off), others)) = far.split_first() else { return false };
     if others.len() < 2 || others.iter().any(|(_, other)| other * off < 0.0) {
         return false;
