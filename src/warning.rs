@@ -183,10 +183,26 @@ pub enum Warning {
     TrailInBias {
         /// The frame.
         name: String,
-        /// Charge per pixel in their first half above that in their second, e-.
-        excess_e: f64,
-        /// Its 1-sigma error, e-.
+        /// Charge per pixel of the trail in them, estimated from its decay before, e-.
+        left_e: f64,
+        /// 1-sigma error of the level, e-.
         sigma_e: f64,
+    },
+    /// The bias changes from row to row, and one value is used.
+    DriftOfBias {
+        /// The frame.
+        name: String,
+        /// Bias in the last third of the rows less that in the first, in the unit of the frame.
+        drift_dn: f64,
+        /// Its 1-sigma error.
+        sigma_dn: f64,
+    },
+    /// A flat field changes along the columns.
+    SlopedFlat {
+        /// The frame.
+        name: String,
+        /// Level at the first row over that of the last rows, less 1.
+        share: f64,
     },
 }
 
@@ -389,11 +405,23 @@ impl fmt::Display for Warning {
                 "warm pixels were looked for in a single exposure: cosmic rays that hit one pixel alone count as warm pixels; give \
                  several exposures of the same date"
             ),
-            Warning::TrailInBias { name, excess_e, sigma_e } => write!(
+            Warning::TrailInBias { name, left_e, sigma_e } => write!(
                 out,
-                "{name}: the trail reaches into the rows that define the level of no charge, whose first half holds {excess_e:.2} +- \
-                 {sigma_e:.2} e- more than the second: values are too small by about that; use --bias-from columns (of injected charge: \
-                 --background-from front), or more rows"
+                "{name}: the trail reaches into the rows that define the level of no charge: by its decay in the rows before, {left_e:.2} e- of \
+                 it are there (error of that level {sigma_e:.2} e-), and values are too small by that; use --bias-from columns (of injected \
+                 charge: --background-from front), or more rows"
+            ),
+            Warning::DriftOfBias { name, drift_dn, sigma_dn } => write!(
+                out,
+                "{name}: the bias changes by {drift_dn:+.2} +- {sigma_dn:.2} DN from the first to the last third of the rows, and one value is \
+                 used for all: a change behind the edge looks like a trail; subtract the bias row by row first"
+            ),
+            Warning::SlopedFlat { name, share } => write!(
+                out,
+                "{name}: the flat field is {:.1} % {} at its first row than in its last ones: its first row is compared with a straight line \
+                 through the rows behind it",
+                100.0 * share.abs(),
+                if *share > 0.0 { "brighter" } else { "darker" }
             ),
         }
     }

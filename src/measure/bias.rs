@@ -69,10 +69,22 @@ impl BiasSource {
     /// `quantum_dn`. None if no pixels determine it.
     pub fn measure(self, geometry: &Geometry, part_dn: &Array2<f64>, quantum_dn: f64) -> Option<Bias> {
         if let BiasSource::Given(dn) = self {
-            return Some(Bias { dn, sigma_dn: 0.0, noise_dn: None, source: self, pixels: 0, rejected_px: 0 });
+            return Some(Bias {
+                dn,
+                sigma_dn: 0.0,
+                noise_dn: None,
+                source: self,
+                pixels: 0,
+                rejected_px: 0,
+                drift_dn: None,
+            });
         }
         let (rows, columns) = self.region(geometry, part_dn.dim())?;
-        let mean = clipped(part_dn.slice(s![rows, columns]).iter().copied(), quantum_dn)?;
+        let of = |rows: Range<usize>| clipped(part_dn.slice(s![rows, columns.clone()]).iter().copied(), quantum_dn);
+        let mean = of(rows.clone())?;
+        let third = rows.len() / 3;
+        let ends = of(rows.start..rows.start + third).zip(of(rows.end - third..rows.end));
+        let drift_dn = ends.map(|(first, last)| [last.value - first.value, last.sigma.hypot(first.sigma)]);
         Some(Bias {
             dn: mean.value,
             sigma_dn: mean.sigma,
@@ -80,6 +92,7 @@ impl BiasSource {
             source: self,
             pixels: mean.used,
             rejected_px: mean.rejected,
+            drift_dn,
         })
     }
 }
@@ -99,6 +112,8 @@ pub struct Bias {
     pub pixels: usize,
     /// Number of rejected pixels.
     pub rejected_px: usize,
+    /// Value in the last third of the rows less that in the first third, and its 1-sigma error; None if too few pixels tell it.
+    pub drift_dn: Option<[f64; 2]>,
 }
 
 #[cfg(test)]

@@ -8,6 +8,14 @@ use ndarray::{Array2, s};
 use super::exposure::Exposure;
 use super::statistic::{Mean, clipped, inliers, mean, median};
 
+/// Rows of a block from which a slope along the columns is looked for, and the part of them, from the first on, in which capture may not be
+/// in balance with release: one in so many.
+const LONG: usize = 40;
+const UNBALANCED: usize = 4;
+
+/// Significance of a slope, in its errors.
+const CLEAR: f64 = 5.0;
+
 /// A flat block of rows, and the range of rows used around it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Block {
@@ -26,6 +34,11 @@ pub struct Edge {
     pub signal: Mean,
     /// Charge in its first row, e-.
     pub first: Mean,
+    /// Charge per pixel that its first row would have without traps, e-: the level, or, if the block clearly brightens or darkens along
+    /// the columns, what a straight line through its rows gives there.
+    pub first_signal: Mean,
+    /// Whether it is from a straight line.
+    pub is_sloped: bool,
     /// Charge in the rows behind it, e-; None if too few pixels have one.
     pub trail: Vec<Option<Mean>>,
 }
@@ -76,7 +89,30 @@ impl Block {
         let above_level = |row: usize| of_all(row, &|place| levels[place] - mean_level + baseline_e);
         let of_rows: Vec<Mean> = rows.clone().filter_map(above_level).collect();
         let trail = (self.rows.end..self.rows.end + self.trail_px).map(|row| of_all(row, &|_| baseline_e)).collect();
-        Some(Edge { signal: together(&of_rows)?, first: above_level(self.rows.start)?, trail })
+        let signal = together(&of_rows)?;
+        let sloped = self.level_at_first_row(|row| above_level(row).map(|mean| mean.value));
+        let first_signal = sloped.map_or(signal, |[value, sigma]| Mean { value, sigma, ..signal });
+        let (first, is_sloped) = (above_level(self.rows.start)?, sloped.is_some());
+        Some(Edge { signal, first, first_signal, is_sloped, trail })
+    }
+
+    /// Level at the first row of a long block and its error, by a straight line through the rows in which capture and release are in
+    /// balance. None if the block is short or its level does not clearly change.
+    fn level_at_first_row(&self, level: impl Fn(usize) -> Option<f64>) -> Option<[f64; 2]> {
+        if self.rows.len() < LONG {
+            return None;
+        }
+        let balanced = self.rows.start + self.rows.len() / UNBALANCED..self.rows.end;
+        let points: Vec<(f64, f64)> = balanced.filter_map(|row| Some((row as f64, level(row)?))).collect();
+        let n = points.len() as f64;
+        let mean = |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / n;
+        let (x, y) = (mean(&|point| point.0), mean(&|point| point.1));
+        let spread = mean(&|point| (point.0 - x).powi(2));
+        let slope = mean(&|point| (point.0 - x) * (point.1 - y)) / spread;
+        let scatter = mean(&|point| (point.1 - y - slope * (point.0 - x)).powi(2)) * n / (n - 2.0);
+        let at = self.rows.start as f64 - x;
+        let sigma = (scatter / n * (1.0 + at * at / spread)).sqrt();
+        (slope.abs() > CLEAR * (scatter / (n * spread)).sqrt()).then_some([y + slope * at, sigma])
     }
 }
 

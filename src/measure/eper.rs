@@ -34,6 +34,13 @@ const MOST_BEHIND: f64 = 0.5;
 /// Significance, sigma, at which a trail in the rows of the bias is distinguished from noise.
 const TRAIL_SIGMA: f64 = 4.0;
 
+/// Rounds of the estimate of what is left of a decay, and its largest ratio from window to window.
+const ROUNDS: usize = 50;
+const SLOWEST: f64 = 0.95;
+
+/// Significance of a change of the bias along the rows, in its errors.
+const DRIFT_SIGMA: f64 = 5.0;
+
 /// Options of the measurement.
 #[derive(Clone, Debug, Default)]
 pub struct Eper {
@@ -70,13 +77,19 @@ impl Eper {
             for columns in groups {
                 let edge = block.edge(&exposure, &columns, 0.0).ok_or_else(|| no_edge(&exposure.about))?;
                 is_edge(&exposure.about, &edge)?;
+                if edge.is_sloped {
+                    let share = edge.first_signal.value / edge.signal.value - 1.0;
+                    found.warnings.push(Warning::SlopedFlat { name: exposure.about.place(), share });
+                }
                 edges.extend(behind(&exposure, &edge));
                 first.push(first_pixel(&exposure, &edge));
                 cti.extend(ranges.iter().flatten().filter_map(|range| lost(&exposure, &edge, *range)));
             }
+            found.warnings.extend(drift_of_bias(&exposure.about));
             if let Some(rows) = bias_rows(source, &exposure, &geometry) {
                 let columns: Vec<usize> = exposure.columns.clone().collect();
-                found.warnings.extend(trail_in_bias(&exposure, &[rows], &columns));
+                let free = rows.start - exposure.rows;
+                found.warnings.extend(trail_in_bias(&exposure, std::slice::from_ref(&rows), free, &columns));
             }
             found.exposures.push(exposure.about);
             Ok(())
@@ -197,8 +210,8 @@ fn first_pixel(exposure: &Exposure, edge: &Edge) -> Measurement {
     let (about, first) = (&exposure.about, edge.first);
     Measurement {
         conditions: vec![
-            ("signal_e", edge.signal.value),
-            ("sigma_signal_e", edge.signal.sigma.hypot(about.bias_sigma_e())),
+            ("signal_e", edge.first_signal.value),
+            ("sigma_signal_e", edge.first_signal.sigma.hypot(about.bias_sigma_e())),
             ("background_e", 0.0),
             ("transfers", f64::from(about.rows_before()) + 1.0),
         ],
@@ -224,17 +237,42 @@ fn bias_rows(source: BiasSource, exposure: &Exposure, geometry: &Geometry) -> Op
     Some(exposure.rows + source.first_overscan_row(geometry)?..exposure.charge_e.nrows())
 }
 
-/// A trail that has not ended in the rows of the zero level makes that level too high.
-pub(super) fn trail_in_bias(exposure: &Exposure, rows: &[Range<usize>], columns: &[usize]) -> Option<Warning> {
-    let mean = |half: &dyn Fn(&Range<usize>) -> Range<usize>| {
-        let rows = rows.iter().flat_map(half);
+/// A trail that has not ended in the rows of the zero level makes that level too high. How much of it is there follows from its decay in the
+/// `free` rows before them, as that of one exponential. `rows`: those of the level, each behind as many free ones.
+pub(super) fn trail_in_bias(
+    exposure: &Exposure,
+    rows: &[Range<usize>],
+    free: usize,
+    columns: &[usize],
+) -> Option<Warning> {
+    let mean = |of: &dyn Fn(&Range<usize>) -> Range<usize>| {
+        let rows = rows.iter().flat_map(of);
         let charges = rows.flat_map(|row| columns.iter().map(move |column| exposure.charge_e[[row, *column]]));
         clipped(charges, exposure.about.quantum_e)
     };
-    let near = mean(&|rows| rows.start..rows.start.midpoint(rows.end))?;
-    let far = mean(&|rows| rows.start.midpoint(rows.end)..rows.end)?;
-    let (excess_e, sigma_e) = (near.value - far.value, near.sigma.hypot(far.sigma));
-    (excess_e > TRAIL_SIGMA * sigma_e).then(|| Warning::TrailInBias { name: exposure.about.place(), excess_e, sigma_e })
+    let window = rows.first()?.len().min(free / 2);
+    let back = |windows: usize| mean(&|rows| rows.start - windows * window..rows.start - (windows - 1) * window);
+    let [level, near, far] = [mean(&Range::clone)?, back(1)?, back(2)?];
+    let windows = rows.first()?.len() as f64 / window as f64;
+    let left_e = left_of_decay([near, far].map(|mean| mean.value - level.value), windows);
+    let reaches = near.value - level.value > TRAIL_SIGMA * near.sigma.hypot(level.sigma) && left_e > level.sigma;
+    reaches.then(|| Warning::TrailInBias { name: exposure.about.place(), left_e, sigma_e: level.sigma })
+}
+
+/// Mean of an exponential over some windows, given its excess over that mean in the window before them and in the one before that.
+fn left_of_decay([near, far]: [f64; 2], windows: f64) -> f64 {
+    let mut left = 0.0;
+    for _ in 0..ROUNDS {
+        let ratio = ((near + left) / (far + left)).clamp(0.0, SLOWEST);
+        left = (near + left) * ratio * (1.0 - ratio.powf(windows)) / (windows * (1.0 - ratio));
+    }
+    left
+}
+
+/// One value of the bias for rows between which it changes.
+fn drift_of_bias(about: &About) -> Option<Warning> {
+    let [drift_dn, sigma_dn] = about.bias.drift_dn?;
+    (drift_dn.abs() > DRIFT_SIGMA * sigma_dn).then(|| Warning::DriftOfBias { name: about.place(), drift_dn, sigma_dn })
 }
 
 fn no_edge(about: &About) -> InputError {
@@ -259,5 +297,22 @@ fn is_edge(about: &About, edge: &Edge) -> Result<(), InputError> {
             next.value
         )),
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An exponential seen above its own mean in the rows of the level.
+    #[test]
+    fn what_is_left_of_a_decay_follows_from_the_rows_before() {
+        for (ratio, windows) in [(0.1_f64, 1.0), (0.5, 1.0), (0.5, 3.0), (0.8, 2.0)] {
+            // Two windows before, one before, and the mean over `windows` of them, of one exponential.
+            let left = ratio.powi(2) * (1.0 - ratio.powf(windows)) / (windows * (1.0 - ratio));
+            let found = left_of_decay([ratio - left, 1.0 - left], windows);
+            assert!((found / left - 1.0).abs() < 0.01, "{found} {left}");
+        }
+        assert_eq!(left_of_decay([0.0, 1.0], 1.0), 0.0);
     }
 }

@@ -6,7 +6,8 @@
 //! block is the mean of its last rows, where capture and release are in balance.
 //!
 //! If their rows are not given, blocks are found by their brightness: rows whose median is above half of the brightest. Traps that
-//! hold charge for longer than the gap are partly filled by the block ahead, which the model of a lone block neglects.
+//! hold charge for longer than the gap are partly filled by the block ahead: its charge, and how many rows it is ahead, are conditions
+//! of the rows (`preceding_e`, `preceding_px`).
 
 use std::ops::Range;
 
@@ -57,6 +58,8 @@ struct Blocks {
     rows: Vec<Range<usize>>,
     /// Rows of the zero level, for each.
     empty: Vec<Range<usize>>,
+    /// Rows of a gap that are not used for it.
+    free: usize,
     trail_px: usize,
 }
 
@@ -71,6 +74,8 @@ impl Injection {
         frames.each(progress, |exposure| {
             let blocks = self.blocks(&exposure)?;
             found.count("blocks", blocks.rows.len());
+            // Charge of the block ahead, for each group of columns, and its last row.
+            let mut ahead: Option<(Vec<Option<f64>>, usize)> = None;
             for (number, (rows, empty)) in blocks.rows.iter().zip(&blocks.empty).enumerate() {
                 let level_rows = self.level_rows.unwrap_or(rows.len().div_ceil(2)).min(rows.len());
                 let block = Block { rows: rows.clone(), level_rows, trail_px: blocks.trail_px };
@@ -78,18 +83,23 @@ impl Injection {
                 let used: usize = groups.iter().map(Vec::len).sum();
                 found.count("columns_used", used);
                 found.count("columns_rejected", exposure.columns.len() - used);
-                for columns in groups {
+                let mut here = vec![None; groups.len()];
+                for (group, columns) in groups.into_iter().enumerate() {
                     let measured = level(&exposure, empty, &columns)
                         .and_then(|base| Some((base, block.edge(&exposure, &columns, base.value)?)));
                     let Some((base, edge)) = measured else { continue };
-                    let place = Place { exposure: &exposure, rows, number: number + 1, base };
+                    here[group] = Some(edge.signal.value);
+                    let preceding =
+                        ahead.as_ref().and_then(|(charges_e, last)| Some((charges_e[group]?, rows.start - last)));
+                    let place = Place { exposure: &exposure, rows, number: number + 1, base, preceding };
                     edges.extend(place.behind(&edge));
                     first.push(place.first(&edge));
                 }
+                ahead = Some((here, rows.end - 1));
             }
             if !self.in_front {
                 let columns: Vec<usize> = exposure.columns.clone().collect();
-                found.warnings.extend(trail_in_bias(&exposure, &blocks.empty, &columns));
+                found.warnings.extend(trail_in_bias(&exposure, &blocks.empty, blocks.free, &columns));
             }
             found.exposures.push(exposure.about);
             Ok(())
@@ -149,7 +159,7 @@ impl Injection {
         }
         let of_gap = |block: &Range<usize>| block.end + free..block.end + gap;
         let empty = rows.iter().map(|block| if self.in_front { 0..first.start } else { of_gap(block) }).collect();
-        Ok(Blocks { rows: rows.to_vec(), empty, trail_px })
+        Ok(Blocks { rows: rows.to_vec(), empty, free, trail_px })
     }
 }
 
@@ -203,6 +213,8 @@ struct Place<'a> {
     number: usize,
     /// Zero level, e-.
     base: Mean,
+    /// Charge of the block ahead, e-, and how many rows its last one is ahead of the first of this one; None for the first block.
+    preceding: Option<(f64, usize)>,
 }
 
 impl Place<'_> {
@@ -236,6 +248,9 @@ impl Place<'_> {
             ("background_e", self.base.value.max(0.0)),
             ("transfers", (row + about.rows_before() as usize) as f64),
         ]);
+        // No charge ahead of the first block: a packet of 0 e-, since all rows of a table have the same columns.
+        let (preceding_e, preceding_px) = self.preceding.unwrap_or((0.0, self.rows.start.max(1)));
+        conditions.extend([("preceding_e", preceding_e.max(0.0)), ("preceding_px", preceding_px as f64)]);
         let mut measured = of(about, mean.value, sigma.hypot(self.base.sigma), mean);
         measured.from.insert(1, ("block", self.number));
         Measurement { conditions, ..measured }

@@ -26,13 +26,15 @@ pub struct Measurement {
 }
 
 /// Columns of measurement files: name, unit, and meaning.
-const COLUMNS: [(&str, &str, &str); 26] = [
+const COLUMNS: [(&str, &str, &str); 28] = [
     ("trail_px", "pix", "pixel behind the charge; 1 is next to it"),
     ("signal_e", "electron", "charge before transfer, above the background"),
     ("sigma_signal_e", "electron", "1-sigma error of signal_e"),
     ("signal_read_e", "electron", "charge read in the pixel, above the background"),
     ("background_e", "electron", "background per pixel"),
     ("block_px", "pix", "rows of the block"),
+    ("preceding_e", "electron", "charge of the block ahead, above the background; 0 for the first block"),
+    ("preceding_px", "pix", "rows from the last one of the block ahead to the first one of the block"),
     ("first_px", "pix", "first pixel behind the block"),
     ("last_px", "pix", "last pixel behind the block"),
     ("transfers", "", "parallel transfers"),

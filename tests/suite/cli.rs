@@ -562,7 +562,7 @@ fn a_diagnosis_that_cannot_be_asked_for_is_refused() {
     let bad = file("bad.toml", "[effects.formula]\ntarget = \"value\"\n");
     let torn = file("torn.toml", "[effects.formula]\ntarget = \n");
     for (arguments, said) in [
-        (vec!["--level", "0"], "a fraction between 0 and 0.5"),
+        (vec!["--level", "0"], "a fraction above 0 and up to 0.5"),
         (vec!["--can", "trails"], "no observable is called"),
         (vec!["--free", "detector.traps.A.densty_per_px"], "no key is called"),
         (vec!["--candidates", "nowhere.toml"], "nowhere.toml"),

@@ -45,7 +45,7 @@ fn cti_is_what_a_packet_loses_in_a_transfer_or_what_lies_behind_an_edge() {
     let conditions = "t_yr,signal_e,transfers,";
     let rows = [(3.0, 500.0, 1000), (5.0, 2000.0, 400)];
     let table = |observable: &str| {
-        let rows: String = rows.iter().map(|(t, s, n)| format!("{t},{s},{n},1,1\n")).collect();
+        let rows: String = rows.iter().map(|(t, s, n)| format!("{t},{s},{n},0.1,1\n")).collect();
         format!("# observable: {observable}\n{conditions}value,sigma\n{rows}")
     };
     let (cti, charge) = (predicted(&table("cti")), predicted(&table("packet_charge")));
@@ -55,8 +55,8 @@ fn cti_is_what_a_packet_loses_in_a_transfer_or_what_lies_behind_an_edge() {
     }
     // Of an edge: the sum of the extended pixel edge response, over transfers and charge.
     let edge = predicted(
-        "# observable: cti\nt_yr,signal_e,transfers,block_px,first_px,last_px,value,sigma\n4.0,1000,1500,200,1,3,1,1\n\
-         4.0,1000,1500,200,2,3,1,1\n",
+        "# observable: cti\nt_yr,signal_e,transfers,block_px,first_px,last_px,value,sigma\n4.0,1000,1500,200,1,3,0.1,1\n\
+         4.0,1000,1500,200,2,3,0.1,1\n",
     );
     let eper = predicted(
         "# observable: eper\nt_yr,signal_e,transfers,block_px,trail_px,value,sigma\n4.0,1000,1500,200,1,1,1\n\
@@ -66,10 +66,12 @@ fn cti_is_what_a_packet_loses_in_a_transfer_or_what_lies_behind_an_edge() {
     assert!((edge[1] / ((eper[1] + eper[2]) / 1.5e6) - 1.0).abs() < 1e-9);
     let header = "# observable: cti\nt_yr,signal_e,transfers,";
     assert!(
-        refusal(&format!("{header}block_px,first_px,value,sigma\n4.0,1000,1500,200,1,1,1\n")).contains("`last_px`")
+        refusal(&format!("{header}block_px,first_px,value,sigma\n4.0,1000,1500,200,1,0.1,1\n")).contains("`last_px`")
     );
-    assert!(refusal(&format!("{header}first_px,last_px,value,sigma\n4.0,1000,1500,1,3,1,1\n")).contains("`block_px`"));
-    let backwards = refusal(&format!("{header}block_px,first_px,last_px,value,sigma\n4.0,1000,1500,200,4,3,1,1\n"));
+    assert!(
+        refusal(&format!("{header}first_px,last_px,value,sigma\n4.0,1000,1500,1,3,0.1,1\n")).contains("`block_px`")
+    );
+    let backwards = refusal(&format!("{header}block_px,first_px,last_px,value,sigma\n4.0,1000,1500,200,4,3,0.1,1\n"));
     assert!(backwards.contains("first_px is 4, behind last_px, 3"), "{backwards}");
 }
 

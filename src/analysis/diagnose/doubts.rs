@@ -69,8 +69,8 @@ pub(super) fn coincidences(events_yr: &[(String, f64)], data: &[DataSet]) -> Vec
 /// Events of effects: name, and time since launch.
 pub(super) fn events_yr(steps: &[Step]) -> Vec<(String, f64)> {
     let of = |step: &Step| {
-        let own = step.parameters.iter().filter(|fitted| fitted.key.starts_with(&format!("{}.", step.key)));
-        let event = own.filter(|fitted| fitted.key.ends_with(".t_yr")).next_back()?;
+        let key = format!("{}.t_yr", step.key);
+        let event = step.parameters.iter().find(|fitted| fitted.key == key)?;
         Some((step.effect.clone(), event.value))
     };
     steps.iter().filter_map(of).collect()

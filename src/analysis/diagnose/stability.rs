@@ -128,6 +128,8 @@ impl Task<'_> {
                 None => Change { options, ..with("no key free".into()) },
             });
         }
+        // A whole diagnosis takes longest.
+        changes.sort_by_key(|change| change.from_quoted);
         changes
     }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::evidence::{Evidence, Found, newest};
 use super::fitted_model::{Added, Node};
-use super::result::{Covariate, Diagnosis, Note, Rung, Step, Tried, Verdict};
+use super::result::{Covariate, Diagnosis, Note, Reason, Rung, Step, Tried, Verdict};
 use super::stability::Stability;
 use super::unrecorded;
 use super::{doubts, formula, holdout};
@@ -35,7 +35,8 @@ impl Evidence<'_> {
         })?;
         rungs.last_mut().expect("the base").parameters = values.clone();
         let steps = self.steps(&ladder, &rungs, &values)?;
-        let tried = if verdict == Verdict::Unfit { Vec::new() } else { self.tried() };
+        let was_tried = verdict != Verdict::Unfit || matches!(reason, Reason::Undecided { .. });
+        let tried = if was_tried { self.tried() } else { Vec::new() };
         let (covariates, suggestion) = if verdict == Verdict::Unexplained {
             let covariates = self.covariates(&after);
             let suggestion = law.or_else(|| formula::suggest(&after, &covariates));
