@@ -183,8 +183,8 @@ impl Task<'_> {
                 .or_else(|| data_quality::contradictory(evidence.case()));
             let mut found = match (refusal, selected) {
                 (Some(reason), _) => Found::of(Verdict::Unfit, reason, vec![evidence.base.clone()]),
-                (None, Some(found)) => found,
-                (None, None) => evidence.select()?,
+                (None, Some(found)) => evidence.or_law_beside_fewer(found)?,
+                (None, None) => evidence.or_law_beside_fewer(evidence.select()?)?,
             };
             if let Some(better) = self.other_errors(evidence, noise, &found)?.filter(|_| more_rounds) {
                 return Ok(Attempt::Again(better));
@@ -229,12 +229,6 @@ impl Task<'_> {
             return Ok(FirstLook::Others(better));
         }
         let found = evidence.select()?;
-        eprintln!(
-            "DBG first_look {:?} {:?} white {:?}",
-            found.verdict,
-            found.reason,
-            found.nearest.as_ref().map(|n| (n.set(), n.chi2(), evidence.is_white(n).ok()))
-        );
         let remains = match &found.nearest {
             Some(node) if found.verdict == Verdict::Unexplained => !evidence.leaves_larger_noise(node)?,
             _ => false,

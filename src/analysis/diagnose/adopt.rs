@@ -26,7 +26,7 @@ struct InPlace {
 
 impl Evidence<'_> {
     /// The models from the base to one with several effects, each time adding first the effect with the larger gain.
-    fn ladder(&self, node: &Arc<Node>) -> Result<Vec<Arc<Node>>, InputError> {
+    pub(super) fn ladder(&self, node: &Arc<Node>) -> Result<Vec<Arc<Node>>, InputError> {
         let mut rest: Vec<usize> = node.added.iter().map(|added| added.hypothesis).collect();
         let mut ladder = vec![self.base.clone()];
         let mut chosen: Vec<usize> = Vec::new();
@@ -171,11 +171,6 @@ impl Evidence<'_> {
         }
         if self.better_law(&node).is_some() {
             return Ok(Ended::Nothing);
-        }
-        if let Some((beside, law)) = self.law_beside_fewer(&node)? {
-            let found = Found::of(Verdict::Unexplained, law.reason, self.ladder(&beside)?);
-            let (law, nearest) = (Some(law.suggestion), Some(node));
-            return Ok(Ended::Adopted(Box::new(Found { law, nearest, ..found })));
         }
         let effects = node.added.iter().map(|added| self.name(added.hypothesis)).collect();
         let reason = Reason::Lacking { effects, has_rivals: !rivals.is_empty() };

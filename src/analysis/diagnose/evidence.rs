@@ -60,7 +60,7 @@ impl Found {
 
 /// The outcome of a search, or of one step of it.
 pub(super) enum Ended {
-    /// A model explains the data; or effects and a law of the measurement do.
+    /// A model explains the data.
     Adopted(Box<Found>),
     /// A model explains the data, but noise can explain its gain.
     ByChance,

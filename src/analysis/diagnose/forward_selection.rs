@@ -59,7 +59,7 @@ impl Evidence<'_> {
             Ended::ByChance => (None, true),
             Ended::Nothing => (None, false),
         };
-        if let Some(odd) = self.odd_rows(found.as_ref().filter(|found| found.explains()), &tried) {
+        if let Some(odd) = self.odd_rows(found.as_ref(), &tried) {
             return Ok(self.unfit_for(odd));
         }
         match found {

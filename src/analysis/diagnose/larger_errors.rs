@@ -36,12 +36,6 @@ impl Evidence<'_> {
             return Ok(None);
         }
         let found = self.select()?;
-        eprintln!(
-            "DBG without_larger found {:?} {:?} {:?}",
-            found.verdict,
-            found.reason,
-            found.ladder.last().map(|n| (n.chi2(), self.cost(n)))
-        );
         let is_better = found.ladder.last().is_some_and(|node| node.chi2() + self.cost(node) < most);
         Ok((found.explains() && is_better).then_some(found))
     }

@@ -9,10 +9,10 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::evidence::Evidence;
+use super::evidence::{Evidence, Found};
 use super::fitted_model::Node;
 use super::noise::wrong_rows;
-use super::result::{Reason, Suggestion};
+use super::result::{Reason, Suggestion, Verdict};
 use super::{formula, rivals, trimmed};
 use crate::analysis::fit;
 use crate::analysis::measurement::DataSet;
@@ -250,27 +250,30 @@ impl Evidence<'_> {
         (is_described && law.cost + law.pedestals - saved < most).then_some(far)
     }
 
-    /// A law beside fewer effects that explains the data much better than a model with several, and these effects. Each effect of a
-    /// model may stand for a gain that changed.
+    /// The outcome of a search; if it found several effects, and a law beside fewer of them explains the data much better, that law and these
+    /// effects. Each effect of a model may stand for a gain that changed.
     ///
     /// # Errors
     /// Those of a fit.
-    pub(super) fn law_beside_fewer(&self, node: &Node) -> Result<Option<(Arc<Node>, MeasurementLaw)>, InputError> {
+    pub(super) fn or_law_beside_fewer(&self, found: Found) -> Result<Found, InputError> {
+        let Some(node) = found.ladder.last().filter(|node| node.added.len() > 1 && found.explains()) else {
+            return Ok(found);
+        };
         let effects: Vec<usize> = node.added.iter().map(|added| added.hypothesis).collect();
         let most = node.chi2_of_rows() + self.cost(node) - rivals::margin(self.options.level);
         let mut best: Option<(Arc<Node>, MeasurementLaw)> = None;
         for fewer in fewer(&effects) {
-            if !self.work().allows("laws of the measurement beside fewer effects") {
-                break;
-            }
             let with = self.search.with(self.base, &fewer)?;
-            let Some(law) = self.best_law(&with) else { continue };
             let limit = best.as_ref().map_or(most, |(_, best)| best.cost);
+            let Some(law) = self.best_law(&with) else { continue };
             if law.suggestion.is_law && law.cost < limit {
                 best = Some((with, law));
             }
         }
-        Ok(best)
+        let Some((beside, law)) = best else { return Ok(found) };
+        let nearest = Some(node.clone());
+        let found = Found::of(Verdict::Unexplained, law.reason, self.ladder(&beside)?);
+        Ok(Found { law: Some(law.suggestion), nearest, ..found })
     }
 
     /// The law that explains the data best on top of a model; None if none can be fitted. Few are fitted, so this is never left undone.
@@ -326,6 +329,7 @@ impl Evidence<'_> {
         let names = formula::NAMES.iter().take(law.powers.len());
         let own: Vec<String> = names.map(|name| format!("{key}.{name}")).collect();
         let free: Vec<String> = self.search.base.iter().chain(&own).cloned().collect();
+        // Beside a law, the epochs of events may be others.
         let options = fit::Options { seed: self.options.seed, ..fit::Options::default() };
         let node = Node::fit(self.case(), &base.model.like(&mission), base.added.clone(), &free, &options).ok()?;
         let value =

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::evidence::Evidence;
 use super::noise;
-use super::result::{Diagnosis, Verdict};
+use super::result::{Diagnosis, Reason, Verdict};
 use super::work::Work;
 use super::{Options, ROUNDS, Task};
 use crate::analysis::fit::Fitted;
@@ -203,6 +203,9 @@ impl Task<'_> {
             // As in a diagnosis: rows that only a poor model marks as wrong are left out at first and restored later.
             let (other, better) = task.with_evidence(&data, like, |evidence, _| {
                 let other = evidence.select()?;
+                // If effects beside a law were found, the same is looked for with the change.
+                let is_beside = matches!(&found.reason, Reason::BetterLaw { beside, .. } if !beside.is_empty());
+                let other = if is_beside { evidence.or_law_beside_fewer(other)? } else { other };
                 let better = task.other_errors(evidence, &noise, &other)?.filter(|_| round < ROUNDS);
                 let last = other.ladder.last().expect("the base");
                 let effects = last.set().into_iter().map(|place| evidence.name(place)).collect();
