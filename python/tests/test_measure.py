@@ -121,3 +121,19 @@ def test_help_names_keywords_not_options(flat):
         cp.measure.eper(flat, gain=1.5, overscan_start=300)
     assert "--" not in str(refused.value)
     assert "give date" in refused.value.help and "t_yr" in refused.value.help
+
+
+def test_flats_that_brighten_and_a_bias_that_drifts_are_warned_of(flat):
+    options = {"gain": 1.5, "t_yr": 1.0, "trail_px": 5}
+    sloped = flat.copy()
+    sloped[:300] = 200.0 + (sloped[:300] - 200.0) * np.linspace(1.05, 1.0, 300)[:, np.newaxis]
+    measured = cp.measure.eper(sloped, overscan_start=300, bias=200.0, **options)
+    assert any("brighter at its first row" in warning for warning in measured.document["warnings"])
+    level, first = measured.to_table()["signal_e"][0], measured.first_pixel.to_table()["signal_e"][0]
+    assert (first / level).value == pytest.approx(1.05, abs=0.005)
+    overscan = np.random.default_rng(4).normal(200.0, 2.0, (340, 8))
+    steady = cp.measure.eper(np.hstack([flat, overscan]), overscan=8, overscan_rows=40, **options)
+    assert not any("the bias changes" in warning for warning in steady.document["warnings"])
+    overscan += np.linspace(0.0, 3.0, 340)[:, np.newaxis]
+    drifting = cp.measure.eper(np.hstack([flat, overscan]), overscan=8, overscan_rows=40, **options)
+    assert any("the bias changes by +" in warning for warning in drifting.document["warnings"])

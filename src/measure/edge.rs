@@ -136,3 +136,22 @@ fn mean_of(charge_e: &Array2<f64>, rows: Range<usize>, column: usize) -> f64 {
     let (sum, count) = finite.fold((0.0, 0), |(sum, count), charge| (sum + charge, count + 1));
     sum / f64::from(count)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Levels that change by 0.05 e- a row, with alternating noise of 1 e-: 1000.5 e- at row 10. Without the change there is no straight line.
+    #[test]
+    fn a_level_that_clearly_changes_is_extrapolated_to_the_first_row() {
+        let block = Block { rows: 10..210, level_rows: 20, trail_px: 5 };
+        let found = |slope: f64| {
+            block.level_at_first_row(|row| Some(1000.0 + slope * row as f64 + if row % 2 == 0 { 1.0 } else { -1.0 }))
+        };
+        let [value, sigma] = found(0.05).unwrap();
+        assert!((value - 1000.5).abs() < 2.0 * sigma && sigma < 0.3, "{value} +- {sigma}");
+        assert_eq!(found(0.0), None);
+        let short = Block { rows: 0..30, ..block };
+        assert_eq!(short.level_at_first_row(|row| Some(row as f64)), None);
+    }
+}

@@ -204,6 +204,16 @@ fn blocks_of_injected_charge_give_the_traps_back() {
         &format!("{INJECTED} --first-row 10 --block-px 5 --period-px 40"),
     );
     assert_eq!(values(&told.path()), values(&measured.path()));
+    // The last row of the block ahead is 36 rows ahead of the first one of a block; nothing is ahead of the first block.
+    let table = Table::read(measured.path()).unwrap();
+    let of = |name: &str, row: usize| table.column(name).unwrap().cells[row].number().unwrap();
+    for row in 0..table.rows() {
+        let ahead_e = of("preceding_e", row);
+        match of("block", row) {
+            1.0 => assert_eq!(ahead_e, 0.0),
+            _ => assert!((ahead_e / of("signal_e", row) - 1.0).abs() < 0.1 && of("preceding_px", row) == 36.0),
+        }
+    }
 }
 
 #[test]

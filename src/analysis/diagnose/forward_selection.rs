@@ -65,7 +65,7 @@ impl Evidence<'_> {
         match found {
             Some(found) => Ok(found),
             None if self.mere_noise(self.base)?.is_some() => {
-                self.complete(Reason::Noise { best: self.not_borne_out(&tried) })
+                self.complete(Reason::Noise { best: self.most_helpful(&tried) })
             }
             None if by_chance => Ok(self.undecided(&tried)),
             None => match self.enough_but_for_noise(&tried)? {
@@ -97,7 +97,7 @@ impl Evidence<'_> {
     }
 
     /// The effects that gain most of those tried, and the decrease of chi2 with them: more than noise usually does, but not confirmed.
-    fn not_borne_out(&self, tried: &[Arc<Node>]) -> Option<(Vec<String>, f64)> {
+    fn most_helpful(&self, tried: &[Arc<Node>]) -> Option<(Vec<String>, f64)> {
         let best =
             tried.iter().filter(|node| !node.added.is_empty()).min_by(|a, b| self.score(a).total_cmp(&self.score(b)));
         best.map(|best| {
@@ -109,7 +109,7 @@ impl Evidence<'_> {
     /// The base leaves more than the errors, and an effect that explains it gains no more than errors that are too small would: no
     /// verdict, since either may be true.
     fn undecided(&self, tried: &[Arc<Node>]) -> Found {
-        let (effects, fall) = self.not_borne_out(tried).unwrap_or_default();
+        let (effects, fall) = self.most_helpful(tried).unwrap_or_default();
         let reason = Reason::Undecided { effects, fall, chi2: self.base.chi2(), n: self.case().n() };
         Found::of(Verdict::Unfit, reason, vec![self.base.clone()])
     }
