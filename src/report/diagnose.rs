@@ -184,8 +184,8 @@ impl Diagnosis {
         let fails = self.stability.done.iter().filter(|changed| !changed.holds);
         let fails: Vec<String> = fails.map(|changed| format!("with {}: {}", changed.change, changed.found())).collect();
         let unstable = if fails.is_empty() { String::new() } else { format!(" Not stable: {}.", fails.join("; ")) };
-        // The reason of an unexplained one already states that it is incomplete.
-        let incomplete = !self.undone.is_empty() && self.verdict != Verdict::Unexplained;
+        // That reason already states that it is incomplete.
+        let incomplete = !self.undone.is_empty() && !matches!(self.reason, Reason::Unexplained { .. });
         let undone = if incomplete { " The search is incomplete (see the note)." } else { "" };
         format!("{unstable}{undone}")
     }
