@@ -21,6 +21,7 @@ use super::table::Measurement;
 use super::{Found, Measured};
 use crate::error::InputError;
 use crate::image::Geometry;
+use crate::numeric::root_finding::between;
 use crate::physics::observable::Observable;
 use crate::warning::Warning;
 
@@ -34,8 +35,8 @@ const MOST_BEHIND: f64 = 0.5;
 /// Significance, sigma, at which a trail in the rows of the bias is distinguished from noise.
 const TRAIL_SIGMA: f64 = 4.0;
 
-/// Rounds of the estimate of what is left of a decay, and its largest ratio from window to window.
-const ROUNDS: usize = 50;
+/// Least and largest ratio of a decay from window to window.
+const FASTEST: f64 = 1e-3;
 const SLOWEST: f64 = 0.95;
 
 /// Significance of a change of the bias along the rows, in its errors.
@@ -261,12 +262,14 @@ pub(super) fn trail_in_bias(
 
 /// Mean of an exponential over some windows, given its excess over that mean in the window before them and in the one before that.
 fn left_of_decay([near, far]: [f64; 2], windows: f64) -> f64 {
-    let mut left = 0.0;
-    for _ in 0..ROUNDS {
-        let ratio = ((near + left) / (far + left)).clamp(0.0, SLOWEST);
-        left = (near + left) * ratio * (1.0 - ratio.powf(windows)) / (windows * (1.0 - ratio));
+    // With a ratio x from window to window, the mean over the next ones, in units of the window before them.
+    let mean = |x: f64| x * (1.0 - x.powf(windows)) / (windows * (1.0 - x));
+    let excess = |x: f64| (1.0 / x - mean(x)) * near - (1.0 - mean(x)) * far;
+    if near <= 0.0 || excess(FASTEST) <= 0.0 {
+        return 0.0;
     }
-    left
+    let ratio = if excess(SLOWEST) >= 0.0 { SLOWEST } else { between(FASTEST, SLOWEST, 1e-6, excess) };
+    near * mean(ratio) / (1.0 - mean(ratio))
 }
 
 /// One value of the bias for rows between which it changes.

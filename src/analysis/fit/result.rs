@@ -75,7 +75,7 @@ impl Fit {
         (self.chi2 - freedom) / (2.0 * freedom).sqrt()
     }
 
-    /// Whether chi2 is that of the errors: not more than [`MISFIT`] above its expectation.
+    /// Whether chi2 is that of the errors: at most three of its standard deviations above its expectation.
     pub fn describes_data(&self) -> bool {
         self.excess() <= MISFIT
     }
