@@ -6,8 +6,8 @@ use ctiplan::model::Model;
 use ctiplan::model::predict::{Question, predict};
 use ctiplan::physics::conditions::Conditions;
 use ctiplan::physics::observable::Observable;
-use ctiplan::readout::Downstream;
-use ndarray::Array2;
+use ctiplan::readout::{Downstream, Method};
+use ndarray::{Array2, s};
 
 /// The readout of measured shapes is coarser than that of `evaluate`, which does not show.
 #[test]
@@ -198,4 +198,46 @@ fn a_preceding_packet_passes_the_same_traps_first() {
         - device.read(&flat, downstream, Beside::Background).unwrap();
     assert!((read(&at) - difference[[4, 0]]).abs() < 1e-4);
     assert!((one(&model, Observable::Trail, &at) - difference[[7, 0]] / 1000.0).abs() < 1e-7);
+}
+
+/// Of a long block only the last rows are read out; they are those of the whole block, behind its front and any packet before it.
+#[test]
+fn the_front_of_a_long_block_is_not_felt() {
+    let base = include_str!("../../missions/snap_l2.toml");
+    for (effects, line_time_ms) in [
+        ("", 400.0),
+        ("[effects.notch]\nnotch_e = 80.0\n", 400.0),
+        ("[effects.finite-capture]\ncapture_ms = 3.0\n", 400.0),
+        // Traps that forget within a few rows and empty the first ten.
+        ("[effects.prelaunch-traps]\nVV = 3.0\nCO = 30.0\n", 20_000.0),
+    ] {
+        let model = Model::new(&Mission::parse(&format!("{base}\n{effects}")).unwrap());
+        for (background_e, signal_e) in [(0.0, 150.0), (120.0, 9000.0)] {
+            let at = Conditions {
+                signal_e: Some(signal_e),
+                background_e,
+                trail_px: Some(2),
+                block_px: Some(700),
+                preceding_e: Some(500.0),
+                preceding_px: Some(60),
+                line_time_ms,
+                ..model.conditions(6.0)
+            };
+            let mut device = model.device(&at).unwrap();
+            device.method = Method::Exact;
+            let flat = Array2::from_elem((770, 1), background_e);
+            let mut block = flat.clone();
+            block[[0, 0]] += 500.0;
+            block.slice_mut(s![60..760, ..]).fill(background_e + signal_e);
+            let downstream = Downstream { rows: i64::from(at.transfers) - 760, charge_e: background_e };
+            let whole = device.read(&block, downstream, Beside::Same).unwrap()
+                - device.read(&flat, downstream, Beside::Same).unwrap();
+            let trail_e = one(&model, Observable::Eper, &at);
+            assert!(
+                (trail_e - whole[[761, 0]]).abs() < 1e-4 * whole[[760, 0]],
+                "{effects} {signal_e}: {trail_e}, {} e-",
+                whole[[761, 0]]
+            );
+        }
+    }
 }

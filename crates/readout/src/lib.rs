@@ -34,6 +34,7 @@ mod equal_blocks;
 mod estimate;
 mod every_transfer;
 mod finite_capture;
+mod flat_field;
 mod fractional;
 mod frame_transfer;
 mod home_watermarks;

@@ -81,6 +81,10 @@ struct Column<'a> {
     reading: &'a Reading<'a>,
     device: &'a Device,
     readout: Readout,
+    /// Rows that hold the signal.
+    block_px: usize,
+    /// Whether the rows ahead of these hold the same: the rest of a block that is so long that its front is not felt.
+    within_flat: bool,
     /// Whether columns with other traps may be beside it.
     has_room_beside: bool,
 }
@@ -88,8 +92,29 @@ struct Column<'a> {
 impl<'a> Column<'a> {
     fn new(index: usize, reading: &'a Reading<'a>, device: &'a Device) -> Column<'a> {
         let readout = device.readout();
-        let has_room_beside = device.store.is_none() && device.persistence.is_none() && readout.has_room_beside();
-        Column { index, reading, device, readout, has_room_beside }
+        let plain = device.store.is_none() && device.persistence.is_none();
+        let has_room_beside = plain && readout.has_room_beside();
+        let block_px = match reading.kind {
+            Probed::Block => device.at.block_px.expect("a block has rows") as usize,
+            _ => 1,
+        };
+        let mut column = Column { index, reading, device, readout, block_px, within_flat: false, has_room_beside };
+        if plain {
+            column.omit_the_front();
+        }
+        column
+    }
+
+    /// Keeps the last rows of a long block, with the rest as background ahead of them.
+    fn omit_the_front(&mut self) {
+        let (background_e, transfers) = (self.device.at.background_e, f64::from(self.device.at.transfers));
+        let until_flat = self.readout.rows_until_flat(self.signal_e(), background_e, transfers);
+        // Few different lengths, so that columns of slightly different traps are read side by side.
+        let rows = until_flat.min(self.block_px as f64).ceil() as usize;
+        let kept = rows.next_multiple_of((rows.next_power_of_two() / 4).max(1));
+        if kept < self.block_px {
+            (self.block_px, self.within_flat) = (kept, true);
+        }
     }
 
     /// By the number of traps, since accuracy is relative to the largest changes; then by charge.
@@ -110,31 +135,23 @@ impl<'a> Column<'a> {
         self.device.at.signal_e.expect("a packet has a charge")
     }
 
-    /// Rows that hold the signal.
-    fn block_px(&self) -> usize {
-        match self.reading.kind {
-            Probed::Block => self.device.at.block_px.expect("a block has rows") as usize,
-            _ => 1,
-        }
-    }
-
     /// The columns beside it in a serial register.
     fn beside(&self) -> Beside {
         if self.reading.kind == Probed::Block { Beside::Same } else { Beside::Background }
     }
 
-    /// Rows ahead of the signal that belong to the image: from a preceding packet on.
+    /// Rows ahead of the signal that belong to the image: from a preceding packet on, if it is felt.
     fn rows_ahead(&self) -> usize {
-        self.device.at.preceding_px.unwrap_or(0) as usize
+        if self.within_flat { 0 } else { self.device.at.preceding_px.unwrap_or(0) as usize }
     }
 
     /// The last row of the signal makes the device's transfers; background lies downstream.
     fn rows_downstream(&self) -> i64 {
-        i64::from(self.device.at.transfers) - (self.rows_ahead() + self.block_px()) as i64
+        i64::from(self.device.at.transfers) - (self.rows_ahead() + self.block_px) as i64
     }
 
     fn shares_a_readout_with(&self, other: &Column) -> bool {
-        self.block_px() == other.block_px()
+        self.block_px == other.block_px
             && self.rows_ahead() == other.rows_ahead()
             && self.rows_downstream() == other.rows_downstream()
             && (self.readout == other.readout || (self.has_room_beside && other.has_room_beside))
@@ -153,7 +170,7 @@ impl<'a> Column<'a> {
             image[[0, 0]] += preceding_e;
         }
         let first = self.rows_ahead();
-        image.slice_mut(s![first..first + self.block_px(), ..]).fill(background_e + self.signal_e());
+        image.slice_mut(s![first..first + self.block_px, ..]).fill(background_e + self.signal_e());
         Ok([self.device.before(image)?, self.device.before(flat)?])
     }
 }
@@ -163,28 +180,30 @@ fn together<'a>(columns: &'a [Column]) -> Result<Vec<(usize, Vec<f64>)>, InputEr
     let first = &columns[0];
     // Background behind a packet changes nothing before it.
     let behind = columns.iter().map(|column| column.reading.trail_px).max().unwrap_or(0);
-    let rows = first.rows_ahead() + first.block_px() + behind;
+    let rows = first.rows_ahead() + first.block_px + behind;
     let mut image = Array2::zeros((rows, 0));
     let (mut downstream_e, mut traps) = (Vec::new(), Vec::<&[Trap]>::new());
     // Most backgrounds are equal.
-    let mut place = |charge_e: &Array2<f64>, column: &'a Column| {
-        let background_e = column.device.at.background_e;
+    let mut place = |charge_e: &Array2<f64>, ahead_e: f64, column: &'a Column| {
         let known = |place: &usize| {
             image.column(*place) == charge_e.column(0)
-                && downstream_e[*place] == background_e
+                && downstream_e[*place] == ahead_e
                 && traps[*place] == column.readout.traps
         };
         let place = (0..image.ncols()).find(known);
         place.unwrap_or_else(|| {
             image.push_column(charge_e.column(0)).expect("columns of one length");
-            downstream_e.push(background_e);
+            downstream_e.push(ahead_e);
             traps.push(&column.readout.traps);
             image.ncols() - 1
         })
     };
     let mut placed = Vec::new();
     for column in columns {
-        placed.push(column.before(rows)?.map(|before_e| (place(&before_e, column), before_e)));
+        let [signal, flat] = column.before(rows)?;
+        let background_e = column.device.at.background_e;
+        let ahead_e = if column.within_flat { signal[[0, 0]] } else { background_e };
+        placed.push([(place(&signal, ahead_e, column), signal), (place(&flat, background_e, column), flat)]);
     }
     let clocked = match columns.iter().all(|column| column.readout.traps == first.readout.traps) {
         true => first.device.clocked(&image, first.rows_downstream(), &downstream_e),
@@ -206,7 +225,7 @@ fn together<'a>(columns: &'a [Column]) -> Result<Vec<(usize, Vec<f64>)>, InputEr
             flats.push((flat, column, flat_e.clone()));
         }
         let read_e = device.amplified(&before_e, registered(signal))? - device.amplified(&flat_before_e, flat_e)?;
-        let last = column.rows_ahead() + column.block_px() - 1;
+        let last = column.rows_ahead() + column.block_px - 1;
         found.push((column.index, read_e.slice(s![last..=last + column.reading.trail_px, 0]).to_vec()));
     }
     Ok(found)
