@@ -1,5 +1,5 @@
-//! Whether a verdict also holds under equally plausible assumptions: larger errors, another seed, other starting points, other free
-//! keys.
+//! Whether a verdict also holds under equally plausible assumptions: larger errors, the quoted ones, another seed, other starting
+//! points, other free keys.
 
 use std::sync::Arc;
 
@@ -59,10 +59,20 @@ struct Change {
     name: String,
     mission: Mission,
     options: Options,
-    /// Factor on the errors.
-    larger: f64,
-    /// Whether the errors are estimated anew as well.
-    from_quoted: bool,
+    errors: Errors,
+}
+
+/// The errors of a changed search.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Errors {
+    /// As the diagnosis estimated them.
+    Same,
+    /// The same, enlarged.
+    Larger,
+    /// As quoted, apart from wrong rows and pedestals.
+    Quoted,
+    /// Estimated anew.
+    Anew,
 }
 
 impl Task<'_> {
@@ -81,7 +91,13 @@ impl Task<'_> {
                 all.undone.push(change.name);
                 continue;
             }
+            let errors = change.errors;
             let changed = self.changed(evidence, found, change, &work)?;
+            let explains = !matches!(changed.verdict, Verdict::Unexplained | Verdict::Unfit);
+            if errors == Errors::Quoted && !explains {
+                // Nothing was found with which they would be right.
+                continue;
+            }
             // That a search explains nothing is no result if it was cut short.
             if changed.verdict == Verdict::Unexplained && !work.undone().is_empty() {
                 all.undone.push(changed.change);
@@ -96,15 +112,23 @@ impl Task<'_> {
         let free = &self.options.free;
         let with = |name: String| {
             let (mission, options) = (self.mission.clone(), self.options.clone());
-            Change { name, mission, options, larger: 1.0, from_quoted: false }
+            Change { name, mission, options, errors: Errors::Same }
         };
         // Errors that were not estimated would not be by another seed.
-        let from_quoted = !noise::is_same(&found.noise, &noise::as_quoted(self.quoted));
+        let estimated = !noise::is_same(&found.noise, &noise::as_quoted(self.quoted));
+        let with_seed = if estimated { Errors::Anew } else { Errors::Same };
         let seed = self.options.seed.wrapping_add(1);
         let mut changes = vec![
-            Change { larger: LARGER, ..with(format!("errors x {LARGER}")) },
-            Change { options: Options { seed, ..self.options.clone() }, from_quoted, ..with(format!("seed {seed}")) },
+            Change { errors: Errors::Larger, ..with(format!("errors x {LARGER}")) },
+            Change {
+                options: Options { seed, ..self.options.clone() },
+                errors: with_seed,
+                ..with(format!("seed {seed}"))
+            },
         ];
+        if found.noise.iter().any(|noise| noise.scale > 1.0) {
+            changes.push(Change { errors: Errors::Quoted, ..with("errors as quoted".into()) });
+        }
         if free.is_empty() {
             let densities: Vec<String> = self
                 .mission
@@ -129,7 +153,7 @@ impl Task<'_> {
             });
         }
         // A whole diagnosis takes longest.
-        changes.sort_by_key(|change| change.from_quoted);
+        changes.sort_by_key(|change| change.errors == Errors::Anew);
         changes
     }
 
@@ -160,8 +184,8 @@ impl Task<'_> {
         self.mission.with(&settings.collect::<Option<Vec<_>>>()?).ok()
     }
 
-    /// The whole diagnosis with a change, from the quoted errors on.
-    fn changed_from_quoted(&self, found: &Diagnosis, change: &Change, work: &Arc<Work>) -> Result<Changed, InputError> {
+    /// The whole diagnosis with a change, its errors estimated anew.
+    fn changed_anew(&self, found: &Diagnosis, change: &Change, work: &Arc<Work>) -> Result<Changed, InputError> {
         let task = Task {
             mission: &change.mission,
             quoted: self.quoted,
@@ -183,8 +207,8 @@ impl Task<'_> {
         change: Change,
         work: &Arc<Work>,
     ) -> Result<Changed, InputError> {
-        if change.from_quoted {
-            return self.changed_from_quoted(found, &change, work);
+        if change.errors == Errors::Anew {
+            return self.changed_anew(found, &change, work);
         }
         let task = Task {
             mission: &change.mission,
@@ -199,14 +223,20 @@ impl Task<'_> {
         let like = (change.mission == *self.mission && frees_no_less).then_some(evidence.search);
         let mut noise = found.noise.clone();
         for round in 1.. {
-            let data = noise::allowed_for(self.quoted, &noise::larger(&noise, change.larger));
+            let changed = match change.errors {
+                Errors::Larger => noise::larger(&noise, LARGER),
+                Errors::Quoted => noise::with_scales_of_1(&noise),
+                Errors::Same | Errors::Anew => noise.clone(),
+            };
+            let data = noise::allowed_for(self.quoted, &changed);
             // As in a diagnosis: rows that only a poor model marks as wrong are left out at first and restored later.
             let (other, better) = task.with_evidence(&data, like, |evidence, _| {
                 let other = evidence.select()?;
                 // If effects beside a law were found, the same is looked for with the change.
                 let is_beside = matches!(&found.reason, Reason::BetterLaw { beside, .. } if !beside.is_empty());
                 let other = if is_beside { evidence.or_law_beside_fewer(other)? } else { other };
-                let better = task.other_errors(evidence, &noise, &other)?.filter(|_| round < ROUNDS);
+                let is_estimated = change.errors != Errors::Quoted && round < ROUNDS;
+                let better = task.other_errors(evidence, &noise, &other)?.filter(|_| is_estimated);
                 let last = other.ladder.last().expect("the base");
                 let effects = last.set().into_iter().map(|place| evidence.name(place)).collect();
                 Ok((outcome(found, other.verdict, effects, &other.alternatives, &change.name), better))
