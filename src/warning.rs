@@ -188,12 +188,21 @@ pub enum Warning {
         /// 1-sigma error of the level, e-.
         sigma_e: f64,
     },
-    /// The bias changes from row to row, and one value is used.
-    DriftOfBias {
+    /// Far behind an edge, the charge is not that of the bias.
+    LevelBehindEdge {
         /// The frame.
         name: String,
-        /// Bias in the last third of the rows less that in the first, in the unit of the frame.
-        drift_dn: f64,
+        /// Charge per pixel in the last overscan rows, e-.
+        level_e: f64,
+        /// Its 1-sigma error, e-.
+        sigma_e: f64,
+    },
+    /// The bias does not drift evenly along the rows.
+    BentBias {
+        /// The frame.
+        name: String,
+        /// Bias in the middle third of the rows less that of the line, in the unit of the frame.
+        bend_dn: f64,
         /// Its 1-sigma error.
         sigma_dn: f64,
     },
@@ -411,10 +420,21 @@ impl fmt::Display for Warning {
                  it are there (error of that level {sigma_e:.2} e-), and values are too small by that; use --bias-from columns (of injected \
                  charge: --background-from front), or more rows"
             ),
-            Warning::DriftOfBias { name, drift_dn, sigma_dn } => write!(
+            Warning::LevelBehindEdge { name, level_e, sigma_e } => {
+                let cause = if *level_e < 0.0 {
+                    "the pixels of the bias hold charge, such as a serial tail: give --bias-from rows, or more overscan columns"
+                } else {
+                    "a fit takes it as a trail of slow traps; if it is dark charge or an offset, give --bias-from rows"
+                };
+                write!(
+                    out,
+                    "{name}: the last overscan rows hold {level_e:+.2} +- {sigma_e:.2} e- above the bias and do not fall: {cause}"
+                )
+            }
+            Warning::BentBias { name, bend_dn, sigma_dn } => write!(
                 out,
-                "{name}: the bias changes by {drift_dn:+.2} +- {sigma_dn:.2} DN from the first to the last third of the rows, and one value is \
-                 used for all: a change behind the edge looks like a trail; subtract the bias row by row first"
+                "{name}: the bias drifts along the rows, and is {bend_dn:+.2} +- {sigma_dn:.2} DN off a straight line in their middle: \
+                 what is left of it behind the edge looks like a trail; subtract the bias row by row first"
             ),
             Warning::SlopedFlat { name, share } => write!(
                 out,

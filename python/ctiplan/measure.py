@@ -10,12 +10,15 @@ bias : float, optional
     (``"columns"``, ``"prescan"`` or ``"rows"``).
 saturated_dn : float, optional
     Value from which on pixels are left out.
+dq_bad : int, optional
+    Sum of the bits of data quality (extension ``DQ`` or ``FLG`` of a file) of pixels to leave out; without it: 1, 2, 256 and 2048
+    for HST/ACS, and none for others.
 date : str or datetime, or t_yr : float, or dose_mev_g : float
     When the frames were taken: date, years since launch, or dose of the traps (MeV/g). Files tell it by ``DATE-OBS``.
 temperature_k, line_time_ms : float, optional
     Conditions; without them the mission's hold.
 amplifiers : str or path, optional
-    Table of the camera's amplifiers (ECSV or CSV), in place of gain, bias, corner, split, prescan, overscan and transfers_before.
+    Table of the camera's amplifiers (ECSV or CSV), in place of gain, corner, split, prescan, overscan and transfers_before.
     Arrays are its HDU 0. Rows then have the columns ``hdu`` and ``amplifier`` (row of that table, from 1).
 corner, split, prescan, overscan, overscan_rows, transfers_before
     How the frames lie on the detector, as in :meth:`Detector.readout`. ``overscan_start`` may be given in place of `overscan_rows`:
@@ -300,6 +303,7 @@ _TOLD: dict[str, Any] = {
     "saturated_dn": None,
     "bias": None,
     "bias_from": None,
+    "dq_bad": None,
     "date": None,
     "t_yr": None,
     "dose_mev_g": None,
@@ -317,7 +321,6 @@ _IN_TABLE = (
     "gain",
     "gain_keyword",
     "saturated_dn",
-    "bias",
     "corner",
     "split",
     "prescan",
@@ -351,6 +354,10 @@ def _measure(frames: Any, way: dict[str, Any], overscan_start: int | None, optio
             told[name] = real(name, told[name])
     for name in ("prescan", "overscan", "overscan_rows", "transfers_before"):
         whole(name, layout[name], 0, 1_000_000)
+    if told["dq_bad"] is not None:
+        whole("dq_bad", told["dq_bad"], 0, 2**32 - 1)
+        if not all(isinstance(frame, str) for frame in given):
+            raise InputError("cannot use dq_bad", None, "arrays have no data quality", "set the pixels to NaN")
     if overscan_start is not None:
         layout["overscan_rows"] = _rows_behind(given, overscan_start, layout)
     tables, text, document = _ctiplan.measure(given, layout, told, way, progress)

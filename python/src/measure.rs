@@ -33,6 +33,7 @@ pub struct Told {
     saturated_dn: Option<f64>,
     bias: Option<f64>,
     bias_from: Option<String>,
+    dq_bad: Option<u32>,
     date: Option<String>,
     t_yr: Option<f64>,
     dose_mev_g: Option<f64>,
@@ -156,6 +157,7 @@ impl Told {
                 ..Unit::default()
             },
             bias: self.bias()?,
+            dq_bad: self.dq_bad,
             geometry: layout.geometry()?,
             when: self.when()?,
             temperature_k: given(self.temperature_k),

@@ -123,7 +123,7 @@ def test_help_names_keywords_not_options(flat):
     assert "give date" in refused.value.help and "t_yr" in refused.value.help
 
 
-def test_flats_that_brighten_and_a_bias_that_drifts_are_warned_of(flat):
+def test_flats_that_brighten_and_a_bias_that_drifts(flat):
     options = {"gain": 1.5, "t_yr": 1.0, "trail_px": 5}
     sloped = flat.copy()
     sloped[:300] = 200.0 + (sloped[:300] - 200.0) * np.linspace(1.05, 1.0, 300)[:, np.newaxis]
@@ -133,7 +133,50 @@ def test_flats_that_brighten_and_a_bias_that_drifts_are_warned_of(flat):
     assert (first / level).value == pytest.approx(1.05, abs=0.005)
     overscan = np.random.default_rng(4).normal(200.0, 2.0, (340, 8))
     steady = cp.measure.eper(np.hstack([flat, overscan]), overscan=8, overscan_rows=40, **options)
-    assert not any("the bias changes" in warning for warning in steady.document["warnings"])
-    overscan += np.linspace(0.0, 3.0, 340)[:, np.newaxis]
-    drifting = cp.measure.eper(np.hstack([flat, overscan]), overscan=8, overscan_rows=40, **options)
-    assert any("the bias changes by +" in warning for warning in drifting.document["warnings"])
+    assert steady.document["warnings"] == []
+
+    def drifting(bias):
+        """The same with a bias that drifts in all columns."""
+        frame = np.hstack([flat, overscan]) + bias[:, np.newaxis]
+        return cp.measure.eper(frame, overscan=8, overscan_rows=40, **options)
+
+    evenly = drifting(np.linspace(0.0, 3.0, 340))
+    assert evenly.document["warnings"] == []
+    assert evenly.document["exposures"][0]["bias_slope_dn_per_row"] == pytest.approx(3.0 / 339, rel=0.05)
+    # Five values and their errors, with a line that has an error as well.
+    steady_e, even_e = steady.to_table()["value"].value, evenly.to_table()["value"].value
+    assert np.all(np.abs(even_e - steady_e) < 3 * evenly.to_table()["sigma"].value)
+    bent = drifting(6.0 * np.linspace(0.0, 1.0, 340) ** 4)
+    assert any("off a straight line" in warning for warning in bent.document["warnings"])
+    dark = np.hstack([flat + 0.5, overscan])
+    rest = cp.measure.eper(dark, overscan=8, overscan_rows=40, **options)
+    assert any("above the bias and do not fall" in warning for warning in rest.document["warnings"])
+
+
+def test_flagged_pixels_are_left_out(flat, tmp_path):
+    hit = flat.copy()
+    hit[320, ::10] += 3.0
+    flags = np.zeros(flat.shape, dtype=np.int16)
+    flags[320, ::10] = 4096
+    path = tmp_path / "flt.fits"
+    frame, quality = fits.ImageHDU(hit, name="SCI", ver=1), fits.ImageHDU(flags, name="DQ", ver=1)
+    fits.HDUList([fits.PrimaryHDU(), frame, quality]).writeto(path)
+    options = {"overscan_rows": 40, "gain": 1.5, "bias": 200.0, "t_yr": 1.0}
+    # Too faint to be clipped.
+    missing = np.where(flags == 0, hit, np.nan)
+    without, with_all = (cp.measure.eper(frame, **options).to_table()["value"] for frame in (missing, hit))
+    assert not np.array_equal(without, with_all)
+    assert np.array_equal(cp.measure.eper(path, dq_bad=4096, **options).to_table()["value"], without)
+    assert np.array_equal(cp.measure.eper(path, dq_bad=16, **options).to_table()["value"], with_all)
+    with pytest.raises(cp.InputError, match="arrays have no data quality"):
+        cp.measure.eper(hit, dq_bad=4096, **options)
+
+
+def test_a_bias_fills_in_for_a_table_without_one(flat, tmp_path):
+    table = tmp_path / "amplifiers.csv"
+    table.write_text("amplifier,hdu,corner,overscan_rows,gain_e_per_dn\nA,0,lower-left,40,1.5\n")
+    with pytest.raises(cp.InputError, match="no bias is known"):
+        cp.measure.eper(flat, amplifiers=table, t_yr=1.0, bias_from="columns")
+    of_table = cp.measure.eper(flat, amplifiers=table, bias=200.0, t_yr=1.0).to_table()
+    alone = cp.measure.eper(flat, overscan_rows=40, gain=1.5, bias=200.0, t_yr=1.0).to_table()
+    assert np.array_equal(of_table["value"], alone["value"])

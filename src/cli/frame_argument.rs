@@ -153,6 +153,16 @@ impl ValueEnum for Split {
     }
 }
 
+/// Bits of data quality as a sum or a list: 2304, or 256,2048, or 0x900.
+pub(super) fn bits(text: &str) -> Result<u32, String> {
+    let one = |text: &str| {
+        let text = text.trim();
+        text.strip_prefix("0x").map_or_else(|| text.parse().ok(), |digits| u32::from_str_radix(digits, 16).ok())
+    };
+    let all = text.split(',').try_fold(0, |all, text| Some(all | one(text)?));
+    all.ok_or_else(|| "a sum of powers of 2 is needed, such as 2304 or 256,2048; 0 for none".into())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

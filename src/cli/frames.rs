@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::frame_argument::{Gain, Layout};
+use super::frame_argument::{Gain, Layout, bits};
 use super::inputs::mission_with;
 use super::number_argument::{at_least_0, finite, number, positive, whole};
 use super::{Failure, Outcome, Output, print, progress};
@@ -247,16 +247,6 @@ impl Beside {
     fn bits(&self) -> Bits {
         Bits { saturated: self.dq_saturated, bad: self.dq_bad, uncertain: self.dq_set.unwrap_or(0) }
     }
-}
-
-/// Bits of data quality as a sum or a list: 2304, or 256,2048, or 0x900.
-fn bits(text: &str) -> Result<u32, String> {
-    let one = |text: &str| {
-        let text = text.trim();
-        text.strip_prefix("0x").map_or_else(|| text.parse().ok(), |digits| u32::from_str_radix(digits, 16).ok())
-    };
-    let all = text.split(',').try_fold(0, |all, text| Some(all | one(text)?));
-    all.ok_or_else(|| "a sum of powers of 2 is needed, such as 2304 or 256,2048; 0 for none".into())
 }
 
 fn bit(text: &str) -> Result<u32, String> {

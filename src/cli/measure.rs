@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use chrono::NaiveDateTime;
 use clap::{Args, Subcommand, ValueEnum};
 
-use super::frame_argument::{Gain, Layout, keyword};
+use super::frame_argument::{Gain, Layout, bits, keyword};
 use super::frames::years;
 use super::number_argument::{at_least_0, finite, positive, whole};
 use super::{Failure, Outcome, Output, print, progress};
@@ -257,7 +257,7 @@ struct Input {
         value_name = "FILE",
         conflicts_with_all = [
             "hdu", "corner", "split", "prescan_px", "overscan_columns", "overscan_rows", "transfers_before",
-            "gain_e_per_dn", "gain_keyword", "saturated_dn", "bias_dn",
+            "gain_e_per_dn", "gain_keyword", "saturated_dn",
         ]
     )]
     amplifiers: Option<InputFile>,
@@ -265,12 +265,16 @@ struct Input {
     layout: Layout,
     #[command(flatten)]
     gain: Gain,
-    /// Bias: value of a pixel without charge, in the unit of the frame; without it: measured in the overscan
+    /// Bias: value of a pixel without charge, in the unit of the frame; without it: that of the table of amplifiers, or measured
+    /// in the overscan
     #[arg(long, value_name = "DN", value_parser = finite)]
     bias_dn: Option<f64>,
     /// Pixels from which the bias is measured [default: the first of these that the frame has]
     #[arg(long, value_name = "PIXELS", conflicts_with = "bias_dn")]
     bias_from: Option<BiasFrom>,
+    /// Bits of data quality (DQ, FLG) of pixels to leave out; by default 1, 2, 256 and 2048 for HST/ACS, and none for others
+    #[arg(long, value_name = "BITS", value_parser = bits)]
+    dq_bad: Option<u32>,
     #[command(flatten)]
     conditions: Conditions,
     /// Replace the files to write if they exist
@@ -364,6 +368,7 @@ impl Input {
             unit: self.gain.unit(None),
             bias: self.bias_dn.map(BiasSource::Given).or(self.bias_from.map(from)),
             geometry: self.layout.geometry(),
+            dq_bad: self.dq_bad,
             when: said.when(),
             temperature_k: source(said.temperature_k, said.temperature_keyword.as_deref()),
             line_time_ms: source(said.line_time_ms, said.line_time_keyword.as_deref()),

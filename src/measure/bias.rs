@@ -1,10 +1,11 @@
-//! The level of a pixel without charge: given, or the clipped mean of pixels without charge.
+//! The level of a pixel without charge: given, or the clipped mean of pixels without charge; a straight line along the rows if it
+//! drifts while they are read.
 
 use std::ops::Range;
 
-use ndarray::{Array2, s};
+use ndarray::Array2;
 
-use super::statistic::clipped;
+use super::statistic::{Mean, clipped};
 use crate::image::Geometry;
 
 /// Source of the bias.
@@ -76,33 +77,88 @@ impl BiasSource {
                 source: self,
                 pixels: 0,
                 rejected_px: 0,
-                drift_dn: None,
+                line: None,
             });
         }
         let (rows, columns) = self.region(geometry, part_dn.dim())?;
-        let of = |rows: Range<usize>| clipped(part_dn.slice(s![rows, columns.clone()]).iter().copied(), quantum_dn);
-        let mean = of(rows.clone())?;
-        let third = rows.len() / 3;
-        let ends = of(rows.start..rows.start + third).zip(of(rows.end - third..rows.end));
-        let drift_dn = ends.map(|(first, last)| [last.value - first.value, last.sigma.hypot(first.sigma)]);
+        let less = |line: Option<Line>, rows: Range<usize>| {
+            let pixels = rows.flat_map(|row| columns.clone().map(move |column| (row, column)));
+            let dn_in = |row: usize| line.map_or(0.0, |line| line.dn_in(row));
+            clipped(pixels.map(|(row, column)| part_dn[[row, column]] - dn_in(row)), quantum_dn)
+        };
+        let line = match self {
+            BiasSource::OverscanRows => None,
+            _ => Line::through(&rows, |rows| less(None, rows)),
+        };
+        let mean = less(line, rows.clone())?;
+        // At the ends of a line, its slope matters most.
+        let of_slope_dn = line.map_or(0.0, |line| line.slope_sigma_dn * 0.5 * rows.len() as f64);
         Some(Bias {
-            dn: mean.value,
-            sigma_dn: mean.sigma,
+            dn: line.map_or(mean.value, |line| line.middle_dn),
+            sigma_dn: mean.sigma.hypot(of_slope_dn),
             noise_dn: Some(mean.scatter),
             source: self,
             pixels: mean.used,
             rejected_px: mean.rejected,
-            drift_dn,
+            line,
         })
+    }
+}
+
+/// Significance of a change of the bias along the rows, in its errors.
+const DRIFT_SIGMA: f64 = 5.0;
+
+/// A bias that drifts evenly while rows are read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// Its value in the middle of the rows, in the unit of the frame.
+    middle_dn: f64,
+    /// Position of the middle, in rows from the first.
+    middle_row: f64,
+    /// Change per row, in the unit of the frame.
+    pub slope_dn: f64,
+    /// Its 1-sigma error.
+    slope_sigma_dn: f64,
+    /// Value in the middle third of the rows less that of the line, and its 1-sigma error.
+    pub bend_dn: [f64; 2],
+}
+
+impl Line {
+    /// Through the means of the first and the last third of the rows, if these differ significantly.
+    fn through(rows: &Range<usize>, of: impl Fn(Range<usize>) -> Option<Mean>) -> Option<Line> {
+        let third = rows.len() / 3;
+        let [first, middle, last] = [rows.start, rows.start + third, rows.end - third];
+        let (first, middle, last) = (of(first..middle)?, of(middle..last)?, of(last..rows.end)?);
+        let (drift_dn, sigma_dn) = (last.value - first.value, last.sigma.hypot(first.sigma));
+        let apart = (rows.len() - third) as f64;
+        let mean_dn = 0.5 * (first.value + last.value);
+        (drift_dn.abs() > DRIFT_SIGMA * sigma_dn).then(|| Line {
+            middle_dn: mean_dn,
+            middle_row: rows.start as f64 + 0.5 * (rows.len() as f64 - 1.0),
+            slope_dn: drift_dn / apart,
+            slope_sigma_dn: sigma_dn / apart,
+            bend_dn: [middle.value - mean_dn, middle.sigma.hypot(0.5 * sigma_dn)],
+        })
+    }
+
+    /// Its value in a row, counted from the first that is read, in the unit of the frame.
+    fn dn_in(&self, row: usize) -> f64 {
+        self.middle_dn + self.slope_dn * (row as f64 - self.middle_row)
+    }
+
+    /// Whether the bias does not follow the line.
+    pub fn is_bent(&self) -> bool {
+        let [bend_dn, sigma_dn] = self.bend_dn;
+        bend_dn.abs() > DRIFT_SIGMA * sigma_dn
     }
 }
 
 /// The bias of an amplifier's part of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bias {
-    /// Level of a pixel without charge, in the unit of the frame.
+    /// Level of a pixel without charge, in the unit of the frame; that in the middle of the rows if it drifts.
     pub dn: f64,
-    /// Its 1-sigma error; 0 if it was given.
+    /// Its 1-sigma error in any row; 0 if it was given.
     pub sigma_dn: f64,
     /// Standard deviation of the pixels from which it was estimated: the noise of the amplifier.
     pub noise_dn: Option<f64>,
@@ -112,12 +168,21 @@ pub struct Bias {
     pub pixels: usize,
     /// Number of rejected pixels.
     pub rejected_px: usize,
-    /// Value in the last third of the rows less that in the first third, and its 1-sigma error; None if too few pixels tell it.
-    pub drift_dn: Option<[f64; 2]>,
+    /// How it drifts along the rows; None if that is not significant, or not known.
+    pub line: Option<Line>,
+}
+
+impl Bias {
+    /// Level of a pixel without charge in a row, counted from the first that is read, in the unit of the frame.
+    pub fn dn_in(&self, row: usize) -> f64 {
+        self.line.map_or(self.dn, |line| line.dn_in(row))
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use ndarray::s;
+
     use super::*;
 
     fn geometry() -> Geometry {
@@ -140,6 +205,28 @@ mod tests {
         let columns = dn(BiasSource::OverscanColumns);
         assert_eq!((columns.dn, columns.pixels, columns.rejected_px), (103.0, 31, 1));
         assert_eq!(dn(BiasSource::Given(99.5)).dn, 99.5);
+    }
+
+    #[test]
+    fn a_bias_that_drifts_is_a_line() {
+        let geometry = Geometry { overscan_columns: 12, ..Geometry::default() };
+        let part = |of_row: &dyn Fn(usize) -> f64| {
+            // Noise of 1 DN, up and down in turn.
+            Array2::from_shape_fn((120, 40), |(row, column)| {
+                of_row(row) + if (row + column) % 2 == 0 { 1.0 } else { -1.0 }
+            })
+        };
+        let of = |part: Array2<f64>| BiasSource::OverscanColumns.measure(&geometry, &part, 1.0).unwrap();
+        let flat = of(part(&|_| 100.0));
+        assert_eq!((flat.line, flat.dn_in(0), flat.dn_in(119)), (None, 100.0, 100.0));
+        let straight = of(part(&|row| 100.0 + 0.01 * row as f64));
+        for row in [0, 60, 119] {
+            assert!((straight.dn_in(row) - 100.0 - 0.01 * row as f64).abs() < 1e-9, "{row}: {}", straight.dn_in(row));
+        }
+        assert!(!straight.line.unwrap().is_bent());
+        assert!(straight.sigma_dn > flat.sigma_dn, "a slope has an error, too");
+        let bent = of(part(&|row| 100.0 + 2.0 * (row as f64 / 119.0).powi(3)));
+        assert!(bent.line.unwrap().is_bent());
     }
 
     #[test]

@@ -13,10 +13,10 @@ use std::ops::Range;
 
 use serde_json::json;
 
-use super::bias::BiasSource;
+use super::bias::{BiasSource, Line};
 use super::edge::{Block, Edge};
 use super::exposure::{About, Exposure, Frames};
-use super::statistic::{Mean, clipped};
+use super::statistic::{Mean, clipped, median};
 use super::table::Measurement;
 use super::{Found, Measured};
 use crate::error::InputError;
@@ -32,15 +32,18 @@ const LEVEL_ROWS: usize = 20;
 const LEVEL_SHARE: usize = 4;
 /// Maximum charge in the row behind an edge, relative to the flat.
 const MOST_BEHIND: f64 = 0.5;
+/// Minimum charge of the last rows of a flat field, relative to the median of all.
+const LEAST_AT_END: f64 = 0.5;
 /// Significance, sigma, at which a trail in the rows of the bias is distinguished from noise.
 const TRAIL_SIGMA: f64 = 4.0;
+
+/// Significance, sigma, of a level behind an edge, and of its fall.
+const LEVEL_SIGMA: f64 = 4.0;
+const FALL_SIGMA: f64 = 2.0;
 
 /// Least and largest ratio of a decay from window to window.
 const FASTEST: f64 = 1e-3;
 const SLOWEST: f64 = 0.95;
-
-/// Significance of a change of the bias along the rows, in its errors.
-const DRIFT_SIGMA: f64 = 5.0;
 
 /// Options of the measurement.
 #[derive(Clone, Debug, Default)]
@@ -77,7 +80,7 @@ impl Eper {
             found.count("columns_rejected", columns - groups.iter().map(Vec::len).sum::<usize>());
             for columns in groups {
                 let edge = block.edge(&exposure, &columns, 0.0).ok_or_else(|| no_edge(&exposure.about))?;
-                is_edge(&exposure.about, &edge)?;
+                is_edge(&exposure, &columns, &edge)?;
                 if edge.is_sloped {
                     let share = edge.first_signal.value / edge.signal.value - 1.0;
                     found.warnings.push(Warning::SlopedFlat { name: exposure.about.place(), share });
@@ -86,11 +89,14 @@ impl Eper {
                 first.push(first_pixel(&exposure, &edge));
                 cti.extend(ranges.iter().flatten().filter_map(|range| lost(&exposure, &edge, *range)));
             }
-            found.warnings.extend(drift_of_bias(&exposure.about));
-            if let Some(rows) = bias_rows(source, &exposure, &geometry) {
-                let columns: Vec<usize> = exposure.columns.clone().collect();
-                let free = rows.start - exposure.rows;
-                found.warnings.extend(trail_in_bias(&exposure, std::slice::from_ref(&rows), free, &columns));
+            found.warnings.extend(bent_bias(&exposure.about));
+            let columns: Vec<usize> = exposure.columns.clone().collect();
+            match bias_rows(source, &exposure, &geometry) {
+                Some(rows) => {
+                    let free = rows.start - exposure.rows;
+                    found.warnings.extend(trail_in_bias(&exposure, std::slice::from_ref(&rows), free, &columns));
+                }
+                None => found.warnings.extend(level_behind(&exposure, &columns)),
             }
             found.exposures.push(exposure.about);
             Ok(())
@@ -260,6 +266,23 @@ pub(super) fn trail_in_bias(
     reaches.then(|| Warning::TrailInBias { name: exposure.about.place(), left_e, sigma_e: level.sigma })
 }
 
+/// A level that the charge behind an edge ends at and that is not the bias: in the second half of the overscan rows, if it does not
+/// fall there.
+fn level_behind(exposure: &Exposure, columns: &[usize]) -> Option<Warning> {
+    let end = exposure.charge_e.nrows();
+    let (start, middle) = (exposure.rows + (end - exposure.rows) / 2, exposure.rows + 3 * (end - exposure.rows) / 4);
+    let mean = |rows: Range<usize>| {
+        let charges = rows.flat_map(|row| columns.iter().map(move |column| exposure.charge_e[[row, *column]]));
+        clipped(charges, exposure.about.quantum_e)
+    };
+    let (near, far) = (mean(start..middle)?, mean(middle..end)?);
+    let falls = near.value - far.value > FALL_SIGMA * near.sigma.hypot(far.sigma);
+    let half = mean(start..end)?;
+    let (level_e, sigma_e) = (half.value, half.sigma.hypot(exposure.about.bias_sigma_e()));
+    let is_level = level_e < -LEVEL_SIGMA * sigma_e || (level_e > LEVEL_SIGMA * sigma_e && !falls);
+    is_level.then(|| Warning::LevelBehindEdge { name: exposure.about.place(), level_e, sigma_e })
+}
+
 /// Mean of an exponential over some windows, given its excess over that mean in the window before them and in the one before that.
 fn left_of_decay([near, far]: [f64; 2], windows: f64) -> f64 {
     // With a ratio x from window to window, the mean over the next ones, in units of the window before them.
@@ -272,10 +295,11 @@ fn left_of_decay([near, far]: [f64; 2], windows: f64) -> f64 {
     near * mean(ratio) / (1.0 - mean(ratio))
 }
 
-/// One value of the bias for rows between which it changes.
-fn drift_of_bias(about: &About) -> Option<Warning> {
-    let [drift_dn, sigma_dn] = about.bias.drift_dn?;
-    (drift_dn.abs() > DRIFT_SIGMA * sigma_dn).then(|| Warning::DriftOfBias { name: about.place(), drift_dn, sigma_dn })
+/// A bias that does not follow the line that is subtracted.
+fn bent_bias(about: &About) -> Option<Warning> {
+    let line = about.bias.line.filter(Line::is_bent)?;
+    let [bend_dn, sigma_dn] = line.bend_dn;
+    Some(Warning::BentBias { name: about.place(), bend_dn, sigma_dn })
 }
 
 fn no_edge(about: &About) -> InputError {
@@ -284,11 +308,19 @@ fn no_edge(about: &About) -> InputError {
 }
 
 /// Checks that the flat field is bright, and the rows behind it are not.
-fn is_edge(about: &About, edge: &Edge) -> Result<(), InputError> {
+fn is_edge(exposure: &Exposure, columns: &[usize], edge: &Edge) -> Result<(), InputError> {
     let refused = |problem: String| {
-        Err(InputError::new(about.place(), problem).with_help("check --corner, --overscan-rows and the bias"))
+        let error = InputError::new(exposure.about.place(), problem);
+        Err(error.with_help("check --corner, --overscan-rows and the bias"))
     };
     let signal_e = edge.signal.value;
+    let charges = columns.iter().flat_map(|column| (0..exposure.rows).map(|row| exposure.charge_e[[row, *column]]));
+    if let Some(middle_e) = median(charges.collect()).filter(|middle_e| signal_e < LEAST_AT_END * middle_e) {
+        return refused(format!(
+            "the last rows of the image hold {signal_e:.1} e- above the bias, half of its pixels more than {middle_e:.1} e-: the flat \
+             field ends before them"
+        ));
+    }
     if signal_e <= 0.0 {
         return refused(format!(
             "the last rows of the image hold {signal_e:.1} e- above the bias: this is not a flat field"

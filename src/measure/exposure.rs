@@ -1,6 +1,7 @@
 //! FITS frames → exposures: the signal read by one amplifier, in electrons above the bias, in the order of readout, with the
 //! conditions from headers or options.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -13,7 +14,7 @@ use crate::error::InputError;
 use crate::image::amplifier_table::Place;
 use crate::image::fits::{Fits, Hdu, HduKind};
 use crate::image::unit::number_of;
-use crate::image::{AmplifierTable, Choice, Geometry, Transfers, Unit, frames};
+use crate::image::{AmplifierTable, Bits, Choice, Companions, Geometry, Transfers, Unit, frames};
 use crate::io::table::{Cell, Time};
 
 /// How frames are interpreted.
@@ -29,6 +30,8 @@ pub struct Reading {
     pub geometry: Geometry,
     /// Table of the camera's amplifiers, in place of HDUs, unit and geometry.
     pub amplifiers: Option<AmplifierTable>,
+    /// Bits of data quality of pixels to leave out; none: those of the instrument.
+    pub dq_bad: Option<u32>,
     /// When they were taken.
     pub when: WhenSource,
     /// Temperature of the detector, K.
@@ -126,6 +129,8 @@ pub struct About {
     pub geometry: Geometry,
     /// Number of pixels without a value, or saturated.
     pub missing_px: usize,
+    /// Equal in frames with the same charges.
+    pub(super) fingerprint: u64,
 }
 
 impl About {
@@ -167,6 +172,7 @@ impl About {
             "gain_e_per_dn": self.gain_e_per_dn,
             "bias_dn": self.bias.dn,
             "bias_sigma_dn": self.bias.sigma_dn,
+            "bias_slope_dn_per_row": self.bias.line.map(|line| line.slope_dn),
             "bias_from": self.bias.source.words(),
             "bias_px": self.bias.pixels,
             "bias_rejected_px": self.bias.rejected_px,
@@ -252,7 +258,15 @@ impl Frames {
             let name = file.display().to_string();
             let mut fits = Fits::open(file)?;
             for index in reading.chosen(&fits.hdus).map_err(|error| cannot_measure(&name, error))? {
-                let values_dn = fits.pixels(index)?.physical();
+                let mut values_dn = fits.pixels(index)?.physical();
+                let left_out = reading.left_out(&mut fits, index).map_err(|error| cannot_measure(&name, error))?;
+                if let Some(left_out) = left_out {
+                    values_dn.zip_mut_with(&left_out, |value, out| {
+                        if *out {
+                            *value = f64::NAN
+                        }
+                    });
+                }
                 let frame = Frame { name: &name, hdu: index, hdus: &fits.hdus, values_dn };
                 reading.each(frame, &mut number, &mut visit)?;
             }
@@ -312,9 +326,39 @@ impl Reading {
             let error = InputError::new("no bias is known", "the frame has no overscan and no prescan by its options");
             error.with_help(match self.amplifiers {
                 None => "give --bias-dn (0 if it is subtracted), --overscan-columns, --prescan-px or --overscan-rows",
-                Some(_) => "give bias_dn (0 if it is subtracted), or prescan or overscan, in the table of amplifiers",
+                Some(_) => {
+                    "give --bias-dn (0 if it is subtracted), or bias_dn, prescan or overscan in the table of amplifiers"
+                }
             })
         })
+    }
+
+    /// Pixels of a frame that its data quality marks as saturated or bad; None if it has none, or no bit is asked for.
+    ///
+    /// # Errors
+    /// If bits are given, and the frame has no data quality.
+    fn left_out(&self, fits: &mut Fits, index: usize) -> Result<Option<Array2<bool>>, InputError> {
+        let instrument = Bits::default().of(&fits.hdus[0]);
+        let bits = match self.dq_bad {
+            Some(bad) => Bits { bad: Some(bad), saturated: Some(0), uncertain: 0 },
+            None => instrument,
+        };
+        if (bits.bad, bits.saturated) == (Some(0), Some(0)) {
+            return Ok(None);
+        }
+        match (Companions::of(&fits.hdus, index).quality, self.dq_bad) {
+            (Some(quality), _) => {
+                let flagged = bits.flagged(&fits.pixels(quality)?);
+                Ok(Some(flagged.bad | flagged.saturated))
+            }
+            (None, None) => Ok(None),
+            (None, Some(bits)) => {
+                let problem =
+                    "the file has no data quality for it: an image of integers, DQ or FLG, of the same EXTVER and size";
+                Err(InputError::new(format!("cannot use --dq-bad {bits} for {}", fits.hdus[index]), problem)
+                    .with_help("choose frames with --hdu, or leave --dq-bad out"))
+            }
+        }
     }
 
     /// The images of a file that are frames, by their indices.
@@ -442,11 +486,11 @@ impl Reading {
             InputError::new(hdu.to_string(), problem).with_help("give --bias-dn, or the sizes of overscan and prescan")
         })?;
         let saturated_dn = part.saturated_dn.unwrap_or(f64::INFINITY);
-        let charge = |value: f64| {
+        let charge = |row: usize, value: f64| {
             let holds = value.is_finite() && value < saturated_dn;
-            if holds { (value - bias.dn) * gain_e_per_dn } else { f64::NAN }
+            if holds { (value - bias.dn_in(row)) * gain_e_per_dn } else { f64::NAN }
         };
-        let charge_e = part_dn.mapv(charge);
+        let charge_e = Array2::from_shape_fn(part_dn.dim(), |(row, column)| charge(row, part_dn[[row, column]]));
         let (rows, columns) = geometry.image(part_dn.dim());
         let about = About {
             number,
@@ -464,16 +508,29 @@ impl Reading {
             cycles: known.cycles,
             geometry,
             missing_px: charge_e.iter().filter(|charge| charge.is_nan()).count(),
+            fingerprint: fingerprint(&charge_e),
         };
         Ok(Exposure { about, charge_e, columns, rows: rows.end })
     }
 }
 
+/// A number that differs between frames with different charges.
+fn fingerprint(charge_e: &Array2<f64>) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    charge_e.iter().for_each(|charge| charge.to_bits().hash(&mut hasher));
+    hasher.finish()
+}
+
 /// The time under a keyword; None if there is no such keyword.
 fn moment(keyword: &str, hdu: &Hdu, primary: &Hdu) -> Option<Result<When, InputError>> {
-    let text = hdu.text(keyword).or_else(|| primary.text(keyword));
-    let (found, said) = match text {
-        Some(text) => (date(&text), format!("'{text}'")),
+    let text_of = |keyword: &str| hdu.text(keyword).or_else(|| primary.text(keyword));
+    let (found, said) = match text_of(keyword) {
+        Some(text) => {
+            // Older headers have the time of day apart.
+            let time = (keyword == "DATE-OBS" && !text.contains('T')).then(|| text_of("TIME-OBS")).flatten();
+            let whole = time.and_then(|time| date(&format!("{}T{}", text.trim(), time.trim())));
+            (whole.or_else(|| date(&text)), format!("'{text}'"))
+        }
         None => {
             hdu.value(keyword).or_else(|| primary.value(keyword))?;
             let mjd = match number_of(keyword, hdu, primary, "give --date instead") {

@@ -78,6 +78,23 @@ struct Seen {
     pixels: HashSet<Pixel>,
 }
 
+/// A copy of an exposure would show each of its cosmic rays twice.
+fn refuse_repeated(about: &About, seen: &[Seen]) -> Result<(), InputError> {
+    let same = seen.iter().find(|seen| {
+        (seen.about.hdu, seen.about.amplifier, seen.about.fingerprint)
+            == (about.hdu, about.amplifier, about.fingerprint)
+    });
+    match same {
+        None => Ok(()),
+        Some(seen) => {
+            let problem = format!("it holds the same charges as {}", seen.about.place());
+            Err(InputError::new(about.place(), problem).with_help(
+                "give each exposure once: a pixel is warm, and not hit by a cosmic ray, if two exposures show it",
+            ))
+        }
+    }
+}
+
 impl Trails {
     /// Measures the trails of all frames, which are read twice. `progress` is given the number of files done.
     ///
@@ -88,6 +105,7 @@ impl Trails {
         let mut found = Found::default();
         let mut seen: Vec<Seen> = Vec::new();
         frames.each(progress, |exposure| {
+            refuse_repeated(&exposure.about, &seen)?;
             let pixels = search.candidates(&exposure, &mut found);
             seen.push(Seen { about: exposure.about, rows: exposure.rows, pixels });
             Ok(())

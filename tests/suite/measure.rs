@@ -392,6 +392,13 @@ fn headers_tell_dates_temperatures_and_doses() {
     assert_eq!(cell("--dose-keyword DOSE", "date"), None, "a dose stands in place of a date");
     assert_eq!(cell("--temperature-keyword ccdtemp", "temperature_k"), Some(Cell::Number(151.5)));
     assert_eq!(cell("--line-time-ms 2", "line_time_ms"), Some(Cell::Number(2.0)));
+    // Older headers have the time of day apart.
+    let mut apart = adu().to_vec();
+    let text = |text: &str| Value::String(text.into());
+    apart.extend([("DATE-OBS", text("2024-01-01")), ("TIME-OBS", text("06:00:00"))]);
+    write(&path, &frame("flat-3000"), &apart);
+    assert_eq!(cell("", "date"), Some(Cell::Text("2024-01-01T06:00:00".into())));
+    write(&path, &frame("flat-3000"), &cards);
     // A date is what validate wants.
     let measured = measure("eper", &files, &flat);
     against_truth(&[&measured.path()]);
@@ -429,6 +436,12 @@ fn what_is_missing_is_said_with_what_to_give() {
         ("eper", format!("{FLAT} --level-rows 201"), "give a smaller --level-rows"),
         (
             "eper",
+            FLAT.replace("--overscan-rows 24", "--overscan-rows 12 --level-rows 10"),
+            "the flat field ends before them\n  help: check --corner, --overscan-rows",
+        ),
+        ("eper", format!("{FLAT} --dq-bad 4"), "the file has no data quality for it"),
+        (
+            "eper",
             format!("{FLAT} --cti cti.ecsv --cti-px 20-25"),
             "pixels 20 to 25; 24 rows behind the edge are measured",
         ),
@@ -446,6 +459,8 @@ fn what_is_missing_is_said_with_what_to_give() {
         let message = refused(kind, &flat, &options);
         assert!(message.contains(said) && message.matches("error: ").count() == 1, "{kind} {options}: {message}");
     }
+    let twice = refused("trails", &[&warm("")[..1], &warm("")[..1]].concat(), WARM);
+    assert!(twice.contains("it holds the same charges as") && twice.contains("give each exposure once"), "{twice}");
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("undated.fits");
     write(&path, &frame("flat-3000"), &adu());
