@@ -8,9 +8,13 @@ use ctiplan::mission::Mission;
 const SILENT: Progress = Progress { stage: &|_, _| (), advance: &|| () };
 
 fn diagnosed(mission: &str, data: &str) -> Diagnosis {
+    diagnosed_with(mission, data, false)
+}
+
+fn diagnosed_with(mission: &str, data: &str, stability: bool) -> Diagnosis {
     let mission = Mission::read(format!("tests/like_flown/{mission}.toml")).unwrap();
     let data = DataSet::read(format!("tests/like_flown/{data}.ecsv"), &mission).unwrap();
-    let options = Options { free: mission.fit.free.clone(), stability: false, ..Options::default() };
+    let options = Options { free: mission.fit.free.clone(), stability, ..Options::default() };
     diagnose(&mission, &[data], &options, &SILENT).unwrap()
 }
 
@@ -69,4 +73,15 @@ fn a_recorded_cooling_is_not_made_of_effects() {
     let found = diagnosed("cooled", "cooled_one_event");
     let Reason::BetterLaw { expression, beside, .. } = &found.reason else { panic!("{}", found.reason) };
     assert!(expression.contains("temperature_k") && beside[..] == ["solar-flare".to_string()], "{}", found.reason);
+}
+
+/// Two events look like scatter from row to row. With larger errors than quoted they are not needed; what the quoted errors tell is
+/// said beside it.
+#[test]
+#[ignore = "slow: .ci/run runs it"]
+fn where_errors_were_enlarged_the_quoted_ones_are_tried() {
+    let found = diagnosed_with("cooled", "two_events", true);
+    assert!(found.noise[0].scale > 1.3, "{:?}", found.noise);
+    let as_quoted = found.stability.done.iter().find(|changed| changed.change == "errors as quoted").unwrap();
+    assert!(!as_quoted.holds && as_quoted.effects.iter().any(|effect| effect == "solar-flare"), "{as_quoted:?}");
 }
