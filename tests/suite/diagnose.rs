@@ -702,6 +702,9 @@ fn rivals_come_with_the_measurement_that_separates_them() {
     assert_eq!(next.observable.name(), "trail");
     assert_eq!(next.separates[0], found.steps[0].effect);
     assert!(next.apart_sigma > 3.0, "{next:?}");
+    // Nobody measures in the past.
+    let last_yr = data.iter().flat_map(|set| &set.rows).map(|row| row.at.t_yr).fold(0.0, f64::max);
+    assert!(next.conditions.iter().any(|(name, t_yr)| name == "t_yr" && *t_yr >= last_yr), "{next:?}, {last_yr} yr");
 }
 
 #[test]

@@ -65,11 +65,13 @@ pub(super) fn best(
     let (best, apart_sigma) = best;
     let sigma = sigma(best);
     let (observable, at, galaxy) = &wanted[best];
-    let names = observable.card().conditions;
+    // In a laboratory, a dose needs no date.
+    let is_stated = |name: &&&str| **name != "t_yr" || at.dose_mev_g.is_none() || at.t_yr > 0.0;
+    let names = observable.card().conditions.iter().filter(is_stated);
     let name = |place: usize| search.hypotheses[place].name.clone();
     Ok((apart_sigma > 0.5).then(|| Next {
         observable: *observable,
-        conditions: names.iter().filter_map(|name| Some((name.to_string(), at.get(name)?))).collect(),
+        conditions: names.filter_map(|name| Some((name.to_string(), at.get(name)?))).collect(),
         galaxy: galaxy.map(|place| node.mission().galaxies[place].name.clone()),
         separates: [name(rivals[0].instead_of), name(rivals[0].hypothesis)],
         apart_sigma,
@@ -109,10 +111,11 @@ fn possible(case: &Case, node: &Node, observable: Observable) -> Vec<(Observable
         let block_px = here.block_px.map(|block_px| block_px.min(transfers));
         around.push(Conditions { transfers, block_px, ..here.clone() });
     }
-    for share in [0.0, 0.1, 0.25, 0.5, 0.75, 1.0] {
-        let t_yr = share * mission.mission.duration_yr;
+    // Not before the last of the data: nobody measures in the past.
+    let left_yr = (mission.mission.duration_yr - here.t_yr).max(0.0);
+    for share in [0.1, 0.25, 0.5, 0.75, 1.0] {
         if !in_lab {
-            around.push(Conditions { t_yr, dose_mev_g: None, ..here.clone() });
+            around.push(Conditions { t_yr: here.t_yr + share * left_yr, dose_mev_g: None, ..here.clone() });
         }
     }
     let judged = || mission.galaxies.iter().position(|galaxy| galaxy.name == mission.requirement.galaxy);
