@@ -4,6 +4,7 @@ use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf, absolute};
+use std::sync::Mutex;
 
 use tempfile::{Builder, NamedTempFile};
 
@@ -29,6 +30,7 @@ pub fn write_by(
 ) -> Result<(), InputError> {
     let mut file =
         Builder::new().prefix(&before_part(path)).suffix(PART).tempfile_in(folder_of(path)).map_err(refusal(path))?;
+    let _unfinished = Unfinished::new(file.path());
     let mut buffered = BufWriter::new(file.as_file_mut());
     content(&mut buffered)?;
     buffered.flush().map_err(refusal(path))?;
@@ -46,6 +48,7 @@ pub(crate) fn write_by_way_of(
     content: impl FnOnce(&mut File) -> std::io::Result<()>,
 ) -> Result<(), InputError> {
     let mut file = NamedTempFile::with_suffix_in(PART, folder).map_err(refusal(path))?;
+    let _unfinished = Unfinished::new(file.path());
     // The message does not name the temporary file, which no longer exists by then.
     content(file.as_file_mut()).map_err(refusal(path))?;
     keep(file, path, true)
@@ -53,6 +56,33 @@ pub(crate) fn write_by_way_of(
 
 /// Suffix of an incomplete file.
 const PART: &str = ".part";
+
+/// Incomplete files of this process: a signal that ends it runs no destructor.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// An incomplete file, until it is complete or removed.
+struct Unfinished(PathBuf);
+
+impl Unfinished {
+    fn new(path: &Path) -> Unfinished {
+        UNFINISHED.lock().expect("nobody panics").push(path.to_path_buf());
+        Unfinished(path.to_path_buf())
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        UNFINISHED.lock().expect("nobody panics").retain(|path| *path != self.0);
+    }
+}
+
+/// Removes the incomplete files of this process, which is about to end.
+pub fn remove_unfinished() {
+    for path in UNFINISHED.lock().expect("nobody panics").iter() {
+        // It may have been completed, or removed, since.
+        let _ = fs::remove_file(path);
+    }
+}
 
 /// Prefix of the name of a temporary file: `.a.fits.`
 fn before_part(path: &Path) -> OsString {

@@ -131,6 +131,39 @@ fn what_an_interruption_has_left_is_removed() {
     assert_eq!(names, [".b.fits.XyZ123.part", "a.fits"]);
 }
 
+/// A signal that ends the program runs no destructor.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_command_leaves_no_incomplete_file() {
+    use std::os::unix::process::ExitStatusExt;
+    use std::time::{Duration, Instant};
+
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("a.fits");
+    let electrons = vec![("BUNIT", Value::String("electron".into()))];
+    file(&input, &[], &[("SCI", 1, field(2000, 400), electrons)]);
+    let out = folder.path().join("out");
+    fs::create_dir(&out).unwrap();
+    let mut running = Command::new(env!("CARGO_BIN_EXE_ctiplan"))
+        .args(["correct", input.to_str().unwrap(), out.join("a.fits").to_str().unwrap()])
+        .args(["--mission", "tests/images/mission.toml", "--at", "2", "--tolerance", "1e-9"])
+        .spawn()
+        .unwrap();
+    let names = || -> Vec<String> {
+        fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+    };
+    let begun = Instant::now();
+    while !names().iter().any(|name| name.ends_with(".part")) {
+        assert!(begun.elapsed() < Duration::from_secs(60), "nothing is written");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    // Not SIGINT, which tests in the background of a shell ignore.
+    assert!(Command::new("kill").args(["-TERM", &running.id().to_string()]).status().unwrap().success());
+    let status = running.wait().unwrap();
+    assert_eq!(status.signal(), Some(15), "{status}");
+    assert_eq!(names(), Vec::<String>::new());
+}
+
 #[test]
 fn files_that_would_replace_one_another_are_refused() {
     let folder = tempfile::tempdir().unwrap();
