@@ -7,8 +7,10 @@
 //! with Chebyshev polynomials T, for variables between −1 and 1, and a cost a of a power of each variable: a function is smoother
 //! in some variables than in others. A function that is even or odd in the last variable needs only even or odd powers of it.
 
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f64x8};
 use nalgebra::{DMatrix, DVector};
-use ndarray::{Array2, Axis};
+use ndarray::{Array2, ArrayView2, Axis};
 
 /// Powers of the last variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,6 +118,136 @@ impl Terms {
     }
 }
 
+/// Points side by side: the loops over them become instructions on vectors.
+const LANES: usize = 16;
+
+/// A number at each of these points.
+type Lanes = [f64; LANES];
+
+/// Terms that are added to a function at once: it is loaded and stored once for all of them.
+const AT_ONCE: usize = 4;
+
+/// Buffers for the values at points side by side.
+struct Side {
+    /// The points, by variable.
+    points: Vec<Lanes>,
+    /// T_0 to T_degree of each variable.
+    powers: Vec<Vec<Lanes>>,
+    /// Terms that are factors of others, by their index among all.
+    factors: Vec<Lanes>,
+    /// The functions.
+    sums: Vec<Lanes>,
+}
+
+impl Terms {
+    /// Values of functions, `[(function, point)]`, with coefficients `[(function, term)]`, at points `[(variable, point)]`. As
+    /// [`Terms::values`] and a product of matrices, without keeping the terms: these are many more than the functions.
+    pub fn sums(&self, coefficients: ArrayView2<f64>, points: &Array2<f64>) -> Array2<f64> {
+        let (functions, count) = (coefficients.nrows(), points.ncols());
+        // In the order in which they are used: some terms of each function, then the next ones.
+        let mut in_order = Vec::with_capacity((coefficients.len() + 1).next_multiple_of(AT_ONCE));
+        for first in (0..coefficients.ncols()).step_by(AT_ONCE) {
+            for function in coefficients.rows() {
+                in_order.push(std::array::from_fn(|term| function.get(first + term).copied().unwrap_or(0.0)));
+            }
+        }
+        let powers = self.costs.iter().map(|cost| vec![[1.0; LANES]; self.degree / cost + 1]);
+        let mut side = Side {
+            points: vec![[0.0; LANES]; self.costs.len()],
+            powers: powers.collect(),
+            factors: vec![[0.0; LANES]; self.terms.len()],
+            sums: vec![[0.0; LANES]; functions],
+        };
+        let mut all = Array2::zeros((functions, count));
+        for start in (0..count).step_by(LANES) {
+            let here = LANES.min(count - start);
+            for (variable, lanes) in side.points.iter_mut().enumerate() {
+                *lanes = std::array::from_fn(|lane| points[[variable, start + lane.min(here - 1)]]);
+            }
+            dispatch!(Level::new(), simd => self.sum(simd, &in_order, &mut side));
+            for (function, sums) in side.sums.iter().enumerate() {
+                (0..here).for_each(|lane| all[[function, start + lane]] = sums[lane]);
+            }
+        }
+        all
+    }
+
+    /// The functions at some points, with their coefficients: of each function, those of the first terms, and so on.
+    #[inline(always)]
+    fn sum<S: Simd>(&self, simd: S, coefficients: &[[f64; AT_ONCE]], side: &mut Side) {
+        let Side { points, powers, factors, sums } = side;
+        for (place, powers) in points.iter().zip(powers.iter_mut()) {
+            if let Some(first) = powers.get_mut(1) {
+                *first = *place;
+            }
+            for power in 2..powers.len() {
+                for lane in 0..LANES {
+                    powers[power][lane] = 2.0 * place[lane] * powers[power - 1][lane] - powers[power - 2][lane];
+                }
+            }
+        }
+        sums.fill([0.0; LANES]);
+        let mut coefficients = coefficients.chunks_exact(sums.len().max(1));
+        let (mut products, mut waiting) = ([[0.0; LANES]; AT_ONCE], 0);
+        for (index, term) in self.terms.iter().enumerate() {
+            let mut product = powers[term.variable][term.power];
+            if let Some(place) = term.times {
+                multiply(simd, &mut product, &factors[place]);
+            }
+            if !term.occurs {
+                factors[index] = product;
+                continue;
+            }
+            products[waiting] = product;
+            waiting += 1;
+            if waiting == AT_ONCE {
+                add(simd, sums, coefficients.next().expect("some for these terms"), &products);
+                waiting = 0;
+            }
+        }
+        if waiting > 0 {
+            // The others have coefficients of 0.
+            add(simd, sums, coefficients.next().expect("some for these terms"), &products);
+        }
+    }
+}
+
+/// Adds some terms to the functions. (Closures and iterators would not be compiled for the vectors of the caller.)
+#[inline(always)]
+fn add<S: Simd>(simd: S, sums: &mut [Lanes], coefficients: &[[f64; AT_ONCE]], products: &[Lanes; AT_ONCE]) {
+    let mut half = 0;
+    while half < LANES {
+        let [a, b, c, d] = [
+            part(simd, &products[0], half),
+            part(simd, &products[1], half),
+            part(simd, &products[2], half),
+            part(simd, &products[3], half),
+        ];
+        for function in 0..sums.len() {
+            let of = &coefficients[function];
+            let added = (a * of[0] + b * of[1]) + (c * of[2] + d * of[3]);
+            let sum = part(simd, &sums[function], half) + added;
+            sum.store_slice(&mut sums[function][half..half + 8]);
+        }
+        half += 8;
+    }
+}
+
+#[inline(always)]
+fn multiply<S: Simd>(simd: S, product: &mut Lanes, factor: &Lanes) {
+    let mut half = 0;
+    while half < LANES {
+        let numbers = part(simd, product, half) * part(simd, factor, half);
+        numbers.store_slice(&mut product[half..half + 8]);
+        half += 8;
+    }
+}
+
+#[inline(always)]
+fn part<S: Simd>(simd: S, numbers: &Lanes, first: usize) -> f64x8<S> {
+    f64x8::from_slice(simd, &numbers[first..first + 8])
+}
+
 /// T_0 to T_degree at the given points.
 fn chebyshev(places: Vec<f64>, degree: usize) -> Vec<Vec<f64>> {
     let mut all = vec![vec![1.0; places.len()], places];
@@ -203,6 +335,23 @@ mod tests {
         assert!(rms(&known) < penalty.sqrt(), "{}", rms(&known));
         // A hundred further points are between them.
         assert!(rms(&points(400)) < penalty.sqrt(), "{}", rms(&points(400)));
+    }
+
+    #[test]
+    fn sums_are_those_of_all_terms() {
+        for parity in [Parity::Any, Parity::Even, Parity::Odd] {
+            let terms = Terms::of(&[1, 2, 1], 7, parity);
+            let coefficients = Array2::from_shape_fn((5, terms.count()), |(f, t)| {
+                ((f * 31 + t * 17) as f64 * 0.618_034).fract() - 0.5
+            });
+            // More points than lanes, and a part of them.
+            for count in [1, 16, 37] {
+                let here = points(count);
+                let (sums, expected) = (terms.sums(coefficients.view(), &here), coefficients.dot(&terms.values(&here)));
+                let off = (&sums - &expected).iter().fold(0.0_f64, |most, off| most.max(off.abs()));
+                assert!(off < 1e-12 && sums.dim() == (5, count), "{parity:?} {count}: {off}");
+            }
+        }
     }
 
     #[test]

@@ -125,6 +125,7 @@ impl Catalogue {
                 }
                 if fit.is_used {
                     let open: Vec<usize> = members.iter().copied().filter(|row| changes[*row].is_none()).collect();
+                    progress(changes.iter().flatten().count());
                     for (row, change) in open.iter().zip(fit.emulator.changes(&survey, &open)) {
                         changes[*row] = change.map(Some);
                         is_emulated[*row] = change.is_some();

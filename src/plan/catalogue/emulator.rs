@@ -224,7 +224,7 @@ impl Emulator {
         let nodes = self.distances.around(survey.galaxies[*first].transfers);
         let points = self.place.of_rows(rows);
         let values = |(terms, coefficients): &(Terms, Array2<f64>), quantities: usize| {
-            coefficients.slice(s![nodes.start * quantities..nodes.end * quantities, ..]).dot(&terms.values(&points))
+            terms.sums(coefficients.slice(s![nodes.start * quantities..nodes.end * quantities, ..]), &points)
         };
         let (even, odd) = (values(&self.even, EVEN), values(&self.odd, QUANTITIES - EVEN));
         let change = |(place, row): (usize, &usize)| {
