@@ -225,7 +225,7 @@ mod tests {
         }
         assert!(!straight.line.unwrap().is_bent());
         assert!(straight.sigma_dn > flat.sigma_dn, "a slope has an error, too");
-        let bent = of(part(&|row| 100.0 + 2.0 * (row as f64 / 119.0).powi(3)));
+        let bent = of(part(&|row| 100.0 + 6.0 * (row as f64 / 119.0).powi(3)));
         assert!(bent.line.unwrap().is_bent());
     }
 

@@ -37,9 +37,10 @@ const LEAST_AT_END: f64 = 0.5;
 /// Significance, sigma, at which a trail in the rows of the bias is distinguished from noise.
 const TRAIL_SIGMA: f64 = 4.0;
 
-/// Significance, sigma, of a level behind an edge, and of its fall.
+/// Significance, sigma, of a level behind an edge.
 const LEVEL_SIGMA: f64 = 4.0;
-const FALL_SIGMA: f64 = 2.0;
+/// What is left of a trail in the last quarter of the overscan rows, relative to the one before, at most.
+const LEAST_FALL: f64 = 0.6;
 
 /// Least and largest ratio of a decay from window to window.
 const FASTEST: f64 = 1e-3;
@@ -276,10 +277,11 @@ fn level_behind(exposure: &Exposure, columns: &[usize]) -> Option<Warning> {
         clipped(charges, exposure.about.quantum_e)
     };
     let (near, far) = (mean(start..middle)?, mean(middle..end)?);
-    let falls = near.value - far.value > FALL_SIGMA * near.sigma.hypot(far.sigma);
+    // A trail that has not ended falls further.
+    let stays = far.value - LEAST_FALL * near.value > far.sigma.hypot(LEAST_FALL * near.sigma);
     let half = mean(start..end)?;
     let (level_e, sigma_e) = (half.value, half.sigma.hypot(exposure.about.bias_sigma_e()));
-    let is_level = level_e < -LEVEL_SIGMA * sigma_e || (level_e > LEVEL_SIGMA * sigma_e && !falls);
+    let is_level = level_e < -LEVEL_SIGMA * sigma_e || (level_e > LEVEL_SIGMA * sigma_e && stays);
     is_level.then(|| Warning::LevelBehindEdge { name: exposure.about.place(), level_e, sigma_e })
 }
 
