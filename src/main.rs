@@ -63,7 +63,7 @@ mod ended {
         Ok(())
     }
 
-    /// Whether a signal is ignored, as far as the system says so (Linux does).
+    /// Whether a signal is ignored; false on systems without /proc.
     fn is_ignored(signal: i32) -> bool {
         let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
         let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

@@ -422,7 +422,7 @@ impl fmt::Display for Warning {
             ),
             Warning::LevelBehindEdge { name, level_e, sigma_e } => {
                 let cause = if *level_e < 0.0 {
-                    "the pixels of the bias hold charge, such as a serial tail: give --bias-from rows, or more overscan columns"
+                    "the bias is too high, given so or because its pixels hold charge such as a serial tail: give --bias-from rows, or more overscan columns"
                 } else {
                     "a fit takes it as a trail of slow traps; if it is dark charge or an offset, give --bias-from rows"
                 };
