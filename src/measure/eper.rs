@@ -272,10 +272,7 @@ pub(super) fn trail_in_bias(
 fn level_behind(exposure: &Exposure, columns: &[usize]) -> Option<Warning> {
     let end = exposure.charge_e.nrows();
     let (start, middle) = (exposure.rows + (end - exposure.rows) / 2, exposure.rows + 3 * (end - exposure.rows) / 4);
-    let mean = |rows: Range<usize>| {
-        let charges = rows.flat_map(|row| columns.iter().map(move |column| exposure.charge_e[[row, *column]]));
-        clipped(charges, exposure.about.quantum_e)
-    };
+    let mean = |rows: Range<usize>| exposure.mean(&rows, columns);
     let (near, far) = (mean(start..middle)?, mean(middle..end)?);
     // A trail that has not ended falls further.
     let stays = far.value - LEAST_FALL * near.value > far.sigma.hypot(LEAST_FALL * near.sigma);

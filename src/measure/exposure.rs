@@ -10,6 +10,7 @@ use ndarray::{Array2, s};
 use serde_json::{Value as Json, json};
 
 use super::bias::{Bias, BiasSource};
+use super::statistic::{Mean, clipped};
 use crate::error::InputError;
 use crate::image::amplifier_table::Place;
 use crate::image::fits::{Fits, Hdu, HduKind};
@@ -131,6 +132,14 @@ pub struct About {
     pub missing_px: usize,
     /// Equal in frames with the same charges.
     pub(super) fingerprint: u64,
+}
+
+impl Exposure {
+    /// Clipped mean of some columns in some rows, e-; None if too few pixels have a value.
+    pub(super) fn mean(&self, rows: &Range<usize>, columns: &[usize]) -> Option<Mean> {
+        let charges = rows.clone().flat_map(|row| columns.iter().map(move |column| self.charge_e[[row, *column]]));
+        clipped(charges, self.about.quantum_e)
+    }
 }
 
 impl About {

@@ -16,7 +16,7 @@ use serde_json::json;
 use super::edge::{Block, Edge};
 use super::eper::{of, trail_in_bias};
 use super::exposure::{Exposure, Frames};
-use super::statistic::{Mean, clipped, median};
+use super::statistic::{Mean, median};
 use super::table::Measurement;
 use super::{Found, Measured};
 use crate::error::InputError;
@@ -85,7 +85,8 @@ impl Injection {
                 found.count("columns_rejected", exposure.columns.len() - used);
                 let mut here = vec![None; groups.len()];
                 for (group, columns) in groups.into_iter().enumerate() {
-                    let measured = level(&exposure, empty, &columns)
+                    let measured = exposure
+                        .mean(empty, &columns)
                         .and_then(|base| Some((base, block.edge(&exposure, &columns, base.value)?)));
                     let Some((base, edge)) = measured else { continue };
                     here[group] = Some(edge.signal.value);
@@ -194,12 +195,6 @@ fn bright_rows(exposure: &Exposure) -> Vec<Range<usize>> {
 fn gaps(blocks: &[Range<usize>], rows: usize) -> Vec<usize> {
     let ends = blocks.iter().skip(1).map(|block| block.start).chain([rows]);
     blocks.iter().zip(ends).map(|(block, end)| end - block.end).collect()
-}
-
-/// The zero level of some columns: their mean in some rows, e-.
-fn level(exposure: &Exposure, rows: &Range<usize>, columns: &[usize]) -> Option<Mean> {
-    let charges = rows.clone().flat_map(|row| columns.iter().map(move |column| exposure.charge_e[[row, *column]]));
-    clipped(charges, exposure.about.quantum_e)
 }
 
 fn words(rows: &Range<usize>) -> String {

@@ -145,7 +145,7 @@ impl Terms {
     pub fn sums(&self, coefficients: ArrayView2<f64>, points: &Array2<f64>) -> Array2<f64> {
         let (functions, count) = (coefficients.nrows(), points.ncols());
         // In the order in which they are used: some terms of each function, then the next ones.
-        let mut in_order = Vec::with_capacity((coefficients.len() + 1).next_multiple_of(AT_ONCE));
+        let mut in_order = Vec::with_capacity(functions * coefficients.ncols().div_ceil(AT_ONCE));
         for first in (0..coefficients.ncols()).step_by(AT_ONCE) {
             for function in coefficients.rows() {
                 in_order.push(std::array::from_fn(|term| function.get(first + term).copied().unwrap_or(0.0)));

@@ -233,6 +233,7 @@ fn the_front_of_a_long_block_is_not_felt() {
             let whole = device.read(&block, downstream, Beside::Same).unwrap()
                 - device.read(&flat, downstream, Beside::Same).unwrap();
             let trail_e = one(&model, Observable::Eper, &at);
+            // The accuracy that the mission requests of a readout.
             assert!(
                 (trail_e - whole[[761, 0]]).abs() < 1e-4 * whole[[760, 0]],
                 "{effects} {signal_e}: {trail_e}, {} e-",
