@@ -210,16 +210,23 @@ fn the_front_of_a_long_block_is_not_felt() {
         ("[effects.finite-capture]\ncapture_ms = 3.0\n", 400.0),
         // Traps that forget within a few rows and empty the first ten.
         ("[effects.prelaunch-traps]\nVV = 3.0\nCO = 30.0\n", 20_000.0),
+        // Slow traps, which capture slowly too.
+        (
+            "[effects.extra-species]\ndensity_per_px = 2.0\nrelease_ms = 4e4\n[effects.finite-capture]\ncapture_ms = 3e3\n",
+            400.0,
+        ),
     ] {
         let model = Model::new(&Mission::parse(&format!("{base}\n{effects}")).unwrap());
-        for (background_e, signal_e) in [(0.0, 150.0), (120.0, 9000.0)] {
+        for ((background_e, signal_e), preceding_e) in
+            [(0.0, 150.0), (120.0, 9000.0)].into_iter().flat_map(|charges| [(charges, Some(500.0)), (charges, None)])
+        {
             let at = Conditions {
                 signal_e: Some(signal_e),
                 background_e,
                 trail_px: Some(2),
                 block_px: Some(700),
-                preceding_e: Some(500.0),
-                preceding_px: Some(60),
+                preceding_e,
+                preceding_px: preceding_e.map(|_| 60),
                 line_time_ms,
                 ..model.conditions(6.0)
             };
@@ -227,7 +234,7 @@ fn the_front_of_a_long_block_is_not_felt() {
             device.method = Method::Exact;
             let flat = Array2::from_elem((770, 1), background_e);
             let mut block = flat.clone();
-            block[[0, 0]] += 500.0;
+            block[[0, 0]] += preceding_e.unwrap_or(0.0);
             block.slice_mut(s![60..760, ..]).fill(background_e + signal_e);
             let downstream = Downstream { rows: i64::from(at.transfers) - 760, charge_e: background_e };
             let whole = device.read(&block, downstream, Beside::Same).unwrap()

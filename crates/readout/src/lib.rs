@@ -126,6 +126,12 @@ impl Trap {
         }
     }
 
+    /// The cloud that it sees, in a readout with this cloud.
+    fn own_cloud(&self, cloud: &Cloud) -> Cloud {
+        let own = self.well_fill_power.map_or_else(|| cloud.clone(), |power| cloud.with_power(power));
+        self.surface_level_e.map_or_else(|| own.clone(), |level_e| own.above_level(level_e))
+    }
+
     /// Capture time in the cloud of a packet, in units of one transfer.
     fn capture_of(&self, cloud: &Cloud, charge_e: f64) -> f64 {
         match self.capture_density {

@@ -45,8 +45,7 @@ pub(super) struct Watermark<T> {
 pub(super) fn clouds_of(traps: &[Trap], cloud: &Cloud) -> (Vec<Cloud>, Vec<usize>) {
     let mut clouds: Vec<Cloud> = Vec::new();
     let mut of = |trap: &Trap| {
-        let own = trap.well_fill_power.map_or_else(|| cloud.clone(), |power| cloud.with_power(power));
-        let own = trap.surface_level_e.map_or_else(|| own.clone(), |level_e| own.above_level(level_e));
+        let own = trap.own_cloud(cloud);
         clouds.iter().position(|known| *known == own).unwrap_or_else(|| {
             clouds.push(own);
             clouds.len() - 1

@@ -108,7 +108,8 @@ impl<'a> Column<'a> {
     /// Keeps the last rows of a long block, with the rest as background ahead of them.
     fn omit_the_front(&mut self) {
         let (background_e, transfers) = (self.device.at.background_e, f64::from(self.device.at.transfers));
-        let until_flat = self.readout.rows_until_flat(self.signal_e(), background_e, transfers);
+        let behind_brighter = self.device.at.preceding_e.is_some();
+        let until_flat = self.readout.rows_until_flat(self.signal_e(), background_e, transfers, behind_brighter);
         // Few different lengths, so that columns of slightly different traps are read side by side.
         let rows = until_flat.min(self.block_px as f64).ceil() as usize;
         let kept = rows.next_multiple_of((rows.next_power_of_two() / 4).max(1));
