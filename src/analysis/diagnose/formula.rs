@@ -1,83 +1,242 @@
-//! The remaining residuals as a formula: a starting point for the user's own hypothesis.
+//! Formulas of the measured values, such as `value * (1 + a * background_e)`, or a step between two epochs: laws of the measurement
+//! (`measurement_law.rs`), or a starting point for the user's own hypothesis.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::result::{Covariate, Suggestion};
-use crate::analysis::validate::{SetResult, Validation};
+use crate::analysis::measurement::DataSet;
+use crate::analysis::validate::Validation;
+use crate::mission::keys::plain;
 use crate::numeric::least_squares::Span;
 use crate::physics::observable::Observable;
 
 /// Share of a power of a covariate beyond the span of the lower ones, below which it is linearly dependent.
 const FLAT: f64 = 1e-10;
 
+/// Epochs between which steps are tried.
+const MOST_STEPS: usize = 200;
+
+/// Range of a condition over its middle, below which it is counted from there.
+const NARROW: f64 = 0.5;
+
 /// Names of a formula's parameters.
 pub(super) const NAMES: [&str; 3] = ["a", "b", "c"];
 
-/// What a formula changes, and how.
-#[derive(Clone, Copy)]
-struct Form {
+/// On what a formula depends.
+#[derive(Clone)]
+pub(super) enum Argument {
+    /// On nothing.
+    Constant,
+    /// On the value itself.
+    Value,
+    /// On a condition, counted from an origin.
+    Condition(String, f64),
+    /// On whether a condition is above a limit.
+    Above(String, f64),
+}
+
+/// A formula for the values of one observable or of all.
+pub(super) struct Formula {
     /// The values of one observable; None for all of them.
     of: Option<Observable>,
     /// Multiplied with the values, or added to them.
     multiplied: bool,
+    pub argument: Argument,
+    /// Powers of the argument, one for each parameter.
+    pub powers: &'static [i32],
 }
 
-/// Forms that make sense: something added has the unit of one observable.
-fn forms(validation: &Validation) -> Vec<Form> {
-    let mut observables: Vec<Observable> = validation.sets.iter().map(|set| set.data.observable).collect();
-    observables.sort_by_key(|observable| *observable as usize);
-    observables.dedup();
-    let all = Form { of: None, multiplied: true };
-    let of_one = |of: Option<Observable>| [true, false].map(|multiplied| Form { of, multiplied });
-    match &observables[..] {
-        [_] => of_one(None).to_vec(),
-        several => [all].into_iter().chain(several.iter().flat_map(|one| of_one(Some(*one)))).collect(),
+impl Formula {
+    pub fn expression(&self) -> String {
+        let term = |(name, power): (&&str, &i32)| match (&self.argument, power) {
+            (Argument::Above(condition, limit), _) => format!("if {condition} > {limit} {{ {name} }} else {{ 0 }}"),
+            (Argument::Constant, _) | (_, 0) => name.to_string(),
+            (Argument::Value, power) => format!("{name} * value{}", raised(*power)),
+            (Argument::Condition(condition, origin), power) => {
+                format!("{name} * {}{}", from_origin(condition, *origin), raised(*power))
+            }
+        };
+        let terms: Vec<String> = NAMES.iter().zip(self.powers).map(term).collect();
+        let sum = terms.join(" + ");
+        if self.multiplied { format!("value * (1 + {sum})") } else { format!("value + {sum}") }
+    }
+
+    pub fn target(&self) -> String {
+        self.of.map_or_else(|| "value".into(), |of| format!("value.{}", of.name()))
+    }
+
+    /// `[effects.formula]` as it would be written in a mission, with the values of its parameters.
+    pub fn toml(&self, values: &[f64]) -> String {
+        let (target, expression) = (self.target(), self.expression());
+        let head = format!("[effects.formula]\ntarget = \"{target}\"\nexpression = \"{expression}\"\n");
+        let lines = NAMES.iter().zip(values).map(|(name, value)| format!("{name} = {value:.6e}\n"));
+        std::iter::once(head).chain(lines).collect()
+    }
+
+    /// Fitted parameters, and the limit of a step.
+    pub fn parameters(&self) -> usize {
+        self.powers.len() + usize::from(matches!(self.argument, Argument::Above(..)))
+    }
+
+    fn concerns(&self, set: &DataSet) -> bool {
+        self.of.is_none_or(|observable| observable == set.observable)
+    }
+
+    /// Changes of all values with each parameter, in the unit of the values, if the model predicts `values`.
+    pub fn columns<'a>(&self, data: impl Iterator<Item = &'a DataSet>, values: &[f64]) -> Vec<Vec<f64>> {
+        let mut arguments = Vec::with_capacity(values.len());
+        for set in data {
+            let here = &values[arguments.len()..arguments.len() + set.rows.len()];
+            match (&self.argument, self.concerns(set)) {
+                (Argument::Value, true) => arguments.extend(here.iter().map(|value| Some(*value))),
+                (Argument::Condition(condition, origin), true) => {
+                    arguments.extend(set.against(condition).into_iter().map(|at| Some(at - origin)))
+                }
+                (Argument::Above(condition, limit), true) => {
+                    arguments.extend(set.against(condition).iter().map(|at| Some(f64::from(at > limit))));
+                }
+                (Argument::Constant, true) => arguments.extend(here.iter().map(|_| Some(1.0))),
+                (_, false) => arguments.extend(here.iter().map(|_| None)),
+            }
+        }
+        let column = |power: &i32| {
+            let one = |(argument, value): (&Option<f64>, &f64)| {
+                let size = if self.multiplied { *value } else { 1.0 };
+                // Rows without the condition are left as they are.
+                argument.filter(|argument| argument.is_finite()).map_or(0.0, |argument| size * argument.powi(*power))
+            };
+            arguments.iter().zip(values).map(one).collect()
+        };
+        self.powers.iter().map(column).collect()
     }
 }
 
-/// A parabola in the condition with the strongest residual trend, or a constant if there is no trend. It is added to the values or
-/// multiplied with them, of one observable or of all, whichever explains most. None if the residuals trend with words alone.
+/// `temperature_k`, or `(temperature_k - 153)`
+fn from_origin(condition: &str, origin: f64) -> String {
+    match origin {
+        0.0 => condition.to_string(),
+        origin if origin < 0.0 => format!("({condition} + {})", plain(-origin)),
+        origin => format!("({condition} - {})", plain(origin)),
+    }
+}
+
+/// From where a condition is counted: 0, or, if all values are far from it, a short number in their middle. A law in powers of a temperature
+/// in kelvins would otherwise be the small difference of large terms.
+fn origin(values: &[f64]) -> f64 {
+    let (Some(low), Some(high)) = (values.first(), values.last()) else { return 0.0 };
+    let (middle, range) = (0.5 * (low + high), high - low);
+    if range < NARROW * middle.abs() { between(middle - 0.1 * range, middle + 0.1 * range) } else { 0.0 }
+}
+
+fn raised(power: i32) -> String {
+    if power == 1 { String::new() } else { format!("^{power}") }
+}
+
+/// To what formulas can apply: `of`, and `multiplied`. Something added has the unit of one observable.
+fn targets<'a>(data: impl Iterator<Item = &'a DataSet>) -> Vec<(Option<Observable>, bool)> {
+    let mut observables: Vec<Observable> = data.map(|set| set.observable).collect();
+    observables.sort_by_key(|observable| *observable as usize);
+    observables.dedup();
+    match &observables[..] {
+        [_] => vec![(None, true), (None, false)],
+        several => {
+            let one = |of: &Observable| [(Some(*of), true), (Some(*of), false)];
+            [(None, true)].into_iter().chain(several.iter().flat_map(one)).collect()
+        }
+    }
+}
+
+/// All laws that make sense for some data. A constant that is added is a pedestal.
+pub(super) fn laws(data: &[DataSet]) -> Vec<Formula> {
+    let mut all = Vec::new();
+    for (of, multiplied) in targets(data.iter()) {
+        let concerned: Vec<&DataSet> = data.iter().filter(|set| of.is_none_or(|of| of == set.observable)).collect();
+        let mut add = |argument: Argument, powers: &'static [i32]| {
+            all.push(Formula { of, multiplied, argument, powers });
+        };
+        if multiplied {
+            add(Argument::Constant, &[0]);
+            for powers in [&[1][..], &[0, 1], &[1, 2]] {
+                add(Argument::Value, powers);
+            }
+        }
+        for (condition, values) in conditions(&concerned) {
+            let determined = |powers: &&[i32]| powers.iter().all(|power| (*power as usize) < values.len());
+            for powers in [&[1][..], &[0, 1], &[1, 2], &[0, 1, 2]].into_iter().filter(determined) {
+                add(Argument::Condition(condition.clone(), origin(&values)), powers);
+            }
+            if condition == "t_yr" && values.len() <= MOST_STEPS {
+                for pair in values.windows(2) {
+                    add(Argument::Above(condition.clone(), between(pair[0], pair[1])), &[1]);
+                }
+            }
+        }
+    }
+    all
+}
+
+/// Numeric conditions that vary, and that every row has; each with its values.
+fn conditions(concerned: &[&DataSet]) -> Vec<(String, Vec<f64>)> {
+    let mut names: Vec<&String> = concerned.iter().flat_map(|set| &set.varying).collect();
+    names.sort();
+    names.dedup();
+    let of = |name: &String| {
+        if concerned.iter().any(|set| set.is_words(name)) {
+            return None;
+        }
+        let all_have_it = concerned.iter().all(|set| set.against(name).iter().all(|value| value.is_finite()));
+        let values = distinct(concerned.iter().copied(), name);
+        (all_have_it && values.len() > 1).then(|| (name.clone(), values))
+    };
+    names.into_iter().filter_map(of).collect()
+}
+
+/// Values of a numeric condition, ascending.
+fn distinct<'a>(data: impl Iterator<Item = &'a DataSet>, name: &str) -> Vec<f64> {
+    let mut values: Vec<f64> = data.flat_map(|set| set.against(name)).filter(|value| value.is_finite()).collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    values
+}
+
+/// A short number between two others.
+fn between(low: f64, high: f64) -> f64 {
+    let middle = 0.5 * (low + high);
+    let rounded = |digits: i32| (middle * 10_f64.powi(digits)).round() / 10_f64.powi(digits);
+    (0..8).map(rounded).find(|at| *at > low && *at < high).unwrap_or(middle)
+}
+
+/// A parabola in the condition with the strongest residual trend (a straight line if it has two values), or a constant if there is
+/// no trend. It is added to the values or multiplied with them, of one observable or of all, whichever explains most. None if the
+/// residuals trend with words alone.
 pub(super) fn suggest(validation: &Validation, covariates: &[Covariate]) -> Option<Suggestion> {
-    let words = |name: &str| validation.sets.iter().any(|set| set.data.is_words(name));
-    let covariate = covariates.iter().find(|covariate| !words(&covariate.name));
+    let data = || validation.sets.iter().map(|set| &set.data);
+    let covariate = covariates.iter().find(|covariate| !data().any(|set| set.is_words(&covariate.name)));
     if covariate.is_none() && !covariates.is_empty() {
         return None;
     }
-    let powers = if covariate.is_some() { 3 } else { 1 };
-    let residuals = validation.sets.iter().flat_map(|set| set.off_sigma());
-    let residuals = DVector::from_vec(residuals.collect());
-    let explained = |form: Form| {
-        let columns = validation.sets.iter().flat_map(|set| columns(set, form, covariate, powers));
-        let columns = DMatrix::from_row_iterator(residuals.len(), powers, columns);
+    let (argument, powers) = match covariate {
+        Some(Covariate { name, .. }) => {
+            let values = distinct(data(), name);
+            let powers: &[i32] = if values.len() > 2 { &[0, 1, 2] } else { &[0, 1] };
+            (Argument::Condition(name.clone(), origin(&values)), powers)
+        }
+        None => (Argument::Constant, &[0][..]),
+    };
+    let sigma: Vec<f64> = data().flat_map(|set| set.rows.iter().map(|row| row.sigma)).collect();
+    let model: Vec<f64> = validation.sets.iter().flat_map(|set| set.model.iter().copied()).collect();
+    let residuals = DVector::from_vec(validation.sets.iter().flat_map(|set| set.off_sigma()).collect());
+    let explained = |(of, multiplied)| {
+        let form = Formula { of, multiplied, argument: argument.clone(), powers };
+        let columns = form.columns(data(), &model).into_iter();
+        let in_sigma =
+            |column: Vec<f64>| DVector::from_iterator(sigma.len(), column.iter().zip(&sigma).map(|(e, s)| e / s));
+        let columns = DMatrix::from_columns(&columns.map(in_sigma).collect::<Vec<_>>());
         let found = Span::of(&columns, FLAT).solve(&residuals);
         (form, (&residuals - columns * &found).norm_squared(), found)
     };
-    let all = forms(validation).into_iter().map(explained);
+    let all = targets(data()).into_iter().map(explained);
     let (form, chi2, found) = all.min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let parts = covariate.map_or_else(|| "a".into(), |Covariate { name, .. }| format!("a + b * {name} + c * {name}^2"));
-    let expression = if form.multiplied { format!("value * (1 + {parts})") } else { format!("value + {parts}") };
-    let target = form.of.map_or_else(|| "value".into(), |of| format!("value.{}", of.name()));
-    let toml = table(&target, &expression, found.as_slice());
+    let toml = form.toml(found.as_slice());
     Some(Suggestion { toml, chi2: [residuals.norm_squared(), chi2], is_law: false, is_fitted: false, step_yr: None })
-}
-
-/// `[effects.formula]` as it would be written in a mission, with the values of the parameters [`NAMES`].
-pub(super) fn table(target: &str, expression: &str, values: &[f64]) -> String {
-    let head = format!("[effects.formula]\ntarget = \"{target}\"\nexpression = \"{expression}\"\n");
-    let lines = NAMES.iter().zip(values).map(|(name, value)| format!("{name} = {value:.6e}\n"));
-    std::iter::once(head).chain(lines).collect()
-}
-
-/// Changes of the rows of a data set (consecutive, in sigma) with each power of a form.
-fn columns(set: &SetResult, form: Form, covariate: Option<&Covariate>, powers: usize) -> Vec<f64> {
-    let places =
-        covariate.map_or_else(|| vec![0.0; set.data.rows.len()], |covariate| set.data.against(&covariate.name));
-    let concerned = form.of.is_none_or(|observable| observable == set.data.observable);
-    let of_row = |(row, place): (usize, f64)| {
-        let size = if form.multiplied { set.model[row] } else { 1.0 } / set.data.rows[row].sigma;
-        let power =
-            move |power: usize| if concerned && place.is_finite() { size * place.powi(power as i32) } else { 0.0 };
-        (0..powers).map(power).collect::<Vec<_>>()
-    };
-    places.into_iter().enumerate().flat_map(of_row).collect()
 }

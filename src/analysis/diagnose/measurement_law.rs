@@ -11,29 +11,21 @@ use nalgebra::{DMatrix, DVector};
 
 use super::evidence::{Evidence, Found};
 use super::fitted_model::Node;
+use super::formula::{Argument, Formula, NAMES, laws};
 use super::noise::wrong_rows;
 use super::result::{Reason, Suggestion, Verdict};
-use super::{formula, rivals, trimmed};
+use super::{rivals, trimmed};
 use crate::analysis::fit;
-use crate::analysis::measurement::DataSet;
 use crate::error::InputError;
-use crate::mission::keys::plain;
 use crate::mission_file;
 use crate::numeric::least_squares::Span;
 use crate::numeric::parallel;
-use crate::physics::observable::Observable;
 
 /// Laws that are fitted.
 const FITTED: usize = 3;
 
-/// Epochs between which steps are tried.
-const MOST_STEPS: usize = 200;
-
 /// Share of what a parameter of a law changes that no other one does, below which a law without it does the same.
 const INDEPENDENT: f64 = 0.01;
-
-/// Range of a condition over its middle, below which it is counted from there.
-const NARROW: f64 = 0.5;
 
 /// chi2 of a row, below which a law describes data whose errors may be 1.6 times too small.
 const DESCRIBED: f64 = 2.5;
@@ -50,168 +42,6 @@ pub(super) struct MeasurementLaw {
     pedestals: f64,
     /// (value − model)/sigma, whitened.
     residuals: DVector<f64>,
-}
-
-/// On what a law depends.
-enum Argument {
-    /// On nothing.
-    Constant,
-    /// On the value itself.
-    Value,
-    /// On a condition, counted from an origin.
-    Condition(String, f64),
-    /// On whether a condition is above a limit.
-    Above(String, f64),
-}
-
-/// A law to be tried.
-struct Law {
-    /// The values of one observable; None for all of them.
-    of: Option<Observable>,
-    /// Multiplied with the values, or added to them.
-    multiplied: bool,
-    argument: Argument,
-    /// Powers of the argument, one for each parameter.
-    powers: &'static [i32],
-}
-
-impl Law {
-    fn expression(&self) -> String {
-        let term = |(name, power): (&&str, &i32)| match (&self.argument, power) {
-            (Argument::Above(condition, limit), _) => format!("if {condition} > {limit} {{ {name} }} else {{ 0 }}"),
-            (Argument::Constant, _) | (_, 0) => name.to_string(),
-            (Argument::Value, power) => format!("{name} * value{}", raised(*power)),
-            (Argument::Condition(condition, origin), power) => {
-                format!("{name} * {}{}", from_origin(condition, *origin), raised(*power))
-            }
-        };
-        let terms: Vec<String> = formula::NAMES.iter().zip(self.powers).map(term).collect();
-        let sum = terms.join(" + ");
-        if self.multiplied { format!("value * (1 + {sum})") } else { format!("value + {sum}") }
-    }
-
-    fn target(&self) -> String {
-        self.of.map_or_else(|| "value".into(), |of| format!("value.{}", of.name()))
-    }
-
-    /// Fitted parameters, and the limit of a step.
-    fn parameters(&self) -> usize {
-        self.powers.len() + usize::from(matches!(self.argument, Argument::Above(..)))
-    }
-
-    fn concerns(&self, set: &DataSet) -> bool {
-        self.of.is_none_or(|observable| observable == set.observable)
-    }
-
-    /// Changes of all values with each parameter, in the unit of the values, if the model predicts `values`.
-    fn columns(&self, data: &[DataSet], values: &[f64]) -> Vec<Vec<f64>> {
-        let mut arguments = Vec::with_capacity(values.len());
-        for set in data {
-            let here = &values[arguments.len()..arguments.len() + set.rows.len()];
-            match (&self.argument, self.concerns(set)) {
-                (Argument::Value, true) => arguments.extend(here.iter().map(|value| Some(*value))),
-                (Argument::Condition(condition, origin), true) => {
-                    arguments.extend(set.against(condition).into_iter().map(|at| Some(at - origin)))
-                }
-                (Argument::Above(condition, limit), true) => {
-                    arguments.extend(set.against(condition).iter().map(|at| Some(f64::from(at > limit))));
-                }
-                (Argument::Constant, true) => arguments.extend(here.iter().map(|_| Some(1.0))),
-                (_, false) => arguments.extend(here.iter().map(|_| None)),
-            }
-        }
-        let column = |power: &i32| {
-            let one = |(argument, value): (&Option<f64>, &f64)| {
-                let size = if self.multiplied { *value } else { 1.0 };
-                argument.map_or(0.0, |argument| size * argument.powi(*power))
-            };
-            arguments.iter().zip(values).map(one).collect()
-        };
-        self.powers.iter().map(column).collect()
-    }
-}
-
-/// `temperature_k`, or `(temperature_k - 153)`
-fn from_origin(condition: &str, origin: f64) -> String {
-    match origin {
-        0.0 => condition.to_string(),
-        origin if origin < 0.0 => format!("({condition} + {})", plain(-origin)),
-        origin => format!("({condition} - {})", plain(origin)),
-    }
-}
-
-/// From where a condition is counted: 0, or, if all values are far from it, a short number in their middle. A law in powers of a temperature
-/// in kelvins would otherwise be the small difference of large terms.
-fn origin(values: &[f64]) -> f64 {
-    let (Some(low), Some(high)) = (values.first(), values.last()) else { return 0.0 };
-    let (middle, range) = (0.5 * (low + high), high - low);
-    if range < NARROW * middle.abs() { between(middle - 0.1 * range, middle + 0.1 * range) } else { 0.0 }
-}
-
-fn raised(power: i32) -> String {
-    if power == 1 { String::new() } else { format!("^{power}") }
-}
-
-/// All laws that make sense for some data: something added has the unit of one observable. A constant that is added is a pedestal.
-fn laws(data: &[DataSet]) -> Vec<Law> {
-    let mut observables: Vec<Observable> = data.iter().map(|set| set.observable).collect();
-    observables.sort_by_key(|observable| *observable as usize);
-    observables.dedup();
-    let targets = match &observables[..] {
-        [_] => vec![None],
-        several => std::iter::once(None).chain(several.iter().copied().map(Some)).collect(),
-    };
-    let mut all = Vec::new();
-    for of in targets {
-        let concerned: Vec<&DataSet> = data.iter().filter(|set| of.is_none_or(|of| of == set.observable)).collect();
-        let mut add = |multiplied: bool, argument: Argument, powers: &'static [i32]| {
-            all.push(Law { of, multiplied, argument, powers });
-        };
-        add(true, Argument::Constant, &[0]);
-        for powers in [&[1][..], &[0, 1], &[1, 2]] {
-            add(true, Argument::Value, powers);
-        }
-        for (condition, values) in conditions(&concerned) {
-            for multiplied in [true, false] {
-                if !multiplied && of.is_none() && observables.len() > 1 {
-                    continue;
-                }
-                for powers in [&[1][..], &[0, 1], &[1, 2], &[0, 1, 2]] {
-                    add(multiplied, Argument::Condition(condition.clone(), origin(&values)), powers);
-                }
-                if condition == "t_yr" && values.len() <= MOST_STEPS {
-                    for pair in values.windows(2) {
-                        add(multiplied, Argument::Above(condition.clone(), between(pair[0], pair[1])), &[1]);
-                    }
-                }
-            }
-        }
-    }
-    all
-}
-
-/// Numeric conditions that vary, and that every row has; each with its values, ascending.
-fn conditions(concerned: &[&DataSet]) -> Vec<(String, Vec<f64>)> {
-    let mut names: Vec<&String> = concerned.iter().flat_map(|set| &set.varying).collect();
-    names.sort();
-    names.dedup();
-    let of = |name: &String| {
-        if concerned.iter().any(|set| set.is_words(name)) {
-            return None;
-        }
-        let mut values: Vec<f64> = concerned.iter().flat_map(|set| set.against(name)).collect();
-        values.sort_by(f64::total_cmp);
-        values.dedup();
-        (values.iter().all(|value| value.is_finite()) && values.len() > 1).then(|| (name.clone(), values))
-    };
-    names.into_iter().filter_map(of).collect()
-}
-
-/// A short number between two others.
-fn between(low: f64, high: f64) -> f64 {
-    let middle = 0.5 * (low + high);
-    let rounded = |digits: i32| (middle * 10_f64.powi(digits)).round() / 10_f64.powi(digits);
-    (0..8).map(rounded).find(|at| *at > low && *at < high).unwrap_or(middle)
 }
 
 /// Some but not all of a few effects, and at least one of them.
@@ -281,7 +111,7 @@ impl Evidence<'_> {
         let laws = laws(self.case().data);
         let choice = 2.0 * (laws.len() as f64).ln();
         let promised = parallel::map(&laws, |law| self.promise(base, law));
-        let mut promised: Vec<(f64, &Law, DVector<f64>)> = promised.into_iter().flatten().collect();
+        let mut promised: Vec<(f64, &Formula, DVector<f64>)> = promised.into_iter().flatten().collect();
         promised.sort_by(|a, b| a.0.total_cmp(&b.0));
         let fitted = promised.into_iter().take(FITTED).filter_map(|(_, law, start)| {
             let (node, toml) = self.with_law(base, law, &start)?;
@@ -303,8 +133,8 @@ impl Evidence<'_> {
 
     /// chi2 with a law to first order, plus the cost of its parameters; and their values. None if the data or the free parameters do not
     /// determine all of them: a law with fewer does the same.
-    fn promise<'a>(&self, base: &Node, law: &'a Law) -> Option<(f64, &'a Law, DVector<f64>)> {
-        let columns = law.columns(self.case().data, &base.fit.values);
+    fn promise<'a>(&self, base: &Node, law: &'a Formula) -> Option<(f64, &'a Formula, DVector<f64>)> {
+        let columns = law.columns(self.case().data.iter(), &base.fit.values);
         let columns: Vec<DVector<f64>> =
             columns.iter().map(|column| base.beyond(&self.case().change_of_values(base, column))).collect();
         let columns = DMatrix::from_columns(&columns);
@@ -318,15 +148,15 @@ impl Evidence<'_> {
     }
 
     /// A model with a law, fitted from some values of its parameters; and the law as it would be written in a mission.
-    fn with_law(&self, base: &Node, law: &Law, start: &DVector<f64>) -> Option<(Node, String)> {
+    fn with_law(&self, base: &Node, law: &Formula, start: &DVector<f64>) -> Option<(Node, String)> {
         let mut table = toml::Table::new();
         table.insert("target".into(), law.target().into());
         table.insert("expression".into(), law.expression().into());
-        for (name, value) in formula::NAMES.iter().zip(start.iter()) {
+        for (name, value) in NAMES.iter().zip(start.iter()) {
             table.insert((*name).into(), (*value).into());
         }
         let (mission, key) = mission_file::add_effect(base.mission(), "formula", table).ok()?;
-        let names = formula::NAMES.iter().take(law.powers.len());
+        let names = NAMES.iter().take(law.powers.len());
         let own: Vec<String> = names.map(|name| format!("{key}.{name}")).collect();
         let free: Vec<String> = self.search.base.iter().chain(&own).cloned().collect();
         // Beside a law, the epochs of events may be others.
@@ -335,7 +165,7 @@ impl Evidence<'_> {
         let value =
             |key: &String| node.fit.parameters.iter().find(|fitted| fitted.key == *key).map(|fitted| fitted.value);
         let values = own.iter().map(value).collect::<Option<Vec<f64>>>()?;
-        let toml = formula::table(&law.target(), &law.expression(), &values);
+        let toml = law.toml(&values);
         Some((node, toml))
     }
 }
