@@ -85,3 +85,26 @@ fn where_errors_were_enlarged_the_quoted_ones_are_tried() {
     let as_quoted = found.stability.done.iter().find(|changed| changed.change == "errors as quoted").unwrap();
     assert!(!as_quoted.holds && as_quoted.effects.iter().any(|effect| effect == "solar-flare"), "{as_quoted:?}");
 }
+
+/// A flare and a cycle of the dose rate leave hardly more than noise of three events; another two flares are further off, and the
+/// third makes all the difference.
+#[test]
+#[ignore = "slow: .ci/run runs it"]
+fn three_events_are_not_taken_for_one_and_a_cycle() {
+    let found = diagnosed("three_steps", "three_steps");
+    let added: Vec<&str> = found.steps.iter().map(|step| step.effect.as_str()).collect();
+    assert_eq!((found.verdict, &added[..]), (Verdict::Missing, &["solar-flare"; 3][..]), "{}", found.reason);
+    let mut epochs: Vec<f64> =
+        found.parameters.iter().filter(|fitted| fitted.key.ends_with(".t_yr")).map(|fitted| fitted.value).collect();
+    epochs.sort_by(f64::total_cmp);
+    // As drawn, to less than a sampling interval.
+    for (found, drawn) in epochs.iter().zip([0.72, 1.51, 3.73]) {
+        assert!((found - drawn).abs() < 0.2, "{found} for {drawn} yr");
+    }
+    // The same effect in place of each of three equal ones is mentioned once.
+    let mut notes: Vec<String> = found.notes.iter().map(|note| note.to_string()).collect();
+    let all = notes.len();
+    notes.sort();
+    notes.dedup();
+    assert_eq!(notes.len(), all, "{notes:?}");
+}

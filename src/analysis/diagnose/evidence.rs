@@ -64,6 +64,8 @@ pub(super) enum Ended {
     Adopted(Box<Found>),
     /// A model explains the data, but noise can explain its gain.
     ByChance,
+    /// A model explains the data, but others come much nearer with one more effect.
+    Outdone,
     /// No model does.
     Nothing,
 }

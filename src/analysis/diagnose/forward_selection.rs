@@ -57,7 +57,7 @@ impl Evidence<'_> {
         let (found, by_chance) = match ended {
             Ended::Adopted(found) => (Some(*found), false),
             Ended::ByChance => (None, true),
-            Ended::Nothing => (None, false),
+            Ended::Nothing | Ended::Outdone => (None, false),
         };
         if let Some(odd) = self.odd_rows(found.as_ref(), &tried) {
             return Ok(self.unfit_for(odd));
@@ -118,8 +118,11 @@ impl Evidence<'_> {
     fn lines(&self, tried: &mut Vec<Arc<Node>>) -> Result<Ended, InputError> {
         let hypotheses = self.search.hypotheses.len() as u64;
         let mut lines = vec![self.base.clone()];
+        let mut outdone = false;
         for depth in 1..=MOST {
             let mut nodes: Vec<Arc<Node>> = Vec::new();
+            // Once a model was outdone, the best line need not lead to the best model: all are followed before one is adopted.
+            let all_first = std::mem::take(&mut outdone);
             for line in &lines {
                 if depth > 1 {
                     if !self.work().allows(["", "", "two effects", "three effects"][depth]) {
@@ -128,19 +131,25 @@ impl Evidence<'_> {
                     (self.search.progress.stage)("several effects", hypotheses + BREADTH as u64);
                 }
                 let further = self.further(line, if depth == 1 { usize::MAX } else { BREADTH })?;
-                match self.success(&further)? {
-                    Ended::Nothing => nodes.extend(further),
-                    // Several effects are only as certain as the least certain of them, so the search goes on.
-                    Ended::ByChance if depth > 1 => nodes.extend(further),
-                    ended => {
-                        tried.extend(further);
-                        return Ok(ended);
-                    }
+                let ended = if all_first { Ended::Nothing } else { self.success(&further, &nodes)? };
+                nodes.extend(further);
+                outdone |= matches!(ended, Ended::Outdone);
+                // Several effects are only as certain as the least certain of them, so the search goes on.
+                if matches!(ended, Ended::Adopted(_)) || (matches!(ended, Ended::ByChance) && depth == 1) {
+                    tried.extend(nodes);
+                    return Ok(ended);
+                }
+            }
+            if all_first {
+                self.sort(&mut nodes);
+                if let Ended::Adopted(found) = self.success(&nodes, &[])? {
+                    tried.extend(nodes);
+                    return Ok(Ended::Adopted(found));
                 }
             }
             if depth == 2 && self.work().allows("pairs of effects of which neither helps alone") {
                 let pairs = self.pairs(&lines, &nodes)?;
-                if let Ended::Adopted(found) = self.success(&pairs)? {
+                if let Ended::Adopted(found) = self.success(&pairs, &nodes)? {
                     return Ok(Ended::Adopted(found));
                 }
                 nodes.extend(pairs);
@@ -270,16 +279,19 @@ impl Evidence<'_> {
         Ok(nodes)
     }
 
-    /// Whether another model of similar score is much nearer to the data than this one when it gets one more effect, or the base
-    /// when it gets two at once. Tested only for a model that leaves more than noise usually does: it may stand for two effects,
-    /// neither of which improves it.
+    /// Whether another model of similar score, or one that the search would carry on, is much nearer to the data than this one when
+    /// it gets one more effect, or the base when it gets two at once. Tested only for a model that leaves more than noise usually
+    /// does: it may stand for several effects, none of which improves it.
     fn is_outdone(&self, node: &Arc<Node>, others: &[Arc<Node>]) -> bool {
         let chance = ChiSquared::new(node.freedom()).map_or(1.0, |law| law.sf(node.chi2()));
         if chance > DOUBTFUL {
             return false;
         }
         let margin = rivals::margin(self.options.level);
-        let is_near = |other: &&Arc<Node>| other.set() != node.set() && self.score(other) < self.score(node) + margin;
+        let near = self.score(node) + margin;
+        let others = others.iter().filter(|other| other.set() != node.set()).enumerate();
+        let mut others =
+            others.filter(|(place, other)| *place < LINES || self.score(other) < near).map(|(_, other)| other);
         let most = node.chi2() + self.cost(node) - margin;
         let is_much_nearer = |sketch: &Sketch, from: &Node| {
             let more = &sketch.added[from.added.len()..];
@@ -298,7 +310,7 @@ impl Evidence<'_> {
         let pairs: Vec<Pair> = pairs.into_iter().take_while(promises).take(BREADTH).collect();
         let with_two = |pair: &Pair| self.search.sketch_of(self.base, &pair.trials);
         parallel::map(&pairs, with_two).iter().flatten().any(|sketch| is_much_nearer(sketch, self.base))
-            || others.iter().filter(is_near).any(with_one_more)
+            || others.any(with_one_more)
     }
 
     /// Omits models with the same predictions as a better one: equivalents of the adopted effect are tried at the end (`rivals`),
@@ -320,8 +332,12 @@ impl Evidence<'_> {
         nodes.sort_by(|a, b| self.score(a).total_cmp(&self.score(b)).then(a.set().cmp(&b.set())));
     }
 
-    /// The first of the best of some models that meets the stopping rule, adopted.
-    fn success(&self, nodes: &[Arc<Node>]) -> Result<Ended, InputError> {
+    /// The first of the best of some models that meets the stopping rule, adopted; `others` have as many effects.
+    fn success(&self, nodes: &[Arc<Node>], others: &[Arc<Node>]) -> Result<Ended, InputError> {
+        let mut all = [nodes, others].concat();
+        self.sort(&mut all);
+        all.dedup_by(|a, b| a.set() == b.set());
+        let mut outdone = false;
         let Some(best) = nodes.first() else { return Ok(Ended::Nothing) };
         let near = self.score(best) + rivals::margin(self.options.level);
         for (place, node) in nodes.iter().filter(|node| self.score(node) < near).take(LINES).enumerate() {
@@ -329,10 +345,14 @@ impl Evidence<'_> {
                 break;
             }
             let node = self.search.settled(node)?;
-            if self.is_enough(&node)? && !self.is_outdone(&node, nodes) {
+            if !self.is_enough(&node)? {
+                continue;
+            }
+            if !self.is_outdone(&node, &all) {
                 return self.adopt(&node);
             }
+            outdone = true;
         }
-        Ok(Ended::Nothing)
+        Ok(if outdone { Ended::Outdone } else { Ended::Nothing })
     }
 }
