@@ -109,6 +109,17 @@ impl Formula {
         };
         self.powers.iter().map(column).collect()
     }
+
+    /// The factors by which it multiplies values, with the values of its parameters; none if it is added.
+    pub fn factors<'a>(&self, data: impl Iterator<Item = &'a DataSet>, values: &[f64], parameters: &[f64]) -> Vec<f64> {
+        if !self.multiplied {
+            return Vec::new();
+        }
+        let columns = self.columns(data, values);
+        let change =
+            |row: usize| columns.iter().zip(parameters).map(|(column, parameter)| parameter * column[row]).sum::<f64>();
+        values.iter().enumerate().map(|(row, value)| 1.0 + change(row) / value).collect()
+    }
 }
 
 /// `temperature_k`, or `(temperature_k - 153)`

@@ -27,6 +27,9 @@ const FITTED: usize = 3;
 /// Share of what a parameter of a law changes that no other one does, below which a law without it does the same.
 const INDEPENDENT: f64 = 0.01;
 
+/// A law that multiplies every value by more takes the place of the model, whose own traps then hardly count.
+const IN_PLACE: f64 = 10.0;
+
 /// chi2 of a row, below which a law describes data whose errors may be 1.6 times too small.
 const DESCRIBED: f64 = 2.5;
 
@@ -165,6 +168,10 @@ impl Evidence<'_> {
         let value =
             |key: &String| node.fit.parameters.iter().find(|fitted| fitted.key == *key).map(|fitted| fitted.value);
         let values = own.iter().map(value).collect::<Option<Vec<f64>>>()?;
+        let factors = law.factors(self.case().data.iter(), &base.fit.values, &values);
+        if !factors.is_empty() && factors.iter().all(|factor| factor.abs() > IN_PLACE) {
+            return None;
+        }
         let toml = law.toml(&values);
         Some((node, toml))
     }
