@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use super::problem::{LOOSE, Optimum, Problem};
+use super::problem::{LOOSE, Optimum, Problem, chi2};
 use crate::error::InputError;
 use crate::numeric::least_squares::Span;
 
@@ -81,7 +81,7 @@ impl Problem<'_> {
     }
 
     /// Intervals between epochs where an event may lie, outwards from that of an optimum until chi2 has increased by `rise`; the
-    /// other parameters follow to first order.
+    /// other parameters follow to first order, if that helps.
     fn around(&self, optimum: &Optimum, index: usize, rise: f64) -> Vec<Interval> {
         let epochs = self.epochs();
         let interval = |ends: &[f64]| -> Option<Interval> {
@@ -91,8 +91,14 @@ impl Problem<'_> {
             // The signature of a flare depends on its epoch.
             let jacobian = self.jacobian(&at).ok()?;
             let follow = -Span::of(&jacobian, LOOSE).solve(&residuals);
-            let rise = (residuals + jacobian * &follow).norm_squared() - optimum.chi2;
-            Some(Interval { from_yr: ends[0], to_yr: ends[1], rise, follow })
+            // Far from the optimum, or along parameters that the epoch makes equivalent, the first order may promise too much.
+            let followed: Vec<f64> = at.iter().zip(&follow).map(|(at, follow)| at + follow).collect();
+            let at_followed = self.residuals(&followed).map_or(f64::INFINITY, |residuals| chi2(&residuals));
+            let (least, follow) = match residuals.norm_squared() {
+                here if here < at_followed || !at_followed.is_finite() => (here, DVector::zeros(at.len())),
+                _ => (at_followed, follow),
+            };
+            Some(Interval { from_yr: ends[0], to_yr: ends[1], rise: least - optimum.chi2, follow })
         };
         let near = |one: &Interval| one.rise < rise;
         let moment = optimum.at[index];
