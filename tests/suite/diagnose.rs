@@ -378,6 +378,7 @@ fn a_free_key_that_ran_away_comes_back_with_the_effect_that_was_missing() {
 /// As long as annealing is missing, the best fit has none or few of the traps that radiation makes: an effect on these changes nothing
 /// there, or little, and a pedestal stands for part of what is missing.
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn effects_are_also_seen_where_a_fit_without_them_leaves_hardly_any_growth() {
     let folder = Path::new("tests/corpus/edge/no-growth");
     let mission = Mission::read(folder.join("mission.toml")).unwrap();
@@ -410,6 +411,7 @@ fn an_effect_is_not_adopted_if_a_law_of_the_measurement_explains_the_data_better
 /// A step of the gain of half a per cent between two epochs, with right errors, and with a wrong row beside it: no effect, and no larger
 /// errors, but a step at that time, which is found again if it is taken up.
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn a_step_of_the_gain_is_named_as_such() {
     let folder = practice("gain-drift");
     for wrong in [None, Some(60)] {
@@ -468,6 +470,7 @@ fn a_wrong_row_is_not_taken_for_larger_errors_of_all() {
 /// The data exclude the mission's value of a key that was freed because it is not known: held there, no verdict would be the same. The
 /// fitted value is held instead.
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn a_verdict_with_keys_far_from_the_mission_is_stable_at_their_fitted_values() {
     let (mission, data) = read(Path::new("tests/corpus/edge/runaway-release-time"), "");
     let found = diagnose(&mission, &data, &Options { stability: true, ..options(&mission) }, &SILENT).unwrap();
@@ -478,6 +481,7 @@ fn a_verdict_with_keys_far_from_the_mission_is_stable_at_their_fitted_values() {
 /// Without a key free, a first look calls rows wrong that the effect explains: a search under another assumption tries them without,
 /// and takes them back, as the diagnosis itself does.
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn searches_under_other_assumptions_take_rows_back_as_the_diagnosis_does() {
     let (mission, data) = read(Path::new("tests/corpus/edge/one-epoch-of-trails"), "");
     let free = vec!["detector.traps.A.release_ms".to_string()];
@@ -490,6 +494,7 @@ fn searches_under_other_assumptions_take_rows_back_as_the_diagnosis_does() {
 
 /// Rounding that depends on the order of the rows can lead a search to another minimum.
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn the_order_of_files_changes_nothing() {
     for case in ["edge/one-epoch-of-trails", "edge/runaway-release-time", "cases/outside-gain-of-every-charge"] {
         let folder = Path::new("tests/corpus").join(case);
@@ -897,6 +902,7 @@ fn diagnosis_of(mission: &Mission, data: &[DataSet], free: &[&str]) -> Diagnosis
 
 /// What one or two strong effects leave of a model that has none looks like noise of 24 rows. It is not taken for larger errors.
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn effects_in_few_rows_are_not_taken_for_larger_errors() {
     let (cycle, flare) = (
         "[effects.cycle]\namplitude = 0.6\nperiod_yr = 10.8\npeak = 2009.0\n",

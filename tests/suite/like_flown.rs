@@ -41,6 +41,7 @@ fn a_pedestal_that_is_most_of_the_values_is_not_passed_over() {
 /// What follows a condition is not called larger errors that follow none: a cooling and events, or a law of charge and background that the
 /// catalogue does not have.
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn what_follows_conditions_is_not_called_noise() {
     for (mission, data) in [("irradiated", "irradiated_background"), ("cooled", "cooled_three_events")] {
         let found = diagnosed(mission, data);
@@ -51,6 +52,7 @@ fn what_follows_conditions_is_not_called_noise() {
 
 /// A step when a word of the user's own changes is named with that word.
 #[test]
+#[ignore = "slow: .ci/run runs it"]
 fn a_step_is_named_with_what_changes_then() {
     let found = diagnosed("injected", "injected");
     assert!(matches!(found.reason, Reason::BetterLaw { .. }), "{}", found.reason);
