@@ -6,9 +6,9 @@
 //!
 //! How long a trap remembers what the rows ahead did to it depends on the side of the cloud on which it lies. Inside, traps that
 //! capture at once are full after each packet, and the others approach their equilibrium by exp(−1/τc − 1/τ) with each. Above the
-//! clouds, they release for a release time. If rows ahead are brighter, much is released there; if not, only what a packet
-//! captured more than the next because it had lost less: with a loss of δ per transfer h' δ of the traps, which is ρ h' of what
-//! packets lose. All rows behind these distances are equal.
+//! clouds, they release for a release time. If rows ahead are brighter, much is released there. If not, a packet has only filled the
+//! few traps above the next one's cloud, which has lost more on its way: with a loss of δ per transfer ρ h' δ of them, a share
+//! ρ h' of that loss. All rows behind these distances are equal.
 
 use super::{Cloud, Method, Readout, Trap};
 
