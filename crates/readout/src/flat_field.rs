@@ -140,6 +140,7 @@ mod tests {
             return false;
         }
         let whole = end(readout, charge_e, 490, 0.0);
+        // A tenth of the error that the readout itself may make.
         let allowed_e = 0.1 * relative * (charge_e - whole[0]);
         for ahead_e in [0.0, charge_e] {
             let short = end(readout, charge_e, until, ahead_e);

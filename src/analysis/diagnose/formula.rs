@@ -251,3 +251,40 @@ pub(super) fn suggest(validation: &Validation, covariates: &[Covariate]) -> Opti
     let toml = form.toml(found.as_slice());
     Some(Suggestion { toml, chi2: [residuals.norm_squared(), chi2], is_law: false, is_fitted: false, step_yr: None })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::table::Table;
+    use crate::mission::Mission;
+
+    /// CTI at epochs of some temperatures, K.
+    fn at(temperatures_k: &[f64]) -> DataSet {
+        let mut text = "# observable: cti\n# transfers: 100\nt_yr,temperature_k,signal_e,value,sigma\n".to_string();
+        for (row, temperature_k) in temperatures_k.iter().enumerate() {
+            text += &format!("{},{temperature_k},1000,1e-5,1e-6\n", 0.5 * (row + 1) as f64);
+        }
+        let mission = Mission::parse(include_str!("../../../missions/snap_l2.toml")).unwrap();
+        DataSet::of(Table::parse("cti.csv", &text).unwrap(), &mission).unwrap()
+    }
+
+    #[test]
+    fn a_condition_of_two_values_determines_a_straight_line() {
+        for (temperatures_k, determined) in [(&[153.0, 153.0, 163.0, 163.0][..], 1), (&[153.0, 158.0, 163.0], 2)] {
+            let laws = laws(&[at(temperatures_k)]);
+            let in_temperature = |law: &&Formula| matches!(&law.argument, Argument::Condition(condition, _) if condition == "temperature_k");
+            let powers = laws.iter().filter(in_temperature).flat_map(|law| law.powers);
+            assert_eq!(powers.max(), Some(&determined), "{temperatures_k:?}");
+        }
+    }
+
+    #[test]
+    fn factors_are_those_of_the_expression() {
+        let data = [at(&[153.0, 158.0, 163.0])];
+        let argument = Argument::Condition("temperature_k".into(), 158.0);
+        let law = Formula { of: None, multiplied: true, argument, powers: &[0, 1] };
+        assert_eq!(law.expression(), "value * (1 + a + b * (temperature_k - 158))");
+        assert_eq!(law.factors(data.iter(), &[1e-5, 2e-5, 4e-5], &[9.0, 0.5]), [7.5, 10.0, 12.5]);
+        assert!(Formula { multiplied: false, ..law }.factors(data.iter(), &[1e-5; 3], &[9.0, 0.5]).is_empty());
+    }
+}
