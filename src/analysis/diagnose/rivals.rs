@@ -83,7 +83,7 @@ fn preferred(evidence: &Evidence, node: &Arc<Node>, rivals: &[Rival]) -> Option<
 /// Rivals of a model, and those that are only slightly worse.
 fn around(evidence: &Evidence, node: &Arc<Node>) -> Result<Around, InputError> {
     let margin = margin(evidence.options.level);
-    let (mut rivals, mut worse): (Vec<Rival>, Vec<(Rival, f64, i64)>) = Default::default();
+    let (mut rivals, mut worse): (Vec<Rival>, Vec<Rival>) = Default::default();
     for (place, added) in node.added.iter().enumerate() {
         let parent = evidence.without(node, place)?;
         let expansion = evidence.search.expand(&parent);
@@ -114,26 +114,22 @@ fn around(evidence: &Evidence, node: &Arc<Node>) -> Result<Around, InputError> {
             } else if rival.chi2() < node.chi2() + NEARLY * margin
                 && parent.chi2() - rival.chi2() > MOST_OF_IT * (parent.chi2() - node.chi2())
             {
-                let (chi2, parameters) = (rival.chi2() - node.chi2(), -freedom as i64);
-                worse.push((
-                    Rival { instead_of: added.hypothesis, hypothesis: sketch.last(), node: rival },
-                    chi2,
-                    parameters,
-                ));
+                worse.push(Rival { instead_of: added.hypothesis, hypothesis: sketch.last(), node: rival });
             }
         }
     }
-    rivals.sort_by(|a, b| a.node.chi2().total_cmp(&b.node.chi2()).then(a.hypothesis.cmp(&b.hypothesis)));
-    // The same effect in place of each of several equal ones is one rival, at its nearest.
     let mut seen = HashSet::new();
-    rivals.retain(|rival| seen.insert((rival.hypothesis, rival.instead_of)));
-    worse.sort_by(|a, b| a.1.total_cmp(&b.1));
-    worse.retain(|(rival, ..)| seen.insert((rival.hypothesis, rival.instead_of)));
-    let note = |(rival, chi2, parameters): (Rival, f64, i64)| Note::SetAside {
+    for found in [&mut rivals, &mut worse] {
+        found.sort_by(|a, b| a.node.chi2().total_cmp(&b.node.chi2()).then(a.hypothesis.cmp(&b.hypothesis)));
+        // The same effect in place of each of several equal ones is one rival, at its nearest.
+        found.retain(|rival| seen.insert((rival.hypothesis, rival.instead_of)));
+    }
+    let note = |rival: &Rival| Note::SetAside {
         effect: evidence.name(rival.hypothesis),
         instead_of: evidence.name(rival.instead_of),
-        chi2,
-        parameters,
+        chi2: rival.node.chi2() - node.chi2(),
+        parameters: rival.node.fit.parameters.len() as i64 - node.fit.parameters.len() as i64,
     };
-    Ok(Around { rivals, aside: worse.into_iter().map(note).collect() })
+    let aside = worse.iter().map(note).collect();
+    Ok(Around { rivals, aside })
 }

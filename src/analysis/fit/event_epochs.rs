@@ -94,10 +94,9 @@ impl Problem<'_> {
             // Far from the optimum, or along parameters that the epoch makes equivalent, the first order may promise too much.
             let followed: Vec<f64> = at.iter().zip(&follow).map(|(at, follow)| at + follow).collect();
             let at_followed = self.residuals(&followed).map_or(f64::INFINITY, |residuals| chi2(&residuals));
-            let (least, follow) = match residuals.norm_squared() {
-                here if here < at_followed || !at_followed.is_finite() => (here, DVector::zeros(at.len())),
-                _ => (at_followed, follow),
-            };
+            let here = residuals.norm_squared();
+            let helps = at_followed <= here;
+            let (least, follow) = if helps { (at_followed, follow) } else { (here, DVector::zeros(at.len())) };
             Some(Interval { from_yr: ends[0], to_yr: ends[1], rise: least - optimum.chi2, follow })
         };
         let near = |one: &Interval| one.rise < rise;
