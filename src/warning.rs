@@ -417,7 +417,7 @@ impl fmt::Display for Warning {
             Warning::TrailInBias { name, left_e, sigma_e } => write!(
                 out,
                 "{name}: the trail reaches into the rows that define the level of no charge: by its decay in the rows before, {left_e:.2} e- of \
-                 it are there (error of that level {sigma_e:.2} e-), and values are too small by that; use --bias-from columns (of injected \
+                 it are there (error of that level {sigma_e:.2} e-), and values are too small by about that, which is in their sigma_common; use --bias-from columns (of injected \
                  charge: --background-from front), or more rows"
             ),
             Warning::LevelBehindEdge { name, level_e, sigma_e } => {

@@ -126,7 +126,8 @@ pub fn fit(
         };
         let posterior = samples.map(drawn).transpose()?;
         let found = fitted.mission.clone();
-        let report = FitReport { fit: fitted, holdout, profiles, posterior };
+        let has_common_errors = measurement::have_common_errors(&data);
+        let report = FitReport { fit: fitted, holdout, profiles, posterior, has_common_errors };
         Ok(Outcome::of(report, vec![found.clone()]).with(found))
     })
 }

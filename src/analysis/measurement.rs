@@ -3,6 +3,7 @@
 //! One file, one observable. Conditions are columns, or given once in `meta`, or those of the mission. Columns unknown to the model
 //! are kept, so that residuals can also be tested against them.
 
+mod common_errors;
 mod condition_errors;
 mod floor;
 mod units;
@@ -19,6 +20,7 @@ use crate::model::predict::Question;
 use crate::numeric::calendar::DAYS_PER_YEAR;
 use crate::physics::conditions::{self, Conditions};
 use crate::physics::observable::{Observable, Probe};
+use common_errors::Common;
 use units::Unit;
 
 /// The rows of one measurement file.
@@ -45,6 +47,8 @@ pub struct Row {
     pub value: f64,
     /// Its 1-sigma error, including floors and errors of conditions.
     pub sigma: f64,
+    /// The part of it that other rows have in common.
+    pub common: Common,
     /// The part of it that is a floor of systematic errors, which the scatter of rows need not show.
     pub floor: f64,
     /// The adopted conditions; numeric columns unknown to the model are covariates.
@@ -66,6 +70,11 @@ impl Row {
         Question { observable, at: &self.at, galaxy: self.galaxy, species: self.species }
     }
 
+    /// 1-sigma error without the part that other rows have in common.
+    pub fn own_sigma(&self) -> f64 {
+        (self.sigma * self.sigma - self.common.sigma * self.common.sigma).sqrt()
+    }
+
     /// A word of the row, by the column's name.
     pub fn word(&self, name: &str) -> Option<&str> {
         self.words.iter().find(|(known, _)| known == name).map(|(_, word)| word.as_str())
@@ -75,6 +84,11 @@ impl Row {
 /// All queries of some data sets, in order.
 pub fn questions(data: &[DataSet]) -> Vec<Question<'_>> {
     data.iter().flat_map(|set| set.rows.iter().map(|row| row.question(set.observable))).collect()
+}
+
+/// Whether rows have known errors in common.
+pub fn have_common_errors(data: &[DataSet]) -> bool {
+    data.iter().flat_map(|set| &set.rows).any(|row| row.common.sigma > 0.0)
 }
 
 /// Rejects data without rows.
@@ -169,7 +183,8 @@ fn slip_of(name: &str) -> Option<&'static str> {
 }
 
 /// Columns that are neither conditions nor covariates.
-const OTHERS: [&str; 7] = ["value", "sigma", "floor", "galaxy", "date", "mjd", "jd"];
+const OTHERS: [&str; 9] =
+    ["value", "sigma", common_errors::SIGMA, common_errors::GROUP, "floor", "galaxy", "date", "mjd", "jd"];
 
 impl DataSet {
     /// Reads a measurement file, ECSV or CSV, for a mission.
@@ -194,6 +209,9 @@ impl DataSet {
         reader.check_names()?;
         reader.check_sigma_unit()?;
         let mut rows = (0..table.rows()).map(|row| reader.row(row)).collect::<Result<Vec<_>, _>>()?;
+        for (row, common) in reader.common_errors(&rows)?.into_iter().enumerate() {
+            rows[row].common = common;
+        }
         condition_errors::add(&mut rows, observable, mission)?;
         let varying = varying(&table, &rows);
         Ok(DataSet { file: table.name.clone(), observable, rows, varying, table, shared: Shared::default() })
@@ -291,19 +309,22 @@ impl Reader<'_> {
     /// Checks that an error has a unit if its value is in a unit that is converted: otherwise it is ambiguous.
     fn check_sigma_unit(&self) -> Result<(), InputError> {
         let unit = |name: &str| self.table.column(name).map(|column| column.unit.as_deref().unwrap_or(""));
-        let (Some(of_value), Some("")) = (unit("value"), unit("sigma")) else { return Ok(()) };
+        let ours = ["sigma", common_errors::SIGMA].into_iter().find(|name| unit(name) == Some(""));
+        let (Some(of_value), Some(name)) = (unit("value"), ours) else { return Ok(()) };
         let conversion = self.conversion("value", Some(of_value), Unit::of(self.observable), "value")?;
         if conversion == units::Conversion::default() {
             return Ok(());
         }
-        let problem = format!("value is in {of_value}, and sigma has no unit");
-        Err(self.table.fault(None, Some("sigma"), problem).with_help("give sigma the unit that it is in"))
+        let problem = format!("value is in {of_value}, and {name} has no unit");
+        Err(self.table.fault(None, Some(name), problem).with_help(format!("give {name} the unit that it is in")))
     }
 
     /// Checks that the name of an error column refers to a condition.
     fn check_sigma_of(&self, name: &str, place: &str) -> Result<(), InputError> {
         let lower = name.to_lowercase();
-        let Some(condition) = lower.strip_prefix(SIGMA_OF) else { return Ok(()) };
+        let Some(condition) = lower.strip_prefix(SIGMA_OF).filter(|_| name != common_errors::SIGMA) else {
+            return Ok(());
+        };
         if SIDES.contains(&condition) {
             let problem = format!("`{name}`: errors have one value, not two sides");
             let help = "give one column `sigma`, such as the mean of both sides";
@@ -313,7 +334,7 @@ impl Reader<'_> {
             return Ok(());
         }
         let fault = self.table.fault(None, Some(place), format!("`{name}` is the error of no condition"));
-        let near = slip_of(condition).or(nearest(condition, conditions::NAMES));
+        let near = slip_of(condition).or(nearest(condition, conditions::NAMES.into_iter().chain(["common"])));
         Err(fault.with_help(match near.or(conditions::NAMES.into_iter().find(|known| *known == condition)) {
             Some(near) => format!("did you mean `{SIGMA_OF}{near}`?"),
             None => format!("conditions are: {}, {}", conditions::NAMES.join(", "), DAYS.join(", ")),
@@ -350,7 +371,9 @@ impl Reader<'_> {
             }
         }
         let condition_sigmas = self.condition_sigmas(row)?;
-        Ok(Row { value, sigma, floor, at, condition_sigmas, galaxy, species, words })
+        // Known only with those of all rows.
+        let common = Common::default();
+        Ok(Row { value, sigma, common, floor, at, condition_sigmas, galaxy, species, words })
     }
 
     /// Errors of the conditions.

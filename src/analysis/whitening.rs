@@ -1,6 +1,8 @@
 //! Removal of the common errors of a data set's rows from its residuals.
 //!
-//! Residuals (value − model)/sigma of independent rows are unchanged. If errors of neighbouring pixels of a trail are correlated by
+//! Residuals (value − model)/sigma of independent rows are unchanged. Rows of a group may have a known error c in common
+//! (`sigma_common`): residuals in units of their own errors s have the covariance 1 + u uᵀ, with u = c/s, whose inverse square root
+//! multiplies the part along u by 1/√(1 + |u|²). If errors of neighbouring pixels of a trail are correlated by
 //! r (r^d at a distance of d), each but the first is replaced by the part not predicted by the previous one, (e_k − r^d
 //! e_(k−1))/√(1 − r^2d): the Cholesky factor of a first-order autoregressive process. A constant pedestal of a file is allowed for
 //! by replacing its mean residual z (in units of its own error) by z/√(1 + z²/C): nearly unchanged up to a few sigma, at most √C
@@ -60,9 +62,19 @@ pub(crate) type Link = Option<(usize, i32)>;
 
 /// Makes errors of rows independent, and allows for pedestals.
 pub struct Whitening {
+    /// For each row its error over the part that it does not have in common with others.
+    over_own: Vec<f64>,
+    /// Groups of rows with a known error in common.
+    groups: Vec<Group>,
     /// For each row the previous row, and its correlation with it.
     before: Vec<Option<(usize, f64)>>,
     pedestals: Vec<Pedestal>,
+}
+
+/// Rows with a known error in common, each with its component of the unit vector u/|u|; and |u|.
+struct Group {
+    along: Vec<(usize, f64)>,
+    length: f64,
 }
 
 /// The direction of a file's constant, and its length for one unit of the value.
@@ -77,9 +89,11 @@ impl Whitening {
     /// For the wanted rows only (by their indices among all).
     pub fn of(data: &[DataSet], wanted: impl Fn(usize) -> bool) -> Whitening {
         let (mut before, mut ends, mut first) = (Vec::new(), Vec::new(), 0);
+        let mut over_own = Vec::new();
         for set in data {
             let rows: Vec<usize> = (0..set.rows.len()).filter(|row| wanted(first + row)).collect();
             let start = before.len();
+            over_own.extend(rows.iter().map(|&row| set.rows[row].sigma / set.rows[row].own_sigma()));
             let shared = &set.shared;
             if shared.correlation == 0.0 {
                 before.resize(start + rows.len(), None);
@@ -94,7 +108,10 @@ impl Whitening {
             ends.push((rows, start..before.len()));
             first += set.rows.len();
         }
-        let mut whitening = Whitening { before, pedestals: Vec::new() };
+        let mut whitening = Whitening { over_own, groups: Vec::new(), before, pedestals: Vec::new() };
+        let of_set =
+            |(set, (rows, range)): (&DataSet, &(Vec<usize>, Range<usize>))| whitening.groups_of(set, rows, range.start);
+        whitening.groups = data.iter().zip(&ends).flat_map(of_set).collect();
         let pedestals =
             data.iter().zip(ends).enumerate().filter(|(_, (set, (rows, _)))| set.shared.pedestal && rows.len() >= FEW);
         let pedestals = pedestals.map(|(index, (set, (rows, range)))| {
@@ -110,17 +127,55 @@ impl Whitening {
         whitening
     }
 
+    /// The groups of a data set, of whose rows some are wanted; the first one is row `start` of all wanted ones.
+    fn groups_of(&self, set: &DataSet, rows: &[usize], start: usize) -> Vec<Group> {
+        let common = |row: usize| set.rows[row].common;
+        let mut numbers: Vec<usize> = rows
+            .iter()
+            .map(|row| common(*row))
+            .filter(|common| common.sigma > 0.0)
+            .map(|common| common.group)
+            .collect();
+        numbers.sort_unstable();
+        numbers.dedup();
+        let of = |number: usize| {
+            let mut shares = vec![0.0; self.before.len()];
+            for (place, &row) in rows.iter().enumerate().filter(|(_, row)| common(**row).group == number) {
+                shares[start + place] = common(row).sigma / set.rows[row].sigma;
+            }
+            let shares = self.uncorrelated(&shares);
+            let length = shares.iter().map(|share| share * share).sum::<f64>().sqrt();
+            let along = shares.into_iter().enumerate().filter(|(_, share)| *share != 0.0);
+            Group { along: along.map(|(row, share)| (row, share / length)).collect(), length }
+        };
+        numbers.into_iter().map(of).collect()
+    }
+
     /// A change of the residuals, without common errors of rows, pedestals kept.
     pub fn linear(&self, residuals: &[f64]) -> Vec<f64> {
+        let mut white = self.uncorrelated(residuals);
+        for group in &self.groups {
+            group.multiply(&mut white, 1.0 / group.growth());
+        }
+        white
+    }
+
+    /// In units of the rows' own errors, and without their correlation along trails.
+    fn uncorrelated(&self, residuals: &[f64]) -> Vec<f64> {
+        let own = |row: usize| residuals[row] * self.over_own[row];
         let one = |(row, link): (usize, &Option<(usize, f64)>)| match link {
-            None => residuals[row],
-            Some((before, shared)) => (residuals[row] - shared * residuals[*before]) / (1.0 - shared * shared).sqrt(),
+            None => own(row),
+            Some((before, shared)) => (own(row) - shared * own(*before)) / (1.0 - shared * shared).sqrt(),
         };
         self.before.iter().enumerate().map(one).collect()
     }
 
     /// The inverse of [`Whitening::linear`].
     pub fn undone(&self, white: &[f64]) -> Vec<f64> {
+        let mut white = white.to_vec();
+        for group in self.groups.iter().rev() {
+            group.multiply(&mut white, group.growth());
+        }
         let mut found: Vec<Option<f64>> = vec![None; white.len()];
         for row in 0..white.len() {
             // From the row back to the first known one of its trail, and forward again.
@@ -141,7 +196,7 @@ impl Whitening {
                 found[row] = Some(value);
             }
         }
-        found.into_iter().map(|value| value.expect("every row")).collect()
+        found.into_iter().zip(&self.over_own).map(|(value, over_own)| value.expect("every row") / over_own).collect()
     }
 
     /// Residuals with independent errors, pedestals allowed for.
@@ -226,6 +281,21 @@ fn slope(level: f64) -> f64 {
     (1.0 + level * level / PEDESTAL).powf(-1.5)
 }
 
+impl Group {
+    /// Standard deviation along the group's direction, in units of that of a row's own error.
+    fn growth(&self) -> f64 {
+        self.length.hypot(1.0)
+    }
+
+    /// Multiplies the part along the group's direction.
+    fn multiply(&self, white: &mut [f64], factor: f64) {
+        let level: f64 = self.along.iter().map(|(row, along)| white[*row] * along).sum();
+        for (row, along) in &self.along {
+            white[*row] += (factor - 1.0) * level * along;
+        }
+    }
+}
+
 impl Pedestal {
     fn level(&self, white: &[f64]) -> f64 {
         white[self.rows.clone()].iter().zip(self.along.iter()).map(|(white, along)| white * along).sum()
@@ -265,4 +335,48 @@ pub(crate) fn trails(set: &DataSet, wanted: impl Fn(usize) -> bool) -> Vec<Link>
         }
     }
     before
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::table::Table;
+    use crate::mission::Mission;
+
+    /// Rows of two groups with known errors in common, own errors correlated along trails: chi2 is that of their covariance matrix,
+    /// and nothing is lost.
+    #[test]
+    fn chi2_is_that_of_the_covariance_matrix() {
+        let text = "# observable: trail\n# t_yr: 3.0\n\
+            trail_px,signal_e,value,sigma,sigma_common,common_group\n\
+            1,500,0.01,0.004,0.003,a\n2,500,0.01,0.003,0.002,a\n3,500,0.01,0.003,,a\n\
+            1,800,0.01,0.002,0.0015,b\n2,800,0.01,0.001,0.0009,b\n4,800,0.01,0.002,0.0,b\n";
+        let mission = Mission::read("missions/snap_l2.toml").unwrap();
+        let mut set = DataSet::of(Table::parse("trails.csv", text).unwrap(), &mission).unwrap();
+        for correlation in [0.0, 0.6] {
+            set.shared.correlation = correlation;
+            let links = trails(&set, |_| true);
+            assert_eq!(links.iter().flatten().count(), 4);
+            let row = |row: usize| &set.rows[row];
+            let covariance = DMatrix::from_fn(6, 6, |i, j| {
+                let same_trail = row(i).at.signal_e == row(j).at.signal_e;
+                let pixel = |index: usize| f64::from(row(index).at.trail_px.unwrap());
+                let own = match same_trail {
+                    true => correlation.powf((pixel(i) - pixel(j)).abs()) * row(i).own_sigma() * row(j).own_sigma(),
+                    false => 0.0,
+                };
+                own + if same_trail { row(i).common.sigma * row(j).common.sigma } else { 0.0 }
+            });
+            let off = DVector::from_vec(vec![0.003, -0.001, 0.002, -0.002, 0.0005, 0.001]);
+            let expected = off.dot(&(covariance.try_inverse().unwrap() * &off));
+            let over_sigma: Vec<f64> = off.iter().zip(&set.rows).map(|(off, row)| off / row.sigma).collect();
+            let whitening = Whitening::of(std::slice::from_ref(&set), |_| true);
+            let white = whitening.linear(&over_sigma);
+            let chi2: f64 = white.iter().map(|residual| residual * residual).sum();
+            assert!((chi2 / expected - 1.0).abs() < 1e-12, "{chi2}, {expected}");
+            for (undone, given) in whitening.undone(&white).iter().zip(&over_sigma) {
+                assert!((undone - given).abs() < 1e-12, "{undone}, {given}");
+            }
+        }
+    }
 }

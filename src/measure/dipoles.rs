@@ -194,6 +194,7 @@ fn measured(exposure: &Exposure, (_, _, row, column): Place, half: i64) -> Resul
         line_time_ms: about.line_time_ms,
         value,
         sigma: (0.5 * noise_e * noise_e + pumped * (1.0 - pumped / cycles)).sqrt(),
+        common: None,
         from: [vec![("exposure", about.number)], about.sensor()].concat(),
     };
     Ok(value.is_finite().then_some(row))

@@ -35,7 +35,7 @@ const MOST_BEHIND: f64 = 0.5;
 /// Minimum charge of the last rows of a flat field, relative to the median of all.
 const LEAST_AT_END: f64 = 0.5;
 /// Significance, sigma, at which a trail in the rows of the bias is distinguished from noise.
-const TRAIL_SIGMA: f64 = 4.0;
+const TRAIL_SIGMA: f64 = 3.0;
 
 /// Significance, sigma, of a level behind an edge.
 const LEVEL_SIGMA: f64 = 4.0;
@@ -79,6 +79,12 @@ impl Eper {
             let columns = exposure.columns.len();
             found.count("columns_used", groups.iter().map(Vec::len).sum());
             found.count("columns_rejected", columns - groups.iter().map(Vec::len).sum::<usize>());
+            let all: Vec<usize> = exposure.columns.clone().collect();
+            let trail = bias_rows(source, &exposure, &geometry).and_then(|rows| {
+                let free = rows.start - exposure.rows;
+                trail_in_bias(&exposure, &[rows], free, &all)
+            });
+            let bias_sigma_e = exposure.about.bias_sigma_e().hypot(trail.as_ref().map_or(0.0, |trail| trail.left_e));
             for columns in groups {
                 let edge = block.edge(&exposure, &columns, 0.0).ok_or_else(|| no_edge(&exposure.about))?;
                 is_edge(&exposure, &columns, &edge)?;
@@ -86,18 +92,15 @@ impl Eper {
                     let share = edge.first_signal.value / edge.signal.value - 1.0;
                     found.warnings.push(Warning::SlopedFlat { name: exposure.about.place(), share });
                 }
-                edges.extend(behind(&exposure, &edge));
+                edges.extend(behind(&exposure, &edge, bias_sigma_e));
                 first.push(first_pixel(&exposure, &edge));
-                cti.extend(ranges.iter().flatten().filter_map(|range| lost(&exposure, &edge, *range)));
+                let of_range = |range: &(usize, usize)| lost(&exposure, &edge, *range, bias_sigma_e);
+                cti.extend(ranges.iter().flatten().filter_map(of_range));
             }
             found.warnings.extend(bent_bias(&exposure.about));
-            let columns: Vec<usize> = exposure.columns.clone().collect();
-            match bias_rows(source, &exposure, &geometry) {
-                Some(rows) => {
-                    let free = rows.start - exposure.rows;
-                    found.warnings.extend(trail_in_bias(&exposure, std::slice::from_ref(&rows), free, &columns));
-                }
-                None => found.warnings.extend(level_behind(&exposure, &columns)),
+            found.warnings.extend(trail.map(|trail| trail.warning(&exposure.about)));
+            if source != BiasSource::OverscanRows {
+                found.warnings.extend(level_behind(&exposure, &all));
             }
             found.exposures.push(exposure.about);
             Ok(())
@@ -151,26 +154,27 @@ impl Eper {
     }
 }
 
-/// The rows of a table for the charges behind an edge.
-fn behind(exposure: &Exposure, edge: &Edge) -> Vec<Measurement> {
+/// The rows of a table for the charges behind an edge, with an error of the bias, e-.
+fn behind(exposure: &Exposure, edge: &Edge, bias_sigma_e: f64) -> Vec<Measurement> {
     let about = &exposure.about;
     let trail = edge.trail.iter().enumerate().filter_map(|(index, mean)| Some((index + 1, (*mean)?)));
     let row = |(trail_px, mean): (usize, Mean)| Measurement {
+        common: with_bias(about, bias_sigma_e),
         conditions: vec![
             ("trail_px", trail_px as f64),
             ("signal_e", edge.signal.value),
-            ("sigma_signal_e", edge.signal.sigma.hypot(about.bias_sigma_e())),
+            ("sigma_signal_e", edge.signal.sigma.hypot(bias_sigma_e)),
             ("background_e", 0.0),
             ("block_px", exposure.rows as f64),
             ("transfers", (exposure.rows + about.rows_before() as usize) as f64),
         ],
-        ..of(about, mean.value, mean.sigma.hypot(about.bias_sigma_e()), mean)
+        ..of(about, mean.value, mean.sigma.hypot(bias_sigma_e), mean)
     };
     trail.map(row).collect()
 }
 
 /// Pixels behind an edge for the CTI. By default each range is twice as long as the previous one: trails fade, and ranges do not
-/// overlap, so that rows have independent errors.
+/// overlap, so that only the error of the bias is common to rows.
 fn ranges(given: &[(usize, usize)], trail_px: usize) -> Result<Vec<(usize, usize)>, InputError> {
     if let Some((first, last)) = given.iter().find(|(first, last)| !(1..=*last).contains(first) || *last > trail_px) {
         let problem = format!("pixels {first} to {last}; {trail_px} rows behind the edge are measured, from 1");
@@ -185,18 +189,18 @@ fn ranges(given: &[(usize, usize)], trail_px: usize) -> Result<Vec<(usize, usize
 }
 
 /// The row of a table for the CTI from the charge in some pixels behind an edge: that charge over the level of the flat and the
-/// number of transfers (Janesick 2001, section 5.2). None if one of the pixels has no value.
-fn lost(exposure: &Exposure, edge: &Edge, (first, last): (usize, usize)) -> Option<Measurement> {
+/// number of transfers (Janesick 2001, section 5.2), with an error of the bias, e-. None if one of the pixels has no value.
+fn lost(exposure: &Exposure, edge: &Edge, (first, last): (usize, usize), bias_sigma_e: f64) -> Option<Measurement> {
     let about = &exposure.about;
     let pixels: Vec<Mean> = edge.trail[first - 1..last].iter().copied().collect::<Option<_>>()?;
     let charge_e: f64 = pixels.iter().map(|mean| mean.value).sum();
-    let of_pixels = pixels.iter().map(|mean| mean.sigma * mean.sigma).sum::<f64>().sqrt();
-    // The error of the bias is common to all of them.
-    let sigma_e = of_pixels.hypot(pixels.len() as f64 * about.bias_sigma_e());
+    let of_pixels_e = pixels.iter().map(|mean| mean.sigma * mean.sigma).sum::<f64>().sqrt();
     let transfers = (exposure.rows + about.rows_before() as usize) as f64;
-    let (signal_e, sigma_signal_e) = (edge.signal.value, edge.signal.sigma.hypot(about.bias_sigma_e()));
+    let signal_e = edge.signal.value;
     let value = charge_e / (signal_e * transfers);
-    let sigma = (sigma_e / (signal_e * transfers)).hypot(value * sigma_signal_e / signal_e);
+    let own = (of_pixels_e / (signal_e * transfers)).hypot(value * edge.signal.sigma / signal_e);
+    // A higher bias lowers all pixels and the level.
+    let of_bias = bias_sigma_e * (pixels.len() as f64 - charge_e / signal_e).abs() / (signal_e * transfers);
     let all = Mean {
         used: pixels.iter().map(|mean| mean.used).sum(),
         rejected: pixels.iter().map(|mean| mean.rejected).sum(),
@@ -210,16 +214,22 @@ fn lost(exposure: &Exposure, edge: &Edge, (first, last): (usize, usize)) -> Opti
         ("block_px", exposure.rows as f64),
         ("transfers", transfers),
     ];
-    Some(Measurement { conditions, ..of(about, value, sigma, all) })
+    Some(Measurement { conditions, common: with_bias(about, of_bias), ..of(about, value, own.hypot(of_bias), all) })
 }
 
-/// The row of a table for the charge in the first row. Its error is that of its difference to the level, to which it is compared.
+/// A part of an error that is common to the rows of an exposure, since it is from its bias.
+fn with_bias(about: &About, sigma: f64) -> Option<(f64, usize)> {
+    (sigma > 0.0).then_some((sigma, about.number))
+}
+
+/// The row of a table for the charge in the first row. Its error is that of its difference to the level, to which it is compared:
+/// an error of the bias is the same in both.
 fn first_pixel(exposure: &Exposure, edge: &Edge) -> Measurement {
     let (about, first) = (&exposure.about, edge.first);
     Measurement {
         conditions: vec![
             ("signal_e", edge.first_signal.value),
-            ("sigma_signal_e", edge.first_signal.sigma.hypot(about.bias_sigma_e())),
+            ("sigma_signal_e", edge.first_signal.sigma),
             ("background_e", 0.0),
             ("transfers", f64::from(about.rows_before()) + 1.0),
         ],
@@ -236,6 +246,7 @@ pub(super) fn of(about: &About, value: f64, sigma: f64, mean: Mean) -> Measureme
         line_time_ms: about.line_time_ms,
         value,
         sigma,
+        common: None,
         from: [vec![("exposure", about.number)], about.sensor(), mean.pixels()].concat(),
     }
 }
@@ -245,26 +256,44 @@ fn bias_rows(source: BiasSource, exposure: &Exposure, geometry: &Geometry) -> Op
     Some(exposure.rows + source.first_overscan_row(geometry)?..exposure.charge_e.nrows())
 }
 
-/// A trail that has not ended in the rows of the zero level makes that level too high. How much of it is there follows from its decay in the
-/// `free` rows before them, as that of one exponential. `rows`: those of the level, each behind as many free ones.
+/// A trail that has not ended in the rows of the zero level.
+pub(super) struct TrailInBias {
+    /// Charge per pixel of the trail in them, by which the level is too high, e-.
+    pub left_e: f64,
+    /// 1-sigma error of the level apart from that, e-.
+    sigma_e: f64,
+}
+
+impl TrailInBias {
+    pub fn warning(&self, about: &About) -> Warning {
+        Warning::TrailInBias { name: about.place(), left_e: self.left_e, sigma_e: self.sigma_e }
+    }
+}
+
+/// How much of a trail is in the rows of the zero level, by its decay in the `free` rows before them, as that of one exponential; None if
+/// it is not significant. `rows`: those of the level, each behind as many free ones.
 pub(super) fn trail_in_bias(
     exposure: &Exposure,
     rows: &[Range<usize>],
     free: usize,
     columns: &[usize],
-) -> Option<Warning> {
+) -> Option<TrailInBias> {
     let mean = |of: &dyn Fn(&Range<usize>) -> Range<usize>| {
         let rows = rows.iter().flat_map(of);
         let charges = rows.flat_map(|row| columns.iter().map(move |column| exposure.charge_e[[row, *column]]));
         clipped(charges, exposure.about.quantum_e)
     };
-    let window = rows.first()?.len().min(free / 2);
+    if free < 2 {
+        return None;
+    }
+    // The first third of the free rows holds the trails of faster traps, too.
+    let window = rows.first()?.len().min((free / 3).max(1));
     let back = |windows: usize| mean(&|rows| rows.start - windows * window..rows.start - (windows - 1) * window);
     let [level, near, far] = [mean(&Range::clone)?, back(1)?, back(2)?];
     let windows = rows.first()?.len() as f64 / window as f64;
     let left_e = left_of_decay([near, far].map(|mean| mean.value - level.value), windows);
     let reaches = near.value - level.value > TRAIL_SIGMA * near.sigma.hypot(level.sigma) && left_e > level.sigma;
-    reaches.then(|| Warning::TrailInBias { name: exposure.about.place(), left_e, sigma_e: level.sigma })
+    reaches.then_some(TrailInBias { left_e, sigma_e: level.sigma })
 }
 
 /// A level that the charge behind an edge ends at and that is not the bias: in the second half of the overscan rows, if it does not

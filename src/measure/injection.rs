@@ -71,9 +71,13 @@ impl Injection {
     pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
         let mut found = Found::default();
         let (mut edges, mut first) = (Vec::new(), Vec::new());
+        let mut zero_levels = 0;
         frames.each(progress, |exposure| {
             let blocks = self.blocks(&exposure)?;
             found.count("blocks", blocks.rows.len());
+            let all: Vec<usize> = exposure.columns.clone().collect();
+            let in_gaps = blocks.empty.as_slice();
+            let trail = if self.in_front { None } else { trail_in_bias(&exposure, in_gaps, blocks.free, &all) };
             // Charge of the block ahead, for each group of columns, and its last row.
             let mut ahead: Option<(Vec<Option<f64>>, usize)> = None;
             for (number, (rows, empty)) in blocks.rows.iter().zip(&blocks.empty).enumerate() {
@@ -92,16 +96,22 @@ impl Injection {
                     here[group] = Some(edge.signal.value);
                     let preceding =
                         ahead.as_ref().and_then(|(charges_e, last)| Some((charges_e[group]?, rows.start - last)));
+                    // In front of the first block, one level for all. What is left of the trails is alike in all gaps.
+                    let level = match &trail {
+                        Some(_) => 0,
+                        None if self.in_front => group,
+                        None => number * here.len() + group,
+                    };
+                    let left_e = trail.as_ref().map_or(0.0, |trail| trail.left_e);
+                    let base = (Mean { sigma: base.sigma.hypot(left_e), ..base }, zero_levels + level + 1);
                     let place = Place { exposure: &exposure, rows, number: number + 1, base, preceding };
                     edges.extend(place.behind(&edge));
                     first.push(place.first(&edge));
                 }
                 ahead = Some((here, rows.end - 1));
             }
-            if !self.in_front {
-                let columns: Vec<usize> = exposure.columns.clone().collect();
-                found.warnings.extend(trail_in_bias(&exposure, &blocks.empty, blocks.free, &columns));
-            }
+            zero_levels += blocks.rows.len() * self.groups.max(1);
+            found.warnings.extend(trail.map(|trail| trail.warning(&exposure.about)));
             found.exposures.push(exposure.about);
             Ok(())
         })?;
@@ -206,8 +216,8 @@ struct Place<'a> {
     exposure: &'a Exposure,
     rows: &'a Range<usize>,
     number: usize,
-    /// Zero level, e-.
-    base: Mean,
+    /// Zero level, e-, and its number among all.
+    base: (Mean, usize),
     /// Charge of the block ahead, e-, and how many rows its last one is ahead of the first of this one; None for the first block.
     preceding: Option<(f64, usize)>,
 }
@@ -218,35 +228,31 @@ impl Place<'_> {
         let trail = edge.trail.iter().enumerate().filter_map(|(index, mean)| Some((index + 1, (*mean)?)));
         let row = |(trail_px, mean): (usize, Mean)| {
             let conditions = [("trail_px", trail_px as f64), ("block_px", self.rows.len() as f64)];
-            self.row(conditions.to_vec(), edge, self.rows.end, mean, mean.sigma)
+            let (base, number) = self.base;
+            let row = self.row(conditions.to_vec(), edge, self.rows.end, mean);
+            Measurement { sigma: mean.sigma.hypot(base.sigma), common: Some((base.sigma, number)), ..row }
         };
         trail.map(row).collect()
     }
 
-    /// The row of a table for the charge in its first row.
+    /// The row of a table for the charge in its first row. An error of the zero level is the same in the charge of the block, to which
+    /// it is compared.
     fn first(&self, edge: &Edge) -> Measurement {
-        self.row(Vec::new(), edge, self.rows.start + 1, edge.first, edge.first.sigma)
+        self.row(Vec::new(), edge, self.rows.start + 1, edge.first)
     }
 
-    fn row(
-        &self,
-        mut conditions: Vec<(&'static str, f64)>,
-        edge: &Edge,
-        row: usize,
-        mean: Mean,
-        sigma: f64,
-    ) -> Measurement {
+    fn row(&self, mut conditions: Vec<(&'static str, f64)>, edge: &Edge, row: usize, mean: Mean) -> Measurement {
         let about = &self.exposure.about;
         conditions.extend([
             ("signal_e", edge.signal.value),
-            ("sigma_signal_e", edge.signal.sigma.hypot(self.base.sigma)),
-            ("background_e", self.base.value.max(0.0)),
+            ("sigma_signal_e", edge.signal.sigma),
+            ("background_e", self.base.0.value.max(0.0)),
             ("transfers", (row + about.rows_before() as usize) as f64),
         ]);
         // No charge ahead of the first block: a packet of 0 e-, since all rows of a table have the same columns.
         let (preceding_e, preceding_px) = self.preceding.unwrap_or((0.0, self.rows.start.max(1)));
         conditions.extend([("preceding_e", preceding_e.max(0.0)), ("preceding_px", preceding_px as f64)]);
-        let mut measured = of(about, mean.value, sigma.hypot(self.base.sigma), mean);
+        let mut measured = of(about, mean.value, mean.sigma, mean);
         measured.from.insert(1, ("block", self.number));
         Measurement { conditions, ..measured }
     }

@@ -21,12 +21,14 @@ pub struct Measurement {
     pub value: f64,
     /// Its 1-sigma error.
     pub sigma: f64,
+    /// The part of it that other rows have in common, and the number of their group; none if it is exactly 0.
+    pub common: Option<(f64, usize)>,
     /// Its origin: numbers of pixels, the exposure.
     pub from: Vec<(&'static str, usize)>,
 }
 
 /// Columns of measurement files: name, unit, and meaning.
-const COLUMNS: [(&str, &str, &str); 28] = [
+const COLUMNS: [(&str, &str, &str); 29] = [
     ("trail_px", "pix", "pixel behind the charge; 1 is next to it"),
     ("signal_e", "electron", "charge before transfer, above the background"),
     ("sigma_signal_e", "electron", "1-sigma error of signal_e"),
@@ -49,6 +51,7 @@ const COLUMNS: [(&str, &str, &str); 28] = [
     ("dose_mev_g", "MeV / g", "dose of the traps"),
     ("temperature_k", "K", "temperature of the detector"),
     ("line_time_ms", "ms", "time between two parallel transfers"),
+    ("common_group", "", "rows with the same number have the error sigma_common in common"),
     ("exposure", "", "number of the exposure in meta.exposures"),
     ("hdu", "", "HDU of the frame"),
     ("amplifier", "", "row of the table of amplifiers, from 1"),
@@ -95,6 +98,8 @@ pub(super) fn table(name: &str, origin: &Origin, rows: &[Measurement]) -> Table 
     put("line_time_ms", rows.iter().map(|row| number(row.line_time_ms)).collect());
     put("value", rows.iter().map(|row| Cell::Number(row.value)).collect());
     put("sigma", rows.iter().map(|row| Cell::Number(row.sigma)).collect());
+    put("sigma_common", rows.iter().map(|row| number(row.common.map(|(sigma, _)| sigma))).collect());
+    put("common_group", rows.iter().map(|row| number(row.common.map(|(_, group)| group as f64))).collect());
     for (name, _) in rows.first().map(|row| row.from.clone()).unwrap_or_default() {
         let of = |row: &Measurement| row.from.iter().find(|(known, _)| *known == name).map(|(_, value)| *value);
         put(name, rows.iter().map(|row| number(of(row).map(|value| value as f64))).collect());

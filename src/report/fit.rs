@@ -27,6 +27,8 @@ pub struct FitReport {
     pub profiles: Vec<Profile>,
     /// A sample of the posterior.
     pub posterior: Option<Posterior>,
+    /// Whether rows of the data have known errors in common.
+    pub has_common_errors: bool,
 }
 
 /// A fit in JSON.
@@ -117,7 +119,7 @@ impl Page for FitReport {
             out.table(values(fit));
         }
         out.gap();
-        for said in quality(fit).into_iter().chain(minima(fit)) {
+        for said in quality(fit, self.has_common_errors).into_iter().chain(minima(fit)) {
             out.verdict(said, 2);
         }
         if fit.parameters.len() > 1 {
@@ -162,7 +164,7 @@ fn values(fit: &Fit) -> comfy_table::Table {
 }
 
 /// Quality of the fit, in sentences.
-fn quality(fit: &Fit) -> Vec<String> {
+fn quality(fit: &Fit, has_common_errors: bool) -> Vec<String> {
     let freedom = fit.degrees_of_freedom().max(1);
     let mut said = vec![format!(
         "chi2 {:.1} before, {:.1} after, {:.2} per degree of freedom; rms of residuals {:.2} sigma",
@@ -184,10 +186,10 @@ fn quality(fit: &Fit) -> Vec<String> {
             chance(probability)
         ));
     } else if !fit.parameters.is_empty() {
-        said.push(
-            "The errors (1 sigma) hold if the quoted errors of the data are right, and independent from row to row."
-                .into(),
-        );
+        let but = if has_common_errors { ", apart from sigma_common" } else { "" };
+        said.push(format!(
+            "The errors (1 sigma) hold if the quoted errors of the data are right, and independent from row to row{but}."
+        ));
     }
     said
 }

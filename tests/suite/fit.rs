@@ -86,7 +86,8 @@ fn a_value_that_the_data_do_not_determine_has_no_error() {
     let [Advice::Undetermined { key, between, rise, .. }] = &found.advice[..] else { panic!("{:?}", found.advice) };
     let value = found.parameters[0].value;
     assert!(key == RELEASE && between[0] < value && value < between[1] && *rise < 9.0, "{:?}", found.advice);
-    let report = FitReport { fit: found, holdout: None, profiles: Vec::new(), posterior: None };
+    let report =
+        FitReport { fit: found, holdout: None, profiles: Vec::new(), posterior: None, has_common_errors: false };
     let said = report.text();
     let row = said.lines().find(|line| line.trim_start().starts_with(RELEASE)).unwrap();
     assert!(row.contains("not determined"), "{said}");

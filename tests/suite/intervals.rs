@@ -342,7 +342,8 @@ fn a_fit_says_that_errors_are_too_large() {
         data[0].rows.iter_mut().for_each(|row| row.sigma *= factor);
         let fit = fitted(&mission, &data, &[OFFSET, SLOPE]);
         assert_eq!(fit.errors_too_large().is_some(), factor > 1.0, "{:?}", fit.chi2);
-        let text = FitReport { fit, holdout: None, profiles: Vec::new(), posterior: None }.text();
+        let text =
+            FitReport { fit, holdout: None, profiles: Vec::new(), posterior: None, has_common_errors: false }.text();
         text.split_whitespace().collect::<Vec<_>>().join(" ")
     };
     assert!(!said(1.0).contains("too large"));

@@ -159,6 +159,33 @@ fn the_cti_of_edges_gives_the_traps_back() {
     assert!((ranges[2].0 / sum - 1.0).abs() < 1e-9, "{} {sum}", ranges[2].0);
 }
 
+/// An error of the bias moves all values of an exposure by the errors that they have in common.
+#[test]
+fn the_error_of_the_bias_is_common_to_the_rows_of_an_exposure() {
+    let folder = tempfile::tempdir().unwrap();
+    let cti = folder.path().join("cti.ecsv");
+    let options = format!("{FLAT} --cti {}", cti.display());
+    let frame = flats("")[..1].to_vec();
+    let known = measure("eper", &frame, &options);
+    let column = |path: &Path, name: &str| -> Vec<f64> {
+        let table = Table::read(path).unwrap();
+        table.column(name).unwrap().cells.iter().map(|cell| cell.number().unwrap()).collect()
+    };
+    let of = |path: &Path| ["value", "sigma_common", "common_group"].map(|name| column(path, name));
+    let tables = [of(&known.path()), of(&cti)];
+    let exposure = &known.said["exposures"][0];
+    let [bias_dn, sigma_dn] = ["bias_dn", "bias_sigma_dn"].map(|name| exposure[name].as_f64().unwrap());
+    let moved = measure("eper", &frame, &format!("{options} --overwrite --bias-dn {}", bias_dn + sigma_dn));
+    for ([values, common, groups], path) in tables.iter().zip([&moved.path(), &cti]) {
+        assert!(groups.iter().all(|group| *group == 1.0));
+        for ((before, after), common) in values.iter().zip(column(path, "value")).zip(common) {
+            assert!(((before - after) / common - 1.0).abs() < 1e-3, "{before}, {after}, {common}");
+        }
+        // A bias that is given has no error.
+        assert!(Table::read(path).unwrap().column("sigma_common").is_none());
+    }
+}
+
 #[test]
 fn cosmic_rays_and_bad_columns_do_not_change_edges() {
     let measured = measure("eper", &flats("-dirty"), &format!("{FLAT} --first-pixel"));

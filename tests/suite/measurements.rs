@@ -265,6 +265,40 @@ fn an_error_without_a_unit_beside_a_value_in_another_one_is_refused() {
     assert!(read("value,sigma").is_ok());
 }
 
+#[test]
+fn errors_in_common_are_a_part_of_the_error_and_no_condition() {
+    let read = |columns: &str, cells: [&str; 2]| {
+        let text = format!(
+            "# observable: trail\n# t_yr: 3.0\n# signal_e: 800\ntrail_px,value,sigma,{columns}\n\
+             1,0.01,0.005,{}\n2,0.01,0.005,{}\n",
+            cells[0], cells[1]
+        );
+        DataSet::of(Table::parse("trail.csv", &text).unwrap(), &mission()).map_err(|error| error.to_string())
+    };
+    let set = read("sigma_common,common_group", ["0.003,first", "0.004,second"]).unwrap();
+    let found: Vec<_> = set.rows.iter().map(|row| (row.common.sigma, row.common.group)).collect();
+    assert_eq!(found, [(0.003, 0), (0.004, 1)]);
+    assert!((set.rows[0].own_sigma() - 0.004).abs() < 1e-15 && set.rows[0].sigma == 0.005);
+    assert!(set.rows[0].at.covariates.is_empty() && set.rows[0].words.is_empty() && set.varying == ["trail_px"]);
+    // Without groups, of the whole file.
+    let set = read("sigma_common", ["0.003", ""]).unwrap();
+    assert_eq!([0, 1].map(|row| (set.rows[row].common.sigma, set.rows[row].common.group)), [(0.003, 0), (0.0, 0)]);
+    for (columns, cells, said) in [
+        ("sigma_common", ["0.003", "0.005"], "a part of sigma, which is 0.005; this is 0.005"),
+        ("sigma_common", ["-0.003", "0.001"], "this is -0.003"),
+        ("sigma_common", ["nan", "0.001"], "this is NaN"),
+        ("common_group", ["1", "2"], "no column `sigma_common`"),
+        ("sigma_comon", ["0.003", "0.001"], "did you mean `sigma_common`?"),
+    ] {
+        let error = read(columns, cells).expect_err(columns);
+        assert!(error.contains(said), "{error}");
+    }
+    let text =
+        "# observable: trail\n# t_yr: 3.0\n# signal_e: 800\ntrail_px,value [%],sigma [%],sigma_common\n1,1,0.5,0.3\n";
+    let error = DataSet::of(Table::parse("trail.csv", text).unwrap(), &mission()).unwrap_err().to_string();
+    assert!(error.contains("sigma_common has no unit"), "{error}");
+}
+
 /// What stands nowhere is the mission's: shapes are those of the galaxy that is judged.
 #[test]
 fn shapes_of_no_galaxy_in_particular_are_those_of_the_judged_one() {

@@ -174,6 +174,7 @@ pub(super) fn allowed_for(quoted: &[DataSet], noise: &[SetNoise]) -> Vec<DataSet
         let mut set = set.clone();
         for row in &mut set.rows {
             row.sigma *= noise.scale;
+            row.common.sigma *= noise.scale;
         }
         for wrong in &noise.wrong {
             // Its error is raised to its distance from the others.
@@ -215,9 +216,9 @@ pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, k
         let as_quoted = |signature: &DVector<f64>| {
             let signature = signature.rows_range(rows.clone());
             let column = signature.iter().zip(&set.rows).zip(&case.sigmas[rows.clone()]);
-            DVector::from_iterator(rows.len(), column.map(|((value, row), sigma)| value * sigma / row.sigma))
+            DVector::from_iterator(rows.len(), column.map(|((value, row), sigma)| value * sigma / row.own_sigma()))
         };
-        let residuals = set.rows.iter().zip(model).map(|(row, model)| (row.value - model) / row.sigma);
+        let residuals = set.rows.iter().zip(model).map(|(row, model)| (row.value - model) / row.own_sigma());
         let residuals = DVector::from_iterator(rows.len(), residuals);
         let signatures = signatures.iter().map(as_quoted).collect();
         let drifts =

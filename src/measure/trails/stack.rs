@@ -145,6 +145,7 @@ impl Trail {
             line_time_ms: mean_of(|about| about.line_time_ms),
             value: mean.value / before_e,
             sigma: mean.sigma / before_e,
+            common: None,
             from: [abouts[0].sensor(), mean.pixels()].concat(),
         };
         self.pixels.iter().enumerate().filter_map(|(index, mean)| Some(row((index, mean.as_ref()?)))).collect()

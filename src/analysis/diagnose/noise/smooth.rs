@@ -24,12 +24,15 @@ const EPOCH: &str = "t_yr";
 /// Rows per word of a column, on average, from which each word has its own constant.
 const ROWS_OF_A_WORD: usize = 4;
 
-/// Polynomials in every condition, products of two conditions, and a constant for every word, each alone and times the model; in
-/// quoted errors.
+/// Polynomials in every condition, products of two conditions, and a constant for every word and for every group of rows with a
+/// common error, each alone and times the model; in quoted errors without the common ones.
 pub(super) fn columns(set: &DataSet, model: &[f64]) -> Vec<DVector<f64>> {
     let rows = set.rows.len();
     let mut shapes: Vec<Vec<f64>> = vec![vec![1.0; rows]];
     let mut places: Vec<Vec<f64>> = Vec::new();
+    if set.rows.iter().any(|row| row.common.sigma > 0.0) {
+        shapes.extend(of_words(&set.rows.iter().map(|row| row.common.group as f64).collect::<Vec<_>>()));
+    }
     for name in &set.varying {
         let values = set.against(name);
         if set.is_words(name) {
@@ -66,7 +69,7 @@ pub(super) fn of_epochs(set: &DataSet, change: &[f64]) -> Vec<DVector<f64>> {
 
 /// A shape times a factor of each row, over quoted errors.
 fn over_sigma(set: &DataSet, shape: &[f64], factor: &[f64]) -> DVector<f64> {
-    DVector::from_fn(shape.len(), |row, _| shape[row] * factor[row] / set.rows[row].sigma)
+    DVector::from_fn(shape.len(), |row, _| shape[row] * factor[row] / set.rows[row].own_sigma())
 }
 
 /// The rank of each value among the distinct ones, None for values that are not finite; and the number of distinct values.
