@@ -8,6 +8,7 @@
 //! by replacing its mean residual z (in units of its own error) by z/√(1 + z²/C): nearly unchanged up to a few sigma, at most √C
 //! beyond. All of this is smooth, so that a fit can follow it.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
@@ -129,26 +130,30 @@ impl Whitening {
 
     /// The groups of a data set, of whose rows some are wanted; the first one is row `start` of all wanted ones.
     fn groups_of(&self, set: &DataSet, rows: &[usize], start: usize) -> Vec<Group> {
-        let common = |row: usize| set.rows[row].common;
-        let mut numbers: Vec<usize> = rows
-            .iter()
-            .map(|row| common(*row))
-            .filter(|common| common.sigma > 0.0)
-            .map(|common| common.group)
-            .collect();
-        numbers.sort_unstable();
-        numbers.dedup();
-        let of = |number: usize| {
-            let mut shares = vec![0.0; self.before.len()];
-            for (place, &row) in rows.iter().enumerate().filter(|(_, row)| common(**row).group == number) {
-                shares[start + place] = common(row).sigma / set.rows[row].sigma;
+        let mut behind = vec![None; rows.len()];
+        for (place, link) in self.before[start..start + rows.len()].iter().enumerate() {
+            if let Some((before, shared)) = link {
+                behind[before - start] = Some((place, *shared));
             }
-            let shares = self.uncorrelated(&shares);
-            let length = shares.iter().map(|share| share * share).sum::<f64>().sqrt();
-            let along = shares.into_iter().enumerate().filter(|(_, share)| *share != 0.0);
-            Group { along: along.map(|(row, share)| (row, share / length)).collect(), length }
+        }
+        // The part that is not predicted by the row before, as in `uncorrelated`.
+        let unpredicted =
+            |place: usize| self.before[start + place].map_or(1.0, |(_, shared)| (1.0 - shared * shared).sqrt());
+        let mut groups: BTreeMap<usize, BTreeMap<usize, f64>> = BTreeMap::new();
+        for (place, row) in rows.iter().map(|row| &set.rows[*row]).enumerate().filter(|(_, row)| row.common.sigma > 0.0)
+        {
+            let along = groups.entry(row.common.group).or_default();
+            let share = row.common.sigma / row.own_sigma();
+            *along.entry(start + place).or_default() += share / unpredicted(place);
+            if let Some((next, shared)) = behind[place] {
+                *along.entry(start + next).or_default() -= shared * share / unpredicted(next);
+            }
+        }
+        let of = |along: BTreeMap<usize, f64>| {
+            let length = along.values().map(|share| share * share).sum::<f64>().sqrt();
+            Group { along: along.into_iter().map(|(row, share)| (row, share / length)).collect(), length }
         };
-        numbers.into_iter().map(of).collect()
+        groups.into_values().map(of).collect()
     }
 
     /// A change of the residuals, without common errors of rows, pedestals kept.

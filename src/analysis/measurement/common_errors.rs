@@ -9,6 +9,8 @@
 //!
 //! as in D'Agostini 1994, Nucl. Instrum. Methods A 346, 306, equation 12. [`crate::analysis::whitening`] makes them independent.
 
+use std::collections::HashMap;
+
 use super::units::Unit;
 use super::{Reader, Row};
 use crate::error::InputError;
@@ -42,15 +44,12 @@ impl Reader<'_> {
                 }
             };
         }
-        let mut groups: Vec<String> = Vec::new();
+        let mut groups: HashMap<String, usize> = HashMap::new();
         let of = |(row, known): (usize, &Row)| {
             let sigma = self.common_sigma(row, known.sigma)?;
             let name = self.table.column(GROUP).map_or(String::new(), |column| column.cells[row].to_string());
-            let group = groups.iter().position(|known| *known == name).unwrap_or(groups.len());
-            if group == groups.len() {
-                groups.push(name);
-            }
-            Ok(Common { sigma, group })
+            let number = groups.len();
+            Ok(Common { sigma, group: *groups.entry(name).or_insert(number) })
         };
         rows.iter().enumerate().map(of).collect()
     }
