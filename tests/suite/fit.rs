@@ -4,13 +4,14 @@ use std::path::Path;
 
 use ctiplan::analysis::fit::{Advice, Fit, Options, fit};
 use ctiplan::analysis::measurement::{DataSet, questions};
+use ctiplan::analysis::validate::validate;
 use ctiplan::io::table::Table;
 use ctiplan::mission::Mission;
 use ctiplan::mission_file;
 use ctiplan::model::Model;
 use ctiplan::model::predict::predict;
 use ctiplan::numeric::calendar::decimal_year;
-use ctiplan::report::{FitReport, Report};
+use ctiplan::report::{FitReport, Format, Report};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -38,6 +39,51 @@ fn measured(release_ms: f64, seed: u64) -> (Mission, Vec<DataSet>) {
 fn fitted(mission: &Mission, data: &[DataSet], keys: &[&str]) -> Fit {
     let keys: Vec<String> = keys.iter().map(ToString::to_string).collect();
     fit(mission, data, &keys, &Options::default(), &|_| {}).unwrap()
+}
+
+/// Measured densities of a species at four doses, in three sessions with an error of their own each: value, error and chi2 are those of
+/// generalised least squares with the covariance matrix, and `validate` has that chi2.
+#[test]
+fn errors_in_common_are_those_of_the_covariance_matrix() {
+    const KEY: &str = "detector.traps.VV.density_per_px";
+    let mission = Mission::read("missions/snap_l2.toml").unwrap();
+    let sigmas = [(0.013, 0.012), (0.03, 0.02), (0.025, 0.0)];
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    let mut drawn = || -> f64 { StandardNormal.sample(&mut random) };
+    let off = sigmas.map(|(_, common)| common * drawn());
+    let mut text =
+        "# observable: trap_density\n# species: VV\ndose_mev_g,value,sigma,sigma_common,common_group\n".to_string();
+    for dose_mev_g in [2e6, 4e6, 8e6, 1.6e7] {
+        for (session, (sigma, common)) in sigmas.iter().enumerate() {
+            let own = f64::sqrt(sigma * sigma - common * common) * drawn();
+            let value = 2e-8 * dose_mev_g + off[session] + own;
+            text += &format!("{dose_mev_g},{value},{sigma},{common},{session}\n");
+        }
+    }
+    let data = [DataSet::of(Table::parse("densities.csv", &text).unwrap(), &mission).unwrap()];
+    let rows = &data[0].rows;
+    let n = rows.len();
+    let covariance = nalgebra::DMatrix::from_fn(n, n, |i, j| match (i == j, i % 3 == j % 3) {
+        (true, _) => rows[i].sigma.powi(2),
+        (_, true) => rows[i].common.sigma * rows[j].common.sigma,
+        _ => 0.0,
+    });
+    let weights = covariance.try_inverse().unwrap();
+    let model = nalgebra::DVector::from_vec(predict(&Model::new(&mission), &questions(&data)).unwrap());
+    let values = nalgebra::DVector::from_iterator(n, rows.iter().map(|row| row.value));
+    let weight = model.dot(&(&weights * &model));
+    let factor = model.dot(&(&weights * &values)) / weight;
+    let left = values - factor * &model;
+    let chi2 = left.dot(&(&weights * &left));
+
+    let found = fitted(&mission, &data, &[KEY]);
+    let density = &found.parameters[0];
+    assert!((density.value / (factor * density.before) - 1.0).abs() < 1e-6, "{density:?}, {factor}");
+    assert!((density.sigma.unwrap() / (density.before / weight.sqrt()) - 1.0).abs() < 1e-6, "{density:?}, {weight}");
+    assert!((found.chi2 / chi2 - 1.0).abs() < 1e-9, "{}, {chi2}", found.chi2);
+    let validation = validate(&found.mission, &data, 1).unwrap();
+    assert!((validation.chi2 / chi2 - 1.0).abs() < 1e-9, "{}, {chi2}", validation.chi2);
+    assert!(validation.render(Format::Text).contains("sigma_common"));
 }
 
 /// Of traps that have let go of everything before the next pixel comes, the data only say that they are fast: the value stays
