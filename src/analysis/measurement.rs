@@ -179,7 +179,12 @@ fn slip_of(name: &str) -> Option<&'static str> {
     };
     // An additional or missing letter is likelier than a wrong one.
     let letters_apart = |condition: &&str| condition.len().abs_diff(name.len());
-    conditions::NAMES.into_iter().chain(["galaxy", "date"]).rev().filter(like).max_by_key(letters_apart)
+    conditions::NAMES
+        .into_iter()
+        .chain(["galaxy", "date", common_errors::GROUP])
+        .rev()
+        .filter(like)
+        .max_by_key(letters_apart)
 }
 
 /// Columns that are neither conditions nor covariates.

@@ -288,6 +288,8 @@ fn errors_in_common_are_a_part_of_the_error_and_no_condition() {
         ("sigma_common", ["-0.003", "0.001"], "this is -0.003"),
         ("sigma_common", ["nan", "0.001"], "this is NaN"),
         ("common_group", ["1", "2"], "no column `sigma_common`"),
+        ("sigma_common,common_group", ["0.003,1", "0.003,"], "no `common_group` says with which"),
+        ("sigma_common,common_grup", ["0.003,1", "0.003,2"], "write `common_group`"),
         ("sigma_comon", ["0.003", "0.001"], "did you mean `sigma_common`?"),
     ] {
         let error = read(columns, cells).expect_err(columns);

@@ -14,6 +14,7 @@ use std::collections::HashMap;
 use super::units::Unit;
 use super::{Reader, Row};
 use crate::error::InputError;
+use crate::io::table::Cell;
 
 /// The columns.
 pub(super) const SIGMA: &str = "sigma_common";
@@ -32,7 +33,7 @@ impl Reader<'_> {
     /// The common error of each row.
     ///
     /// # Errors
-    /// If one is negative, or not below the error of its row, or a group is given without errors.
+    /// If one is negative, or not below the error of its row, or an error or a group is given without the other.
     pub(super) fn common_errors(&self, rows: &[Row]) -> Result<Vec<Common>, InputError> {
         if self.table.column(SIGMA).is_none() && self.table.meta(SIGMA).is_none() {
             return match self.table.column(GROUP) {
@@ -47,7 +48,14 @@ impl Reader<'_> {
         let mut groups: HashMap<String, usize> = HashMap::new();
         let of = |(row, known): (usize, &Row)| {
             let sigma = self.common_sigma(row, known.sigma)?;
-            let name = self.table.column(GROUP).map_or(String::new(), |column| column.cells[row].to_string());
+            let cell = self.table.column(GROUP).map(|column| &column.cells[row]);
+            if cell == Some(&Cell::Missing) && sigma > 0.0 {
+                let problem = format!("the row has an error in common with others, and no `{GROUP}` says with which");
+                let help =
+                    "rows with the same number or word have it in common; give sigma_common = 0 to rows without one";
+                return Err(self.table.fault(Some(row), Some(GROUP), problem).with_help(help));
+            }
+            let name = cell.map_or(String::new(), ToString::to_string);
             let number = groups.len();
             Ok(Common { sigma, group: *groups.entry(name).or_insert(number) })
         };
