@@ -16,7 +16,7 @@ use serde_json::json;
 use super::edge::{Block, Edge};
 use super::eper::{of, trail_in_bias};
 use super::exposure::{Exposure, Frames};
-use super::statistic::{Mean, median};
+use super::statistic::{Mean, clipped, median};
 use super::table::Measurement;
 use super::{Found, Measured};
 use crate::error::InputError;
@@ -78,6 +78,15 @@ impl Injection {
             let all: Vec<usize> = exposure.columns.clone().collect();
             let in_gaps = blocks.empty.as_slice();
             let trail = if self.in_front { None } else { trail_in_bias(&exposure, in_gaps, blocks.free, &all) };
+            // One value for all blocks: the level of each has an error that is also that of its values.
+            let background = clipped(
+                in_gaps.iter().flat_map(|rows| rows.clone()).flat_map(|row| {
+                    let charge_e = &exposure.charge_e;
+                    all.iter().map(move |column| charge_e[[row, *column]])
+                }),
+                exposure.about.quantum_e,
+            );
+            let background_e = background.map_or(0.0, |mean| mean.value.max(0.0));
             // Charge of the block ahead, for each group of columns, and its last row.
             let mut ahead: Option<(Vec<Option<f64>>, usize)> = None;
             for (number, (rows, empty)) in blocks.rows.iter().zip(&blocks.empty).enumerate() {
@@ -104,7 +113,7 @@ impl Injection {
                     };
                     let left_e = trail.as_ref().map_or(0.0, |trail| trail.left_e);
                     let base = (Mean { sigma: base.sigma.hypot(left_e), ..base }, zero_levels + level + 1);
-                    let place = Place { exposure: &exposure, rows, number: number + 1, base, preceding };
+                    let place = Place { exposure: &exposure, rows, number: number + 1, base, background_e, preceding };
                     edges.extend(place.behind(&edge));
                     first.push(place.first(&edge));
                 }
@@ -218,6 +227,8 @@ struct Place<'a> {
     number: usize,
     /// Zero level, e-, and its number among all.
     base: (Mean, usize),
+    /// Charge of empty rows, e-.
+    background_e: f64,
     /// Charge of the block ahead, e-, and how many rows its last one is ahead of the first of this one; None for the first block.
     preceding: Option<(f64, usize)>,
 }
@@ -246,7 +257,7 @@ impl Place<'_> {
         conditions.extend([
             ("signal_e", edge.signal.value),
             ("sigma_signal_e", edge.signal.sigma),
-            ("background_e", self.base.0.value.max(0.0)),
+            ("background_e", self.background_e),
             ("transfers", (row + about.rows_before() as usize) as f64),
         ]);
         // No charge ahead of the first block: a packet of 0 e-, since all rows of a table have the same columns.

@@ -110,3 +110,20 @@ fn three_events_are_not_taken_for_one_and_a_cycle() {
     notes.dedup();
     assert_eq!(notes.len(), all, "{notes:?}");
 }
+
+/// The zero levels of five exposures are off by several of the rows' own errors, which `sigma_common` says: that is no scatter from row to row.
+/// Nothing is missing in one table, and a preflash in the other.
+#[test]
+fn errors_in_common_are_no_larger_errors_of_rows() {
+    let mission = Mission::read("tests/like_flown/exposures.toml").unwrap();
+    for (name, verdict, missing) in
+        [("exposures", Verdict::Complete, None), ("exposures_preflash", Verdict::Missing, Some("preflash"))]
+    {
+        let data = DataSet::read(format!("tests/like_flown/{name}.csv"), &mission).unwrap();
+        let options = Options { free: mission.fit.free.clone(), stability: false, ..Options::default() };
+        let found = diagnose(&mission, &[data], &options, &SILENT).unwrap();
+        let steps: Vec<&str> = found.steps.iter().map(|step| step.effect.as_str()).collect();
+        assert_eq!((found.verdict, steps), (verdict, Vec::from_iter(missing)), "{name}: {}", found.reason);
+        assert_eq!((found.noise[0].scale, found.noise[0].correlation), (1.0, 0.0), "{name}");
+    }
+}

@@ -275,14 +275,16 @@ fn errors_in_common_are_a_part_of_the_error_and_no_condition() {
         );
         DataSet::of(Table::parse("trail.csv", &text).unwrap(), &mission()).map_err(|error| error.to_string())
     };
-    let set = read("sigma_common,common_group", ["0.003,first", "0.004,second"]).unwrap();
+    let set = read("sigma_common,common_group", ["0.003,first", "0.004,first"]).unwrap();
     let found: Vec<_> = set.rows.iter().map(|row| (row.common.sigma, row.common.group)).collect();
-    assert_eq!(found, [(0.003, 0), (0.004, 1)]);
+    assert_eq!(found, [(0.003, 0), (0.004, 0)]);
     assert!((set.rows[0].own_sigma() - 0.004).abs() < 1e-15 && set.rows[0].sigma == 0.005);
     assert!(set.rows[0].at.covariates.is_empty() && set.rows[0].words.is_empty() && set.varying == ["trail_px"]);
-    // Without groups, of the whole file.
-    let set = read("sigma_common", ["0.003", ""]).unwrap();
-    assert_eq!([0, 1].map(|row| (set.rows[row].common.sigma, set.rows[row].common.group)), [(0.003, 0), (0.0, 0)]);
+    // Without groups, of the whole file; of one row alone, its own.
+    let common = |set: DataSet| [0, 1].map(|row| set.rows[row].common.sigma);
+    assert_eq!(common(read("sigma_common", ["0.003", "0.002"]).unwrap()), [0.003, 0.002]);
+    assert_eq!(common(read("sigma_common", ["0.003", ""]).unwrap()), [0.0, 0.0]);
+    assert_eq!(common(read("sigma_common,common_group", ["0.003,1", "0.003,2"]).unwrap()), [0.0, 0.0]);
     for (columns, cells, said) in [
         ("sigma_common", ["0.003", "0.005"], "a part of sigma, which is 0.005; this is 0.005"),
         ("sigma_common", ["-0.003", "0.001"], "this is -0.003"),

@@ -223,7 +223,7 @@ pub(super) fn estimate(case: &Case, quoted: &[DataSet], expansion: &Expansion, k
         let signatures = signatures.iter().map(as_quoted).collect();
         let drifts =
             per_kelvin.as_ref().map(|change| smooth::of_epochs(set, &change[rows.clone()])).unwrap_or_default();
-        let smooth = smooth::directions(smooth::columns(set, model), signatures, drifts);
+        let smooth = smooth::directions(smooth::of_groups(set), smooth::columns(set, model), signatures, drifts);
         of_set(set, &residuals, &smooth, &known[index])
     };
     quoted.iter().enumerate().map(of).collect()

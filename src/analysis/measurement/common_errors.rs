@@ -59,7 +59,13 @@ impl Reader<'_> {
             let number = groups.len();
             Ok(Common { sigma, group: *groups.entry(name).or_insert(number) })
         };
-        rows.iter().enumerate().map(of).collect()
+        let found = rows.iter().enumerate().map(of).collect::<Result<Vec<Common>, InputError>>()?;
+        let mut members = vec![0; groups.len()];
+        found.iter().filter(|common| common.sigma > 0.0).for_each(|common| members[common.group] += 1);
+        // Of one row alone it is an error like any other.
+        let is_alone = |common: &Common| members[common.group] < 2;
+        let shared = |common: Common| if is_alone(&common) { Common { sigma: 0.0, ..common } } else { common };
+        Ok(found.into_iter().map(shared).collect())
     }
 
     fn common_sigma(&self, row: usize, most: f64) -> Result<f64, InputError> {

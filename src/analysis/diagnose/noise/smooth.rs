@@ -1,5 +1,7 @@
 //! Smooth components of the residuals of a file: everything that effects can do, and any other function of its conditions.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector};
 
 use crate::analysis::measurement::DataSet;
@@ -24,15 +26,12 @@ const EPOCH: &str = "t_yr";
 /// Rows per word of a column, on average, from which each word has its own constant.
 const ROWS_OF_A_WORD: usize = 4;
 
-/// Polynomials in every condition, products of two conditions, and a constant for every word and for every group of rows with a
-/// common error, each alone and times the model; in quoted errors without the common ones.
+/// Polynomials in every condition, products of two conditions, and a constant for every word, each alone and times the model; in
+/// quoted errors without the common ones.
 pub(super) fn columns(set: &DataSet, model: &[f64]) -> Vec<DVector<f64>> {
     let rows = set.rows.len();
     let mut shapes: Vec<Vec<f64>> = vec![vec![1.0; rows]];
     let mut places: Vec<Vec<f64>> = Vec::new();
-    if set.rows.iter().any(|row| row.common.sigma > 0.0) {
-        shapes.extend(of_words(&set.rows.iter().map(|row| row.common.group as f64).collect::<Vec<_>>()));
-    }
     for name in &set.varying {
         let values = set.against(name);
         if set.is_words(name) {
@@ -57,6 +56,16 @@ pub(super) fn columns(set: &DataSet, model: &[f64]) -> Vec<DVector<f64>> {
     }
     let alone = vec![1.0; rows];
     shapes.iter().flat_map(|shape| [over_sigma(set, shape, &alone), over_sigma(set, shape, model)]).collect()
+}
+
+/// The known errors in common of each group of rows, in quoted errors without them.
+pub(super) fn of_groups(set: &DataSet) -> Vec<DVector<f64>> {
+    let mut groups: BTreeMap<usize, DVector<f64>> = BTreeMap::new();
+    for (place, row) in set.rows.iter().enumerate().filter(|(_, row)| row.common.sigma > 0.0) {
+        let column = groups.entry(row.common.group).or_insert_with(|| DVector::zeros(set.rows.len()));
+        column[place] = row.common.sigma / row.own_sigma();
+    }
+    groups.into_values().collect()
 }
 
 /// A change of the model with something that differs from epoch to epoch, for every epoch; in quoted errors.
@@ -99,14 +108,16 @@ fn of_words(words: &[f64]) -> Vec<Vec<f64>> {
     (0..count).map(|word| words.iter().map(|other| f64::from(u8::from(*other == word as f64))).collect()).collect()
 }
 
-/// Orthonormal basis of the columns, the most important directions first. The first columns, a constant alone and times the model,
-/// are always included: files have pedestals and gains. What drifts from epoch to epoch comes last.
+/// Orthonormal basis of the columns, the most important directions first. Errors in common and the first smooth columns, a constant alone
+/// and times the model, are always included: files have pedestals and gains. What drifts from epoch to epoch comes last.
 pub(super) fn directions(
+    in_common: Vec<DVector<f64>>,
     smooth: Vec<DVector<f64>>,
     signatures: Vec<DVector<f64>>,
     drifts: Vec<DVector<f64>>,
 ) -> DMatrix<f64> {
-    let first = Span::of(&DMatrix::from_columns(&smooth[..CONSTANTS]), 1e-6).directions().clone();
+    let always: Vec<DVector<f64>> = in_common.into_iter().chain(smooth[..CONSTANTS].iter().cloned()).collect();
+    let first = Span::of(&DMatrix::from_columns(&always), 1e-6).directions().clone();
     let others = smooth.into_iter().skip(CONSTANTS).chain(signatures);
     let all = extended(first, others, MOST);
     extended(all, drifts.into_iter(), MOST_WITH_DRIFTS)
