@@ -126,7 +126,7 @@ pub fn fit(
         };
         let posterior = samples.map(drawn).transpose()?;
         let found = fitted.mission.clone();
-        let has_common_errors = measurement::have_common_errors(&data);
+        let has_common_errors = data.iter().any(measurement::DataSet::has_common_errors);
         let report = FitReport { fit: fitted, holdout, profiles, posterior, has_common_errors };
         Ok(Outcome::of(report, vec![found.clone()]).with(found))
     })

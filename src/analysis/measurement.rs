@@ -86,11 +86,6 @@ pub fn questions(data: &[DataSet]) -> Vec<Question<'_>> {
     data.iter().flat_map(|set| set.rows.iter().map(|row| row.question(set.observable))).collect()
 }
 
-/// Whether rows have known errors in common.
-pub fn have_common_errors(data: &[DataSet]) -> bool {
-    data.iter().flat_map(|set| &set.rows).any(|row| row.common.sigma > 0.0)
-}
-
 /// Rejects data without rows.
 pub(crate) fn some_rows(data: &[DataSet], refused: &str) -> Result<(), InputError> {
     if data.iter().all(|set| set.rows.is_empty()) {
@@ -225,6 +220,11 @@ impl DataSet {
     /// The same without a pedestal.
     pub(crate) fn without_pedestal(&self) -> DataSet {
         DataSet { shared: Shared { pedestal: false, ..self.shared.clone() }, ..self.clone() }
+    }
+
+    /// Whether rows have known errors in common.
+    pub fn has_common_errors(&self) -> bool {
+        self.rows.iter().any(|row| row.common.sigma > 0.0)
     }
 
     /// A condition, covariate or text column of every row, as numbers; NaN if a row has none. Words are numbered in order of

@@ -11,7 +11,7 @@ use super::{Failure, Outcome, Output, print_and_suggest, searching};
 use crate::analysis::fit;
 use crate::analysis::fit::posterior::Posterior;
 use crate::analysis::fit::profile::{self, Profile};
-use crate::analysis::measurement::{DataSet, have_common_errors};
+use crate::analysis::measurement::DataSet;
 use crate::cli::file_argument::OutputFile;
 use crate::error::InputError;
 use crate::io::atomic_file;
@@ -102,7 +102,7 @@ impl Fit {
             None => None,
         };
         let fitted_mission = fitted.mission.clone();
-        let has_common_errors = have_common_errors(&data);
+        let has_common_errors = data.iter().any(DataSet::has_common_errors);
         let report = FitReport { fit: fitted, holdout, profiles, posterior, has_common_errors };
         self.drawn.write(&report, &[fitted_mission])?;
         print_and_suggest(&report, &self.output, next)?;

@@ -16,7 +16,7 @@ use serde_json::json;
 use super::bias::{BiasSource, Line};
 use super::edge::{Block, Edge};
 use super::exposure::{About, Exposure, Frames};
-use super::statistic::{Mean, clipped, median};
+use super::statistic::{Mean, median};
 use super::table::Measurement;
 use super::{Found, Measured};
 use crate::error::InputError;
@@ -278,11 +278,7 @@ pub(super) fn trail_in_bias(
     free: usize,
     columns: &[usize],
 ) -> Option<TrailInBias> {
-    let mean = |of: &dyn Fn(&Range<usize>) -> Range<usize>| {
-        let rows = rows.iter().flat_map(of);
-        let charges = rows.flat_map(|row| columns.iter().map(move |column| exposure.charge_e[[row, *column]]));
-        clipped(charges, exposure.about.quantum_e)
-    };
+    let mean = |of: &dyn Fn(&Range<usize>) -> Range<usize>| exposure.mean(rows.iter().flat_map(of), columns);
     if free < 2 {
         return None;
     }
@@ -301,7 +297,7 @@ pub(super) fn trail_in_bias(
 fn level_behind(exposure: &Exposure, columns: &[usize]) -> Option<Warning> {
     let end = exposure.charge_e.nrows();
     let (start, middle) = (exposure.rows + (end - exposure.rows) / 2, exposure.rows + 3 * (end - exposure.rows) / 4);
-    let mean = |rows: Range<usize>| exposure.mean(&rows, columns);
+    let mean = |rows: Range<usize>| exposure.mean(rows, columns);
     let (near, far) = (mean(start..middle)?, mean(middle..end)?);
     // A trail that has not ended falls further.
     let stays = far.value - LEAST_FALL * near.value > far.sigma.hypot(LEAST_FALL * near.sigma);

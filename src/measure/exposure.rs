@@ -136,8 +136,8 @@ pub struct About {
 
 impl Exposure {
     /// Clipped mean of some columns in some rows, e-; None if too few pixels have a value.
-    pub(super) fn mean(&self, rows: &Range<usize>, columns: &[usize]) -> Option<Mean> {
-        let charges = rows.clone().flat_map(|row| columns.iter().map(move |column| self.charge_e[[row, *column]]));
+    pub(super) fn mean(&self, rows: impl Iterator<Item = usize>, columns: &[usize]) -> Option<Mean> {
+        let charges = rows.flat_map(|row| columns.iter().map(move |column| self.charge_e[[row, *column]]));
         clipped(charges, self.about.quantum_e)
     }
 }

@@ -16,7 +16,7 @@ use serde_json::json;
 use super::edge::{Block, Edge};
 use super::eper::{of, trail_in_bias};
 use super::exposure::{Exposure, Frames};
-use super::statistic::{Mean, clipped, median};
+use super::statistic::{Mean, median};
 use super::table::Measurement;
 use super::{Found, Measured};
 use crate::error::InputError;
@@ -79,13 +79,7 @@ impl Injection {
             let in_gaps = blocks.empty.as_slice();
             let trail = if self.in_front { None } else { trail_in_bias(&exposure, in_gaps, blocks.free, &all) };
             // One value for all blocks: the level of each has an error that is also that of its values.
-            let background = clipped(
-                in_gaps.iter().flat_map(|rows| rows.clone()).flat_map(|row| {
-                    let charge_e = &exposure.charge_e;
-                    all.iter().map(move |column| charge_e[[row, *column]])
-                }),
-                exposure.about.quantum_e,
-            );
+            let background = exposure.mean(in_gaps.iter().flat_map(Range::clone), &all);
             let background_e = background.map_or(0.0, |mean| mean.value.max(0.0));
             // Charge of the block ahead, for each group of columns, and its last row.
             let mut ahead: Option<(Vec<Option<f64>>, usize)> = None;
@@ -99,7 +93,7 @@ impl Injection {
                 let mut here = vec![None; groups.len()];
                 for (group, columns) in groups.into_iter().enumerate() {
                     let measured = exposure
-                        .mean(empty, &columns)
+                        .mean(empty.clone(), &columns)
                         .and_then(|base| Some((base, block.edge(&exposure, &columns, base.value)?)));
                     let Some((base, edge)) = measured else { continue };
                     here[group] = Some(edge.signal.value);

@@ -6,7 +6,6 @@ mod words;
 use serde::ser::{Serialize, Serializer};
 
 use super::{Page, Parts, Report, chance, table};
-use crate::analysis::measurement::have_common_errors;
 use crate::analysis::validate::residual_trend::Trend;
 use crate::analysis::validate::{SetResult, Validation};
 use crate::report::plot::Figure;
@@ -176,7 +175,7 @@ impl Validation {
             ]);
         }
         out.table(worst);
-        if self.sets.iter().any(|set| have_common_errors(std::slice::from_ref(&set.data))) {
+        if self.sets.iter().any(|set| set.data.has_common_errors()) {
             out.words(
                 "  where rows have an error in common (sigma_common), residuals are independent of it, in units of the errors without it",
                 4,

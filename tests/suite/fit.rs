@@ -41,7 +41,7 @@ fn fitted(mission: &Mission, data: &[DataSet], keys: &[&str]) -> Fit {
     fit(mission, data, &keys, &Options::default(), &|_| {}).unwrap()
 }
 
-/// Measured densities of a species at four doses, in three sessions with an error of their own each: value, error and chi2 are those of
+/// Measured densities of a species at four doses, by three instruments whose zero levels have an error each: value, error and chi2 are those of
 /// generalised least squares with the covariance matrix, and `validate` has that chi2.
 #[test]
 fn errors_in_common_are_those_of_the_covariance_matrix() {
@@ -54,10 +54,10 @@ fn errors_in_common_are_those_of_the_covariance_matrix() {
     let mut text =
         "# observable: trap_density\n# species: VV\ndose_mev_g,value,sigma,sigma_common,common_group\n".to_string();
     for dose_mev_g in [2e6, 4e6, 8e6, 1.6e7] {
-        for (session, (sigma, common)) in sigmas.iter().enumerate() {
+        for (instrument, (sigma, common)) in sigmas.iter().enumerate() {
             let own = f64::sqrt(sigma * sigma - common * common) * drawn();
-            let value = 2e-8 * dose_mev_g + off[session] + own;
-            text += &format!("{dose_mev_g},{value},{sigma},{common},{session}\n");
+            let value = 2e-8 * dose_mev_g + off[instrument] + own;
+            text += &format!("{dose_mev_g},{value},{sigma},{common},{instrument}\n");
         }
     }
     let data = [DataSet::of(Table::parse("densities.csv", &text).unwrap(), &mission).unwrap()];
@@ -78,6 +78,7 @@ fn errors_in_common_are_those_of_the_covariance_matrix() {
 
     let found = fitted(&mission, &data, &[KEY]);
     let density = &found.parameters[0];
+    // The solver ends when steps are below 1e-6; chi2 is quadratic there.
     assert!((density.value / (factor * density.before) - 1.0).abs() < 1e-6, "{density:?}, {factor}");
     assert!((density.sigma.unwrap() / (density.before / weight.sqrt()) - 1.0).abs() < 1e-6, "{density:?}, {weight}");
     assert!((found.chi2 / chi2 - 1.0).abs() < 1e-9, "{}, {chi2}", found.chi2);
