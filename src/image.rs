@@ -22,6 +22,7 @@ pub mod invert;
 mod json;
 pub mod mask;
 pub mod noise;
+pub mod selection;
 pub mod transport;
 pub mod trap_map;
 pub mod uncertain;
@@ -35,6 +36,8 @@ pub use correct::{Corrected, Residual, Stop, correct, iterated};
 pub use frame::{Corner, Geometry, Split, Transfers};
 pub use invert::{Transport, invert};
 pub use noise::NoiseAfter;
+pub use selection::LeftOut;
+pub(crate) use selection::frames;
 pub use transport::FrameTransport;
 pub use trap_map::TrapMap;
 pub use uncertain::{Uncertain, uncertain};
@@ -151,6 +154,8 @@ pub struct HduDone {
     pub name: Option<String>,
     /// The frame, if it was one; None if the HDU was copied.
     pub frame: Option<FrameDone>,
+    /// Why it was none, if it is an image and none were selected.
+    pub left_out: Option<LeftOut>,
 }
 
 /// Results for a frame.
@@ -302,6 +307,7 @@ impl Job {
         if !overwrite {
             atomic_file::refuse_existing(output)?;
         }
+        refuse_packed(output)?;
         let mut fits = Fits::open(input)?;
         let frames = self.frames(&fits.hdus, input)?;
         let mut done = Done {
@@ -332,17 +338,24 @@ impl Job {
         let bytes = bytes_after.get();
         done.warnings.extend((bytes > 0).then_some(Warning::AfterLastHdu { bytes }));
         let mut frames = work.done;
+        let left_out = match self.amplifiers {
+            None => selection::left_out(&fits.hdus, &self.hdus)?,
+            Some(_) => Vec::new(),
+        };
         for hdu in &fits.hdus {
             let frame = frames.remove(&hdu.index);
+            let left_out = left_out.iter().find(|(index, _)| *index == hdu.index).map(|(_, why)| *why);
+            let doubtful = left_out.filter(|why| why.is_doubtful());
+            done.warnings
+                .extend(doubtful.map(|why| Warning::ImageLeftOut { name: hdu.to_string(), why: why.to_string() }));
             done.warnings.extend(frame.iter().flat_map(|frame| self.warnings(hdu, frame)));
             if frame.is_some() && self.task != Task::Readout {
-                done.warnings.extend(
-                    Companions::of_other_size(&fits.hdus, hdu.index).into_iter().map(|beside| {
-                        Warning::CompanionOfOtherSize { name: beside.to_string(), frame: hdu.to_string() }
-                    }),
-                );
+                done.warnings.extend(Companions::unfit(&fits.hdus, hdu.index).into_iter().map(|(beside, unfit)| {
+                    let (name, frame) = (beside.to_string(), hdu.to_string());
+                    Warning::CompanionNotUsed { name, frame, why: unfit.why, help: unfit.help }
+                }));
             }
-            done.hdus.push(HduDone { index: hdu.index, name: hdu.name(), frame });
+            done.hdus.push(HduDone { index: hdu.index, name: hdu.name(), frame, left_out });
         }
         Ok(done)
     }
@@ -659,6 +672,17 @@ impl Job {
     }
 }
 
+/// Refuses to write a file whose name says that it is compressed in a way that is not written.
+fn refuse_packed(output: &Path) -> Result<(), InputError> {
+    let ending = output.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+    if !["bz2", "Z", "z", "xz", "zst", "zip"].contains(&ending) {
+        return Ok(());
+    }
+    let problem = format!("files are written plain, or compressed with gzip, and not as .{ending}");
+    Err(InputError::new(format!("cannot write `{}`", output.display()), problem)
+        .with_help("give a name that ends in .fits or .fits.gz"))
+}
+
 /// Whether a file is compressed with gzip, by its name.
 fn is_gzip(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gz"))
@@ -686,38 +710,6 @@ fn history_of(amplifier: &Amplifier) -> [String; 2] {
     [format!("{name}traps per pixel: {}", traps.collect::<Vec<_>>().join(", ")), lies]
 }
 
-/// Indices of the HDUs to process (those selected, or all that hold charge), and the meaning of their values.
-///
-/// # Errors
-/// If there is no such HDU, one is not an image, does not fit the geometry, or its unit is unknown.
-pub(crate) fn frames(
-    hdus: &[Hdu],
-    choices: &[Choice],
-    geometry: &Geometry,
-    unit: &Unit,
-) -> Result<Vec<(usize, unit::Scale)>, InputError> {
-    for choice in choices {
-        if !hdus.iter().any(|hdu| choice.is(hdu)) {
-            let known: Vec<String> = hdus.iter().map(Hdu::to_string).collect();
-            return Err(InputError::new(format!("there is no HDU {choice}"), format!("it has {}", known.join(", "))));
-        }
-    }
-    let chosen = |hdu: &&Hdu| match choices {
-        [] => hdu.kind != HduKind::Empty && hdu.kind != HduKind::NoImage && !says_other_than_charge(hdu),
-        choices => choices.iter().any(|choice| choice.is(hdu)),
-    };
-    let mut frames = Vec::new();
-    for hdu in hdus.iter().filter(chosen) {
-        let shape = image_shape(hdu)?;
-        geometry.check(shape).map_err(|error| InputError { refused: format!("{hdu}, {}", error.refused), ..error })?;
-        frames.push((hdu.index, unit.scale(hdu, &hdus[0])?));
-    }
-    if frames.is_empty() {
-        return Err(InputError::new("nothing to do", "it has no image of charge"));
-    }
-    Ok(frames)
-}
-
 /// Rows and columns of an image that can be processed.
 ///
 /// # Errors
@@ -743,24 +735,9 @@ pub(crate) fn image_shape(hdu: &Hdu) -> Result<(usize, usize), InputError> {
     }
 }
 
-/// Names of companion extensions that hold no charge: data quality, errors, variances, weights, masks, as named in the pipelines of
-/// Hubble, Euclid and others. The part after the last dot counts (`3-4.F.SCI`).
-const OTHER_THAN_CHARGE: [&str; 16] = [
-    "DQ", "ERR", "ERROR", "VAR", "VARIANCE", "IVAR", "RMS", "FLG", "FLAG", "MASK", "WHT", "WEIGHT", "CTX", "SAMP",
-    "TIME", UNCERTAIN,
-];
-
-/// The ending of the name of an extension that marks uncertain pixels.
-const UNCERTAIN: &str = "UNCERTAIN";
-
 /// The name of the extension that marks the uncertain pixels of a frame.
 fn marks(hdu: &Hdu) -> String {
-    format!("{}.{UNCERTAIN}", hdu.name().unwrap_or_else(|| format!("HDU{}", hdu.index)))
-}
-
-fn says_other_than_charge(hdu: &Hdu) -> bool {
-    let name = hdu.name().unwrap_or_default().to_ascii_uppercase();
-    OTHER_THAN_CHARGE.contains(&name.rsplit('.').next().unwrap_or_default())
+    format!("{}.{}", hdu.name().unwrap_or_else(|| format!("HDU{}", hdu.index)), selection::UNCERTAIN)
 }
 
 /// Maximum length of a text in a card with a comment.

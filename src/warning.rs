@@ -161,12 +161,23 @@ pub enum Warning {
         /// The extension in which they are marked.
         marked: String,
     },
-    /// Errors or data quality have another size than their frame.
-    CompanionOfOtherSize {
+    /// Errors or data quality of a frame cannot be used.
+    CompanionNotUsed {
         /// Their HDU.
         name: String,
         /// The frame's.
         frame: String,
+        /// What is wrong with them.
+        why: &'static str,
+        /// What to do.
+        help: &'static str,
+    },
+    /// An image without a known name is no frame.
+    ImageLeftOut {
+        /// Its HDU.
+        name: String,
+        /// The reason.
+        why: String,
     },
     /// A correction has left a residual above the tolerance.
     NotCorrected {
@@ -387,11 +398,14 @@ impl fmt::Display for Warning {
             Warning::AfterLastHdu { bytes } => {
                 write!(out, "{bytes} bytes after the last HDU do not start with XTENSION: they are copied unchanged")
             }
-            Warning::CompanionOfOtherSize { name, frame } => write!(
+            Warning::CompanionNotUsed { name, frame, why, help } => write!(
                 out,
-                "{name} is called as errors or data quality of {frame} are, and has another size: it is copied, and neither used nor \
-                 changed; give it the size of the frame, or another name"
+                "{name} is called as errors or data quality of {frame} are, and {why}: it is copied, and neither used nor changed; \
+                 {help}, or give it another name"
             ),
+            Warning::ImageLeftOut { name, why } => {
+                write!(out, "{name} is left out ({why}): if it is a frame, select it with --hdu")
+            }
             Warning::UncertainPixels { name, pixels, error_e, marked } => write!(
                 out,
                 "{pixels} pixels of {name} are uncertain by more than {error_e:.3e} e-: their packets, or packets ahead of \

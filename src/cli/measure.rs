@@ -290,7 +290,7 @@ struct Conditions {
     /// Date of the exposures, such as 2030-06-01 or 2030-06-01T12:00:00; without it: DATE-OBS, or MJD-OBS
     #[arg(long, value_name = "DATE", value_parser = a_date, conflicts_with_all = ["date_keyword", "at", "dose_mev_g", "dose_keyword"])]
     date: Option<NaiveDateTime>,
-    /// Header keyword of the date, or of the modified Julian date
+    /// Header keyword of the date, or of the Julian date, modified or not
     #[arg(long, value_name = "KEYWORD", conflicts_with_all = ["at", "dose_mev_g", "dose_keyword"])]
     date_keyword: Option<String>,
     /// Time of the exposures, years since launch; with a dose: since the irradiation
@@ -399,5 +399,5 @@ fn source(given: Option<f64>, name: Option<&str>) -> Source {
 }
 
 fn a_date(text: &str) -> Result<NaiveDateTime, String> {
-    date(text).ok_or_else(|| "a date is needed, 2030-06-01 or 2030-06-01T12:00:00".to_string())
+    date(text).ok_or_else(|| "a date of 1969 to 2200 is needed, 2030-06-01 or 2030-06-01T12:00:00".to_string())
 }

@@ -46,32 +46,73 @@ pub struct Flagged {
     pub bad: Array2<bool>,
 }
 
+/// Why an HDU cannot be the companion that its name says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Unfit {
+    /// What it has or holds.
+    pub why: &'static str,
+    /// What to do.
+    pub help: &'static str,
+}
+
+impl Unfit {
+    /// Of errors or data quality; None if they can be used.
+    fn of(hdu: &Hdu, frame: &Hdu, names: &[&str]) -> Option<Unfit> {
+        let integers = matches!(hdu.kind, HduKind::Image { bitpix: 8 | 16 | 32, .. });
+        if image_shape(hdu).is_none() {
+            Some(Unfit { why: "is no image of two axes that can be read", help: "write it as one" })
+        } else if image_shape(hdu) != image_shape(frame) {
+            Some(Unfit { why: "has another size", help: "give it the size of the frame" })
+        } else if names == QUALITY && !integers {
+            let why = "holds other values than integers of 8, 16 or 32 bits";
+            Some(Unfit { why, help: "write it as such" })
+        } else {
+            None
+        }
+    }
+}
+
 impl Companions {
-    /// The companions of a frame; HDUs of another size, or without data, are excluded.
+    /// The companions of a frame; HDUs that are unfit are excluded.
     pub fn of(hdus: &[Hdu], frame: usize) -> Companions {
-        let Some((stem, FRAME)) = parts(&hdus[frame]).as_ref().map(|(stem, last)| (stem.clone(), last.as_str())) else {
-            return Companions::default();
-        };
-        let called = |names: [&str; 3]| {
-            let beside = hdus.iter().filter(|hdu| {
-                is_called(hdu, &stem, &names, &hdus[frame]) && image_shape(hdu) == image_shape(&hdus[frame])
-            });
+        let called = |names: &[&str]| {
+            let fit = called(hdus, frame, names).filter(|hdu| Unfit::of(hdu, &hdus[frame], names).is_none());
             // A combined file may repeat names: the nearest one after the frame is used.
-            beside.map(|hdu| hdu.index).min_by_key(|index| (*index < frame, index.abs_diff(frame)))
+            fit.map(|hdu| hdu.index).min_by_key(|index| (*index < frame, index.abs_diff(frame)))
         };
-        let quality =
-            called(QUALITY).filter(|index| matches!(hdus[*index].kind, HduKind::Image { bitpix: 8 | 16 | 32, .. }));
-        Companions { errors: called(ERRORS), quality }
+        Companions { errors: called(&ERRORS), quality: called(&QUALITY) }
     }
 
-    /// Images with the name of a companion of a frame, but of another size.
-    pub fn of_other_size(hdus: &[Hdu], frame: usize) -> Vec<&Hdu> {
-        let Some((stem, FRAME)) = parts(&hdus[frame]).as_ref().map(|(stem, last)| (stem.clone(), last.as_str())) else {
-            return Vec::new();
+    /// Images with the name of a companion of a frame that cannot be one.
+    pub fn unfit(hdus: &[Hdu], frame: usize) -> Vec<(&Hdu, Unfit)> {
+        let of = |names: &'static [&'static str]| {
+            let images =
+                called(hdus, frame, names).filter(|hdu| !matches!(hdu.kind, HduKind::Empty | HduKind::NoImage));
+            images.filter_map(move |hdu| Some((hdu, Unfit::of(hdu, &hdus[frame], names)?)))
         };
-        let names = [ERRORS, QUALITY].concat();
-        let other = |hdu: &&Hdu| image_shape(hdu).is_some_and(|shape| Some(shape) != image_shape(&hdus[frame]));
-        hdus.iter().filter(|hdu| is_called(hdu, &stem, &names, &hdus[frame])).filter(other).collect()
+        of(&ERRORS).chain(of(&QUALITY)).collect()
+    }
+
+    /// The data quality of a frame, for an option that needs it, such as `use --dq-bad 1`.
+    ///
+    /// # Errors
+    /// If there is none that can be used.
+    pub fn quality_for(hdus: &[Hdu], frame: usize, option: &str) -> Result<usize, InputError> {
+        Companions::of(hdus, frame).quality.ok_or_else(|| {
+            let mut problem =
+                "the file has no data quality for it: an image of integers, DQ or FLG, of the same EXTVER and size"
+                    .to_string();
+            let unfit =
+                called(hdus, frame, &QUALITY).find_map(|hdu| Some((hdu, Unfit::of(hdu, &hdus[frame], &QUALITY)?)));
+            let help = match unfit {
+                None => "choose frames with --hdu, or leave the option out".to_string(),
+                Some((hdu, unfit)) => {
+                    problem += &format!("; {hdu} {}", unfit.why);
+                    format!("{}, or leave the option out", unfit.help)
+                }
+            };
+            InputError::new(format!("cannot {option} for {}", hdus[frame]), problem).with_help(help)
+        })
     }
 
     /// Whether an HDU is one of them.
@@ -85,10 +126,15 @@ fn image_shape(hdu: &Hdu) -> Option<(usize, usize)> {
     if let HduKind::Image { rows, columns, .. } = hdu.kind { Some((rows, columns)) } else { None }
 }
 
-/// Whether an HDU has one of these names, after the same stem, and the EXTVER of a frame.
-fn is_called(hdu: &Hdu, stem: &str, names: &[&str], frame: &Hdu) -> bool {
-    parts(hdu).is_some_and(|(of, last)| of == stem && names.contains(&last.as_str()))
-        && hdu.version() == frame.version()
+/// HDUs with one of these names, after the stem of a frame's and with its EXTVER.
+fn called<'a>(hdus: &'a [Hdu], frame: usize, names: &'a [&str]) -> impl Iterator<Item = &'a Hdu> {
+    let stem = parts(&hdus[frame]).filter(|(_, last)| last == FRAME).map(|(stem, _)| stem);
+    let version = hdus[frame].version();
+    let is_called = move |hdu: &&Hdu| {
+        let parts = parts(hdu).filter(|(of, _)| Some(of) == stem.as_ref());
+        parts.is_some_and(|(_, last)| names.contains(&last.as_str())) && hdu.version() == version
+    };
+    hdus.iter().filter(is_called)
 }
 
 /// EXTNAME in upper case, split at its last dot.
@@ -105,14 +151,19 @@ impl Bits {
     /// software (1, 2), for HST/ACS.
     ///
     /// Source: table of ACS flags in spacetelescope/stginga (`dqflags_acs.txt`), as in the ACS Data Handbook.
-    pub fn of(self, primary: &Hdu) -> Bits {
-        let acs = primary.text("INSTRUME").is_some_and(|instrument| instrument.eq_ignore_ascii_case("ACS"));
+    ///
+    /// # Errors
+    /// If the header contradicts itself about the instrument, and bits are not given.
+    pub fn of(self, primary: &Hdu) -> Result<Bits, InputError> {
+        let given = self.saturated.is_some() && self.bad.is_some();
+        let instrument = if given { None } else { primary.read_text("INSTRUME")? };
+        let acs = instrument.is_some_and(|instrument| instrument.eq_ignore_ascii_case("ACS"));
         let (saturated, bad) = if acs { (256 | 2048, 1 | 2) } else { (0, 0) };
-        Bits {
+        Ok(Bits {
             saturated: Some(self.saturated.unwrap_or(saturated)),
             bad: Some(self.bad.unwrap_or(bad)),
             uncertain: self.uncertain,
-        }
+        })
     }
 
     /// Pixels with at least one of the bits.

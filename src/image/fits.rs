@@ -5,6 +5,7 @@
 //!
 //! Source: Pence et al. 2010, FITS standard 3.0 (A&A 524, A42), and version 4.0 for CHECKSUM and DATASUM.
 
+mod header;
 mod tiles;
 
 use std::fmt;
@@ -14,7 +15,7 @@ use std::path::Path;
 
 use fitsio_pure::block::{BLOCK_SIZE, CARD_SIZE};
 use fitsio_pure::checksum::{checksum_blocks, encode_checksum};
-use fitsio_pure::header::{Card, format_card, header_byte_len, parse_header_blocks, serialize_header};
+use fitsio_pure::header::{Card, format_card, header_byte_len, serialize_header};
 use fitsio_pure::image::{self, ImageData};
 use fitsio_pure::value::Value;
 use flate2::Compression;
@@ -23,6 +24,7 @@ use flate2::write::GzEncoder;
 use ndarray::Array2;
 
 use crate::error::InputError;
+use header::Header;
 
 /// A FITS file with its headers read.
 pub struct Fits {
@@ -41,8 +43,9 @@ pub struct Hdu {
     pub index: usize,
     /// Its kind of data.
     pub kind: HduKind,
-    header: Vec<u8>,
-    cards: Vec<Card>,
+    header: Header,
+    name: Option<String>,
+    version: i64,
     start: u64,
     data_len: u64,
 }
@@ -95,6 +98,10 @@ impl Fits {
             begin = begin_of(&mut file).map_err(|error| refusal(error.to_string()))?;
         }
         let length = file.metadata().map_err(|error| refusal(error.to_string()))?.len();
+        if let Some((_, program, unpack)) = PACKED.iter().find(|(magic, ..)| begin.starts_with(magic)) {
+            return Err(refusal(format!("it is compressed with {program}"))
+                .with_help(format!("unpack it first, with `{unpack}`")));
+        }
         if begin != b"SIMPLE" {
             return Err(refusal("this is not a FITS file: its first card is not SIMPLE".into()));
         }
@@ -148,15 +155,22 @@ impl Fits {
         if hdu.is_compressed() {
             tiles::check_tiles(&hdu, &data).map_err(|problem| self.broken(index, &problem))?;
         }
-        let decoded = fitsio_pure::hdu::Hdu::from_cards(hdu.cards.clone(), 0, 0)
+        hdu.check_values().map_err(|problem| self.broken(index, &problem).with_help(CORRECT))?;
+        let decoded = fitsio_pure::hdu::Hdu::from_cards(hdu.header.cards.clone(), 0, 0)
             .and_then(|known| image::read_image_data(&data, &known));
         let stored = decoded.map_err(|error| self.broken(index, &error.to_string()))?;
-        let (scale, zero) = image::extract_bscale_bzero(&hdu.cards);
+        let number = |keyword: &str| {
+            hdu.header.number(keyword).map_err(|problem| self.broken(index, &problem).with_help(CORRECT))
+        };
+        let (scale, zero) = (number("BSCALE")?.unwrap_or(1.0), number("BZERO")?.unwrap_or(0.0));
         if scale == 0.0 || !scale.is_finite() || !zero.is_finite() {
             return Err(self.broken(index, &format!("BSCALE = {scale}, BZERO = {zero} say nothing about the pixels")));
         }
         let integers = !matches!(stored, ImageData::F32(_) | ImageData::F64(_));
-        let blank = image::extract_blank(&hdu.cards).or_else(|| hdu.integer("ZBLANK").ok()).filter(|_| integers);
+        let whole = |keyword: &str| {
+            hdu.header.integer(keyword).map_err(|problem| self.broken(index, &problem).with_help(CORRECT))
+        };
+        let blank = if integers { whole("BLANK")?.or(whole("ZBLANK")?) } else { None };
         let there = match &stored {
             ImageData::U8(pixels) => pixels.len(),
             ImageData::I16(pixels) => pixels.len(),
@@ -221,6 +235,16 @@ fn begin_of(file: &mut File) -> std::io::Result<Vec<u8>> {
     Ok(begin)
 }
 
+/// First bytes of files compressed in ways that are not read, the program, and the command that undoes it.
+const PACKED: [(&[u8], &str, &str); 6] = [
+    (b"BZh", "bzip2", "bunzip2"),
+    (&[0x1f, 0x9d], "compress", "uncompress"),
+    (&[0x1f, 0xa0], "compress -H", "gzip -d"),
+    (&[0xfd, b'7', b'z', b'X', b'Z'], "xz", "unxz"),
+    (&[0x28, 0xb5, 0x2f, 0xfd], "zstd", "unzstd"),
+    (b"PK", "zip", "unzip"),
+];
+
 /// Unpacks a file compressed with gzip into a temporary one.
 fn unpacked(file: &mut File) -> std::io::Result<File> {
     file.rewind()?;
@@ -251,19 +275,24 @@ const MOST_HEADER: usize = 10_000 * BLOCK_SIZE;
 
 const TRUNCATED: &str = "the file is truncated: copy it again";
 
+const CORRECT: &str = "correct the header: one card of a keyword, with a value as FITS writes it";
+
 impl Hdu {
     /// Without a header: an image of this shape (rows, columns), of integers or floats.
     pub fn without_header((rows, columns): (usize, usize), integers: bool) -> Hdu {
         let kind = HduKind::Image { rows, columns, bitpix: if integers { 32 } else { -64 } };
-        Hdu { index: 0, kind, header: Vec::new(), cards: Vec::new(), start: 0, data_len: 0 }
+        Hdu { index: 0, kind, header: Header::default(), name: None, version: 1, start: 0, data_len: 0 }
+    }
+
+    /// The same with another EXTNAME.
+    #[cfg(test)]
+    pub(super) fn named(self, name: &str) -> Hdu {
+        Hdu { name: Some(name.into()), ..self }
     }
 
     fn new(index: usize, header: Vec<u8>, start: u64) -> Result<Hdu, String> {
-        // Characters beyond ASCII, forbidden by the standard, occur in comments. They are kept in the file.
-        let plain: Vec<u8> =
-            header.iter().map(|byte| if (b' '..=b'~').contains(byte) { *byte } else { b'?' }).collect();
-        let cards = parse_header_blocks(&plain).map_err(|error| error.to_string())?;
-        let mut hdu = Hdu { index, kind: HduKind::Empty, header, cards, start, data_len: 0 };
+        let header = Header::new(header)?;
+        let mut hdu = Hdu { index, kind: HduKind::Empty, header, name: None, version: 1, start, data_len: 0 };
         let bitpix = hdu.integer("BITPIX")?;
         if ![8, 16, 32, 64, -32, -64].contains(&bitpix) {
             return Err(format!("BITPIX = {bitpix}: 8, 16, 32, 64, -32 or -64 is needed"));
@@ -271,12 +300,13 @@ impl Hdu {
         let axes = hdu.natural("NAXIS", 999)?;
         let lengths = (1..=axes).map(|axis| hdu.natural(&format!("NAXIS{axis}"), 1 << 40));
         let lengths = lengths.collect::<Result<Vec<u64>, String>>()?;
-        let or_else = |keyword: &str, default| match hdu.value(keyword) {
+        let or_else = |keyword: &str, default| match hdu.header.value(keyword)? {
             None => Ok(default),
             Some(_) => hdu.natural(keyword, 1 << 40),
         };
         let (parameters, groups) = (or_else("PCOUNT", 0)?, or_else("GCOUNT", 1)?);
-        let random_groups = lengths.first() == Some(&0) && hdu.value("GROUPS") == Some(&Value::Logical(true));
+        let random_groups = lengths.first() == Some(&0) && hdu.header.value("GROUPS")? == Some(&Value::Logical(true));
+        hdu.header.value("ZIMAGE")?;
         let counted = if random_groups { &lengths[1..] } else { &lengths[..] };
         let pixels = counted.iter().try_fold(1_u64, |product, length| product.checked_mul(*length));
         let bytes = pixels
@@ -288,7 +318,7 @@ impl Hdu {
             // Offsets in the file are added to it.
             .filter(|bytes| *bytes < 1 << 60);
         hdu.data_len = bytes.ok_or("its axes make more pixels than a file can hold")?;
-        let image = index == 0 || hdu.text("XTENSION").is_some_and(|kind| kind.trim() == "IMAGE");
+        let image = index == 0 || hdu.header.text("XTENSION")?.is_some_and(|kind| kind == "IMAGE");
         hdu.kind = match lengths[..] {
             _ if hdu.is_compressed() => tiles::kind(&hdu)?,
             _ if random_groups || !image => HduKind::NoImage,
@@ -298,7 +328,24 @@ impl Hdu {
             [columns, rows] => HduKind::Image { rows: rows as usize, columns: columns as usize, bitpix },
             _ => HduKind::OtherAxes(lengths.len()),
         };
+        let (name, version) = (hdu.header.name(), hdu.header.integer("EXTVER"));
+        (hdu.name, hdu.version) = match hdu.kind {
+            // Whatever names them, tables are copied.
+            HduKind::Empty | HduKind::NoImage => (name.unwrap_or_default(), version.unwrap_or_default().unwrap_or(1)),
+            _ => (name?, version?.unwrap_or(1)),
+        };
         Ok(hdu)
+    }
+
+    /// Checks that the keywords from which pixels are decoded are unique.
+    fn check_values(&self) -> Result<(), String> {
+        let decides = |keyword: &&str| ["BSCALE", "BZERO"].contains(keyword) || tiles::is_of_compression(keyword);
+        self.header.keywords().filter(decides).try_for_each(|keyword| self.header.value(keyword).map(|_| ()))
+    }
+
+    /// Whether it is an image of two axes, as far as is known.
+    pub fn has_two_axes(&self) -> bool {
+        matches!(self.kind, HduKind::Image { .. } | HduKind::Compressed)
     }
 
     /// Whether it is a tile-compressed image.
@@ -306,41 +353,67 @@ impl Hdu {
         self.value("ZIMAGE") == Some(&Value::Logical(true))
     }
 
-    /// A header value.
-    pub fn value(&self, keyword: &str) -> Option<&Value> {
-        self.cards.iter().find(|card| card.keyword_str() == keyword)?.value.as_ref()
+    /// The value of a keyword that decides what is done; None if the header does not have it.
+    ///
+    /// # Errors
+    /// If it cannot be read, or cards contradict each other.
+    pub fn read(&self, keyword: &str) -> Result<Option<&Value>, InputError> {
+        self.header.value(keyword).map_err(|problem| self.refused(problem))
     }
 
-    /// A text value of the header.
+    /// A text that decides what is done; None if the header does not have it.
+    ///
+    /// # Errors
+    /// As [`Hdu::read`], or if it is not a text.
+    pub fn read_text(&self, keyword: &str) -> Result<Option<String>, InputError> {
+        self.header.text(keyword).map_err(|problem| self.refused(problem))
+    }
+
+    /// A number that decides what is done; None if the header does not have it.
+    ///
+    /// # Errors
+    /// As [`Hdu::read`], or if it is not a number.
+    pub fn read_number(&self, keyword: &str) -> Result<Option<f64>, InputError> {
+        self.header.number(keyword).map_err(|problem| self.refused(problem))
+    }
+
+    fn refused(&self, problem: String) -> InputError {
+        InputError::new(self.to_string(), problem).with_help(CORRECT)
+    }
+
+    /// A value on record, which decides nothing; None also if it cannot be read.
+    pub fn value(&self, keyword: &str) -> Option<&Value> {
+        self.header.value(keyword).ok().flatten()
+    }
+
+    /// The same, if it is a text.
     pub fn text(&self, keyword: &str) -> Option<String> {
-        match self.value(keyword) {
-            Some(Value::String(text)) => Some(text.trim().to_string()),
-            _ => None,
-        }
+        self.header.text(keyword).ok().flatten()
+    }
+
+    /// Keywords of the header, in order.
+    pub fn keywords(&self) -> impl Iterator<Item = &str> {
+        self.header.keywords()
     }
 
     /// HISTORY lines.
     pub fn history(&self) -> impl Iterator<Item = &str> {
-        let cards = self.cards.iter().filter(|card| card.keyword_str() == "HISTORY");
+        let cards = self.header.cards.iter().filter(|card| card.keyword_str() == "HISTORY");
         cards.filter_map(|card| card.comment.as_deref()).map(str::trim)
     }
 
     /// EXTNAME, if there is one.
     pub fn name(&self) -> Option<String> {
-        self.text("EXTNAME").filter(|name| !name.is_empty())
+        self.name.clone()
     }
 
     /// EXTVER; default 1.
     pub fn version(&self) -> i64 {
-        self.integer("EXTVER").unwrap_or(1)
+        self.version
     }
 
     fn integer(&self, keyword: &str) -> Result<i64, String> {
-        match self.value(keyword) {
-            Some(Value::Integer(value)) => Ok(*value),
-            Some(_) => Err(format!("{keyword} is not a whole number")),
-            None => Err(format!("its header has no {keyword}")),
-        }
+        self.header.integer(keyword)?.ok_or_else(|| format!("its header has no {keyword}"))
     }
 
     fn natural(&self, keyword: &str, most: u64) -> Result<u64, String> {
@@ -350,7 +423,7 @@ impl Hdu {
     }
 
     fn data_start(&self) -> u64 {
-        self.start + self.header.len() as u64
+        self.start + self.header.bytes.len() as u64
     }
 
     fn end(&self) -> u64 {
@@ -366,9 +439,9 @@ impl Hdu {
         let (mut header, data) = if self.is_compressed() {
             tiles::encoded(self, &pixels.stored, [pixels.shape.1, pixels.shape.0])?
         } else {
-            let end = self.header.chunks_exact(CARD_SIZE).position(|card| card.starts_with(b"END     "));
+            let end = self.header.bytes.chunks_exact(CARD_SIZE).position(|card| card.starts_with(b"END     "));
             let end = end.expect("a header that was read has an END");
-            (self.header[..end * CARD_SIZE].to_vec(), image::serialize_image(&pixels.stored))
+            (self.header.bytes[..end * CARD_SIZE].to_vec(), image::serialize_image(&pixels.stored))
         };
         let replaced = |card: &[u8]| more.iter().any(|new| new.value.is_some() && card.starts_with(&new.keyword));
         header = header.chunks_exact(CARD_SIZE).filter(|card| !replaced(card)).flatten().copied().collect();

@@ -27,6 +27,9 @@ struct OneHdu<'a> {
     hdu: usize,
     name: Option<&'a str>,
     copied: bool,
+    /// Why an image is no frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    left_out: Option<String>,
     #[serde(flatten)]
     frame: Option<Frame>,
     #[serde(flatten)]
@@ -112,6 +115,7 @@ impl<'a> OneHdu<'a> {
             hdu: done.index,
             name: done.name.as_deref(),
             copied: done.frame.is_none() && !all.iter().any(beside),
+            left_out: done.left_out.map(|why| why.to_string()),
             frame: done.frame.as_ref().map(Frame::of),
             correction: corrected.map(Correction::of),
         }

@@ -4,13 +4,14 @@
 //! charge [e-] = (value − bias) · gain
 //! ```
 //!
-//! Values are in electrons if BUNIT says so; otherwise the gain must be given, or the keyword that holds it.
+//! Values are in electrons (or in multiples of one) if BUNIT says so; otherwise the gain must be given, or the keyword that holds it.
 
-use fitsio_pure::value::Value;
+mod bunit;
 
 use super::fits::Hdu;
 use super::frame::Geometry;
 use crate::error::InputError;
+use bunit::Measures;
 
 /// The meaning of frame values.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -46,15 +47,6 @@ impl Scale {
     }
 }
 
-/// The unit in BUNIT.
-enum Written {
-    Electrons,
-    Counts,
-    Rate,
-    Nothing,
-    Other,
-}
-
 impl Unit {
     /// The scale of an HDU. The gain's keyword is searched in its header, then in the primary one.
     ///
@@ -62,9 +54,9 @@ impl Unit {
     /// If neither the headers nor the options give the gain, or they contradict each other.
     pub fn scale(&self, hdu: &Hdu, primary: &Hdu) -> Result<Scale, InputError> {
         let refusal = |problem: String, help: &str| Err(InputError::new(hdu.to_string(), problem).with_help(help));
-        let bunit = hdu.text("BUNIT").unwrap_or_default();
-        let written = written(&bunit);
-        if let Written::Rate = written {
+        let bunit = hdu.read_text("BUNIT")?.unwrap_or_default();
+        let measures = Measures::of(&bunit);
+        if measures == Measures::Rate {
             return refusal(
                 format!("BUNIT = '{bunit}' is a rate; traps meet charges"),
                 "multiply the image by its exposure time, and set BUNIT",
@@ -74,28 +66,30 @@ impl Unit {
             (Some(keyword), _) => Some(gain_of(keyword, hdu, primary)?),
             (None, given) => given,
         };
-        let gain_e_per_dn = match (written, gain) {
-            (Written::Electrons, Some(gain)) if gain != 1.0 => {
+        let gain_e_per_dn = match (measures, gain) {
+            (Measures::Electrons(scale), Some(gain)) if gain != scale => {
                 return refusal(
                     format!("BUNIT = '{bunit}', and a gain of {gain} e-/DN was given"),
                     "leave out the gain, or correct BUNIT",
                 );
             }
-            (Written::Electrons, _) => 1.0,
+            (Measures::Electrons(scale), _) => scale,
+            // A value of the frame stands for so many counts.
+            (Measures::Counts(scale), Some(gain)) => scale * gain,
             (_, Some(gain)) => gain,
-            (Written::Counts, None) => {
+            (Measures::Counts(_), None) => {
                 return refusal(
                     format!("BUNIT = '{bunit}', and no gain was given"),
                     "give --gain-e-per-dn, or --gain-keyword with the keyword of the header that holds it",
                 );
             }
-            (Written::Nothing, None) => {
+            (Measures::Nothing, None) => {
                 return refusal(
                     "the header has no BUNIT, and no gain was given".into(),
                     "give --gain-e-per-dn (1 where the values are electrons), or --gain-keyword",
                 );
             }
-            (Written::Other | Written::Rate, None) => {
+            (Measures::Other | Measures::Rate, None) => {
                 return refusal(
                     format!("BUNIT = '{bunit}' is not a number of electrons, and no gain was given"),
                     "give --gain-e-per-dn, electrons per unit of the image",
@@ -109,8 +103,8 @@ impl Unit {
 /// Rejects counts with a prescan or an overscan whose bias is not given: the converter's values there are unlikely to be 0, and all
 /// of it would be taken for charge.
 pub(super) fn refuse_unknown_bias(hdu: &Hdu, geometry: &Geometry, given_dn: Option<f64>) -> Result<(), InputError> {
-    let bunit = hdu.text("BUNIT").unwrap_or_default();
-    let counts = matches!(written(&bunit), Written::Counts);
+    let bunit = hdu.read_text("BUNIT")?.unwrap_or_default();
+    let counts = matches!(Measures::of(&bunit), Measures::Counts(_));
     if given_dn.is_some() || !counts || !geometry.has_dark_pixels() {
         return Ok(());
     }
@@ -127,26 +121,23 @@ fn gain_of(keyword: &str, hdu: &Hdu, primary: &Hdu) -> Result<f64, InputError> {
     }
 }
 
-/// A number in an HDU's header, or in the primary one; `help` states what to try if neither has it.
-pub(crate) fn number_of(keyword: &str, hdu: &Hdu, primary: &Hdu, help: &str) -> Result<f64, InputError> {
-    match hdu.value(keyword).or_else(|| primary.value(keyword)) {
-        Some(Value::Float(number)) => Ok(*number),
-        Some(Value::Integer(number)) => Ok(*number as f64),
-        Some(_) => Err(InputError::new(hdu.to_string(), format!("{keyword} is not a number"))),
-        None => Err(InputError::new(hdu.to_string(), format!("neither its header nor the primary one has {keyword}"))
-            .with_help(help)),
-    }
+/// Whether an image says that its values are charges: electrons or counts of the converter.
+///
+/// # Errors
+/// If its BUNIT cannot be read, or cards contradict each other.
+pub(super) fn is_charge(hdu: &Hdu) -> Result<bool, InputError> {
+    let bunit = hdu.read_text("BUNIT")?.unwrap_or_default();
+    Ok(matches!(Measures::of(&bunit), Measures::Electrons(_) | Measures::Counts(_)))
 }
 
-/// BUNIT as written by pipelines: ELECTRONS, electron, e-, COUNTS, DN, ADU, ELECTRONS/S, ...
-fn written(bunit: &str) -> Written {
-    let unit = bunit.trim().to_ascii_lowercase();
-    let rate = unit.contains('/') || unit.contains("s-1") || unit.contains("s^-1") || unit.contains("s**-1");
-    match unit.as_str() {
-        "" => Written::Nothing,
-        _ if rate => Written::Rate,
-        "electrons" | "electron" | "e-" | "e" => Written::Electrons,
-        "counts" | "count" | "ct" | "dn" | "adu" => Written::Counts,
-        _ => Written::Other,
-    }
+/// A number in an HDU's header, or in the primary one; `help` states what to try if neither has it.
+pub(crate) fn number_of(keyword: &str, hdu: &Hdu, primary: &Hdu, help: &str) -> Result<f64, InputError> {
+    let found = match hdu.read_number(keyword)? {
+        None => primary.read_number(keyword)?,
+        found => found,
+    };
+    found.ok_or_else(|| {
+        InputError::new(hdu.to_string(), format!("neither its header nor the primary one has {keyword}"))
+            .with_help(help)
+    })
 }

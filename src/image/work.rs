@@ -23,6 +23,16 @@ pub(super) struct Worked {
     pub kept: Array2<bool>,
 }
 
+/// The option of a correction that needs data quality.
+fn needed(job: &Job) -> Option<String> {
+    let given = |bits: Option<u32>, option: &str| bits.filter(|bits| *bits != 0).map(|bits| format!("{option} {bits}"));
+    let bits = job.bits;
+    let option = given(Some(bits.uncertain), "set --dq-set")
+        .or(given(bits.bad, "use --dq-bad"))
+        .or(given(bits.saturated, "use --dq-saturated"));
+    option.filter(|_| job.task != Task::Readout)
+}
+
 /// A file whose frames are processed.
 pub(super) struct Work<'a> {
     job: &'a Job,
@@ -38,14 +48,15 @@ pub(super) struct Work<'a> {
 
 impl<'a> Work<'a> {
     /// # Errors
-    /// If uncertain pixels are to be flagged, and a frame has no data quality.
+    /// If an option needs data quality, and a frame has none that can be used.
     pub fn new(
         job: &'a Job,
         fits: &'a mut Fits,
         frames: Vec<amplifier_table::Frame>,
         dose_mev_g: f64,
     ) -> Result<Work<'a>, InputError> {
-        let bits = job.bits.of(&fits.hdus[0]);
+        let bits = job.bits.of(&fits.hdus[0])?;
+        let needed = needed(job);
         let mut with = Vec::new();
         for (index, amplifiers) in frames {
             let mut companions = match job.task {
@@ -55,14 +66,8 @@ impl<'a> Work<'a> {
             if !job.propagate_errors {
                 companions.errors = None;
             }
-            if bits.uncertain != 0 && companions.quality.is_none() {
-                return Err(InputError::new(
-                    format!("cannot set --dq-set {} for {}", bits.uncertain, fits.hdus[index]),
-                    "the file has no data quality for it: an image of integers, DQ or FLG, of the same EXTVER and size",
-                )
-                .with_help(
-                    "choose frames with --hdu, or use the extension UNCERTAIN that is written without --dq-set",
-                ));
+            if let Some(option) = &needed {
+                companions.quality = Some(Companions::quality_for(&fits.hdus, index, option)?);
             }
             with.push((index, amplifiers, companions));
         }
@@ -169,7 +174,9 @@ impl<'a> Work<'a> {
             let counted = of.iter().zip(&changed).filter(|(_, changed)| changed.is_some());
             counted.map(|(value, _)| value * value).sum::<f64>()
         };
-        let ratio = (squares(&after_e) / squares(&sigma_e)).sqrt();
+        // Errors that are all 0 are not amplified.
+        let before = squares(&sigma_e);
+        let ratio = if before > 0.0 { (squares(&after_e) / before).sqrt() } else { 1.0 };
         pixels.set(changed.iter().copied());
         let header = format!(
             "ctiplan {}: errors propagated through the correction of {}, x {ratio:.4} rms",

@@ -5,7 +5,8 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::Range;
 use std::path::PathBuf;
 
-use chrono::NaiveDateTime;
+use chrono::{Datelike, NaiveDateTime};
+use fitsio_pure::value::Value;
 use ndarray::{Array2, s};
 use serde_json::{Value as Json, json};
 
@@ -63,7 +64,7 @@ pub enum WhenSource {
     /// `DATE-OBS`, or `MJD-OBS`.
     #[default]
     Header,
-    /// Another keyword of the header: a date, or a modified Julian date.
+    /// Another keyword of the header: a date, or a Julian date, modified or not.
     Keyword(String),
     /// A date.
     Date(NaiveDateTime),
@@ -222,9 +223,9 @@ pub(super) fn date_words(date: NaiveDateTime) -> String {
     if date.date().and_hms_opt(0, 0, 0) == Some(date) { day } else { date.format("%Y-%m-%dT%H:%M:%S").to_string() }
 }
 
-/// A date in common or header notation.
+/// A date in common or header notation, of a year in which frames are taken.
 pub fn date(text: &str) -> Option<NaiveDateTime> {
-    Cell::Text(text.to_string()).moment(None)
+    Cell::Text(text.to_string()).moment(None).filter(in_years)
 }
 
 /// Frames in files and in memory.
@@ -347,27 +348,20 @@ impl Reading {
     /// # Errors
     /// If bits are given, and the frame has no data quality.
     fn left_out(&self, fits: &mut Fits, index: usize) -> Result<Option<Array2<bool>>, InputError> {
-        let instrument = Bits::default().of(&fits.hdus[0]);
         let bits = match self.dq_bad {
             Some(bad) => Bits { bad: Some(bad), saturated: Some(0), uncertain: 0 },
-            None => instrument,
+            None => Bits::default().of(&fits.hdus[0])?,
         };
         if (bits.bad, bits.saturated) == (Some(0), Some(0)) {
             return Ok(None);
         }
-        match (Companions::of(&fits.hdus, index).quality, self.dq_bad) {
-            (Some(quality), _) => {
-                let flagged = bits.flagged(&fits.pixels(quality)?);
-                Ok(Some(flagged.bad | flagged.saturated))
-            }
-            (None, None) => Ok(None),
-            (None, Some(bits)) => {
-                let problem =
-                    "the file has no data quality for it: an image of integers, DQ or FLG, of the same EXTVER and size";
-                Err(InputError::new(format!("cannot use --dq-bad {bits} for {}", fits.hdus[index]), problem)
-                    .with_help("choose frames with --hdu, or leave --dq-bad out"))
-            }
-        }
+        let quality = match self.dq_bad {
+            Some(bits) => Some(Companions::quality_for(&fits.hdus, index, &format!("use --dq-bad {bits}"))?),
+            None => Companions::of(&fits.hdus, index).quality,
+        };
+        let Some(quality) = quality else { return Ok(None) };
+        let flagged = bits.flagged(&fits.pixels(quality)?);
+        Ok(Some(flagged.bad | flagged.saturated))
     }
 
     /// The images of a file that are frames, by their indices.
@@ -532,29 +526,66 @@ fn fingerprint(charge_e: &Array2<f64>) -> u64 {
 
 /// The time under a keyword; None if there is no such keyword.
 fn moment(keyword: &str, hdu: &Hdu, primary: &Hdu) -> Option<Result<When, InputError>> {
-    let text_of = |keyword: &str| hdu.text(keyword).or_else(|| primary.text(keyword));
-    let (found, said) = match text_of(keyword) {
-        Some(text) => {
+    let of_keyword = |keyword: &str| match hdu.read(keyword) {
+        Ok(None) => primary.read(keyword),
+        found => found,
+    };
+    let found = match of_keyword(keyword) {
+        Ok(None | Some(Value::Undefined)) => return None,
+        Ok(Some(Value::String(text))) => {
             // Older headers have the time of day apart.
-            let time = (keyword == "DATE-OBS" && !text.contains('T')).then(|| text_of("TIME-OBS")).flatten();
-            let whole = time.and_then(|time| date(&format!("{}T{}", text.trim(), time.trim())));
-            (whole.or_else(|| date(&text)), format!("'{text}'"))
-        }
-        None => {
-            hdu.value(keyword).or_else(|| primary.value(keyword))?;
-            let mjd = match number_of(keyword, hdu, primary, "give --date instead") {
-                Ok(mjd) => mjd,
+            let apart = keyword == "DATE-OBS" && !text.contains('T');
+            let time = match if apart { of_keyword("TIME-OBS") } else { Ok(None) } {
+                Ok(Some(Value::String(time))) => Some(time.trim()),
+                Ok(_) => None,
                 Err(error) => return Some(Err(error)),
             };
-            let time = Time { format: "mjd".into(), scale: "utc".into() };
-            (Cell::Number(mjd).moment(Some(&time)), mjd.to_string())
+            let day = day_month_year(text).unwrap_or_else(|| text.trim().to_string());
+            let whole = time.and_then(|time| date(&format!("{day}T{time}")));
+            (whole.or_else(|| date(&day)), format!("'{text}'"))
         }
+        Ok(Some(_)) => match number_of(keyword, hdu, primary, "give --date instead") {
+            Ok(days) => (day_of(days), days.to_string()),
+            Err(error) => return Some(Err(error)),
+        },
+        Err(error) => return Some(Err(error)),
     };
-    Some(found.map(When::Date).ok_or_else(|| {
+    let (date, said) = found;
+    Some(date.map(When::Date).ok_or_else(|| {
         InputError::new(
             hdu.to_string(),
-            format!("{keyword} = {said} is not a date as FITS writes it, 2030-06-01T12:00:00"),
+            format!(
+                "{keyword} = {said} is not a date as FITS writes it, 2030-06-01T12:00:00, 31/12/99 or a (modified) Julian date, \
+                 of {} to {}",
+                YEARS.start(),
+                YEARS.end()
+            ),
         )
         .with_help("give --date, or another keyword with --date-keyword")
     }))
+}
+
+/// Years in which frames are taken: from the first CCDs, which are of 1969, to long after any mission that is planned.
+const YEARS: std::ops::RangeInclusive<i32> = 1969..=2200;
+
+/// Julian date of the day 0 of modified ones.
+const FIRST_MJD: f64 = 2_400_000.5;
+
+/// The date of a Julian date, or a modified one: no day of [`YEARS`] has the same number in both.
+fn day_of(days: f64) -> Option<NaiveDateTime> {
+    let mjd = if days > FIRST_MJD { days - FIRST_MJD } else { days };
+    let time = Time { format: "mjd".into(), scale: "utc".into() };
+    Cell::Number(mjd).moment(Some(&time)).filter(in_years)
+}
+
+/// A day as FITS had it before 2000, `DD/MM/YY` of 19YY, in the notation since then.
+fn day_month_year(text: &str) -> Option<String> {
+    let parts: Vec<&str> = text.trim().split('/').collect();
+    let [day, month, year] = parts[..] else { return None };
+    let digits = |part: &str| part.len() == 2 && part.bytes().all(|digit| digit.is_ascii_digit());
+    [day, month, year].into_iter().all(digits).then(|| format!("19{year}-{month}-{day}"))
+}
+
+fn in_years(date: &NaiveDateTime) -> bool {
+    YEARS.contains(&date.year())
 }

@@ -1,7 +1,7 @@
 //! `ctiplan readout` and `ctiplan correct`.
 
 use super::{Report, lines, or_dash, table, wrapped};
-use crate::image::{CompanionsDone, Done, FrameDone, HduDone, QualityDone, Task, Transfers};
+use crate::image::{CompanionsDone, Done, FrameDone, HduDone, LeftOut, QualityDone, Task, Transfers};
 use crate::readout::Method;
 
 impl Report for Done {
@@ -115,7 +115,22 @@ impl Done {
                 ],
             });
         }
-        lines(&hdus)
+        lines(&hdus) + &self.left_out()
+    }
+
+    /// Images that are no frames, by the reason.
+    fn left_out(&self) -> String {
+        let mut by_reason: Vec<(LeftOut, Vec<String>)> = Vec::new();
+        for hdu in &self.hdus {
+            let Some(why) = hdu.left_out.filter(|why| !why.is_doubtful()) else { continue };
+            let name = format!("HDU {} ({})", hdu.index, hdu.name.as_deref().unwrap_or("-"));
+            match by_reason.iter_mut().find(|(known, _)| *known == why) {
+                Some((_, names)) => names.push(name),
+                None => by_reason.push((why, vec![name])),
+            }
+        }
+        let said = by_reason.iter().map(|(why, names)| wrapped(&format!("Left out: {}: {why}.", names.join(", ")), 2));
+        said.collect()
     }
 
     /// One row for each corrected frame: the residuals of the forward model, before and after.

@@ -27,7 +27,7 @@ const MOST_PIXELS_PER_BYTE: u64 = 5000;
 /// # Errors
 /// If its keywords contradict the standard, or each other, in words.
 pub(super) fn kind(hdu: &Hdu) -> Result<HduKind, String> {
-    if !hdu.text("ZCMPTYPE").is_some_and(|algorithm| KNOWN.contains(&algorithm.as_str())) {
+    if !hdu.header.text("ZCMPTYPE")?.is_some_and(|algorithm| KNOWN.contains(&algorithm.as_str())) {
         return Ok(HduKind::Compressed);
     }
     let bitpix = hdu.integer("ZBITPIX")?;
@@ -52,7 +52,7 @@ pub(super) fn kind(hdu: &Hdu) -> Result<HduKind, String> {
 
 /// Checks the parameters used in decoding.
 fn check(hdu: &Hdu) -> Result<(), String> {
-    let given = |keyword: &str, least: u64, most: u64| match hdu.value(keyword) {
+    let given = |keyword: &str, least: u64, most: u64| match hdu.header.value(keyword)? {
         None => Ok(()),
         Some(_) => match hdu.natural(keyword, most)? {
             value if value < least => Err(format!("{keyword} = {value}: {least} to {most} is allowed")),
@@ -63,14 +63,14 @@ fn check(hdu: &Hdu) -> Result<(), String> {
     for axis in 1..=2 {
         given(&format!("ZTILE{axis}"), 1, MOST_PIXELS)?;
     }
-    if hdu.text("ZCMPTYPE").is_some_and(|algorithm| algorithm.starts_with("RICE")) {
+    if hdu.header.text("ZCMPTYPE")?.is_some_and(|algorithm| algorithm.starts_with("RICE")) {
         // Pixels per Rice block, and bytes per pixel, in either order.
         given("ZVAL1", 1, 1 << 16)?;
         given("ZVAL2", 1, 1 << 16)?;
     }
     let (width, tiles) = (hdu.natural("NAXIS1", 1 << 20)?, hdu.natural("NAXIS2", MOST_PIXELS)?);
     let heap = width * tiles;
-    if hdu.value("THEAP").is_some() && hdu.natural("THEAP", 1 << 60)? != heap {
+    if hdu.header.value("THEAP")?.is_some() && hdu.natural("THEAP", 1 << 60)? != heap {
         return Err("there is a gap between its table and its tiles (THEAP), which is not read".into());
     }
     Ok(())
@@ -96,7 +96,7 @@ pub(super) fn check_tiles(hdu: &Hdu, data: &[u8]) -> Result<(), String> {
     }
     let mut offset = 0;
     for field in 1..=hdu.natural("TFIELDS", 999)? {
-        let form = hdu.text(&format!("TFORM{field}")).unwrap_or_default();
+        let form = hdu.header.text(&format!("TFORM{field}"))?.unwrap_or_default();
         let digits = form.chars().take_while(char::is_ascii_digit).count();
         let repeat: usize = if digits == 0 { 1 } else { form[..digits].parse().map_err(|_| wrong(&form))? };
         let mut kind = form[digits..].chars();
@@ -161,9 +161,16 @@ pub(super) fn encoded(hdu: &Hdu, pixels: &ImageData, axes: [usize; 2]) -> std::i
     let end = compressed.chunks_exact(CARD_SIZE).position(|card| card.starts_with(b"END     "));
     let end = end.expect("a header that was written has an END") * CARD_SIZE;
     let data = compressed[(end + CARD_SIZE).next_multiple_of(BLOCK_SIZE)..].to_vec();
-    let mut cards = compressed[..end].to_vec();
-    let own = hdu.header.chunks_exact(CARD_SIZE).take_while(|card| !card.starts_with(b"END     "));
-    own.filter(|card| !of_compression(card)).for_each(|card| cards.extend(card));
+    let own = || hdu.header.bytes.chunks_exact(CARD_SIZE).take_while(|card| !card.starts_with(b"END     "));
+    let mut cards = Vec::new();
+    for card in compressed[..end].chunks_exact(CARD_SIZE) {
+        // funpack makes the first card of the image of these, and needs them where it does.
+        if card.starts_with(b"ZBITPIX ") {
+            own().filter(|card| is_first(card)).for_each(|card| cards.extend(card));
+        }
+        cards.extend(card);
+    }
+    own().filter(|card| !of_compression(card) && !is_first(card)).for_each(|card| cards.extend(card));
     let integers = !matches!(pixels, ImageData::F32(_) | ImageData::F64(_));
     if let (true, Some(Value::Integer(blank)), None) = (integers, hdu.value("ZBLANK"), hdu.value("BLANK")) {
         let card = Card::new("BLANK", Value::Integer(*blank)).map_err(std::io::Error::other)?;
@@ -176,16 +183,24 @@ fn compressed<T: CompressPixel>(pixels: &[T], axes: [usize; 2], how: &TileCompre
     compress_image_hdu(&axes, pixels, how, &[]).map_err(std::io::Error::other)
 }
 
-/// Whether a card describes the table or the compression, not the image. (ZHECKSUM and ZDATASUM are those of the original image.)
+/// Whether a card says where the image was: in the primary HDU, or in an extension.
+fn is_first(card: &[u8]) -> bool {
+    card.starts_with(b"ZSIMPLE ") || card.starts_with(b"ZTENSION")
+}
+
+/// Whether a card describes the table or the compression, not the image. (ZHECKSUM and ZDATASUM are those of the original image;
+/// ZSIMPLE, ZEXTEND and the like say where that was, and stay.)
 fn of_compression(card: &[u8]) -> bool {
-    const FIXED: [&str; 21] = [
+    is_of_compression(String::from_utf8_lossy(&card[..8]).trim_end())
+}
+
+/// The same of a keyword.
+pub(super) fn is_of_compression(keyword: &str) -> bool {
+    const FIXED: [&str; 19] = [
         "XTENSION", "BITPIX", "NAXIS", "PCOUNT", "GCOUNT", "TFIELDS", "THEAP", "ZIMAGE", "ZBITPIX", "ZNAXIS",
-        "ZCMPTYPE", "ZQUANTIZ", "ZDITHER0", "ZBLANK", "ZSCALE", "ZZERO", "ZMASKCMP", "ZHECKSUM", "ZDATASUM", "ZSIMPLE",
-        "ZEXTEND",
+        "ZCMPTYPE", "ZQUANTIZ", "ZDITHER0", "ZBLANK", "ZSCALE", "ZZERO", "ZMASKCMP", "ZHECKSUM", "ZDATASUM",
     ];
     const NUMBERED: [&str; 8] = ["NAXIS", "TTYPE", "TFORM", "TUNIT", "ZNAXIS", "ZTILE", "ZNAME", "ZVAL"];
-    let keyword = String::from_utf8_lossy(&card[..8]);
-    let keyword = keyword.trim_end();
     let numbered = |begin: &&str| {
         keyword
             .strip_prefix(*begin)
