@@ -22,10 +22,11 @@ pub mod trails;
 
 use serde_json::{Value as Json, json};
 
+use crate::error::InputError;
 use crate::io::table::{Cell, Meta, Table};
 use crate::physics::observable::Observable;
 use crate::warning::{Warning, together};
-use exposure::{About, Reading};
+use exposure::{About, Frames, Reading};
 use table::{Measurement, Origin};
 
 /// Results of the measurement.
@@ -63,6 +64,11 @@ struct Found {
 }
 
 impl Found {
+    /// Before frames are read: with warnings of the images of their files that are left out.
+    fn of(frames: &Frames) -> Result<Found, InputError> {
+        Ok(Found { warnings: frames.left_out()?, ..Found::default() })
+    }
+
     /// Adds to a number of used or rejected items.
     fn count(&mut self, name: &'static str, more: usize) {
         match self.counts.iter_mut().find(|(known, _)| *known == name) {

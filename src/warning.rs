@@ -190,6 +190,17 @@ pub enum Warning {
     },
     /// Warm pixels were looked for in a single exposure.
     OneExposure,
+    /// The dipoles of a frame are not those of its pumping series.
+    NotOfSeries {
+        /// The frame.
+        name: String,
+        /// Its dipoles over those that the other frames predict.
+        times: f64,
+        /// Time of one phase, ms.
+        phase_time_ms: f64,
+        /// Cycles of trap pumping.
+        cycles: f64,
+    },
     /// The level of no charge is that of rows in which the trail has not ended.
     TrailInBias {
         /// The frame.
@@ -427,6 +438,11 @@ impl fmt::Display for Warning {
                 out,
                 "warm pixels were looked for in a single exposure: cosmic rays that hit one pixel alone count as warm pixels; give \
                  several exposures of the same date"
+            ),
+            Warning::NotOfSeries { name, times, phase_time_ms, cycles } => write!(
+                out,
+                "{name}: its dipoles are {times:.2} times what the other frames of the series predict for {cycles} cycles with a phase \
+                 time of {phase_time_ms} ms: it was not pumped so, and is left out; check its phase time and cycles"
             ),
             Warning::TrailInBias { name, left_e, sigma_e } => write!(
                 out,

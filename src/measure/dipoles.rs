@@ -9,18 +9,24 @@
 //! position and with its sign, whether it was detected there or not. Its error is that of the flat's noise and the binomial noise
 //! of the pumps, I(1 − I/N) after N cycles. A pair whose sum is not that of two pixels of the flat, because of a cosmic ray, is
 //! excluded.
+//!
+//! A frame whose dipoles are not those of its series is left out ([`series`]).
+
+mod series;
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use ndarray::s;
 use serde_json::json;
 
-use super::exposure::{Exposure, Frames};
+use super::exposure::{About, Exposure, Frames};
 use super::statistic::{CLIP_SIGMA, median, robust_scatter};
 use super::table::Measurement;
 use super::{Found, Measured};
 use crate::error::InputError;
 use crate::physics::observable::Observable;
+use crate::warning::Warning;
+use series::{Dipole, strangers};
 
 /// Rows on each side of a pair from which the flat is estimated.
 const NEAR_ROWS: usize = 10;
@@ -53,7 +59,7 @@ impl Dipoles {
     /// # Errors
     /// If frames cannot be read as described, phase time or cycles are not given, or no dipole is found.
     pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
-        let mut found = Found::default();
+        let mut found = Found::of(frames)?;
         // Number of detections of a pair with its bright pixel nearer the register, minus those with it further away.
         let mut seen: HashMap<Place, (usize, i64)> = HashMap::new();
         let mut of_sensor: HashMap<(usize, usize), usize> = HashMap::new();
@@ -86,6 +92,7 @@ impl Dipoles {
             found.exposures.push(exposure.about);
             Ok(())
         })?;
+        leave_strangers_out(&mut rows, &mut found);
         if rows.is_empty() {
             return Err(self.nothing(candidates));
         }
@@ -131,6 +138,63 @@ impl Dipoles {
             }
         }
         pairs
+    }
+}
+
+/// Largest time between exposures of a series, days: irradiation and annealing change a trap within months.
+const SERIES_DAYS: f64 = 10.0;
+
+/// Largest difference of temperatures in a series, K: a release time changes by 10 to 20 % with a kelvin, E/kT² of some 0.1 to 0.2
+/// at 150 K.
+const SERIES_K: f64 = 1.0;
+
+/// Exposures of one series, by their indices: of one amplifier, one date and one temperature.
+fn all_series(exposures: &[About]) -> Vec<Vec<usize>> {
+    let mut all: Vec<Vec<usize>> = Vec::new();
+    let is_alike = |one: &About, other: &About| {
+        let warmer = one.temperature_k.unwrap_or(0.0) - other.temperature_k.unwrap_or(0.0);
+        (one.hdu, one.amplifier) == (other.hdu, other.amplifier)
+            && warmer.abs() <= SERIES_K
+            && one.when.is_near(other.when, SERIES_DAYS)
+    };
+    for (index, about) in exposures.iter().enumerate() {
+        match all.iter_mut().find(|series| is_alike(&exposures[series[0]], about)) {
+            Some(series) => series.push(index),
+            None => all.push(vec![index]),
+        }
+    }
+    all
+}
+
+/// Takes out the rows of frames that are not of their pumping series, with a warning for each.
+fn leave_strangers_out(rows: &mut Vec<(Place, Measurement)>, found: &mut Found) {
+    for series in all_series(&found.exposures) {
+        let abouts: Vec<&About> = series.iter().map(|index| &found.exposures[*index]).collect();
+        let frames: HashMap<usize, usize> =
+            abouts.iter().enumerate().map(|(frame, about)| (about.number, frame)).collect();
+        let frame_of = |row: &Measurement| {
+            let number = row.from.iter().find(|(name, _)| *name == "exposure").map(|(_, number)| *number);
+            frames.get(&number.expect("a row has its exposure")).copied()
+        };
+        let mut dipoles: BTreeMap<Place, Dipole> = BTreeMap::new();
+        for (place, row) in rows.iter() {
+            let Some(frame) = frame_of(row) else { continue };
+            dipoles.entry(*place).or_insert_with(|| vec![None; series.len()])[frame] = Some((row.value, row.sigma));
+        }
+        let pumped = |about: &&About| Some((about.phase_time_ms?, about.cycles?));
+        let Some(pumped) = abouts.iter().map(pumped).collect::<Option<Vec<(f64, f64)>>>() else { continue };
+        let dipoles: Vec<Dipole> = dipoles.into_values().collect();
+        let out = strangers(&pumped, &dipoles);
+        rows.retain(|(_, row)| !frame_of(row).is_some_and(|frame| out.iter().any(|stranger| stranger.frame == frame)));
+        let warnings = out.iter().map(|stranger| {
+            let (phase_time_ms, cycles) = pumped[stranger.frame];
+            Warning::NotOfSeries { name: abouts[stranger.frame].place(), times: stranger.times, phase_time_ms, cycles }
+        });
+        let warnings: Vec<Warning> = warnings.collect();
+        if !warnings.is_empty() {
+            found.count("frames_left_out", warnings.len());
+        }
+        found.warnings.extend(warnings);
     }
 }
 

@@ -67,7 +67,7 @@ impl Eper {
     /// # Errors
     /// If the frames have no or too few overscan rows, or cannot be read as described.
     pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
-        let mut found = Found::default();
+        let mut found = Found::of(frames)?;
         let (mut edges, mut first, mut cti) = (Vec::new(), Vec::new(), Vec::new());
         let (mut level_rows, mut trail_px) = (0, 0);
         frames.each(progress, |exposure| {

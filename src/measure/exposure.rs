@@ -15,9 +15,11 @@ use super::statistic::{Mean, clipped};
 use crate::error::InputError;
 use crate::image::amplifier_table::Place;
 use crate::image::fits::{Fits, Hdu, HduKind};
+use crate::image::selection::left_out;
 use crate::image::unit::number_of;
 use crate::image::{AmplifierTable, Bits, Choice, Companions, Geometry, Transfers, Unit, frames};
 use crate::io::table::{Cell, Time};
+use crate::warning::Warning;
 
 /// How frames are interpreted.
 #[derive(Clone, Debug, Default)]
@@ -251,6 +253,28 @@ pub struct FrameArray {
 }
 
 impl Frames {
+    /// Images of the files that might be frames, and are left out.
+    ///
+    /// # Errors
+    /// If a file is not a FITS file, or a unit cannot be read.
+    pub(super) fn left_out(&self) -> Result<Vec<Warning>, InputError> {
+        let mut warnings = Vec::new();
+        if self.reading.amplifiers.is_some() || !self.reading.hdus.is_empty() {
+            return Ok(warnings);
+        }
+        for file in &self.files {
+            let name = file.display().to_string();
+            let hdus = Fits::open(file)?.hdus;
+            let left_out = left_out(&hdus, &[]).map_err(|error| cannot_measure(&name, error))?;
+            let doubtful = left_out.into_iter().filter(|(_, why)| why.is_doubtful());
+            warnings.extend(doubtful.map(|(index, why)| Warning::ImageLeftOut {
+                name: format!("{name}, {}", hdus[index]),
+                why: why.to_string(),
+            }));
+        }
+        Ok(warnings)
+    }
+
     /// Passes every exposure to `visit`, one after another: one frame at a time is in memory. `progress` is given the number of
     /// files done.
     ///

@@ -69,7 +69,7 @@ impl Injection {
     /// # Errors
     /// If frames cannot be read as described, or contain no blocks.
     pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
-        let mut found = Found::default();
+        let mut found = Found::of(frames)?;
         let (mut edges, mut first) = (Vec::new(), Vec::new());
         let mut zero_levels = 0;
         frames.each(progress, |exposure| {

@@ -102,7 +102,7 @@ impl Trails {
     /// If frames cannot be read as described, or no or too few warm pixels are found.
     pub fn measure(&self, frames: &Frames, progress: &dyn Fn(usize)) -> Result<Measured, InputError> {
         let search = Search { trail_px: self.trail_px, threshold_e: self.threshold_e };
-        let mut found = Found::default();
+        let mut found = Found::of(frames)?;
         let mut seen: Vec<Seen> = Vec::new();
         frames.each(progress, |exposure| {
             refuse_repeated(&exposure.about, &seen)?;
@@ -244,7 +244,7 @@ impl When {
     }
 
     /// Whether two exposures belong to one date; exposures with a dose do if it is the same.
-    fn is_near(self, other: When, days: f64) -> bool {
+    pub(super) fn is_near(self, other: When, days: f64) -> bool {
         match (self, other) {
             (When::Date(one), When::Date(other)) => (one - other).abs().as_seconds_f64() <= days * 86_400.0,
             (one, other) => one == other,
