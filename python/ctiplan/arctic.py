@@ -27,14 +27,21 @@ __all__ = [
     "CCD",
     "CCDPhase",
     "CTI_model_for_HST_ACS",
+    "PixelBounce",
     "ROE",
     "ROEChargeInjection",
+    "ROETrapPumping",
+    "ReadNoise",
     "TrapInstantCapture",
     "TrapInstantCaptureContinuum",
     "TrapSlowCapture",
     "TrapSlowCaptureContinuum",
     "add_cti",
+    "add_pixel_bounce",
+    "print_array",
+    "print_array_2D",
     "remove_cti",
+    "remove_pixel_bounce",
 ]
 
 #: Error of a frame over the largest displacement of charge in it at express 0, where every transfer is asked for.
@@ -246,6 +253,40 @@ class TrapInstantCapture:
         self.fractional_volume_none_exposed = fractional_volume_none_exposed
         self.fractional_volume_full_exposed = fractional_volume_full_exposed
 
+    @property
+    def delta_ellipticity(self) -> float:
+        """Change of e1 of a faint galaxy by these traps, left uncorrected, in Euclid's set-up; in proportion to their density.
+
+        A fit to simulated galaxies, after Israel et al. 2015 (MNRAS 453, 561), with l the decimal logarithm of the release time in
+        transfers: ``4 density (A - D_a arctan((l - D_p)/D_w) + G_a exp(-(l - G_p)**2/(2 G_w**2)))``. The factor 4, with which the
+        fit's density is that of a pixel, is arcticpy's. It knows nothing of the well, the sky, or another galaxy: ``ctiplan.Mission``
+        computes the change of shape of the galaxies of a mission.
+        """
+        decades = math.log10(_number("release_timescale", self.release_timescale, above=0.0))
+        density = _number("density", self.density, least=0.0)
+        step = 0.05333 - 0.03357 * math.atan((decades - 1.628) / 0.2951)
+        peak = 0.09901 * math.exp(-((decades - 0.4553) ** 2) / (2.0 * 0.4132**2))
+        return 4.0 * density * (step + peak)
+
+    def poisson_density_from(self, total_pixels: int, seed: int = -1) -> TrapInstantCapture:
+        """The same traps with the density of so many pixels in which their number is drawn at random, from Poisson's distribution.
+
+        Parameters
+        ----------
+        total_pixels : int
+            Pixels in which traps are counted.
+        seed : int
+            Seed of numpy's RandomState, with which the draw is arcticpy's; -1: another draw each time.
+        """
+        pixels = _whole("total_pixels", total_pixels, least=1)
+        seed = _whole("seed", seed, least=-1)
+        expected = _number("density", self.density, least=0.0) * pixels
+        count = np.random.RandomState(None if seed == -1 else seed).poisson(expected)
+        return TrapInstantCapture(
+            float(count) / pixels, self.release_timescale,
+            self.fractional_volume_none_exposed, self.fractional_volume_full_exposed,
+        )  # fmt: skip
+
 
 class TrapSlowCapture:
     """Traps that need time to capture.
@@ -312,6 +353,53 @@ class TrapSlowCaptureContinuum(TrapSlowCapture):
 
 
 Trap = TrapInstantCapture | TrapSlowCapture | TrapInstantCaptureContinuum | TrapSlowCaptureContinuum
+
+
+class _NotModelled:
+    """A name of arcticpy's that can be imported, and says at its first use that it is not modelled."""
+
+    remedy = ""
+
+    def __init__(self, *_given: Any, **_words: Any) -> None:
+        raise NotImplementedError(f"{type(self).__name__} is not modelled here{self.remedy}")
+
+
+class PixelBounce(_NotModelled):
+    """Not modelled: ringing of the readout electronics."""
+
+    remedy = "; see `ctiplan effects signal-ringing` for a mission's own"
+
+
+class ReadNoise(_NotModelled):
+    """Not modelled: separates read noise before a correction."""
+
+    remedy = "; use `ctiplan correct --separate-noise`"
+
+
+class ROETrapPumping(_NotModelled):
+    """Not modelled: trap pumping."""
+
+    remedy = "; see `ctiplan study pocket-pumping` and `ctiplan measure dipoles`"
+
+
+def add_pixel_bounce(*_given: Any, **_words: Any) -> np.ndarray:
+    """Not modelled: ringing of the readout electronics."""
+    raise NotImplementedError(f"add_pixel_bounce is not modelled here{PixelBounce.remedy}")
+
+
+def remove_pixel_bounce(*_given: Any, **_words: Any) -> np.ndarray:
+    """Not modelled: ringing of the readout electronics."""
+    raise NotImplementedError(f"remove_pixel_bounce is not modelled here{PixelBounce.remedy}")
+
+
+def print_array(array: npt.ArrayLike) -> None:
+    """Prints the values of an array."""
+    print(np.asarray(array, dtype=np.float64))
+
+
+def print_array_2D(array: npt.ArrayLike) -> None:  # noqa: N802 (arcticpy's name)
+    """Prints the values of an array with rows and columns."""
+    print(np.asarray(array, dtype=np.float64))
 
 
 def add_cti(

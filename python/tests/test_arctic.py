@@ -126,6 +126,44 @@ def test_names_order_and_defaults_are_those_of_arcticpy():
     ]
 
 
+def test_every_public_name_of_arcticpy_exists():
+    for name, attributes in oracle().PUBLIC.items():
+        assert name in arctic.__all__, name
+        there = getattr(arctic, name)
+        for attribute in attributes.split():
+            assert hasattr(there(), attribute), f"{name}.{attribute}"
+    assert set(arctic.__all__) == set(oracle().PUBLIC)
+
+
+@pytest.mark.parametrize("name", ["PixelBounce", "ReadNoise", "ROETrapPumping", "add_pixel_bounce", "remove_pixel_bounce"])
+def test_what_is_not_modelled_says_so(name):
+    with pytest.raises(NotImplementedError, match=f"{name} is not modelled here"):
+        getattr(arctic, name)()
+
+
+@pytest.mark.parametrize(("density", "release", "value"), oracle().DELTA_ELLIPTICITY)
+def test_the_change_of_ellipticity_is_that_of_arcticpy(density, release, value):
+    assert arctic.TrapInstantCapture(density, release).delta_ellipticity == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize(("pixels", "seed", "value"), oracle().POISSON_DENSITIES)
+def test_a_density_of_counted_traps_is_that_of_arcticpy(pixels, seed, value):
+    traps = arctic.TrapInstantCapture(1.6, 7.7, 0.1, 0.3)
+    drawn = traps.poisson_density_from(total_pixels=pixels, seed=seed)
+    assert drawn.density == value
+    assert {**vars(drawn), "density": 1.6} == vars(traps)
+
+
+def test_densities_of_counted_traps_scatter_as_counts_do():
+    traps = arctic.TrapInstantCapture(0.5, 7.7)
+    drawn = np.array([traps.poisson_density_from(200, seed).density for seed in range(400)])
+    # A count of 100 scatters by 10; 400 of them know their mean to 0.5 and their scatter to 4 %.
+    assert drawn.mean() == pytest.approx(0.5, abs=4 * 0.0025)
+    assert drawn.std() == pytest.approx(0.05, rel=0.15)
+    with pytest.raises(cp.InputError, match="total_pixels"):
+        traps.poisson_density_from(0)
+
+
 def test_an_accuracy_may_be_asked_for(frame):
     exact = arctic.add_cti(frame, **WORDS, parallel_express=1e-12)
     moved = np.abs(exact - frame).max()

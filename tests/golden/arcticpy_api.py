@@ -37,6 +37,44 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 DATA = os.path.join(HERE, "..", "..", "python", "tests", "data", "arcticpy_api.npz")
 
 
+# Public names of arcticpy 2.6 (`dir`), without its own modules, and those of the objects of its classes.
+PUBLIC = {
+    "CCD": "first_electron_fills fraction_of_traps_per_phase full_well_depths phases well_fill_powers well_notch_depths",
+    "CCDPhase": "first_electron_fill full_well_depth well_fill_power well_notch_depth",
+    "CTI_model_for_HST_ACS": "",
+    "PixelBounce": "",
+    "ROE": "dwell_times empty_traps_between_columns empty_traps_for_first_transfers force_release_away_from_readout overscan_start "
+    "pixel_bounce_gamma pixel_bounce_kA pixel_bounce_kv pixel_bounce_omega prescan_offset use_integer_express_matrix",
+    "ROEChargeInjection": "from_normal_roe dwell_times overscan_start prescan_offset",
+    "ROETrapPumping": "",
+    "ReadNoise": "",
+    "TrapInstantCapture": "delta_ellipticity density fractional_volume_full_exposed fractional_volume_none_exposed "
+    "poisson_density_from release_timescale",
+    "TrapInstantCaptureContinuum": "density release_timescale release_timescale_sigma",
+    "TrapSlowCapture": "capture_timescale density release_timescale",
+    "TrapSlowCaptureContinuum": "capture_timescale density release_timescale release_timescale_sigma",
+    "add_cti": "",
+    "add_pixel_bounce": "",
+    "print_array": "",
+    "print_array_2D": "",
+    "remove_cti": "",
+    "remove_pixel_bounce": "",
+}
+
+# Density and release time of TrapInstantCapture, and arcticpy 2.6's delta_ellipticity.
+DELTA_ELLIPTICITY = [
+    (1.0, 1.0, 0.6159859911111484),
+    (1.6, 7.7, 0.9650323588785311),
+    (0.5, 0.1, 0.20501645198807686),
+    (2.0, 30.0, 0.5907929272313567),
+    (1.0, 100.0, 0.09281121163998082),
+    (1.0, 1000.0, 0.03084199980318741),
+]
+
+# Pixels, seed, and the density of poisson_density_from of a density of 1.6.
+POISSON_DENSITIES = [(80, 0, 1.625), (80, 1, 1.5625), (80, 2, 1.575), (1000, 0, 1.605), (1000, 1, 1.59), (1000, 2, 1.593)]
+
+
 def sky(seed=7, shape=(50, 7), level=60.0):
     rng = np.random.default_rng(seed)
     frame = rng.poisson(level, shape).astype(float)
