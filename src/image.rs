@@ -723,7 +723,7 @@ pub(crate) fn image_shape(hdu: &Hdu) -> Result<(usize, usize), InputError> {
         ),
         HduKind::Image { rows, columns, .. } => Ok((rows, columns)),
         HduKind::OtherAxes(axes) => refusal(
-            &format!("it has {axes} axes; a frame has two, columns and rows"),
+            &format!("it has {axes} {}; a frame has two, columns and rows", if axes == 1 { "axis" } else { "axes" }),
             "write each plane of a cube as an image of its own, or leave it out with --hdu",
         ),
         HduKind::Compressed => refusal(

@@ -11,7 +11,7 @@ use crate::image::{Choice, Corner, Geometry, Split, Transfers, Unit};
 /// Which images, and where they lie on the detector.
 #[derive(Debug, Args)]
 pub(super) struct Layout {
-    /// HDUs to process: their numbers (0 is the primary one), EXTNAMEs, or EXTNAME,EXTVER; by default all images except DQ, ERR, ...
+    /// HDUs to process: their numbers (0 is the primary one), EXTNAMEs, or EXTNAME,EXTVER; by default those with a BUNIT of charge, or, if there are none, all images except DQ, ERR, ...
     #[arg(long, value_name = "HDU")]
     hdu: Vec<Choices>,
     /// Corner that is read first; the frame's first pixel is at the lower left

@@ -36,6 +36,7 @@ mod missions;
 mod noise;
 mod one_chain;
 mod orbit_dose;
+mod other_files;
 mod outputs;
 mod packets_golden;
 mod paper;

@@ -246,7 +246,10 @@ impl Value<Section> {
                     place: Some(hdu.to_string()),
                     ..InputError::new(String::new(), problem)
                 };
-                let text = hdu.read_text(keyword)?.ok_or_else(|| refusal(format!("its header has no {keyword}")))?;
+                let text = hdu
+                    .read_text(keyword)
+                    .map_err(|error| refusal(error.problem))?
+                    .ok_or_else(|| refusal(format!("its header has no {keyword}")))?;
                 text.parse().map_err(|problem: String| refusal(format!("{keyword} = '{text}': {problem}")))
             }
         }

@@ -59,7 +59,8 @@ fn curves(pumped: &[(f64, f64)]) -> Vec<Vec<f64>> {
     let times = || pumped.iter().map(|(time, _)| *time);
     let (least, most) = (times().fold(f64::INFINITY, f64::min) / BEYOND, times().fold(0.0, f64::max) * BEYOND);
     let release_ms = |step: usize| least * (most / least).powf(step as f64 / (RELEASE_TIMES - 1) as f64);
-    let curve = |release_ms: f64| pumped.iter().map(|(time, cycles)| dipole_e(*cycles, 1.0, *time, release_ms)).collect();
+    let curve =
+        |release_ms: f64| pumped.iter().map(|(time, cycles)| dipole_e(*cycles, 1.0, *time, release_ms)).collect();
     (0..RELEASE_TIMES).map(release_ms).map(curve).collect()
 }
 
