@@ -89,9 +89,11 @@ pub(crate) fn left_out(hdus: &[Hdu], choices: &[Choice]) -> Result<Vec<(usize, L
     if choices.is_empty() { Ok(of_charge(hdus)?.1) } else { Ok(Vec::new()) }
 }
 
-/// Images of charge, and all other images.
-#[expect(clippy::type_complexity)]
-fn of_charge(hdus: &[Hdu]) -> Result<(Vec<&Hdu>, Vec<(usize, LeftOut)>), InputError> {
+/// Images of charge, and all other images with the reason.
+type Sorted<'a> = (Vec<&'a Hdu>, Vec<(usize, LeftOut)>);
+
+/// Tells frames from other images where none are selected.
+fn of_charge(hdus: &[Hdu]) -> Result<Sorted<'_>, InputError> {
     let distorted = hdus.iter().any(says_distorted);
     let companion = |hdu: &Hdu| match hdu.kind {
         _ if is_distortion(hdu, distorted) => Some(LeftOut::Distortion),

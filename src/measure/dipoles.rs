@@ -10,7 +10,7 @@
 //! of the pumps, I(1 − I/N) after N cycles. A pair whose sum is not that of two pixels of the flat, because of a cosmic ray, is
 //! excluded.
 //!
-//! A frame whose dipoles are not those of its series is left out ([`series`]).
+//! A frame whose dipoles are not those of its series is left out (`series`).
 
 mod series;
 
