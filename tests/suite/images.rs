@@ -745,7 +745,7 @@ fn what_cannot_be_used_is_refused_in_words() {
     let camera = Path::new(CAMERA);
     says(camera, &["--hdu", "1"], &["HDU 1 (SCI)", "BUNIT = 'DN'", "--gain-e-per-dn"]);
     says(camera, &["--hdu", "1", "--gain-keyword", "EGAIN"], &["EGAIN", "neither"]);
-    says(camera, &["--hdu", "1", "--gain-keyword", "TELESCOP"], &["TELESCOP is not a number"]);
+    says(camera, &["--hdu", "1", "--gain-keyword", "TELESCOP"], &["TELESCOP", "in line 5: a number is needed"]);
     says(camera, &["--hdu", "5", "--gain-e-per-dn", "2"], &["BUNIT = 'ELECTRONS'", "gain of 2"]);
     says(camera, &["--hdu", "9"], &["no HDU 9", "HDU 4 (STARS)"]);
     says(camera, &["--hdu", "4"], &["HDU 4 (STARS)", "not an image"]);
