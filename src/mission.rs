@@ -682,9 +682,12 @@ impl Mission {
 
     /// The judged galaxy of the requirement.
     pub fn judged_galaxy(&self) -> &Galaxy {
-        self.galaxies
-            .iter()
-            .find(|galaxy| galaxy.name == self.requirement.galaxy)
-            .expect("a mission that was read has its judged galaxy")
+        &self.galaxies[self.judged()]
+    }
+
+    /// Its index.
+    pub fn judged(&self) -> usize {
+        let is_judged = |galaxy: &Galaxy| galaxy.name == self.requirement.galaxy;
+        self.galaxies.iter().position(is_judged).expect("a mission that was read has its judged galaxy")
     }
 }

@@ -264,8 +264,7 @@ impl Model {
 
     /// Index of the judged galaxy in the mission.
     pub fn judged(&self) -> usize {
-        let judged = &self.mission.requirement.galaxy;
-        self.mission.galaxies.iter().position(|galaxy| galaxy.name == *judged).expect("a mission has its judged galaxy")
+        self.mission.judged()
     }
 
     /// Names of conditions that effects depend on in addition to those of the chain itself.

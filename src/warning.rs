@@ -16,6 +16,13 @@ pub const RELEASED_IN_PLACE_LINES: f64 = 0.1;
 /// A reason to doubt a result.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Warning {
+    /// Conditions of measurements are the mission's, although the file has columns that look like them.
+    LooksLikeCondition {
+        /// The file.
+        file: String,
+        /// Column, condition, and the mission's value with its unit.
+        found: Vec<[String; 3]>,
+    },
     /// The mission flies through active years of the Sun that are not known yet.
     SunExtrapolated {
         /// Maxima that are assumed.
@@ -280,6 +287,15 @@ impl Serialize for Warning {
 impl fmt::Display for Warning {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            // Measurements.
+            Warning::LooksLikeCondition { file, found } => {
+                let one = |[column, condition, value]: &[String; 3]| {
+                    format!(
+                        "{condition} is the mission's ({value}), and the column `{column}` is not used; if it is meant, name it `{condition}`"
+                    )
+                };
+                write!(out, "{file}: {}", found.iter().map(one).collect::<Vec<_>>().join("; "))
+            }
             // The dose.
             Warning::SunExtrapolated { maxima } => {
                 let years: Vec<String> =

@@ -79,8 +79,8 @@ pub fn compare(
 #[pyfunction]
 #[pyo3(signature = (mission, data, *, seed))]
 pub fn validate(py: Python<'_>, mission: &Mission, data: Vec<DataSet>, seed: Option<u64>) -> PyResult<Outcome> {
-    let data = rows(data);
     work::run(py, None, |_| {
+        let data = rows(data, &mission.0)?;
         let validation = comparison::validate(&mission.0, &data, seed.unwrap_or(mission.0.accuracy.seed))?;
         Ok(Outcome::of(validation, vec![mission.0.clone()]))
     })
@@ -102,13 +102,14 @@ pub fn fit(
     holdout: Option<String>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Outcome> {
-    let (mission, data) = (&mission.0, rows(data));
+    let mission = &mission.0;
     let keys = free.unwrap_or_else(|| mission.fit.free.clone());
     work::run(py, progress, |watch| {
         if keys.is_empty() {
             return Err(InputError::new("cannot fit", "no key is free")
                 .with_help("name some: free=[\"detector.traps.VV.density_per_px\"], or in [fit] free of the mission"));
         }
+        let data = rows(data, mission)?;
         let best = Mutex::new(f64::INFINITY);
         let report_best = |chi2: f64| tell(watch, &best, chi2);
         let seed = seed.unwrap_or(mission.accuracy.seed);
@@ -159,13 +160,14 @@ pub fn diagnose(
     stability: bool,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Outcome> {
-    let (mission, data) = (&mission.0, rows(data));
+    let mission = &mission.0;
     let candidates = candidates.map(settings).transpose()?.map(|tables| tables.into_iter().collect::<toml::Table>());
     work::run(py, progress, |watch| {
         if !(level > 0.0 && level <= 0.5) {
             let problem = "a fraction above 0 and up to 0.5 is needed, such as 0.01";
             return Err(InputError::new(format!("cannot diagnose at level {level}"), problem));
         }
+        let data = rows(data, mission)?;
         let options = search::Options {
             level,
             seed: seed.unwrap_or(mission.accuracy.seed),
@@ -189,6 +191,7 @@ fn observable(name: &str) -> Result<Observable, InputError> {
     })
 }
 
-fn rows(data: Vec<DataSet>) -> Vec<measurement::DataSet> {
-    data.into_iter().map(|set| set.0).collect()
+/// The measurements as this mission reads them: they may have been read with another one.
+fn rows(data: Vec<DataSet>, mission: &ctiplan::mission::Mission) -> Result<Vec<measurement::DataSet>, InputError> {
+    data.into_iter().map(|set| measurement::DataSet::of(set.0.table, mission)).collect()
 }

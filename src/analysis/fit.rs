@@ -55,5 +55,6 @@ pub fn fit(
     let model = model.like(&fit.mission);
     let parameters = profile_errors::widened(&model, data, &fit, progress)?;
     let advice = open_sides::with_open_sides(&model, data, &fit, &parameters, progress)?;
-    Ok(Fit { parameters, advice, ..fit })
+    let warnings = data.iter().filter_map(|set| set.warning.clone()).collect();
+    Ok(Fit { parameters, advice, warnings, ..fit })
 }

@@ -6,6 +6,7 @@
 mod common_errors;
 mod condition_errors;
 mod floor;
+mod lookalike;
 mod units;
 
 use std::path::Path;
@@ -18,8 +19,9 @@ use crate::mission::{Mission, keys};
 use crate::mission_file::lookup;
 use crate::model::predict::Question;
 use crate::numeric::calendar::DAYS_PER_YEAR;
-use crate::physics::conditions::{self, Conditions};
+use crate::physics::conditions::{self, MIRRORED, Stated};
 use crate::physics::observable::{Observable, Probe};
+use crate::warning::Warning;
 use common_errors::Common;
 use units::Unit;
 
@@ -38,6 +40,8 @@ pub struct DataSet {
     pub table: Table,
     /// Common errors of its rows: none as read.
     pub shared: Shared,
+    /// Conditions that are the mission's although the file has columns that look like them.
+    pub warning: Option<Warning>,
 }
 
 /// One measurement.
@@ -52,12 +56,14 @@ pub struct Row {
     /// The part of it that is a floor of systematic errors, which the scatter of rows need not show.
     pub floor: f64,
     /// The adopted conditions; numeric columns unknown to the model are covariates.
-    pub at: Conditions,
+    pub at: Stated,
     /// 1-sigma errors of conditions, by name, in the units of the conditions; independent from row to row. Only those given in the
     /// file as `sigma_CONDITION`.
     pub condition_sigmas: Vec<(&'static str, f64)>,
     /// The galaxy, by its index in the mission.
     pub galaxy: Option<usize>,
+    /// Whether it is the galaxy that the mission judges, as the file names none.
+    pub galaxy_is_judged: bool,
     /// The species of a trap density or of a dipole, by its index in the mission.
     pub species: Option<usize>,
     /// Text columns unknown to the model, and the galaxy: name and word.
@@ -66,8 +72,9 @@ pub struct Row {
 
 impl Row {
     /// The query to the model for this row.
-    pub fn question(&self, observable: Observable) -> Question<'_> {
-        Question { observable, at: &self.at, galaxy: self.galaxy, species: self.species }
+    pub fn question(&self, observable: Observable) -> Question<'_, Stated> {
+        let galaxy = self.galaxy.filter(|_| !self.galaxy_is_judged);
+        Question { observable, at: &self.at, galaxy, species: self.species }
     }
 
     /// 1-sigma error without the part that other rows have in common.
@@ -82,7 +89,7 @@ impl Row {
 }
 
 /// All queries of some data sets, in order.
-pub fn questions(data: &[DataSet]) -> Vec<Question<'_>> {
+pub fn questions(data: &[DataSet]) -> Vec<Question<'_, Stated>> {
     data.iter().flat_map(|set| set.rows.iter().map(|row| row.question(set.observable))).collect()
 }
 
@@ -97,6 +104,8 @@ pub(crate) fn some_rows(data: &[DataSet], refused: &str) -> Result<(), InputErro
 /// A condition that files may contain, with its unit and allowed values.
 struct Known {
     name: &'static str,
+    /// Usual names, in lower case without separators and units.
+    words: &'static [&'static str],
     unit: Unit,
     kind: Allowed,
     help: fn(f64) -> Option<String>,
@@ -104,30 +113,50 @@ struct Known {
 
 /// All numeric conditions.
 fn known(name: &str) -> Option<Known> {
-    let plain = |name, unit, kind| Known { name, unit, kind, help: |_| None };
-    let as_key = |name, unit, path: &str| {
+    let plain = |name, words, unit, kind| Known { name, words, unit, kind, help: |_| None };
+    let as_key = |name, words, unit| {
+        let (_, path) = MIRRORED.iter().find(|(mirrored, _)| *mirrored == name).expect("it mirrors a key");
         let key = lookup::find(path).expect("a key of the mission");
-        Known { name, unit, kind: key.kind, help: key.help }
+        Known { name, words, unit, kind: key.kind, help: key.help }
     };
     Some(match name {
-        "t_yr" => plain("t_yr", Unit::Years, Number(0.0, 1000.0)),
-        "dose_mev_g" => plain("dose_mev_g", Unit::Dose, Number(0.0, 1e15)),
-        "temperature_k" => as_key("temperature_k", Unit::Kelvin, "detector.temperature_k"),
-        "line_time_ms" => as_key("line_time_ms", Unit::Milliseconds, "readout.line_time_ms"),
-        "background_e" => as_key("background_e", Unit::Electrons, "sky.background_e"),
-        "transfers" => as_key("transfers", Unit::Pure, "readout.transfers"),
-        "signal_e" => plain("signal_e", Unit::Electrons, Positive(0.0, 1e9)),
-        "signal_read_e" => plain("signal_read_e", Unit::Electrons, Positive(0.0, 1e9)),
-        "preceding_e" => plain("preceding_e", Unit::Electrons, Number(0.0, 1e9)),
-        "preceding_px" => plain("preceding_px", Unit::Pixels, Integer(1, 100_000)),
-        "trail_px" => plain("trail_px", Unit::Pixels, Integer(1, 100_000)),
-        "block_px" => plain("block_px", Unit::Pixels, Integer(1, 100_000)),
-        "first_px" => plain("first_px", Unit::Pixels, Integer(1, 100_000)),
-        "last_px" => plain("last_px", Unit::Pixels, Integer(1, 100_000)),
-        "phase_time_ms" => plain("phase_time_ms", Unit::Milliseconds, Positive(0.0, 1e9)),
-        "pumping_cycles" => plain("pumping_cycles", Unit::Pure, Positive(0.0, 1e9)),
+        "t_yr" => plain("t_yr", TIME, Unit::Years, Number(0.0, 1000.0)),
+        "dose_mev_g" => plain("dose_mev_g", &["dose", "ddd", "displacementdose"], Unit::Dose, Number(0.0, 1e15)),
+        "temperature_k" => as_key("temperature_k", TEMPERATURE, Unit::Kelvin),
+        "line_time_ms" => as_key("line_time_ms", LINE_TIME, Unit::Milliseconds),
+        "background_e" => as_key("background_e", BACKGROUND, Unit::Electrons),
+        "transfers" => as_key("transfers", TRANSFERS, Unit::Pure),
+        "signal_e" => plain("signal_e", &["signal", "charge", "packet"], Unit::Electrons, Positive(0.0, 1e9)),
+        "signal_read_e" => plain("signal_read_e", &["signalread"], Unit::Electrons, Positive(0.0, 1e9)),
+        "preceding_e" => plain("preceding_e", &["preceding"], Unit::Electrons, Number(0.0, 1e9)),
+        "preceding_px" => plain("preceding_px", &["precedingrows"], Unit::Pixels, Integer(1, 100_000)),
+        "trail_px" => plain("trail_px", &["trail", "trailpixel"], Unit::Pixels, Integer(1, 100_000)),
+        "block_px" => plain("block_px", &["block", "blockrows", "blocklength"], Unit::Pixels, Integer(1, 100_000)),
+        "first_px" => plain("first_px", &["firstpixel"], Unit::Pixels, Integer(1, 100_000)),
+        "last_px" => plain("last_px", &["lastpixel"], Unit::Pixels, Integer(1, 100_000)),
+        "phase_time_ms" => plain("phase_time_ms", &["phasetime", "tph"], Unit::Milliseconds, Positive(0.0, 1e9)),
+        "pumping_cycles" => plain("pumping_cycles", &["cycles", "pumps"], Unit::Pure, Positive(0.0, 1e9)),
         _ => return None,
     })
+}
+
+const TIME: &[&str] = &["time", "t", "year", "years", "epoch", "day", "days", "elapsedtime", "missiontime"];
+const TEMPERATURE: &[&str] =
+    &["temperature", "temp", "tk", "tempk", "tccd", "tccdk", "tdet", "ccdtemp", "dettemp", "kelvin"];
+const LINE_TIME: &[&str] =
+    &["linetime", "rowtime", "lineperiod", "rowperiod", "transfertime", "shifttime", "clocktime", "tline"];
+const BACKGROUND: &[&str] = &["background", "bkg", "bkgd", "bg", "sky", "skybackground", "skylevel", "fatzero"];
+const TRANSFERS: &[&str] =
+    &["transfers", "transfer", "trans", "ntrans", "shifts", "paralleltransfers", "rowstoregister"];
+
+/// Usual names of the galaxy of a row.
+const fn names_of_galaxy() -> &'static [&'static str] {
+    &["galaxy", "galaxies", "gal", "galaxyname", "object", "objectname", "source"]
+}
+
+/// Whether a column or a member of `meta` is neither a condition nor anything else that is read.
+fn is_unknown(name: &str) -> bool {
+    !OTHERS.contains(&name) && known(name).is_none() && condition_of_sigma(name).is_none()
 }
 
 /// Other names for a time, in days.
@@ -214,7 +243,9 @@ impl DataSet {
         }
         condition_errors::add(&mut rows, observable, mission)?;
         let varying = varying(&table, &rows);
-        Ok(DataSet { file: table.name.clone(), observable, rows, varying, table, shared: Shared::default() })
+        let (file, shared) = (table.name.clone(), Shared::default());
+        let set = DataSet { file, observable, rows, varying, table, shared, warning: None };
+        Ok(DataSet { warning: set.lookalikes(mission), ..set })
     }
 
     /// The same without a pedestal.
@@ -363,6 +394,8 @@ impl Reader<'_> {
         let floor = self.floor(row, value)?;
         let sigma = sigma.hypot(floor);
         let galaxy = self.galaxy(row)?;
+        let galaxy_is_judged = galaxy.is_none() && self.observable.is_shape();
+        let galaxy = if galaxy_is_judged { Some(self.mission.judged()) } else { galaxy };
         let species = self.species(row)?;
         let name = |galaxy: usize| ("galaxy".to_string(), self.mission.galaxies[galaxy].name.clone());
         let mut words: Vec<(String, String)> = galaxy.map(name).into_iter().collect();
@@ -378,7 +411,7 @@ impl Reader<'_> {
         let condition_sigmas = self.condition_sigmas(row)?;
         // Known only with those of all rows.
         let common = Common::default();
-        Ok(Row { value, sigma, common, floor, at, condition_sigmas, galaxy, species, words })
+        Ok(Row { value, sigma, common, floor, at, condition_sigmas, galaxy, galaxy_is_judged, species, words })
     }
 
     /// Errors of the conditions.
@@ -434,7 +467,7 @@ impl Reader<'_> {
         Err(self.table.fault(Some(row), Some(&place), problem).with_help("leave out rows without measurements"))
     }
 
-    /// The galaxy of a change of shape, by its index in the mission.
+    /// The galaxy of a change of shape, by its index in the mission; None if the file names none.
     fn galaxy(&self, row: usize) -> Result<Option<usize>, InputError> {
         if !self.observable.is_shape() {
             return Ok(None);
@@ -443,10 +476,7 @@ impl Reader<'_> {
         match self.named(row, "galaxy", &names)? {
             Some(galaxy) => Ok(Some(galaxy)),
             // The galaxy of [requirement]: whatever is not given is the mission's.
-            None if self.table.column("galaxy").is_none() => {
-                let judged = &self.mission.requirement.galaxy;
-                Ok(names.iter().position(|name| name == judged))
-            }
+            None if self.table.column("galaxy").is_none() => Ok(None),
             None => Err(self.missing("galaxy", row)),
         }
     }
@@ -483,37 +513,22 @@ impl Reader<'_> {
         })
     }
 
-    fn conditions(&self, row: usize) -> Result<Conditions, InputError> {
+    fn conditions(&self, row: usize) -> Result<Stated, InputError> {
         let dose_mev_g = self.condition(row, "dose_mev_g")?;
         let t_yr = self.t_yr(row)?;
         let dose_will_do = self.observable.depends_on("dose_mev_g");
         if t_yr.is_none() && !(dose_will_do && dose_mev_g.is_some()) {
             return Err(self.missing(if dose_will_do { TIME_OR_DOSE } else { "t_yr" }, row));
         }
-        let mut believed = Conditions::of(self.mission, t_yr.unwrap_or(0.0));
-        if dose_mev_g.is_some() {
-            // A laboratory measurement does not follow the mission's history.
-            believed.temperature_k = self.mission.detector.temperature_k;
+        let mut at = Stated::left_to(self.mission, t_yr.map_or(0.0, |(_, t_yr)| t_yr), dose_mev_g);
+        if t_yr.is_some_and(|(name, _)| DAYS.contains(&name)) {
+            at = at.dated(self.mission);
         }
-        let whole = |number: f64| number as u32;
-        let mut at = Conditions {
-            dose_mev_g,
-            temperature_k: self.condition(row, "temperature_k")?.unwrap_or(believed.temperature_k),
-            line_time_ms: self.condition(row, "line_time_ms")?.unwrap_or(believed.line_time_ms),
-            background_e: self.condition(row, "background_e")?.unwrap_or(believed.background_e),
-            transfers: self.condition(row, "transfers")?.map_or(believed.transfers, whole),
-            signal_e: self.condition(row, "signal_e")?,
-            signal_read_e: self.condition(row, "signal_read_e")?,
-            preceding_e: self.condition(row, "preceding_e")?,
-            preceding_px: self.condition(row, "preceding_px")?.map(whole),
-            trail_px: self.condition(row, "trail_px")?.map(whole),
-            block_px: self.condition(row, "block_px")?.map(whole),
-            first_px: self.condition(row, "first_px")?.map(whole),
-            last_px: self.condition(row, "last_px")?.map(whole),
-            phase_time_ms: self.condition(row, "phase_time_ms")?,
-            pumping_cycles: self.condition(row, "pumping_cycles")?,
-            ..believed
-        };
+        for name in conditions::NAMES.into_iter().filter(|name| !["t_yr", "dose_mev_g"].contains(name)) {
+            if let Some(value) = self.condition(row, name)? {
+                at.state(name, value);
+            }
+        }
         self.check_edge(row, &at)?;
         self.check_signal_read(row, &at)?;
         self.check_preceding(row, &at)?;
@@ -530,12 +545,12 @@ impl Reader<'_> {
             );
             return Err(self.table.fault(Some(row), Some("block_px"), problem));
         }
-        at.covariates = self.covariates(row);
+        at.set_covariates(self.covariates(row));
         Ok(at)
     }
 
     /// Checks that the charge of a packet is given either before transfer or as read.
-    fn check_signal_read(&self, row: usize, at: &Conditions) -> Result<(), InputError> {
+    fn check_signal_read(&self, row: usize, at: &Stated) -> Result<(), InputError> {
         let Some(signal_read_e) = at.signal_read_e else { return Ok(()) };
         let refuse = |problem: &str, help: &str| {
             Err(self.table.fault(Some(row), Some("signal_read_e"), problem).with_help(help))
@@ -552,7 +567,7 @@ impl Reader<'_> {
     }
 
     /// Checks that a preceding packet has a charge and a distance, and is on the detector.
-    fn check_preceding(&self, row: usize, at: &Conditions) -> Result<(), InputError> {
+    fn check_preceding(&self, row: usize, at: &Stated) -> Result<(), InputError> {
         match (at.preceding_e, at.preceding_px) {
             (None, None) => Ok(()),
             (None, Some(_)) => Err(self.missing("preceding_e", row)),
@@ -569,7 +584,7 @@ impl Reader<'_> {
     }
 
     /// Checks that the CTI of an edge has the pixels behind it.
-    fn check_edge(&self, row: usize, at: &Conditions) -> Result<(), InputError> {
+    fn check_edge(&self, row: usize, at: &Stated) -> Result<(), InputError> {
         if !self.observable.depends_on("first_px") {
             return Ok(());
         }
@@ -588,8 +603,6 @@ impl Reader<'_> {
 
     /// Numeric columns, and numbers of `meta`, unknown to the model.
     fn covariates(&self, row: usize) -> Vec<(String, f64)> {
-        let unknown =
-            |name: &str| !OTHERS.contains(&name) && known(name).is_none() && condition_of_sigma(name).is_none();
         let number = |cell: &Cell| match cell {
             Cell::Number(number) => Some(*number),
             Cell::Integer(integer) => Some(*integer as f64),
@@ -598,13 +611,13 @@ impl Reader<'_> {
         };
         let columns = self.table.columns.iter().map(|column| (&column.name, &column.cells[row]));
         let meta = self.table.meta.iter().map(|meta| (&meta.name, &meta.value));
-        let named = columns.chain(meta).filter(|(name, _)| unknown(name));
+        let named = columns.chain(meta).filter(|(name, _)| is_unknown(name));
         named.filter_map(|(name, cell)| Some((name.clone(), number(cell)?))).collect()
     }
 
     /// A condition of a row, checked, in our unit.
     fn condition(&self, row: usize, name: &'static str) -> Result<Option<f64>, InputError> {
-        let Known { name, unit, kind, help } = known(name).expect("a condition");
+        let Known { name, unit, kind, help, .. } = known(name).expect("a condition");
         let Some((number, place)) = self.number(row, name, unit)? else {
             return Ok(None);
         };
@@ -640,7 +653,7 @@ impl Reader<'_> {
         if let Some(column) = self.table.column(name) {
             let cell = &column.cells[row];
             if *cell == Cell::Missing {
-                return Ok(None);
+                return self.refuse_empty(row, name).map(|()| None);
             }
             let number = cell.number().ok_or_else(|| self.not_a_number(Some(row), name))?;
             let factor = self.conversion(name, column.unit.as_deref(), unit, name)?;
@@ -654,6 +667,18 @@ impl Reader<'_> {
                 Ok(Some((convert(self.conversion(name, given, unit, &place)?, number), place)))
             }
         }
+    }
+
+    /// Rejects an empty cell where the mission's value would be taken silently.
+    fn refuse_empty(&self, row: usize, name: &str) -> Result<(), InputError> {
+        let Some((_, key)) = MIRRORED.iter().find(|(mirrored, _)| *mirrored == name) else { return Ok(()) };
+        let help = format!("leave out the row, or give the value; without the column, {key} of the mission holds");
+        Err(self.empty(row, name).with_help(help))
+    }
+
+    /// A cell without a value.
+    fn empty(&self, row: usize, name: &str) -> InputError {
+        self.table.fault(Some(row), Some(name), format!("`{name}` is empty in this row"))
     }
 
     fn conversion(
@@ -676,8 +701,8 @@ impl Reader<'_> {
         self.table.fault(row, Some(place), "a number is needed here")
     }
 
-    /// The row's time in years since launch, from any of its columns.
-    fn t_yr(&self, row: usize) -> Result<Option<f64>, InputError> {
+    /// The row's time in years since launch, from any of its columns, with the column's name.
+    fn t_yr(&self, row: usize) -> Result<Option<(&'static str, f64)>, InputError> {
         let given = [
             ("t_yr", self.condition(row, "t_yr")?),
             ("date", self.date(row)?),
@@ -694,7 +719,7 @@ impl Reader<'_> {
                 );
                 Err(self.table.fault(Some(row), Some(name), problem).with_help("give one of them"))
             }
-            None => Ok(Some(t_yr)),
+            None => Ok(Some((first, t_yr))),
         }
     }
 
@@ -739,15 +764,26 @@ impl Reader<'_> {
         Err(self.table.fault(Some(row), Some(&place), problem).with_help(help))
     }
 
-    fn missing(&self, name: &str, row: usize) -> InputError {
+    /// A condition that a row needs and does not have: its cells are empty, or there is no such column.
+    fn missing(&self, name: &'static str, row: usize) -> InputError {
+        let any: &[&'static str] =
+            if name == TIME_OR_DOSE { &["t_yr", "dose_mev_g", "date", "mjd", "jd"] } else { &[name] };
+        let any = if name == "t_yr" { &["t_yr", "date", "mjd", "jd"] } else { any };
+        let empty: Vec<&str> = any.iter().copied().filter(|name| self.table.column(name).is_some()).collect();
+        if let Some(first) = empty.first() {
+            let fault = self.empty(row, &empty.join("`, `"));
+            let help = format!("give the value, or leave out the row: a {} needs it", self.observable);
+            return InputError { place: self.table.fault(Some(row), Some(first), "").place, ..fault }.with_help(help);
+        }
         let problem = format!(
             "{} needs `{name}`, which is neither a column nor in meta; columns: {}",
             self.observable,
             self.names()
         );
-        // A column with missing cells has its location.
-        let place = self.table.column(name).map(|_| name);
-        let fault = self.table.fault(place.map(|_| row), place, problem);
+        let fault = self.table.fault(None, None, problem);
+        if let Some((column, condition)) = self.looks_like(any) {
+            return fault.with_help(format!("is it in `{column}`? then name the column `{condition}`"));
+        }
         let help = match name {
             "signal_e" if self.observable == Observable::Cti => "X-rays of E eV make E/3.65 e- in silicon",
             TIME_OR_DOSE => {
@@ -756,6 +792,16 @@ impl Reader<'_> {
             _ => return fault,
         };
         fault.with_help(help)
+    }
+
+    /// A column that looks like one of some conditions.
+    fn looks_like(&self, conditions: &[&'static str]) -> Option<(&str, &'static str)> {
+        let columns = self.table.columns.iter().map(|column| column.name.as_str()).filter(|name| is_unknown(name));
+        let like = |column| {
+            let is_like = |name: &&&str| known(name).is_some_and(|known| lookalike::looks_like(column, known.words));
+            Some((column, *conditions.iter().find(is_like)?))
+        };
+        columns.filter_map(like).next()
     }
 
     fn names(&self) -> String {

@@ -9,37 +9,59 @@ mod columns;
 mod shapes;
 mod signal_read;
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 
 use crate::error::InputError;
 use crate::model::{Device, Model};
 use crate::numeric::parallel;
-use crate::physics::conditions::Conditions;
+use crate::physics::conditions::{Conditions, UnderMission};
 use crate::physics::observable::{Observable, Probe};
 use crate::physics::shape::ShapeChange;
 
 /// A quantity to be predicted: an observable under conditions, and its galaxy or species (by index in the mission) if it refers to
 /// one.
-#[derive(Clone, Copy, Debug)]
-pub struct Question<'a> {
+#[derive(Debug)]
+pub struct Question<'a, C = Conditions> {
     /// The quantity.
     pub observable: Observable,
     /// The assumed conditions; effects may modify them.
-    pub at: &'a Conditions,
-    /// The galaxy of a change of shape.
+    pub at: &'a C,
+    /// The galaxy of a change of shape; None for the one that the mission judges.
     pub galaxy: Option<usize>,
     /// The species of a trap density (None: all together), or of a dipole.
     pub species: Option<usize>,
 }
 
+impl<C> Clone for Question<'_, C> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<C> Copy for Question<'_, C> {}
+
 /// Predicted values, in the observables' units and in the order of the questions. NaN for a galaxy whose shape is lost.
 ///
 /// # Errors
-/// If a formula has no value.
+/// If a formula has no value, or the mission was launched after the date of a row.
 ///
 /// # Panics
 /// If a question lacks a condition that its observable requires.
-pub fn predict(model: &Model, questions: &[Question]) -> Result<Vec<f64>, InputError> {
+pub fn predict<C: UnderMission>(model: &Model, questions: &[Question<C>]) -> Result<Vec<f64>, InputError> {
+    let under: Vec<Cow<Conditions>> =
+        questions.iter().map(|question| question.at.under(&model.mission)).collect::<Result<_, _>>()?;
+    let stated = questions.iter().zip(&under).map(|(question, at)| Question {
+        observable: question.observable,
+        at: at.as_ref(),
+        galaxy: question.galaxy.or_else(|| question.observable.is_shape().then(|| model.judged())),
+        species: question.species,
+    });
+    answers(model, &stated.collect::<Vec<_>>())
+}
+
+/// The values of questions in which nothing is left to the mission.
+fn answers(model: &Model, questions: &[Question]) -> Result<Vec<f64>, InputError> {
     let depends_on = model.depends_on();
     let before_transfer = signal_read::before_transfer(model, questions, &depends_on)?;
     let questions: Vec<Question> = questions
@@ -167,7 +189,6 @@ fn kind(question: &Question) -> Probed {
 
 /// Equal for questions that share a readout.
 fn identity(question: &Question, depends_on: &[String]) -> Vec<u64> {
-    let at = question.at;
     let (kind, galaxy) = match kind(question) {
         Probed::Dose => (0, 0),
         Probed::Packet => (1, 0),
@@ -176,23 +197,34 @@ fn identity(question: &Question, depends_on: &[String]) -> Vec<u64> {
         Probed::Traps => (4, 0),
         Probed::Pumping => (5, 0),
     };
+    // All members, so that a new condition cannot be forgotten here.
+    let Conditions {
+        t_yr,
+        dose_mev_g,
+        temperature_k,
+        line_time_ms,
+        background_e,
+        transfers,
+        signal_e,
+        signal_read_e,
+        preceding_e,
+        preceding_px,
+        block_px,
+        // The same readout shows all pixels behind a packet, and its traps any pumping.
+        trail_px: _,
+        first_px: _,
+        last_px: _,
+        phase_time_ms: _,
+        pumping_cycles: _,
+        // Those on which an effect depends are listed below.
+        covariates: _,
+    } = *question.at;
     let bits = |value: Option<f64>| value.map_or(u64::MAX, f64::to_bits);
-    let mut identity = vec![kind, galaxy, u64::from(at.transfers), u64::from(at.block_px.unwrap_or(0))];
-    identity.extend(
-        [
-            Some(at.t_yr),
-            at.dose_mev_g,
-            Some(at.temperature_k),
-            Some(at.line_time_ms),
-            Some(at.background_e),
-            at.signal_e,
-            at.signal_read_e,
-            at.preceding_e,
-            at.preceding_px.map(f64::from),
-        ]
-        .map(bits),
-    );
-    identity.extend(depends_on.iter().map(|name| bits(at.get(name))));
+    let whole = |value: Option<u32>| value.map_or(u64::MAX, u64::from);
+    let mut identity = vec![kind, galaxy, u64::from(transfers), whole(block_px), whole(preceding_px)];
+    identity.extend([t_yr, temperature_k, line_time_ms, background_e].map(f64::to_bits));
+    identity.extend([dose_mev_g, signal_e, signal_read_e, preceding_e].map(bits));
+    identity.extend(depends_on.iter().map(|name| bits(question.at.get(name))));
     identity
 }
 

@@ -1,6 +1,9 @@
 //! Conditions of a measurement or a prediction.
 
+mod stated;
+
 use crate::mission::Mission;
+pub use stated::{Stated, UnderMission};
 
 /// Conditions of one value: those given in a row of a measurement file, otherwise those of the mission.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,6 +64,14 @@ pub const NAMES: [&str; 16] = [
     "pumping_cycles",
 ];
 
+/// Conditions that are those of the mission unless a row states them, each with the key that it mirrors.
+pub const MIRRORED: [(&str, &str); 4] = [
+    ("temperature_k", "detector.temperature_k"),
+    ("line_time_ms", "readout.line_time_ms"),
+    ("background_e", "sky.background_e"),
+    ("transfers", "readout.transfers"),
+];
+
 impl Conditions {
     /// The same without time, dose and covariates.
     pub fn but_for_dose(&self) -> Conditions {
@@ -98,27 +109,32 @@ impl Conditions {
     /// The same with one condition changed; None if there is no such condition.
     pub fn with(&self, name: &str, value: f64) -> Option<Conditions> {
         let mut other = self.clone();
+        other.set(name, value).then_some(other)
+    }
+
+    /// Changes one condition; false if there is no such condition.
+    fn set(&mut self, name: &str, value: f64) -> bool {
         let whole = Some(value.round() as u32);
         match name {
-            "t_yr" => other.t_yr = value,
-            "dose_mev_g" => other.dose_mev_g = Some(value),
-            "temperature_k" => other.temperature_k = value,
-            "line_time_ms" => other.line_time_ms = value,
-            "background_e" => other.background_e = value,
-            "transfers" => other.transfers = value.round() as u32,
-            "signal_e" => other.signal_e = Some(value),
-            "signal_read_e" => other.signal_read_e = Some(value),
-            "preceding_e" => other.preceding_e = Some(value),
-            "preceding_px" => other.preceding_px = whole,
-            "trail_px" => other.trail_px = whole,
-            "block_px" => other.block_px = whole,
-            "first_px" => other.first_px = whole,
-            "last_px" => other.last_px = whole,
-            "phase_time_ms" => other.phase_time_ms = Some(value),
-            "pumping_cycles" => other.pumping_cycles = Some(value),
-            _ => return None,
+            "t_yr" => self.t_yr = value,
+            "dose_mev_g" => self.dose_mev_g = Some(value),
+            "temperature_k" => self.temperature_k = value,
+            "line_time_ms" => self.line_time_ms = value,
+            "background_e" => self.background_e = value,
+            "transfers" => self.transfers = value.round() as u32,
+            "signal_e" => self.signal_e = Some(value),
+            "signal_read_e" => self.signal_read_e = Some(value),
+            "preceding_e" => self.preceding_e = Some(value),
+            "preceding_px" => self.preceding_px = whole,
+            "trail_px" => self.trail_px = whole,
+            "block_px" => self.block_px = whole,
+            "first_px" => self.first_px = whole,
+            "last_px" => self.last_px = whole,
+            "phase_time_ms" => self.phase_time_ms = Some(value),
+            "pumping_cycles" => self.pumping_cycles = Some(value),
+            _ => return false,
         }
-        Some(other)
+        true
     }
 
     /// A condition or a covariate by its name.

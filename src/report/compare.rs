@@ -137,9 +137,7 @@ impl Page for Comparison {
         for reason in &self.why {
             out.verdict(format!("  - {reason}"), 4);
         }
-        for warning in &self.warnings {
-            out.verdict(format!("Warning: {warning}"), 2);
-        }
+        out.warnings(&self.warnings);
         out
     }
 

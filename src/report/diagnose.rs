@@ -137,6 +137,7 @@ impl Page for Diagnosis {
         for note in &self.notes {
             out.words(format!("Note: {note}."), 2);
         }
+        out.warnings(self.before.warnings());
         out
     }
 

@@ -58,9 +58,7 @@ impl Page for Survey {
         self.against_confidence(&mut out);
         self.against_depth(&mut out);
         self.protons(&mut out);
-        for warning in &self.warnings {
-            out.verdict(format!("Warning: {warning}"), 2);
-        }
+        out.warnings(&self.warnings);
         out
     }
 

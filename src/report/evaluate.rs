@@ -163,9 +163,7 @@ impl Page for Assessment {
         }
         out.gap();
         out.words(format!("Dose: {}", self.dose_origin()), 2);
-        for warning in warnings {
-            out.verdict(format!("Warning: {warning}"), 2);
-        }
+        out.warnings(warnings);
         out
     }
 

@@ -16,6 +16,7 @@ use crate::mission::Mission;
 use crate::mission::keys::plain;
 use crate::plan::sources::{self, Source};
 use crate::report::plot::Figure;
+use crate::warning::Warning;
 
 /// A fit, with the requested additions: the error for held-out rows, intervals, a sample.
 pub struct FitReport {
@@ -51,6 +52,7 @@ struct Document<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     posterior: Option<&'a Posterior>,
     advice: &'a [Advice],
+    warnings: &'a [Warning],
 }
 
 impl Serialize for FitReport {
@@ -72,6 +74,7 @@ impl Serialize for FitReport {
             profiles: &self.profiles,
             posterior: self.posterior.as_ref(),
             advice: &fit.advice,
+            warnings: &fit.warnings,
         };
         document.serialize(to)
     }
@@ -122,6 +125,7 @@ impl Page for FitReport {
         for said in quality(fit, self.has_common_errors).into_iter().chain(minima(fit)) {
             out.verdict(said, 2);
         }
+        out.warnings(&fit.warnings);
         if fit.parameters.len() > 1 {
             out.heading("Correlations");
             out.table(correlations(fit.parameters.iter().map(|one| one.key.as_str()), &fit.correlation));

@@ -4,6 +4,7 @@ use comfy_table::Table;
 use maud::{Markup, html};
 
 use super::{indented, lines, wrapped};
+use crate::warning::Warning;
 
 /// The parts of a report, in order.
 #[derive(Default)]
@@ -46,6 +47,13 @@ impl Parts {
     /// The same for the main result: a page begins with it.
     pub fn verdict(&mut self, text: impl Into<String>, indent: usize) {
         self.0.push(Part::Words { text: text.into(), indent, verdict: true });
+    }
+
+    /// Warnings, which belong to the main result.
+    pub fn warnings<'a>(&mut self, warnings: impl IntoIterator<Item = &'a Warning>) {
+        for warning in warnings {
+            self.verdict(format!("Warning: {warning}"), 2);
+        }
     }
 
     /// One of several outcomes, listed below each other in text, with names `width` columns wide.

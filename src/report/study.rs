@@ -154,9 +154,7 @@ impl Page for StudyReport {
         for finding in &self.findings {
             out.verdict(format!("- {finding}"), 2);
         }
-        for warning in &self.warnings {
-            out.verdict(format!("Warning: {warning}"), 2);
-        }
+        out.warnings(&self.warnings);
         out
     }
 

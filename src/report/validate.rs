@@ -9,6 +9,7 @@ use super::{Page, Parts, Report, chance, table};
 use crate::analysis::validate::residual_trend::Trend;
 use crate::analysis::validate::{SetResult, Validation};
 use crate::report::plot::Figure;
+use crate::warning::Warning;
 
 /// Number of rows listed as the worst.
 const WORST: usize = 5;
@@ -25,6 +26,7 @@ struct Document<'a> {
     covariates: &'a [Trend],
     words: Vec<String>,
     conclusion: String,
+    warnings: Vec<&'a Warning>,
 }
 
 impl Serialize for Validation {
@@ -39,6 +41,7 @@ impl Serialize for Validation {
             covariates: &self.trends,
             words: self.words(),
             conclusion: self.conclusion(),
+            warnings: self.warnings(),
         };
         document.serialize(to)
     }
@@ -89,6 +92,7 @@ impl Page for Validation {
             out.verdict(word, 2);
         }
         out.verdict(self.conclusion(), 2);
+        out.warnings(self.warnings());
         out
     }
 

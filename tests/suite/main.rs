@@ -20,6 +20,7 @@ mod environment;
 mod fit;
 mod flight;
 mod flight_measurements;
+mod from_the_mission;
 mod fuzzed;
 mod galaxy_golden;
 mod hindcast;

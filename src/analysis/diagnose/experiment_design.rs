@@ -13,7 +13,7 @@ use crate::error::InputError;
 use crate::model::predict::{Question, predict};
 use crate::numeric::least_squares::Span;
 use crate::numeric::parallel;
-use crate::physics::conditions::Conditions;
+use crate::physics::conditions::{Conditions, UnderMission};
 use crate::physics::observable::Observable;
 
 /// Possible measurements whose prediction uncertainty is computed together.
@@ -29,8 +29,10 @@ pub(super) fn best(
 ) -> Result<Option<Next>, InputError> {
     let observables: Vec<Observable> =
         Observable::ALL.into_iter().filter(|one| can.contains(one) || (can.is_empty() && !one.is_derived())).collect();
-    let wanted: Vec<(Observable, Conditions, Option<usize>)> =
-        observables.into_iter().flat_map(|observable| possible(search.case, node, observable)).collect();
+    let mut wanted: Vec<(Observable, Conditions, Option<usize>)> = Vec::new();
+    for observable in observables {
+        wanted.extend(possible(search.case, node, observable)?);
+    }
     let questions: Vec<Question> = wanted
         .iter()
         .map(|(observable, at, galaxy)| Question { observable: *observable, at, galaxy: *galaxy, species: None })
@@ -83,11 +85,18 @@ pub(super) fn best(
 const PIXELS: [u32; 6] = [1, 2, 4, 10, 30, 100];
 
 /// Possible measurements: around the data's and the mission's own conditions, one condition changed at a time.
-fn possible(case: &Case, node: &Node, observable: Observable) -> Vec<(Observable, Conditions, Option<usize>)> {
+///
+/// # Errors
+/// If the mission was launched after the date of a row.
+fn possible(
+    case: &Case,
+    node: &Node,
+    observable: Observable,
+) -> Result<Vec<(Observable, Conditions, Option<usize>)>, InputError> {
     let mission = node.mission();
     let like = case.questions.iter().find(|question| question.observable == observable).or(case.questions.first());
-    let Some(like) = like else { return Vec::new() };
-    let mut here = like.at.clone();
+    let Some(like) = like else { return Ok(Vec::new()) };
+    let mut here = like.at.under(mission)?.into_owned();
     here.t_yr = case.reach.last_yr().max(here.t_yr);
     here.signal_e = here.signal_e.or(Some(10.0 * here.background_e.max(100.0)));
     let a_block = observable.card().requires.contains(&"block_px");
@@ -118,8 +127,7 @@ fn possible(case: &Case, node: &Node, observable: Observable) -> Vec<(Observable
             around.push(Conditions { t_yr: here.t_yr + share * left_yr, dose_mev_g: None, ..here.clone() });
         }
     }
-    let judged = || mission.galaxies.iter().position(|galaxy| galaxy.name == mission.requirement.galaxy);
-    let galaxy = if observable.is_shape() { judged() } else { None };
+    let galaxy = observable.is_shape().then(|| mission.judged());
     let mut all = Vec::new();
     for at in around {
         // Conditions that it does not depend on are not stated.
@@ -135,7 +143,7 @@ fn possible(case: &Case, node: &Node, observable: Observable) -> Vec<(Observable
             all.push((observable, at, galaxy));
         }
     }
-    all
+    Ok(all)
 }
 
 /// The error of a measurement of an observable: as in the data if they include it, or a hundredth of the value.

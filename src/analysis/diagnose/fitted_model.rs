@@ -16,11 +16,12 @@ use crate::mission::Mission;
 use crate::model::Model;
 use crate::model::predict::{Question, predict};
 use crate::numeric::least_squares::Span;
+use crate::physics::conditions::Stated;
 
 /// Rows of all data sets, one after another.
 pub(super) struct Case<'a> {
     pub data: &'a [DataSet],
-    pub questions: Vec<Question<'a>>,
+    pub questions: Vec<Question<'a, Stated>>,
     pub values: Vec<f64>,
     pub sigmas: Vec<f64>,
     /// Data set of each row.
@@ -50,7 +51,7 @@ impl<'a> Case<'a> {
             set_of,
             before: neighbours(data),
             whitening: Whitening::of(data, |_| true),
-            reach: Reach::of(questions.iter().map(|question| question.at)),
+            reach: Reach::of(questions.iter().map(|question| &**question.at)),
             questions,
             work: Arc::new(Work::of_at_most(u64::MAX)),
         }

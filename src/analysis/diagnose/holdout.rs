@@ -177,7 +177,10 @@ mod tests {
     fn groups_by_the_temperatures_of_epochs_are_those_of_the_epochs() {
         let mission = Mission::read("tests/practice/prelaunch/mission.toml").unwrap();
         let mut data = DataSet::read("tests/practice/prelaunch/trails.ecsv", &mission).unwrap();
-        data.rows.iter_mut().for_each(|row| row.at.temperature_k = 160.0 - row.at.t_yr);
+        data.rows.iter_mut().for_each(|row| {
+            let temperature_k = 160.0 - row.at.t_yr;
+            row.at.state("temperature_k", temperature_k);
+        });
         data.varying.push("temperature_k".into());
         let (columns, groups) = split(&Case::of(&[data])).unwrap();
         assert_eq!((columns, groups.len()), (vec!["t_yr"], 8));

@@ -7,7 +7,7 @@ use super::fitted_model::{Case, FLAT, Node};
 use super::result::Note;
 use crate::model::predict::{Question, predict};
 use crate::numeric::least_squares::Span;
-use crate::physics::conditions::Conditions;
+use crate::physics::conditions::{Conditions, Stated, UnderMission};
 
 /// The condition, and a step of it for derivatives, K.
 const TEMPERATURE: &str = "temperature_k";
@@ -81,12 +81,18 @@ fn epochs(case: &Case) -> (Vec<f64>, Vec<usize>) {
 
 /// Values with the temperature of rows changed, in files that do not record it; None if the model has no value.
 fn with_temperatures(case: &Case, node: &Node, kelvin: &dyn Fn(usize) -> f64) -> Option<Vec<f64>> {
-    let at = |(row, question): (usize, &Question)| match case.data[case.set_of[row]].varies_in(TEMPERATURE) {
-        true => question.at.clone(),
-        false => Conditions { temperature_k: question.at.temperature_k + kelvin(row), ..question.at.clone() },
+    let at = |(row, question): (usize, &Question<Stated>)| -> Option<Conditions> {
+        let mut at = question.at.under(node.mission()).ok()?.into_owned();
+        if !case.data[case.set_of[row]].varies_in(TEMPERATURE) {
+            at.temperature_k += kelvin(row);
+        }
+        Some(at)
     };
-    let at: Vec<Conditions> = case.questions.iter().enumerate().map(at).collect();
-    let questions = case.questions.iter().zip(&at).map(|(question, at)| Question { at, ..*question });
+    let at: Vec<Conditions> = case.questions.iter().enumerate().map(at).collect::<Option<_>>()?;
+    let questions = case.questions.iter().zip(&at).map(|(question, at)| {
+        let Question { observable, galaxy, species, .. } = *question;
+        Question { observable, at, galaxy, species }
+    });
     let values = predict(&node.model, &questions.collect::<Vec<_>>()).ok()?;
     case.work.count();
     values.iter().all(|value| value.is_finite()).then_some(values)

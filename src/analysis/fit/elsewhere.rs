@@ -62,7 +62,7 @@ impl Problem<'_> {
     /// Values at which chi2 has a kink: a background sinks into a notch there.
     fn kinks(&self, parameter: &Parameter) -> Vec<f64> {
         match parameter.key.rsplit('.').next() {
-            Some("notch_e") => Reach::backgrounds_of(self.questions.iter().map(|question| question.at)),
+            Some("notch_e") => Reach::backgrounds_of(self.questions.iter().map(|question| &**question.at)),
             _ => Vec::new(),
         }
     }

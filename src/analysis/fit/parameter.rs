@@ -69,6 +69,11 @@ impl Parameter {
             keys::Allowed::Number(low, high) if low.is_infinite() && high.is_infinite() => (Scale::Linear, low, high),
             keys::Allowed::Number(low, high) if high > BOUNDLESS => (Scale::From, low, high),
             keys::Allowed::Number(low, high) => (Scale::Between, low, high),
+            keys::Allowed::Integer(..) => {
+                let help = format!("compare some: ctiplan validate MISSION DATA --set {key}=VALUE");
+                let problem = "only keys with real numbers can be fitted, and this one takes whole numbers";
+                return Err(refusal(problem.into()).with_help(help));
+            }
             _ => return Err(refusal("only keys with real numbers can be fitted".into())),
         };
         let start = mission.number(key).ok_or_else(|| {

@@ -11,12 +11,13 @@ use crate::mission::Mission;
 use crate::model::Model;
 use crate::model::predict::{Question, predict};
 use crate::numeric::parallel;
+use crate::physics::conditions::Stated;
 
 /// A least-squares problem: everything that is constant while parameters change.
 pub(crate) struct Problem<'a> {
     pub(super) base: &'a Model,
     pub(super) parameters: Vec<Parameter>,
-    pub(super) questions: Vec<Question<'a>>,
+    pub(super) questions: Vec<Question<'a, Stated>>,
     pub(super) values: Vec<f64>,
     pub(super) sigmas: Vec<f64>,
     whitening: Whitening,

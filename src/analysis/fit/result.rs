@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use crate::analysis::validate::{SPOKEN, chi2_chances};
 use crate::mission::Mission;
+use crate::warning::Warning;
 
 /// Excess of chi2, in its standard deviations, from which a model does not describe the data within their errors.
 const MISFIT: f64 = 3.0;
@@ -34,6 +35,8 @@ pub struct Fit {
     pub chi2_from_mission: f64,
     /// Other minima of chi2, the lowest first.
     pub minima: Vec<Minimum>,
+    /// Conditions of the data that are the mission's although columns look like them.
+    pub warnings: Vec<Warning>,
     /// Derivatives of (value − model)/sigma with respect to the parameters at the optimum, `[(row, parameter)]`; 0 for those
     /// without effect nearby.
     pub(crate) jacobian: DMatrix<f64>,

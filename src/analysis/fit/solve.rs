@@ -81,6 +81,7 @@ pub(crate) fn fit_rows(
         minima: problem.minima(&optima, &sigmas),
         starts: optima.iter().map(|optimum| optimum.chi2).collect(),
         chi2_from_mission,
+        warnings: Vec::new(),
         jacobian: problem.without_idle(jacobian, &best.at),
     })
 }
@@ -99,6 +100,7 @@ fn nothing_free(mission: &Mission, values: Vec<f64>, chi2: f64, n: usize) -> Fit
         starts: vec![chi2],
         chi2_from_mission: chi2,
         minima: Vec::new(),
+        warnings: Vec::new(),
         jacobian: DMatrix::zeros(n, 0),
     }
 }

@@ -9,7 +9,7 @@ use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
 use crate::model::predict::{Question, predict};
-use crate::physics::conditions::Conditions;
+use crate::physics::conditions::{Conditions, Stated};
 use crate::physics::observable::Observable;
 
 /// Adds the errors of the conditions to those of the rows.
@@ -17,7 +17,7 @@ use crate::physics::observable::Observable;
 /// # Errors
 /// If the model has no value.
 pub(super) fn add(rows: &mut [Row], observable: Observable, mission: &Mission) -> Result<(), InputError> {
-    let moved: Vec<(usize, f64, [Conditions; 2])> = rows
+    let moved: Vec<(usize, f64, [Stated; 2])> = rows
         .iter()
         .enumerate()
         .flat_map(|(place, row)| row.condition_sigmas.iter().filter_map(move |one| around(row, one, place)))
@@ -25,19 +25,11 @@ pub(super) fn add(rows: &mut [Row], observable: Observable, mission: &Mission) -
     if moved.is_empty() {
         return Ok(());
     }
-    let question = |(place, _, sides): &(usize, f64, [Conditions; 2]), side: usize| -> (usize, Conditions) {
-        (*place, sides[side].clone())
-    };
-    let sides = [0, 1].map(|side| moved.iter().map(|one| question(one, side)).collect::<Vec<_>>());
     let model = Model::new(mission);
-    let [low, high] = sides.map(|side| {
-        let ask = |(place, at): &(usize, Conditions)| (rows[*place].galaxy, rows[*place].species, at.clone());
-        let asked: Vec<_> = side.iter().map(ask).collect();
-        let questions: Vec<Question> = asked
-            .iter()
-            .map(|(galaxy, species, at)| Question { observable, at, galaxy: *galaxy, species: *species })
-            .collect();
-        predict(&model, &questions)
+    let [low, high] = [0, 1].map(|side| {
+        let side_of = moved.iter().map(|(place, _, sides)| (&rows[*place], &sides[side]));
+        let questions = side_of.map(|(row, at)| Question { at, ..row.question(observable) });
+        predict(&model, &questions.collect::<Vec<_>>())
     });
     let (low, high) = (low?, high?);
     for (index, (place, share, _)) in moved.iter().enumerate() {
@@ -51,7 +43,7 @@ pub(super) fn add(rows: &mut [Row], observable: Observable, mission: &Mission) -
 
 /// A row's conditions with one of them lower and higher by a standard error, and the fraction of their difference that is the error
 /// of the value; None if the condition is exact, or missing in the row.
-fn around(row: &Row, (name, sigma): &(&'static str, f64), place: usize) -> Option<(usize, f64, [Conditions; 2])> {
+fn around(row: &Row, (name, sigma): &(&'static str, f64), place: usize) -> Option<(usize, f64, [Stated; 2])> {
     let here = row.at.get(name).filter(|_| *sigma > 0.0)?;
     // Integers move by at least one.
     let step = if Conditions::is_whole(name) { sigma.round().max(1.0) } else { *sigma };

@@ -9,6 +9,7 @@ use crate::analysis::measurement::DataSet;
 use crate::analysis::whitening::Whitening;
 use crate::io::table::{Cell, Column, Datatype, Table};
 use crate::mission::Mission;
+use crate::warning::Warning;
 
 /// False-alarm probability below which a finding is reported.
 pub(crate) const SPOKEN: f64 = 1e-3;
@@ -182,6 +183,11 @@ impl Validation {
     /// Whether chi2 of all rows is smaller than expected from the quoted errors.
     pub fn falls_short_of_noise(&self) -> bool {
         self.chi2_chances()[0] < SPOKEN
+    }
+
+    /// Conditions of the data that are the mission's although columns look like them.
+    pub fn warnings(&self) -> Vec<&Warning> {
+        self.sets.iter().filter_map(|set| set.data.warning.as_ref()).collect()
     }
 
     /// Whether the model explains the data: chi2 is consistent with noise, and there are no findings.

@@ -7,6 +7,7 @@ use crate::analysis::diagnose::{Changed, Covariate, Diagnosis, Limit, Next, Note
 use crate::analysis::fit::{Advice, Fitted};
 use crate::effect::CATALOGUE;
 use crate::io::json;
+use crate::warning::Warning;
 
 #[derive(serde::Serialize)]
 struct Document<'a> {
@@ -29,6 +30,7 @@ struct Document<'a> {
     notes: &'a [Note],
     work: Work<'a>,
     advice: &'a [Advice],
+    warnings: Vec<&'a Warning>,
     /// If the model is complete.
     #[serde(skip_serializing_if = "Option::is_none")]
     detection_limits: Option<Limits<'a>>,
@@ -86,6 +88,7 @@ impl Serialize for Diagnosis {
             notes: &self.notes,
             work: Work { evaluations: self.evaluations[0], most: self.evaluations[1], undone: &self.undone },
             advice: &self.advice,
+            warnings: self.before.warnings(),
             detection_limits: (self.verdict == Verdict::Complete).then_some(Limits(&self.limits)),
         };
         document.serialize(to)
