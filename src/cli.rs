@@ -22,6 +22,7 @@ mod number_argument;
 mod schema;
 mod shell;
 mod study;
+mod swapped;
 mod sweep;
 mod validate;
 
@@ -31,7 +32,7 @@ use std::io::{ErrorKind, Write, stdout};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::cli::file_argument::refuse_clashes;
+use crate::cli::file_argument::check_outputs;
 use crate::error::InputError;
 use crate::report::{Format, Report};
 
@@ -122,17 +123,21 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 
 /// Runs the program with these arguments (the first is its name) and returns its exit status.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    let parsed = with_negative_numbers(Cli::command()).try_get_matches_from(arguments);
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let parsed = with_negative_numbers(Cli::command()).try_get_matches_from(&arguments);
     let parsed = parsed.and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, matches)));
     let (cli, matches) = match parsed {
         Ok(parsed) => parsed,
         Err(error) => {
             // Help and version are not errors. If nothing can be printed, the failure cannot be reported either.
-            let _ = error.print();
+            match swapped::in_place_of_a_command(&error, &arguments) {
+                Some(error) => eprintln!("error: {error}"),
+                None => _ = error.print(),
+            }
             return if error.use_stderr() { 2 } else { 0 };
         }
     };
-    let result = refuse_clashes(&matches).map_err(Failure::from).and_then(|()| match cli.command {
+    let result = check_outputs(&matches).map_err(Failure::from).and_then(|()| match cli.command {
         Command::Evaluate(command) => command.run(),
         Command::Compare(command) => command.run(),
         Command::Sweep(command) => command.run(),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ctiplan import _ctiplan, _tables
+from ctiplan import _ctiplan, _files, _tables
 
 if TYPE_CHECKING:
     import pandas
@@ -72,9 +72,9 @@ class Mission:
         """The mission as resolved, as nested dicts; dates are text."""
         return json.loads(self._inner.json())
 
-    def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the mission as resolved. An existing file is replaced."""
-        Path(path).write_text(self.to_toml(), encoding="utf-8")
+    def write(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the mission as resolved. An existing file is replaced only with `overwrite`."""
+        _files.write(path, self.to_toml(), overwrite=overwrite)
 
     @property
     def name(self) -> str:

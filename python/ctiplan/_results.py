@@ -8,12 +8,11 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ctiplan import _ctiplan, _tables
+from ctiplan import _ctiplan, _files, _tables
 from ctiplan._errors import InputError
 from ctiplan._mission import Mission
 
@@ -94,12 +93,13 @@ class Result:
         """The table of ``--csv`` as a pandas DataFrame. Needs pandas."""
         return _tables.to_pandas(self._outcome.csv())
 
-    def to_html(self, path: str | os.PathLike[str] | None = None) -> str | None:
-        """The page of ``--html``, which needs no other file; where `path` is given, it is written there instead."""
+    def to_html(self, path: str | os.PathLike[str] | None = None, *, overwrite: bool = False) -> str | None:
+        """The page of ``--html``, which needs no other file; where `path` is given, it is written there instead. An existing file
+        is replaced only with `overwrite`."""
         page = self._outcome.page()
         if path is None:
             return page
-        Path(path).write_text(page, encoding="utf-8")
+        _files.write(path, page, overwrite=overwrite)
         return None
 
     def figures(self, format: str = "svg") -> dict[str, bytes]:

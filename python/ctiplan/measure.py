@@ -32,12 +32,11 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ctiplan import _ctiplan
+from ctiplan import _ctiplan, _files
 from ctiplan._detector import real, values, whole
 from ctiplan._errors import InputError
 from ctiplan._mission import DataSet, Mission, checked, dataset_of
@@ -83,9 +82,9 @@ class Measurement:
         """The text of the measurement file (ECSV)."""
         return self._ecsv
 
-    def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the measurement file. An existing file is replaced."""
-        Path(path).write_text(self._ecsv, encoding="utf-8")
+    def write(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the measurement file. An existing file is replaced only with `overwrite`."""
+        _files.write(path, self._ecsv, overwrite=overwrite)
 
     def to_table(self) -> QTable:
         """The measurements as an astropy QTable with units. Needs astropy."""

@@ -150,3 +150,24 @@ def test_results_come_back_from_other_processes():
         found = pool.map(ask, [140, 150])
     for kelvin, result in zip([140, 150], found):
         assert result.to_json() == ask(kelvin).to_json()
+
+
+def test_nothing_is_replaced_unasked(snap, tmp_path):
+    page, mission = tmp_path / "page.html", tmp_path / "mission.toml"
+    evaluation = cp.evaluate(snap, samples=0)
+    for path, write in [(page, evaluation.to_html), (mission, snap.write)]:
+        write(path)
+        first = path.read_text()
+        path.write_text("of another day")
+        with pytest.raises(cp.InputError) as refused:
+            write(path)
+        assert "overwrite" in refused.value.help and path.read_text() == "of another day"
+        write(path, overwrite=True)
+        assert path.read_text() == first
+    assert sorted(tmp_path.iterdir()) == [mission, page]
+
+
+def test_data_follow_the_mission_that_is_asked(laboratory, data):
+    other = laboratory.set({"fit.floor": 0.1})
+    again = [cp.DataSet.read(PRACTICE / name, other) for name in ("packets.ecsv", "trails.ecsv")]
+    assert cp.validate(other, data).document["chi2"] == cp.validate(other, again).document["chi2"]

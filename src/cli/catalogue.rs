@@ -5,7 +5,7 @@ use clap::Args;
 use super::inputs::OneMission;
 use super::number_argument::number;
 use super::{Failure, Outcome, Output, print, progress};
-use crate::cli::file_argument::{InputFile, OutputFile};
+use crate::cli::file_argument::{InputFile, OutputFile, Overwrite};
 use crate::error::InputError;
 use crate::io::atomic_file;
 use crate::io::table::Table;
@@ -28,6 +28,8 @@ pub(super) struct CatalogueCommand {
     /// Table to write (ECSV or Parquet): the galaxies with the changes of their shapes
     #[arg(long, value_name = "FILE")]
     out: OutputFile,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Largest error of galaxies that are interpolated, as root mean square over that of the changes: if it is larger, all
     /// galaxies are read out
     #[arg(long, value_name = "FRACTION", default_value_t = 0.01, value_parser = fraction)]

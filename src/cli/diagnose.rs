@@ -9,7 +9,7 @@ use super::inputs::{Adjust, Measured, NewMission};
 use super::number_argument::{number, whole};
 use super::{Failure, Outcome, Output, print_and_suggest, progress};
 use crate::analysis::diagnose::{self, Verdict, diagnose};
-use crate::cli::file_argument::{InputFile, OutputFile};
+use crate::cli::file_argument::{InputFile, RevisedMission};
 use crate::error::InputError;
 use crate::io::input;
 use crate::mission::Mission;
@@ -42,7 +42,7 @@ pub(super) struct Diagnose {
     no_stability: bool,
     /// Write the mission with the fitted values and the added effects; comments and order are kept
     #[arg(long, value_name = "NEW.toml")]
-    write: Option<OutputFile>,
+    write: Option<RevisedMission>,
     #[command(flatten)]
     drawn: Drawn,
     #[command(flatten)]

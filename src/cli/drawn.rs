@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use crate::cli::file_argument::{OutputFile, OutputFolder};
+use crate::cli::file_argument::{OutputFile, OutputFolder, Overwrite};
 use crate::error::InputError;
 use crate::io::atomic_file;
 use crate::mission::Mission;
@@ -21,6 +21,8 @@ pub(super) struct Drawn {
     /// Write verdict, figures, tables, mission and sources as one HTML page that needs no other file
     #[arg(long, value_name = "FILE")]
     html: Option<OutputFile>,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 fn plot_format(text: &str) -> Result<Format, String> {

@@ -5,14 +5,14 @@ use std::sync::Mutex;
 use clap::Args;
 
 use super::drawn::Drawn;
-use super::inputs::{Adjust, Measured, NewMission};
+use super::inputs::{Adjust, Measured, NewMission, trimmed};
 use super::number_argument::whole;
 use super::{Failure, Outcome, Output, print_and_suggest, searching};
 use crate::analysis::fit;
 use crate::analysis::fit::posterior::Posterior;
 use crate::analysis::fit::profile::{self, Profile};
 use crate::analysis::measurement::DataSet;
-use crate::cli::file_argument::OutputFile;
+use crate::cli::file_argument::{OutputFile, RevisedMission};
 use crate::error::InputError;
 use crate::io::atomic_file;
 use crate::mission_file;
@@ -36,7 +36,7 @@ pub(super) struct Fit {
     #[arg(long, value_name = "COLUMN")]
     holdout: Option<String>,
     /// Also scan chi2 along these free keys, all others fitted again: intervals of 68 and 95 %; --csv prints the curves
-    #[arg(long, value_name = "KEYS", value_delimiter = ',')]
+    #[arg(long, value_name = "KEYS", value_delimiter = ',', value_parser = trimmed)]
     profile: Vec<String>,
     /// Also sample the posterior: number of independent draws
     #[arg(long, value_name = "N", value_parser = whole(10_u32..=1_000_000))]
@@ -49,7 +49,7 @@ pub(super) struct Fit {
     out: Option<OutputFile>,
     /// Write the mission with the fitted values; comments and order are kept
     #[arg(long, value_name = "NEW.toml")]
-    write: Option<OutputFile>,
+    write: Option<RevisedMission>,
     #[command(flatten)]
     drawn: Drawn,
     #[command(flatten)]

@@ -5,7 +5,7 @@ use std::io::Write;
 use clap::Args;
 
 use super::{Failure, Outcome, say};
-use crate::cli::file_argument::OutputFile;
+use crate::cli::file_argument::{OutputFile, Overwrite};
 use crate::io::atomic_file;
 use crate::mission_file;
 use crate::sweep::quoted;
@@ -15,18 +15,14 @@ pub(super) struct Init {
     /// New mission file
     #[arg(value_name = "FILE", default_value = "mission.toml")]
     path: OutputFile,
-    /// Replace FILE if it exists
-    #[arg(long, visible_alias = "force")]
-    overwrite: bool,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 impl Init {
     pub(super) fn run(&self) -> Result<Outcome, Failure> {
         let template = mission_file::template();
-        if !self.overwrite {
-            atomic_file::refuse_existing(&self.path)?;
-        }
-        atomic_file::write_by(&self.path, self.overwrite, |file| {
+        atomic_file::write_by(&self.path, self.overwrite.overwrite, |file| {
             file.write_all(template.as_bytes()).map_err(atomic_file::refusal(&self.path))
         })?;
         let path = quoted(&self.path);

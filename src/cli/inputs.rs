@@ -1,12 +1,14 @@
 //! Inputs shared by several commands.
 
+use std::convert::Infallible;
 use std::fmt;
 use std::path::Path;
 
 use clap::Args;
 
+use super::swapped;
 use crate::analysis::measurement::DataSet;
-use crate::cli::file_argument::InputFile;
+use crate::cli::file_argument::{InputFile, MissionFile};
 use crate::error::InputError;
 use crate::io::atomic_file;
 use crate::mission::Mission;
@@ -19,7 +21,7 @@ use crate::sweep::quoted;
 pub(super) struct OneMission {
     /// Mission file (TOML)
     #[arg(value_name = "MISSION")]
-    path: InputFile,
+    path: MissionFile,
     /// Value of a key, instead of the file's, such as detector.temperature_k=150; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -51,7 +53,7 @@ impl OneMission {
 
 /// The mission of a file, with single values changed.
 pub(super) fn mission_with(path: &Path, set: &[String]) -> Result<Mission, InputError> {
-    let mission = Mission::read(path)?;
+    let mission = Mission::read(path).map_err(|error| swapped::hint(error, path))?;
     if set.is_empty() { Ok(mission) } else { mission.with(&settings(set)?) }
 }
 
@@ -95,7 +97,8 @@ impl Measured {
                 return Err(InputError::new("cannot use the measurements", problem).with_help("give each file once"));
             }
         }
-        let data = self.data.iter().map(|path| DataSet::read(path, &mission)).collect::<Result<_, _>>()?;
+        let read = |path: &InputFile| DataSet::read(path, &mission).map_err(|error| swapped::hint_of_data(error, path));
+        let data = self.data.iter().map(read).collect::<Result<_, _>>()?;
         Ok((mission, data))
     }
 
@@ -113,12 +116,17 @@ impl Measured {
 
 #[derive(Debug, Args)]
 pub(super) struct Adjust {
-    /// Key to fit, such as detector.traps.VV.release_ms, in addition to [fit] free; may be given several times
-    #[arg(long, value_name = "KEY")]
+    /// Keys to fit, such as detector.traps.VV.release_ms, in addition to [fit] free; may be given several times
+    #[arg(long, value_name = "KEYS", value_delimiter = ',', value_parser = trimmed)]
     free: Vec<String>,
     /// Fit only the keys given with --free, and not those of [fit] free
     #[arg(long, requires = "free")]
     only: bool,
+}
+
+/// A key of a list, which may have blanks behind its commas.
+pub(super) fn trimmed(key: &str) -> Result<String, Infallible> {
+    Ok(key.trim().to_string())
 }
 
 impl Adjust {

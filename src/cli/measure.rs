@@ -9,7 +9,7 @@ use super::frame_argument::{Gain, Layout, bits, keyword};
 use super::frames::years;
 use super::number_argument::{at_least_0, finite, positive, whole};
 use super::{Failure, Outcome, Output, print, progress};
-use crate::cli::file_argument::{InputFile, OutputFile};
+use crate::cli::file_argument::{InputFile, OutputFile, Overwrite};
 use crate::error::InputError;
 use crate::image::AmplifierTable;
 use crate::io::atomic_file;
@@ -277,9 +277,8 @@ struct Input {
     dq_bad: Option<u32>,
     #[command(flatten)]
     conditions: Conditions,
-    /// Replace the files to write if they exist
-    #[arg(long, visible_alias = "force")]
-    overwrite: bool,
+    #[command(flatten)]
+    overwrite: Overwrite,
     #[command(flatten)]
     output_format: Output,
 }
@@ -335,9 +334,6 @@ impl Input {
     ) -> Result<Outcome, Failure> {
         let outputs: Vec<&Path> = [Some(&*self.output)].iter().chain(more).copied().flatten().collect();
         for output in &outputs {
-            if !self.overwrite {
-                atomic_file::refuse_existing(output)?;
-            }
             atomic_file::refuse_unwritable(output)?;
         }
         let files: Vec<PathBuf> = self.input.iter().map(|file| file.to_path_buf()).collect();

@@ -7,7 +7,7 @@ use clap_complete::{Shell, generate};
 use clap_mangen::Man;
 
 use super::{Cli, Failure, Outcome, say};
-use crate::cli::file_argument::OutputFolder;
+use crate::cli::file_argument::{OutputFolder, Overwrite};
 use crate::io::atomic_file;
 
 #[derive(Debug, Args)]
@@ -30,6 +30,8 @@ pub(super) struct ManPages {
     /// Folder, such as ~/.local/share/man/man1
     #[arg(value_name = "DIR", value_parser = OutputFolder::of_manual_pages())]
     folder: OutputFolder,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 impl ManPages {

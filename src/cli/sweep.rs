@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::number_argument::whole;
 use super::{Failure, Outcome, Output, print, progress, say};
-use crate::cli::file_argument::{InputFile, OutputFile};
+use crate::cli::file_argument::{InputFile, ResumedFile};
 use crate::report::SweepReport;
 use crate::sweep::{self, Grid, Parts, Shard};
 
@@ -16,7 +16,7 @@ pub(super) struct Sweep {
     grid: InputFile,
     /// Result; its parts are in FILE.parts until all exist
     #[arg(long, value_name = "FILE.parquet|FILE.csv")]
-    output: OutputFile,
+    output: ResumedFile,
     /// Compute one of N equal parts of the sweep, for a job array; --collect makes one file of them
     #[arg(long, value_name = "K/N", group = "what")]
     shard: Option<Shard>,

@@ -197,7 +197,7 @@ impl Written<'_> {
     }
 
     /// The file, or existing files that may be replaced.
-    fn there(&self) -> Vec<PathBuf> {
+    pub fn there(&self) -> Vec<PathBuf> {
         match self {
             Written::File(path) => vec![path.to_path_buf()],
             Written::Into(folder, writes) => {
@@ -247,6 +247,7 @@ fn location(path: &Path) -> Option<PathBuf> {
 /// # Errors
 /// If it exists.
 pub fn refuse_existing(path: &Path) -> Result<(), InputError> {
+    refuse_other_than_file(path)?;
     match path.symlink_metadata() {
         Ok(_) => Err(InputError::new(format!("cannot write `{}`", path.display()), "the file exists already")
             .with_help("give another name, or --overwrite")),

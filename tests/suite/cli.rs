@@ -118,7 +118,7 @@ fn compare_tells_missions_apart_whatever_is_set() {
     for set in [&[][..], &["--set", "sky.background_e=60,120"], &["--launch", "2009-01-01,2012-01-01"]] {
         let missions = [&files[0], &files[1], &files[2], "missions/snap_l2_trades.toml"];
         let run = |more: &[&str]| stdout(&[&["compare"], &missions[..], set, more].concat());
-        let shown = run(&["--html", &page]).split_whitespace().collect::<String>();
+        let shown = run(&["--html", &page, "--overwrite"]).split_whitespace().collect::<String>();
         let html = std::fs::read_to_string(&page).unwrap();
         for name in
             ["SNAP at L2 (cold.toml)", &format!("SNAP at L2 ({})", files[0]), &format!("SNAP at L2 ({})", files[1])]
@@ -486,6 +486,41 @@ fn fit_writes_a_mission_that_validate_confirms() {
     let changed = text.lines().zip(written.lines()).filter(|(old, new)| old != new).count();
     assert_eq!((changed, text.lines().count()), (3, written.lines().count()));
     assert!(written.contains("# also"));
+}
+
+/// `--free A,B` is `--free A --free B`, with or without a blank.
+#[test]
+fn free_keys_may_be_a_list() {
+    let (mission, trails) = (practice("slow-trap/mission.toml"), practice("slow-trap/trails.ecsv"));
+    let keys = ["detector.traps.VV.density_per_px", "detector.traps.Ci.density_per_px"];
+    let fitted = |free: &[&str]| {
+        let output = ctiplan(&[&["fit", &mission, &trails, "--only", "--json"], free].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let repeated = fitted(&["--free", keys[0], "--free", keys[1]]);
+    assert_eq!(fitted(&["--free", &keys.join(",")]), repeated);
+    assert_eq!(fitted(&["--free", &keys.join(", ")]), repeated);
+}
+
+/// A file in the place of another, or of the command, is recognised.
+#[test]
+fn misplaced_files_get_a_hint() {
+    let (mission, trails) = (practice("slow-trap/mission.toml"), practice("slow-trap/trails.ecsv"));
+    for (arguments, said) in [
+        (&["validate", &trails, &mission][..], "this is a table of measurements, not a mission file"),
+        (&["fit", &trails, &mission], "the mission comes first, then the data"),
+        (&["diagnose", &mission, SNAP], "this is a mission file, not a table of measurements"),
+        (&[&mission], "help: ctiplan evaluate "),
+        (&[&mission, "--json"], "help: ctiplan evaluate "),
+        (&["study", &mission], "help: ctiplan study KIND "),
+        (&[&trails], "help: ctiplan validate MISSION.toml "),
+    ] {
+        let output = ctiplan(arguments);
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+        assert!(stderr.contains(said) && stderr.matches("error: ").count() == 1, "{arguments:?}: {stderr}");
+    }
 }
 
 #[test]

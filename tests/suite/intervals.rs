@@ -384,7 +384,8 @@ fn a_sample_goes_from_fit_to_evaluate() {
     let (mission, data) = (path("mission.toml"), path("doses.csv"));
     let fit = ["fit", &mission, &data, "--free", OFFSET, "--free", SLOPE];
     let keys = format!("{OFFSET},{SLOPE}");
-    let words = [&fit[..], &["--profile", &keys, "--posterior", "40", "--seed", "3", "--out", &file]].concat();
+    let words =
+        [&fit[..], &["--profile", &keys, "--posterior", "40", "--seed", "3", "--out", &file, "--overwrite"]].concat();
     let (status, text, stderr) = run(&[&words[..], &["--html", &html]].concat());
     assert_eq!(status, Some(0), "{stderr}");
     assert!(text.contains("Profile likelihood") && text.contains("Posterior: a sample of 40 draws, seed 3"), "{text}");

@@ -1,4 +1,5 @@
-//! No output replaces a file that is read, or another output: for every command, every output and every input of it.
+//! No output replaces a file that is read, or another output, or without `--overwrite` any file: for every command, every output and
+//! every input of it.
 
 #![cfg(unix)]
 
@@ -195,6 +196,72 @@ fn no_output_replaces_an_input() {
             }
         }
     }
+}
+
+/// Outputs that go on with what is there.
+const RESUMED: [&str; 1] = ["--output"];
+
+/// Without `--overwrite` nothing that exists is replaced, and nothing is computed or printed before that is said.
+#[test]
+fn no_output_replaces_a_file_unasked() {
+    for case in CASES {
+        let words = case.words.replace("--overwrite ", "");
+        for option in case.outputs.iter().filter(|option| !RESUMED.contains(option)) {
+            let folder = inputs();
+            let there = match *option {
+                "--plots" => "out/error.svg",
+                "--residuals" => "out/1-trails.ecsv",
+                "--out-folder" => "out/frame.fits",
+                "--out" => "out/there.ecsv",
+                _ => "out/there",
+            };
+            fs::create_dir(folder.path().join("out")).unwrap();
+            fs::write(folder.path().join(there), "of another day").unwrap();
+            let before = all(folder.path());
+            let path = if ["--plots", "--residuals", "--out-folder"].contains(option) { "out" } else { there };
+            let words = Case { words: Box::leak(words.clone().into_boxed_str()), outputs: case.outputs };
+            let output = words.run(folder.path(), &[(option, Path::new(path))]);
+            let what = format!("{} {option} {path}", words.words);
+            refused(&output, &what);
+            let said = String::from_utf8(output.stderr).unwrap();
+            assert!(said.contains("exists already") && said.contains("--overwrite"), "{what}: {said}");
+            assert!(before == all(folder.path()), "{what}: files have changed");
+        }
+    }
+}
+
+/// Every command with an output offers the remedy.
+#[test]
+fn every_command_that_writes_may_overwrite() {
+    let own = [vec!["init"], vec!["man"]];
+    let with_outputs = CASES.iter().filter(|case| case.outputs.iter().any(|option| !RESUMED.contains(option)));
+    let named = with_outputs.map(|case| {
+        let words = case.words.split(' ');
+        words.take(if ["study", "measure"].iter().any(|above| case.words.starts_with(above)) { 2 } else { 1 }).collect()
+    });
+    for command in named.chain(own) {
+        assert!(help(&command).contains("--overwrite"), "{command:?}");
+    }
+}
+
+#[test]
+fn a_mission_is_revised_in_place_only_if_asked() {
+    const FIT: &str = "fit @mission.toml @trails.ecsv --only --free detector.well_fill_power";
+    let folder = inputs();
+    let before = all(folder.path());
+    let onto_itself: &[(&str, &Path)] = &[("--write", Path::new("mission.toml"))];
+    refused(&case(FIT, &[]).run(folder.path(), onto_itself), "without --overwrite");
+    assert!(before == all(folder.path()));
+    const ASKED: &str = "fit @mission.toml @trails.ecsv --only --free detector.well_fill_power --overwrite";
+    // Not the data, nor the mission by another output.
+    refused(&case(ASKED, &[]).run(folder.path(), &[("--write", Path::new("trails.ecsv"))]), "the data");
+    refused(&case(ASKED, &[]).run(folder.path(), &[("--html", Path::new("mission.toml"))]), "a page");
+    assert!(before == all(folder.path()));
+    let output = case(ASKED, &[]).run(folder.path(), onto_itself);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let changed = all(folder.path()).into_iter().zip(before).filter(|(now, then)| now != then);
+    let changed: Vec<PathBuf> = changed.map(|((path, _), _)| path).collect();
+    assert_eq!(changed, [folder.path().join("mission.toml")]);
 }
 
 #[test]

@@ -645,7 +645,7 @@ fn every_study_prints_json_csv_and_figures() {
         ("requirement", &["--confidence", "0"]),
     ];
     for (name, options) in asked {
-        let command = [&["study", name, TRADES, "--plots", plots][..], options].concat();
+        let command = [&["study", name, TRADES, "--plots", plots, "--overwrite"][..], options].concat();
         let output = ctiplan(&[&command[..], &["--json"]].concat());
         assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
         let json: Value = serde_json::from_slice(&output.stdout).unwrap();
