@@ -48,6 +48,7 @@ mod properties;
 mod radiation_files;
 mod readout;
 mod robust;
+mod shown;
 mod skipped;
 mod slurm;
 mod solar_events;
