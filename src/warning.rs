@@ -291,7 +291,8 @@ impl fmt::Display for Warning {
             Warning::LooksLikeCondition { file, found } => {
                 let one = |[column, condition, value]: &[String; 3]| {
                     format!(
-                        "{condition} is the mission's ({value}), and the column `{column}` is not used; if it is meant, name it `{condition}`"
+                        "{condition} is the mission's ({value}), and the column `{column}` is not used; if it is meant, name it \
+                         `{condition}`"
                     )
                 };
                 write!(out, "{file}: {}", found.iter().map(one).collect::<Vec<_>>().join("; "))
