@@ -4,9 +4,10 @@
 //! (`problem`, `parameter`, `minimise`), from one start or several (`solve`, `elsewhere`). Errors are those of linear theory at the
 //! optimum, from derivatives with respect to the parameters themselves (`errors`), larger if the model is curved
 //! (`profile_errors`); parameters that the data do not limit on one side are reported (`open_sides`). Species exchanged by a fit
-//! get their own values back (`species_order`), and a cycle its maximum nearest to the mission (`plainer`). The epoch of an event
-//! (a flare, a bakeout) has no derivative: data only determine between which two of their epochs it lies, so these intervals are
-//! tried one after another; the result is the centre of all that fit equally well (`event_epochs`).
+//! get their own values back (`species_order`), and a cycle its maximum nearest to the mission (`plainer`). With the epoch of
+//! an event (a flare, a bakeout) chi2 jumps at the epochs of the data, so the intervals between these are tried one after another;
+//! the result is the centre of all times that fit equally well, and errors and correlations include those times
+//! (`event_epochs`).
 
 mod advice;
 mod elsewhere;
@@ -33,7 +34,7 @@ pub(crate) use elsewhere::is_another;
 pub(crate) use minimise::helped;
 pub(crate) use plainer::epochs_yr;
 pub(crate) use problem::{Optimum, Problem};
-pub use result::{Advice, Fit, Fitted, Minimum};
+pub use result::{Advice, Combination, Fit, Fitted, Minimum, Term};
 pub use solve::Options;
 pub(crate) use solve::fit_rows;
 

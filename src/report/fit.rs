@@ -11,7 +11,7 @@ use super::{Page, Parts, Report, chance, significant, table};
 use crate::analysis::fit::holdout::Holdout;
 use crate::analysis::fit::posterior::Posterior;
 use crate::analysis::fit::profile::Profile;
-use crate::analysis::fit::{Advice, Fit, Fitted, Minimum};
+use crate::analysis::fit::{Advice, Combination, Fit, Fitted, Minimum};
 use crate::mission::Mission;
 use crate::mission::keys::plain;
 use crate::plan::sources::{self, Source};
@@ -42,7 +42,9 @@ struct Document<'a> {
     chi2: f64,
     rms_sigma: f64,
     parameters: &'a [Fitted],
-    correlation: &'a [Vec<f64>],
+    correlation: &'a [Vec<Option<f64>>],
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    constrained_combinations: Vec<&'a Combination>,
     starts_chi2: &'a [f64],
     chi2_from_mission: f64,
     other_minima: &'a [Minimum],
@@ -67,6 +69,7 @@ impl Serialize for FitReport {
             rms_sigma: fit.rms_sigma(),
             parameters: &fit.parameters,
             correlation: &fit.correlation,
+            constrained_combinations: fit.combinations(),
             starts_chi2: &fit.starts,
             chi2_from_mission: fit.chi2_from_mission,
             other_minima: &fit.minima,
@@ -128,7 +131,8 @@ impl Page for FitReport {
         out.warnings(&fit.warnings);
         if fit.parameters.len() > 1 {
             out.heading("Correlations");
-            out.table(correlations(fit.parameters.iter().map(|one| one.key.as_str()), &fit.correlation));
+            let known = |row: usize, column: usize| fit.correlation[row][column];
+            out.table(correlations(fit.parameters.iter().map(|one| one.key.as_str()), known));
         }
         if let Some(holdout) = &self.holdout {
             held_out(holdout, fit, &mut out);
@@ -199,7 +203,10 @@ fn quality(fit: &Fit, has_common_errors: bool) -> Vec<String> {
 }
 
 /// The lower triangle of a correlation matrix.
-fn correlations<'a>(keys: impl Iterator<Item = &'a str> + Clone, correlation: &[Vec<f64>]) -> comfy_table::Table {
+fn correlations<'a>(
+    keys: impl Iterator<Item = &'a str> + Clone,
+    correlation: impl Fn(usize, usize) -> Option<f64>,
+) -> comfy_table::Table {
     let n = keys.clone().count();
     let numbers: Vec<String> = (1..=n).map(|number| number.to_string()).collect();
     let mut header = vec!["key"];
@@ -207,13 +214,12 @@ fn correlations<'a>(keys: impl Iterator<Item = &'a str> + Clone, correlation: &[
     let mut correlations = table(&header);
     for (index, key) in keys.enumerate() {
         let mut row = vec![format!("{} {key}", index + 1)];
-        row.extend(
-            (0..n).map(
-                |other| {
-                    if other <= index { format!("{:+.2}", correlation[index][other]) } else { String::new() }
-                },
-            ),
-        );
+        let cell = |other: usize| match correlation(index, other) {
+            _ if other > index => String::new(),
+            Some(correlation) => format!("{correlation:+.2}"),
+            None => "not known".into(),
+        };
+        row.extend((0..n).map(cell));
         correlations.add_row(row);
     }
     correlations
@@ -261,13 +267,16 @@ pub(super) fn value_and_error(parameter: &Fitted, advice: &[Advice]) -> (String,
     });
     match parameter.sigma {
         Some(sigma) if sigma > value && limit.is_some() => (significant(value, 4), limit.unwrap_or_default().into()),
-        Some(sigma) if sigma > 0.0 && sigma.is_finite() => {
-            let shown = to_digits_of(value, sigma);
-            let error = if shown.contains('e') { format!("{sigma:.1e}") } else { to_digits_of(sigma, sigma) };
-            (shown, error)
-        }
+        Some(sigma) if sigma > 0.0 && sigma.is_finite() => to_two_digits(value, sigma),
         _ => (significant(value, 4), "not known".into()),
     }
+}
+
+/// A value, and its error to two digits.
+fn to_two_digits(value: f64, sigma: f64) -> (String, String) {
+    let shown = to_digits_of(value, sigma);
+    let error = if shown.contains('e') { format!("{sigma:.1e}") } else { to_digits_of(sigma, sigma) };
+    (shown, error)
 }
 
 fn held_out(holdout: &Holdout, fit: &Fit, out: &mut Parts) {

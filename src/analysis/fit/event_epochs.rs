@@ -1,8 +1,11 @@
-//! Epochs of events (a flare, a bakeout): data only determine between which two of their own epochs these lie.
+//! Epochs of events (a flare, a bakeout): chi2 jumps where one passes an epoch of the data. Between two of these it is smooth, and
+//! often flat: the time is exchanged for the amplitude.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
-use super::problem::{LOOSE, Optimum, Problem, chi2};
+use super::errors::Errors;
+use super::parameter::Parameter;
+use super::problem::{LOOSE, Optimum, Problem};
 use crate::error::InputError;
 use crate::numeric::least_squares::Span;
 
@@ -11,6 +14,19 @@ const AS_GOOD: f64 = 1.0;
 
 /// Increase of chi2 above which no event epoch is searched.
 const UNLIKELY: f64 = 16.0;
+
+/// Nodes of an interval between epochs, in half-lengths from its centre: those of Gauss and Legendre, which keep away from its ends.
+const NODES: [f64; 3] = [-0.774_596_669_241_483_4, 0.0, 0.774_596_669_241_483_4];
+
+/// Evenly spaced times in an interval, for means: a time known to a hundredth of the interval is resolved.
+const POINTS: usize = 128;
+
+/// Steps to a conditional optimum, and the chi2 above the one expected that justifies another.
+const FOLLOWED: usize = 3;
+const FOLLOWED_TO: f64 = 0.01;
+
+/// Number of trials that are repeated with event epochs free within their intervals.
+const SLID: usize = 3;
 
 /// Only one in this many intervals between epochs is tried first for an event epoch.
 const EVERY: usize = 4;
@@ -39,7 +55,8 @@ impl Problem<'_> {
                 let least = coarse.iter().min_by(|a, b| a.1.chi2.total_cmp(&b.1.chi2)).map_or(0, |(place, _)| *place);
                 let around = least.saturating_sub(EVERY - 1)..(least + EVERY).min(candidates.len());
                 let fine = around.filter(|place| place % EVERY != 0).map(attempt);
-                for found in coarse.iter().map(|(_, found)| found.clone()).chain(fine.collect::<Vec<_>>()) {
+                let tried: Vec<Optimum> = coarse.iter().map(|(_, found)| found.clone()).chain(fine).collect();
+                for found in tried.iter().cloned().chain(self.slid(tried.clone())) {
                     if found.chi2 < best.chi2 - 1e-9 * best.chi2.abs() {
                         best = found;
                     }
@@ -58,15 +75,32 @@ impl Problem<'_> {
         epochs
     }
 
-    /// An optimum with each event epoch at the centre of the interval in which chi2 is equally good: its mean, if the data
+    /// The end of the last trial: the nearly best ones again, with their event epochs free within their intervals.
+    fn slid(&self, mut tried: Vec<Optimum>) -> Vec<Optimum> {
+        tried.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
+        tried.truncate(SLID);
+        let most = tried.first().map_or(0.0, |least| least.chi2 + UNLIKELY);
+        tried.into_iter().filter(|one| one.chi2 < most).map(|one| self.within_intervals(one)).collect()
+    }
+
+    /// Launch or the epoch of the data before a time, and the epoch after it.
+    pub(super) fn interval_of(&self, t_yr: f64) -> Option<[f64; 2]> {
+        self.epochs().windows(2).map(|ends| [ends[0], ends[1]]).find(|ends| t_yr > ends[0] && t_yr <= ends[1])
+    }
+
+    /// An optimum with each event epoch at the centre of the times at which chi2 is equally good: their mean, if the data
     /// determine no more.
     pub(super) fn centred(&self, optimum: Optimum) -> Result<Optimum, InputError> {
         let (mut found, most) = (optimum.clone(), optimum.chi2 + AS_GOOD);
         for index in (0..found.at.len()).filter(|&index| self.parameters[index].is_event_epoch) {
-            let around = self.around(&found, index, AS_GOOD);
             let moment = found.at[index];
-            let from_yr = around.iter().map(|one| one.from_yr).fold(moment, f64::min);
-            let to_yr = around.iter().map(|one| one.to_yr).fold(moment, f64::max);
+            let (mut from_yr, mut to_yr) = (moment, moment);
+            for one in self.around(&found, index, AS_GOOD) {
+                for point in one.points().filter(|point| point.chi2 < most) {
+                    from_yr = from_yr.min(point.at[index] - 0.5 * one.step_yr());
+                    to_yr = to_yr.max(point.at[index] + 0.5 * one.step_yr());
+                }
+            }
             let mut at = found.at.clone();
             at[index] = 0.5 * (from_yr + to_yr);
             if at[index] == moment {
@@ -80,26 +114,18 @@ impl Problem<'_> {
         Ok(found)
     }
 
-    /// Intervals between epochs where an event may lie, outwards from that of an optimum until chi2 has increased by `rise`; the
-    /// other parameters follow to first order, if that helps.
+    /// Intervals between epochs where an event may lie, outwards from that of an optimum until chi2 has increased by `rise`.
     fn around(&self, optimum: &Optimum, index: usize, rise: f64) -> Vec<Interval> {
         let epochs = self.epochs();
         let interval = |ends: &[f64]| -> Option<Interval> {
-            let mut at = optimum.at.clone();
-            at[index] = 0.5 * (ends[0] + ends[1]);
-            let residuals = DVector::from_vec(self.residuals(&at).ok()?);
-            // The signature of a flare depends on its epoch.
-            let jacobian = self.jacobian(&at).ok()?;
-            let follow = -Span::of(&jacobian, LOOSE).solve(&residuals);
-            // Far from the optimum, or along parameters that the epoch makes equivalent, the first order may promise too much.
-            let followed: Vec<f64> = at.iter().zip(&follow).map(|(at, follow)| at + follow).collect();
-            let at_followed = self.residuals(&followed).map_or(f64::INFINITY, |residuals| chi2(&residuals));
-            let here = residuals.norm_squared();
-            let helps = at_followed <= here;
-            let (least, follow) = if helps { (at_followed, follow) } else { (here, DVector::zeros(at.len())) };
-            Some(Interval { from_yr: ends[0], to_yr: ends[1], rise: least - optimum.chi2, follow })
+            let time = |node: f64| 0.5 * (ends[0] + ends[1]) + 0.5 * node * (ends[1] - ends[0]);
+            let [first, centre, last] = NODES.map(time);
+            let centre = self.conditional(&optimum.at, index, centre)?;
+            let first = self.conditional(&centre.at, index, first)?;
+            let last = self.conditional(&centre.at, index, last)?;
+            Some(Interval { from_yr: ends[0], to_yr: ends[1], nodes: [first, centre, last] })
         };
-        let near = |one: &Interval| one.rise < rise;
+        let near = |one: &Interval| one.nodes.iter().any(|node| node.chi2 < optimum.chi2 + rise);
         let moment = optimum.at[index];
         let Some(here) = epochs.windows(2).position(|pair| (pair[0]..=pair[1]).contains(&moment)) else {
             return Vec::new();
@@ -109,31 +135,60 @@ impl Problem<'_> {
         before.chain(after).collect()
     }
 
-    /// Errors of event epochs, and their contribution to those of all others: the probability of each interval between epochs is
-    /// proportional to its length times exp(−chi2/2).
-    pub(super) fn add_event_epochs(&self, optimum: &Optimum, sigmas: &mut [Option<f64>]) {
-        for index in (0..optimum.at.len()).filter(|&index| self.parameters[index].is_event_epoch) {
-            let around = self.around(optimum, index, UNLIKELY);
-            let likely = |one: &Interval| (one.to_yr - one.from_yr) * (-0.5 * one.rise).exp();
-            let all: f64 = around.iter().map(likely).sum();
-            if all == 0.0 {
-                continue;
+    /// The optimum with an event epoch fixed, from one nearby: the other parameters follow to first order, repeated if chi2 is not
+    /// the one expected. None if the model has no value.
+    fn conditional(&self, from: &[f64], index: usize, t_yr: f64) -> Option<Optimum> {
+        let mut at = from.to_vec();
+        at[index] = t_yr;
+        let mut residuals = DVector::from_vec(self.residuals(&at).ok()?);
+        for _ in 0..FOLLOWED {
+            // The signature of a flare depends on its epoch.
+            let span = Span::of(&self.jacobian(&at).ok()?, LOOSE);
+            let follow = -span.solve(&residuals);
+            let expected = residuals.norm_squared() - span.directions().tr_mul(&residuals).norm_squared();
+            let followed: Vec<f64> = self.parameters.iter().zip(&at).zip(&follow).map(followed).collect();
+            // Far from the optimum, or along parameters that the epoch makes equivalent, the first order may promise too much.
+            let Ok(after) = self.residuals(&followed).map(DVector::from_vec) else { break };
+            if after.norm_squared() >= residuals.norm_squared() {
+                break;
             }
-            let mean =
-                |of: &dyn Fn(&Interval) -> f64| around.iter().map(|one| likely(one) * of(one)).sum::<f64>() / all;
-            // Mean of (t − epoch)² over an interval.
-            let square = |one: &Interval| {
-                let [from, to] = [one.from_yr, one.to_yr].map(|t_yr| t_yr - optimum.at[index]);
-                (from * from + from * to + to * to) / 3.0
-            };
-            for (other, sigma) in sigmas.iter_mut().enumerate() {
-                *sigma = match sigma {
-                    _ if other == index => Some(mean(&square).sqrt()),
-                    Some(sigma) => Some(sigma.hypot(mean(&|one| one.follow[other].powi(2)).sqrt())),
-                    None => None,
-                };
+            (at, residuals) = (followed, after);
+            if residuals.norm_squared() < expected + FOLLOWED_TO {
+                break;
             }
         }
+        Some(Optimum { chi2: residuals.norm_squared(), at })
+    }
+
+    /// Errors of event epochs, and their contribution to those of all others: each time has the probability exp(-chi2/2), all others
+    /// at their conditional optimum, which changes with the time even where chi2 does not.
+    pub(super) fn add_event_epochs(&self, optimum: &Optimum, errors: &mut Errors) {
+        for index in (0..optimum.at.len()).filter(|&index| self.parameters[index].is_event_epoch) {
+            let around = self.around(optimum, index, UNLIKELY);
+            let least = around.iter().flat_map(|one| &one.nodes).map(|node| node.chi2).fold(optimum.chi2, f64::min);
+            let n = optimum.at.len();
+            let (mut all, mut squares) = (0.0, DMatrix::zeros(n, n));
+            for one in &around {
+                for point in one.points() {
+                    // Not below what was reached: a parabola may be.
+                    let likely = one.step_yr() * (-0.5 * (point.chi2 - least).max(0.0)).exp();
+                    let off = DVector::from_fn(n, |other, _| point.at[other] - optimum.at[other]);
+                    all += likely;
+                    squares += likely * &off * off.transpose();
+                }
+            }
+            if all > 0.0 {
+                errors.add(index, &(squares / all));
+            }
+        }
+    }
+}
+
+/// A value after a step, within the bounds.
+fn followed(((parameter, at), step): ((&Parameter, &f64), &f64)) -> f64 {
+    match *step {
+        0.0 => *at,
+        step => parameter.outer(parameter.inner((at + step).clamp(parameter.low, parameter.high))),
     }
 }
 
@@ -141,8 +196,27 @@ impl Problem<'_> {
 struct Interval {
     from_yr: f64,
     to_yr: f64,
-    /// Increase of chi2 above that of the optimum.
-    rise: f64,
-    /// Changes of the other parameters.
-    follow: DVector<f64>,
+    /// Conditional optima at [`NODES`].
+    nodes: [Optimum; 3],
+}
+
+impl Interval {
+    fn step_yr(&self) -> f64 {
+        (self.to_yr - self.from_yr) / POINTS as f64
+    }
+
+    /// Conditional optima at evenly spaced times, by parabolas through the nodes: within an interval the model is smooth.
+    fn points(&self) -> impl Iterator<Item = Optimum> + '_ {
+        let parabola = |values: [f64; 3], place: f64| {
+            let [first, centre, last] = values;
+            let (share, curved) = (place / NODES[2], 0.5 * (first + last) - centre);
+            centre + 0.5 * share * (last - first) + share * share * curved
+        };
+        (0..POINTS).map(move |point| {
+            let place = (2 * point + 1) as f64 / POINTS as f64 - 1.0;
+            let at = (0..self.nodes[0].at.len())
+                .map(|index| parabola([0, 1, 2].map(|node| self.nodes[node].at[index]), place));
+            Optimum { at: at.collect(), chi2: parabola([0, 1, 2].map(|node| self.nodes[node].chi2), place) }
+        })
+    }
 }

@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::parameter::Parameter;
 use super::problem::{Optimum, Problem, chi2};
 use crate::error::InputError;
 use crate::mission::Mission;
@@ -25,6 +26,16 @@ const HELPED: f64 = 2.0;
 /// The decrease of chi2 from this value that justifies another minimisation.
 pub(crate) fn helped(chi2: f64) -> f64 {
     HELPED.max(HELPED * 1e-3 * chi2)
+}
+
+/// Residuals have the accuracy of the readout: smaller tolerances are useless.
+fn solver() -> LevenbergMarquardt<f64> {
+    LevenbergMarquardt::new().with_ftol(1e-6).with_xtol(1e-6)
+}
+
+/// Whether another minimisation did not help.
+fn is_settled(found: f64, best: f64) -> bool {
+    found > best - 1e-3 - 1e-5 * best
 }
 
 fn rough_solver() -> LevenbergMarquardt<f64> {
@@ -91,7 +102,8 @@ impl Problem<'_> {
         let at_bound = |index: usize| self.parameters[index].at_bound(start[index]).is_some();
         let is_mixed = (0..start.len()).any(at_bound) && !(0..start.len()).all(at_bound);
         let within = |index: usize| !at_bound(index);
-        let near = is_mixed.then(|| self.minimise_some(start, rough_solver(), &self.nothing_known(), within));
+        let some = || self.minimise_some(start, rough_solver(), &self.nothing_known(), &self.parameters, within);
+        let near = is_mixed.then(some);
         let from = near.as_ref().map_or(start, |near| &near.at);
         self.minimise_once(from, rough_solver(), &self.nothing_known())
     }
@@ -108,12 +120,10 @@ impl Problem<'_> {
     /// Minimises from a start with event epochs fixed, repeated with fresh derivatives until it no longer helps: if the model has a
     /// kink (a packet that sinks into a notch) the solver stops early.
     pub(super) fn minimise(&self, start: &[f64]) -> Optimum {
-        // Residuals have the accuracy of the readout: smaller tolerances are useless.
-        let solver = || LevenbergMarquardt::new().with_ftol(1e-6).with_xtol(1e-6);
         let mut best = self.roughly(start);
         for _ in 0..AGAIN {
             let found = self.minimise_once(&best.at, solver(), &self.nothing_known());
-            let settled = found.chi2 > best.chi2 - 1e-3 - 1e-5 * best.chi2;
+            let settled = is_settled(found.chi2, best.chi2);
             if found.chi2 < best.chi2 {
                 best = found;
             }
@@ -124,27 +134,47 @@ impl Problem<'_> {
         best
     }
 
+    /// The same from an optimum, with each event epoch free between the epochs of the data around it; the optimum itself if that
+    /// does not help.
+    pub(super) fn within_intervals(&self, optimum: Optimum) -> Optimum {
+        let mut best = optimum;
+        for _ in 0..AGAIN {
+            let within = |(parameter, at): (&Parameter, &f64)| match self.interval_of(*at) {
+                Some([low, high]) if parameter.is_event_epoch => parameter.between(low, high),
+                _ => parameter.clone(),
+            };
+            let parameters: Vec<Parameter> = self.parameters.iter().zip(&best.at).map(within).collect();
+            let found = self.minimise_some(&best.at, solver(), &self.nothing_known(), &parameters, |_| true);
+            if is_settled(found.chi2, best.chi2) {
+                break;
+            }
+            best = found;
+        }
+        best
+    }
+
     /// One minimisation, with derivatives from Broyden's update (1965, Mathematics of Computation 19, 577) of those at the start;
     /// those of the first parameters may be `known`.
     fn minimise_once(&self, start: &[f64], solver: LevenbergMarquardt<f64>, known: &DMatrix<f64>) -> Optimum {
-        self.minimise_some(start, solver, known, |_| true)
+        self.minimise_some(start, solver, known, &self.parameters, |_| true)
     }
 
-    /// The same with some of the parameters.
+    /// The same with some of the parameters, and their bounds.
     fn minimise_some(
         &self,
         start: &[f64],
         solver: LevenbergMarquardt<f64>,
         known: &DMatrix<f64>,
+        parameters: &[Parameter],
         moves: impl Fn(usize) -> bool,
     ) -> Optimum {
         let moving: Vec<usize> =
-            (0..start.len()).filter(|&index| moves(index) && !self.parameters[index].is_event_epoch).collect();
+            (0..start.len()).filter(|&index| moves(index) && !parameters[index].is_event_epoch).collect();
         if moving.is_empty() {
             return self.state(start);
         }
         let (known, last) = (known.clone(), RefCell::new(None));
-        let mut run = Run { problem: self, moving, at: start.to_vec(), residuals: None, known, last };
+        let mut run = Run { problem: self, parameters, moving, at: start.to_vec(), residuals: None, known, last };
         let inner = run.inner();
         run.set_params(&inner);
         if run.residuals.is_none() {
@@ -161,6 +191,8 @@ impl Problem<'_> {
 /// A minimisation in progress, in inner coordinates.
 struct Run<'a> {
     problem: &'a Problem<'a>,
+    /// With their bounds and coordinates.
+    parameters: &'a [Parameter],
     /// Parameters that move, by their indices.
     moving: Vec<usize>,
     at: Vec<f64>,
@@ -180,14 +212,14 @@ struct Point {
 
 impl Run<'_> {
     fn inner(&self) -> DVector<f64> {
-        let inner = |&index: &usize| self.problem.parameters[index].inner(self.at[index]);
+        let inner = |&index: &usize| self.parameters[index].inner(self.at[index]);
         DVector::from_iterator(self.moving.len(), self.moving.iter().map(inner))
     }
 
     /// The prior of each parameter at its starting value.
     fn priors(&self) -> Vec<f64> {
         let prior = |&index: &usize| {
-            let parameter = &self.problem.parameters[index];
+            let parameter = &self.parameters[index];
             parameter.prior() * (parameter.inner(self.at[index]) - parameter.inner(parameter.start))
         };
         self.moving.iter().map(prior).collect()
@@ -216,9 +248,9 @@ impl Run<'_> {
 
     /// Derivatives with respect to the inner coordinates, by a forward difference if they are not known.
     fn derivatives(&self, centre: &DVector<f64>) -> Option<DMatrix<f64>> {
-        let (problem, at, known) = (self.problem, &self.at, &self.known);
+        let (problem, parameters, at, known) = (self.problem, self.parameters, &self.at, &self.known);
         let derivative = |&index: &usize| -> Option<DVector<f64>> {
-            let parameter = &problem.parameters[index];
+            let parameter = &parameters[index];
             let inner = parameter.inner(at[index]);
             let step = parameter.inner_step(inner);
             let moved = parameter.outer(inner + step);
@@ -242,7 +274,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Run<'_> {
 
     fn set_params(&mut self, inner: &DVector<f64>) {
         for (&index, inner) in self.moving.iter().zip(inner.iter()) {
-            self.at[index] = self.problem.parameters[index].outer(*inner);
+            self.at[index] = self.parameters[index].outer(*inner);
         }
         self.residuals = self.problem.residuals(&self.at).ok();
     }
@@ -261,7 +293,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Run<'_> {
         let (of_data, rows) = (self.jacobian_of_data()?, self.problem.values.len());
         let mut jacobian = of_data.resize_vertically(rows + self.moving.len(), 0.0);
         for (column, &index) in self.moving.iter().enumerate() {
-            jacobian[(rows + column, column)] = self.problem.parameters[index].prior();
+            jacobian[(rows + column, column)] = self.parameters[index].prior();
         }
         Some(jacobian)
     }

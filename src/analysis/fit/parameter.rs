@@ -52,6 +52,9 @@ const NEXT_TO_NOTHING: f64 = 1e3;
 const UNKNOWN_DECADES: f64 = 6.0;
 const STEPS_PER_DECADE: f64 = 4.0;
 
+/// Share of an interval between two epochs that an event keeps from them: on an epoch itself it belongs to the interval before.
+const BESIDE: f64 = 1e-6;
+
 /// Upper bounds above this are not physical.
 const BOUNDLESS: f64 = 1e3;
 
@@ -82,6 +85,14 @@ impl Parameter {
         let is_event_epoch = key.starts_with("effects.") && key.ends_with(".t_yr");
         let handle = Handle::of(mission, key);
         Ok(Parameter { key: key.to_string(), unit: known.unit, start, low, high, is_event_epoch, handle, scale })
+    }
+
+    /// The same parameter with bounds, just inside of them; the epoch of an event has derivatives there.
+    pub(super) fn between(&self, low: f64, high: f64) -> Parameter {
+        let inside = BESIDE * (high - low);
+        let (low, high) = (low + inside, high - inside);
+        let start = self.start.clamp(low, high);
+        Parameter { start, low, high, is_event_epoch: false, scale: Scale::Between, ..self.clone() }
     }
 
     /// Size of a typical change.

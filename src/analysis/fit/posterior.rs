@@ -163,7 +163,9 @@ impl OfProblem<'_> {
         let centre = DVector::from_iterator(n, fitted().map(|(fitted, known)| known.coordinate(fitted.value)));
         let errors = fitted().map(|(fitted, known)| known.coordinate_error(fitted.value, fitted.sigma));
         let errors = DVector::from_iterator(n, errors);
-        let correlation = DMatrix::from_fn(n, n, |row, column| fit.correlation[row][column]);
+        let correlation = DMatrix::from_fn(n, n, |row, column| {
+            fit.correlation[row][column].unwrap_or(if row == column { 1.0 } else { 0.0 })
+        });
         let root = Cholesky::new(correlation).map_or(DMatrix::identity(n, n), |root| root.l());
         let start = |walker: usize| {
             let mut random = ChaCha8Rng::seed_from_u64(seed);

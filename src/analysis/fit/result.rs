@@ -17,8 +17,8 @@ pub struct Fit {
     pub mission: Mission,
     /// Free parameters, in the order given.
     pub parameters: Vec<Fitted>,
-    /// Correlation of two parameters, `[[i, j]]`; 0 with one to which the data are insensitive.
-    pub correlation: Vec<Vec<f64>>,
+    /// Correlation of two parameters, `[[i, j]]`; None with one that has no error.
+    pub correlation: Vec<Vec<Option<f64>>>,
     /// chi2 of the original mission.
     pub chi2_before: f64,
     /// chi2 at the optimum.
@@ -93,10 +93,43 @@ impl Fit {
         (self.chi2 / self.n as f64).sqrt()
     }
 
+    /// Combinations of degenerate parameters that are constrained.
+    pub fn combinations(&self) -> Vec<&Combination> {
+        let mut found = Vec::new();
+        for advice in &self.advice {
+            if let Advice::Degenerate { combinations, .. } = advice {
+                found.extend(combinations);
+            }
+        }
+        found
+    }
+
     /// Whether a value of chi2 equals that of the optimum, within the tolerance of a fit.
     pub fn is_optimum(&self, chi2: f64) -> bool {
         is_same(chi2, self.chi2)
     }
+}
+
+/// A sum of parameters, each times a factor, that the data constrain although they do not constrain its parameters; to first order.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Combination {
+    /// Its terms.
+    pub terms: Vec<Term>,
+    /// Its value.
+    pub value: f64,
+    /// 1-sigma error.
+    pub sigma: f64,
+    /// Unit of value and error.
+    pub unit: &'static str,
+}
+
+/// A term of a combination.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Term {
+    /// Dotted key.
+    pub key: String,
+    /// Its factor, in the combination's unit over that of the key.
+    pub factor: f64,
 }
 
 /// Advice on fitted parameters.
@@ -118,6 +151,8 @@ pub enum Advice {
     Degenerate {
         /// The keys, the most important ones first.
         keys: Vec<String>,
+        /// Combinations of them that are constrained.
+        combinations: Vec<Combination>,
     },
     /// Only a combination of two keys is constrained.
     Correlated {

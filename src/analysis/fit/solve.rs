@@ -64,16 +64,16 @@ pub(crate) fn fit_rows(
     let best = if options.settled { optima[0].clone() } else { problem.centred(optima[0].clone())? };
     let fitted = problem.mission(&best.at)?;
     let jacobian = problem.jacobian(&best.at)?;
-    let errors = Errors::of(&jacobian);
-    let mut sigmas = errors.sigmas.clone();
-    problem.add_event_epochs(&best, &mut sigmas);
+    let mut errors = Errors::of(&jacobian);
+    problem.add_event_epochs(&best, &mut errors);
+    let sigmas = errors.sigmas();
     let parameters = problem.fitted(&best.at, &sigmas);
-    let advice = advice::on(&problem.parameters, &parameters, &errors.correlation, &errors.flat);
+    let advice = advice::on(&problem.parameters, &parameters, &errors);
     Ok(Fit {
         values: predict(&problem.base.like(&fitted), &all)?,
         mission: fitted,
         parameters,
-        correlation: errors.correlation,
+        correlation: errors.correlation(),
         chi2_before,
         chi2: best.chi2,
         n: problem.values.len(),

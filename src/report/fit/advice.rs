@@ -4,7 +4,8 @@ use std::fmt;
 
 use serde::ser::{Serialize, Serializer};
 
-use crate::analysis::fit::Advice;
+use super::to_two_digits;
+use crate::analysis::fit::{Advice, Combination, Term};
 use crate::mission::keys::plain;
 use crate::report::listed;
 use crate::report::validate::significant;
@@ -18,11 +19,16 @@ impl fmt::Display for Advice {
             Advice::PoorlyConstrained { key, relative } => {
                 write!(out, "{key}: poorly constrained, its error is {relative:.1} times its value")
             }
-            Advice::Degenerate { keys } => write!(
-                out,
-                "{}: degenerate, chi2 is flat along one combination of them; hold one of them fixed",
-                keys.join(", ")
-            ),
+            Advice::Degenerate { keys, combinations } => {
+                let combinations: Vec<String> = combinations.iter().map(in_words).collect();
+                let several = if combinations.len() == 1 { "combination is" } else { "combinations are" };
+                write!(
+                    out,
+                    "{}: degenerate, only their {several} constrained: {}; hold one of them fixed",
+                    keys.join(", "),
+                    combinations.join(", ")
+                )
+            }
             Advice::Correlated { keys, correlation } => write!(
                 out,
                 "{} and {}: correlated ({correlation:+.3}); only their combination is constrained",
@@ -50,6 +56,20 @@ impl fmt::Display for Advice {
             }
         }
     }
+}
+
+/// `first - 0.5 x second = 1.20 +- 0.03 yr`.
+fn in_words(combination: &Combination) -> String {
+    let mut said = String::new();
+    for (place, Term { key, factor }) in combination.terms.iter().enumerate() {
+        let sign = if *factor < 0.0 { " - " } else { " + " };
+        match place {
+            0 => said.push_str(key),
+            _ => said.push_str(&format!("{sign}{} x {key}", significant(factor.abs()))),
+        }
+    }
+    let (value, error) = to_two_digits(combination.value, combination.sigma);
+    format!("{said} = {value} +- {error} {}", combination.unit).trim_end().to_string()
 }
 
 /// In text form.

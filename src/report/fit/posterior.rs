@@ -41,7 +41,8 @@ pub(super) fn say(sample: &Posterior, out: &mut Parts) {
     out.table(chains);
     if sample.parameters.len() > 1 {
         out.heading("Correlations of the posterior");
-        out.table(correlations(sample.parameters.iter().map(|one| one.key.as_str()), &sample.correlation));
+        let known = |row: usize, column: usize| Some(sample.correlation[row][column]);
+        out.table(correlations(sample.parameters.iter().map(|one| one.key.as_str()), known));
     }
     out.gap();
     out.words(
