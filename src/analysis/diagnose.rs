@@ -186,8 +186,11 @@ impl Task<'_> {
                 (None, Some(found)) => evidence.or_law_beside_fewer(found)?,
                 (None, None) => evidence.or_law_beside_fewer(evidence.select()?)?,
             };
-            if let Some(better) = self.other_errors(evidence, noise, &found)?.filter(|_| more_rounds) {
-                return Ok(Attempt::Again(better));
+            let mut notes = notes;
+            match self.other_errors(evidence, noise, &found)? {
+                Some(better) if more_rounds => return Ok(Attempt::Again(better)),
+                Some(_) => notes.push(Note::NotConverged { rounds: ROUNDS }),
+                None => (),
             }
             found.noise = match found.verdict {
                 // If no model explains the data, a pedestal cannot be identified.

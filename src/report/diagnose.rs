@@ -8,7 +8,7 @@ mod reason;
 use super::fit::value_and_error;
 use super::{Page, Parts, Report, chance, effects_listed, keep_joined, or_dash, significant, table};
 use crate::analysis::diagnose::noise::SetNoise;
-use crate::analysis::diagnose::{Changed, Diagnosis, Next, Reason, Rung, Stability, Tried, Verdict};
+use crate::analysis::diagnose::{Changed, Diagnosis, Next, Note, Reason, Rung, Stability, Tried, Verdict};
 use crate::analysis::fit::Fitted;
 use crate::analysis::validate::SetResult;
 use crate::analysis::whitening::PEDESTAL;
@@ -88,6 +88,7 @@ impl Page for Diagnosis {
         out.gap();
         let reason = sentence(&self.reason.to_string());
         out.verdict(format!("Verdict: {}. {reason}.{}", self.verdict.name(), self.reservations()), 2);
+        self.bounds(&mut out);
         self.errors(&mut out);
         self.ladder(&mut out);
         if !self.steps.is_empty() {
@@ -122,19 +123,7 @@ impl Page for Diagnosis {
             self.what_was_tried(&mut out);
         }
         self.stands(&mut out);
-        if !self.undone.is_empty() {
-            out.words(
-                format!(
-                    "Note: the search ended after {} evaluations of the model (a round may begin steps up to {}); left undone: {}. \
-                     --evaluations N allows more.",
-                    self.evaluations[0],
-                    self.evaluations[1],
-                    self.undone.join(", ")
-                ),
-                2,
-            );
-        }
-        for note in &self.notes {
+        for note in self.notes.iter().filter(|note| !matches!(note, Note::NotConverged { .. })) {
             out.words(format!("Note: {note}."), 2);
         }
         out.warnings(self.before.warnings());
@@ -172,6 +161,25 @@ impl Changed {
 }
 
 impl Diagnosis {
+    /// Bounds at which the search ended, beside the verdict that they limit.
+    fn bounds(&self, out: &mut Parts) {
+        for note in self.notes.iter().filter(|note| matches!(note, Note::NotConverged { .. })) {
+            out.words(format!("Note: {note}."), 2);
+        }
+        if !self.undone.is_empty() {
+            out.words(
+                format!(
+                    "Note: the search ended after {} evaluations of the model (a round may begin steps up to {}); left undone: {}. \
+                     --evaluations N allows more.",
+                    self.evaluations[0],
+                    self.evaluations[1],
+                    self.undone.join(", ")
+                ),
+                2,
+            );
+        }
+    }
+
     /// If they differ from the quoted ones.
     fn errors(&self, out: &mut Parts) {
         let of = |(noise, set): (&SetNoise, &SetResult)| noise::words(noise, set.data.observable.unit());

@@ -149,6 +149,11 @@ pub struct RowPlace {
 /// A warning or remark; the report has the wording.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Note {
+    /// The errors estimated at the end of the last round still differ from those with which it searched.
+    NotConverged {
+        /// Number of rounds.
+        rounds: usize,
+    },
     /// An event between two epochs between which a recorded condition changed as well.
     CoincidesWith {
         /// The effect, or the step of a law.

@@ -116,6 +116,11 @@ impl fmt::Display for RowPlace {
 impl fmt::Display for Note {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Note::NotConverged { rounds } => write!(
+                out,
+                "the errors of the data did not converge in {rounds} rounds: those estimated at the adopted model differ from those with which \
+                 it was found"
+            ),
             Note::CoarseReadout { shift_sigma } => write!(
                 out,
                 "the mission's own readout ([accuracy]) is off by up to {shift_sigma:.1} sigma from a finer one, which is used \
