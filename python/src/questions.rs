@@ -115,6 +115,7 @@ pub fn fit(
         let seed = seed.unwrap_or(mission.accuracy.seed);
         let options = fitting::Options { starts, seed, ..fitting::Options::default() };
         let fitted = fitting::fit(mission, &data, &keys, &options, &report_best)?;
+        let data = measurement::with_errors_at(data.clone(), &fitted.mission)?;
         let model = Model::new(&fitted.mission);
         let held_out =
             |column: String| fitting::holdout::holdout(&model, &data, &keys, &column, &options, &|_| watch.advance());

@@ -26,7 +26,7 @@ mod result;
 mod solve;
 pub(crate) mod species_order;
 
-use crate::analysis::measurement::DataSet;
+use crate::analysis::measurement::{self, DataSet};
 use crate::error::InputError;
 use crate::mission::Mission;
 use crate::model::Model;
@@ -34,15 +34,49 @@ pub(crate) use elsewhere::is_another;
 pub(crate) use minimise::helped;
 pub(crate) use plainer::epochs_yr;
 pub(crate) use problem::{Optimum, Problem};
+use result::is_same;
 pub use result::{Advice, Combination, Fit, Fitted, Minimum, Term};
 pub use solve::Options;
 pub(crate) use solve::fit_rows;
 
+/// Fits at most, each with the errors of conditions derived at the result of the one before.
+const FITS: usize = 8;
+
 /// Adjusts the values of `keys` in a mission to data. `progress` is called with chi2 after every evaluation of the model.
+///
+/// Errors of conditions (`sigma_CONDITION`) are those at the result: see [`measurement::with_errors_at`].
 ///
 /// # Errors
 /// If a key is not a number of the mission, or is duplicate, there are fewer rows than keys, or the model has no value for a row.
 pub fn fit(
+    mission: &Mission,
+    data: &[DataSet],
+    keys: &[String],
+    options: &Options,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Fit, InputError> {
+    let mut fit = with_errors_as_given(mission, data, keys, options, progress)?;
+    if keys.is_empty() || !data.iter().any(DataSet::has_condition_errors) {
+        return Ok(fit);
+    }
+    for fits in 2..=FITS {
+        let data = measurement::with_errors_at(data.to_vec(), &fit.mission)?;
+        let again = with_errors_as_given(&fit.mission, &data, keys, options, progress)?;
+        let change = again.chi2 - fit.chi2;
+        let settled = is_same(again.chi2, fit.chi2) && is_same(fit.chi2, again.chi2);
+        fit = fit.replaced_by(again);
+        if settled {
+            break;
+        }
+        if fits == FITS {
+            fit.advice.push(Advice::Unsettled { fits, change });
+        }
+    }
+    Ok(fit)
+}
+
+/// The same with the errors of the rows as they are.
+fn with_errors_as_given(
     mission: &Mission,
     data: &[DataSet],
     keys: &[String],

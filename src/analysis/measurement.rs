@@ -51,6 +51,8 @@ pub struct Row {
     pub value: f64,
     /// Its 1-sigma error, including floors and errors of conditions.
     pub sigma: f64,
+    /// The same without the errors of conditions.
+    pub value_sigma: f64,
     /// The part of it that other rows have in common.
     pub common: Common,
     /// The part of it that is a floor of systematic errors, which the scatter of rows need not show.
@@ -91,6 +93,17 @@ impl Row {
 /// All queries of some data sets, in order.
 pub fn questions(data: &[DataSet]) -> Vec<Question<'_, Stated>> {
     data.iter().flat_map(|set| set.rows.iter().map(|row| row.question(set.observable))).collect()
+}
+
+/// Data sets with the errors of their conditions derived at another mission.
+///
+/// # Errors
+/// If the model has no value.
+pub fn with_errors_at(mut data: Vec<DataSet>, mission: &Mission) -> Result<Vec<DataSet>, InputError> {
+    for set in &mut data {
+        condition_errors::add(&mut set.rows, set.observable, mission)?;
+    }
+    Ok(data)
 }
 
 /// Rejects data without rows.
@@ -253,6 +266,11 @@ impl DataSet {
         DataSet { shared: Shared { pedestal: false, ..self.shared.clone() }, ..self.clone() }
     }
 
+    /// Whether conditions of rows have errors.
+    pub fn has_condition_errors(&self) -> bool {
+        self.rows.iter().any(|row| !row.condition_sigmas.is_empty())
+    }
+
     /// Whether rows have known errors in common.
     pub fn has_common_errors(&self) -> bool {
         self.rows.iter().any(|row| row.common.sigma > 0.0)
@@ -411,7 +429,19 @@ impl Reader<'_> {
         let condition_sigmas = self.condition_sigmas(row)?;
         // Known only with those of all rows.
         let common = Common::default();
-        Ok(Row { value, sigma, common, floor, at, condition_sigmas, galaxy, galaxy_is_judged, species, words })
+        Ok(Row {
+            value,
+            sigma,
+            value_sigma: sigma,
+            common,
+            floor,
+            at,
+            condition_sigmas,
+            galaxy,
+            galaxy_is_judged,
+            species,
+            words,
+        })
     }
 
     /// Errors of the conditions.

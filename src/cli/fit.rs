@@ -11,7 +11,7 @@ use super::{Failure, Outcome, Output, print_and_suggest, searching};
 use crate::analysis::fit;
 use crate::analysis::fit::posterior::Posterior;
 use crate::analysis::fit::profile::{self, Profile};
-use crate::analysis::measurement::DataSet;
+use crate::analysis::measurement::{self, DataSet};
 use crate::cli::file_argument::{OutputFile, RevisedMission};
 use crate::error::InputError;
 use crate::io::atomic_file;
@@ -80,6 +80,7 @@ impl Fit {
             bar.inc(1);
         };
         let fitted = fit::fit(&mission, &data, &keys, &options, &progress)?;
+        let data = measurement::with_errors_at(data, &fitted.mission)?;
         let holdout = match &self.holdout {
             Some(column) => {
                 *best.lock().expect("nobody panics while holding it") = f64::INFINITY;

@@ -56,8 +56,5 @@ pub(super) fn refitted(
     let start = fit.mission.with(&values).ok()?;
     let options = Options { starts: 1, scan: false, ..options.clone() };
     let other: Result<Fit, InputError> = fit_rows(&model.like(&start), data, &keys, &options, progress, |_| true);
-    let mut other = other.ok().filter(|other| is_same(other.chi2, fit.chi2))?;
-    other.parameters.iter_mut().zip(&fit.parameters).for_each(|(after, before)| after.before = before.before);
-    let Fit { chi2_before, starts, chi2_from_mission, minima, .. } = fit.clone();
-    Some(Fit { chi2_before, starts, chi2_from_mission, minima, ..other })
+    Some(fit.clone().replaced_by(other.ok().filter(|other| is_same(other.chi2, fit.chi2))?))
 }

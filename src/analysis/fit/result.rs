@@ -67,6 +67,14 @@ pub struct Fitted {
 }
 
 impl Fit {
+    /// Another fit of the same data that started from this one, with what this one started from.
+    pub(super) fn replaced_by(self, other: Fit) -> Fit {
+        let mut parameters = other.parameters;
+        parameters.iter_mut().zip(&self.parameters).for_each(|(after, before)| after.before = before.before);
+        let Fit { chi2_before, starts, chi2_from_mission, minima, .. } = self;
+        Fit { parameters, chi2_before, starts, chi2_from_mission, minima, ..other }
+    }
+
     /// Degrees of freedom.
     pub fn degrees_of_freedom(&self) -> usize {
         self.n.saturating_sub(self.parameters.len())
@@ -191,6 +199,13 @@ pub enum Advice {
         unit: &'static str,
         /// Increase of chi2 at the worse of them, all others refitted.
         rise: f64,
+    },
+    /// Errors of conditions still changed chi2 when they were last derived at the result.
+    Unsettled {
+        /// Number of fits.
+        fits: usize,
+        /// The last change of chi2.
+        change: f64,
     },
     /// Species have exchanged the order of their release times, and the data are described less well with the original order.
     Exchanged {

@@ -1,8 +1,8 @@
 //! Errors of conditions, as errors of the value.
 //!
 //! A value m(c) whose condition c has the error σ_c has, besides its own error, one of |∂m/∂c| σ_c (Taylor 1997, An Introduction to
-//! Error Analysis, section 3.11); independent errors add in quadrature. The derivative is that of the given mission, over one σ_c
-//! to either side.
+//! Error Analysis, section 3.11); independent errors add in quadrature. The derivative is that of a mission, over one σ_c to either
+//! side.
 
 use super::Row;
 use crate::error::InputError;
@@ -12,7 +12,7 @@ use crate::model::predict::{Question, predict};
 use crate::physics::conditions::{Conditions, Stated};
 use crate::physics::observable::Observable;
 
-/// Adds the errors of the conditions to those of the rows.
+/// Sets the errors of the rows to those of their values and, at a mission, of their conditions.
 ///
 /// # Errors
 /// If the model has no value.
@@ -32,6 +32,9 @@ pub(super) fn add(rows: &mut [Row], observable: Observable, mission: &Mission) -
         predict(&model, &questions.collect::<Vec<_>>())
     });
     let (low, high) = (low?, high?);
+    for row in rows.iter_mut() {
+        row.sigma = row.value_sigma;
+    }
     for (index, (place, share, _)) in moved.iter().enumerate() {
         let off = share * (high[index] - low[index]);
         if off.is_finite() {

@@ -45,6 +45,11 @@ impl fmt::Display for Advice {
                 let range = [significant(*low), "to".into(), significant(*high), unit.to_string()].join(" ");
                 write!(out, "{key}: not determined; from {} chi2 rises by at most {rise:.1}", range.trim_end())
             }
+            Advice::Unsettled { fits, change } => write!(
+                out,
+                "errors of conditions depend on the values above: after {fits} fits, each with the errors of the one before, chi2 still \
+                 changed by {change:+.2}; fit again from these values"
+            ),
             Advice::Exchanged { keys } => write!(
                 out,
                 "{}: the species have exchanged the order of their release times, and names and energy levels have stayed; in the order that was \
