@@ -2,6 +2,7 @@
 
 pub mod diagnose;
 pub mod fit;
+pub mod independence;
 pub mod measurement;
 pub mod validate;
 pub mod whitening;

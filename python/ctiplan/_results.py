@@ -342,7 +342,7 @@ class Fit(Result):
 
     @property
     def correlation(self) -> np.ndarray:
-        """Correlation of the parameters, shape (free, free)."""
+        """Correlation of the parameters, shape (free, free); NaN where one is not constrained."""
         return np.array(self.document["correlation"], dtype=np.float64)
 
     @property

@@ -26,6 +26,7 @@ mod result;
 mod solve;
 pub(crate) mod species_order;
 
+use crate::analysis::independence::Independence;
 use crate::analysis::measurement::{self, DataSet};
 use crate::error::InputError;
 use crate::mission::Mission;
@@ -90,6 +91,7 @@ fn with_errors_as_given(
     let model = model.like(&fit.mission);
     let parameters = profile_errors::widened(&model, data, &fit, progress)?;
     let advice = open_sides::with_open_sides(&model, data, &fit, &parameters, progress)?;
+    let independence = Independence::of(data, &fit.values, &fit.jacobian);
     let warnings = data.iter().filter_map(|set| set.warning.clone()).collect();
-    Ok(Fit { parameters, advice, warnings, ..fit })
+    Ok(Fit { parameters, advice, independence, warnings, ..fit })
 }

@@ -8,6 +8,9 @@ pub mod residual_trend;
 mod result;
 mod scatter;
 
+use nalgebra::DMatrix;
+
+use crate::analysis::independence::Independence;
 use crate::analysis::measurement::{DataSet, questions, some_rows};
 use crate::error::InputError;
 use crate::mission::Mission;
@@ -49,6 +52,7 @@ pub fn validate(mission: &Mission, data: &[DataSet], seed: u64) -> Result<Valida
     let residuals: Vec<Vec<f64>> = sets.iter().map(SetResult::residuals).collect();
     let scatter: Vec<f64> = sets.iter().map(SetResult::noise_sigma).collect();
     let trends = residual_trend::all(&trials, &residuals, &scatter, seed);
-    let findings = findings::of(&sets, &trends);
-    Ok(Validation { mission: mission.clone(), sets, chi2, n, trends, findings })
+    let independence = Independence::of(data, &values, &DMatrix::zeros(n, 0));
+    let findings = findings::of(&sets, &trends, &independence);
+    Ok(Validation { mission: mission.clone(), sets, chi2, n, trends, independence, findings })
 }

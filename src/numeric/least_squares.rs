@@ -62,9 +62,14 @@ impl Span {
 
     /// Covariance of the result of [`Span::solve`], for vectors with errors of 1.
     pub fn covariance(&self) -> DMatrix<f64> {
+        self.covariance_with(&DMatrix::identity(self.used.len(), self.used.len()))
+    }
+
+    /// The same for vectors whose errors have a covariance V, given DᵀVD along the directions D.
+    pub fn covariance_with(&self, along: &DMatrix<f64>) -> DMatrix<f64> {
         let rank = self.used.len();
         let inverse = self.triangle.solve_upper_triangular(&DMatrix::identity(rank, rank)).expect("likewise");
-        let scaled = &inverse * inverse.transpose();
+        let scaled = &inverse * along * inverse.transpose();
         let mut covariance = DMatrix::zeros(self.columns, self.columns);
         for (i, &row) in self.used.iter().enumerate() {
             for (j, &column) in self.used.iter().enumerate() {

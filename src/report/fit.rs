@@ -7,11 +7,13 @@ mod profile;
 
 use serde::ser::{Serialize, Serializer};
 
+use super::validate::correlation_in_words;
 use super::{Page, Parts, Report, chance, significant, table};
 use crate::analysis::fit::holdout::Holdout;
 use crate::analysis::fit::posterior::Posterior;
 use crate::analysis::fit::profile::Profile;
 use crate::analysis::fit::{Advice, Combination, Fit, Fitted, Minimum};
+use crate::analysis::independence::Neighbours;
 use crate::mission::Mission;
 use crate::mission::keys::plain;
 use crate::plan::sources::{self, Source};
@@ -53,8 +55,32 @@ struct Document<'a> {
     profiles: &'a [Profile],
     #[serde(skip_serializing_if = "Option::is_none")]
     posterior: Option<&'a Posterior>,
+    independence: Independent<'a>,
     advice: &'a [Advice],
     warnings: &'a [Warning],
+}
+
+/// Independence of the residuals in JSON.
+#[derive(serde::Serialize)]
+struct Independent<'a> {
+    tests: &'a [Neighbours],
+    error_factors: Vec<ErrorFactor<'a>>,
+}
+
+/// Factor from the error of a key to that with correlated errors of the data.
+#[derive(serde::Serialize)]
+struct ErrorFactor<'a> {
+    key: &'a str,
+    factor: f64,
+}
+
+/// Factors from the errors of keys to those with correlated errors of the data, the largest first; none if they are independent.
+fn factors(fit: &Fit) -> impl Iterator<Item = (&str, f64)> {
+    let known = fit.parameters.iter().zip(&fit.independence.error_factors);
+    let mut factors: Vec<(&str, f64)> =
+        known.filter_map(|(parameter, factor)| Some((parameter.key.as_str(), (*factor)?))).collect();
+    factors.sort_by(|a, b| b.1.total_cmp(&a.1));
+    factors.into_iter()
 }
 
 impl Serialize for FitReport {
@@ -76,6 +102,10 @@ impl Serialize for FitReport {
             holdout: self.holdout.as_ref(),
             profiles: &self.profiles,
             posterior: self.posterior.as_ref(),
+            independence: Independent {
+                tests: &fit.independence.tests,
+                error_factors: factors(fit).map(|(key, factor)| ErrorFactor { key, factor }).collect(),
+            },
             advice: &fit.advice,
             warnings: &fit.warnings,
         };
@@ -193,10 +223,24 @@ fn quality(fit: &Fit, has_common_errors: bool) -> Vec<String> {
              errors above.",
             chance(probability)
         ));
-    } else if !fit.parameters.is_empty() {
+    } else if !fit.parameters.is_empty() && fit.independence.correlated().is_empty() {
         let but = if has_common_errors { ", apart from sigma_common" } else { "" };
         said.push(format!(
             "The errors (1 sigma) hold if the quoted errors of the data are right, and independent from row to row{but}."
+        ));
+    }
+    for one in fit.independence.correlated() {
+        said.push(format!("{}.", correlation_in_words(&one.file, one, fit.independence.tests.len())));
+    }
+    let factors: Vec<String> = factors(fit).map(|(key, factor)| format!("{factor:.1} ({key})")).collect();
+    if !factors.is_empty() {
+        said.push(format!(
+            "The rows are not independent, or a smooth effect is missing. With errors so correlated, {}. chi2 and the errors above \
+             are those of independent rows.",
+            match &factors[..] {
+                [one] => format!("the error above is to be multiplied by {one}"),
+                all => format!("the errors above are to be multiplied by {}", all.join(", ")),
+            }
         ));
     }
     said

@@ -3,9 +3,12 @@
 mod figures;
 mod words;
 
+pub(super) use words::correlation_in_words;
+
 use serde::ser::{Serialize, Serializer};
 
 use super::{Page, Parts, Report, chance, table};
+use crate::analysis::independence::Neighbours;
 use crate::analysis::validate::residual_trend::Trend;
 use crate::analysis::validate::{SetResult, Validation};
 use crate::report::plot::Figure;
@@ -24,6 +27,7 @@ struct Document<'a> {
     rms_sigma: f64,
     datasets: &'a [SetResult],
     covariates: &'a [Trend],
+    independence: &'a [Neighbours],
     words: Vec<String>,
     conclusion: String,
     warnings: Vec<&'a Warning>,
@@ -39,6 +43,7 @@ impl Serialize for Validation {
             rms_sigma: self.rms_sigma(),
             datasets: &self.sets,
             covariates: &self.trends,
+            independence: &self.independence.tests,
             words: self.words(),
             conclusion: self.conclusion(),
             warnings: self.warnings(),

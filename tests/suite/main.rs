@@ -18,6 +18,7 @@ mod diagnose;
 mod effects_golden;
 mod environment;
 mod fit;
+mod fit_errors;
 mod flight;
 mod flight_measurements;
 mod from_the_mission;

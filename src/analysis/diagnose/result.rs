@@ -431,6 +431,7 @@ impl Diagnosis {
         for validation in [&mut self.before, &mut self.after] {
             put(&mut validation.sets, places);
             validation.trends.iter_mut().for_each(|trend| trend.set = places[trend.set]);
+            validation.independence.tests.iter_mut().for_each(|test| test.set = places[test.set]);
             validation.findings.iter_mut().for_each(|finding| finding.set = places[finding.set]);
         }
         self

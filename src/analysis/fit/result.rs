@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 use serde::Serialize;
 
+use crate::analysis::independence::Independence;
 use crate::analysis::validate::{SPOKEN, chi2_chances};
 use crate::mission::Mission;
 use crate::warning::Warning;
@@ -33,6 +34,8 @@ pub struct Fit {
     pub starts: Vec<f64>,
     /// chi2 reached from the mission's own values: that of a local minimum, if it is larger than [`Fit::chi2`].
     pub chi2_from_mission: f64,
+    /// Independence of the residuals of neighbouring rows; nothing is tested unless all rows are fitted.
+    pub independence: Independence,
     /// Other minima of chi2, the lowest first.
     pub minima: Vec<Minimum>,
     /// Conditions of the data that are the mission's although columns look like them.

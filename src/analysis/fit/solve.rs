@@ -8,6 +8,7 @@ use super::advice;
 use super::errors::Errors;
 use super::problem::{Optimum, Problem, chi2};
 use super::result::{Fit, Fitted, Minimum, is_same};
+use crate::analysis::independence::Independence;
 use crate::analysis::measurement::{DataSet, questions};
 use crate::error::InputError;
 use crate::mission::Mission;
@@ -82,6 +83,7 @@ pub(crate) fn fit_rows(
         starts: optima.iter().map(|optimum| optimum.chi2).collect(),
         chi2_from_mission,
         warnings: Vec::new(),
+        independence: Independence::default(),
         jacobian: problem.without_idle(jacobian, &best.at),
     })
 }
@@ -101,6 +103,7 @@ fn nothing_free(mission: &Mission, values: Vec<f64>, chi2: f64, n: usize) -> Fit
         chi2_from_mission: chi2,
         minima: Vec::new(),
         warnings: Vec::new(),
+        independence: Independence::default(),
         jacobian: DMatrix::zeros(n, 0),
     }
 }

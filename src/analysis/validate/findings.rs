@@ -1,10 +1,13 @@
 //! Significant properties of residuals.
 
+use crate::analysis::independence::Independence;
+
 use super::residual_trend::Trend;
 use super::result::{Claim, Finding, SPOKEN, SetResult, chi2_chances, strongest};
 
-/// All significant properties: for each data set its strongest trend, or its offset; and errors that differ from the quoted ones.
-pub(super) fn of(sets: &[SetResult], trends: &[Trend]) -> Vec<Finding> {
+/// All significant properties: for each data set its strongest trend, or its offset; errors that differ from the quoted ones; and
+/// correlated residuals.
+pub(super) fn of(sets: &[SetResult], trends: &[Trend], independence: &Independence) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (index, set) in sets.iter().enumerate() {
         let mut find = |claim: Claim, chance: f64| findings.push(Finding { set: index, claim, chance });
@@ -21,6 +24,9 @@ pub(super) fn of(sets: &[SetResult], trends: &[Trend]) -> Vec<Finding> {
             find(Claim::SmallErrors, above);
         } else if below < SPOKEN {
             find(Claim::LargeErrors, below);
+        }
+        if let Some(one) = independence.correlated().into_iter().find(|one| one.set == index) {
+            find(Claim::Correlated, one.false_alarm);
         }
     }
     findings

@@ -5,6 +5,7 @@ use statrs::function::erf::erfc;
 
 use super::residual_trend::Trend;
 use super::scatter::scatter;
+use crate::analysis::independence::Independence;
 use crate::analysis::measurement::DataSet;
 use crate::analysis::whitening::Whitening;
 use crate::io::table::{Cell, Column, Datatype, Table};
@@ -25,6 +26,8 @@ pub enum Claim {
     SmallErrors,
     /// The quoted errors are too large.
     LargeErrors,
+    /// Neighbouring rows are not independent.
+    Correlated,
 }
 
 /// A significant property of the residuals of one data set.
@@ -51,6 +54,8 @@ pub struct Validation {
     pub n: usize,
     /// Residual trends on all conditions and covariates that vary, the most significant first.
     pub trends: Vec<Trend>,
+    /// Independence of neighbouring rows.
+    pub independence: Independence,
     /// Significant deviations of the model; empty if there are none.
     pub findings: Vec<Finding>,
 }

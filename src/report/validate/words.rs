@@ -1,5 +1,6 @@
 //! Where a model fails, in words.
 
+use crate::analysis::independence::Neighbours;
 use crate::analysis::validate::residual_trend::{Bin, Trend};
 use crate::analysis::validate::{Claim, Finding, SetResult, Validation};
 use crate::mission::keys::plain;
@@ -35,6 +36,15 @@ impl Validation {
                 set.rms_sigma(),
                 chance(finding.chance)
             ),
+            Claim::Correlated => {
+                let correlated = self.independence.correlated();
+                let one = correlated.into_iter().find(|one| one.set == finding.set).expect("what was found");
+                format!(
+                    "{}. Errors that neighbours share, or a missing effect that is smooth, do this; errors of a fit that assumes \
+                     independent rows are then wrong",
+                    correlation_in_words(set.name(), one, self.independence.tests.len())
+                )
+            }
         }
     }
 
@@ -63,6 +73,20 @@ impl Validation {
     }
 }
 
+/// The correlation of the residuals of a file: `dose.ecsv: residuals of neighbours along t_yr have a correlation of +0.90`.
+pub(in crate::report) fn correlation_in_words(file: &str, one: &Neighbours, tests: usize) -> String {
+    format!(
+        "{file}: residuals of neighbours along {} have a correlation of {:+.2} (p-value under independent noise {}, corrected for {})",
+        one.name,
+        one.correlation,
+        chance(one.false_alarm),
+        match tests {
+            1 => "1 condition tested".to_string(),
+            tests => format!("{tests} conditions tested"),
+        }
+    )
+}
+
 /// A claim as the end of a sentence that begins with a chi2 about which nothing can be said.
 fn ending(claim: Claim) -> &'static str {
     match claim {
@@ -70,6 +94,7 @@ fn ending(claim: Claim) -> &'static str {
         Claim::Offset => "the mean residual is not zero",
         Claim::SmallErrors => "some quoted errors look too small",
         Claim::LargeErrors => "some quoted errors look too large",
+        Claim::Correlated => "neighbouring rows are not independent",
     }
 }
 
