@@ -230,13 +230,13 @@ fn quality(fit: &Fit, has_common_errors: bool) -> Vec<String> {
         ));
     }
     for one in fit.independence.correlated() {
-        said.push(format!("{}.", correlation_in_words(&one.file, one, fit.independence.tests.len())));
+        let file = one.file.rsplit(['/', '\\']).next().expect("a last part");
+        said.push(format!("{}.", correlation_in_words(file, one, fit.independence.tests.len())));
     }
     let factors: Vec<String> = factors(fit).map(|(key, factor)| format!("{factor:.1} ({key})")).collect();
     if !factors.is_empty() {
         said.push(format!(
-            "The rows are not independent, or a smooth effect is missing. With errors so correlated, {}. chi2 and the errors above \
-             are those of independent rows.",
+            "With errors so correlated, {}. chi2 and the errors above are those of independent rows.",
             match &factors[..] {
                 [one] => format!("the error above is to be multiplied by {one}"),
                 all => format!("the errors above are to be multiplied by {}", all.join(", ")),

@@ -39,11 +39,7 @@ impl Validation {
             Claim::Correlated => {
                 let correlated = self.independence.correlated();
                 let one = correlated.into_iter().find(|one| one.set == finding.set).expect("what was found");
-                format!(
-                    "{}. Errors that neighbours share, or a missing effect that is smooth, do this; errors of a fit that assumes \
-                     independent rows are then wrong",
-                    correlation_in_words(set.name(), one, self.independence.tests.len())
-                )
+                correlation_in_words(set.name(), one, self.independence.tests.len())
             }
         }
     }
@@ -73,10 +69,11 @@ impl Validation {
     }
 }
 
-/// The correlation of the residuals of a file: `dose.ecsv: residuals of neighbours along t_yr have a correlation of +0.90`.
+/// The correlation of the residuals of a file: `dose.ecsv: residuals of neighbours along t_yr have a correlation of +0.90 ..`.
 pub(in crate::report) fn correlation_in_words(file: &str, one: &Neighbours, tests: usize) -> String {
     format!(
-        "{file}: residuals of neighbours along {} have a correlation of {:+.2} (p-value under independent noise {}, corrected for {})",
+        "{file}: residuals of neighbours along {} have a correlation of {:+.2} (p-value {}, corrected for {}): rows are not independent, \
+         or a smooth effect is missing",
         one.name,
         one.correlation,
         chance(one.false_alarm),
