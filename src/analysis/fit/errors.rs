@@ -62,8 +62,8 @@ impl Errors {
                 flat.push(direction);
             }
         }
-        reduce(&mut flat);
-        errors.degenerate = degeneracies(&flat, &covariance, &norms);
+        let own = reduce(&mut flat);
+        errors.degenerate = degeneracies(&flat, &own, &covariance, &norms);
         for &index in errors.degenerate.iter().flat_map(|one| &one.members) {
             errors.has_error[index] = false;
         }
@@ -111,8 +111,9 @@ fn belongs(part: f64) -> bool {
 }
 
 /// Gauss-Jordan elimination with pivots: each direction gets a parameter of its own, with the part 1, that no other one contains.
-/// Eigenvectors of equal eigenvalues are an arbitrary mixture of independent degeneracies.
-fn reduce(flat: &mut [DVector<f64>]) {
+/// Eigenvectors of equal eigenvalues are an arbitrary mixture of independent degeneracies. Returns the parameter of each.
+fn reduce(flat: &mut [DVector<f64>]) -> Vec<usize> {
+    let mut own = Vec::new();
     for place in 0..flat.len() {
         let largest = (place..flat.len()).max_by(|a, b| flat[*a].amax().total_cmp(&flat[*b].amax()));
         flat.swap(place, largest.expect("a direction"));
@@ -126,14 +127,14 @@ fn reduce(flat: &mut [DVector<f64>]) {
             }
         }
         flat[place] = direction;
+        own.push(pivot);
     }
+    own
 }
 
 /// The degeneracies of reduced flat directions, with the combinations that are constant along all of them: of each parameter
 /// without a direction of its own, and those with one.
-fn degeneracies(flat: &[DVector<f64>], covariance: &DMatrix<f64>, norms: &[f64]) -> Vec<Degeneracy> {
-    let own: Vec<usize> =
-        flat.iter().map(|direction| direction.iter().position(|part| *part == 1.0).expect("1")).collect();
+fn degeneracies(flat: &[DVector<f64>], own: &[usize], covariance: &DMatrix<f64>, norms: &[f64]) -> Vec<Degeneracy> {
     let mut found: Vec<Degeneracy> = Vec::new();
     for direction in flat {
         let mut members: Vec<usize> = (0..norms.len()).filter(|&index| belongs(direction[index])).collect();
