@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import csv
+import datetime
 import io
 import json
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -69,7 +70,10 @@ def to_ecsv(table: Any, meta: Mapping[str, Any]) -> str:
     columns = [(str(name), *_cells(table[name])) for name in _names(table)]
     rows = len(columns[0][-1]) if columns else 0
     said: dict[str, Any] = {}
-    for name, of in {**getattr(table, "meta", {}), **meta}.items():
+    # A DataFrame has `attrs` for what a table of astropy has in `meta`.
+    own = getattr(table, "meta", None) or getattr(table, "attrs", {})
+    for name, of in {**own, **meta}.items():
+        of = _difference(of)
         if hasattr(of, "unit") and np.ndim(of) == 0:
             # A quantity holds for all rows, with its unit.
             columns.append((str(name), str(of.unit), "float64", [_cell(float(of.value))] * rows))
@@ -109,9 +113,14 @@ def _names(table: Any) -> list[Any]:
 
 def _cells(column: Any) -> tuple[str | None, str, list[str]]:
     """Unit, datatype and cells of a column."""
+    column = _difference(column)
     unit = getattr(column, "unit", None)
     if hasattr(column, "isot"):
-        return None, "string", [str(cell) for cell in np.atleast_1d(column.isot)]
+        dates = np.ma.asarray(np.atleast_1d(_in_utc(column).isot))
+        return None, "string", ["" if hole else str(cell) for cell, hole in zip(dates.data, np.ma.getmaskarray(dates), strict=True)]
+    if hasattr(column, "frame") or hasattr(column, "to_geodetic"):
+        kind = type(column).__name__
+        raise InputError("cannot use the table", None, f"a column is a {kind}; numbers, dates or words are needed")
     values = np.ma.asarray(getattr(column, "value", getattr(column, "values", column)))
     if values.ndim != 1:
         raise InputError("cannot use the table", None, f"a column has shape {values.shape}; one value per row is needed")
@@ -123,6 +132,30 @@ def _cells(column: Any) -> tuple[str | None, str, list[str]]:
     return (str(unit) if unit else None), datatype, [_cell(cell) for cell in plain]
 
 
+def _difference(value: Any) -> Any:
+    """A time difference, of astropy, pandas or numpy, as a quantity of days or of the unit that it has; others as they are."""
+    if hasattr(value, "to_value") and hasattr(value, "jd1") and not hasattr(value, "isot"):
+        return value.to("d")
+    if isinstance(value, datetime.timedelta):
+        return _Quantity(value.total_seconds() / 86400, "d")
+    values = getattr(value, "values", value)
+    if isinstance(values, (np.ndarray, np.generic)) and values.dtype.kind == "m":
+        return _Quantity(values / np.timedelta64(1, "D"), "d")
+    return value
+
+
+class _Quantity(NamedTuple):
+    """Numbers with a unit, where astropy may not be there."""
+
+    value: Any
+    unit: str
+
+
+def _in_utc(time: Any) -> Any:
+    # A local time has no relation to UTC.
+    return time if time.scale == "local" else time.utc
+
+
 def _cell(cell: Any) -> str:
     if cell is None or (isinstance(cell, float) and np.isnan(cell)):
         return ""
@@ -131,6 +164,8 @@ def _cell(cell: Any) -> str:
 
 def _plain(value: Any) -> Any:
     """Scalars of numpy and dates as JSON has them."""
+    if hasattr(value, "isot") and np.ndim(value) == 0:
+        return str(_in_utc(value).isot)
     if isinstance(value, np.datetime64):
         return str(value)
     if isinstance(value, np.generic):

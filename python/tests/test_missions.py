@@ -9,8 +9,9 @@ import numpy as np
 import pandas
 import pytest
 from astropy import units as u
+from astropy.coordinates import SkyCoord
 from astropy.table import QTable, Table
-from astropy.time import Time
+from astropy.time import Time, TimeDelta
 
 import ctiplan as cp
 from conftest import PRACTICE
@@ -96,6 +97,17 @@ def test_units_of_a_table_are_heeded(laboratory):
     by_years = cp.DataSet.from_table(years, laboratory, observable="dose")
     by_days = cp.DataSet.from_table(days, laboratory, observable="dose")
     assert chi2(laboratory, by_days) == pytest.approx(chi2(laboratory, by_years), rel=1e-12)
+    differences = (TimeDelta([365.25, 730.5], format="jd"), TimeDelta([365.25 * 86400, 730.5 * 86400], format="sec"))
+    for difference in (*differences, pandas.to_timedelta([365.25, 730.5], unit="D")):
+        given = cp.DataSet.from_table({**years, "t_yr": difference}, laboratory, observable="dose")
+        assert chi2(laboratory, given) == pytest.approx(chi2(laboratory, by_years), rel=1e-12)
+    first = {"value": [1e5], "sigma": [1e3]}
+    in_utc = cp.DataSet.from_table({**first, "date": Time(["2010-01-01"])}, laboratory, observable="dose")
+    for date in (Time(["2010-01-01"]).tt, Time(Time(["2010-01-01"]), format="jyear")):
+        given = cp.DataSet.from_table({**first, "date": date}, laboratory, observable="dose")
+        assert chi2(laboratory, given) == pytest.approx(chi2(laboratory, in_utc), rel=1e-9)
+    with pytest.raises(cp.InputError, match="SkyCoord"):
+        cp.DataSet.from_table({**first, "sky": SkyCoord([1] * u.deg, [2] * u.deg)}, laboratory, observable="dose")
     dated = QTable({"value": [1e5], "sigma": [1e3], "date": Time(["2010-01-01"])})
     assert len(cp.DataSet.from_table(dated, laboratory, observable="dose")) == 1
 

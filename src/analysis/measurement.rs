@@ -13,7 +13,8 @@ use std::path::Path;
 
 use crate::analysis::whitening::Shared;
 use crate::error::{InputError, nearest};
-use crate::io::table::{Cell, Table};
+use crate::io::table::{Cell, NotADate, Table, Time};
+use crate::io::unit::Conversion;
 use crate::mission::keys::Allowed::{self, Integer, Number, Positive};
 use crate::mission::{Mission, keys};
 use crate::mission_file::lookup;
@@ -138,7 +139,7 @@ fn known(name: &str) -> Option<Known> {
         "temperature_k" => as_key("temperature_k", TEMPERATURE, Unit::Kelvin),
         "line_time_ms" => as_key("line_time_ms", LINE_TIME, Unit::Milliseconds),
         "background_e" => as_key("background_e", BACKGROUND, Unit::Electrons),
-        "transfers" => as_key("transfers", TRANSFERS, Unit::Pure),
+        "transfers" => as_key("transfers", TRANSFERS, Unit::Count),
         "signal_e" => plain("signal_e", &["signal", "charge", "packet"], Unit::Electrons, Positive(0.0, 1e9)),
         "signal_read_e" => plain("signal_read_e", &["signalread"], Unit::Electrons, Positive(0.0, 1e9)),
         "preceding_e" => plain("preceding_e", &["preceding"], Unit::Electrons, Number(0.0, 1e9)),
@@ -148,7 +149,7 @@ fn known(name: &str) -> Option<Known> {
         "first_px" => plain("first_px", &["firstpixel"], Unit::Pixels, Integer(1, 100_000)),
         "last_px" => plain("last_px", &["lastpixel"], Unit::Pixels, Integer(1, 100_000)),
         "phase_time_ms" => plain("phase_time_ms", &["phasetime", "tph"], Unit::Milliseconds, Positive(0.0, 1e9)),
-        "pumping_cycles" => plain("pumping_cycles", &["cycles", "pumps"], Unit::Pure, Positive(0.0, 1e9)),
+        "pumping_cycles" => plain("pumping_cycles", &["cycles", "pumps"], Unit::Count, Positive(0.0, 1e9)),
         _ => return None,
     })
 }
@@ -189,10 +190,6 @@ fn condition_of_sigma(name: &str) -> Option<&'static str> {
     }
     conditions::NAMES.into_iter().find(|known| *known == condition)
 }
-
-/// Julian dates on which `mjd` and `jd` are 0.
-const MODIFIED_JULIAN_DAY_0: f64 = 2_400_000.5;
-const JULIAN_DAY_0: f64 = 0.0;
 
 /// Difference in days below which two times of a row are the same.
 const SAME_TIME_D: f64 = 2.0;
@@ -365,8 +362,8 @@ impl Reader<'_> {
         let unit = |name: &str| self.table.column(name).map(|column| column.unit.as_deref().unwrap_or(""));
         let ours = ["sigma", common_errors::SIGMA].into_iter().find(|name| unit(name) == Some(""));
         let (Some(of_value), Some(name)) = (unit("value"), ours) else { return Ok(()) };
-        let conversion = self.conversion("value", Some(of_value), Unit::of(self.observable), "value")?;
-        if conversion == units::Conversion::default() {
+        let conversion = self.table.conversion("value", Unit::of(self.observable).ours())?;
+        if conversion == Conversion::default() {
             return Ok(());
         }
         let problem = format!("value is in {of_value}, and {name} has no unit");
@@ -669,7 +666,7 @@ impl Reader<'_> {
 
     /// A number of a row or of `meta` in our unit, and its location.
     fn number(&self, row: usize, name: &str, unit: Unit) -> Result<Option<(f64, String)>, InputError> {
-        self.number_by(row, name, unit, units::Conversion::apply)
+        self.number_by(row, name, unit, Conversion::apply)
     }
 
     /// The same with a specific conversion.
@@ -678,7 +675,7 @@ impl Reader<'_> {
         row: usize,
         name: &str,
         unit: Unit,
-        convert: fn(units::Conversion, f64) -> f64,
+        convert: fn(Conversion, f64) -> f64,
     ) -> Result<Option<(f64, String)>, InputError> {
         if let Some(column) = self.table.column(name) {
             let cell = &column.cells[row];
@@ -686,15 +683,16 @@ impl Reader<'_> {
                 return self.refuse_empty(row, name).map(|()| None);
             }
             let number = cell.number().ok_or_else(|| self.not_a_number(Some(row), name))?;
-            let factor = self.conversion(name, column.unit.as_deref(), unit, name)?;
-            return Ok(Some((convert(factor, number), name.to_string())));
+            let conversion = self.table.conversion(name, unit.ours())?;
+            return Ok(Some((convert(conversion, number), name.to_string())));
         }
         let place = format!("meta.{name}");
         match self.table.meta(name) {
             None | Some(Cell::Missing) => Ok(None),
             Some(cell) => {
                 let (number, given) = cell.quantity().ok_or_else(|| self.not_a_number(None, &place))?;
-                Ok(Some((convert(self.conversion(name, given, unit, &place)?, number), place)))
+                let conversion = self.table.conversion_of(given, unit.ours(), &place)?;
+                Ok(Some((convert(conversion, number), place)))
             }
         }
     }
@@ -711,22 +709,6 @@ impl Reader<'_> {
         self.table.fault(Some(row), Some(name), format!("`{name}` is empty in this row"))
     }
 
-    fn conversion(
-        &self,
-        name: &str,
-        given: Option<&str>,
-        unit: Unit,
-        place: &str,
-    ) -> Result<units::Conversion, InputError> {
-        unit.from(given).map_err(|(problem, help)| {
-            let fault = self.table.fault(None, Some(place), format!("{name}: {problem}"));
-            match help {
-                Some(help) => fault.with_help(help),
-                None => fault,
-            }
-        })
-    }
-
     fn not_a_number(&self, row: Option<usize>, place: &str) -> InputError {
         self.table.fault(row, Some(place), "a number is needed here")
     }
@@ -736,8 +718,8 @@ impl Reader<'_> {
         let given = [
             ("t_yr", self.condition(row, "t_yr")?),
             ("date", self.date(row)?),
-            ("mjd", self.julian_date(row, "mjd", MODIFIED_JULIAN_DAY_0)?),
-            ("jd", self.julian_date(row, "jd", JULIAN_DAY_0)?),
+            ("mjd", self.julian_date(row, "mjd")?),
+            ("jd", self.julian_date(row, "jd")?),
         ];
         let mut given = given.into_iter().filter_map(|(name, t_yr)| Some((name, t_yr?)));
         let Some((first, t_yr)) = given.next() else { return Ok(None) };
@@ -766,32 +748,33 @@ impl Reader<'_> {
         if *cell == Cell::Missing {
             return Ok(None);
         }
-        let moment = cell.moment(column.and_then(|column| column.time.as_ref())).ok_or_else(|| {
-            let help = "write 2030-06-01, or 2030-06-01T12:00:00; numbers need astropy's Time (mjd, jd, decimalyear)";
-            self.table.fault(Some(row), Some(place), "this is not a date").with_help(help)
-        })?;
+        self.since_launch(row, place, cell, column.and_then(|column| column.time.as_ref())).map(Some)
+    }
+
+    /// A point in time in years since launch.
+    fn since_launch(&self, row: usize, place: &str, cell: &Cell, time: Option<&Time>) -> Result<f64, InputError> {
+        let moment = cell
+            .moment(time)
+            .map_err(|NotADate { problem, help }| self.table.fault(Some(row), Some(place), problem).with_help(help))?;
         let launch = self.mission.mission.launch.0.and_hms_opt(0, 0, 0).expect("midnight");
         let t_yr = (moment - launch).as_seconds_f64() / 86_400.0 / DAYS_PER_YEAR;
         if t_yr < 0.0 {
             let problem = format!("this is before launch, {}", self.mission.mission.launch);
             return Err(self.table.fault(Some(row), Some(place), problem));
         }
-        Ok(Some(t_yr))
+        Ok(t_yr)
     }
 
-    /// The row's `mjd` or `jd`, which are 0 on that Julian date, in years since launch.
-    fn julian_date(&self, row: usize, name: &str, zero: f64) -> Result<Option<f64>, InputError> {
-        let Some((days, place)) = self.number(row, name, Unit::Days)? else { return Ok(None) };
-        let epoch = chrono::NaiveDate::from_ymd_opt(1858, 11, 17).expect("a day");
-        let launch = self.mission.mission.launch.0;
-        let mjd = days + (zero - MODIFIED_JULIAN_DAY_0);
-        let t_yr = (mjd - (launch - epoch).num_days() as f64) / DAYS_PER_YEAR;
-        if (0.0..=1000.0).contains(&t_yr) {
-            return Ok(Some(t_yr));
+    /// The row's `mjd` or `jd` (UTC) in years since launch.
+    fn julian_date(&self, row: usize, name: &str) -> Result<Option<f64>, InputError> {
+        if let Some(column) = self.table.column(name).filter(|column| column.time.is_some()) {
+            let cell = &column.cells[row];
+            let t_yr = || self.since_launch(row, name, cell, column.time.as_ref());
+            return (*cell != Cell::Missing).then(t_yr).transpose();
         }
-        let problem = format!("this is {t_yr:.3} yr after launch, {launch}; allowed: 0 to 1000 yr");
-        let help = "mjd counts days from 1858-11-17, jd is 2400000.5 more";
-        Err(self.table.fault(Some(row), Some(&place), problem).with_help(help))
+        let Some((days, place)) = self.number(row, name, Unit::Days)? else { return Ok(None) };
+        let time = Time { format: name.into(), scale: "utc".into() };
+        self.since_launch(row, &place, &Cell::Number(days), Some(&time)).map(Some)
     }
 
     /// A condition that a row needs and does not have: its cells are empty, or there is no such column.

@@ -16,13 +16,13 @@ mod columns;
 mod creme;
 mod dose_depth;
 mod dose_history;
+mod flux;
 mod omere;
 mod sectors;
 mod spectrum;
 mod spenvis;
 mod temperature_history;
 mod text;
-mod unit;
 
 pub use dose_depth::{DoseDepth, read_dose_depth};
 pub use dose_history::{DoseHistoryFile, Times, read_dose_history};

@@ -9,21 +9,28 @@
 //! Parquet is read by its columns (see `parquet.rs`).
 //!
 //! Plain CSV is any file that does not begin with `# %ECSV`: leading lines `# key: value` are its `meta`, a unit may follow a name
-//! in brackets, and datatypes are inferred from the cells.
+//! in brackets, and datatypes are inferred from the cells. Where semicolons or tabs delimit, a comma may be the decimal point.
+//!
+//! A number is converted from the unit in the header by [`Table::conversion`], whatever the table is of, and a point in time by
+//! [`Cell::moment`].
 
+mod arrow_schema;
 mod columns;
 mod csv;
 mod ecsv;
 mod moment;
 mod parquet;
+mod serialized;
+mod time_scale;
 mod write;
 
 use std::path::Path;
 
 pub use columns::{Cell, Column, Datatype, Meta, Table, Time};
+pub use moment::NotADate;
 
 use crate::error::InputError;
-use crate::io::input;
+use crate::io::{foreign, input};
 
 impl Table {
     /// Reads a table from a file: ECSV, plain CSV, or Parquet, recognised by its first bytes.
@@ -37,6 +44,9 @@ impl Table {
             let mut table = table;
             table.read_parquet(bytes)?;
             return Ok(table);
+        }
+        if let Some((problem, help)) = foreign::kind(&bytes) {
+            return Err(table.refuse(problem).with_help(help));
         }
         let text = str::from_utf8(&bytes).map_err(|error| {
             let line = bytes[..error.valid_up_to()].iter().filter(|&&byte| byte == b'\n').count() + 1;

@@ -227,7 +227,7 @@ pub(super) fn date_words(date: NaiveDateTime) -> String {
 
 /// A date in common or header notation, of a year in which frames are taken.
 pub fn date(text: &str) -> Option<NaiveDateTime> {
-    Cell::Text(text.to_string()).moment(None).filter(in_years)
+    Cell::Text(text.to_string()).moment(None).ok().filter(in_years)
 }
 
 /// Frames in files and in memory.
@@ -599,7 +599,7 @@ const FIRST_MJD: f64 = 2_400_000.5;
 fn day_of(days: f64) -> Option<NaiveDateTime> {
     let mjd = if days > FIRST_MJD { days - FIRST_MJD } else { days };
     let time = Time { format: "mjd".into(), scale: "utc".into() };
-    Cell::Number(mjd).moment(Some(&time)).filter(in_years)
+    Cell::Number(mjd).moment(Some(&time)).ok().filter(in_years)
 }
 
 /// A day as FITS had it before 2000, `DD/MM/YY` of 19YY, in the notation since then.

@@ -5,16 +5,16 @@ use crate::io::table::Table;
 use crate::mission::PopulationGalaxy;
 use crate::mission::keys::{KEYS, Key};
 
-/// Columns, with the key of a mission that has the same unit and allowed values.
-const COLUMNS: [(&str, &str); 8] = [
-    ("flux_e", "galaxies[].flux_e"),
-    ("half_light_px", "galaxies[].half_light_px"),
-    ("sersic_index", "galaxies[].sersic_index"),
-    ("e1", "galaxies[].e1"),
-    ("e2", "galaxies[].e1"),
-    ("weight_px", "galaxies[].weight_px"),
-    ("transfers", "readout.transfers"),
-    ("weight", ""),
+/// Columns, with the key of a mission that has the same allowed values, and with units that stand for the same number.
+const COLUMNS: [(&str, &str, &[&str]); 8] = [
+    ("flux_e", "galaxies[].flux_e", &["e-"]),
+    ("half_light_px", "galaxies[].half_light_px", &["px"]),
+    ("sersic_index", "galaxies[].sersic_index", &[""]),
+    ("e1", "galaxies[].e1", &[""]),
+    ("e2", "galaxies[].e1", &[""]),
+    ("weight_px", "galaxies[].weight_px", &["px"]),
+    ("transfers", "readout.transfers", &["", "px", "ct"]),
+    ("weight", "", &[""]),
 ];
 
 /// Largest ellipticity of a galaxy.
@@ -55,7 +55,7 @@ fn of_columns(table: &Table) -> Result<Vec<PopulationGalaxy>, InputError> {
     if table.rows() == 0 {
         return Err(refuse("the table has no rows".into()));
     }
-    let known = COLUMNS.map(|(name, _)| name);
+    let known = COLUMNS.map(|(name, ..)| name);
     let given = |name: &str| table.column(name).is_some();
     for column in table.columns.iter().filter(|column| !known.contains(&column.name.as_str())) {
         let free = known.iter().copied().filter(|name| !given(name));
@@ -72,7 +72,7 @@ fn of_columns(table: &Table) -> Result<Vec<PopulationGalaxy>, InputError> {
     if !known.iter().any(|name| given(name)) {
         return Err(refuse(format!("it has none of the columns {}", known.join(", "))));
     }
-    let columns = COLUMNS.map(|(name, key)| numbers(table, name, key));
+    let columns = COLUMNS.map(|(name, key, ours)| numbers(table, name, key, ours));
     let [flux_e, half_light_px, sersic_index, e1, e2, weight_px, transfers, weight] = columns;
     let (flux_e, half_light_px, sersic_index) = (flux_e?, half_light_px?, sersic_index?);
     let (e1, e2, weight_px, transfers, weight) = (e1?, e2?, weight_px?, transfers?, weight?);
@@ -99,13 +99,14 @@ fn of_columns(table: &Table) -> Result<Vec<PopulationGalaxy>, InputError> {
     Ok(galaxies)
 }
 
-/// A column's values, all None if it is absent.
-fn numbers(table: &Table, name: &str, key: &str) -> Result<Vec<Option<f64>>, InputError> {
+/// A column's values in our unit, all None if it is absent.
+fn numbers(table: &Table, name: &str, key: &str, ours: &[&str]) -> Result<Vec<Option<f64>>, InputError> {
     let Some(column) = table.column(name) else { return Ok(vec![None; table.rows()]) };
+    let conversion = table.conversion(name, ours)?;
     let key: Option<&Key> = KEYS.iter().find(|known| known.path == key);
     let number = |row: usize| {
         let fault = |problem: String| table.fault(Some(row), Some(name), problem);
-        let value = column.cells[row].number().filter(|value| value.is_finite());
+        let value = column.cells[row].number().map(|theirs| conversion.apply(theirs)).filter(|value| value.is_finite());
         let value = value.ok_or_else(|| fault("a number is needed here".into()))?;
         match key {
             Some(key) if key.kind.refuses(value) => {

@@ -72,11 +72,13 @@ impl MissionSample {
         MissionSample::of(table, mission).map_err(|error| InputError { refused, ..error })
     }
 
-    fn of(table: Table, mission: &Mission) -> Result<MissionSample, InputError> {
-        let columns = || table.columns.iter().filter(|column| column.name != LOG_POSTERIOR);
-        for column in columns() {
-            check(&table, column, mission)?;
+    fn of(mut table: Table, mission: &Mission) -> Result<MissionSample, InputError> {
+        for place in 0..table.columns.len() {
+            if table.columns[place].name != LOG_POSTERIOR {
+                table.columns[place].cells = in_units_of_mission(&table, &table.columns[place], mission)?;
+            }
         }
+        let columns = || table.columns.iter().filter(|column| column.name != LOG_POSTERIOR);
         if columns().count() == 0 || table.rows() == 0 {
             let problem = "there is no draw of any key in it";
             return Err(table
@@ -180,20 +182,18 @@ fn differences(key: &str, a: Option<&Value>, b: Option<&Value>, found: &mut Vec<
     }
 }
 
-/// Checks that a column is a key of the mission, in its unit, and contains numbers.
-fn check(table: &Table, column: &Column, mission: &Mission) -> Result<(), InputError> {
+/// The cells of a column that is a key of the mission, as numbers in its unit.
+fn in_units_of_mission(table: &Table, column: &Column, mission: &Mission) -> Result<Vec<Cell>, InputError> {
     let name = Some(column.name.as_str());
     let path = mission.path(&column.name).map_err(|(problem, help)| {
         let known = nearest(&column.name, [LOG_POSTERIOR]).map(|near| format!("did you mean `{near}`?"));
         InputError { help: help.or(known), ..table.fault(None, name, problem) }
     })?;
     let unit = lookup::find(&path).map_or("", |key| key.unit);
-    if let Some(given) = column.unit.as_deref().filter(|given| *given != unit) {
-        let expected = if unit.is_empty() { "the key has none".into() } else { format!("the key is in {unit}") };
-        return Err(table.fault(None, name, format!("the unit is `{given}`; {expected}")));
-    }
-    match column.cells.iter().position(|cell| cell.number().is_none_or(|number| !number.is_finite())) {
-        Some(row) => Err(table.fault(Some(row), name, "a number is needed here")),
-        None => Ok(()),
-    }
+    let conversion = table.conversion(&column.name, &[unit])?;
+    let cell = |(row, cell): (usize, &Cell)| match cell.number().filter(|number| number.is_finite()) {
+        Some(number) => Ok(Cell::Number(conversion.apply(number))),
+        None => Err(table.fault(Some(row), name, "a number is needed here")),
+    };
+    column.cells.iter().enumerate().map(cell).collect()
 }

@@ -25,7 +25,7 @@ NAME.json
     datatype   as in the file, with `subtype` beside it where there is one (plain CSV: int64, float64 or string)
     values     null where masked; "nan", "inf", "-inf" where a float is that; a float32 is the shortest decimal that
                reads back as it (the text in the file), not its neighbour in double precision
-    time       only on Time columns: {"format", "scale", "iso": [the same instants as YYYY-MM-DD hh:mm:ss.sss]}
+    time       only on Time columns: {"format", "scale", "utc": [the same instants in UTC, as YYYY-MM-DD hh:mm:ss.sss]}
     In meta: a mapping is an object whether the file has !!omap or not, sequences, tuples and numpy arrays are arrays, a
     Quantity is {"value", "unit"}, a unit its name, a Time its ISO string, a YAML date its ISO string, NaN "nan".
 
@@ -65,7 +65,7 @@ from astropy.io import ascii as io_ascii
 from astropy.io.ascii.ecsv import InvalidEcsvDatatypeWarning
 from astropy.table import Column, MaskedColumn, QTable, Table
 from astropy.table.meta import get_header_from_yaml
-from astropy.time import Time
+from astropy.time import Time, TimeDelta
 
 HERE = Path(__file__).resolve().parent
 
@@ -126,6 +126,11 @@ def delta_e1(t_yr, galaxy, sigma, seed=1):
 
 
 # --- files that must be read -----------------------------------------------------------------------------------------
+
+# Time formats with numbers or text, besides those that are written one by one below.
+OTHER_FORMATS = (
+    "jd unix unix_tai cxcsec gps plot_date datetime iso yday datetime64 fits byear jyear byear_str jyear_str".split()
+)
 
 VALID = {}  # name of the file -> its text
 
@@ -295,6 +300,23 @@ def make_valid():
     valid("packets_time_mjd.ecsv", dated(Time(Time(days).mjd, format="mjd", scale="tt"), "packet_charge"), ",")
     valid("packets_time_decimalyear.ecsv", dated(Time(digits(Time(days).decimalyear, 8), format="decimalyear"), "packet_charge"))
     valid("dose_time_jd1_jd2.ecsv", dated(Time(days), "dose"), ",", serialize_method="jd1_jd2")
+
+    # The other formats, most in a scale of their own. (`datetime` and `ymdhms` become objects and several columns.)
+    for scale, name in zip(itertools.cycle(["utc", "tai", "tt", "tdb", "tcg", "tcb"]), OTHER_FORMATS):
+        time = getattr(Time(days, format="iso", scale="utc"), scale)
+        valid(f"packets_time_{name}.ecsv", dated(Time(time, format=name), "packet_charge"), ",")
+    valid("dose_time_tdb.ecsv", dated(Time(days, scale="utc").tdb, "dose"), ",")
+
+    # Time differences, which are days, seconds, or days in two parts.
+    for name, form, options in [
+        ("jd", "jd", {}),
+        ("sec", "sec", {}),
+        ("jd1_jd2", "jd", {"serialize_method": "jd1_jd2"}),
+    ]:
+        tab = Table({"t_yr": TimeDelta(np.array(t) * 365.25, format="jd"), "value": dose(t), "sigma": [2e4] * 4})
+        tab["t_yr"].format = form
+        tab.meta["observable"] = "dose"
+        valid(f"dose_difference_{name}.ecsv", tab, ",", **options)
 
     # Dates that are no Time: strings, and numpy's datetime64 (which astropy writes with its own name for a datatype).
     valid("dose_date_strings.ecsv", dated([d[:10] for d in days], "dose"), ",")
@@ -592,15 +614,18 @@ def content(name, text):
     for key in tab.colnames:
         column = tab[key]
         is_time = isinstance(column, Time)
-        item = header.get(key, {"datatype": "string" if is_time else None})
-        unit = None if is_time else column.unit
+        item = header.get(key, {"datatype": "string" if is_time else "float64"})
+        unit = None if is_time else {"jd": "d", "sec": "s"}[column.format] if isinstance(column, TimeDelta) else column.unit
         out = {"name": key, "unit": str(unit) if unit is not None and str(unit) else None}
         out["datatype"] = "string" if item["datatype"].startswith("str") else item["datatype"]
         if "subtype" in item:
             out["subtype"] = item["subtype"]
-        out["values"] = [plain(x) for x in (column.value if is_time else column)]
+        is_text = is_time and item["datatype"] == "string"
+        out["values"] = [plain(x) for x in (column.value if is_time or isinstance(column, TimeDelta) else column)]
+        if is_text and column.format in ("datetime", "datetime64"):
+            out["values"] = [x.isoformat() if column.format == "datetime" else str(x) for x in column.value]
         if is_time:
-            out["time"] = {"format": column.format, "scale": column.scale, "iso": list(Time(column, out_subfmt="*").iso)}
+            out["time"] = {"format": column.format, "scale": column.scale, "utc": list(Time(column.utc, out_subfmt="*").iso)}
         columns.append(out)
     return {"meta": plain(dict(tab.meta)), "columns": columns}
 

@@ -265,7 +265,7 @@ fn tables_that_do_not_fit_are_refused() {
         ("hdu\nSCI\n", "it has no column `corner`"),
         ("hdu,corner\n", "the table has no rows"),
         ("hdu,corner,gain_e_dn\nSCI,lower-left,1\n", "did you mean `gain_e_per_dn`?"),
-        ("hdu,corner,read_noise_e [DN]\n1,lower-left,1\n", "the unit `DN` is not that of the column, e-"),
+        ("hdu,corner,read_noise_e [DN]\n1,lower-left,1\n", "the unit \"DN\" cannot be converted to e-"),
         (
             "hdu,corner\n1,lower_left\n",
             "line 2: corner = \"lower_left\"\n  allowed: lower-left, lower-right, upper-left",

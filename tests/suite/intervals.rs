@@ -356,7 +356,7 @@ fn a_sample_that_does_not_fit_the_mission_is_refused() {
     let unknown = refusal("detector.traps.VX.density_per_px,log_posterior\n0.1,-1\n");
     assert!(unknown.contains("cannot use posterior") && unknown.contains("VX"), "{unknown}");
     let unit = refusal("detector.temperature_k [ms],log_posterior\n150,-1\n");
-    assert!(unit.contains("the unit is `ms`; the key is in K"), "{unit}");
+    assert!(unit.contains("the unit \"ms\" cannot be converted to K"), "{unit}");
     let cell = refusal(&format!("{DENSITY}\n0.1\nmany\n"));
     assert!(cell.contains("line 3") && cell.contains(DENSITY), "{cell}");
     let empty = refusal("log_posterior\n-1\n");

@@ -76,7 +76,11 @@ fn what_makes_no_sense_is_refused_with_line_and_reason() {
         ("t_yr,temperature_k\n1,150\n1,140\n", "line 3: t_yr = 1", "more than in the row before"),
         ("t_yr,temperature_k\n1,20\n", "line 2: temperature_k = 20", "allowed: 40 to 400 K"),
         ("t_yr,temperature_k\n1,-120\n", "line 2: temperature_k = -120", "unit deg_C"),
-        ("t_yr,temperature_k [deg_F]\n1,-120\n", "temperature_k [deg_F]", "`deg_F` cannot be turned into K"),
+        (
+            "t_yr,temperature_k [deg_F]\n1,-120\n",
+            "temperature_k [deg_F]",
+            "the unit \"deg_F\" cannot be converted to K",
+        ),
         ("t_yr,temperature_k\n1,cold\n", "line 2: temperature_k = ", "a number is needed here"),
         ("t_yr,temperature\n1,150\n", "", "no column temperature_k"),
         ("epoch,temperature_k\n1,150\n", "", "no column t_yr or date"),

@@ -25,16 +25,18 @@ pub(super) const DENSITY: &str = "density_per_px:";
 /// Unit and allowed range of a column's numbers.
 struct Column {
     name: &'static str,
-    /// As written in ECSV; empty: none.
+    /// Units into whose first one cells are converted; the others stand for the same number.
     units: &'static [&'static str],
     allowed: (f64, f64),
     whole: bool,
 }
 
-const ELECTRONS: &[&str] = &["e-", "e", "electron", "electrons"];
-const DN: &[&str] = &["DN", "dn", "adu", "ADU"];
-const PER_DN: &[&str] = &["e-/DN", "electron / adu", "electron / DN", "electron/adu", "electron/DN", "electron / dn"];
-const PX: &[&str] = &["px", "pix", "pixel"];
+const ELECTRONS: &[&str] = &["e-", "e-/px"];
+const DN: &[&str] = &["DN"];
+const PER_DN: &[&str] = &["e-/DN"];
+const PX: &[&str] = &["px"];
+const PURE: &[&str] = &[""];
+const DENSITIES: &[&str] = &["", "1/px"];
 const ANY: (f64, f64) = (f64::MIN, f64::MAX);
 
 /// Numeric columns.
@@ -49,8 +51,8 @@ const NUMBERS: [Column; 12] = [
     Column { name: "read_noise_e", units: ELECTRONS, allowed: (0.0, f64::MAX), whole: false },
     Column { name: "bias_dn", units: DN, allowed: ANY, whole: false },
     Column { name: "saturated_dn", units: DN, allowed: ANY, whole: false },
-    Column { name: "density_factor", units: &[], allowed: (0.0, 1e6), whole: false },
-    Column { name: "serial_density_factor", units: &[], allowed: (0.0, 1e6), whole: false },
+    Column { name: "density_factor", units: PURE, allowed: (0.0, 1e6), whole: false },
+    Column { name: "serial_density_factor", units: PURE, allowed: (0.0, 1e6), whole: false },
 ];
 
 /// Text columns.
@@ -90,16 +92,16 @@ fn check(table: &Table) -> Result<(), InputError> {
             let near = nearest(name, known.iter().copied()).map(|near| format!("did you mean `{near}`?"));
             return Err(error.with_help(near.unwrap_or(all)));
         }
-        let units = NUMBERS.iter().find(|number| number.name == name).map_or(&[][..], |number| number.units);
-        if let Some(unit) = column.unit.as_deref().filter(|unit| !units.contains(unit)) {
-            let problem = match units.first() {
-                Some(known) => format!("the unit `{unit}` is not that of the column, {known}"),
-                None => format!("the column has no unit; found `{unit}`"),
-            };
-            return Err(table.fault(None, Some(name), problem));
+        if !WORDS.contains(&name) {
+            table.conversion(name, units_of(name))?;
         }
     }
     Ok(())
+}
+
+/// Units of a numeric column.
+fn units_of(name: &str) -> &'static [&'static str] {
+    NUMBERS.iter().find(|number| number.name == name).map_or(DENSITIES, |number| number.units)
 }
 
 /// The cells of one row.
@@ -199,12 +201,13 @@ impl Cells<'_> {
     fn number(self, name: &str) -> Result<Option<f64>, InputError> {
         let Some(cell) = self.cell(name) else { return Ok(None) };
         let number = cell.number().ok_or_else(|| self.fault(name, "a number is needed here"))?;
-        self.allowed(name, number).map(Some)
+        let conversion = self.table.conversion(name, units_of(name))?;
+        self.allowed(name, conversion.apply(number)).map(Some)
     }
 
     /// The number, if allowed in the column.
     pub fn allowed(self, name: &str, number: f64) -> Result<f64, InputError> {
-        let density = Column { name: DENSITY, units: &[], allowed: (0.0, 1e6), whole: false };
+        let density = Column { name: DENSITY, units: DENSITIES, allowed: (0.0, 1e6), whole: false };
         let column = NUMBERS.iter().find(|column| column.name == name).unwrap_or(&density);
         let (least, most) = column.allowed;
         if !number.is_finite() || number < least || number > most || (column.whole && number.fract() != 0.0) {

@@ -1,10 +1,10 @@
 //! ECSV and CSV columns with our names, in our units.
 
 use super::text::Source;
-use super::unit::Unit;
 use super::{Depths, Doses};
 use crate::error::{InputError, nearest};
 use crate::io::table::{Cell, Table};
+use crate::io::unit::{Conversion, Unit};
 
 /// A table of a radiation file.
 pub(super) struct Columns<'a> {
@@ -62,35 +62,45 @@ impl<'a> Columns<'a> {
 
     /// The column's values in the unit of its name, converted from the unit in its header. None may be negative.
     pub fn numbers(&self, name: &str, unit: &str) -> Result<Vec<f64>, InputError> {
-        let ours = Unit::parse(unit).expect("a unit of this crate");
-        self.converted(name, unit, |theirs| theirs.to(ours))
+        self.numbers_in(name, &[unit])
+    }
+
+    /// The same in the first of these units, of which the others stand for the same number.
+    pub fn numbers_in(&self, name: &str, units: &[&str]) -> Result<Vec<f64>, InputError> {
+        let conversion = self.conversion(name, units)?;
+        self.converted(name, |theirs| conversion.apply(theirs))
+    }
+
+    /// The conversion of a column into the first of these units.
+    pub fn conversion(&self, name: &str, ours: &[&str]) -> Result<Conversion, InputError> {
+        self.table.conversion(name, ours).map_err(|error| self.source.refused(error))
     }
 
     /// The column's fluxes or fluences, omnidirectional and in the unit of its name, of the same kind.
     pub fn fluxes(&self, name: &str, unit: &str) -> Result<Vec<f64>, InputError> {
-        let (quantity, time, _) = Unit::parse(unit).and_then(Unit::flux).expect("a unit of this crate");
-        let factor = |theirs: Unit| theirs.flux().filter(|flux| (flux.0, flux.1) == (quantity, time));
-        self.converted(name, unit, |theirs| factor(theirs).map(|flux| flux.2))
-    }
-
-    /// The column's values, multiplied by the conversion from the unit in its header.
-    fn converted(&self, name: &str, unit: &str, factor: impl Fn(Unit) -> Option<f64>) -> Result<Vec<f64>, InputError> {
-        let stated = self.table.column(name).and_then(|column| column.unit.as_ref());
-        let factor = match stated {
-            None => 1.0,
-            Some(theirs) => Unit::parse(theirs)
-                .and_then(factor)
-                .ok_or_else(|| self.fault(None, name, format!("`{theirs}` cannot be turned into {unit}")))?,
+        let kind = Unit::parse(unit).and_then(Unit::flux).expect("a unit of this crate");
+        let Some(stated) = self.table.column(name).and_then(|column| column.unit.as_deref()) else {
+            return self.converted(name, |theirs| theirs);
         };
-        Ok(self.plain_numbers(name)?.into_iter().map(|number| factor * number).collect())
+        let theirs = Unit::parse(stated).and_then(Unit::flux).filter(|theirs| (theirs.0, theirs.1) == (kind.0, kind.1));
+        let (.., factor) = theirs.ok_or_else(|| {
+            let problem =
+                format!("the unit \"{stated}\" cannot be converted to {unit}; allowed: {unit}, also per sr, m2, keV");
+            self.fault(None, name, problem)
+        })?;
+        self.converted(name, |theirs| factor * theirs)
     }
 
-    /// The column's values in their own unit. None may be negative.
-    pub fn plain_numbers(&self, name: &str) -> Result<Vec<f64>, InputError> {
+    /// The column's values, converted; none may be negative.
+    fn converted(&self, name: &str, convert: impl Fn(f64) -> f64) -> Result<Vec<f64>, InputError> {
         let column = self.table.column(name).ok_or_else(|| self.absent(&[name]))?;
-        let number = |(row, cell): (usize, &Cell)| match cell.number().filter(|number| number.is_finite()) {
+        let number = |(row, cell): (usize, &Cell)| match cell.number().map(&convert).filter(|number| number.is_finite())
+        {
             Some(number) if number < 0.0 => Err(self.fault(Some(row), name, "this must not be negative")),
             Some(number) => Ok(number),
+            None if *cell == Cell::Missing => {
+                Err(self.fault(Some(row), name, "the cell is empty; a number is needed here"))
+            }
             None => Err(self.fault(Some(row), name, "a number is needed here")),
         };
         column.cells.iter().enumerate().map(number).collect()

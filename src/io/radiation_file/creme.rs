@@ -15,8 +15,8 @@
 
 use super::spectrum::{Point, Program, Spectrum, SpectrumFile};
 use super::text::{Source, number};
-use super::unit::Unit;
 use crate::error::InputError;
+use crate::io::unit::Unit;
 
 /// Whether a text was written by CREME: its first or second line is a comment that begins with `%`.
 pub(super) fn is_creme(text: &str) -> bool {

@@ -10,6 +10,7 @@ use super::columns::Columns;
 use super::text::Source;
 use super::{Depths, Doses, omere, spenvis};
 use crate::error::InputError;
+use crate::io::unit::IONISING;
 
 /// A dose-depth curve as in its file.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,9 +45,6 @@ pub fn read_dose_depth(path: impl AsRef<Path>) -> Result<DoseDepth, InputError> 
     let doses = columns.doses(DOSES[0], DOSES[1])?;
     Ok(DoseDepth { depths, doses })
 }
-
-/// Units of ionising dose.
-const IONISING: [&str; 7] = ["rad", "krad", "mrad", "gy", "kgy", "mgy", "cgy"];
 
 const NOT_DISPLACEMENT: &str = "this is ionising dose, not displacement damage dose";
 const ADVICE: &str = "displacement damage dose is in MeV/g: columns thickness_mm,dose_mev_g";

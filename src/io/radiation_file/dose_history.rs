@@ -8,7 +8,7 @@ use super::Doses;
 use super::columns::Columns;
 use super::text::Source;
 use crate::error::InputError;
-use crate::io::table::Cell;
+use crate::io::table::{Cell, NotADate};
 
 /// A dose history as in its file.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,9 +64,8 @@ pub(super) fn times(columns: &Columns) -> Result<Times, InputError> {
     }
     let column = columns.table().column("date").ok_or_else(|| columns.absent(&["date"]))?;
     let date = |(row, cell): (usize, &Cell)| {
-        cell.moment(column.time.as_ref()).ok_or_else(|| {
-            columns.fault(Some(row), "date", "this is not a date").with_help("write 2030-06-01, or 2030-06-01T12:00:00")
-        })
+        cell.moment(column.time.as_ref())
+            .map_err(|NotADate { problem, help }| columns.fault(Some(row), "date", problem).with_help(help))
     };
     let dates = column.cells.iter().enumerate().map(date).collect::<Result<Vec<_>, _>>()?;
     columns.check_rising("date", &dates)?;

@@ -19,8 +19,8 @@
 
 use super::spectrum::{Point, Program, Quantity, Spectrum, SpectrumFile, Time};
 use super::text::{Source, number};
-use super::unit::Unit;
 use crate::error::InputError;
+use crate::io::unit::Unit;
 
 /// Whether a text was written by OMERE: a comment begins with its name and version, and numbers follow the comments.
 pub(super) fn is_omere(text: &str) -> bool {

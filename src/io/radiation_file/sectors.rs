@@ -24,7 +24,7 @@ pub struct Sectors {
 pub fn read_sectors(path: impl AsRef<Path>) -> Result<Sectors, InputError> {
     let source = Source::read(path.as_ref(), "sectors")?;
     let columns = Columns::of(&source)?;
-    let mut weights = columns.plain_numbers("weight")?;
+    let mut weights = columns.numbers_in("weight", &["sr", ""])?;
     let depths = columns.depths()?;
     let sum: f64 = weights.iter().sum();
     if sum == 0.0 || !sum.is_finite() {

@@ -124,7 +124,7 @@ fn of_table(source: &Source) -> Result<SpectrumFile, InputError> {
     let points = points.map(|((energy_mev, value), &line)| Point { energy_mev, value, line }).collect();
     let duration_s = match columns.table().meta("duration_yr").map(|cell| cell.number()) {
         None => None,
-        Some(Some(years)) if years > 0.0 && years.is_finite() => Some(years * super::unit::YEAR_S),
+        Some(Some(years)) if years > 0.0 && years.is_finite() => Some(years * crate::io::unit::YEAR_S),
         Some(_) => {
             return Err(columns.fault(None, "meta.duration_yr", "the duration must be a positive number of years"));
         }

@@ -27,8 +27,8 @@
 
 use super::spectrum::{Point, Program, Spectrum, SpectrumFile, Time};
 use super::text::{Source, number};
-use super::unit::Unit;
 use crate::error::InputError;
+use crate::io::unit::Unit;
 
 /// Whether a text was written by SPENVIS: the first line counts the header, as above.
 pub(super) fn is_spenvis(text: &str) -> bool {

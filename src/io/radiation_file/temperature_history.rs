@@ -37,15 +37,11 @@ pub fn read_temperature_history(
 
 fn temperatures_k(columns: &Columns, [coldest_k, warmest_k]: [f64; 2]) -> Result<Vec<f64>, InputError> {
     let column = columns.table().column(COLUMN).ok_or_else(|| columns.absent(&[COLUMN]))?;
-    let zero_k = match column.unit.as_deref() {
-        None | Some("K") => 0.0,
-        Some("deg_C" | "degC" | "Celsius" | "°C") => 273.15,
-        Some(other) => return Err(columns.fault(None, COLUMN, format!("`{other}` cannot be turned into K"))),
-    };
+    let conversion = columns.conversion(COLUMN, &["K"])?;
     let kelvin = |(row, cell): (usize, &Cell)| {
         let fault = |problem: String| columns.fault(Some(row), COLUMN, problem);
         let number = cell.number().ok_or_else(|| fault("a number is needed here".into()))?;
-        let kelvin = number + zero_k;
+        let kelvin = conversion.apply(number);
         if (coldest_k..=warmest_k).contains(&kelvin) {
             return Ok(kelvin);
         }

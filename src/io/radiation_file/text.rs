@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::error::{InputError, shortened};
-use crate::io::input;
+use crate::io::{foreign, input};
 
 /// Maximum size of such a file, bytes: the longest known, of all nuclei from hydrogen to uranium, has one or two million.
 const MOST: u64 = 100 << 20;
@@ -23,7 +23,11 @@ impl Source {
     pub fn read(path: &Path, what: &str) -> Result<Source, InputError> {
         let name = path.display().to_string();
         let refused = format!("cannot use {what} `{name}`");
-        let text = input::bytes(path, MOST).and_then(decoded).map_err(|problem| InputError::new(&refused, problem))?;
+        let bytes = input::bytes(path, MOST).map_err(|problem| InputError::new(&refused, problem))?;
+        if let Some((problem, help)) = foreign::kind(&bytes) {
+            return Err(InputError::new(refused, problem).with_help(help));
+        }
+        let text = decoded(bytes).map_err(|problem| InputError::new(&refused, problem))?;
         if text.trim().is_empty() {
             return Err(InputError::new(refused, "the file is empty"));
         }

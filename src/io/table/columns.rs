@@ -7,6 +7,7 @@ use saphyr::Scalar;
 use serde_json::Value;
 
 use crate::error::{InputError, shortened};
+use crate::io::unit::{self, Conversion};
 
 /// A table of measurements: columns of equal length, and metadata for all rows.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -145,6 +146,32 @@ impl Table {
         Some(format!("{}meta.{key} = {}", line_before(meta.line), meta.value))
     }
 
+    /// The conversion of a column's values into the first of these units; the others stand for the same number.
+    ///
+    /// # Errors
+    /// If the unit in the header is not one that converts.
+    pub(crate) fn conversion(&self, column: &str, ours: &[&str]) -> Result<Conversion, InputError> {
+        let Some(found) = self.column(column) else { return Ok(Conversion::default()) };
+        if found.time.is_some() {
+            let problem = "it is a Time of astropy, and a number is needed here";
+            return Err(self.fault(None, Some(column), problem).with_help("call points in time `date`"));
+        }
+        self.conversion_of(found.unit.as_deref(), ours, column)
+    }
+
+    /// The same for a stated unit at a place, as in [`Table::fault`].
+    pub(crate) fn conversion_of(
+        &self,
+        stated: Option<&str>,
+        ours: &[&str],
+        at: &str,
+    ) -> Result<Conversion, InputError> {
+        unit::conversion(stated, ours).map_err(|(problem, help)| {
+            let fault = self.fault(None, Some(at), problem);
+            InputError { help: help.map(str::to_string), ..fault }
+        })
+    }
+
     /// An error without a location.
     pub(super) fn refuse(&self, problem: impl Into<String>) -> InputError {
         InputError::new(format!("cannot use measurements `{}`", self.name), problem)
@@ -162,7 +189,9 @@ impl Table {
         for (index, column) in self.columns.iter().enumerate() {
             if column.name.is_empty() {
                 let problem = format!("column {} of {} has no name", index + 1, self.columns.len());
-                return Err(InputError { place: Some(format!("line {}", self.header_line)), ..self.refuse(problem) });
+                let place = Some(format!("line {}", self.header_line));
+                let help = "give it a name; of pandas it is the index: df.to_csv(FILE, index=False) leaves it out";
+                return Err(InputError { place, ..self.refuse(problem) }.with_help(help));
             }
             if column.name.contains(char::is_control) {
                 let problem = format!("the name of column {} holds an end of a line, a tab or the like", index + 1);

@@ -110,7 +110,10 @@ impl Table {
             let (cells, columns) = (row.cells.len(), self.columns.len());
             if cells != columns {
                 let problem = format!("{cells} cells, where line {} names {columns} columns", self.header_line);
-                return Err(self.refuse_line(text, row.line, problem).with_help(help));
+                let by_tabs = cells == 1 && row.cells[0].split('\t').count() == columns;
+                let tabs = format!("tabs delimit here, and blanks in line {}: delimit both alike", self.header_line);
+                let fault = self.refuse_line(text, row.line, problem);
+                return Err(fault.with_help(if by_tabs { &tabs } else { help }));
             }
             self.lines.push(row.line);
             records.push(row.cells);
@@ -138,14 +141,69 @@ impl Table {
         }
         let line = Some(self.header_line);
         self.columns.extend(names.into_iter().map(|name| Column { line, ..named(name) }));
-        self.check_names()?;
         // A spreadsheet may have empty rows.
         let rows = rows.filter(|row| !row.as_ref().is_ok_and(|row| row.cells.iter().all(String::is_empty)));
-        let records = self.records(rows, text)?;
+        let mut records = self.records(rows, text)?;
+        if delimiter != ',' {
+            self.with_points(&mut records)?;
+        }
         for (index, column) in self.columns.iter_mut().enumerate() {
             column.fill(records.iter().map(|record| record[index].as_str()));
         }
+        self.drop_row_numbers();
+        self.check_names()
+    }
+
+    /// Numbers with a decimal comma → with a decimal point, in columns of numbers and in `meta`.
+    fn with_points(&mut self, records: &mut [Vec<String>]) -> Result<(), InputError> {
+        let is_number = |cell: &str| cell.is_empty() || cell.parse::<f64>().is_ok() || has_decimal_comma(cell);
+        let of_numbers = |column: &usize| records.iter().all(|record| is_number(&record[*column]));
+        let columns: Vec<usize> = (0..self.columns.len()).filter(of_numbers).collect();
+        let cells = |is: fn(&str) -> bool| {
+            let found = |row: &usize| columns.iter().find(|column| is(&records[*row][**column])).copied();
+            (0..records.len()).find_map(|row| Some((row, found(&row)?)))
+        };
+        let Some((row, column)) = cells(has_decimal_comma) else { return Ok(()) };
+        let place = Some(format!("line {}: {} = {}", self.lines[row], self.columns[column].name, records[row][column]));
+        let refused = |problem: &str| {
+            let fault = InputError { place: place.clone(), ..self.refuse(problem) };
+            Err(fault.with_help("write numbers with a decimal point, and without marks between thousands"))
+        };
+        if cells(|cell| cell.contains('.')).is_some() {
+            return refused("this number has a comma, and others of the file have a point");
+        }
+        if cells(|cell| has_decimal_comma(cell) && !may_be_thousands(cell)).is_none() {
+            return refused("the comma may delimit decimals or thousands");
+        }
+        for record in records.iter_mut() {
+            columns.iter().for_each(|column| record[*column] = record[*column].replace(',', "."));
+        }
+        for meta in &mut self.meta {
+            if let Some(number) = meta.value.text().filter(|text| has_decimal_comma(text)) {
+                meta.value = number.replace(',', ".").parse().map_or(Cell::Missing, Cell::Number);
+            }
+        }
         Ok(())
+    }
+
+    /// Leaves out columns without a name that hold nothing: those of empty cells, which a spreadsheet adds, and a first one that
+    /// numbers the rows, as the index of pandas does.
+    fn drop_row_numbers(&mut self) {
+        let counts = |column: &Column| {
+            let number = |row: usize| if let Cell::Integer(number) = column.cells[row] { Some(number) } else { None };
+            !column.cells.is_empty()
+                && number(0).is_some_and(|first| {
+                    (0..=1).contains(&first)
+                        && (0..column.cells.len()).all(|row| number(row) == Some(first + row as i64))
+                })
+        };
+        let is_nameless = |column: &Column| column.name.is_empty() || column.name.starts_with("Unnamed: ");
+        let mut first = true;
+        self.columns.retain(|column| {
+            let holds_nothing = column.cells.iter().all(|cell| *cell == Cell::Missing) || (first && counts(column));
+            first = false;
+            !(is_nameless(column) && holds_nothing)
+        });
     }
 
     /// Reads comments `# key: value` above the header. Returns the number of lines before the header.
@@ -214,6 +272,20 @@ fn guess(cell: &str) -> Datatype {
     } else {
         Datatype::Text
     }
+}
+
+/// Whether a cell is a number with a decimal comma, such as 0,25.
+fn has_decimal_comma(cell: &str) -> bool {
+    cell.matches(',').count() == 1 && !cell.contains('.') && cell.replace(',', ".").parse::<f64>().is_ok()
+}
+
+/// Whether a cell with a comma may be a number of thousands, such as 12,500.
+fn may_be_thousands(cell: &str) -> bool {
+    let digits = cell.trim_start_matches(['+', '-']);
+    let parts = digits.split_once(',');
+    parts.is_some_and(|(before, behind)| {
+        (1..=3).contains(&before.len()) && !before.starts_with('0') && behind.len() == 3
+    })
 }
 
 /// The value in a comment `# key: value`: a number or text, as in YAML.

@@ -1,11 +1,10 @@
-//! The header of ECSV, the datatypes of its cells, and columns that astropy keeps in parts.
+//! The header of ECSV, and the datatypes of its cells.
 
-use chrono::DateTime;
 use saphyr::{LoadableYamlNode, MarkedYaml, YamlData};
-use serde_json::{Map, Value};
+use serde_json::Value;
 
-use super::columns::{Cell, Column, Datatype, Meta, PARTS, Table, Time, float, scalar};
-use super::csv;
+use super::columns::{Cell, Column, Datatype, Meta, PARTS, Table, float, scalar};
+use super::{csv, serialized};
 use crate::error::{InputError, nearest};
 
 /// Maximum nesting of lists and mappings in a header, since the YAML parser is recursive. (For those in brackets, the parser itself
@@ -71,6 +70,25 @@ impl Table {
         self.check_names()
     }
 
+    /// Adds what the header of an ECSV file, kept elsewhere as YAML, says of the columns, and its `meta`.
+    pub(super) fn describe(&mut self, yaml: &str) -> Result<(), InputError> {
+        let refused = |problem: &str| self.refuse(format!("its header of astropy cannot be read: {problem}"));
+        let documents = MarkedYaml::load_from_str(yaml).map_err(|error| refused(error.info()))?;
+        let lines: Vec<&str> = yaml.lines().collect();
+        let source = Source { table: self, text: yaml, yaml: &lines };
+        let document = documents.first().ok_or_else(|| refused("it is empty"))?;
+        let described = source.columns(document).map_err(|error| refused(&error.problem))?;
+        let meta = source.meta(document).map_err(|error| refused(&error.problem))?;
+        for said in described {
+            if let Some(column) = self.columns.iter_mut().find(|column| column.name == said.name) {
+                let Column { unit, subtype, description, format, .. } = said;
+                *column = Column { unit, subtype, description, format, ..std::mem::take(column) };
+            }
+        }
+        self.meta = meta.into_iter().map(|meta| Meta { line: None, ..meta }).collect();
+        self.assemble()
+    }
+
     /// The header as YAML, with the line numbers of the file.
     fn header(&self, text: &str) -> Result<String, InputError> {
         let lines: Vec<&str> =
@@ -132,84 +150,6 @@ impl Table {
             }),
             _ => Err(error),
         }
-    }
-
-    /// Joins columns that are parts of a `Quantity`, a `Time` or a masked column.
-    fn assemble(&mut self) -> Result<(), InputError> {
-        let Some(index) = self.meta.iter().position(|meta| meta.name == PARTS) else { return Ok(()) };
-        let Cell::Other(Value::Object(wholes)) = self.meta[index].value.clone() else {
-            return Err(self.fault(None, Some(PARTS), "this must be a mapping"));
-        };
-        for (name, parts) in &wholes {
-            if let Value::Object(parts) = parts {
-                self.join(name, parts).map_err(|part| {
-                    self.fault(None, Some(PARTS), format!("there is no column `{part}` for `{name}`"))
-                })?;
-            }
-        }
-        self.meta.remove(index);
-        Ok(())
-    }
-
-    /// Joins the parts of one column, if possible; an error is the name of a missing part.
-    fn join(&mut self, name: &str, parts: &Map<String, Value>) -> Result<(), String> {
-        let (mut mask, mut data) = (None, Vec::new());
-        for (attribute, part) in parts {
-            let Value::Object(part) = part else { continue };
-            let column = match part.get("name") {
-                Some(Value::String(column)) => {
-                    self.column(column).ok_or_else(|| column.clone())?;
-                    column.clone()
-                }
-                _ if part.contains_key("__class__") => {
-                    let inner = format!("{name}.{attribute}");
-                    self.join(&inner, part)?;
-                    inner
-                }
-                _ => continue,
-            };
-            if self.column(&column).is_some() {
-                if attribute == "mask" { mask = Some(column) } else { data.push((attribute.as_str(), column)) }
-            }
-        }
-        let words = |key: &str| parts.get(key).and_then(Value::as_str).unwrap_or("").to_string();
-        let is_time = words("__class__").ends_with(".Time");
-        data.sort();
-        match data.as_slice() {
-            [(_, column)] => {
-                let mask = mask.and_then(|mask| self.take(&mask));
-                let Some(column) = self.columns.iter_mut().find(|other| other.name == *column) else { return Ok(()) };
-                column.name = name.to_string();
-                column.unit = column.unit.take().or(Some(words("unit")).filter(|unit| !unit.is_empty()));
-                column.time = is_time.then(|| Time { format: words("format"), scale: words("scale") });
-                for (cell, mask) in column.cells.iter_mut().zip(mask.iter().flat_map(|mask| &mask.cells)) {
-                    match (cell, mask) {
-                        (cell, Cell::Truth(true)) => *cell = Cell::Missing,
-                        (Cell::Other(value), Cell::Other(mask)) => hide(value, mask),
-                        _ => {}
-                    }
-                }
-            }
-            [("jd1", first), ("jd2", second)] if is_time => {
-                let Some(second) = self.take(second) else { return Ok(()) };
-                let Some(first) = self.columns.iter_mut().find(|other| other.name == *first) else { return Ok(()) };
-                first.name = name.to_string();
-                first.datatype = Datatype::Text;
-                first.time = Some(Time { format: "iso".to_string(), scale: words("scale") });
-                for (first, second) in first.cells.iter_mut().zip(second.cells) {
-                    let date = first.number().zip(second.number()).and_then(|(jd1, jd2)| date(jd1, jd2));
-                    *first = date.map_or(Cell::Missing, Cell::Text);
-                }
-            }
-            _ => {}
-        }
-        Ok(())
-    }
-
-    /// Removes a column from the table.
-    fn take(&mut self, name: &str) -> Option<Column> {
-        let index = self.columns.iter().position(|column| column.name == name)?;
-        Some(self.columns.remove(index))
     }
 }
 
@@ -381,13 +321,7 @@ impl Source<'_> {
             },
             YamlData::Tagged(tag, inner) => match (tag.suffix.as_ref(), self.value(inner)?) {
                 ("astropy.units.Unit", Value::Object(mut unit)) if unit.contains_key("unit") => unit["unit"].take(),
-                ("astropy.time.Time", Value::Object(time)) => {
-                    let days = |key| time.get(key).and_then(Value::as_f64);
-                    match days("jd1").zip(days("jd2")).and_then(|(jd1, jd2)| date(jd1, jd2)) {
-                        Some(date) => date.into(),
-                        None => Value::Object(time),
-                    }
-                }
+                (tag, Value::Object(parts)) => serialized::of_meta(tag, &parts).unwrap_or(Value::Object(parts)),
                 (_, value) => value,
             },
             data => match (self.entries(node, false)?, data) {
@@ -468,24 +402,4 @@ fn json(text: &str) -> Option<Value> {
         rest = &rest[read.len()..];
     }
     serde_json::from_str(&out).ok()
-}
-
-/// Sets null where the mask is true.
-fn hide(value: &mut Value, mask: &Value) {
-    match (value, mask) {
-        (value, Value::Bool(true)) => *value = Value::Null,
-        (Value::Array(values), Value::Array(masks)) => {
-            values.iter_mut().zip(masks).for_each(|(value, mask)| hide(value, mask));
-        }
-        _ => {}
-    }
-}
-
-/// The date and time of a Julian date in two parts, as written by astropy. Leap seconds, which are negligible here, are not
-/// counted.
-fn date(jd1: f64, jd2: f64) -> Option<String> {
-    const UNIX_EPOCH: f64 = 2_440_587.5;
-    let milliseconds = (((jd1 - UNIX_EPOCH) + jd2) * 86_400e3).round();
-    let time = DateTime::from_timestamp_millis(milliseconds.is_finite().then_some(milliseconds as i64)?)?;
-    Some(time.format("%Y-%m-%d %H:%M:%S%.3f").to_string())
 }

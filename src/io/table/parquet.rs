@@ -1,13 +1,15 @@
 //! Tables as Parquet files: columns by name, `meta` as the file's metadata.
 //!
-//! Parquet has no units, so column names carry them. Flat columns of numbers, booleans and text are read; nested types are
-//! rejected.
+//! Parquet itself has no units: column names carry them, or the header that astropy keeps beside its columns
+//! (`table_meta_yaml`), or the schema of pyarrow. Flat columns of numbers, booleans, dates and text are read; nested types are
+//! rejected. Of pandas, an index that numbers the rows is left out, and `attrs` are `meta`.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use bytes::Bytes;
-use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
+use chrono::{DateTime, Utc};
+use parquet::basic::{Compression, LogicalType, Repetition, TimeUnit, Type as Physical};
 use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::{ColumnChunkMetaData, KeyValue};
@@ -16,15 +18,29 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::record::Field;
 use parquet::schema::types::Type;
+use serde_json::Value;
 
-use super::{Cell, Column, Datatype, Meta, Table};
+use super::{Cell, Column, Datatype, Meta, Table, arrow_schema};
 use crate::error::InputError;
 
 /// How a Parquet file begins and ends.
 pub(super) const MAGIC: &[u8] = b"PAR1";
 
-/// Metadata for internal use by programs.
-const PRIVATE: [&str; 2] = ["ARROW:schema", "pandas"];
+/// The header of ECSV that astropy keeps among the metadata.
+const ASTROPY: &str = "table_meta_yaml";
+
+/// The columns as pyarrow describes them.
+const ARROW: &str = "ARROW:schema";
+
+/// What pandas keeps there: JSON about the table, and `attrs` of a DataFrame.
+const PANDAS: &str = "pandas";
+const PANDAS_ATTRS: &str = "PANDAS_ATTRS";
+
+/// The name that pandas gives to an index without a name.
+const PANDAS_INDEX: &str = "__index_level_";
+
+/// Metadata for internal use by programs, and the beginning of keys for the lengths of astropy's texts.
+const PRIVATE: [&str; 5] = [ARROW, ASTROPY, PANDAS, PANDAS_ATTRS, "table::"];
 
 /// Rows per group when writing.
 const GROUP: usize = 1 << 17;
@@ -34,14 +50,58 @@ impl Table {
     pub(super) fn read_parquet(&mut self, bytes: Vec<u8>) -> Result<(), InputError> {
         // The library panics on some invalid numbers in a damaged file.
         let read = catch_unwind(AssertUnwindSafe(|| self.read_columns(bytes)));
-        let (columns, meta) = read.unwrap_or_else(|_| Err(self.refuse("it is a damaged Parquet file")))?;
-        (self.columns, self.meta) = (columns, meta);
+        let (columns, said) = read.unwrap_or_else(|_| Err(self.refuse("it is a damaged Parquet file")))?;
+        self.columns = columns;
+        let of = |key: &str| said.iter().find(|(known, _)| known == key).map(|(_, value)| value.as_str());
+        for (name, unit) in of(ARROW).map(arrow_schema::units).unwrap_or_default() {
+            if let Some(column) = self.columns.iter_mut().find(|column| column.name == name) {
+                column.unit = Some(unit);
+            }
+        }
+        if let Some(yaml) = of(ASTROPY) {
+            self.describe(yaml)?;
+        }
+        self.of_pandas(of(PANDAS), of(PANDAS_ATTRS))?;
+        let is_private = |key: &str| PRIVATE.iter().any(|private| key.starts_with(private));
+        // Ours have `meta` in the header, and each entry by itself for programs that do not know of it.
+        let others: Vec<_> = said.iter().filter(|(key, _)| !is_private(key) && self.meta(key).is_none()).collect();
+        self.meta.extend(others.into_iter().map(|(key, value)| Meta {
+            name: key.clone(),
+            value: Cell::Text(value.clone()),
+            line: None,
+        }));
         self.check_names()
     }
 
-    fn read_columns(&self, bytes: Vec<u8>) -> Result<(Vec<Column>, Vec<Meta>), InputError> {
+    /// What pandas says: `attrs`, and an index that numbers the rows.
+    fn of_pandas(&mut self, about: Option<&str>, attrs: Option<&str>) -> Result<(), InputError> {
+        let json =
+            |text: Option<&str>| text.and_then(|text| serde_json::from_str::<Value>(text).ok()).unwrap_or_default();
+        let about = json(about);
+        let attrs = if attrs.is_some() { json(attrs) } else { about["attributes"].clone() };
+        for (name, value) in attrs.as_object().into_iter().flatten() {
+            self.meta.push(Meta { name: name.clone(), value: Cell::from(value.clone()), line: None });
+        }
+        let is_index = |column: &Column| column.name.starts_with(PANDAS_INDEX);
+        let is_number = |cell: &Cell| matches!(cell, Cell::Integer(_));
+        self.columns.retain(|column| !(is_index(column) && column.cells.iter().all(is_number)));
+        match self.columns.iter().find(|column| is_index(column)) {
+            None => Ok(()),
+            Some(column) => Err(self
+                .fault(None, Some(&column.name), "it is the index of pandas, without a name")
+                .with_help("give it one, df.index.name = \"date\", or leave it out: df.reset_index(drop=True)")),
+        }
+    }
+
+    fn read_columns(&self, bytes: Vec<u8>) -> Result<Contents, InputError> {
         let length = bytes.len() as i64;
-        let refused = |error: ParquetError| self.refuse(format!("it is not a Parquet file that can be read: {error}"));
+        let refused = |error: ParquetError| {
+            let fault = self.refuse(format!("it is not a Parquet file that can be read: {error}"));
+            if error.to_string().contains("Disabled feature") {
+                return fault.with_help("write it with another compression, such as snappy, zstd, gzip or lz4");
+            }
+            fault
+        };
         let reader = SerializedFileReader::new(Bytes::from(bytes)).map_err(refused)?;
         let parts = reader.metadata().row_groups().iter().flat_map(|group| group.columns());
         let lies_within = |part: &ColumnChunkMetaData| {
@@ -63,21 +123,20 @@ impl Table {
             columns.push(Column { name: field.name().to_string(), ..Column::default() });
         }
         let said = about.key_value_metadata().into_iter().flatten();
-        let meta = said.filter(|entry| !PRIVATE.contains(&entry.key.as_str())).filter_map(|entry| {
-            let value = Cell::Text(entry.value.clone()?);
-            Some(Meta { name: entry.key.clone(), value, line: None })
-        });
-        let meta: Vec<Meta> = meta.collect();
+        let said = said.filter_map(|entry| Some((entry.key.clone(), entry.value.clone()?))).collect();
+        let fields = about.schema_descr().columns().iter();
+        let in_ns: Vec<bool> = fields.map(|field| is_in_nanoseconds(field.logical_type_ref())).collect();
         for row in reader.get_row_iter(None).map_err(refused)? {
-            for (column, (_, field)) in columns.iter_mut().zip(row.map_err(refused)?.into_columns()) {
-                column.cells.push(cell(field));
+            let fields = row.map_err(refused)?.into_columns();
+            for ((column, (_, field)), in_ns) in columns.iter_mut().zip(fields).zip(&in_ns) {
+                column.cells.push(if *in_ns { nanoseconds(&field) } else { cell(field) });
             }
         }
         columns.iter_mut().for_each(|column| column.datatype = datatype(&column.cells));
-        Ok((columns, meta))
+        Ok((columns, said))
     }
 
-    /// The table as the bytes of a Parquet file, without units and descriptions.
+    /// The table as the bytes of a Parquet file, with its header as astropy keeps it.
     ///
     /// # Errors
     /// If a column has several values in a cell.
@@ -92,7 +151,9 @@ impl Table {
         let fields = self.columns.iter().map(field).collect::<Result<Vec<_>, _>>()?;
         let schema = Type::group_type_builder("table").with_fields(fields).build()?;
         let text = |value: &Cell| if let Cell::Text(text) = value { text.clone() } else { value.to_string() };
-        let said = self.meta.iter().map(|meta| KeyValue::new(meta.name.clone(), text(&meta.value))).collect();
+        let header = KeyValue::new(ASTROPY.to_string(), self.header_yaml());
+        let meta = self.meta.iter().map(|meta| KeyValue::new(meta.name.clone(), text(&meta.value)));
+        let said = meta.chain([header]).collect();
         let properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
             .set_created_by(format!("ctiplan version {}", env!("CARGO_PKG_VERSION")))
@@ -108,6 +169,26 @@ impl Table {
         }
         writer.into_inner()
     }
+}
+
+/// Columns, and metadata by key.
+type Contents = (Vec<Column>, Vec<(String, String)>);
+
+/// Whether 64-bit integers are times in nanoseconds since 1970, which the library leaves as numbers.
+fn is_in_nanoseconds(kind: Option<&LogicalType>) -> bool {
+    matches!(kind, Some(LogicalType::Timestamp(time)) if time.unit == TimeUnit::NANOS)
+}
+
+fn nanoseconds(field: &Field) -> Cell {
+    match field {
+        Field::Long(number) => date(Some(DateTime::from_timestamp_nanos(*number))),
+        _ => Cell::Missing,
+    }
+}
+
+/// A point in time as text. Without a time zone it is taken as UTC.
+fn date(time: Option<DateTime<Utc>>) -> Cell {
+    time.map_or(Cell::Missing, |time| Cell::Text(time.format("%Y-%m-%dT%H:%M:%S%.f").to_string()))
 }
 
 fn cell(field: Field) -> Cell {
@@ -126,7 +207,9 @@ fn cell(field: Field) -> Cell {
         Field::Float(number) => Cell::Number(number.into()),
         Field::Double(number) => Cell::Number(number),
         Field::Str(text) => Cell::Text(text),
-        // Dates, times and decimals as the library writes them.
+        Field::TimestampMillis(number) => date(DateTime::from_timestamp_millis(number)),
+        Field::TimestampMicros(number) => date(DateTime::from_timestamp_micros(number)),
+        // Dates, times of day and decimals as the library writes them.
         other => Cell::Text(other.to_string().trim_matches('"').to_string()),
     }
 }

@@ -12,7 +12,25 @@ impl Table {
     /// Whatever ECSV cannot represent is lost: an empty text becomes missing, blanks around a text are removed, and masks,
     /// quantities and dates in parts are plain columns.
     pub fn to_ecsv(&self) -> String {
-        let mut out = String::from("# %ECSV 1.0\n# ---\n# datatype:\n");
+        let mut out = String::from("# %ECSV 1.0\n# ---\n");
+        self.header_yaml().lines().for_each(|yaml| line(&mut out, format_args!("# {yaml}")));
+        let lonely = self.columns.len() == 1;
+        let names: Vec<String> = self.columns.iter().map(|column| quoted(&column.name, lonely)).collect();
+        line(&mut out, format_args!("{}", names.join(",")));
+        for row in 0..self.rows() {
+            let cells: Vec<String> = self
+                .columns
+                .iter()
+                .map(|column| quoted(&written(column.cells.get(row).unwrap_or(&Cell::Missing)), lonely))
+                .collect();
+            line(&mut out, format_args!("{}", cells.join(",")));
+        }
+        out
+    }
+
+    /// The header of ECSV, as YAML: columns with their units, and `meta`.
+    pub(super) fn header_yaml(&self) -> String {
+        let mut out = String::from("datatype:\n");
         for column in &self.columns {
             let datatype = Some(column.datatype.name());
             let said = [
@@ -27,18 +45,18 @@ impl Table {
                 .into_iter()
                 .filter_map(|(key, words)| words.as_ref().map(|words| format!("{key}: {}", yaml_text(words))))
                 .collect();
-            line(&mut out, format_args!("# - {{{}}}", said.join(", ")));
+            line(&mut out, format_args!("- {{{}}}", said.join(", ")));
         }
-        line(&mut out, format_args!("# delimiter: ','"));
+        line(&mut out, format_args!("delimiter: ','"));
         let times: Vec<&Column> = self.columns.iter().filter(|column| column.time.is_some()).collect();
         if !self.meta.is_empty() || !times.is_empty() {
-            line(&mut out, format_args!("# meta: !!omap"));
+            line(&mut out, format_args!("meta: !!omap"));
         }
         for meta in &self.meta {
-            line(&mut out, format_args!("# - {{{}: {}}}", yaml_text(&meta.name), yaml_cell(&meta.value)));
+            line(&mut out, format_args!("- {{{}: {}}}", yaml_text(&meta.name), yaml_cell(&meta.value)));
         }
         if !times.is_empty() {
-            line(&mut out, format_args!("# - {}:", PARTS));
+            line(&mut out, format_args!("- {}:", PARTS));
         }
         for column in times {
             let Some(time) = &column.time else { continue };
@@ -50,20 +68,9 @@ impl Table {
             }
             let (format, scale) = (yaml_text(&time.format), yaml_text(&time.scale));
             let class = "__class__: astropy.time.core.Time";
-            line(&mut out, format_args!("#     {name}: {{{class}, format: {format}, scale: {scale}, value: {value}}}"));
+            line(&mut out, format_args!("    {name}: {{{class}, format: {format}, scale: {scale}, value: {value}}}"));
         }
-        line(&mut out, format_args!("# schema: astropy-2.0"));
-        let lonely = self.columns.len() == 1;
-        let names: Vec<String> = self.columns.iter().map(|column| quoted(&column.name, lonely)).collect();
-        line(&mut out, format_args!("{}", names.join(",")));
-        for row in 0..self.rows() {
-            let cells: Vec<String> = self
-                .columns
-                .iter()
-                .map(|column| quoted(&written(column.cells.get(row).unwrap_or(&Cell::Missing)), lonely))
-                .collect();
-            line(&mut out, format_args!("{}", cells.join(",")));
-        }
+        line(&mut out, format_args!("schema: astropy-2.0"));
         out
     }
 }
