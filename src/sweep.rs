@@ -20,7 +20,7 @@ pub use crate::numeric::sample_points::{Sample, Sampling};
 pub use distribution::Distribution;
 pub use grid::{Axis, Grid, Holds, MOST_POINTS, Values};
 pub use merge::{Merged, Spread, collect};
-pub use output::Output;
+pub use output::{Output, Undefined};
 pub use parts::Parts;
 pub use run::{Done, run};
 pub(crate) use slurm::quoted;

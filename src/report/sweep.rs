@@ -2,8 +2,8 @@
 
 use serde::ser::{Serialize, Serializer};
 
-use super::{Report, counted, lines, or_dash, table, wrapped};
-use crate::sweep::{Done, Grid, Merged, Parts, Shard, Spread};
+use super::{Report, counted, lines, table, wrapped};
+use crate::sweep::{Done, Grid, Merged, Parts, Shard, Spread, Undefined};
 
 /// The result of a sweep.
 pub struct SweepReport<'a> {
@@ -121,23 +121,48 @@ impl SweepReport<'_> {
     }
 }
 
-/// Quantiles of every output.
+/// Quantiles of every output, and what those are that fall among points without a value.
 fn spreads(all: &[Spread]) -> String {
     let mut spreads = table(&["output", "least", "16 %", "median", "84 %", "largest", "none"]);
     for spread in all {
         let mut row = vec![spread.name.clone()];
-        row.extend(spread.values().map(|value| or_dash(value.map(|value| shown(&spread.name, value)))));
+        let absent = || word(spread.without_value).to_string();
+        row.extend(spread.values().map(|value| value.map_or_else(absent, |value| shown(&spread.name, value))));
         row.push(spread.points_without_value.to_string());
         spreads.add_row(row);
     }
     let mut out = lines(&spreads);
-    if all.iter().any(|spread| spread.points_without_value > 0) {
-        out.push_str(&wrapped(
-            "  none: points without a value; a budget that is not exceeded within the mission has no time",
-            4,
-        ));
+    let mut met: Vec<Undefined> =
+        all.iter().filter(|spread| spread.points_without_value > 0).map(|spread| spread.without_value).collect();
+    met.sort();
+    met.dedup();
+    if !met.is_empty() {
+        out.push_str(&wrapped("  none: points without a value", 4));
+    }
+    for undefined in met {
+        out.push_str(&wrapped(&format!("  {}: {}", word(undefined), explained(undefined)), 4));
     }
     out
+}
+
+/// A quantile that falls among points without a value.
+fn word(undefined: Undefined) -> &'static str {
+    match undefined {
+        Undefined::Later => "later",
+        Undefined::Above => "above",
+        Undefined::Below => "below",
+        Undefined::Apart => "-",
+    }
+}
+
+/// The place of points without a value.
+fn explained(undefined: Undefined) -> &'static str {
+    match undefined {
+        Undefined::Later => "than the mission; a budget that is never exceeded counts as later than all dates",
+        Undefined::Above => "all values; a shape that is lost counts as changed more than all others",
+        Undefined::Below => "all values; a shape that is lost has less margin than all others",
+        Undefined::Apart => "points without a value are left out of these quantiles",
+    }
 }
 
 /// Points without a result and with warnings: their number, and the first of each.

@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::grid::Holds;
+use super::grid::Grid;
+use super::output::Undefined;
 use super::parts::Parts;
 use super::slurm;
 use super::write::{ColumnKind, TableWriter};
@@ -23,13 +24,16 @@ pub struct Merged {
     pub spreads: Vec<Spread>,
 }
 
-/// Distribution of the values of a recorded quantity over the points that have one; None if no point has.
+/// Distribution of a recorded quantity over the points that have a result. A quantile is None if it falls among the points
+/// without a value.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Spread {
     /// The quantity, by the name of its column.
     pub name: String,
-    /// Points without a value.
+    /// Points with a result, but without a value of this quantity.
     pub points_without_value: u64,
+    /// Where these stand among the others.
+    pub without_value: Undefined,
     /// Smallest.
     pub least: Option<f64>,
     /// Quantile 16 %.
@@ -76,9 +80,8 @@ pub fn collect(parts: &Parts) -> Result<Merged, InputError> {
             "`--missing N` names the tasks of an array of N to submit again; without --collect the sweep computes what is missing",
         ));
     }
-    let columns = grid.columns();
     let kind = ColumnKind::of(&parts.result)?;
-    let mut summary = Summary::new(&columns, grid.outputs().len());
+    let mut summary = Summary::new(grid);
     // The fault in a part, while the error type is that of writing.
     let mut damaged = None;
     let written = atomic_file::write_by_way_of(&parts.folder, &parts.result, |file| {
@@ -116,26 +119,25 @@ fn shortened(numbers: String) -> String {
 }
 
 struct Summary {
-    names: Vec<String>,
+    outputs: Vec<(String, Undefined)>,
     first: usize,
-    values: Vec<Vec<f64>>,
+    /// Values of each output at the points that have a result.
+    values: Vec<Vec<Option<f64>>>,
     problems: (u64, Option<(u64, String)>),
     warnings: (u64, Option<String>),
 }
 
 impl Summary {
-    fn new(columns: &[(String, Holds)], outputs: usize) -> Summary {
-        let first = columns.len() - 2 - outputs;
-        let names: Vec<String> = columns[first..first + outputs].iter().map(|(name, _)| name.clone()).collect();
-        Summary { first, values: vec![Vec::new(); names.len()], names, problems: (0, None), warnings: (0, None) }
+    fn new(grid: &Grid) -> Summary {
+        let columns = grid.columns();
+        let outputs = grid.outputs();
+        let first = columns.len() - 2 - outputs.len();
+        let names = columns.into_iter().skip(first).map(|(name, _)| name);
+        let outputs: Vec<_> = names.zip(outputs.iter().map(|(output, _)| output.undefined())).collect();
+        Summary { first, values: vec![Vec::new(); outputs.len()], outputs, problems: (0, None), warnings: (0, None) }
     }
 
     fn add(&mut self, row: &[Cell]) {
-        for (cell, values) in row[self.first..].iter().zip(&mut self.values) {
-            if let Cell::Number(number) = cell {
-                values.push(*number);
-            }
-        }
         let [.., warnings, problem] = row else { return };
         if let Cell::Text(said) = warnings {
             self.warnings.0 += 1;
@@ -144,26 +146,80 @@ impl Summary {
         if let (Cell::Text(said), Cell::Integer(point)) = (problem, &row[1]) {
             self.problems.0 += 1;
             self.problems.1.get_or_insert_with(|| (*point as u64, said.clone()));
+            return;
+        }
+        for (cell, values) in row[self.first..].iter().zip(&mut self.values) {
+            values.push(match cell {
+                Cell::Number(number) => Some(*number),
+                _ => None,
+            });
         }
     }
 
     fn done(self, points: u64) -> Merged {
-        let spreads = self.names.into_iter().zip(self.values).map(|(name, values)| spread(name, values, points));
+        let spreads = self
+            .outputs
+            .into_iter()
+            .zip(self.values)
+            .map(|((name, undefined), values)| spread(name, undefined, values));
         Merged { points, problems: self.problems, warnings: self.warnings, spreads: spreads.collect() }
     }
 }
 
-fn spread(name: String, mut values: Vec<f64>, points: u64) -> Spread {
-    values.sort_by(f64::total_cmp);
+fn spread(name: String, without_value: Undefined, mut values: Vec<Option<f64>>) -> Spread {
+    let points_without_value = values.iter().filter(|value| value.is_none()).count() as u64;
+    if without_value == Undefined::Apart {
+        values.retain(Option::is_some);
+    }
+    let place = |value: &Option<f64>| match (value, without_value) {
+        (Some(value), _) => *value,
+        (None, Undefined::Below) => f64::NEG_INFINITY,
+        (None, _) => f64::INFINITY,
+    };
+    values.sort_by(|a, b| place(a).total_cmp(&place(b)));
     let last = values.len().saturating_sub(1);
-    let quantile = |share: f64| values.get((share * last as f64).round() as usize).copied();
+    let quantile = |share: f64| values.get((share * last as f64).round() as usize).copied().flatten();
     Spread {
-        points_without_value: points - values.len() as u64,
+        points_without_value,
+        without_value,
         least: quantile(0.0),
         quantile_16: quantile(0.16),
         median: quantile(0.5),
         quantile_84: quantile(0.84),
         largest: quantile(1.0),
         name,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sweep::output::Output;
+
+    /// A quantile is the number that half (or another share) of all points do not exceed, wherever the undefined ones stand.
+    #[test]
+    fn quantiles_of_every_output_count_the_points_without_a_value() {
+        for output in Output::ALL {
+            for undefined in 0..=25_usize {
+                // 2 j, and none in an order that is not theirs.
+                let values: Vec<Option<f64>> =
+                    (0..25).map(|j| (j * 7) % 25).map(|j| (j >= undefined).then_some(2.0 * j as f64)).collect();
+                let found = spread(output.name().into(), output.undefined(), values.clone());
+                assert_eq!(found.points_without_value as usize, undefined);
+                let defined: Vec<f64> = (undefined..25).map(|j| 2.0 * j as f64).collect();
+                for (share, quantile) in [0.0, 0.16, 0.5, 0.84, 1.0].into_iter().zip(found.values()) {
+                    let place = (share * 24.0_f64).round() as usize;
+                    let expected = match output.undefined() {
+                        Undefined::Later | Undefined::Above => defined.get(place).copied(),
+                        Undefined::Below => place.checked_sub(undefined).map(|place| defined[place]),
+                        Undefined::Apart => {
+                            let last = defined.len().saturating_sub(1);
+                            defined.get((share * last as f64).round() as usize).copied()
+                        }
+                    };
+                    assert_eq!(quantile, expected, "{} {undefined} {share}", output.name());
+                }
+            }
+        }
     }
 }

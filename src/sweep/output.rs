@@ -56,6 +56,20 @@ use Output::{
     ProbabilityMetUncorrected, RateAtLaunch,
 };
 
+/// Where a point without a value stands among the others: what is undefined has a place in the order wherever it means something.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Undefined {
+    /// Below all values: a margin of a shape that is lost.
+    Below,
+    /// Nowhere: quantiles are those of the points that have a value.
+    Apart,
+    /// Above all values: a change or a bias of shapes that are lost.
+    Above,
+    /// Later than all dates: a budget that is kept to the end of the mission.
+    Later,
+}
+
 impl Output {
     /// All of them.
     pub const ALL: [Output; 22] = [
@@ -131,6 +145,30 @@ impl Output {
                     | ExceededAdditive
                     | ExceededMultiplicative
             )
+    }
+
+    /// Where points without a value of it stand among the others.
+    pub fn undefined(self) -> Undefined {
+        match self {
+            ExceededUncorrected
+            | ExceededCorrected
+            | ExceededDeltaE
+            | ExceededAdditive
+            | ExceededMultiplicative
+            | KeptUncorrected
+            | KeptCorrected => Undefined::Later,
+            DeltaE | AdditiveBias | MultiplicativeBias | MeanRate => Undefined::Above,
+            MarginUncorrected | MarginCorrected => Undefined::Below,
+            Dose
+            | ActiveYears
+            | RateAtLaunch
+            | ProbabilityMetUncorrected
+            | ProbabilityMetCorrected
+            | DeltaE1
+            | DeltaY
+            | DeltaSize
+            | DeltaFlux => Undefined::Apart,
+        }
     }
 
     /// Whether there is a column of it for every galaxy.
