@@ -9,6 +9,7 @@ pub(crate) mod least_squares;
 pub(crate) mod minimum;
 pub mod parallel;
 pub(crate) mod polynomial;
+pub mod range;
 pub(crate) mod recent;
 pub(crate) mod root_finding;
 pub mod sample_points;

@@ -10,7 +10,7 @@ use super::{Study, ready};
 use crate::error::InputError;
 use crate::mission::{Date, Mission};
 use crate::model::Model;
-use crate::numeric::parallel;
+use crate::numeric::{parallel, range};
 use crate::plan::date_distribution::Confidence;
 use crate::plan::judgement::{JudgedRow, Judgement};
 use crate::plan::scenario::{Merit, Ranking, sun};
@@ -96,8 +96,7 @@ impl Study for Launch {
 /// Every half year of two solar cycles.
 fn half_years(first: NaiveDate) -> Vec<NaiveDate> {
     let last = first.checked_add_months(Months::new(12 * CYCLES_YR)).unwrap_or(first);
-    let next = |date: &NaiveDate| date.checked_add_months(Months::new(STEP_MONTHS)).filter(|next| *next <= last);
-    std::iter::successors(Some(first), next).collect()
+    range::by_months(first, last, STEP_MONTHS)
 }
 
 impl Launched {

@@ -1,12 +1,13 @@
 //! Lists and ranges of a key's values, as given on the command line.
 
-use chrono::{Months, NaiveDate};
+use chrono::NaiveDate;
 use toml::Value;
 
 use crate::error::{InputError, nearest};
 use crate::mission::Date;
 use crate::mission::keys::{Allowed, KEYS};
 use crate::mission_file::lookup;
+use crate::numeric::range;
 
 /// A key and its values.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,59 +113,59 @@ fn unquoted(item: &str) -> &str {
 
 fn range(kind: Allowed, from: &str, rest: &str) -> Result<Vec<Value>, String> {
     let parts: Vec<&str> = rest.split(':').map(str::trim).collect();
+    match kind {
+        Allowed::Date => dates(from, &parts),
+        Allowed::Integer(..) => {
+            // For whole numbers: rounded, without duplicates.
+            let mut whole: Vec<i64> = numbers(from, &parts)?.iter().map(|number| number.round() as i64).collect();
+            whole.dedup();
+            Ok(whole.into_iter().map(Value::Integer).collect())
+        }
+        Allowed::Number(..) | Allowed::Positive(..) => {
+            Ok(numbers(from, &parts)?.into_iter().map(Value::Float).collect())
+        }
+        _ => Err("this key takes no range".into()),
+    }
+}
+
+/// Months by which a step in years may differ from a whole number of months: that of a step written with two digits, such as 0.17.
+const MONTHS_OFF: f64 = 0.05;
+
+fn dates(from: &str, rest: &[&str]) -> Result<Vec<Value>, String> {
+    let [to, step] = rest[..] else { return Err("a range of dates needs a step in years, such as `:1`".into()) };
+    let years = step.parse::<f64>().ok().filter(|years| (0.5 / 12.0..=1e4).contains(years));
+    let months = 12.0 * years.ok_or(format!("`{step}` is not a step in years (at least a month)"))?;
+    if (months - months.round()).abs() > MONTHS_OFF {
+        return Err(format!("{step} yr is {months:.1} months; steps are whole months, such as 0.25 yr"));
+    }
+    let (first, last) = (day(from)?, day(to)?);
+    if last < first {
+        return Err(format!("{to} is before {from}"));
+    }
+    let dates = range::by_months(first, last, months.round() as u32);
+    Ok(dates.into_iter().map(|date| Value::Datetime(Date(date).into())).collect())
+}
+
+fn numbers(from: &str, rest: &[&str]) -> Result<Vec<f64>, String> {
+    let number = |text: &str| {
+        let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
+        number.ok_or(format!("`{text}` is not a number"))
+    };
     let count = |text: &str| match text.parse::<usize>() {
         Ok(count) if (2..=MOST_VALUES).contains(&count) => Ok(count),
         _ => Err(format!("`{text}` is not a number of values from 2 to {MOST_VALUES}")),
     };
-    if let Allowed::Date = kind {
-        let [to, step] = parts[..] else { return Err("a range of dates needs a step in years, such as `:1`".into()) };
-        let months = step.parse::<f64>().ok().map(|years| (years * 12.0).round()).filter(|months| *months >= 1.0);
-        let months = Months::new(months.ok_or(format!("`{step}` is not a step in years (at least a month)"))? as u32);
-        let last = day(to)?;
-        let mut dates = vec![day(from)?];
-        if last < dates[0] {
-            return Err(format!("{to} is before {from}"));
-        }
-        while let Some(next) = dates[dates.len() - 1].checked_add_months(months).filter(|next| *next <= last) {
-            dates.push(next);
-        }
-        return Ok(dates.into_iter().map(|date| Value::Datetime(Date(date).into())).collect());
-    }
-    let number = |text: &str| match value(Allowed::Number(f64::MIN, f64::MAX), text)? {
-        Value::Float(number) => Ok::<f64, String>(number),
-        _ => unreachable!("a number is a float"),
-    };
-    let (low, high) = (number(from)?, number(parts[0])?);
-    let numbers: Vec<f64> = match parts[1..] {
-        ["log", n] if low > 0.0 && high > 0.0 => {
-            let n = count(n)?;
-            (0..n).map(|i| low * (high / low).powf(i as f64 / (n - 1) as f64)).collect()
-        }
-        ["log", _] => return Err("equal ratios need ends above 0".into()),
-        ["lin", n] => {
-            let n = count(n)?;
-            (0..n).map(|i| low + (high - low) * i as f64 / (n - 1) as f64).collect()
-        }
+    let (low, high) = (number(from)?, number(rest[0])?);
+    match rest[1..] {
+        ["log", n] if low > 0.0 && high > 0.0 => Ok(range::equal_ratios(low, high, count(n)?)),
+        ["log", _] => Err("equal ratios need ends above 0".into()),
+        ["lin", n] => Ok(range::equal_steps(low, high, count(n)?)),
         [step] => {
             let step = number(step)?;
-            let steps = (high - low) / step;
-            if !(0.0..MOST_VALUES as f64).contains(&steps) {
-                return Err(format!("{step} does not lead from {low} to {high} in up to {MOST_VALUES} steps"));
-            }
-            // A tiny fraction of a step keeps the end in spite of rounding.
-            (0..=(steps + 1e-9) as usize).map(|i| low + i as f64 * step).collect()
+            range::by_step(low, high, step, MOST_VALUES)
+                .ok_or(format!("{step} does not lead from {low} to {high} in up to {MOST_VALUES} steps"))
         }
-        _ => return Err("a range needs a step".into()),
-    };
-    match kind {
-        Allowed::Integer(..) => {
-            // For whole numbers: rounded, without duplicates.
-            let mut whole: Vec<i64> = numbers.iter().map(|number| number.round() as i64).collect();
-            whole.dedup();
-            Ok(whole.into_iter().map(Value::Integer).collect())
-        }
-        Allowed::Number(..) | Allowed::Positive(..) => Ok(numbers.into_iter().map(Value::Float).collect()),
-        _ => Err("this key takes no range".into()),
+        _ => Err("a range needs a step".into()),
     }
 }
 
